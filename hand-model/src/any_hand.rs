@@ -1,78 +1,73 @@
 //! Any hand: a URDF for the mechanism and a small file for what pulls on its joints.
 //!
 //! The pulls file is TOML. An actuator's cable acts on each of its joints with a constant moment arm (m; negative where
-//! a positive angle lengthens the cable), springs are torsion springs with rest at 0:
+//! a positive angle lengthens the cable; of a joint that slides, force over tension). Springs are torsion springs with rest at 0, or at the angle of `[open]`:
 //!
 //! ```toml
 //! version = 1
-//! damping = 0.02      # N m s/rad, every joint
-//! armature = 1e-4     # kg m2, every joint
-//! spring = 0.01       # N m/rad, every joint
+//! damping = 0.02      # N m s/rad, every joint that turns
+//! armature = 1e-4     # kg m2
+//! spring = 0.01       # N m/rad
 //! [[actuator]]
 //! name = "close"
 //! arms = { knuckle_1 = 0.01, knuckle_2 = 0.008 }
-//! [held]                # optional: angles of joints that no actuator pulls, rad
+//! max_tension = 60    # optional, N; the URDF's efforts hold besides
+//! [held]                # optional: coordinates of joints that no actuator pulls, rad or m
 //! spread = 0.3
+//! [open]                # optional: coordinates of pulled joints in the open hand, rad or m
+//! knuckle_1 = -0.1
+//! [slide]               # optional: every joint that slides, N s/m, kg, N/m
+//! damping = 200.0
+//! armature = 1.0
+//! spring = 200.0
+//! [palm]                # optional: where the palm is
+//! links = ["palm"]      # links of the root that may bear an object
+//! facing = [0, 0, -1]   # out of the palm, root link's frame
 //! ```
 //!
+//! `visuals = true` takes the visual shapes of links that have no collision shape; a hand without any collision shape is taken so anyway.
+//!
 //! Links on fixed joints become part of the link that carries them, frames without mass too. A link with
-//! mass and no inertia is a point mass ([`AnyHand::notes`] names it). A joint that mimics another follows
+//! mass and no inertia is a point mass, one that moves and has no mass gets one ([`AnyHand::notes`] names both). A joint that mimics another follows
 //! it. A joint that nothing pulls is held where `[held]` says, otherwise at rest: 0, or the nearest within its limits. Its link
-//! becomes part of the link that carries it. Collision meshes
-//! stand for the convex hull of their points, so that they need not be watertight; [`AnyHand::notes`] names those that are not.
+//! becomes part of the link that carries it. Collision meshes are cut into convex parts ([`MeshTools`]); they need not be watertight.
 
 mod held;
-mod points;
+mod masses;
+mod meshes;
+mod pulls;
+mod shapes;
 
-use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::collections::{BTreeMap, VecDeque};
 use std::path::Path;
 
-use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
-use serde::Deserialize;
-use urdf_rs::{Geometry, JointType, Robot};
+use nalgebra::{Isometry3, Vector3};
+use urdf_rs::{JointType, Robot};
 
 use crate::data::{DataError, parse_toml, read_text};
 use crate::hand::MassProperties;
-use crate::kinematics::{Tree, pose_from_xyz_rpy};
-use crate::urdf::{fault, frames, parse_robot};
+use crate::kinematics::{JointKind, Tree, pose_from_xyz_rpy};
+use crate::urdf::{fault, frames, parse_robot, read_bytes};
 
-/// No cable of a hand has a longer moment arm, m.
-const LONGEST_ARM: f64 = 1.0;
-/// Least principal moment as a share of the largest: point masses on a line have less, up to rounding.
-const LEAST_MOMENT_RATIO: f64 = 1e-9;
+pub use meshes::{Cut, MeshTools, Triangles};
+pub use shapes::{MeshSurface, Solid, SolidShape};
 
-/// A collision shape of a link.
-#[derive(Debug, Clone)]
-pub struct Solid {
-    /// Joint whose link carries it; `None` is the root.
-    pub link: Option<usize>,
-    /// `link_from_solid`.
-    pub link_from_solid: Isometry3<f64>,
-    /// Its shape, m.
-    pub shape: SolidShape,
-}
+use pulls::PullsFile;
 
-/// Shapes a URDF knows.
-#[derive(Debug, Clone)]
-pub enum SolidShape {
-    /// Half extents.
-    Cuboid(Vector3<f64>),
-    /// Radius.
-    Sphere(f64),
-    /// Radius and half length along z.
-    Cylinder(f64, f64),
-    /// The convex hull of these points.
-    Hull(Vec<Point3<f64>>),
-}
+/// Radius of the pinion that a joint which slides is driven by where `[slide]` is not given, m: it makes the damping, armature and
+/// spring of a turn those of a slide.
+const PINION: f64 = 0.01;
+/// A torque is within an effort up to this share.
+const ROUNDING: f64 = 1e-9;
 
 /// A joint that follows another: q = multiplier * q_leader + offset.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Follower {
     pub joint: usize,
     pub leader: usize,
-    /// Turns a turn of the leader.
+    /// Motion over the leader's.
     pub multiplier: f64,
-    /// rad.
+    /// rad or m.
     pub offset: f64,
 }
 
@@ -80,8 +75,30 @@ pub struct Follower {
 #[derive(Debug, Clone)]
 pub struct Pull {
     pub name: String,
-    /// Joints with their moment arm, m.
+    /// Joints with their moment arm, m; force over tension of a slide.
     pub arms: Vec<(usize, f64)>,
+    /// Largest tension that the actuator gives and its joints bear, N, and what sets it; none where neither file says.
+    pub most: Option<(f64, String)>,
+}
+
+/// Spring, damping and armature of a joint.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Feel {
+    /// N m/rad or N/m.
+    pub spring: f64,
+    /// N m s/rad or N s/m.
+    pub damping: f64,
+    /// kg m2 or kg.
+    pub armature: f64,
+}
+
+/// The palm as the pulls file has it.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Palm {
+    /// Links of the root that may bear an object.
+    pub links: Vec<String>,
+    /// Unit vector out of the palm, root frame.
+    pub facing: Option<Vector3<f64>>,
 }
 
 /// A hand read from files.
@@ -95,80 +112,97 @@ pub struct AnyHand {
     pub masses: Vec<MassProperties>,
     /// Collision shapes.
     pub solids: Vec<Solid>,
+    /// Surfaces of the meshes that solids stand for.
+    pub surfaces: Vec<MeshSurface>,
+    /// Links (of the URDF) without any collision shape, that carry a mass or a visual shape.
+    pub bare: Vec<String>,
     /// Joints that follow others.
     pub followers: Vec<Follower>,
     /// Actuators.
     pub pulls: Vec<Pull>,
-    /// Torsion spring of every joint, N m/rad.
-    pub spring: f64,
-    /// Damping of every joint, N m s/rad.
-    pub damping: f64,
-    /// Armature of every joint, kg m2.
-    pub armature: f64,
-    /// Joints that are held at an angle (rad), which the tree does not have.
+    /// Effort that each joint bears, N m or N; none where the URDF does not say.
+    pub efforts: Vec<Option<f64>>,
+    /// Every joint that turns.
+    pub turn: Feel,
+    /// Every joint that slides.
+    pub slide: Feel,
+    /// Coordinate of each joint at which its spring rests, rad or m.
+    pub spring_rest: Vec<f64>,
+    pub palm: Palm,
+    /// Joints that are held at a coordinate (rad or m), which the tree does not have.
     pub held: Vec<(String, f64)>,
     /// What was taken otherwise than the files say, a line each.
     pub notes: Vec<String>,
 }
 
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct PullsFile {
-    version: u32,
-    damping: f64,
-    armature: f64,
-    spring: f64,
-    actuator: Vec<PullFile>,
-    #[serde(default)]
-    held: BTreeMap<String, f64>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct PullFile {
-    name: String,
-    arms: BTreeMap<String, f64>,
-}
-
 impl AnyHand {
     /// Reads a hand from its URDF and its pulls file.
-    pub fn read(urdf: &Path, pulls: &Path) -> Result<Self, DataError> {
-        Self::parse(&read_text(urdf)?, urdf, &read_text(pulls)?, pulls)
+    pub fn read(urdf: &Path, pulls: &Path, meshes: MeshTools) -> Result<Self, DataError> {
+        let file: PullsFile = parse_toml(&read_text(pulls)?, pulls)?;
+        Self::of_files(&read_bytes(urdf)?, urdf, file, pulls, meshes)
     }
 
     /// As [`Self::read`], from text; meshes are looked for beside `urdf_path`.
-    pub fn parse(urdf: &str, urdf_path: &Path, pulls: &str, pulls_path: &Path) -> Result<Self, DataError> {
-        let mut robot = parse_robot(urdf, urdf_path)?;
-        let file: PullsFile = parse_toml(pulls, pulls_path)?;
-        let pulled: BTreeSet<&str> =
-            file.actuator.iter().flat_map(|actuator| actuator.arms.keys().map(String::as_str)).collect();
-        check_leaders(&robot, urdf_path)?;
-        let held = held::fix(&mut robot, &pulled, &file.held, pulls_path)?;
-        let tree = frames(&robot, urdf_path, &[])?;
+    pub fn parse(
+        urdf: &str,
+        urdf_path: &Path,
+        pulls: &str,
+        pulls_path: &Path,
+        meshes: MeshTools,
+    ) -> Result<Self, DataError> {
+        Self::of_files(urdf.as_bytes(), urdf_path, parse_toml(pulls, pulls_path)?, pulls_path, meshes)
+    }
+
+    /// A hand as its URDF alone has it: every joint that follows no other moves, and nothing pulls.
+    pub fn read_unpulled(urdf: &Path, meshes: MeshTools) -> Result<Self, DataError> {
+        let bytes = read_bytes(urdf)?;
+        let (robot, _) = parse_robot(&bytes, urdf)?;
+        let moving = robot.joints.iter().filter(|joint| joint.joint_type != JointType::Fixed);
+        let names = moving.filter(|joint| joint.mimic.is_none()).map(|joint| joint.name.clone());
+        Self::of_files(&bytes, urdf, PullsFile::unpulled(names.collect()), urdf, meshes)
+    }
+
+    fn of_files(
+        bytes: &[u8],
+        path: &Path,
+        file: PullsFile,
+        pulls_path: &Path,
+        meshes: MeshTools,
+    ) -> Result<Self, DataError> {
+        let (mut robot, mut notes) = parse_robot(bytes, path)?;
+        check_leaders(&robot, path)?;
+        file.check(&robot, pulls_path)?;
+        let held = held::fix(&mut robot, &file.pulled(), &file.held, pulls_path)?;
+        let tree = frames(&robot, path, &[])?;
         let carried = carriers(&robot, &tree);
-        let mut notes = Vec::new();
-        let masses = masses(&robot, &tree, &carried, urdf_path, &mut notes)?;
-        check_masses(&robot, &tree, &masses, urdf_path)?;
+        let shapes = shapes::read(&robot, &carried, path, file.visuals, meshes, &mut notes)?;
+        let masses = masses::of(&robot, &tree, &carried, &shapes.solids, path, &mut notes)?;
+        let efforts = efforts(&robot, &tree, path, &mut notes);
         let mut hand = Self {
             name: robot.name.clone(),
             masses,
-            solids: solids(&robot, &carried, urdf_path, &mut notes)?,
+            solids: shapes.solids,
+            surfaces: shapes.surfaces,
+            bare: shapes.bare,
             followers: followers(&robot, &tree),
-            tree,
             pulls: Vec::new(),
-            spring: 0.0,
-            damping: 0.0,
-            armature: 0.0,
+            efforts,
+            turn: file.turn(),
+            slide: file.slide(),
+            spring_rest: vec![0.0; tree.len()],
+            palm: file.palm(),
+            tree,
             held,
             notes,
         };
-        hand.read_pulls(file, pulls_path)?;
+        pulls::complete(&mut hand, file, pulls_path)?;
         Ok(hand)
     }
 
-    /// Rest angle of every joint, rad: 0, clamped to its limits; of a joint that follows, what its leader's makes it.
+    /// Rest coordinate of every joint, rad or m: its spring's, clamped to its limits; of a joint that follows, what its leader's makes it.
     pub fn rest(&self) -> Vec<f64> {
-        let mut rest: Vec<f64> = self.tree.joints.iter().map(|joint| 0f64.clamp(joint.lower, joint.upper)).collect();
+        let joints = self.tree.joints.iter().zip(&self.spring_rest);
+        let mut rest: Vec<f64> = joints.map(|(joint, rest)| rest.clamp(joint.lower, joint.upper)).collect();
         for Follower { joint, leader, multiplier, offset } in &self.followers {
             let own = &self.tree.joints[*joint];
             rest[*joint] = (multiplier * rest[*leader] + offset).clamp(own.lower, own.upper);
@@ -176,9 +210,18 @@ impl AnyHand {
         rest
     }
 
-    /// Joint torques (N m) of the actuators' `tensions` (N) and the springs at `q` (rad).
+    /// Spring, damping and armature of a joint.
+    pub fn feel(&self, joint: usize) -> Feel {
+        match self.tree.joints[joint].kind {
+            JointKind::Turn => self.turn,
+            JointKind::Slide => self.slide,
+        }
+    }
+
+    /// Joint efforts (N m or N) of the actuators' `tensions` (N) and the springs at `q` (rad or m).
     pub fn torques(&self, q: &[f64], tensions: &[f64]) -> Vec<f64> {
-        let mut torques: Vec<f64> = q.iter().map(|angle| -self.spring * angle).collect();
+        let springs = q.iter().zip(&self.spring_rest).enumerate();
+        let mut torques: Vec<f64> = springs.map(|(joint, (q, rest))| -self.feel(joint).spring * (q - rest)).collect();
         for (pull, tension) in self.pulls.iter().zip(tensions) {
             for (joint, arm) in &pull.arms {
                 torques[*joint] += arm * tension;
@@ -187,48 +230,57 @@ impl AnyHand {
         torques
     }
 
-    fn read_pulls(&mut self, file: PullsFile, path: &Path) -> Result<(), DataError> {
-        if file.version != 1 {
-            return Err(DataError::field(path, "version", file.version, "1"));
-        }
-        for (field, value) in [("damping", file.damping), ("armature", file.armature), ("spring", file.spring)] {
-            if !(value.is_finite() && value > 0.0) {
-                return Err(DataError::field(path, field, value, "a positive number"));
+    /// `tensions` (N), none above what its actuator gives and its joints bear; those that were, by the actuator's number.
+    pub fn within_efforts(&self, tensions: &[f64]) -> (Vec<f64>, Vec<usize>) {
+        let mut above = Vec::new();
+        let within = self.pulls.iter().zip(tensions).enumerate().map(|(n, (pull, tension))| match &pull.most {
+            Some((most, _)) if tension > most => {
+                above.push(n);
+                *most
             }
-        }
-        (self.damping, self.armature, self.spring) = (file.damping, file.armature, file.spring);
-        for actuator in file.actuator {
-            if actuator.arms.is_empty() {
-                let element = format!("actuator[{}]", actuator.name);
-                return Err(fault(path, element, "arms", "none".into(), "at least one joint with its moment arm in m"));
+            _ => *tension,
+        });
+        let mut within: Vec<f64> = within.collect();
+        // What several cables do to a joint adds up.
+        for (joint, effort) in self.efforts.iter().enumerate().filter_map(|(joint, effort)| Some((joint, (*effort)?))) {
+            let arm = |pull: &Pull| pull.arms.iter().filter(|(own, _)| *own == joint).map(|(_, arm)| arm).sum::<f64>();
+            let total: f64 = self.pulls.iter().zip(&within).map(|(pull, tension)| arm(pull) * tension).sum();
+            if total.abs() <= effort * (1.0 + ROUNDING) {
+                continue;
             }
-            let mut arms = Vec::new();
-            for (name, arm) in &actuator.arms {
-                let element = format!("actuator[{}].arms", actuator.name);
-                let Some(joint) = self.tree.find(name) else {
-                    let known: Vec<&str> = self.tree.joints.iter().map(|joint| joint.name.as_str()).collect();
-                    let expected = format!("a joint of the URDF: {}", known.join(", "));
-                    return Err(fault(path, element, name, "no such joint".into(), &expected));
-                };
-                if self.followers.iter().any(|follower| follower.joint == joint) {
-                    return Err(fault(
-                        path,
-                        element,
-                        name,
-                        "a joint that mimics another".into(),
-                        "the joint it mimics",
-                    ));
+            for (n, _) in self.pulls.iter().enumerate().filter(|(_, pull)| arm(pull) * total > 0.0) {
+                within[n] *= effort / total.abs();
+                if !above.contains(&n) {
+                    above.push(n);
                 }
-                if !(arm.abs() > 0.0 && arm.abs() <= LONGEST_ARM) {
-                    let expected = format!("a moment arm in m, not 0 and at most {LONGEST_ARM} either way");
-                    return Err(fault(path, element, name, arm.to_string(), &expected));
-                }
-                arms.push((joint, *arm));
             }
-            self.pulls.push(Pull { name: actuator.name, arms });
         }
-        Ok(())
+        (within, above)
     }
+}
+
+/// The effort that each joint bears, as the URDF has it. One of 0 says nothing: exporters write it where they know none.
+fn efforts(robot: &Robot, tree: &Tree, path: &Path, notes: &mut Vec<String>) -> Vec<Option<f64>> {
+    let mut unknown = Vec::new();
+    let efforts = tree.joints.iter().map(|joint| {
+        let own = robot.joints.iter().find(|own| own.name == joint.name)?;
+        let effort = own.limit.effort;
+        let known = effort > 0.0 && effort.is_finite();
+        // A joint that follows is driven by its leader's motor.
+        if !known && own.mimic.is_none() {
+            unknown.push(joint.name.as_str());
+        }
+        known.then_some(effort)
+    });
+    let efforts = efforts.collect();
+    if !unknown.is_empty() {
+        let file = path.display();
+        notes.push(format!(
+            "{file}: joint.limit.effort: none of {}; only max_tension bounds what pulls them",
+            unknown.join(", ")
+        ));
+    }
+    efforts
 }
 
 /// For each link the moving joint that carries it (`None`: the root) and its pose in that joint's frame.
@@ -248,111 +300,6 @@ fn carriers(robot: &Robot, tree: &Tree) -> BTreeMap<String, (Option<usize>, Isom
         carried.insert(name, (carrier, pose));
     }
     carried
-}
-
-/// Every link that a joint moves has mass and inertia, its own or of what is fixed to it.
-fn check_masses(robot: &Robot, tree: &Tree, masses: &[MassProperties], path: &Path) -> Result<(), DataError> {
-    for (joint, mass) in tree.joints.iter().zip(masses) {
-        let link = robot.joints.iter().find(|own| own.name == joint.name).map_or("", |own| &own.child.link);
-        let element = format!("link[{link}]");
-        if mass.mass <= 0.0 {
-            let expected = "a positive mass in kg on a link that a joint moves, or on what is fixed to it";
-            return Err(fault(path, element, "inertial.mass", "0".into(), expected));
-        }
-        let moments = mass.inertia.symmetric_eigenvalues();
-        if moments.min() <= LEAST_MOMENT_RATIO * moments.max() {
-            let found = format!("principal moments {:?}", [moments.x, moments.y, moments.z]);
-            let expected =
-                "a positive definite inertia in kg m2 on a link that a joint moves, or on what is fixed to it";
-            return Err(fault(path, element, "inertial.inertia", found, expected));
-        }
-    }
-    Ok(())
-}
-
-fn masses(
-    robot: &Robot,
-    tree: &Tree,
-    carried: &BTreeMap<String, (Option<usize>, Isometry3<f64>)>,
-    path: &Path,
-    notes: &mut Vec<String>,
-) -> Result<Vec<MassProperties>, DataError> {
-    let nothing = MassProperties { mass: 0.0, com: Point3::origin(), inertia: Matrix3::zeros() };
-    let mut masses = vec![nothing; tree.len()];
-    for link in &robot.links {
-        let Some((Some(carrier), pose)) = carried.get(&link.name) else { continue };
-        let inertial = &link.inertial;
-        let mass = inertial.mass.value;
-        if mass <= 0.0 {
-            // A frame without mass, fixed to a link that has some.
-            continue;
-        }
-        let place = pose * pose_from_xyz_rpy(inertial.origin.xyz.0, inertial.origin.rpy.0);
-        let i = &inertial.inertia;
-        let turn = place.rotation.to_rotation_matrix();
-        let inertia =
-            turn * Matrix3::new(i.ixx, i.ixy, i.ixz, i.ixy, i.iyy, i.iyz, i.ixz, i.iyz, i.izz) * turn.transpose();
-        if inertia == Matrix3::zeros() {
-            let (file, link) = (path.display(), &link.name);
-            notes.push(format!("{file}: link[{link}].inertial: {mass} kg without inertia; taken as a point mass"));
-        } else if inertia.symmetric_eigenvalues().min() <= 0.0 {
-            let found = format!("{:?}", [i.ixx, i.iyy, i.izz]);
-            let expected = "a positive definite inertia in kg m2";
-            return Err(fault(path, format!("link[{}]", link.name), "inertial.inertia", found, expected));
-        }
-        let at = place * Point3::origin();
-        masses[*carrier] = joined(&masses[*carrier], &MassProperties { mass, com: at, inertia });
-    }
-    Ok(masses)
-}
-
-/// Two bodies in the same frame as one.
-fn joined(a: &MassProperties, b: &MassProperties) -> MassProperties {
-    let mass = a.mass + b.mass;
-    let com = (a.com.coords * a.mass + b.com.coords * b.mass) / mass;
-    let moved = |part: &MassProperties| {
-        let d = part.com.coords - com;
-        part.inertia + (Matrix3::identity() * d.norm_squared() - d * d.transpose()) * part.mass
-    };
-    MassProperties { mass, com: com.into(), inertia: moved(a) + moved(b) }
-}
-
-fn solids(
-    robot: &Robot,
-    carried: &BTreeMap<String, (Option<usize>, Isometry3<f64>)>,
-    path: &Path,
-    notes: &mut Vec<String>,
-) -> Result<Vec<Solid>, DataError> {
-    let mut solids = Vec::new();
-    for link in &robot.links {
-        let Some((carrier, pose)) = carried.get(&link.name) else { continue };
-        for (n, collision) in link.collision.iter().enumerate() {
-            let element = format!("link[{}].collision[{n}]", link.name);
-            let shape = match &collision.geometry {
-                Geometry::Box { size } => SolidShape::Cuboid(0.5 * Vector3::from(size.0)),
-                Geometry::Sphere { radius } => SolidShape::Sphere(*radius),
-                Geometry::Cylinder { radius, length } => SolidShape::Cylinder(*radius, 0.5 * length),
-                Geometry::Mesh { filename, scale } => {
-                    let scale = scale.as_ref().map_or(Vector3::repeat(1.0), |scale| Vector3::from(scale.0));
-                    let points = points::read(filename, &scale, path, &element)?;
-                    if points.open_edges > 0 {
-                        let (file, open) = (path.display(), points.open_edges);
-                        notes.push(format!(
-                            "{file}: {element}.mesh: `{filename}` is not watertight ({open} open edges); its convex hull stands for it"
-                        ));
-                    }
-                    SolidShape::Hull(points.vertices)
-                }
-                other => {
-                    let expected = "box, sphere, cylinder or mesh";
-                    return Err(fault(path, element, "geometry", format!("{other:?}"), expected));
-                }
-            };
-            let place = pose * pose_from_xyz_rpy(collision.origin.xyz.0, collision.origin.rpy.0);
-            solids.push(Solid { link: *carrier, link_from_solid: place, shape });
-        }
-    }
-    Ok(solids)
 }
 
 /// A joint that nothing pulls loses its mimic when it is held, so that this comes first.

@@ -9,7 +9,7 @@ use serde::Deserialize;
 use crate::ARM_JOINTS;
 use crate::data::parse_toml;
 use crate::hand::MassProperties;
-use crate::kinematics::{Joint, Tree, pose_from_xyz_rpy};
+use crate::kinematics::{Joint, JointKind, Tree, pose_from_xyz_rpy};
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -109,6 +109,7 @@ impl Arm {
             .map(|(i, joint)| Joint {
                 name: joint.name.clone(),
                 parent: i.checked_sub(1),
+                kind: JointKind::Turn,
                 origin: pose_from_xyz_rpy(joint.xyz, joint.rpy),
                 axis: Vector3::z_axis(),
                 lower: if joint.continuous { f64::NEG_INFINITY } else { joint.lower },

@@ -6,7 +6,7 @@ use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaterni
 
 use crate::ACTUATORS;
 use crate::data::DataError;
-use crate::kinematics::{Joint, Tree, pose_from_xyz_rpy};
+use crate::kinematics::{Joint, JointKind, Tree, pose_from_xyz_rpy};
 use crate::pads::{Camera, Pad};
 use crate::parameters::{Cable, Cover, Gel, HandParameters, Handedness, JointParameters, PadParameters, Servo};
 use crate::robot::ServoGoal;
@@ -185,6 +185,7 @@ impl Hand {
             .map(|joint| Joint {
                 name: joint.name.clone(),
                 parent: index(&joint.parent),
+                kind: JointKind::Turn,
                 origin: pose_from_xyz_rpy(joint.xyz, joint.rpy),
                 axis: Vector3::z_axis(),
                 lower: joint.lower,

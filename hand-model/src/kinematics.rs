@@ -1,25 +1,63 @@
-//! Forward kinematics and Jacobians of a tree of revolute joints.
+//! Forward kinematics and Jacobians of a tree of joints that turn or slide.
 //!
 //! A [`Tree`] is a flat list of joints in which every parent comes before its children; link `i` is the one that joint `i`
 //! moves, and the root link has no index.
 
 use nalgebra::{Isometry3, Matrix6xX, Point3, Translation3, Unit, UnitQuaternion, Vector3};
 
-/// One revolute joint and the link it carries.
+/// The motion that a joint allows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum JointKind {
+    /// About the axis; coordinates in rad, efforts in N m.
+    Turn,
+    /// Along the axis; coordinates in m, efforts in N.
+    Slide,
+}
+
+impl JointKind {
+    /// Unit of the joint's coordinate.
+    pub fn unit(self) -> &'static str {
+        match self {
+            Self::Turn => "rad",
+            Self::Slide => "m",
+        }
+    }
+
+    /// Unit of the joint's effort.
+    pub fn effort_unit(self) -> &'static str {
+        match self {
+            Self::Turn => "N m",
+            Self::Slide => "N",
+        }
+    }
+}
+
+/// One joint and the link it carries.
 #[derive(Debug, Clone)]
 pub struct Joint {
     /// Name of the joint and of its link.
     pub name: String,
     /// Index of the parent joint; `None` for the root link.
     pub parent: Option<usize>,
-    /// `parent_from_joint` at angle zero.
+    pub kind: JointKind,
+    /// `parent_from_joint` at coordinate zero.
     pub origin: Isometry3<f64>,
     /// Axis in the joint frame.
     pub axis: Unit<Vector3<f64>>,
-    /// Lower limit, rad (-inf where continuous).
+    /// Lower limit, rad or m (-inf where continuous).
     pub lower: f64,
-    /// Upper limit, rad (+inf where continuous).
+    /// Upper limit, rad or m (+inf where continuous).
     pub upper: f64,
+}
+
+impl Joint {
+    /// `parent_from_link` at coordinate `q` (rad or m).
+    pub fn pose(&self, q: f64) -> Isometry3<f64> {
+        match self.kind {
+            JointKind::Turn => self.origin * UnitQuaternion::from_axis_angle(&self.axis, q),
+            JointKind::Slide => self.origin * Translation3::from(self.axis.into_inner() * q),
+        }
+    }
 }
 
 /// A kinematic tree; see the module's page.
@@ -45,7 +83,7 @@ impl Tree {
         self.joints.iter().position(|joint| joint.name == name)
     }
 
-    /// `root_from_link` of every link at joint angles `q` (rad).
+    /// `root_from_link` of every link at joint coordinates `q` (rad or m).
     ///
     /// # Panics
     /// If `q` has another length than the tree.
@@ -53,8 +91,8 @@ impl Tree {
         assert_eq!(q.len(), self.joints.len(), "one angle per joint");
         let mut poses: Vec<Isometry3<f64>> = Vec::with_capacity(q.len());
         for (joint, &angle) in self.joints.iter().zip(q) {
-            let turned = joint.origin * UnitQuaternion::from_axis_angle(&joint.axis, angle);
-            let pose = joint.parent.map_or(turned, |parent| poses[parent] * turned);
+            let own = joint.pose(angle);
+            let pose = joint.parent.map_or(own, |parent| poses[parent] * own);
             poses.push(pose);
         }
         poses
@@ -77,6 +115,10 @@ impl Tree {
         let target = poses[link] * point;
         for joint in self.chain(link) {
             let axis = poses[joint] * self.joints[joint].axis.into_inner();
+            if self.joints[joint].kind == JointKind::Slide {
+                jacobian.fixed_view_mut::<3, 1>(0, joint).copy_from(&axis);
+                continue;
+            }
             let linear = axis.cross(&(target.coords - poses[joint].translation.vector));
             jacobian.fixed_view_mut::<3, 1>(0, joint).copy_from(&linear);
             jacobian.fixed_view_mut::<3, 1>(3, joint).copy_from(&axis);

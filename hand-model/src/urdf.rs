@@ -1,16 +1,18 @@
 //! URDF out and in: the hand's and the arm's URDF are generated from their parameters and checked in (`data/*.urdf`); any
 //! URDF can be read back into a [`Tree`] with errors that name file, element and field.
 
-mod numbers;
+pub(crate) mod numbers;
+mod screen;
 
 use std::fmt::Write as _;
+use std::io::Read as _;
 use std::path::Path;
 
 use nalgebra::{Isometry3, Unit, Vector3};
 
-use crate::data::{DataError, read_text};
+use crate::data::DataError;
 use crate::hand::MassProperties;
-use crate::kinematics::{Joint, Tree, pose_from_xyz_rpy};
+use crate::kinematics::{Joint, JointKind, Tree, pose_from_xyz_rpy};
 use crate::{Arm, Hand};
 
 /// The hand as URDF text. The root link is `palm`; covers are boxes.
@@ -130,26 +132,54 @@ fn fixed(out: &mut String, name: &str, pose: &Isometry3<f64>, parent: &str, chil
 /// Reads the movable joints of a URDF into a tree, fixed joints folded into the frames. `expected` names joints that must be
 /// there. Link inertias are checked: a moving link without mass breaks any dynamics engine.
 pub fn read_tree(path: &Path, expected: &[&str]) -> Result<Tree, DataError> {
-    parse_tree(&read_text(path)?, path, expected)
+    parse_tree(&read_bytes(path)?, path, expected)
 }
 
 /// As [`read_tree`], from text.
-pub fn parse_tree(text: &str, path: &Path, expected: &[&str]) -> Result<Tree, DataError> {
-    let robot = parse_robot(text, path)?;
+pub fn parse_tree(text: &[u8], path: &Path, expected: &[&str]) -> Result<Tree, DataError> {
+    let (robot, _) = parse_robot(text, path)?;
     check_masses(&robot, path)?;
     frames(&robot, path, expected)
 }
 
 /// The joints' frames alone: for a look at a file whose links need no mass.
 pub fn read_frames(path: &Path, expected: &[&str]) -> Result<Tree, DataError> {
-    frames(&parse_robot(&read_text(path)?, path)?, path, expected)
+    frames(&parse_robot(&read_bytes(path)?, path)?.0, path, expected)
 }
 
-pub(crate) fn parse_robot(text: &str, path: &Path) -> Result<urdf_rs::Robot, DataError> {
-    let robot = urdf_rs::read_from_string(text)
+/// The bytes of a URDF, which is a file of a bounded size.
+pub(crate) fn read_bytes(path: &Path) -> Result<Vec<u8>, DataError> {
+    let io = |source| DataError::Io { path: path.into(), source };
+    if !std::fs::metadata(path).map_err(io)?.is_file() {
+        return Err(DataError::field(path, "name", "a folder or a device", "a URDF file"));
+    }
+    let mut bytes = Vec::new();
+    // One byte more than allowed: the screening refuses it by its size.
+    let file = std::fs::File::open(path).map_err(io)?;
+    file.take(screen::LARGEST_FILE + 1).read_to_end(&mut bytes).map_err(io)?;
+    Ok(bytes)
+}
+
+/// The robot of a URDF, and what was taken otherwise than it says, a line each.
+pub(crate) fn parse_robot(bytes: &[u8], path: &Path) -> Result<(urdf_rs::Robot, Vec<String>), DataError> {
+    let screened = screen::screen(bytes, path)?;
+    let mut robot = urdf_rs::read_from_string(&screened.text)
         .map_err(|error| DataError::field(path, "robot", error, "a well-formed URDF with a <robot> element"))?;
+    let mut notes = Vec::new();
+    for joint in robot.joints.iter_mut().filter(|joint| screened.unlimited.contains(&joint.name)) {
+        if joint.joint_type == urdf_rs::JointType::Prismatic {
+            let expected = "lower and upper in m of a joint that slides";
+            return Err(fault(path, format!("joint[{}]", joint.name), "limit", "none".into(), expected));
+        }
+        joint.joint_type = urdf_rs::JointType::Continuous;
+        let file = path.display();
+        notes.push(format!(
+            "{file}: joint[{}].limit: no lower and upper of a revolute joint; it turns without limits",
+            joint.name
+        ));
+    }
     numbers::check(&robot, path)?;
-    Ok(robot)
+    Ok((robot, notes))
 }
 
 /// An error of `path` at an element's field.
@@ -222,6 +252,16 @@ fn check_links(robot: &urdf_rs::Robot, fault: Fault) -> Result<(), DataError> {
             }
         }
     }
+    let doubled = |names: &[&str]| {
+        names.iter().enumerate().find(|(n, name)| names[..*n].contains(name)).map(|(_, name)| (*name).to_owned())
+    };
+    let links: Vec<&str> = robot.links.iter().map(|link| link.name.as_str()).collect();
+    let joints: Vec<&str> = robot.joints.iter().map(|joint| joint.name.as_str()).collect();
+    for (element, name) in [("link", doubled(&links)), ("joint", doubled(&joints))] {
+        if let Some(name) = name {
+            return Err(fault(format!("{element}[{name}]"), "name", "it twice".into(), "each name once"));
+        }
+    }
     for (n, joint) in robot.joints.iter().enumerate() {
         let child = &joint.child.link;
         if let Some(first) = robot.joints[..n].iter().find(|other| other.child.link == *child) {
@@ -247,11 +287,13 @@ fn joints_from(robot: &urdf_rs::Robot, root: &str, fault: Fault) -> Result<Vec<J
             let origin = pose * pose_from_xyz_rpy(joint.origin.xyz.0, joint.origin.rpy.0);
             match joint.joint_type {
                 urdf_rs::JointType::Fixed => open.push_back((joint.child.link.clone(), parent, origin)),
-                urdf_rs::JointType::Revolute | urdf_rs::JointType::Continuous => {
+                urdf_rs::JointType::Revolute | urdf_rs::JointType::Continuous | urdf_rs::JointType::Prismatic => {
                     let continuous = joint.joint_type == urdf_rs::JointType::Continuous;
+                    let slides = joint.joint_type == urdf_rs::JointType::Prismatic;
                     joints.push(Joint {
                         name: joint.name.clone(),
                         parent,
+                        kind: if slides { JointKind::Slide } else { JointKind::Turn },
                         origin,
                         axis: Unit::new_normalize(Vector3::from(joint.axis.xyz.0)),
                         lower: if continuous { f64::NEG_INFINITY } else { joint.limit.lower },
@@ -264,7 +306,7 @@ fn joints_from(robot: &urdf_rs::Robot, root: &str, fault: Fault) -> Result<Vec<J
                         format!("joint[{}]", joint.name),
                         "type",
                         format!("{other:?}"),
-                        "revolute, continuous or fixed",
+                        "revolute, continuous, prismatic or fixed",
                     ));
                 }
             }
@@ -321,7 +363,8 @@ mod tests {
     #[test]
     fn a_missing_joint_is_named() {
         let text = hand_urdf(&Hand::ftac());
-        let error = parse_tree(&text, Path::new("hand.urdf"), &["sixth_finger"]).expect_err("missing").to_string();
+        let error =
+            parse_tree(text.as_bytes(), Path::new("hand.urdf"), &["sixth_finger"]).expect_err("missing").to_string();
         assert_eq!(
             error,
             "hand.urdf: robot.joint: found no joint `sixth_finger`, expected a joint named `sixth_finger`"
@@ -331,7 +374,7 @@ mod tests {
     #[test]
     fn a_massless_link_is_named() {
         let text = hand_urdf(&Hand::ftac()).replacen("<mass value=\"0.030207000\"/>", "<mass value=\"0\"/>", 1);
-        let error = parse_tree(&text, Path::new("hand.urdf"), &[]).expect_err("zero mass").to_string();
+        let error = parse_tree(text.as_bytes(), Path::new("hand.urdf"), &[]).expect_err("zero mass").to_string();
         assert!(error.starts_with("hand.urdf: link[thumb_1].inertial.mass: found 0"), "{error}");
     }
 }

@@ -25,8 +25,9 @@ pub mod groups {
     pub const TABLE: Group = Group::GROUP_4;
 }
 
-/// Index of a hinge's degree of freedom, the turn about its x, among a joint's six.
-const HINGE: usize = 3;
+/// Index of a hinge's degree of freedom, the turn about its x, among a joint's six; of a slide's, the motion along its x.
+pub(crate) const HINGE: usize = 3;
+pub(crate) const SLIDE: usize = 0;
 
 /// Handles of the multibody.
 #[derive(Clone)]
@@ -81,6 +82,19 @@ pub(crate) fn revolute(origin: &Isometry3<f64>, axis: &Vector3<f64>, limits: [f6
         builder = builder.limits(JointAxis::AngX, limits);
     }
     builder.build()
+}
+
+/// A joint that slides along `axis` between `limits` (m).
+pub(crate) fn prismatic(origin: &Isometry3<f64>, axis: &Vector3<f64>, limits: [f64; 2]) -> GenericJoint {
+    // rapier's prismatic joints move along the frame's x.
+    let axis_as_x = Rotation::from_rotation_arc(Vector::X, convert::vector(axis));
+    GenericJointBuilder::new(JointAxesMask::LOCKED_PRISMATIC_AXES)
+        .local_frame1(convert::pose(origin) * Pose::from_rotation(axis_as_x))
+        .local_frame2(Pose::from_rotation(axis_as_x))
+        .contacts_enabled(false)
+        .softness(SpringCoefficients::new(240.0, 5.0))
+        .limits(JointAxis::LinX, limits)
+        .build()
 }
 
 pub(crate) fn cover_collider(cover: &CoverShape) -> ColliderBuilder {
@@ -308,6 +322,15 @@ pub(crate) fn load_hinge(joint: &mut MultibodyJoint, angle: f64, torque: f64, st
     let limits = joint.data.limits[HINGE];
     let close = angle < limits.min + slack || angle > limits.max - slack;
     joint.data.limit_axes.set(JointAxesMask::ANG_X, close);
+}
+
+/// Sets the force (N) on a slide for the next step at its present `position` (m), with an implicit stiffness (N/m), as
+/// [`load_hinge`] does for a hinge.
+pub(crate) fn load_slide(joint: &mut MultibodyJoint, position: f64, force: f64, stiffness: f64, slack: f64) {
+    joint.set_spring(SLIDE, stiffness, position + force / stiffness);
+    let limits = joint.data.limits[SLIDE];
+    let close = position < limits.min + slack || position > limits.max - slack;
+    joint.data.limit_axes.set(JointAxesMask::LIN_X, close);
 }
 
 fn merge(a: &MassProperties, b: &MassProperties, a_from_b: &Isometry3<f64>) -> MassProperties {

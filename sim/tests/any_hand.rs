@@ -6,13 +6,14 @@ use std::sync::Arc;
 use hand_model::any_hand::AnyHand;
 use nalgebra::{Isometry3, Point3};
 use scenarios::Shape;
+use scenarios::geometry::LINK_MESHES;
 use sim::engine::EngineSettings;
 use sim::stand::{AnyBody, AnyStand, Prop};
 
 fn hand(urdf: &str, pulls: &str) -> Option<Arc<AnyHand>> {
     let path = e2e::shared_data(&format!("hands/{urdf}"))?;
     // Cargo runs the tests in the crate's folder.
-    let hand = AnyHand::read(&path, &Path::new("../hand-model/data/hands").join(pulls)).expect("loads");
+    let hand = AnyHand::read(&path, &Path::new("../hand-model/data/hands").join(pulls), LINK_MESHES).expect("loads");
     Some(Arc::new(hand))
 }
 
@@ -74,7 +75,7 @@ const CLAMP: &str = r#"<robot name="clamp">
 const TENDON: &str = "version = 1\ndamping = 0.02\narmature = 1e-4\nspring = 0.02\n[[actuator]]\nname = \"close\"\narms = { a = -0.01 }\n";
 
 fn clamp(urdf: &str) -> Arc<AnyHand> {
-    let hand = AnyHand::parse(urdf, Path::new("clamp.urdf"), TENDON, Path::new("clamp.toml"));
+    let hand = AnyHand::parse(urdf, Path::new("clamp.urdf"), TENDON, Path::new("clamp.toml"), LINK_MESHES);
     Arc::new(hand.expect("a clamp"))
 }
 
@@ -88,6 +89,32 @@ fn jaws_stop_at_each_other() {
     assert!((0.3..0.5).contains(&angle), "{angle} rad");
     assert!(deep < 1e-3, "{deep} m");
     assert_eq!(stand.penetration(), deep);
+}
+
+/// A gripper whose jaws slide, the second as a mimic: both go inwards alike, and stop at a ball between them or at their limits.
+#[test]
+fn a_parallel_gripper_slides() {
+    let slide = CLAMP
+        .replace("type=\"revolute\"", "type=\"prismatic\"")
+        .replace("xyz=\"0 0 1\"", "xyz=\"0 1 0\"")
+        .replace("lower=\"-1\" upper=\"0\"", "lower=\"-0.03\" upper=\"0\"")
+        .replace("lower=\"0\" upper=\"1\"", "lower=\"0\" upper=\"0.03\"")
+        .replace("effort=\"1\"", "effort=\"40\"");
+    let pulls = TENDON.replace("a = -0.01", "a = -1.0");
+    let hand = AnyHand::parse(&slide, Path::new("clamp.urdf"), &pulls, Path::new("clamp.toml"), LINK_MESHES);
+    let hand = Arc::new(hand.expect("a gripper"));
+    let mut empty = AnyStand::new(&AnyBody::new(hand.clone()), EngineSettings::default());
+    empty.run(&[20.0], 2.0);
+    println!("empty: {:?} m", empty.angles());
+    assert!((empty.angles()[0] + 0.03).abs() < 1e-3 && (empty.angles()[1] - 0.03).abs() < 1e-3, "{:?}", empty.angles());
+    let (stand, forces) = close(&hand, Point3::new(0.08, 0.0, 0.0), 0.02, &[20.0]);
+    // The jaws are 10 mm thick and 80 mm apart: 15 mm are left on either side of the ball.
+    assert!(
+        (stand.angles()[0] + 0.015).abs() < 2e-3 && (stand.angles()[1] - 0.015).abs() < 2e-3,
+        "{:?}",
+        stand.angles()
+    );
+    assert!(forces.iter().all(|force| *force > 1.0), "{forces:?}");
 }
 
 /// Links that a joint connects, and links that overlap at rest, pass through each other; no others do.

@@ -7,7 +7,7 @@ use std::path::Path;
 use hand_model::any_hand::AnyHand;
 use hand_model::reach::Reach;
 use proptest::prelude::*;
-use scenarios::geometry::Mesh;
+use scenarios::geometry::{LINK_MESHES, Mesh};
 use scenarios::transport::Transport;
 use scenarios::{ObjectFile, Scenario};
 
@@ -84,7 +84,7 @@ proptest! {
     fn hands(damages in damages()) {
         let path = Path::new("clamp");
         for (urdf, pulls) in [(damaged(URDF, &damages), PULLS.to_owned()), (URDF.to_owned(), damaged(PULLS, &damages))] {
-            if let Ok(hand) = AnyHand::parse(&urdf, path, &pulls, path) {
+            if let Ok(hand) = AnyHand::parse(&urdf, path, &pulls, path, LINK_MESHES) {
                 prop_assert!(hand.rest().iter().all(|angle| angle.is_finite()));
             }
         }

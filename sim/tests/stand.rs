@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use hand_model::hand::MassProperties;
-use hand_model::kinematics::{Joint, Tree};
+use hand_model::kinematics::{Joint, JointKind, Tree};
 use hand_model::robot::ServoGoal;
 use hand_model::{ACTUATORS, Hand};
 use nalgebra::{Isometry3, Matrix3, Point3, UnitQuaternion, Vector3};
@@ -19,6 +19,7 @@ fn a_free_pendulum_chain_keeps_its_energy() {
     let joint = |parent: Option<usize>| Joint {
         name: "swing".into(),
         parent,
+        kind: JointKind::Turn,
         origin: Isometry3::translation(if parent.is_some() { length } else { 0.0 }, 0.0, 0.0),
         axis: Vector3::y_axis(),
         lower: f64::NEG_INFINITY,
@@ -172,6 +173,7 @@ fn a_limit_stops_a_joint() {
     let joint = Joint {
         name: "door".into(),
         parent: None,
+        kind: JointKind::Turn,
         origin: Isometry3::identity(),
         axis: Vector3::z_axis(),
         lower: -0.2,

@@ -1,4 +1,4 @@
-//! Joints that no actuator pulls: held at an angle, they are fixed joints.
+//! Joints that no actuator pulls: held at a coordinate, they are fixed joints.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -10,8 +10,8 @@ use crate::data::DataError;
 use crate::kinematics::pose_from_xyz_rpy;
 use crate::urdf::fault;
 
-/// Fixes every joint that neither is `pulled` nor follows one that is, at its angle of `given` (rad) or at rest. Answers with
-/// their names and angles.
+/// Fixes every joint that neither is `pulled` nor follows one that is, at its coordinate of `given` (rad or m) or at rest. Answers with
+/// their names and coordinates.
 pub fn fix(
     robot: &mut Robot,
     pulled: &BTreeSet<&str>,
@@ -27,10 +27,15 @@ pub fn fix(
     for (n, angle) in &held {
         let joint = &mut robot.joints[*n];
         let axis = Unit::new_normalize(Vector3::from(joint.axis.xyz.0));
-        let turn = UnitQuaternion::from_axis_angle(&axis, *angle);
-        let pose = pose_from_xyz_rpy(joint.origin.xyz.0, joint.origin.rpy.0)
-            * Isometry3::from_parts(Translation3::identity(), turn);
+        let moved = match joint.joint_type {
+            JointType::Prismatic => {
+                Isometry3::from_parts(Translation3::from(axis.into_inner() * *angle), UnitQuaternion::identity())
+            }
+            _ => Isometry3::from_parts(Translation3::identity(), UnitQuaternion::from_axis_angle(&axis, *angle)),
+        };
+        let pose = pose_from_xyz_rpy(joint.origin.xyz.0, joint.origin.rpy.0) * moved;
         let (roll, pitch, yaw) = pose.rotation.euler_angles();
+        joint.origin.xyz.0 = pose.translation.vector.into();
         joint.origin.rpy.0 = [roll, pitch, yaw];
         joint.joint_type = JointType::Fixed;
         joint.mimic = None;
@@ -63,7 +68,7 @@ fn angle(robot: &Robot, n: usize, given: &BTreeMap<String, f64>) -> f64 {
 
 fn within(joint: &urdf_rs::Joint, angle: f64) -> f64 {
     match joint.joint_type {
-        JointType::Revolute => angle.clamp(joint.limit.lower, joint.limit.upper),
+        JointType::Revolute | JointType::Prismatic => angle.clamp(joint.limit.lower, joint.limit.upper),
         _ => angle,
     }
 }
@@ -81,7 +86,7 @@ fn check(robot: &Robot, pulled: &BTreeSet<&str>, given: &BTreeMap<String, f64>, 
             let (lower, upper) = (joint.limit.lower, joint.limit.upper);
             return wrong(
                 &angle.to_string(),
-                &format!("an angle in rad within the joint's limits, {lower} to {upper}"),
+                &format!("a coordinate within the joint's limits, {lower} to {upper} rad or m"),
             );
         }
     }

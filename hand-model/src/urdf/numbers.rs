@@ -34,9 +34,18 @@ fn check_joint(robot: &Robot, joint: &Joint, path: &Path) -> Result<(), DataErro
         return wrong("axis.xyz", format!("{:?}", joint.axis.xyz.0), "three finite numbers, not all zero");
     }
     let (lower, upper) = (joint.limit.lower, joint.limit.upper);
-    if joint.joint_type == JointType::Revolute && !(lower.is_finite() && upper.is_finite() && lower <= upper) {
-        let found = format!("lower {lower} and upper {upper}");
-        return wrong("limit", found, "finite angles in rad, lower at most upper");
+    let bounded = lower.is_finite() && upper.is_finite() && lower <= upper;
+    let expected = match joint.joint_type {
+        JointType::Revolute => "finite angles in rad, lower at most upper",
+        JointType::Prismatic => "finite lengths in m, lower at most upper",
+        _ => "",
+    };
+    if !(bounded || expected.is_empty()) {
+        return wrong("limit", format!("lower {lower} and upper {upper}"), expected);
+    }
+    if joint.joint_type == JointType::Prismatic && lower.abs().max(upper.abs()) > LONGEST {
+        let expected = format!("lengths of at most {LONGEST} m");
+        return wrong("limit", format!("lower {lower} and upper {upper}"), &expected);
     }
     if let Some(mimic) = &joint.mimic {
         for (field, value) in [("mimic.multiplier", mimic.multiplier), ("mimic.offset", mimic.offset)] {
@@ -68,19 +77,26 @@ fn check_link(link: &Link, path: &Path) -> Result<(), DataError> {
         return Err(fault(path, element, "inertial.inertia", format!("{moments:?}"), "six finite numbers in kg m2"));
     }
     for (n, collision) in link.collision.iter().enumerate() {
-        let element = format!("{element}.collision[{n}]");
-        check_origin(&collision.origin, &element, path)?;
-        let (field, lengths) = match &collision.geometry {
-            Geometry::Box { size } => ("box.size", size.0.to_vec()),
-            Geometry::Sphere { radius } => ("sphere.radius", vec![*radius]),
-            Geometry::Cylinder { radius, length } => ("cylinder", vec![*radius, *length]),
-            // The mesh's reader checks its scale; other shapes are refused by name.
-            _ => continue,
-        };
-        if !lengths.iter().all(|length| *length > 0.0 && *length <= LONGEST) {
-            let expected = format!("more than 0 and at most {LONGEST} m");
-            return Err(fault(path, element, field, format!("{lengths:?}"), &expected));
-        }
+        check_shape(&collision.geometry, &collision.origin, format!("{element}.collision[{n}]"), path)?;
+    }
+    Ok(())
+}
+
+/// Refuses a shape without extent, or of no place.
+pub fn check_shape(geometry: &Geometry, origin: &urdf_rs::Pose, element: String, path: &Path) -> Result<(), DataError> {
+    check_origin(origin, &element, path)?;
+    let (field, lengths) = match geometry {
+        Geometry::Box { size } => ("box.size", size.0.to_vec()),
+        Geometry::Sphere { radius } => ("sphere.radius", vec![*radius]),
+        Geometry::Cylinder { radius, length } => ("cylinder", vec![*radius, *length]),
+        // A capsule without length is a ball.
+        Geometry::Capsule { radius, length } => ("capsule", vec![*radius, length + f64::MIN_POSITIVE]),
+        // The mesh's reader checks its scale.
+        Geometry::Mesh { .. } => return Ok(()),
+    };
+    if !lengths.iter().all(|length| *length > 0.0 && *length <= LONGEST) {
+        let expected = format!("more than 0 and at most {LONGEST} m");
+        return Err(fault(path, element, field, format!("{lengths:?}"), &expected));
     }
     Ok(())
 }

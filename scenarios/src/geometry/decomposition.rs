@@ -39,7 +39,7 @@ pub(super) fn decompose(mesh: &Mesh, tolerance: f64) -> (Vec<Vec<Point3<f64>>>, 
     best.unwrap_or_default()
 }
 
-fn cut(mesh: &Mesh, parameters: VHACDParameters) -> Vec<Vec<Point3<f64>>> {
+pub(super) fn cut(mesh: &Mesh, parameters: VHACDParameters) -> Vec<Vec<Point3<f64>>> {
     let (points, triangles) = mesh.surface();
     VHACD::decompose(&parameters, points, triangles, true)
         .compute_exact_convex_hulls(points, triangles)
@@ -51,7 +51,7 @@ fn cut(mesh: &Mesh, parameters: VHACDParameters) -> Vec<Vec<Point3<f64>>> {
 }
 
 /// How far `parts` stand out of `mesh` at most, m, at points [`SPACING`] apart on their faces.
-fn excess(mesh: &Mesh, parts: &[Vec<Point3<f64>>]) -> f64 {
+pub(super) fn excess(mesh: &Mesh, parts: &[Vec<Point3<f64>>]) -> f64 {
     let mut most = 0.0f64;
     for hull in parts.iter().filter_map(|part| hull_mesh(part).ok()) {
         for [a, b, c] in hull.triangles().iter().map(|corners| corners.map(|n| hull.vertices()[n as usize])) {

@@ -1,4 +1,4 @@
-//! Triangles from mesh files: OBJ, STL, PLY, and glTF with its buffers in the file or beside it.
+//! Triangles from mesh files: OBJ, STL, PLY, COLLADA, and glTF with its buffers in the file or beside it.
 //!
 //! STL repeats a corner for each triangle and glTF a vertex for each seam of its texture: vertices in the same place become one, so that
 //! a surface that is closed is seen to be. glTF's y axis points up; here, as in the other kinds, z does.
@@ -14,6 +14,7 @@ use nalgebra::{Matrix4, Point3};
 use ply_rs_bw::parser::Parser;
 use ply_rs_bw::ply::{DefaultElement, Property};
 
+use super::collada;
 use super::mesh::{GeometryError, Mesh};
 use super::obj::parse_triangles;
 
@@ -46,7 +47,12 @@ pub fn read_triangles(path: &Path) -> Result<Triangles, DataError> {
         "stl" => stl(&bytes, path),
         "ply" => ply(&bytes, path),
         "gltf" | "glb" => gltf(&bytes, path),
-        _ => Err(DataError::field(path, "name", format!("`.{extension}`"), ".obj, .stl, .ply, .gltf or .glb")),
+        "dae" => {
+            let text = String::from_utf8(bytes)
+                .map_err(|error| DataError::field(path, "text", error, "a COLLADA file in UTF-8"))?;
+            welded(collada::corners(&text, path)?.into_iter(), path)
+        }
+        _ => Err(DataError::field(path, "name", format!("`.{extension}`"), ".obj, .stl, .ply, .gltf, .glb or .dae")),
     }
 }
 

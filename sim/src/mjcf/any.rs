@@ -7,6 +7,7 @@
 use std::fmt::Write as _;
 
 use hand_model::any_hand::{AnyHand, SolidShape};
+use hand_model::kinematics::JointKind;
 use nalgebra::{Isometry3, Vector3};
 
 use super::{COMPILER, inertial, is_solid, key, mesh, option, placed, prop_body, range, triple};
@@ -94,14 +95,20 @@ fn link_body(assets: &mut String, out: &mut String, hand: &AnyHand, link: usize,
     order.push(link);
     let _ = writeln!(out, "<body name=\"{name}\" {}>", placed(&joint.origin));
     inertial(out, &hand.masses[link]);
+    let (feel, rest) = (hand.feel(link), hand.spring_rest[link]);
+    let kind = match joint.kind {
+        JointKind::Turn => "hinge",
+        JointKind::Slide => "slide",
+    };
+    let reference = if rest == 0.0 { String::new() } else { format!(" springref=\"{rest}\"") };
     let _ = writeln!(
         out,
-        "<joint name=\"{name}\" type=\"hinge\" axis=\"{}\" {} damping=\"{}\" armature=\"{}\" stiffness=\"{}\"/>",
+        "<joint name=\"{name}\" type=\"{kind}\" axis=\"{}\" {} damping=\"{}\" armature=\"{}\" stiffness=\"{}\"{reference}/>",
         triple(&joint.axis),
         range(joint),
-        hand.damping,
-        hand.armature,
-        hand.spring
+        feel.damping,
+        feel.armature,
+        feel.spring
     );
     solids(assets, out, hand, Some(link));
     for child in children(hand, Some(link)) {
@@ -119,6 +126,9 @@ fn solids(assets: &mut String, out: &mut String, hand: &AnyHand, link: Option<us
             SolidShape::Sphere(radius) => writeln!(out, "<geom type=\"sphere\" size=\"{radius}\" {pose}/>"),
             SolidShape::Cylinder(radius, half) => {
                 writeln!(out, "<geom type=\"cylinder\" size=\"{radius} {half}\" {pose}/>")
+            }
+            SolidShape::Capsule(radius, half) => {
+                writeln!(out, "<geom type=\"capsule\" size=\"{radius} {half}\" {pose}/>")
             }
             SolidShape::Hull(points) => {
                 let corners: Vec<_> = hull(points).iter().map(|point| solid.link_from_solid * point).collect();

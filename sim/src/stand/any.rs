@@ -4,8 +4,9 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use hand_model::any_hand::{AnyHand, SolidShape};
+use hand_model::kinematics::JointKind;
 use nalgebra::{Isometry3, Point3, UnitVector3, Vector3};
-use rapier3d_f64::geometry::ConvexPolyhedron;
+use rapier3d_f64::geometry::{Capsule, ConvexPolyhedron};
 use rapier3d_f64::prelude::*;
 
 use super::linkage::{self, Linkage, Mechanism};
@@ -90,7 +91,7 @@ impl AnyStand {
         Self::at(body, settings, &body.hand.rest())
     }
 
-    /// The hand at joint angles `start` (rad), without gravity.
+    /// The hand at joint coordinates `start` (rad or m), without gravity.
     pub fn at(body: &AnyBody, settings: EngineSettings, start: &[f64]) -> Self {
         let hand = body.hand.clone();
         let covers = body
@@ -111,9 +112,16 @@ impl AnyStand {
                 (*link, collider)
             })
             .collect();
-        let mechanism =
-            Mechanism { tree: &hand.tree, masses: &hand.masses, damping: hand.damping, armature: hand.armature };
+        let mechanism = Mechanism {
+            tree: &hand.tree,
+            masses: &hand.masses,
+            damping: hand.turn.damping,
+            armature: hand.turn.armature,
+        };
         let mut linkage = Linkage::new(settings, &mechanism, covers, start);
+        for joint in (0..hand.tree.len()).filter(|joint| hand.tree.joints[*joint].kind == JointKind::Slide) {
+            linkage.set_feel(joint, hand.slide.damping, hand.slide.armature);
+        }
         linkage.set_gravity(&Vector3::zeros());
         for (one, two) in &body.passing {
             linkage.let_pass(*one, *two);
@@ -157,8 +165,9 @@ impl AnyStand {
             body.add_force(convert::vector(force), true);
         }
         let torques = self.hand.torques(self.linkage.angles(), tensions);
+        let efforts = torques.into_iter().enumerate();
         let efforts: Vec<JointEffort> =
-            torques.into_iter().map(|torque| JointEffort { torque, stiffness: self.hand.spring }).collect();
+            efforts.map(|(joint, torque)| JointEffort { torque, stiffness: self.hand.feel(joint).spring }).collect();
         self.linkage.step(&efforts);
     }
 
@@ -228,7 +237,7 @@ impl AnyStand {
         self.linkage.self_penetration(&self.hand.tree)
     }
 
-    /// Joint angles, rad.
+    /// Joint coordinates, rad or m.
     pub fn angles(&self) -> &[f64] {
         self.linkage.angles()
     }
@@ -248,6 +257,11 @@ impl AnyStand {
         }
         forces
     }
+}
+
+/// A capsule along z.
+fn capsule(radius: f64, half: f64) -> Capsule {
+    Capsule::new(-Vector::Z * half, Vector::Z * half, radius)
 }
 
 /// The corners of the convex hull of a mesh's points; none where they span no volume.
@@ -270,6 +284,10 @@ fn surface(shape: &SolidShape) -> Vec<(Vec<Vector>, Vec<[u32; 3]>)> {
             let upright = Rotation::from_rotation_arc(Vector::Y, Vector::Z);
             vec![(vertices.into_iter().map(|vertex| upright * vertex).collect(), triangles)]
         }
+        SolidShape::Capsule(radius, half) => {
+            let (vertices, triangles) = capsule(*radius, *half).to_trimesh(ROUND, ROUND);
+            vec![(vertices, triangles)]
+        }
         SolidShape::Hull(points) => {
             let points: Vec<Vector> = points.iter().map(convert::point).collect();
             ConvexPolyhedron::from_convex_hull(&points).map(|hull| hull.to_trimesh()).into_iter().collect()
@@ -287,6 +305,7 @@ fn shape(shape: &SolidShape) -> Option<SharedShape> {
             let upright = Pose::from_rotation(Rotation::from_rotation_arc(Vector::Y, Vector::Z));
             Some(SharedShape::compound(vec![(upright, SharedShape::cylinder(*half, *radius))]))
         }
+        SolidShape::Capsule(radius, half) => Some(SharedShape::new(capsule(*radius, *half))),
         SolidShape::Hull(points) => {
             let points: Vec<Vector> = points.iter().map(convert::point).collect();
             SharedShape::convex_hull(&points)

@@ -1,9 +1,9 @@
-//! A tree of revolute joints bolted to the world at its root: the mechanism under every hand on the stand.
+//! A tree of joints that turn or slide, bolted to the world at its root: the mechanism under every hand on the stand.
 
 use std::collections::BTreeSet;
 
 use hand_model::hand::MassProperties;
-use hand_model::kinematics::Tree;
+use hand_model::kinematics::{JointKind, Tree};
 use nalgebra::{Isometry3, Vector3};
 use rapier3d_f64::parry::bounding_volume::BoundingVolume as _;
 use rapier3d_f64::parry::query;
@@ -12,12 +12,15 @@ use rapier3d_f64::prelude::{
     RigidBodyHandle, Shape,
 };
 
-use crate::body::{link_body, load_hinge, revolute};
+use crate::body::{HINGE, SLIDE, link_body, load_hinge, load_slide, prismatic, revolute};
 use crate::convert;
 use crate::drive::JointEffort;
 use crate::engine::{Engine, EngineSettings};
 
-/// What a linkage is made of; damping and armature hold for every joint.
+/// More than a joint slides in a step, m.
+const SLIDE_SLACK: f64 = 0.01;
+
+/// What a linkage is made of; damping and armature hold for every joint but those that [`Linkage::set_feel`] changes.
 #[derive(Debug, Clone, Copy)]
 pub struct Mechanism<'a> {
     /// Joints, parents first.
@@ -36,6 +39,7 @@ pub struct Linkage {
     engine: Engine,
     links: Vec<RigidBodyHandle>,
     joints: Vec<MultibodyJointHandle>,
+    kinds: Vec<JointKind>,
     covers: Vec<(Option<usize>, ColliderHandle)>,
     /// Pairs of links whose covers pass through each other.
     passing: BTreeSet<(Option<usize>, Option<usize>)>,
@@ -44,7 +48,7 @@ pub struct Linkage {
 }
 
 impl Linkage {
-    /// Builds the mechanism at joint angles `start` (rad). `covers` are collision shapes with their link (`None` is the root).
+    /// Builds the mechanism at joint coordinates `start` (rad or m). `covers` are collision shapes with their link (`None` is the root).
     pub fn new(
         settings: EngineSettings,
         mechanism: &Mechanism<'_>,
@@ -60,8 +64,12 @@ impl Linkage {
         for (i, joint) in tree.joints.iter().enumerate() {
             let body = engine.bodies.insert(link_body(&poses[i], &masses[i]));
             let parent = joint.parent.map_or(root, |parent| links[parent]);
-            let hinge = revolute(&joint.origin, &joint.axis, [joint.lower, joint.upper]);
-            joints.extend(engine.multibodies.insert(parent, body, hinge, true));
+            let make = match joint.kind {
+                JointKind::Turn => revolute,
+                JointKind::Slide => prismatic,
+            };
+            let joint = make(&joint.origin, &joint.axis, [joint.lower, joint.upper]);
+            joints.extend(engine.multibodies.insert(parent, body, joint, true));
             links.push(body);
         }
         let covers = covers
@@ -75,6 +83,7 @@ impl Linkage {
             engine,
             links,
             joints,
+            kinds: tree.joints.iter().map(|joint| joint.kind).collect(),
             covers,
             passing: BTreeSet::new(),
             angles: start.to_vec(),
@@ -97,6 +106,14 @@ impl Linkage {
         multibody.update_rigid_bodies(&mut self.engine.bodies, true);
     }
 
+    /// Sets damping (N m s/rad or N s/m) and armature (kg m2 or kg) of one joint.
+    pub fn set_feel(&mut self, joint: usize, damping: f64, armature: f64) {
+        if let Some((multibody, _)) = self.engine.multibodies.get_mut(self.joints[joint]) {
+            multibody.damping_mut()[joint] = damping;
+            multibody.armature_mut()[joint] = armature;
+        }
+    }
+
     /// Lets the covers of two links (`None` is the root) pass through each other.
     pub fn let_pass(&mut self, one: Option<usize>, two: Option<usize>) {
         let of = |link: Option<usize>| self.covers.iter().filter(move |(own, _)| *own == link).map(|(_, cover)| *cover);
@@ -111,15 +128,15 @@ impl Linkage {
     pub fn couple(&mut self, leader: usize, joint: usize, multiplier: f64, offset: f64) {
         let link = |index: usize| self.engine.multibodies.get(self.joints[index]).map(|(_, link)| link);
         let (Some(link1), Some(link2)) = (link(leader), link(joint)) else { return };
+        let (axis1, axis2) = (axis(self.kinds[leader]), axis(self.kinds[joint]));
         if let Some((multibody, _)) = self.engine.multibodies.get_mut(self.joints[joint]) {
-            // A hinge has one degree of freedom, the turn about its x.
             multibody.add_dof_coupling(MultibodyDofCoupling {
                 link1,
                 dof1: 0,
-                axis1: 3,
+                axis1,
                 link2,
                 dof2: 0,
-                axis2: 3,
+                axis2,
                 coeff: multiplier,
                 offset,
             });
@@ -129,11 +146,15 @@ impl Linkage {
     /// One physics step under these efforts, one a joint.
     pub fn step(&mut self, efforts: &[JointEffort]) {
         let slack = self.engine.limit_slack();
-        for ((handle, effort), angle) in self.joints.iter().zip(efforts).zip(&self.angles) {
+        for (n, (handle, effort)) in self.joints.iter().zip(efforts).enumerate() {
             if let Some((multibody, link)) = self.engine.multibodies.get_mut(*handle)
                 && let Some(link) = multibody.link_mut(link)
             {
-                load_hinge(&mut link.joint, *angle, effort.torque, effort.stiffness, slack);
+                let (joint, at) = (&mut link.joint, self.angles[n]);
+                match self.kinds[n] {
+                    JointKind::Turn => load_hinge(joint, at, effort.torque, effort.stiffness, slack),
+                    JointKind::Slide => load_slide(joint, at, effort.torque, effort.stiffness, SLIDE_SLACK),
+                }
             }
         }
         self.engine.step();
@@ -147,7 +168,7 @@ impl Linkage {
         for (i, handle) in self.joints.iter().enumerate() {
             let Some((_, link)) = self.engine.multibodies.get(*handle) else { continue };
             let Some(link) = multibody.link(link) else { continue };
-            self.angles[i] = link.joint.coords()[3];
+            self.angles[i] = link.joint.coords()[axis(self.kinds[i])];
             self.speeds[i] = speeds[i];
         }
     }
@@ -157,12 +178,12 @@ impl Linkage {
         self.engine.gravity = convert::vector(gravity);
     }
 
-    /// Joint angles, rad.
+    /// Joint coordinates, rad or m.
     pub fn angles(&self) -> &[f64] {
         &self.angles
     }
 
-    /// Joint speeds, rad/s.
+    /// Joint speeds, rad/s or m/s.
     pub fn speeds(&self) -> &[f64] {
         &self.speeds
     }
@@ -215,6 +236,14 @@ impl Linkage {
         };
         let shape = |handle: ColliderHandle| self.engine.colliders[handle].shape();
         overlap(&pose(a), shape(a), &pose(b), shape(b))
+    }
+}
+
+/// The one degree of freedom of a joint among its six: the turn about its x, or the motion along it.
+fn axis(kind: JointKind) -> usize {
+    match kind {
+        JointKind::Turn => HINGE,
+        JointKind::Slide => SLIDE,
     }
 }
 

@@ -11,6 +11,7 @@ pub mod hand;
 mod individual;
 pub mod lab_book;
 pub mod optics;
+mod own_hand;
 pub mod replay;
 mod rows;
 mod scenario;

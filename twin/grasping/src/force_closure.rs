@@ -82,10 +82,27 @@ pub fn wrench_margin(
     length_scale: f64,
     max_normal_force: f64,
 ) -> Result<f64, ForceClosureError> {
+    soft_wrench_margin(contacts, 0.0, center, length_scale, max_normal_force)
+}
+
+/// As [`wrench_margin`], of soft fingertips: a contact that presses with f on an area also bears a torque of mu f `torsion_arm` (m)
+/// about its normal, less as it bears more friction along the surface (the ellipsoid of Howe and Cutkosky 1996). A pair of opposed contacts then resists the
+/// torque about the line through them, which point contacts do not.
+pub fn soft_wrench_margin(
+    contacts: &[Contact],
+    torsion_arm: f64,
+    center: &Point3<f64>,
+    length_scale: f64,
+    max_normal_force: f64,
+) -> Result<f64, ForceClosureError> {
     check(contacts, length_scale, max_normal_force)?;
+    if !(torsion_arm.is_finite() && torsion_arm >= 0.0) {
+        let expected = "a length in m, 0 or more";
+        return Err(ForceClosureError::Argument { field: "torsion_arm".into(), found: torsion_arm, expected });
+    }
     let mut worst = f64::INFINITY;
     for direction in 0..12 {
-        worst = worst.min(resisted(contacts, center, length_scale, direction)?);
+        worst = worst.min(resisted(contacts, torsion_arm, center, length_scale, direction)?);
         if worst == 0.0 {
             break;
         }
@@ -125,15 +142,18 @@ fn check(contacts: &[Contact], length_scale: f64, max_normal_force: f64) -> Resu
 
 /// The largest t with G f = t d for one direction, under a total normal force of 1.
 ///
-/// Unknowns: per contact its normal force and, with friction, two tangential forces; last t. In the solver's form
+/// Unknowns: per contact its normal force and, with friction, two tangential forces, and the torque about its normal over `torsion_arm` if
+/// that is not 0; last t. In the solver's form
 /// A x + s = b, s in cones: 6 rows of balance, the total normal force, then one cone per contact.
 fn resisted(
     contacts: &[Contact],
+    torsion_arm: f64,
     center: &Point3<f64>,
     length_scale: f64,
     direction: usize,
 ) -> Result<f64, ForceClosureError> {
-    let unknowns: usize = 1 + contacts.iter().map(|c| if c.friction > 0.0 { 3 } else { 1 }).sum::<usize>();
+    let rubbing = if torsion_arm > 0.0 { 4 } else { 3 };
+    let unknowns: usize = 1 + contacts.iter().map(|c| if c.friction > 0.0 { rubbing } else { 1 }).sum::<usize>();
     let t = unknowns - 1;
     let (mut rows, mut columns, mut values) = (Vec::new(), Vec::new(), Vec::new());
     let mut put = |row: usize, column: usize, value: f64| {
@@ -160,9 +180,16 @@ fn resisted(
                 balance(column + 1 + n, tangent, &mut put);
                 put(row + 1 + n, column + 1 + n, -1.0);
             }
-            cones.push(SecondOrderConeT(3));
-            row += 3;
-            column += 3;
+            if torsion_arm > 0.0 {
+                let torque = contact.normal.scale(torsion_arm / length_scale);
+                for (axis, value) in torque.iter().enumerate() {
+                    put(3 + axis, column + 3, *value);
+                }
+                put(row + 3, column + 3, -1.0);
+            }
+            cones.push(SecondOrderConeT(rubbing));
+            row += rubbing;
+            column += rubbing;
         } else {
             cones.push(NonnegativeConeT(1));
             row += 1;
@@ -244,6 +271,18 @@ mod tests {
         }
     }
 
+    /// Two opposed soft contacts are: about the line through them they resist mu times the force times the torsion's arm, and no more.
+    #[test]
+    fn two_opposed_soft_contacts_bear_torsion() {
+        let pair = on_sphere(&[Vector3::x(), -Vector3::x()], 0.03, 0.6);
+        let about_x = resisted(&pair, 0.003, &Point3::origin(), 0.01, 6).expect("solved");
+        assert!((about_x - 0.6 * 0.003 / 0.01).abs() < 1e-6, "{about_x}");
+        let soft = soft_wrench_margin(&pair, 0.003, &Point3::origin(), 0.01, 10.0).expect("solved");
+        assert!((soft - 1.8).abs() < 1e-4, "{soft}");
+        assert_eq!(soft_wrench_margin(&pair, 0.0, &Point3::origin(), 0.01, 10.0), Ok(0.0));
+        assert!(soft_wrench_margin(&pair, -1.0, &Point3::origin(), 0.01, 10.0).is_err());
+    }
+
     /// Frictionless contacts exert no torque on a sphere.
     #[test]
     fn frictionless_sphere_is_not_closure() {
@@ -268,12 +307,12 @@ mod tests {
     #[test]
     fn known_values_of_a_triangle() {
         let contacts = on_sphere(&triangle(), 0.03, 0.2);
-        let along_z = resisted(&contacts, &Point3::origin(), 0.03, 4).expect("solved");
-        let about_z = resisted(&contacts, &Point3::origin(), 0.03, 10).expect("solved");
+        let along_z = resisted(&contacts, 0.0, &Point3::origin(), 0.03, 4).expect("solved");
+        let about_z = resisted(&contacts, 0.0, &Point3::origin(), 0.03, 10).expect("solved");
         assert!((along_z - 0.2).abs() < 1e-6, "{along_z}");
         assert!((about_z - 0.2).abs() < 1e-6, "{about_z}");
         // About x the longest arms are +-R sin 60, and all friction together is at most mu.
-        let about_x = resisted(&contacts, &Point3::origin(), 0.03, 6).expect("solved");
+        let about_x = resisted(&contacts, 0.0, &Point3::origin(), 0.03, 6).expect("solved");
         assert!(about_x < 0.2 * 3.0_f64.sqrt() / 2.0 + 1e-6, "{about_x}");
     }
 

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result};
 use hand_model::any_hand::AnyHand;
+use hand_model::kinematics::JointKind;
 use nalgebra::{Isometry3, Point3, Vector3};
 use report::picture::{PROPS, Picture, View, save, tile};
 use scenarios::Shape;
@@ -86,7 +87,10 @@ impl BallGrip {
             .joints
             .iter()
             .zip(self.closed.angles().iter().zip(&self.forces))
-            .map(|(joint, (angle, force))| json!({ "joint": joint.name, "angle_rad": angle, "force_n": force }))
+            .map(|(joint, (at, force))| match joint.kind {
+                JointKind::Turn => json!({ "joint": joint.name, "angle_rad": at, "force_n": force }),
+                JointKind::Slide => json!({ "joint": joint.name, "position_m": at, "force_n": force }),
+            })
             .collect();
         let gravity: Map<String, Value> =
             self.moved.iter().map(|(name, moved)| ((*name).to_owned(), json!(moved * 1e3))).collect();
@@ -100,9 +104,13 @@ impl BallGrip {
     pub fn table(&self) -> String {
         let hand = &self.hand;
         let mut text = format!("{}: {} joints, {} actuators\n", hand.name, hand.tree.len(), hand.pulls.len());
-        text += &format!("{:40} {:>10} {:>12}\n", "joint", "angle deg", "its link N");
-        for (joint, (angle, force)) in hand.tree.joints.iter().zip(self.closed.angles().iter().zip(&self.forces)) {
-            text += &format!("{:40} {:>10.1} {force:>12.2}\n", joint.name, angle.to_degrees());
+        text += &format!("{:40} {:>12} {:>12}\n", "joint", "deg or mm", "its link N");
+        for (joint, (at, force)) in hand.tree.joints.iter().zip(self.closed.angles().iter().zip(&self.forces)) {
+            let at = match joint.kind {
+                JointKind::Turn => format!("{:.1} deg", at.to_degrees()),
+                JointKind::Slide => format!("{:.2} mm", 1e3 * at),
+            };
+            text += &format!("{:40} {at:>12} {force:>12.2}\n", joint.name);
         }
         text += &format!("{} links touch; held against gravity towards: {}\n", self.touching(), self.held().join(" "));
         text

@@ -1,6 +1,7 @@
 //! `ftac hand`: checks of the body, closing of any hand, pictures, scenes for a second engine.
 
 mod close;
+mod inspect;
 mod picture;
 
 use std::path::PathBuf;
@@ -12,6 +13,7 @@ use lab::hand_check as check;
 
 use self::close::CloseArgs;
 use self::picture::PictureArgs;
+use super::own_hand;
 use super::rows::show_rows;
 use crate::terminal::{Outcome, Terminal};
 
@@ -41,9 +43,12 @@ pub enum HandCommand {
 /// Arguments of `hand check`.
 #[derive(Debug, Args)]
 pub struct CheckArgs {
-    /// Only read this URDF; it must have the hand's joints.
-    #[arg(long)]
+    /// Only read this URDF, of any hand, and say what it holds and what is taken otherwise than it says.
+    #[arg(long, alias = "hand", value_name = "URDF")]
     pub urdf: Option<PathBuf>,
+    /// With what pulls on that hand's joints (TOML): also where its fingers close and may touch.
+    #[arg(long, alias = "transmission", requires = "urdf")]
+    pub pulls: Option<PathBuf>,
     /// Folder of the public model of this hand (holds urdf/f_tac_hand.urdf), to compare joint frames with; the default is seen from
     /// the folder ftac is started in.
     #[arg(long, default_value = "../shared/data/hands/ftac_public")]
@@ -91,14 +96,11 @@ pub fn run(terminal: &Terminal, command: &HandCommand) -> Outcome {
 
 /// `ftac hand check`, and what its options ask for instead.
 fn hand_check(terminal: &Terminal, args: &CheckArgs) -> Outcome {
-    let hand = Arc::new(Hand::ftac());
+    own_hand::say_renamed();
     if let Some(path) = &args.urdf {
-        let names: Vec<String> = hand.tree.joints.iter().map(|joint| format!("{}_joint", joint.name)).collect();
-        let names: Vec<&str> = names.iter().map(String::as_str).collect();
-        let tree = hand_model::urdf::read_tree(path, &names)?;
-        eprintln!("{}: {} joints, all of the hand's joints are there", path.display(), tree.len());
-        return Ok(None);
+        return inspect::run(terminal, path, args.pulls.as_deref());
     }
+    let hand = Arc::new(Hand::ftac());
     if args.engine {
         let found = check::engine::sweep(&hand)?;
         if terminal.json {

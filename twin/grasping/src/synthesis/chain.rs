@@ -11,7 +11,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 
 use super::energy::{GraspEnergy, Terms};
-use super::frames::{Frames, HandState};
+use super::frames::{Frames, HandState, PIVOT};
 use super::langevin::Langevin;
 use crate::sampler::PALM_FACE;
 
@@ -65,7 +65,7 @@ pub fn stream(seed: u64, chain: u64) -> ChaCha8Rng {
 }
 
 /// A random start: the palm faces the object from a random side at a small distance, with the object between wrist and
-/// fingertips and joint angles scattered around a random mean.
+/// fingertips and joint angles scattered around a random mean; or one of the energy's places is between the fingers.
 pub fn start(energy: &GraspEnergy, rng: &mut impl Rng) -> HandState {
     let away = Vector3::from_fn(|_, _| rng.sample::<f64, _>(StandardNormal)).normalize();
     // The palm's z points away from the object; the rotation about it is random.
@@ -81,7 +81,11 @@ pub fn start(energy: &GraspEnergy, rng: &mut impl Rng) -> HandState {
         rng.random_range(-0.06..0.05),
         PALM_FACE - reach - rng.random_range(0.0..0.05),
     );
-    let translation = energy.field.center.coords - rotation * center_in_palm;
+    let translation = match energy.places.len() {
+        0 => energy.field.center.coords - rotation * center_in_palm,
+        // Such a place is between the fingers at once: the rest of the object is too large to begin outside of it.
+        count => energy.places[rng.random_range(0..count)] - rotation * PIVOT,
+    };
     let mean = rng.random_range(0.15..0.9);
     let joints = energy
         .limits()
@@ -147,7 +151,9 @@ pub fn run(
     let (mut gradient, mut there) = (vec![0.0; freedom], vec![0.0; freedom]);
     let mut displacement = vec![0.0; freedom];
     let mut next = state.clone();
-    let mut kernel = Langevin::new(0.5, &widest_noise(freedom), schedule.hot);
+    let mut widest = widest_noise(freedom);
+    widest[6..].iter_mut().zip(&energy.mechanism().scale).for_each(|(width, scale)| *width /= scale);
+    let mut kernel = Langevin::new(0.5, &widest, schedule.hot);
     let mut terms = energy.evaluate(&state, &held, frames, &mut gradient);
     // Whether `frames` is at `state`; a rejected proposal leaves it elsewhere.
     let mut placed = true;

@@ -111,6 +111,8 @@ pub struct GraspEnergy<'a> {
     pub field: &'a DistanceField,
     pub surface: &'a HandSurface,
     pub weights: Weights,
+    /// Places at which chains begin, object frame, m; around the whole object where there are none.
+    pub places: &'a [Vector3<f64>],
     table: Option<Plane>,
     mechanism: Mechanism,
     point_weight: f64,
@@ -140,13 +142,19 @@ impl<'a> GraspEnergy<'a> {
             field,
             surface,
             weights,
+            places: &[],
             table,
             mechanism,
             point_weight: weights.penetration * 2000.0 / surface.len() as f64,
         }
     }
 
-    /// Joint limits, rad.
+    /// Joint limits and actuator lines.
+    pub fn mechanism(&self) -> &Mechanism {
+        &self.mechanism
+    }
+
+    /// Joint limits, rad or m.
     pub fn limits(&self) -> &[(f64, f64)] {
         &self.mechanism.limits
     }
@@ -301,12 +309,13 @@ impl<'a> GraspEnergy<'a> {
     fn posture(&self, state: &HandState, gradient: &mut [f64], terms: &mut Terms) {
         for (joint, &(lower, upper)) in self.mechanism.limits.iter().enumerate() {
             let q = state.joints[joint];
+            let weight = self.weights.limits * self.mechanism.scale[joint];
             if q > upper {
-                terms.posture += self.weights.limits * (q - upper);
-                gradient[6 + joint] += self.weights.limits;
+                terms.posture += weight * (q - upper);
+                gradient[6 + joint] += weight;
             } else if q < lower {
-                terms.posture += self.weights.limits * (lower - q);
-                gradient[6 + joint] -= self.weights.limits;
+                terms.posture += weight * (lower - q);
+                gradient[6 + joint] -= weight;
             }
         }
         for line in &self.mechanism.lines {
@@ -315,10 +324,12 @@ impl<'a> GraspEnergy<'a> {
             let along = |k: usize| line.share[k].signum() * (state.joints[line.joints[k]] - line.offset[k]);
             let mean = (0..line.joints.len()).map(along).sum::<f64>() / n;
             let off = |k: usize| state.joints[line.joints[k]] - line.offset[k] - line.share[k] * mean;
-            let shared: f64 = (0..line.joints.len()).map(|k| off(k) * line.share[k]).sum::<f64>() / n;
+            let square = |k: usize| self.mechanism.scale[line.joints[k]] * self.mechanism.scale[line.joints[k]];
+            let shared: f64 = (0..line.joints.len()).map(|k| square(k) * off(k) * line.share[k]).sum::<f64>() / n;
             for (k, joint) in line.joints.iter().enumerate() {
-                terms.posture += self.weights.cable * off(k) * off(k);
-                gradient[6 + joint] += 2.0 * self.weights.cable * (off(k) - line.share[k].signum() * shared);
+                terms.posture += self.weights.cable * square(k) * off(k) * off(k);
+                gradient[6 + joint] +=
+                    2.0 * self.weights.cable * (square(k) * off(k) - line.share[k].signum() * shared);
             }
         }
     }

@@ -5,7 +5,7 @@
 //! from the tips to the palm, each joint takes the component along its axis. The cost does not depend on the number of
 //! forces.
 
-use hand_model::kinematics::Tree;
+use hand_model::kinematics::{JointKind, Tree};
 use nalgebra::{Isometry3, Matrix3, Vector3};
 
 /// Point of the palm frame about which the hand rotates, m: between the half-closed fingers, where objects are.
@@ -16,7 +16,7 @@ pub const PIVOT: Vector3<f64> = Vector3::new(0.0, 0.0, -0.035);
 pub struct HandState {
     /// `object_from_palm`.
     pub object_from_palm: Isometry3<f64>,
-    /// Joint angles, rad.
+    /// Joint coordinates, rad or m.
     pub joints: Vec<f64>,
 }
 
@@ -52,6 +52,7 @@ impl HandState {
 struct Joint {
     /// Link that carries it; 0 is the palm.
     parent: usize,
+    kind: JointKind,
     rotation: Matrix3<f64>,
     translation: Vector3<f64>,
     axis: Vector3<f64>,
@@ -86,6 +87,7 @@ impl Frames {
             .iter()
             .map(|joint| Joint {
                 parent: joint.parent.map_or(0, |parent| parent + 1),
+                kind: joint.kind,
                 rotation: joint.origin.rotation.to_rotation_matrix().into_inner(),
                 translation: joint.origin.translation.vector,
                 axis: joint.axis.into_inner(),
@@ -106,6 +108,12 @@ impl Frames {
         self.rotation[0] = state.object_from_palm.rotation.to_rotation_matrix().into_inner();
         self.translation[0] = state.object_from_palm.translation.vector;
         for (n, joint) in self.joints.iter().enumerate() {
+            if joint.kind == JointKind::Slide {
+                let along = joint.translation + joint.rotation * joint.axis * state.joints[n];
+                self.translation[n + 1] = self.rotation[joint.parent] * along + self.translation[joint.parent];
+                self.rotation[n + 1] = self.rotation[joint.parent] * joint.rotation;
+                continue;
+            }
             let (sin, cos) = state.joints[n].sin_cos();
             let a = &joint.axis;
             // Rodrigues: cos I + (1 - cos) a a' + sin [a]x.
@@ -142,7 +150,10 @@ impl Frames {
             let own = self.wrench[n + 1];
             let parent = self.joints[n].parent;
             let axis = self.rotation[n + 1] * self.joints[n].axis;
-            gradient[6 + n] += axis.dot(&(own.torque - self.translation[n + 1].cross(&own.force)));
+            gradient[6 + n] += match self.joints[n].kind {
+                JointKind::Turn => axis.dot(&(own.torque - self.translation[n + 1].cross(&own.force))),
+                JointKind::Slide => axis.dot(&own.force),
+            };
             self.wrench[parent].force += own.force;
             self.wrench[parent].torque += own.torque;
         }
@@ -178,6 +189,45 @@ mod tests {
         for (link, pose) in hand.tree.forward(&state.joints).iter().enumerate() {
             let expected = state.object_from_palm * pose * Point3::from(p);
             assert!((frames.point(link + 1, &p) - expected.coords).norm() < 1e-12);
+        }
+    }
+
+    /// The same with joints that slide among them: poses as the tree's, the gradient that of finite differences.
+    #[test]
+    fn slides_move_along_their_axes() {
+        let mut tree = Hand::ftac().tree;
+        for joint in [1, 3, 7] {
+            tree.joints[joint].kind = JointKind::Slide;
+        }
+        let mut frames = Frames::new(&tree);
+        let (local, pull) = (Vector3::new(0.02, 0.008, -0.003), Vector3::new(0.3, 1.0, -0.7));
+        let mut value = |state: &HandState| -> f64 {
+            frames.place(state);
+            (1..16).map(|link| pull.dot(&frames.point(link, &local))).sum()
+        };
+        let h = 1e-6;
+        let slopes: Vec<f64> = (0..21)
+            .map(|n| {
+                let mut by = [0.0; 21];
+                by[n] = h;
+                let forth = value(&state().moved(&by));
+                by[n] = -h;
+                (forth - value(&state().moved(&by))) / (2.0 * h)
+            })
+            .collect();
+        frames.place(&state());
+        for (link, pose) in tree.forward(&state().joints).iter().enumerate() {
+            let expected = state().object_from_palm * pose * Point3::from(local);
+            assert!((frames.point(link + 1, &local) - expected.coords).norm() < 1e-12);
+        }
+        for link in 1..16 {
+            let x = frames.point(link, &local);
+            frames.push(link, &x, &pull);
+        }
+        let mut gradient = [0.0; 21];
+        frames.collect(&mut gradient);
+        for n in 0..21 {
+            assert!((gradient[n] - slopes[n]).abs() < 1e-7, "{n}: {} {}", gradient[n], slopes[n]);
         }
     }
 

@@ -2,6 +2,10 @@
 
 use hand_model::Hand;
 use hand_model::any_hand::AnyHand;
+use hand_model::kinematics::JointKind;
+
+/// A metre of a slide counts as many radians of a turn: what a fingertip 50 mm from its joint makes of them.
+const RADIANS_PER_METRE: f64 = 20.0;
 
 /// A line in joint space along which one actuator moves its joints, free of contact.
 #[derive(Debug, Clone, PartialEq)]
@@ -17,8 +21,10 @@ pub struct ActuatorLine {
 /// Joint limits and actuator lines.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mechanism {
-    /// Lower and upper limit of each joint, rad.
+    /// Lower and upper limit of each joint, rad or m.
     pub limits: Vec<(f64, f64)>,
+    /// Radians that a unit of each joint's coordinate counts as: 1 of a turn.
+    pub scale: Vec<f64>,
     /// One per actuator.
     pub lines: Vec<ActuatorLine>,
 }
@@ -37,6 +43,7 @@ impl Mechanism {
         });
         Self {
             limits: hand.tree.joints.iter().map(|joint| (joint.lower, joint.upper)).collect(),
+            scale: vec![1.0; hand.tree.len()],
             lines: lines.collect(),
         }
     }
@@ -46,8 +53,10 @@ impl Mechanism {
     pub fn of_any(hand: &AnyHand) -> Self {
         let rest = hand.rest();
         let mut limits: Vec<(f64, f64)> = rest.iter().map(|q| (*q, *q)).collect();
+        // Where springs rest a line has its zero; a joint that follows is then where its leader's rest makes it.
         let offset = |joint: usize| {
-            hand.followers.iter().find(|follower| follower.joint == joint).map_or(0.0, |follower| follower.offset)
+            let follower = hand.followers.iter().find(|follower| follower.joint == joint);
+            follower.map_or(hand.spring_rest[joint], |own| own.multiplier * hand.spring_rest[own.leader] + own.offset)
         };
         let lines = hand.pulls.iter().map(|pull| {
             let mut line: Vec<(usize, f64)> = pull.arms.clone();
@@ -68,7 +77,17 @@ impl Mechanism {
         for joint in lines.iter().flat_map(|line| &line.joints) {
             limits[*joint] = (hand.tree.joints[*joint].lower, hand.tree.joints[*joint].upper);
         }
-        Self { limits, lines }
+        let scale = hand.tree.joints.iter().map(|joint| match joint.kind {
+            JointKind::Turn => 1.0,
+            JointKind::Slide => RADIANS_PER_METRE,
+        });
+        Self { limits, scale: scale.collect(), lines }
+    }
+
+    /// A step of 1 rad along an actuator's line in its own unit: 1 where its joints turn.
+    pub fn unit(&self, line: usize) -> f64 {
+        let own = &self.lines[line].joints;
+        own.len() as f64 / own.iter().map(|joint| self.scale[*joint]).sum::<f64>()
     }
 
     /// Position along an actuator's line, rad: the mean of its joint angles, signed by the line's direction.
@@ -93,7 +112,7 @@ mod tests {
 
     fn lines() -> Mechanism {
         let line = ActuatorLine { joints: vec![0, 2], share: vec![1.5, -0.5], offset: vec![0.0, 0.0] };
-        Mechanism { limits: vec![(-1.0, 1.0), (0.3, 0.3), (-0.2, 0.2)], lines: vec![line] }
+        Mechanism { limits: vec![(-1.0, 1.0), (0.3, 0.3), (-0.2, 0.2)], scale: vec![1.0; 3], lines: vec![line] }
     }
 
     /// A position set on a line is read back from it, up to the joint limits.

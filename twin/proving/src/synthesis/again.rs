@@ -102,7 +102,9 @@ fn another(hand: &Described, subject: &Subject, grasp: &AnyHeld) -> Result<Optio
     let Ok(closed) = any_closing::pull(hand, subject, open, &values(&grasp.tensions)) else { return Ok(None) };
     let margin = any_closing::margin(subject, &closed)?;
     let mass = subject.model.mass;
-    let held = checks::hold(&closed, mass).held;
+    // A grasp that asks for more than the hand's joints bear is none.
+    let bearable = hand.hand.within_efforts(&closed.tensions).1.is_empty();
+    let held = bearable && checks::hold(&closed, mass).held;
     let controls = held.then(|| {
         let slack = AnyClosed { tensions: vec![0.0; closed.tensions.len()], ..closed.clone() };
         let mut slippery = closed.clone();

@@ -6,6 +6,8 @@
 pub mod closing;
 pub mod describe;
 pub mod kinds;
+mod reach;
+mod refusal;
 
 use std::time::Instant;
 
@@ -21,12 +23,13 @@ use serde::Serialize;
 
 use self::closing::{AnyAim, AnyClosed};
 use self::describe::Described;
+use self::refusal::{Refusal, Refused};
 use super::checks::{self, Hold};
 use super::closing::NotClosed;
 use super::load::Load;
 use super::search::{BATCH, Verified, show_chains};
 use super::subject::Subject;
-use super::synthesizer::Request;
+use super::synthesizer::{Request, table};
 
 /// What a search came to.
 #[derive(Debug, Clone, Default, Serialize)]
@@ -40,8 +43,14 @@ pub struct AnyReport {
     pub found: u64,
     pub blocked: u64,
     pub pushed_away: u64,
-    /// Checks passed.
+    /// Checks passed; all three by grasps that were not refused.
     pub verified: Verified,
+    /// Grasps that passed all three checks and are none all the same.
+    pub refused: Refused,
+    /// Verified grasps in which two digits press against each other.
+    pub opposed: u64,
+    /// Largest distance of a verified grasp's contact from its link's own surface, m; where it is kept, it lies on that.
+    pub surface_gap: f64,
     /// Verified grasps that still held when nothing pulled: has to be few.
     pub held_without_tension: u64,
     /// Mass (kg) and friction for which grasps are verified, and how much they hold.
@@ -52,6 +61,22 @@ pub struct AnyReport {
 }
 
 impl AnyReport {
+    fn refused(&self) -> u64 {
+        let Refused { leans_on_fixed_part, contact_off_surface, unreachable } = &self.refused;
+        leans_on_fixed_part + contact_off_surface + unreachable
+    }
+
+    /// A warning if the hand holds, but never between digits that oppose each other.
+    fn opposition_warning(&self) -> Option<String> {
+        (self.verified.all > 0 && self.opposed == 0).then(|| {
+            format!(
+                "WARNING none of the {} grasps uses opposed digits: the object is held against the palm or on one side only; are all digits \
+                 pulled, and with the right signs?",
+                self.verified.all
+            )
+        })
+    }
+
     /// The report in words.
     pub fn text(&self) -> String {
         let share = |count: u64| format!("{count:5} ({:.1} %)", 100.0 * count as f64 / self.requested as f64);
@@ -66,18 +91,34 @@ impl AnyReport {
             format!("(a) cone program  {}", share(self.verified.a)),
             format!("(b) penetration   {}", share(self.verified.b)),
             format!("(c) held          {}", share(self.verified.c)),
+            format!("refused           {}", share(self.refused())),
+            format!("  on a fixed part {}", share(self.refused.leans_on_fixed_part)),
+            format!("  off the surface {}", share(self.refused.contact_off_surface)),
+            format!("  out of reach    {}", share(self.refused.unreachable)),
             format!("all three         {}", share(self.verified.all)),
+            format!("  of these with opposed digits {}", self.opposed),
+            format!("  contacts within {:.1} mm of the links' own surfaces", 1e3 * self.surface_gap),
             format!("  of these held without tension {}", self.held_without_tension),
             self.load.text(),
         ];
-        rows.map(|row| row + "\n").concat()
+        rows.into_iter().chain(self.opposition_warning()).map(|row| row + "\n").collect()
     }
 }
 
 /// How a chain ended.
 struct End {
     verdicts: [bool; 3],
-    held: Option<AnyHeld>,
+    /// The reason for which it is no grasp though it passed all three.
+    refusal: Option<Refusal>,
+    held: Option<Kept>,
+}
+
+/// A verified grasp with what the report says of it.
+struct Kept {
+    held: AnyHeld,
+    opposes: bool,
+    /// m.
+    surface_gap: f64,
 }
 
 /// Runs all chains that are asked for; every verified grasp goes to `writer` when its batch is done. Answers with what it came to and
@@ -117,7 +158,13 @@ pub fn search(
                 Ok(end) => {
                     report.found += 1;
                     report.verified.add(end.verdicts);
-                    let Some(held) = end.held else { continue };
+                    if let Some(refusal) = end.refusal {
+                        report.refused.add(refusal);
+                        report.verified.all -= 1;
+                    }
+                    let Some(Kept { held, opposes, surface_gap }) = end.held else { continue };
+                    report.opposed += u64::from(opposes);
+                    report.surface_gap = report.surface_gap.max(surface_gap);
                     report.held_without_tension += u64::from(held.held_without_tension);
                     if let Some(writer) = &mut writer {
                         writer.add(&held.clone().with_frame_moved(&subject.origin))?;
@@ -131,12 +178,15 @@ pub fn search(
     progress.finish_and_clear();
     report.load = Load::of(&subject.model, verified.iter().map(|held| held.proof.payload));
     report.wall_s = start.elapsed().as_secs_f64();
+    report.notes.extend(report.opposition_warning());
     Ok((report, verified))
 }
 
 fn run(hand: &Described, subject: &Subject, request: &Request, number: u64) -> Result<Result<End, NotClosed>> {
-    let energy =
-        GraspEnergy::of_mechanism(hand.mechanism.clone(), &hand.surface, &subject.field, Weights::default(), None);
+    let table = request.table.then(|| table(&subject.model));
+    let mut energy =
+        GraspEnergy::of_mechanism(hand.mechanism.clone(), &hand.surface, &subject.field, Weights::default(), table);
+    energy.places = &subject.places;
     let mut frames = Frames::new(&hand.tree);
     let mut rng = chain::stream(request.seed, number);
     let end = chain::run(&energy, &mut frames, request.contacts_of(number), &Schedule::default(), &mut rng);
@@ -159,14 +209,19 @@ fn run(hand: &Described, subject: &Subject, request: &Request, number: u64) -> R
         }
         let hold = checks::hold(&closed, mass);
         let verdicts = [margin >= checks::LEAST_MARGIN, penetration <= checks::MOST_PENETRATION, hold.held];
-        if verdicts == [true; 3] {
+        let refusal = if verdicts == [true; 3] { refusal::of(hand, subject, &closed, table.as_ref()) } else { None };
+        if verdicts == [true; 3] && refusal.is_none() {
             let slack = AnyClosed { tensions: vec![0.0; actuators], ..closed.clone() };
             let slack = checks::hold(&slack, mass).held;
             let held = held(hand, subject, number, &closed, [margin, penetration], &hold, slack);
-            return Ok(Ok(End { verdicts, held: Some(held) }));
+            let links = closed.stand.links();
+            let surface_gap = closed.touches.iter().map(|touch| refusal::gap(hand, &links, touch)).fold(0.0, f64::max);
+            let kept = Kept { held, opposes: refusal::opposes(hand, &closed.touches), surface_gap };
+            return Ok(Ok(End { verdicts, refusal: None, held: Some(kept) }));
         }
-        if !matches!(first, Some(Ok(_))) {
-            first = Some(Ok(End { verdicts, held: None }));
+        // A refused grasp tells more of the chain than one that fails a check.
+        if refusal.is_some() || !matches!(first, Some(Ok(_))) {
+            first = Some(Ok(End { verdicts, refusal, held: None }));
         }
     }
     Ok(first.unwrap_or(Err(NotClosed::Blocked)))
@@ -188,10 +243,11 @@ fn held(
     let by_pull = |tensions: &[f64]| {
         hand.hand.pulls.iter().map(|pull| pull.name.clone()).zip(tensions.iter().copied()).collect::<Vec<_>>()
     };
-    let contacts = closed
-        .touches
-        .iter()
-        .map(|touch| (touch.link, touch.point.coords.into(), touch.normal.into_inner().into(), touch.force));
+    let links = closed.stand.links();
+    let contacts = closed.touches.iter().map(|touch| {
+        let point = refusal::on_surface(hand, &links, touch);
+        (touch.link, point.coords.into(), touch.normal.into_inner().into(), touch.force)
+    });
     let model = &subject.model;
     let payload = checks::payload(closed, model.mass, hold);
     AnyHeld {

@@ -10,6 +10,8 @@ use nalgebra::{Point3, UnitQuaternion, Vector3};
 use scenarios::geometry::{GeometryError, MAX_EXTENT, Mesh, Shape, read_triangles};
 use scenarios::objects::{ObjectModel, ObjectSet, Symmetry};
 
+use super::size::{self, Opening};
+
 /// Mass of a mesh in the holding test where none is given, kg (DexGraspBench).
 pub const TEST_MASS: f64 = 0.1;
 /// Friction coefficient in the holding test where none is given (DexGraspBench); the objects' own are larger.
@@ -28,8 +30,7 @@ const MARGIN: f64 = 0.02;
 const SURFACE_POINTS: usize = 800;
 /// A mesh with more triangles is rebuilt on a grid: its field and its convex parts would take minutes.
 const MOST_TRIANGLES: usize = 40_000;
-/// What the hand can take: the smallest extent is at most its opening, the largest at least a fingertip's width, m.
-const WIDEST: f64 = 0.11;
+/// The largest extent is at least a fingertip's width, m.
 const SMALLEST: f64 = 0.008;
 
 /// An object ready for sampling.
@@ -41,6 +42,8 @@ pub struct Subject {
     pub surface: Vec<Point3<f64>>,
     /// Origin of the frame of the object's file, in the object's own frame, m: a mesh is tested in a frame at its centre of mass.
     pub origin: Vector3<f64>,
+    /// Starts of a search, object frame, m: places where the object is thin enough, of one that is not as a whole.
+    pub places: Vec<Vector3<f64>>,
 }
 
 impl Subject {
@@ -73,12 +76,6 @@ impl Subject {
             let error = GeometryError::Units { found: extent.max() };
             bail!("--mesh: {}: {error}", path.display());
         }
-        if extent.min() > WIDEST {
-            return refuse(
-                format!("a smallest extent of {:.0} mm", 1e3 * extent.min()),
-                "at most 110 mm: the hand does not open wider",
-            );
-        }
         if extent.max() < SMALLEST {
             return refuse(
                 format!("a largest extent of {:.2} mm", 1e3 * extent.max()),
@@ -104,6 +101,12 @@ impl Subject {
         Ok((subject, note))
     }
 
+    /// The same object for a hand of this opening; refused if the hand can take it nowhere.
+    pub fn for_opening(mut self, opening: &Opening) -> Result<Self> {
+        self.places = size::graspable(&self, opening)?;
+        Ok(self)
+    }
+
     /// The same object of another mass (kg) and friction coefficient.
     pub fn tested_at(mut self, mass: f64, friction: f64) -> Self {
         self.model = Arc::new(ObjectModel { mass, friction, ..(*self.model).clone() });
@@ -118,7 +121,7 @@ impl Subject {
             DistanceField::sample(&low, &high, &center, cell, MARGIN, |point| model.shape.signed_distance(point))
                 .with_context(|| format!("the distance field of {}", model.name))?;
         let surface = model.shape.surface_samples(SURFACE_POINTS);
-        Ok(Self { model: Arc::new(model), field, surface, origin: Vector3::zeros() })
+        Ok(Self { model: Arc::new(model), field, surface, origin: Vector3::zeros(), places: Vec::new() })
     }
 }
 

@@ -11,6 +11,7 @@ use grasping::synthesis::held::{HeldContact, HeldGrasp, Proof, pose_to_array};
 use grasping::synthesis::surface::HandSurface;
 use hand_model::{Digit, Hand};
 use nalgebra::{Point3, Unit, Vector3};
+use scenarios::objects::ObjectModel;
 
 use super::checks::{self, Hold};
 use super::closing::{self, Aim, Closed, NotClosed};
@@ -109,6 +110,12 @@ impl ChainResult {
     }
 }
 
+/// The table on which an object rests, object frame.
+pub fn table(model: &ObjectModel) -> Plane {
+    let up = model.rest.inverse() * Vector3::z();
+    Plane { normal: Unit::new_normalize(up), offset: -model.rest_height() }
+}
+
 impl Synthesizer {
     /// For one object.
     pub fn new(subject: Subject, request: Request) -> Self {
@@ -118,14 +125,14 @@ impl Synthesizer {
     }
 
     fn table(&self) -> Option<Plane> {
-        let model = &self.subject.model;
-        let up = model.rest.inverse() * Vector3::z();
-        self.request.table.then(|| Plane { normal: Unit::new_normalize(up), offset: -model.rest_height() })
+        self.request.table.then(|| table(&self.subject.model))
     }
 
     /// Runs chain number `chain`, closes its best sample and checks it.
     pub fn run(&self, chain: u64) -> Result<ChainResult> {
-        let energy = GraspEnergy::new(&self.hand, &self.surface, &self.subject.field, Weights::default(), self.table());
+        let mut energy =
+            GraspEnergy::new(&self.hand, &self.surface, &self.subject.field, Weights::default(), self.table());
+        energy.places = &self.subject.places;
         let mut frames = Frames::new(&self.hand.tree);
         let mut rng = chain::stream(self.request.seed, chain);
         let start = Instant::now();

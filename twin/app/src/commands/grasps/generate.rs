@@ -11,9 +11,11 @@ use proving::synthesis::any::describe::{self, Described};
 use proving::synthesis::evaluation::{self, Evaluation};
 use proving::synthesis::grasp_file::{GraspFile, source};
 use proving::synthesis::search::{self, Start};
+use proving::synthesis::size::Opening;
 use proving::synthesis::subject::{Subject, TEST_FRICTION};
 use proving::synthesis::synthesizer::{Request, Synthesizer};
 
+use crate::commands::own_hand;
 use crate::terminal::{Outcome, Terminal};
 
 /// What a hand may hold at most, kg, the densest material, kg/m3, and the highest friction coefficient.
@@ -27,7 +29,7 @@ pub struct SynthesisArgs {
     /// An object of the set.
     #[arg(long, conflicts_with = "mesh")]
     pub object: Option<String>,
-    /// A mesh of your own: OBJ, in metres; one that is not watertight is rebuilt.
+    /// A mesh of your own (OBJ, STL, PLY, glTF or COLLADA), in metres; one that is not watertight is rebuilt.
     #[arg(long)]
     pub mesh: Option<PathBuf>,
     /// Contact points of a sample: a number, or a range taken in turn, such as 2-5.
@@ -66,10 +68,10 @@ pub struct GenerateArgs {
     #[arg(long)]
     pub out: Option<PathBuf>,
     /// Another hand: its URDF.
-    #[arg(long, requires = "pulls", conflicts_with = "table")]
+    #[arg(long = "urdf", alias = "hand", value_name = "URDF", requires = "pulls")]
     pub hand: Option<PathBuf>,
     /// What pulls on that hand's joints: actuators and their moment arms, TOML.
-    #[arg(long, requires = "hand")]
+    #[arg(long, alias = "transmission", requires = "hand")]
     pub pulls: Option<PathBuf>,
 }
 
@@ -122,11 +124,29 @@ pub fn generate(terminal: &Terminal, args: &GenerateArgs) -> Outcome {
     if let Some(out) = &args.out {
         search::check_writable(out)?;
     }
+    own_hand::say_renamed();
     let (subject, request) = request(terminal, &args.synthesis, args.n, args.keep.unwrap_or(usize::MAX))?;
     match (&args.hand, &args.pulls) {
-        (Some(hand), Some(pulls)) => by_another_hand(terminal, args, hand, pulls, &subject, &request),
-        _ => by_our_hand(terminal, args, subject, request),
+        (Some(hand), Some(pulls)) => by_another_hand(terminal, args, (hand, pulls), subject, &request),
+        _ => by_our_hand(terminal, args, sized(subject, &args.synthesis, &Opening::ours())?, request),
     }
+}
+
+/// A user's object for a hand of this opening; the set's are known to go.
+fn sized(subject: Subject, args: &SynthesisArgs, opening: &Opening) -> Result<Subject> {
+    if args.mesh.is_none() {
+        return Ok(subject);
+    }
+    let subject = subject.for_opening(opening).map_err(|error| anyhow::anyhow!("--mesh: {error}"))?;
+    if !subject.places.is_empty() {
+        eprintln!(
+            "{}: wider as a whole than {} opens ({:.0} mm); grasps begin where it is thin",
+            subject.model.name,
+            opening.hand,
+            1e3 * opening.width
+        );
+    }
+    Ok(subject)
 }
 
 fn by_our_hand(terminal: &Terminal, args: &GenerateArgs, subject: Subject, request: Request) -> Outcome {
@@ -160,7 +180,7 @@ fn command(terminal: &Terminal, args: &GenerateArgs) -> String {
     };
     let mut options = keep.map_or(String::new(), |keep| format!(" --keep {keep}"));
     if let (Some(hand), Some(pulls)) = (&args.hand, &args.pulls) {
-        options += &format!(" --hand {} --pulls {}", hand.display(), pulls.display());
+        options += &format!(" --urdf {} --pulls {}", hand.display(), pulls.display());
     }
     options += if synthesis.table { " --table" } else { "" };
     options += &format!(" --closings {}", synthesis.closings);
@@ -175,12 +195,13 @@ fn command(terminal: &Terminal, args: &GenerateArgs) -> String {
 fn by_another_hand(
     terminal: &Terminal,
     args: &GenerateArgs,
-    urdf: &Path,
-    pulls: &Path,
-    subject: &Subject,
+    (urdf, pulls): (&Path, &Path),
+    subject: Subject,
     request: &Request,
 ) -> Outcome {
     let hand: &Described = &describe::read(urdf, pulls)?;
+    let opening = Opening { width: hand.opening, hand: hand.hand.name.clone() };
+    let subject = &sized(subject, &args.synthesis, &opening)?;
     if !terminal.json {
         hand.notes.iter().for_each(|line| eprintln!("{line}"));
     }
@@ -212,6 +233,7 @@ pub fn eval(terminal: &Terminal, args: &EvalArgs) -> Outcome {
     }
     let (n, args) = (args.n, &args.synthesis);
     let (subject, request) = request(terminal, args, n, usize::MAX)?;
+    let subject = sized(subject, args, &Opening::ours())?;
     let evaluation = evaluation::evaluate(&Synthesizer::new(subject, request), n)?;
     terminal.print(&evaluation, &evaluation.text())?;
     let fooled = evaluation.controls.iter().find(|(_, rate)| rate.low > 0.5);

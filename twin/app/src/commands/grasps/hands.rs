@@ -15,16 +15,17 @@ use proving::synthesis::synthesizer::Request;
 use report::{study_pages, write_whole};
 use scenarios::objects::ObjectSet;
 
+use crate::commands::own_hand;
 use crate::terminal::{Made, Outcome, Terminal};
 
 /// Arguments of `grasps hands`.
 #[derive(Debug, Args)]
 pub struct HandsArgs {
     /// Another hand beside ours: its URDF (repeatable).
-    #[arg(long)]
+    #[arg(long = "urdf", alias = "hand", value_name = "URDF")]
     pub hand: Vec<PathBuf>,
-    /// What pulls on that hand's joints, TOML: one for each --hand, in the same order.
-    #[arg(long)]
+    /// What pulls on that hand's joints, TOML: one for each --urdf, in the same order.
+    #[arg(long, alias = "transmission")]
     pub pulls: Vec<PathBuf>,
     /// Objects, separated by commas.
     #[arg(
@@ -49,6 +50,7 @@ pub struct HandsArgs {
 
 /// `ftac grasps hands`.
 pub fn run(terminal: &Terminal, args: &HandsArgs) -> Outcome {
+    own_hand::say_renamed();
     terminal.finish(make(terminal, args)?)
 }
 
@@ -91,7 +93,7 @@ fn request(terminal: &Terminal, args: &HandsArgs) -> Result<Request> {
         "--n and --closings: found {chains} and {closings}, expected at least 1 of each"
     );
     let (urdfs, pulls) = (args.hand.len(), args.pulls.len());
-    ensure!(urdfs == pulls, "--pulls: found {pulls} for {urdfs} --hand, expected one for each, in the same order");
+    ensure!(urdfs == pulls, "--pulls: found {pulls} for {urdfs} --urdf, expected one for each, in the same order");
     let set = ObjectSet::repertoire();
     for (n, name) in args.objects.iter().enumerate() {
         ensure!(set.get(name).is_some(), "--objects: found `{name}`, expected one of {}", set.names().join(", "));
@@ -106,7 +108,7 @@ pub fn compared(args: &HandsArgs) -> Result<Vec<ComparedHand>> {
     for (urdf, pulls) in args.hand.iter().zip(&args.pulls) {
         let hand = ComparedHand::read(urdf, pulls)?;
         let known = hands.iter().any(|other| other.name() == hand.name());
-        ensure!(!known, "--hand {}: found the name `{}` twice, expected each once", urdf.display(), hand.name());
+        ensure!(!known, "--urdf {}: found the name `{}` twice, expected each once", urdf.display(), hand.name());
         hands.push(hand);
     }
     Ok(hands)

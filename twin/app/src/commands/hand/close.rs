@@ -8,18 +8,20 @@ use clap::Args;
 use hand_model::any_hand::AnyHand;
 use lab::closing::BallGrip;
 use nalgebra::Point3;
+use scenarios::geometry::LINK_MESHES;
 
+use crate::commands::own_hand;
 use crate::terminal::{Outcome, Terminal};
 
 /// Arguments of `hand close`.
 #[derive(Debug, Args)]
 pub struct CloseArgs {
-    /// The hand: URDF with collision boxes, spheres, cylinders or OBJ/STL meshes.
-    #[arg(long)]
+    /// The hand: URDF with collision boxes, spheres, cylinders, capsules or meshes (OBJ, STL, PLY, glTF, COLLADA).
+    #[arg(long, alias = "hand", value_name = "URDF")]
     pub urdf: PathBuf,
-    /// What pulls on its joints (TOML; hand-model/data/hands has two to start from).
-    #[arg(long)]
-    pub transmission: PathBuf,
+    /// What pulls on its joints (TOML; hand-model/data/hands has some to start from).
+    #[arg(long, alias = "transmission")]
+    pub pulls: PathBuf,
     /// Where the ball's centre is held while the hand closes, in the root link's frame, m: x,y,z.
     #[arg(long, required = true, value_delimiter = ',', allow_hyphen_values = true)]
     pub at: Vec<f64>,
@@ -36,8 +38,19 @@ pub struct CloseArgs {
 
 /// Closes the hand, prints what it feels and draws it.
 pub fn run(terminal: &Terminal, args: &CloseArgs) -> Outcome {
-    let hand = Arc::new(AnyHand::read(&args.urdf, &args.transmission)?);
-    let tensions = tensions(&hand, &args.tensions)?;
+    let hand = Arc::new(AnyHand::read(&args.urdf, &args.pulls, LINK_MESHES)?);
+    own_hand::say_renamed();
+    let asked = tensions(&hand, &args.tensions)?;
+    let (tensions, above) = hand.within_efforts(&asked);
+    for n in above {
+        eprintln!(
+            "note: {}: {} N asked for, {:.1} N taken: {}",
+            hand.pulls[n].name,
+            asked[n],
+            tensions[n],
+            hand.pulls[n].most.as_ref().map_or("the efforts of its joints", |(_, by)| by)
+        );
+    }
     let (at, radius) = ball(args)?;
     for note in &hand.notes {
         eprintln!("note: {note}");

@@ -15,6 +15,7 @@ use super::map::{self, MapArgs};
 use super::report;
 use super::source::{GraspsArgs, Source};
 use crate::commands::grasps::hands::{self, HandsArgs};
+use crate::commands::own_hand;
 use crate::terminal::{Made, Outcome, Terminal};
 
 /// Arguments of `study`.
@@ -26,10 +27,10 @@ pub struct StudyArgs {
     #[arg(long)]
     pub full: bool,
     /// Another hand beside ours: its URDF (repeatable).
-    #[arg(long)]
+    #[arg(long = "urdf", alias = "hand", value_name = "URDF")]
     pub hand: Vec<PathBuf>,
-    /// What pulls on that hand's joints, TOML: one for each --hand, in the same order.
-    #[arg(long)]
+    /// What pulls on that hand's joints, TOML: one for each --urdf, in the same order.
+    #[arg(long, alias = "transmission")]
     pub pulls: Vec<PathBuf>,
     /// Folder for study.html and all parts; the same command goes on from it [default: recordings/study, with --full
     /// recordings/study-full].
@@ -55,6 +56,7 @@ const PARTS: [Part; 4] = [
 
 /// `ftac study`.
 pub fn run(terminal: &Terminal, args: &StudyArgs) -> Outcome {
+    own_hand::say_renamed();
     let standard = if args.full { "recordings/study-full" } else { "recordings/study" };
     let out = args.out.clone().unwrap_or_else(|| standard.into());
     // What would fail at the end fails at once.

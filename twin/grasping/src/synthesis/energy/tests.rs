@@ -84,7 +84,7 @@ fn lines_of_mixed_sense() {
     let surface = HandSurface::new(&hand, 300);
     let field = ball(0.03);
     let line = ActuatorLine { joints: vec![0, 3, 7], share: vec![1.0, -0.5, 1.5], offset: vec![0.0, 0.1, 0.0] };
-    let mechanism = Mechanism { limits: vec![(-2.0, 2.0); 15], lines: vec![line] };
+    let mechanism = Mechanism { limits: vec![(-2.0, 2.0); 15], scale: vec![1.0; 15], lines: vec![line] };
     let energy = GraspEnergy::of_mechanism(mechanism, &surface, &field, Weights::default(), None);
     let at = |joints: &[f64], gradient: &mut [f64]| {
         let state = HandState { object_from_palm: Isometry3::identity(), joints: joints.to_vec() };

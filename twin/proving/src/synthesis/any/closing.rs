@@ -1,7 +1,7 @@
 //! From a sampled posture of any hand to a closed grasp, moved by nothing but its own actuators, and the checks on it.
 
 use anyhow::Result;
-use grasping::force_closure::{Contact, wrench_margin};
+use grasping::force_closure::{Contact, soft_wrench_margin};
 use grasping::synthesis::chain::Sample;
 use grasping::synthesis::field::DistanceField;
 use grasping::synthesis::frames::{Frames, HandState};
@@ -22,6 +22,10 @@ const TENSIONS: (f64, f64) = (8.0, 60.0);
 const CLOSE_TENSION: f64 = 30.0;
 /// A link opens until it is this clear of the object, m.
 const CLEAR: f64 = 1.5e-3;
+/// Arm of the friction that a fingertip bears about its normal, m: 3 pi / 16 of the radius of its contact (Hertz), which is 5 mm for soft tips.
+const TORSION_ARM: f64 = 3.0 * std::f64::consts::PI / 16.0 * 5e-3;
+/// Torques count as forces at this arm, m: as far beside its middle as an object's weight may act.
+const TORQUE_ARM: f64 = 0.01;
 /// How far one step opens an actuator, rad, and how many steps and retreats there are at most.
 const OPENING: f64 = 0.06;
 const MOST_STEPS: usize = 60;
@@ -127,7 +131,8 @@ fn open_clear(
                 state.object_from_palm.translation.vector += field.at(&least.1).normal * (0.3e-3 - least.0);
                 clear = false;
             } else if least.0 < CLEAR && can_open {
-                movers.iter().for_each(|line| amounts[*line] = (amounts[*line] - OPENING).max(0.0));
+                let step = |line: usize| OPENING * mechanism.unit(line);
+                movers.iter().for_each(|line| amounts[*line] = (amounts[*line] - step(*line)).max(0.0));
                 clear = false;
             }
         }
@@ -149,7 +154,7 @@ fn holding(hand: &Described, line: usize, amount: f64) -> f64 {
     let (joint, arm) = arms[0];
     let own = &hand.mechanism.lines[line];
     let share = own.joints.iter().position(|own| *own == joint).map_or(1.0, |n| own.share[n]);
-    (hand.hand.spring * amount * share / arm).max(0.0)
+    (hand.hand.feel(joint).spring * amount * share / arm).max(0.0)
 }
 
 /// Closes a sample.
@@ -166,7 +171,9 @@ pub fn close(
         open_clear(hand, &subject.field, frames, &sample.state.moved(&by)).ok_or(NotClosed::Blocked)?;
     let start = hand.palm_from_root.inverse() * state.object_from_palm.inverse();
     let tensions = amounts.iter().enumerate().map(|(line, amount)| holding(hand, line, *amount)).collect();
-    pull(hand, subject, AnyOpen { start, joints: state.joints, tensions }, &aim.tensions)
+    // No joint bears more than its effort.
+    let (after, _) = hand.hand.within_efforts(&aim.tensions);
+    pull(hand, subject, AnyOpen { start, joints: state.joints, tensions }, &after)
 }
 
 /// Closes an open hand: its tensions rise to `after` (N).
@@ -202,11 +209,11 @@ pub fn object(stand: &AnyStand) -> Isometry3<f64> {
     stand.poses().first().copied().unwrap_or_else(Isometry3::identity)
 }
 
-/// Wrench margin, N.
+/// Wrench margin of soft contacts, N, torques over [`TORQUE_ARM`].
 pub fn margin(subject: &Subject, closed: &AnyClosed) -> Result<f64> {
     let contact =
         |touch: &Touch| Contact { point: touch.point, normal: touch.normal, friction: subject.model.friction };
     let contacts: Vec<Contact> = closed.touches.iter().map(contact).collect();
     let center = object(&closed.stand) * subject.field.center;
-    Ok(wrench_margin(&contacts, &center, subject.field.length, checks::TOTAL_FORCE)?)
+    Ok(soft_wrench_margin(&contacts, TORSION_ARM, &center, TORQUE_ARM, checks::TOTAL_FORCE)?)
 }

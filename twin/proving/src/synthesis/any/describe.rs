@@ -5,21 +5,25 @@
 //! the fingers close. That place is also the pivot of the sampler's turns, seen from a frame laid out like our hand's palm: the
 //! object comes along -z.
 
+mod palm;
 mod solids;
+mod true_surface;
 
 use std::path::Path;
 use std::sync::Arc;
 
-use anyhow::{Context, Result, bail};
-use grasping::synthesis::frames::PIVOT;
+use anyhow::{Context as _, Result, bail};
 use grasping::synthesis::mechanism::Mechanism;
 use grasping::synthesis::surface::{Ball, Candidate, HandSurface};
 use hand_model::any_hand::AnyHand;
-use hand_model::kinematics::Tree;
-use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
+use hand_model::kinematics::{JointKind, Tree};
+use nalgebra::{Isometry3, Point3, Vector3};
+use scenarios::geometry::LINK_MESHES;
 use sim::stand::AnyBody;
 
-use self::solids::{LinkShapes, SurfacePoint, fill, name, shapes, surface_points};
+use self::palm::{facing_warning, opening, palm_frame};
+use self::solids::{LinkPart, LinkShapes, SurfacePoint, fill, name, number, shapes, surface_points};
+use self::true_surface::TrueSurfaces;
 
 const MOST_CANDIDATES: usize = 700;
 /// Cosine between a point's motion and its normal from which on it is a candidate.
@@ -28,8 +32,14 @@ const FACES_MOTION: f64 = 0.5;
 const FACES_CLOSING_POINT: f64 = 0.7;
 /// How far a point has to move in the middle quarter of the closing motion, m: not one beside its own hinge.
 const LEAST_MOTION: f64 = 2e-3;
+/// The same in rad, of what slides: it has no hinge.
+const LEAST_SLIDE: f64 = 0.2e-3;
 /// Steps of the closing motion that are looked at.
 const STEPS: usize = 8;
+/// A point of a part is a candidate if the link's own surface is within this, m.
+const ON_SURFACE: f64 = 1.5e-3;
+/// Tension up to which actuators are not told to be weak, N.
+const STRONG: f64 = 60.0;
 
 /// A hand made ready for sampling. The tree, the surface and all candidates are in the palm frame.
 pub struct Described {
@@ -45,13 +55,18 @@ pub struct Described {
     pub mechanism: Mechanism,
     /// Points, candidates, pairs.
     pub surface: HandSurface,
+    /// The root's collision shapes, root frame.
+    root: LinkShapes,
+    true_surfaces: TrueSurfaces,
+    /// The widest object between its fingers, m.
+    pub opening: f64,
     /// What was found, in words; warnings begin with `WARNING`.
     pub notes: Vec<String>,
 }
 
 /// Reads and describes a hand.
 pub fn read(urdf: &Path, pulls: &Path) -> Result<Described> {
-    let hand = AnyHand::read(urdf, pulls)?;
+    let hand = AnyHand::read(urdf, pulls, LINK_MESHES)?;
     describe(hand).with_context(|| urdf.display().to_string())
 }
 
@@ -69,14 +84,21 @@ fn describe(hand: AnyHand) -> Result<Described> {
             ));
         }
     }
+    notes.extend(palm_note(&hand, &shapes));
+    let true_surfaces = TrueSurfaces::new(&hand, &shapes);
     let closing_motion = closing_motion(&hand, &mechanism);
     let place = closing_point(&hand, &mechanism, &closing_motion, &by_link)?;
-    let palm_from_root = palm_frame(&shapes, &place, &mut notes)?;
+    let palm_from_root = palm_frame(&hand, &shapes, &place, &mut notes)?;
     notes.extend(facing_warning(&hand, &mechanism, &closing_motion, &palm_from_root));
     let mut candidates: Vec<Candidate> = Vec::new();
     for (link, points) in by_link.iter().enumerate() {
         let faces: Vec<&SurfacePoint> =
             points.iter().filter(|at| may_touch(&hand, &closing_motion, &place, link, at)).collect();
+        let on_surface = |at: &&&SurfacePoint| {
+            let point = Point3::from(at.point);
+            (true_surfaces.nearest(link, &point) - point).norm() <= ON_SURFACE
+        };
+        let faces: Vec<&SurfacePoint> = faces.iter().filter(on_surface).copied().collect();
         candidates.extend(faces.iter().map(|at| Candidate { link, pad: link, point: at.point, normal: at.normal }));
         notes.push(format!("{:32} {:5} points, {:4} candidates", name(&hand, link), points.len(), faces.len()));
     }
@@ -87,6 +109,8 @@ fn describe(hand: AnyHand) -> Result<Described> {
     }
     let every = candidates.len().div_ceil(MOST_CANDIDATES);
     candidates = candidates.into_iter().step_by(every.max(1)).collect();
+    let opening = opening(&hand, &closing_motion, &candidates);
+    notes.push(format!("the fingers take up to {:.0} mm between them", 1e3 * opening));
     let balls: Vec<Vec<Ball>> = shapes.iter().map(|own| fill(own)).collect();
     let hand = Arc::new(hand);
     let body = AnyBody::new(hand.clone());
@@ -106,15 +130,55 @@ fn describe(hand: AnyHand) -> Result<Described> {
     for joint in tree.joints.iter_mut().filter(|joint| joint.parent.is_none()) {
         joint.origin = palm_from_root * joint.origin;
     }
-    Ok(Described { hand, body, tree, palm_from_root, mechanism, surface, notes })
+    let root = shapes.into_iter().take(1).collect();
+    Ok(Described { hand, body, tree, palm_from_root, mechanism, surface, root, true_surfaces, opening, notes })
+}
+
+impl Described {
+    /// True if the root's part nearest to `point` (root frame) belongs to the palm.
+    pub fn on_palm(&self, point: &Point3<f64>) -> bool {
+        let distance = |part: &LinkPart| part.shape.signed_distance(&part.pose.inverse_transform_point(point)).0;
+        let parts = self.root.iter().flatten();
+        parts.min_by(|a, b| distance(a).total_cmp(&distance(b))).is_some_and(|part| part.bears)
+    }
+
+    /// The point of a link's own surface (`None` is the root) that is nearest to `point`, both in the link's frame.
+    pub fn on_surface(&self, link: Option<usize>, point: &Point3<f64>) -> Point3<f64> {
+        self.true_surfaces.nearest(number(link), point)
+    }
+
+    /// The digit of a link: the first joint of its chain; none of the root.
+    pub fn digit(&self, link: Option<usize>) -> Option<usize> {
+        link.map(|link| self.tree.chain(link)[0])
+    }
+}
+
+/// Says what bears an object where the pulls file does not name the palm.
+fn palm_note(hand: &AnyHand, shapes: &LinkShapes) -> Option<String> {
+    let mut owners: Vec<&str> =
+        hand.solids.iter().filter(|solid| solid.link.is_none()).map(|solid| solid.owner.as_str()).collect();
+    owners.dedup();
+    (!shapes[0].is_empty() && !shapes[0].iter().any(|part| part.bears)).then(|| {
+        format!(
+            "WARNING palm: not named; a grasp that leans on a fixed part ({}) is none. `links` in the pulls file's [palm] names those that may \
+             bear an object",
+            owners.join(", ")
+        )
+    })
 }
 
 fn check(hand: &AnyHand, notes: &mut Vec<String>) -> Result<()> {
     if hand.pulls.is_empty() {
         bail!("actuator: found none, expected at least one that pulls a joint");
     }
-    for (name, angle) in &hand.held {
-        notes.push(format!("{name}: no actuator pulls it, it is held at {angle:.3} rad"));
+    notes.extend(hand.notes.iter().cloned());
+    for (name, at) in &hand.held {
+        notes.push(format!("{name}: no actuator pulls it, it is held at {at:.3}"));
+    }
+    for (name, (most, by)) in hand.pulls.iter().filter_map(|pull| Some((&pull.name, pull.most.as_ref()?))) {
+        if *most < STRONG {
+            notes.push(format!("{name}: pulls with {most:.1} N at most: {by}"));
+        }
     }
     for (index, joint) in hand.tree.joints.iter().enumerate() {
         let pulled = hand.pulls.iter().any(|pull| pull.arms.iter().any(|(joint, _)| *joint == index));
@@ -125,7 +189,7 @@ fn check(hand: &AnyHand, notes: &mut Vec<String>) -> Result<()> {
                 let leader = &hand.tree.joints[follower.leader].name;
                 let offset = match follower.offset {
                     0.0 => String::new(),
-                    offset => format!(" plus {offset} rad"),
+                    offset => format!(" plus {offset} {}", joint.kind.unit()),
                 };
                 notes.push(format!("{}: follows {leader} times {}{offset}", joint.name, follower.multiplier));
                 continue;
@@ -134,7 +198,10 @@ fn check(hand: &AnyHand, notes: &mut Vec<String>) -> Result<()> {
             (false, None) => continue,
         }
         if !(joint.lower.is_finite() && joint.upper.is_finite()) {
-            bail!("joint[{}].limit: found none, expected finite limits of a joint that is pulled", joint.name);
+            bail!(
+                "joint[{}].limit: found none, expected finite limits of a joint that is pulled: grasps are sampled between them",
+                joint.name
+            );
         }
     }
     Ok(())
@@ -152,9 +219,11 @@ fn closing_motion(hand: &AnyHand, mechanism: &Mechanism) -> Vec<Vec<f64>> {
                     .joints
                     .iter()
                     .zip(&own.share)
-                    .map(|(joint, share)| {
+                    .enumerate()
+                    .map(|(n, (joint, share))| {
                         let (lower, upper) = mechanism.limits[*joint];
-                        (if *share > 0.0 { upper } else { -lower }).max(0.0)
+                        let zero = own.offset[n];
+                        (if *share > 0.0 { upper - zero } else { zero - lower }).max(0.0)
                     })
                     .sum::<f64>()
                     / own.joints.len() as f64;
@@ -196,72 +265,11 @@ fn closing_point(
     Ok(Point3::from(middles.iter().sum::<Vector3<f64>>() / middles.len() as f64))
 }
 
-/// The palm frame: its pivot on the place, its -z away from the root's nearest surface.
-fn palm_frame(shapes: &LinkShapes, place: &Point3<f64>, notes: &mut Vec<String>) -> Result<Isometry3<f64>> {
-    let nearest = shapes[0]
-        .iter()
-        .map(|(pose, shape)| {
-            let (distance, outward) = shape.signed_distance(&pose.inverse_transform_point(place));
-            (distance, pose * outward)
-        })
-        .min_by(|a, b| a.0.total_cmp(&b.0));
-    let (distance, facing) = match nearest {
-        Some((distance, facing)) if distance > 0.0 => (distance, facing),
-        _ => {
-            let facing =
-                place.coords.try_normalize(1e-6).context("root: found no shape and no direction to the fingers")?;
-            notes.push(
-                "WARNING root: no collision shape behind the fingers, they are taken to face away from its origin"
-                    .into(),
-            );
-            (place.coords.norm(), facing)
-        }
-    };
-    notes.push(format!(
-        "the fingers close on [{:.3}, {:.3}, {:.3}] m, {:.0} mm before the root, facing [{:.2}, {:.2}, {:.2}]",
-        place.x,
-        place.y,
-        place.z,
-        1e3 * distance,
-        facing.x,
-        facing.y,
-        facing.z
-    ));
-    let turn = UnitQuaternion::rotation_between(&facing, &-Vector3::z())
-        .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI));
-    Ok(Isometry3::from_parts(Translation3::from(PIVOT - turn * place.coords), turn))
-}
-
-/// A warning if closing takes the last links away from the palm: where the palm's facing was found from another part of the root,
-/// or the arms' signs open the hand.
-fn facing_warning(
-    hand: &AnyHand,
-    mechanism: &Mechanism,
-    closing_motion: &[Vec<f64>],
-    palm_from_root: &Isometry3<f64>,
-) -> Option<String> {
-    let moved = mechanism.lines.iter().flat_map(|line| line.joints.iter().copied());
-    let tips: Vec<usize> =
-        moved.filter(|joint| !hand.tree.joints.iter().any(|other| other.parent == Some(*joint))).collect();
-    let (before, after) = (&closing_motion[STEPS / 2], &closing_motion[STEPS]);
-    let way: Vector3<f64> = tips
-        .iter()
-        .map(|tip| {
-            let ball = Point3::from(hand.masses[*tip].com);
-            pose(hand, after, tip + 1) * ball - pose(hand, before, tip + 1) * ball
-        })
-        .sum();
-    let away = -(palm_from_root * way).z / tips.len() as f64;
-    (away > LEAST_MOTION).then(|| {
-        format!(
-            "WARNING palm: the closing fingertips go {:.0} mm the way it faces; is its facing wrong, or an arm's sign?",
-            1e3 * away
-        )
-    })
-}
-
 /// Whether the closing hand moves a point the way it faces; for the palm, whether it faces where the fingers close.
 fn may_touch(hand: &AnyHand, closing_motion: &[Vec<f64>], place: &Point3<f64>, link: usize, at: &SurfacePoint) -> bool {
+    if !at.bears {
+        return false;
+    }
     if link == 0 {
         let way = place.coords - at.point;
         return at.normal.dot(&way) > FACES_CLOSING_POINT * way.norm();
@@ -271,7 +279,9 @@ fn may_touch(hand: &AnyHand, closing_motion: &[Vec<f64>], place: &Point3<f64>, l
     let point = Point3::from(at.point);
     let motion = after * point - before * point;
     let normal = pose(hand, &closing_motion[half], link) * at.normal;
-    motion.norm() > LEAST_MOTION && normal.dot(&motion) > FACES_MOTION * motion.norm()
+    let slides = hand.tree.chain(link - 1).iter().all(|joint| hand.tree.joints[*joint].kind == JointKind::Slide);
+    motion.norm() > if slides { LEAST_SLIDE } else { LEAST_MOTION }
+        && normal.dot(&motion) > FACES_MOTION * motion.norm()
 }
 
 /// Pairs of links whose balls the sampler keeps apart: not joined, and not overlapping already at rest, as published boxes often
@@ -298,7 +308,6 @@ fn pairs(body: &AnyBody, balls: &[Vec<Ball>], notes: &mut Vec<String>) -> Vec<(u
             }
         }
     }
-    let number = |link: Option<usize>| link.map_or(0, |link| link + 1);
     let overlap = body.passing().iter().map(|(a, b)| format!("{}+{}", name(hand, number(*a)), name(hand, number(*b))));
     let overlap: Vec<String> = overlap.collect();
     if !overlap.is_empty() {
@@ -308,11 +317,12 @@ fn pairs(body: &AnyBody, balls: &[Vec<Ball>], notes: &mut Vec<String>) -> Vec<(u
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
+    use grasping::synthesis::frames::PIVOT;
 
     /// Two jaws on a base, one pulled and one following the other way.
-    fn clamp(arms: &str) -> Result<Described> {
+    pub fn clamp(arms: &str) -> Result<Described> {
         let link = |name: &str| {
             format!(
                 r#"<link name="{name}"><inertial><mass value="0.1"/><origin xyz="0.03 0 0"/>
@@ -335,9 +345,9 @@ mod tests {
             joint("b", "right", -0.04, (0.0, 1.0), r#"<mimic joint="a" multiplier="-1"/>"#)
         );
         let pulls = format!(
-            "version = 1\ndamping = 0.02\narmature = 1e-4\nspring = 0.02\n[[actuator]]\nname = \"close\"\narms = {arms}\n"
+            "version = 1\ndamping = 0.02\narmature = 1e-4\nspring = 0.02\n[[actuator]]\nname = \"close\"\narms = {arms}\n[palm]\nlinks = [\"base\"]\n"
         );
-        describe(AnyHand::parse(&urdf, Path::new("clamp.urdf"), &pulls, Path::new("clamp.toml"))?)
+        describe(AnyHand::parse(&urdf, Path::new("clamp.urdf"), &pulls, Path::new("clamp.toml"), LINK_MESHES)?)
     }
 
     /// Candidates are found on the inner faces of the jaws and on the base between them, and nowhere else.

@@ -15,26 +15,53 @@ const POINTS: usize = 2000;
 pub struct SurfacePoint {
     pub point: Vector3<f64>,
     pub normal: Vector3<f64>,
+    /// It may bear an object.
+    pub bears: bool,
 }
 
-/// Shapes by link (0 is the root), with their pose in the link's frame.
-pub type LinkShapes = Vec<Vec<(Isometry3<f64>, Shape)>>;
+/// A collision shape of a link.
+pub struct LinkPart {
+    /// `link_from_shape`.
+    pub pose: Isometry3<f64>,
+    pub shape: Shape,
+    /// It stands for (a part of) a mesh.
+    pub of_mesh: bool,
+    /// It may bear an object: every one of a moving link; of the root those that the pulls file names as palm.
+    pub bears: bool,
+}
+
+/// Shapes by link (0 is the root).
+pub type LinkShapes = Vec<Vec<LinkPart>>;
+
+/// Number of a link: 0 is the root.
+pub fn number(link: Option<usize>) -> usize {
+    link.map_or(0, |link| link + 1)
+}
 
 /// The collision shapes of every link.
 pub fn shapes(hand: &AnyHand) -> Result<LinkShapes> {
-    let mut found: LinkShapes = vec![Vec::new(); hand.tree.len() + 1];
+    let mut found: LinkShapes = Vec::new();
+    found.resize_with(hand.tree.len() + 1, Vec::new);
     for solid in &hand.solids {
-        let link = solid.link.map_or(0, |link| link + 1);
+        let link = number(solid.link);
         let shape = match &solid.shape {
             SolidShape::Cuboid(half) => Shape::Cuboid { half: *half, radius: 0.0 },
             SolidShape::Sphere(radius) => Shape::Sphere { radius: *radius },
             SolidShape::Cylinder(radius, half) => Shape::Cylinder { radius: *radius, half_height: *half },
+            SolidShape::Capsule(radius, half) => {
+                Shape::Cuboid { half: Vector3::new(*radius, *radius, half + radius), radius: *radius }
+            }
             SolidShape::Hull(points) => {
                 let mesh = hull_mesh(points).with_context(|| format!("the collision hull of {}", name(hand, link)))?;
                 Shape::Mesh(Arc::new(mesh))
             }
         };
-        found[link].push((solid.link_from_solid, shape));
+        found[link].push(LinkPart {
+            pose: solid.link_from_solid,
+            shape,
+            of_mesh: matches!(solid.shape, SolidShape::Hull(_)),
+            bears: link > 0 || hand.palm.links.contains(&solid.owner),
+        });
     }
     Ok(found)
 }
@@ -50,19 +77,19 @@ fn surface_area(shape: &Shape) -> f64 {
 
 /// Points spread evenly over all links, those inside another shape of the same link left out.
 pub fn surface_points(shapes: &LinkShapes) -> Vec<Vec<SurfacePoint>> {
-    let total: f64 = shapes.iter().flatten().map(|(_, shape)| surface_area(shape)).sum();
-    let on_link = |parts: &Vec<(Isometry3<f64>, Shape)>| {
+    let total: f64 = shapes.iter().flatten().map(|part| surface_area(&part.shape)).sum();
+    let on_link = |parts: &Vec<LinkPart>| {
         let mut points = Vec::new();
-        for (n, (pose, shape)) in parts.iter().enumerate() {
+        for (n, LinkPart { pose, shape, bears, .. }) in parts.iter().enumerate() {
             let count = (POINTS as f64 * surface_area(shape) / total).ceil() as usize;
             for point in shape.surface_samples(count) {
                 let (_, normal) = shape.signed_distance(&point);
                 let at = pose * point;
-                let buried = parts.iter().enumerate().any(|(other, (pose, shape))| {
-                    other != n && shape.signed_distance(&pose.inverse_transform_point(&at)).0 < -1e-4
+                let buried = parts.iter().enumerate().any(|(other, part)| {
+                    other != n && part.shape.signed_distance(&part.pose.inverse_transform_point(&at)).0 < -1e-4
                 });
                 if !buried {
-                    points.push(SurfacePoint { point: at.coords, normal: pose * normal });
+                    points.push(SurfacePoint { point: at.coords, normal: pose * normal, bears: *bears });
                 }
             }
         }
@@ -77,9 +104,9 @@ pub fn name(hand: &AnyHand, link: usize) -> String {
 }
 
 /// Balls inside the shapes of one link: grid points that are nearly as deep as any.
-pub fn fill(shapes: &[(Isometry3<f64>, Shape)]) -> Vec<Ball> {
+pub fn fill(shapes: &[LinkPart]) -> Vec<Ball> {
     let mut balls = Vec::new();
-    for (pose, shape) in shapes {
+    for LinkPart { pose, shape, .. } in shapes {
         let (low, high) = shape.aabb();
         let step = 0.5 * (high - low).min();
         let depth = |p: &Point3<f64>| -shape.signed_distance(p).0;

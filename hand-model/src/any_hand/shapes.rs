@@ -1,0 +1,193 @@
+//! The collision shapes of a URDF's links, in the frames of the joints that move them.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use nalgebra::{Isometry3, Point3, Vector3};
+use urdf_rs::{Geometry, Link, Pose, Robot};
+
+use super::meshes::{self, MeshTools, Triangles};
+use crate::data::DataError;
+use crate::kinematics::pose_from_xyz_rpy;
+use crate::urdf::numbers::check_shape;
+
+/// A mesh that stands out further from its convex parts than this is told, m.
+const TOLD_EXCESS: f64 = 1e-3;
+
+/// A collision shape of a link.
+#[derive(Debug, Clone)]
+pub struct Solid {
+    /// Joint whose link carries it; `None` is the root.
+    pub link: Option<usize>,
+    /// Name of its link in the URDF.
+    pub owner: String,
+    /// `link_from_solid`.
+    pub link_from_solid: Isometry3<f64>,
+    /// Its shape, m.
+    pub shape: SolidShape,
+}
+
+/// Shapes a URDF knows.
+#[derive(Debug, Clone)]
+pub enum SolidShape {
+    /// Half extents.
+    Cuboid(Vector3<f64>),
+    /// Radius.
+    Sphere(f64),
+    /// Radius and half length along z.
+    Cylinder(f64, f64),
+    /// Radius and half length along z of the part between its caps.
+    Capsule(f64, f64),
+    /// The convex hull of these points.
+    Hull(Vec<Point3<f64>>),
+}
+
+impl SolidShape {
+    /// Middle and half extents of the box around it, m.
+    pub fn extent(&self) -> (Point3<f64>, Vector3<f64>) {
+        match self {
+            Self::Cuboid(half) => (Point3::origin(), *half),
+            Self::Sphere(radius) => (Point3::origin(), Vector3::repeat(*radius)),
+            Self::Cylinder(radius, half) => (Point3::origin(), Vector3::new(*radius, *radius, *half)),
+            Self::Capsule(radius, half) => (Point3::origin(), Vector3::new(*radius, *radius, half + radius)),
+            Self::Hull(points) => {
+                let bound = |pick: fn(f64, f64) -> f64, start: f64| {
+                    points.iter().fold(Vector3::repeat(start), |bound, point| bound.zip_map(&point.coords, pick))
+                };
+                let (low, high) = (bound(f64::min, f64::INFINITY), bound(f64::max, f64::NEG_INFINITY));
+                (Point3::from(0.5 * (low + high)), 0.5 * (high - low))
+            }
+        }
+    }
+}
+
+/// The surface of a mesh for which convex parts stand.
+#[derive(Debug, Clone)]
+pub struct MeshSurface {
+    /// Joint whose link carries it; `None` is the root.
+    pub link: Option<usize>,
+    /// Name of its link in the URDF.
+    pub owner: String,
+    /// `link_from_mesh`.
+    pub link_from_mesh: Isometry3<f64>,
+    /// In metres.
+    pub triangles: Triangles,
+    /// Largest distance by which its parts stand out of it, m.
+    pub excess: f64,
+}
+
+/// All shapes of a hand.
+#[derive(Default)]
+pub struct Shapes {
+    pub solids: Vec<Solid>,
+    pub surfaces: Vec<MeshSurface>,
+    pub bare: Vec<String>,
+}
+
+/// A shape with its place and its name in the URDF.
+struct Shape<'a> {
+    geometry: &'a Geometry,
+    origin: &'a Pose,
+    element: String,
+}
+
+/// The shapes of a link: those for collision, or the visual ones.
+fn shapes_of(link: &Link, visual: bool) -> Vec<Shape<'_>> {
+    let name = &link.name;
+    if visual {
+        let shapes = link.visual.iter().enumerate();
+        let named = shapes.map(|(n, own)| (&own.geometry, &own.origin, format!("link[{name}].visual[{n}]")));
+        named.map(|(geometry, origin, element)| Shape { geometry, origin, element }).collect()
+    } else {
+        let shapes = link.collision.iter().enumerate();
+        let named = shapes.map(|(n, own)| (&own.geometry, &own.origin, format!("link[{name}].collision[{n}]")));
+        named.map(|(geometry, origin, element)| Shape { geometry, origin, element }).collect()
+    }
+}
+
+/// Reads the shapes of all links. `visuals` takes visual shapes where a link has none for collision; so does a hand that has none at all.
+pub fn read(
+    robot: &Robot,
+    carried: &BTreeMap<String, (Option<usize>, Isometry3<f64>)>,
+    path: &Path,
+    visuals: bool,
+    tools: MeshTools,
+    notes: &mut Vec<String>,
+) -> Result<Shapes, DataError> {
+    let mut known = meshes::Known::new(tools);
+    let mut shapes = Shapes::default();
+    let none = robot.links.iter().all(|link| link.collision.is_empty());
+    let mut shown = Vec::new();
+    for link in &robot.links {
+        let Some((carrier, pose)) = carried.get(&link.name) else { continue };
+        let visual = link.collision.is_empty() && !link.visual.is_empty() && (visuals || none);
+        if visual {
+            shown.push(link.name.as_str());
+        } else if link.collision.is_empty() && (!link.visual.is_empty() || link.inertial.mass.value > 0.0) {
+            shapes.bare.push(link.name.clone());
+        }
+        for Shape { geometry, origin, element } in shapes_of(link, visual) {
+            check_shape(geometry, origin, element.clone(), path)?;
+            let place = pose * pose_from_xyz_rpy(origin.xyz.0, origin.rpy.0);
+            let solid = |shape| Solid { link: *carrier, owner: link.name.clone(), link_from_solid: place, shape };
+            let shape = match geometry {
+                Geometry::Box { size } => SolidShape::Cuboid(0.5 * Vector3::from(size.0)),
+                Geometry::Sphere { radius } => SolidShape::Sphere(*radius),
+                Geometry::Cylinder { radius, length } => SolidShape::Cylinder(*radius, 0.5 * length),
+                Geometry::Capsule { radius, length } => SolidShape::Capsule(*radius, 0.5 * length),
+                Geometry::Mesh { filename, scale } => {
+                    let scale = scale.as_ref().map_or(Vector3::repeat(1.0), |scale| Vector3::from(scale.0));
+                    let mesh = known.read(filename, &scale, path, &element)?;
+                    let file = path.display();
+                    if mesh.open_edges > 0 {
+                        notes.push(format!(
+                            "{file}: {element}.mesh: `{filename}` is not watertight ({} open edges); {} for it",
+                            mesh.open_edges,
+                            if mesh.parts.len() > 1 { "convex parts stand" } else { "its convex hull stands" }
+                        ));
+                    }
+                    if mesh.excess > TOLD_EXCESS {
+                        notes.push(format!(
+                            "{file}: {element}.mesh: the {} convex part{} of `{filename}` stand out of its surface by up to {:.1} mm",
+                            mesh.parts.len(),
+                            if mesh.parts.len() == 1 { "" } else { "s" },
+                            1e3 * mesh.excess
+                        ));
+                    }
+                    shapes.solids.extend(mesh.parts.iter().map(|part| solid(SolidShape::Hull(part.clone()))));
+                    shapes.surfaces.push(MeshSurface {
+                        link: *carrier,
+                        owner: link.name.clone(),
+                        link_from_mesh: place,
+                        triangles: mesh.triangles.clone(),
+                        excess: mesh.excess,
+                    });
+                    continue;
+                }
+            };
+            shapes.solids.push(solid(shape));
+        }
+    }
+    tell(&shapes.bare, &shown, robot, path, notes);
+    Ok(shapes)
+}
+
+/// Says which links pass through everything, and which are taken by their visual shapes.
+fn tell(bare: &[String], shown: &[&str], robot: &Robot, path: &Path, notes: &mut Vec<String>) {
+    let file = path.display();
+    if !shown.is_empty() {
+        notes.push(format!(
+            "{file}: link.collision: none of {}; their visual shapes are taken for it",
+            shown.join(", ")
+        ));
+    }
+    if !bare.is_empty() {
+        let visual =
+            bare.iter().any(|name| robot.links.iter().any(|link| link.name == *name && !link.visual.is_empty()));
+        let offer = if visual { "; `visuals = true` in the pulls file takes their visual shapes" } else { "" };
+        notes.push(format!(
+            "{file}: link.collision: none of {}; everything passes through them{offer}",
+            bare.join(", ")
+        ));
+    }
+}

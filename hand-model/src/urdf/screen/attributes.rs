@@ -1,0 +1,126 @@
+//! The attributes that elements of links and joints need, and those that are filled in.
+
+use std::ops::Range;
+
+use super::tags::Start;
+use crate::data::DataError;
+
+/// Contents of an attribute.
+#[derive(Clone, Copy)]
+enum Holds {
+    Text,
+    /// So many numbers.
+    Numbers(usize),
+}
+
+/// Treatment of an attribute that is not there.
+#[derive(Clone, Copy)]
+enum Missing {
+    Refused,
+    Allowed,
+    Filled(&'static str),
+}
+
+use Holds::{Numbers, Text};
+use Missing::{Allowed, Filled, Refused};
+
+type Attribute = (&'static str, Holds, Missing);
+
+/// Attributes of the elements, by their names from the link or joint on.
+const ELEMENTS: [(&[&str], &[Attribute]); 19] = [
+    (&["joint", "origin"], ORIGIN),
+    (&["link", "inertial", "origin"], ORIGIN),
+    (&["link", "visual", "origin"], ORIGIN),
+    (&["link", "collision", "origin"], ORIGIN),
+    (&["joint", "parent"], &[("link", Text, Refused)]),
+    (&["joint", "child"], &[("link", Text, Refused)]),
+    (&["joint", "axis"], &[("xyz", Numbers(3), Filled("1 0 0"))]),
+    (
+        &["joint", "limit"],
+        &[
+            ("lower", Numbers(1), Allowed),
+            ("upper", Numbers(1), Allowed),
+            ("effort", Numbers(1), Allowed),
+            ("velocity", Numbers(1), Filled("0")),
+        ],
+    ),
+    (
+        &["joint", "mimic"],
+        &[("joint", Text, Refused), ("multiplier", Numbers(1), Allowed), ("offset", Numbers(1), Allowed)],
+    ),
+    (&["joint", "dynamics"], &[("damping", Numbers(1), Allowed), ("friction", Numbers(1), Allowed)]),
+    (&["joint", "safety_controller"], &[("k_velocity", Numbers(1), Filled("0"))]),
+    (&["link", "inertial", "mass"], &[("value", Numbers(1), Refused)]),
+    (
+        &["link", "inertial", "inertia"],
+        &[
+            ("ixx", Numbers(1), Refused),
+            ("iyy", Numbers(1), Refused),
+            ("izz", Numbers(1), Refused),
+            ("ixy", Numbers(1), Filled("0")),
+            ("ixz", Numbers(1), Filled("0")),
+            ("iyz", Numbers(1), Filled("0")),
+        ],
+    ),
+    (&["link", "visual", "material"], &[("name", Text, Filled(""))]),
+    (&["box"], &[("size", Numbers(3), Refused)]),
+    (&["sphere"], &[("radius", Numbers(1), Refused)]),
+    (&["cylinder"], ROUND),
+    (&["capsule"], ROUND),
+    (&["mesh"], &[("filename", Text, Refused), ("scale", Numbers(3), Allowed)]),
+];
+
+const ORIGIN: &[Attribute] = &[("xyz", Numbers(3), Allowed), ("rpy", Numbers(3), Allowed)];
+const ROUND: &[Attribute] = &[("radius", Numbers(1), Refused), ("length", Numbers(1), Refused)];
+
+/// Attributes to fill in, as text; a fault where one is missing or no number. `names` lead from the link or joint to the element.
+pub fn check_attributes(
+    names: &[&str],
+    start: &Start<'_>,
+    fault: &dyn Fn(&str, String, &str) -> DataError,
+) -> Result<String, DataError> {
+    let shape = (names.len() >= 2 && names[names.len() - 2] == "geometry").then(|| &names[names.len() - 1..]);
+    let Some((_, attributes)) = ELEMENTS.iter().find(|(own, _)| Some(*own) == shape || *own == names) else {
+        return Ok(String::new());
+    };
+    let mut added = String::new();
+    for (name, holds, missing) in *attributes {
+        let Some(value) = start.attribute(name) else {
+            match missing {
+                Refused => return Err(fault(name, format!("none in line {}", start.line), &holds.text())),
+                Allowed => {}
+                Filled(value) => added += &format!(" {name}=\"{value}\""),
+            }
+            continue;
+        };
+        if let Numbers(count) = holds {
+            let numbers = value.split_whitespace().map(str::parse::<f64>).collect::<Result<Vec<_>, _>>();
+            if !numbers.is_ok_and(|numbers| numbers.len() == *count) {
+                return Err(fault(name, format!("`{value}` in line {}", start.line), &holds.text()));
+            }
+        }
+    }
+    Ok(added)
+}
+
+impl Holds {
+    fn text(self) -> String {
+        match self {
+            Text => "a name".into(),
+            Numbers(1) => "a number".into(),
+            Numbers(count) => format!("{count} numbers"),
+        }
+    }
+}
+
+/// `text` with every edit in the place of what it replaces (bytes).
+pub fn filled_in(text: &str, mut edits: Vec<(Range<usize>, String)>) -> String {
+    edits.sort_by_key(|(range, _)| range.start);
+    let (mut out, mut done) = (String::with_capacity(text.len()), 0);
+    for (range, edit) in edits {
+        out += &text[done..range.start];
+        out += &edit;
+        done = range.end;
+    }
+    out + &text[done..]
+}

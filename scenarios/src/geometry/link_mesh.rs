@@ -1,0 +1,101 @@
+//! Meshes of a hand's links: any format, cut into convex parts where they are not convex themselves.
+//!
+//! A link has many neighbours that its parts may collide with, so that it gets fewer of them than an object.
+
+use std::path::Path;
+
+use hand_model::any_hand::{Cut, MeshTools, Triangles};
+use hand_model::data::DataError;
+use nalgebra::Point3;
+use parry3d_f64::transformation::vhacd::VHACDParameters;
+
+use super::decomposition::{cut, excess};
+use super::mesh::Mesh;
+use super::mesh_file::read_triangles;
+
+/// Reader and cutter of a URDF's meshes.
+pub const LINK_MESHES: MeshTools = MeshTools { read: read_link, cut: cut_link };
+
+/// Parts that stand out of a link's surface further than this are cut more finely, m.
+const TOLERANCE: f64 = 1.5e-3;
+/// (voxels along the mesh, concavity), coarse to fine.
+const LEVELS: [(u32, f64); 3] = [(40, 0.02), (64, 0.01), (96, 0.003)];
+/// Parts of a link at most: with more, self-collision costs more than the rest of the physics.
+const MOST_PARTS: usize = 32;
+
+/// The triangles of a link's mesh file. Robot descriptions take glTF's axes as they stand, unlike objects.
+fn read_link(path: &Path) -> Result<Triangles, DataError> {
+    let (mut vertices, triangles) = read_triangles(path)?;
+    let extension = path.extension().and_then(|end| end.to_str()).unwrap_or_default().to_lowercase();
+    if matches!(extension.as_str(), "gltf" | "glb") {
+        vertices.iter_mut().for_each(|vertex| *vertex = Point3::new(vertex.x, vertex.z, -vertex.y));
+    }
+    Ok((vertices, triangles))
+}
+
+/// The hull of a surface where that stands out of it little, or else its convex parts: the first cut within [`TOLERANCE`], or the best of
+/// those with few enough parts. A surface that does not close is mended for it.
+pub fn cut_link(surface: &Triangles) -> Cut {
+    let (vertices, triangles) = surface;
+    let whole = vec![vertices.clone()];
+    let closed = Mesh::new(vertices.clone(), triangles.clone());
+    let Some(mesh) = closed.ok().or_else(|| Some(Mesh::mended(vertices, triangles).ok()?.0)) else {
+        // Nothing to cut or to measure by.
+        return Cut { parts: whole, excess: 0.0 };
+    };
+    let mut best = Cut { excess: excess(&mesh, &whole), parts: whole };
+    for (resolution, concavity) in LEVELS {
+        if best.excess <= TOLERANCE {
+            break;
+        }
+        let parts = cut(&mesh, VHACDParameters { resolution, concavity, ..VHACDParameters::default() });
+        let parts: Vec<Vec<Point3<f64>>> = parts.into_iter().filter(|part| part.len() >= 4).collect();
+        if parts.is_empty() || parts.len() > MOST_PARTS {
+            break;
+        }
+        let out = excess(&mesh, &parts);
+        if out < best.excess {
+            best = Cut { parts, excess: out };
+        }
+    }
+    best
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Shape;
+    use nalgebra::Vector3;
+
+    /// An angle of two plates: its hull stands out by the depth of the corner, its parts by less than the tolerance.
+    #[test]
+    fn hulls_of_concave_links_are_cut() {
+        let outline = [[0.0, 0.0], [0.05, 0.0], [0.05, 0.01], [0.01, 0.01], [0.01, 0.05], [0.0, 0.05]];
+        let at = |[x, y]: [f64; 2], z: f64| Point3::new(x, y, z);
+        let vertices: Vec<Point3<f64>> =
+            [-0.01, 0.01].iter().flat_map(|z| outline.iter().map(move |corner| at(*corner, *z))).collect();
+        let caps = [[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 5]];
+        let mut triangles: Vec<[u32; 3]> = caps.iter().map(|[a, b, c]| [*a, *c, *b]).collect();
+        triangles.extend(caps.iter().map(|corners| corners.map(|n| n + 6)));
+        for n in 0..6 {
+            let next = (n + 1) % 6;
+            triangles.extend([[n, next, next + 6], [n, next + 6, n + 6]]);
+        }
+        let mesh = Mesh::new(vertices.clone(), triangles.clone()).expect("closed");
+        let whole = excess(&mesh, std::slice::from_ref(&vertices));
+        let cut = cut_link(&(vertices, triangles));
+        println!("hull {:.2} mm, {} parts {:.2} mm", 1e3 * whole, cut.parts.len(), 1e3 * cut.excess);
+        assert!(whole > 0.018 && cut.parts.len() > 1, "{whole} m, {} parts", cut.parts.len());
+        assert!(cut.excess <= TOLERANCE, "{} m", cut.excess);
+    }
+
+    /// A convex link stays one hull.
+    #[test]
+    fn a_convex_link_is_one_part() {
+        let shape = Shape::Cuboid { half: Vector3::new(0.02, 0.01, 0.03), radius: 0.0 };
+        let (vertices, triangles, _) = shape.triangles();
+        let cut = cut_link(&(vertices, triangles));
+        assert_eq!(cut.parts.len(), 1);
+        assert!(cut.excess < 1e-6, "{}", cut.excess);
+    }
+}

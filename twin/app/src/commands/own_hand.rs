@@ -1,0 +1,30 @@
+//! The options that name a hand from files: `--urdf` and `--pulls` in every command.
+
+/// Options that were called otherwise, which still work.
+const RENAMED: [(&str, &str); 2] = [("--hand", "--urdf"), ("--transmission", "--pulls")];
+
+/// Says which options on the command line have another name now.
+pub fn say_renamed() {
+    let given: Vec<String> = std::env::args_os().map(|word| word.to_string_lossy().into_owned()).collect();
+    for (old, new) in renamed(&given) {
+        eprintln!("note: {old} is called {new} now; both work");
+    }
+}
+
+fn renamed(given: &[String]) -> Vec<(&'static str, &'static str)> {
+    let is = |word: &String, old: &str| word == old || word.strip_prefix(old).is_some_and(|rest| rest.starts_with('='));
+    RENAMED.into_iter().filter(|(old, _)| given.iter().any(|word| is(word, old))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn old_names_are_told_once_each() {
+        let words = |text: &str| text.split(' ').map(str::to_owned).collect::<Vec<_>>();
+        assert_eq!(renamed(&words("grasps generate --hand a --pulls b")), [("--hand", "--urdf")]);
+        assert_eq!(renamed(&words("hand close --urdf=a --transmission=b")), [("--transmission", "--pulls")]);
+        assert_eq!(renamed(&words("hand picture --handle")), []);
+    }
+}

@@ -1,0 +1,52 @@
+//! The surface of a hand's links as its files have it, beside the convex parts that collide for it.
+
+use hand_model::any_hand::AnyHand;
+use nalgebra::{Isometry3, Point3};
+use scenarios::geometry::{Shape, TriangleSurface};
+
+use super::solids::{LinkShapes, number};
+
+/// Surfaces by link (0 is the root).
+pub struct TrueSurfaces(Vec<LinkSurface>);
+
+#[derive(Default)]
+struct LinkSurface {
+    /// Meshes with `link_from_mesh`.
+    meshes: Vec<(Isometry3<f64>, TriangleSurface)>,
+    /// Boxes, balls and cylinders, which are their own surface, with `link_from_shape`.
+    simple: Vec<(Isometry3<f64>, Shape)>,
+}
+
+impl TrueSurfaces {
+    /// Of a hand whose collision shapes are `shapes`.
+    pub fn new(hand: &AnyHand, shapes: &LinkShapes) -> Self {
+        let mut found: Vec<LinkSurface> = Vec::new();
+        found.resize_with(hand.tree.len() + 1, LinkSurface::default);
+        for own in &hand.surfaces {
+            let surface = TriangleSurface::new(&own.triangles.0, &own.triangles.1);
+            found[number(own.link)].meshes.extend(surface.map(|surface| (own.link_from_mesh, surface)));
+        }
+        for (link, parts) in shapes.iter().enumerate() {
+            let simple = parts.iter().filter(|part| !part.of_mesh);
+            found[link].simple = simple.map(|part| (part.pose, part.shape.clone())).collect();
+        }
+        Self(found)
+    }
+
+    /// The point of a link's surface that is nearest to `point`, both in the link's frame. A link without a mesh is as it collides.
+    pub fn nearest(&self, link: usize, point: &Point3<f64>) -> Point3<f64> {
+        let own = &self.0[link];
+        if own.meshes.is_empty() {
+            return *point;
+        }
+        let on_mesh =
+            own.meshes.iter().map(|(pose, surface)| pose * surface.nearest(&pose.inverse_transform_point(point)));
+        let on_simple = own.simple.iter().map(|(pose, shape)| {
+            let local = pose.inverse_transform_point(point);
+            let (distance, outward) = shape.signed_distance(&local);
+            pose * (local - outward * distance)
+        });
+        let far = |at: &Point3<f64>| (at - point).norm();
+        on_mesh.chain(on_simple).min_by(|a, b| far(a).total_cmp(&far(b))).unwrap_or(*point)
+    }
+}

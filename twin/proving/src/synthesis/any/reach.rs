@@ -1,0 +1,84 @@
+//! The open hand's way to the place where it closes, swept backwards.
+//!
+//! From its open posture before the object the hand draws back along a straight line until it is clear, first as it is, then opened all the
+//! way. A way is free if no point of the hand's surface gets into the object, or below the table.
+
+use grasping::synthesis::energy::Plane;
+use grasping::synthesis::frames::{Frames, HandState};
+use nalgebra::{Rotation3, Unit, Vector3};
+
+use super::closing::AnyOpen;
+use super::describe::Described;
+use crate::synthesis::subject::Subject;
+
+/// Points of the hand may be this deep in the object on the way, m: its field is that coarse.
+const GRAZE: f64 = 1e-3;
+/// Steps of the way back, m, and beyond the object's own size.
+const STEP: f64 = 4e-3;
+const BEYOND: f64 = 0.05;
+/// Steps in which the hand opens before it draws back.
+const OPENING_STEPS: usize = 10;
+/// Angles (rad) between the way back and the palm's own direction, and how many ways there are at each.
+const TILTS: [(f64, usize); 3] = [(0.0, 1), (std::f64::consts::FRAC_PI_4, 8), (std::f64::consts::FRAC_PI_2, 8)];
+
+/// True if a free way leads to `open`.
+pub fn reachable(hand: &Described, subject: &Subject, open: &AnyOpen, table: Option<&Plane>) -> bool {
+    let object_from_palm = (hand.palm_from_root * open.start).inverse();
+    let mut frames = Frames::new(&hand.tree);
+    let mut place = |joints: Vec<f64>| {
+        frames.place(&HandState { object_from_palm, joints });
+        let links = hand.surface.links.iter().enumerate();
+        links
+            .flat_map(|(link, own)| own.points.iter().map(|point| frames.point(link, point)).collect::<Vec<_>>())
+            .collect()
+    };
+    let (low, high) = subject.field.extent();
+    let far = (high - low).norm() + BEYOND;
+    // The object comes along the palm's -z: the hand draws back along its z.
+    let back = object_from_palm.rotation * Vector3::z();
+    let free = |points: &[Vector3<f64>]| ways(&back).any(|way| is_free(subject, points, &way, far, table));
+    let as_it_is: Vec<Vector3<f64>> = place(open.joints.clone());
+    if free(&as_it_is) {
+        return true;
+    }
+    let wide = hand.hand.rest();
+    for step in 1..=OPENING_STEPS {
+        let share = step as f64 / OPENING_STEPS as f64;
+        let joints = open.joints.iter().zip(&wide).map(|(from, to)| from + share * (to - from)).collect();
+        let points = place(joints);
+        if !is_clear(subject, &points, &Vector3::zeros(), table) {
+            return false;
+        }
+        if step == OPENING_STEPS {
+            return free(&points);
+        }
+    }
+    false
+}
+
+/// Directions around `back`, the straight one first.
+fn ways(back: &Vector3<f64>) -> impl Iterator<Item = Vector3<f64>> {
+    let axis = Unit::new_normalize(*back);
+    let helper = if axis.x.abs() < 0.7 { Vector3::x() } else { Vector3::y() };
+    let side = Unit::new_normalize(axis.cross(&helper));
+    TILTS.iter().flat_map(move |(tilt, count)| {
+        let tilted = Rotation3::from_axis_angle(&side, *tilt) * axis.into_inner();
+        (0..*count)
+            .map(move |n| Rotation3::from_axis_angle(&axis, std::f64::consts::TAU * n as f64 / *count as f64) * tilted)
+    })
+}
+
+fn is_free(subject: &Subject, points: &[Vector3<f64>], way: &Vector3<f64>, far: f64, table: Option<&Plane>) -> bool {
+    let steps = (far / STEP).ceil() as usize;
+    (0..=steps).all(|step| is_clear(subject, points, &(way * (STEP * step as f64)), table))
+}
+
+fn is_clear(subject: &Subject, points: &[Vector3<f64>], shift: &Vector3<f64>, table: Option<&Plane>) -> bool {
+    points.iter().all(|point| {
+        let at = point + shift;
+        subject.field.distance(&at) > -GRAZE && table.is_none_or(|plane| at.dot(&plane.normal) > plane.offset - GRAZE)
+    })
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,87 @@
+//! Reasons to refuse a grasp that passed all three checks: it would not be one of the hand as it is.
+
+use grasping::synthesis::energy::Plane;
+use nalgebra::{Isometry3, Point3};
+use serde::Serialize;
+use sim::hand_scene::Touch;
+
+use super::closing::AnyClosed;
+use super::describe::Described;
+use super::reach;
+use crate::synthesis::subject::Subject;
+
+/// Share of all normal forces that fixed parts other than the palm may bear.
+const MOST_LEANING: f64 = 0.05;
+/// A contact may be this far from its link's own surface, m.
+const MOST_GAP: f64 = 2e-3;
+/// Cosine between the normals of two contacts from which on they oppose each other.
+const OPPOSED: f64 = -0.5;
+
+/// Reason to refuse a grasp.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Refusal {
+    /// A fixed part that is not the palm bears the object.
+    Leans,
+    /// A contact lies off its link's own surface.
+    Floats,
+    /// The open hand cannot get there.
+    Unreachable,
+}
+
+/// Refused grasps by reason.
+#[derive(Debug, Clone, Default, Serialize)]
+pub struct Refused {
+    pub leans_on_fixed_part: u64,
+    pub contact_off_surface: u64,
+    pub unreachable: u64,
+}
+
+impl Refused {
+    /// Counts one more.
+    pub fn add(&mut self, refusal: Refusal) {
+        match refusal {
+            Refusal::Leans => self.leans_on_fixed_part += 1,
+            Refusal::Floats => self.contact_off_surface += 1,
+            Refusal::Unreachable => self.unreachable += 1,
+        }
+    }
+}
+
+/// The reason to refuse a closed grasp, if there is one.
+pub fn of(hand: &Described, subject: &Subject, closed: &AnyClosed, table: Option<&Plane>) -> Option<Refusal> {
+    if leans(hand, &closed.touches) {
+        return Some(Refusal::Leans);
+    }
+    let links = closed.stand.links();
+    if closed.touches.iter().any(|touch| gap(hand, &links, touch) > MOST_GAP) {
+        return Some(Refusal::Floats);
+    }
+    (!reach::reachable(hand, subject, &closed.open, table)).then_some(Refusal::Unreachable)
+}
+
+fn leans(hand: &Described, touches: &[Touch]) -> bool {
+    let total: f64 = touches.iter().map(|touch| touch.force).sum();
+    let fixed = touches.iter().filter(|touch| touch.link.is_none() && !hand.on_palm(&touch.point));
+    fixed.map(|touch| touch.force).sum::<f64>() > MOST_LEANING * total
+}
+
+/// The nearest point of its link's own surface to a contact, root frame.
+pub fn on_surface(hand: &Described, links: &[Isometry3<f64>], touch: &Touch) -> Point3<f64> {
+    let pose = touch.link.map_or(Isometry3::identity(), |link| links[link]);
+    pose * hand.on_surface(touch.link, &pose.inverse_transform_point(&touch.point))
+}
+
+/// Distance of a contact from its link's own surface, m.
+pub fn gap(hand: &Described, links: &[Isometry3<f64>], touch: &Touch) -> f64 {
+    (on_surface(hand, links, touch) - touch.point).norm()
+}
+
+/// True if two digits press against each other.
+pub fn opposes(hand: &Described, touches: &[Touch]) -> bool {
+    touches.iter().enumerate().any(|(n, one)| {
+        touches[n + 1..].iter().any(|other| {
+            let (a, b) = (hand.digit(one.link), hand.digit(other.link));
+            a.is_some() && b.is_some() && a != b && one.normal.dot(&other.normal) < OPPOSED
+        })
+    })
+}

@@ -1,0 +1,120 @@
+//! Places where an object is thin enough for a hand: its handle, its rim, its edge, or all of it.
+
+use anyhow::{Result, bail};
+use nalgebra::{Point3, Vector3};
+use scenarios::geometry::Shape;
+
+use super::subject::Subject;
+
+/// Points of the surface that are looked at.
+const SAMPLES: usize = 600;
+/// Share of them at which the object has to be thin: a fingertip needs some room.
+const LEAST_SHARE: f64 = 0.02;
+/// Cosine between the normals on both sides of a place below which they oppose each other.
+const OPPOSED: f64 = -0.7;
+/// Least step into the object, m, and steps at most.
+const STEP: f64 = 5e-4;
+const MOST_STEPS: usize = 2000;
+/// Places that a search begins at.
+const PIVOTS: usize = 64;
+
+/// A hand's opening.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Opening {
+    /// The widest that goes between its fingers, m.
+    pub width: f64,
+    /// Name of the hand.
+    pub hand: String,
+}
+
+impl Opening {
+    /// Of the F-TAC Hand.
+    pub fn ours() -> Self {
+        Self { width: 0.11, hand: "the F-TAC Hand".into() }
+    }
+}
+
+/// A place where an object is thin.
+#[derive(Debug, Clone, Copy)]
+struct Place {
+    middle: Point3<f64>,
+    /// m.
+    thickness: f64,
+}
+
+/// Refuses an object that the hand can take nowhere. Of one that is wider as a whole than the hand opens, answers with the middles of the
+/// places where it is not, object frame: a search begins there.
+pub fn graspable(subject: &Subject, opening: &Opening) -> Result<Vec<Vector3<f64>>> {
+    let shape = &subject.model.shape;
+    let (low, high) = shape.aabb();
+    if (high - low).min() <= opening.width {
+        return Ok(Vec::new());
+    }
+    let samples = shape.surface_samples(SAMPLES);
+    let places: Vec<Place> = samples.iter().filter_map(|point| place(shape, point)).collect();
+    let thin: Vec<&Place> = places.iter().filter(|place| place.thickness <= opening.width).collect();
+    if (thin.len() as f64) < LEAST_SHARE * samples.len() as f64 {
+        let found = match places.iter().map(|place| place.thickness).min_by(f64::total_cmp) {
+            Some(least) => format!("places {:.0} mm thick at least", 1e3 * least),
+            None => "no place between two opposite sides".into(),
+        };
+        bail!(
+            "{}: found {found}, expected a handle, a rim or an edge of at most {:.0} mm: {} does not open wider",
+            subject.model.name,
+            1e3 * opening.width,
+            opening.hand
+        );
+    }
+    let every = thin.len().div_ceil(PIVOTS);
+    Ok(thin.into_iter().step_by(every).map(|place| place.middle.coords).collect())
+}
+
+/// The way through the object from a point of its surface to the opposite side.
+fn place(shape: &Shape, point: &Point3<f64>) -> Option<Place> {
+    let (_, outward) = shape.signed_distance(point);
+    let mut depth = STEP;
+    for _ in 0..MOST_STEPS {
+        let at = point - outward * depth;
+        let (distance, normal) = shape.signed_distance(&at);
+        if distance >= 0.0 {
+            let opposed = normal.dot(&outward) < OPPOSED;
+            return opposed.then(|| Place { middle: point - outward * (0.5 * depth), thickness: depth });
+        }
+        depth += STEP.max(-distance);
+    }
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn places(shape: &Shape) -> Vec<Place> {
+        shape.surface_samples(SAMPLES).iter().filter_map(|point| place(shape, point)).collect()
+    }
+
+    /// A plate is as thick as it is, but for its narrow sides; a ball is so everywhere.
+    #[test]
+    fn thickness_is_measured_across() {
+        let plate = Shape::Cuboid { half: Vector3::new(0.15, 0.15, 0.002), radius: 0.0 };
+        let found = places(&plate);
+        let thin = found.iter().filter(|place| (place.thickness - 0.004).abs() < 1e-3).count();
+        assert!(thin > SAMPLES * 9 / 10, "{thin}");
+        let ball = places(&Shape::Sphere { radius: 0.1 });
+        assert!(ball.iter().all(|place| place.thickness > 0.15), "{ball:?}");
+    }
+
+    /// The set's objects go whole; a hand that opens less takes them where they are thin, or not at all.
+    #[test]
+    fn an_object_is_judged_by_its_thin_places() {
+        let open = |width| Opening { width, hand: "the clamp".into() };
+        let vase = Subject::named("vase").expect("known");
+        assert!(graspable(&vase, &Opening::ours()).expect("it can").is_empty(), "as a whole");
+        let ball = Subject::named("tennis_ball").expect("known");
+        let error = graspable(&ball, &open(0.03)).expect_err("nowhere thin").to_string();
+        assert!(
+            error.starts_with("tennis_ball: found places") && error.ends_with("30 mm: the clamp does not open wider"),
+            "{error}"
+        );
+    }
+}
