@@ -29,7 +29,7 @@ impl Files {
 
     fn close(&self, more: &[&str]) -> std::process::Output {
         let (urdf, pulls) = (self.at("clamp.urdf"), self.at("clamp.toml"));
-        let mut arguments = vec!["hand", "close", "--urdf", &urdf, "--transmission", &pulls, "--at", "0.07,0,0"];
+        let mut arguments = vec!["hand", "close", "--urdf", &urdf, "--pulls", &pulls, "--at", "0.07,0,0"];
         arguments.extend(["--ball-diameter-mm", "40", "--json"]);
         arguments.extend(more);
         run(&arguments)
@@ -70,6 +70,178 @@ fn a_mesh_with_a_hole_is_taken_as_its_hull() {
     }
 }
 
+/// Jaws that slide, with a limit that says neither effort nor velocity: they load, and both go in by half of what is between them.
+#[test]
+fn a_parallel_gripper_slides_onto_a_ball() {
+    let urdf = CLAMP
+        .replace("type=\"revolute\"", "type=\"prismatic\"")
+        .replace("xyz=\"0 0 -1\"", "xyz=\"0 -1 0\"")
+        .replace("xyz=\"0 0 1\"", "xyz=\"0 1 0\"")
+        .replace("lower=\"0\" upper=\"1\" effort=\"1\" velocity=\"1\"", "lower=\"0\" upper=\"0.02\"");
+    let files = Files::new(&urdf, &PULLS.replace("0.01", "1.0"));
+    let output = files.close(&[]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let text: serde_json::Value = serde_json::from_slice(&output.stdout).expect("one JSON object");
+    assert_eq!(text["touching"], 2, "{text}");
+    for n in [0, 1] {
+        let at = text["joints"][n]["position_m"].as_f64().expect("a position");
+        assert!((at - 0.005).abs() < 1e-3, "25 mm to the jaw's face, 20 mm to the ball: {at}");
+    }
+}
+
+/// A revolute joint without <limit> moves, and is told; so is a link without a collision shape.
+#[test]
+fn a_joint_without_limit_moves_and_a_bare_link_is_named() {
+    let urdf = CLAMP.replace("<limit lower=\"0\" upper=\"1\" effort=\"1\" velocity=\"1\"/>", "");
+    let files = Files::new(&urdf, PULLS);
+    let output = files.close(&[]);
+    let text: serde_json::Value = serde_json::from_slice(&output.stdout).expect("one JSON object");
+    assert!(text["joints"][0]["angle_rad"].as_f64().is_some_and(|angle| angle > 0.05), "{text}");
+    assert!(stderr(&output).contains("joint[turn_left].limit: no lower and upper"), "{}", stderr(&output));
+    let shape = "<collision><origin xyz=\"0.05 0 0\" rpy=\"0 0 0\"/><geometry><box size=\"0.10 0.01 0.03\"/></geometry></collision>";
+    let files = Files::new(&CLAMP.replacen(shape, "", 1), PULLS);
+    let output = files.close(&[]);
+    assert!(stderr(&output).contains("link.collision: none of left; everything passes through"), "{}", stderr(&output));
+}
+
+/// A jaw's mesh as PLY and COLLADA, in Windows' spelling, with a blank as %20, and in a package beside the URDF's own.
+#[test]
+fn meshes_of_any_kind_and_spelling_are_found() {
+    let corner = |n: usize| {
+        let side = |bit: usize, half: f64| if n >> bit & 1 == 1 { half } else { -half };
+        format!("{} {} {}", side(0, 0.05), side(1, 0.005), side(2, 0.015))
+    };
+    let corners: Vec<String> = (0..8).map(corner).collect();
+    let faces = ["0 2 3 1", "4 5 7 6", "0 1 5 4", "2 6 7 3", "0 4 6 2", "1 3 7 5"];
+    let ply = format!(
+        "ply\nformat ascii 1.0\nelement vertex 8\nproperty float x\nproperty float y\nproperty float z\nelement face 6\n\
+         property list uchar int vertex_indices\nend_header\n{}\n{}\n",
+        corners.join("\n"),
+        faces.map(|face| format!("4 {face}")).join("\n")
+    );
+    let dae = format!(
+        "<COLLADA xmlns=\"http://www.collada.org/2005/11/COLLADASchema\" version=\"1.4.1\"><library_geometries><geometry id=\"g\"><mesh>\
+         <source id=\"s\"><float_array id=\"a\" count=\"24\">{}</float_array></source>\
+         <vertices id=\"v\"><input semantic=\"POSITION\" source=\"#s\"/></vertices>\
+         <polylist count=\"6\"><input semantic=\"VERTEX\" source=\"#v\" offset=\"0\"/><vcount>4 4 4 4 4 4</vcount><p>{}</p></polylist>\
+         </mesh></geometry></library_geometries></COLLADA>",
+        corners.join(" "),
+        faces.join(" ")
+    );
+    for (file, name, text) in [
+        ("jaw.ply", "jaw.ply", &ply),
+        ("jaw.dae", "jaw.dae", &dae),
+        ("meshes/left jaw.ply", "meshes\\left%20jaw.ply", &ply),
+        ("parts/meshes/jaw.ply", "package://parts/meshes/jaw.ply", &ply),
+    ] {
+        let urdf = CLAMP.replacen("<box size=\"0.10 0.01 0.03\"/>", &format!("<mesh filename=\"{name}\"/>"), 1);
+        let files = Files::new(&urdf, PULLS);
+        let path = files.at(file);
+        fs::create_dir_all(Path::new(&path).parent().expect("a folder")).expect("made");
+        fs::write(&path, text).expect("written");
+        let output = files.close(&[]);
+        assert_eq!(output.status.code(), Some(0), "{name}: {}", stderr(&output));
+        let text: serde_json::Value = serde_json::from_slice(&output.stdout).expect("one JSON object");
+        assert_eq!(text["touching"], 2, "{name}: {text}");
+    }
+}
+
+/// `hand check --urdf` reads any hand, with its pulls file and without.
+#[test]
+fn any_hand_is_checked() {
+    let files = Files::new(CLAMP, PULLS);
+    let output = run(&["hand", "check", "--urdf", &files.at("clamp.urdf"), "--json"]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let text: serde_json::Value = serde_json::from_slice(&output.stdout).expect("one JSON object");
+    assert_eq!(
+        (&text["joints"][1]["name"], &text["joints"][1]["effort"]),
+        (&"turn_right".into(), &1.0.into()),
+        "{text}"
+    );
+    let output =
+        run(&["hand", "check", "--urdf", &files.at("clamp.urdf"), "--pulls", &files.at("clamp.toml"), "--json"]);
+    let text: serde_json::Value = serde_json::from_slice(&output.stdout).expect("one JSON object");
+    let notes = text["notes"].to_string();
+    assert!(notes.contains("the fingers take up to") && text["actuators"][0]["most_tension_n"] == 100.0, "{text}");
+}
+
+/// A hand's options have one name each; the old ones still work and say so.
+#[test]
+fn old_option_names_work_and_say_so() {
+    let files = Files::new(CLAMP, PULLS);
+    let output = files.close(&[]);
+    assert!(!stderr(&output).contains("is called"), "{}", stderr(&output));
+    let (urdf, pulls) = (files.at("clamp.urdf"), files.at("clamp.toml"));
+    let old = run(&["hand", "close", "--hand", &urdf, "--transmission", &pulls, "--at", "0.07,0,0", "--json"]);
+    for note in ["--hand is called --urdf now", "--transmission is called --pulls now"] {
+        assert!(stderr(&old).contains(note), "{}", stderr(&old));
+    }
+    assert!(serde_json::from_slice::<serde_json::Value>(&old.stdout).is_ok_and(|answer| answer["touching"].is_u64()));
+}
+
+impl Files {
+    /// The answer of a search of grasps of a golf ball.
+    fn generate(&self, chains: &str) -> serde_json::Value {
+        let (urdf, pulls) = (self.at("clamp.urdf"), self.at("clamp.toml"));
+        let asked = ["grasps", "generate", "--urdf", &urdf, "--pulls", &pulls, "--object", "golf_ball", "--n", chains];
+        let output = run(&[&asked[..], &["--contacts", "2", "--closings", "4", "--json"]].concat());
+        serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{error}: {}", stderr(&output)))
+    }
+}
+
+/// Jaws that slide in on both sides, as of any parallel gripper.
+fn gripper() -> String {
+    CLAMP
+        .replace("type=\"revolute\"", "type=\"prismatic\"")
+        .replace("xyz=\"0 0 -1\"", "xyz=\"0 -1 0\"")
+        .replace("xyz=\"0 0 1\"", "xyz=\"0 1 0\"")
+        .replace("upper=\"1\" effort=\"1\"", "upper=\"0.02\" effort=\"40\"")
+}
+
+/// A ball that physics holds between two soft jaws passes the cone program too: contacts bear friction about their normals.
+#[test]
+fn cone_program_and_physics_agree_on_a_parallel_gripper() {
+    let answer = Files::new(&gripper(), &PULLS.replace("0.01", "1.0")).generate("8");
+    let count = |field: &str| answer["verified"][field].as_u64().expect("a count");
+    assert!(count("all") >= 4 && count("a") >= count("c"), "{answer}");
+    assert_eq!(answer["opposed"].as_u64(), Some(count("all")), "{answer}");
+    assert!(answer["surface_gap"].as_f64().is_some_and(|gap| gap < 1e-6), "boxes are their own surface: {answer}");
+}
+
+/// A jaw that presses against a fixed wall: no grasp, unless the pulls file calls the wall a palm; then there is a warning that no digits
+/// oppose each other.
+#[test]
+fn a_grasp_against_a_fixed_wall_is_none_but_against_a_palm() {
+    let wall = "<link name=\"base\"><collision><origin xyz=\"0.05 -0.035 0\"/><geometry><box size=\"0.10 0.01 0.06\"/></geometry></collision></link>";
+    let (start, end) =
+        (CLAMP.find("<link name=\"right\"").expect("it"), CLAMP.find("<joint name=\"turn_left\"").expect("it"));
+    let right = CLAMP.find("<joint name=\"turn_right\"").expect("it");
+    let urdf = format!("{}{}</robot>", &CLAMP[..start], &CLAMP[end..right]).replace("<link name=\"base\"/>", wall);
+    let urdf = urdf
+        .replace("type=\"revolute\"", "type=\"prismatic\"")
+        .replace("xyz=\"0 0 -1\"", "xyz=\"0 -1 0\"")
+        .replace("upper=\"1\" effort=\"1\"", "upper=\"0.04\" effort=\"40\"");
+    let pulls = PULLS.replace("turn_left = 0.01, turn_right = 0.01", "turn_left = 1.0");
+    let wall = Files::new(&urdf, &pulls).generate("6");
+    assert_eq!(wall["verified"]["all"], 0, "{wall}");
+    assert!(wall["notes"].to_string().contains("a grasp that leans on a fixed part (base) is none"), "{wall}");
+    let palm = Files::new(&urdf, &format!("{pulls}[palm]\nlinks = [\"base\"]\n")).generate("6");
+    assert!(palm["verified"]["all"].as_u64() > Some(0), "{palm}");
+    assert_eq!(palm["opposed"], 0, "{palm}");
+    assert!(palm["notes"].to_string().contains("uses opposed digits"), "{palm}");
+}
+
+/// More than a joint's effort is not pulled with.
+#[test]
+fn a_tension_above_the_efforts_is_scaled_and_told() {
+    let files = Files::new(&CLAMP.replace("effort=\"1\"", "effort=\"0.06\""), PULLS);
+    let output = files.close(&["--tensions", "60"]);
+    assert!(stderr(&output).contains("close: 60 N asked for, 6.0 N taken: the effort of turn_"), "{}", stderr(&output));
+    let weak: serde_json::Value = serde_json::from_slice(&output.stdout).expect("one JSON object");
+    let given: serde_json::Value = serde_json::from_slice(&files.close(&["--tensions", "6"]).stdout).expect("JSON");
+    assert_eq!(weak["joints"], given["joints"]);
+}
+
 #[test]
 fn faults_name_file_element_and_field() {
     let mesh = |file: &str, scale: &str| {
@@ -92,7 +264,7 @@ fn faults_name_file_element_and_field() {
             &["clamp.urdf", "link[left].inertial.inertia", "positive definite"],
         ),
         (
-            CLAMP.replacen("<mass value=\"0.1\"/>", "<mass value=\"0\"/>", 1),
+            CLAMP.replacen("<mass value=\"0.1\"/>", "<mass value=\"-1\"/>", 1),
             PULLS.into(),
             &["clamp.urdf", "link[left].inertial.mass"],
         ),

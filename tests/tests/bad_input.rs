@@ -99,7 +99,7 @@ fn meshes_that_cannot_be_grasped() {
         (String::new(), "0 triangles"),
         (tetrahedron(0.05, false), "3 triangles"),
         (tetrahedron(0.002, true), "a largest extent of 2.00 mm"),
-        (tetrahedron(0.4, true), "a smallest extent of 400 mm"),
+        (tetrahedron(0.4, true), "110 mm: the F-TAC Hand does not open wider"),
         (tetrahedron(50.0, true), "millimetres"),
         (tetrahedron(0.05, true).replacen("v 0.05 0 0", "v nan 0 0", 1), "three finite numbers after v"),
     ];

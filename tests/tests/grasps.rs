@@ -136,7 +136,7 @@ fn other_hands_grasp() {
         let pulls_file = folder.path().join(pulls);
         fs::copy(root().join("hand-model/data/hands").join(pulls), &pulls_file).expect("copied");
         let file = folder.path().join("grasps.jsonl");
-        let asked = ["grasps", "generate", "--hand", text(&urdf), "--pulls", text(&pulls_file), "--out", text(&file)];
+        let asked = ["grasps", "generate", "--urdf", text(&urdf), "--pulls", text(&pulls_file), "--out", text(&file)];
         let output = run(&[&asked[..], &["--object", "ball", "--n", "24", "--contacts", "4", "--json"]].concat());
         let answer: Value = serde_json::from_slice(&output.stdout).expect("JSON");
         let found = answer["verified"]["all"].as_u64().expect("a count");

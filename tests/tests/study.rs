@@ -310,7 +310,7 @@ fn hands_side_by_side() {
     );
     refused(&["grasps", "hands", "--objects", "teapot", "--out", out], &["--objects", "teapot", "pawn"]);
     refused(&["grasps", "hands", "--n", "0", "--out", out], &["--n", "0"]);
-    refused(&["grasps", "hands", "--hand", "a.urdf", "--out", out], &["--pulls", "0 for 1"]);
+    refused(&["grasps", "hands", "--urdf", "a.urdf", "--out", out], &["--pulls", "0 for 1"]);
     fs::write(&last, "{").expect("spoilt");
     refused(&arguments[1..], &["F_TAC-ball_50.json"]);
 }
@@ -332,5 +332,5 @@ fn the_whole_study_is_one_command() {
     assert!(page.contains(ours) && page.contains("growth.png"), "{ours}");
     let again = answer(GRASPS, &["study", "--grasps", GRASPS, "--out", text(&out)]);
     assert_eq!(first["rows"], again["rows"]);
-    refused(&["study", "--hand", "none.urdf", "--pulls", "none.toml", "--out", text(&out)], &["none.urdf"]);
+    refused(&["study", "--urdf", "none.urdf", "--pulls", "none.toml", "--out", text(&out)], &["none.urdf"]);
 }
