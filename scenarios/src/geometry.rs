@@ -1,8 +1,8 @@
 //! Shapes of objects and the questions asked of them: signed distance, ray, volume, inertia, tessellation.
 //!
 //! A [`Shape`] lives in its own frame (`object/<name>`), metres. Primitives answer in closed form, meshes through parry.
-//! Mesh files are OBJ, STL, PLY or glTF. [`Mesh::mended`] makes a watertight mesh from triangles that are not, by their winding number
-//! ([`Winding`]).
+//! Mesh files are OBJ, STL, PLY or glTF. [`Mesh::load`] reads one and mends what is broken of it ([`Mesh::repaired`], [`Repair`]): the one
+//! way by which all commands come to a user's mesh.
 
 mod collada;
 mod decomposition;
@@ -14,8 +14,10 @@ mod mesh_file;
 mod obj;
 mod primitive;
 mod relief;
+mod repair;
 mod revolution;
 mod shape;
+mod simplify;
 mod tessellation;
 mod triangle_surface;
 mod winding;
@@ -25,7 +27,8 @@ pub use link_mesh::LINK_MESHES;
 pub use mesh::{GeometryError, MAX_EXTENT, Mesh};
 pub use mesh_file::{Triangles, read_triangles, to_obj};
 pub use relief::Relief;
-pub use revolution::{Profile, hull_mesh, revolve};
+pub use repair::Repair;
+pub use revolution::{Profile, hull_mesh, hull_triangles, revolve};
 pub use shape::Shape;
 pub use tessellation::Tessellation;
 pub use triangle_surface::TriangleSurface;

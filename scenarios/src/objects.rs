@@ -10,6 +10,7 @@ mod fallen;
 pub mod file;
 mod lathe;
 mod model;
+mod resting;
 mod set;
 mod symmetry;
 

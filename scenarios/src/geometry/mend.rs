@@ -10,7 +10,7 @@ use nalgebra::{Point3, Vector3};
 use parry3d_f64::query::PointQuery;
 use parry3d_f64::shape::TriMesh;
 
-use super::mesh::{GeometryError, MAX_EXTENT, Mesh, to_parry};
+use super::mesh::{GeometryError, Mesh, to_parry};
 use super::winding::Winding;
 
 /// Cells along the longest side.
@@ -19,6 +19,8 @@ const CELLS: f64 = 56.0;
 const FINEST: f64 = 1.5e-3;
 /// Surface vertices keep off the ends of their edge by this share of it: no slivers.
 const OFF_ENDS: f64 = 0.05;
+/// Cells around the vertices on each side.
+const MARGIN: f64 = 1.5;
 /// Inside is where the surface winds around more than this.
 const INSIDE: f64 = 0.5;
 
@@ -43,38 +45,34 @@ impl Grid {
     }
 }
 
+/// The box around vertices, m.
+fn bounds(vertices: &[Point3<f64>]) -> (Point3<f64>, Point3<f64>) {
+    let start = (Point3::from(Vector3::repeat(f64::INFINITY)), Point3::from(Vector3::repeat(f64::NEG_INFINITY)));
+    vertices.iter().fold(start, |(low, high), vertex| (low.inf(vertex), high.sup(vertex)))
+}
+
 impl Mesh {
-    /// A watertight mesh that follows `triangles` to about half a grid cell (a 56th of the longest side, 1.5 mm at least), which
-    /// may have holes, overlap, or be a million. Gives the mesh and the cell, m.
-    pub fn mended(vertices: &[Point3<f64>], triangles: &[[u32; 3]]) -> Result<(Self, f64), GeometryError> {
+    /// The cell of a grid on which triangles with these vertices are rebuilt first, m: a 56th of the longest side, 1.5 mm at least.
+    pub(super) fn rebuilding_cell(vertices: &[Point3<f64>]) -> f64 {
+        let (low, high) = bounds(vertices);
+        FINEST.max((high - low).max() / CELLS)
+    }
+
+    /// Nodes of a grid around these vertices with cells of `cell`, m.
+    pub(super) fn rebuilding_nodes(vertices: &[Point3<f64>], cell: f64) -> f64 {
+        let (low, high) = bounds(vertices);
+        (high - low).iter().map(|side| side / cell + 2.0 * MARGIN + 1.0).product()
+    }
+
+    /// A watertight mesh that follows triangles, which may have holes and overlap, to about half of a grid cell of `cell`, m. All vertices
+    /// are of triangles, and all triangles have an area.
+    pub(super) fn rebuilt(vertices: &[Point3<f64>], triangles: &[[u32; 3]], cell: f64) -> Result<Self, GeometryError> {
         let fault = |found: String, expected: &str| GeometryError::Element {
             element: "mesh".into(),
             found,
             expected: expected.into(),
         };
-        let usable: Vec<[u32; 3]> = triangles
-            .iter()
-            .filter(|triangle| {
-                let [Some(a), Some(b), Some(c)] = triangle.map(|index| vertices.get(index as usize)) else {
-                    return false;
-                };
-                let area = (b - a).cross(&(c - a)).norm();
-                area.is_finite() && area > 1e-16
-            })
-            .copied()
-            .collect();
-        if usable.len() < 4 {
-            return Err(fault(format!("{} triangles with an area", usable.len()), "at least 4"));
-        }
-        let used = usable.iter().flatten().map(|index| vertices[*index as usize]);
-        let start = (Point3::from(Vector3::repeat(f64::INFINITY)), Point3::from(Vector3::repeat(f64::NEG_INFINITY)));
-        let (low, high) = used.fold(start, |(low, high), vertex| (low.inf(&vertex), high.sup(&vertex)));
-        let extent = (high - low).max();
-        if extent > MAX_EXTENT {
-            return Err(GeometryError::Units { found: extent });
-        }
-        let cell = FINEST.max(extent / CELLS);
-        let grid = sample(vertices, &usable, (&low, &high), cell)
+        let grid = sample(vertices, triangles, &bounds(vertices), cell)
             .map_err(|error| fault(error, "triangles that a distance can be measured to"))?;
         if !grid.values.iter().any(|value| *value < 0.0) {
             return Err(fault(
@@ -83,20 +81,20 @@ impl Mesh {
             ));
         }
         let (points, faces) = march(&grid);
-        Ok((Self::new(points, faces)?, cell))
+        Self::new(points, faces)
     }
 }
 
 fn sample(
     vertices: &[Point3<f64>],
     triangles: &[[u32; 3]],
-    (low, high): (&Point3<f64>, &Point3<f64>),
+    (low, high): &(Point3<f64>, Point3<f64>),
     cell: f64,
 ) -> Result<Grid, String> {
     let surface =
         TriMesh::new(vertices.iter().map(to_parry).collect(), triangles.to_vec()).map_err(|error| error.to_string())?;
     let winding = Winding::new(vertices, triangles);
-    let margin = 1.5 * cell;
+    let margin = MARGIN * cell;
     let origin = low - Vector3::repeat(margin);
     let size = [0, 1, 2].map(|axis| ((high[axis] - low[axis] + 2.0 * margin) / cell).ceil() as usize + 1);
     let mut grid = Grid { origin, cell, size, values: Vec::new() };
@@ -178,31 +176,21 @@ mod tests {
         (points, triangles)
     }
 
-    /// A ball of loose triangles, some of them missing, comes back closed, with its volume and its surface.
+    /// A ball with a hole comes back closed, with its volume and its surface; inside out is no matter.
     #[test]
     fn a_broken_ball_is_closed_again() {
         let (points, mut triangles) = ball();
+        let cell = Mesh::rebuilding_cell(&points);
+        assert!((cell - FINEST).abs() < 1e-12, "{cell}");
         for keep in [1.0, 0.98] {
             triangles.truncate((triangles.len() as f64 * keep) as usize);
-            let (mesh, cell) = Mesh::mended(&points, &triangles).expect("mended");
-            assert!((cell - FINEST).abs() < 1e-12, "{cell}");
+            let mesh = Mesh::rebuilt(&points, &triangles, cell).expect("rebuilt");
             let volume = 4.0 / 3.0 * std::f64::consts::PI * 0.03f64.powi(3);
             assert!((mesh.volume() / volume - 1.0).abs() < 0.03, "{} {volume}", mesh.volume());
             let off = mesh.vertices().iter().map(|p| (p.coords.norm() - 0.03).abs()).fold(0.0, f64::max);
             assert!(off < if keep == 1.0 { 1e-3 } else { 8e-3 }, "{off}");
         }
-    }
-
-    /// Inside out is no matter; a sheet encloses nothing and is refused.
-    #[test]
-    fn sense_does_not_matter_and_volume_does() {
-        let (points, mut triangles) = ball();
         triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
-        assert!(Mesh::mended(&points, &triangles).expect("mended").0.volume() > 1e-4);
-        let sheet: Vec<Point3<f64>> =
-            (0..9).map(|n| Point3::new(0.02 * f64::from(n % 3), 0.02 * f64::from(n / 3), 0.0)).collect();
-        let faces: Vec<[u32; 3]> = [0, 1, 3, 4].iter().flat_map(|&a| [[a, a + 1, a + 4], [a, a + 4, a + 3]]).collect();
-        let error = Mesh::mended(&sheet, &faces).expect_err("flat").to_string();
-        assert!(error.contains("wind around no volume"), "{error}");
+        assert!(Mesh::rebuilt(&points, &triangles, cell).expect("rebuilt").volume() > 1e-4);
     }
 }

@@ -15,6 +15,9 @@ use super::decomposition::{TOLERANCE, decompose};
 /// The largest extent a mesh may have, m: a larger one is probably in millimetres.
 pub const MAX_EXTENT: f64 = 1.0;
 
+/// What a closed surface encloses at least, m3: less has neither a centre nor an inertia.
+const LEAST_VOLUME: f64 = 1e-15;
+
 /// What can be wrong with a mesh or its file.
 #[derive(Debug, thiserror::Error)]
 pub enum GeometryError {
@@ -55,6 +58,14 @@ pub enum GeometryError {
         backward: usize,
         /// Edges at fault.
         faults: usize,
+    },
+    /// A fault that no repair could mend without inventing something.
+    #[error("{fault}; it cannot be mended: {reason}")]
+    Unmended {
+        /// What is wrong with the mesh.
+        fault: String,
+        /// What a repair came to.
+        reason: String,
     },
     /// The mesh is implausibly large.
     #[error(
@@ -116,6 +127,13 @@ impl Mesh {
         if volume < 0.0 {
             triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
             volume = -volume;
+        }
+        if volume < LEAST_VOLUME {
+            return Err(GeometryError::Element {
+                element: "mesh".into(),
+                found: format!("{volume:.1e} m3 within its surface"),
+                expected: "a solid".into(),
+            });
         }
         let points: Vec<Vector> = vertices.iter().map(to_parry).collect();
         let surface = TriMesh::with_flags(points, triangles.clone(), TriMeshFlags::ORIENTED).map_err(|error| {

@@ -17,15 +17,16 @@ use ply_rs_bw::ply::{DefaultElement, Property};
 use super::collada;
 use super::mesh::{GeometryError, Mesh};
 use super::obj::parse_triangles;
+use super::repair::Repair;
 
 /// Vertices (in the file's unit) and triangles.
 pub type Triangles = (Vec<Point3<f64>>, Vec<[u32; 3]>);
 
 impl Mesh {
-    /// Reads a mesh file of any of these kinds, in metres.
-    pub fn read(path: &Path) -> Result<Self, GeometryError> {
+    /// Reads a mesh file of any of these kinds, in metres, and mends what is broken of it; with what was done.
+    pub fn load(path: &Path) -> Result<(Self, Repair), GeometryError> {
         let (vertices, triangles) = read_triangles(path)?;
-        Self::new(vertices, triangles)
+        Self::repaired(&vertices, &triangles)
             .map_err(|source| GeometryError::File { path: path.into(), source: Box::new(source) })
     }
 }

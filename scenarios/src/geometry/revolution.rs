@@ -6,6 +6,7 @@ use nalgebra::Point3;
 use parry3d_f64::transformation::try_convex_hull;
 
 use super::mesh::{GeometryError, Mesh, from_parry, to_parry};
+use super::mesh_file::Triangles;
 
 /// How far a convex part may stand out of the surface it replaces, m.
 const PART_TOLERANCE: f64 = 2.5e-4;
@@ -51,14 +52,19 @@ pub fn revolve(profile: &Profile, segments: usize) -> Result<Mesh, GeometryError
 
 /// The convex hull of a set of points as a mesh, one convex part.
 pub fn hull_mesh(points: &[Point3<f64>]) -> Result<Mesh, GeometryError> {
+    let (hull, triangles) = hull_triangles(points)?;
+    Ok(Mesh::new(hull.clone(), triangles)?.with_parts(vec![hull]))
+}
+
+/// Corners and triangles of the convex hull of a set of points; among thousands of points some triangles may have next to no area.
+pub fn hull_triangles(points: &[Point3<f64>]) -> Result<Triangles, GeometryError> {
     let points: Vec<_> = points.iter().map(to_parry).collect();
     let (hull, triangles) = try_convex_hull(&points).map_err(|error| GeometryError::Element {
         element: "convex hull".into(),
         found: error.to_string(),
         expected: "points that span a volume".into(),
     })?;
-    let hull: Vec<Point3<f64>> = hull.into_iter().map(from_parry).collect();
-    Ok(Mesh::new(hull.clone(), triangles)?.with_parts(vec![hull]))
+    Ok((hull.into_iter().map(from_parry).collect(), triangles))
 }
 
 fn ring([radius, z]: [f64; 2], segments: usize) -> impl Iterator<Item = Point3<f64>> {

@@ -192,7 +192,7 @@ fn obj_errors_name_file_line_found_and_expected() {
     let millimetres = obj_error(&TETRAHEDRON.replace("0.05", "50"));
     assert!(millimetres.contains("found 50.000 m") && millimetres.contains("millimetres"), "{millimetres}");
     assert!(obj_error("").contains("found 0 triangles"));
-    let missing = Mesh::read(Path::new("/nowhere/thing.obj")).unwrap_err().to_string();
+    let missing = Mesh::load(Path::new("/nowhere/thing.obj")).unwrap_err().to_string();
     assert!(missing.starts_with("/nowhere/thing.obj: "), "{missing}");
 }
 

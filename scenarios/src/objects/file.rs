@@ -5,10 +5,11 @@
 //! mass = 0.31                # kg
 //! friction = 0.6             # Coulomb coefficient against the hand's elastomer
 //! color = [200, 60, 60]      # RGB; grey if left out
-//! rest = "upright"           # or "lying" (a lathe's), or { turned = [roll, pitch, yaw] } in rad; upright if left out
+//! rest = "upright"           # or "lying" (a lathe's), or { turned = [roll, pitch, yaw] } in rad. Left out: upright if it stands so,
+//!                            # otherwise in the pose from which it is hardest to tip over
 //! symmetry = "none"          # or "full", "cube", { axis = { flip = true } }, { fold = { n = 4, flip = false } }; none if left out
 //! [shape.mesh]
-//! file = "my_mug.obj"        # OBJ, STL, PLY or glTF, relative to this file, closed, z up as the object stands
+//! file = "my_mug.obj"        # OBJ, STL, PLY or glTF, relative to this file, z up as the object stands; what is broken of it is mended
 //! unit = 0.001               # m, the mesh's unit; 1 if left out
 //! tolerance = 0.001          # m, how far the convex parts of which physics makes it may stand out of it; 1 mm if left out
 //! ```
@@ -32,10 +33,14 @@ use serde::{Deserialize, Serialize};
 use super::lathe;
 use super::model::ObjectModel;
 use super::symmetry::Symmetry;
-use crate::geometry::{GeometryError, MAX_EXTENT, Mesh, Shape, hull_mesh, read_triangles, revolve, to_obj};
+use crate::geometry::{
+    GeometryError, MAX_EXTENT, Mesh, Repair, Shape, Triangles, hull_mesh, read_triangles, revolve, to_obj,
+};
 
 /// The smallest length that the physics engine can work with, m.
 const SMALLEST: f64 = 0.005;
+/// The smallest mass that is one, kg: a feather's.
+const LIGHTEST: f64 = 1e-4;
 /// The largest mass that the arm could lift with the hand on it, kg.
 const HEAVIEST: f64 = 4.0;
 /// Least and largest tolerance of convex parts, m.
@@ -58,9 +63,9 @@ pub struct ObjectFile {
     /// RGB.
     #[serde(default = "grey")]
     pub color: [u8; 3],
-    /// How it stands or lies.
-    #[serde(default)]
-    pub rest: Rest,
+    /// How it stands or lies; see [`ObjectModel::at_rest`] where it is left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rest: Option<Rest>,
     /// Turns that leave it looking the same.
     #[serde(default)]
     pub symmetry: Symmetry,
@@ -68,11 +73,10 @@ pub struct ObjectFile {
 }
 
 /// How an object rests on the table.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Rest {
     /// As its shape is given.
-    #[default]
     Upright,
     /// A surface of revolution on its side, where its centre is lowest.
     Lying,
@@ -118,12 +122,15 @@ pub enum ShapeFile {
         /// m.
         corners: Vec<[f64; 3]>,
     },
-    /// A closed triangle mesh.
+    /// A triangle mesh.
     Mesh {
         /// A mesh file, relative to the object's.
         file: PathBuf,
-        /// What [`ObjectFile::read`] found there, as text of an OBJ file.
+        /// What [`ObjectFile::read`] found there, mended where it was broken, as text of an OBJ file.
         obj: Option<String>,
+        /// What was mended.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        mended: Option<String>,
         /// m.
         #[serde(default = "one")]
         unit: f64,
@@ -145,12 +152,18 @@ impl ObjectFile {
     /// The object in a file's text. `path` is used in errors, and a mesh file that is within `reach` is looked for beside it.
     pub fn parse(text: &str, path: &Path, reach: Reach) -> Result<Self, DataError> {
         let mut object: Self = parse_toml(text, path)?;
-        if let ShapeFile::Mesh { file, obj: obj @ None, .. } = &mut object.shape {
+        if let ShapeFile::Mesh { file, obj: obj @ None, unit, mended, .. } = &mut object.shape {
+            check_unit("shape.mesh.unit", *unit, path)?;
             let beside = reach.resolve(path, "shape.mesh.file", file)?;
             let expected = "a mesh file (.obj, .stl, .ply, .gltf, .glb), relative to this file";
-            let triangles =
+            let found =
                 read_triangles(&beside).map_err(|error| DataError::field(path, "shape.mesh.file", error, expected))?;
+            let (triangles, repair) = mend(found, *unit).map_err(|error| {
+                let found = format!("{}: {error}", file.display());
+                DataError::field(path, "shape.mesh.file", found, "a closed triangle mesh in metres")
+            })?;
             *obj = Some(to_obj(&triangles));
+            *mended = (!repair.is_none()).then(|| repair.to_string());
         }
         Ok(object)
     }
@@ -165,21 +178,41 @@ impl ObjectFile {
         self.check(path)?;
         let shape = self.shape.build(path)?;
         let rest = match self.rest {
-            Rest::Upright => UnitQuaternion::identity(),
-            Rest::Turned([roll, pitch, yaw]) => UnitQuaternion::from_euler_angles(roll, pitch, yaw),
-            Rest::Lying if matches!(self.shape, ShapeFile::Lathe { .. }) => lathe::lying(&shape),
-            Rest::Lying => {
+            None | Some(Rest::Upright) => UnitQuaternion::identity(),
+            Some(Rest::Turned([roll, pitch, yaw])) => UnitQuaternion::from_euler_angles(roll, pitch, yaw),
+            Some(Rest::Lying) if matches!(self.shape, ShapeFile::Lathe { .. }) => lathe::lying(&shape),
+            Some(Rest::Lying) => {
                 let expected = "\"upright\" or { turned = [roll, pitch, yaw] }: only a [shape.lathe] can be laid down";
                 return Err(DataError::field(path, "rest", "\"lying\"", expected));
             }
         };
         let Self { name, mass, friction, color, symmetry, .. } = self.clone();
         let object = ObjectModel { name, shape, mass, friction, color, rest, symmetry };
-        if !object.rests_stably() {
-            let found = "a pose from which the object falls over";
-            return Err(DataError::field(path, "rest", found, "one in which its centre of mass is lowest"));
+        if self.rest.is_some() && object.rests_stably() {
+            return Ok(object);
         }
-        Ok(object)
+        let found = "a pose from which the object falls over";
+        let stable = object.at_rest();
+        match (stable, self.rest) {
+            (Some(stable), None) => Ok(stable),
+            (Some(stable), Some(_)) => {
+                let expected = format!("one that it stays in, such as {}; or leave it out", stable.rest_text());
+                Err(DataError::field(path, "rest", found, expected))
+            }
+            (None, _) => Err(DataError::field(path, "rest", found, "a shape that stays in some pose")),
+        }
+    }
+
+    /// What is not as the file has it: what was mended of its mesh, and the pose that was found for it.
+    pub fn notes(&self, model: &ObjectModel) -> Vec<String> {
+        let mended = match &self.shape {
+            ShapeFile::Mesh { file, mended: Some(mended), .. } => Some(format!("{}: {mended}", file.display())),
+            _ => None,
+        };
+        let found = self.rest.is_none() && model.rest != UnitQuaternion::identity();
+        let rest =
+            found.then(|| format!("it would fall over as it is given and rests as with rest = {}", model.rest_text()));
+        mended.into_iter().chain(rest).map(|note| format!("{}: {note}", self.name)).collect()
     }
 
     fn check(&self, path: &Path) -> Result<(), DataError> {
@@ -188,8 +221,9 @@ impl ObjectFile {
             let expected = "small letters, digits and _, without \"_fallen\", which is another way to lie";
             return Err(DataError::field(path, "name", format!("{:?}", self.name), expected));
         }
-        if !(self.mass > 0.0 && self.mass <= HEAVIEST) {
-            return Err(DataError::field(path, "mass", self.mass, format!("more than 0 and at most {HEAVIEST} kg")));
+        if !(self.mass >= LIGHTEST && self.mass <= HEAVIEST) {
+            let expected = format!("{LIGHTEST} to {HEAVIEST} kg");
+            return Err(DataError::field(path, "mass", self.mass, expected));
         }
         if !(0.0..=2.0).contains(&self.friction) {
             return Err(DataError::field(path, "friction", self.friction, "0 to 2"));
@@ -199,7 +233,7 @@ impl ObjectFile {
         {
             return Err(DataError::field(path, "symmetry.fold.n", n, format!("1 to {MOST_FOLDS}")));
         }
-        if let Rest::Turned(angles) = self.rest
+        if let Some(Rest::Turned(angles)) = self.rest
             && angles.iter().any(|angle| !angle.is_finite())
         {
             return Err(DataError::field(path, "rest.turned", format!("{angles:?}"), "three angles in rad"));
@@ -258,10 +292,8 @@ impl ShapeFile {
                 let corners: Vec<Point3<f64>> = corners.iter().map(|corner| Point3::from(*corner)).collect();
                 mesh("hull.corners", hull_mesh(&corners), "points that span a volume, m")
             }
-            Self::Mesh { file, obj, unit, tolerance } => {
-                if !(*unit > 0.0 && *unit <= 1.0) {
-                    return Err(DataError::field(path, "shape.mesh.unit", unit, "more than 0 and at most 1 m"));
-                }
+            Self::Mesh { file, obj, unit, tolerance, .. } => {
+                check_unit("shape.mesh.unit", *unit, path)?;
                 if let Some(tolerance) =
                     tolerance.filter(|tolerance| !(TOLERANCES.0..=TOLERANCES.1).contains(tolerance))
                 {
@@ -287,10 +319,24 @@ fn check_lathe(outline: &[[f64; 2]], spline: Option<usize>, unit: f64, path: &Pa
     if spline.is_some_and(|steps| !(1..=32).contains(&steps)) {
         return Err(DataError::field(path, "shape.lathe.spline", spline.unwrap_or_default(), "1 to 32 steps"));
     }
-    if !(unit > 0.0 && unit <= 1.0) {
-        return Err(DataError::field(path, "shape.lathe.unit", unit, "more than 0 and at most 1 m"));
+    check_unit("shape.lathe.unit", unit, path)
+}
+
+fn check_unit(field: &str, unit: f64, path: &Path) -> Result<(), DataError> {
+    let expected = "more than 0 and at most 1 m";
+    if unit > 0.0 && unit <= 1.0 { Ok(()) } else { Err(DataError::field(path, field, unit, expected)) }
+}
+
+/// The triangles of a file whose lengths are in `unit` (m), mended where they are broken, in the same unit.
+fn mend((mut vertices, triangles): Triangles, unit: f64) -> Result<(Triangles, Repair), GeometryError> {
+    let original = vertices.clone();
+    vertices.iter_mut().for_each(|vertex| vertex.coords *= unit);
+    let (mesh, repair) = Mesh::repaired(&vertices, &triangles)?;
+    if repair.is_none() {
+        return Ok(((original, triangles), repair));
     }
-    Ok(())
+    let vertices = mesh.vertices().iter().map(|vertex| vertex / unit).collect();
+    Ok(((vertices, mesh.triangles().to_vec()), repair))
 }
 
 #[cfg(test)]

@@ -79,6 +79,12 @@ impl ObjectModel {
         standing.map(|(_, yaw)| yaw).collect()
     }
 
+    /// How it rests, as an object's file has it.
+    pub fn rest_text(&self) -> String {
+        let (roll, pitch, yaw) = self.rest.euler_angles();
+        format!("{{ turned = [{roll:.4}, {pitch:.4}, {yaw:.4}] }}")
+    }
+
     /// Height of the frame's origin over the table when at rest, m.
     pub fn rest_height(&self) -> f64 {
         -self.shape.lowest(&self.rest)

@@ -28,7 +28,7 @@ impl Load {
 
     /// The load in words.
     pub fn text(&self) -> String {
-        let grams = |kg: f64| format!("{:.0} g", 1e3 * kg);
+        let grams = |kg: f64| format!("{:.*} g", if kg < 0.01 { 1 } else { 0 }, 1e3 * kg);
         let range = self.payload.map_or(String::new(), |[least, median, most]| {
             format!("; payload {}, {} to {}", grams(median), grams(least), grams(most))
         });

@@ -7,7 +7,7 @@ use anyhow::{Context, Result, anyhow, bail};
 use grasping::synthesis::field::DistanceField;
 use grasping::synthesis::held::HeldGrasp;
 use nalgebra::{Point3, UnitQuaternion, Vector3};
-use scenarios::geometry::{GeometryError, MAX_EXTENT, Mesh, Shape, read_triangles};
+use scenarios::geometry::{Mesh, Shape};
 use scenarios::objects::{ObjectModel, ObjectSet, Symmetry};
 
 use super::size::{self, Opening};
@@ -28,8 +28,6 @@ const MOST_CELLS: f64 = 80.0;
 const MARGIN: f64 = 0.02;
 /// Points on the object's surface, for measuring penetration.
 const SURFACE_POINTS: usize = 800;
-/// A mesh with more triangles is rebuilt on a grid: its field and its convex parts would take minutes.
-const MOST_TRIANGLES: usize = 40_000;
 /// The largest extent is at least a fingertip's width, m.
 const SMALLEST: f64 = 0.008;
 
@@ -56,39 +54,26 @@ impl Subject {
         Self::new(ObjectModel { friction: TEST_FRICTION, ..(**object).clone() })
     }
 
-    /// A user's mesh, in metres, of the mass [`TEST_MASS`]. One that is not watertight, or has
-    /// very many triangles, is rebuilt around its winding number; the second answer says so.
+    /// A user's mesh, in metres, of the mass [`TEST_MASS`]; what is broken of it is mended, and the second answer says so.
     pub fn from_mesh(path: &Path) -> Result<(Self, Option<String>)> {
-        // The errors' own text has their cause in it already.
-        let (vertices, triangles) = read_triangles(path).map_err(|error| anyhow!("--mesh: {error}"))?;
         let refuse =
             |found: String, expected: &str| bail!("--mesh {}: found {found}, expected {expected}", path.display());
-        let used = triangles.iter().flatten().filter_map(|index| vertices.get(*index as usize));
-        let (low, high) = used
-            .fold((Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY)), |(low, high), vertex| {
-                (low.inf(&vertex.coords), high.sup(&vertex.coords))
-            });
+        // The errors' own text has their cause in it already.
+        let (mesh, repair) = Mesh::load(path).map_err(|error| anyhow!("--mesh: {error}"))?;
+        let note = (!repair.is_none()).then(|| repair.to_string());
+        let (low, high) = mesh.aabb();
         let extent = high - low;
-        if triangles.is_empty() {
-            return refuse("0 triangles".into(), "a surface");
-        }
-        if extent.max() > MAX_EXTENT {
-            let error = GeometryError::Units { found: extent.max() };
-            bail!("--mesh: {}: {error}", path.display());
-        }
         if extent.max() < SMALLEST {
             return refuse(
                 format!("a largest extent of {:.2} mm", 1e3 * extent.max()),
                 "at least 8 mm: it would vanish between two fingertips (is the file in metres?)",
             );
         }
-        let (mesh, note) =
-            watertight(vertices, triangles).map_err(|error| anyhow!("--mesh: {}: {error}", path.display()))?;
         // The frame moves to the centre of mass, as it is for all objects.
         let origin = -mesh.center_of_mass().coords;
         let mesh = mesh.centered().with_context(|| format!("--mesh {}", path.display()))?;
         let name = path.file_stem().map_or("mesh".into(), |stem| stem.to_string_lossy().into_owned());
-        let mut subject = Self::new(ObjectModel {
+        let model = ObjectModel {
             name,
             shape: Shape::Mesh(Arc::new(mesh)),
             mass: TEST_MASS,
@@ -96,7 +81,9 @@ impl Subject {
             color: [160, 160, 160],
             rest: UnitQuaternion::identity(),
             symmetry: Symmetry::None,
-        })?;
+        };
+        // What would fall over as it is given lies on the table as it would come to rest.
+        let mut subject = Self::new(model.clone().at_rest().unwrap_or(model))?;
         subject.origin = origin;
         Ok((subject, note))
     }
@@ -123,20 +110,4 @@ impl Subject {
         let surface = model.shape.surface_samples(SURFACE_POINTS);
         Ok(Self { model: Arc::new(model), field, surface, origin: Vector3::zeros(), places: Vec::new() })
     }
-}
-
-/// The triangles as a watertight mesh, and what had to be done to them.
-fn watertight(vertices: Vec<Point3<f64>>, triangles: Vec<[u32; 3]>) -> Result<(Mesh, Option<String>), GeometryError> {
-    let count = triangles.len();
-    let reason = if count > MOST_TRIANGLES {
-        format!("{count} triangles")
-    } else {
-        match Mesh::new(vertices.clone(), triangles.clone()) {
-            Ok(mesh) => return Ok((mesh, None)),
-            Err(fault) => fault.to_string(),
-        }
-    };
-    let (mesh, cell) = Mesh::mended(&vertices, &triangles)?;
-    let (after, cell) = (mesh.triangles().len(), 1e3 * cell);
-    Ok((mesh, Some(format!("{reason}: rebuilt with the winding number's sign, {after} triangles, {cell:.1} mm cells"))))
 }

@@ -18,9 +18,12 @@ use proving::synthesis::synthesizer::{Request, Synthesizer};
 use crate::commands::own_hand;
 use crate::terminal::{Outcome, Terminal};
 
-/// What a hand may hold at most, kg, the densest material, kg/m3, and the highest friction coefficient.
+/// What a hand may hold, from a feather on, kg; materials, kg/m3; friction coefficients.
+const LIGHTEST: f64 = 1e-4;
 const HEAVIEST: f64 = 10.0;
+const LEAST_DENSE: f64 = 1.0;
 const DENSEST: f64 = 25_000.0;
+const LEAST_FRICTION: f64 = 0.01;
 const MOST_FRICTION: f64 = 3.0;
 
 /// What grasps are synthesized for.
@@ -29,7 +32,7 @@ pub struct SynthesisArgs {
     /// An object of the set.
     #[arg(long, conflicts_with = "mesh")]
     pub object: Option<String>,
-    /// A mesh of your own (OBJ, STL, PLY, glTF or COLLADA), in metres; one that is not watertight is rebuilt.
+    /// A mesh of your own: OBJ, STL, PLY, glTF or COLLADA, in metres; what is broken of it is mended, and said.
     #[arg(long)]
     pub mesh: Option<PathBuf>,
     /// Contact points of a sample: a number, or a range taken in turn, such as 2-5.
@@ -77,21 +80,25 @@ pub struct GenerateArgs {
 
 /// The subject with the mass and the friction of the arguments.
 fn loaded(subject: Subject, args: &SynthesisArgs) -> Result<Subject> {
-    let check = |name: &str, value: f64, most: f64| {
-        anyhow::ensure!(value > 0.0 && value <= most, "--{name}: found {value}, expected more than 0, at most {most}");
+    let check = |name: &str, value: f64, least: f64, most: f64| {
+        anyhow::ensure!((least..=most).contains(&value), "--{name}: found {value}, expected {least} to {most}");
         Ok(value)
     };
     let mass = match (args.mass, args.density) {
-        (Some(mass), _) => check("mass", mass, HEAVIEST)?,
+        (Some(mass), _) => check("mass", mass, LIGHTEST, HEAVIEST)?,
         (None, Some(density)) => {
-            let mass = check("density", density, DENSEST)? * subject.model.shape.volume();
-            check("density", mass, HEAVIEST).map_err(|_| {
-                anyhow::anyhow!("--density: found an object of {mass:.2} kg, expected at most {HEAVIEST} kg")
-            })?
+            let volume = subject.model.shape.volume();
+            let mass = check("density", density, LEAST_DENSE, DENSEST)? * volume;
+            anyhow::ensure!(
+                (LIGHTEST..=HEAVIEST).contains(&mass),
+                "--density: found an object of {mass:.2e} kg ({:.3} cm3), expected {LIGHTEST} to {HEAVIEST} kg",
+                1e6 * volume
+            );
+            mass
         }
         (None, None) => subject.model.mass,
     };
-    Ok(subject.tested_at(mass, check("friction", args.friction, MOST_FRICTION)?))
+    Ok(subject.tested_at(mass, check("friction", args.friction, LEAST_FRICTION, MOST_FRICTION)?))
 }
 
 fn request(terminal: &Terminal, args: &SynthesisArgs, n: u64, enough: usize) -> Result<(Subject, Request)> {

@@ -86,7 +86,10 @@ fn expect_png(out: &Path) -> Result<()> {
 pub fn render(terminal: &Terminal, args: &RenderArgs) -> Outcome {
     expect_png(&args.out)?;
     let hand = crate::commands::individual::hand(args.individual.as_deref())?;
-    let mesh = Mesh::read(&args.mesh)?;
+    let (mesh, repair) = Mesh::load(&args.mesh)?;
+    if !repair.is_none() {
+        eprintln!("{}: {repair}", args.mesh.display());
+    }
     let pose = mesh_pose(&args.pose)?;
     if let Some(path) = &args.calibration
         && real_sensor::is_sensor(path)?

@@ -1,0 +1,226 @@
+//! A closed mesh from the triangles of a file, with the least change: what is sound stays as it is, to the bit.
+//!
+//! In this order: vertices in one place become one, and triangles without an area, doubled ones and flaps are left out; seams are closed;
+//! neighbours are turned to agree on a sense; loose scraps are left out and small holes closed. Only what is open even then is rebuilt on a
+//! grid. The result is compared with the file's triangles: a surface or a volume that they do not imply is refused.
+
+mod checks;
+mod holes;
+mod orientation;
+mod seams;
+mod soup;
+
+use std::fmt;
+
+use nalgebra::Point3;
+
+use self::soup::Soup;
+use super::mesh::{GeometryError, Mesh};
+
+/// Share of the surface that may be closed anew where it has holes.
+const MOST_FILLED: f64 = 0.1;
+/// Share of the surface that loose scraps may make up together, to be left out.
+const MOST_SCRAPS: f64 = 0.01;
+/// A mesh with more triangles is made coarser: its distance field and its convex parts would take minutes.
+pub const MOST_TRIANGLES: usize = 40_000;
+
+/// What was done to the triangles of a file.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Repair {
+    /// Vertices that lay in the place of another.
+    pub welded: usize,
+    /// Triangles without an area.
+    pub empty: usize,
+    /// Triangles that stood twice, or hung from an edge that was closed without them.
+    pub doubled: usize,
+    /// Triangles turned over.
+    pub turned: usize,
+    /// Loose scraps left out.
+    pub scraps: usize,
+    /// Closed surfaces left out because they lie inside of the solid.
+    pub swallowed: usize,
+    /// Holes closed.
+    pub holes: usize,
+    /// Share of the surface that closes them.
+    pub filled: f64,
+    /// Cell of the grid on which open surfaces were rebuilt, m.
+    pub rebuilt: Option<f64>,
+    /// Triangles before and after a mesh of very many was made coarser.
+    pub coarser: Option<(usize, usize)>,
+    /// How far the file's triangles lie from the result at most, m.
+    pub off: f64,
+    /// Volume of the result, m3.
+    pub volume: f64,
+}
+
+impl Repair {
+    /// Whether the mesh is as it was in the file.
+    pub fn is_none(&self) -> bool {
+        *self == Self::default()
+    }
+}
+
+fn counted(count: usize, one: &str, many: &str) -> String {
+    format!("{count} {}", if count == 1 { one } else { many })
+}
+
+impl fmt::Display for Repair {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut done = Vec::new();
+        let mut tell = |count: usize, one: &str, many: &str, what: &str| {
+            if count > 0 {
+                done.push(format!("{} {what}", counted(count, one, many)));
+            }
+        };
+        tell(self.welded, "vertex", "vertices", "joined with others in the same place");
+        tell(self.empty, "triangle", "triangles", "without an area left out");
+        tell(self.doubled, "doubled triangle", "doubled triangles", "left out");
+        tell(self.turned, "triangle", "triangles", "turned over");
+        tell(self.scraps, "loose scrap", "loose scraps", "left out");
+        tell(self.swallowed, "surface", "surfaces", "inside of the solid left out");
+        if self.holes > 0 {
+            let share = 100.0 * self.filled;
+            done.push(format!("{} closed, {share:.1} % of the surface", counted(self.holes, "hole", "holes")));
+        }
+        if let Some(cell) = self.rebuilt {
+            done.push(format!("what was open rebuilt with the winding number's sign on {:.1} mm cells", 1e3 * cell));
+        }
+        if let Some((before, after)) = self.coarser {
+            done.push(format!("{before} triangles made {after}"));
+        }
+        let (off, volume) = (1e3 * self.off, 1e6 * self.volume);
+        write!(out, "mended: {}; within {off:.2} mm of the file's triangles, {volume:.1} cm3", done.join(", "))
+    }
+}
+
+/// A fault and why it was not mended.
+fn refused(fault: &str, reason: impl Into<String>) -> GeometryError {
+    GeometryError::Unmended { fault: fault.into(), reason: reason.into() }
+}
+
+impl Mesh {
+    /// The closed mesh that triangles are, or are meant to be, in metres; with what was done to them.
+    pub fn repaired(vertices: &[Point3<f64>], triangles: &[[u32; 3]]) -> Result<(Self, Repair), GeometryError> {
+        let fault = match Self::new(vertices.to_vec(), triangles.to_vec()) {
+            Ok(mesh) if triangles.len() <= MOST_TRIANGLES && orientation::is_sound(&mesh) => {
+                return Ok((mesh, Repair::default()));
+            }
+            Ok(_) => "closed surfaces that face in- and outwards".to_owned(),
+            Err(error @ GeometryError::Units { .. }) => return Err(error),
+            Err(error) => error.to_string(),
+        };
+        let usable =
+            |index: &u32| vertices.get(*index as usize).is_some_and(|at| at.iter().all(|part| part.is_finite()));
+        if !triangles.iter().flatten().all(usable) {
+            return Err(refused(&fault, "a triangle's corner is nowhere"));
+        }
+        let mut repair = Repair::default();
+        let mut soup = Soup { vertices: vertices.to_vec(), triangles: triangles.to_vec() };
+        soup.weld(&mut repair);
+        if soup.triangles.len() < 4 {
+            return Err(refused(&fault, format!("only {} triangles have an area", soup.triangles.len())));
+        }
+        if soup.extent() > super::mesh::MAX_EXTENT {
+            return Err(GeometryError::Units { found: soup.extent() });
+        }
+        soup.drop_doubled(&mut repair);
+        seams::close(&mut soup, &mut repair);
+        soup.drop_flaps(&mut repair);
+        if orientation::agree(&mut soup, &mut repair).is_none() {
+            return Err(refused(&fault, "its triangles have no sense that neighbours agree on, as on a Moebius strip"));
+        }
+        drop_scraps(&mut soup, &mut repair);
+        let kept = soup.clone();
+        fill_holes(&mut soup, &mut repair);
+        rebuild_open(&mut soup, &mut repair).map_err(|reason| refused(&fault, reason))?;
+        orientation::part_touching(&mut soup);
+        orientation::face_outwards(&mut soup, &mut repair);
+        let (vertices, triangles) = soup.compact();
+        let mesh = Self::new(vertices, triangles).map_err(|error| refused(&fault, error.to_string()))?;
+        let mesh = coarser(mesh, &mut repair).map_err(|error| refused(&fault, error.to_string()))?;
+        checks::check(&kept, &mesh, &mut repair).map_err(|reason| refused(&fault, reason))?;
+        Ok((mesh, repair))
+    }
+}
+
+/// Leaves out open pieces that are next to nothing of the surface.
+fn drop_scraps(soup: &mut Soup, repair: &mut Repair) {
+    let (component, count) = soup.components();
+    if count < 2 {
+        return;
+    }
+    let pieces = soup.pieces(&component, count);
+    let areas: Vec<f64> = pieces.iter().map(Soup::area).collect();
+    let total: f64 = areas.iter().sum();
+    let mut open: Vec<usize> = (0..count).filter(|n| areas[*n] < MOST_SCRAPS * total).collect();
+    open.retain(|n| !holes::is_closed(&pieces[*n]));
+    if open.is_empty() || open.iter().map(|n| areas[*n]).sum::<f64>() > MOST_SCRAPS * total {
+        return;
+    }
+    repair.scraps += open.len();
+    soup.keep(|number| !open.contains(&component[number]));
+}
+
+/// Closes holes where all of them together are a small part of the surface.
+fn fill_holes(soup: &mut Soup, repair: &mut Repair) {
+    let rims = holes::rims(soup);
+    if rims.is_empty() {
+        return;
+    }
+    let area = soup.area();
+    let mut closed = soup.clone();
+    for rim in &rims {
+        let (fill, hub) = holes::fill(&closed, rim);
+        closed.vertices.extend(hub);
+        closed.triangles.extend(fill);
+    }
+    let filled = closed.area() - area;
+    if filled <= MOST_FILLED * area {
+        *soup = closed;
+        repair.holes = rims.len();
+        repair.filled = filled / area;
+    }
+}
+
+/// Rebuilds the pieces that are open, all in one, and leaves the closed ones as they are.
+fn rebuild_open(soup: &mut Soup, repair: &mut Repair) -> Result<(), String> {
+    let (component, count) = soup.components();
+    let pieces = soup.pieces(&component, count);
+    let open: Vec<bool> = pieces.iter().map(|piece| !holes::is_closed(piece)).collect();
+    if !open.contains(&true) {
+        return Ok(());
+    }
+    let broken = Soup {
+        vertices: soup.vertices.clone(),
+        triangles: (soup.triangles.iter().zip(&component))
+            .filter(|(_, of)| open[**of])
+            .map(|(triangle, _)| *triangle)
+            .collect(),
+    };
+    let (mesh, cell) = checks::rebuilt(&broken)?;
+    repair.rebuilt = Some(cell);
+    soup.keep(|number| !open[component[number]]);
+    let first = soup.vertices.len() as u32;
+    soup.vertices.extend(mesh.vertices());
+    soup.triangles.extend(mesh.triangles().iter().map(|triangle| triangle.map(|index| index + first)));
+    Ok(())
+}
+
+/// The mesh itself, or one of fewer triangles where it has very many; as many more of them as it takes to follow it.
+fn coarser(mesh: Mesh, repair: &mut Repair) -> Result<Mesh, GeometryError> {
+    let before = mesh.triangles().len();
+    let mut target = MOST_TRIANGLES;
+    while target < before {
+        let (vertices, triangles) = super::simplify::simplify(mesh.vertices(), mesh.triangles(), target);
+        let fewer = Mesh::new(vertices, triangles)?;
+        if checks::follows(&fewer, &mesh) {
+            repair.coarser = Some((before, fewer.triangles().len()));
+            return Ok(fewer);
+        }
+        target *= 2;
+    }
+    Ok(mesh)
+}
+
+#[cfg(test)]
+pub(in crate::geometry) mod tests;

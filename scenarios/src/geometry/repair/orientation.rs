@@ -1,0 +1,262 @@
+//! One sense for all triangles: neighbours run along their common edge in opposite directions, outer surfaces face outwards.
+
+use std::collections::BTreeMap;
+
+use nalgebra::{Point3, Vector3};
+
+use super::Repair;
+use super::soup::{Side, Soup, Union};
+use crate::geometry::mesh::Mesh;
+use crate::geometry::winding::Winding;
+
+/// Edges that are cut at most where surfaces touch.
+const MOST_CROWDED: usize = 1000;
+/// Points of a surface that are asked whether they lie inside another.
+const PROBES: usize = 9;
+
+/// A triangle's neighbour, and whether it has to be turned over when the triangle is not.
+type Neighbour = (u32, bool);
+
+/// The order of an edge's triangles around it: by their angle, counter-clockwise about the edge from its lower vertex.
+fn around(soup: &Soup, uses: &[Side]) -> Vec<Side> {
+    let (low, high) = uses[0].edge;
+    let (from, to) = (soup.vertices[low as usize], soup.vertices[high as usize]);
+    let axis = (to - from).normalize();
+    let out = |side: &Side| {
+        let third = soup.triangles[side.triangle as usize].into_iter().find(|index| *index != low && *index != high);
+        let along = soup.vertices[third.unwrap_or(low) as usize] - from;
+        along - axis * axis.dot(&along)
+    };
+    let first = out(&uses[0]).try_normalize(1e-12).unwrap_or_else(Vector3::x);
+    let second = axis.cross(&first);
+    let angle = |side: &Side| {
+        let out = out(side);
+        let angle = out.dot(&second).atan2(out.dot(&first));
+        if angle < -1e-9 { angle + std::f64::consts::TAU } else { angle }
+    };
+    let mut sorted: Vec<(f64, Side)> = uses.iter().map(|side| (angle(side), *side)).collect();
+    sorted.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    sorted.into_iter().map(|(_, side)| side).collect()
+}
+
+/// Who must agree with whom. Where more than two triangles meet at an edge, those next to each other around it bound the solid from
+/// either side.
+fn neighbours(soup: &Soup, crowded: bool) -> Vec<Vec<Neighbour>> {
+    let mut neighbours = vec![Vec::new(); soup.triangles.len()];
+    let mut meet = |a: &Side, b: &Side| {
+        let turned = a.forward == b.forward;
+        neighbours[a.triangle as usize].push((b.triangle, turned));
+        neighbours[b.triangle as usize].push((a.triangle, turned));
+    };
+    for uses in soup.sides().chunk_by(|a, b| a.edge == b.edge) {
+        match uses {
+            [a, b] => meet(a, b),
+            _ if crowded && uses.len().is_multiple_of(2) => {
+                let sorted = around(soup, uses);
+                (0..sorted.len()).for_each(|n| meet(&sorted[n], &sorted[(n + 1) % sorted.len()]));
+            }
+            _ => {}
+        }
+    }
+    neighbours
+}
+
+/// Turns triangles so that all neighbours agree, each patch as most of its area was. None where no turning makes them agree.
+pub fn agree(soup: &mut Soup, repair: &mut Repair) -> Option<()> {
+    let turns = turns(soup, true).or_else(|| turns(soup, false))?;
+    for (triangle, turn) in soup.triangles.iter_mut().zip(&turns) {
+        if *turn {
+            triangle.swap(1, 2);
+        }
+    }
+    repair.turned += turns.into_iter().filter(|turn| *turn).count();
+    Some(())
+}
+
+fn turns(soup: &Soup, crowded: bool) -> Option<Vec<bool>> {
+    let neighbours = neighbours(soup, crowded);
+    let mut turn: Vec<Option<bool>> = vec![None; soup.triangles.len()];
+    for start in 0..turn.len() {
+        if turn[start].is_some() {
+            continue;
+        }
+        turn[start] = Some(false);
+        let (mut patch, mut next) = (vec![start], 0);
+        while let Some(&at) = patch.get(next) {
+            next += 1;
+            for (other, differs) in &neighbours[at] {
+                let wanted = turn[at].map(|turn| turn != *differs);
+                match &mut turn[*other as usize] {
+                    place @ None => {
+                        *place = wanted;
+                        patch.push(*other as usize);
+                    }
+                    known if *known != wanted => return None,
+                    _ => {}
+                }
+            }
+        }
+        let area = |wanted: bool| -> f64 {
+            let of = patch.iter().filter(|number| turn[**number] == Some(wanted));
+            of.map(|number| soup.double_area(&soup.triangles[*number]).norm()).sum()
+        };
+        if area(true) > area(false) {
+            patch.iter().for_each(|number| turn[*number] = turn[*number].map(|turn| !turn));
+        }
+    }
+    Some(turn.into_iter().map(|turn| turn == Some(true)).collect())
+}
+
+/// Whether every closed surface of a mesh faces as it should: see [`face_outwards`].
+pub fn is_sound(mesh: &Mesh) -> bool {
+    let mut soup = Soup { vertices: mesh.vertices().to_vec(), triangles: mesh.triangles().to_vec() };
+    if soup.components().1 == 1 {
+        return true;
+    }
+    let mut repair = Repair::default();
+    face_outwards(&mut soup, &mut repair);
+    repair.is_none()
+}
+
+/// Lets outer surfaces face outwards. Inside another surface, one that faces the other way than that is a cavity and stays; one that
+/// faces the same way is a solid within a solid, and is left out.
+pub fn face_outwards(soup: &mut Soup, repair: &mut Repair) {
+    let (component, count) = soup.components();
+    let pieces = soup.pieces(&component, count);
+    let volumes: Vec<f64> = pieces.iter().map(volume).collect();
+    let around = containers(&pieces);
+    // The outermost surface around each, which decides what is out.
+    let outermost = |n: usize| around[n].iter().copied().find(|outer| around[*outer].is_empty()).unwrap_or(n);
+    let turned: Vec<bool> = (0..count).map(|n| volumes[outermost(n)] < 0.0).collect();
+    let swallowed: Vec<bool> = (0..count)
+        .map(|n| {
+            let faces_out = (volumes[n] < 0.0) == turned[n];
+            let inside_cavities = around[n].iter().filter(|outer| (volumes[**outer] < 0.0) != turned[n]).count();
+            let inside_solids = around[n].len() - inside_cavities;
+            faces_out && inside_solids > inside_cavities
+        })
+        .collect();
+    for (triangle, of) in soup.triangles.iter_mut().zip(&component) {
+        if turned[*of] {
+            triangle.swap(1, 2);
+        }
+    }
+    // A whole that faces inwards is turned without a word, as in any closed mesh.
+    if turned.iter().any(|turned| *turned) && !turned.iter().all(|turned| *turned) {
+        repair.turned += component.iter().filter(|of| turned[**of]).count();
+    }
+    repair.swallowed += swallowed.iter().filter(|inside| **inside).count();
+    soup.keep(|number| !swallowed[component[number]]);
+}
+
+/// For each piece those that it lies inside of.
+fn containers(pieces: &[Soup]) -> Vec<Vec<usize>> {
+    let bounds: Vec<_> = pieces.iter().map(bounds).collect();
+    let around = |inner: usize| {
+        let within = |outer: &usize| {
+            let ((low, high), (least, most)) = (&bounds[inner], &bounds[*outer]);
+            *outer != inner && (0..3).all(|axis| low[axis] >= least[axis] && high[axis] <= most[axis])
+        };
+        let own = &pieces[inner];
+        let probes: Vec<Point3<f64>> = (own.triangles.iter().step_by(1 + own.triangles.len() / PROBES))
+            .map(|triangle| {
+                Point3::from(own.corners(triangle).iter().map(|corner| corner.coords).sum::<Vector3<f64>>() / 3.0)
+            })
+            .collect();
+        let holds = |outer: &usize| {
+            let winding = Winding::new(&pieces[*outer].vertices, &pieces[*outer].triangles);
+            2 * probes.iter().filter(|probe| winding.at(probe).abs() > 0.5).count() > probes.len()
+        };
+        (0..pieces.len()).filter(within).filter(holds).collect()
+    };
+    (0..pieces.len()).map(around).collect()
+}
+
+fn bounds(soup: &Soup) -> (Vector3<f64>, Vector3<f64>) {
+    let start = (Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY));
+    let used = soup.triangles.iter().flatten().map(|index| soup.vertices[*index as usize].coords);
+    used.fold(start, |(low, high), at| (low.inf(&at), high.sup(&at)))
+}
+
+/// Signed volume by the divergence theorem about the middle of the triangles, m3: that of a surface with small holes is nearly that of
+/// the closed one.
+pub fn volume(soup: &Soup) -> f64 {
+    let (mut middle, mut total) = (Vector3::zeros(), 0.0);
+    for triangle in &soup.triangles {
+        let [a, b, c] = soup.corners(triangle);
+        let area = soup.double_area(triangle).norm();
+        middle += (a.coords + b.coords + c.coords) * (area / 3.0);
+        total += area;
+    }
+    let middle = Point3::from(middle / f64::max(total, f64::MIN_POSITIVE));
+    let part = |triangle: &[u32; 3]| {
+        let [a, b, c] = soup.corners(triangle).map(|corner| corner - middle);
+        a.dot(&b.cross(&c)) / 6.0
+    };
+    soup.triangles.iter().map(part).sum()
+}
+
+/// Where surfaces touch along an edge, gives each its own copy of the edge: of four triangles or more that meet there, those with nothing
+/// but air between them stay together.
+pub fn part_touching(soup: &mut Soup) {
+    let sides = soup.sides();
+    if sides.chunk_by(|a, b| a.edge == b.edge).all(|uses| uses.len() == 2) {
+        return;
+    }
+    let corner_at = |triangles: &[[u32; 3]], side: &Side, vertex: u32| {
+        let place = triangles[side.triangle as usize].iter().position(|index| *index == vertex).unwrap_or(0);
+        3 * side.triangle + place as u32
+    };
+    let mut union = Union::new(3 * soup.triangles.len());
+    let mut join = |a: &Side, b: &Side| {
+        for vertex in [a.edge.0, a.edge.1] {
+            union.join(corner_at(&soup.triangles, a, vertex), corner_at(&soup.triangles, b, vertex));
+        }
+    };
+    for uses in sides.chunk_by(|a, b| a.edge == b.edge) {
+        let sorted = if uses.len() == 2 { uses.to_vec() } else { around(soup, uses) };
+        for (n, side) in sorted.iter().enumerate().filter(|(_, side)| side.forward) {
+            // The outside of a triangle that runs forward is where the angle grows.
+            let next = (1..sorted.len()).map(|k| &sorted[(n + k) % sorted.len()]).find(|other| !other.forward);
+            next.into_iter().for_each(|next| join(side, next));
+        }
+    }
+    let mut copies: BTreeMap<(u32, u32), u32> = BTreeMap::new();
+    let mut taken = vec![false; soup.vertices.len()];
+    for corner in 0..3 * soup.triangles.len() as u32 {
+        let root = union.root(corner);
+        let index = soup.triangles[corner as usize / 3][corner as usize % 3];
+        let copy = *copies.entry((index, root)).or_insert_with(|| {
+            if !std::mem::replace(&mut taken[index as usize], true) {
+                return index;
+            }
+            soup.vertices.push(soup.vertices[index as usize]);
+            soup.vertices.len() as u32 - 1
+        });
+        soup.triangles[corner as usize / 3][corner as usize % 3] = copy;
+    }
+    cut_crowded(soup);
+}
+
+/// Surfaces that touch along an edge and hang together at both of its ends share it still: each gets its own middle of the edge.
+fn cut_crowded(soup: &mut Soup) {
+    for _ in 0..MOST_CROWDED {
+        let sides = soup.sides();
+        let Some(uses) = sides.chunk_by(|a, b| a.edge == b.edge).find(|uses| uses.len() > 2) else { return };
+        let sorted = around(soup, uses);
+        let (low, high) = uses[0].edge;
+        let middle = nalgebra::center(&soup.vertices[low as usize], &soup.vertices[high as usize]);
+        for (n, side) in sorted.iter().enumerate().filter(|(_, side)| side.forward) {
+            let next = (1..sorted.len()).map(|k| &sorted[(n + k) % sorted.len()]).find(|other| !other.forward);
+            soup.vertices.push(middle);
+            let own = soup.vertices.len() as u32 - 1;
+            for cut in next.into_iter().chain([side]) {
+                let triangle = soup.triangles[cut.triangle as usize];
+                let [to_low, to_high] =
+                    [low, high].map(|end| triangle.map(|index| if index == end { own } else { index }));
+                soup.triangles[cut.triangle as usize] = to_low;
+                soup.triangles.push(to_high);
+            }
+        }
+    }
+}

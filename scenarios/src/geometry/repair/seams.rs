@@ -1,0 +1,115 @@
+//! Seams: edges of the surface that lie on each other without sharing their vertices.
+
+use std::collections::BTreeMap;
+
+use nalgebra::{Point3, Vector3};
+
+use super::Repair;
+use super::soup::{Soup, Union};
+
+/// Vertices of open edges that are this share of the mesh's extent apart are the same.
+const SAME: f64 = 1e-4;
+/// Pairs of open edges and open vertices that are compared at most.
+const MOST_PAIRS: usize = 200_000_000;
+
+/// Edges that run more often one way than the other, and their vertices in order.
+fn open(soup: &Soup) -> (Vec<(u32, u32)>, Vec<u32>) {
+    let edges: Vec<(u32, u32)> = soup
+        .sides()
+        .chunk_by(|a, b| a.edge == b.edge)
+        .filter(|uses| uses.len() != 2)
+        .map(|uses| uses[0].edge)
+        .collect();
+    let mut vertices: Vec<u32> = edges.iter().flat_map(|(low, high)| [*low, *high]).collect();
+    vertices.sort_unstable();
+    vertices.dedup();
+    (edges, vertices)
+}
+
+/// Closes seams: open vertices that are as good as in one place become one, and edges on which others end are cut there.
+pub fn close(soup: &mut Soup, repair: &mut Repair) {
+    let (edges, vertices) = open(soup);
+    if edges.is_empty() {
+        return;
+    }
+    let tolerance = SAME * soup.extent();
+    weld_near(soup, &vertices, tolerance, repair);
+    // A cut edge may lie beside a triangle that is cut later.
+    for _ in 0..3 {
+        let (edges, vertices) = open(soup);
+        if edges.is_empty() || edges.len() * vertices.len() > MOST_PAIRS || cut(soup, &edges, &vertices, tolerance) == 0
+        {
+            return;
+        }
+        soup.drop_empty(repair);
+        soup.drop_doubled(repair);
+    }
+}
+
+fn weld_near(soup: &mut Soup, vertices: &[u32], tolerance: f64, repair: &mut Repair) {
+    let cell = |at: &Point3<f64>| [at.x, at.y, at.z].map(|part| (part / tolerance).floor() as i64);
+    let mut cells: BTreeMap<[i64; 3], Vec<u32>> = BTreeMap::new();
+    let mut union = Union::new(soup.vertices.len());
+    for &vertex in vertices {
+        let at = soup.vertices[vertex as usize];
+        let [x, y, z] = cell(&at);
+        for (dx, dy, dz) in (-1..=1).flat_map(|dx| (-1..=1).flat_map(move |dy| (-1..=1).map(move |dz| (dx, dy, dz)))) {
+            for other in cells.get(&[x + dx, y + dy, z + dz]).into_iter().flatten() {
+                if (soup.vertices[*other as usize] - at).norm() <= tolerance {
+                    union.join(vertex, *other);
+                }
+            }
+        }
+        cells.entry([x, y, z]).or_default().push(vertex);
+    }
+    let target: Vec<u32> = (0..soup.vertices.len() as u32).map(|vertex| union.root(vertex)).collect();
+    soup.rename(&target, repair);
+}
+
+/// Cuts triangles at open vertices that lie on their open edges; gives how many edges were cut.
+fn cut(soup: &mut Soup, edges: &[(u32, u32)], vertices: &[u32], tolerance: f64) -> usize {
+    let mut on: BTreeMap<(u32, u32), Vec<u32>> = BTreeMap::new();
+    for &(low, high) in edges {
+        let (from, to) = (soup.vertices[low as usize], soup.vertices[high as usize]);
+        let along: Vector3<f64> = to - from;
+        let length = along.norm();
+        let place = |vertex: u32| {
+            let out = soup.vertices[vertex as usize] - from;
+            let share = out.dot(&along) / (length * length);
+            let off = (out - along * share).norm();
+            let inside = share * length > tolerance && (1.0 - share) * length > tolerance;
+            (inside && off <= tolerance && vertex != low && vertex != high).then_some((share, vertex))
+        };
+        let mut between: Vec<(f64, u32)> = vertices.iter().filter_map(|vertex| place(*vertex)).collect();
+        if !between.is_empty() {
+            between.sort_by(|a, b| a.0.total_cmp(&b.0));
+            on.insert((low, high), between.into_iter().map(|(_, vertex)| vertex).collect());
+        }
+    }
+    let mut triangles = Vec::with_capacity(soup.triangles.len());
+    let mut open = std::mem::take(&mut soup.triangles);
+    open.reverse();
+    while let Some(triangle) = open.pop() {
+        let cut = (0..3).find_map(|corner| {
+            let (from, to) = (triangle[corner], triangle[(corner + 1) % 3]);
+            let between = on.get(&(from.min(to), from.max(to)))?;
+            let third = triangle[(corner + 2) % 3];
+            (!between.contains(&third)).then(|| (from, to, third, between.clone()))
+        });
+        match cut {
+            Some((from, to, third, mut between)) => {
+                if from > to {
+                    between.reverse();
+                }
+                let mut at = from;
+                for next in between.into_iter().chain([to]) {
+                    open.push([at, next, third]);
+                    at = next;
+                }
+            }
+            None => triangles.push(triangle),
+        }
+    }
+    soup.triangles = triangles;
+    on.len()
+}

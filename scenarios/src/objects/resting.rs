@@ -1,0 +1,140 @@
+//! The pose in which a thing stands or lies by itself: on a face of its convex hull over which its centre of mass is, the one from which it
+//! is hardest to tip over.
+
+use nalgebra::{Point3, Unit, UnitQuaternion, Vector3};
+
+use super::model::ObjectModel;
+use crate::geometry::{Shape, hull_triangles};
+
+/// Poses that are turned by less than this from a lower one are no poses of their own, rad: lumps of a scan.
+const NEIGHBOURHOOD: f64 = 0.15;
+/// How far beside a face the centre of mass may be, as a share of the object's size.
+const BESIDE: f64 = 1e-3;
+/// Sides to which it is tipped, and steps of the tilt (rad) up to the largest.
+const SIDES: u32 = 16;
+const TILTS: (f64, u32) = (0.05, 16);
+
+impl ObjectModel {
+    /// The object as its shape is given, if it stands so; otherwise in the pose that is hardest to tip over. None where there is none.
+    pub fn at_rest(self) -> Option<Self> {
+        let upright = Self { rest: UnitQuaternion::identity(), ..self };
+        if upright.rests_stably() {
+            return Some(upright);
+        }
+        let poses = upright.resting_poses().into_iter().map(|rest| Self { rest, ..upright.clone() });
+        let stable = poses.filter(Self::rests_stably).map(|pose| (pose.tipping_height(), pose));
+        // Of poses that are as hard to tip over the lowest, which comes first.
+        stable.reduce(|best, other| if other.0 > best.0 { other } else { best }).map(|(_, pose)| pose)
+    }
+
+    /// Poses on the faces of the convex hull over which the centre of mass is, the lowest first.
+    fn resting_poses(&self) -> Vec<UnitQuaternion<f64>> {
+        let points = match &self.shape {
+            Shape::Mesh(mesh) => mesh.vertices().to_vec(),
+            shape => shape.triangles().0,
+        };
+        let Ok((corners, faces)) = hull_triangles(&points) else { return Vec::new() };
+        let beside = BESIDE * self.shape.bounding_radius();
+        let downwards = |face: &[u32; 3]| {
+            let [a, b, c] = face.map(|index| corners[index as usize]);
+            let down = (b - a).cross(&(c - a)).try_normalize(1e-14)?;
+            let height = a.coords.dot(&down);
+            let foot = Point3::from(down * height);
+            let inside = [(a, b), (b, c), (c, a)].into_iter().all(|(from, to): (Point3<f64>, Point3<f64>)| {
+                let edge = to - from;
+                edge.cross(&(foot - from)).dot(&down) >= -beside * edge.norm()
+            });
+            inside.then_some((height, down))
+        };
+        let mut found: Vec<(f64, Vector3<f64>)> = faces.iter().filter_map(downwards).collect();
+        found.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut poses: Vec<Vector3<f64>> = Vec::new();
+        for (_, down) in found {
+            if poses.iter().all(|other| other.dot(&down) < NEIGHBOURHOOD.cos()) {
+                poses.push(down);
+            }
+        }
+        let turned = |down: Vector3<f64>| {
+            UnitQuaternion::rotation_between(&down, &-Vector3::z())
+                .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI))
+        };
+        poses.into_iter().map(turned).collect()
+    }
+
+    /// How far the centre of mass has to be raised to tip it over to its weakest side, m.
+    fn tipping_height(&self) -> f64 {
+        let height = self.rest_height();
+        let over = |side: u32| {
+            let angle = std::f64::consts::TAU * f64::from(side) / f64::from(SIDES);
+            let axis = Unit::new_normalize(Vector3::new(angle.cos(), angle.sin(), 0.0));
+            let rises = (1..=TILTS.1).map(|step| {
+                let tipped = UnitQuaternion::from_axis_angle(&axis, TILTS.0 * f64::from(step)) * self.rest;
+                -self.shape.lowest(&tipped) - height
+            });
+            // Once it comes down it has gone over.
+            let mut highest = 0.0_f64;
+            for rise in rises {
+                if rise < highest {
+                    break;
+                }
+                highest = rise;
+            }
+            highest
+        };
+        (0..SIDES).map(over).fold(f64::INFINITY, f64::min)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::geometry::{Mesh, Shape};
+    use crate::objects::{ObjectSet, Symmetry};
+
+    fn object(shape: Shape) -> ObjectModel {
+        ObjectModel {
+            name: "thing".into(),
+            shape,
+            mass: 0.1,
+            friction: 0.6,
+            color: [0; 3],
+            rest: UnitQuaternion::identity(),
+            symmetry: Symmetry::None,
+        }
+    }
+
+    /// A solid with lumps all over, made of a sphere's tessellation stretched by `half`, m.
+    fn lumpy(half: Vector3<f64>) -> Shape {
+        let (points, triangles, _) = Shape::Sphere { radius: 1.0 }.triangles();
+        let lump = |at: &Point3<f64>| {
+            let height = 1.0 + 0.03 * (9.0 * at.x).sin() * (7.0 * at.y).cos() + 0.02 * (11.0 * at.z + at.x).sin();
+            Point3::from(at.coords.component_mul(&half) * height)
+        };
+        let points: Vec<Point3<f64>> = points.iter().map(lump).collect();
+        Shape::Mesh(Arc::new(Mesh::repaired(&points, &triangles).expect("closed").0.centered().expect("a mesh")))
+    }
+
+    /// A lumpy stone that stands on its end in its file lies down on its broad side; it stays there when it is tipped.
+    #[test]
+    fn a_lumpy_solid_finds_its_rest() {
+        let stone = object(lumpy(Vector3::new(0.03, 0.016, 0.045)));
+        assert!(!stone.rests_stably(), "on its end");
+        let lying = stone.clone().at_rest().expect("a pose");
+        assert!(lying.rests_stably() && lying.rest_height() < 0.019, "{}", lying.rest_height());
+        let down = lying.rest.inverse() * -Vector3::z();
+        assert!(down.y.abs() > 0.95, "on its broad side: {down}");
+    }
+
+    /// A pencil lies down; what stands as it is given stays so, to the bit.
+    #[test]
+    fn only_what_would_fall_over_is_turned() {
+        let pencil = object(Shape::Cylinder { radius: 0.003, half_height: 0.08 }).at_rest().expect("a pose");
+        assert!((pencil.rest_height() - 0.003).abs() < 1e-4, "{}", pencil.rest_height());
+        for object in ObjectSet::standard().iter().filter(|object| object.rest == UnitQuaternion::identity()) {
+            let same = (**object).clone().at_rest().expect("a pose");
+            assert_eq!(same.rest, object.rest, "{}", object.name);
+        }
+    }
+}
