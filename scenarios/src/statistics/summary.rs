@@ -197,6 +197,12 @@ pub struct Summary {
     pub real_time_factor: Option<f64>,
     /// Wall-clock time of the run, s.
     pub wall_s: f64,
+    /// The scenario's own objects that were not played, and why.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub left_out: Vec<String>,
+    /// What was not as their files have it, and what could not be done with them.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub notes: Vec<String>,
 }
 
 /// Sums records up; `ablated` are trials with less of the senses, if any.
@@ -261,6 +267,8 @@ pub fn summarise(records: &[TrialRecord], ablated: &[AblatedTrial], run: &RunInf
         },
         real_time_factor: (run.wall_s > 0.0).then(|| sim_seconds / run.wall_s),
         wall_s: run.wall_s,
+        left_out: Vec::new(),
+        notes: Vec::new(),
     }
 }
 

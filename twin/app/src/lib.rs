@@ -33,8 +33,12 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
             end(1, &shortfall);
             return 1;
         }
-        // The robot stopped in mid-trial: it ran, and fell short.
-        Err(error) if caused_by::<bench::body::Stopped>(&error) => (1, format!("falls short: {}", words(&error))),
+        // The robot stopped in mid-trial, or nothing of one's own can be played: it ran, and fell short.
+        Err(error)
+            if caused_by::<bench::body::Stopped>(&error) || caused_by::<proving::preparation::NotPlayable>(&error) =>
+        {
+            (1, format!("falls short: {}", words(&error)))
+        }
         Err(error)
             if caused_by::<bench::run::Interrupted>(&error)
                 || caused_by::<bench::own::Interrupted>(&error)

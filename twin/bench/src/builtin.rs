@@ -79,7 +79,7 @@ pub fn know_hand(pipeline: &mut TouchPipeline, world: &World) {
     }
 }
 
-/// Everything that trials of a scenario's first `combos` combinations share.
+/// Everything that trials of a scenario's first `combos` combinations share, or of as many as can be done.
 pub fn make_bench(scenario: Scenario, combos: usize, seed: u64, quiet: bool) -> Result<Bench> {
     make_bench_of(None, scenario, combos, seed, quiet)
 }
@@ -139,15 +139,18 @@ fn make_scenes_of(
     // Plans are made for the nominal places: a spread of the layout leaves them as they are.
     let benchmark = Scenario::benchmark();
     let planned = |scenario: &Scenario| (scenario.layout.first, scenario.layout.second, scenario.start);
-    let builtin = scenario.first == benchmark.first
+    let builtin = scenario.object.is_empty()
+        && scenario.first == benchmark.first
         && scenario.second == benchmark.second
         && planned(&scenario) == planned(&benchmark);
     let world = World::of(scenario, individual)?;
     let mut repertoire = proving::builtin::repertoire()?;
     let mut plans = proving::builtin::plans()?;
+    let (mut notes, mut left_out) = (Vec::new(), Vec::new());
     if !builtin || combos > plans.plans.len() {
         let prepared = preparation::prepare(&world, combos, seed, &Cache::standard()?, quiet)?;
         (repertoire, plans) = (prepared.repertoire, prepared.plans);
+        (notes, left_out) = (prepared.notes, prepared.left_out);
     }
     plans.plans.truncate(combos);
     let board = TactileBoard::unit(&world.cell.hand, HAND_UNIT);
@@ -170,6 +173,8 @@ fn make_scenes_of(
         twin: None,
         outlasts_faults: false,
         own: None,
+        notes,
+        left_out,
         intact: None,
     })
 }

@@ -66,6 +66,12 @@ pub struct RunRequest {
     /// Whether a mirror looks on and names what differs.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub mirrors: bool,
+    /// What is not as the files of the scenario's own objects have it, and what cannot be done with them.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub notes: Vec<String>,
+    /// The scenario's own objects that are not played at all, and why.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub left_out: Vec<String>,
     /// How the robot knows where things are.
     #[serde(flatten)]
     pub places: Places,

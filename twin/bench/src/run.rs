@@ -360,6 +360,7 @@ fn warnings(done: &BTreeMap<Unit, Entry>, request: &RunRequest) -> Vec<String> {
     if request.scenario != scenarios::scenario::BENCHMARK {
         warnings.push("the scenario is not that of the benchmark".to_owned());
     }
+    warnings.extend(request.left_out.iter().chain(&request.notes).cloned());
     warnings
 }
 
@@ -379,7 +380,11 @@ pub fn finish(
     let ablated: Vec<AblatedTrial> = done.values().flat_map(|entry| entry.ablated.iter().cloned()).collect();
     let decision_budget = request.scenario()?.effects.time.map(|time| time.decision);
     let info = RunInfo { seed: request.seed, robot: request.robot.clone(), wall_s, decision_budget };
-    let summary = summarise(&records, &ablated, &info);
+    let summary = Summary {
+        left_out: request.left_out.clone(),
+        notes: request.notes.clone(),
+        ..summarise(&records, &ablated, &info)
+    };
     let mut table = Vec::new();
     write_trials(&records, &mut table)?;
     report::write_whole(&folder.join("trials.csv"), &table)?;

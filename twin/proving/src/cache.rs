@@ -1,7 +1,12 @@
 //! Results of long searches, kept in a folder by what they were made from: whatever goes into a search goes into its key, so that a
-//! changed mesh, hand or rule finds nothing and is searched anew.
+//! changed mesh, hand or rule finds nothing and is searched anew. Of a search under way its finished steps are kept ([`Steps`]), so that one
+//! that was interrupted goes on where it was.
 
+use std::collections::BTreeMap;
+use std::fs::{File, OpenOptions};
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
+use std::sync::Mutex;
 
 use anyhow::{Context, Result};
 use hand_model::digest::hexadecimal;
@@ -73,6 +78,11 @@ impl Cache {
         serde_json::from_str(&text).map_err(|error| eprintln!("{}: {error}; searched anew", path.display())).ok()
     }
 
+    /// Whether something is kept under `key`.
+    pub fn has(&self, key: &Key) -> bool {
+        self.folder.join(key.file_name()).is_file()
+    }
+
     /// Keeps `result`, whole or not at all.
     pub fn put(&self, key: &Key, result: &impl Serialize) -> Result<()> {
         std::fs::create_dir_all(&self.folder).with_context(|| self.folder.display().to_string())?;
@@ -81,16 +91,85 @@ impl Cache {
         hand_model::file::write_whole(&path, &text).with_context(|| path.display().to_string())
     }
 
-    /// What was kept under `key`, or what `search` finds, which is then kept. Where it cannot be kept, a line on stderr says so.
-    pub fn get_or<T: Serialize + DeserializeOwned>(&self, key: &Key, search: impl FnOnce() -> Result<T>) -> Result<T> {
+    /// What was kept under `key`, or what `search` finds, which is then kept; a search that was interrupted has its finished steps. Where it
+    /// cannot be kept, a line on stderr says so.
+    pub fn get_or<T, S>(&self, key: &Key, search: impl FnOnce(&Steps<S>) -> Result<T>) -> Result<T>
+    where
+        T: Serialize + DeserializeOwned,
+        S: Serialize + DeserializeOwned,
+    {
         if let Some(kept) = self.get(key) {
             return Ok(kept);
         }
-        let found = search()?;
-        if let Err(error) = self.put(key, &found) {
-            eprintln!("{error:#}: not kept, the next run searches again");
+        let steps = Steps::open(self.folder.join(key.file_name()).with_extension("steps.jsonl"));
+        let found = search(&steps)?;
+        match self.put(key, &found) {
+            Ok(()) => steps.remove(),
+            Err(error) => eprintln!("{error:#}: not kept, the next run searches again"),
         }
         Ok(found)
+    }
+}
+
+/// The finished steps of a search under way, by name: a line of JSON each in a file that grows. A line cut off by a kill counts as none.
+#[derive(Debug)]
+pub struct Steps<S> {
+    path: Option<PathBuf>,
+    known: BTreeMap<String, S>,
+    file: Mutex<Option<File>>,
+}
+
+impl<S: Serialize + DeserializeOwned> Steps<S> {
+    /// Of a search of which nothing is kept.
+    pub fn unkept() -> Self {
+        Self { path: None, known: BTreeMap::new(), file: Mutex::new(None) }
+    }
+
+    fn open(path: PathBuf) -> Self {
+        let text = std::fs::read_to_string(&path).unwrap_or_default();
+        let known = text.lines().filter_map(|line| serde_json::from_str(line).ok()).collect::<Vec<(String, S)>>();
+        let open = || {
+            std::fs::create_dir_all(path.parent().unwrap_or(Path::new("")))?;
+            let mut file = OpenOptions::new().create(true).append(true).open(&path)?;
+            if !text.is_empty() && !text.ends_with('\n') {
+                file.write_all(b"\n")?;
+            }
+            Ok::<_, std::io::Error>(file)
+        };
+        let file = open()
+            .map_err(|error| eprintln!("{}: {error}: an interruption would lose this search", path.display()))
+            .ok();
+        Self { path: Some(path), known: known.into_iter().collect(), file: Mutex::new(file) }
+    }
+
+    /// What was kept of a step.
+    pub fn known(&self, step: &str) -> Option<&S> {
+        self.known.get(step)
+    }
+
+    /// The names of the steps that were kept.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.known.keys().map(String::as_str)
+    }
+
+    /// Keeps the result of a step.
+    pub fn keep(&self, step: &str, result: &S) -> Result<()> {
+        let mut line = serde_json::to_vec(&(step, result))?;
+        line.push(b'\n');
+        if let Ok(mut file) = self.file.lock()
+            && let Some(open) = file.as_mut()
+            && let Err(error) = open.write_all(&line)
+        {
+            eprintln!("{error}: an interruption would lose what is searched from now on");
+            *file = None;
+        }
+        Ok(())
+    }
+
+    /// Removes the file: the search is done.
+    fn remove(self) {
+        // What stays behind is found by nobody.
+        self.path.into_iter().for_each(|path| drop(std::fs::remove_file(path)));
     }
 }
 
@@ -105,12 +184,38 @@ mod tests {
         let cache = Cache::at(folder.path().join("cache"));
         let key = |mass: f64| Key::new("mug".into()).with(&("mug", mass)).expect("a key");
         assert_eq!(cache.get::<u32>(&key(0.3)), None);
-        assert_eq!(cache.get_or(&key(0.3), || Ok(7u32)).expect("searched"), 7);
-        assert_eq!(cache.get_or(&key(0.3), || anyhow::bail!("not asked for")).unwrap_or(0u32), 7);
+        let search = |mass: f64, found: u32| cache.get_or(&key(mass), |_: &Steps<u32>| Ok(found)).expect("searched");
+        assert_eq!(search(0.3, 7), 7);
+        assert_eq!(search(0.3, 9), 7);
         assert_eq!(cache.get::<u32>(&key(0.31)), None);
         let file = cache.folder().join(key(0.3).file_name());
         std::fs::write(file, "{").expect("written");
-        assert_eq!(cache.get_or(&key(0.3), || Ok(8u32)).expect("searched"), 8);
+        assert_eq!(search(0.3, 8), 8);
+    }
+
+    /// A search that was killed in the middle of a line goes on from its finished steps; nothing of them is left once it is done.
+    #[test]
+    fn an_interrupted_search_goes_on() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let cache = Cache::at(folder.path().to_owned());
+        let key = Key::new("mug".into());
+        let killed = cache.get_or(&key, |steps: &Steps<u32>| -> Result<u32> {
+            steps.keep("first", &1)?;
+            steps.keep("second", &2)?;
+            anyhow::bail!("killed")
+        });
+        assert!(killed.is_err());
+        let file = std::fs::read_dir(folder.path()).expect("a folder").next().expect("a file").expect("a file").path();
+        let text = std::fs::read_to_string(&file).expect("steps");
+        std::fs::write(&file, &text[..text.len() - 3]).expect("written");
+        let found = cache.get_or(&key, |steps: &Steps<u32>| {
+            assert_eq!((steps.known("first"), steps.known("second")), (Some(&1), None));
+            assert_eq!(steps.names().collect::<Vec<_>>(), ["first"]);
+            steps.keep("second", &5)?;
+            Ok(6u32)
+        });
+        assert_eq!(found.expect("found"), 6);
+        assert!(!file.exists() && cache.get::<u32>(&key) == Some(6));
     }
 
     /// Where two parts meet is part of the key.

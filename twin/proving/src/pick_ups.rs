@@ -5,6 +5,9 @@
 //! expects, because nothing but the eyes says where the object stands; second grasps meet fewer, because [`crate::plan::outcomes`]
 //! tries them again in each plan.
 
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::time::Instant;
+
 use anyhow::{Context, Result};
 use grasping::repertoire::{Repertoire, VERSION};
 use grasping::sampler::{ObjectExtent, propose, vary};
@@ -18,6 +21,7 @@ use scenarios::noise::TrialNoise;
 use scenarios::objects::{ObjectModel, Symmetry};
 use sim::tactile::TactileBoard;
 
+use crate::cache::Steps;
 use crate::rehearsal::{
     FirstRehearsal, HoldOutcome, Snapshot, StartPosture, misaimed, proving_errors, rehearse_first, rehearse_second,
     wide_errors,
@@ -45,9 +49,33 @@ pub struct Effort {
 }
 
 impl Effort {
-    /// Grasps that are closed for an object and role at most.
-    pub fn attempts(&self) -> u32 {
-        self.proposals + self.variations + CLIMBS as u32 * BATCH
+    /// Rehearsals for an object and role at most: each grasp that is closed counts, and each try of it under an error.
+    pub fn rehearsals(&self, role: Role) -> u64 {
+        let tries = 1 + errors(role) as u64;
+        let proven = self.proven(role) as u64 + CLIMBS as u64 * u64::from(BATCH);
+        u64::from(self.proposals + self.variations) + proven * tries
+    }
+
+    /// Grasps kept of a role.
+    fn kept(&self, role: Role) -> usize {
+        match role {
+            Role::First => self.keep_first,
+            Role::Second => self.keep_second,
+        }
+    }
+
+    /// Grasps that are tried under errors at most, before any climb.
+    fn proven(&self, role: Role) -> usize {
+        let keep = self.kept(role);
+        (keep + keep / 2).max(ENOUGH)
+    }
+}
+
+/// Draws of errors under which a grasp of a role is tried.
+fn errors(role: Role) -> usize {
+    match role {
+        Role::First => WIDE,
+        Role::Second => EXPECTED,
     }
 }
 
@@ -90,17 +118,50 @@ struct Search<'a> {
     seed: u64,
     /// Blank: grasps are proven without touch.
     board: TactileBoard,
-    /// Advances with each grasp that is closed for an object and role.
-    progress: &'a ProgressBar,
+    progress: &'a Progress<'a>,
 }
 
-/// Fills `repertoire` with the grasps that are `wanted`; its seed draws them. `progress` runs to [`Effort::attempts`] for each object and
-/// role, and `found` is told of each that is done.
+/// What is told and kept of a search while it runs.
+pub struct Progress<'a> {
+    /// Runs to [`Effort::rehearsals`] for each object and role, or to less as soon as that is known.
+    pub bar: &'a ProgressBar,
+    /// Grasps that were tried before the search was interrupted, and those tried now.
+    pub steps: &'a Steps<Option<Grasp>>,
+    /// Is told, once, how long a rehearsal takes on this machine with all its threads, s.
+    pub pace: &'a (dyn Fn(f64) + Sync),
+}
+
+impl Progress<'_> {
+    /// What was kept of a grasp's trial, or what comes of it now.
+    fn tried(&self, name: &str, try_it: impl FnOnce() -> Result<Option<Grasp>>) -> Result<Option<Grasp>> {
+        match self.steps.known(name) {
+            Some(known) => Ok(known.clone()),
+            None => {
+                let tried = try_it()?;
+                self.steps.keep(name, &tried)?;
+                Ok(tried)
+            }
+        }
+    }
+}
+
+/// The name of the step that tries a grasp under so many errors.
+fn step(object: &str, role: Role, grasp: u32, errors: usize) -> String {
+    format!("{object} {role:?} {grasp} {errors}")
+}
+
+/// Rehearsals that the kept steps of a search stand for.
+pub fn kept(steps: &Steps<Option<Grasp>>) -> u64 {
+    let errors = |name: &str| name.rsplit(' ').next().and_then(|errors| errors.parse::<u64>().ok()).unwrap_or(0);
+    steps.names().map(|name| 1 + errors(name)).sum()
+}
+
+/// Fills `repertoire` with the grasps that are `wanted`; its seed draws them. `found` is told of each object and role that is done.
 pub fn generate(
     world: &World,
     wanted: &Wanted<'_>,
     repertoire: &mut Repertoire,
-    progress: &ProgressBar,
+    progress: &Progress<'_>,
     mut found: impl FnMut(&str, Role, &Repertoire) -> Result<()>,
 ) -> Result<()> {
     let Wanted { names, roles, effort } = *wanted;
@@ -112,7 +173,10 @@ pub fn generate(
         }
         let reference = if role == Role::Second { reference_hold(world, names, repertoire)? } else { Vec::new() };
         for name in names {
-            progress.reset();
+            if progress.steps.names().next().is_none() {
+                progress.bar.reset();
+            }
+            progress.bar.set_length(effort.rehearsals(role));
             let grasps = match role {
                 Role::First => search.find_first(name)?,
                 Role::Second => search.find_second(name, &reference)?,
@@ -137,7 +201,7 @@ impl Search<'_> {
             let outcome = self.rehearse_first([grasp, &bystander], noise)?;
             Ok(outcome.map(|(_, outcome)| outcome).filter(|outcome| outcome.slip < SLIP_LIMIT))
         };
-        self.find(&extent, Role::First, self.effort.keep_first, attempt)
+        self.find(&extent, Role::First, attempt)
     }
 
     fn find_second(&self, name: &str, reference: &[Grasp]) -> Result<Vec<Grasp>> {
@@ -156,7 +220,7 @@ impl Search<'_> {
             let (collided, outcome) = rehearse_second(hold, &misaimed(grasp, noise, 1))?;
             Ok((outcome.held && !collided && outcome.slip < 2.0 * SLIP_LIMIT).then_some(outcome))
         };
-        self.find(&extent, Role::Second, self.effort.keep_second, attempt)
+        self.find(&extent, Role::Second, attempt)
     }
 
     fn rehearse_first(&self, grasps: [&Grasp; 2], noise: &TrialNoise) -> Result<Option<(Snapshot, HoldOutcome)>> {
@@ -176,22 +240,38 @@ impl Search<'_> {
         &self,
         extent: &ObjectExtent,
         role: Role,
-        keep: usize,
         attempt: impl Fn(&Grasp, &TrialNoise) -> Result<Option<HoldOutcome>> + Sync,
     ) -> Result<Vec<Grasp>> {
         let errors = &match role {
-            Role::First => wide_errors(WIDE),
-            Role::Second => proving_errors(EXPECTED),
+            Role::First => wide_errors(errors(role)),
+            Role::Second => proving_errors(errors(role)),
         }[..];
         let Effort { proposals, variations, .. } = self.effort;
+        let keep = self.effort.kept(role);
+        let Progress { bar, pace, .. } = self.progress;
+        let measured = AtomicBool::new(false);
         let run = |grasps: Vec<Grasp>, errors: &[TrialNoise], failures: usize| -> Result<Vec<Grasp>> {
-            let proven: Vec<Result<Option<Grasp>>> =
-                grasps.into_par_iter().map(|grasp| prove(grasp, errors, failures, &attempt)).collect();
-            self.progress.inc(proven.len() as u64);
+            let (begun, rehearsed) = (Instant::now(), AtomicU64::new(0));
+            let counted = |grasp: &Grasp, noise: &TrialNoise| {
+                rehearsed.fetch_add(1, Ordering::Relaxed);
+                attempt(grasp, noise)
+            };
+            let one = |grasp: Grasp| {
+                self.progress.tried(&step(&extent.name, role, grasp.id, errors.len()), || {
+                    let tried = prove(grasp, errors, failures, &counted);
+                    bar.inc(1 + errors.len() as u64);
+                    tried
+                })
+            };
+            let proven: Vec<Result<Option<Grasp>>> = grasps.into_par_iter().map(one).collect();
+            let rehearsed = rehearsed.into_inner();
+            if rehearsed >= u64::from(BATCH) / 2 && !measured.swap(true, Ordering::Relaxed) {
+                pace(begun.elapsed().as_secs_f64() / rehearsed as f64);
+            }
             proven.into_iter().filter_map(Result::transpose).collect()
         };
         let random = |id: u32| stream(self.seed, &extent.name, role, id);
-        let enough = (keep + keep / 2).max(ENOUGH);
+        let enough = self.effort.proven(role);
         let mut found: Vec<Grasp> = Vec::new();
         let mut id = 0;
         while id < proposals && found.len() < enough {
@@ -206,7 +286,11 @@ impl Search<'_> {
             found.extend(run((id..id + BATCH).map(vary_one).collect(), &[], 0)?);
             id += BATCH;
         }
-        let mut proven = run(spread(found, enough), errors, errors.len())?;
+        let chosen = spread(found, enough);
+        // From here on it is known what the search still needs at most.
+        let tries = 1 + errors.len() as u64;
+        bar.set_length(bar.position() + (chosen.len() as u64 + CLIMBS as u64 * u64::from(BATCH)) * tries);
+        let mut proven = run(chosen, errors, errors.len())?;
         rank(&mut proven);
         for _ in 0..CLIMBS {
             let parents: Vec<Grasp> = proven.iter().take(PARENTS).cloned().collect();

@@ -11,15 +11,17 @@
 
 pub mod other_order;
 pub mod outcomes;
+pub mod stepwise;
 pub mod variations;
 pub mod without;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use anyhow::{Context, Result, bail};
 use control::worth::{Candidate, Sequence};
 use grasping::{Grasp, Repertoire, Role};
+use indicatif::ProgressBar;
 use rayon::prelude::*;
 use scenarios::Scenario;
 use scenarios::combination::{Combination, draw_combinations};
@@ -200,8 +202,9 @@ impl Plan {
     }
 }
 
-/// Plans pairs of `scenario`, drawn by `seed`, until `count` combinations stand; `plan` gives none of a pair that cannot be
-/// done without noise. Shows a progress bar unless `quiet`.
+/// Plans pairs of `scenario`, drawn by `seed`, until `count` combinations stand, or all pairs have been tried; `plan` gives none of a pair
+/// that cannot be done without noise. Where the scenario has objects of a user's own, pairs with each of them come first, until one of them
+/// can be done. Shows a progress bar unless `quiet`.
 pub fn make_plans(
     scenario: &Scenario,
     count: usize,
@@ -209,34 +212,86 @@ pub fn make_plans(
     quiet: bool,
     plan: impl Fn(&Combination) -> Result<Option<Plan>> + Sync,
 ) -> Result<Plans> {
-    let progress = progress::bar(count as u64, "combinations planned", quiet);
-    let mut plans = Plans { version: VERSION, seed, rejected: Vec::new(), plans: Vec::new() };
-    let pairs: Vec<Combination> = draw_combinations(scenario, usize::MAX, seed).collect();
-    for batch in pairs.chunks(8) {
-        let made: Vec<Result<Option<Plan>>> = batch.par_iter().map(&plan).collect();
-        for (pair, made) in batch.iter().zip(made) {
-            match made? {
-                Some(plan) if plans.plans.len() < count => {
-                    plans.plans.push(plan);
-                    progress.inc(1);
+    let bar = progress::bar(count as u64, "combinations planned", quiet);
+    let mut drawn = Drawn {
+        pairs: draw_combinations(scenario, usize::MAX, seed).collect(),
+        made: BTreeMap::new(),
+        taken: BTreeSet::new(),
+        plans: Plans { version: VERSION, seed, rejected: Vec::new(), plans: Vec::new() },
+        count,
+    };
+    for object in &scenario.object {
+        let name = &object.name;
+        let has = |plan: &Plan| plan.first == *name || plan.second == *name;
+        let with = drawn.places(|pair| pair.first == *name || pair.second == *name);
+        for batch in with.chunks(rayon::current_num_threads().max(1)) {
+            if drawn.is_full() || drawn.plans.plans.iter().any(has) {
+                break;
+            }
+            drawn.make(batch, &plan)?;
+            for place in batch {
+                if !drawn.plans.plans.iter().any(has) {
+                    drawn.take(*place, &bar);
                 }
-                None if plans.plans.len() < count => plans.rejected.push((pair.first.clone(), pair.second.clone())),
-                _ => {}
             }
         }
-        if plans.plans.len() >= count {
+    }
+    let all = drawn.places(|_| true);
+    for batch in all.chunks(8) {
+        if drawn.is_full() {
             break;
         }
+        drawn.make(batch, &plan)?;
+        batch.iter().for_each(|place| drawn.take(*place, &bar));
     }
-    progress.finish_and_clear();
-    if plans.plans.len() < count {
-        bail!(
-            "only {} of the scenario's {} pairs can be done by this hand without noise; {count} were asked for",
-            plans.plans.len(),
-            pairs.len()
-        );
+    bar.finish_and_clear();
+    Ok(drawn.plans)
+}
+
+/// The pairs of a scenario in the order in which they are drawn, and what has come of them.
+struct Drawn {
+    pairs: Vec<Combination>,
+    /// What came of those that were planned, by their place; several are planned at once, and some in vain.
+    made: BTreeMap<usize, Option<Plan>>,
+    /// Places whose plan or rejection stands.
+    taken: BTreeSet<usize>,
+    plans: Plans,
+    count: usize,
+}
+
+impl Drawn {
+    fn is_full(&self) -> bool {
+        self.plans.plans.len() >= self.count
     }
-    Ok(plans)
+
+    fn places(&self, wanted: impl Fn(&Combination) -> bool) -> Vec<usize> {
+        (0..self.pairs.len()).filter(|place| wanted(&self.pairs[*place])).collect()
+    }
+
+    /// Plans those that have not been.
+    fn make(&mut self, batch: &[usize], plan: &(impl Fn(&Combination) -> Result<Option<Plan>> + Sync)) -> Result<()> {
+        let open: Vec<usize> = batch.iter().copied().filter(|place| !self.made.contains_key(place)).collect();
+        let made: Vec<Result<Option<Plan>>> = open.par_iter().map(|place| plan(&self.pairs[*place])).collect();
+        for (place, made) in open.into_iter().zip(made) {
+            self.made.insert(place, made?);
+        }
+        Ok(())
+    }
+
+    /// Lets a plan or a rejection stand, as long as plans are wanted.
+    fn take(&mut self, place: usize, bar: &ProgressBar) {
+        if self.is_full() || !self.taken.insert(place) {
+            return;
+        }
+        let pair = &self.pairs[place];
+        match self.made.get(&place).cloned().flatten() {
+            Some(plan) => {
+                self.plans.plans.push(plan);
+                bar.inc(1);
+            }
+            None => self.plans.rejected.push((pair.first.clone(), pair.second.clone())),
+        }
+    }
 }
 
 /// The plan of a pair, without odds; none if nothing works without errors. `board` has cameras, as in a trial: a look ends when its

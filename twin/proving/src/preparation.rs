@@ -2,23 +2,30 @@
 //!
 //! What comes with the program is used where it fits. Objects of the user's own are searched for pick-ups in physics, for the roles in
 //! which the scenario names them, and pairs without a plan are planned and tried under errors, both by the rules of the benchmark
-//! itself. Each result is kept in a [`Cache`], so that an interrupted preparation goes on where it was, and a second run begins at once.
+//! itself. Each result is kept in a [`Cache`], and of a search under way its finished steps, so that an interrupted preparation goes on where
+//! it was, and a second run begins at once. What cannot be played is told ([`left_out`]), never replaced without a word.
 
+mod forecast;
+mod left_out;
+
+use std::sync::Once;
 use std::time::Instant;
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use grasping::{Grasp, Repertoire, Role};
 use scenarios::Scenario;
-use scenarios::combination::Combination;
+use scenarios::combination::{Combination, draw_combinations};
 use scenarios::effects::Effect;
 use scenarios::geometry::Shape;
 use scenarios::objects::ObjectModel;
 use serde::Serialize;
 use sim::tactile::TactileBoard;
 
-use crate::cache::{Cache, Key};
-use crate::pick_ups::{self, Effort};
-use crate::plan::{self, Plan, Plans, other_order, outcomes};
+pub use self::left_out::NotPlayable;
+use crate::cache::{Cache, Key, Steps};
+use crate::pick_ups::{self, Effort, Progress};
+use crate::plan::{self, Plans, stepwise};
+use crate::rehearsal::{FirstRehearsal, rehearse_first, try_second};
 use crate::world::World;
 
 /// Rises when a rule of the search changes, or the engine does: what was kept is then searched anew.
@@ -31,50 +38,86 @@ pub const EFFORT: Effort = Effort { proposals: 128, variations: 64, keep_first: 
 /// What trials of a scenario choose from.
 pub struct Prepared {
     pub repertoire: Repertoire,
+    /// As many as were asked for, or as can be done.
     pub plans: Plans,
+    /// What is not as the files of the scenario's own objects have it, and what cannot be done with them.
+    pub notes: Vec<String>,
+    /// What of the scenario is not played at all.
+    pub left_out: Vec<String>,
 }
 
-/// Grasps and plans for `count` combinations of the world's scenario, drawn by `seed`.
+/// Grasps and plans for `count` combinations of the world's scenario, drawn by `seed`, or for as many as can be done. Refused with
+/// [`NotPlayable`] where the scenario has objects of its own and none of them can be played.
 pub fn prepare(world: &World, count: usize, seed: u64, cache: &Cache, quiet: bool) -> Result<Prepared> {
+    let say = |line: &str| {
+        if !quiet {
+            eprintln!("{line}");
+        }
+    };
     let mut repertoire = crate::builtin::repertoire()?;
     repertoire.seed = SEED;
+    let mut notes = left_out::notes(world);
+    notes.iter().for_each(|note| say(note));
     let own = searches(world);
-    if !own.is_empty() && !quiet {
-        eprintln!(
-            "looking for grasps of the scenario's own objects, some minutes each; what is found is kept in {}",
+    if !own.is_empty() {
+        say(&format!(
+            "looking for grasps of the scenario's own objects in physics; each finished step is kept in {}: after an interruption the same \
+             command goes on there",
             cache.folder().display()
-        );
+        ));
     }
     let begun = Instant::now();
     for (n, (object, role)) in own.iter().enumerate() {
-        let grasps = pick_up(world, &repertoire, (object, *role), cache, quiet)?;
-        if !quiet {
-            let minutes = begun.elapsed().as_secs_f64() / 60.0;
-            eprintln!("{:3} of {}  {}  {minutes:5.1} min", n + 1, own.len(), found(object, *role, grasps.len()));
+        let grasps = pick_up(world, &repertoire, (object, *role), &own[n + 1..], cache, quiet)?;
+        let line = found(object, *role, grasps.len());
+        say(&format!("{:3} of {}  {line}  {:5.1} min", n + 1, own.len(), begun.elapsed().as_secs_f64() / 60.0));
+        if grasps.is_empty() {
+            notes.push(line);
         }
         for grasp in grasps {
             repertoire.insert(grasp);
         }
     }
+    left_out::refuse_unpickable(world, &repertoire)?;
     let known = known_plans(&world.scenario)?;
-    let planned = known.as_ref().map_or(0, |known| known.plans.len());
-    if !quiet && (count > planned || !own.is_empty()) {
-        eprintln!(
-            "planning combinations that are not among the {planned} that come with the program, in physics, about half a minute each; what is found is kept in {}",
-            cache.folder().display()
-        );
-    }
+    let decided = |pair: &Combination| known.as_ref().and_then(|known| known.of(pair));
     let board = TactileBoard::unit(&world.cell.hand, 0);
+    let mut open = Vec::new();
+    for pair in draw_combinations(&world.scenario, count, seed) {
+        if decided(&pair).is_none() && !cache.has(&pair_key(world, &repertoire, &pair)?) {
+            open.push(pair);
+        }
+    }
+    if !open.is_empty() && !quiet {
+        say(&forecast::of_plans(open.len(), pace(world, &repertoire, &board, &open)?));
+    }
     let plans = plan::make_plans(&world.scenario, count, seed, quiet, |pair| {
-        if let Some(known) = &known
-            && let Some(decided) = known.of(pair)
-        {
+        if let Some(decided) = decided(pair) {
             return Ok(decided.cloned());
         }
-        cache.get_or(&pair_key(world, &repertoire, pair)?, || plan_with_odds(world, &repertoire, &board, pair))
-    });
-    let plans = plans.with_context(|| unpickable(world, &repertoire))?;
-    Ok(Prepared { repertoire, plans })
+        cache.get_or(&pair_key(world, &repertoire, pair)?, |steps| {
+            stepwise::plan(world, &repertoire, &board, pair, steps)
+        })
+    })?;
+    let said = notes.len();
+    let left_out = left_out::of(world, &repertoire, &plans, count, &mut notes)?;
+    left_out.iter().chain(&notes[said..]).for_each(|line| say(line));
+    Ok(Prepared { repertoire, plans, notes, left_out })
+}
+
+/// How long a rehearsal of the first of these pairs that has grasps takes on this machine on one thread, s; none where none has.
+fn pace(world: &World, repertoire: &Repertoire, board: &TactileBoard, pairs: &[Combination]) -> Result<Option<f64>> {
+    for pair in pairs {
+        let (first, second) =
+            (repertoire.of(&pair.first, Role::First).next(), repertoire.of(&pair.second, Role::Second).next());
+        let Some((first, second)) = first.zip(second) else { continue };
+        let begun = Instant::now();
+        let hold = rehearse_first(world, &FirstRehearsal::ideal(world, [first, second]), board)?;
+        let Some((hold, _)) = hold else { continue };
+        try_second(&hold, second)?;
+        return Ok(Some(0.5 * begun.elapsed().as_secs_f64()));
+    }
+    Ok(None)
 }
 
 /// What was found of an object in a role, in words.
@@ -113,10 +156,12 @@ fn searches(world: &World) -> Vec<(&ObjectModel, Role)> {
     searches
 }
 
+/// Grasps of an object in a role, kept or searched; `after` are the searches that follow.
 fn pick_up(
     world: &World,
     repertoire: &Repertoire,
     (object, role): (&ObjectModel, Role),
+    after: &[(&ObjectModel, Role)],
     cache: &Cache,
     quiet: bool,
 ) -> Result<Vec<Grasp>> {
@@ -127,36 +172,30 @@ fn pick_up(
     };
     let label = format!("{}-{}", object.name, if role == Role::First { "first" } else { "second" });
     let key = ground(world, label)?.with(&Described::of(object))?.with(&(role, reference))?;
-    let progress = progress::bar(u64::from(EFFORT.attempts()), &format!("tries of {} at most", object.name), quiet);
-    let grasps = cache.get_or(&key, || {
+    cache.get_or(&key, |steps: &Steps<Option<Grasp>>| {
+        let what = format!("rehearsals of {} at most", object.name);
+        let bar = progress::resumed(EFFORT.rehearsals(role), pick_ups::kept(steps), &what, quiet);
+        let told = Once::new();
+        let tell = |seconds: f64| {
+            told.call_once(|| {
+                if !quiet {
+                    let left: Vec<Role> = after.iter().map(|(_, role)| *role).collect();
+                    bar.suspend(|| eprintln!("{}", forecast::of_search(&object.name, role, &left, seconds)));
+                }
+            });
+        };
         let mut own = repertoire.clone();
         own.grasps.remove(&object.name);
         pick_ups::generate(
             world,
             &pick_ups::Wanted { names: &names, roles: &[role], effort: EFFORT },
             &mut own,
-            &progress,
+            &Progress { bar: &bar, steps, pace: &tell },
             |_, _, _| Ok(()),
         )?;
+        bar.finish_and_clear();
         Ok(own.of(&object.name, role).cloned().collect())
-    });
-    progress.finish_and_clear();
-    grasps
-}
-
-/// The plan of a pair with the odds of its grasps; none if nothing works without errors.
-fn plan_with_odds(
-    world: &World,
-    repertoire: &Repertoire,
-    board: &TactileBoard,
-    pair: &Combination,
-) -> Result<Option<Plan>> {
-    let mut planned = plan::plan_pair(world, repertoire, board, pair)?;
-    if let Some(plan) = &mut planned {
-        outcomes::rehearse_one(world, repertoire, board, plan)?;
-        other_order::rehearse_one(world, repertoire, board, plan)?;
-    }
-    Ok(planned)
+    })
 }
 
 /// The built-in plans, where the scenario's objects stand and start as in the benchmark.
@@ -164,16 +203,6 @@ fn known_plans(scenario: &Scenario) -> Result<Option<Plans>> {
     let benchmark = Scenario::benchmark();
     let placed = |scenario: &Scenario| (scenario.layout.first, scenario.layout.second, scenario.start);
     (placed(scenario) == placed(&benchmark)).then(crate::builtin::plans).transpose()
-}
-
-/// Which objects of the scenario no grasp is known of, for an error.
-fn unpickable(world: &World, repertoire: &Repertoire) -> String {
-    let without = |names: &[String], role: Role| -> Vec<String> {
-        names.iter().filter(|name| repertoire.of(name, role).next().is_none()).cloned().collect()
-    };
-    let (first, second) = (without(&world.scenario.first, Role::First), without(&world.scenario.second, Role::Second));
-    let listed = |names: &[String]| if names.is_empty() { "none".to_owned() } else { names.join(", ") };
-    format!("objects without a grasp: first {}, second {}", listed(&first), listed(&second))
 }
 
 /// The key of a plan: its world, its objects and all grasps that it may name.

@@ -147,6 +147,8 @@ impl Plan {
             plant: None,
             foresees: false,
             mirrors: false,
+            notes: Vec::new(),
+            left_out: Vec::new(),
             places: Places::default(),
         };
         let mut plan = Self {

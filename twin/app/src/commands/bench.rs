@@ -198,13 +198,16 @@ fn request(terminal: &Terminal, args: &BenchArgs) -> Result<(RunRequest, PathBuf
         plant: args.plant,
         foresees: args.foresee,
         mirrors: args.mirror,
+        // Known once the scenario's own objects have been tried.
+        notes: Vec::new(),
+        left_out: Vec::new(),
     };
     Ok((request, args.out.clone().unwrap_or_else(next_free_folder)))
 }
 
 /// `ftac bench`: everything that can be wrong with the input is found before anything is written.
 pub fn benchmark(terminal: &Terminal, args: &BenchArgs) -> Outcome {
-    let (request, folder) = request(terminal, args)?;
+    let (mut request, folder) = request(terminal, args)?;
     let robot = <Body as clap::ValueEnum>::from_str(&request.robot, false)
         .map_err(|_| anyhow::anyhow!("{}: robot: found {}, expected a known body", folder.display(), request.robot))?;
     if request.places.eyes != args.places.eyes.is_some() {
@@ -231,6 +234,11 @@ pub fn benchmark(terminal: &Terminal, args: &BenchArgs) -> Outcome {
     // Everything that can be wrong with the input has been found before anything is written.
     let (individual, named) = (request.individual.as_deref(), Path::new("--individual"));
     let mut bench = make_identified(individual, named, scenario, request.combos, request.seed, quiet)?;
+    let asked = request.combos;
+    if args.resume.is_none() {
+        request.combos = bench.plans.plans.len().min(asked);
+        (request.notes, request.left_out) = (bench.notes.clone(), bench.left_out.clone());
+    }
     request.places.set_up(&mut bench.world)?;
     read_pads_by(&mut bench, request.pads.as_deref(), Path::new("--pads"))?;
     super::individual::say_whose_pads(robot, &request.conditions, request.pads.as_deref());
@@ -261,7 +269,9 @@ pub fn benchmark(terminal: &Terminal, args: &BenchArgs) -> Outcome {
     let options = Options { jobs, record: args.record.into(), quiet, live: args.live, place: &place };
     let summary = run::run(&bench, &request, journal, &folder, &options)?;
     tell(terminal, &summary, &folder)?;
-    Ok(shortfall(&summary))
+    let fewer = (args.combos.is_some() && request.combos < asked)
+        .then(|| format!("only {} of {asked} combinations can be done", request.combos));
+    Ok(shortfall(&summary).or(fewer))
 }
 
 /// What `--ablations` asks for: without names all of them.
@@ -347,6 +357,9 @@ fn parse_shard(text: &str) -> Result<(usize, usize)> {
 }
 
 fn shortfall(summary: &Summary) -> Option<String> {
+    if !summary.left_out.is_empty() {
+        return Some(summary.left_out.join("; "));
+    }
     let ideal = summary.conditions.ideal.contact_rate.mean.unwrap_or(0.0);
     let clean = |condition: Condition| summary.conditions.of(condition).clean_success_rate.mean;
     if ideal > 0.0 {

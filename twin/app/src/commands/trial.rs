@@ -108,6 +108,14 @@ pub fn trial(terminal: &Terminal, args: &TrialArgs) -> Outcome {
     let pads = super::individual::pads(args.pads.as_deref())?;
     let quiet = terminal.quiet || terminal.json;
     let mut bench = make_identified(individual.as_deref(), &path, scenario, combos, terminal.seed, quiet)?;
+    if bench.plans.plans.len() <= args.combination {
+        bail!(
+            "COMBO: found {}, expected 0 to {}: {}",
+            args.combination,
+            bench.plans.plans.len() - 1,
+            bench.notes.join("; ")
+        );
+    }
     places.set_up(&mut bench.world)?;
     read_pads_by(&mut bench, pads.as_deref(), Path::new("--pads"))?;
     super::individual::say_whose_pads(args.robot, &[args.policy.condition()], pads.as_deref());

@@ -46,6 +46,10 @@ pub struct Bench {
     pub outlasts_faults: bool,
     /// A policy of the user's own, where one plays.
     pub own: Option<Own>,
+    /// What is not as the files of the scenario's own objects have it, and what cannot be done with them.
+    pub notes: Vec<String>,
+    /// The scenario's own objects that are not played at all, and why.
+    pub left_out: Vec<String>,
     /// What was planned while all digits had power, where some have none: `ideal` and `blind` know nothing else.
     pub intact: Option<Intact>,
 }

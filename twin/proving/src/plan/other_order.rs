@@ -19,17 +19,28 @@ pub fn rehearse(world: &World, repertoire: &Repertoire, plans: &mut Plans, quiet
 }
 
 /// The same for one plan.
-pub fn rehearse_one(world: &World, repertoire: &Repertoire, board: &TactileBoard, plan: &mut Plan) -> Result<()> {
-    plan.reversed = None;
-    if best(plan) >= SURE {
-        return Ok(());
+fn rehearse_one(world: &World, repertoire: &Repertoire, board: &TactileBoard, plan: &mut Plan) -> Result<()> {
+    let turned = world.in_other_order();
+    let mut reversed = planned(&turned, repertoire, board, plan)?;
+    if let Some(reversed) = &mut reversed {
+        outcomes::rehearse_one(&turned, repertoire, board, reversed)?;
     }
-    let world = world.in_other_order();
-    let pair = Combination { id: 0, first: plan.second.clone(), second: plan.first.clone() };
-    let Some(mut reversed) = plan_pair(&world, repertoire, board, &pair)? else { return Ok(()) };
-    outcomes::rehearse_one(&world, repertoire, board, &mut reversed)?;
-    plan.reversed = Some(Box::new(reversed));
+    plan.reversed = reversed.map(Box::new);
     Ok(())
+}
+
+/// The plan, without odds, of the objects of `plan` taken the other way round, in a world in that order; none where `plan` is sure.
+pub(super) fn planned(
+    turned: &World,
+    repertoire: &Repertoire,
+    board: &TactileBoard,
+    plan: &Plan,
+) -> Result<Option<Plan>> {
+    if best(plan) >= SURE {
+        return Ok(None);
+    }
+    let pair = Combination { id: 0, first: plan.second.clone(), second: plan.first.clone() };
+    plan_pair(turned, repertoire, board, &pair)
 }
 
 /// What the best second grasp of `plan` is worth, after whatever first grasp.

@@ -114,12 +114,31 @@ pub fn rehearse_others(world: &World, repertoire: &Repertoire, plans: &mut Plans
     })
 }
 
-/// Both for one plan.
-pub fn rehearse_one(world: &World, repertoire: &Repertoire, board: &TactileBoard, plan: &mut Plan) -> Result<()> {
+/// A step of all that is rehearsed of one plan: 0 tries its second grasps, 1 those after other first grasps, 2 variations of them.
+pub(super) fn rehearse_step(
+    step: usize,
+    world: &World,
+    repertoire: &Repertoire,
+    board: &TactileBoard,
+    plan: &mut Plan,
+) -> Result<()> {
     let rehearsals = Rehearsals::new(world, board);
-    rehearsals.rehearse(repertoire, plan)?;
-    plan.others = rehearsals.others(repertoire, plan)?;
-    variations::rehearse_one(world, repertoire, board, plan)
+    match step {
+        0 => rehearsals.rehearse(repertoire, plan)?,
+        1 => plan.others = rehearsals.others(repertoire, plan)?,
+        _ => variations::rehearse_one(world, repertoire, board, plan)?,
+    }
+    Ok(())
+}
+
+/// All steps for one plan.
+pub(super) fn rehearse_one(
+    world: &World,
+    repertoire: &Repertoire,
+    board: &TactileBoard,
+    plan: &mut Plan,
+) -> Result<()> {
+    (0..3).try_for_each(|step| rehearse_step(step, world, repertoire, board, plan))
 }
 
 /// What all rehearsals share.

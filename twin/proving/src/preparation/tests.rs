@@ -80,7 +80,59 @@ fn what_cannot_be_picked_is_named() {
     let cube = world.object("my_cube").expect("the cube");
     let text = found(&cube, Role::Second, 0);
     assert!(text.contains("my_cube") && text.contains("50 x 50 x 50 mm") && text.contains("128"), "{text}");
+}
+
+/// A plan of a pair by numbers that stand for none.
+fn plan_of(pair: &Combination) -> plan::Plan {
+    let mut plan = crate::builtin::plans().expect("the built-in plans").plans.swap_remove(0);
+    (plan.first, plan.second) = (pair.first.clone(), pair.second.clone());
+    plan
+}
+
+/// Plans of the test world's four pairs, of which only those can be done that `works` says.
+fn plans_of(world: &World, count: usize, works: impl Fn(&Combination) -> bool + Sync) -> Plans {
+    let made = plan::make_plans(&world.scenario, count, 1, true, |pair| Ok(works(pair).then(|| plan_of(pair))));
+    made.expect("plans")
+}
+
+/// Each own object is in a combination as soon as one of its pairs can be done, also where the first ones drawn cannot.
+#[test]
+fn an_own_object_is_played_instead_of_another_benchmark() {
+    let world = world(0.1, 0.05);
+    let has = |plans: &Plans, name: &str| plans.plans.iter().any(|plan| plan.first == name || plan.second == name);
+    for count in 1..=4 {
+        let plans = plans_of(&world, count, |_| true);
+        assert!(plans.plans.len() == count && has(&plans, "my_ball"), "{count}");
+        assert!(count < 2 || has(&plans, "my_cube"));
+    }
+    // What works is found by the second or third try; a shorter run is the beginning of a longer one.
+    let only = |pair: &Combination| pair.first == "golf_ball";
+    let (one, all) = (plans_of(&world, 1, only), plans_of(&world, 4, only));
+    assert_eq!((one.plans[0].second.as_str(), all.plans[0].second.as_str()), ("my_cube", "my_cube"));
+    assert_eq!(all.plans.len(), 2);
+    let mut notes = Vec::new();
+    let mut repertoire = crate::builtin::repertoire().expect("the built-in repertoire");
+    let any = repertoire.of("golf_ball", Role::First).next().expect("a grasp").clone();
+    let cube = repertoire.of("lemon", Role::Second).next().expect("a grasp").clone();
+    repertoire.insert(Grasp { object: "my_ball".into(), ..any });
+    repertoire.insert(Grasp { object: "my_cube".into(), ..cube });
+    let left_out = left_out::of(&world, &repertoire, &all, 4, &mut notes).expect("the cube is played");
+    assert!(
+        left_out.len() == 1 && left_out[0].starts_with("my_ball is not played: none of its 2 pairs"),
+        "{left_out:?}"
+    );
+    assert!(notes.len() == 1 && notes[0].contains("my_ball + my_cube"), "{notes:?}");
+}
+
+/// Nothing of one's own can be picked up, or paired: an error that says why, not other objects in their place.
+#[test]
+fn a_scenario_without_its_own_objects_is_refused() {
+    let world = world(0.1, 0.05);
     let repertoire = crate::builtin::repertoire().expect("the built-in repertoire");
-    let text = unpickable(&world, &repertoire);
-    assert_eq!(text, "objects without a grasp: first my_ball, second my_cube");
+    let error = left_out::refuse_unpickable(&world, &repertoire).expect_err("nothing is known of them");
+    let said = error.downcast_ref::<NotPlayable>().expect("the reason").to_string();
+    assert!(said.contains("my_ball") && said.contains("my_cube") && said.contains("no grasp was found"), "{said}");
+    let without = plans_of(&world, 4, |pair| pair.first == "golf_ball" && pair.second == "lemon");
+    let error = left_out::of(&world, &repertoire, &without, 4, &mut Vec::new()).expect_err("none of its own");
+    assert!(error.is::<NotPlayable>(), "{error}");
 }

@@ -5,7 +5,8 @@ use std::time::Instant;
 
 use clap::{Args, ValueEnum};
 use grasping::{Repertoire, Role};
-use proving::pick_ups::{self, Effort, Wanted};
+use proving::cache::Steps;
+use proving::pick_ups::{self, Effort, Progress, Wanted};
 use proving::plan::{self, Plans, other_order, outcomes, variations};
 use proving::preparation::EFFORT;
 use proving::world::World;
@@ -82,8 +83,8 @@ pub fn make(terminal: &Terminal, args: &PickUpsArgs) -> Outcome {
     repertoire.seed = terminal.seed;
     let effort = Effort { proposals: n, variations: n / 2, ..EFFORT };
     let wanted = Wanted { names: &names, roles: &roles, effort };
-    let progress = terminal.progress();
-    progress.set_length(u64::from(effort.attempts()));
+    let bar = terminal.progress();
+    let progress = Progress { bar: &bar, steps: &Steps::unkept(), pace: &|_| {} };
     let (mut done, all) = (0, names.len() * roles.len());
     let begun = Instant::now();
     // The file grows object by object: an interruption loses the one in hand, and the rest can be asked for by name.
@@ -94,13 +95,13 @@ pub fn make(terminal: &Terminal, args: &PickUpsArgs) -> Outcome {
             let count = repertoire.of(name, role).count();
             let minutes = begun.elapsed().as_secs_f64() / 60.0;
             let role = if role == Role::First { "first" } else { "second" };
-            progress.suspend(|| {
+            bar.suspend(|| {
                 eprintln!("{done:3} of {all}  {name:22} {count:3} {role:6} grasps  {minutes:5.1} min");
             });
         }
         Ok(())
     })?;
-    progress.finish_and_clear();
+    bar.finish_and_clear();
     let counts = names
         .iter()
         .flat_map(|name| roles.iter().map(move |role| (name, *role)))
@@ -125,6 +126,12 @@ pub fn plan(terminal: &Terminal, args: &PlanArgs) -> Outcome {
             let plans = plan::make_plans(&world.scenario, args.combos, terminal.seed, quiet, |pair| {
                 plan::plan_pair(&world, &repertoire, &board, pair)
             })?;
+            anyhow::ensure!(
+                plans.plans.len() == args.combos,
+                "--combos: found {}, expected at most {}: no more of the scenario's pairs can be done without noise",
+                args.combos,
+                plans.plans.len()
+            );
             // The odds take longer than the plans: an interruption leaves the plans for --of.
             plans.write(&args.out)?;
             eprintln!(

@@ -1,0 +1,54 @@
+//! The plan of one pair with its odds, in steps that are kept: a pair that was interrupted while it was planned goes on after its last
+//! finished step.
+
+use anyhow::Result;
+use grasping::Repertoire;
+use scenarios::combination::Combination;
+use sim::tactile::TactileBoard;
+
+use super::{Plan, other_order, outcomes, plan_pair};
+use crate::cache::Steps;
+use crate::world::World;
+
+/// What is done to a plan after its grasps have been chosen, in this order; those of the other order are done to the plan of the same two
+/// objects the other way round.
+const STEPS: [&str; 8] = [
+    "plan",
+    "odds",
+    "other first grasps",
+    "variations",
+    "other order",
+    "its odds",
+    "its other first grasps",
+    "its variations",
+];
+
+/// The plan of a pair; none if nothing works without errors.
+pub fn plan(
+    world: &World,
+    repertoire: &Repertoire,
+    board: &TactileBoard,
+    pair: &Combination,
+    steps: &Steps<Option<Plan>>,
+) -> Result<Option<Plan>> {
+    let mut made: Option<Plan> = None;
+    let turned = world.in_other_order();
+    for (number, name) in STEPS.into_iter().enumerate() {
+        if let Some(known) = steps.known(name) {
+            made = known.clone();
+            continue;
+        }
+        match (number, &mut made) {
+            (0, made) => *made = plan_pair(world, repertoire, board, pair)?,
+            (4, Some(plan)) => plan.reversed = other_order::planned(&turned, repertoire, board, plan)?.map(Box::new),
+            (1..4, Some(plan)) => outcomes::rehearse_step(number - 1, world, repertoire, board, plan)?,
+            (_, Some(Plan { reversed: Some(reversed), .. })) => {
+                outcomes::rehearse_step(number - 5, &turned, repertoire, board, reversed)?;
+            }
+            // Nothing to be done.
+            _ => continue,
+        }
+        steps.keep(name, &made)?;
+    }
+    Ok(made)
+}

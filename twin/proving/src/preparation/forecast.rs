@@ -1,0 +1,65 @@
+//! How long a preparation will take, foretold from a first measurement on this machine.
+
+use grasping::Role;
+
+use super::EFFORT;
+
+/// Rehearsals of a search for pick-ups that finds its grasps, as a share of the most that it can take.
+const USUAL_SHARE: f64 = 0.5;
+/// Rehearsals of a pair that is planned and tried under errors in both orders, usually and at most.
+const PAIR: (f64, f64) = (400.0, 2000.0);
+
+/// What the first search of several says once it knows that a rehearsal takes `seconds` with all threads of this machine; `after` are the
+/// searches that follow.
+pub fn of_search(name: &str, role: Role, after: &[Role], seconds: f64) -> String {
+    let most = |role: Role| seconds * EFFORT.rehearsals(role) as f64;
+    let one = most(role);
+    let all: f64 = one + after.iter().map(|role| most(*role)).sum::<f64>();
+    let rest = match after.len() {
+        0 => String::new(),
+        n => format!("; with the {n} after it {}, at most {}", time(USUAL_SHARE * all), time(all)),
+    };
+    format!(
+        "a rehearsal of {name} takes {seconds:.2} s on this machine: this search about {}, at most {}{rest}",
+        time(USUAL_SHARE * one),
+        time(one)
+    )
+}
+
+/// What is said before `pairs` are planned, a rehearsal of which takes `seconds` on one thread; each thread plans a pair.
+pub fn of_plans(pairs: usize, seconds: Option<f64>) -> String {
+    let planned = if pairs == 1 { "planning one pair".to_owned() } else { format!("planning {pairs} pairs") };
+    let Some(seconds) = seconds else { return format!("{planned} in physics") };
+    let rounds = pairs.div_ceil(rayon::current_num_threads().max(1)) as f64;
+    format!(
+        "{planned} in physics, a rehearsal of which takes {seconds:.2} s on this machine: about {}, at most {}",
+        time(rounds * PAIR.0 * seconds),
+        time(rounds * PAIR.1 * seconds)
+    )
+}
+
+/// A time as people say it.
+fn time(seconds: f64) -> String {
+    match seconds {
+        short if short < 90.0 => format!("{short:.0} s"),
+        minutes if minutes < 90.0 * 60.0 => format!("{:.0} min", minutes / 60.0),
+        hours => format!("{:.1} h", hours / 3600.0),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Twice as slow a machine is foretold twice the time; what follows is added.
+    #[test]
+    fn times_follow_the_measurement() {
+        let one = of_search("mug", Role::First, &[], 0.1);
+        let most = 0.1 * EFFORT.rehearsals(Role::First) as f64;
+        assert!(one.ends_with(&format!("at most {}", time(most))), "{one}");
+        let all = of_search("mug", Role::First, &[Role::Second, Role::Second], 0.2);
+        let sum = 0.2 * (EFFORT.rehearsals(Role::First) + 2 * EFFORT.rehearsals(Role::Second)) as f64;
+        assert!(all.contains("2 after it") && all.ends_with(&time(sum)), "{all}");
+        assert_eq!([time(40.0), time(600.0), time(7200.0)], ["40 s", "10 min", "2.0 h"]);
+    }
+}

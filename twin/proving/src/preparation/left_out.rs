@@ -1,0 +1,103 @@
+//! What of a scenario is not played, and why: never another benchmark in its place without a word.
+
+use std::fmt;
+
+use anyhow::{Result, bail};
+use grasping::{Repertoire, Role};
+use scenarios::objects::ObjectFile;
+
+use crate::plan::Plans;
+use crate::world::World;
+
+/// None of the scenario's own objects can be played; with the reasons.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct NotPlayable(pub String);
+
+impl fmt::Display for NotPlayable {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        out.write_str(&self.0)
+    }
+}
+
+impl std::error::Error for NotPlayable {}
+
+/// What is not as the files of the own objects have it.
+pub fn notes(world: &World) -> Vec<String> {
+    let notes = |file: &ObjectFile| world.objects.get(&file.name).map(|model| file.notes(model)).unwrap_or_default();
+    world.scenario.object.iter().flat_map(notes).collect()
+}
+
+/// Roles in which the scenario names an object, with the digits that would take it.
+fn roles(world: &World, name: &str) -> Vec<(Role, &'static str)> {
+    let scenario = &world.scenario;
+    let named = |names: &[String]| names.iter().any(|other| other == name);
+    let first = named(&scenario.first).then_some((Role::First, "first"));
+    let second = named(&scenario.second).then_some((Role::Second, "second"));
+    first.into_iter().chain(second).collect()
+}
+
+/// Why no grasp of an own object can be used in any combination, if that is so.
+fn unpickable(world: &World, repertoire: &Repertoire, name: &str) -> Option<String> {
+    let roles = roles(world, name);
+    if roles.is_empty() {
+        return Some(format!("{name} is not played: the scenario names it neither in first nor in second"));
+    }
+    let places: Vec<&str> = roles.iter().map(|(_, place)| *place).collect();
+    let none = roles.iter().all(|(role, _)| repertoire.of(name, *role).next().is_none());
+    none.then(|| format!("{name} is not played: no grasp was found that holds it as {} object", places.join(" or ")))
+}
+
+/// Ends a preparation whose own objects are all out of the question, before anything is planned.
+pub fn refuse_unpickable(world: &World, repertoire: &Repertoire) -> Result<()> {
+    let own = &world.scenario.object;
+    let reasons: Vec<String> = own.iter().filter_map(|file| unpickable(world, repertoire, &file.name)).collect();
+    if own.is_empty() || reasons.len() < own.len() {
+        return Ok(());
+    }
+    bail!(NotPlayable(format!("none of the scenario's own objects can be played: {}", reasons.join("; "))))
+}
+
+/// What is not played: own objects that cannot be in any combination. Adds to `notes` what else was asked for and is not there.
+pub fn of(
+    world: &World,
+    repertoire: &Repertoire,
+    plans: &Plans,
+    count: usize,
+    notes: &mut Vec<String>,
+) -> Result<Vec<String>> {
+    let scenario = &world.scenario;
+    let has = |(first, second): (&String, &String), name: &String| first == name || second == name;
+    let mut left_out = Vec::new();
+    let own = scenario.object.len();
+    for name in scenario.object.iter().map(|file| &file.name) {
+        if plans.plans.iter().any(|plan| has((&plan.first, &plan.second), name)) {
+            continue;
+        }
+        let rejected = plans.rejected.iter().filter(|(first, second)| has((first, second), name)).count();
+        match unpickable(world, repertoire, name) {
+            Some(reason) => left_out.push(reason),
+            None if plans.plans.len() >= count && rejected == 0 => {
+                notes.push(format!("{name} is in none of the combinations: only {count} were asked for"));
+            }
+            None => left_out.push(format!(
+                "{name} is not played: none of its {rejected} pairs can be done by this hand, even without errors"
+            )),
+        }
+    }
+    if own > 0 && left_out.len() == own {
+        bail!(NotPlayable(format!("none of the scenario's own objects can be played: {}", left_out.join("; "))));
+    }
+    if plans.plans.is_empty() {
+        bail!("none of the scenario's {} pairs can be done by this hand without noise", scenario.combinations());
+    }
+    if plans.plans.len() < count {
+        let pairs: Vec<String> = plans.rejected.iter().map(|(first, second)| format!("{first} + {second}")).collect();
+        notes.push(format!(
+            "{} of the {} pairs cannot be done by this hand, even without errors: {}",
+            pairs.len(),
+            scenario.combinations(),
+            pairs.join(", ")
+        ));
+    }
+    Ok(left_out)
+}
