@@ -181,7 +181,7 @@ fn faults_end_as_they_should() {
 fn an_interrupted_fault_matrix_goes_on() {
     let folder = tempdir().expect("a folder");
     let [whole, cut] = ["whole", "cut"].map(|name| folder.path().join(name));
-    let asked = ["bridge", "faults", "--rounds", "1", "--only", "bridge stop", "--phase", "first", "--json"];
+    let asked = ["bridge", "faults", "--rounds", "1", "--only", "bridge stop", "--json"];
     let output = run(&[&asked[..], &["--out", text(&whole)]].concat());
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
     let expected = json(&output.stdout);

@@ -93,9 +93,10 @@ fn until(what: &str, mut condition: impl FnMut() -> bool) {
 /// The arm is lost while the operator has not answered yet: there is no verdict, and the reason is said.
 #[test]
 fn an_arm_that_is_lost_at_the_verdict_question_gives_no_verdict() {
-    let Bench { mut hardware, mut answers, arm, .. } = bench();
+    let mut bench = bench();
     // The first answer is given, the second is waited for.
-    answers.write_all(b"no\n").expect("answered");
+    bench.answers.write_all(b"no\n").expect("answered");
+    let (arm, hardware) = (&bench.arm, &mut bench.hardware);
     let judged = std::thread::scope(|scope| {
         scope.spawn(|| {
             std::thread::sleep(Duration::from_millis(300));
@@ -109,11 +110,11 @@ fn an_arm_that_is_lost_at_the_verdict_question_gives_no_verdict() {
     assert!(words.contains("emergency stop") && words.contains("while the verdict was asked for"), "{words}");
 }
 
-/// An operator who takes long is no reason to lose a verdict.
+/// A robot that runs is no reason to lose a verdict, nor is an answer that is none.
 #[test]
 fn a_robot_that_runs_is_judged() {
-    let Bench { mut hardware, mut answers, .. } = bench();
-    answers.write_all(b"what?\nno\nyes\n").expect("answered");
-    let verdict = hardware.judge().expect("a verdict").expect("the operator's");
+    let mut bench = bench();
+    bench.answers.write_all(b"what?\nno\nyes\n").expect("answered");
+    let verdict = bench.hardware.judge().expect("a verdict").expect("the operator's");
     assert_eq!((verdict.contact, verdict.success), (false, true));
 }
