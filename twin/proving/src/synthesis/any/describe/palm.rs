@@ -11,7 +11,7 @@ use super::solids::LinkShapes;
 use super::{LEAST_MOTION, STEPS, pose};
 
 /// Cosine between a contact candidate's normal and the way to another from which on the two face each other.
-const FACE_EACH_OTHER: f64 = 0.6;
+const FACE_EACH_OTHER: f64 = 0.8;
 
 /// The palm frame: its pivot on the place, its -z the way that the pulls file says, or away from the palm's nearest surface.
 pub fn palm_frame(
@@ -107,8 +107,10 @@ pub fn opening(hand: &AnyHand, closing_motion: &[Vec<f64>], candidates: &[Candid
                 if digit.is_some() && other.is_some() {
                     any = any.max(distance);
                 }
-                if normal.dot(&way) > FACE_EACH_OTHER * distance && back.dot(&way) < -FACE_EACH_OTHER * distance {
-                    facing = facing.max(distance);
+                let (out, home) = (normal.dot(&way), -back.dot(&way));
+                if out.min(home) > FACE_EACH_OTHER * distance {
+                    // Across, not along a diagonal.
+                    facing = facing.max(out.min(home));
                 }
             }
         }

@@ -6,8 +6,11 @@ use anyhow::{Context, Result};
 use grasping::synthesis::surface::Ball;
 use hand_model::any_hand::{AnyHand, SolidShape};
 use nalgebra::{Isometry3, Point3, Vector3};
-use scenarios::geometry::{Shape, hull_mesh};
+use scenarios::geometry::{GeometryError, Mesh, Shape, hull_mesh};
 
+/// Corners of a hull in line with others are moved out by this at most, m.
+const SET_APART: f64 = 2e-5;
+const GOLDEN_RATIO: f64 = 0.618_033_988_749_895;
 /// Points on the whole hand.
 const POINTS: usize = 2000;
 
@@ -52,7 +55,7 @@ pub fn shapes(hand: &AnyHand) -> Result<LinkShapes> {
                 Shape::Cuboid { half: Vector3::new(*radius, *radius, half + radius), radius: *radius }
             }
             SolidShape::Hull(points) => {
-                let mesh = hull_mesh(points).with_context(|| format!("the collision hull of {}", name(hand, link)))?;
+                let mesh = hull(points).with_context(|| format!("the collision hull of {}", name(hand, link)))?;
                 Shape::Mesh(Arc::new(mesh))
             }
         };
@@ -64,6 +67,20 @@ pub fn shapes(hand: &AnyHand) -> Result<LinkShapes> {
         });
     }
     Ok(found)
+}
+
+/// The hull of points as a mesh. Corners of a cut lie in line with others, which leaves triangles without an area: then they are set apart
+/// by [`SET_APART`].
+fn hull(points: &[Point3<f64>]) -> Result<Mesh, GeometryError> {
+    hull_mesh(points).or_else(|_| {
+        let middle = points.iter().map(|point| point.coords).sum::<Vector3<f64>>() / points.len().max(1) as f64;
+        let out = |(n, point): (usize, &Point3<f64>)| {
+            // Shares without a pattern, the same in every run.
+            let share = (n as f64 * GOLDEN_RATIO).fract();
+            point + (point.coords - middle).try_normalize(1e-9).unwrap_or_else(Vector3::zeros) * (SET_APART * share)
+        };
+        hull_mesh(&points.iter().enumerate().map(out).collect::<Vec<_>>())
+    })
 }
 
 fn surface_area(shape: &Shape) -> f64 {
