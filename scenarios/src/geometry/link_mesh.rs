@@ -39,7 +39,7 @@ pub fn cut_link(surface: &Triangles) -> Cut {
     let (vertices, triangles) = surface;
     let whole = vec![vertices.clone()];
     let closed = Mesh::new(vertices.clone(), triangles.clone());
-    let Some(mesh) = closed.ok().or_else(|| Some(Mesh::mended(vertices, triangles).ok()?.0)) else {
+    let Some(mesh) = closed.ok().or_else(|| Some(Mesh::repaired(vertices, triangles).ok()?.0)) else {
         // Nothing to cut or to measure by.
         return Cut { parts: whole, excess: 0.0 };
     };

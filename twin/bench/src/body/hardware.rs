@@ -1,6 +1,6 @@
 //! The real robot: what it needs of its operator, before, during and after a trial.
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use anyhow::{Result, bail};
 use control::percept::Sighted;
