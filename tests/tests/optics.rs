@@ -50,7 +50,7 @@ fn a_shipped_calibration_renders_and_another_is_refused() {
     }
     let good = pads.join("index_distal.toml");
     let render = |calibration: &Path| {
-        run(&["optics", "render", text(&mesh), "--calibration", text(calibration), "--out", text(&out)])
+        run(&["optics", "render", text(&mesh), "--sensor", text(calibration), "--out", text(&out)])
     };
     assert_eq!(render(&good).status.code(), Some(0));
     fs::remove_file(&out).expect("an image");

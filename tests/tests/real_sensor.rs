@@ -129,7 +129,7 @@ fn press(sensor: &Path, mesh: &Path, [x, y]: [f64; 2], depth: f64, out: &Path) -
         "optics",
         "render",
         text(mesh),
-        "--calibration",
+        "--sensor",
         text(sensor),
         "--depth-mm",
         &depth,
@@ -305,64 +305,284 @@ fn wrong_images_and_sensors_are_told_by_name() {
     assert!(output.status.code() == Some(1) && stderr(&output).contains("grey.png"), "{}", stderr(&output));
 }
 
+/// Copies the made presses `which` into a folder of their own.
+fn some_presses(name: &str, which: impl IntoIterator<Item = usize>) -> PathBuf {
+    let (made, folder) = (made(), made().at(name));
+    fs::create_dir(&folder).expect("made");
+    for file in ["background.png", "labels.csv"] {
+        fs::copy(made.at("presses").join(file), folder.join(file)).expect("copied");
+    }
+    for n in which {
+        fs::copy(made.at("presses").join(format!("{n:02}.png")), folder.join(format!("{n:02}.png"))).expect("copied");
+    }
+    folder
+}
+
+const GOOD: [&str; 4] = ["--ball-diameter-mm", "4", "--pixel-mm", "0.08"];
+
+/// A calibration that ends in vain names these things and leaves no file behind.
+fn refused(folder: &Path, code: i32, more: &[&str], named: &[&str]) {
+    let out = folder.with_extension("toml");
+    let output = calibrate(folder, more, &out);
+    assert_eq!(output.status.code(), Some(code), "{}", stderr(&output));
+    assert!(named.iter().all(|part| stderr(&output).contains(part)), "{named:?}: {}", stderr(&output));
+    for ending in ["toml", "background.png", "normals.json"] {
+        assert!(!out.with_extension(ending).exists(), "left {ending} behind");
+    }
+}
+
 #[test]
 fn presses_that_cannot_be_are_refused_and_leave_no_file() {
-    let made = made();
-    let folder = made.at("refused");
-    fs::create_dir(&folder).expect("made");
-    let restore = || {
-        for entry in fs::read_dir(made.at("presses")).expect("read") {
-            let path = entry.expect("a file").path();
-            fs::copy(&path, folder.join(path.file_name().expect("a name"))).expect("copied");
-        }
-    };
-    let out = made.at("refused.toml");
-    let refused = |more: &[&str], named: &[&str]| {
-        let output = calibrate(&folder, more, &out);
-        assert!(matches!(output.status.code(), Some(1 | 2)), "{:?} {}", output.status, stderr(&output));
-        assert!(named.iter().all(|part| stderr(&output).contains(part)), "{named:?}: {}", stderr(&output));
-        for ending in ["toml", "background.png", "normals.json"] {
-            assert!(!out.with_extension(ending).exists(), "left {ending} behind");
-        }
-    };
-    let good = ["--ball-diameter-mm", "4", "--pixel-mm", "0.08"];
-    restore();
-    refused(&["--ball-diameter-mm", "4"], &["--pixel-mm", "--ruler", "--field-mm"]);
-    refused(&["--ball-diameter-mm", "0.004", "--pixel-mm", "0.08"], &["0.004 mm"]);
-    refused(&["--ball-diameter-mm", "20", "--pixel-mm", "0.08"], &["20 mm", "--shallow"]);
-    refused(&["--ball-diameter-mm", "4", "--pixel-mm", "0.0008"], &["size of a pixel"]);
-    refused(&["--ball-diameter-mm", "2", "--pixel-mm", "0.08"], &[".png", "ball of 2 mm"]);
-    refused(&["--ball-diameter-mm", "4", "--ruler", "1,2,3,2,5"], &["--ruler"]);
-    // Grey among colours.
-    image::open(folder.join("04.png")).expect("read").to_luma8().save(folder.join("04.png")).expect("saved");
-    refused(&good, &["04.png", "grey"]);
-    restore();
-    // Labels outside the image.
-    let labels = fs::read_to_string(folder.join("labels.csv")).expect("read");
-    fs::write(folder.join("labels.csv"), labels.replacen("00.png,", "00.png,9", 1)).expect("written");
-    refused(&good, &["labels.csv", "line 2", "outside"]);
-    restore();
-    // A prism where a label says that there is a ball.
-    let view = made.at("views").join("prism.png");
-    assert_eq!(press(&made.at("known.toml"), &made.at("prism.obj"), [0.0, 0.8], 0.8, &view).status.code(), Some(0));
-    fs::copy(&view, folder.join("07.png")).expect("copied");
-    refused(&good, &["07.png", "expected a ball"]);
-    restore();
-    // A single press leaves nothing to judge it by.
-    for n in 1..18 {
-        fs::remove_file(folder.join(format!("{n:02}.png"))).expect("removed");
-    }
-    refused(&[&good[..], &["--split", "none"]].concat(), &["single press"]);
-    restore();
+    let folder = some_presses("refused", 0..18);
+    refused(&folder, 2, &["--ball-diameter-mm", "4"], &["--pixel-mm", "--ruler", "--field-mm"]);
+    refused(&folder, 2, &["--ball-diameter-mm", "0.004", "--pixel-mm", "0.08"], &["0.004 mm"]);
+    refused(&folder, 2, &["--ball-diameter-mm", "20", "--pixel-mm", "0.08"], &["20 mm", "--shallow"]);
+    refused(&folder, 2, &["--ball-diameter-mm", "4", "--pixel-mm", "0.0008"], &["size of a pixel"]);
+    refused(&folder, 2, &["--ball-diameter-mm", "2", "--pixel-mm", "0.08"], &[".png", "ball of 2 mm"]);
+    refused(&folder, 2, &["--ball-diameter-mm", "4", "--ruler", "1,2,3,2,5"], &["--ruler"]);
     // Among the presses, the background would be one of them.
-    let inside = folder.join("inside.toml");
-    let output = calibrate(&folder, &good, &inside);
+    let output = calibrate(&folder, &GOOD, &folder.join("inside.toml"));
     assert!(
         output.status.code() == Some(2) && stderr(&output).contains("folder of the presses"),
         "{}",
         stderr(&output)
     );
-    assert!(!inside.exists());
+    assert!(!folder.join("inside.toml").exists());
+    // Too few presses to judge by.
+    refused(&some_presses("three", 0..3), 2, &GOOD, &["found 3 presses", "at least 4"]);
+}
+
+/// Six of eighteen presses are wrong, each in a way of its own: the others calibrate, and each is named with its own fault. The sheet
+/// is there even where nothing can be fitted.
+#[test]
+fn presses_out_of_line_are_left_out_by_name_and_the_others_calibrate() {
+    let made = made();
+    let folder = some_presses("out-of-line", 0..18);
+    let at = |name: &str| folder.join(name);
+    image::open(at("04.png")).expect("read").to_luma8().save(at("04.png")).expect("saved");
+    image::imageops::flip_horizontal(&image::open(at("13.png")).expect("read")).save(at("13.png")).expect("saved");
+    image::RgbImage::new(80, 60).save(at("10.png")).expect("saved");
+    let view = made.at("views").join("prism.png");
+    assert_eq!(press(&made.at("known.toml"), &made.at("prism.obj"), [0.0, 0.8], 0.8, &view).status.code(), Some(0));
+    fs::copy(&view, at("07.png")).expect("copied");
+    let rows = fs::read_to_string(at("labels.csv")).expect("read");
+    let mut rows: Vec<String> = rows.lines().map(str::to_owned).collect();
+    rows[1] = rows[1].replacen("00.png,", "00.png,9", 1);
+    let moved: Vec<&str> = rows[17].split(',').collect();
+    rows[17] = format!("{},30,100,{}", moved[0], moved[3]);
+    rows.push("99.png,50,50,12".to_owned());
+    fs::write(at("labels.csv"), rows.join("\n")).expect("written");
+    for sidecar in ["._03.png", ".DS_Store", "Thumbs.db"] {
+        fs::write(at(sidecar), b"no image").expect("written");
+    }
+    let (out, sheet) = (made.at("in-line.toml"), made.at("in-line.png"));
+    let output = calibrate(&folder, &[&GOOD[..], &["--sheet", text(&sheet)]].concat(), &out);
+    let told = stderr(&output);
+    assert_eq!(output.status.code(), Some(0), "{told}");
+    for named in [
+        "00.png left out: labels.csv, line 2, center_x_px: found 9",
+        "04.png left out: found a grey image; expected colours",
+        "07.png left out: found what",
+        "10.png left out: found 80 x 60 pixels; expected the background's 160 x 120",
+        "13.png left out: found an image that looks mirrored left to right",
+        "16.png left out: found a label at column 30, row 100; expected",
+        "99.png left out: labels.csv, line 20: found no image",
+    ] {
+        assert!(told.contains(named), "{named}: {told}");
+    }
+    assert!(!told.contains("._03") && out.exists() && image::open(&sheet).is_ok(), "{told}");
+    let found: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    assert_eq!(found["presses"]["fitted"], 12, "{found}");
+    // Most labels wrong: more is out of line than single presses. The sheet shows which.
+    let rows: Vec<String> = rows.iter().map(|row| row.replace(".png,", ".png,9")).collect();
+    fs::write(at("labels.csv"), rows.join("\n")).expect("written");
+    fs::remove_file(&sheet).expect("removed");
+    refused(&folder, 2, &[&GOOD[..], &["--sheet", text(&sheet)]].concat(), &["00.png"]);
+}
+
+/// Images that have nothing to do with the balls that the labels name: figures of presses held out refuse the calibration.
+#[test]
+fn a_calibration_no_better_than_doing_nothing_is_refused() {
+    let folder = some_presses("useless", 0..8);
+    let background = image::open(folder.join("background.png")).expect("read").to_rgb8();
+    let labels = fs::read_to_string(folder.join("labels.csv")).expect("read");
+    for (n, row) in labels.lines().skip(1).take(8).enumerate() {
+        let cells: Vec<f64> = row.split(',').skip(1).map(|cell| cell.parse().expect("a number")).collect();
+        let mut image = background.clone();
+        for (x, y, pixel) in image.enumerate_pixels_mut() {
+            let (u, v) = ((f64::from(x) - cells[0]) / cells[2], (f64::from(y) - cells[1]) / cells[2]);
+            if u.hypot(v) < 1.0 {
+                // A tint that turns from press to press.
+                for c in 0..3 {
+                    let turn = 0.8 * n as f64 * (c + 1) as f64;
+                    let change = 60.0 * (u * turn.cos() + v * turn.sin());
+                    pixel.0[c] = (f64::from(pixel.0[c]) + change).clamp(0.0, 255.0) as u8;
+                }
+            }
+        }
+        image.save(folder.join(format!("{n:02}.png"))).expect("saved");
+    }
+    refused(&folder, 1, &GOOD, &["held out"]);
+}
+
+/// Six presses of one ball suffice for another ball to be found as deep as it is, within thrice the error that is told.
+#[test]
+fn six_presses_calibrate() {
+    let made = made();
+    let folder = some_presses("six", [0, 3, 6, 9, 12, 16]);
+    let sensor = made.at("six.toml");
+    let output = calibrate(&folder, &GOOD, &sensor);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let found: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    for method in ["look_up", "network"] {
+        let accuracy = &found["reconstruction"][method];
+        assert_eq!(accuracy["presses"], 6);
+        assert!(accuracy["depth_relative"].as_f64().is_some_and(|error| error < 0.25), "{method}: {accuracy}");
+    }
+}
+
+/// Reconstructs a folder's images with the sensor that all presses calibrated: the rows, by image.
+fn reconstructed(images: &Path, code: i32) -> (serde_json::Value, String) {
+    let sensor = made().at("fitted.toml");
+    let output = run(&["optics", "reconstruct", text(images), "--sensor", text(&sensor), "--json"]);
+    assert_eq!(output.status.code(), Some(code), "{}", stderr(&output));
+    (serde_json::from_slice(&output.stdout).expect("JSON"), stderr(&output))
+}
+
+/// A cube's edge is steeper than any ball's press: either its depth is right within thrice the error that is told, or none is told.
+#[test]
+fn an_edge_steeper_than_the_balls_has_no_narrow_error() {
+    let made = made();
+    let images = made.at("edges");
+    fs::create_dir(&images).expect("made");
+    let depths = [0.5, 0.8, 1.0];
+    for depth in depths {
+        let view = made.at("views").join(format!("edge-{depth}.png"));
+        let pressed = press(&made.at("known.toml"), &made.at("prism.obj"), [0.3, 0.2], depth, &view);
+        assert_eq!(pressed.status.code(), Some(0), "{}", stderr(&pressed));
+        fs::copy(view, images.join(format!("{depth}.png"))).expect("copied");
+    }
+    let (found, _) = reconstructed(&images, 0);
+    for row in found["images"].as_array().expect("rows") {
+        let depth: f64 = row["image"].as_str().and_then(|name| name.parse().ok()).expect("a depth");
+        let told = row["depth_mm"].as_f64().expect("a depth");
+        let error = row["depth_error_mm"].as_f64();
+        println!("{depth} mm: {row}");
+        assert!(error.is_none_or(|error| (told - depth).abs() < 3.0 * error), "{row}");
+        assert!(error.is_some() || row["notes"].to_string().contains("no press of the calibration"), "{row}");
+    }
+}
+
+/// A BMP file of 24 bits.
+fn bitmap(image: &image::RgbImage) -> Vec<u8> {
+    let mut bytes = [&b"BM"[..], &[0; 8], &54u32.to_le_bytes(), &40u32.to_le_bytes()].concat();
+    bytes.extend([image.width(), image.height(), 24 << 16 | 1].map(u32::to_le_bytes).concat());
+    bytes.extend([0; 24]);
+    // 160 columns of three bytes need no padding.
+    bytes.extend(image.rows().rev().flatten().flat_map(|pixel| [pixel.0[2], pixel.0[1], pixel.0[0]]));
+    bytes
+}
+
+/// Images of another kind: each is told, or handled.
+#[test]
+fn images_of_another_kind_are_told() {
+    let made = made();
+    let images = made.at("kinds");
+    fs::create_dir(&images).expect("made");
+    let at = |name: &str| images.join(name);
+    let good = image::open(made.at("presses/03.png")).expect("read").to_rgb8();
+    fs::write(at("good.bmp"), bitmap(&good)).expect("written");
+    fs::write(at("._good.bmp"), b"no image").expect("written");
+    // Twelve bits in a file of sixteen.
+    let deep = good.pixels().flat_map(|pixel| pixel.0.map(|value| u16::from(value) * 16 + 8)).collect();
+    let deep = image::ImageBuffer::<image::Rgb<u16>, Vec<u16>>::from_raw(COLUMNS as u32, ROWS as u32, deep);
+    deep.expect("an image").save(at("deep.png")).expect("saved");
+    // A ball so large that it covers the image.
+    fs::write(made.at("huge.obj"), ball(30e-3)).expect("written");
+    let view = made.at("views").join("huge.png");
+    let pressed = press(&made.at("known.toml"), &made.at("huge.obj"), [0.0, 0.0], 1.3, &view);
+    assert_eq!(pressed.status.code(), Some(0), "{}", stderr(&pressed));
+    fs::copy(view, at("whole.png")).expect("copied");
+    let (found, told) = reconstructed(&images, 0);
+    let row =
+        |name: &str| found["images"].as_array().expect("rows").iter().find(|row| row["image"] == name).expect(name);
+    let depth = |name: &str| row(name)["depth_mm"].as_f64();
+    let good_depth = depth("good").expect("a depth");
+    assert!(depth("deep").is_some_and(|depth| (depth / good_depth - 1.0).abs() < 0.05), "{found}");
+    assert!(told.contains("12-bit data"), "{told}");
+    assert!(depth("whole").is_none() && row("whole")["notes"].to_string().contains("no untouched gel"), "{found}");
+    // Mirrored, and far too dark: left out by name.
+    image::imageops::flip_horizontal(&good).save(at("mirrored.png")).expect("saved");
+    let mut dark = good;
+    dark.pixels_mut().for_each(|pixel| pixel.0 = pixel.0.map(|value| value / 3));
+    dark.save(at("dark.png")).expect("saved");
+    let (_, told) = reconstructed(&images, 1);
+    for named in ["2 of 5 images left out", "mirrored.png", "mirrored left to right", "dark.png", "times as bright"] {
+        assert!(told.contains(named), "{named}: {told}");
+    }
+}
+
+/// An MP4 file is decoded by a program of the computer's; where there is none, the error says how to go on.
+#[cfg(unix)]
+#[test]
+fn a_video_is_read_by_frames_or_the_missing_decoder_is_named() {
+    use std::os::unix::fs::PermissionsExt as _;
+    let made = made();
+    let programs = made.at("programs");
+    fs::create_dir(&programs).expect("made");
+    let video = made.at("press.mp4");
+    fs::write(&video, b"stands for a film").expect("written");
+    let reconstruct = || {
+        let arguments = ["optics", "reconstruct", text(&video), "--sensor"];
+        let sensor = made.at("fitted.toml");
+        let mut command = ftac(&[&arguments[..], &[text(&sensor), "--json"]].concat());
+        command.env("PATH", &programs).output().expect("started")
+    };
+    let output = reconstruct();
+    assert_eq!(output.status.code(), Some(2));
+    for named in ["press.mp4", "ffmpeg", "install"] {
+        assert!(stderr(&output).contains(named), "{}", stderr(&output));
+    }
+    // A decoder that shows an untouched gel and then a press.
+    let mut frames = Vec::new();
+    for name in ["background", "03"] {
+        let image = image::open(made.at("presses").join(name).with_extension("png")).expect("read").to_rgb8();
+        frames.extend(format!("P6\n{COLUMNS} {ROWS}\n255\n").into_bytes());
+        frames.extend(image.into_raw());
+    }
+    fs::write(made.at("frames.ppm"), frames).expect("written");
+    let decoder = programs.join("ffmpeg");
+    fs::write(&decoder, format!("#!/bin/sh\nexec /bin/cat '{}'\n", text(&made.at("frames.ppm")))).expect("written");
+    fs::set_permissions(&decoder, fs::Permissions::from_mode(0o755)).expect("set");
+    let output = reconstruct();
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let found: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    let touched: Vec<_> = found["images"].as_array().expect("rows").iter().map(|row| &row["touched"]).collect();
+    assert_eq!((touched[0], touched[1]), (&serde_json::json!(false), &serde_json::json!(true)), "{found}");
+    // A decoder that fails says why.
+    fs::write(&decoder, "#!/bin/sh\necho 'moov atom not found' >&2\nexit 1\n").expect("written");
+    let output = reconstruct();
+    assert!(output.status.code() == Some(2) && stderr(&output).contains("moov atom not found"), "{}", stderr(&output));
+}
+
+#[test]
+fn the_former_name_of_the_sensors_option_is_taken_with_a_notice() {
+    let made = made();
+    let (sensor, mesh, out) = (made.at("known.toml"), made.at("ball.obj"), made.at("views/former.png"));
+    let output = run(&[
+        "optics",
+        "render",
+        text(&mesh),
+        "--calibration",
+        text(&sensor),
+        "--depth-mm",
+        "0.5",
+        "--out",
+        text(&out),
+        "--json",
+    ]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    assert!(stderr(&output).contains("--calibration is now called --sensor"), "{}", stderr(&output));
 }
 
 #[test]
@@ -374,7 +594,7 @@ fn a_press_that_bottoms_out_says_so() {
             "optics",
             "render",
             text(&mesh),
-            "--calibration",
+            "--sensor",
             text(&sensor),
             "--depth-mm",
             "0.9",

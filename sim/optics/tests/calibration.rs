@@ -301,8 +301,13 @@ fn drift_leaves_no_edges() {
             contact_labelled: true,
         }
     });
-    let folder =
-        PressFolder { background: photo(&gel), presses: presses.collect(), lamps: Vec::new(), left_out: Vec::new() };
+    let folder = PressFolder {
+        background: photo(&gel),
+        presses: presses.collect(),
+        lamps: Vec::new(),
+        left_out: Vec::new(),
+        depth: None,
+    };
     let found = background_of(&folder);
     let mean = |x: f64| (0..16).map(|n| gain(n, x)).sum::<f64>() / 16.0;
     for (i, found) in found.iter().enumerate() {

@@ -2,7 +2,7 @@
 //!
 //! [`calibration`] fits a real sensor and renders held-out presses; [`evaluation`] compares a calibration with images, the gel
 //! with the paper's probe, and fits with a known sensor; [`pad_forces`] compares forces from images with the engine's.
-//! [`reconstruction`] finds the surface in a real sensor's images, on the [`grid`] of the pads' images. [`render`] presses a mesh into a pad, [`shape_sheet`] twenty known shapes; [`exr`] and [`npy`] write what they show as numbers.
+//! [`reconstruction`] finds the surface in a real sensor's images, on the [`grid`] of the pads' images. [`render`] presses a mesh into a pad, [`shape_sheet`] twenty known shapes; [`exr`] and [`npy`] write what they show as numbers, and [`video`] reads frames.
 
 pub mod calibration;
 pub mod evaluation;
@@ -13,6 +13,7 @@ pub mod pad_forces;
 pub mod reconstruction;
 pub mod render;
 pub mod shape_sheet;
+pub mod video;
 
 use hand_model::Hand;
 use hand_model::pads::Camera;

@@ -204,8 +204,8 @@ impl PhotometricModel {
         Self::corrected(None, configuration, presses)
     }
 
-    /// The same, from a model that stays as it is where the presses say little: for slopes steeper than theirs.
-    fn corrected(
+    /// The same, from a model `before` that stays as it is where the presses say little, as of slopes steeper than theirs.
+    pub fn corrected(
         before: Option<&Self>,
         configuration: char,
         presses: &[(&CalibrationPress, (f64, f64))],

@@ -111,6 +111,22 @@ fn around(low: (usize, usize), high: (usize, usize), margin: usize) -> Region {
     }
 }
 
+/// The changed region of an image and the relative colour change of its pixels, as the methods of photometric stereo see it (others 0);
+/// `None` if the pad is untouched.
+pub fn relative_change(
+    image: &TactileImage,
+    background: &TactileImage,
+    options: &StereoOptions,
+) -> Option<(Region, Vec<[f32; 3]>)> {
+    let change = find_change(image, background, options)?;
+    Some((change.region, colour_change(image, background, change)))
+}
+
+/// Relative colour change of every pixel of an image that is as bright as its background.
+pub fn whole_change(image: &TactileImage, background: &TactileImage) -> Vec<[f32; 3]> {
+    colour_change(image, background, Change::WHOLE)
+}
+
 /// Relative colour change of every pixel of the changed region (others 0), smoothed by a 3 x 3 binomial filter. Dividing by the
 /// background's brightness, as it is in the image, compensates for uneven lighting; the floor limits the gain in dark corners.
 #[allow(clippy::needless_range_loop)] // three arrays share the index

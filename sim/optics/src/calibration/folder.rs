@@ -1,8 +1,8 @@
 //! A folder of calibration images.
 //!
 //! ```text
-//! FOLDER/background.png              the untouched gel under all lamps (or .jpg)
-//! FOLDER/*.png, *.jpg                presses of a ball, one per image
+//! FOLDER/background.png              the untouched gel under all lamps (or .jpg, .bmp)
+//! FOLDER/*.png, *.jpg, *.bmp         presses of a ball, one per image
 //! FOLDER/labels.csv                  optional: positions of the presses
 //! FOLDER/lamps/*.png                 optional: the untouched gel under each lamp alone, at the background's exposure
 //! FOLDER/checkerboards/*.png         optional: at least three pictures of a checkerboard, tilted differently, by the same camera
@@ -11,14 +11,16 @@
 //! All images have the same size. Lamp images may be in any order; each shows one lamp or several that are switched together.
 //!
 //! Labels are a CSV file (`labels.csv`, else `labels_auto.csv`) with the columns `file`, `center_x_px`, `center_y_px`,
-//! `contact_radius_px` (or `visible_radius_px`) and, if several balls were used, `ball_diameter_mm`. Presses without a
-//! label are detected in the image ([`circle`](super::circle)).
+//! `contact_radius_px` (or `visible_radius_px`) and, if several balls were used, `ball_diameter_mm`. Without a label file
+//! presses are detected in the images ([`circle`](super::circle)). An image that cannot be used is left out, with the reason.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use crate::calibration::circle;
+use crate::calibration::image_files::{EXPECTED, images_of, take_background};
+use crate::calibration::labels::{Label, Labels};
 use crate::calibration::lens::Lens;
-use crate::calibration::photo::Photo;
+use crate::calibration::photo::{Depth, Photo};
 use crate::error::{OpticsError, positive};
 
 /// One press of a ball.
@@ -38,11 +40,14 @@ pub struct BallPress {
     pub contact_labelled: bool,
 }
 
-/// An image in which no ball's press was found.
+/// An image, or a label, that is not used.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LeftOut {
     pub name: String,
-    pub photo: Photo,
+    /// The image, if it has the background's size.
+    pub photo: Option<Photo>,
+    /// Circle of the label, if there is one: centre (column, row) and radius, pixels.
+    pub circle: Option<([f64; 2], f64)>,
     pub reason: String,
 }
 
@@ -55,75 +60,125 @@ pub struct PressFolder {
     pub presses: Vec<BallPress>,
     /// The untouched gel under each lamp alone, ordered by file name; empty if there are no such images.
     pub lamps: Vec<Photo>,
-    /// Images without a label in which no press was found.
+    /// Images and labels that cannot be used.
     pub left_out: Vec<LeftOut>,
+    /// Depth of the background's file, if it has 16 bits a channel.
+    pub depth: Option<Depth>,
+}
+
+/// How a folder is read.
+#[derive(Debug, Clone, Copy)]
+pub struct ReadOptions<'a> {
+    /// Diameter of balls whose label gives none, m.
+    pub diameter: f64,
+    /// Detect presses in the images even if there are labels.
+    pub ignore_labels: bool,
+    /// Image of the untouched gel, if it is not called `background`.
+    pub background: Option<&'a Path>,
 }
 
 impl PressFolder {
-    /// Reads a folder. `diameter` (m) applies to balls whose label gives none. Presses are detected in the images if
-    /// there are no labels or if `ignore_labels` is set.
+    /// Reads a folder whose untouched gel is called `background`; `diameter` (m) applies to balls whose label gives none.
     pub fn read(folder: &Path, diameter: f64, ignore_labels: bool) -> Result<Self, OpticsError> {
-        check_diameter(diameter)?;
-        let (background, files): (Vec<_>, Vec<_>) =
-            images_of(folder)?.into_iter().partition(|path| path.file_stem().is_some_and(|stem| stem == "background"));
-        let background = match background.first() {
-            Some(path) => Photo::read(path)?,
-            None => {
-                let what = "no background image found; expected `background.png`, the untouched gel";
-                return Err(OpticsError::file(folder, what));
-            }
+        Self::read_with(folder, &ReadOptions { diameter, ignore_labels, background: None })
+    }
+
+    /// Reads a folder.
+    pub fn read_with(folder: &Path, options: &ReadOptions<'_>) -> Result<Self, OpticsError> {
+        check_diameter(options.diameter)?;
+        let mut files = images_of(folder)?;
+        let Some(path) = take_background(&mut files, options.background)? else {
+            let what = "no background image found; expected `background.png`, the untouched gel, or --background FILE";
+            return Err(OpticsError::file(folder, what));
         };
+        let (background, depth) = Photo::read_deep(&path)?;
         if files.is_empty() {
-            return Err(OpticsError::file(
-                folder,
-                "no press images found; expected PNG or JPEG images beside the background",
-            ));
+            let what = format!("no press images found; expected {EXPECTED} images beside the background");
+            return Err(OpticsError::file(folder, what));
         }
         let size = [background.width, background.height];
-        let labels = if ignore_labels { Vec::new() } else { read_labels(folder, size)? };
-        let grey = background.is_grey();
-        let (mut presses, mut left_out) = (Vec::with_capacity(files.len()), Vec::new());
-        for path in files {
-            let photo = Photo::read(&path)?;
-            photo.expect_size(size, &path)?;
-            if photo.is_grey() != grey {
-                let (found, expected) = if grey { ("colours", "grey") } else { ("a grey image", "colours") };
-                return Err(OpticsError::file(
-                    &path,
-                    format!("found {found}; expected {expected}, as in the background"),
-                ));
-            }
+        let labels = if options.ignore_labels { None } else { Labels::read(folder, size)? };
+        let lamps = read_lamps(&folder.join("lamps"), &background)?;
+        let mut found =
+            Self { background, presses: Vec::with_capacity(files.len()), lamps, left_out: Vec::new(), depth };
+        let mut names = Vec::with_capacity(files.len());
+        for path in &files {
             let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-            let label = labels.iter().find(|label| label.file == name);
-            if label.is_none() && !labels.is_empty() {
-                return Err(OpticsError::file(&path, "found no row for this image in the label file; expected one"));
+            let label = labels.as_ref().map(|labels| labels.of(&name));
+            found.take(path, &name, label, options.diameter);
+            names.push(name);
+        }
+        if let Some(labels) = &labels {
+            let unknown = labels.without_image(&names).into_iter();
+            found.left_out.extend(unknown.map(|(name, reason)| LeftOut { name, photo: None, circle: None, reason }));
+        }
+        match (found.presses.is_empty(), found.left_out.first()) {
+            (true, Some(first)) => Err(OpticsError::file(&folder.join(&first.name), &first.reason)),
+            _ => Ok(found),
+        }
+    }
+
+    /// Presses detected in photos of the background's size, with their names.
+    pub fn of_photos(background: Photo, photos: Vec<(String, Photo)>, diameter: f64) -> Result<Self, OpticsError> {
+        check_diameter(diameter)?;
+        let mut found = Self { background, presses: Vec::new(), lamps: Vec::new(), left_out: Vec::new(), depth: None };
+        photos.into_iter().for_each(|(name, photo)| found.add(name, photo, None, diameter));
+        match (found.presses.is_empty(), found.left_out.first()) {
+            (true, Some(first)) => Err(OpticsError::file(Path::new(&first.name), &first.reason)),
+            _ => Ok(found),
+        }
+    }
+
+    /// Reads an image and adds it to the presses, or to what is left out.
+    fn take(&mut self, path: &Path, name: &str, label: Option<Result<Label, String>>, diameter: f64) {
+        match self.read_like_background(path) {
+            Ok(photo) => self.add(name.to_owned(), photo, label, diameter),
+            Err(reason) => {
+                self.left_out.push(LeftOut { name: name.to_owned(), photo: None, circle: None, reason });
             }
-            let (center, radius) = match label {
-                Some(label) => (label.center, label.radius),
-                None => match circle::find(&photo, &background) {
-                    Ok(found) => (found.center, found.radius),
-                    Err(error) => {
-                        left_out.push(LeftOut { name, photo, reason: error.to_string() });
-                        continue;
-                    }
-                },
-            };
-            let diameter = label.and_then(|label| label.diameter).unwrap_or(diameter);
-            presses.push(BallPress {
+        }
+    }
+
+    /// Adds a photo with its label, or with the circle that is found in it where there are no labels.
+    fn add(&mut self, name: String, photo: Photo, label: Option<Result<Label, String>>, diameter: f64) {
+        let found = match label {
+            Some(label) => label.map(|label| (label, true)),
+            None => circle::find(&photo, &self.background).map_err(|error| error.to_string()).map(|found| {
+                (Label { center: found.center, radius: found.radius, contact: false, diameter: None }, false)
+            }),
+        };
+        match found {
+            Ok((label, labelled)) => self.presses.push(BallPress {
                 name,
                 photo,
-                center,
-                radius,
-                diameter,
-                labelled: label.is_some(),
-                contact_labelled: label.is_some_and(|label| label.contact),
-            });
+                center: label.center,
+                radius: label.radius,
+                diameter: label.diameter.unwrap_or(diameter),
+                labelled,
+                contact_labelled: label.contact,
+            }),
+            Err(reason) => self.left_out.push(LeftOut { name, photo: Some(photo), circle: None, reason }),
         }
-        if let (true, Some(first)) = (presses.is_empty(), left_out.first()) {
-            return Err(OpticsError::file(&folder.join(&first.name), &first.reason));
+    }
+
+    /// An image of the background's size, kind and depth, or why it is none.
+    fn read_like_background(&self, path: &Path) -> Result<Photo, String> {
+        let plain = |error: OpticsError| match error {
+            OpticsError::File { what, .. } => what,
+            error => error.to_string(),
+        };
+        let (photo, depth) = Photo::read_deep(path).map_err(plain)?;
+        photo.expect_size([self.background.width, self.background.height], path).map_err(plain)?;
+        if photo.is_grey() != self.background.is_grey() {
+            let (found, expected) = if photo.is_grey() { ("a grey image", "colours") } else { ("colours", "grey") };
+            return Err(format!("found {found}; expected {expected}, as in the background"));
         }
-        let lamps = read_lamps(&folder.join("lamps"), &background)?;
-        Ok(Self { background, presses, lamps, left_out })
+        match (depth, self.depth) {
+            (Some(depth), Some(expected)) if depth.bits != expected.bits => {
+                Err(format!("found a {depth}; expected {}-bit data, as in the background", expected.bits))
+            }
+            _ => Ok(photo),
+        }
     }
 
     /// The same presses with images, centres and radii rectified by this lens.
@@ -143,7 +198,22 @@ impl PressFolder {
             presses: self.presses.iter().map(press).collect(),
             lamps: self.lamps.iter().map(|photo| lens.rectify(photo)).collect(),
             left_out: self.left_out.clone(),
+            depth: self.depth,
         })
+    }
+
+    /// Leaves out the presses for which there is a reason to; `reasons` are in the presses' order.
+    pub fn leave_out(&mut self, reasons: impl IntoIterator<Item = Option<String>>) {
+        let presses = std::mem::take(&mut self.presses);
+        for (press, reason) in presses.into_iter().zip(reasons) {
+            match reason {
+                None => self.presses.push(press),
+                Some(reason) => {
+                    let circle = Some((press.center, press.radius));
+                    self.left_out.push(LeftOut { name: press.name, photo: Some(press.photo), circle, reason });
+                }
+            }
+        }
     }
 
     /// The presses at even and at odd indices, each set with the background.
@@ -156,18 +226,16 @@ impl PressFolder {
         let part = |wanted: bool| {
             let chosen = self.presses.iter().enumerate().filter(|(index, press)| first(*index, press) == wanted);
             let presses = chosen.map(|(_, press)| press.clone()).collect();
-            Self { background: self.background.clone(), presses, lamps: self.lamps.clone(), left_out: Vec::new() }
+            Self {
+                background: self.background.clone(),
+                presses,
+                lamps: self.lamps.clone(),
+                left_out: Vec::new(),
+                depth: self.depth,
+            }
         };
         (part(true), part(false))
     }
-}
-
-/// The images in a folder, by name.
-pub(crate) fn images_of(folder: &Path) -> Result<Vec<PathBuf>, OpticsError> {
-    let entries = std::fs::read_dir(folder).map_err(|error| OpticsError::file(folder, error))?;
-    let mut files: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).filter(|path| is_image(path)).collect();
-    files.sort();
-    Ok(files)
 }
 
 /// The images of single lamps; none where there is no such folder.
@@ -200,91 +268,7 @@ fn read_lamps(folder: &Path, background: &Photo) -> Result<Vec<Photo>, OpticsErr
 const BALLS: std::ops::RangeInclusive<f64> = 0.5e-3..=60e-3;
 
 /// An error for a diameter (m) that no ball pressed into a fingertip sensor has.
-fn check_diameter(diameter: f64) -> Result<(), OpticsError> {
+pub(crate) fn check_diameter(diameter: f64) -> Result<(), OpticsError> {
     positive("ball diameter", diameter)?;
     if BALLS.contains(&diameter) { Ok(()) } else { Err(OpticsError::BallDiameter(1e3 * diameter)) }
-}
-
-fn is_image(path: &Path) -> bool {
-    let extension = path.extension().map(|extension| extension.to_ascii_lowercase());
-    extension.is_some_and(|extension| ["png", "jpg", "jpeg"].iter().any(|known| extension == *known))
-}
-
-#[derive(Debug)]
-struct Label {
-    file: String,
-    center: [f64; 2],
-    radius: f64,
-    /// Whether the radius is the contact's.
-    contact: bool,
-    diameter: Option<f64>,
-}
-
-fn read_labels(folder: &Path, [width, height]: [usize; 2]) -> Result<Vec<Label>, OpticsError> {
-    let Some(path) =
-        ["labels.csv", "labels_auto.csv"].map(|name| folder.join(name)).into_iter().find(|path| path.exists())
-    else {
-        return Ok(Vec::new());
-    };
-    let fault = |what: String| OpticsError::file(&path, what);
-    let text = std::fs::read_to_string(&path).map_err(|error| fault(error.to_string()))?;
-    let mut lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
-    let header: Vec<&str> = lines.next().map(|(_, line)| line.split(',').map(str::trim).collect()).unwrap_or_default();
-    let column = |names: &[&str]| header.iter().position(|title| names.contains(title));
-    let needed = |names: &[&str]| {
-        column(names).ok_or_else(|| {
-            fault(format!("found the columns {header:?}; expected one called `{}`", names.join("` or `")))
-        })
-    };
-    let file = needed(&["file"])?;
-    let center = [needed(&["center_x_px"])?, needed(&["center_y_px"])?];
-    let radius = needed(&["contact_radius_px", "visible_radius_px"])?;
-    let diameter = column(&["ball_diameter_mm"]);
-    let mut labels = Vec::new();
-    for (index, line) in lines {
-        let cells: Vec<&str> = line.split(',').map(str::trim).collect();
-        let number = |column: usize| {
-            let cell = cells.get(column).copied().unwrap_or("");
-            cell.parse::<f64>().ok().filter(|value| value.is_finite() && *value >= 0.0).ok_or_else(|| {
-                fault(format!(
-                    "line {}, {}: found `{cell}`; expected a number of at least 0",
-                    index + 1,
-                    header[column]
-                ))
-            })
-        };
-        let within = |column: usize, size: usize| {
-            let found = number(column)?;
-            if found <= size as f64 - 1.0 {
-                return Ok(found);
-            }
-            Err(fault(format!(
-                "line {}, {}: found {found}, outside the image; expected 0 to {}",
-                index + 1,
-                header[column],
-                size - 1
-            )))
-        };
-        let found = number(radius)?;
-        let largest = 0.5 * (width as f64).hypot(height as f64);
-        if !(1.0..=largest).contains(&found) {
-            return Err(fault(format!(
-                "line {}, {}: found {found}; expected 1 to {largest:.0} pixels, half the image's diagonal",
-                index + 1,
-                header[radius]
-            )));
-        }
-        if let Some(column) = diameter {
-            check_diameter(1e-3 * number(column)?)
-                .map_err(|error| fault(format!("line {}, {}: {error}", index + 1, header[column])))?;
-        }
-        labels.push(Label {
-            file: cells.get(file).copied().unwrap_or("").to_owned(),
-            center: [within(center[0], width)?, within(center[1], height)?],
-            radius: found,
-            contact: header[radius] == "contact_radius_px",
-            diameter: diameter.map(|column| number(column).map(|mm| mm * 1e-3)).transpose()?,
-        });
-    }
-    Ok(labels)
 }

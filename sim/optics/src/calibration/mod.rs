@@ -1,7 +1,7 @@
 //! Calibration of a real sensor: presses of a ball of known size determine the parameters of a
 //! [`SensorModel`](crate::SensorModel).
 //!
-//! A [`folder`] of images is read, and rectified if its camera's [`lens`] is known or [`zhang`] finds it from a
+//! A [`folder`] of [images](image_files) is read, [checked](press_checks), and rectified if its camera's [`lens`] is known or [`zhang`] finds it from a
 //! [`checkerboard`]. Presses without labels are detected as a [`circle`], which [`relocation`] corrects, and the [`background`] is estimated from them. [`samples`]
 //! picks pixels, and [`fit`] adjusts
 //! lamps, reflectance, response, camera and gel to them by [`least_squares`]. [`evaluation`] renders held-out presses and
@@ -10,16 +10,21 @@
 
 pub mod assumptions;
 pub mod background;
+pub mod bitmap;
 pub mod checkerboard;
 pub mod circle;
 pub mod evaluation;
 pub mod file;
 pub mod fit;
 pub mod folder;
+pub mod image_files;
+mod labels;
 pub mod least_squares;
 pub mod lens;
+pub mod orientation;
 mod parameters;
 pub mod photo;
+pub mod press_checks;
 mod profile;
 pub mod recovery;
 pub mod relocation;
@@ -33,9 +38,9 @@ pub use assumptions::Assumptions;
 pub use evaluation::{HeldOut, Views};
 pub use file::SensorCalibration;
 pub use fit::{BallFit, Effort};
-pub use folder::{BallPress, LeftOut, PressFolder};
+pub use folder::{BallPress, LeftOut, PressFolder, ReadOptions};
 pub use lens::Lens;
-pub use photo::Photo;
+pub use photo::{Depth, Photo};
 pub use sensor::CalibratedSensor;
 pub use similarity::Similarity;
 pub use zhang::LensFit;

@@ -4,8 +4,9 @@ use std::io::Cursor;
 use std::path::Path;
 
 use hand_model::file::write_whole;
-use image::ImageFormat;
+use image::{DynamicImage, ImageFormat, ImageReader};
 
+use crate::calibration::bitmap;
 use crate::error::OpticsError;
 
 /// An RGB image, row-major.
@@ -17,12 +18,61 @@ pub struct Photo {
     pub rgb: Vec<u8>,
 }
 
+/// Bits of a camera's values, where a file has 16 for each.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Depth {
+    /// 10, 12 or 16.
+    pub bits: u32,
+    /// Largest value in the file.
+    pub largest: u16,
+}
+
+impl Depth {
+    /// The fewest bits that hold the largest value. Cameras of 10 and 12 bits leave the upper bits of a 16-bit file empty.
+    fn of(values: &[u16]) -> Self {
+        let largest = values.iter().copied().max().unwrap_or(0);
+        let bits = [10, 12].into_iter().find(|bits| u32::from(largest) < 1 << bits).unwrap_or(16);
+        Self { bits, largest }
+    }
+}
+
+impl std::fmt::Display for Depth {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "16-bit file with values up to {}: {}-bit data", self.largest, self.bits)
+    }
+}
+
 impl Photo {
-    /// Reads a PNG or JPEG file.
+    /// Reads a PNG, JPEG or BMP file, by its contents.
     pub fn read(path: &Path) -> Result<Self, OpticsError> {
-        let image = image::open(path).map_err(|error| OpticsError::file(path, error))?.to_rgb8();
+        Self::read_deep(path).map(|(photo, _)| photo)
+    }
+
+    /// As [`Self::read`], with the depth of a file of 16 bits. Its values are scaled by the camera's bits, not by the file's.
+    pub fn read_deep(path: &Path) -> Result<(Self, Option<Depth>), OpticsError> {
+        let fault = |error: image::ImageError| OpticsError::file(path, error);
+        let bytes = std::fs::read(path).map_err(|error| OpticsError::file(path, error))?;
+        if bitmap::is_bmp(&bytes) {
+            return bitmap::decode(&bytes).map(|photo| (photo, None)).map_err(|what| OpticsError::file(path, what));
+        }
+        let reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format();
+        let image = reader.map_err(|error| OpticsError::file(path, error))?.decode().map_err(fault)?;
         let (width, height) = (image.width() as usize, image.height() as usize);
-        Ok(Self { width, height, rgb: image.into_raw() })
+        let deep = matches!(
+            image,
+            DynamicImage::ImageLuma16(_)
+                | DynamicImage::ImageLumaA16(_)
+                | DynamicImage::ImageRgb16(_)
+                | DynamicImage::ImageRgba16(_)
+        );
+        if !deep {
+            return Ok((Self { width, height, rgb: image.to_rgb8().into_raw() }, None));
+        }
+        let values = image.to_rgb16().into_raw();
+        let depth = Depth::of(&values);
+        let full = f64::from((1u32 << depth.bits) - 1);
+        let rgb = values.iter().map(|&value| (255.0 * f64::from(value) / full).round() as u8).collect();
+        Ok((Self { width, height, rgb }, Some(depth)))
     }
 
     /// Writes a PNG or JPEG file, by the extension.

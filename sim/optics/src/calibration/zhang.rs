@@ -10,7 +10,7 @@ use std::path::Path;
 use nalgebra::{DMatrix, Isometry3, Matrix3, Rotation3, SMatrix, Translation3, UnitQuaternion, Vector3};
 
 use crate::calibration::checkerboard::Board;
-use crate::calibration::folder::images_of;
+use crate::calibration::image_files::images_of;
 use crate::calibration::least_squares::{Options, Parameter, Problem, forward_differences};
 use crate::calibration::lens::Lens;
 use crate::calibration::photo::Photo;

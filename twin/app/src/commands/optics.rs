@@ -5,6 +5,7 @@ mod eval;
 mod pads;
 mod reconstruct;
 mod render;
+mod sensor_option;
 
 use clap::Subcommand;
 

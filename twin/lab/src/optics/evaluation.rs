@@ -7,11 +7,14 @@ use anyhow::{Context, Result, bail};
 use hand_model::Hand;
 use optics::Foundation;
 use optics::calibration::recovery::{Recovery, recover};
-use optics::calibration::{CalibratedSensor, Effort, PressFolder, SensorCalibration, Similarity, similarity};
+use optics::calibration::{CalibratedSensor, Effort, LeftOut, SensorCalibration, Similarity, similarity};
 use optics::foundation::{
     PROBE_RADIUS, ProbePoint, Sensitivity, WINKLER_LIKE_PAPER, bonded_layer_force, response_to, sensitivity,
 };
 use serde::Serialize;
+
+use super::calibration::presses;
+use super::reconstruction::{Accuracy, Photometry};
 
 /// Presses fitted in the rows of the recovery table.
 const RECOVERY_ROWS: [usize; 5] = [1, 2, 4, 8, 16];
@@ -109,14 +112,30 @@ pub fn recovery_table(rows: &[Recovery]) -> String {
     text
 }
 
-/// Renders the presses of a folder with the calibration in `file`: how many they are, and the mean similarity of whole
-/// images. `diameter` is the ball's (m) where the labels do not say it.
-pub fn similarity_to_presses(file: &Path, folder: &Path, diameter: f64) -> Result<(usize, Similarity)> {
-    let (calibration, background) = SensorCalibration::read(file)?;
+/// Presses of a folder or a video, rendered with a calibration.
+pub struct RenderedPresses {
+    pub presses: usize,
+    /// Mean over the presses, of whole images.
+    pub similarity: Similarity,
+    /// Errors of their surfaces, by look-up and by the network, if the way from colours to slopes is beside the calibration.
+    pub surfaces: Option<[Accuracy; 2]>,
+    /// Images that cannot be used.
+    pub left_out: Vec<LeftOut>,
+}
+
+/// Renders the presses of `folder` with the calibration in `file`. `diameter` is the ball's (m) where the labels do not say it, and
+/// `background` the untouched gel's image if it is not called so.
+pub fn similarity_to_presses(
+    file: &Path,
+    folder: &Path,
+    diameter: f64,
+    background: Option<&Path>,
+) -> Result<RenderedPresses> {
+    let (calibration, untouched) = SensorCalibration::read(file)?;
     let (columns, rows) = (calibration.columns, calibration.rows);
     let lens = calibration.lens;
-    let sensor = CalibratedSensor::new(calibration, background)?;
-    let mut presses = PressFolder::read(folder, diameter, false)?;
+    let sensor = CalibratedSensor::new(calibration, untouched)?;
+    let mut presses = presses::read(folder, diameter, false, background)?;
     let (width, height) = (presses.background.width, presses.background.height);
     if (width, height) != (columns, rows) {
         bail!(
@@ -133,7 +152,14 @@ pub fn similarity_to_presses(file: &Path, folder: &Path, diameter: f64) -> Resul
         let image = sensor.render(&sensor.ball(press.center, press.radius, press.diameter))?;
         all.push(similarity::compare(&single(&image.rgb), &single(&press.photo.rgb), columns, 0..columns, 0..rows));
     }
-    Ok((all.len(), Similarity::mean(&all).context("no presses")?))
+    let similarity = Similarity::mean(&all).context("no presses")?;
+    let surfaces = if Photometry::path(file).exists() {
+        let errors = Photometry::read(file, &sensor)?.errors(&presses, &sensor);
+        Some(errors.map(|errors| errors.accuracy()))
+    } else {
+        None
+    };
+    Ok(RenderedPresses { presses: all.len(), similarity, surfaces, left_out: presses.left_out })
 }
 
 #[cfg(test)]

@@ -1,17 +1,23 @@
 //! Normals, heights and contact of whatever presses into a calibrated real sensor, from its images.
 //!
 //! [`known_ball`] is what is known of a calibration press without looking at its colours. [`photometry`] learns from such
-//! presses the way from colours to slopes, by look-up and by a network, and keeps it in a file beside the calibration.
-//! [`surface`] applies it to an image; [`accuracy`] compares surfaces with balls that were held out. [`folder`] reads
+//! presses the way from colours to slopes, by look-up and by a network, with what the fitted model of the sensor [imagines](imagined)
+//! as the prior, and keeps it in a file beside the calibration, with the [`range`] of colours and slopes that the presses showed.
+//! [`surface`] applies it where an image is [`touched`]; [`accuracy`] compares surfaces with balls that were held out, and the [`verdict`] on the figures says whether they are of use. [`folder`] reads
 //! images as they come, and [`output`] writes what was found.
 
 pub mod accuracy;
 pub mod folder;
+pub mod imagined;
 pub mod known_ball;
+mod learning;
 pub mod output;
 pub mod photometry;
 pub mod ply;
+pub mod range;
 pub mod surface;
+pub mod touched;
+pub mod verdict;
 
 pub use accuracy::Accuracy;
 pub use photometry::{Method, Photometry};

@@ -89,7 +89,7 @@ impl<'a> PadView<'a> {
                 cameras.iter().map(sensor).collect::<Result<_, _>>()?
             }
             SensorSource::Calibration(path) => {
-                let name = || format!("--calibration {}", path.display());
+                let name = || format!("--sensor {}", path.display());
                 let text = std::fs::read_to_string(path).with_context(name)?;
                 let models = PadOptics::parse(&text).and_then(|file| file.models(hand, pad)).with_context(name)?;
                 let sensor = |(camera, model)| CurvedSensor::new(pad, camera, model, cover, seed).with_context(name);

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
 use hand_model::robot::TactileImage;
-use optics::calibration::{CalibratedSensor, PressFolder, SensorCalibration};
+use optics::calibration::{CalibratedSensor, PressFolder};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
@@ -35,6 +35,9 @@ impl RealPresses {
     /// Reads a folder as `optics calibrate` does. `diameter` is the ball's, `pixel` the size of the photos' pixels, m.
     pub fn read(folder: &Path, diameter: f64, pixel: f64) -> Result<Self> {
         let folder = PressFolder::read(folder, diameter, false)?;
+        if let Some(image) = folder.left_out.first() {
+            bail!("{}: {}", image.name, image.reason);
+        }
         let (width, height) = (folder.background.width, folder.background.height);
         let grid = Grid { width, height };
         let background = grid.image(&folder.background.rgb);
@@ -73,12 +76,17 @@ pub struct Likeness {
 impl Likeness {
     /// From the file that `optics calibrate` wrote.
     pub fn read(file: &Path) -> Result<Self> {
-        let (calibration, photo) = SensorCalibration::read(file)?;
-        let grid = Grid { width: calibration.columns, height: calibration.rows };
-        let pixel = grid.pixel(1e-3 * calibration.pixel_mm);
+        Ok(Self::of(CalibratedSensor::read(file)?))
+    }
+
+    /// Of a sensor.
+    pub fn of(sensor: CalibratedSensor) -> Self {
+        let (width, height) = sensor.size();
+        let grid = Grid { width, height };
+        let photo = sensor.background().to_vec();
         let bytes: Vec<u8> = photo.iter().map(|grey| grey.round().clamp(0.0, 255.0) as u8).collect();
-        let sensor = CalibratedSensor::new(calibration, photo.clone())?;
-        Ok(Self { sensor, background: grid.image(&bytes), photo, pixel })
+        let pixel = grid.pixel(1e-3 * sensor.calibration().pixel_mm);
+        Self { background: grid.image(&bytes), photo, pixel, sensor }
     }
 
     /// Press `n` of many, with read-out noise of `noise` grey levels on every pixel of the camera.

@@ -5,29 +5,36 @@ use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
+use image::RgbImage;
 use indicatif::ProgressStyle;
+use lab::optics::calibration::presses::{CHECKERBOARDS, CheckedPresses, PressSource};
 use lab::optics::calibration::scale::PixelSource;
-use lab::optics::calibration::{CHECKERBOARDS, CalibrationRun, FitOptions, Split, SplitPresses};
+use lab::optics::calibration::{CalibrationRun, FitOptions, Split, sheet};
 
 use crate::terminal::{Outcome, Terminal};
 
-/// Which presses are fitted and which are held out.
+/// Which presses are held out to measure the calibration. What is written is then fitted to all presses.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum SplitArg {
-    /// Fit presses 0, 2, 4, ... by file name, hold out the others.
+    /// Hold out each press once: a quarter of them at a time, from 24 presses on a half.
+    #[value(alias = "none")]
+    Folds,
+    /// Hold out presses 1, 3, 5, ... by file name.
     EvenOdd,
-    /// Fit the presses of the smallest ball, hold out those of larger ones.
+    /// Hold out the presses of larger balls than the smallest.
     Ball,
-    /// Fit all presses; nothing is held out.
-    None,
 }
 
 /// Arguments of `optics calibrate`.
 #[derive(Debug, Args)]
 pub struct CalibrateArgs {
-    /// Folder with `background.png`, press images and perhaps `labels.csv`; perhaps `lamps/` (the untouched gel under each
-    /// lamp alone) and `checkerboards/` (three or more pictures and `board.toml` with `columns` and `rows`, its inner corners).
+    /// Folder with `background.png`, press images (PNG, JPEG, BMP) and perhaps `labels.csv`; perhaps `lamps/` (the untouched gel under each
+    /// lamp alone) and `checkerboards/` (three or more pictures and `board.toml` with `columns` and `rows`, its inner corners). Or a video
+    /// of presses one after another, which begins untouched.
     pub folder: PathBuf,
+    /// Image of the untouched gel, if it is not called `background`.
+    #[arg(long)]
+    pub background: Option<PathBuf>,
     /// Diameter of the ball, mm (where the labels do not say it).
     #[arg(long)]
     pub ball_diameter_mm: f64,
@@ -46,11 +53,12 @@ pub struct CalibrateArgs {
     /// All presses are shallow: circles may be small against the ball.
     #[arg(long)]
     pub shallow: bool,
-    /// A sheet of all presses (PNG) with their circles and errors; what is left out is red.
+    /// A sheet of all presses (PNG) with their circles and errors; what is left out is red. It is written before anything is fitted,
+    /// and again with the errors.
     #[arg(long)]
     pub sheet: Option<PathBuf>,
-    /// Which presses are held out.
-    #[arg(long, value_enum, default_value_t = SplitArg::EvenOdd)]
+    /// Which presses are held out to measure the calibration.
+    #[arg(long, value_enum, default_value_t = SplitArg::Folds)]
     pub split: SplitArg,
     /// The camera's lens (TOML: focal, center, radial, tangential), if the images are not rectified yet and there are no
     /// checkerboards.
@@ -75,37 +83,49 @@ pub fn calibrate(terminal: &Terminal, args: &CalibrateArgs) -> Outcome {
         bail!("--lens: found {} as well; expected one of the two", boards.display());
     }
     let split = match args.split {
+        SplitArg::Folds => Split::Folds,
         SplitArg::EvenOdd => Split::EvenOdd,
         SplitArg::Ball => Split::Ball,
-        SplitArg::None => Split::None,
     };
     let pixel = pixel_source(args)?;
     if let Some(path) = &args.out {
         check_out(path, &args.folder)?;
     }
-    let diameter = 1e-3 * args.ball_diameter_mm;
-    let presses = SplitPresses::read(&args.folder, diameter, args.ignore_labels, args.lens.as_deref(), split)?;
-    if presses.held_out.presses.is_empty() && split != Split::None {
-        bail!("--split: found no presses to hold out in {}; expected some, or `--split none`", args.folder.display());
-    }
+    let presses = CheckedPresses::read(
+        &PressSource {
+            path: &args.folder,
+            diameter: 1e-3 * args.ball_diameter_mm,
+            ignore_labels: args.ignore_labels,
+            background: args.background.as_deref(),
+            lens: args.lens.as_deref(),
+            pixel,
+            shallow: args.shallow,
+        },
+        |tiles| match &args.sheet {
+            Some(path) => save_sheet(&sheet::draw(tiles)?, path),
+            None => Ok(()),
+        },
+    )?;
+    // What is out of line is told before anything is fitted.
+    let left_out: Vec<String> = presses.left_out().map(|(name, reason)| format!("{name} left out: {reason}")).collect();
+    left_out.iter().for_each(|line| eprintln!("{line}"));
     if !terminal.quiet && !terminal.json {
-        let lamps = match presses.fitted.lamps.len() {
+        let lamps = match presses.lamps() {
             0 => String::new(),
             count => format!(" and {count} images of single lamps"),
         };
-        let [fitted, held_out] = [&presses.fitted, &presses.held_out].map(|part| part.presses.len());
-        eprintln!("fitting {fitted} presses{lamps}, holding out {held_out}");
+        eprintln!("fitting {} presses{lamps}", presses.count());
     }
     let bar = terminal.progress();
     bar.set_style(ProgressStyle::with_template("learning normals, pass {pos} [{elapsed}]")?);
-    let options = FitOptions { pixel, shallow: args.shallow, ablation: args.ablation };
-    let run = CalibrationRun::fit(presses, &options, terminal.seed, || bar.inc(1))?;
+    let options = FitOptions { split, ablation: args.ablation };
+    let run = CalibrationRun::fit(presses, &options, terminal.seed, &|| bar.inc(1))?;
     bar.finish_and_clear();
-    for warning in run.warnings() {
+    for warning in run.warnings().iter().filter(|warning| !left_out.contains(warning)) {
         eprintln!("{warning}");
     }
     if let Some(path) = &args.sheet {
-        run.sheet()?.save(path).with_context(|| format!("--sheet {}", path.display()))?;
+        save_sheet(&run.sheet()?, path)?;
     }
     let short = run.shortfall();
     if let (Some(path), None) = (&args.out, &short) {
@@ -121,6 +141,10 @@ pub fn calibrate(terminal: &Terminal, args: &CalibrateArgs) -> Outcome {
         println!("{wall:.0} s");
     }
     Ok(short)
+}
+
+fn save_sheet(sheet: &RgbImage, path: &Path) -> Result<()> {
+    sheet.save(path).with_context(|| format!("--sheet {}", path.display()))
 }
 
 fn pixel_source(args: &CalibrateArgs) -> Result<PixelSource> {

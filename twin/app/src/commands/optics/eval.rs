@@ -5,20 +5,24 @@ use std::path::PathBuf;
 
 use anyhow::{Context, bail};
 use clap::Args;
+use lab::optics::calibration::figures::accuracy_table;
 use lab::optics::{evaluation, pad_forces};
 use serde_json::{Map, Value, json};
 
+use super::sensor_option::SensorOption;
 use crate::terminal::{Outcome, Terminal};
 
 /// Arguments of `optics eval`.
 #[derive(Debug, Args)]
 pub struct EvalArgs {
-    /// Folder of presses to render and compare (needs --calibration and --ball-diameter-mm).
-    #[arg(requires = "calibration", requires = "ball_diameter_mm")]
+    /// Folder or video of presses to render and compare (needs --sensor and --ball-diameter-mm).
+    #[arg(requires = "sensor_file", requires = "ball_diameter_mm")]
     pub folder: Option<PathBuf>,
-    /// The calibration file.
-    #[arg(long)]
-    pub calibration: Option<PathBuf>,
+    #[command(flatten)]
+    pub sensor: SensorOption,
+    /// Image of the untouched gel in FOLDER, if it is not called `background`.
+    #[arg(long, requires = "folder")]
+    pub background: Option<PathBuf>,
     /// Diameter of the ball, mm (where the labels do not say it).
     #[arg(long)]
     pub ball_diameter_mm: Option<f64>,
@@ -36,7 +40,7 @@ pub struct EvalArgs {
 /// Runs what was asked for.
 pub fn eval(terminal: &Terminal, args: &EvalArgs) -> Outcome {
     if args.folder.is_none() && !args.force && !args.recovery && !args.pads {
-        bail!("found nothing to evaluate; expected a FOLDER with --calibration, or --force, --pads or --recovery");
+        bail!("found nothing to evaluate; expected a FOLDER with --sensor, or --force, --pads or --recovery");
     }
     let mut result = Map::new();
     let mut short = None;
@@ -64,9 +68,20 @@ pub fn eval(terminal: &Terminal, args: &EvalArgs) -> Outcome {
         tell(&evaluation::recovery_table(&rows));
         result.insert("recovery".into(), serde_json::to_value(rows)?);
     }
-    if let (Some(folder), Some(file), Some(diameter)) = (&args.folder, &args.calibration, args.ball_diameter_mm) {
-        let (count, mean) = evaluation::similarity_to_presses(file, folder, 1e-3 * diameter)?;
+    if let (Some(folder), Some(file), Some(diameter)) =
+        (&args.folder, args.sensor.file(terminal), args.ball_diameter_mm)
+    {
+        let found = evaluation::similarity_to_presses(file, folder, 1e-3 * diameter, args.background.as_deref())?;
+        for image in &found.left_out {
+            eprintln!("{} left out: {}", image.name, image.reason);
+        }
+        let (count, mean) = (found.presses, found.similarity);
         tell(&format!("{count} presses: L1 {:.4}, SSIM {:.4}, PSNR {:.2} dB\n", mean.l1, mean.ssim, mean.psnr));
+        result.insert("presses".into(), count.into());
+        if let Some([look_up, network]) = &found.surfaces {
+            tell(&accuracy_table(&[look_up, network]));
+            result.insert("reconstruction".into(), json!({"look_up": look_up, "network": network}));
+        }
         result.insert("full".into(), serde_json::to_value(mean)?);
     }
     if terminal.json {

@@ -6,11 +6,13 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
 use hand_model::file::write_whole;
-use lab::optics::reconstruction::folder::{self, Arrivals};
+use lab::optics::reconstruction::folder::{self, Arrivals, Inputs};
 use lab::optics::reconstruction::output;
 use lab::optics::reconstruction::photometry::untouched;
 use lab::optics::reconstruction::{Method, Photometry, Reconstructor};
-use optics::calibration::{CalibratedSensor, Photo};
+use lab::optics::video;
+use optics::calibration::image_files::EXPECTED;
+use optics::calibration::{CalibratedSensor, Photo, press_checks};
 use serde_json::{Value, json};
 
 use crate::terminal::{Outcome, Terminal};
@@ -27,13 +29,15 @@ pub enum MethodArg {
 /// Arguments of `optics reconstruct`.
 #[derive(Debug, Args)]
 pub struct ReconstructArgs {
-    /// Folder of images of the sensor, or one image. `background.png` in it, if there is one, is the untouched gel.
+    /// Folder of images (PNG, JPEG, BMP) and videos of the sensor, or one of them. `background.png` in it, if there is one, is the
+    /// untouched gel.
     pub folder: PathBuf,
     /// The sensor: what `optics calibrate --out` wrote.
     #[arg(long)]
     pub sensor: PathBuf,
-    /// Folder for the results of each image: height (NPY and EXR in m; 16-bit PNG, 0.1 um a level), normals with their expected
-    /// error, contact mask, points in contact (PLY, m). Made if it is not there. Default: only the figures are printed.
+    /// Folder for the results of each image: height in contact (NPY and EXR in m; 16-bit PNG, 0.1 um a level), normals with their
+    /// expected error, contact mask, where it is known (255; 128 beyond what the calibration's presses showed), points in contact (PLY,
+    /// m). Made if it is not there. Default: only the figures are printed.
     #[arg(long)]
     pub out: Option<PathBuf>,
     /// How slopes are found; default: what did better on the calibration's held-out presses.
@@ -62,27 +66,30 @@ pub fn reconstruct(terminal: &Terminal, args: &ReconstructArgs) -> Outcome {
     if args.watch && !args.folder.is_dir() {
         bail!("{}: found no folder; expected one to watch", args.folder.display());
     }
-    let files = folder::images(&args.folder)?;
+    let Inputs { files, background: beside } = Inputs::find(&args.folder, args.background.as_deref())?;
     if files.is_empty() && !args.watch {
-        bail!("{}: found no images; expected PNG or JPEG", args.folder.display());
+        bail!("{}: found no images; expected {EXPECTED}, or a video", args.folder.display());
     }
     folder::check_names(&files)?;
-    let (background, origin) = background(args, &sensor)?;
+    let (background, origin) = background(beside, &sensor)?;
+    let fault = photometry.accuracy(method).fault();
+    if let Some(fault) = fault {
+        bail!("{}: {} is of no use: {fault}", args.sensor.display(), method.name());
+    }
     if let Some(out) = &args.out {
         if out.canonicalize().is_ok_and(|out| args.folder.canonicalize().is_ok_and(|folder| folder == out)) {
             bail!("--out {}: found the folder of the images; expected another", out.display());
         }
         std::fs::create_dir_all(out).with_context(|| format!("--out {}", out.display()))?;
     }
-    let job =
-        Job { terminal, args, sensor: &sensor, reader: Reconstructor::new(&sensor, &photometry, &background, method) };
+    let reader = Reconstructor::new(&sensor, &photometry, &background, method);
+    let mut job = Job { terminal, args, sensor: &sensor, reader, background, rows: Vec::new(), failed: Vec::new() };
     if !terminal.quiet && !terminal.json {
         let accuracy = photometry.accuracy(method);
         eprintln!(
-            "{}; background: {origin}; on {} balls {}: normals {:.1} deg, depth within {:.0} % (rms), height {:.3} mm (rms)",
+            "{}; background: {origin}; on {} presses held out of the calibration: normals {:.1} deg, depth within {:.0} % (rms), height {:.3} mm (rms)",
             method.name(),
             accuracy.presses,
-            if photometry.held_out { "held out" } else { "of half the calibration" },
             accuracy.normals_deg.mean,
             100.0 * accuracy.depth_relative,
             1e3 * accuracy.height
@@ -92,37 +99,29 @@ pub fn reconstruct(terminal: &Terminal, args: &ReconstructArgs) -> Outcome {
             "image", "depth mm", "+- mm", "contact mm2", "normals deg", "ms"
         );
     }
-    let mut rows = Vec::new();
-    let mut failed = Vec::new();
     if args.watch {
         let mut arrivals = Arrivals::default();
         loop {
-            for file in arrivals.next(&args.folder)? {
-                match job.image(&file) {
-                    Ok(row) if terminal.json => println!("{row}"),
-                    Ok(_) => {}
-                    // A live folder may hold anything; the next image may be good.
-                    Err(error) => eprintln!("{error:#}"),
-                }
+            for file in arrivals.next(&args.folder, args.background.as_deref())? {
+                job.file(&file);
+                job.rows.drain(..).filter(|_| terminal.json).for_each(|row| println!("{row}"));
+                // A live folder may hold anything; the next image may be good.
+                job.failed.drain(..).for_each(|error| eprintln!("{error}"));
             }
             std::thread::sleep(LOOK);
         }
     }
-    for file in &files {
-        match job.image(file) {
-            Ok(row) => rows.push(row),
-            Err(error) => failed.push(format!("{error:#}")),
-        }
-    }
+    files.iter().for_each(|file| job.file(file));
+    let Job { rows, failed, .. } = job;
     let result = json!({
         "method": method,
         "background": origin,
         "accuracy": photometry.accuracy(method),
-        "accuracy_held_out": photometry.held_out,
+        "steepest_deg": photometry.range().steepest_deg(),
         "height_png_level_m": output::LEVEL,
         "images": rows,
     });
-    if failed.len() == files.len() {
+    if rows_of(&result) == 0 {
         bail!("{}", failed.join("\n"));
     }
     if let Some(out) = &args.out {
@@ -133,13 +132,16 @@ pub fn reconstruct(terminal: &Terminal, args: &ReconstructArgs) -> Outcome {
     if terminal.json {
         println!("{result}");
     }
-    Ok((!failed.is_empty())
-        .then(|| format!("{} of {} images left out:\n{}", failed.len(), files.len(), failed.join("\n"))))
+    let all = rows_of(&result) + failed.len();
+    Ok((!failed.is_empty()).then(|| format!("{} of {all} images left out:\n{}", failed.len(), failed.join("\n"))))
+}
+
+fn rows_of(result: &Value) -> usize {
+    result["images"].as_array().map_or(0, Vec::len)
 }
 
 /// The untouched gel, and where its image comes from.
-fn background(args: &ReconstructArgs, sensor: &CalibratedSensor) -> Result<(Photo, String)> {
-    let found = args.background.clone().or_else(|| folder::background(&args.folder));
+fn background(found: Option<PathBuf>, sensor: &CalibratedSensor) -> Result<(Photo, String)> {
     let Some(path) = found else { return Ok((untouched(sensor), "the calibration's".to_owned())) };
     let mut photo = Photo::read(&path)?;
     let (columns, rows) = sensor.size();
@@ -157,6 +159,9 @@ fn background(args: &ReconstructArgs, sensor: &CalibratedSensor) -> Result<(Phot
     if let Some(lens) = &sensor.calibration().lens {
         photo = lens.rectify(&photo);
     }
+    if let Some(reason) = press_checks::unlike_background(&photo, &untouched(sensor)) {
+        bail!("{}: {reason} of the calibration", path.display());
+    }
     Ok((photo, path.display().to_string()))
 }
 
@@ -165,37 +170,75 @@ struct Job<'a> {
     args: &'a ReconstructArgs,
     sensor: &'a CalibratedSensor,
     reader: Reconstructor,
+    background: Photo,
+    /// Figures of the images, and what is wrong with those that are left out.
+    rows: Vec<Value>,
+    failed: Vec<String>,
 }
 
 impl Job<'_> {
+    /// Reconstructs an image, or the frames of a video.
+    fn file(&mut self, file: &Path) {
+        let name = folder::name(file);
+        let done = if video::is_video(file) {
+            video::frames(file, &mut |n, photo| {
+                let frame = video::frame_name(&name, n);
+                let done = self.photo(photo, &frame);
+                self.failed.extend(done.err().map(|error| format!("{}, frame {n}: {error:#}", file.display())));
+                Ok(true)
+            })
+        } else {
+            self.image(file, &name).with_context(|| file.display().to_string())
+        };
+        self.failed.extend(done.err().map(|error| format!("{error:#}")));
+    }
+
+    fn image(&mut self, file: &Path, name: &str) -> Result<()> {
+        let (photo, depth) = Photo::read_deep(file)?;
+        if let Some(depth) = depth.filter(|depth| depth.bits < 16 && !self.terminal.quiet) {
+            eprintln!("{name}: {depth}");
+        }
+        self.photo(photo, name)
+    }
+
     /// Reconstructs one image, writes and prints it.
-    fn image(&self, file: &Path) -> Result<Value> {
-        let mut photo = Photo::read(file)?;
+    fn photo(&mut self, mut photo: Photo, name: &str) -> Result<()> {
         let started = Instant::now();
         let (columns, rows) = self.sensor.size();
         if let Some(lens) = self.sensor.calibration().lens.filter(|_| (photo.width, photo.height) == (columns, rows)) {
             photo = lens.rectify(&photo);
         }
-        let surface = self.reader.surface(&photo).with_context(|| file.display().to_string())?;
+        let surface = self.reader.surface(&photo)?;
+        if let Some(reason) = press_checks::unlike_background(&photo, &self.background) {
+            bail!("{reason}");
+        }
         let wall = 1e3 * started.elapsed().as_secs_f64();
-        let name = folder::name(file);
         if let (Some(out), Some(surface)) = (&self.args.out, &surface) {
-            output::write(surface, out, &name).context("--out")?;
+            output::write(surface, out, name).context("--out")?;
         }
         if !self.terminal.json {
             match &surface {
                 Some(found) => println!(
-                    "{name:24} {:>10.3} {:>10.3} {:>12.2} {:>11.1} {wall:>8.1}",
-                    1e3 * found.deepest[0],
-                    1e3 * found.deepest[1],
+                    "{name:24} {:>10} {:>10} {:>12.2} {:>11.1} {wall:>8.1}",
+                    millimetres(found.deepest),
+                    millimetres(found.depth_error),
                     1e6 * found.area(),
                     output::mean_error(found)
                 ),
                 None => println!("{name:24} {:>10}", "untouched"),
             }
+            for note in surface.iter().flat_map(|found| &found.notes) {
+                println!("  {note}");
+            }
         }
-        let mut row = output::summary(&name, surface.as_ref());
+        let mut row = output::summary(name, surface.as_ref());
         row["wall_ms"] = wall.into();
-        Ok(row)
+        self.rows.push(row);
+        Ok(())
     }
+}
+
+/// A length that may not be known.
+fn millimetres(length: Option<f64>) -> String {
+    length.map_or_else(|| "unknown".to_owned(), |length| format!("{:.3}", 1e3 * length))
 }

@@ -12,6 +12,7 @@ use optics::calibration::CalibratedSensor;
 use scenarios::geometry::Mesh;
 use serde_json::json;
 
+use super::sensor_option::SensorOption;
 use crate::terminal::{Outcome, Terminal};
 
 /// How deep a mesh is pressed into a real sensor unless told otherwise, mm.
@@ -33,25 +34,23 @@ pub struct RenderArgs {
     #[arg(long, default_value_t = 2.0)]
     pub force: f64,
     /// Serial number of the hand.
-    #[arg(long, default_value_t = 7)]
+    #[arg(long, default_value_t = 7, conflicts_with = "sensor_file")]
     pub unit: u64,
-    /// Calibration file of the pad (see `optics pads`) instead of the hand's own units, or of a real sensor (see `optics
-    /// calibrate`) instead of a pad.
-    #[arg(long, conflicts_with = "unit")]
-    pub calibration: Option<PathBuf>,
+    #[command(flatten)]
+    pub sensor: SensorOption,
     /// For a real sensor: how deep the mesh's lowest point is below the untouched gel, mm. What force that takes is no part of a
     /// calibration [default: 0.5].
-    #[arg(long, requires = "calibration", conflicts_with = "force")]
+    #[arg(long, requires = "sensor_file", conflicts_with = "force")]
     pub depth_mm: Option<f64>,
     /// For a real sensor: thickness of its gel, mm, beyond which nothing is pressed.
-    #[arg(long, requires = "calibration", conflicts_with = "force")]
+    #[arg(long, requires = "sensor_file", conflicts_with = "force")]
     pub gel_mm: Option<f64>,
     /// Radius of the pad's cover across the digit, mm, for a pad that is part of a cylinder; default: flat.
     #[arg(long)]
     pub cover_radius_mm: Option<f64>,
     /// Robot of `ftac twin identify`: its gel's stiffness and thickness are taken, which keep the drawing's values as long as no session
     /// shows them.
-    #[arg(long, conflicts_with = "calibration")]
+    #[arg(long, conflicts_with = "sensor_file")]
     pub individual: Option<PathBuf>,
     /// The PNG to write; image, height map (m, along the cover's normals) and normals go beside it, as PNG, EXR and NPY.
     #[arg(long)]
@@ -91,20 +90,21 @@ pub fn render(terminal: &Terminal, args: &RenderArgs) -> Outcome {
         eprintln!("{}: {repair}", args.mesh.display());
     }
     let pose = mesh_pose(&args.pose)?;
-    if let Some(path) = &args.calibration
+    let sensor = args.sensor.file(terminal);
+    if let Some(path) = sensor
         && real_sensor::is_sensor(path)?
     {
         return render_real(terminal, args, path, (&mesh, &pose));
     }
     if args.depth_mm.is_some() || args.gel_mm.is_some() {
-        bail!("--depth-mm, --gel-mm: found a pad's calibration, whose press has a force; expected a sensor's");
+        bail!("--depth-mm, --gel-mm: found a pad's sensor, whose press has a force; expected a sensor's");
     }
     let pad = find_pad(&hand, &args.pad)?;
     let cover = match args.cover_radius_mm {
         Some(mm) => Cover::cylinder(1e-3 * mm).and_then(|cover| cover.check(&hand.pads[pad]).map(|()| cover)),
         None => Ok(Cover::FLAT),
     };
-    let source = args.calibration.as_deref().map_or(SensorSource::Hand(args.unit), SensorSource::Calibration);
+    let source = sensor.map_or(SensorSource::Hand(args.unit), |path| SensorSource::Calibration(path));
     let view = PadView::new(&hand, pad, cover.context("--cover-radius-mm")?, &source, terminal.seed)?;
     let pressed = view.press(&mesh, &pose, args.force)?;
     let rows = view.write(&pressed, terminal.seed, &args.out)?;

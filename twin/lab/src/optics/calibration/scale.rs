@@ -74,24 +74,40 @@ fn share(press: &BallPress, pixel: f64) -> f64 {
     press.radius * pixel / (0.5 * press.diameter)
 }
 
-/// An error if circles are larger than their balls, or unless `shallow`, if all are far smaller: then the balls' diameter or the
-/// size of a pixel was given in another unit, or is another ball's. `corrected` says that the model has corrected the circles that
-/// were found without labels.
-pub fn check(folder: &PressFolder, pixel: f64, shallow: bool, corrected: bool) -> Result<()> {
-    let sizes = |press: &BallPress| (1e3 * press.radius * pixel, 1e3 * press.diameter);
+/// Why a press's circle cannot be that of its ball, with pixels of this size (m).
+fn impossible(press: &BallPress, pixel: f64) -> Option<String> {
+    let (found, most) = (share(press, pixel), LARGEST[usize::from(!press.contact_labelled)]);
+    (found > most).then(|| {
+        format!(
+            "found a circle of {:.2} mm radius, {found:.2} of the radius of a ball of {} mm; expected at most {most}",
+            1e3 * press.radius * pixel,
+            1e3 * press.diameter
+        )
+    })
+}
+
+/// Leaves out presses whose circles are larger than their balls. If most are, the balls' diameter or the size of a pixel was given in
+/// another unit, or is another ball's: an error. `corrected` says that the model has corrected the circles that were found without
+/// labels.
+pub fn leave_out_impossible(folder: &mut PressFolder, pixel: f64, corrected: bool) -> Result<()> {
     // A circle that was found is judged once the model has corrected it.
-    for press in folder.presses.iter().filter(|press| press.labelled || corrected) {
-        let (found, (radius, diameter)) = (share(press, pixel), sizes(press));
-        let most = LARGEST[usize::from(!press.contact_labelled)];
-        if found > most {
-            bail!(
-                "{}: found a circle of {radius:.2} mm radius, {found:.2} of the radius of a ball of {diameter} mm; expected at most \
-                 {most}: the ball's diameter or the size of a pixel ({} mm) is wrong",
-                press.name,
-                1e3 * pixel
-            );
-        }
+    let judged = |press: &&BallPress| press.labelled || corrected;
+    let reasons: Vec<Option<String>> = folder
+        .presses
+        .iter()
+        .map(|press| Some(press).filter(judged).and_then(|press| impossible(press, pixel)))
+        .collect();
+    let first = folder.presses.iter().zip(&reasons).find_map(|(press, reason)| Some((&press.name, reason.as_ref()?)));
+    let Some((name, reason)) = first else { return Ok(()) };
+    if 2 * reasons.iter().flatten().count() >= folder.presses.len() {
+        bail!("{name}: {reason}: the ball's diameter or the size of a pixel ({} mm) is wrong", 1e3 * pixel);
     }
+    folder.leave_out(reasons);
+    Ok(())
+}
+
+/// An error, unless `shallow`, if the circles are far smaller than their balls.
+pub fn check_depth(folder: &PressFolder, pixel: f64, shallow: bool) -> Result<()> {
     let mut shares: Vec<f64> = folder.presses.iter().map(|press| share(press, pixel)).collect();
     shares.sort_by(f64::total_cmp);
     let Some(median) = shares.get(shares.len() / 2) else { return Ok(()) };

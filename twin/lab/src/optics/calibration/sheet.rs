@@ -2,13 +2,17 @@
 
 use anyhow::{Context, Result};
 use image::{Rgb, RgbImage};
-use optics::calibration::{BallPress, Photo};
+use optics::calibration::{BallPress, LeftOut, Photo};
 use report::picture::{text, tile};
 
 const USED: [u8; 3] = [255, 255, 255];
 const LEFT_OUT: [u8; 3] = [255, 40, 40];
 /// Tiles in a row.
 const COLUMNS: usize = 6;
+
+/// Width of a letter and height of a line, pixels.
+const LETTER: usize = 8;
+const LINE: i64 = 14;
 
 /// A press, or an image without one, and what is to be said of it.
 pub struct Tile {
@@ -24,6 +28,13 @@ impl Tile {
     pub fn press(press: &BallPress, note: String, used: bool) -> Self {
         let circle = Some((press.center, press.radius));
         Self { name: press.name.clone(), photo: press.photo.clone(), circle, note, used }
+    }
+
+    /// What is left out; `None` without an image of the background's size.
+    pub fn left_out(image: &LeftOut) -> Option<Self> {
+        let photo = image.photo.clone()?;
+        let note = format!("left out: {}", image.reason);
+        Some(Self { name: image.name.clone(), photo, circle: image.circle, note, used: false })
     }
 }
 
@@ -48,6 +59,24 @@ fn picture(tile: &Tile) -> Result<RgbImage> {
         }
     }
     text(&mut image, 4, 4, &tile.name, color);
-    text(&mut image, 4, i64::from(height) - 16, &tile.note, color);
+    for (line, part) in lines(&tile.note, (width as usize / LETTER).max(8)).iter().rev().enumerate() {
+        text(&mut image, 4, i64::from(height) - LINE * (line as i64 + 1), part, color);
+    }
     Ok(image)
+}
+
+/// A note in lines of at most `width` letters, broken between words.
+fn lines(note: &str, width: usize) -> Vec<String> {
+    let mut lines = vec![String::new()];
+    for word in note.split(' ') {
+        match lines.last_mut() {
+            Some(line) if line.is_empty() => line.push_str(word),
+            Some(line) if line.len() + 1 + word.len() <= width => {
+                line.push(' ');
+                line.push_str(word);
+            }
+            _ => lines.push(word.to_owned()),
+        }
+    }
+    lines
 }

@@ -4,31 +4,31 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Result, bail};
+use optics::calibration::image_files::{is_image, take_background, visible_files};
 
-/// The images of a folder but for its background, by name; or the one image that `path` is.
-pub fn images(path: &Path) -> Result<Vec<PathBuf>> {
-    if path.is_file() {
-        return Ok(vec![path.to_owned()]);
+use crate::optics::video::is_video;
+
+/// Images and videos of a folder, and the image of the untouched gel in it.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Inputs {
+    /// By name.
+    pub files: Vec<PathBuf>,
+    /// `named`, else the folder's image called `background`.
+    pub background: Option<PathBuf>,
+}
+
+impl Inputs {
+    /// Those of a folder; or the one image or video that `path` is.
+    pub fn find(path: &Path, named: Option<&Path>) -> Result<Self> {
+        if path.is_file() {
+            return Ok(Self { files: vec![path.to_owned()], background: named.map(Path::to_owned) });
+        }
+        let mut files = visible_files(path)?;
+        files.retain(|file| is_image(file) || is_video(file));
+        let background = take_background(&mut files, named)?;
+        Ok(Self { files, background })
     }
-    let entries = std::fs::read_dir(path).with_context(|| path.display().to_string())?;
-    let mut files: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).filter(|file| is_image(file)).collect();
-    files.retain(|file| file.file_stem().is_some_and(|stem| stem != "background"));
-    files.sort();
-    Ok(files)
-}
-
-/// The image of the untouched gel in a folder.
-pub fn background(folder: &Path) -> Option<PathBuf> {
-    ["png", "jpg", "jpeg"]
-        .map(|ending| folder.join(format!("background.{ending}")))
-        .into_iter()
-        .find(|file| file.exists())
-}
-
-fn is_image(path: &Path) -> bool {
-    let ending = path.extension().map(|ending| ending.to_ascii_lowercase());
-    ending.is_some_and(|ending| ["png", "jpg", "jpeg"].iter().any(|known| ending == *known))
 }
 
 /// Sees to it that no image's results are written over another's: names without their endings must differ.
@@ -64,9 +64,9 @@ pub struct Arrivals {
 impl Arrivals {
     /// Images that are new or changed, and whose size and time are what they were at the last call: a file still being written
     /// waits.
-    pub fn next(&mut self, folder: &Path) -> Result<Vec<PathBuf>> {
+    pub fn next(&mut self, folder: &Path, background: Option<&Path>) -> Result<Vec<PathBuf>> {
         let mut ready = Vec::new();
-        for file in images(folder)? {
+        for file in Inputs::find(folder, background)?.files {
             let Ok(found) = file.metadata() else { continue };
             let stamp = (found.len(), found.modified().ok());
             let settled = self.seen.insert(file.clone(), stamp) == Some(stamp);
@@ -89,11 +89,38 @@ mod tests {
         let (file, mut arrivals) = (folder.path().join("a.png"), Arrivals::default());
         std::fs::write(folder.path().join("background.png"), b"not one of them").expect("written");
         std::fs::write(&file, b"half").expect("written");
-        assert!(arrivals.next(folder.path()).expect("read").is_empty(), "it may still grow");
+        assert!(arrivals.next(folder.path(), None).expect("read").is_empty(), "it may still grow");
         std::fs::write(&file, b"half and half").expect("written");
-        assert!(arrivals.next(folder.path()).expect("read").is_empty(), "it has grown");
-        assert_eq!(arrivals.next(folder.path()).expect("read"), [file]);
-        assert!(arrivals.next(folder.path()).expect("read").is_empty(), "once");
+        assert!(arrivals.next(folder.path(), None).expect("read").is_empty(), "it has grown");
+        assert_eq!(arrivals.next(folder.path(), None).expect("read"), [file]);
+        assert!(arrivals.next(folder.path(), None).expect("read").is_empty(), "once");
+    }
+
+    #[test]
+    fn sidecar_files_are_passed_over_and_a_background_may_have_another_name() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let at = |name: &str| folder.path().join(name);
+        for name in [
+            "._a.png",
+            ".DS_Store",
+            "Thumbs.db",
+            "a.png",
+            "b.BMP",
+            "clip.mp4",
+            "._clip.mp4",
+            "untouched.png",
+            "notes.txt",
+        ] {
+            std::fs::write(at(name), b"").expect("written");
+        }
+        let found = Inputs::find(folder.path(), Some(&at("untouched.png"))).expect("read");
+        assert_eq!(found.files, ["a.png", "b.BMP", "clip.mp4"].map(at));
+        assert_eq!(found.background, Some(at("untouched.png")));
+        std::fs::rename(at("untouched.png"), at("background.png")).expect("renamed");
+        assert_eq!(Inputs::find(folder.path(), None).expect("read").background, Some(at("background.png")));
+        std::fs::write(at("background.bmp"), b"").expect("written");
+        let error = Inputs::find(folder.path(), None).expect_err("two").to_string();
+        assert!(error.contains("2 images of the untouched gel"), "{error}");
     }
 
     #[test]

@@ -15,8 +15,12 @@ use crate::optics::{exr, npy};
 /// Indentation of one level of the 16-bit height image, m.
 pub const LEVEL: f32 = 1e-7;
 
+/// Level of a pixel in contact whose colours or slopes no press of the calibration had; 255 is known, 0 no contact.
+pub const BEYOND: u8 = 128;
+
 /// Writes the surface found in the image `name` into `folder`: height (NPY, EXR: m; PNG: 16 bits of [`LEVEL`]), normals (NPY, EXR,
-/// PNG) with their expected error (NPY, degrees), contact mask (PNG) and the points in contact (PLY). Returns the files.
+/// PNG) with their expected error (NPY, degrees), contact mask (PNG), where it is known (PNG) and the points in contact (PLY). Heights
+/// outside the contact are not known: NaN, 0 in the PNG. Returns the files.
 pub fn write(surface: &Surface, folder: &Path, name: &str) -> Result<Vec<PathBuf>> {
     let (width, height) = (surface.width, surface.height);
     let mut files = Vec::new();
@@ -38,6 +42,12 @@ pub fn write(surface: &Surface, folder: &Path, name: &str) -> Result<Vec<PathBuf
     save(&at("normals.png"), ImageBuffer::<Rgb<u8>, Vec<u8>>::from_raw(width as u32, height as u32, colors))?;
     let mask = surface.contact.iter().map(|inside| if *inside { 255 } else { 0 }).collect();
     save(&at("contact.png"), ImageBuffer::<Luma<u8>, Vec<u8>>::from_raw(width as u32, height as u32, mask))?;
+    let known = surface.contact.iter().zip(&surface.beyond).map(|(inside, beyond)| match (inside, beyond) {
+        (false, _) => 0,
+        (true, true) => BEYOND,
+        (true, false) => 255,
+    });
+    save(&at("known.png"), ImageBuffer::<Luma<u8>, Vec<u8>>::from_raw(width as u32, height as u32, known.collect()))?;
     let cloud = at("ply");
     write_whole(&cloud, &ply::contact_points(surface)).with_context(|| cloud.display().to_string())?;
     Ok(files)
@@ -61,8 +71,10 @@ pub fn summary(name: &str, surface: Option<&Surface>) -> Value {
         Some(surface) => json!({
             "image": name,
             "touched": true,
-            "depth_mm": 1e3 * surface.deepest[0],
-            "depth_error_mm": 1e3 * surface.deepest[1],
+            "depth_mm": surface.deepest.map(|depth| 1e3 * depth),
+            "depth_error_mm": surface.depth_error.map(|error| 1e3 * error),
+            "beyond_calibration": surface.beyond_share(),
+            "notes": surface.notes,
             "contact_mm2": 1e6 * surface.area(),
             "normal_error_deg": mean_error(surface),
         }),

@@ -5,29 +5,39 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
 use hand_model::file::write_whole;
+use hand_model::pads::IMAGE_SIZE as N;
 use hand_model::robot::TactileImage;
 use optics::calibration::{CalibratedSensor, Photo, PressFolder};
-use rand::SeedableRng;
+use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
+use touch::colour_change::whole_change;
 use touch::network::Kind;
-use touch::network::samples::{Sample, cut};
-use touch::network::train::{Schedule, Training};
-use touch::{AngularError, CalibrationPress, Network, PhotometricModel};
+use touch::{CalibrationPress, Network, PIXELS, PhotometricModel};
 
-use super::accuracy::{Accuracy, contact_share, measure};
-use super::known_ball::KnownPresses;
+use super::accuracy::{Accuracy, Errors, contact_share};
+use super::imagined;
+use super::known_ball::{KnownBall, KnownPresses};
+use super::learning::{LabelledPixel, PASSES, train};
+use super::range::{Range, drift_free};
 use super::surface::Reconstructor;
 use crate::optics::grid::Grid;
 
 /// Stands for "the only sensor there is" where a pad's configuration is asked for.
 pub const CONFIGURATION: char = 'a';
-const VERSION: u32 = 1;
-// Squares cut from each press, passes over them, squares a step, and the learning rate at the start.
-const CROPS: usize = 40;
-const EPOCHS: usize = 20;
-const BATCH: usize = 32;
-const RATE: f64 = 0.01;
+const VERSION: u32 = 2;
+/// Imagined presses, and pixels that are learned from of each, about.
+const IMAGINED: usize = 48;
+const IMAGINED_PIXELS: usize = 700;
+/// Pixels that are learned from of all presses, about.
+const REAL_PIXELS: usize = 60_000;
+/// Weights of pixels of an imagined press, and of untouched gel, against one of a press's contact.
+const IMAGINED_WEIGHT: f32 = 0.5;
+const LEVEL_WEIGHT: f32 = 0.3;
+/// Untouched pixels that are learned from, over those in contact.
+const LEVEL_SHARE: f64 = 0.15;
+/// Distance from a ball's middle from which the gel is level, contact radii: nearer, how far it sinks is not known.
+const LEVEL: f64 = 2.0;
 
 /// How slopes are found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -60,18 +70,19 @@ pub struct Photometry {
     columns: usize,
     rows: usize,
     pixel_mm: f64,
+    /// Presses that it learned from.
+    pub presses: usize,
     pub(super) look_up: PhotometricModel,
     pub(super) network: Network,
+    /// Colours and slopes of the presses.
+    pub(super) range: Range,
     /// Share of the largest indentation above which the gel lies on what presses.
     pub(super) contact_share: f32,
     /// Factors on heights, by look-up and by the network, that make the mean depth of the presses learned from right: a
     /// regression on noisy colours finds slopes too small.
     gains: [f32; 2],
-    look_up_accuracy: Accuracy,
-    network_accuracy: Accuracy,
-    /// Whether the accuracies are of presses that what is in this file learned from nothing of; otherwise they are of what the
-    /// even-numbered presses alone teach, on the odd-numbered ones.
-    pub held_out: bool,
+    /// Of presses held out: what the others teach, measured on each in its turn. What is in this file learned from all.
+    accuracy: [Accuracy; 2],
 }
 
 impl Photometry {
@@ -81,119 +92,95 @@ impl Photometry {
     }
 
     pub fn accuracy(&self, method: Method) -> &Accuracy {
-        match method {
-            Method::LookUp => &self.look_up_accuracy,
-            Method::Network => &self.network_accuracy,
-        }
+        &self.accuracy[method as usize]
     }
 
     pub(super) fn gain(&self, method: Method) -> f32 {
-        match method {
-            Method::LookUp => self.gains[0],
-            Method::Network => self.gains[1],
-        }
+        self.gains[method as usize]
     }
 
-    /// The method with the smaller mean error of normals.
+    pub fn range(&self) -> &Range {
+        &self.range
+    }
+
+    /// The method whose normals have the smaller mean error on presses held out, of those that are of use if only one is.
     pub fn better(&self) -> Method {
-        let error = |method| self.accuracy(method).normals_deg.mean;
-        if error(Method::Network) < error(Method::LookUp) { Method::Network } else { Method::LookUp }
-    }
-
-    /// Learns from the presses of `fitted` and measures on those of `held_out`, or, where there are none, learns from half of
-    /// `fitted` first to measure on the other half. `step` is called at each of [`Self::STEPS`] steps of a training.
-    pub fn learn(
-        fitted: &PressFolder,
-        held_out: &PressFolder,
-        sensor: &CalibratedSensor,
-        seed: u64,
-        step: impl Fn(),
-    ) -> Result<Self> {
-        if held_out.presses.is_empty() {
-            let (even, odd) = fitted.even_odd();
-            if odd.presses.is_empty() {
-                bail!("found a single press; expected at least two, to learn from one and measure on another");
-            }
-            let part = Self::learn_from(&even, Some(&odd), sensor, seed, &step)?;
-            let whole = Self::learn_from(fitted, None, sensor, seed, &step)?;
-            return Ok(Self {
-                look_up_accuracy: part.look_up_accuracy,
-                network_accuracy: part.network_accuracy,
-                held_out: false,
-                ..whole
-            });
+        let [look_up, network] = Method::ALL.map(|method| self.accuracy(method));
+        match (look_up.fault().is_some(), network.fault().is_some()) {
+            (false, true) => Method::LookUp,
+            (true, false) => Method::Network,
+            _ if network.normals_deg.mean < look_up.normals_deg.mean => Method::Network,
+            _ => Method::LookUp,
         }
-        Self::learn_from(fitted, Some(held_out), sensor, seed, &step)
     }
 
-    /// Passes over the presses that a training of [`Self::learn`] takes.
-    pub const STEPS: u64 = EPOCHS as u64;
-
-    fn learn_from(
-        fitted: &PressFolder,
-        unseen: Option<&PressFolder>,
+    /// Learns from presses into `sensor`, with what its model imagines as the prior. `step` is called at each of [`Self::STEPS`]
+    /// steps. The accuracy is that of nothing.
+    pub fn learn(
+        presses: &PressFolder,
         sensor: &CalibratedSensor,
         seed: u64,
-        step: &dyn Fn(),
+        step: &(dyn Fn() + Sync),
     ) -> Result<Self> {
         let (width, height) = sensor.size();
         let grid = Grid { width, height };
         let photo_pixel = 1e-3 * sensor.calibration().pixel_mm;
         let pixel = grid.pixel(photo_pixel);
-        let background: Arc<TactileImage> = grid.image(&fitted.background.rgb);
-        let known = KnownPresses::new(fitted, sensor, &background);
-        let labelled: Vec<(&CalibrationPress, (f64, f64))> = known.presses.iter().map(|press| (press, pixel)).collect();
-        let look_up = PhotometricModel::fit(CONFIGURATION, &labelled)?;
-        let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x6375_7473);
-        let samples: Vec<Sample> = known
-            .presses
-            .iter()
-            .flat_map(|press| cut(press, (CONFIGURATION, &look_up), pixel, CROPS, &mut rng))
-            .collect();
-        let schedule = Schedule { kind: Kind::PerPixel, epochs: EPOCHS, batch: BATCH, rate: RATE, halving: 5, seed };
-        let mut training = Training::new(schedule);
-        while !training.done() {
-            training.epoch(&samples, &samples[..samples.len().min(BATCH)], || {})?;
-            step();
-        }
-        let recipe = format!("ftac optics calibrate, {} presses, --seed {seed}", fitted.presses.len());
-        let nothing = Accuracy {
-            presses: 0,
-            normals_deg: AngularError { mean: 0.0, median: 0.0, p95: 0.0, pixels: 0 },
-            depth_ratio: 0.0,
-            depth_relative: 0.0,
-            height: 0.0,
-            contact_overlap: 0.0,
-            by_slope_deg: Default::default(),
+        let background: Arc<TactileImage> = grid.image(&presses.background.rgb);
+        let known = KnownPresses::new(presses, sensor, &background);
+        let radius = known.balls.iter().map(|ball| ball.radius).sum::<f64>() / known.balls.len().max(1) as f64;
+        let imagined = imagined::presses(sensor, radius, IMAGINED, seed ^ 0x696d_6167)?;
+        let with_pixel = |presses| -> Vec<(&CalibrationPress, (f64, f64))> {
+            let presses: &[CalibrationPress] = presses;
+            presses.iter().map(|press| (press, pixel)).collect()
         };
+        let prior = PhotometricModel::fit(CONFIGURATION, &with_pixel(&imagined))?;
+        let look_up = PhotometricModel::corrected(Some(&prior), CONFIGURATION, &with_pixel(&known.presses))?;
+        let mut pixels = real_pixels(&known, (grid, photo_pixel), seed);
+        pixels.extend(imagined_pixels(&imagined, pixel, seed));
+        let recipe = format!("ftac optics calibrate, {} presses, --seed {seed}", presses.presses.len());
         let mut photometry = Self {
             version: VERSION,
             columns: width,
             rows: height,
             pixel_mm: sensor.calibration().pixel_mm,
+            presses: presses.presses.len(),
             look_up,
-            network: training.network(recipe)?,
+            network: train(&pixels, seed, recipe, step)?,
+            range: Range::of(&known, grid, photo_pixel),
             contact_share: 0.35,
             gains: [1.0; 2],
-            look_up_accuracy: nothing.clone(),
-            network_accuracy: nothing,
-            held_out: true,
+            accuracy: [(); 2].map(|()| Errors::default().accuracy()),
         };
-        let reader = |photometry: &Self, method| Reconstructor::new(sensor, photometry, &fitted.background, method);
-        let area = (grid, photo_pixel);
-        let gains = Method::ALL.map(|method| {
-            let ratio = measure(&reader(&photometry, method), &known, area, 0.35).0.depth_ratio;
+        let reader = |photometry: &Self, method| Reconstructor::new(sensor, photometry, &presses.background, method);
+        photometry.gains = Method::ALL.map(|method| {
+            let mut errors = Errors::default();
+            errors.add(&reader(&photometry, method), &known, (grid, photo_pixel), 0.35);
+            let ratio = errors.accuracy().depth_ratio;
             if ratio.is_finite() && ratio > 0.0 { (1.0 / ratio) as f32 } else { 1.0 }
         });
-        photometry.gains = gains;
         photometry.contact_share = contact_share(&reader(&photometry, Method::Network), &known, grid, photo_pixel);
-        if let Some(unseen) = unseen {
-            let unseen = KnownPresses::new(unseen, sensor, &background);
-            let [look_up, network] = Method::ALL
-                .map(|method| measure(&reader(&photometry, method), &unseen, area, photometry.contact_share).0);
-            (photometry.look_up_accuracy, photometry.network_accuracy) = (look_up, network);
-        }
         Ok(photometry)
+    }
+
+    /// Passes over the presses that a training takes.
+    pub const STEPS: u64 = PASSES as u64;
+
+    /// Errors by each method on presses into `sensor` that it did not learn from.
+    pub fn errors(&self, presses: &PressFolder, sensor: &CalibratedSensor) -> [Errors; 2] {
+        let grid = Grid { width: self.columns, height: self.rows };
+        let known = KnownPresses::new(presses, sensor, &grid.image(&presses.background.rgb));
+        Method::ALL.map(|method| {
+            let reader = Reconstructor::new(sensor, self, &presses.background, method);
+            let mut errors = Errors::default();
+            errors.add(&reader, &known, (grid, 1e-3 * self.pixel_mm), self.contact_share);
+            errors
+        })
+    }
+
+    /// The same with what was measured on presses held out, by look-up and by the network.
+    pub fn with_accuracy(self, accuracy: [Accuracy; 2]) -> Self {
+        Self { accuracy, ..self }
     }
 
     /// Writes the file beside a calibration.
@@ -213,10 +200,17 @@ impl Photometry {
                 calibration.display()
             )
         })?;
-        let found: Self = serde_json::from_slice(&text).with_context(name)?;
-        if found.version != VERSION {
-            bail!("{}: version: found {}, expected {VERSION}", name(), found.version);
+        /// What every version of the file has.
+        #[derive(Deserialize)]
+        struct Versioned {
+            version: u32,
         }
+        let Versioned { version } = serde_json::from_slice(&text).with_context(name)?;
+        if version != VERSION {
+            bail!("{}: version: found {version}, expected {VERSION}; calibrate anew", name());
+        }
+        let found: Self = serde_json::from_slice(&text).with_context(name)?;
+        found.range.check().map_err(anyhow::Error::msg).with_context(name)?;
         found.look_up.check().with_context(name)?;
         let network = serde_json::to_string(&found.network)?;
         Network::parse(&network, &path)?;
@@ -244,6 +238,53 @@ impl Photometry {
         }
         Ok(found)
     }
+}
+
+/// Pixels of presses of a ball: in contact, where the gel lies on the ball, and far from it.
+fn real_pixels(known: &KnownPresses, (grid, pixel): (Grid, f64), seed: u64) -> Vec<LabelledPixel> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x7265_616c);
+    let inside = |ball: &KnownBall, i: usize| ball.at(ball.offset(grid, pixel, i));
+    let contact = known.balls.iter().map(|ball| (0..PIXELS).filter(|&i| inside(ball, i).is_some()).count());
+    let total: usize = contact.sum();
+    let share = (REAL_PIXELS as f64 / total.max(1) as f64).min(1.0);
+    let level_share = share * LEVEL_SHARE * total as f64 / (PIXELS * known.balls.len().max(1)) as f64;
+    let mut pixels = Vec::new();
+    for (press, ball) in known.presses.iter().zip(&known.balls) {
+        let change = drift_free(press, ball, grid, pixel);
+        for (i, change) in change.into_iter().enumerate() {
+            let [x, y] = ball.offset(grid, pixel, i);
+            match ball.at([x, y]) {
+                Some((_, slopes)) if rng.random_bool(share) => pixels.push(LabelledPixel::new(i, change, slopes, 1.0)),
+                None if x.hypot(y) > LEVEL * ball.contact && rng.random_bool(level_share) => {
+                    pixels.push(LabelledPixel::new(i, change, [0.0; 2], LEVEL_WEIGHT));
+                }
+                _ => {}
+            }
+        }
+    }
+    pixels
+}
+
+/// Pixels of imagined presses, whose gel is known everywhere; `pixel` is the grid's, m.
+fn imagined_pixels(presses: &[CalibrationPress], (dx, dy): (f64, f64), seed: u64) -> Vec<LabelledPixel> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x696d_6167);
+    let mut pixels = Vec::new();
+    for press in presses {
+        let (change, gel) = (whole_change(&press.image, &press.background), &press.indentation);
+        let inner = |i: &usize| (1..N - 1).contains(&(i % N)) && (1..N - 1).contains(&(i / N));
+        let touched = gel.iter().filter(|depth| **depth > 0.0).count();
+        let share = (IMAGINED_PIXELS as f64 / touched.max(1) as f64).min(1.0);
+        let level_share = (LEVEL_SHARE * IMAGINED_PIXELS as f64 / (PIXELS - touched).max(1) as f64).min(1.0);
+        for i in (0..PIXELS).filter(inner) {
+            if rng.random_bool(if gel[i] > 0.0 { share } else { level_share }) {
+                let slopes =
+                    [f64::from(gel[i + 1] - gel[i - 1]) / (2.0 * dx), f64::from(gel[i - N] - gel[i + N]) / (2.0 * dy)];
+                let weight = if gel[i] > 0.0 { 1.0 } else { LEVEL_WEIGHT };
+                pixels.push(LabelledPixel::new(i, change[i], slopes, IMAGINED_WEIGHT * weight));
+            }
+        }
+    }
+    pixels
 }
 
 /// The untouched gel as a photo.

@@ -32,7 +32,10 @@ mod tests {
             slopes: vec![[0.0; 2]; 6],
             normal_error: vec![0.0; 6],
             contact: vec![false; 6],
-            deepest: [0.5e-3, 0.0],
+            beyond: vec![false; 6],
+            deepest: Some(0.5e-3),
+            depth_error: None,
+            notes: Vec::new(),
         };
         (surface.depth[5], surface.contact[5], surface.slopes[5]) = (0.5e-3, true, [1.0, 0.0]);
         let bytes = contact_points(&surface);

@@ -21,7 +21,7 @@ pub fn is_sensor(path: &Path) -> Result<bool> {
     struct Known {
         background: Option<toml::Value>,
     }
-    let name = || format!("--calibration {}", path.display());
+    let name = || format!("--sensor {}", path.display());
     let text = std::fs::read_to_string(path).with_context(name)?;
     let found: Known = toml::from_str(&text).with_context(name)?;
     Ok(found.background.is_some())

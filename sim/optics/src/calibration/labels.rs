@@ -1,0 +1,150 @@
+//! Labels of presses: `labels.csv`.
+//!
+//! A row that cannot be right is told with its line, and costs its press only.
+
+use std::path::{Path, PathBuf};
+
+use crate::calibration::folder::check_diameter;
+use crate::error::OpticsError;
+
+/// File names, in the order in which they are looked for.
+const NAMES: [&str; 2] = ["labels.csv", "labels_auto.csv"];
+
+/// The circle that a label gives.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Label {
+    /// Column and row, pixels.
+    pub(crate) center: [f64; 2],
+    /// Pixels.
+    pub(crate) radius: f64,
+    /// Whether the radius is the contact's.
+    pub(crate) contact: bool,
+    /// Diameter of the ball, m.
+    pub(crate) diameter: Option<f64>,
+}
+
+#[derive(Debug)]
+struct Row {
+    file: String,
+    line: usize,
+    /// The label, or why it cannot be used.
+    found: Result<Label, String>,
+}
+
+/// The rows of a label file.
+#[derive(Debug)]
+pub(crate) struct Labels {
+    path: PathBuf,
+    rows: Vec<Row>,
+}
+
+impl Labels {
+    /// Reads the label file of a folder of images of this size (columns, rows); `None` where there is none. An error if it has not
+    /// the columns that are needed.
+    pub(crate) fn read(folder: &Path, size: [usize; 2]) -> Result<Option<Self>, OpticsError> {
+        let Some(path) = NAMES.map(|name| folder.join(name)).into_iter().find(|path| path.exists()) else {
+            return Ok(None);
+        };
+        let fault = |what: String| OpticsError::file(&path, what);
+        let text = std::fs::read_to_string(&path).map_err(|error| fault(error.to_string()))?;
+        let text = text.trim_start_matches('\u{feff}');
+        let mut lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
+        let header: Vec<&str> = lines.next().map(|(_, line)| cells(line)).unwrap_or_default();
+        let column = |names: &[&str]| header.iter().position(|title| names.contains(title));
+        let needed = |names: &[&str]| {
+            column(names).ok_or_else(|| {
+                fault(format!("found the columns {header:?}; expected one called `{}`", names.join("` or `")))
+            })
+        };
+        let columns = Columns {
+            file: needed(&["file"])?,
+            center: [needed(&["center_x_px"])?, needed(&["center_y_px"])?],
+            radius: needed(&["contact_radius_px", "visible_radius_px"])?,
+            diameter: column(&["ball_diameter_mm"]),
+        };
+        let row = |(index, line): (usize, &str)| {
+            let cells = cells(line);
+            let file = cells.get(columns.file).copied().unwrap_or("").to_owned();
+            Row { file, line: index + 1, found: columns.label(&header, &cells, size) }
+        };
+        let rows = lines.map(row).collect();
+        Ok(Some(Self { path, rows }))
+    }
+
+    /// The label of an image, or why there is none.
+    pub(crate) fn of(&self, image: &str) -> Result<Label, String> {
+        let rows: Vec<&Row> = self.rows.iter().filter(|row| row.file == image).collect();
+        match rows.as_slice() {
+            [] => Err("found no row for this image in the label file; expected one".to_owned()),
+            [row] => row.found.clone().map_err(|what| format!("{}, line {}, {what}", self.name(), row.line)),
+            [first, second, ..] => Err(format!(
+                "{}, lines {} and {}: found two rows for this image; expected one",
+                self.name(),
+                first.line,
+                second.line
+            )),
+        }
+    }
+
+    /// Rows whose image is not among `images`: file and reason.
+    pub(crate) fn without_image(&self, images: &[String]) -> Vec<(String, String)> {
+        let unknown = self.rows.iter().filter(|row| !images.contains(&row.file));
+        unknown
+            .map(|row| {
+                let what = format!("{}, line {}: found no image `{}`; expected one", self.name(), row.line, row.file);
+                (row.file.clone(), what)
+            })
+            .collect()
+    }
+
+    fn name(&self) -> String {
+        self.path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default()
+    }
+}
+
+fn cells(line: &str) -> Vec<&str> {
+    line.split(',').map(|cell| cell.trim().trim_matches('"')).collect()
+}
+
+/// Places of the columns.
+struct Columns {
+    file: usize,
+    center: [usize; 2],
+    radius: usize,
+    diameter: Option<usize>,
+}
+
+impl Columns {
+    fn label(&self, header: &[&str], cells: &[&str], [width, height]: [usize; 2]) -> Result<Label, String> {
+        let number = |column: usize| {
+            let cell = cells.get(column).copied().unwrap_or("");
+            let value = cell.parse::<f64>().ok().filter(|value| value.is_finite() && *value >= 0.0);
+            value.ok_or_else(|| format!("{}: found `{cell}`; expected a number of at least 0", header[column]))
+        };
+        let within = |column: usize, size: usize| {
+            let found = number(column)?;
+            if found <= size as f64 - 1.0 {
+                return Ok(found);
+            }
+            Err(format!("{}: found {found}, outside the image; expected 0 to {}", header[column], size - 1))
+        };
+        let radius = number(self.radius)?;
+        let largest = 0.5 * (width as f64).hypot(height as f64);
+        if !(1.0..=largest).contains(&radius) {
+            let title = header[self.radius];
+            return Err(format!(
+                "{title}: found {radius}; expected 1 to {largest:.0} pixels, half the image's diagonal"
+            ));
+        }
+        let diameter = self.diameter.map(|column| number(column).map(|mm| (column, 1e-3 * mm))).transpose()?;
+        if let Some((column, diameter)) = diameter {
+            check_diameter(diameter).map_err(|error| format!("{}: {error}", header[column]))?;
+        }
+        Ok(Label {
+            center: [within(self.center[0], width)?, within(self.center[1], height)?],
+            radius,
+            contact: header[self.radius] == "contact_radius_px",
+            diameter: diameter.map(|(_, diameter)| diameter),
+        })
+    }
+}

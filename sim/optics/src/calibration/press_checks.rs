@@ -1,0 +1,106 @@
+//! What is wrong with presses, as far as seconds can tell it: before anything is fitted.
+//!
+//! A press is out of line if its image is arranged or exposed unlike the background's, or if its label is not where the image
+//! changes. The same checks that find presses without a label tell that.
+
+use rayon::prelude::*;
+
+use crate::calibration::circle::{self, Circle, NoCircle};
+use crate::calibration::folder::{BallPress, PressFolder};
+use crate::calibration::orientation::rearranged;
+use crate::calibration::photo::Photo;
+
+/// Brightness of an image's middle pixel over that of the background's: what lies outside was exposed in another way.
+const EXPOSURE: std::ops::RangeInclusive<f64> = 0.7..=1.4;
+/// Distance of a label from where the image changes that is too far, in radii of the label and of the circle found (the larger).
+const FAR: f64 = 1.0;
+/// Radius of a label over that of the circle found, relative to the median of the presses: what lies outside is out of line.
+const RATIO: std::ops::RangeInclusive<f64> = 0.6..=1.7;
+
+/// Brightness of an image over that of a background of the same size: median over the pixels.
+pub fn exposure(photo: &Photo, background: &Photo) -> f64 {
+    let bright = background.rgb.iter().zip(&photo.rgb).step_by(7).filter(|(before, _)| **before > 12);
+    let mut ratios: Vec<f64> = bright.map(|(before, now)| f64::from(*now) / f64::from(*before)).collect();
+    if ratios.is_empty() {
+        return 1.0;
+    }
+    let middle = ratios.len() / 2;
+    *ratios.select_nth_unstable_by(middle, f64::total_cmp).1
+}
+
+/// Why an image of the right size cannot be compared with the background; `None` if it can.
+pub fn unlike_background(photo: &Photo, background: &Photo) -> Option<String> {
+    let found = exposure(photo, background);
+    if !EXPOSURE.contains(&found) {
+        return Some(format!(
+            "found an image {found:.2} times as bright as the untouched gel; expected {} to {} times: exposure, lamps or depth \
+             (bits) differ",
+            EXPOSURE.start(),
+            EXPOSURE.end()
+        ));
+    }
+    let way = rearranged(photo, background)?;
+    Some(format!("found an image that looks {way} against the untouched gel; expected both alike"))
+}
+
+/// Why each press is out of line; `None` for one that is not.
+pub fn out_of_line(folder: &PressFolder) -> Vec<Option<String>> {
+    let found: Vec<Result<Circle, Fault>> =
+        folder.presses.par_iter().map(|press| check(press, &folder.background)).collect();
+    let ratio = |press: &BallPress, circle: &Circle| press.radius / circle.radius;
+    let mut ratios: Vec<f64> = folder
+        .presses
+        .iter()
+        .zip(&found)
+        .filter_map(|(press, found)| Some(ratio(press, found.as_ref().ok()?)))
+        .collect();
+    ratios.sort_by(f64::total_cmp);
+    let typical = ratios.get(ratios.len() / 2).copied().unwrap_or(1.0);
+    let reason = |(press, found): (&BallPress, Result<Circle, Fault>)| match found {
+        Err(Fault::Reason(reason)) => Some(reason),
+        Err(Fault::Unknown) => None,
+        Ok(circle) => {
+            let found = ratio(press, &circle) / typical;
+            let out = press.labelled && !RATIO.contains(&found);
+            out.then(|| {
+                format!(
+                    "found a label of {:.0} pixels radius where the image changes within {:.0}; expected about {:.0}, as with the \
+                     other labels",
+                    press.radius,
+                    circle.radius,
+                    circle.radius * typical
+                )
+            })
+        }
+    };
+    folder.presses.iter().zip(found).map(reason).collect()
+}
+
+enum Fault {
+    Reason(String),
+    /// The image tells no circle: only the fit can judge the label.
+    Unknown,
+}
+
+/// The circle that a press's image shows.
+fn check(press: &BallPress, background: &Photo) -> Result<Circle, Fault> {
+    if let Some(reason) = unlike_background(&press.photo, background) {
+        return Err(Fault::Reason(reason));
+    }
+    if !press.labelled {
+        return Ok(Circle { center: press.center, radius: press.radius });
+    }
+    let found = match circle::find(&press.photo, background) {
+        Ok(found) => found,
+        Err(error @ NoCircle::NoContact { .. }) => return Err(Fault::Reason(error.to_string())),
+        Err(NoCircle::NotRound { .. }) => return Err(Fault::Unknown),
+    };
+    let away = (found.center[0] - press.center[0]).hypot(found.center[1] - press.center[1]);
+    if away > FAR * press.radius.max(found.radius) {
+        let ([x, y], [u, v]) = (press.center, found.center);
+        return Err(Fault::Reason(format!(
+            "found a label at column {x:.0}, row {y:.0}; expected it where the image changes, about column {u:.0}, row {v:.0}"
+        )));
+    }
+    Ok(found)
+}

@@ -1,0 +1,261 @@
+//! Training of the per-pixel network on labelled pixels, by plain back-propagation and Adam.
+//!
+//! The network has three hidden layers of [`WIDTH`] rectified units. It reads a pixel's relative colour change and place, and finds
+//! the x and y components of the normal. A few hundred thousand pixels of a network this small need no tensors.
+
+use hand_model::pads::IMAGE_SIZE as N;
+use rand::seq::SliceRandom;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use touch::network::Kind;
+use touch::{Network, TouchError};
+
+/// Units of a hidden layer.
+const WIDTH: usize = 32;
+/// Inputs that differ between pixels: three colours and a place.
+const INPUTS: usize = 5;
+/// Hidden layers.
+const HIDDEN: usize = 3;
+/// Pixels a step, passes over all pixels, and the learning rate, which falls to nothing along half a cosine.
+const BATCH: usize = 256;
+pub const PASSES: usize = 24;
+const RATE: f32 = 4e-3;
+/// Square of an error of a normal (about 0.2 degrees) below which the loss is quadratic.
+const SOFT: f32 = 1e-5;
+/// Adam's decays, and the least of its divisors.
+const DECAYS: [f32; 2] = [0.9, 0.999];
+const LEAST: f32 = 1e-8;
+
+/// A pixel whose normal is known.
+#[derive(Debug, Clone, Copy)]
+pub struct LabelledPixel {
+    input: [f32; INPUTS],
+    /// x and y components of the unit normal.
+    normal: [f32; 2],
+    weight: f32,
+}
+
+impl LabelledPixel {
+    /// Pixel `i` of the pads' grid with its relative colour change and slopes.
+    pub fn new(i: usize, change: [f32; 3], [gx, gy]: [f64; 2], weight: f32) -> Self {
+        let nz = 1.0 / (1.0 + gx * gx + gy * gy).sqrt();
+        let place = |at: usize| (at as f32 + 0.5) / (0.5 * N as f32) - 1.0;
+        let input = [change[0], change[1], change[2], place(i % N), -place(i / N)];
+        Self { input, normal: [(gx * nz) as f32, (gy * nz) as f32], weight }
+    }
+}
+
+/// A row of weights to the units of a layer.
+type Row = [f32; WIDTH];
+
+/// Weights by input, then unit; the last row is the bias. The last layer uses two units.
+#[derive(Clone)]
+struct Weights {
+    layers: Vec<Vec<Row>>,
+}
+
+impl Weights {
+    fn zeros() -> Self {
+        let rows = |layer: usize| if layer == 0 { INPUTS + 1 } else { WIDTH + 1 };
+        Self { layers: (0..=HIDDEN).map(|layer| vec![[0.0; WIDTH]; rows(layer)]).collect() }
+    }
+
+    /// Drawn uniformly from within +-sqrt(6 / inputs) (He et al. 2015), the last layer's a tenth of that; biases 0.
+    fn drawn(rng: &mut ChaCha8Rng) -> Self {
+        let mut weights = Self::zeros();
+        for (layer, rows) in weights.layers.iter_mut().enumerate() {
+            let (inputs, last) = (rows.len() - 1, layer == HIDDEN);
+            let bound = (6.0 / inputs as f32).sqrt() * if last { 0.1 } else { 1.0 };
+            let units = if last { 2 } else { WIDTH };
+            for row in &mut rows[..inputs] {
+                row[..units].iter_mut().for_each(|weight| *weight = rng.random_range(-bound..bound));
+            }
+        }
+        weights
+    }
+
+    /// Values of each layer's units, rectified but for the last.
+    fn forward(&self, input: &[f32; INPUTS]) -> [Row; HIDDEN + 1] {
+        let mut values = [[0.0; WIDTH]; HIDDEN + 1];
+        for (layer, rows) in self.layers.iter().enumerate() {
+            let mut sums = rows[rows.len() - 1];
+            let mut add =
+                |value: f32, row: &Row| sums.iter_mut().zip(row).for_each(|(sum, weight)| *sum += value * weight);
+            if layer == 0 {
+                input.iter().zip(rows).for_each(|(value, row)| add(*value, row));
+            } else {
+                values[layer - 1]
+                    .iter()
+                    .zip(rows)
+                    .filter(|(value, _)| **value != 0.0)
+                    .for_each(|(value, row)| add(*value, row));
+            }
+            if layer < HIDDEN {
+                sums.iter_mut().for_each(|sum| *sum = sum.max(0.0));
+            }
+            values[layer] = sums;
+        }
+        values
+    }
+
+    /// Adds a pixel's part of the loss's gradient; returns that part of the loss.
+    fn add_gradient(&self, pixel: &LabelledPixel, share: f32, gradient: &mut Self) -> f32 {
+        let values = self.forward(&pixel.input);
+        let off = [values[HIDDEN][0] - pixel.normal[0], values[HIDDEN][1] - pixel.normal[1]];
+        let length = (off[0] * off[0] + off[1] * off[1] + SOFT).sqrt();
+        let mut back = [0.0; WIDTH];
+        for (back, off) in back.iter_mut().zip(off) {
+            *back = share * pixel.weight * off / length;
+        }
+        for layer in (0..=HIDDEN).rev() {
+            let (rows, sums) = (&self.layers[layer], &mut gradient.layers[layer]);
+            let inputs = rows.len() - 1;
+            let add = |sum: &mut Row, value: f32, back: &Row| {
+                sum.iter_mut().zip(back).for_each(|(sum, back)| *sum += value * back);
+            };
+            add(&mut sums[inputs], 1.0, &back);
+            if layer == 0 {
+                pixel.input.iter().zip(sums).for_each(|(value, sum)| add(sum, *value, &back));
+                break;
+            }
+            let mut before = [0.0; WIDTH];
+            for (i, value) in values[layer - 1].iter().enumerate().filter(|(_, value)| **value > 0.0) {
+                add(&mut sums[i], *value, &back);
+                before[i] = dot(&rows[i], &back);
+            }
+            back = before;
+        }
+        share * pixel.weight * length
+    }
+
+    fn each(&mut self) -> impl Iterator<Item = &mut f32> {
+        self.layers.iter_mut().flatten().flatten()
+    }
+}
+
+/// A dot product in eight partial sums, which a processor computes at a time.
+fn dot(a: &Row, b: &Row) -> f32 {
+    let mut sums = [0.0f32; 8];
+    for (a, b) in a.chunks_exact(8).zip(b.chunks_exact(8)) {
+        for k in 0..8 {
+            sums[k] += a[k] * b[k];
+        }
+    }
+    sums.iter().sum()
+}
+
+/// Trains on pixels, the same for the same seed. `pass` is called after each of [`PASSES`] passes.
+pub fn train(pixels: &[LabelledPixel], seed: u64, recipe: String, pass: impl Fn()) -> Result<Network, TouchError> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut weights = Weights::drawn(&mut rng);
+    let (mut first, mut second) = (Weights::zeros(), Weights::zeros());
+    let mut order: Vec<usize> = (0..pixels.len()).collect();
+    let steps = (PASSES * pixels.len().div_ceil(BATCH)).max(1);
+    let (mut step, mut decayed) = (0, [1.0f32; 2]);
+    for _ in 0..PASSES {
+        order.shuffle(&mut rng);
+        for chosen in order.chunks(BATCH) {
+            let total: f32 = chosen.iter().map(|&n| pixels[n].weight).sum();
+            let mut gradient = Weights::zeros();
+            let share = 1.0 / total.max(f32::MIN_POSITIVE);
+            for &n in chosen {
+                weights.add_gradient(&pixels[n], share, &mut gradient);
+            }
+            let rate = 0.5 * RATE * (1.0 + (std::f32::consts::PI * step as f32 / steps as f32).cos());
+            step += 1;
+            decayed.iter_mut().zip(DECAYS).for_each(|(decayed, decay)| *decayed *= decay);
+            let moments = first.each().zip(second.each());
+            for ((weight, gradient), (first, second)) in weights.each().zip(gradient.each()).zip(moments) {
+                *first = DECAYS[0] * *first + (1.0 - DECAYS[0]) * *gradient;
+                *second = DECAYS[1] * *second + (1.0 - DECAYS[1]) * *gradient * *gradient;
+                let divisor = (*second / (1.0 - decayed[1])).sqrt() + LEAST;
+                *weight -= rate * *first / (1.0 - decayed[0]) / divisor;
+            }
+        }
+        pass();
+    }
+    network(&weights, recipe)
+}
+
+/// The network with these weights, by output, then input. Inputs for the hand's other sensors are not used.
+fn network(weights: &Weights, recipe: String) -> Result<Network, TouchError> {
+    let layers = Kind::PerPixel.layers();
+    let table = |(rows, (inputs, units, _)): (&Vec<Row>, &(usize, usize, usize))| -> Vec<f32> {
+        let known = rows.len() - 1;
+        let weight = |unit: usize, input: usize| if input < known { rows[input][unit] } else { 0.0 };
+        (0..*units).flat_map(|unit| (0..*inputs).map(move |input| weight(unit, input))).collect()
+    };
+    let tables = weights.layers.iter().zip(layers).map(table).collect();
+    let biases = weights.layers.iter().zip(layers).map(|(rows, (_, units, _))| rows[rows.len() - 1][..*units].to_vec());
+    Network::new(Kind::PerPixel, recipe, tables, biases.collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn pixels() -> Vec<LabelledPixel> {
+        let mut rng = ChaCha8Rng::seed_from_u64(4);
+        let pixel = |_| {
+            let slope: [f64; 2] = [rng.random_range(-0.8..0.8), rng.random_range(-0.8..0.8)];
+            let i = rng.random_range(0..N * N);
+            // Colours by three lamps whose light turns with the place.
+            let turn = (i % N) as f64 / N as f64;
+            let change = [0.0, 2.1, 4.2].map(|lamp: f64| {
+                let (sin, cos) = (lamp + turn).sin_cos();
+                (0.5 * (slope[0] * cos + slope[1] * sin)) as f32
+            });
+            LabelledPixel::new(i, change, slope, 1.0)
+        };
+        (0..12_000).map(pixel).collect()
+    }
+
+    #[test]
+    fn the_gradient_is_that_of_the_loss() {
+        let (pixels, mut weights) = (pixels(), Weights::drawn(&mut ChaCha8Rng::seed_from_u64(1)));
+        let mut gradient = Weights::zeros();
+        weights.add_gradient(&pixels[0], 0.7, &mut gradient);
+        for (layer, row, unit) in [(0, 3, 5), (0, INPUTS, 7), (1, 11, 2), (2, 30, 30), (3, 9, 1), (3, WIDTH, 0)] {
+            let mut at = |by: f32| {
+                weights.layers[layer][row][unit] += by;
+                let loss = weights.add_gradient(&pixels[0], 0.7, &mut Weights::zeros());
+                weights.layers[layer][row][unit] -= by;
+                f64::from(loss)
+            };
+            let slope = (at(1e-3) - at(-1e-3)) / 2e-3;
+            let found = f64::from(gradient.layers[layer][row][unit]);
+            assert!((slope - found).abs() < 2e-3 + 0.02 * slope.abs(), "{layer} {row} {unit}: {slope} {found}");
+        }
+    }
+
+    #[test]
+    fn colours_become_normals_the_same_with_the_same_seed() {
+        let pixels = pixels();
+        let off = |weights: &Weights| {
+            let each = pixels.iter().map(|pixel| {
+                let found = weights.forward(&pixel.input)[HIDDEN];
+                (found[0] - pixel.normal[0]).hypot(found[1] - pixel.normal[1])
+            });
+            each.sum::<f32>() / pixels.len() as f32
+        };
+        let found = train(&pixels, 3, String::new(), || {}).expect("trained");
+        assert_eq!(found, train(&pixels, 3, String::new(), || {}).expect("trained"));
+        let before = off(&Weights::drawn(&mut ChaCha8Rng::seed_from_u64(3)));
+        // The network's own file holds what was trained.
+        let text = serde_json::to_string(&found).expect("text");
+        let file: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+        let mut after = Weights::zeros();
+        for (layer, rows) in after.layers.iter_mut().enumerate() {
+            let (inputs, units, _) = Kind::PerPixel.layers()[layer];
+            let known = rows.len() - 1;
+            for unit in 0..units {
+                for (input, row) in rows[..known].iter_mut().enumerate() {
+                    row[unit] = file["weights"][layer][unit * inputs + input].as_f64().expect("a weight") as f32;
+                }
+                rows[known][unit] = file["biases"][layer][unit].as_f64().expect("a bias") as f32;
+            }
+        }
+        let after = off(&after);
+        assert!(after < 0.03 && after < 0.1 * before, "{before} {after}");
+    }
+}

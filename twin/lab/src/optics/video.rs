@@ -1,0 +1,49 @@
+//! Frames of a video.
+//!
+//! AVI files of uncompressed or Motion-JPEG frames are read here ([`avi`]). Every other video is decoded by the program `ffmpeg`
+//! ([`decoder`]), if the computer has it.
+
+mod avi;
+mod decoder;
+mod presses;
+
+use std::path::Path;
+
+use anyhow::{Result, bail};
+use optics::calibration::Photo;
+use optics::calibration::image_files::is_hidden;
+
+pub use presses::read_presses;
+
+/// File name endings of videos.
+const ENDINGS: [&str; 6] = ["avi", "mp4", "m4v", "mov", "mkv", "webm"];
+
+/// Takes a frame and its number, counted from 0; `false` ends the reading.
+type Take<'a> = &'a mut dyn FnMut(usize, Photo) -> Result<bool>;
+
+/// Whether a file's name is that of a video that is not hidden.
+pub fn is_video(path: &Path) -> bool {
+    let ending = path.extension().map(|ending| ending.to_ascii_lowercase());
+    !is_hidden(path) && ending.is_some_and(|ending| ENDINGS.iter().any(|known| ending == *known))
+}
+
+/// Hands the frames of a video to `take`, one at a time. An error for a video without a frame.
+pub fn frames(path: &Path, take: &mut dyn FnMut(usize, Photo) -> Result<bool>) -> Result<()> {
+    let mut count = 0;
+    let mut counted = |n: usize, photo: Photo| {
+        count += 1;
+        take(n, photo)
+    };
+    if !avi::frames(path, &mut counted)? {
+        decoder::frames(path, &mut counted)?;
+    }
+    if count == 0 {
+        bail!("{}: found no frame; expected a video", path.display());
+    }
+    Ok(())
+}
+
+/// Name of a frame: that of the video and the frame's number.
+pub fn frame_name(video: &str, frame: usize) -> String {
+    format!("{video}-{frame:06}")
+}
