@@ -4,6 +4,7 @@
 //! asks for it.
 
 use std::io::Write as _;
+use std::os::unix::fs::PermissionsExt as _;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
@@ -62,6 +63,29 @@ fn wheel(python: &Path, out: &Path) -> PathBuf {
     wheels[0].clone()
 }
 
+/// A build from source says what it lacks before it begins.
+fn refuses_to_build_without_rust(python: &Path, folder: &Path) {
+    let version = std::fs::read_to_string(root().join("Cargo.toml")).expect("the workspace's manifest");
+    let rust =
+        version.lines().find_map(|line| line.strip_prefix("rust-version = ")).expect("a version").trim_matches('"');
+    let build = || {
+        let hook = "import build_backend; build_backend.get_requires_for_build_wheel()";
+        let mut build = Command::new(python);
+        build.args(["-c", hook]).current_dir(root().join("twin/python")).env("PATH", folder);
+        build.env("PYTHONDONTWRITEBYTECODE", "1");
+        build.output().expect("python runs")
+    };
+    let without = build();
+    let expected = format!("found no cargo on the path, expected Rust {rust} or later");
+    assert!(!without.status.success() && stderr(&without).contains(&expected), "{}", stderr(&without));
+    let cargo = folder.join("cargo");
+    std::fs::write(&cargo, "#!/bin/sh\necho 'cargo 1.60.0 (d1fd9fe2c 2022-03-01)'\n").expect("written");
+    std::fs::set_permissions(&cargo, std::fs::Permissions::from_mode(0o755)).expect("made a program");
+    let old = build();
+    let expected = format!("found cargo 1.60.0 (d1fd9fe2c 2022-03-01), expected Rust {rust} or later");
+    assert!(!old.status.success() && stderr(&old).contains(&expected), "{}", stderr(&old));
+}
+
 #[test]
 fn the_wheel_installs_and_its_examples_run() {
     let folder = tempdir().expect("a folder");
@@ -78,6 +102,9 @@ fn the_wheel_installs_and_its_examples_run() {
             return;
         }
     };
+    let without = folder.path().join("without");
+    std::fs::create_dir(&without).expect("made");
+    refuses_to_build_without_rust(&python, &without);
     let wheel = wheel(&python, &folder.path().join("wheels"));
     let install = ["-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--no-deps"];
     run(Command::new(&python).args(install).arg(&wheel)).expect("the wheel installs");

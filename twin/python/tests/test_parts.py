@@ -1,11 +1,37 @@
 """The parts that can be used alone: shapes, units, and what is refused."""
 
+import subprocess
+import sys
 import unittest
 
 import numpy as np
 
 import ftac
 from ftac import grasps, hand, optics, touch
+
+
+class Package(unittest.TestCase):
+    def test_its_parts_are_there_as_the_pages_write_them(self):
+        for name in ("ftac.lerobot.export", "ftac.scripted.Script", "ftac.bench.play", "ftac.envs.Pick", "ftac.touch.surface"):
+            asked = [sys.executable, "-c", f"import ftac; assert callable({name})"]
+            done = subprocess.run(asked, capture_output=True, text=True)
+            self.assertEqual(done.returncode, 0, done.stderr)
+
+    def test_it_says_its_version(self):
+        done = subprocess.run([sys.executable, "-m", "ftac", "--version"], capture_output=True, text=True)
+        self.assertEqual(done.stdout.split(), ["ftac", ftac.__version__])
+
+    def test_without_gymnasium_it_says_what_the_environments_need(self):
+        # `None` among the modules is one that cannot be imported.
+        hidden = "import importlib.util, sys; sys.modules['gymnasium'] = None; importlib.util.find_spec = lambda name: None\n"
+        for asked, words in [
+            ("import ftac; ftac.scripted.Script", ""),
+            ("import ftac; ftac.envs", "ftac.envs needs gymnasium: pip install 'ftac[gym]'"),
+            ("import ftac; ftac.nothing", "module 'ftac' has no attribute 'nothing'"),
+        ]:
+            done = subprocess.run([sys.executable, "-c", hidden + asked], capture_output=True, text=True)
+            self.assertEqual(done.returncode, 1 if words else 0, done.stderr)
+            self.assertIn(words, done.stderr)
 
 
 class Hand(unittest.TestCase):

@@ -149,6 +149,10 @@ class Environments(unittest.TestCase):
         ]:
             with self.assertRaisesRegex(ValueError, words):
                 envs.Pick(**options)
+        for one in (envs.Pick(), envs.VectorPick(1)):
+            one.reset(seed=1, options={})
+            with self.assertRaisesRegex(ValueError, "options: found 'combination', expected none"):
+                one.reset(seed=1, options={"combination": 3})
         with self.assertRaisesRegex(ValueError, "combination: found 60, expected 0 to 59"):
             envs.Pick(combination=60)
 

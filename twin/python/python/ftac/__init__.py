@@ -11,22 +11,33 @@ and z out of the surface. ``a_from_b`` maps coordinates in b to a. A pose is sev
 - `grasps`: the grasps that come with the program.
 - `bench`: your own policy in the benchmark's trials.
 - `envs`: Gymnasium environments; they are registered where ``gymnasium`` is installed.
+- `scripted`: a policy for them that carries out one planned pick-up.
+- `lerobot`: recorded sessions as a LeRobot data set.
 
 Bad input raises `ValueError` with what was found and what was expected.
 """
 
 from __future__ import annotations
 
+import importlib.metadata
 import importlib.util
+from typing import Any
 
-from ftac import bench, grasps, hand, optics, touch
+from ftac import bench, grasps, hand, lerobot, optics, scripted, touch
 from ftac._native import combinations, objects
 from ftac.scene import Scene
 
-__all__ = ["Scene", "bench", "combinations", "grasps", "hand", "objects", "optics", "touch"]
+__version__ = importlib.metadata.version("ftac")
+__all__ = ["Scene", "bench", "combinations", "grasps", "hand", "lerobot", "objects", "optics", "scripted", "touch"]
 
 if importlib.util.find_spec("gymnasium") is not None:
     from ftac import envs
 
     envs.register()
     __all__ += ["envs"]
+
+
+def __getattr__(name: str) -> Any:
+    if name == "envs":
+        raise ImportError("ftac.envs needs gymnasium: pip install 'ftac[gym]'")
+    raise AttributeError(f"module 'ftac' has no attribute {name!r}")

@@ -109,10 +109,11 @@ class Pick(gymnasium.Env[Observation, Vector]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Begins an episode. After ``reset(seed=...)`` everything that follows is the same to the bit.
+        """Begins an episode. After ``reset(seed=...)`` everything that follows is the same to the bit. There are no ``options``.
 
         ``info`` names the ``objects`` and the ``combination``, and has each object's turn about the vertical from its rest pose as seen: ``yaws``, rad.
         """
+        _check_options(options)
         super().reset(seed=seed)
         drawn = int(self.np_random.integers(2**40))
         self._episode = _native.Episode(self.task, self.images, self.combination, drawn, self.reality)
@@ -201,7 +202,8 @@ class VectorPick(gymnasium.vector.VectorEnv[Observation, Vector, NDArray[Any]]):
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Begins an episode in every environment."""
+        """Begins an episode in every environment. There are no ``options``."""
+        _check_options(options)
         seeds = seed if isinstance(seed, list) else [None if seed is None else seed + n for n in range(self.num_envs)]
         if len(seeds) != self.num_envs:
             raise ValueError(f"seed: found {len(seeds)} seeds, expected {self.num_envs}")
@@ -240,6 +242,11 @@ class VectorPick(gymnasium.vector.VectorEnv[Observation, Vector, NDArray[Any]]):
 
 def _stacked(observations: list[Observation]) -> Observation:
     return {name: np.stack([observation[name] for observation in observations]) for name in observations[0]}
+
+
+def _check_options(options: dict[str, Any] | None) -> None:
+    if options:
+        raise ValueError(f"options: found {next(iter(options))!r}, expected none: what an episode has is said when its environment is made")
 
 
 def register() -> None:
