@@ -7,6 +7,7 @@
 
 mod drift;
 
+use std::io::Write as _;
 use std::sync::Arc;
 
 use hand_model::Hand;
@@ -222,7 +223,7 @@ impl TactileBoard {
             return jobs.par_iter().map(image).collect();
         }
         let on_cpu = |error: OpticsError| {
-            eprintln!("{error}; these tactile images come from the CPU");
+            let _ = writeln!(std::io::stderr(), "{error}; these tactile images come from the CPU");
             let image = |job: &Job<'_>| {
                 let mut rng = ChaCha8Rng::seed_from_u64(job.noise);
                 self.sensors()[job.sensor].render_at(job.indentation, job.brightness, &mut rng)

@@ -1,5 +1,6 @@
 //! The pull of a landscape, calibrated to the metastability threshold of pairs of its minima and kept in a file.
 
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use indicatif::ProgressBar;
@@ -75,7 +76,7 @@ impl Calibration {
                 return Ok(known);
             }
         }
-        progress.suspend(|| eprintln!("calibrating the pull on {PAIRS} pairs of minima"));
+        progress.suspend(|| writeln!(std::io::stderr(), "calibrating the pull on {PAIRS} pairs of minima").ok());
         let found = Self::measure(landscape, minima, question, subject);
         let text = serde_json::to_string_pretty(&found).map_err(format)?;
         hand_model::file::write_whole(file, text.as_bytes())

@@ -1,5 +1,6 @@
 //! The landscape of a set of grasps: every grasp cools to its minimum, minima are sorted into basins, barriers are measured.
 
+use std::io::Write as _;
 use std::path::Path;
 
 use indicatif::{ProgressBar, ProgressStyle};
@@ -112,7 +113,9 @@ pub fn sweep(
             map.sort(landscape, state.clone())?;
         }
         let basins = map.basins.len();
-        progress.suspend(|| eprintln!("temperature {temperature}, pull {pull:.3}, seed {seed}: {basins} basins"));
+        progress.suspend(|| {
+            writeln!(std::io::stderr(), "temperature {temperature}, pull {pull:.3}, seed {seed}: {basins} basins").ok()
+        });
         Ok(basins)
     };
     let Attraction { pull, temperature, .. } = plan.attraction;
