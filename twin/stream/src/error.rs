@@ -5,7 +5,7 @@ use std::path::PathBuf;
 /// An error of this crate.
 #[derive(Debug, thiserror::Error)]
 pub enum StreamError {
-    /// The recording's file cannot be created.
+    /// The recording's file cannot be created, or not be written to its end.
     #[error("cannot write the recording {path}: {source}")]
     Unwritable {
         /// The file.
@@ -42,6 +42,13 @@ pub enum StreamError {
     /// There is nothing to open.
     #[error("{0}: no recording (.rrd) there")]
     NoRecording(PathBuf),
+    /// The viewer started and ended at once.
+    #[error("the viewer {program} ended as soon as it was started: {reason}")]
+    Ended {
+        program: PathBuf,
+        /// What it said last.
+        reason: String,
+    },
     /// The viewer did not start.
     #[error("cannot start {program}: {source}")]
     Start {
@@ -53,18 +60,6 @@ pub enum StreamError {
 
 impl From<rerun::RecordingStreamError> for StreamError {
     fn from(error: rerun::RecordingStreamError) -> Self {
-        match error {
-            rerun::RecordingStreamError::FileSink(error) => error.into(),
-            error => Self::Rerun(Box::new(error)),
-        }
-    }
-}
-
-impl From<rerun::sink::FileSinkError> for StreamError {
-    fn from(error: rerun::sink::FileSinkError) -> Self {
-        match error {
-            rerun::sink::FileSinkError::CreateFile { source, path } => Self::Unwritable { path, source },
-            error => Self::Rerun(Box::new(error.into())),
-        }
+        Self::Rerun(Box::new(error))
     }
 }

@@ -14,7 +14,7 @@ use crate::error::StreamError;
 use crate::mesh::DrawnObject;
 use crate::recorder::Settings;
 use crate::scene::{drawn, link_color, log_hand_at, transform};
-use crate::sink::{self, Target};
+use crate::sink::{Opened, Target};
 
 /// How opaque the true object is, of 255.
 const VEIL: u8 = 70;
@@ -41,12 +41,13 @@ pub struct FeltScene {
 
 /// Writes a scene to `targets`.
 pub fn write(targets: &[Target], hand: &Hand, scene: &FeltScene) -> Result<(), StreamError> {
-    let rec = sink::open(targets, ChunkBatcherConfig::DEFAULT)?;
+    let opened = Opened::new(targets, ChunkBatcherConfig::DEFAULT)?;
+    let rec = &opened.rec;
     let target = scene.estimate.translation.vector;
     let eye = target + Vector3::new(0.13, 0.06, -0.2);
-    blueprint::send_felt(&rec, Eye { position: eye.cast::<f32>().into(), target: target.cast::<f32>().into() })?;
+    blueprint::send_felt(rec, Eye { position: eye.cast::<f32>().into(), target: target.cast::<f32>().into() })?;
     rec.log_static(entities::GALLERY, &rerun::ViewCoordinates::RIGHT_HAND_Y_UP())?;
-    log_hand_at(&rec, &format!("{}/hand", entities::GALLERY), hand, &scene.joints)?;
+    log_hand_at(rec, &format!("{}/hand", entities::GALLERY), hand, &scene.joints)?;
     for (name, pose, mesh) in [
         ("estimated", &scene.estimate, ghost(&scene.object, 0)),
         ("true", &scene.truth, drawn(&scene.object.mesh(), scene.object.color, VEIL)),
@@ -69,9 +70,7 @@ pub fn write(targets: &[Target], hand: &Hand, scene: &FeltScene) -> Result<(), S
         .map_err(|error| StreamError::Image { what: "the sheet".into(), reason: error.to_string() })?;
     rec.log_static(entities::SHEET, &EncodedImage::new(png).with_media_type(rerun::MediaType::PNG))?;
     rec.log_static(entities::GALLERY_TEXT, &TextDocument::from_markdown(scene.text.clone()))?;
-    rec.flush_with_timeout(Settings::default().flush_timeout)?;
-    rec.finalize_deferred_sinks();
-    Ok(())
+    opened.close(Settings::default().flush_timeout)
 }
 
 #[cfg(test)]

@@ -11,7 +11,7 @@ use crate::error::StreamError;
 use crate::mesh::{DrawnObject, Mesh};
 use crate::recorder::Settings;
 use crate::scene::{drawn, link_color, log_hand_at, transform};
-use crate::sink::{self, Target};
+use crate::sink::{Opened, Target};
 
 /// Distance between neighbours, m.
 const PITCH: f64 = 0.26;
@@ -91,16 +91,17 @@ pub fn write(
     mu: f64,
     grasps: &[ShownGrasp],
 ) -> Result<(), StreamError> {
-    let rec = sink::open(targets, ChunkBatcherConfig::DEFAULT)?;
+    let opened = Opened::new(targets, ChunkBatcherConfig::DEFAULT)?;
+    let rec = &opened.rec;
     let columns = (grasps.len() as f64).sqrt().ceil().max(1.0) as usize;
     let rows = grasps.len().div_ceil(columns);
     let center = Vector3::new(0.5 * PITCH * (columns - 1) as f64, -0.5 * PITCH * rows.saturating_sub(1) as f64, -0.02);
     let away = 0.25 + 0.9 * PITCH * columns.max(rows) as f64;
     let eye = center + Vector3::new(0.2, 0.15, -1.0).normalize() * away;
     let eye = Eye { position: eye.cast::<f32>().into(), target: center.cast::<f32>().into() };
-    blueprint::send_gallery(&rec, eye)?;
+    blueprint::send_gallery(rec, eye)?;
     rec.log_static(entities::GALLERY, &rerun::ViewCoordinates::RIGHT_HAND_Y_UP())?;
-    let gallery = Gallery { rec: &rec, hand, object, mu };
+    let gallery = Gallery { rec, hand, object, mu };
     let mut story = format!("# {}: {} grasps\n", object.name, grasps.len());
     for (n, grasp) in grasps.iter().enumerate() {
         let place = Isometry3::translation(PITCH * (n % columns) as f64, -PITCH * (n / columns) as f64, 0.0);
@@ -109,9 +110,7 @@ pub fn write(
         story += &format!("\n## {}. {}\n\n{}\n", n + 1, grasp.name, grasp.text);
     }
     rec.log_static(entities::GALLERY_TEXT, &TextDocument::from_markdown(story))?;
-    rec.flush_with_timeout(Settings::default().flush_timeout)?;
-    rec.finalize_deferred_sinks();
-    Ok(())
+    opened.close(Settings::default().flush_timeout)
 }
 
 /// What all grasps of a gallery share.

@@ -5,7 +5,7 @@
 //! control loop may hand over everything at every tick and the recording of a 25 s trial takes about 2 MB.
 //!
 //! [`entities`] names every path; [`mesh`], [`hand_mesh`] and [`scene`] make the robot visible, [`belief`] what it believes; [`tactile`]
-//! packs images, [`signals`] numbers, [`phase`] and [`now`] words; [`recorder`] offers them as one object; [`viewer`] opens what was recorded. [`gallery`] is another kind of
+//! packs images, [`signals`] numbers, [`phase`] and [`now`] words; [`recorder`] offers them as one object; [`viewer`] opens what was recorded, and `live` streams to it. [`gallery`] is another kind of
 //! recording, grasps side by side; [`felt`] is one held object as touch sees it. [`release`] names application, time lines and
 //! the Rerun release.
 //!
@@ -19,10 +19,12 @@ pub mod error;
 pub mod felt;
 pub mod gallery;
 pub mod hand_mesh;
+mod live;
 pub mod mesh;
 pub mod now;
 pub mod phase;
 pub mod recorder;
+mod recording_file;
 pub mod release;
 pub mod scene;
 pub mod signals;

@@ -22,8 +22,8 @@ use crate::now::{Now, Weighed};
 use crate::phase::{self, Level, TrialProperties};
 use crate::release::{SIM_TIME, TICK, WALL_TIME};
 use crate::signals::{self, SignalFrame};
+use crate::sink::Opened;
 pub use crate::sink::Target;
-use crate::sink::open;
 use crate::thin::{Moved, Pace};
 use crate::{belief, entities, hand_mesh, scene, tactile};
 
@@ -85,6 +85,7 @@ const PAGE_RATE: f64 = 0.5;
 /// Records one trial; see the crate's page. Dropped without [`Recorder::finish`], it still writes what it has.
 pub struct Recorder {
     rec: RecordingStream,
+    opened: Opened,
     settings: Settings,
     hand: Hand,
     arm_links: usize,
@@ -138,7 +139,8 @@ impl Recorder {
         let live = targets.iter().any(|target| !matches!(target, Target::File(_)));
         // Long batches make small files; a live view wants short ones.
         let flush_tick = Duration::from_millis(if live { 50 } else { 30_000 });
-        let rec = open(targets, ChunkBatcherConfig { flush_tick, ..ChunkBatcherConfig::DEFAULT })?;
+        let opened = Opened::new(targets, ChunkBatcherConfig { flush_tick, ..ChunkBatcherConfig::DEFAULT })?;
+        let rec = opened.rec.clone();
         blueprint::send(&rec)?;
         // Where objects truly are nobody knows without truth: then they are drawn as believed alone.
         scene::log_static(&rec, hand, arm, if settings.truth { objects } else { &[] })?;
@@ -146,6 +148,7 @@ impl Recorder {
         signals::log_static(&rec, hand, arm, objects)?;
         let mut recorder = Self {
             rec,
+            opened,
             settings,
             hand: hand.clone(),
             arm_links: arm.tree.len(),
@@ -309,9 +312,7 @@ impl Recorder {
 
     /// Writes everything to the end and closes; says if something could not be written.
     pub fn finish(self) -> Result<(), StreamError> {
-        self.rec.flush_with_timeout(self.settings.flush_timeout)?;
-        self.rec.finalize_deferred_sinks();
-        Ok(())
+        self.opened.close(self.settings.flush_timeout)
     }
 
     /// Logs a pose that has moved; whether it has.

@@ -1,13 +1,16 @@
 //! Where a recording goes: files, viewers, servers.
 
 use std::net::{SocketAddr, TcpListener};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use rerun::log::ChunkBatcherConfig;
-use rerun::sink::{FileSink, GrpcSink, LogSink, MultiSink};
+use rerun::sink::{GrpcSink, LogSink, MultiSink};
 use rerun::{RecordingStream, RecordingStreamBuilder};
 
 use crate::error::StreamError;
+use crate::live::LiveSink;
+use crate::recording_file::{Fault, RecordingFile};
 use crate::release::APPLICATION;
 use crate::viewer;
 
@@ -16,7 +19,7 @@ use crate::viewer;
 pub enum Target {
     /// A `.rrd` file; an existing one is replaced, its folder is made.
     File(PathBuf),
-    /// A viewer that is started now, on this machine.
+    /// A viewer that is started now, on this machine. One that does not stay is left out, and [`viewer::lost`] knows it.
     Spawn,
     /// A viewer that already runs, `rerun+http://HOST:PORT/proxy`.
     Connect(String),
@@ -24,35 +27,66 @@ pub enum Target {
     Serve(SocketAddr),
 }
 
-/// A recording into all of `targets`, without the clocks that Rerun adds; without targets it takes nothing.
-pub(crate) fn open(targets: &[Target], batches: ChunkBatcherConfig) -> Result<RecordingStream, StreamError> {
-    let sinks: Vec<Box<dyn LogSink>> = targets.iter().map(sink).collect::<Result<_, _>>()?;
-    let rec = RecordingStreamBuilder::new(APPLICATION).enabled(!sinks.is_empty()).batcher_config(batches).buffered()?;
-    rec.set_log_time_enabled(false);
-    rec.set_log_tick_enabled(false);
-    rec.set_sink(Box::new(MultiSink::new(sinks)));
-    Ok(rec)
+/// An open recording and the faults of its files.
+pub(crate) struct Opened {
+    pub rec: RecordingStream,
+    faults: Vec<Fault>,
 }
 
-fn sink(target: &Target) -> Result<Box<dyn LogSink>, StreamError> {
-    let grpc = |address: &str| -> Result<Box<dyn LogSink>, StreamError> {
+impl Opened {
+    /// Into all of `targets`, without the clocks that Rerun adds; without targets it takes nothing.
+    pub fn new(targets: &[Target], batches: ChunkBatcherConfig) -> Result<Self, StreamError> {
+        let (mut sinks, mut faults) = (Vec::new(), Vec::new());
+        for target in targets {
+            sinks.extend(sink(target, &mut faults)?);
+        }
+        let rec =
+            RecordingStreamBuilder::new(APPLICATION).enabled(!sinks.is_empty()).batcher_config(batches).buffered()?;
+        rec.set_log_time_enabled(false);
+        rec.set_log_tick_enabled(false);
+        rec.set_sink(Box::new(MultiSink::new(sinks)));
+        Ok(Self { rec, faults })
+    }
+
+    /// Writes everything to the end and closes; slow targets have `patience`. An error names the file that could not be written.
+    pub fn close(self, patience: Duration) -> Result<(), StreamError> {
+        let flushed = self.rec.flush_with_timeout(patience);
+        self.rec.finalize_deferred_sinks();
+        self.faults.iter().try_for_each(Fault::take)?;
+        Ok(flushed?)
+    }
+}
+
+fn file(path: &Path) -> Result<(RecordingFile, Fault), StreamError> {
+    if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
+        let unwritable = |source| StreamError::Unwritable { path: path.to_owned(), source };
+        std::fs::create_dir_all(folder).map_err(unwritable)?;
+    }
+    RecordingFile::create(path)
+}
+
+/// None of a viewer that was lost; the fault of a file goes into `faults`.
+fn sink(target: &Target, faults: &mut Vec<Fault>) -> Result<Option<Box<dyn LogSink>>, StreamError> {
+    let grpc = |address: &str| -> Result<Option<Box<dyn LogSink>>, StreamError> {
         let uri = address.parse().map_err(|_| StreamError::Address(address.to_owned()))?;
-        Ok(Box::new(GrpcSink::new(uri)))
+        Ok(Some(Box::new(LiveSink::new(GrpcSink::new(uri), address))))
     };
     match target {
         Target::File(path) => {
-            if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
-                std::fs::create_dir_all(folder)
-                    .map_err(|source| StreamError::Unwritable { path: path.clone(), source })?;
-            }
-            let unwritable = |source| StreamError::Unwritable { path: path.clone(), source };
-            match FileSink::new(path) {
-                Ok(file) => Ok(Box::new(file)),
-                Err(rerun::sink::FileSinkError::CreateFile { source, .. }) => Err(unwritable(source)),
-                Err(error) => Err(unwritable(std::io::Error::other(error))),
-            }
+            let (file, fault) = file(path)?;
+            faults.push(fault);
+            Ok(Some(Box::new(file)))
         }
-        Target::Spawn => grpc(&viewer::spawn()?),
+        // One that was lost is not started anew at each trial.
+        Target::Spawn if viewer::lost().is_some() => Ok(None),
+        Target::Spawn => match viewer::spawn() {
+            Ok(address) => grpc(&address),
+            Err(error @ (StreamError::Ended { .. } | StreamError::Start { .. })) => {
+                viewer::lose(&error.to_string());
+                Ok(None)
+            }
+            Err(error) => Err(error),
+        },
         Target::Connect(address) => grpc(address),
         Target::Serve(address) => {
             // The server reports a busy port only in its own thread; ask here.
@@ -61,9 +95,8 @@ fn sink(target: &Target) -> Result<Box<dyn LogSink>, StreamError> {
                 &address.ip().to_string(),
                 address.port(),
                 rerun::ServerOptions::default(),
-            )
-            .map_err(|_| StreamError::Address(address.to_string()))?;
-            Ok(Box::new(server))
+            );
+            Ok(Some(Box::new(server.map_err(|_| StreamError::Address(address.to_string()))?)))
         }
     }
 }

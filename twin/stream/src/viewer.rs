@@ -1,7 +1,11 @@
 //! Finds and starts the Rerun viewer, which is a separate program.
 
+use std::io::{Read as _, Seek as _, Write as _};
+use std::net::{Ipv4Addr, SocketAddr, TcpStream};
 use std::path::{Path, PathBuf};
-use std::process::Stdio;
+use std::process::{Command, Stdio};
+use std::sync::Mutex;
+use std::time::{Duration, Instant};
 
 use hand_model::child;
 
@@ -34,7 +38,7 @@ impl Viewer {
 pub fn find_viewer() -> Option<PathBuf> {
     let viewer = find()?;
     if let Some(warning) = viewer.warning() {
-        eprintln!("warning: {warning}");
+        let _ = writeln!(std::io::stderr(), "warning: {warning}");
     }
     Some(viewer.program)
 }
@@ -73,30 +77,83 @@ pub fn recordings(path: &Path) -> Result<Vec<PathBuf>, StreamError> {
     if files.is_empty() { Err(nothing()) } else { Ok(files) }
 }
 
-/// Opens recordings in the viewer `program`, which lives on by itself.
+/// Opens recordings in the viewer `program`, which lives on by itself. An error if it ends at once, for want of a display for instance.
 pub fn open(program: &Path, files: &[PathBuf]) -> Result<(), StreamError> {
     let mut command = child::command(program);
     // The viewer also listens for programs that log to it: on this machine only.
     command.args(["--bind", "127.0.0.1", "--port", "auto"]).args(files);
-    command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+    start(program, command)
+}
+
+/// Starts a viewer to be connected to, or finds the one that listens already; returns its address. An error if it ends at once.
+pub fn spawn() -> Result<String, StreamError> {
+    let program = find_viewer().ok_or(StreamError::NoViewer)?;
+    let place = SocketAddr::from((Ipv4Addr::LOCALHOST, rerun::DEFAULT_SERVER_PORT));
+    if TcpStream::connect_timeout(&place, Duration::from_secs(1)).is_err() {
+        let mut command = child::command(&program);
+        command.args(["--bind", "127.0.0.1", "--expect-data-soon", "--hide-welcome-screen"]);
+        command.arg(format!("--port={}", place.port()));
+        start(&program, command)?;
+    }
+    Ok(format!("rerun+http://{place}/proxy"))
+}
+
+/// A viewer that is about to fail has failed within this time.
+const FIRST_LOOK: Duration = Duration::from_secs(2);
+/// The same where no display is named: it will fail, however slow the machine.
+const FIRST_LOOK_BLIND: Duration = Duration::from_secs(10);
+
+/// Starts a viewer, and watches it for as long as it takes to fail.
+fn start(program: &Path, mut command: Command) -> Result<(), StreamError> {
+    let failed = |source| StreamError::Start { program: program.to_owned(), source };
+    // A file, not a pipe: the viewer outlives this program, and may go on writing.
+    let mut said = tempfile::tempfile().map_err(failed)?;
+    command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(said.try_clone().map_err(failed)?);
     #[cfg(unix)]
     std::os::unix::process::CommandExt::process_group(&mut command, 0);
-    command.spawn().map_err(|source| StreamError::Start { program: program.to_owned(), source })?;
+    let mut viewer = command.spawn().map_err(failed)?;
+    let named = |name: &str| std::env::var_os(name).is_some_and(|value| !value.is_empty());
+    let blind = cfg!(target_os = "linux") && !["DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"].into_iter().any(named);
+    let deadline = Instant::now() + if blind { FIRST_LOOK_BLIND } else { FIRST_LOOK };
+    while Instant::now() < deadline {
+        match viewer.try_wait().map_err(failed)? {
+            None => std::thread::sleep(Duration::from_millis(20)),
+            // A launcher that has handed over.
+            Some(status) if status.success() => break,
+            Some(status) => {
+                let mut text = Vec::new();
+                said.rewind().and_then(|()| said.read_to_end(&mut text)).map_err(failed)?;
+                let reason = reason(&String::from_utf8_lossy(&text)).unwrap_or_else(|| status.to_string());
+                return Err(StreamError::Ended { program: program.to_owned(), reason });
+            }
+        }
+    }
     Ok(())
 }
 
-/// Starts a viewer to be connected to, or finds the one that listens already; returns its address.
-pub fn spawn() -> Result<String, StreamError> {
-    let program = find_viewer().ok_or(StreamError::NoViewer)?;
-    let options = rerun::SpawnOptions {
-        executable_path: Some(program.to_string_lossy().into_owned()),
-        extra_args: vec!["--bind".to_owned(), "127.0.0.1".to_owned()],
-        extra_env: child::blanked(),
-        hide_welcome_screen: true,
-        ..rerun::SpawnOptions::default()
-    };
-    let info = rerun::spawn(&options).map_err(|error| StreamError::Rerun(Box::new(error.into())))?;
-    Ok(format!("rerun+http://127.0.0.1:{}/proxy", info.port))
+/// The last line that a program wrote, without what only a terminal understands.
+fn reason(text: &str) -> Option<String> {
+    let line = text.lines().rev().find(|line| !line.trim().is_empty())?;
+    let line = line.trim().trim_start_matches("Error: ");
+    Some(line.chars().filter(|character| !character.is_control()).collect())
+}
+
+/// Why this process has no viewer any more, if it lost one.
+static LOST: Mutex<Option<String>> = Mutex::new(None);
+
+/// Why this process has lost a viewer, or could not start one, that it was to stream to. What it wrote into files is whole all the same.
+pub fn lost() -> Option<String> {
+    LOST.lock().ok().and_then(|lost| lost.clone())
+}
+
+/// Notes that the viewer is lost, and says so where nothing has been said yet.
+pub(crate) fn lose(why: &str) {
+    if let Ok(mut lost) = LOST.lock()
+        && lost.is_none()
+    {
+        let _ = writeln!(std::io::stderr(), "warning: the viewer is lost: {why}; files are written all the same");
+        *lost = Some(why.to_owned());
+    }
 }
 
 #[cfg(test)]
@@ -111,6 +168,13 @@ mod tests {
         assert_eq!(viewer("0.36.1").warning(), None);
         assert!(viewer("0.35.0").warning().expect("too old").contains("pip install rerun-sdk==0.36.3"));
         assert!(Viewer { program: "rerun".into(), version: None }.warning().is_some());
+    }
+
+    #[test]
+    fn what_a_viewer_said_last_is_the_reason() {
+        let text = "\u{1b}[2mINFO\u{1b}[0m fine\nError: winit: \u{1b}[1mno display\n\n";
+        assert_eq!(reason(text).as_deref(), Some("winit: [1mno display"));
+        assert_eq!(reason("\n"), None);
     }
 
     #[test]

@@ -1,0 +1,103 @@
+//! The file of a recording. Its first failed write, the footer's included, is kept for whoever closes the recording: Rerun's own sink notes it in a
+//! log that nobody reads.
+
+use std::fs::File;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+use rerun::external::re_log_encoding::{Encoder, rrd::EncodingOptions};
+use rerun::log::LogMsg;
+use rerun::sink::{LogSink, SinkFlushError};
+
+use crate::error::StreamError;
+
+/// The first error of a file, shared by what writes and who asks.
+#[derive(Debug, Clone)]
+pub(crate) struct Fault {
+    path: PathBuf,
+    first: Arc<Mutex<Option<io::Error>>>,
+}
+
+impl Fault {
+    fn note(&self, error: io::Error) {
+        if let Ok(mut first) = self.first.lock() {
+            first.get_or_insert(error);
+        }
+    }
+
+    /// Takes it.
+    pub fn take(&self) -> Result<(), StreamError> {
+        match self.first.lock().ok().and_then(|mut first| first.take()) {
+            Some(source) => Err(StreamError::Unwritable { path: self.path.clone(), source }),
+            None => Ok(()),
+        }
+    }
+}
+
+/// A file that notes its errors.
+struct Noting {
+    file: File,
+    fault: Fault,
+}
+
+impl Write for Noting {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let written = self.file.write(bytes);
+        // The caller gets an error of the same kind, and passes it on or not.
+        written.map_err(|error| {
+            let kind = error.kind();
+            if kind != io::ErrorKind::Interrupted {
+                self.fault.note(error);
+            }
+            kind.into()
+        })
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.file.flush()
+    }
+}
+
+/// Writes into a file as long as that works.
+pub(crate) struct RecordingFile {
+    encoder: Mutex<Encoder<Noting>>,
+    fault: Fault,
+}
+
+impl RecordingFile {
+    /// Replaces the file at `path`.
+    pub fn create(path: &Path) -> Result<(Self, Fault), StreamError> {
+        let unwritable = |source| StreamError::Unwritable { path: path.to_owned(), source };
+        let file = File::create(path).map_err(unwritable)?;
+        let fault = Fault { path: path.to_owned(), first: Arc::default() };
+        let noting = Noting { file, fault: fault.clone() };
+        let version = rerun::build_info().version;
+        let encoder = Encoder::new_eager(version, EncodingOptions::PROTOBUF_COMPRESSED, noting);
+        let encoder = encoder.map_err(|error| match fault.take() {
+            Err(named) => named,
+            Ok(()) => unwritable(io::Error::other(error)),
+        })?;
+        Ok((Self { encoder: Mutex::new(encoder), fault: fault.clone() }, fault))
+    }
+}
+
+impl LogSink for RecordingFile {
+    fn send(&self, message: LogMsg) {
+        if let Ok(mut encoder) = self.encoder.lock()
+            && let Err(error) = encoder.append(&message)
+        {
+            self.fault.note(io::Error::other(error));
+        }
+    }
+
+    fn flush_blocking(&self, _: Duration) -> Result<(), SinkFlushError> {
+        // What could not be written is asked for by name.
+        Ok(())
+    }
+
+    fn defers_finalization_to_shutdown(&self) -> bool {
+        true
+    }
+}
