@@ -245,6 +245,35 @@ impl Effects {
         self
     }
 
+    /// What goes wrong whatever [`Self::scaled`] does, in words.
+    pub fn unscaled(&self) -> Vec<String> {
+        let mut words = Vec::new();
+        if let Some(pads) = &self.pads {
+            let own = if pads.self_contact { " and feel fingers, palm and table" } else { "" };
+            words.push(format!("pads: cameras drift{own}"));
+        }
+        if self.gel.is_some() {
+            words.push("gel: covers give way".to_owned());
+        }
+        if self.cables.is_some() {
+            words.push("cables: they rub, and gears have play".to_owned());
+        }
+        if let Some(eyes) = self.eyes.filter(|eyes| eyes.mistaken > 0.0 || eyes.latency > 0.0) {
+            let share = 100.0 * eyes.mistaken;
+            words.push(format!(
+                "eyes: {share} % of looks take one way to lie for another, all are {} s late",
+                eyes.latency
+            ));
+        }
+        if self.objects.is_some() {
+            words.push("objects: each differs from its model".to_owned());
+        }
+        if self.time.is_some() {
+            words.push("time: frames and decisions take some".to_owned());
+        }
+        words
+    }
+
     /// What a file has wrong: field, found, expected.
     pub(crate) fn check(&self) -> Result<(), (String, String, String)> {
         let mut values: Vec<(&str, f64, [f64; 2])> = Vec::new();
@@ -335,6 +364,18 @@ mod tests {
             "{mean} {deviation}"
         );
         assert_eq!(Pads { drift: 0.0, ..pads }.draw_rates(18, &mut Effect::Pads.stream(1, 0, 0)), [0.0; 18]);
+    }
+
+    /// `--noise-scale 0` once said that all errors were scaled, while objects still differed from their models.
+    #[test]
+    fn what_a_scale_leaves_is_said() {
+        let scaled = crate::Scenario::benchmark().effects.scaled(0.0);
+        let words = scaled.unscaled().join("; ");
+        for word in ["pads", "gel", "cables", "eyes: 1 %", "objects", "time"] {
+            assert!(words.contains(word), "{word}: {words}");
+        }
+        assert!(!words.contains("arm"), "{words}");
+        assert!(Effects::default().unscaled().is_empty());
     }
 
     #[test]

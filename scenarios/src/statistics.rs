@@ -12,7 +12,7 @@ mod summary;
 pub use ablation::AblationSummary;
 pub use distribution::{BoxPlot, MeanSd, box_plot, density, percentile, silverman_bandwidth};
 pub use mixed::Mixed;
-pub use paired::{Difference, Interval, McNemar, TTest, paired_t_test};
+pub use paired::{Difference, FEWEST_SAMPLES, Interval, McNemar, SPREAD_TOLERANCE, TTest, Untested, paired_t_test};
 pub use prediction::{Group, Prediction, Rate, roc_area};
 pub use rates::{CombinationRates, combination_rates};
 pub use summary::{

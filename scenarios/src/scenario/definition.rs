@@ -92,6 +92,11 @@ impl Scenario {
         names.into_iter().cloned().collect()
     }
 
+    /// Whether nothing is drawn and nothing differs from an ideal robot at an ideal table: no noise and no effects.
+    pub fn is_exact(&self) -> bool {
+        self.noise == self.noise.scaled(0.0) && self.effects == Effects::default()
+    }
+
     /// How many different combinations there are.
     pub fn combinations(&self) -> usize {
         self.first.len() * self.second.len()

@@ -13,7 +13,7 @@ use crate::disturbance::Disturbances;
 use crate::effects::{Effect, Effects};
 use crate::layout::Layout;
 use crate::noise::NoiseLevels;
-use crate::objects::ObjectFile;
+use crate::objects::{ObjectFile, ObjectSet};
 use crate::referee::RefereeRules;
 
 /// The text of the built-in benchmark, which is also its documentation.
@@ -104,12 +104,18 @@ impl ScenarioFile {
             object.model(&file)?;
             self.object.push(object);
         }
+        let names = |given: Vec<String>| -> Vec<String> {
+            let own = |name: &String| self.object.iter().any(|object| object.name == *name);
+            given.into_iter().map(|name| if own(&name) { name } else { built_in_name(name) }).collect()
+        };
+        let (first, second) = (given("first", self.first, path)?, given("second", self.second, path)?);
+        let (first, second) = (names(first), names(second));
         Ok(Scenario {
             version: self.version,
             name: self.name,
             object: self.object,
-            first: given("first", self.first, path)?,
-            second: given("second", self.second, path)?,
+            first,
+            second,
             layout: given("layout", self.layout, path)?,
             noise: given("noise", self.noise, path)?,
             start,
@@ -122,6 +128,16 @@ impl ScenarioFile {
             disturbance: self.disturbance,
         })
     }
+}
+
+/// A built-in object's name as it is written, `salt_mill`, where it was typed `salt mill`; other names stay as they are.
+fn built_in_name(name: String) -> String {
+    if !name.contains([' ', '-']) {
+        return name;
+    }
+    let set = ObjectSet::standard();
+    let written = name.replace([' ', '-'], "_");
+    if set.get(&name).is_none() && set.get(&written).is_some() { written } else { name }
 }
 
 fn built_in() -> Result<Scenario, DataError> {

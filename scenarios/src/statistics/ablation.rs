@@ -59,9 +59,9 @@ mod tests {
             (record.success, record.clean_success) = (success, success);
             record
         };
-        let records: Vec<TrialRecord> = (0..3).map(|combination| with(combination, 0, true)).collect();
-        // Two of the three combinations, one of them lost.
-        let ablated: Vec<AblatedTrial> = (0..2)
+        let records: Vec<TrialRecord> = (0..7).map(|combination| with(combination, 0, true)).collect();
+        // Six of the seven combinations, five of them lost.
+        let ablated: Vec<AblatedTrial> = (0..6)
             .map(|combination| AblatedTrial {
                 ablation: Ablation::PalmOnly,
                 record: with(combination, 0, combination == 1),
@@ -69,9 +69,9 @@ mod tests {
             .collect();
         let all = AblationSummary::all(&records, &ablated);
         assert_eq!(all.len(), 1);
-        assert_eq!((all[0].ablation, all[0].trials), (Ablation::PalmOnly, 2));
-        assert_eq!(all[0].success.value, Some(0.5));
-        assert_eq!(all[0].against_full.value, Some(-0.5));
+        assert_eq!((all[0].ablation, all[0].trials), (Ablation::PalmOnly, 6));
+        assert_eq!(all[0].success.value, Some(1.0 / 6.0));
+        assert!((all[0].against_full.value.unwrap() + 5.0 / 6.0).abs() < 1e-12);
         assert!(all[0].success.low < all[0].success.high);
     }
 }

@@ -10,7 +10,7 @@ use std::collections::{BTreeMap, HashMap};
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
-use super::paired::Interval;
+use super::paired::{FEWEST_SAMPLES, Interval};
 use crate::record::{Condition, TrialRecord};
 
 /// How a difference between two conditions varies between combinations and between the trials of one.
@@ -18,7 +18,8 @@ use crate::record::{Condition, TrialRecord};
 pub struct Mixed {
     /// Pairs of trials.
     pub trials: usize,
-    /// `mu` with its 95 % interval: Student's t with one degree of freedom less than combinations.
+    /// `mu` with its 95 % interval: Student's t with one degree of freedom less than combinations, within the possible range of -1 to 1. No
+    /// interval of fewer than [`FEWEST_SAMPLES`] combinations.
     pub difference: Interval,
     /// Standard deviation of `b_i`; none without combinations of two trials.
     pub between_sd: Option<f64>,
@@ -81,9 +82,10 @@ impl Mixed {
         let weights: Vec<f64> = groups.iter().map(|group| 1.0 / (between + within / group.len() as f64)).collect();
         let sum: f64 = weights.iter().sum();
         let mu = weights.iter().zip(&means).map(|(weight, mean)| weight * mean).sum::<f64>() / sum;
-        let reach = StudentsT::new(0.0, 1.0, k - 1.0).ok().map(|students| students.inverse_cdf(0.975) / sum.sqrt());
-        let difference =
-            Interval { value: Some(mu), low: reach.map(|reach| mu - reach), high: reach.map(|reach| mu + reach) };
+        let students = StudentsT::new(0.0, 1.0, k - 1.0).ok().filter(|_| groups.len() >= FEWEST_SAMPLES);
+        let reach = students.map(|students| students.inverse_cdf(0.975) / sum.sqrt());
+        let [low, high] = [-1.0, 1.0].map(|side| reach.map(|reach| (mu + side * reach).clamp(-1.0, 1.0)));
+        let difference = Interval { value: Some(mu), low, high };
         Self { difference, ..variances }
     }
 }
@@ -93,17 +95,29 @@ mod tests {
     use super::*;
     use crate::record::tests::record;
 
-    /// Two balanced groups with means 0.5 and 0: mean squares 1/2 between and 1/2 within, by hand.
+    /// Balanced groups of four with means 1/2 and 0 in turn, by hand.
     #[test]
     fn a_balanced_table_by_hand() {
-        let mixed = Mixed::of_groups(&[vec![1.0, 1.0, 0.0, 0.0], vec![1.0, 0.0, 0.0, -1.0]]);
+        let groups = [vec![1.0, 1.0, 0.0, 0.0], vec![1.0, 0.0, 0.0, -1.0]];
+        let mixed = Mixed::of_groups(&groups);
         // Within: (4 x 1/4 + 2) / 6 = 1/2. Between: 4 x 2 x 1/16 / 1 = 1/2.
         assert!((mixed.within_sd.unwrap() - 0.5f64.sqrt()).abs() < 1e-12);
         assert_eq!(mixed.between_sd, Some(0.0));
         assert_eq!(mixed.intraclass, Some(0.0));
-        assert!((mixed.difference.value.unwrap() - 0.25).abs() < 1e-12);
-        // Without a part between combinations the standard error is that of eight independent trials: 1/4; t(1) is 12.706.
-        assert!((mixed.difference.high.unwrap() - 0.25 - 12.706 * 0.25).abs() < 1e-3);
+        assert_eq!(mixed.difference, Interval { value: Some(0.25), low: None, high: None }, "of two combinations");
+        // Six of them: between 4 x 6 x 1/16 / 5 = 0.3, less than within, so that the standard error is that of 24 independent trials; t(5) is 2.571.
+        let six = Mixed::of_groups(&[&groups[..], &groups, &groups].concat());
+        assert!((six.difference.high.unwrap() - 0.25 - 2.571 * (0.5f64 / 24.0).sqrt()).abs() < 1e-3);
+    }
+
+    /// Five combinations whose trials nearly all differ: the interval ends where differences do.
+    #[test]
+    fn an_interval_stays_in_the_possible_range() {
+        let groups: Vec<Vec<f64>> = (0..5).map(|group| vec![1.0, if group == 0 { 0.0 } else { 1.0 }]).collect();
+        let found = Mixed::of_groups(&groups).difference;
+        assert!(found.low.unwrap() < found.value.unwrap() && found.high == Some(1.0), "{found:?}");
+        let lost: Vec<Vec<f64>> = groups.iter().map(|group| group.iter().map(|value| -value).collect()).collect();
+        assert_eq!(Mixed::of_groups(&lost).difference.low, Some(-1.0));
     }
 
     /// Where trials of a combination agree, only combinations count: the interval is that of their means.

@@ -8,32 +8,67 @@ use statrs::distribution::{Binomial, ContinuousCDF, DiscreteCDF, StudentsT};
 use super::distribution::{MeanSd, percentile};
 use crate::record::{Condition, TrialRecord};
 
+/// Fewest independent samples of which a test, an interval or a verdict is given. Of four pairs that all differ the same way the sign test,
+/// which assumes nothing about how differences are distributed, has p = 1/16: they show nothing at the 5 % level.
+pub const FEWEST_SAMPLES: usize = 5;
+
+/// Rates carry rounding errors: what varies by less than those does not vary.
+pub const SPREAD_TOLERANCE: f64 = 1e-12;
+
+/// Why a test has no outcome.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Untested {
+    /// The two conditions have no combination in common.
+    NotPlayed,
+    /// There are fewer than [`FEWEST_SAMPLES`] pairs.
+    TooFew,
+    /// All differences are equal: nothing tells how much another combination would differ.
+    NoSpread,
+}
+
 /// A paired, one-sided t-test.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct TTest {
-    /// None where it is not a number: fewer than two pairs, or differences that are all the same and not 0 (infinite).
     pub t: Option<f64>,
     /// Pairs less one.
     pub df: usize,
-    /// Chance of a `t` at least this large if there were no difference; none of fewer than two pairs.
+    /// Chance of a `t` at least this large if there were no difference.
     pub p: Option<f64>,
+    /// Why there is neither `t` nor `p`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub untested: Option<Untested>,
 }
 
-/// Tests whether the first of each pair is larger than the second in the mean. Differences that do not vary decide without
-/// doubt (p = 0 or 1), or, being all 0, say nothing (t = 0, p = 0.5).
+impl TTest {
+    /// Why there is no outcome, in words.
+    pub fn reason(&self) -> Option<String> {
+        let pairs = self.df + 1;
+        self.untested.map(|untested| match untested {
+            Untested::NotPlayed => "not played".to_owned(),
+            Untested::TooFew => format!("{pairs} of at least {FEWEST_SAMPLES} combinations"),
+            Untested::NoSpread => format!("the differences of all {pairs} combinations are equal"),
+        })
+    }
+}
+
+/// Tests whether the first of each pair is larger than the second in the mean.
 pub fn paired_t_test(pairs: &[(f64, f64)]) -> TTest {
     let differences: Vec<f64> = pairs.iter().map(|(a, b)| a - b).collect();
     let df = pairs.len().saturating_sub(1);
-    let MeanSd { mean: Some(mean), sd: Some(sd) } = MeanSd::of(&differences) else {
-        return TTest { t: None, df, p: None };
-    };
-    // Rates carry rounding errors: what varies by less than those does not vary.
-    if sd < 1e-12 {
-        let (t, p) = if mean.abs() < 1e-12 { (Some(0.0), 0.5) } else { (None, if mean > 0.0 { 0.0 } else { 1.0 }) };
-        return TTest { t, df, p: Some(p) };
+    let without = |reason: Untested| TTest { df, untested: Some(reason), ..TTest::default() };
+    match (pairs.len(), MeanSd::of(&differences)) {
+        (0, _) => without(Untested::NotPlayed),
+        (FEWEST_SAMPLES.., MeanSd { mean: Some(mean), sd: Some(sd) }) => {
+            if sd < SPREAD_TOLERANCE {
+                return without(Untested::NoSpread);
+            }
+            let t = mean / (sd / (pairs.len() as f64).sqrt());
+            let p = StudentsT::new(0.0, 1.0, df as f64).ok().map(|students| students.sf(t));
+            TTest { t: Some(t), df, p, untested: None }
+        }
+        _ => without(Untested::TooFew),
     }
-    let t = mean / (sd / (pairs.len() as f64).sqrt());
-    TTest { t: Some(t), df, p: StudentsT::new(0.0, 1.0, df as f64).ok().map(|students| students.sf(t)) }
 }
 
 /// Samples drawn with replacement for an interval.
@@ -47,7 +82,8 @@ const LEVEL: f64 = 0.05;
 /// Numbers of pairs whose power is stated.
 const SMALLER: [usize; 5] = [5, 10, 20, 30, 60];
 
-/// A value and its 95 % bootstrap interval (percentile method).
+/// A value and its 95 % bootstrap interval (percentile method); no interval of fewer than [`FEWEST_SAMPLES`] samples, or of samples that are
+/// all equal.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Interval {
     /// Of the sample itself.
@@ -63,7 +99,8 @@ pub struct Interval {
 pub struct Difference {
     /// Mean of the differences.
     pub difference: Interval,
-    /// Cohen's d of paired samples: the mean of the differences over their standard deviation. None where they do not vary.
+    /// Cohen's d of paired samples: the mean of the differences over their standard deviation. None where they do not vary, or of fewer than
+    /// [`FEWEST_SAMPLES`].
     pub d_z: Interval,
     /// (pairs, chance that so many pairs, drawn from these, show the difference at the 5 % level in the one-sided t-test).
     pub power: Vec<(usize, f64)>,
@@ -76,6 +113,10 @@ impl Difference {
         if differences.is_empty() {
             return Self::default();
         }
+        let all = MeanSd::of(&differences);
+        if differences.len() < FEWEST_SAMPLES || d_z(all).is_none() {
+            return Self { difference: Interval { value: all.mean, ..Interval::default() }, ..Self::default() };
+        }
         let mut rng = ChaCha8Rng::seed_from_u64(SEED);
         let (mut means, mut ds) = (Vec::with_capacity(RESAMPLES), Vec::with_capacity(RESAMPLES));
         for _ in 0..RESAMPLES {
@@ -83,7 +124,6 @@ impl Difference {
             means.extend(sample.mean);
             ds.extend(d_z(sample));
         }
-        let all = MeanSd::of(&differences);
         let interval = |value: Option<f64>, resampled: &[f64]| Interval {
             value,
             low: percentile(resampled, 2.5).filter(|_| value.is_some()),
@@ -107,8 +147,7 @@ impl Difference {
 
 fn d_z(sample: MeanSd) -> Option<f64> {
     let (mean, sd) = (sample.mean?, sample.sd?);
-    // Rates carry rounding errors: what varies by less than those does not vary.
-    (sd > 1e-12).then(|| mean / sd)
+    (sd > SPREAD_TOLERANCE).then(|| mean / sd)
 }
 
 fn resample(values: &[f64], n: usize, rng: &mut ChaCha8Rng) -> Vec<f64> {
@@ -126,7 +165,8 @@ pub struct McNemar {
     pub second_only: usize,
     /// Under neither.
     pub neither: usize,
-    /// One-sided chance of so few trials won by the second only, were either as likely; none without a trial that differs.
+    /// One-sided chance of so few trials won by the second only, were either as likely; none of fewer than [`FEWEST_SAMPLES`] trials that
+    /// differ, or from fewer combinations.
     pub p: Option<f64>,
 }
 
@@ -139,9 +179,11 @@ impl McNemar {
             .filter(|record| record.condition == second)
             .map(|record| (id(record), record.success))
             .collect();
-        let mut table = Self::default();
+        let (mut table, mut combinations) = (Self::default(), std::collections::BTreeSet::new());
         for record in records.iter().filter(|record| record.condition == first) {
-            match (record.success, seconds.get(&id(record))) {
+            let second = seconds.get(&id(record));
+            combinations.extend(second.map(|_| record.combination));
+            match (record.success, second) {
                 (true, Some(true)) => table.both += 1,
                 (true, Some(false)) => table.first_only += 1,
                 (false, Some(true)) => table.second_only += 1,
@@ -149,8 +191,9 @@ impl McNemar {
                 (_, None) => {}
             }
         }
-        let differ = (table.first_only + table.second_only) as u64;
-        let either = (differ > 0).then(|| Binomial::new(0.5, differ).ok()).flatten();
+        let differ = table.first_only + table.second_only;
+        let enough = differ.min(combinations.len()) >= FEWEST_SAMPLES;
+        let either = enough.then(|| Binomial::new(0.5, differ as u64).ok()).flatten();
         table.p = either.map(|either| either.cdf(table.second_only as u64));
         table
     }
@@ -166,8 +209,8 @@ mod tests {
     fn mcnemar_counts_the_trials_that_differ() {
         let mut records = Vec::new();
         for trial in 0..20 {
-            let mut blind = record(0, trial, Condition::Blind);
-            let mut touch = record(0, trial, Condition::Touch);
+            let mut blind = record(trial % 5, trial, Condition::Blind);
+            let mut touch = record(trial % 5, trial, Condition::Touch);
             (touch.success, blind.success) = match trial {
                 0..9 => (true, false),
                 9 => (false, true),
@@ -176,12 +219,15 @@ mod tests {
             };
             records.extend([blind, touch]);
         }
-        records.push(record(1, 0, Condition::Touch));
+        records.push(record(7, 0, Condition::Touch));
         let table = McNemar::of_success(&records, Condition::Touch, Condition::Blind);
         assert_eq!((table.both, table.first_only, table.second_only, table.neither), (5, 9, 1, 5));
         assert!((table.p.unwrap() - 11.0 / 1024.0).abs() < 1e-12);
-        let same = McNemar::of_success(&records[..0], Condition::Touch, Condition::Blind);
-        assert_eq!(same.p, None);
+        // Trials of one combination are alike, and four that differ say as little.
+        let alike: Vec<_> = records.iter().map(|record| TrialRecord { combination: 0, ..record.clone() }).collect();
+        for few in [&alike[..], &records[..8], &[]] {
+            assert_eq!(McNemar::of_success(few, Condition::Touch, Condition::Blind).p, None);
+        }
     }
 
     #[test]
@@ -200,6 +246,16 @@ mod tests {
         assert_eq!(effect, Difference::of(&pairs));
     }
 
+    /// Four pairs, and sixty without spread, have a mean and neither interval nor effect size nor power.
+    #[test]
+    fn no_interval_comes_out_of_nothing() {
+        for (pairs, mean) in [(vec![(1.0, 0.0), (0.5, 0.0), (0.0, 0.0), (0.5, 0.0)], 0.5), (vec![(1.0, 0.0); 60], 1.0)]
+        {
+            let difference = Interval { value: Some(mean), low: None, high: None };
+            assert_eq!(Difference::of(&pairs), Difference { difference, ..Difference::default() });
+        }
+    }
+
     /// No effect: the power is the level of the test, roughly.
     #[test]
     fn without_an_effect_there_is_no_power() {
@@ -207,6 +263,5 @@ mod tests {
         let effect = Difference::of(&pairs);
         assert!(effect.power.iter().all(|(n, power)| *n < 10 || *power < 0.09), "{:?}", effect.power);
         assert_eq!(Difference::of(&[]), Difference::default());
-        assert_eq!(Difference::of(&[(1.0, 0.0); 6]).d_z.value, None);
     }
 }

@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use super::paired::FEWEST_SAMPLES;
 use crate::record::{Condition, TrialRecord};
 
 /// Standard normal quantile of a two-sided 95 % interval.
@@ -79,8 +80,10 @@ pub struct Prediction {
     pub scored: Vec<(f64, bool)>,
     /// [`roc`].
     pub roc: Vec<[f64; 2]>,
-    /// [`roc_area`], with its 95 % interval.
-    pub area: [f64; 3],
+    /// [`roc_area`].
+    pub area: f64,
+    /// Its 95 % interval; none of fewer than [`FEWEST_SAMPLES`] of either outcome, or where all of one score higher than all of the other.
+    pub interval: Option<[f64; 2]>,
     /// The calibration curve: groups of as equal numbers as ties allow, the lowest predictions first.
     pub groups: Vec<Group>,
 }
@@ -94,7 +97,8 @@ impl Prediction {
         let not = scored.len() as f64 - happened;
         let (one, two) = (area / (2.0 - area), 2.0 * area * area / (1.0 + area));
         let variance = area * (1.0 - area) + (happened - 1.0) * (one - area * area) + (not - 1.0) * (two - area * area);
-        let half = Z * (variance / (happened * not)).sqrt();
+        let enough = happened.min(not) >= FEWEST_SAMPLES as f64;
+        let half = Z * (variance.max(0.0) / (happened * not)).sqrt();
         let least = scored.len().div_ceil(GROUPS);
         let mut groups: Vec<Vec<(f64, bool)>> = Vec::new();
         for equal in scored.chunk_by(|a, b| a.0 == b.0) {
@@ -110,7 +114,8 @@ impl Prediction {
         Some(Self {
             groups: groups.collect(),
             roc,
-            area: [area, (area - half).max(0.0), (area + half).min(1.0)],
+            area,
+            interval: (enough && half > 0.0).then(|| [(area - half).max(0.0), (area + half).min(1.0)]),
             scored,
         })
     }
@@ -156,8 +161,19 @@ mod tests {
         let counts = [(1, 33, 3), (2, 6, 2), (3, 6, 2), (4, 11, 11), (5, 2, 33)];
         let scored =
             counts.into_iter().flat_map(|(rating, normal, abnormal)| rated(rating, normal, abnormal)).collect();
-        let [area, low, high] = Prediction::of(scored).expect("both outcomes").area;
+        let prediction = Prediction::of(scored).expect("both outcomes");
+        let (area, [low, high]) = (prediction.area, prediction.interval.expect("enough of both"));
         assert!((area - 0.893).abs() < 5e-4 && ((high - low) / (2.0 * Z) - 0.032).abs() < 1e-3, "{area} {low} {high}");
+    }
+
+    /// Two of each, and twenty of each that nothing mixes up, once had an area of 1 with an interval from 1 to 1.
+    #[test]
+    fn no_certainty_about_the_area_comes_out_of_nothing() {
+        let apart = |n: usize| (0..n).flat_map(|_| [(0.1, false), (0.9, true)]).collect::<Vec<_>>();
+        for scored in [apart(20), vec![(0.1, false), (0.4, true), (0.3, false), (0.2, true)]] {
+            let prediction = Prediction::of(scored).expect("both outcomes");
+            assert_eq!(prediction.interval, None, "{}", prediction.area);
+        }
     }
 
     proptest! {
@@ -173,7 +189,7 @@ mod tests {
                 prop_assert_eq!(pairs, 0.0);
                 return Ok(());
             };
-            prop_assert!((prediction.area[0] - sum / pairs).abs() < 1e-12);
+            prop_assert!((prediction.area - sum / pairs).abs() < 1e-12);
             prop_assert_eq!(prediction.groups.iter().map(|group| group.observed.of).sum::<u64>(), scored.len() as u64);
             prop_assert!(prediction.groups.len() <= GROUPS);
             prop_assert!(prediction.groups.windows(2).all(|pair| pair[0].predicted < pair[1].predicted));

@@ -72,10 +72,9 @@ impl<T> PerCondition<T> {
 }
 
 impl PerCondition<ConditionSummary> {
-    /// The conditions that a table has a place for: those that come with the program, and the user's own if it was played.
-    pub fn listed(&self) -> impl Iterator<Item = Condition> {
-        let own = self.own.trials > 0;
-        Condition::ALL.into_iter().filter(move |condition| own || *condition != Condition::Own)
+    /// The conditions that were played, in order: nothing is said of others.
+    pub fn played(&self) -> Vec<Condition> {
+        Condition::ALL.into_iter().filter(|condition| self.of(*condition).trials > 0).collect()
     }
 }
 
@@ -254,7 +253,7 @@ pub fn summarise(records: &[TrialRecord], ablated: &[AblatedTrial], run: &RunInf
             },
         },
         ablations: AblationSummary::all(records, ablated),
-        risk_auc: Prediction::of_risk(records).map(|prediction| prediction.area[0]),
+        risk_auc: Prediction::of_risk(records).map(|prediction| prediction.area),
         decision_ms: DecisionTime {
             p50: percentile(&decisions, 50.0),
             p99: percentile(&decisions, 99.0),

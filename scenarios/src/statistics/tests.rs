@@ -35,14 +35,23 @@ fn the_papers_own_figures_come_out() {
     assert!((1.5e-17..3e-17).contains(&p), "{p:e}");
 }
 
+/// Two combinations with equal differences once had p < 10^-300, which the report took for proof.
 #[test]
-fn differences_that_do_not_vary_make_no_nonsense() {
-    let test = |pairs: &[(f64, f64)]| paired_t_test(pairs);
-    assert_eq!(test(&[(0.3, 0.3); 5]), TTest { t: Some(0.0), df: 4, p: Some(0.5) });
-    assert_eq!(test(&[(1.0, 0.0); 5]), TTest { t: None, df: 4, p: Some(0.0) });
-    assert_eq!(test(&[(0.0, 1.0); 5]), TTest { t: None, df: 4, p: Some(1.0) });
-    assert_eq!(test(&[(1.0, 0.0)]), TTest { t: None, df: 0, p: None });
-    assert_eq!(test(&[]), TTest { t: None, df: 0, p: None });
+fn no_significance_comes_out_of_nothing() {
+    let untested = |pairs: &[(f64, f64)]| {
+        let test = paired_t_test(pairs);
+        assert_eq!((test.t, test.p), (None, None), "{pairs:?}");
+        assert_eq!(test.df, pairs.len().saturating_sub(1));
+        (test.untested.unwrap(), test.reason().unwrap())
+    };
+    assert_eq!(untested(&[(1.0, 0.0); 2]), (Untested::TooFew, "2 of at least 5 combinations".to_owned()));
+    assert_eq!(untested(&[(1.0, 0.0), (0.9, 0.1), (1.0, 0.2), (0.9, 0.0)]).0, Untested::TooFew);
+    for equal in [(1.0, 0.0), (0.0, 1.0), (0.3, 0.3)] {
+        assert_eq!(untested(&[equal; 60]).0, Untested::NoSpread);
+    }
+    assert_eq!(untested(&[]), (Untested::NotPlayed, "not played".to_owned()));
+    let tested = paired_t_test(&[(1.0, 0.0), (0.9, 0.1), (1.0, 0.2), (0.9, 0.0), (0.8, 0.0)]);
+    assert!(tested.p.is_some_and(|p| p < 0.05) && tested.reason().is_none());
 }
 
 #[test]
@@ -71,11 +80,11 @@ fn boxes_and_densities() {
 #[test]
 fn a_summary_has_what_the_design_demands() {
     let mut records = Vec::new();
-    for combination in 0..4 {
+    for combination in 0..6 {
         for trial in 0..10 {
             records.push(record(combination, trial, Condition::Ideal));
             let mut blind = record(combination, trial, Condition::Blind);
-            blind.contact = trial < 2 * combination;
+            blind.contact = trial < 2 * (combination % 4);
             blind.success = !blind.contact;
             blind.cause = blind.contact.then_some(FailureCause::SecondNotPicked);
             records.push(blind);

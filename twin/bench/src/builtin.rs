@@ -179,6 +179,17 @@ fn make_scenes_of(
     })
 }
 
+/// Tells the controller of a bench the errors to expect on the body `robot`: those of a file's text, or, without one, those of the robot that comes
+/// with the program. Of a simulated robot whose scenario has no errors it is told that there are none, as a laboratory would measure.
+pub fn expect_errors(bench: &mut Bench, text: Option<&str>, path: &Path, robot: &str) -> Result<()> {
+    if let Some(text) = text {
+        bench.uncertainty = Uncertainty::parse(text, path)?;
+    } else if robot == "sim" && bench.world.scenario.is_exact() {
+        bench.uncertainty = Uncertainty::EXACT;
+    }
+    Ok(())
+}
+
 /// Makes the body of a bench individual `number` of the robots built from the drawing, of which the control stack knows nothing; its pads'
 /// cameras stay the bench's.
 pub fn hide_plant(bench: &mut Bench, number: u64) {

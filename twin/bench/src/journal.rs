@@ -18,6 +18,21 @@ use serde::{Deserialize, Serialize};
 use crate::body::{Places, Task};
 use crate::mirror::divergence::Named;
 use crate::own::Source;
+use crate::provenance::Provenance;
+
+/// Which trials are recorded.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Record {
+    None,
+    /// The first trial of every tenth combination.
+    #[default]
+    Sample,
+    /// Of each condition the first trial for each cause of failure, played again after the run.
+    Causes,
+    /// Every trial.
+    All,
+}
 
 /// What a run was asked for; a resumed run must be asked for the same.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -75,6 +90,15 @@ pub struct RunRequest {
     /// How the robot knows where things are.
     #[serde(flatten)]
     pub places: Places,
+    /// Whether a GPU renders tactile images, whose bits are not the CPU's.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub gpu: bool,
+    /// Which trials are recorded; no result depends on it.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub record: Record,
+    /// The command that began the run, or those of the shards it was put together from; no result depends on it.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub made: Vec<Provenance>,
 }
 
 impl RunRequest {
@@ -102,9 +126,10 @@ impl RunRequest {
         }
     }
 
-    /// Tells runs apart: the first half of the SHA-256 of what was asked for, hexadecimal.
+    /// Tells runs apart: the first half of the SHA-256 of what was asked for and decides results, hexadecimal.
     pub fn digest(&self) -> Result<String> {
-        Ok(sha256(&serde_json::to_vec(self)?)[..32].to_owned())
+        let asked = Self { made: Vec::new(), record: Record::default(), ..self.clone() };
+        Ok(sha256(&serde_json::to_vec(&asked)?)[..32].to_owned())
     }
 
     /// The scenario that is run.
@@ -119,6 +144,10 @@ impl RunRequest {
 
 fn all_conditions() -> Vec<Condition> {
     Condition::BUILT_IN.to_vec()
+}
+
+fn is_default(record: &Record) -> bool {
+    *record == Record::default()
 }
 
 fn unscaled() -> f64 {
@@ -158,6 +187,7 @@ pub struct Entry {
 /// An open journal.
 pub struct Journal {
     file: File,
+    path: PathBuf,
     /// The folder, locked: one run writes into it at a time.
     _lock: File,
     /// [`RunRequest::digest`].
@@ -193,11 +223,10 @@ impl Journal {
         }
         let lock = lock(folder).context("--out")?;
         let text = serde_json::to_string_pretty(request)?;
-        std::fs::write(folder.join("run.json"), text)
-            .with_context(|| format!("--out: cannot write into {}", folder.display()))?;
+        report::write_whole(&folder.join("run.json"), text.as_bytes()).context("--out")?;
         let file =
             File::create(path(folder)).with_context(|| format!("--out: cannot write into {}", folder.display()))?;
-        Ok(Self { file, _lock: lock, run: request.digest()?, done: BTreeMap::new() })
+        Ok(Self { file, path: path(folder), _lock: lock, run: request.digest()?, done: BTreeMap::new() })
     }
 
     /// Reads a run's journal without changing it; a last line cut off by an interruption is left out.
@@ -239,7 +268,7 @@ impl Journal {
         }
         report::write_whole(&path(folder), text.as_bytes())?;
         let file = OpenOptions::new().append(true).open(path(folder))?;
-        Ok((Self { file, _lock: lock, run: request.digest()?, done }, request))
+        Ok((Self { file, path: path(folder), _lock: lock, run: request.digest()?, done }, request))
     }
 
     /// Adds a finished unit.
@@ -247,8 +276,8 @@ impl Journal {
         entry.run = Some(self.run.clone());
         let mut line = serde_json::to_string(&entry)?;
         line.push('\n');
-        self.file.write_all(line.as_bytes())?;
-        self.file.sync_data()?;
+        let written = self.file.write_all(line.as_bytes()).and_then(|()| self.file.sync_data());
+        written.with_context(|| format!("cannot write {}", self.path.display()))?;
         self.done.insert(entry.unit, entry);
         Ok(())
     }

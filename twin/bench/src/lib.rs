@@ -1,6 +1,6 @@
 //! Plays and judges trials.
 //!
-//! [`body`] holds the bodies on which a trial can be played, [`trial`] plays one, [`run`] plays a benchmark's many in parallel,
+//! [`body`] holds the bodies on which a trial can be played, [`trial`] plays one, [`run`] plays a benchmark's many in parallel, [`results`] sums them up,
 //! [`journal`] keeps what is finished, [`recording`] shows a trial in Rerun. [`transport`] carries several objects in one trip,
 //! [`mirror`] lets a twin look on and names what differs, [`faults`] injects device faults into trials, [`own`] lets a policy of the user's decide in them, [`environment`] lets a learner step through scenes. [`workers`] are the threads it all runs on.
 
@@ -18,9 +18,10 @@ pub mod journal;
 pub mod mirror;
 pub mod networks;
 pub mod own;
-mod provenance;
+pub mod provenance;
 pub mod recording;
 pub mod registration;
+pub mod results;
 pub mod run;
 pub mod transport;
 pub mod trial;

@@ -1,6 +1,38 @@
-//! On what a run was made: machine and source tree.
+//! How data were made: command line, program, machine, source tree.
 
 use hand_model::child;
+
+use serde::{Deserialize, Serialize};
+
+/// How data were made.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Provenance {
+    /// The words of the command line; of a word that is no Unicode what can be shown.
+    pub command: Vec<String>,
+    /// The program's.
+    pub version: String,
+    pub machine: String,
+    /// See [`commit`].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub commit: Option<String>,
+}
+
+impl Provenance {
+    /// Of what this process makes.
+    pub fn now() -> Self {
+        Self {
+            command: std::env::args_os().map(|word| word.to_string_lossy().into_owned()).collect(),
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            machine: machine(),
+            commit: commit(),
+        }
+    }
+
+    /// The command as one line for a shell.
+    pub fn line(&self) -> String {
+        report::run::line(&self.command)
+    }
+}
 
 /// Processor, cores and system.
 pub fn machine() -> String {

@@ -1,41 +1,26 @@
 //! `ftac bench`: the multi-object benchmark, in parallel, journaled, resumable.
 
-use std::collections::BTreeMap;
+mod causes;
+
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
+use progress::eprintln;
 use report;
 use report::film::{self, Film};
-use scenarios::FailureCause;
-use scenarios::record::{AblatedTrial, Condition, TrialId, TrialRecord, write_ablated, write_trials};
-use scenarios::statistics::{RunInfo, Summary, summarise};
-use scenarios::tries::{TryRecord, write_tries};
+use scenarios::record::{Condition, TrialRecord};
+use scenarios::statistics::Summary;
 
 use crate::body::BodySource;
 use crate::body::operator::Interrupt;
-use crate::journal::{Entry, Journal, RunRequest, Unit};
-use crate::mirror::divergence::write_table;
+use crate::journal::{Entry, Journal, Record, RunRequest, Unit};
 use crate::mirror::watch;
-use crate::own::Pace;
 use crate::recording::{Began, Recording};
 use crate::trial::filming::{self, All, Filming};
-use crate::trial::profile::Activity;
 use crate::trial::{Bench, TrialResults, Watcher};
-use crate::{provenance, workers};
-
-/// Which trials are recorded.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Record {
-    None,
-    /// The first trial of every tenth combination.
-    Sample,
-    /// Of each condition the first trial for each cause of failure, played again after the run.
-    Causes,
-    /// Every trial.
-    All,
-}
+use crate::{results, workers};
 
 /// How to run.
 #[derive(Clone, Copy)]
@@ -51,6 +36,9 @@ pub struct Options<'a> {
     /// Where bodies come from that cannot be cloned, for a unit that is recorded or not; `None` for simulated ones.
     pub place: &'a (dyn Fn(bool) -> Result<Option<Box<dyn BodySource>>> + Sync),
 }
+
+/// The body whose trials are real.
+const HARDWARE: &str = "hardware";
 
 /// Units of a request, in order.
 pub fn units(request: &RunRequest) -> Vec<Unit> {
@@ -82,14 +70,22 @@ pub fn run_unit(
     options: &Options,
 ) -> Result<TrialResults> {
     // What is done with real devices cannot be done again.
-    let record = options.live || recorded(options.record, unit) || request.robot == "hardware";
-    let condition = match unit.trial {
-        Some(_) if request.policy.is_some() => Condition::Own,
-        Some(_) => Condition::Touch,
-        None => Condition::Ideal,
-    };
+    let record = options.live || recorded(options.record, unit) || request.robot == HARDWARE;
+    play_unit(bench, request, (unit, &name(unit)), folder, options, record)
+}
+
+/// Plays one unit; recorded under `name` if `record`.
+fn play_unit(
+    bench: &Bench,
+    request: &RunRequest,
+    (unit, name): (Unit, &str),
+    folder: &Path,
+    options: &Options,
+    record: bool,
+) -> Result<TrialResults> {
+    let condition = shown(request, unit);
     if let Some(place) = (options.place)(record)? {
-        return run_conditions(bench, request, unit, folder, options, (place, record));
+        return run_conditions(bench, request, (unit, name), folder, options, (place, record));
     }
     let play = |watcher: &mut dyn Watcher| match unit.trial {
         Some(trial) => bench.trial(unit.combination, trial, &request.noisy(), &request.ablations, watcher),
@@ -98,7 +94,7 @@ pub fn run_unit(
     if !record {
         return beside(bench, request, None, condition, play);
     }
-    recorded_as(&name(unit), folder, options.live, |targets| {
+    recorded_as(name, folder, options.live, |targets| {
         let mut recording =
             Recording::open(targets, bench, &request.task(unit, condition, false), (Began::Never, false))?;
         let mut filming = Filming::new(bench, condition, 4.0);
@@ -107,7 +103,7 @@ pub fn run_unit(
         });
         recording.finish()?;
         if unit.trial.is_some() && results.is_ok() {
-            strip(bench, unit, &filming.film, folder)?;
+            strip(bench, unit, &filming.film, &report::pictures::strip_file(folder, name, condition))?;
         }
         results
     })
@@ -127,19 +123,21 @@ fn beside(
     Ok(TrialResults { divergences: named.unwrap_or_default(), ..results? })
 }
 
-/// Stills of a recorded trial, beside its recording.
-fn strip(bench: &Bench, unit: Unit, film: &Film, folder: &Path) -> Result<()> {
+/// Stills of a recorded trial as `file`; none of a trial that ended before there was anything to see.
+fn strip(bench: &Bench, unit: Unit, film: &Film, file: &Path) -> Result<()> {
+    if film.frames.is_empty() {
+        return Ok(());
+    }
     let (count, size) = film::STILLS;
     let strip = filming::stage(bench, unit.combination)?.strip(film, count, size);
-    let file = folder.join("recordings").join(format!("{}{}", name(unit), report::pictures::STRIP));
-    report::picture::save(&strip, &file)
+    report::picture::save(&strip, file)
 }
 
 /// The conditions of a unit on bodies that cannot be cloned, each with a recording of its own if `record`.
 fn run_conditions(
     bench: &Bench,
     request: &RunRequest,
-    unit: Unit,
+    (unit, name): (Unit, &str),
     folder: &Path,
     options: &Options,
     (mut place, record): (Box<dyn BodySource>, bool),
@@ -152,7 +150,7 @@ fn run_conditions(
         let play = |watcher: &mut dyn Watcher| bench.play(&task, place.as_mut(), watcher).map(TrialResults::from);
         let one = match record {
             false => beside(bench, request, None, condition, play)?,
-            true => recorded_as(&format!("{}_{condition}", name(unit)), folder, options.live, |targets| {
+            true => recorded_as(&of_condition(name, condition), folder, options.live, |targets| {
                 let mut recording = Recording::open(targets, bench, &task, (began, false))?;
                 let one = beside(bench, request, Some(&mut recording), condition, play);
                 recording.finish()?;
@@ -166,10 +164,21 @@ fn run_conditions(
     Ok(results)
 }
 
+/// The condition that the recording of a unit shows: of those played the one that senses and decides most.
+fn shown(request: &RunRequest, unit: Unit) -> Condition {
+    let last = request.noisy().last().copied();
+    unit.trial.and(last).unwrap_or(Condition::Ideal)
+}
+
 /// How a unit's recording is called.
 fn name(unit: Unit) -> String {
     let trial = unit.trial.map_or("ideal".to_owned(), |trial| format!("trial_{trial}"));
     format!("combination_{:02}_{trial}", unit.combination)
+}
+
+/// The same of a recording that shows nothing but one condition of the unit.
+fn of_condition(name: &str, condition: Condition) -> String {
+    format!("{name}_{condition}")
 }
 
 /// Plays into a recording that has its name once it is whole, be it of a trial that was stopped.
@@ -213,7 +222,7 @@ pub fn run(bench: &Bench, request: &RunRequest, journal: Journal, folder: &Path,
     let bar = progress::resumed(all.len() as u64, resumed as u64, "units", options.quiet);
     let journal = Mutex::new(journal);
     // On hardware each trial ends in order by itself.
-    let interrupt = (request.robot != "hardware").then(Interrupt::catch).transpose()?;
+    let interrupt = (request.robot != HARDWARE).then(Interrupt::catch).transpose()?;
     let outcome = workers::for_each(options.jobs, &open, |_, unit| {
         if interrupt.as_ref().is_some_and(Interrupt::happened) {
             let finished = journal.lock().map_or(0, |journal| journal.done.len());
@@ -248,9 +257,9 @@ pub fn run(bench: &Bench, request: &RunRequest, journal: Journal, folder: &Path,
         eprintln!("time of all threads: {}", parts.join(", "));
     }
     if options.record == Record::Causes {
-        record_causes(bench, request, &journal.done, folder, options)?;
+        causes::record(bench, request, &journal.done, folder, options)?;
     }
-    finish(&journal.done, request, folder, wall_s, spent.as_deref())
+    results::finish(&journal.done, request, folder, wall_s, spent.as_deref())
 }
 
 /// Keeps what the journal could not take among the temporary files, and says where.
@@ -266,33 +275,6 @@ fn elsewhere(entry: &Entry, error: anyhow::Error) -> anyhow::Error {
         Ok(()) => error.context(format!("its result is in {}", file.display())),
         Err(_) => error.context(format!("its result is {text}")),
     }
-}
-
-/// Plays again, recorded, the first trial of each cause of failure under each condition.
-fn record_causes(
-    bench: &Bench,
-    request: &RunRequest,
-    done: &BTreeMap<Unit, Entry>,
-    folder: &Path,
-    options: &Options,
-) -> Result<()> {
-    let mut examples: BTreeMap<(Condition, FailureCause), Unit> = BTreeMap::new();
-    for (unit, record) in done.values().flat_map(|entry| entry.records.iter().map(|record| (entry.unit, record))) {
-        if let Some(cause) = record.cause {
-            examples.entry((record.condition, cause)).or_insert(unit);
-        }
-    }
-    let again = Options { record: Record::All, ..*options };
-    let request = RunRequest { ablations: Vec::new(), ..request.clone() };
-    for unit in examples.values().copied().collect::<std::collections::BTreeSet<_>>() {
-        run_unit(bench, &request, unit, folder, &again)?;
-    }
-    let lines = examples.iter().map(|((condition, cause), unit)| {
-        let trial = unit.trial.map_or("ideal".to_owned(), |trial| format!("trial_{trial}"));
-        format!("{condition},{cause},recordings/combination_{:02}_{trial}.rrd\n", unit.combination)
-    });
-    let table: String = std::iter::once("condition,cause,recording\n".to_owned()).chain(lines).collect();
-    report::write_whole(&folder.join("causes.csv"), table.as_bytes())
 }
 
 fn rates(journal: &Journal, begun: Instant, resumed: usize) -> String {
@@ -313,125 +295,4 @@ fn rates(journal: &Journal, begun: Instant, resumed: usize) -> String {
         share(Condition::Blind, |r| r.contact),
         share(Condition::Touch, |r| r.contact)
     )
-}
-
-/// Combinations and trials of the whole benchmark.
-const WHOLE: (usize, usize) = (60, 10);
-
-/// What makes a run another than the benchmark it seems to be.
-fn warnings(done: &BTreeMap<Unit, Entry>, request: &RunRequest) -> Vec<String> {
-    let mut warnings = Vec::new();
-    let all = units(request);
-    let missing = all.iter().filter(|unit| !done.contains_key(unit)).count();
-    if missing > 0 {
-        warnings.push(format!(
-            "{missing} of {} units of work are missing: the run was not finished, or a shard is left out",
-            all.len()
-        ));
-    }
-    if let (shard, of @ 2..) = request.shard {
-        warnings.push(format!("this is shard {shard} of {of}, not the whole run"));
-    }
-    let (combos, trials) = WHOLE;
-    if request.combos < combos || request.trials < trials {
-        warnings.push(format!(
-            "a part of the benchmark: {} of {combos} combinations, {} of {trials} trials each",
-            request.combos, request.trials
-        ));
-    }
-    if Condition::BUILT_IN.iter().any(|condition| !request.conditions.contains(condition)) {
-        let names: Vec<&str> = request.conditions.iter().map(|condition| condition.name()).collect();
-        warnings.push(format!("only these conditions were played: {}", names.join(", ")));
-    }
-    if request.noise_scale != 1.0 {
-        warnings.push(format!("all errors are scaled by {}", request.noise_scale));
-    }
-    if request.policy.as_ref().is_some_and(|policy| policy.pace == Pace::Wall) {
-        warnings
-            .push("time passed while the policy of one's own thought: its results depend on the computer".to_owned());
-    }
-    if !request.without.is_empty() {
-        let names: Vec<String> = request.without.iter().map(ToString::to_string).collect();
-        warnings.push(format!("effects of reality that are off: {}", names.join(", ")));
-    }
-    if request.uncertainty.is_some() {
-        warnings.push("the controller expects other errors than by default (--uncertainty)".to_owned());
-    }
-    if request.scenario != scenarios::scenario::BENCHMARK {
-        warnings.push("the scenario is not that of the benchmark".to_owned());
-    }
-    warnings.extend(request.left_out.iter().chain(&request.notes).cloned());
-    warnings
-}
-
-/// `spent` is where the time went, if that is known. Writes `trials.csv`, `tries.csv`, `ablations.csv` where
-/// there are any, `divergences.csv` where a mirror looked on, `summary.json` and `report.html`, each whole or not at all.
-pub fn finish(
-    done: &BTreeMap<Unit, Entry>,
-    request: &RunRequest,
-    folder: &Path,
-    wall_s: f64,
-    spent: Option<&[(Activity, f64)]>,
-) -> Result<Summary> {
-    let records: Vec<TrialRecord> = done.values().flat_map(|entry| entry.records.iter().cloned()).collect();
-    if records.is_empty() {
-        bail!("{}: no trial is finished", folder.display());
-    }
-    let ablated: Vec<AblatedTrial> = done.values().flat_map(|entry| entry.ablated.iter().cloned()).collect();
-    let decision_budget = request.scenario()?.effects.time.map(|time| time.decision);
-    let info = RunInfo { seed: request.seed, robot: request.robot.clone(), wall_s, decision_budget };
-    let summary = Summary {
-        left_out: request.left_out.clone(),
-        notes: request.notes.clone(),
-        ..summarise(&records, &ablated, &info)
-    };
-    let mut table = Vec::new();
-    write_trials(&records, &mut table)?;
-    report::write_whole(&folder.join("trials.csv"), &table)?;
-    let tries: Vec<TryRecord> = done.values().flat_map(|entry| entry.tries.iter().cloned()).collect();
-    let mut table = Vec::new();
-    write_tries(&tries, &mut table)?;
-    report::write_whole(&folder.join("tries.csv"), &table)?;
-    if request.mirrors {
-        let named = done.values().flat_map(|entry| entry.divergences.iter().map(move |named| (entry.unit, named)));
-        let rows = named.map(|(Unit { combination, trial }, named)| {
-            (TrialId { combination, trial: trial.unwrap_or(0), condition: named.condition }, &named.divergence)
-        });
-        report::write_whole(&folder.join("divergences.csv"), write_table(rows).as_bytes())?;
-    }
-    if !ablated.is_empty() {
-        let mut table = Vec::new();
-        write_ablated(&ablated, &mut table)?;
-        report::write_whole(&folder.join("ablations.csv"), &table)?;
-    }
-    report::write_whole(&folder.join("summary.json"), &serde_json::to_vec_pretty(&summary)?)?;
-    let mut run = serde_json::json!({
-        "command": std::env::args().collect::<Vec<_>>().join(" "),
-        "seed": request.seed,
-        "robot": request.robot,
-        "version": env!("CARGO_PKG_VERSION"),
-        "wall_s": summary.wall_s,
-    });
-    if let Some(own) = &request.policy {
-        let arguments: String = own.arguments.iter().map(|(name, value)| format!(" {name}={value}")).collect();
-        run["own"] = format!("{}:{}{arguments}, SHA-256 {}", own.file.display(), own.class, own.sha256).into();
-    }
-    run["warnings"] = warnings(done, request).into();
-    let noise = request.scenario()?.noise;
-    run["errors drawn (s.d.)"] = serde_json::json!({
-        "arm, position": format!("{:.1} mm", 1e3 * noise.execution.position_sigma),
-        "arm, rotation": format!("{:.3} rad", noise.execution.rotation_sigma),
-        "eyes, in the plane": format!("{:.1} mm", 1e3 * noise.perception.xy_sigma),
-        "eyes, vertically": format!("{:.1} mm", 1e3 * noise.perception.z_sigma),
-        "eyes, turn": format!("{:.3} rad", noise.perception.yaw_sigma),
-    });
-    run["machine"] = provenance::machine().into();
-    if let Some(commit) = provenance::commit() {
-        run["source tree"] = commit.into();
-    }
-    for (part, seconds) in spent.into_iter().flatten() {
-        run["threads' time on"][format!("{}_s", part.name())] = (*seconds).into();
-    }
-    report::write_report(folder, &summary, &records, &run)?;
-    Ok(summary)
 }

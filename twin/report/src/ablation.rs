@@ -6,6 +6,7 @@ use scenarios::Sensing;
 use scenarios::statistics::{Difference, Interval, Summary, combination_rates};
 use scenarios::{Condition, TrialRecord};
 
+use super::comparisons::with_interval;
 use super::html::{Column, Table, escape, number};
 use super::style;
 
@@ -40,6 +41,8 @@ fn rows(summary: &Summary, records: &[TrialRecord]) -> Vec<Row> {
     rows.extend(less);
     rows.push(Row { name: Sensing::ServosOnly.label(), class: "reflex", success: of(Condition::Reflex) });
     rows.push(Row { name: Sensing::Full.label(), class: "touch", success: of(Condition::Touch) });
+    // Of conditions that were not played there is no mean.
+    rows.retain(|row| row.success.value.is_some());
     rows
 }
 
@@ -81,14 +84,16 @@ pub fn figure(summary: &Summary, records: &[TrialRecord], alone: bool) -> String
             y + 4.5,
             escape(name)
         );
-        let (Some(mean), Some(low), Some(high)) = (success.value, success.low, success.high) else { continue };
+        let Some(mean) = success.value else { continue };
+        let bar = success.low.zip(success.high).map_or_else(String::new, |(low, high)| {
+            let (low, high) = (at(low), at(high));
+            format!("<line class=\"median\" x1=\"{low:.1}\" x2=\"{high:.1}\" y1=\"{y:.1}\" y2=\"{y:.1}\"/>")
+        });
         let _ = writeln!(
             svg,
-            "<g class=\"{class}\"><line class=\"median\" x1=\"{:.1}\" x2=\"{:.1}\" y1=\"{y:.1}\" y2=\"{y:.1}\"/>\
+            "<g class=\"{class}\">{bar}\
              <circle class=\"dot\" cx=\"{:.1}\" cy=\"{y:.1}\" r=\"6\"/></g>\
              <text class=\"soft\" x=\"{:.1}\" y=\"{:.1}\">{}</text>",
-            at(low),
-            at(high),
             at(mean),
             RIGHT + 14.0,
             y + 4.5,
@@ -115,10 +120,7 @@ pub fn section(summary: &Summary, records: &[TrialRecord]) -> String {
         "The same trials without some of its means; clean success is compared; intervals by bootstrap over combinations",
         &head,
     );
-    let with = |of: &Interval| {
-        let part = |value: Option<f64>| number(value.unwrap_or(f64::NAN), 3);
-        format!("{} [{}, {}]", part(of.value), part(of.low), part(of.high))
-    };
+    let with = |of: &Interval| with_interval(of, 3);
     for ablation in &summary.ablations {
         table.row(&[
             ablation.ablation.label().to_string(),

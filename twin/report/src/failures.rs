@@ -11,7 +11,7 @@ use super::html::{Column, Table, escape};
 
 /// The section; `folder` may hold recordings.
 pub fn section(summary: &Summary, records: &[TrialRecord], folder: &Path) -> String {
-    let listed: Vec<Condition> = summary.conditions.listed().collect();
+    let listed: Vec<Condition> = summary.conditions.played();
     let by_condition: Vec<_> = listed.iter().map(|condition| summary.conditions.of(*condition)).collect();
     let causes: BTreeSet<FailureCause> = by_condition.iter().flat_map(|one| one.failures.keys().copied()).collect();
     let mut head = vec![("cause", Column::Words)];

@@ -48,22 +48,32 @@ impl Rate {
 
 /// The figures of contact and of clean success.
 pub fn figures(summary: &Summary, records: &[TrialRecord]) -> [Figure; 2] {
-    let contact = figure(summary, records, Rate::Contact, (0, 1), &summary.t_test.contact);
-    let clean = figure(summary, records, Rate::CleanSuccess, (1, 3), &summary.t_test.clean_success);
+    let contact = (Condition::Ideal, Condition::Blind);
+    let contact = figure(summary, records, Rate::Contact, contact, &summary.t_test.contact);
+    let clean = (Condition::Blind, Condition::Touch);
+    let clean = figure(summary, records, Rate::CleanSuccess, clean, &summary.t_test.clean_success);
     [contact, clean]
 }
 
-fn figure(summary: &Summary, records: &[TrialRecord], rate: Rate, compared: (usize, usize), test: &TTest) -> Figure {
+fn figure(
+    summary: &Summary,
+    records: &[TrialRecord],
+    rate: Rate,
+    compared: (Condition, Condition),
+    test: &TTest,
+) -> Figure {
     let noun = match rate {
         Rate::Contact => "Contact rate",
         Rate::Success => "Success rate",
         Rate::CleanSuccess => "Clean success rate",
     };
-    let groups: Vec<Group> = summary
-        .conditions
-        .listed()
-        .map(|condition| group(condition, rate.over_all(summary.conditions.of(condition)), records, rate))
+    let played = summary.conditions.played();
+    let groups: Vec<Group> = played
+        .iter()
+        .map(|condition| group(*condition, rate.over_all(summary.conditions.of(*condition)), records, rate))
         .collect();
+    let column = |condition: Condition| played.iter().position(|one| *one == condition);
+    let columns_compared = column(compared.0).zip(column(compared.1));
     let columns: Vec<String> = groups
         .iter()
         .map(|group| match (group.mean_sd, group.quartiles) {
@@ -87,24 +97,17 @@ fn figure(summary: &Summary, records: &[TrialRecord], rate: Rate, compared: (usi
             columns.join("; ")
         ),
         groups,
-        bracket: outcome(test).map(|text| (compared.0, compared.1, text)),
+        bracket: outcome(test).zip(columns_compared).map(|(text, (one, other))| (one, other, text)),
     }
 }
 
 /// A test's outcome as papers print it; none where there was nothing to test.
 pub fn outcome(test: &TTest) -> Option<String> {
-    let p = match test.p? {
-        0.0 if test.t.is_none() => "→ 0".to_string(),
-        p => match probability(p) {
-            text if text.starts_with('<') => text,
-            text => format!("= {text}"),
-        },
+    let p = match probability(test.p?) {
+        text if text.starts_with('<') => text,
+        text => format!("= {text}"),
     };
-    // no spread at all: t has no value, but the test an outcome
-    Some(match test.t {
-        Some(t) => format!("t({}) = {}, p {p}", test.df, number(t, 1)),
-        None => format!("all {} pairs differ alike, p {p}", test.df + 1),
-    })
+    Some(format!("t({}) = {}, p {p}", test.df, number(test.t?, 1)))
 }
 
 fn group(condition: Condition, all: MeanSd, records: &[TrialRecord], rate: Rate) -> Group {
@@ -147,7 +150,10 @@ pub struct CombinationLine {
     pub switched: Option<f64>,
 }
 
-/// All combinations, worst first: by clean success with touch, then blind, then by contacts blind.
+/// Conditions whose clean success ranks combinations, the most telling first.
+pub const RANKED: [Condition; 4] = [Condition::Touch, Condition::Blind, Condition::Reflex, Condition::Own];
+
+/// All combinations, worst first: by clean success under the conditions of [`RANKED`], then by contacts blind and ideal.
 pub fn combination_lines(records: &[TrialRecord]) -> Vec<CombinationLine> {
     let mut lines: BTreeMap<usize, CombinationLine> = BTreeMap::new();
     for (index, condition) in Condition::ALL.into_iter().enumerate() {
@@ -172,13 +178,19 @@ pub fn combination_lines(records: &[TrialRecord]) -> Vec<CombinationLine> {
     for line in &mut lines {
         line.switched = touch.get(&line.combination).map(|(switched, trials)| *switched as f64 / *trials as f64);
     }
-    let rank = |line: &CombinationLine| {
-        let rate = |index: usize, rate: Rate| line.rates[index].as_ref().map_or(f64::INFINITY, |rates| rate.of(rates));
-        [rate(3, Rate::CleanSuccess), rate(1, Rate::CleanSuccess), -rate(1, Rate::Contact)]
+    let rank = |line: &CombinationLine| -> Vec<f64> {
+        let rate = |condition: Condition, rate: Rate| {
+            let at = Condition::ALL.iter().position(|one| *one == condition)?;
+            line.rates[at].as_ref().map(|rates| rate.of(rates))
+        };
+        let clean = RANKED.map(|condition| rate(condition, Rate::CleanSuccess).unwrap_or(f64::INFINITY));
+        let contact = [Condition::Blind, Condition::Ideal];
+        let contact = contact.map(|condition| -rate(condition, Rate::Contact).unwrap_or(0.0));
+        [&clean[..], &contact[..]].concat()
     };
     lines.sort_by(|a, b| {
-        let (a, b) = (rank(a), rank(b));
-        (0..3).map(|n| a[n].total_cmp(&b[n])).find(|order| order.is_ne()).unwrap_or(std::cmp::Ordering::Equal)
+        let mut order = rank(a).into_iter().zip(rank(b)).map(|(a, b)| a.total_cmp(&b));
+        order.find(|order| order.is_ne()).unwrap_or(std::cmp::Ordering::Equal)
     });
     lines
 }

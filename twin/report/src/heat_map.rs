@@ -53,7 +53,7 @@ fn map(lines: &[CombinationLine], index: usize, condition: Condition) -> String 
     );
     let middle = |n: usize| NAMES + CELL * (n as f64 + 0.5);
     for (name, row) in &rows {
-        let (y, name) = (middle(*row) + 3.5, escape(&name.replace('_', " ")));
+        let (y, name) = (middle(*row) + 3.5, escape(name));
         let _ = writeln!(
             svg,
             "<text class=\"soft\" text-anchor=\"end\" x=\"{:.1}\" y=\"{y:.1}\">{name}</text>",
@@ -61,7 +61,7 @@ fn map(lines: &[CombinationLine], index: usize, condition: Condition) -> String 
         );
     }
     for (name, column) in &columns {
-        let (x, name) = (middle(*column) + 3.5, escape(&name.replace('_', " ")));
+        let (x, name) = (middle(*column) + 3.5, escape(name));
         let turn = format!("translate({x:.1} {:.1}) rotate(-90)", NAMES - 5.0);
         let _ = writeln!(svg, "<text class=\"soft\" transform=\"{turn}\">{name}</text>");
     }

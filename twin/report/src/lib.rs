@@ -4,6 +4,7 @@
 //! hand, [`plot`] line plots; both are used by the checks too.
 
 mod ablation;
+mod comparisons;
 mod definitions;
 mod failures;
 pub mod figure;
@@ -19,11 +20,12 @@ pub mod picture;
 pub mod pictures;
 pub mod plot;
 mod prediction;
-mod run;
+pub mod run;
 pub mod study_pages;
 pub mod style;
 #[cfg(test)]
 mod tests;
+mod verdict;
 
 use std::path::Path;
 

@@ -3,13 +3,14 @@
 
 mod occlusion;
 
+use std::io::Cursor;
 use std::path::Path;
 
 use anyhow::{Context, Result};
 use font8x8::UnicodeFonts;
 use hand_model::pads::Pad;
 use hand_model::{Arm, Hand};
-use image::{Rgb, RgbImage};
+use image::{ImageFormat, Rgb, RgbImage};
 use nalgebra::{Isometry3, Point3, Vector3};
 use sim::stand::{HandStand, Prop};
 use stream::hand_mesh::{self, Material, Part};
@@ -364,7 +365,10 @@ pub fn tile(pictures: &[RgbImage], columns: usize) -> RgbImage {
 
 /// Writes a PNG.
 pub fn save(image: &RgbImage, path: &Path) -> Result<()> {
-    image.save(path).with_context(|| path.display().to_string())
+    let mut bytes = Cursor::new(Vec::new());
+    let format = ImageFormat::from_path(path).with_context(|| path.display().to_string())?;
+    image.write_to(&mut bytes, format).with_context(|| path.display().to_string())?;
+    crate::write_whole(path, bytes.get_ref())
 }
 
 #[cfg(test)]

@@ -7,16 +7,26 @@ use std::path::{Path, PathBuf};
 use anyhow::Result;
 use image::{ImageFormat, RgbImage};
 use nalgebra::{Isometry3, Point3, Vector3};
-use scenarios::TrialRecord;
 use scenarios::objects::{ObjectModel, ObjectSet};
+use scenarios::{Condition, TrialRecord};
 
 use super::html::{data_uri, escape};
 use crate::picture::{Picture, View};
 
 /// Size of an object's picture, pixels, and what it is wide, m.
 const OBJECT: (u32, f64) = (96, 0.16);
-/// How the file with the stills of a trial ends.
-pub const STRIP: &str = "_touch.png";
+/// The file with the stills of a trial in a result folder; `name` is that of the trial's recording.
+pub fn strip_file(folder: &Path, name: &str, condition: Condition) -> PathBuf {
+    let ending = ending(condition);
+    let named = ending.trim_end_matches(PNG);
+    folder.join("recordings").join(format!("{}{ending}", name.trim_end_matches(named)))
+}
+
+const PNG: &str = ".png";
+
+fn ending(condition: Condition) -> String {
+    format!("_{condition}{PNG}")
+}
 
 /// An object on its own, as it rests.
 pub fn object(model: &ObjectModel, size: u32, width: f64, caption: &str) -> RgbImage {
@@ -37,13 +47,13 @@ fn png(image: &RgbImage) -> Result<String> {
 /// The sections; an object that does not come with the program is named only.
 pub fn section(folder: &Path, records: &[TrialRecord]) -> Result<String> {
     let mut html = String::new();
-    if let Some(file) = strip(folder) {
-        let name = file.file_name().unwrap_or_default().to_string_lossy().replace(STRIP, "").replace('_', " ");
+    if let Some((file, condition)) = strip(folder) {
+        let name = file.file_name().unwrap_or_default().to_string_lossy().replace(&ending(condition), "");
         html += &format!(
-            "<h2 id=\"strip\">One trial</h2>\n<figure class=\"strip\"><img alt=\"stills of a trial\" src=\"{}\"><figcaption>{} with touch, \
+            "<h2 id=\"strip\">One trial</h2>\n<figure class=\"strip\"><img alt=\"stills of a trial\" src=\"{}\"><figcaption>{}, {condition}: \
              stills in order of time.</figcaption></figure>\n",
             data_uri("image/png", &std::fs::read(&file)?),
-            escape(&name)
+            escape(&name.replace('_', " "))
         );
     }
     let names: BTreeSet<&str> = records.iter().flat_map(|r| [r.first.as_str(), r.second.as_str()]).collect();
@@ -53,7 +63,7 @@ pub fn section(folder: &Path, records: &[TrialRecord]) -> Result<String> {
     let known = ObjectSet::standard();
     html += "<h2 id=\"objects\">Objects</h2>\n<div class=\"objects\">\n";
     for name in names {
-        let words = escape(&name.replace('_', " "));
+        let words = escape(name);
         match known.get(name) {
             Some(model) => {
                 let (size, width) = OBJECT;
@@ -68,9 +78,14 @@ pub fn section(folder: &Path, records: &[TrialRecord]) -> Result<String> {
     Ok(html + "</div>\n")
 }
 
-/// The stills of the first recorded trial with touch.
-fn strip(folder: &Path) -> Option<PathBuf> {
+/// The stills of the first recorded trial, and its condition: touch where there is one.
+fn strip(folder: &Path) -> Option<(PathBuf, Condition)> {
     let entries = std::fs::read_dir(folder.join("recordings")).ok()?;
-    let files = entries.filter_map(|entry| Some(entry.ok()?.path()));
-    files.filter(|file| file.file_name().is_some_and(|name| name.to_string_lossy().ends_with(STRIP))).min()
+    let files: Vec<PathBuf> = entries.filter_map(|entry| Some(entry.ok()?.path())).collect();
+    let preferred = [Condition::Touch, Condition::Own, Condition::Reflex, Condition::Blind];
+    preferred.into_iter().find_map(|condition| {
+        let its =
+            |file: &&PathBuf| file.file_name().is_some_and(|name| name.to_string_lossy().ends_with(&ending(condition)));
+        Some((files.iter().filter(its).min()?.clone(), condition))
+    })
 }

@@ -2,8 +2,8 @@
 
 use std::fmt::Write as _;
 
-use scenarios::TrialRecord;
 use scenarios::statistics::Prediction;
+use scenarios::{Condition, TrialRecord};
 
 use super::html::{escape, number};
 use super::style;
@@ -18,6 +18,9 @@ const PANELS: [f64; 2] = [64.0, 450.0];
 
 /// The section of the page; empty where there is nothing to show.
 pub fn section(records: &[TrialRecord]) -> String {
+    if !records.iter().any(|record| record.condition == Condition::Blind) {
+        return String::new();
+    }
     let heading = "<h2 id=\"risk\">What the predicted risk is worth</h2>\n";
     let Some(prediction) = Prediction::of_risk(records) else {
         return format!(
@@ -25,12 +28,16 @@ pub fn section(records: &[TrialRecord]) -> String {
              trials without one, in both of which the first object was felt in the hand.</p>\n"
         );
     };
-    let [area, low, high] = prediction.area.map(|value| number(value, 3));
+    let interval = match prediction.interval {
+        Some([low, high]) => format!(" [{}, {}] (95 %, Hanley and McNeil)", number(low, 3), number(high, 3)),
+        None => " (too few trials, or none that it confuses: no interval)".to_string(),
+    };
+    let area = number(prediction.area, 3);
     format!(
         "{heading}<div class=\"figures\"><figure>\n{}<figcaption>Risk of an unwanted contact if the plan is carried out, as \
          predicted from what is felt of the first object, in {} blind trials with that object in the hand. Left: share of trials \
-         with a contact that are above a threshold over the share of those without one; area {area} [{low}, {high}] (95 %, Hanley \
-         and McNeil). Right: observed contacts over predicted risk in groups of like risk, with Wilson 95 % intervals; on the \
+         with a contact that are above a threshold over the share of those without one; area {area}{interval}. \
+         Right: observed contacts over predicted risk in groups of like risk, with Wilson 95 % intervals; on the \
          diagonal predictions are true. Also as <a href=\"risk.svg\">risk.svg</a>.</figcaption></figure></div>\n",
         draw(&prediction, ""),
         prediction.scored.len(),
@@ -47,7 +54,7 @@ pub fn standalone(records: &[TrialRecord]) -> Option<String> {
 fn draw(prediction: &Prediction, style: &str) -> String {
     let description = format!(
         "ROC curve of the predicted risk, area {}; observed over predicted contact rate in {} groups",
-        number(prediction.area[0], 3),
+        number(prediction.area, 3),
         prediction.groups.len()
     );
     let mut svg = format!(

@@ -61,12 +61,14 @@ pub fn section(run: &Value) -> String {
 fn command_line(value: &Value) -> Option<String> {
     match value {
         Value::String(text) => Some(text.clone()),
-        Value::Array(words) => {
-            let words: Vec<String> = words.iter().map(|word| quoted(&plain(word))).collect();
-            (!words.is_empty()).then(|| words.join(" "))
-        }
+        Value::Array(words) if !words.is_empty() => Some(line(&words.iter().map(plain).collect::<Vec<_>>())),
         _ => None,
     }
+}
+
+/// Words as a line that a shell takes.
+pub fn line(words: &[String]) -> String {
+    words.iter().map(|word| quoted(word)).collect::<Vec<_>>().join(" ")
 }
 
 /// A word as a shell needs it.

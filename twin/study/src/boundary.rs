@@ -17,6 +17,9 @@ const TOLERANCE: f64 = 1e-3;
 /// Bootstrap resamples for the interval.
 const RESAMPLES: usize = 2000;
 
+/// Fewest objects of which an interval is given, as of samples in the benchmark.
+const FEWEST_OBJECTS: usize = 5;
+
 /// Errors of fitting a boundary.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum BoundaryError {
@@ -85,8 +88,8 @@ impl Boundary {
 pub struct HeldOut {
     /// Share of correct answers on objects that were left out of the fit.
     pub accuracy: f64,
-    /// 2.5 % and 97.5 % quantiles over resampled objects.
-    pub interval: [f64; 2],
+    /// 2.5 % and 97.5 % quantiles over resampled objects; none of fewer than five objects, or where all have the same share of correct answers.
+    pub interval: Option<[f64; 2]>,
     /// Mean of the two classes' accuracies, 0.5 for a constant answer.
     pub balanced: f64,
     /// Share of the larger class: the accuracy of always answering it.
@@ -128,10 +131,11 @@ pub fn held_out(points: &[Vec<f64>], power: &[bool], objects: &[&str], seed: u64
         .map(|_| share(&mut (0..found.len()).map(|_| &found[rng.random_range(0..found.len())])))
         .collect();
     resampled.sort_by(f64::total_cmp);
+    let [low, high] = [resampled[RESAMPLES / 40], resampled[RESAMPLES - 1 - RESAMPLES / 40]];
     let most = by_class[0][1].max(by_class[1][1]) as f64 / points.len().max(1) as f64;
     Ok(HeldOut {
         accuracy: share(&mut found.iter()),
-        interval: [resampled[RESAMPLES / 40], resampled[RESAMPLES - 1 - RESAMPLES / 40]],
+        interval: (found.len() >= FEWEST_OBJECTS && high > low).then_some([low, high]),
         balanced: by_class.iter().map(|[right, of]| *right as f64 / (*of).max(1) as f64).sum::<f64>() / 2.0,
         majority: most,
         objects: found,
@@ -181,7 +185,11 @@ mod tests {
         }
         let out = held_out(&points, &power, &objects, 1).expect("two classes");
         assert!(out.accuracy < 0.4, "{out:?}");
-        assert!(out.interval[0] <= out.accuracy && out.accuracy <= out.interval[1]);
+        let [low, high] = out.interval.expect("eight objects");
+        assert!(low <= out.accuracy && out.accuracy <= high);
+        let few: Vec<&str> = objects.iter().map(|name| if *name < "d" { *name } else { "d" }).collect();
+        let out = held_out(&points, &power, &few, 1).expect("two classes");
+        assert_eq!((out.objects.len(), out.interval), (4, None), "no interval comes out of four objects");
         assert_eq!(out.majority, 0.5);
         let (points, power) = ring(160, 4);
         let good = held_out(&points, &power, &objects, 1).expect("two classes");

@@ -166,15 +166,16 @@ impl GraspMaps {
         );
         for (name, fitted) in [("t-SNE map", &first.plane), ("six components", &first.components)] {
             let out = &fitted.held_out;
+            let interval = out
+                .interval
+                .map_or_else(String::new, |[low, high]| format!(" [{:.2}, {:.2}]", 100.0 * low, 100.0 * high));
             let _ = writeln!(
                 text,
-                "{name:15} training {:.2} % (paper 81.54 % on its map), balanced {:.2} %; objects left out {:.2} % [{:.2}, {:.2}], balanced {:.2} %; \
+                "{name:15} training {:.2} % (paper 81.54 % on its map), balanced {:.2} %; objects left out {:.2} %{interval}, balanced {:.2} %; \
                  the larger class alone {:.2} %; {} support vectors",
                 100.0 * fitted.training,
                 100.0 * fitted.training_balanced,
                 100.0 * out.accuracy,
-                100.0 * out.interval[0],
-                100.0 * out.interval[1],
                 100.0 * out.balanced,
                 100.0 * out.majority,
                 fitted.support_vectors

@@ -1,8 +1,10 @@
 //! Curves over axes and contrasts, with intervals.
 //!
 //! Trials of one pair of objects are alike, so pairs are what is drawn at random: a rate is the mean over pairs of each pair's share of trials, a
-//! contrast the mean over pairs of each pair's mean difference between trials that met the same errors. 95 % intervals are Student's over pairs.
+//! contrast the mean over pairs of each pair's mean difference between trials that met the same errors. 95 % intervals are Student's over pairs, cut
+//! to the possible range; there is none of fewer than [`FEWEST_SAMPLES`] pairs, or of pairs that are all alike.
 
+use scenarios::statistics::{FEWEST_SAMPLES, MeanSd, SPREAD_TOLERANCE};
 use statrs::distribution::{ContinuousCDF as _, StudentsT};
 
 use crate::outcomes::{Outcome, Outcomes, Place};
@@ -11,28 +13,28 @@ use crate::outcomes::{Outcome, Outcomes, Place};
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Estimate {
     pub value: f64,
-    /// None of a single pair of objects.
     pub low: Option<f64>,
     pub high: Option<f64>,
     /// Trials, or pairs of trials.
     pub n: usize,
 }
 
-/// Of each pair's sum and count; none without a trial.
-fn estimate(by_pair: impl Iterator<Item = (f64, usize)>) -> Option<Estimate> {
+/// Of each pair's sum and count, whose mean lies in `range`; none without a trial.
+fn estimate(by_pair: impl Iterator<Item = (f64, usize)>, range: [f64; 2]) -> Option<Estimate> {
     let (mut means, mut n) = (Vec::new(), 0);
     for (sum, count) in by_pair.filter(|(_, count)| *count > 0) {
         means.push(sum / count as f64);
         n += count;
     }
     let k = means.len() as f64;
-    let value = (n > 0).then(|| means.iter().sum::<f64>() / k)?;
-    let reach = (means.len() > 1).then(|| {
-        let variance = means.iter().map(|mean| (mean - value).powi(2)).sum::<f64>() / (k - 1.0);
-        StudentsT::new(0.0, 1.0, k - 1.0).ok().map(|students| students.inverse_cdf(0.975) * (variance / k).sqrt())
+    let all = MeanSd::of(&means);
+    let value = all.mean?;
+    let sd = all.sd.filter(|sd| means.len() >= FEWEST_SAMPLES && *sd > SPREAD_TOLERANCE);
+    let reach = sd.and_then(|sd| {
+        StudentsT::new(0.0, 1.0, k - 1.0).ok().map(|students| students.inverse_cdf(0.975) * sd / k.sqrt())
     });
-    let reach = reach.flatten();
-    Some(Estimate { value, low: reach.map(|reach| value - reach), high: reach.map(|reach| value + reach), n })
+    let [low, high] = [-1.0, 1.0].map(|side| reach.map(|reach| (value + side * reach).clamp(range[0], range[1])));
+    Some(Estimate { value, low, high, n })
 }
 
 /// Points that have a level of an axis; all without one.
@@ -44,7 +46,7 @@ fn points(outcomes: &Outcomes, of: Option<(usize, usize)>) -> Vec<usize> {
 /// The rate of an outcome of an arm, over all points or those with a level of an axis.
 pub fn rate(outcomes: &Outcomes, of: Option<(usize, usize)>, arm: usize, outcome: Outcome) -> Option<Estimate> {
     let points = points(outcomes, of);
-    let rate = estimate((0..outcomes.combos).map(|pair| {
+    let shares = (0..outcomes.combos).map(|pair| {
         let (mut hits, mut count) = (0_usize, 0);
         for point in &points {
             for place in outcomes.places(pair) {
@@ -55,9 +57,8 @@ pub fn rate(outcomes: &Outcomes, of: Option<(usize, usize)>, arm: usize, outcome
             }
         }
         (hits as f64, count)
-    }))?;
-    // A share stays one.
-    Some(Estimate { low: rate.low.map(|low| low.max(0.0)), high: rate.high.map(|high| high.min(1.0)), ..rate })
+    });
+    estimate(shares, [0.0, 1.0])
 }
 
 /// The difference between two trials of each of `points` and places.
@@ -66,7 +67,7 @@ fn contrast(
     points: &[usize],
     difference: impl Fn(usize, Place) -> Option<(bool, bool)>,
 ) -> Option<Estimate> {
-    estimate((0..outcomes.combos).map(|pair| {
+    let differences = (0..outcomes.combos).map(|pair| {
         let (mut sum, mut count) = (0_i64, 0);
         for point in points {
             for place in outcomes.places(pair) {
@@ -77,7 +78,8 @@ fn contrast(
             }
         }
         (sum as f64, count)
-    }))
+    });
+    estimate(differences, [-1.0, 1.0])
 }
 
 /// One arm less another, on the same trials.
@@ -125,16 +127,17 @@ mod tests {
     use crate::file::Sweep;
     use crate::plan::Plan;
 
-    fn outcomes() -> Outcomes {
-        let text = "version = 1\nname = \"t\"\ncombos = 2\ntrials = 2\n[axes]\npolicy = [\"blind\", \"touch\"]\n\
+    fn outcomes(pairs: usize) -> Outcomes {
+        let text = "version = 1\nname = \"t\"\ncombos = PAIRS\ntrials = 2\n[axes]\npolicy = [\"blind\", \"touch\"]\n\
                     seed = [1, 2]\nnoise_scale = [0.0, 1.0, 2.0]\nwithout = [\"\", \"eyes\"]\n";
-        let sweep = Sweep::parse(text, std::path::Path::new("s.toml")).expect("a sweep");
+        let sweep =
+            Sweep::parse(&text.replace("PAIRS", &pairs.to_string()), std::path::Path::new("s.toml")).expect("a sweep");
         Outcomes::new(&Plan::of(&sweep).expect("a plan"))
     }
 
     #[test]
     fn levels_are_found_again() {
-        let outcomes = outcomes();
+        let outcomes = outcomes(2);
         assert_eq!(outcomes.points(), 6);
         for point in 0..6 {
             assert_eq!((outcomes.level(point, 0), outcomes.level(point, 1)), (point / 2, point % 2));
@@ -142,30 +145,47 @@ mod tests {
         }
     }
 
-    /// By hand: pair 0 always succeeds with touch and never blind, pair 1 never with either; without noise both always.
-    #[test]
-    fn rates_and_contrasts_are_over_pairs() {
-        let mut outcomes = outcomes();
-        let places: Vec<Place> = (0..2).flat_map(|pair| outcomes.places(pair).collect::<Vec<_>>()).collect();
-        for point in 0..6 {
-            for &place in &places {
+    /// Plays everything: even pairs always succeed with touch and never blind, odd pairs never with either; without noise all do.
+    fn play(outcomes: &mut Outcomes) {
+        for pair in 0..outcomes.combos {
+            let places: Vec<Place> = outcomes.places(pair).collect();
+            for (point, place) in (0..6).flat_map(|point| places.iter().map(move |place| (point, *place))) {
                 for arm in 0..2 {
-                    let won = outcomes.level(point, 0) == 0 || (place[1] == 0 && arm == 1);
+                    let won = outcomes.level(point, 0) == 0 || (pair % 2 == 0 && arm == 1);
                     outcomes.set(point, place, arm, if won { &[Outcome::CleanSuccess] } else { &[] });
                 }
             }
         }
-        assert_eq!(outcomes.played(), 96);
+    }
+
+    #[test]
+    fn rates_and_contrasts_are_over_pairs() {
+        let mut outcomes = outcomes(6);
+        play(&mut outcomes);
+        assert_eq!(outcomes.played(), 288);
         let noisy = rate(&outcomes, Some((0, 1)), 1, Outcome::CleanSuccess).expect("played");
-        assert_eq!((noisy.value, noisy.n), (0.5, 16));
-        // Means 0 and 1: Student's t of one degree of freedom, 12.7 standard errors of 0.5, cut to a share.
+        assert_eq!((noisy.value, noisy.n), (0.5, 48));
+        // Means 0 and 1 in turn: Student's t of five degrees of freedom is 2.5706, the variance 0.3; cut to a share.
         assert_eq!((noisy.low, noisy.high), (Some(0.0), Some(1.0)));
         let gain = arms(&outcomes, None, (1, 0), Outcome::CleanSuccess).expect("played");
-        assert!((gain.value - 1.0 / 3.0).abs() < 1e-12 && gain.n == 48, "{gain:?}");
-        let reach = 12.706_204_736 * (2.0_f64 / 9.0 / 2.0).sqrt();
-        assert!((gain.high.expect("two pairs") - gain.value - reach).abs() < 1e-6, "{gain:?}");
-        let lost = levels(&outcomes, 0, (2, 0), 0, Outcome::CleanSuccess).expect("played");
-        assert_eq!((lost.value, lost.low, lost.n), (-1.0, Some(-1.0), 16));
-        assert_eq!(rate(&outcomes, None, 0, Outcome::Contact).map(|none| none.value), Some(0.0));
+        assert!((gain.value - 1.0 / 3.0).abs() < 1e-12 && gain.n == 144, "{gain:?}");
+        let reach = 2.570_581_8 * (0.3_f64 * 4.0 / 9.0 / 6.0).sqrt();
+        assert!((gain.high.expect("six pairs") - gain.value - reach).abs() < 1e-6, "{gain:?}");
+        let noise = levels(&outcomes, 0, (2, 0), 1, Outcome::CleanSuccess).expect("played");
+        assert_eq!((noise.value, noise.low, noise.high.map(|high| high < 0.1)), (-0.5, Some(-1.0), Some(true)));
+    }
+
+    /// Pairs that all differ alike, and four pairs however they differ, have a mean and no interval.
+    #[test]
+    fn no_interval_comes_out_of_nothing() {
+        let mut six = outcomes(6);
+        play(&mut six);
+        let lost = levels(&six, 0, (2, 0), 0, Outcome::CleanSuccess).expect("played");
+        assert_eq!((lost.value, lost.low, lost.high, lost.n), (-1.0, None, None, 48));
+        assert_eq!(rate(&six, None, 0, Outcome::Contact).map(|none| (none.value, none.high)), Some((0.0, None)));
+        let mut four = outcomes(4);
+        play(&mut four);
+        let gain = arms(&four, None, (1, 0), Outcome::CleanSuccess).expect("played");
+        assert_eq!((gain.low, gain.high), (None, None));
     }
 }

@@ -91,7 +91,8 @@ const ALL: &str = "all points";
 
 const METHOD: &str = "<h2>How these numbers are made</h2>\n<p>A rate is the mean over pairs of objects of each pair's share of trials; a contrast \
     is the mean over pairs of each pair's mean difference between trials that met the same errors (the same point but for what is compared, seed, \
-    pair and trial). Intervals are 95 % by Student's t over pairs of objects, because trials of one pair are alike. Many contrasts are shown: of \
+    pair and trial). Intervals are 95 % by Student's t over pairs of objects, because trials of one pair are alike; there is none of fewer than five pairs, or of pairs \
+    that are all alike. Many contrasts are shown: of \
     twenty without any effect one excludes 0 by chance.</p>\n";
 
 fn line(what: &str, estimate: &Estimate) -> String {

@@ -8,7 +8,7 @@ use std::path::Path;
 
 use anyhow::{Context as _, Result, bail};
 use bench::body::Places;
-use bench::journal::{RunRequest, Unit as TrialUnit};
+use bench::journal::{Record, RunRequest, Unit as TrialUnit};
 use bench::run;
 use hand_model::data::DataError;
 use hand_model::digest::sha256;
@@ -150,6 +150,9 @@ impl Plan {
             notes: Vec::new(),
             left_out: Vec::new(),
             places: Places::default(),
+            gpu: false,
+            record: Record::default(),
+            made: Vec::new(),
         };
         let mut plan = Self {
             version: columns::VERSION,

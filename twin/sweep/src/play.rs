@@ -8,11 +8,10 @@ use anyhow::{Context as _, Result, anyhow};
 use bench::body::BodySource;
 use bench::body::emulated::EmulatedSource;
 use bench::body::rounded::RoundedSource;
-use bench::builtin::make_bench;
-use bench::journal::RunRequest;
-use bench::run::{Options, Record, run_unit};
+use bench::builtin::{expect_errors, make_bench};
+use bench::journal::{Record, RunRequest};
+use bench::run::{Options, run_unit};
 use bench::trial::Bench;
-use control::policy::Uncertainty;
 
 use crate::columns;
 use crate::plan::{Plan, Unit};
@@ -62,9 +61,7 @@ impl Benches {
         let mut slot = slot.lock().map_err(|_| poisoned())?;
         if slot.is_none() {
             let mut bench = make_bench(request.scenario()?, request.combos, request.seed, self.quiet)?;
-            if let Some(text) = &request.uncertainty {
-                bench.uncertainty = Uncertainty::parse(text, Path::new("uncertainty"))?;
-            }
+            expect_errors(&mut bench, request.uncertainty.as_deref(), Path::new("uncertainty"), &request.robot)?;
             *slot = Some(Arc::new(bench));
         }
         slot.clone().context("a bench")

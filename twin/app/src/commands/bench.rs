@@ -1,20 +1,25 @@
 //! `ftac bench` and `ftac report`.
 
+mod merge;
+mod tell;
+
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
-use bench::builtin::{COMBINATIONS, hide_plant, make_identified, read_pads_by};
-use bench::journal::{Journal, RunRequest};
+use bench::builtin::{COMBINATIONS, expect_errors, hide_plant, make_identified, read_pads_by};
+use bench::journal::{Journal, Record as Recorded, RunRequest};
 use bench::own::{Own, Pace, Source};
-use bench::run::{self, Options, Record as Recorded};
+use bench::provenance::Provenance;
+use bench::run::{self, Options};
 use clap::{Args, ValueEnum};
 use control::policy::Uncertainty;
 use scenarios::Ablation;
 use scenarios::effects::Effect;
 use scenarios::record::Condition;
-use scenarios::statistics::Summary;
 
+pub use self::merge::report;
+use self::tell::{shortfall, tell};
 use super::body::{Body, PlaceArgs, check_body, source};
 use super::scenario::ScenarioArgs;
 use super::tactile_backend::TactileBackend;
@@ -63,12 +68,16 @@ pub struct BenchArgs {
     /// Result folder; default: the next free recordings/bench-N.
     #[arg(long)]
     pub out: Option<PathBuf>,
-    /// Which trials are recorded.
-    #[arg(long, value_enum, default_value_t = Record::Sample)]
-    pub record: Record,
-    /// Factor of all of the scenario's noise, for a curve of rates over noise.
+    /// Which trials are recorded; default: sample, or as the run was begun that is resumed.
+    #[arg(long, value_enum)]
+    pub record: Option<Record>,
+    /// Factor of the errors that are drawn for arm and eyes, for a curve of rates over noise. Effects stay: pads, gel, cables, objects that differ
+    /// from their models, eyes that are late and take one way to lie for another; see --without and --no-errors.
     #[arg(long, default_value_t = 1.0)]
     pub noise_scale: f64,
+    /// No errors and no effects at all, as --noise-scale 0 --without all; the controller expects none either.
+    #[arg(long, conflicts_with_all = ["noise_scale", "without", "resume"])]
+    pub no_errors: bool,
     /// Switch off effects of the scenario: pads, gel, cables, eyes, arm, objects, floor, time, or all.
     #[arg(long, value_delimiter = ',', value_name = "EFFECTS")]
     pub without: Vec<String>,
@@ -108,7 +117,7 @@ pub struct BenchArgs {
         conflicts_with_all = [
             "combos", "trials", "seed", "conditions", "robot", "scenario", "shard", "out", "noise_scale", "without",
             "uncertainty", "ablations", "policy_arg", "policy_timeout", "policy_time", "registration", "mount", "individual", "plant",
-            "foresee", "mirror", "pads",
+            "foresee", "mirror", "pads", "tactile",
         ]
     )]
     pub resume: Option<PathBuf>,
@@ -161,12 +170,11 @@ fn request(terminal: &Terminal, args: &BenchArgs) -> Result<(RunRequest, PathBuf
     if !(0.0..=10.0).contains(&args.noise_scale) {
         bail!("--noise-scale: found {}, expected 0 to 10", args.noise_scale);
     }
-    if args.noise_scale != 1.0 && args.robot != Body::Sim {
-        bail!(
-            "--noise-scale: found {} with --robot {}, expected it with the simulated robot",
-            args.noise_scale,
-            args.robot.name()
-        );
+    let noise_scale = if args.no_errors { 0.0 } else { args.noise_scale };
+    if noise_scale != 1.0 && args.robot != Body::Sim {
+        let option =
+            if args.no_errors { "--no-errors:".to_owned() } else { format!("--noise-scale: found {noise_scale}") };
+        bail!("{option} with --robot {}, expected it with the simulated robot", args.robot.name());
     }
     if let Some(folder) = &args.resume {
         let request = Journal::read(folder).context("--resume")?.1;
@@ -187,10 +195,10 @@ fn request(terminal: &Terminal, args: &BenchArgs) -> Result<(RunRequest, PathBuf
         shard: parse_shard(&args.shard)?,
         conditions: conditions(&args.conditions, args.policy.is_some())?,
         ablations: ablations(args)?,
-        without: without(&args.without)?,
+        without: if args.no_errors { Effect::ALL.to_vec() } else { without(&args.without)? },
         uncertainty: uncertainty(args.uncertainty.as_deref())?,
         policy: policy(args)?,
-        noise_scale: args.noise_scale,
+        noise_scale,
         scenario: text,
         places: args.places.places(args.robot)?,
         individual: super::individual::text(args.individual.as_deref())?.0,
@@ -201,6 +209,9 @@ fn request(terminal: &Terminal, args: &BenchArgs) -> Result<(RunRequest, PathBuf
         // Known once the scenario's own objects have been tried.
         notes: Vec::new(),
         left_out: Vec::new(),
+        gpu: args.tactile == TactileBackend::Gpu,
+        record: args.record.map_or_else(Recorded::default, Recorded::from),
+        made: vec![Provenance::now()],
     };
     Ok((request, args.out.clone().unwrap_or_else(next_free_folder)))
 }
@@ -245,13 +256,12 @@ pub fn benchmark(terminal: &Terminal, args: &BenchArgs) -> Outcome {
     if let Some(number) = request.plant {
         hide_plant(&mut bench, number);
     }
-    bench.board = args.tactile.board(bench.board);
+    let tactile = if request.gpu { TactileBackend::Gpu } else { TactileBackend::Cpu };
+    bench.board = tactile.board(bench.board);
     bench.foresee(request.foresees);
     // What stopped a robot that is none is gone with the trial; a real one waits for an operator.
     bench.outlasts_faults = robot != Body::Hardware && request.policy.is_none();
-    if let Some(text) = &request.uncertainty {
-        bench.uncertainty = Uncertainty::parse(text, Path::new("--uncertainty"))?;
-    }
+    expect_errors(&mut bench, request.uncertainty.as_deref(), Path::new("--uncertainty"), &request.robot)?;
     if let Some(source) = &request.policy {
         source.check()?;
         bench.own = Some(Own::start(source.clone())?);
@@ -266,7 +276,8 @@ pub fn benchmark(terminal: &Terminal, args: &BenchArgs) -> Outcome {
         Some(folder) => Journal::resume(folder)?.0,
         None => Journal::create(&folder, &request)?,
     };
-    let options = Options { jobs, record: args.record.into(), quiet, live: args.live, place: &place };
+    let record = args.record.map_or(request.record, Recorded::from);
+    let options = Options { jobs, record, quiet, live: args.live, place: &place };
     let summary = run::run(&bench, &request, journal, &folder, &options)?;
     tell(terminal, &summary, &folder)?;
     let fewer = (args.combos.is_some() && request.combos < asked)
@@ -354,122 +365,4 @@ fn parse_shard(text: &str) -> Result<(usize, usize)> {
         Some((i, n)) if (1..=n).contains(&i) => Ok((i, n)),
         _ => bail!("--shard: found `{text}`, expected i/n with 1 <= i <= n, such as 1/2"),
     }
-}
-
-fn shortfall(summary: &Summary) -> Option<String> {
-    if !summary.left_out.is_empty() {
-        return Some(summary.left_out.join("; "));
-    }
-    let ideal = summary.conditions.ideal.contact_rate.mean.unwrap_or(0.0);
-    let clean = |condition: Condition| summary.conditions.of(condition).clean_success_rate.mean;
-    if ideal > 0.0 {
-        return Some(format!("{:.1} % of the ideal runs had an unwanted contact, expected none", 100.0 * ideal));
-    }
-    [Condition::Blind, Condition::Reflex].into_iter().find_map(|rival| match (clean(rival), clean(Condition::Touch)) {
-        (Some(rate), Some(touch)) if touch < rate => {
-            Some(format!("touch succeeded cleanly less often ({touch:.3}) than {rival} ({rate:.3})"))
-        }
-        _ => None,
-    })
-}
-
-/// `ftac report`: a run once more, or the shards of one put together.
-pub fn report(terminal: &Terminal, folders: &[PathBuf], out: Option<&Path>) -> Outcome {
-    let (mut journal, mut request) = Journal::read(&folders[0])?;
-    for folder in &folders[1..] {
-        let (other, its) = Journal::read(folder)?;
-        let asked = |of: &RunRequest| (of.combos, of.trials, of.seed, of.conditions.clone(), of.scenario.clone());
-        if asked(&its) != asked(&request) || its.policy != request.policy {
-            bail!(
-                "{}: its combos, trials, seed, conditions, policy or scenario differ from those of {}; only shards of one run can be merged",
-                folder.display(),
-                folders[0].display()
-            );
-        }
-        journal.extend(other);
-    }
-    request.shard = (1, 1);
-    let target = match (out, folders) {
-        (Some(out), _) => out,
-        (None, [only]) => only,
-        _ => bail!("--out: several folders need a folder for the merged result"),
-    };
-    std::fs::create_dir_all(target).with_context(|| target.display().to_string())?;
-    let wall: f64 = journal.values().map(|entry| entry.wall_s).sum();
-    let summary = run::finish(&journal, &request, target, wall, None)?;
-    tell(terminal, &summary, target)?;
-    Ok(None)
-}
-
-/// Whether there is a recording to look at.
-fn recorded(folder: &Path) -> bool {
-    std::fs::read_dir(folder.join("recordings")).is_ok_and(|mut recordings| recordings.next().is_some())
-}
-
-fn tell(terminal: &Terminal, summary: &Summary, folder: &Path) -> Result<()> {
-    if terminal.json {
-        println!("{}", serde_json::to_string(summary)?);
-        return Ok(());
-    }
-    let number = |value: Option<f64>, digits: usize| value.map_or("-".to_owned(), |value| format!("{value:.digits$}"));
-    println!(
-        "{:8} {:>6} {:>17} {:>17} {:>17} {:>9}",
-        "", "trials", "contact M (SD)", "success M (SD)", "clean M (SD)", "time (s)"
-    );
-    for condition in summary.conditions.listed() {
-        let c = summary.conditions.of(condition);
-        let pair = |m: &scenarios::statistics::MeanSd| format!("{} ({})", number(m.mean, 3), number(m.sd, 3));
-        println!(
-            "{:8} {:>6} {:>17} {:>17} {:>17} {:>9}",
-            condition.name(),
-            c.trials,
-            pair(&c.contact_rate),
-            pair(&c.success_rate),
-            pair(&c.clean_success_rate),
-            number(c.trial_s.mean, 1)
-        );
-    }
-    for (name, t) in [
-        ("contact: blind over ideal", &summary.t_test.contact),
-        ("success: touch over blind", &summary.t_test.success),
-        ("clean success: touch over blind", &summary.t_test.clean_success),
-        ("clean success: touch over reflex", &summary.t_test.touch_over_reflex),
-    ] {
-        println!("{name:32} t({}) = {}, p = {}", t.df, number(t.t, 2), t.p.map_or("-".into(), |p| format!("{p:.2e}")));
-    }
-    for ablation in &summary.ablations {
-        println!(
-            "{:34} success {} [{}, {}], {:+.3} against the whole hand",
-            ablation.ablation.label(),
-            number(ablation.success.value, 3),
-            number(ablation.success.low, 3),
-            number(ablation.success.high, 3),
-            ablation.against_full.value.unwrap_or(f64::NAN)
-        );
-    }
-    let over = summary.decision_ms.over_budget.filter(|over| *over > 0);
-    println!(
-        "decision {} ms p50, {} ms p99{}",
-        number(summary.decision_ms.p50, 1),
-        number(summary.decision_ms.p99, 1),
-        over.map_or(String::new(), |over| format!("; in {over} trials longer than the scenario gives it")),
-    );
-    println!(
-        "pose error {} mm median, {} mm p95; {} deg median, {} deg p95",
-        number(summary.pose_error.mm.median, 2),
-        number(summary.pose_error.mm.p95, 2),
-        number(summary.pose_error.deg.median, 1),
-        number(summary.pose_error.deg.p95, 1)
-    );
-    println!(
-        "wall time {:.0} s, real-time factor {}",
-        summary.wall_s,
-        number(Some(summary.real_time_factor.unwrap_or(f64::NAN)), 1)
-    );
-    println!(
-        "results in {}: report.html, summary.json, trials.csv, tries.csv{}",
-        folder.display(),
-        if recorded(folder) { format!("; see a trial with `ftac view {}`", folder.display()) } else { String::new() }
-    );
-    Ok(())
 }

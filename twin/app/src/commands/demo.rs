@@ -99,7 +99,7 @@ fn write(stage: &Stage, films: &[Film], args: &DemoArgs, (seed, names): (u64, [&
     let mut hand = report::picture::Picture::new(420, view);
     hand.hand_with(stage.hand, &vec![0.25; stage.hand.tree.len()], report::picture::configuration_color);
     report::picture::save(&hand.finish(""), &args.out.join("hand.png"))?;
-    let [first, second] = names.map(|name| name.replace('_', " "));
+    let [first, second] = names;
     let about = format!(
         "<p>The hand takes the {first} with ring and little finger, keeps it, and takes the {second} with thumb, index and middle \
          finger. Arm and eyes err by some millimetres, alike in both films. <b>Blind</b> carries out the plan. <b>Touch</b> comes \

@@ -5,17 +5,60 @@ use std::path::Path;
 use anyhow::{Context as _, Result, bail};
 use bench::body::replayed::{ReplaySource, check};
 use bench::body::{LookFailed, Stopped, Task};
-use bench::builtin::{make_identified, read_pads_by};
+use bench::builtin::{expect_errors, make_identified, read_pads_by};
 use bench::trial::{Bench, NoWatcher};
 use scenarios::Scenario;
 use scenarios::record::{Condition, TrialRecord};
+use serde_json::{Value, json};
 use session_log::comparison::compare;
 use session_log::{Reader, Replay};
 
+use super::sessions::sessions_in;
 use crate::terminal::Terminal;
 
-/// The command.
-pub fn command(terminal: &Terminal, recording: &Path) -> Result<Option<String>> {
+/// The command: one session, or all of a folder.
+pub fn command(terminal: &Terminal, path: &Path) -> Result<Option<String>> {
+    if !path.is_dir() {
+        let (json, shortfall) = one(terminal, path)?;
+        if terminal.json {
+            println!("{json}");
+        }
+        return Ok(shortfall);
+    }
+    // A benchmark's sessions lie in a folder of their own within its results.
+    let inside = path.join("sessions");
+    let folder = if inside.is_dir() { inside } else { path.to_owned() };
+    let sessions = sessions_in(&folder)?;
+    if sessions.is_empty() {
+        bail!(
+            "{}: found no session (MCAP), expected one from `ftac trial --session`, or of `ftac bench --robot emulated --record all`",
+            folder.display()
+        );
+    }
+    let (mut rows, mut short) = (Vec::new(), Vec::new());
+    for session in &sessions {
+        if !terminal.json {
+            println!("{}", session.display());
+        }
+        // One that cannot be replayed does not keep the others from it.
+        let (row, shortfall) = one(terminal, session).unwrap_or_else(|error| {
+            let words = crate::words(&error);
+            eprintln!("{words}");
+            (json!({ "error": words }), Some(words))
+        });
+        rows.push(json!({ "session": session, "replayed": row, "shortfall": shortfall }));
+        short.extend(shortfall.map(|why| format!("{}: {why}", session.display())));
+    }
+    if terminal.json {
+        println!("{}", json!({ "sessions": rows }));
+    }
+    let first =
+        short.first().map(|first| format!("{} of {} sessions; the first: {first}", short.len(), sessions.len()));
+    Ok(first)
+}
+
+/// One session: what `--json` tells of it, and in which respect it falls short.
+fn one(terminal: &Terminal, recording: &Path) -> Result<(Value, Option<String>)> {
     let other = other_program(recording)?;
     let named = |error: anyhow::Error| match &other {
         Some(other) => error.context(other.clone()),
@@ -44,6 +87,7 @@ pub fn bench_of(terminal: &Terminal, task: &Task, scenario: Scenario, recording:
     task.places.set_up(&mut bench.world)?;
     read_pads_by(&mut bench, task.pads.as_deref(), recording)?;
     bench.foresee(task.foresees);
+    expect_errors(&mut bench, None, recording, &task.robot)?;
     if task.combination >= bench.plans.plans.len() {
         bail!(
             "{}: combination: found {}, expected 0 to {}",
@@ -62,7 +106,7 @@ pub fn against(terminal: &Terminal, recording: &Path, other: &Path) -> Result<Op
     if terminal.json {
         println!(
             "{}",
-            serde_json::json!({
+            json!({
                 "identical_ticks": compared.ticks, "identical_values": compared.values,
                 "identical_images": compared.images, "difference": difference,
             })
@@ -82,7 +126,7 @@ pub fn task(path: &Path) -> Result<(Task, Scenario)> {
 }
 
 /// Runs it; the shortfall is where it left the recording.
-fn run(terminal: &Terminal, bench: &Bench, task: &Task, path: &Path) -> Result<Option<String>> {
+fn run(terminal: &Terminal, bench: &Bench, task: &Task, path: &Path) -> Result<(Value, Option<String>)> {
     let (outcome, whole) = outcome(path)?;
     let (mut source, report) = ReplaySource::new(Replay::new(Reader::open(path)?)?, task.robot == "hardware");
     let played = bench.play(task, &mut source, &mut NoWatcher);
@@ -101,16 +145,12 @@ fn run(terminal: &Terminal, bench: &Bench, task: &Task, path: &Path) -> Result<O
         (Some(played), Some(recorded)) => Some(decided(played) == decided(recorded)),
         _ => None,
     };
-    if terminal.json {
-        println!(
-            "{}",
-            serde_json::json!({
-                "robot": task.robot, "combination": task.combination, "trial": task.trial, "condition": task.condition,
-                "ticks": progress.ticks, "identical_commands": progress.commands, "whole": whole,
-                "divergence": divergence.as_ref().map(ToString::to_string), "same_decisions": same, "failed_look": failed,
-            })
-        );
-    } else {
+    let told = json!({
+        "robot": task.robot, "combination": task.combination, "trial": task.trial, "condition": task.condition,
+        "ticks": progress.ticks, "identical_commands": progress.commands, "whole": whole,
+        "divergence": divergence.as_ref().map(ToString::to_string), "same_decisions": same, "failed_look": failed,
+    });
+    if !terminal.json {
         println!("{} trial {} of combination {}, {}", task.robot, task.trial, task.combination, task.condition);
         println!("{} ticks, {} commands identical bit by bit", progress.ticks, progress.commands);
         match (&outcome, same) {
@@ -128,14 +168,15 @@ fn run(terminal: &Terminal, bench: &Bench, task: &Task, path: &Path) -> Result<O
         }
     }
     let other = other_program(path)?.map_or(String::new(), |other| format!(" ({other})"));
-    Ok(match (divergence, same) {
+    let shortfall = match (divergence, same) {
         (Some(divergence), _) => Some(format!("{divergence}{other}")),
         (None, _) if progress.commands == 0 && failed.is_none() => {
             Some("the recording ends before its first command: nothing was compared".to_owned())
         }
         (None, Some(false)) => Some(format!("the decisions differ from the recorded ones{other}")),
         _ => None,
-    })
+    };
+    Ok((told, shortfall))
 }
 
 /// Whose session it is, if it is another program's: what differs may be the program's doing.

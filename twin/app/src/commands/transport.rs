@@ -15,6 +15,7 @@ use proving::world::World;
 use rayon::prelude::*;
 use scenarios::Scenario;
 use scenarios::effects::Effects;
+use scenarios::statistics::FEWEST_SAMPLES;
 use scenarios::transport::Transport;
 use serde_json::json;
 use sim::tactile::TactileBoard;
@@ -221,8 +222,10 @@ fn carry(terminal: &Terminal, args: &TransportArgs, site: &Site) -> Outcome {
         print(terminal, site, &rows, &records);
     }
     let carried = |policy| rows.iter().find(|row| row.policy == policy).map(|row| row.objects_per_trip);
+    // Of few transports policies are not compared.
+    let enough = args.trials >= FEWEST_SAMPLES;
     Ok(match (carried(Policy::Touch), carried(Policy::OneByOne)) {
-        (Some(touch), Some(single)) if touch <= single => {
+        (Some(touch), Some(single)) if enough && touch <= single => {
             Some(format!("{touch:.2} objects a trip together, {single:.2} one by one"))
         }
         _ => None,

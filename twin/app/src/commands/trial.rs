@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use bench::body::Task;
-use bench::builtin::{COMBINATIONS, make_identified, read_pads_by};
+use bench::builtin::{COMBINATIONS, expect_errors, make_identified, read_pads_by};
 use bench::mirror::divergence::Divergence;
 use bench::mirror::watch::beside;
 use bench::recording::Recording;
@@ -121,6 +121,7 @@ pub fn trial(terminal: &Terminal, args: &TrialArgs) -> Outcome {
     super::individual::say_whose_pads(args.robot, &[args.policy.condition()], pads.as_deref());
     bench.board = args.tactile.board(bench.board);
     bench.foresee(args.foresee);
+    expect_errors(&mut bench, None, Path::new("uncertainty"), args.robot.name())?;
     let condition = args.policy.condition();
     let mut place = source(&bench.world, args.robot, (args.config.as_deref(), &args.places), args.session.clone())?;
     let task = Task {

@@ -18,6 +18,9 @@ pub struct Uncertainty {
 }
 
 impl Uncertainty {
+    /// That of a robot and eyes that have been measured to be exact: a tenth of a millimetre is as much as anybody can say.
+    pub const EXACT: Self = Self { arm: 1e-4, eyes: 1e-4, eyes_lasting: 0.5 };
+
     /// That of the robot that comes with the program, `control/data/uncertainty.toml`.
     ///
     /// # Panics

@@ -122,11 +122,14 @@ fn boundary(found: &Value, lines: &mut Vec<Line>) {
         [("the same, objects left out, on the map", "map"), ("the same, on six components", "components")]
     {
         let out = &first[space]["held_out"];
-        let interval = &out["interval"];
+        let interval = match out["interval"].as_array().map(Vec::as_slice) {
+            Some([low, high]) => format!(" [{}, {}]", percent(low), percent(high)),
+            _ => String::new(),
+        };
         lines.push(Line {
             what,
             theirs: UNKNOWN,
-            ours: format!("{} [{}, {}]", percent(&out["accuracy"]), percent(&interval[0]), percent(&interval[1])),
+            ours: format!("{}{interval}", percent(&out["accuracy"])),
             difference: "-".into(),
             why: format!(
                 "stricter than the paper's figure; mean over both classes {}, the larger class alone {}",

@@ -59,7 +59,7 @@ pub fn write(folder: &Path, (hand, objects): (&Hand, &[Arc<ObjectModel>]), found
     let title = format!("{} basins of {} grasps", basins.len(), found.minima.len());
     let drawing = tree::svg(found.tree, &leaves, &title);
     write_whole(&folder.join("landscape.svg"), drawing.as_bytes())?;
-    growth(&found.growth()).save(folder.join("growth.png"))?;
+    crate::picture::save(&growth(&found.growth()), &folder.join("growth.png"))?;
     let mut largest: Vec<usize> = (0..leaves.len()).collect();
     largest.sort_by_key(|n| (std::cmp::Reverse(leaves[*n].members), *n));
     largest.truncate(LARGEST);

@@ -11,6 +11,7 @@ use identification::trace::Kept;
 use identification::{Script, identify};
 use rayon::prelude::*;
 use scenarios::individuals::robot::RobotIndividual;
+use scenarios::statistics::FEWEST_SAMPLES;
 use serde::Serialize;
 
 use super::Drawing;
@@ -117,6 +118,11 @@ pub fn run(terminal: &Terminal, args: &EvaluateArgs) -> Outcome {
         "",
         format!("{:.2} -> {:.2}", 1e3 * reach[0], 1e3 * reach[1])
     );
+    if rows.len() < FEWEST_SAMPLES {
+        let of = rows.len();
+        text +=
+            &format!("no verdict on the shares in their intervals: {of} of at least {FEWEST_SAMPLES} individuals\n");
+    }
     let json = serde_json::json!({
         "seed": terminal.seed,
         "individuals": rows,
@@ -126,7 +132,9 @@ pub fn run(terminal: &Terminal, args: &EvaluateArgs) -> Outcome {
         "reach_m": reach,
     });
     terminal.print(&json, &text)?;
-    let covered = (COVERAGE[0]..=COVERAGE[1]).contains(&identified.share());
+    // The parameters of one robot hang together: a share over few robots shows nothing.
+    let few = rows.len() < FEWEST_SAMPLES;
+    let covered = few || (COVERAGE[0]..=COVERAGE[1]).contains(&identified.share());
     let stopped = |row: &Row| row.stopped.as_ref().map(|why| format!("individual {}: {why}", row.individual));
     let mut short: Vec<String> = rows.iter().filter_map(stopped).collect();
     if !covered {

@@ -19,11 +19,12 @@ use crate::strategy::{Held, clearest};
 /// Standard deviation of how an object is turned, rad.
 const TURNED: f64 = 0.08;
 
-/// Whether objects are touched before they are grasped: there is a pad for it.
-pub(super) fn explores(knowledge: &Knowledge, senses: &Senses) -> bool {
+/// Whether an object is touched before it is grasped: there is a pad for it, and it leaves less doubt about where the object is than `sigma`
+/// (m, each axis), which the controller expects without.
+pub(super) fn explores(knowledge: &Knowledge, senses: &Senses, sigma: f64) -> bool {
     let hand = &knowledge.cell.hand;
     let touches = |pad: usize| palpation::is_touching(hand, pad) && senses.uses(hand, pad);
-    knowledge.explores && (0..hand.pads.len()).any(touches)
+    knowledge.explores && sigma > palpation::LEFT_OVER && (0..hand.pads.len()).any(touches)
 }
 
 impl Touch<'_> {
@@ -42,7 +43,7 @@ impl Touch<'_> {
 
     /// How an object would be touched; `None` if there is nothing to touch it with, or the arm does not get there.
     fn exploration(&self, object: usize, executive: &Executive) -> Result<Option<Touching>, PolicyError> {
-        if !explores(&self.knowledge, &self.senses) {
+        if !explores(&self.knowledge, &self.senses, self.expected_error(object)) {
             return Ok(None);
         }
         let hand = executive.hand();
@@ -56,6 +57,11 @@ impl Touch<'_> {
         Ok(clearest(hand, &held, (&self.solids[object], seen), ways)?)
     }
 
+    /// Standard deviation of where the hand goes beside an object that only the eyes have found, each axis, m.
+    fn expected_error(&self, object: usize) -> f64 {
+        self.uncertainty(object).target(if object == 0 { 1 } else { self.looks })
+    }
+
     /// Where an object is in the hand that has just touched it.
     pub(super) fn perceive_touch(
         &mut self,
@@ -66,7 +72,7 @@ impl Touch<'_> {
         let (_, seen) = [executive.first(), executive.second()][object];
         let prior = PosePrior {
             palm_from_object: executive.palm().inverse() * seen.pose(),
-            sigma_translation: self.uncertainty(object).target(if object == 0 { 1 } else { self.looks }),
+            sigma_translation: self.expected_error(object),
             sigma_rotation: TURNED,
         };
         let held = self.felt.as_ref().map_or(expected.palm_from_object, |felt| felt.estimate.palm_from_object);

@@ -22,8 +22,9 @@ use crate::worth::{self, Candidate, SWITCH_GAIN};
 /// Grasps of the first object, the planned one first, worth what they and the best second grasp after them promise.
 pub(in crate::policy) fn candidates(knowledge: &Knowledge, senses: &Senses, planned: &Grasp) -> Vec<Candidate> {
     let touched = Matrix3::from_diagonal_element(palpation::LEFT_OVER.powi(2));
-    let belief = Belief::located(&touched).filter(|_| explores(knowledge, senses));
-    let belief = belief.unwrap_or_else(|| Belief::new(&knowledge.uncertainty.stated(knowledge.sighted[1])));
+    let uncertainty = knowledge.uncertainty.stated(knowledge.sighted[1]);
+    let belief = Belief::located(&touched).filter(|_| explores(knowledge, senses, uncertainty.target(1)));
+    let belief = belief.unwrap_or_else(|| Belief::new(&uncertainty));
     let as_planned = promise(&knowledge.second, &belief);
     let worth = |first: &Grasp| match knowledge.others.iter().find(|other| other.first.id == first.id) {
         Some(other) => promise(&other.second, &belief) / SWITCH_GAIN,

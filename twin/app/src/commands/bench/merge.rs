@@ -1,0 +1,53 @@
+//! `ftac report` of benchmarks: a run once more, or the shards of one put together.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, bail};
+use bench::journal::{Entry, Journal, RunRequest, Unit};
+use bench::results;
+use scenarios::record::Condition;
+use scenarios::statistics::Summary;
+
+use super::tell::tell;
+use crate::terminal::{Outcome, Terminal};
+
+/// `ftac report`: a run once more, or the shards of one put together.
+pub fn report(terminal: &Terminal, folders: &[PathBuf], out: Option<&Path>) -> Outcome {
+    let (mut journal, mut request) = Journal::read(&folders[0])?;
+    for folder in &folders[1..] {
+        let (other, its) = Journal::read(folder)?;
+        let asked = |of: &RunRequest| (of.combos, of.trials, of.seed, of.conditions.clone(), of.scenario.clone());
+        if asked(&its) != asked(&request) || its.policy != request.policy {
+            bail!(
+                "{}: its combos, trials, seed, conditions, policy or scenario differ from those of {}; only shards of one run can be merged",
+                folder.display(),
+                folders[0].display()
+            );
+        }
+        request.made.extend(its.made);
+        journal.extend(other);
+    }
+    request.shard = (1, 1);
+    let target = match (out, folders) {
+        (Some(out), _) => out,
+        (None, [only]) => only,
+        _ => bail!("--out: several folders need a folder for the merged result"),
+    };
+    std::fs::create_dir_all(target).with_context(|| target.display().to_string())?;
+    // Of a run that ended its own time is known; of a part of one that of its trials, one after the other.
+    let ended = folders.first().filter(|_| folders.len() == 1).and_then(|folder| ended(folder, &journal));
+    let wall = ended.unwrap_or_else(|| journal.values().map(|entry| entry.wall_s).sum());
+    let summary = results::finish(&journal, &request, target, wall, None)?;
+    tell(terminal, &summary, target)?;
+    Ok(None)
+}
+
+/// Wall time of the run in `folder`, if it ended with these trials, s.
+fn ended(folder: &Path, journal: &BTreeMap<Unit, Entry>) -> Option<f64> {
+    let text = std::fs::read_to_string(folder.join("summary.json")).ok()?;
+    let summary: Summary = serde_json::from_str(&text).ok()?;
+    let trials: usize = Condition::ALL.map(|condition| summary.conditions.of(condition).trials).iter().sum();
+    let kept: usize = journal.values().map(|entry| entry.records.len()).sum();
+    (trials == kept).then_some(summary.wall_s)
+}

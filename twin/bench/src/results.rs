@@ -1,0 +1,174 @@
+//! What the finished units of a run come to: tables, summary and report.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use anyhow::{Result, bail};
+use scenarios::record::{AblatedTrial, Condition, TrialId, TrialRecord, write_ablated, write_trials};
+use scenarios::statistics::{RunInfo, Summary, summarise};
+use scenarios::tries::{TryRecord, write_tries};
+
+use crate::journal::{Entry, RunRequest, Unit};
+use crate::mirror::divergence::write_table;
+use crate::own::Pace;
+use crate::provenance::Provenance;
+use crate::run::units;
+use crate::trial::profile::Activity;
+
+/// Combinations and trials of the whole benchmark.
+const WHOLE: (usize, usize) = (60, 10);
+
+/// What makes a run another than the benchmark it seems to be.
+fn warnings(done: &BTreeMap<Unit, Entry>, request: &RunRequest) -> Vec<String> {
+    let mut warnings = Vec::new();
+    let all = units(request);
+    let missing = all.iter().filter(|unit| !done.contains_key(unit)).count();
+    if missing > 0 {
+        warnings.push(format!(
+            "{missing} of {} units of work are missing: the run was not finished, or a shard is left out",
+            all.len()
+        ));
+    }
+    if let (shard, of @ 2..) = request.shard {
+        warnings.push(format!("this is shard {shard} of {of}, not the whole run"));
+    }
+    let (combos, trials) = WHOLE;
+    if request.combos < combos || request.trials < trials {
+        warnings.push(format!(
+            "a part of the benchmark: {} of {combos} combinations, {} of {trials} trials each",
+            request.combos, request.trials
+        ));
+    }
+    if Condition::BUILT_IN.iter().any(|condition| !request.conditions.contains(condition)) {
+        let names: Vec<&str> = request.conditions.iter().map(|condition| condition.name()).collect();
+        warnings.push(format!("only these conditions were played: {}", names.join(", ")));
+    }
+    warnings.extend(scaled(request));
+    if request.policy.as_ref().is_some_and(|policy| policy.pace == Pace::Wall) {
+        warnings
+            .push("time passed while the policy of one's own thought: its results depend on the computer".to_owned());
+    }
+    if !request.without.is_empty() && !no_errors(request) {
+        let names: Vec<String> = request.without.iter().map(ToString::to_string).collect();
+        warnings.push(format!("effects of reality that are off: {}", names.join(", ")));
+    }
+    if request.uncertainty.is_some() {
+        warnings.push("the controller expects other errors than by default (--uncertainty)".to_owned());
+    }
+    if request.scenario != scenarios::scenario::BENCHMARK {
+        warnings.push("the scenario is not that of the benchmark".to_owned());
+    }
+    warnings.extend(request.left_out.iter().chain(&request.notes).cloned());
+    warnings
+}
+
+fn no_errors(request: &RunRequest) -> bool {
+    request.scenario().is_ok_and(|scenario| scenario.is_exact())
+}
+
+/// What `--noise-scale` has changed, and what it has not.
+fn scaled(request: &RunRequest) -> Option<String> {
+    if no_errors(request) {
+        let expects = if request.uncertainty.is_some() { "what its file says" } else { "none" };
+        return Some(format!(
+            "no errors are drawn and all effects of reality are off; the controller expects {expects}"
+        ));
+    }
+    if request.noise_scale == 1.0 {
+        return None;
+    }
+    let stay = request.scenario().map(|scenario| scenario.effects.unscaled()).unwrap_or_default();
+    let stay = match stay.is_empty() {
+        true => "nothing else goes wrong".to_owned(),
+        false => {
+            format!("these effects are not: {} (--without switches them off, --no-errors all of it)", stay.join("; "))
+        }
+    };
+    Some(format!("the errors that are drawn of arm and eyes are scaled by {}; {stay}", request.noise_scale))
+}
+
+/// `spent` is where the time went, if that is known. Writes `trials.csv`, `tries.csv`, `ablations.csv` where
+/// there are any, `divergences.csv` where a mirror looked on, `summary.json` and `report.html`, each whole or not at all.
+pub fn finish(
+    done: &BTreeMap<Unit, Entry>,
+    request: &RunRequest,
+    folder: &Path,
+    wall_s: f64,
+    spent: Option<&[(Activity, f64)]>,
+) -> Result<Summary> {
+    let records: Vec<TrialRecord> = done.values().flat_map(|entry| entry.records.iter().cloned()).collect();
+    if records.is_empty() {
+        bail!("{}: no trial is finished", folder.display());
+    }
+    let ablated: Vec<AblatedTrial> = done.values().flat_map(|entry| entry.ablated.iter().cloned()).collect();
+    let decision_budget = request.scenario()?.effects.time.map(|time| time.decision);
+    let info = RunInfo { seed: request.seed, robot: request.robot.clone(), wall_s, decision_budget };
+    let summary = Summary {
+        left_out: request.left_out.clone(),
+        notes: request.notes.clone(),
+        ..summarise(&records, &ablated, &info)
+    };
+    let mut table = Vec::new();
+    write_trials(&records, &mut table)?;
+    report::write_whole(&folder.join("trials.csv"), &table)?;
+    let tries: Vec<TryRecord> = done.values().flat_map(|entry| entry.tries.iter().cloned()).collect();
+    let mut table = Vec::new();
+    write_tries(&tries, &mut table)?;
+    report::write_whole(&folder.join("tries.csv"), &table)?;
+    if request.mirrors {
+        let named = done.values().flat_map(|entry| entry.divergences.iter().map(move |named| (entry.unit, named)));
+        let rows = named.map(|(Unit { combination, trial }, named)| {
+            (TrialId { combination, trial: trial.unwrap_or(0), condition: named.condition }, &named.divergence)
+        });
+        report::write_whole(&folder.join("divergences.csv"), write_table(rows).as_bytes())?;
+    }
+    if !ablated.is_empty() {
+        let mut table = Vec::new();
+        write_ablated(&ablated, &mut table)?;
+        report::write_whole(&folder.join("ablations.csv"), &table)?;
+    }
+    report::write_whole(&folder.join("summary.json"), &serde_json::to_vec_pretty(&summary)?)?;
+    let mut run = serde_json::json!({ "seed": request.seed, "robot": request.robot, "wall_s": summary.wall_s });
+    describe(&mut run, &request.made);
+    if let Some(own) = &request.policy {
+        let arguments: String = own.arguments.iter().map(|(name, value)| format!(" {name}={value}")).collect();
+        run["own"] = format!("{}:{}{arguments}, SHA-256 {}", own.file.display(), own.class, own.sha256).into();
+    }
+    run["warnings"] = warnings(done, request).into();
+    let noise = request.scenario()?.noise;
+    run["errors drawn (s.d.)"] = serde_json::json!({
+        "arm, position": format!("{:.1} mm", 1e3 * noise.execution.position_sigma),
+        "arm, rotation": format!("{:.3} rad", noise.execution.rotation_sigma),
+        "eyes, in the plane": format!("{:.1} mm", 1e3 * noise.perception.xy_sigma),
+        "eyes, vertically": format!("{:.1} mm", 1e3 * noise.perception.z_sigma),
+        "eyes, turn": format!("{:.3} rad", noise.perception.yaw_sigma),
+    });
+    for (part, seconds) in spent.into_iter().flatten() {
+        run["threads' time on"][format!("{}_s", part.name())] = (*seconds).into();
+    }
+    report::write_report(folder, &summary, &records, &run)?;
+    Ok(summary)
+}
+
+/// Adds how the data were made, and the command that made the page where that is another.
+fn describe(run: &mut serde_json::Value, made: &[Provenance]) {
+    match made {
+        [] => run["command of the data"] = "not known: the run is one of an older program".into(),
+        [first, others @ ..] => {
+            run["command"] = first.command.clone().into();
+            run["version"] = first.version.clone().into();
+            run["machine"] = first.machine.clone().into();
+            if let Some(commit) = &first.commit {
+                run["source tree"] = commit.clone().into();
+            }
+            if !others.is_empty() {
+                let commands: Vec<String> = others.iter().map(Provenance::line).collect();
+                run["further commands"] = commands.join("\n").into();
+            }
+        }
+    }
+    let now = Provenance::now();
+    if made.iter().all(|made| made.command != now.command) {
+        run["page made by"] = format!("{} ({})", now.line(), now.version).into();
+    }
+}

@@ -1,0 +1,61 @@
+//! `--record causes`: a recording of each cause of failure under each condition, and the table that lists them.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use anyhow::Result;
+use progress::eprintln;
+use scenarios::FailureCause;
+use scenarios::record::Condition;
+
+use super::{HARDWARE, Options, name, of_condition, play_unit};
+use crate::journal::{Entry, RunRequest, Unit};
+use crate::trial::Bench;
+
+/// Plays again, recorded, the first trial of each cause of failure under each condition; lists the recordings in `causes.csv`. Real trials
+/// are not played again: they have been recorded.
+pub fn record(
+    bench: &Bench,
+    request: &RunRequest,
+    done: &BTreeMap<Unit, Entry>,
+    folder: &Path,
+    options: &Options,
+) -> Result<()> {
+    let mut examples: BTreeMap<(Condition, FailureCause), Unit> = BTreeMap::new();
+    for (unit, record) in done.values().flat_map(|entry| entry.records.iter().map(|record| (entry.unit, record))) {
+        if let Some(cause) = record.cause {
+            examples.entry((record.condition, cause)).or_insert(unit);
+        }
+    }
+    let mut table = "condition,cause,recording\n".to_owned();
+    for ((condition, cause), unit) in examples {
+        if request.robot != HARDWARE {
+            let found = play_again(bench, request, (unit, condition), folder, options)?;
+            if found != Some(cause) {
+                let found = found.map_or_else(|| "no failure".to_owned(), |found| found.to_string());
+                eprintln!(
+                    "{}, {condition}: played again for its recording, it shows {found} instead of {cause}",
+                    name(unit)
+                );
+            }
+        }
+        table += &format!("{condition},{cause},recordings/{}.rrd\n", of_condition(&name(unit), condition));
+    }
+    report::write_whole(&folder.join("causes.csv"), table.as_bytes())
+}
+
+/// Plays and records a unit under one condition alone; what it failed by.
+fn play_again(
+    bench: &Bench,
+    request: &RunRequest,
+    (unit, condition): (Unit, Condition),
+    folder: &Path,
+    options: &Options,
+) -> Result<Option<FailureCause>> {
+    let alone = RunRequest { conditions: vec![condition], ablations: Vec::new(), ..request.clone() };
+    // Bodies that cannot be cloned add the condition themselves.
+    let cloned = request.robot == "sim";
+    let name = if cloned { of_condition(&name(unit), condition) } else { name(unit) };
+    let results = play_unit(bench, &alone, (unit, &name), folder, options, true)?;
+    Ok(results.records.first().and_then(|record| record.cause))
+}

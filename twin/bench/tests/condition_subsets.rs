@@ -1,0 +1,131 @@
+//! Every non-empty set of the conditions is played and resumed with every `--record`: once a run without touch ended with "Zero width not
+//! allowed" at its first recorded trial.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::Path;
+use std::sync::OnceLock;
+
+use bench::builtin::make_bench;
+use bench::journal::{Journal, Record, RunRequest};
+use bench::provenance::Provenance;
+use bench::run::{self, Options};
+use bench::trial::Bench;
+use scenarios::Scenario;
+use scenarios::record::{Condition, read_trials};
+use scenarios::statistics::Summary;
+
+const RECORDS: [Record; 4] = [Record::None, Record::Sample, Record::Causes, Record::All];
+/// A combination whose blind trial fails, so that there is a cause to record.
+const SEED: u64 = 7;
+
+fn bench() -> &'static Bench {
+    static BENCH: OnceLock<Bench> = OnceLock::new();
+    BENCH.get_or_init(|| make_bench(Scenario::benchmark(), 1, SEED, true).expect("a bench"))
+}
+
+fn request(conditions: &[Condition], record: Record) -> RunRequest {
+    RunRequest {
+        combos: 1,
+        trials: 1,
+        seed: SEED,
+        robot: "sim".into(),
+        shard: (1, 1),
+        conditions: conditions.to_vec(),
+        ablations: Vec::new(),
+        without: Vec::new(),
+        uncertainty: None,
+        policy: None,
+        noise_scale: 1.0,
+        scenario: scenarios::scenario::BENCHMARK.into(),
+        individual: None,
+        pads: None,
+        plant: None,
+        foresees: false,
+        mirrors: false,
+        places: Default::default(),
+        gpu: false,
+        record,
+        made: vec![Provenance::now()],
+    }
+}
+
+fn play(request: &RunRequest, journal: Journal, folder: &Path) -> Summary {
+    let options = Options { jobs: 1, record: request.record, quiet: true, live: false, place: &|_| Ok(None) };
+    run::run(bench(), request, journal, folder, &options)
+        .unwrap_or_else(|error| panic!("{:?} with --record {:?}: {error:#}", request.conditions, request.record))
+}
+
+/// trials.csv without the column that holds wall-clock times.
+fn trials(folder: &Path) -> Vec<scenarios::TrialRecord> {
+    let file = fs::File::open(folder.join("trials.csv")).expect("trials.csv");
+    let mut trials = read_trials(file).expect("rows");
+    trials.iter_mut().for_each(|trial| trial.decision_ms = None);
+    trials
+}
+
+/// Plays, checks what is there, and plays the last unit again from the journal.
+fn played_and_resumed(conditions: &[Condition], record: Record) {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let asked = request(conditions, record);
+    let summary = play(&asked, Journal::create(folder, &asked).expect("a journal"), folder);
+    let what = format!("{conditions:?} with --record {record:?}");
+    let rows = trials(folder);
+    let found: BTreeSet<Condition> = rows.iter().map(|row| row.condition).collect();
+    assert_eq!(found, conditions.iter().copied().collect(), "{what}");
+    assert_eq!(summary.conditions.played(), conditions, "{what}");
+    let recordings = || -> BTreeSet<String> {
+        let names = fs::read_dir(folder.join("recordings")).expect("a folder");
+        names.map(|entry| entry.expect("a file").file_name().to_string_lossy().into_owned()).collect()
+    };
+    let failed: BTreeSet<_> = rows.iter().filter_map(|row| Some((row.condition, row.cause?))).collect();
+    let (noisy, ideal) =
+        (conditions.iter().any(|one| *one != Condition::Ideal), conditions.contains(&Condition::Ideal));
+    let expected = match record {
+        Record::None => 0,
+        // The ideal run is no trial.
+        Record::Sample => usize::from(noisy),
+        Record::Causes => failed.len(),
+        Record::All => usize::from(noisy) + usize::from(ideal),
+    };
+    let first = recordings();
+    let of = |names: &BTreeSet<String>, end: &str| names.iter().filter(|name| name.ends_with(end)).count();
+    assert_eq!(of(&first, ".rrd"), expected, "{what}: {first:?}");
+    if matches!(record, Record::Sample | Record::All) && noisy {
+        // The condition that senses most is shown.
+        let shown = conditions.iter().max().expect("one");
+        assert_eq!(of(&first, &format!("_{shown}.png")), 1, "{what}: {first:?}");
+    }
+    // Killed before its last unit: it goes on as it was begun.
+    let journal = fs::read_to_string(folder.join("journal.jsonl")).expect("a journal");
+    let kept: String = journal.split_inclusive('\n').take(journal.lines().count() - 1).collect();
+    fs::write(folder.join("journal.jsonl"), kept).expect("written");
+    fs::remove_dir_all(folder.join("recordings")).expect("removed");
+    let (journal, again) = Journal::resume(folder).expect("resumed");
+    assert_eq!(again, asked, "{what}");
+    play(&again, journal, folder);
+    assert_eq!(trials(folder), rows, "{what}");
+    assert!(recordings().is_subset(&first), "{what}");
+    assert_eq!(recordings().is_empty(), expected == 0, "{what}: {first:?}");
+}
+
+/// Each condition alone, and each `--record`.
+#[test]
+fn a_run_without_touch_is_recorded_and_resumed() {
+    use Condition::{Blind, Ideal, Reflex};
+    played_and_resumed(&[Blind], Record::Sample);
+    played_and_resumed(&[Blind], Record::Causes);
+    played_and_resumed(&[Reflex], Record::All);
+    played_and_resumed(&[Ideal], Record::All);
+    played_and_resumed(&[Ideal, Blind], Record::None);
+}
+
+#[test]
+#[ignore = "the whole table: 15 sets of conditions with 4 ways to record take minutes"]
+fn every_set_of_conditions_with_every_record() {
+    for set in 1..16_usize {
+        let conditions: Vec<Condition> = (0..4).filter(|n| set >> n & 1 == 1).map(|n| Condition::BUILT_IN[n]).collect();
+        RECORDS.into_iter().for_each(|record| played_and_resumed(&conditions, record));
+    }
+}

@@ -1,0 +1,188 @@
+//! The comparisons between conditions: tests beside the paper's, sizes of differences, trials within combinations. Of conditions that were not
+//! played nothing is said.
+
+use scenarios::Condition;
+use scenarios::statistics::{Difference, Interval, Summary, TTest, Untested};
+
+use super::findings::Rate;
+use super::html::{Column, Table, number, probability};
+use super::paper;
+
+/// One of the benchmark's comparisons between two conditions that were played.
+pub struct Comparison<'a> {
+    /// The mean of the first is asked to be the larger.
+    pub conditions: [Condition; 2],
+    pub rate: Rate,
+    pub test: &'a TTest,
+    difference: &'a Difference,
+}
+
+impl Comparison<'_> {
+    /// What is asked, as a row of the tests names it.
+    fn question(&self) -> String {
+        let [more, less] = self.conditions;
+        match self.rate {
+            Rate::Contact => format!("more contacts {more} than {less}?"),
+            Rate::Success => format!("more success with {more} than {less}?"),
+            Rate::CleanSuccess => format!("more clean success with {more} than {less}?"),
+        }
+    }
+
+    fn name(&self) -> String {
+        let [more, less] = self.conditions;
+        let rate = match self.rate {
+            Rate::Contact => "contacts",
+            Rate::Success => "success",
+            Rate::CleanSuccess => "clean success",
+        };
+        format!("{rate}, {more} less {less}")
+    }
+
+    /// Whether the paper has it.
+    fn published(&self) -> bool {
+        use Condition::{Blind, Ideal, Touch};
+        match self.rate {
+            Rate::Contact => self.conditions == [Blind, Ideal],
+            Rate::Success => false,
+            Rate::CleanSuccess => self.conditions == [Touch, Blind],
+        }
+    }
+}
+
+/// Those whose two conditions were played.
+pub fn played(summary: &Summary) -> Vec<Comparison<'_>> {
+    use Condition::{Blind, Ideal, Reflex, Touch};
+    let (tests, differences) = (&summary.t_test, &summary.differences);
+    let all = [
+        ([Blind, Ideal], Rate::Contact, &tests.contact, &differences.contact),
+        ([Touch, Blind], Rate::Success, &tests.success, &differences.success),
+        ([Touch, Blind], Rate::CleanSuccess, &tests.clean_success, &differences.clean_success),
+        ([Touch, Reflex], Rate::CleanSuccess, &tests.touch_over_reflex, &differences.touch_over_reflex),
+    ];
+    let compared = all.map(|(conditions, rate, test, difference)| Comparison { conditions, rate, test, difference });
+    let played = |one: &Comparison| {
+        let both = one.conditions.iter().all(|condition| summary.conditions.of(*condition).trials > 0);
+        both && one.test.untested != Some(Untested::NotPlayed)
+    };
+    compared.into_iter().filter(played).collect()
+}
+
+/// A number that may be missing.
+fn maybe(value: Option<f64>, decimals: usize) -> String {
+    number(value.unwrap_or(f64::NAN), decimals)
+}
+
+/// A value with its interval, where it has one.
+pub fn with_interval(of: &Interval, decimals: usize) -> String {
+    match (of.low, of.high) {
+        (Some(low), Some(high)) => {
+            format!("{} [{}, {}]", maybe(of.value, decimals), number(low, decimals), number(high, decimals))
+        }
+        _ => maybe(of.value, decimals),
+    }
+}
+
+/// The tables; nothing where nothing can be compared.
+pub fn section(summary: &Summary) -> String {
+    let compared = played(summary);
+    if compared.is_empty() {
+        return String::new();
+    }
+    tests(summary, &compared) + &differences(&compared) + &mixed(summary) + &trial_by_trial(summary)
+}
+
+/// The tests beside the paper's.
+fn tests(summary: &Summary, compared: &[Comparison]) -> String {
+    let head = [
+        ("question", Column::Words),
+        ("difference of means", Column::Numbers),
+        ("t", Column::Numbers),
+        ("df", Column::Numbers),
+        ("p", Column::Numbers),
+        ("paper", Column::Numbers),
+    ];
+    let mut table = Table::new("Paired one-sided t-tests over combinations", &head);
+    for one in compared {
+        let [more, less] = one.conditions.map(|condition| one.rate.over_all(summary.conditions.of(condition)).mean);
+        let test = one.test;
+        let tested = test.p.map(|p| [maybe(test.t, 2), test.df.to_string(), probability(p)]);
+        let [t, df, p] = tested.unwrap_or_else(|| {
+            let reason = test.reason().unwrap_or_default();
+            ["–".to_owned(), "–".to_owned(), format!("none: {reason}")]
+        });
+        let theirs = match one.published() {
+            true => format!("t({:.0}) = {}, p = {}", paper::DF, number(paper::T, 1), probability(paper::P)),
+            false => "–".to_owned(),
+        };
+        table.row(&[one.question(), maybe(more.zip(less).map(|(a, b)| a - b), 3), t, df, p, theirs]);
+    }
+    table.finish()
+}
+
+/// Beyond the paper: how large the differences are, and how few combinations would have shown them.
+fn differences(compared: &[Comparison]) -> String {
+    let head = [
+        ("difference", Column::Words),
+        ("mean [95 %]", Column::Numbers),
+        ("effect size d_z [95 %]", Column::Numbers),
+        ("power with fewer combinations", Column::Words),
+    ];
+    let mut table = Table::new("Paired differences over combinations, with bootstrap intervals", &head);
+    for one in compared {
+        let Difference { difference, d_z, power } = one.difference;
+        let power: Vec<String> = power.iter().map(|(n, power)| format!("{n}: {}", number(*power, 2))).collect();
+        table.row(&[one.name(), with_interval(difference, 3), with_interval(d_z, 2), power.join(", ")]);
+    }
+    table.finish()
+}
+
+/// Trials within combinations: whether combinations differ, or only their trials.
+fn mixed(summary: &Summary) -> String {
+    let head = [
+        ("difference, trial by trial", Column::Words),
+        ("mean [95 %]", Column::Numbers),
+        ("SD between combinations", Column::Numbers),
+        ("SD within them", Column::Numbers),
+        ("share between", Column::Numbers),
+        ("pairs of trials", Column::Numbers),
+    ];
+    let of = &summary.differences.mixed;
+    let all = [
+        ("clean success, touch less blind", &of.clean_success),
+        ("clean success, touch less reflex", &of.touch_over_reflex),
+        ("contacts, blind less touch", &of.contact),
+    ];
+    let played: Vec<_> = all.into_iter().filter(|(_, mixed)| mixed.trials > 0).collect();
+    if played.is_empty() {
+        return String::new();
+    }
+    let mut table = Table::new("Mixed model: paired trials within combinations", &head);
+    for (name, mixed) in played {
+        table.row(&[
+            name.to_string(),
+            with_interval(&mixed.difference, 3),
+            maybe(mixed.between_sd, 3),
+            maybe(mixed.within_sd, 3),
+            maybe(mixed.intraclass, 2),
+            mixed.trials.to_string(),
+        ]);
+    }
+    table.finish()
+}
+
+/// Success of touch against blind, pair by pair of trials.
+fn trial_by_trial(summary: &Summary) -> String {
+    let counts = &summary.differences.mcnemar;
+    if counts.both + counts.first_only + counts.second_only + counts.neither == 0 {
+        return String::new();
+    }
+    let tested = match counts.p {
+        Some(p) => format!("p {}", probability(p)),
+        None => "none, too few trials differ".to_owned(),
+    };
+    format!(
+        "<p>Trial by trial: {} succeeded both blind and with touch, {} only with touch, {} only blind, {} neither way \
+         (McNemar’s exact test, one-sided: {tested}).</p>\n",
+        counts.both, counts.first_only, counts.second_only, counts.neither,
+    )
+}

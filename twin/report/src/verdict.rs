@@ -1,0 +1,146 @@
+//! The headline of the page: what came out, in words, of the conditions that were played.
+
+use scenarios::statistics::{Interval, Summary, TTest};
+use scenarios::{Condition, TrialRecord};
+
+use super::comparisons::{self, Comparison};
+use super::findings::{Rate, outcome};
+use super::html::{escape, number};
+
+/// A difference counts as shown below this chance of its being none.
+const LEVEL: f64 = 0.05;
+
+/// The paragraph.
+pub fn section(summary: &Summary, records: &[TrialRecord]) -> String {
+    if records.is_empty() {
+        return "<p class=\"verdict short\">No finished trial yet: there is nothing to report.</p>\n".to_string();
+    }
+    let compared = comparisons::played(summary);
+    let (headline, all_shown) = headline(&compared);
+    let short = if all_shown { "" } else { " short" };
+    format!(
+        "<p class=\"verdict{short}\">{headline}{}{}</p>\n",
+        clean_success(summary, &compared),
+        contacts(summary, &compared)
+    )
+}
+
+/// What the tests show, and whether that is all that was asked.
+fn headline(compared: &[Comparison]) -> (String, bool) {
+    let said = [
+        (
+            [Condition::Touch, Condition::Blind],
+            Rate::CleanSuccess,
+            "touch raises clean success over blind",
+            "that touch raises clean success over blind is not shown",
+        ),
+        (
+            [Condition::Touch, Condition::Reflex],
+            Rate::CleanSuccess,
+            "touch raises clean success over reflex, so its images are needed",
+            "that its images are needed, and not only its further tries, is not shown",
+        ),
+        (
+            [Condition::Blind, Condition::Ideal],
+            Rate::Contact,
+            "errors cause unwanted contacts",
+            "that errors cause unwanted contacts is not shown",
+        ),
+    ];
+    let asked: Vec<_> = said
+        .into_iter()
+        .filter_map(|(conditions, rate, shown, not)| {
+            let one = compared.iter().find(|one| one.conditions == conditions && one.rate == rate)?;
+            Some((one.test, shown, not))
+        })
+        .collect();
+    let findings: Vec<(bool, &str)> = asked
+        .iter()
+        .filter_map(|(test, shown, not)| test.p.map(|p| if p < LEVEL { (true, *shown) } else { (false, *not) }))
+        .collect();
+    let all_shown = findings.iter().all(|(shown, _)| *shown);
+    if findings.is_empty() {
+        let reason = asked.iter().find_map(|(test, ..)| test.reason());
+        let said = reason.map(|reason| format!("<strong>No verdict: {}.</strong> ", escape(&reason)));
+        return (said.unwrap_or_default(), all_shown);
+    }
+    let words: Vec<&str> = findings.iter().map(|(_, text)| *text).collect();
+    (format!("<strong>{}.</strong> ", capitalised(&words.join("; "))), all_shown)
+}
+
+fn capitalised(text: &str) -> String {
+    let mut letters = text.chars();
+    letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
+}
+
+fn percent(rate: Option<f64>) -> String {
+    format!("{} %", number(rate.map_or(f64::NAN, |rate| rate * 100.0), 1))
+}
+
+/// The words of a test's outcome, or why there is none.
+fn tested(test: &TTest) -> String {
+    escape(&outcome(test).unwrap_or_else(|| format!("not tested: {}", test.reason().unwrap_or_default())))
+}
+
+/// `a, b and c`.
+fn listed(parts: &[String]) -> String {
+    match parts {
+        [] => String::new(),
+        [only] => only.clone(),
+        [most @ .., last] => format!("{} and {last}", most.join(", ")),
+    }
+}
+
+fn clean_success(summary: &Summary, compared: &[Comparison]) -> String {
+    let words = [
+        (Condition::Touch, "with touch"),
+        (Condition::Blind, "blind"),
+        (Condition::Reflex, "with further tries but no tactile image"),
+        (Condition::Own, "with the policy of one’s own"),
+    ];
+    let parts: Vec<String> = words
+        .into_iter()
+        .map(|(condition, words)| (summary.conditions.of(condition), words))
+        .filter(|(condition, _)| condition.trials > 0)
+        .map(|(condition, words)| format!("{} {words}", percent(condition.clean_success_rate.mean)))
+        .collect();
+    if parts.is_empty() {
+        return String::new();
+    }
+    let test = compared
+        .iter()
+        .find(|one| one.rate == Rate::CleanSuccess && one.conditions == [Condition::Touch, Condition::Blind]);
+    let test = test.map_or_else(String::new, |one| {
+        let Interval { value, low, high } = summary.differences.clean_success.difference;
+        let points = |value: f64| number(100.0 * value, 1);
+        let gain = match (value, low, high) {
+            (Some(value), Some(low), Some(high)) => {
+                format!("; touch less blind {} points, 95 % {} to {}", points(value), points(low), points(high))
+            }
+            _ => String::new(),
+        };
+        format!(" ({}{gain}; the paper: 100 % and 53.5 %)", tested(one.test))
+    });
+    format!("Trials that succeeded cleanly, with the same errors: {}{test}. ", listed(&parts))
+}
+
+fn contacts(summary: &Summary, compared: &[Comparison]) -> String {
+    let words = [
+        (Condition::Ideal, "without errors"),
+        (Condition::Blind, "blind"),
+        (Condition::Reflex, "with reflex"),
+        (Condition::Touch, "with touch"),
+        (Condition::Own, "with the policy of one’s own"),
+    ];
+    let parts: Vec<String> = words
+        .into_iter()
+        .map(|(condition, words)| (summary.conditions.of(condition), words))
+        .filter(|(condition, _)| condition.trials > 0)
+        .map(|(condition, words)| format!("{} {words}", percent(condition.contact_rate.mean)))
+        .collect();
+    let test = compared.iter().find(|one| one.rate == Rate::Contact);
+    let test = test.map_or_else(String::new, |one| {
+        format!(" (blind over ideal: {}; the paper: 46.5 % and 0.0 %)", tested(one.test))
+    });
+    format!("Trials with an unwanted contact: {}{test}.", listed(&parts))
+}
