@@ -119,6 +119,12 @@ fn a_hand_without_cameras_runs_blind() {
     assert_eq!((replayed.status.code(), &found["divergence"]), (Some(0), &Value::Null), "{}", stderr(&replayed));
     assert!(found["identical_commands"].as_u64().is_some_and(|commands| commands > 500), "{found}");
 
+    // A folder stands for all sessions in it.
+    let all = run(&["replay", text(&sessions), "--json"]);
+    let rows = json(&all.stdout)["sessions"].clone();
+    assert_eq!((all.status.code(), rows.as_array().map(Vec::len)), (Some(0), Some(1)), "{}", stderr(&all));
+    assert_eq!((&rows[0]["replayed"], &rows[0]["shortfall"]), (&found, &Value::Null));
+
     // The recording again, from the session alone.
     let exported = folder.path().join("exported.rrd");
     let output = run(&["export", "rrd", text(&session), "--out", text(&exported), "--json"]);

@@ -55,6 +55,9 @@ fn ctrl_c_ends_in_order() {
     }
     let report = run(&["report", text(out)]);
     assert!(report.status.success(), "{}", stderr(&report));
+    // The page has the command that made the data, not only the one that made the page.
+    let page = fs::read_to_string(out.join("report.html")).expect("a page");
+    assert!(page.contains("bench --seed 3 --out") && page.contains("page made by"), "{page}");
     assert_eq!(fs::read_to_string(out.join("trials.csv")).expect("trials").lines().count(), kept + 1);
 
     // Units of another run in the journal are found, and by the number of their line.
@@ -65,6 +68,31 @@ fn ctrl_c_ends_in_order() {
     let refused = run(&["bench", "--resume", text(out), "--record", "none"]);
     assert_eq!(refused.status.code(), Some(2));
     assert!(stderr(&refused).contains(&format!("line {}", kept + 1)), "{}", stderr(&refused));
+}
+
+/// A run that records everything records what is left of it, too, without being told again.
+#[test]
+fn a_resumed_run_records_as_it_was_begun() {
+    let folder = tempdir().expect("a folder");
+    let out = folder.path().join("out");
+    let size = ["--combos", "1", "--trials", "2", "--conditions", "blind", "--record", "all", "--out", text(&out)];
+    let output = run(&[&["bench"], &size[..]].concat());
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let recordings = || -> std::collections::BTreeSet<String> {
+        let files = fs::read_dir(out.join("recordings")).expect("a folder");
+        files.map(|file| file.expect("a file").file_name().to_string_lossy().into_owned()).collect()
+    };
+    let all = recordings();
+    assert!(all.contains("combination_00_trial_1.rrd") && all.contains("combination_00_trial_1_blind.png"), "{all:?}");
+    // Killed before its second trial.
+    let journal = fs::read_to_string(out.join("journal.jsonl")).expect("a journal");
+    let first = journal.lines().next().expect("a unit");
+    fs::write(out.join("journal.jsonl"), format!("{first}\n")).expect("written");
+    fs::remove_dir_all(out.join("recordings")).expect("removed");
+    let output = run(&["bench", "--resume", text(&out)]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let again = recordings();
+    assert!(again.len() == 2 && again.is_subset(&all) && again.contains("combination_00_trial_1.rrd"), "{again:?}");
 }
 
 #[test]

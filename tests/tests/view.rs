@@ -49,6 +49,72 @@ fn a_result_folder_is_opened() {
     assert_eq!(opened, [recording.to_str().expect("UTF-8")], "{arguments}");
 }
 
+/// A program in place of the viewer that does what `body` says.
+#[cfg(unix)]
+fn viewer_that(folder: &TempDir, body: &str) -> PathBuf {
+    use std::os::unix::fs::PermissionsExt as _;
+    let program = folder.path().join("viewer.sh");
+    let version = "if [ \"$1\" = --version ]; then echo rerun-cli 0.36.3; exit; fi";
+    fs::write(&program, format!("#!/bin/sh\n{version}\n{body}\n")).expect("written");
+    fs::set_permissions(&program, fs::Permissions::from_mode(0o755)).expect("may be run");
+    program
+}
+
+/// What the viewer does without a display.
+const NO_DISPLAY: &str =
+    "echo 'INFO starting' >&2; echo 'Error: neither WAYLAND_DISPLAY nor DISPLAY is set.' >&2; exit 1";
+
+#[cfg(unix)]
+#[test]
+fn a_viewer_without_a_display_is_no_success() {
+    let folder = results();
+    let viewer = viewer_that(&folder, NO_DISPLAY);
+    let path = folder.path().to_str().expect("UTF-8");
+    let output = ftac(&["view", path]).env("RERUN_BIN", &viewer).output().expect("runs");
+    let said = stderr(&output);
+    assert_eq!(output.status.code(), Some(2), "{said}");
+    assert!(said.contains("ended as soon as it was started: neither WAYLAND_DISPLAY nor DISPLAY is set."), "{said}");
+    assert!(!said.contains("opened"), "{said}");
+}
+
+/// Once the demo hung here for ever: its recordings waited for a viewer that had died.
+#[cfg(unix)]
+#[test]
+fn without_a_display_the_demo_still_writes_page_and_film() {
+    let folder = tempdir().expect("a folder");
+    let (viewer, out) = (viewer_that(&folder, NO_DISPLAY), folder.path().join("demo"));
+    let arguments = ["demo", "--quiet", "--out", out.to_str().expect("UTF-8")];
+    let output = ftac(&arguments).env("RERUN_BIN", &viewer).output().expect("runs");
+    let said = stderr(&output);
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(said.contains("falls short: the viewer was lost") && said.contains("nor DISPLAY is set"), "{said}");
+    let page = fs::read_to_string(out.join("index.html")).expect("the page");
+    assert!(page.matches("data:image/jpeg;base64,").count() > 20, "a film in it");
+    for file in ["blind.rrd", "touch.rrd", "blind.png", "touch.png"] {
+        assert!(fs::metadata(out.join(file)).is_ok_and(|file| file.len() > 1000), "{file}");
+    }
+}
+
+/// A viewer that starts and never answers holds nothing up either.
+#[cfg(unix)]
+#[test]
+fn a_viewer_that_never_answers_does_not_hang_a_trial() {
+    let folder = tempdir().expect("a folder");
+    let viewer = viewer_that(&folder, "echo $$ > \"$0.pid\"; exec sleep 600");
+    let file = folder.path().join("trial.rrd");
+    let out = file.to_str().expect("UTF-8");
+    let arguments = ["trial", "0", "--policy", "blind", "--live", "--out", out];
+    let output = ftac(&arguments).env("RERUN_BIN", &viewer).env("DISPLAY", ":none").output().expect("runs");
+    let pid = fs::read_to_string(folder.path().join("viewer.sh.pid")).expect("the viewer was started");
+    let ended = std::process::Command::new("kill").arg(pid.trim()).status().expect("kill runs");
+    assert!(ended.success(), "the viewer lives on by itself");
+    let said = stderr(&output);
+    assert!(said.contains("does not answer"), "{said}");
+    // The trial may have failed as well, which is then what is told.
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(fs::metadata(&file).is_ok_and(|file| file.len() > 100_000), "the recording is whole");
+}
+
 #[test]
 fn a_missing_viewer_is_told_how_to_get() {
     let folder = results();

@@ -3,12 +3,14 @@
 use std::ffi::OsString;
 use std::path::PathBuf;
 
+use clap::error::ErrorKind;
 use clap::{Command as Described, CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
 use clap_complete::Shell;
 
 use crate::commands::arm::ArmCommand;
 use crate::commands::bench::BenchArgs;
 use crate::commands::bridge::BridgeCommand;
+use crate::commands::combos::CombosArgs;
 use crate::commands::demo::DemoArgs;
 use crate::commands::export::ExportCommand;
 use crate::commands::grasps::GraspsCommand;
@@ -21,8 +23,8 @@ use crate::commands::transport::TransportArgs;
 use crate::commands::trial::TrialArgs;
 use crate::commands::twin::TwinCommand;
 use crate::commands::{
-    arm, bench, bridge, demo, export, grasps, hand, lab_book, optics, replay, schema, shell, study, sweep, touch,
-    transport, trial, twin, view,
+    arm, bench, bridge, combos, demo, export, grasps, hand, lab_book, optics, replay, schema, shell, study, sweep,
+    touch, transport, trial, twin, view,
 };
 use crate::terminal::{Outcome, Terminal};
 
@@ -45,6 +47,8 @@ pub enum Command {
     Demo(DemoArgs),
     /// Run the multi-object benchmark under all conditions.
     Bench(BenchArgs),
+    /// List the object combinations by number and name.
+    Combos(CombosArgs),
     /// Many benchmarks along axes, on this machine or on Slurm.
     #[command(subcommand)]
     Sweep(SweepCommand),
@@ -57,11 +61,11 @@ pub enum Command {
         /// An .rrd file, a session (MCAP), or a folder with either; a session becomes an .rrd beside it.
         path: PathBuf,
     },
-    /// Run the control stack on a recorded session (MCAP) and say whether every command comes out identical.
+    /// Run the control stack on a recorded session (MCAP), or all of a folder, and say whether every command comes out identical.
     Replay {
-        /// The session's file, from `trial --session DIR` or `bench --robot emulated|hardware`.
+        /// The session's file, or a folder with sessions, from `trial --session DIR` or `bench --robot emulated|hardware`.
         recording: PathBuf,
-        /// Instead of running anything, lay this session beside it: the first observation or command that differs by a bit.
+        /// Instead of running anything, lay this session beside the one named first: the first observation or command that differs by a bit.
         #[arg(long)]
         against: Option<PathBuf>,
     },
@@ -134,7 +138,7 @@ pub enum Command {
 
 /// Commands by what people want to do, in the order of `ftac --help`.
 const GROUPS: [(&str, &[&str]); 5] = [
-    ("Run trials", &["demo", "bench", "sweep", "trial", "transport"]),
+    ("Run trials", &["demo", "bench", "combos", "sweep", "trial", "transport"]),
     ("Look at results", &["view", "report", "export", "replay"]),
     ("Study the parts", &["study", "hand", "arm", "grasps", "touch", "optics"]),
     ("Drive the real robot", &["bridge", "twin"]),
@@ -166,9 +170,25 @@ fn with_negative_numbers(command: Described) -> Described {
     command.mut_subcommands(with_negative_numbers)
 }
 
-/// What `arguments` ask for; ends the process with a message where that cannot be understood.
-pub fn parse(arguments: impl IntoIterator<Item = OsString>) -> Cli {
-    Cli::from_arg_matches(&described().get_matches_from(arguments)).unwrap_or_else(|error| error.exit())
+/// What `arguments` ask for.
+pub fn parse(arguments: &[OsString]) -> Result<Cli, clap::Error> {
+    Cli::from_arg_matches(&described().try_get_matches_from(arguments)?)
+}
+
+/// Whether `arguments` that cannot be understood ask for JSON.
+pub fn wants_json(arguments: &[OsString]) -> bool {
+    arguments.iter().take_while(|argument| *argument != "--").any(|argument| argument == "--json")
+}
+
+/// What an error says before it says how the command is used.
+pub fn first_words(error: &clap::Error) -> String {
+    if error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
+        return "found no command, expected one; see --help".to_owned();
+    }
+    let text = error.render().to_string();
+    let lines = text.lines().take_while(|line| !line.starts_with("Usage:") && !line.starts_with("For more"));
+    let words: Vec<&str> = lines.map(str::trim).filter(|line| !line.is_empty()).collect();
+    words.join("; ").replace(":; ", ": ").trim_start_matches("error: ").to_owned()
 }
 
 /// Whether the command is about real devices, or stands for them: these are kept in a log.
@@ -188,6 +208,7 @@ pub fn run(cli: &Cli) -> Outcome {
     match &cli.command {
         Command::Demo(args) => demo::run(terminal, args),
         Command::Bench(args) => bench::benchmark(terminal, args),
+        Command::Combos(args) => combos::run(terminal, args),
         Command::Sweep(command) => sweep::run(terminal, command),
         Command::Trial(args) => trial::trial(terminal, args),
         Command::Replay { recording, against: None } => replay::command(terminal, recording),

@@ -1,10 +1,32 @@
 //! What every command is told about its terminal, and what it comes to.
 
+use std::io::{self, Write as _};
+use std::sync::Mutex;
+
 use clap::Args;
 use indicatif::ProgressBar;
 
 /// What a command came to: nothing to say, or in which respect its result falls short.
 pub type Outcome = anyhow::Result<Option<String>>;
+
+/// Why stdout could not be written to first.
+static STDOUT_FAULT: Mutex<Option<io::Error>> = Mutex::new(None);
+
+/// Writes to stdout; [`stdout_fault`] tells what went wrong. What comes after that is not written.
+pub fn write_to_stdout(text: &str) {
+    if let Ok(mut fault) = STDOUT_FAULT.lock()
+        && fault.is_none()
+    {
+        *fault = io::stdout().write_all(text.as_bytes()).err();
+    }
+}
+
+/// Why stdout was not written to its end, with what is left of it written now. That nobody reads it any more is no fault: `ftac schema | head -1`.
+pub fn stdout_fault() -> Option<io::Error> {
+    let mut fault = STDOUT_FAULT.lock().ok()?;
+    let fault = fault.take().or_else(|| io::stdout().flush().err());
+    fault.filter(|fault| fault.kind() != io::ErrorKind::BrokenPipe)
+}
 
 /// A result as `--json` prints it and as people read it, and in which respect it falls short.
 #[derive(Debug)]

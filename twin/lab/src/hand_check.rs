@@ -26,7 +26,8 @@ pub use row::{Row, Verdict};
 
 /// What `ftac hand check` compares with, and where pictures go.
 pub struct CheckOptions<'a> {
-    pub public_model: &'a Path,
+    /// Folder of the public model of this hand; its row is left out without.
+    pub public_model: Option<&'a Path>,
     /// Folder for the pictures; none are drawn without.
     pub out: Option<&'a Path>,
     pub seed: u64,
@@ -41,7 +42,9 @@ pub fn run(hand: &Arc<Hand>, options: &CheckOptions<'_>) -> Result<Vec<Row>> {
     }
     let mut rows = figures::rows(hand);
     rows.push(figures::coverage(hand, options.out)?);
-    rows.push(public_model::row(hand, options.public_model, options.seed)?);
+    if let Some(folder) = options.public_model {
+        rows.push(public_model::row(hand, folder, options.seed)?);
+    }
     rows.push(kapandji::row(hand, options.out, (options.seed, options.seeds))?);
     rows.extend(closing_force::rows(hand, options.out)?);
     rows.push(dumbbell::row(hand, options.out)?);
@@ -49,7 +52,7 @@ pub fn run(hand: &Arc<Hand>, options: &CheckOptions<'_>) -> Result<Vec<Row>> {
     Ok(rows)
 }
 
-/// What falls short or could not be checked, in one line; none if all is good.
+/// What falls short, in one line; none if all is good.
 pub fn shortfall(rows: &[Row]) -> Option<String> {
     let bad: Vec<String> = rows
         .iter()

@@ -19,18 +19,6 @@ const COLUMNS: u16 = 160;
 /// How often a bar is drawn while nothing happens, so that a log has its lines in long steps, too.
 const TICK: Duration = Duration::from_secs(1);
 
-/// Writes to stderr. Where nobody reads it any more (a closed pipe, a terminal that hung up) nothing happens: the work goes on.
-pub fn write_to_stderr(text: std::fmt::Arguments) {
-    let _ = io::stderr().write_fmt(text);
-}
-
-/// The standard library's `eprintln`, but for a stderr that is gone, which ends nothing: see [`write_to_stderr`].
-#[macro_export]
-macro_rules! eprintln {
-    () => { $crate::write_to_stderr(format_args!("\n")) };
-    ($($text:tt)*) => { $crate::write_to_stderr(format_args!("{}\n", format_args!($($text)*))) };
-}
-
 /// A bar of `length` steps, called `what`, on stderr; hidden if `quiet`. It shows steps, time spent, time left and rate.
 pub fn bar(length: u64, what: &str, quiet: bool) -> ProgressBar {
     drawn(Some(length), 0, what, quiet)

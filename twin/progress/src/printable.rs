@@ -1,8 +1,8 @@
 //! Text that others wrote, as a terminal may have it: nothing in it is an order to the terminal.
 //!
 //! Names, reasons and answers come from files, sockets and devices of strangers. An escape sequence in one of them could clear the screen, rewrite lines above or
-//! set the window's title. [`printable`] is the one place that makes such text harmless. The macros of this crate ([`println!`](crate::println) and
-//! its siblings) put it around all that a crate prints, once `#[macro_use] extern crate progress;` stands in its root.
+//! set the window's title. [`printable`] is the one place that makes such text harmless. The macros of this crate ([`eprintln!`](crate::eprintln) and
+//! [`eprint!`](crate::eprint)) put it around all that a crate writes to stderr, once `#[macro_use] extern crate progress;` stands in its root.
 
 use std::borrow::Cow;
 use std::fmt::Write as _;
@@ -31,19 +31,6 @@ pub fn printable(text: &str) -> Cow<'_, str> {
         }
     }
     Cow::Owned(shown)
-}
-
-/// [`std::print!`] of [`printable`] text.
-#[macro_export]
-macro_rules! print {
-    ($($text:tt)*) => { ::std::print!("{}", $crate::printable(&::std::format!($($text)*))) };
-}
-
-/// [`std::println!`] of [`printable`] text.
-#[macro_export]
-macro_rules! println {
-    () => { ::std::println!() };
-    ($($text:tt)*) => { ::std::println!("{}", $crate::printable(&::std::format!($($text)*))) };
 }
 
 /// Writes to stderr what of `text` is [`printable`]. Where nobody reads it any more (a closed pipe, a terminal that hung up) nothing happens: the work

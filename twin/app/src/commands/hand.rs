@@ -4,7 +4,7 @@ mod close;
 mod inspect;
 mod picture;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clap::{Args, Subcommand};
@@ -49,10 +49,10 @@ pub struct CheckArgs {
     /// With what pulls on that hand's joints (TOML): also where its fingers close and may touch.
     #[arg(long, alias = "transmission", requires = "urdf")]
     pub pulls: Option<PathBuf>,
-    /// Folder of the public model of this hand (holds urdf/f_tac_hand.urdf), to compare joint frames with; the default is seen from
-    /// the folder ftac is started in.
-    #[arg(long, default_value = "../shared/data/hands/ftac_public")]
-    pub public_model: PathBuf,
+    /// Folder of the public model of this hand (holds urdf/f_tac_hand.urdf; from https://github.com/Taccel-Simulator/Taccel), to compare joint
+    /// frames with; default: ../shared/data/hands/ftac_public, and where that is missing the row is left out.
+    #[arg(long)]
+    pub public_model: Option<PathBuf>,
     /// Try the 33 grasp types of Feix instead.
     #[arg(long, conflicts_with = "engine")]
     pub grasps: bool,
@@ -113,14 +113,40 @@ fn hand_check(terminal: &Terminal, args: &CheckArgs) -> Outcome {
     if args.grasps {
         return hand_grasps(terminal, args, &hand);
     }
+    let public_model = public_model(args.public_model.as_deref())?;
     let options = check::CheckOptions {
-        public_model: &args.public_model,
+        public_model: public_model.as_deref(),
         out: args.out.as_deref(),
         seed: terminal.seed,
         seeds: args.seeds.into(),
     };
     let rows = check::run(&hand, &options)?;
     show_rows(terminal, &rows, args.out.as_deref())
+}
+
+/// Where the public model lies beside a checkout.
+const PUBLIC_MODEL: &str = "../shared/data/hands/ftac_public";
+
+/// The folder of the public model: the one that is named, or the one beside a checkout, if there is one.
+fn public_model(named: Option<&Path>) -> anyhow::Result<Option<PathBuf>> {
+    let folder = named.unwrap_or(Path::new(PUBLIC_MODEL));
+    match (folder.join(check::public_model::FILE).is_file(), named) {
+        (true, _) => Ok(Some(folder.to_owned())),
+        (false, Some(named)) => anyhow::bail!(
+            "--public-model {}: found no {} in it, expected it, from {}",
+            named.display(),
+            check::public_model::FILE,
+            check::public_model::SOURCE
+        ),
+        (false, None) => {
+            eprintln!(
+                "left out: joint frames beside the public model of this hand, which is not at {PUBLIC_MODEL}; it comes from {}, and \
+                 --public-model FOLDER names it",
+                check::public_model::SOURCE
+            );
+            Ok(None)
+        }
+    }
 }
 
 fn hand_grasps(terminal: &Terminal, args: &CheckArgs, hand: &Arc<Hand>) -> Outcome {

@@ -1,6 +1,5 @@
 //! `ftac completions` and `ftac man`: what a shell and `man` know of the commands.
 
-use std::io::Write as _;
 use std::path::Path;
 
 use anyhow::Context as _;
@@ -13,7 +12,7 @@ use crate::terminal::Outcome;
 pub fn completions(shell: Shell) -> Outcome {
     let mut script = Vec::new();
     clap_complete::generate(shell, &mut described(), "ftac", &mut script);
-    std::io::stdout().write_all(&script).context("stdout")?;
+    print!("{}", String::from_utf8_lossy(&script));
     Ok(None)
 }
 

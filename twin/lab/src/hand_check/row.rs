@@ -10,8 +10,6 @@ pub enum Verdict {
     Good,
     /// Not within it.
     FallsShort,
-    /// Could not be looked at.
-    NotChecked,
 }
 
 impl Verdict {
@@ -66,7 +64,6 @@ pub fn table(rows: &[Row]) -> String {
         let verdict = match row.verdict {
             Verdict::Good => "ok",
             Verdict::FallsShort => "FALLS SHORT",
-            Verdict::NotChecked => "NOT CHECKED",
         };
         text += &format!("{:34} {:>24}   beside: {:30} {verdict}\n", row.what, row.ours, row.paper);
         text += &format!("    {}\n", row.method);

@@ -15,13 +15,14 @@ use report::write_whole;
 use scenarios::objects::ObjectSet;
 use serde::Serialize;
 
+use crate::commands::object_name::object_name;
 use crate::terminal::{Outcome, Terminal};
 
 /// Arguments of `grasps collection`.
 #[derive(Debug, Args)]
 pub struct CollectionArgs {
     /// Objects; default: all 23.
-    #[arg(long)]
+    #[arg(long, value_parser = object_name)]
     pub object: Vec<String>,
     /// Verified, different grasps of each object.
     #[arg(long, default_value_t = 150)]

@@ -11,12 +11,14 @@ use proving::synthesis::grasp_file::{GraspFile, Grasps};
 use scenarios::objects::ObjectModel;
 use serde_json::json;
 
+use crate::commands::object_name::object_name;
 use crate::terminal::{Outcome, Terminal};
 
 /// Arguments of `grasps export`.
 #[derive(Debug, Args)]
 pub struct ExportArgs {
     /// Object of which the file has grasps.
+    #[arg(value_parser = object_name)]
     pub object: String,
     /// Only the grasp of this chain.
     #[arg(long)]

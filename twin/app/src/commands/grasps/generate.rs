@@ -15,6 +15,7 @@ use proving::synthesis::size::Opening;
 use proving::synthesis::subject::{Subject, TEST_FRICTION};
 use proving::synthesis::synthesizer::{Request, Synthesizer};
 
+use crate::commands::object_name::object_name;
 use crate::commands::own_hand;
 use crate::terminal::{Outcome, Terminal};
 
@@ -30,7 +31,7 @@ const MOST_FRICTION: f64 = 3.0;
 #[derive(Debug, Args)]
 pub struct SynthesisArgs {
     /// An object of the set.
-    #[arg(long, conflicts_with = "mesh")]
+    #[arg(long, conflicts_with = "mesh", value_parser = object_name)]
     pub object: Option<String>,
     /// A mesh of your own: OBJ, STL, PLY, glTF or COLLADA, in metres; what is broken of it is mended, and said.
     #[arg(long)]

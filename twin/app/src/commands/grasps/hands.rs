@@ -15,6 +15,7 @@ use proving::synthesis::synthesizer::Request;
 use report::{study_pages, write_whole};
 use scenarios::objects::ObjectSet;
 
+use crate::commands::object_name::object_name;
 use crate::commands::own_hand;
 use crate::terminal::{Made, Outcome, Terminal};
 
@@ -31,6 +32,7 @@ pub struct HandsArgs {
     #[arg(
         long,
         value_delimiter = ',',
+        value_parser = object_name,
         default_value = "golf_ball,tennis_ball,box_50,can_66,pawn,vase,coke_can,multimeter"
     )]
     pub objects: Vec<String>,

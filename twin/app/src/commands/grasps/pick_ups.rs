@@ -14,13 +14,14 @@ use scenarios::Scenario;
 use serde_json::{Value, json};
 use sim::tactile::TactileBoard;
 
+use crate::commands::object_name::object_name;
 use crate::terminal::{Outcome, Terminal};
 
 /// Arguments of `grasps pick-ups`.
 #[derive(Debug, Args)]
 pub struct PickUpsArgs {
     /// Objects; default: all of the scenario.
-    #[arg(long)]
+    #[arg(long, value_parser = object_name)]
     pub object: Vec<String>,
     /// Only this role; the other's grasps stay as they are.
     #[arg(long, value_enum)]

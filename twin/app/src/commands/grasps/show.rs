@@ -18,12 +18,14 @@ use stream::Target;
 use stream::gallery::{self, ShownGrasp};
 use study::kinds::{self, kinds};
 
+use crate::commands::object_name::object_name;
 use crate::terminal::{Outcome, Terminal};
 
 /// Arguments of `grasps show`.
 #[derive(Debug, Args)]
 pub struct ShowArgs {
     /// Object; without one, a table of all.
+    #[arg(value_parser = object_name)]
     pub object: Option<String>,
     /// File of grasps, from `collection` or `generate`; default: the built-in collection.
     #[arg(long)]

@@ -21,6 +21,7 @@ use study::landscape::exploration;
 use study::landscape::grasps::{GraspLandscape, GraspState};
 
 use super::source::{GraspsArgs, Source};
+use crate::commands::object_name::object_name;
 use crate::terminal::{Made, Outcome, Terminal};
 
 /// Arguments of `grasps landscape`.
@@ -29,7 +30,7 @@ pub struct LandscapeArgs {
     #[command(flatten)]
     pub grasps: GraspsArgs,
     /// Objects, separated by commas; default: the paper's six.
-    #[arg(long, value_delimiter = ',', default_value = "pawn,vase,multimeter,board_eraser,coffee_bottle,coke_can")]
+    #[arg(long, value_delimiter = ',', value_parser = object_name, default_value = "pawn,vase,multimeter,board_eraser,coffee_bottle,coke_can")]
     pub objects: Vec<String>,
     /// Grasps of each object at most.
     #[arg(long, default_value_t = 150)]

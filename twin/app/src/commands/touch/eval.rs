@@ -34,8 +34,9 @@ pub struct EvalArgs {
     /// Measure the networks in this folder instead of those that come with the program.
     #[arg(long)]
     pub networks: Option<PathBuf>,
-    /// Presses of a ball into a real GelSight, as `optics calibrate` reads them. The networks that come with the program learned
-    /// from one such sensor; `optics calibrate` measures those that it trains for another.
+    /// Presses of a ball into a real GelSight, as `optics calibrate` reads them; default: those of the Python package taxim, if they lie at
+    /// ../shared/data/real-gelsight/taxim_gelsight. The networks that come with the program learned from that sensor; `optics calibrate` measures
+    /// those that it trains for another.
     #[arg(long, requires = "ball_diameter_mm", requires = "pixel_mm")]
     pub real: Option<PathBuf>,
     /// Diameter of that ball, mm (where the labels do not say it).
@@ -59,6 +60,8 @@ pub struct EvalArgs {
 
 /// Where the presses of the GelSight that the program's networks know lie beside a checkout, their ball and pixel size (mm).
 const REAL: (&str, f64, f64) = ("../shared/data/real-gelsight/taxim_gelsight", 4.0, 0.0295);
+/// Where they come from.
+const REAL_SOURCE: &str = "the Python package taxim 1.4.1 (https://pypi.org/project/taxim)";
 
 /// Feels the grasps, measures, prints.
 pub fn eval(terminal: &Terminal, args: &EvalArgs) -> Outcome {
@@ -108,7 +111,14 @@ fn real_source(args: &EvalArgs) -> Result<Option<RealSource>> {
     else {
         let (folder, ball_diameter_mm, pixel_mm) = REAL;
         let known = RealSource { folder: folder.into(), ball_diameter_mm, pixel_mm };
-        return Ok(Some(known).filter(|source| source.folder.exists()));
+        if known.folder.is_dir() {
+            return Ok(Some(known));
+        }
+        eprintln!(
+            "left out: a real GelSight, whose presses are not at {folder}; they come from {REAL_SOURCE}, and --real FOLDER names them or those \
+             of another sensor"
+        );
+        return Ok(None);
     };
     if !(pixel_mm > 0.0 && pixel_mm.is_finite()) {
         bail!("--pixel-mm: found {pixel_mm}, expected a positive number");

@@ -1,0 +1,42 @@
+//! `ftac combos`: the object combinations that trials are numbered by.
+
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+use anyhow::bail;
+use bench::builtin::{COMBINATIONS, make_scenes};
+use clap::Args;
+use serde_json::json;
+
+use super::scenario;
+use crate::terminal::{Made, Outcome, Terminal};
+
+/// Arguments of `combos`.
+#[derive(Debug, Args)]
+pub struct CombosArgs {
+    /// Scenario file; default: the built-in benchmark. Pairs of its own that have not been planned are planned first, as `bench` does.
+    #[arg(long)]
+    pub scenario: Option<PathBuf>,
+    /// How many; default: 60, or all pairs of a scenario that has fewer.
+    #[arg(long)]
+    pub combos: Option<usize>,
+}
+
+/// Prints them.
+pub fn run(terminal: &Terminal, args: &CombosArgs) -> Outcome {
+    let (scenario, _) = scenario::read(args.scenario.as_deref())?;
+    let pairs = scenario.combinations();
+    let count = args.combos.unwrap_or(pairs.min(COMBINATIONS));
+    if !(1..=pairs).contains(&count) {
+        bail!("--combos: found {count}, expected 1 to {pairs}, the scenario's pairs");
+    }
+    let bench = make_scenes(scenario, count, terminal.seed, terminal.quiet || terminal.json)?;
+    let width = bench.plans.plans.iter().map(|plan| plan.first.len()).max().unwrap_or(0);
+    let mut text = format!("{:>5}  {:width$}  then\n", "COMBO", "first");
+    let mut rows = Vec::new();
+    for (number, plan) in bench.plans.plans.iter().enumerate() {
+        let _ = writeln!(text, "{number:>5}  {:width$}  {}", plan.first, plan.second);
+        rows.push(json!({ "combination": number, "first": plan.first, "second": plan.second }));
+    }
+    terminal.finish(Made { json: json!({ "combinations": rows }), text, shortfall: None })
+}
