@@ -143,7 +143,7 @@ mod tests {
         }
         assert!(matches!(seen(down(9.0), 100), Some(Cause::ArmPress(..))), "more than the payload");
         let up = Vector3::new(0.0, 0.0, 40.0);
-        assert_eq!(seen(up, 20), None, "a jolt");
+        assert_eq!(seen(up, 19), None, "a jolt");
         assert!(
             matches!(seen(up, 22), Some(Cause::ArmPress(1 | 3, torque)) if torque.abs() > 8.0),
             "{:?}",
