@@ -172,7 +172,7 @@ fn the_session_timeout_passes_unnoticed() {
     let credentials = Settings::default().credentials;
     let arm = Arm::connect(emulator.address(), &credentials, short, ArmModel::home()).expect("connects");
     let mut link = KortexLink::new(arm, Duration::from_millis(10), Duration::from_secs(60));
-    let mut past = |link: &mut KortexLink| {
+    let past = |link: &mut KortexLink| {
         let begun = emulator.status().time;
         until("two session timeouts have passed", || {
             link.read(0.0).map_or_else(|error| panic!("lost: {error}"), drop);

@@ -208,7 +208,7 @@ fn a_scenario_mends_what_other_commands_mend() {
     assert!((wedge.shape.volume() - 0.5 * 0.04 * 0.04 * 0.03).abs() < 1e-12 && mesh.volume() > 0.0);
     let notes = scenario.object[0].notes(wedge);
     assert!(notes.len() == 1 && notes[0].contains(&repair.to_string()), "{notes:?}");
-    let text = Scenario::self_contained(SCENARIO, &folder.join("mine.toml")).expect("a good scenario");
+    let text = Scenario::self_contained(SCENARIO, &folder.join("mine.toml"), Reach::Anywhere).expect("a good scenario");
     let moved = Scenario::parse(&text, Path::new("/nowhere/run.json")).expect("a scenario that needs no file");
     assert_eq!(moved, scenario);
 }

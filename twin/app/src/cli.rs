@@ -46,7 +46,7 @@ pub enum Command {
     /// See one trial, touch beside blind: in the viewer, or as a page with a film.
     Demo(DemoArgs),
     /// Run the multi-object benchmark under all conditions.
-    Bench(BenchArgs),
+    Bench(Box<BenchArgs>),
     /// List the object combinations by number and name.
     Combos(CombosArgs),
     /// Many benchmarks along axes, on this machine or on Slurm.

@@ -4,7 +4,7 @@
 //! [`journal`] keeps what is finished, [`recording`] shows a trial in Rerun. [`transport`] carries several objects in one trip,
 //! [`mirror`] lets a twin look on and names what differs, [`faults`] injects device faults into trials, [`own`] lets a policy of the user's decide in them, [`environment`] lets a learner step through scenes. [`workers`] are the threads it all runs on.
 
-// What is printed may hold text of others: `println!` and its siblings are the ones that make it printable.
+// What is printed may hold text of others: `eprintln!` is the one that makes it printable.
 #[macro_use]
 extern crate progress;
 

@@ -7,7 +7,6 @@ use std::sync::Mutex;
 use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
-use progress::eprintln;
 use report;
 use report::film::{self, Film};
 use scenarios::record::{Condition, TrialRecord};

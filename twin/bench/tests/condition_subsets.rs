@@ -47,6 +47,8 @@ fn request(conditions: &[Condition], record: Record) -> RunRequest {
         gpu: false,
         record,
         made: vec![Provenance::now()],
+        notes: Vec::new(),
+        left_out: Vec::new(),
     }
 }
 

@@ -78,7 +78,7 @@ fn a_session_that_ends_in_a_failed_look_replays() {
         ended += 1;
         let replay = Replay::new(Reader::open(&file).expect("whole")).expect("readable");
         let (mut source, report) = ReplaySource::new(replay, false);
-        let again = bench.play(&task, &mut source, &mut NoWatcher).err().expect("the same failure");
+        let again = bench.play(&task, &mut source, &mut NoWatcher).expect_err("the same failure");
         let failed = again.chain().find_map(|cause| cause.downcast_ref::<LookFailed>());
         assert_eq!(failed.map(|failed| failed.0.as_str()), Some(WHY), "{again:#}");
         assert_eq!(format!("{again:#}"), format!("{error:#}"));

@@ -26,6 +26,7 @@ fn no_normal_trial_is_stopped() {
             individual: None,
             pads: None,
             foresees: false,
+            mirrored: false,
             places: Places::default(),
         };
         // A robot that stops is none that has been tried.

@@ -10,7 +10,6 @@ use std::sync::Mutex;
 
 use anyhow::{Context, Result};
 use hand_model::digest::hexadecimal;
-use progress::eprintln;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use sha2::{Digest as _, Sha256};

@@ -6,7 +6,7 @@
 //! before a policy chooses one. The proven
 //! grasps and plans of the benchmark are in `data/`.
 
-// What is printed may hold text of others: `println!` and its siblings are the ones that make it printable.
+// What is printed may hold text of others: `eprintln!` is the one that makes it printable.
 #[macro_use]
 extern crate progress;
 

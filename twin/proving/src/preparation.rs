@@ -13,7 +13,6 @@ use std::time::Instant;
 
 use anyhow::Result;
 use grasping::{Grasp, Repertoire, Role};
-use progress::eprintln;
 use scenarios::Scenario;
 use scenarios::combination::{Combination, draw_combinations};
 use scenarios::effects::Effect;

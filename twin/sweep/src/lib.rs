@@ -6,7 +6,7 @@
 //! [`slurm`] hands the work to a cluster, [`status`] says how far it is. [`outcomes`], [`curve`] and [`page`] are the report,
 //! [`makespan`] is a replay of recorded unit times on more cores.
 
-// What is printed may hold text of others: `println!` and its siblings are the ones that make it printable.
+// What is printed may hold text of others: `eprintln!` is the one that makes it printable.
 #[macro_use]
 extern crate progress;
 

@@ -9,7 +9,6 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, Result, anyhow, bail};
 use bench::body::operator::Interrupt;
-use progress::eprintln;
 
 use crate::claim::Claims;
 use crate::columns::Which;

@@ -65,7 +65,7 @@ fn what_falls_over_does_not_rest() {
         // The centre of volume of a cone is a quarter of its height over its base.
         assert!((model(&text).unwrap().rest_height() - 0.02).abs() < 1e-4, "{text}");
     }
-    let file = ObjectFile::parse(&on_its_tip, Path::new("my_ball.toml")).expect("an object");
+    let file = ObjectFile::parse(&on_its_tip, Path::new("my_ball.toml"), Reach::Nothing).expect("an object");
     let notes = file.notes(&model(&on_its_tip).expect("an object"));
     assert!(notes.len() == 1 && notes[0].contains("rests as with rest = { turned = ["), "{notes:?}");
 }

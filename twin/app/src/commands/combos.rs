@@ -1,22 +1,21 @@
 //! `ftac combos`: the object combinations that trials are numbered by.
 
 use std::fmt::Write as _;
-use std::path::PathBuf;
 
 use anyhow::bail;
 use bench::builtin::{COMBINATIONS, make_scenes};
 use clap::Args;
 use serde_json::json;
 
-use super::scenario;
+use super::scenario::ScenarioArgs;
 use crate::terminal::{Made, Outcome, Terminal};
 
 /// Arguments of `combos`.
 #[derive(Debug, Args)]
 pub struct CombosArgs {
-    /// Scenario file; default: the built-in benchmark. Pairs of its own that have not been planned are planned first, as `bench` does.
-    #[arg(long)]
-    pub scenario: Option<PathBuf>,
+    /// Pairs of a scenario of your own that have not been planned are planned first, as `bench` does.
+    #[command(flatten)]
+    pub scenario: ScenarioArgs,
     /// How many; default: 60, or all pairs of a scenario that has fewer.
     #[arg(long)]
     pub combos: Option<usize>,
@@ -24,7 +23,7 @@ pub struct CombosArgs {
 
 /// Prints them.
 pub fn run(terminal: &Terminal, args: &CombosArgs) -> Outcome {
-    let (scenario, _) = scenario::read(args.scenario.as_deref())?;
+    let (scenario, _) = args.scenario.read()?;
     let pairs = scenario.combinations();
     let count = args.combos.unwrap_or(pairs.min(COMBINATIONS));
     if !(1..=pairs).contains(&count) {

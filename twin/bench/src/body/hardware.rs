@@ -8,7 +8,6 @@ use hand_model::robot::Robot;
 use hardware_bridge::hardware_robot::HardwareRobot;
 use hardware_bridge::safety::state::{Cause, State};
 use nalgebra::Isometry3;
-use progress::eprintln;
 use scenarios::referee::{FailureCause, Verdict};
 use sim::robot::Truth;
 

@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::Result;
-use progress::eprintln;
 use scenarios::FailureCause;
 use scenarios::record::Condition;
 

@@ -13,7 +13,6 @@ use grasping::Grasp;
 use grasping::digit_sets::propose_with;
 use grasping::sampler::vary;
 use hand_model::Digit;
-use progress::eprintln;
 use proving::rehearsal::{digit_bits, misaimed, proving_errors};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;

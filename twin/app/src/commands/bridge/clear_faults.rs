@@ -7,10 +7,9 @@ use bench::body::arm_link::connect;
 use bench::body::operator::agreed_while;
 use clap::Args;
 use hand_model::Arm;
-use hardware_bridge::remote::{self, Wish, places};
 use kortex::message::ArmState;
 
-use super::shared::ConfigArg;
+use super::shared::{ConfigArg, expect_no_robot};
 use crate::terminal::Terminal;
 
 /// Waited for the arm to report that its faults are gone.
@@ -28,11 +27,7 @@ pub struct ClearArgs {
 
 pub fn run(terminal: &Terminal, args: &ClearArgs) -> Result<Option<String>> {
     let config = args.config.read()?;
-    let own: Vec<_> =
-        places::find().0.into_iter().filter(|socket| places::is_of(socket, &args.config.config)).collect();
-    if let Some(robot) = remote::ask_all(&own, Wish::State).into_iter().find_map(|(_, answer)| answer.ok()) {
-        bail!("a robot is running ({}: {}); expected none: end its trial first", robot.of, robot.text);
-    }
+    expect_no_robot(&args.config.config)?;
     let Some(mut arm) = connect(&config, Arm::home())? else { bail!("arm: found kind loopback, expected an arm") };
     let before = arm.cyclic.feedback()?.faults;
     let state = arm.base.arm_state()?;

@@ -5,12 +5,11 @@ use bench::body::operator::agreed;
 use clap::Args;
 use hardware_bridge::calibration::HandCalibration;
 use hardware_bridge::reboot::{check, error_status, reboot};
-use hardware_bridge::remote::{self, Wish};
 use hardware_bridge::servo_bus::ServoBus;
 use hardware_bridge::setup::Finding;
 use hardware_bridge::xc330::hardware_error;
 
-use super::shared::{ConfigArg, actuator_names, print_table, rows, shortfall};
+use super::shared::{ConfigArg, actuator_names, expect_no_robot, print_table, rows, shortfall};
 use crate::terminal::Terminal;
 
 /// Arguments of `bridge reboot`.
@@ -37,14 +36,12 @@ struct Patient {
 }
 
 pub fn run(terminal: &Terminal, args: &RebootArgs) -> Result<Option<String>> {
-    let config = args.config.read()?;
+    let config = args.config.read_without_password()?;
     let names = actuator_names();
     if let Some(unknown) = args.actuator.iter().find(|wanted| !names.contains(wanted)) {
         bail!("--actuator: found `{unknown}`, expected one of {}", names.join(", "));
     }
-    if let Ok(state) = remote::ask(&config.stop_socket, Wish::State) {
-        bail!("a robot is running ({state}); expected none: end its trial first");
-    }
+    expect_no_robot(&args.config.config)?;
     // Without one the servos can be restarted all the same; what came back is compared with less.
     let calibration = match config.calibration.exists() {
         true => Some(HandCalibration::read(&config.calibration)?),

@@ -2,10 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::Result;
+use anyhow::{Result, bail};
 use clap::Args;
 use hand_model::Hand;
 use hardware_bridge::config::BridgeConfig;
+use hardware_bridge::remote::{self, Wish, places};
 use hardware_bridge::setup::Finding;
 
 use crate::terminal::Terminal;
@@ -69,4 +70,13 @@ pub fn shortfall(findings: &[Finding]) -> Option<String> {
 /// How a path is shown.
 pub fn shown(path: &Path) -> String {
     path.display().to_string()
+}
+
+/// Refuses while a robot of the configuration at `config` runs.
+pub fn expect_no_robot(config: &Path) -> Result<()> {
+    let own: Vec<_> = places::find().0.into_iter().filter(|socket| places::is_of(socket, config)).collect();
+    if let Some(robot) = remote::ask_all(&own, Wish::State).into_iter().find_map(|(_, answer)| answer.ok()) {
+        bail!("a robot is running ({}: {}); expected none: end its trial first", robot.of, robot.text);
+    }
+    Ok(())
 }

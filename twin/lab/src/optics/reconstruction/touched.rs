@@ -43,7 +43,7 @@ pub fn touched(change: &[[f32; 3]], noise: f32) -> Vec<bool> {
 
 /// Share of the image's border that is touched.
 pub fn border_share(touched: &[bool]) -> f64 {
-    let border = |i: &usize| i % N == 0 || i % N == N - 1 || i / N == 0 || i / N == N - 1;
+    let border = |i: &usize| i.is_multiple_of(N) || i % N == N - 1 || i / N == 0 || i / N == N - 1;
     let (mut count, mut all) = (0usize, 0usize);
     for i in (0..N * N).filter(border) {
         count += usize::from(touched[i]);
@@ -69,11 +69,12 @@ fn averaged(change: &[[f32; 3]]) -> Vec<f32> {
     let mut largest = vec![0.0f32; N * N];
     // Sums over all pixels above and to the left.
     let mut sums = vec![0.0f64; (N + 1) * (N + 1)];
-    for channel in 0..3 {
+    let channels: [fn(&[f32; 3]) -> f32; 3] = [|color| color[0], |color| color[1], |color| color[2]];
+    for channel in channels {
         for row in 0..N {
             let mut line = 0.0;
             for column in 0..N {
-                line += f64::from(change[row * N + column][channel].abs());
+                line += f64::from(channel(&change[row * N + column]).abs());
                 sums[(row + 1) * (N + 1) + column + 1] = sums[row * (N + 1) + column + 1] + line;
             }
         }
