@@ -1,0 +1,25 @@
+//! A robot that makes no errors, at a table without effects, and a controller that knows both.
+
+use std::path::Path;
+
+use bench::builtin::{expect_errors, make_bench};
+use bench::trial::NoWatcher;
+use scenarios::Scenario;
+use scenarios::effects::Effect;
+use scenarios::record::Condition;
+
+/// In this trial touch once palpated both objects, took in a millimetre that was none, and touched the second object with the first one's
+/// digits; blind never did.
+#[test]
+fn feeling_costs_nothing_where_nothing_is_wrong() {
+    let mut scenario = Scenario::benchmark();
+    scenario.noise = scenario.noise.scaled(0.0);
+    scenario.effects = Effect::ALL.into_iter().fold(scenario.effects, |effects, effect| effects.without(effect));
+    assert!(scenario.is_exact());
+    let mut bench = make_bench(scenario, 1, 1, true).expect("a bench");
+    expect_errors(&mut bench, None, Path::new("uncertainty"), "sim").expect("told");
+    let results = bench.trial(0, 0, &[Condition::Touch], &[], &mut NoWatcher).expect("a trial");
+    let record = &results.records[0];
+    assert!(record.clean_success, "{record:?}");
+    assert!(!record.reason.contains("is touched from above"), "{}", record.reason);
+}
