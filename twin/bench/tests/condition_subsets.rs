@@ -16,8 +16,8 @@ use scenarios::record::{Condition, read_trials};
 use scenarios::statistics::Summary;
 
 const RECORDS: [Record; 4] = [Record::None, Record::Sample, Record::Causes, Record::All];
-/// A combination whose blind trial fails, so that there is a cause to record.
-const SEED: u64 = 7;
+/// With it the first blind trial fails, so that there is a cause to record.
+const SEED: u64 = 1;
 
 fn bench() -> &'static Bench {
     static BENCH: OnceLock<Bench> = OnceLock::new();
