@@ -4,13 +4,14 @@
 //! users see, with its documentation, is in `python/ftac`. Bad input is a `ValueError` in the library's own words; what fails otherwise is a
 //! `RuntimeError`.
 //!
-//! [`arrays`] converts numpy arrays, [`worlds`] holds what scenes share, [`scene`] steps them; [`hand`], [`optics`], [`touch`] and [`grasps`] are
+//! [`arrays`] converts numpy arrays, [`worlds`] holds what scenes share, [`scene`] steps them and [`pickled`] keeps what it takes to step them anew; [`hand`], [`optics`], [`touch`] and [`grasps`] are
 //! the parts that can be used alone, [`trials`] lets a Python object decide in the benchmark's trials, and [`session`] reads recorded ones.
 
 mod arrays;
 mod grasps;
 mod hand;
 mod optics;
+mod pickled;
 mod program;
 mod scene;
 mod session;
@@ -32,7 +33,7 @@ mod _native {
     #[pymodule_export]
     use crate::program::run;
     #[pymodule_export]
-    use crate::scene::{Episode, Scene, step_all};
+    use crate::scene::{Episode, Scene, restored_episode, restored_scene, step_all};
     #[pymodule_export]
     use crate::session::session;
     #[pymodule_export]

@@ -8,22 +8,28 @@ use bench::environment::{self, EpisodeError, Judgement, Options, PadImages, Plac
 use bench::workers;
 use control::Twist;
 use control::action::{Action, ActionError, ArmAction, HandAction};
-use numpy::{IntoPyArray, PyArray1, PyArray3, PyReadonlyArray2, PyUntypedArrayMethods};
+use numpy::{IntoPyArray, PyArray1, PyArray3, PyArray4, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use scenarios::layout::Place;
 
 use crate::arrays::{Numbers, failure, fixed, picture, pictures, pose_row, table, value_error};
+use crate::pickled::{Given, Kept, Stepped, actions, check, keep};
 use crate::worlds::shared;
+
+/// Objects and their places, images, seed, reality.
+type SceneMade = (Vec<(String, f64, f64, f64)>, Option<usize>, u64, bool);
+/// Task, images, combination, seed, reality.
+type EpisodeMade = (String, Option<usize>, Option<usize>, u64, bool);
 
 /// A robot at a table with objects.
 #[pyclass(frozen, module = "ftac._native")]
-pub struct Scene(Mutex<environment::Scene>);
+pub struct Scene(Mutex<Stepped<environment::Scene, SceneMade>>);
 
 /// A task in progress.
 #[pyclass(frozen, module = "ftac._native")]
-pub struct Episode(Mutex<environment::Episode>);
+pub struct Episode(Mutex<Stepped<environment::Episode, EpisodeMade>>);
 
 /// Numbers of an action in a row: twist (6), tensions (5), opposition.
 const ROW: usize = 12;
@@ -72,10 +78,14 @@ fn observation<'py>(py: Python<'py>, scene: &environment::Scene) -> PyResult<Bou
     measured.set_item("arm", table(py, joints))?;
     measured.set_item("palm", PyArray1::from_slice(py, &pose_row(&scene.palm())))?;
     if let Some(images) = scene.images() {
-        measured.set_item("tactile", pictures(py, images.times().len(), images.side(), images.rgb().to_vec())?)?;
+        measured.set_item("tactile", shown(py, images)?)?;
         measured.set_item("tactile_time", times(images).into_pyarray(py))?;
     }
     Ok(measured)
+}
+
+fn shown<'py>(py: Python<'py>, images: &PadImages) -> PyResult<Bound<'py, PyArray4<u8>>> {
+    pictures(py, images.times().len(), images.side(), images.rgb().to_vec())
 }
 
 fn times(images: &PadImages) -> Vec<f64> {
@@ -128,35 +138,48 @@ impl Scene {
         reality: bool,
     ) -> PyResult<Self> {
         let bench = shared(py, reality)?;
-        let placed: Vec<Placed> =
-            objects.into_iter().map(|(name, x, y, yaw)| Placed { name, place: Place { x, y, yaw } }).collect();
-        let options = SceneOptions { images, seed };
+        let placed = objects.iter().cloned().map(|(name, x, y, yaw)| Placed { name, place: Place { x, y, yaw } });
+        let (placed, options) = (placed.collect::<Vec<_>>(), SceneOptions { images, seed });
         let scene = py.detach(|| environment::Scene::new(&bench.world, &bench.board, &placed, options));
-        Ok(Self(Mutex::new(scene.map_err(value_error)?)))
+        let (scene, made) = (scene.map_err(value_error)?, (objects, images, seed, reality));
+        Ok(Self(Mutex::new(Stepped { scene, made, actions: Vec::new() })))
     }
 
     fn step(&self, py: Python<'_>, asked: Asked) -> PyResult<()> {
         let action = action(asked)?;
-        let mut scene = own(&self.0)?;
-        let scene: &mut environment::Scene = &mut scene;
-        py.detach(|| scene.step(&action)).map_err(value_error)
+        let mut stepped = own(&self.0)?;
+        let Stepped { scene, actions, .. } = &mut *stepped;
+        py.detach(|| scene.step(&action)).map_err(value_error)?;
+        actions.push(action);
+        Ok(())
     }
 
     fn observe<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        observation(py, &*own(&self.0)?)
+        observation(py, &own(&self.0)?.scene)
+    }
+
+    /// The pads before anything touched them, as `tactile` of an observation.
+    fn untouched<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray4<u8>>>> {
+        own(&self.0)?.scene.untouched().map(|images| shown(py, images)).transpose()
     }
 
     fn true_state<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        truth(py, &*own(&self.0)?)
+        truth(py, &own(&self.0)?.scene)
     }
 
     fn limits<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        limits(py, &*own(&self.0)?)
+        limits(py, &own(&self.0)?.scene)
     }
 
     /// A picture for people.
     fn picture<'py>(&self, py: Python<'py>, side: u32) -> PyResult<Bound<'py, PyArray3<u8>>> {
-        drawn(py, &*own(&self.0)?, side)
+        drawn(py, &own(&self.0)?.scene, side)
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, (SceneMade, Kept<'py>))> {
+        let stepped = own(&self.0)?;
+        let kept = keep(py, &stepped.scene, &stepped.actions);
+        Ok((native(py, "restored_scene")?, (stepped.made.clone(), kept)))
     }
 
     fn __deepcopy__(&self, _memo: &Bound<'_, PyAny>) -> PyResult<Self> {
@@ -166,6 +189,27 @@ impl Scene {
     fn copy(&self) -> PyResult<Self> {
         Ok(Self(Mutex::new(own(&self.0)?.clone())))
     }
+}
+
+/// A scene as it was pickled.
+#[pyfunction]
+pub fn restored_scene(py: Python<'_>, made: SceneMade, kept: Given<'_>) -> PyResult<Scene> {
+    let actions = actions(&kept)?;
+    let (objects, images, seed, reality) = made;
+    let restored = Scene::new(py, objects, images, seed, reality)?;
+    {
+        let mut stepped = own(&restored.0)?;
+        let scene = &mut stepped.scene;
+        py.detach(|| actions.iter().try_for_each(|action| scene.step(action))).map_err(value_error)?;
+        check(&stepped.scene, &kept)?;
+        stepped.actions = actions;
+    }
+    Ok(restored)
+}
+
+/// A function of this module, for a pickle.
+fn native<'py>(py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyAny>> {
+    py.import("ftac._native")?.getattr(name)
 }
 
 fn drawn<'py>(py: Python<'py>, scene: &environment::Scene, side: u32) -> PyResult<Bound<'py, PyArray3<u8>>> {
@@ -192,7 +236,7 @@ impl Episode {
         seed: u64,
         reality: bool,
     ) -> PyResult<Self> {
-        let task = match task {
+        let kind = match task {
             "pick_one" => Task::PickOne,
             "pick_second" => Task::PickSecond,
             "pick_two" => Task::PickTwo,
@@ -203,9 +247,10 @@ impl Episode {
             }
         };
         let bench = shared(py, reality)?;
-        let options = Options { task, images, combination };
+        let options = Options { task: kind, images, combination };
+        let made = (task.to_owned(), images, combination, seed, reality);
         match py.detach(|| environment::Episode::begin(&bench, options, seed)) {
-            Ok(episode) => Ok(Self(Mutex::new(episode))),
+            Ok(scene) => Ok(Self(Mutex::new(Stepped { scene, made, actions: Vec::new() }))),
             Err(EpisodeError::Setup(error)) => Err(failure(&error)),
             Err(error) => Err(value_error(error)),
         }
@@ -213,51 +258,59 @@ impl Episode {
 
     fn step(&self, py: Python<'_>, asked: Asked) -> PyResult<Judged> {
         let action = action(asked)?;
-        let mut episode = own(&self.0)?;
-        let episode: &mut environment::Episode = &mut episode;
-        py.detach(|| {
-            episode.scene.step(&action)?;
-            Ok(judged(episode.judge()))
-        })
-        .map_err(|error: ActionError| value_error(error))
+        let mut stepped = own(&self.0)?;
+        let stepped: &mut Stepped<_, _> = &mut stepped;
+        py.detach(|| asked_of(stepped, action)).map_err(value_error)
     }
 
     fn observe<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let episode = own(&self.0)?;
+        let stepped = own(&self.0)?;
+        let episode = &stepped.scene;
         let measured = observation(py, &episode.scene)?;
         measured.set_item("seen", table(py, episode.seen().iter().map(|seen| pose_row(&seen.pose()))))?;
         Ok(measured)
     }
 
+    /// The pads before anything touched them, as `tactile` of an observation.
+    fn untouched<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray4<u8>>>> {
+        own(&self.0)?.scene.scene.untouched().map(|images| shown(py, images)).transpose()
+    }
+
     fn true_state<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        truth(py, &own(&self.0)?.scene)
+        truth(py, &own(&self.0)?.scene.scene)
     }
 
     fn limits<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        limits(py, &own(&self.0)?.scene)
+        limits(py, &own(&self.0)?.scene.scene)
     }
 
     /// A picture for people.
     fn picture<'py>(&self, py: Python<'py>, side: u32) -> PyResult<Bound<'py, PyArray3<u8>>> {
-        drawn(py, &own(&self.0)?.scene, side)
+        drawn(py, &own(&self.0)?.scene.scene, side)
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, (EpisodeMade, Kept<'py>))> {
+        let stepped = own(&self.0)?;
+        let kept = keep(py, &stepped.scene.scene, &stepped.actions);
+        Ok((native(py, "restored_episode")?, (stepped.made.clone(), kept)))
     }
 
     /// Tensions (N) and opposition (rad) with which the hand begins.
     fn grip(&self) -> PyResult<([f64; 5], f64)> {
-        Ok(own(&self.0)?.grip())
+        Ok(own(&self.0)?.scene.grip())
     }
 
     fn objects(&self) -> PyResult<Vec<String>> {
-        Ok(own(&self.0)?.objects().map(str::to_owned).collect())
+        Ok(own(&self.0)?.scene.objects().map(str::to_owned).collect())
     }
 
     /// Turn (rad) of each object about the vertical from its rest pose, as seen.
     fn yaws(&self) -> PyResult<Vec<f64>> {
-        Ok(own(&self.0)?.seen().iter().map(|seen| seen.yaw).collect())
+        Ok(own(&self.0)?.scene.seen().iter().map(|seen| seen.yaw).collect())
     }
 
     fn combination(&self) -> PyResult<usize> {
-        Ok(own(&self.0)?.combination())
+        Ok(own(&self.0)?.scene.combination())
     }
 
     fn __deepcopy__(&self, _memo: &Bound<'_, PyAny>) -> PyResult<Self> {
@@ -267,6 +320,29 @@ impl Episode {
     fn copy(&self) -> PyResult<Self> {
         Ok(Self(Mutex::new(own(&self.0)?.clone())))
     }
+}
+
+/// A step of an episode, and how it stands after it.
+fn asked_of(stepped: &mut Stepped<environment::Episode, EpisodeMade>, action: Action) -> Result<Judged, ActionError> {
+    stepped.scene.scene.step(&action)?;
+    stepped.actions.push(action);
+    Ok(judged(stepped.scene.judge()))
+}
+
+/// An episode as it was pickled.
+#[pyfunction]
+pub fn restored_episode(py: Python<'_>, made: EpisodeMade, kept: Given<'_>) -> PyResult<Episode> {
+    let actions = actions(&kept)?;
+    let (task, images, combination, seed, reality) = made;
+    let restored = Episode::new(py, &task, images, combination, seed, reality)?;
+    {
+        let mut stepped = own(&restored.0)?;
+        let stepped: &mut Stepped<_, _> = &mut stepped;
+        py.detach(|| actions.into_iter().try_for_each(|action| asked_of(stepped, action).map(drop)))
+            .map_err(value_error)?;
+        check(&stepped.scene.scene, &kept)?;
+    }
+    Ok(restored)
 }
 
 /// A step of many episodes on `jobs` threads. Row by row: twist, tensions, opposition. If one action is refused, no episode is stepped.
@@ -290,16 +366,15 @@ pub fn step_all(
             hand: HandAction::Tensions { tensions: std::array::from_fn(|n| row[6 + n]), opposition: row[11] },
         };
         let refused = |error| value_error(format!("environment {number}: {error}"));
-        guard.scene.limits().check(&action).map_err(refused)?;
-        let episode: &mut environment::Episode = guard;
-        work.push(Mutex::new((episode, action, None)));
+        guard.scene.scene.limits().check(&action).map_err(refused)?;
+        let stepped: &mut Stepped<_, _> = guard;
+        work.push(Mutex::new((stepped, Some(action), None)));
     }
     let done = py.detach(|| {
         workers::for_each(jobs, &work, |_, item| {
             let mut item = item.lock().map_err(|_| anyhow::anyhow!("a step failed half-way"))?;
-            let (episode, action, judgement) = &mut *item;
-            episode.scene.step(action)?;
-            *judgement = Some(judged(episode.judge()));
+            let (stepped, action, judgement) = &mut *item;
+            *judgement = action.take().map(|action| asked_of(stepped, action)).transpose()?;
             Ok(())
         })
     });

@@ -13,6 +13,9 @@ use session_log::{Reader, SessionLogError};
 use crate::arrays::{table, value_error};
 use crate::hand::HAND;
 
+/// Most bytes of a session's images.
+const MOST_BYTES: u64 = 8 << 30;
+
 /// A session, a frame every `ticks` ticks: measurements, commands, images of `side` pixels, what the trial was, and what came of it, as JSON text.
 #[pyfunction]
 pub fn session(py: Python<'_>, path: PathBuf, ticks: usize, side: usize) -> PyResult<Bound<'_, PyDict>> {
@@ -40,6 +43,14 @@ pub fn session(py: Python<'_>, path: PathBuf, ticks: usize, side: usize) -> PyRe
     all.set_item("arm_goal", table(py, frames.iter().map(|frame| frame.sent.arm)))?;
     all.set_item("servo_goal", table(py, frames.iter().map(Frame::servo_goals)))?;
     let (count, pads) = (frames.len(), HAND.pads.len());
+    let bytes = [count, pads, side, side, 3].iter().fold(1, |bytes: u64, part| bytes.saturating_mul(*part as u64));
+    if bytes > MOST_BYTES {
+        let (found, most) = (bytes >> 20, MOST_BYTES >> 20);
+        let words = format!(
+            "{count} frames with {found} MB of images, expected at most {most} MB: smaller images, or fewer frames"
+        );
+        return Err(value_error(format!("{}: found {words}", path.display())));
+    }
     let rgb = py.detach(|| pictures(frames, side)).map_err(value_error)?;
     let rgb = Array5::from_shape_vec((count, pads, side, side, 3), rgb).map_err(value_error)?;
     all.set_item("tactile", rgb.into_pyarray(py))?;

@@ -1,6 +1,7 @@
 """Scenes and environments: bits by seed, nothing of the truth, and clear words for what cannot be."""
 
 import copy
+import pickle
 import threading
 import unittest
 import warnings
@@ -35,6 +36,30 @@ class Scenes(unittest.TestCase):
         self.assertEqual((scene.observe()["time"] > 0, twin.observe()["time"]), (True, 0.0))
         twin.step(twist=[0.2, 0, 0, 0, 0, 0])
         np.testing.assert_array_equal(scene.observe()["arm"], twin.observe()["arm"])
+
+    def test_a_pickled_scene_goes_on_alike(self):
+        scene = ftac.Scene(OBJECTS, images=16, seed=4)
+        joints = scene.observe()["arm"][:, 0] + 0.01
+        scene.step(joints=joints, spools=[0.1] * 6)
+        scene.step(twist=[0.1, 0, -0.1, 0, 0.2, 0], tensions=[1, 2, 3, 4, 5], opposition=0.3)
+        text = pickle.dumps(scene)
+        twin = pickle.loads(text)
+        self.assertEqual(twin.objects, scene.objects)
+        again = pickle.loads(pickle.dumps(twin))
+        for one in (scene, twin, again):
+            seen = one.step(tensions=[3.0] * 5)
+            for name, value in scene.observe().items():
+                np.testing.assert_array_equal(seen[name], value)
+        version = ftac.__version__.encode()
+        with self.assertRaisesRegex(ValueError, "pickle: found one of ftac 9.9.9, expected one of " + ftac.__version__):
+            pickle.loads(text.replace(version, b"9.9.9"))
+
+    def test_untouched_pads_look_as_at_the_beginning(self):
+        scene = ftac.Scene(OBJECTS, images=16)
+        before = scene.observe()["tactile"]
+        scene.step(tensions=[40.0] * 5)
+        np.testing.assert_array_equal(scene.untouched(), before)
+        self.assertIsNone(ftac.Scene().untouched())
 
     def test_joints_and_spools_are_followed(self):
         scene = ftac.Scene()
@@ -116,7 +141,8 @@ class Environments(unittest.TestCase):
         observation, info = env.reset(seed=5)
         measured = {"servos", "arm", "palm", "command", "seen", "tactile"}
         self.assertEqual(set(observation), measured)
-        self.assertEqual(set(info), {"objects", "yaws", "combination"})
+        self.assertEqual(set(info), {"objects", "yaws", "combination", "untouched"})
+        np.testing.assert_array_equal(info["untouched"], observation["tactile"])
         true = env._episode.true_state()["objects"][0]
         # Vision errs: what is seen is not where the object is.
         self.assertGreater(np.abs(observation["seen"][0, :3] - true[:3]).max(), 1e-5)
@@ -169,6 +195,17 @@ class Environments(unittest.TestCase):
                 env.step(script.act(observation))
         env.reset(seed=3)
         env.step(np.zeros(12, dtype=np.float32))
+
+    def test_a_pickled_environment_goes_on_alike(self):
+        env = envs.Pick("pick_one", images=16)
+        env.reset(seed=4)
+        action = np.full(12, 0.3, dtype=np.float32)
+        env.step(action)
+        twin = pickle.loads(pickle.dumps(env))
+        for mine, its in zip(env.step(action)[0].values(), twin.step(action)[0].values()):
+            np.testing.assert_array_equal(mine, its)
+        # What is drawn next is drawn alike.
+        np.testing.assert_array_equal(env.reset()[0]["seen"], twin.reset()[0]["seen"])
 
     def test_a_copied_environment_goes_on_alike(self):
         env = envs.Pick("pick_one", images=16)

@@ -13,6 +13,7 @@ class Vector(unittest.TestCase):
         many = gymnasium.make_vec("ftac/PickOne-v0", num_envs=3, images=16, reward="shaped")
         observed, info = many.reset(seed=7)
         self.assertEqual((observed["tactile"].shape, len(info["objects"])), ((3, 17, 16, 16, 3), 3))
+        np.testing.assert_array_equal(info["untouched"], observed["tactile"])
         one = envs.Pick("pick_one", images=16, reward="shaped")
         alone, _ = one.reset(seed=8)
         rng = np.random.default_rng(0)

@@ -43,7 +43,7 @@ class Pick(gymnasium.Env[Observation, Vector]):
     - ``palm`` (7,): ``world_from_palm`` by the arm's encoders.
     - ``command`` (6,): the last action's tensions and opposition, -1 to 1.
     - ``seen`` (objects, 7): ``world_from_object`` as vision reported it when the episode began, with its error (some 7 mm and 0.08 rad with ``reality``).
-    - ``tactile`` (17, n, n, 3) uint8: an image a pad; only with ``images``.
+    - ``tactile`` (17, n, n, 3) uint8: an image a pad; only with ``images``. Those of the untouched pads are in the ``info`` of `reset`.
 
     **Rewards**: ``sparse`` is 1 in the step in which the task is done and 0 before. ``shaped`` adds what the step has gained in progress, from 0 (far) by being
     near, touching and lifting to 1 (lifted). Rewards are judged by the true scene, and so is ``info["held"]``.
@@ -111,7 +111,8 @@ class Pick(gymnasium.Env[Observation, Vector]):
     ) -> tuple[Observation, dict[str, Any]]:
         """Begins an episode. After ``reset(seed=...)`` everything that follows is the same to the bit. There are no ``options``.
 
-        ``info`` names the ``objects`` and the ``combination``, and has each object's turn about the vertical from its rest pose as seen: ``yaws``, rad.
+        ``info`` names the ``objects`` and the ``combination``, and has each object's turn about the vertical from its rest pose as seen: ``yaws``, rad. With
+        ``images`` it has ``untouched`` too: the pads before anything touched them, as the observation's ``tactile``.
         """
         _check_options(options)
         super().reset(seed=seed)
@@ -122,7 +123,10 @@ class Pick(gymnasium.Env[Observation, Vector]):
         tensions, opposition = self._episode.grip()
         self._command = _actions.command(tensions, opposition, self._opposition)
         names, yaws = self._episode.objects(), self._episode.yaws()
-        return self._observe(), {"objects": names, "yaws": yaws, "combination": self._episode.combination()}
+        info: dict[str, Any] = {"objects": names, "yaws": yaws, "combination": self._episode.combination()}
+        if self.images is not None:
+            info["untouched"] = self._episode.untouched()
+        return self._observe(), info
 
     def step(self, action: Vector) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Carries out `action` for 1/20 s. ``ValueError`` for one that is not in the action space."""
@@ -211,6 +215,8 @@ class VectorPick(gymnasium.vector.VectorEnv[Observation, Vector, NDArray[Any]]):
             begun = list(threads.map(lambda pair: pair[0].reset(seed=pair[1]), zip(self.envs, seeds)))
         self._steps[:], self._over[:] = 0, False
         info = {name: np.array([info[name] for _, info in begun], dtype=object) for name in ("objects", "combination")}
+        if self.envs[0].images is not None:
+            info["untouched"] = np.stack([info["untouched"] for _, info in begun])
         return _stacked([observation for observation, _ in begun]), info
 
     def step(

@@ -105,8 +105,19 @@ class Scene:
         """
         return self._scene.true_state()
 
+    def untouched(self) -> NDArray[np.uint8] | None:
+        """The pads before anything touched them, as ``tactile`` of `observe`; None without ``images``.
+
+        With ``images=240`` the picture of a pad with one camera is that camera's image: `ftac.touch.surface` compares the two.
+        """
+        return self._scene.untouched()
+
     def copy(self) -> Scene:
-        """A scene that goes its own way from the same bits."""
+        """A scene that goes its own way from the same bits.
+
+        A scene can be pickled too. The pickle has what the scene was made of and all actions since, not the simulator's state: unpickling steps anew, as
+        long as that takes, and is refused by another version of the package.
+        """
         twin = object.__new__(Scene)
         twin._scene, twin.objects, twin.limits = self._scene.copy(), list(self.objects), dict(self.limits)
         return twin
