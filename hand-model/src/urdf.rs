@@ -224,10 +224,12 @@ pub(crate) fn frames(robot: &urdf_rs::Robot, path: &Path, expected: &[&str]) -> 
     let joints = joints_from(robot, &root.name, &fault)?;
     let movable = robot.joints.iter().filter(|joint| joint.joint_type != urdf_rs::JointType::Fixed).count();
     if joints.len() != movable {
+        let loose: Vec<String> = roots.map(|link| format!("`{}`", link.name)).collect();
+        let loose = if loose.is_empty() { String::new() } else { format!("; no joint carries {}", loose.join(", ")) };
         return Err(fault(
             "robot".into(),
             "joint",
-            format!("{} of {movable} joints reachable from `{}`", joints.len(), root.name),
+            format!("{} of {movable} joints reachable from `{}`{loose}", joints.len(), root.name),
             "one connected tree without loops",
         ));
     }

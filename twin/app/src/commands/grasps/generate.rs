@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Result, bail};
+use anyhow::{Context as _, Result, bail};
 use clap::Args;
 use grasping::synthesis::grasp_file::{GraspWriter, HandSource, Header};
 use proving::synthesis::again;
@@ -142,10 +142,8 @@ pub fn generate(terminal: &Terminal, args: &GenerateArgs) -> Outcome {
 
 /// A user's object for a hand of this opening; the set's are known to go.
 fn sized(subject: Subject, args: &SynthesisArgs, opening: &Opening) -> Result<Subject> {
-    if args.mesh.is_none() {
-        return Ok(subject);
-    }
-    let subject = subject.for_opening(opening).map_err(|error| anyhow::anyhow!("--mesh: {error}"))?;
+    let Some(mesh) = &args.mesh else { return Ok(subject) };
+    let subject = subject.for_opening(opening).with_context(|| format!("--mesh {}", mesh.display()))?;
     if !subject.places.is_empty() {
         eprintln!(
             "{}: wider as a whole than {} opens ({:.0} mm); grasps begin where it is thin",
