@@ -115,7 +115,8 @@ fn a_check_of_the_hand_needs_nothing_from_outside() {
     assert!(stderr(&named).contains("nowhere") && stderr(&named).contains("Taccel"), "{}", stderr(&named));
     let output = ftac(&["hand", "check", "--json"]).current_dir(folder.path()).output().expect("runs");
     let said = stderr(&output);
-    assert_eq!(output.status.code(), Some(0), "{said}");
+    // Rows that are played may fall short; none is refused for want of a file.
+    assert!(matches!(output.status.code(), Some(0 | 1)), "{said}");
     assert!(said.contains("left out: joint frames") && said.contains("github.com/Taccel-Simulator/Taccel"), "{said}");
     let rows = object(&output)["rows"].as_array().expect("rows").len();
     assert!(rows >= 10, "{rows}");
