@@ -125,7 +125,8 @@ fn urdf_with_a_missing_joint() {
     let (start, _) = first_moving_joint(&good);
     let end = start + good[start..].find("</joint>").expect("an end") + "</joint>".len();
     // What the file says of the joint is gone with it: the link that nothing carries any more is named.
-    let link = good[start..end].split("<child link=\"").nth(1).and_then(|rest| rest.split('"').next()).expect("a child");
+    let link =
+        good[start..end].split("<child link=\"").nth(1).and_then(|rest| rest.split('"').next()).expect("a child");
     let urdf = folder.path().join("hand.urdf");
     fs::write(&urdf, format!("{}{}", &good[..start], &good[end..])).expect("written");
     refused(&["hand", "check", "--urdf", text(&urdf)], &["hand.urdf", &format!("no joint carries `{link}`")]);

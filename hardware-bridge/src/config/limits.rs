@@ -52,8 +52,10 @@ pub struct ArmLimitConfig {
     pub residual: [f64; ARM_JOINTS],
     /// Heaviest load in the hand, kg.
     pub payload: f64,
-    /// For so long a torque may be above its limit, s.
+    /// For so long what is left unexplained may be above its limit, s.
     pub jolt: f64,
+    /// For so long a torque may be above its limit, s.
+    pub torque_time: f64,
 }
 
 /// Where arm and hand may be sent, in the frame of the arm's base, m.
@@ -100,6 +102,7 @@ impl Default for ArmLimitConfig {
             residual: [20.0, 16.0, 15.0, 12.0, 6.0, 7.0, 6.0],
             payload: 4.0,
             jolt: 0.03,
+            torque_time: 0.5,
         }
     }
 }
@@ -138,6 +141,7 @@ impl LimitConfig {
                 residual: own.arm.residual,
                 payload: own.arm.payload,
                 jolt: own.arm.jolt,
+                torque_time: own.arm.torque_time,
             }),
             space: Some(SpaceLimits {
                 table: own.space.table,
@@ -167,6 +171,7 @@ impl LimitConfig {
             ("release_time", own.release_time, 0.1, 10.0),
             ("arm.payload", own.arm.payload, 0.0, 10.0),
             ("arm.jolt", own.arm.jolt, 0.0, 1.0),
+            ("arm.torque_time", own.arm.torque_time, 0.0, 10.0),
             ("space.table", own.space.table, -1.0, 1.0),
             ("space.tolerance", own.space.tolerance, 0.0, 0.2),
             ("space.clearance", own.space.clearance, -0.01, 0.2),

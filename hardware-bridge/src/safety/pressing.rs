@@ -19,8 +19,10 @@ pub struct PressLimits {
     pub residual: [f64; ARM_JOINTS],
     /// Heaviest load in the hand, kg.
     pub payload: f64,
-    /// A torque above its limit for longer than this is no jolt, s.
+    /// A residual above its limit for longer than this is no jolt, s.
     pub jolt: f64,
+    /// A torque above its limit for longer than this is no passing load, s: the small joints reach their limit in a firm grasp.
+    pub torque_time: f64,
 }
 
 /// How near to its limits the arm has come.
@@ -74,16 +76,17 @@ impl PressWatch {
         let mut worst: Option<(f64, Cause)> = None;
         for joint in 0..ARM_JOINTS {
             let (torque, rest) = (state.torque[joint], residual[joint]);
+            let (strain, jolt) = (self.limits.torque_time, self.limits.jolt);
             let of = [
-                (torque, self.limits.torque[joint], Cause::ArmTorque(joint, torque)),
-                (rest, self.limits.residual[joint], Cause::ArmPress(joint, rest)),
+                (torque, self.limits.torque[joint], strain, Cause::ArmTorque(joint, torque)),
+                (rest, self.limits.residual[joint], jolt, Cause::ArmPress(joint, rest)),
             ];
-            for (above, (value, limit, cause)) in self.above[joint].iter_mut().zip(of) {
+            for (above, (value, limit, time, cause)) in self.above[joint].iter_mut().zip(of) {
                 // What is no number is above every limit.
                 let within = value.abs() <= limit;
                 *above = if within { 0.0 } else { *above + dt };
                 let share = value.abs() / limit;
-                if *above > self.limits.jolt && worst.is_none_or(|(most, _)| share > most) {
+                if *above > time && worst.is_none_or(|(most, _)| share > most) {
                     worst = Some((share, cause));
                 }
             }
@@ -113,6 +116,7 @@ mod tests {
         residual: [8.0, 8.0, 8.0, 8.0, 4.0, 4.0, 4.0],
         payload: 3.0,
         jolt: 0.1,
+        torque_time: 0.1,
     };
 
     /// An arm at rest whose palm bears a force (N), as its sensors feel it.

@@ -95,7 +95,7 @@ pub enum Cause {
     ServoSilent(usize, f64),
     /// Silence of the arm, s.
     ArmSilent(f64),
-    /// This joint of the arm bears this torque, N m, for longer than a jolt.
+    /// This joint of the arm bears this torque, N m, for longer than `torque_time`.
     ArmTorque(usize, f64),
     /// This joint bears so much more than weight, motion and payload explain, N m, for longer than a jolt.
     ArmPress(usize, f64),

@@ -76,7 +76,7 @@ fn a_stop_before_the_torque_is_kept() {
 /// hold of another cause.
 #[test]
 fn an_arm_that_presses_gives_way() {
-    let press = PressLimits { torque: [30.0; 7], residual: [10.0; 7], payload: 0.0, jolt: 0.02 };
+    let press = PressLimits { torque: [30.0; 7], residual: [10.0; 7], payload: 0.0, jolt: 0.02, torque_time: 0.02 };
     let mut limits = Limits { press: Some(press), ..limits() };
     limits.arm.angle = [(-7.0, 7.0); ARM_JOINTS];
     let mut supervisor = Supervisor::new(limits).watching(&Hand::ftac(), &Arm::gen3());
