@@ -78,6 +78,9 @@ pub fn run(terminal: &Terminal, args: &ExerciseArgs) -> Result<Option<String>> {
     let mut seen = Seen::default();
     for _ in 0..args.times {
         move_once(&mut robot, args, &mut seen);
+        if robot.state() != State::Running {
+            break;
+        }
     }
     let state = robot.state();
     let stopped = !matches!(state, State::Running);
