@@ -76,7 +76,8 @@ fn a_resumed_run_records_as_it_was_begun() {
     let folder = tempdir().expect("a folder");
     let out = folder.path().join("out");
     let size = ["--combos", "1", "--trials", "2", "--conditions", "blind", "--record", "all", "--out", text(&out)];
-    let output = run(&[&["bench"], &size[..]].concat());
+    // One after the other: the journal's first line is the first trial.
+    let output = run(&[&["bench", "--jobs", "1"], &size[..]].concat());
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
     let recordings = || -> std::collections::BTreeSet<String> {
         let files = fs::read_dir(out.join("recordings")).expect("a folder");
