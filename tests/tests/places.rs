@@ -191,11 +191,11 @@ fn devices_in_the_wrong_place_are_named() {
         let mut named: Vec<&Value> = rows.as_array().expect("rows").iter().filter(named).collect();
         // One that is wrong goes first.
         named.sort_by_key(|row| row["ok"] == true);
-        let row = named.first().copied();
-        row.expect("its row").clone()
+        named.first().copied().cloned()
     };
     let until_wrong = |what: &str| {
-        std::iter::repeat_with(|| row(what)).take(200).find(|row| row["ok"] == false).expect("it is noticed")
+        // Some rows are there only once something is wrong.
+        std::iter::repeat_with(|| row(what)).take(200).flatten().find(|row| row["ok"] == false).expect("it is noticed")
     };
     let refused = |arguments: &[&str]| {
         let output = bridge(arguments);
@@ -203,9 +203,9 @@ fn devices_in_the_wrong_place_are_named() {
         stderr(&output)
     };
     let pads = "every camera shows its own pad";
-    assert_eq!(row(pads)["found"], "unknown: none are kept");
+    assert_eq!(row(pads).expect("its row")["found"], "unknown: none are kept");
     bridge(&["doctor", "--know-cameras"]);
-    assert_eq!(row(pads)["found"], "yes");
+    assert_eq!(row(pads).expect("its row")["found"], "yes");
     devices.happen("swap=7");
     let found = until_wrong(pads)["found"].clone();
     assert_eq!(found, "camera 7 shows the pad of 8, camera 8 shows the pad of 7");
