@@ -20,12 +20,6 @@ pub fn command(program: impl AsRef<OsStr>) -> Command {
     command
 }
 
-/// Our secrets' names with nothing in them, for a library that starts a program by itself and takes variables to set.
-pub fn blanked() -> Vec<(String, String)> {
-    let names = std::env::vars_os().map(|(name, _)| name.to_string_lossy().into_owned());
-    names.filter(|name| is_secret(name)).map(|name| (name, String::new())).collect()
-}
-
 /// Whether a variable of the environment is ours and secret.
 fn is_secret(name: &str) -> bool {
     name.starts_with("FTAC_") && SECRET.iter().any(|word| name.contains(word))
