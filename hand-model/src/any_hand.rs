@@ -138,8 +138,8 @@ pub struct AnyHand {
 impl AnyHand {
     /// Reads a hand from its URDF and its pulls file.
     pub fn read(urdf: &Path, pulls: &Path, meshes: MeshTools) -> Result<Self, DataError> {
-        let file: PullsFile = parse_toml(&read_text(pulls)?, pulls)?;
-        Self::of_files(&read_bytes(urdf)?, urdf, file, pulls, meshes)
+        let robot = read_bytes(urdf)?;
+        Self::of_files(&robot, urdf, parse_toml(&read_text(pulls)?, pulls)?, pulls, meshes)
     }
 
     /// As [`Self::read`], from text; meshes are looked for beside `urdf_path`.

@@ -49,6 +49,8 @@ pub struct LeftOut {
     /// Circle of the label, if there is one: centre (column, row) and radius, pixels.
     pub circle: Option<([f64; 2], f64)>,
     pub reason: String,
+    /// Whether the label file names an image that is not in the folder.
+    pub missing: bool,
 }
 
 /// A background and presses, all of one image size.
@@ -110,7 +112,13 @@ impl PressFolder {
         }
         if let Some(labels) = &labels {
             let unknown = labels.without_image(&names).into_iter();
-            found.left_out.extend(unknown.map(|(name, reason)| LeftOut { name, photo: None, circle: None, reason }));
+            found.left_out.extend(unknown.map(|(name, reason)| LeftOut {
+                name,
+                photo: None,
+                circle: None,
+                reason,
+                missing: true,
+            }));
         }
         match (found.presses.is_empty(), found.left_out.first()) {
             (true, Some(first)) => Err(OpticsError::file(&folder.join(&first.name), &first.reason)),
@@ -134,7 +142,13 @@ impl PressFolder {
         match self.read_like_background(path) {
             Ok(photo) => self.add(name.to_owned(), photo, label, diameter),
             Err(reason) => {
-                self.left_out.push(LeftOut { name: name.to_owned(), photo: None, circle: None, reason });
+                self.left_out.push(LeftOut {
+                    name: name.to_owned(),
+                    photo: None,
+                    circle: None,
+                    reason,
+                    missing: false,
+                });
             }
         }
     }
@@ -157,7 +171,9 @@ impl PressFolder {
                 labelled,
                 contact_labelled: label.contact,
             }),
-            Err(reason) => self.left_out.push(LeftOut { name, photo: Some(photo), circle: None, reason }),
+            Err(reason) => {
+                self.left_out.push(LeftOut { name, photo: Some(photo), circle: None, reason, missing: false })
+            }
         }
     }
 
@@ -210,7 +226,13 @@ impl PressFolder {
                 None => self.presses.push(press),
                 Some(reason) => {
                     let circle = Some((press.center, press.radius));
-                    self.left_out.push(LeftOut { name: press.name, photo: Some(press.photo), circle, reason });
+                    self.left_out.push(LeftOut {
+                        name: press.name,
+                        photo: Some(press.photo),
+                        circle,
+                        reason,
+                        missing: false,
+                    });
                 }
             }
         }
