@@ -98,7 +98,7 @@ fn obj_text_is_the_same_mesh() {
 fn what_is_no_mesh_is_refused() {
     let folder = tempfile::tempdir().expect("a folder");
     for (name, bytes, expected) in [
-        ("a.step", &b"ISO-10303"[..], "found `.step`, expected .obj, .stl, .ply, .gltf or .glb"),
+        ("a.step", &b"ISO-10303"[..], "found `.step`, expected .obj, .stl, .ply, .gltf, .glb or .dae"),
         ("a.stl", b"solid", "expected an STL file"),
         ("a.ply", b"ply\nformat", "expected a PLY file"),
         ("a.glb", b"glTF", "expected a glTF 2.0 file"),

@@ -8,7 +8,7 @@ use scenarios::objects::ObjectSet;
 /// as it is, for whoever knows which ones are expected.
 pub fn object_name(text: &str) -> Result<String, Infallible> {
     let folded = |name: &str| name.trim().to_lowercase().replace([' ', '-'], "_");
-    let set = ObjectSet::repertoire();
+    let set = ObjectSet::standard();
     let known = set.names().into_iter().find(|name| folded(name) == folded(text));
     Ok(known.unwrap_or(text).to_owned())
 }
