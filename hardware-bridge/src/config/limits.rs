@@ -99,17 +99,17 @@ impl Default for ArmLimitConfig {
             acceleration: [9.0; ARM_JOINTS],
             jerk: [2100.0; ARM_JOINTS],
             torque: [37.0, 37.0, 37.0, 37.0, 8.5, 8.5, 8.5],
-            residual: [20.0, 16.0, 15.0, 12.0, 6.0, 7.0, 6.0],
+            residual: [18.0, 40.0, 30.0, 14.0, 10.0, 12.0, 6.0],
             payload: 4.0,
             jolt: 0.03,
-            torque_time: 0.5,
+            torque_time: 2.0,
         }
     }
 }
 
 impl Default for SpaceConfig {
     fn default() -> Self {
-        Self { table: 0.0, tolerance: 0.03, low: [-0.6, -1.1, -0.1], high: [1.15, 1.1, 1.5], clearance: 0.0 }
+        Self { table: 0.0, tolerance: 0.04, low: [-0.6, -1.1, -0.1], high: [1.15, 1.1, 1.5], clearance: 0.0 }
     }
 }
 

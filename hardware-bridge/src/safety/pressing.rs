@@ -3,12 +3,19 @@
 //! The arm's torque sensors feel the weight of arm and hand, the torque that accelerates them, what the hand carries, and what pushes against them.
 //! The first two come from the model ([`LoadModel`]), the third is any mass from nothing up to the stated payload. What remains is a push, from the
 //! table, an object that cannot give way, or somebody in the arm's way.
+//!
+//! Accelerations are not measured. A generalised momentum observer (De Luca and Mattone, 2003) does without them: the momentum `p = M(q) dq/dt`
+//! changes by what the joints bear beyond weight, and the residual follows the rest with a time constant, `T dr/dt = tau - g(q) - dp/dt - r`. Coriolis
+//! terms are left out.
 
 use hand_model::load::{LoadModel, Torques};
 use hand_model::robot::ArmState;
 use hand_model::{ARM_JOINTS, Arm, Hand};
 
 use super::state::Cause;
+
+/// Time constant of the residual, s.
+const TIME_CONSTANT: f64 = 0.02;
 
 /// How much the arm may press, and for how long.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -42,6 +49,10 @@ pub struct PressWatch {
     arm: Arm,
     model: LoadModel,
     limits: PressLimits,
+    /// Time (s) and momentum (N m s) at the last measurement.
+    last: Option<(f64, Torques)>,
+    /// Torques that weight and motion leave unexplained, N m.
+    unexplained: Torques,
     /// For how long each joint's torque and residual have been above their limits, s.
     above: [[f64; 2]; ARM_JOINTS],
     pressed: Pressed,
@@ -49,8 +60,15 @@ pub struct PressWatch {
 
 impl PressWatch {
     pub fn new(hand: &Hand, arm: &Arm, limits: PressLimits) -> Self {
-        let (model, above) = (LoadModel::new(hand, arm), [[0.0; 2]; ARM_JOINTS]);
-        Self { arm: arm.clone(), model, limits, above, pressed: Pressed::default() }
+        Self {
+            arm: arm.clone(),
+            model: LoadModel::new(hand, arm),
+            limits,
+            last: None,
+            unexplained: Torques::zeros(),
+            above: [[0.0; 2]; ARM_JOINTS],
+            pressed: Pressed::default(),
+        }
     }
 
     /// How near to its limits the arm has come so far.
@@ -58,21 +76,33 @@ impl PressWatch {
         self.pressed
     }
 
-    /// Torques that weight, motion and the payload that fits best leave unexplained, N m.
-    pub fn residual(&self, state: &ArmState, acceleration: &[f64; ARM_JOINTS]) -> Torques {
+    /// Torques that weight, motion and the payload that fits best leave unexplained after a measurement at `time` (s), N m; nothing after the
+    /// first one. Also the time since the last one, s.
+    fn observe(&mut self, state: &ArmState, time: f64) -> (Torques, f64) {
         let poses = self.arm.tree.forward(&state.position);
-        let rest = Torques::from(self.arm.borne(&state.torque)) - self.model.moving(&poses, acceleration);
+        let weight = self.model.moving(&poses, &[0.0; ARM_JOINTS]);
+        let momentum = self.model.moving(&poses, &state.velocity) - weight;
+        let (before, was) = self.last.replace((time, momentum)).unwrap_or((time, momentum));
+        let dt = time - before;
+        let push = Torques::from(self.arm.borne(&state.torque)) - weight;
+        self.unexplained += ((push - self.unexplained) * dt - (momentum - was)) / (TIME_CONSTANT + dt);
         let per_kilogram = self.model.per_payload(&poses);
         let square = per_kilogram.norm_squared();
-        let carried =
-            if square > 0.0 { (per_kilogram.dot(&rest) / square).clamp(0.0, self.limits.payload) } else { 0.0 };
-        rest - per_kilogram * carried
+        let carried = if square > 0.0 {
+            (per_kilogram.dot(&self.unexplained) / square).clamp(0.0, self.limits.payload)
+        } else {
+            0.0
+        };
+        (self.unexplained - per_kilogram * carried, dt)
     }
 
-    /// Takes note of a measurement, `dt` (s) after the last one, of an arm whose set-points have this `acceleration` (rad/s2); the joint that presses
-    /// too hard for too long, if one does.
-    pub fn see(&mut self, state: &ArmState, acceleration: &[f64; ARM_JOINTS], dt: f64) -> Option<Cause> {
-        let residual = self.residual(state, acceleration);
+    /// Takes note of a measurement at `time` (s); the joint that presses too hard for too long, if one does. One that is no newer than the last
+    /// says nothing.
+    pub fn see(&mut self, state: &ArmState, time: f64) -> Option<Cause> {
+        if self.last.is_some_and(|(last, _)| time <= last) {
+            return None;
+        }
+        let (residual, dt) = self.observe(state, time);
         let mut worst: Option<(f64, Cause)> = None;
         for joint in 0..ARM_JOINTS {
             let (torque, rest) = (state.torque[joint], residual[joint]);
@@ -99,8 +129,9 @@ impl PressWatch {
         worst.map(|(_, cause)| cause)
     }
 
-    /// Counts anew, once the arm has given way.
+    /// Begins anew, once the arm has given way.
     pub fn forget(&mut self) {
+        (self.last, self.unexplained) = (None, Torques::zeros());
         self.above = [[0.0; 2]; ARM_JOINTS];
     }
 }
@@ -112,7 +143,7 @@ mod tests {
     use nalgebra::{Point3, Vector3};
 
     const LIMITS: PressLimits = PressLimits {
-        torque: [60.0; ARM_JOINTS],
+        torque: [100.0; ARM_JOINTS],
         residual: [8.0, 8.0, 8.0, 8.0, 4.0, 4.0, 4.0],
         payload: 3.0,
         jolt: 0.1,
@@ -132,28 +163,54 @@ mod tests {
 
     fn seen(force: Vector3<f64>, cycles: usize) -> Option<Cause> {
         let (mut watch, state) = feeling(force);
-        (0..cycles).find_map(|_| watch.see(&state, &[0.0; ARM_JOINTS], 0.005))
+        (0..cycles).find_map(|cycle| watch.see(&state, 0.005 * cycle as f64))
     }
 
-    /// A load up to the payload is no push; the same force upwards is, after a jolt's time and not before.
+    /// A load up to the payload is no push; the same force upwards is, after the residual has grown and a jolt's time has passed, and not before.
     #[test]
     fn a_payload_is_explained_and_a_push_is_not() {
         let down = |kilograms: f64| Vector3::new(0.0, 0.0, -9.81 * kilograms);
         for kilograms in [0.0, 1.5, 2.9] {
-            let (watch, state) = feeling(down(kilograms));
-            let residual = watch.residual(&state, &[0.0; ARM_JOINTS]);
-            assert!(residual.norm() < 1e-9, "{kilograms} kg: {residual}");
+            let (mut watch, state) = feeling(down(kilograms));
+            for cycle in 0..100 {
+                let (residual, _) = watch.observe(&state, 0.005 * f64::from(cycle));
+                assert!(residual.norm() < 1e-9, "{kilograms} kg: {residual}");
+            }
             assert_eq!(seen(down(kilograms), 100), None, "{kilograms} kg");
         }
         assert!(matches!(seen(down(9.0), 100), Some(Cause::ArmPress(..))), "more than the payload");
         let up = Vector3::new(0.0, 0.0, 40.0);
-        assert_eq!(seen(up, 19), None, "a jolt");
+        assert_eq!(seen(up, 20), None, "a jolt");
         assert!(
-            matches!(seen(up, 22), Some(Cause::ArmPress(1 | 3, torque)) if torque.abs() > 8.0),
+            matches!(seen(up, 40), Some(Cause::ArmPress(1 | 3, torque)) if torque.abs() > 8.0),
             "{:?}",
-            seen(up, 22)
+            seen(up, 40)
         );
         let nothing = Vector3::new(f64::NAN, 0.0, 0.0);
         assert!(seen(nothing, 100).is_some(), "no number is no torque within limits");
+    }
+
+    /// An arm that swings freely, with measurements that come at uneven times: what accelerates it is no push.
+    #[test]
+    fn a_motion_is_explained() {
+        let (hand, arm) = (Hand::ftac(), Arm::gen3());
+        let mut watch = PressWatch::new(&hand, &arm, LIMITS);
+        let (mut most, mut felt) = (0.0_f64, 0.0_f64);
+        for cycle in 0..400 {
+            // Late by up to 3 ms.
+            let time = 0.005 * f64::from(cycle) + 0.003 * f64::from(cycle % 3) / 2.0;
+            let (sine, cosine) = (8.0 * time).sin_cos();
+            let position = Arm::home().map(|angle| angle + 0.05 * (1.0 - cosine));
+            let acceleration = [3.2 * cosine; ARM_JOINTS];
+            let torque = watch.model.moving(&arm.tree.forward(&position), &acceleration).into();
+            let state = ArmState { position, velocity: [0.4 * sine; ARM_JOINTS], torque };
+            let (residual, _) = watch.observe(&state, time);
+            let weight = watch.model.moving(&arm.tree.forward(&position), &[0.0; ARM_JOINTS]);
+            if time > 0.2 {
+                most = most.max(residual.amax());
+                felt = felt.max((Torques::from(state.torque) - weight).amax());
+            }
+        }
+        assert!(felt > 2.0 && most < 0.1 * felt, "{most} of {felt} N m");
     }
 }

@@ -64,11 +64,6 @@ impl SetPoints {
         self.0.map(|joint| joint.speed)
     }
 
-    /// rad/s2.
-    pub fn accelerations(&self) -> [f64; ARM_JOINTS] {
-        self.0.map(|joint| joint.acceleration)
-    }
-
     /// Those of the next tick, when `wanted` (rad) is asked for.
     #[must_use]
     pub fn follow(&self, wanted: &[f64; ARM_JOINTS], limits: &[Motion; ARM_JOINTS]) -> Self {

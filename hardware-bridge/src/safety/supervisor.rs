@@ -69,8 +69,6 @@ pub struct Supervisor {
     /// Where an arm that pressed was measured to be: it is sent there, rad.
     giving_way: Option<[f64; ARM_JOINTS]>,
     set_points: SetPoints,
-    /// Acceleration of what was sent last, rad/s2.
-    acceleration: [f64; ARM_JOINTS],
     /// Number and time (s) of the command that they follow.
     followed: Option<(u64, f64)>,
     press: Option<PressWatch>,
@@ -89,7 +87,6 @@ impl Supervisor {
             braking: None,
             giving_way: None,
             set_points: SetPoints::at(&sent.arm),
-            acceleration: [0.0; ARM_JOINTS],
             followed: None,
             press: None,
             space: None,
@@ -155,7 +152,7 @@ impl Supervisor {
         }
         self.stepped = now;
         (self.set_points, self.followed) = (SetPoints::at(&self.sent.arm), None);
-        (self.braking, self.giving_way, self.acceleration) = (None, None, [0.0; ARM_JOINTS]);
+        (self.braking, self.giving_way) = (None, None);
         Ok(self.sent)
     }
 
@@ -186,7 +183,7 @@ impl Supervisor {
         if let Some(cause) = checks::alarm(measured, &self.limits, now).filter(|_| on) {
             self.hold(cause);
         }
-        self.feel(measured, now, dt);
+        self.feel(measured, now);
         if matches!(self.state, State::Armed | State::Running) {
             self.listen(asked, now);
         }
@@ -218,7 +215,7 @@ impl Supervisor {
     }
 
     /// Takes note of what the arm feels; one that presses too hard is stopped, if it is not already, and gives way.
-    fn feel(&mut self, measured: &Measured, now: f64, dt: f64) {
+    fn feel(&mut self, measured: &Measured, now: f64) {
         let on = !matches!(self.state, State::Disconnected | State::Connected | State::Checked);
         let fresh = measured.arm.filter(|arm| now - arm.at <= self.limits.watchdogs.arm);
         let (Some(press), Some(arm), true) = (&mut self.press, fresh, on) else { return };
@@ -226,7 +223,7 @@ impl Supervisor {
         if self.braking.is_some_and(|left| left.iter().any(|speed| *speed != 0.0)) {
             return press.forget();
         }
-        let Some(cause) = press.see(&arm.state, &self.acceleration, dt) else { return };
+        let Some(cause) = press.see(&arm.state, arm.at) else { return };
         press.forget();
         self.hold(cause);
         self.giving_way = Some(arm.state.position);
@@ -247,7 +244,7 @@ impl Supervisor {
         let servos = measured.servos.map(|servo| servo.map_or(0.0, |servo| servo.state.position));
         match self.space.as_mut().and_then(|space| space.see(&standing, &now, &servos)) {
             Some(cause) => self.hold(cause),
-            None => (self.set_points, self.acceleration) = (next, next.accelerations()),
+            None => self.set_points = next,
         }
     }
 
@@ -255,14 +252,12 @@ impl Supervisor {
     fn brake(&mut self, measured: &Measured, dt: f64) {
         if let Some(place) = &self.giving_way {
             self.sent.arm = self.limits.arm.limit(place, &self.sent.arm, dt);
-            self.acceleration = [0.0; ARM_JOINTS];
             return;
         }
         let moving = || measured.arm.map_or([0.0; ARM_JOINTS], |arm| arm.state.velocity);
         let speed = self.braking.unwrap_or_else(moving);
         let (arm, slower) = self.limits.arm.brake(&self.sent.arm, &speed, dt);
         self.sent.arm = arm;
-        self.acceleration = std::array::from_fn(|n| if dt > 0.0 { (slower[n] - speed[n]) / dt } else { 0.0 });
         self.braking = Some(slower);
     }
 
