@@ -29,6 +29,10 @@ const BETWEEN: usize = 5;
 /// A press ends where the arm bears more than this, N, whatever the images show: four times what the deepest press
 /// takes. A joint near its stop may look like 9 N.
 const MOST_FORCE: f64 = 12.0;
+/// Speed of the fastest joint towards the ball, rad/s: some 2 cm/s of the hand, so that a press that begins early is noticed in time.
+const GUARDED_SPEED: f64 = 0.04;
+/// Ticks for which the hand has to press for that to be a contact and no jolt.
+const MET_TICKS: u32 = 3;
 
 /// A robot that sends its arm further than this from where it was asked to, rad, ...
 const HELD: f64 = 0.02;
@@ -299,10 +303,13 @@ impl<R: Robot> Player<'_, R> {
         }
         let clear = self.felt;
         for posture in &approach.way {
-            if !self.go(posture, goes_on) || !self.open(aim.ball().settle, goes_on) || !self.look(goes_on) {
+            let Some(met) = self.go_until(posture, |felt| aim.force(&clear, felt) > MOST_FORCE, goes_on) else {
+                return false;
+            };
+            if !self.open(aim.ball().settle, goes_on) || !self.look(goes_on) {
                 return false;
             }
-            if aim.is_deep(press.camera, &self.images) || aim.force(&clear, &self.felt) > MOST_FORCE {
+            if met || aim.is_deep(press.camera, &self.images) || aim.force(&clear, &self.felt) > MOST_FORCE {
                 break;
             }
         }
@@ -339,22 +346,48 @@ impl<R: Robot> Player<'_, R> {
         self.go_at(target, self.script.arm_speed, goes_on)
     }
 
+    /// Goes slowly, and stops where `met` is true of what the arm feels for a few ticks: whether it was. None if it was told to stop.
+    fn go_until(
+        &mut self,
+        target: &[f64; ARM_JOINTS],
+        met: impl Fn(&ArmState) -> bool,
+        goes_on: &mut impl FnMut(&mut R) -> bool,
+    ) -> Option<bool> {
+        let mut ticks = 0;
+        while self.step(target, GUARDED_SPEED) {
+            if !self.tick(goes_on) {
+                return None;
+            }
+            ticks = if met(&self.felt) { ticks + 1 } else { 0 };
+            if ticks >= MET_TICKS {
+                return Some(true);
+            }
+        }
+        Some(false)
+    }
+
     /// The same at `speed` (rad/s) of the fastest joint.
     fn go_at(&mut self, target: &[f64; ARM_JOINTS], speed: f64, goes_on: &mut impl FnMut(&mut R) -> bool) -> bool {
-        loop {
-            let way: [f64; ARM_JOINTS] = std::array::from_fn(|joint| target[joint] - self.arm[joint]);
-            let longest = way.iter().fold(0.0_f64, |longest, way| longest.max(way.abs()));
-            if longest < THERE {
-                return true;
-            }
-            let share = (speed * self.robot.tick_length() / longest).min(1.0);
-            for (at, way) in self.arm.iter_mut().zip(way) {
-                *at += share * way;
-            }
+        while self.step(target, speed) {
             if !self.tick(goes_on) {
                 return false;
             }
         }
+        true
+    }
+
+    /// Moves the set-points by a tick at `speed` (rad/s) of the fastest joint; false where they are there.
+    fn step(&mut self, target: &[f64; ARM_JOINTS], speed: f64) -> bool {
+        let way: [f64; ARM_JOINTS] = std::array::from_fn(|joint| target[joint] - self.arm[joint]);
+        let longest = way.iter().fold(0.0_f64, |longest, way| longest.max(way.abs()));
+        if longest < THERE {
+            return false;
+        }
+        let share = (speed * self.robot.tick_length() / longest).min(1.0);
+        for (at, way) in self.arm.iter_mut().zip(way) {
+            *at += share * way;
+        }
+        true
     }
 }
 
