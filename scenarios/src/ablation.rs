@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::sensing::Sensing;
+use world::sensing::Sensing;
 
 /// What is taken from the policy `touch`. The condition `reflex` is `touch` without any image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]

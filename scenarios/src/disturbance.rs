@@ -8,7 +8,7 @@ use hand_model::{Digit, Hand};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use crate::phase::Phase;
+use world::phase::Phase;
 
 /// One of the two objects.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]

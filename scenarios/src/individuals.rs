@@ -14,9 +14,9 @@ use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
 use crate::effects::{ArmErrors, Individuals};
-use crate::geometry::GeometryError;
 use crate::noise::{gaussian, vector};
-use crate::objects::ObjectModel;
+use world::geometry::GeometryError;
+use world::objects::ObjectModel;
 
 /// How an arm differs from the one that its controller believes in.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
@@ -100,8 +100,8 @@ mod tests {
     use super::*;
     use crate::effects::{Effect, Effects};
     use crate::noise::{NoiseLevels, TrialNoise, trial_rng};
-    use crate::objects::ObjectSet;
     use crate::scenario::Scenario;
+    use world::objects::ObjectSet;
 
     /// Share of a normal distribution's variance that is left when it is cut at three standard deviations.
     const CUT: f64 = 0.9733;

@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::effects::{Effect, Effects};
 use crate::individuals::{ArmDefects, Individual};
+use world::layout::{Layout, Shift};
 
 /// Standard deviations of the arm's constant error.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -100,17 +101,6 @@ impl ObjectNoise {
         }
         Isometry3::from_parts(Translation3::from(position), rotation)
     }
-}
-
-/// How far an object stands from its place in the layout.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-pub struct Shift {
-    /// m, world.
-    pub x: f64,
-    /// m, world.
-    pub y: f64,
-    /// rad, about the vertical.
-    pub yaw: f64,
 }
 
 /// What is random in one trial: errors of the arm and of perception, and where the objects really stand.
@@ -230,6 +220,17 @@ pub fn vector(rng: &mut ChaCha8Rng, sigma: f64) -> Vector3<f64> {
     Vector3::new(x, y, z)
 }
 
+/// Offsets of the objects of one trial from their places: uniform within the layout's spread. Nothing is drawn from `rng` where there is
+/// no spread.
+pub fn draw_shifts(layout: &Layout, rng: &mut ChaCha8Rng) -> [Shift; 2] {
+    let Layout { spread_xy, spread_yaw, .. } = *layout;
+    if spread_xy == 0.0 && spread_yaw == 0.0 {
+        return [Shift::default(); 2];
+    }
+    let mut even = |spread: f64| spread * (2.0 * uniform(rng) - 1.0);
+    [(); 2].map(|()| Shift { x: even(spread_xy), y: even(spread_xy), yaw: even(spread_yaw) })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -267,5 +268,37 @@ mod tests {
         let sd = (xs.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / xs.len() as f64).sqrt();
         assert!(mean.abs() < 3e-4 && (sd - 0.004).abs() < 2e-4, "{mean} {sd}");
         assert!(xs.iter().all(|x| x.abs() <= 0.012));
+    }
+
+    #[test]
+    fn no_spread_draws_nothing() {
+        let layout = Layout { spread_xy: 0.0, spread_yaw: 0.0, ..crate::Scenario::benchmark().layout };
+        let (mut used, mut fresh) = (trial_rng(1, 2, 3), trial_rng(1, 2, 3));
+        assert_eq!(draw_shifts(&layout, &mut used), [Shift::default(); 2]);
+        assert_eq!(uniform(&mut used), uniform(&mut fresh));
+        assert_eq!(layout.first.shifted(&Shift::default()), layout.first);
+    }
+
+    #[test]
+    fn a_spread_moves_objects_on_the_table() {
+        let layout = Layout { spread_xy: 0.01, spread_yaw: 0.5, ..crate::Scenario::benchmark().layout };
+        let set = world::ObjectSet::standard();
+        let mut farthest = [0.0_f64; 3];
+        for trial in 0..200 {
+            let shifts = draw_shifts(&layout, &mut trial_rng(3, 0, trial));
+            assert_ne!(shifts[0], shifts[1]);
+            for (shift, object) in shifts.iter().zip(set.iter()) {
+                let pose = layout.first.shifted(shift).pose(object);
+                assert!((pose.translation.z + object.shape.lowest(&pose.rotation)).abs() < 1e-9);
+                assert!((pose.translation.x - layout.first.x - shift.x).abs() < 1e-12);
+                for (most, moved) in farthest.iter_mut().zip([shift.x, shift.y, shift.yaw]) {
+                    *most = most.max(moved.abs());
+                }
+            }
+        }
+        // The largest of 400 even draws is within a few per cent of the spread.
+        for (most, spread) in farthest.into_iter().zip([0.01, 0.01, 0.5]) {
+            assert!(most <= spread && most > 0.95 * spread, "{most} of {spread}");
+        }
     }
 }

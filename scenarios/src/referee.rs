@@ -19,7 +19,7 @@ use nalgebra::{Isometry3, Point3};
 use serde::{Deserialize, Serialize};
 
 use crate::holding::{HoldingRule, Support};
-use crate::phase::Phase;
+use world::phase::Phase;
 
 /// Thresholds.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]

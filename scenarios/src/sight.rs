@@ -10,7 +10,7 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::effects::Eyes;
 use crate::noise::{Mistaken, ObjectNoise, PerceptionNoise, gaussian, uniform};
-use crate::objects::{ObjectModel, ObjectSet};
+use world::objects::{ObjectModel, ObjectSet};
 
 /// Vision through one trial; a clone goes on with the same draws.
 #[derive(Debug, Clone)]

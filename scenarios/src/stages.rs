@@ -4,8 +4,8 @@
 //! object that is lost meanwhile is to be taken again.
 
 use crate::holding::{HoldingRule, Support};
-use crate::phase::Phase;
 use crate::referee::{SceneTruth, distance_in_palm};
+use world::phase::Phase;
 
 /// Follows one trial.
 #[derive(Debug, Clone)]

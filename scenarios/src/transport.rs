@@ -9,10 +9,10 @@ use hand_model::data::{DataError, parse_toml, read_text};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
-use crate::geometry::Shape;
 use crate::noise::NoiseLevels;
-use crate::objects::{ObjectModel, Symmetry};
 use crate::scenario::VERSION;
+use world::geometry::Shape;
+use world::objects::{ObjectModel, Symmetry};
 
 /// A ball on the table.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

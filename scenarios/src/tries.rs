@@ -6,25 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::record::{Condition, RecordError, TrialId};
 use crate::referee::{Contact, Toucher, TryVerdict};
-
-/// What a policy set out to do.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Attempt {
-    /// The object that is to be taken: 0 or 1.
-    pub object: usize,
-    /// Number of the grasp.
-    pub grasp: u32,
-    /// Why this grasp.
-    pub why: String,
-    /// Predicted distance between what the hand holds and the object on the way to it, m.
-    pub clearance: Option<f64>,
-    /// Predicted probability of an unwanted contact.
-    pub risk: Option<f64>,
-    /// The first object as felt: position (m) and rotation vector (rad) in the palm's frame.
-    pub felt: Option<[f64; 6]>,
-    /// Covariance of that, rows one after the other.
-    pub covariance: Option<[f64; 36]>,
-}
+use world::attempt::Attempt;
 
 /// A row of `tries.csv`, whose columns stand in this order.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -138,8 +120,8 @@ mod tests {
     use nalgebra::Point3;
 
     use super::*;
-    use crate::phase::Phase;
     use crate::referee::ContactWith;
+    use world::phase::Phase;
 
     #[test]
     fn a_try_is_a_row_with_its_contact() {

@@ -3,8 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use hand_model::reach::Reach;
-use scenarios::geometry::{Mesh, Repair};
-use scenarios::{ObjectFile, Scenario};
+use scenarios::Scenario;
+use world::ObjectFile;
+use world::geometry::{Mesh, Repair};
 
 /// A wedge, 40 mm long and wide, 30 mm high on one side.
 const WEDGE: &str = "v 0 0 0\nv 0.04 0 0\nv 0.04 0.04 0\nv 0 0.04 0\nv 0 0 0.03\nv 0 0.04 0.03\n\

@@ -2,7 +2,7 @@
 
 use rapier3d_f64::geometry::SharedShape;
 use rapier3d_f64::math::{Pose, Rotation, Vector};
-use scenarios::geometry::Shape;
+use world::geometry::Shape;
 
 use crate::hull::standing_hull;
 

@@ -7,7 +7,7 @@ use std::collections::HashSet;
 
 use hand_model::GRAVITY;
 use rapier3d_f64::prelude::*;
-use scenarios::physics::{self, Physics};
+use world::physics::{self, Physics};
 
 use crate::gel::SoftCovers;
 use crate::stick::Sticking;

@@ -14,8 +14,8 @@ use nalgebra::{Isometry3, Point3, Unit, Vector3};
 use optics::Foundation;
 use rapier3d_f64::prelude::*;
 use scenarios::effects;
-use scenarios::geometry::Shape;
-use scenarios::objects::ObjectModel;
+use world::geometry::Shape;
+use world::objects::ObjectModel;
 
 use crate::contacts::loaded;
 use crate::convert;

@@ -10,7 +10,7 @@ use hand_model::hand::CoverShape;
 use hand_model::{HAND_JOINTS, Hand};
 use nalgebra::{Isometry3, Point3, UnitVector3, Vector3};
 use rapier3d_f64::prelude::*;
-use scenarios::objects::ObjectModel;
+use world::objects::ObjectModel;
 
 use crate::body::{cover_collider, groups, link_body, load_hinge, revolute};
 use crate::contacts::contacts_of;
@@ -211,7 +211,7 @@ pub fn displacement(a: &Isometry3<f64>, b: &Isometry3<f64>) -> (f64, f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use scenarios::objects::ObjectSet;
+    use world::objects::ObjectSet;
 
     fn far_away() -> Isometry3<f64> {
         Isometry3::translation(0.0, 0.0, -0.5)

@@ -13,9 +13,9 @@ use hand_model::hand::{CoverShape, MassProperties};
 use hand_model::kinematics::Joint;
 use hand_model::{ARM_JOINTS, Arm, HAND_JOINTS, Hand};
 use nalgebra::{Isometry3, Point3, Vector3};
-use scenarios::geometry::Shape;
 use scenarios::individuals::ArmDefects;
-use scenarios::physics::Physics;
+use world::geometry::Shape;
+use world::physics::Physics;
 
 use crate::body::last_from_palm;
 use crate::drive::OPPOSITION_STIFFNESS;
@@ -364,7 +364,7 @@ mod tests {
             |side: f64| (0..8).map(move |n| at(f64::from(n & 1), f64::from(n >> 1 & 1), f64::from(n >> 2)) * side);
         let block: Vec<Point3<f64>> = corners(0.03).collect();
         let flat = vec![at(0.0, 0.0, 0.0), at(0.01, 0.0, 0.0), at(0.01, 0.01, 0.0), at(0.0, 0.01, 0.0)];
-        let mesh = scenarios::geometry::hull_mesh(&block).expect("a block");
+        let mesh = world::geometry::hull_mesh(&block).expect("a block");
         let shape = Shape::Mesh(mesh.with_parts(vec![Vec::new(), block, flat, vec![at(0.0, 0.0, 0.0)]]).into());
         let props = [(Prop::new("thing", shape, 0.1, 0.6), Isometry3::identity())];
         let hand = Hand::ftac();

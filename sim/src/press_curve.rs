@@ -3,7 +3,7 @@
 use hand_model::pads::Pad;
 use nalgebra::{Isometry3, Point3, Unit, UnitQuaternion, Vector3};
 use optics::Foundation;
-use scenarios::geometry::Shape;
+use world::geometry::Shape;
 
 /// Rays along each side of a grid.
 const SIDE: usize = 15;

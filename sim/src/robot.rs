@@ -17,10 +17,10 @@ use nalgebra::{Isometry3, Translation3, Vector3};
 use rapier3d_f64::prelude::*;
 use scenarios::disturbance::Blindness;
 use scenarios::effects::Gel;
-use scenarios::geometry::Shape;
 use scenarios::individuals::ArmDefects;
-use scenarios::objects::ObjectModel;
-use scenarios::physics::{Physics, Table};
+use world::geometry::Shape;
+use world::objects::ObjectModel;
+use world::physics::{Physics, Table};
 
 use crate::body::{ArmGoal, JointState, RobotBody, groups, last_from_palm};
 use crate::contacts::{contacts_of, normal_force};

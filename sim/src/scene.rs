@@ -8,8 +8,8 @@ use nalgebra::Isometry3;
 use rapier3d_f64::prelude::*;
 use scenarios::effects::Gel;
 use scenarios::individuals::ArmDefects;
-use scenarios::objects::ObjectModel;
-use scenarios::physics::Physics;
+use world::objects::ObjectModel;
+use world::physics::Physics;
 
 use crate::body::groups;
 use crate::collision_shape;

@@ -8,7 +8,7 @@
 
 use nalgebra::{Isometry3, Point3, Vector3};
 use rapier3d_f64::prelude::*;
-use scenarios::physics::Sticking as Limits;
+use world::physics::Sticking as Limits;
 
 use crate::contacts::loaded;
 use crate::convert;

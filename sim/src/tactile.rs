@@ -21,7 +21,7 @@ use optics::{
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
-use scenarios::geometry::{Relief, Shape};
+use world::geometry::{Relief, Shape};
 
 pub use drift::Drift;
 

@@ -5,10 +5,10 @@ use std::sync::Arc;
 
 use hand_model::any_hand::AnyHand;
 use nalgebra::{Isometry3, Point3};
-use scenarios::Shape;
-use scenarios::geometry::LINK_MESHES;
 use sim::engine::EngineSettings;
 use sim::stand::{AnyBody, AnyStand, Prop};
+use world::Shape;
+use world::geometry::LINK_MESHES;
 
 fn hand(urdf: &str, pulls: &str) -> Option<Arc<AnyHand>> {
     let path = e2e::shared_data(&format!("hands/{urdf}"))?;

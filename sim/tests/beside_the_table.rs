@@ -5,10 +5,10 @@ use std::sync::Arc;
 use hand_model::robot::Robot;
 use hand_model::{Arm, Hand};
 use nalgebra::Isometry3;
-use scenarios::objects::ObjectSet;
-use scenarios::physics::Physics;
 use sim::tactile::TactileBoard;
 use sim::{ObjectPlacement, SceneSetup, SimulatedRobot};
+use world::objects::ObjectSet;
+use world::physics::Physics;
 
 /// m.
 const FLOOR: f64 = -0.75;

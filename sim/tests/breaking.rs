@@ -6,9 +6,9 @@ use std::sync::Arc;
 use hand_model::robot::{Command, Robot, ServoGoal, TactileFrame};
 use hand_model::{ARM_JOINTS, Arm, Digit, HAND_JOINTS, Hand};
 use nalgebra::{Isometry3, Point3, Vector3};
-use scenarios::objects::ObjectSet;
 use sim::tactile::TactileBoard;
 use sim::{ObjectPlacement, SceneSetup, SimulatedRobot};
+use world::objects::ObjectSet;
 
 /// Current of servos that close free fingers, A.
 const PULL: f64 = 0.05;

@@ -7,17 +7,18 @@ use std::path::Path;
 use hand_model::any_hand::AnyHand;
 use hand_model::reach::Reach;
 use proptest::prelude::*;
-use scenarios::geometry::{LINK_MESHES, Mesh};
+use scenarios::Scenario;
 use scenarios::transport::Transport;
-use scenarios::{ObjectFile, Scenario};
+use world::ObjectFile;
+use world::geometry::{LINK_MESHES, Mesh};
 
 const URDF: &str = include_str!("../../twin/guide/files/clamp.urdf");
 const PULLS: &str = include_str!("../../twin/guide/files/clamp.toml");
 const BOX: &str = include_str!("../../twin/guide/files/box.obj");
 const OBJECTS: [&str; 3] = [
-    include_str!("../../scenarios/data/objects/vase.toml"),
-    include_str!("../../scenarios/data/objects/bar.toml"),
-    include_str!("../../scenarios/data/objects/ball.toml"),
+    include_str!("../../scenarios/world/data/objects/vase.toml"),
+    include_str!("../../scenarios/world/data/objects/bar.toml"),
+    include_str!("../../scenarios/world/data/objects/ball.toml"),
 ];
 const SCENARIO: &str = include_str!("../../scenarios/data/benchmark.toml");
 const TRANSPORT: &str = include_str!("../../scenarios/data/transport/four_balls.toml");

@@ -6,9 +6,9 @@ use hand_model::robot::{Command, Robot, ServoGoal};
 use hand_model::{Arm, Digit, Hand};
 use nalgebra::{Isometry3, Vector3};
 use scenarios::disturbance::Blindness;
-use scenarios::objects::ObjectSet;
 use sim::tactile::TactileBoard;
 use sim::{ObjectPlacement, SceneSetup, SimulatedRobot};
+use world::objects::ObjectSet;
 
 /// The robot in its home posture with a cube of 60 g on the table.
 fn scene(board: fn(&Hand) -> TactileBoard) -> SimulatedRobot {

@@ -5,9 +5,9 @@ use std::sync::Arc;
 use hand_model::robot::{Command, Robot, ServoGoal};
 use hand_model::{Arm, Digit, Hand};
 use nalgebra::{Isometry3, Vector3};
-use scenarios::geometry::Shape;
 use sim::tactile::{Drift, Loads, OwnLoad, TactileBoard};
 use sim::{SceneSetup, SimulatedRobot};
+use world::geometry::Shape;
 
 /// The empty hand over the table.
 fn empty(self_contact: bool, board: TactileBoard) -> SimulatedRobot {

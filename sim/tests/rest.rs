@@ -5,10 +5,10 @@ use std::sync::Arc;
 use hand_model::robot::Robot;
 use hand_model::{Arm, Hand};
 use nalgebra::Isometry3;
-use scenarios::objects::ObjectSet;
 use sim::engine::EngineSettings;
 use sim::tactile::TactileBoard;
 use sim::{ObjectPlacement, SceneSetup, SimulatedRobot};
+use world::objects::ObjectSet;
 
 /// An object that lies on its side has facets: until one is down it may roll by half a facet, m.
 const SETTLES_WITHIN: f64 = 2e-3;

@@ -7,10 +7,10 @@ use hand_model::kinematics::{Joint, JointKind, Tree};
 use hand_model::robot::ServoGoal;
 use hand_model::{ACTUATORS, Hand};
 use nalgebra::{Isometry3, Matrix3, Point3, UnitQuaternion, Vector3};
-use scenarios::Shape;
 use sim::drive::JointEffort;
 use sim::engine::EngineSettings;
 use sim::stand::{HandStand, Linkage, Mechanism, Prop, tension_goals};
+use world::Shape;
 
 /// A chain of three rods that swings freely about y keeps its energy.
 #[test]

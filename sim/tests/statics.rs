@@ -5,9 +5,9 @@ use std::sync::Arc;
 use hand_model::statics::{self, Slid};
 use hand_model::{Digit, Hand};
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
-use scenarios::Shape;
 use sim::engine::EngineSettings;
 use sim::stand::{HandStand, Prop, tension_goals};
+use world::Shape;
 
 /// A rigid cover in the static problem: an element gives way by a few micrometres, Pa/m.
 const RIGID: f64 = 2.0e9;

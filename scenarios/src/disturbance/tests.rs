@@ -3,8 +3,8 @@ use std::path::Path;
 use super::*;
 use hand_model::data::DataError;
 
-use crate::objects::ObjectSet;
 use crate::scenario::Scenario;
+use world::objects::ObjectSet;
 
 const HEAD: &str = "version = 1\nname = \"mine\"\nextends = \"benchmark\"\n";
 

@@ -5,8 +5,8 @@ use std::path::Path;
 use hand_model::data::DataError;
 
 use super::definition::{Scenario, VERSION};
-use crate::geometry::Shape;
-use crate::objects::ObjectSet;
+use world::geometry::Shape;
+use world::objects::ObjectSet;
 
 /// Most objects that may come first, or second.
 const MOST_OBJECTS: usize = 1000;

@@ -7,10 +7,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::disturbance::Disturbances;
 use crate::effects::Effects;
-use crate::layout::Layout;
 use crate::noise::NoiseLevels;
-use crate::objects::{ObjectFile, ObjectSet};
 use crate::referee::RefereeRules;
+use world::layout::Layout;
+use world::objects::{ObjectFile, ObjectSet};
 
 /// The version of scenario files this crate reads.
 pub const VERSION: u32 = 1;

@@ -11,10 +11,10 @@ use toml::{Table, Value};
 use super::definition::{Protocol, Scenario, Start};
 use crate::disturbance::Disturbances;
 use crate::effects::{Effect, Effects};
-use crate::layout::Layout;
 use crate::noise::NoiseLevels;
-use crate::objects::{ObjectFile, ObjectSet};
 use crate::referee::RefereeRules;
+use world::layout::Layout;
+use world::objects::{ObjectFile, ObjectSet};
 
 /// The text of the built-in benchmark, which is also its documentation.
 pub const BENCHMARK: &str = include_str!("../../data/benchmark.toml");

@@ -1,7 +1,7 @@
 use std::path::Path;
 
 use super::*;
-use crate::objects::ObjectSet;
+use world::objects::ObjectSet;
 
 const TEXT: &str = include_str!("../../data/benchmark.toml");
 
@@ -69,4 +69,16 @@ fn a_field_alone_can_be_changed() {
     assert!(wrong.starts_with("n.toml:5: `position`: unknown field `position`"), "{wrong}");
     let wrong = parse("[noise.execution]\nposition_sigma = \"wide\"\n").expect_err("no number").to_string();
     assert!(wrong.contains("n.toml") && wrong.contains("wide"), "{wrong}");
+}
+
+/// Every place within the arm's reach is over the table, whose top is z = 0.
+#[test]
+fn the_table_lies_under_every_place_within_reach() {
+    let world::physics::Physics { table, contact, .. } = world::physics::Physics::standard();
+    assert_eq!(table.center[2] + table.half[2], 0.0);
+    let layout = Scenario::benchmark().layout;
+    for (axis, [low, high]) in [(0, layout.reach_x), (1, layout.reach_y)] {
+        assert!(table.center[axis] - table.half[axis] < low && high < table.center[axis] + table.half[axis]);
+    }
+    assert!(table.friction > table.rolling_resistance && contact.damping_ratio >= 1.0);
 }

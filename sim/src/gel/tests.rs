@@ -2,7 +2,7 @@
 
 use hand_model::pads::Camera;
 use optics::press;
-use scenarios::Symmetry;
+use world::Symmetry;
 
 use super::*;
 use crate::body::cover_collider;

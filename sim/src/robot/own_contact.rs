@@ -7,8 +7,8 @@
 use hand_model::ARM_JOINTS;
 use hand_model::hand::CoverShape;
 use nalgebra::{Isometry3, Vector3};
-use scenarios::geometry::Shape;
-use scenarios::physics::{Physics, Table};
+use world::geometry::Shape;
+use world::physics::{Physics, Table};
 
 use super::SimulatedRobot;
 use crate::contacts::{contacts_of, normal_force};

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use nalgebra::Isometry3;
 use rapier3d_f64::prelude::*;
-use scenarios::objects::ObjectModel;
+use world::objects::ObjectModel;
 
 use super::{ObjectPlacement, SimulatedRobot};
 use crate::convert;

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use nalgebra::Point3;
 use optics::OpticsError;
 use rapier3d_f64::parry::query::Ray;
-use scenarios::objects::ObjectModel;
+use world::objects::ObjectModel;
 
 use super::SimulatedRobot;
 use crate::convert;

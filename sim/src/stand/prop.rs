@@ -2,7 +2,7 @@
 
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 use rapier3d_f64::prelude::*;
-use scenarios::geometry::Shape;
+use world::geometry::Shape;
 
 use crate::body::groups;
 use crate::collision_shape;

@@ -10,7 +10,7 @@ use control::policy::Uncertainty;
 use hand_model::robot::TactileImage;
 use hand_model::{Arm, Hand};
 use proving::cache::Cache;
-use proving::world::World;
+use proving::simulated_world::World;
 use proving::{ball_sizes, preparation};
 use scenarios::Scenario;
 use scenarios::effects::Effect;

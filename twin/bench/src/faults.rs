@@ -14,7 +14,7 @@ use hardware_bridge::safety::state::State;
 use kortex::emulator::EventKind;
 use nalgebra::Isometry3;
 use proving::rehearsal::{Snapshot, in_grip};
-use proving::world::World;
+use proving::simulated_world::World;
 use scenarios::record::Condition;
 use serde::{Deserialize, Serialize};
 use session_log::{Event, Reader, Recorder, Session, Writer};

@@ -28,7 +28,7 @@ use control::inverse_kinematics::ArmKinematics;
 use hand_model::robot::{ArmState, ServoState};
 use hand_model::{ACTUATORS, ARM_JOINTS, Arm, Digit, Hand};
 use nalgebra::Isometry3;
-use proving::world::World;
+use proving::simulated_world::World;
 
 use self::belief::{Belief, Believes};
 use self::cables::{CableWatch, Finding};

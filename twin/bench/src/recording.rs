@@ -13,11 +13,11 @@ use control::executive::Phase;
 use hand_model::robot::{ServoState, TactileFrame, TactileImage};
 use hand_model::{ACTUATORS, ARM_JOINTS, Arm};
 use nalgebra::{Isometry3, Vector3};
-use scenarios::objects::ObjectModel;
 use scenarios::record::{Condition, TrialRecord};
 use sim::robot::Truth;
 use stream::recorder::{Recorder, Settings, Target};
 use stream::{DrawnObject, Level, PoseError, SignalFrame, TrialProperties};
+use world::objects::ObjectModel;
 
 use self::beliefs::Beliefs;
 use self::measured::Measured;

@@ -17,14 +17,14 @@ use grasping::{Grasp, Repertoire, Role};
 use hand_model::CAMERAS;
 use hand_model::robot::Robot as _;
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
-use proving::world::World;
+use proving::simulated_world::World;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution as _, Normal};
-use scenarios::Sensing;
 use scenarios::noise::{TrialNoise, trial_rng};
 use sim::tactile::TactileBoard;
 use sim::{ObjectPlacement, SimulatedRobot};
 use touch::{PosePrior, TouchPipeline};
+use world::Sensing;
 
 use crate::body::{Stopped, TrialBody};
 use crate::trial::setup::backgrounds;
@@ -66,7 +66,7 @@ impl<'a> Registrar<'a> {
     /// With the ball of `plan`; the posture of the fingers that do not touch is that of a grasp of `repertoire`.
     pub fn new(world: &'a World, plan: &'a Plan, repertoire: &Repertoire) -> Result<Self> {
         let model = world.object(&plan.object)?;
-        let scenarios::geometry::Shape::Sphere { radius } = model.shape else {
+        let world::geometry::Shape::Sphere { radius } = model.shape else {
             bail!("registration.toml: object: found {}, expected a ball", plan.object);
         };
         let grasp = repertoire.of(&plan.object, Role::First).next();

@@ -29,11 +29,12 @@ use grasping::Grasp;
 use proving::plan::PlannedGrasps;
 use proving::rehearsal::{Snapshot, TrialStart};
 use rand::RngExt as _;
+use scenarios::Ablation;
 use scenarios::noise::{TrialNoise, trial_rng};
 use scenarios::record::{AblatedTrial, Condition, TrialId, TrialRecord};
 use scenarios::referee::FailureCause;
-use scenarios::{Ablation, Sensing};
 use sim::SimulatedRobot;
+use world::Sensing;
 
 use self::branch::{Play, foretold_risk, play};
 use self::eyes::Looks;

@@ -5,8 +5,8 @@ use control::executive::Phase;
 use control::foresight::{Draw, Scene, Twin};
 use control::odds::TryOutcome;
 use nalgebra::Translation3;
+use proving::simulated_world::drive;
 use proving::twin::SceneTwin;
-use proving::world::drive;
 use scenarios::Scenario;
 
 /// From a hold and a place that are known, the planned grasp holds in the twin as it does in the plan's own run; where the target is a hand's

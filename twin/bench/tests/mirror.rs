@@ -17,7 +17,7 @@ use hand_model::pads::IMAGE_SIZE;
 use hand_model::robot::{Command, Robot, ServoGoal, TactileFrame, TactileImage};
 use hand_model::{Arm, CAMERAS, Digit};
 use nalgebra::{Isometry3, Vector3};
-use proving::world::World;
+use proving::simulated_world::World;
 use scenarios::Scenario;
 use scenarios::record::{Condition, TrialRecord};
 use sim::tactile::TactileBoard;

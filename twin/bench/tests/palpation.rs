@@ -9,9 +9,10 @@ use control::perception::{Expected, feel, trusted};
 use control::sensing::Senses;
 use grasping::Role;
 use nalgebra::Vector3;
-use proving::world::drive;
-use scenarios::{Scenario, Sensing};
+use proving::simulated_world::drive;
+use scenarios::Scenario;
 use touch::{InHand, PosePrior};
+use world::Sensing;
 
 /// Second objects with a pear's, a cylinder's and a sphere's top.
 const COMBINATIONS: [usize; 3] = [10, 1, 15];

@@ -14,8 +14,8 @@ use hand_model::Hand;
 use hand_model::robot::{Command, Observation, TactileFrame};
 use nalgebra::{Isometry3, Translation3, Vector3};
 
-use scenarios::geometry::Shape;
-pub use scenarios::phase::Phase;
+use world::geometry::Shape;
+pub use world::phase::Phase;
 
 use crate::guarded::{self, Guarded};
 use crate::inverse_kinematics::ArmServo;

@@ -13,7 +13,7 @@ use nalgebra::{Isometry3, Matrix6, Translation3, UnitQuaternion, Vector3, Vector
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
-use scenarios::objects::ObjectModel;
+use world::objects::ObjectModel;
 
 use crate::executive::Executive;
 use crate::odds::{Belief, Odds, TryOutcome};

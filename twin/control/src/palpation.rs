@@ -8,8 +8,8 @@ use grasping::Role;
 use grasping::grasp::palm_rotation;
 use hand_model::Hand;
 use nalgebra::{Isometry3, Matrix3, Point3, Translation3, Vector3};
-use scenarios::geometry::Shape;
 use touch::{InHand, KnownShape, PoseEstimate, PosePrior, TouchError};
+use world::geometry::Shape;
 
 use crate::look::Look;
 use crate::motion::approach::duration;

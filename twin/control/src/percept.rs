@@ -1,7 +1,7 @@
 //! Objects as prior perception reports them, and the door through which it is asked.
 
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion};
-use scenarios::objects::ObjectModel;
+use world::objects::ObjectModel;
 
 /// Two looks at the same place are at most this many standard deviations of a look's own error apart ...
 const AGREES: f64 = 4.0;

@@ -7,11 +7,11 @@ use grasping::{Grasp, Role};
 use hand_model::robot::ServoState;
 use hand_model::{ACTUATORS, Digit, HAND_JOINTS, Hand};
 use nalgebra::{Isometry3, Point3, Vector3};
-use scenarios::geometry::{DistanceGrid, Shape};
-use scenarios::objects::ObjectModel;
 use touch::pose::loaded_posture;
 use touch::posture::{cable_excursion, cable_tension, digit_of};
 use touch::{CameraFault, InHand, KnownShape, PadTouch, Perceived, PoseEstimate, PosePrior, TouchError};
+use world::geometry::{DistanceGrid, Shape};
+use world::objects::ObjectModel;
 
 use crate::look::Look;
 use crate::percept::Percept;

@@ -18,8 +18,8 @@ use std::sync::Arc;
 use ::touch::TouchError;
 use grasping::Repertoire;
 use nalgebra::Isometry3;
-use scenarios::objects::{ObjectModel, ObjectSet};
-use scenarios::tries::Attempt;
+use world::attempt::Attempt;
+use world::objects::{ObjectModel, ObjectSet};
 
 use crate::executive::{Executive, Phase};
 use crate::foresight::Foresees;

@@ -1,7 +1,7 @@
 //! Recovery: what to do next, given what touch says is in the hand after a grasp was tried.
 
 use nalgebra::Vector3;
-use scenarios::phase::Phase;
+use world::phase::Phase;
 
 use crate::perception::Grip;
 

@@ -6,9 +6,9 @@ use std::sync::Arc;
 use hand_model::pads::IMAGE_SIZE;
 use hand_model::robot::{TactileFrame, TactileImage};
 use hand_model::{Digit, Hand};
-use scenarios::Sensing;
 use touch::posture::digit_of;
 use touch::{Perceived, PoseOptions, TouchError, TouchPipeline};
+use world::Sensing;
 
 use crate::look::Look;
 

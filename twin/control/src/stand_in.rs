@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 use grasping::{Grasp, Repertoire, Role};
 use nalgebra::{Isometry3, Translation3, Vector3};
-use scenarios::objects::{ObjectModel, ObjectSet, Symmetry};
+use world::objects::{ObjectModel, ObjectSet, Symmetry};
 
 use crate::percept::Percept;
 use crate::worth::{self, Candidate};

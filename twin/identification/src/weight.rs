@@ -11,8 +11,8 @@ use grasping::Grasp;
 use hand_model::data::DataError;
 use hand_model::{ARM_JOINTS, Arm, Hand};
 use nalgebra::{Isometry3, Point3, Translation3, Vector3};
-use scenarios::objects::{ObjectModel, ObjectSet};
 use serde::{Deserialize, Serialize};
+use world::objects::{ObjectModel, ObjectSet};
 
 use crate::ball::{covers, keeps_its_side, kinematics, points, straight};
 use crate::script::Posture;

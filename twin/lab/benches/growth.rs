@@ -24,9 +24,9 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rayon::prelude::*;
 use report::plot::Plot;
-use scenarios::objects::ObjectSet;
 use sim::tactile::TactileBoard;
 use sim::{ObjectPlacement, SceneSetup, SimulatedRobot};
+use world::objects::ObjectSet;
 
 /// Runs of each count.
 const REPEATS: usize = 7;

@@ -15,7 +15,7 @@ use anyhow::{Context, Result};
 use control::inverse_kinematics::Joints;
 use hand_model::Arm;
 use nalgebra::Vector3;
-use proving::world::World;
+use proving::simulated_world::World;
 use scenarios::Scenario;
 use serde_json::json;
 

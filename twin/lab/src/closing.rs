@@ -8,10 +8,10 @@ use hand_model::any_hand::AnyHand;
 use hand_model::kinematics::JointKind;
 use nalgebra::{Isometry3, Point3, Vector3};
 use report::picture::{PROPS, Picture, View, save, tile};
-use scenarios::Shape;
 use serde_json::{Map, Value, json};
 use sim::engine::EngineSettings;
 use sim::stand::{AnyBody, AnyStand, Prop};
+use world::Shape;
 
 /// Times to close on the fixed ball, to settle after its release, and under gravity along each direction, s.
 const CLOSE: f64 = 2.0;

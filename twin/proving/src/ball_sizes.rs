@@ -6,10 +6,10 @@ use anyhow::Result;
 use grasping::{Grasp, Repertoire};
 use nalgebra::Vector3;
 use scenarios::disturbance::{SizeSweep, Which};
-use scenarios::objects::ObjectModel;
+use world::objects::ObjectModel;
 
 use crate::plan::Plan;
-use crate::world::World;
+use crate::simulated_world::World;
 
 /// Adds the balls of `sweep` to the world's objects and to the repertoire; they are given back.
 pub fn add(sweep: &SizeSweep, world: &mut World, repertoire: &mut Repertoire) -> Result<Vec<Arc<ObjectModel>>> {

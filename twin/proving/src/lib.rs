@@ -1,6 +1,6 @@
 //! Proofs of grasps in physics.
 //!
-//! A grasp counts only when it has closed and held in the simulator. [`world`] is the robot with its scenario, [`rehearsal`] closes and
+//! A grasp counts only when it has closed and held in the simulator. [`simulated_world`] is the robot with its scenario, [`rehearsal`] closes and
 //! holds one grasp, [`pick_ups`] fills the benchmark's repertoire, [`plan`] pairs grasps into combinations, [`preparation`] does both for
 //! objects of a user's own and keeps them in a [`cache`], and [`synthesis`] verifies sampled grasps of any object by any hand. [`twin`] plays tries
 //! before a policy chooses one. The proven
@@ -17,6 +17,6 @@ pub mod pick_ups;
 pub mod plan;
 pub mod preparation;
 pub mod rehearsal;
+pub mod simulated_world;
 pub mod synthesis;
 pub mod twin;
-pub mod world;

@@ -18,15 +18,15 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use scenarios::noise::TrialNoise;
-use scenarios::objects::{ObjectModel, Symmetry};
 use sim::tactile::TactileBoard;
+use world::objects::{ObjectModel, Symmetry};
 
 use crate::cache::Steps;
 use crate::rehearsal::{
     FirstRehearsal, HoldOutcome, Snapshot, StartPosture, misaimed, proving_errors, rehearse_first, rehearse_second,
     wide_errors,
 };
-use crate::world::World;
+use crate::simulated_world::World;
 
 /// Draws of wide errors under which a first grasp's robustness is measured, after a try without any.
 const WIDE: usize = 12;

@@ -29,7 +29,7 @@ use serde::{Deserialize, Serialize};
 use sim::tactile::TactileBoard;
 
 use crate::rehearsal::{FirstRehearsal, rehearse_first, rehearse_second};
-use crate::world::World;
+use crate::simulated_world::World;
 
 pub use self::outcomes::Outcomes;
 

@@ -16,17 +16,17 @@ use grasping::{Grasp, Repertoire, Role};
 use scenarios::Scenario;
 use scenarios::combination::{Combination, draw_combinations};
 use scenarios::effects::Effect;
-use scenarios::geometry::Shape;
-use scenarios::objects::ObjectModel;
 use serde::Serialize;
 use sim::tactile::TactileBoard;
+use world::geometry::Shape;
+use world::objects::ObjectModel;
 
 pub use self::left_out::NotPlayable;
 use crate::cache::{Cache, Key, Steps};
 use crate::pick_ups::{self, Effort, Progress};
 use crate::plan::{self, Plans, stepwise};
 use crate::rehearsal::{FirstRehearsal, rehearse_first, try_second};
-use crate::world::World;
+use crate::simulated_world::World;
 
 /// Rises when a rule of the search changes, or the engine does: what was kept is then searched anew.
 const RULES: u32 = 2;

@@ -14,11 +14,11 @@ use hand_model::{ARM_JOINTS, Digit};
 use nalgebra::Isometry3;
 use scenarios::holding::{GRIPPED, LIFTED};
 use scenarios::noise::{ExecutionNoise, NoiseLevels, PerceptionNoise, TrialNoise, trial_rng};
-use scenarios::objects::ObjectModel;
 use sim::robot::{SimulatedRobot, Truth};
 use sim::tactile::TactileBoard;
+use world::objects::ObjectModel;
 
-use crate::world::{World, drive, tick};
+use crate::simulated_world::{World, drive, tick};
 
 /// Seed of the errors under which grasps are proven; no trial of a benchmark draws them.
 const PROVING_SEED: u64 = 0x005e_ed0f_9a05;

@@ -17,13 +17,13 @@ use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use rayon::prelude::*;
 use scenarios::individuals::Individual;
 use scenarios::noise::trial_rng;
-use scenarios::objects::ObjectModel;
 use sim::robot::HandPosture;
 use sim::tactile::TactileBoard;
 use sim::{ObjectPlacement, SceneSetup, SimulatedRobot};
+use world::objects::ObjectModel;
 
 use crate::rehearsal::{in_grip, play_try_and_carry};
-use crate::world::{World, tick};
+use crate::simulated_world::{World, tick};
 
 /// Time in which digits press on the fastened object, and in which it then settles, s.
 const PRESSING: (f64, f64) = (0.15, 0.25);

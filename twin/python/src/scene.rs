@@ -12,7 +12,7 @@ use numpy::{IntoPyArray, PyArray1, PyArray3, PyArray4, PyReadonlyArray2, PyUntyp
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use scenarios::layout::Place;
+use world::layout::Place;
 
 use crate::arrays::{Numbers, failure, fixed, picture, pictures, pose_row, table, value_error};
 use crate::pickled::{Given, Kept, Stepped, actions, check, keep};

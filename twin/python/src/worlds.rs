@@ -8,7 +8,7 @@ use bench::trial::Bench;
 use pyo3::prelude::*;
 use scenarios::Scenario;
 use scenarios::effects::Effects;
-use scenarios::objects::ObjectSet;
+use world::objects::ObjectSet;
 
 use crate::arrays::failure;
 

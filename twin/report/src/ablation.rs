@@ -2,9 +2,9 @@
 
 use std::fmt::Write as _;
 
-use scenarios::Sensing;
 use scenarios::statistics::{Difference, Interval, Summary, combination_rates};
 use scenarios::{Condition, TrialRecord};
+use world::Sensing;
 
 use super::comparisons::with_interval;
 use super::html::{Column, Table, escape, number};

@@ -8,8 +8,8 @@ use image::codecs::jpeg::JpegEncoder;
 use image::{ExtendedColorType, RgbImage};
 use nalgebra::{Isometry3, Point3, Vector3};
 use rayon::prelude::*;
-use scenarios::objects::ObjectModel;
 use stream::mesh::Mesh;
+use world::objects::ObjectModel;
 
 use crate::html::{data_uri, escape};
 use crate::picture::{Picture, View, tile};

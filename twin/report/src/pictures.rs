@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 use anyhow::Result;
 use image::{ImageFormat, RgbImage};
 use nalgebra::{Isometry3, Point3, Vector3};
-use scenarios::objects::{ObjectModel, ObjectSet};
 use scenarios::{Condition, TrialRecord};
+use world::objects::{ObjectModel, ObjectSet};
 
 use super::html::{data_uri, escape};
 use crate::picture::{Picture, View};

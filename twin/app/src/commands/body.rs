@@ -14,7 +14,7 @@ use bench::vision::measurement::Checks;
 use bench::vision::{Vision, VisionSource};
 use clap::{Args, ValueEnum};
 use hardware_bridge::config::BridgeConfig;
-use proving::world::World;
+use proving::simulated_world::World;
 use scenarios::record::Condition;
 
 /// Which body runs the trials.

@@ -2,7 +2,7 @@
 
 use std::convert::Infallible;
 
-use scenarios::objects::ObjectSet;
+use world::objects::ObjectSet;
 
 /// An object's name as files and tables write it, `salt_mill`, however it was typed: `salt mill`, `Salt-Mill`. A text that is no known name stays
 /// as it is, for whoever knows which ones are expected.

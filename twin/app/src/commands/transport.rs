@@ -11,7 +11,7 @@ use bench::transport::skills::{SkillFile, for_sizes, of_repertoire};
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use control::load::listed;
-use proving::world::World;
+use proving::simulated_world::World;
 use rayon::prelude::*;
 use scenarios::Scenario;
 use scenarios::effects::Effects;

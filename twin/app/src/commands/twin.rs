@@ -15,7 +15,7 @@ use hand_model::{Arm, Hand};
 use identification::Script;
 use identification::evaluation::{Surroundings, TrueBall, TrueWeight, excited_body};
 use identification::excitation::Means;
-use proving::world::World;
+use proving::simulated_world::World;
 use scenarios::Scenario;
 use scenarios::effects::Gel;
 use scenarios::individuals::robot::RobotIndividual;

@@ -1,7 +1,7 @@
 //! What a trial is, and how its robot knows where things are.
 
 use anyhow::Result;
-use proving::world::World;
+use proving::simulated_world::World;
 use scenarios::record::Condition;
 use serde::{Deserialize, Serialize};
 

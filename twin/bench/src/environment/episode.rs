@@ -13,10 +13,10 @@ use nalgebra::Point3;
 use proving::rehearsal::{PALM, digit_bits, in_hand};
 use rand::RngExt as _;
 use scenarios::noise::trial_rng;
-use scenarios::objects::ObjectModel;
 use sim::SimulatedRobot;
 use sim::robot::Truth;
 use sim::tactile::TactileBoard;
+use world::objects::ObjectModel;
 
 use super::images::{ImageSizeError, reduced};
 use super::scene::{Begun, FirstImages, Scene, SceneError};

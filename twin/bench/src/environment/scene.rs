@@ -8,13 +8,13 @@ use control::workcell::Workcell;
 use hand_model::ACTUATORS;
 use hand_model::robot::{ArmState, Command, Observation, Robot, ServoState, TactileImage};
 use nalgebra::Isometry3;
-use proving::world::World;
-use scenarios::layout::Place;
+use proving::simulated_world::World;
 use scenarios::noise::TrialNoise;
-use scenarios::objects::ObjectModel;
 use sim::robot::Truth;
 use sim::tactile::TactileBoard;
 use sim::{ObjectPlacement, SceneSetup, SimulatedRobot};
+use world::layout::Place;
+use world::objects::ObjectModel;
 
 use super::images::{ImageSizeError, PadImages, capture_at, reduced};
 

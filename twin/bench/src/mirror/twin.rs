@@ -13,7 +13,7 @@ use std::sync::Arc;
 use hand_model::robot::{ArmState, Command, Robot, ServoState};
 use hand_model::{ACTUATORS, ARM_JOINTS, Arm, Hand};
 use nalgebra::Isometry3;
-use proving::world::World;
+use proving::simulated_world::World;
 use sim::tactile::TactileBoard;
 use sim::{SceneSetup, SimulatedRobot};
 

@@ -6,9 +6,9 @@ use control::worth::Candidate;
 use hand_model::robot::{ArmState, ServoState};
 use hand_model::{ACTUATORS, Hand};
 use nalgebra::Isometry3;
-use scenarios::phase::Phase;
 use serde::Deserialize;
 use serde_json::{Value, json};
+use world::phase::Phase;
 
 use super::host::HostError;
 

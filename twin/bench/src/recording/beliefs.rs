@@ -4,10 +4,10 @@ use anyhow::Result;
 use control::perception::Felt;
 use control::policy::Choice;
 use control::strategy::Course;
-use scenarios::phase::Phase;
 use stream::belief::Way;
 use stream::now::Weighed;
 use stream::recorder::Recorder;
+use world::phase::Phase;
 
 /// Which phases a belief about the object in the hand lasts through: from its grasp until it is put down or taken anew.
 fn holds(phase: Phase) -> bool {

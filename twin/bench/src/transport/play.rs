@@ -10,9 +10,8 @@ use control::percept::{Eyes, EyesError, Sighted};
 use control::policy::carry::{Cargo, Carry, CarryStep, Carrying, Knowledge};
 use control::sensing::Senses;
 use nalgebra::Vector3;
-use proving::world::World;
+use proving::simulated_world::World;
 use rand_chacha::ChaCha8Rng;
-use scenarios::Sensing;
 use scenarios::noise::{NoiseLevels, TrialNoise, trial_rng};
 use scenarios::transport::{Ball, PushStage, Transport};
 use serde::{Deserialize, Serialize};
@@ -20,6 +19,7 @@ use sim::SimulatedRobot;
 use sim::robot::Truth;
 use sim::tactile::TactileBoard;
 use touch::TouchPipeline;
+use world::Sensing;
 
 use super::site::{Branch, in_hand};
 

@@ -7,13 +7,13 @@ use control::carrier::{Carrier, CarryPhase};
 use control::motion::Protocol;
 use hand_model::robot::Robot;
 use nalgebra::Isometry3;
-use proving::world::World;
+use proving::simulated_world::World;
 use scenarios::holding::{Support, TRANSPORTED};
 use scenarios::noise::TrialNoise;
-use scenarios::objects::ObjectModel;
 use sim::robot::{SimulatedRobot, Truth};
 use sim::tactile::TactileBoard;
 use sim::{ObjectPlacement, SceneSetup};
+use world::objects::ObjectModel;
 
 /// Body and controller together; a clone is a branch.
 #[derive(Clone)]

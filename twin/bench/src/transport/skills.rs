@@ -10,7 +10,7 @@ use control::load::Skill;
 use grasping::{Grasp, Repertoire, Role};
 use hand_model::Digit;
 use proving::ball_sizes::resized;
-use proving::world::World;
+use proving::simulated_world::World;
 use serde::{Deserialize, Serialize};
 
 /// Format version of skill files.

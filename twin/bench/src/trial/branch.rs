@@ -9,11 +9,11 @@ use control::perception::Felt;
 use control::policy::{Policy, Step};
 use proving::rehearsal::{Snapshot, in_hand};
 use scenarios::noise::NoiseLevels;
-use scenarios::objects::{ObjectModel, ObjectSet};
 use scenarios::record::{TrialId, TrialRecord};
 use scenarios::referee::FailureCause;
 use scenarios::tries::{Attempt, TryRecord};
 use sim::robot::Truth;
+use world::objects::{ObjectModel, ObjectSet};
 
 use super::eyes::{Looks, NoisyEyes};
 use super::profile::Activity;

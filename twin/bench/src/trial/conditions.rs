@@ -2,9 +2,10 @@
 
 use anyhow::Result;
 use control::policy::Recovery;
+use scenarios::Ablation;
 use scenarios::record::{AblatedTrial, Condition, TrialId, TrialRecord};
 use scenarios::tries::TryRecord;
-use scenarios::{Ablation, Sensing};
+use world::Sensing;
 
 use super::branch::TrialOutcome;
 use super::eyes::Looks;

@@ -10,9 +10,9 @@ use control::executive::Executive;
 use nalgebra::Vector3;
 use scenarios::disturbance::{Disturbances, Moment, Target, Which};
 use scenarios::noise::{ObjectNoise, TrialNoise};
-use scenarios::objects::ObjectModel;
 use sim::SimulatedRobot;
 use sim::robot::Truth;
+use world::objects::ObjectModel;
 
 /// Something that begins at a moment of a trial and ends some time later.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]

@@ -7,9 +7,9 @@ use control::percept::{Eyes, EyesError, Sighted};
 use nalgebra::{Isometry3, Point3};
 use rand_chacha::ChaCha8Rng;
 use scenarios::noise::{NoiseLevels, ObjectNoise, TrialNoise};
-use scenarios::objects::{ObjectModel, ObjectSet};
 use scenarios::sight::Sight;
 use sim::robot::Truth;
+use world::objects::{ObjectModel, ObjectSet};
 
 use super::disturbance::Disturber;
 use crate::body::{Body, Glance};

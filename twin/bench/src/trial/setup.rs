@@ -16,11 +16,11 @@ use proving::rehearsal::{Snapshot, TrialStart};
 use scenarios::disturbance::Disturbances;
 use scenarios::effects::Effect;
 use scenarios::noise::{ObjectNoise, TrialNoise, trial_rng};
-use scenarios::objects::ObjectModel;
 use scenarios::referee::{Limits, Referee};
 use scenarios::sight::Sight;
 use sim::tactile::Drift;
 use touch::TouchPipeline;
+use world::objects::ObjectModel;
 
 use super::conditions::Means;
 use super::disturbance::{Disturber, resized};

@@ -2,8 +2,8 @@
 
 use control::percept::Sighted;
 use nalgebra::{Isometry3, Matrix3, Matrix6, Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
-use scenarios::physics::Physics;
 use serde::Deserialize;
+use world::physics::Physics;
 
 /// A measurement may be stamped so far in the future, s.
 const AHEAD: f64 = 0.1;

@@ -1,7 +1,7 @@
 //! The policy `blind`: carries out the plan and asks nobody.
 
 use grasping::Grasp;
-use scenarios::tries::Attempt;
+use world::attempt::Attempt;
 
 use super::{Injected, Policy, PolicyError, Step, Story};
 use crate::executive::{Executive, Phase};

@@ -8,8 +8,8 @@ use grasping::Grasp;
 use hand_model::ACTUATORS;
 use hand_model::robot::{ArmState, ServoState, TactileFrame};
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
-use scenarios::tries::Attempt;
 use touch::InHand;
+use world::attempt::Attempt;
 
 use super::{Injected, Knowledge, Policy, PolicyError, Step, Story};
 use crate::executive::{Executive, Phase};

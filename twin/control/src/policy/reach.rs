@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use grasping::{Grasp, Role};
-use scenarios::objects::ObjectModel;
+use world::objects::ObjectModel;
 
 use super::Knowledge;
 use crate::percept::Percept;

@@ -13,8 +13,8 @@ use std::collections::BTreeMap;
 
 use grasping::{Grasp, Role};
 use nalgebra::Vector3;
-use scenarios::tries::Attempt;
 use touch::{InHand, PoseEstimate};
+use world::attempt::Attempt;
 
 use super::reach::{Wanted, within_reach};
 use super::{Choice, Injected, Knowledge, Policy, PolicyError, Reordered, Step, Story, Uncertainty};

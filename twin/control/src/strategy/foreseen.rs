@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use nalgebra::{Matrix6, Vector3};
-use scenarios::objects::ObjectModel;
+use world::objects::ObjectModel;
 
 use super::passage::Scene;
 use super::{Aiming, Assessment, Considered, Situation, StrategyError, Weighed, utility};

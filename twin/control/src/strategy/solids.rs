@@ -3,8 +3,8 @@
 use hand_model::{Digit, Hand};
 use nalgebra::{Isometry3, Point3, Vector3};
 use parry3d_f64::shape::SharedShape;
-use scenarios::geometry::{Shape, hull_mesh};
-use scenarios::objects::ObjectModel;
+use world::geometry::{Shape, hull_mesh};
+use world::objects::ObjectModel;
 
 use crate::collision::{Solid, hand_solids};
 

@@ -11,7 +11,7 @@ use control::strategy::{Decision, Foresight, Held, Situation, choose, object_sol
 use control::worth::Candidate;
 use grasping::Role;
 use nalgebra::{Isometry3, Vector3};
-use scenarios::objects::{ObjectModel, ObjectSet};
+use world::objects::{ObjectModel, ObjectSet};
 
 use crate::table::*;
 
@@ -52,7 +52,7 @@ fn with_bar_at(x: f64) -> (bool, f64) {
 
 fn bar() -> ObjectModel {
     let cube = ObjectSet::standard().get(FIRST).expect("a cube").clone();
-    let shape = scenarios::Shape::Cuboid { half: Vector3::new(0.008, 0.008, 0.06), radius: 0.0 };
+    let shape = world::Shape::Cuboid { half: Vector3::new(0.008, 0.008, 0.06), radius: 0.0 };
     ObjectModel { name: "bar".into(), shape, ..(*cube).clone() }
 }
 

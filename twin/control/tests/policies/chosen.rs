@@ -4,7 +4,7 @@ use control::executive::Phase;
 use control::policy::chosen::{Aim, Answer, Chooser, ChooserError, Chosen, Situation};
 use control::policy::{Policy, Step};
 use control::sensing::Senses;
-use scenarios::Sensing;
+use world::Sensing;
 
 use crate::table::*;
 

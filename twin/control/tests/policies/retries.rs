@@ -8,7 +8,7 @@ use control::sensing::Senses;
 use grasping::Role;
 use hand_model::robot::Observation;
 use nalgebra::Isometry3;
-use scenarios::Sensing;
+use world::Sensing;
 
 use crate::table::*;
 

@@ -18,9 +18,9 @@ use hand_model::robot::{Observation, TactileImage};
 use hand_model::transmission::friction::CableFriction;
 use hand_model::{Arm, Hand};
 use nalgebra::{Isometry3, Translation3};
-use scenarios::Sensing;
-use scenarios::objects::{ObjectModel, ObjectSet};
 use touch::{PhotometricCalibration, TouchPipeline};
+use world::Sensing;
+use world::objects::{ObjectModel, ObjectSet};
 
 pub const TICK: f64 = 0.02;
 pub const FIRST: &str = "cube_45";

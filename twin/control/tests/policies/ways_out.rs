@@ -11,7 +11,7 @@ use control::worth::{Candidate, Sequence};
 use grasping::Role;
 use hand_model::robot::Observation;
 use nalgebra::Vector3;
-use scenarios::Sensing;
+use world::Sensing;
 
 use crate::table::*;
 

@@ -8,7 +8,7 @@ use control::Twist;
 use control::inverse_kinematics::{ArmServo, QpPath};
 use control::trajectory::{PathLimits, PosePath};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
-use proving::world::World;
+use proving::simulated_world::World;
 use report::picture::{save, tile};
 use report::plot::Plot;
 use serde_json::json;

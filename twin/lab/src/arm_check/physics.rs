@@ -5,7 +5,7 @@ use control::arm_clearance::ArmBodies;
 use control::inverse_kinematics::Joints;
 use hand_model::robot::{Command, Robot};
 use hand_model::{ARM_JOINTS, HAND_JOINTS};
-use proving::world::World;
+use proving::simulated_world::World;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;

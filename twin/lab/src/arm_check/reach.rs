@@ -7,7 +7,7 @@ use control::arm_clearance::ArmBodies;
 use control::inverse_kinematics::{ArmKinematics, Joints};
 use image::{Rgb, RgbImage};
 use nalgebra::{Isometry3, Translation3};
-use proving::world::World;
+use proving::simulated_world::World;
 use rayon::prelude::*;
 use report::picture::{save, text};
 use serde_json::json;

@@ -8,10 +8,10 @@ use hand_model::{Digit, Hand};
 use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
 use report::picture::{Picture, View, save, tile};
 use report::plot::Plot;
-use scenarios::Shape;
 use serde_json::json;
 use sim::engine::EngineSettings;
 use sim::stand::{HandStand, Prop, tension_goals};
+use world::Shape;
 
 use super::row::{Row, Verdict};
 

@@ -6,10 +6,10 @@ use std::time::Instant;
 use anyhow::Result;
 use hand_model::Hand;
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
-use scenarios::Shape;
 use serde::Serialize;
 use sim::engine::EngineSettings;
 use sim::stand::{HandStand, Prop, tension_goals};
+use world::Shape;
 
 use super::dumbbell;
 

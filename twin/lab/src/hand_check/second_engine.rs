@@ -12,14 +12,14 @@ use hand_model::transmission::friction::CableFriction;
 use hand_model::{ARM_JOINTS, Arm, Hand};
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use report::write_whole;
-use scenarios::objects::ObjectSet;
-use scenarios::{ObjectModel, Shape};
 use serde_json::{Value, json};
 use sim::engine::EngineSettings;
 use sim::mjcf::{self, Scene};
 use sim::stand::{HandStand, Prop, tension_goals};
 use sim::tactile::TactileBoard;
 use sim::{ObjectPlacement, SceneSetup, SimulatedRobot};
+use world::objects::ObjectSet;
+use world::{ObjectModel, Shape};
 
 use super::dumbbell;
 

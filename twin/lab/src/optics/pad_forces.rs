@@ -5,12 +5,12 @@ use std::sync::Arc;
 use anyhow::Result;
 use hand_model::Hand;
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
-use scenarios::Shape;
 use serde::Serialize;
 use sim::engine::EngineSettings;
 use sim::stand::{HandStand, Prop, tension_goals};
 use sim::tactile::TactileBoard;
 use touch::TouchPipeline;
+use world::Shape;
 
 /// Cable tensions of the grips, N.
 const TENSIONS: [f64; 4] = [6.0, 12.0, 25.0, 50.0];

@@ -15,8 +15,8 @@ use optics::pads::PadOptics;
 use optics::{Cover, CurvedSensor, Foundation, IndentationMap, SensorModel};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
-use scenarios::geometry::Mesh;
 use serde_json::{Value, json};
+use world::geometry::Mesh;
 
 use self::views::{Views, normals};
 use super::sensor_serial;

@@ -10,8 +10,8 @@ use optics::{IndentationMap, SensorModel};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use scenarios::effects::{Effect, Pads};
-use scenarios::geometry::Shape;
 use sim::tactile::{Drift, TactileBoard};
+use world::geometry::Shape;
 
 /// How a hand differs from those that touch was trained on.
 #[derive(Debug, Clone, Copy, PartialEq)]

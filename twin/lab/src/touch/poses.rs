@@ -8,10 +8,10 @@ use bench::trial::{Bench, HeldGrasp};
 use control::perception::{KnownObject, trusted};
 use hand_model::CAMERAS;
 use nalgebra::{Isometry3, Matrix3, UnitQuaternion};
-use scenarios::objects::{ObjectModel, Symmetry};
 use scenarios::statistics::percentile;
 use serde::Serialize;
 use touch::{InHand, PoseEstimate, PoseOptions, TouchPipeline};
+use world::objects::{ObjectModel, Symmetry};
 
 use super::images::Eyes;
 

@@ -1,6 +1,6 @@
 use nalgebra::{Isometry3, UnitQuaternion};
 use scenarios::Scenario;
-use scenarios::geometry::Shape;
+use world::geometry::Shape;
 
 use super::*;
 

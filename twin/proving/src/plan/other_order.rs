@@ -7,7 +7,7 @@ use scenarios::combination::Combination;
 use sim::tactile::TactileBoard;
 
 use super::{Outcomes, Plan, Plans, outcomes, plan_pair};
-use crate::world::World;
+use crate::simulated_world::World;
 
 /// A sequence is sure if its best second grasp is worth this much near where it was rehearsed.
 const SURE: f64 = 0.95;

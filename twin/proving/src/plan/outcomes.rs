@@ -17,7 +17,7 @@ use sim::tactile::TactileBoard;
 
 use super::{FAILED_WORTH, Other, Plan, PlannedGrasps, Plans, variations};
 use crate::rehearsal::{FirstRehearsal, Snapshot, misaimed, narrow_errors, rehearse_first, try_second, wide_errors};
-use crate::world::World;
+use crate::simulated_world::World;
 
 /// Other first grasps are tried until some second grasp after one of them is worth this much, near where it was rehearsed.
 pub(super) const GOOD: f64 = 0.85;

@@ -8,7 +8,7 @@ use sim::tactile::TactileBoard;
 
 use super::{Plan, other_order, outcomes, plan_pair};
 use crate::cache::Steps;
-use crate::world::World;
+use crate::simulated_world::World;
 
 /// What is done to a plan after its grasps have been chosen, in this order; those of the other order are done to the plan of the same two
 /// objects the other way round.

@@ -15,7 +15,7 @@ use sim::tactile::TactileBoard;
 use super::outcomes::{GOOD, NARROW, Outcomes, Rehearsals};
 use super::{Plan, Plans};
 use crate::rehearsal::{Snapshot, misaimed, narrow_errors, rehearse_second, try_second};
-use crate::world::World;
+use crate::simulated_world::World;
 use control::odds::TryOutcome;
 
 /// Rounds of variation around the best grasps so far.

@@ -12,7 +12,7 @@ use sim::tactile::TactileBoard;
 
 use super::{Plan, Plans, plan_pair};
 use crate::rehearsal::{FirstRehearsal, rehearse_first};
-use crate::world::World;
+use crate::simulated_world::World;
 
 /// Tension of the remaining digits, as a multiple of what it was.
 const PULLS: [f64; 2] = [1.0, 1.8];

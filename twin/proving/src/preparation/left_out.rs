@@ -4,10 +4,10 @@ use std::fmt;
 
 use anyhow::{Result, bail};
 use grasping::{Repertoire, Role};
-use scenarios::objects::ObjectFile;
+use world::objects::ObjectFile;
 
 use crate::plan::Plans;
-use crate::world::World;
+use crate::simulated_world::World;
 
 /// None of the scenario's own objects can be played; with the reasons.
 #[derive(Debug, Clone, PartialEq, Eq)]

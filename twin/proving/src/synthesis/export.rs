@@ -9,12 +9,12 @@ use grasping::synthesis::held::{AnyHeld, HeldGrasp, pose_from_array, values};
 use hand_model::Hand;
 use hand_model::file::write_whole;
 use nalgebra::Vector3;
-use scenarios::objects::ObjectModel;
 use serde_json::{Value, json};
 use sim::engine::EngineSettings;
 use sim::hand_scene::Pull;
 use sim::mjcf::{self, AnyScene, Scene};
 use sim::stand::Prop;
+use world::objects::ObjectModel;
 
 use super::any::describe::Described;
 use super::checks::{HOLD_TIME, MOST_MOTION, PULL};

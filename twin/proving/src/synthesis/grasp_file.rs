@@ -13,7 +13,7 @@ use grasping::synthesis::collection::{self, Collection, ObjectGrasps, Summary};
 use grasping::synthesis::grasp_file::{self, GraspFileError, HandSource, Header, Source};
 use grasping::synthesis::held::{AnyHeld, HeldGrasp};
 use hand_model::digest::sha256;
-use scenarios::objects::{ObjectModel, ObjectSet};
+use world::objects::{ObjectModel, ObjectSet};
 
 use super::any::describe::{self, Described};
 use super::subject::Subject;

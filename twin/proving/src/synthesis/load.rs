@@ -1,7 +1,7 @@
 //! For what mass grasps are verified, and how much more they hold.
 
-use scenarios::objects::ObjectModel;
 use serde::Serialize;
+use world::objects::ObjectModel;
 
 /// Mass and friction of a search, with the payloads of its verified grasps.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]

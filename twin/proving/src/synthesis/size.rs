@@ -2,7 +2,7 @@
 
 use anyhow::{Result, bail};
 use nalgebra::{Point3, Vector3};
-use scenarios::geometry::Shape;
+use world::geometry::Shape;
 
 use super::subject::Subject;
 

@@ -7,8 +7,8 @@ use anyhow::{Context, Result, anyhow, bail};
 use grasping::synthesis::field::DistanceField;
 use grasping::synthesis::held::HeldGrasp;
 use nalgebra::{Point3, UnitQuaternion, Vector3};
-use scenarios::geometry::{Mesh, Shape};
-use scenarios::objects::{ObjectModel, ObjectSet, Symmetry};
+use world::geometry::{Mesh, Shape};
+use world::objects::{ObjectModel, ObjectSet, Symmetry};
 
 use super::size::{self, Opening};
 

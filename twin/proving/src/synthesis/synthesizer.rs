@@ -11,7 +11,7 @@ use grasping::synthesis::held::{HeldContact, HeldGrasp, Proof, pose_to_array};
 use grasping::synthesis::surface::HandSurface;
 use hand_model::{Digit, Hand};
 use nalgebra::{Point3, Unit, Vector3};
-use scenarios::objects::ObjectModel;
+use world::objects::ObjectModel;
 
 use super::checks::{self, Hold};
 use super::closing::{self, Aim, Closed, NotClosed};

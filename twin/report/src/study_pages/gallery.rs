@@ -11,9 +11,9 @@ use nalgebra::{Point3, UnitVector3, Vector3};
 use proving::synthesis::grasp_file::GraspFile;
 use proving::synthesis::parts::table;
 use proving::synthesis::subject::verified_for;
-use scenarios::objects::ObjectModel;
 use stream::gallery::{ShownContact, ShownGrasp, ShownHand, friction_cone};
 use study::kinds::{Kind, kinds};
+use world::objects::ObjectModel;
 
 use crate::html::escape;
 use crate::picture::{self, Picture, View};
@@ -151,7 +151,7 @@ pub fn write(file: &GraspFile, collection: &Collection, only: Option<&str>, hand
 mod tests {
     use grasping::synthesis::held::HeldGrasp;
     use proving::synthesis::grasp_file;
-    use scenarios::objects::ObjectSet;
+    use world::objects::ObjectSet;
 
     use super::*;
 

@@ -9,9 +9,9 @@ use image::RgbImage;
 use nalgebra::{Isometry3, Point3, Vector3};
 use proving::synthesis::any::describe::Described;
 use proving::synthesis::hands::{BestGrasp, Cell, ComparedHand};
-use scenarios::objects::{ObjectModel, ObjectSet};
 use sim::engine::EngineSettings;
 use sim::stand::AnyStand;
+use world::objects::{ObjectModel, ObjectSet};
 
 use crate::picture::{Picture, View, save, tile};
 

@@ -6,9 +6,9 @@ use std::sync::Arc;
 use anyhow::Result;
 use hand_model::Hand;
 use image::RgbImage;
-use scenarios::objects::ObjectModel;
 use study::classification::ClassifiedGrasp;
 use study::landscape::basins::MappedGrasps;
+use world::objects::ObjectModel;
 
 use super::hover;
 use super::scene::Scene;

@@ -6,10 +6,10 @@ use std::sync::Arc;
 
 use anyhow::Result;
 use hand_model::Hand;
-use scenarios::objects::ObjectModel;
 use study::classification::{Classification, ClassifiedGrasp};
 use study::grasp_map::GraspMap;
 use study::taxonomy::Category;
+use world::objects::ObjectModel;
 
 use super::hover;
 use super::scene::Scene;

@@ -8,9 +8,9 @@ use image::RgbImage;
 use nalgebra::{Point3, UnitVector3, Vector3};
 use proving::synthesis::any::describe::Described;
 use proving::synthesis::any::kinds::AnyKind;
-use scenarios::objects::ObjectModel;
 use stream::gallery::{ShownContact, ShownGrasp, ShownHand};
 use stream::mesh::Mesh;
+use world::objects::ObjectModel;
 
 use super::hands::{CONTACT, DOT, draw, skin};
 use crate::picture::{Picture, View, save, tile};

@@ -6,9 +6,9 @@ use grasping::synthesis::held::HeldGrasp;
 use hand_model::Hand;
 use hand_model::hand::CoverShape;
 use nalgebra::{Isometry3, Point3, Vector3};
-use scenarios::objects::ObjectModel;
 use serde::Serialize;
 use study::classification::ClassifiedGrasp;
+use world::objects::ObjectModel;
 
 /// Triangles in their own frame, in whole multiples of 0.1 mm to keep the file small.
 #[derive(Debug, Clone, PartialEq, Serialize)]

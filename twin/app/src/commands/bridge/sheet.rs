@@ -10,7 +10,7 @@ use clap::Args;
 use nalgebra::{Isometry3, Point3};
 use scenarios::Scenario;
 use scenarios::noise::TrialNoise;
-use scenarios::objects::ObjectModel;
+use world::objects::ObjectModel;
 
 use super::shared::shown;
 use crate::terminal::Terminal;

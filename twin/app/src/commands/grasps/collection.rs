@@ -12,8 +12,8 @@ use proving::synthesis::parts::{Part, table};
 use proving::synthesis::search;
 use proving::synthesis::synthesizer::Request;
 use report::write_whole;
-use scenarios::objects::ObjectSet;
 use serde::Serialize;
+use world::objects::ObjectSet;
 
 use crate::commands::object_name::object_name;
 use crate::terminal::{Outcome, Terminal};

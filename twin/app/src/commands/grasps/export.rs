@@ -8,8 +8,8 @@ use grasping::synthesis::held::{AnyHeld, HeldGrasp};
 use hand_model::Hand;
 use proving::synthesis::export;
 use proving::synthesis::grasp_file::{GraspFile, Grasps};
-use scenarios::objects::ObjectModel;
 use serde_json::json;
+use world::objects::ObjectModel;
 
 use crate::commands::object_name::object_name;
 use crate::terminal::{Outcome, Terminal};

@@ -13,7 +13,7 @@ use proving::synthesis::hands::{self, Cell, ComparedHand};
 use proving::synthesis::search;
 use proving::synthesis::synthesizer::Request;
 use report::{study_pages, write_whole};
-use scenarios::objects::ObjectSet;
+use world::objects::ObjectSet;
 
 use crate::commands::object_name::object_name;
 use crate::commands::own_hand;

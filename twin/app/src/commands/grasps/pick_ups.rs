@@ -9,7 +9,7 @@ use proving::cache::Steps;
 use proving::pick_ups::{self, Effort, Progress, Wanted};
 use proving::plan::{self, Plans, other_order, outcomes, variations};
 use proving::preparation::EFFORT;
-use proving::world::World;
+use proving::simulated_world::World;
 use scenarios::Scenario;
 use serde_json::{Value, json};
 use sim::tactile::TactileBoard;

@@ -8,7 +8,7 @@ use clap::Args;
 use hand_model::any_hand::AnyHand;
 use lab::closing::BallGrip;
 use nalgebra::Point3;
-use scenarios::geometry::LINK_MESHES;
+use world::geometry::LINK_MESHES;
 
 use crate::commands::own_hand;
 use crate::terminal::{Outcome, Terminal};

@@ -6,8 +6,8 @@ use hand_model::any_hand::AnyHand;
 use hand_model::kinematics::{Joint, JointKind};
 use hand_model::{Hand, urdf};
 use proving::synthesis::any::describe;
-use scenarios::geometry::LINK_MESHES;
 use serde_json::{Value, json};
+use world::geometry::LINK_MESHES;
 
 use crate::terminal::{Outcome, Terminal};
 

@@ -9,8 +9,8 @@ use lab::optics::render::{MeshPose, PadView, SensorSource, real_sensor};
 use lab::optics::shape_sheet::shape_sheet;
 use optics::Cover;
 use optics::calibration::CalibratedSensor;
-use scenarios::geometry::Mesh;
 use serde_json::json;
+use world::geometry::Mesh;
 
 use super::sensor_option::SensorOption;
 use crate::terminal::{Outcome, Terminal};

@@ -9,9 +9,9 @@ use grasping::synthesis::collection::Collection;
 use grasping::synthesis::held::HeldGrasp;
 use hand_model::Hand;
 use proving::synthesis::grasp_file;
-use scenarios::objects::{ObjectModel, ObjectSet};
 use study::attributes::ObjectForm;
 use study::classification::Classification;
+use world::objects::{ObjectModel, ObjectSet};
 
 /// Where the grasps come from.
 #[derive(Debug, Clone, Args)]

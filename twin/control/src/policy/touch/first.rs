@@ -3,7 +3,7 @@
 use grasping::{Grasp, Role};
 use hand_model::Digit;
 use nalgebra::{Matrix3, Vector3};
-use scenarios::tries::Attempt;
+use world::attempt::Attempt;
 
 use super::exploration::explores;
 use super::{Touch, exploration};

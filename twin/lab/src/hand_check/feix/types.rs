@@ -2,8 +2,8 @@
 
 use hand_model::Digit;
 use nalgebra::{Isometry3, Vector3};
-use scenarios::Shape;
 use sim::stand::Prop;
+use world::Shape;
 
 /// Between which parts of the hand the object is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

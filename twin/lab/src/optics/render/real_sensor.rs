@@ -7,9 +7,9 @@ use anyhow::{Context, Result, bail};
 use nalgebra::{Point3, Unit, Vector3};
 use optics::calibration::CalibratedSensor;
 use rayon::prelude::*;
-use scenarios::geometry::Mesh;
 use serde::Deserialize;
 use serde_json::{Value, json};
+use world::geometry::Mesh;
 
 use super::views::{Views, normals};
 use super::{MeshPose, RAY_START};

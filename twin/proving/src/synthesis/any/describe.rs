@@ -18,8 +18,8 @@ use grasping::synthesis::surface::{Ball, Candidate, HandSurface};
 use hand_model::any_hand::AnyHand;
 use hand_model::kinematics::{JointKind, Tree};
 use nalgebra::{Isometry3, Point3, Vector3};
-use scenarios::geometry::LINK_MESHES;
 use sim::stand::AnyBody;
+use world::geometry::LINK_MESHES;
 
 use self::palm::{facing_warning, opening, palm_frame};
 use self::solids::{LinkPart, LinkShapes, SurfacePoint, fill, name, number, shapes, surface_points};

@@ -6,7 +6,7 @@ use anyhow::{Context, Result};
 use grasping::synthesis::surface::Ball;
 use hand_model::any_hand::{AnyHand, SolidShape};
 use nalgebra::{Isometry3, Point3, Vector3};
-use scenarios::geometry::{GeometryError, Mesh, Shape, hull_mesh};
+use world::geometry::{GeometryError, Mesh, Shape, hull_mesh};
 
 /// Corners of a hull in line with others are moved out by this at most, m.
 const SET_APART: f64 = 2e-5;

@@ -2,7 +2,7 @@
 
 use hand_model::any_hand::AnyHand;
 use nalgebra::{Isometry3, Point3};
-use scenarios::geometry::{Shape, TriangleSurface};
+use world::geometry::{Shape, TriangleSurface};
 
 use super::solids::{LinkShapes, number};
 

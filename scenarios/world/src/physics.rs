@@ -1,4 +1,4 @@
-//! The simulated world beside robot and objects: the table and the law of contacts, from `data/world/physics.toml`.
+//! The simulated world beside robot and objects: the table and the law of contacts, from `data/physics.toml`.
 
 use std::path::Path;
 use std::sync::LazyLock;
@@ -57,34 +57,15 @@ pub struct Physics {
 }
 
 static STANDARD: LazyLock<Physics> = LazyLock::new(|| {
-    parse_toml(include_str!("../data/world/physics.toml"), Path::new("physics.toml"))
-        .expect("the built-in physics is valid")
+    parse_toml(include_str!("../data/physics.toml"), Path::new("physics.toml")).expect("the built-in physics is valid")
 });
 
 impl Physics {
-    /// The built-in world, `scenarios/data/world/physics.toml`.
+    /// The built-in world, `scenarios/world/data/physics.toml`.
     ///
     /// # Panics
     /// Never in a tested build: the file is compiled in and a test reads it.
     pub fn standard() -> Self {
         *STANDARD
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::scenario::Scenario;
-
-    /// Scenario files place objects on z = 0, within reach of the arm.
-    #[test]
-    fn the_table_lies_under_every_place_within_reach() {
-        let Physics { table, contact, .. } = Physics::standard();
-        assert_eq!(table.center[2] + table.half[2], 0.0);
-        let layout = Scenario::benchmark().layout;
-        for (axis, [low, high]) in [(0, layout.reach_x), (1, layout.reach_y)] {
-            assert!(table.center[axis] - table.half[axis] < low && high < table.center[axis] + table.half[axis]);
-        }
-        assert!(table.friction > table.rolling_resistance && contact.damping_ratio >= 1.0);
     }
 }

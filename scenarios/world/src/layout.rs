@@ -9,10 +9,8 @@ use std::path::Path;
 
 use hand_model::data::DataError;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
-use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
-use crate::noise::{Shift, uniform};
 use crate::objects::ObjectModel;
 
 /// Where an object stands.
@@ -43,6 +41,17 @@ impl Place {
     }
 }
 
+/// How far an object stands from its place in the layout.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct Shift {
+    /// m, world.
+    pub x: f64,
+    /// m, world.
+    pub y: f64,
+    /// rad, about the vertical.
+    pub yaw: f64,
+}
+
 /// Where both stand.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -62,15 +71,6 @@ pub struct Layout {
 }
 
 impl Layout {
-    /// How far the objects of one trial stand from their places. Nothing is drawn from `rng` where there is no spread.
-    pub fn draw(&self, rng: &mut ChaCha8Rng) -> [Shift; 2] {
-        if self.spread_xy == 0.0 && self.spread_yaw == 0.0 {
-            return [Shift::default(); 2];
-        }
-        let mut even = |spread: f64| spread * (2.0 * uniform(rng) - 1.0);
-        [(); 2].map(|()| Shift { x: even(self.spread_xy), y: even(self.spread_xy), yaw: even(self.spread_yaw) })
-    }
-
     /// Least distance of the two objects' centres, m.
     pub fn least_distance(&self) -> f64 {
         (self.first.x - self.second.x).hypot(self.first.y - self.second.y)
@@ -78,7 +78,7 @@ impl Layout {
     }
 
     /// Whether every place, with the spread, is within reach; `path` is used in errors.
-    pub(crate) fn check(&self, path: &Path) -> Result<(), DataError> {
+    pub fn check(&self, path: &Path) -> Result<(), DataError> {
         for (which, place) in [("first", self.first), ("second", self.second)] {
             for (axis, value, [low, high]) in [("x", place.x, self.reach_x), ("y", place.y, self.reach_y)] {
                 if !(value - self.spread_xy >= low && value + self.spread_xy <= high) {
@@ -91,45 +91,5 @@ impl Layout {
             }
         }
         Ok(())
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::noise::trial_rng;
-    use crate::objects::ObjectSet;
-    use crate::scenario::Scenario;
-
-    #[test]
-    fn no_spread_draws_nothing() {
-        let layout = Layout { spread_xy: 0.0, spread_yaw: 0.0, ..Scenario::benchmark().layout };
-        let (mut used, mut fresh) = (trial_rng(1, 2, 3), trial_rng(1, 2, 3));
-        assert_eq!(layout.draw(&mut used), [Shift::default(); 2]);
-        assert_eq!(uniform(&mut used), uniform(&mut fresh));
-        assert_eq!(layout.first.shifted(&Shift::default()), layout.first);
-    }
-
-    #[test]
-    fn a_spread_moves_objects_on_the_table() {
-        let layout = Layout { spread_xy: 0.01, spread_yaw: 0.5, ..Scenario::benchmark().layout };
-        let set = ObjectSet::standard();
-        let mut farthest = [0.0_f64; 3];
-        for trial in 0..200 {
-            let shifts = layout.draw(&mut trial_rng(3, 0, trial));
-            assert_ne!(shifts[0], shifts[1]);
-            for (shift, object) in shifts.iter().zip(set.iter()) {
-                let pose = layout.first.shifted(shift).pose(object);
-                assert!((pose.translation.z + object.shape.lowest(&pose.rotation)).abs() < 1e-9);
-                assert!((pose.translation.x - layout.first.x - shift.x).abs() < 1e-12);
-                for (most, moved) in farthest.iter_mut().zip([shift.x, shift.y, shift.yaw]) {
-                    *most = most.max(moved.abs());
-                }
-            }
-        }
-        // The largest of 400 even draws is within a few per cent of the spread.
-        for (most, spread) in farthest.into_iter().zip([0.01, 0.01, 0.5]) {
-            assert!(most <= spread && most > 0.95 * spread, "{most} of {spread}");
-        }
     }
 }

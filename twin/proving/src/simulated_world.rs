@@ -17,8 +17,8 @@ use scenarios::Scenario;
 use scenarios::individuals::ArmDefects;
 use scenarios::individuals::robot::RobotIndividual;
 use scenarios::noise::TrialNoise;
-use scenarios::objects::{ObjectModel, ObjectSet};
 use sim::{ObjectPlacement, SceneSetup, SimulatedRobot};
+use world::objects::{ObjectModel, ObjectSet};
 
 /// What every trial of a scenario shares.
 #[derive(Clone)]
@@ -192,7 +192,7 @@ pub fn tick(robot: &mut SimulatedRobot, executive: &mut Executive) -> Result<()>
 mod tests {
     use super::*;
     use grasping::Role;
-    use scenarios::noise::{Shift, trial_rng};
+    use scenarios::noise::trial_rng;
 
     /// Objects and what is seen of them are in the drawn places; the plan's noiseless run is in the nominal ones.
     #[test]
