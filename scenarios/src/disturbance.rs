@@ -6,6 +6,7 @@
 
 use hand_model::{Digit, Hand};
 use nalgebra::Vector3;
+use plant::Blindness;
 use serde::{Deserialize, Serialize};
 
 use world::phase::Phase;
@@ -149,16 +150,6 @@ impl SizeSweep {
 pub struct DisabledDigits {
     /// Which.
     pub digits: Vec<Digit>,
-}
-
-/// What comes of a pad whose camera fails.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Blindness {
-    /// No frames.
-    Missing,
-    /// Black frames.
-    Black,
 }
 
 /// Pads whose cameras have failed from the beginning.

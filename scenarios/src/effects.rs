@@ -4,6 +4,9 @@
 //! each look, and decisions take no time. What is random in an effect is drawn from a stream of its own
 //! ([`Effect::stream`]), so that one effect switched off leaves the draws of the others as they are.
 
+use hand_model::ARM_JOINTS;
+use plant::draws::{gaussian, vector};
+use plant::{ArmDefects, Gel, Individual};
 use rand::{Rng, RngExt};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
@@ -102,16 +105,6 @@ impl Pads {
     }
 }
 
-/// How the covers give way.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Gel {
-    /// Time in which the gel takes up its depth, s.
-    pub relaxation: f64,
-    /// Shear of the surface under tangential load over the depth under the same normal load.
-    pub shear: f64,
-}
-
 /// What cables and gears do beside pulling.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -153,6 +146,18 @@ pub struct ArmErrors {
     pub payload_sigma: f64,
 }
 
+impl ArmErrors {
+    /// Draws an arm: Gaussians cut at three standard deviations; of the payload, which nobody takes away, the absolute value.
+    pub fn draw(&self, rng: &mut ChaCha8Rng) -> ArmDefects {
+        ArmDefects {
+            encoders: [(); ARM_JOINTS].map(|()| gaussian(rng) * self.encoder_sigma),
+            mount_position: vector(rng, self.mount_position_sigma),
+            mount_rotation: vector(rng, self.mount_rotation_sigma),
+            payload: gaussian(rng).abs() * self.payload_sigma,
+        }
+    }
+}
+
 /// How individuals differ from their models: standard deviations as shares.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -163,6 +168,15 @@ pub struct Individuals {
     pub friction_sigma: f64,
     /// Of the size, the same along all axes.
     pub size_sigma: f64,
+}
+
+impl Individuals {
+    /// Draws an object: Gaussians cut at three standard deviations.
+    pub fn draw(&self, rng: &mut ChaCha8Rng) -> Individual {
+        let Self { mass_sigma, friction_sigma, size_sigma } = *self;
+        let [mass, friction, size] = [mass_sigma, friction_sigma, size_sigma].map(|sigma| 1.0 + gaussian(rng) * sigma);
+        Individual { mass, friction, size }
+    }
 }
 
 /// The floor under the table.
@@ -328,6 +342,9 @@ impl Effects {
         }
     }
 }
+
+#[cfg(test)]
+mod tests_of_draws;
 
 #[cfg(test)]
 mod tests {

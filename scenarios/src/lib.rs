@@ -1,8 +1,8 @@
 //! The benchmark's rules: what is done, and how it is judged.
 //!
 //! A [`scenario`] file says which objects of [`world`] come first and second, where they stand and how a trial goes, and
-//! [`combination`] draws pairs. [`noise`] draws the errors of a trial, [`individuals`] which arm and which objects are at hand, [`sight`]
-//! what an object detector makes of them; [`effects`] are what reality adds to an ideal robot, and [`disturbance`] says what is done to a
+//! [`combination`] draws pairs. [`noise`] draws the errors of a trial, [`sight`] what an object detector makes of the
+//! scene; [`effects`] are what reality adds to an ideal robot, with the draws of the [`plant`]'s hidden parameters, and [`disturbance`] says what is done to a
 //! trial on purpose. The [`referee`] judges a trial from ground truth, by the phases that the controller reports or that [`stages`] reads
 //! from the scene. A [`record::TrialRecord`] keeps the result and a [`tries::TryRecord`] that of each try, an [`record::AblatedTrial`]
 //! that of a trial with fewer means ([`ablation`]); [`statistics`] sums them up. [`transport`] says which balls are to be carried, as many
@@ -12,8 +12,6 @@ pub mod ablation;
 pub mod combination;
 pub mod disturbance;
 pub mod effects;
-pub mod holding;
-pub mod individuals;
 pub mod noise;
 pub mod record;
 pub mod referee;

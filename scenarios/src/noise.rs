@@ -4,13 +4,13 @@
 //! trials or the condition, so that `blind` and `touch` meet the same errors.
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector2, Vector3};
-use rand::{Rng, RngExt, SeedableRng};
+use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use rand_distr::StandardNormal;
 use serde::{Deserialize, Serialize};
 
 use crate::effects::{Effect, Effects};
-use crate::individuals::{ArmDefects, Individual};
+use plant::draws::{gaussian, vector};
+use plant::{ArmDefects, Individual};
 use world::layout::{Layout, Shift};
 
 /// Standard deviations of the arm's constant error.
@@ -155,11 +155,11 @@ impl TrialNoise {
     pub fn with_effects(mut self, effects: &Effects, seed: u64, combination: usize, trial: usize) -> Self {
         if let Some(errors) = &effects.arm {
             (self.position, self.rotation) = (Vector3::zeros(), Vector3::zeros());
-            self.arm = ArmDefects::draw(errors, &mut Effect::Arm.stream(seed, combination, trial));
+            self.arm = errors.draw(&mut Effect::Arm.stream(seed, combination, trial));
         }
         if let Some(spread) = &effects.objects {
             let mut rng = Effect::Objects.stream(seed, combination, trial);
-            self.individuals = [(); 2].map(|()| Individual::draw(spread, &mut rng));
+            self.individuals = [(); 2].map(|()| spread.draw(&mut rng));
         }
         self
     }
@@ -202,22 +202,6 @@ pub(crate) fn split_mix(state: u64) -> u64 {
 /// Evenly from (0, 1), 53 bits.
 pub(crate) fn uniform(rng: &mut ChaCha8Rng) -> f64 {
     ((rng.next_u64() >> 11) as f64 + 0.5) / (1_u64 << 53) as f64
-}
-
-/// A draw from the standard normal distribution, cut at three standard deviations.
-pub(crate) fn gaussian(rng: &mut ChaCha8Rng) -> f64 {
-    loop {
-        let value: f64 = rng.sample(StandardNormal);
-        if value.abs() <= 3.0 {
-            return value;
-        }
-    }
-}
-
-/// A vector of independent draws from it, times `sigma`.
-pub fn vector(rng: &mut ChaCha8Rng, sigma: f64) -> Vector3<f64> {
-    let [x, y, z] = [(); 3].map(|()| gaussian(rng) * sigma);
-    Vector3::new(x, y, z)
 }
 
 /// Offsets of the objects of one trial from their places: uniform within the layout's spread. Nothing is drawn from `rng` where there is

@@ -6,7 +6,7 @@
 //!   draw it against the palm); or the second object moves by more than `knock_distance` before
 //!   its grasp begins without a free digit having touched it (a blow shorter than the referee's sampling). Two objects that both
 //!   lie on the table, or both hang in the hand in a later try, may touch each other.
-//! - **In the hand** ([`crate::holding`]): the object touches the hand, does not touch the table, and its origin is within
+//! - **In the hand** ([`world::holding`]): the object touches the hand, does not touch the table, and its origin is within
 //!   `palm_distance` of the palm's.
 //! - **Success**: at the end of the hold, which lasted its full time and ended within the time limit, both objects are in the
 //!   hand, and neither has moved relative to the palm by more than `slip` since the carry began. A trial that carries again is
@@ -18,7 +18,7 @@
 use nalgebra::{Isometry3, Point3};
 use serde::{Deserialize, Serialize};
 
-use crate::holding::{HoldingRule, Support};
+use world::holding::{HoldingRule, Support};
 use world::phase::Phase;
 
 /// Thresholds.

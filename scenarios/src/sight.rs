@@ -9,7 +9,8 @@ use nalgebra::{UnitQuaternion, Vector2, Vector3};
 use rand_chacha::ChaCha8Rng;
 
 use crate::effects::Eyes;
-use crate::noise::{Mistaken, ObjectNoise, PerceptionNoise, gaussian, uniform};
+use crate::noise::{Mistaken, ObjectNoise, PerceptionNoise, uniform};
+use plant::draws::gaussian;
 use world::objects::{ObjectModel, ObjectSet};
 
 /// Vision through one trial; a clone goes on with the same draws.

@@ -3,8 +3,8 @@
 //! The first object is to be taken first. Once it is in the hand and lifted the second one is approached; once both are, they are held. An
 //! object that is lost meanwhile is to be taken again.
 
-use crate::holding::{HoldingRule, Support};
 use crate::referee::{SceneTruth, distance_in_palm};
+use world::holding::{HoldingRule, Support};
 use world::phase::Phase;
 
 /// Follows one trial.

@@ -8,8 +8,8 @@ use hand_model::arm::WristCapsule;
 use hand_model::hand::{CoverShape, MassProperties};
 use hand_model::{ARM_JOINTS, Arm, GRAVITY, HAND_JOINTS, Hand};
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
+use plant::ArmDefects;
 use rapier3d_f64::prelude::*;
-use scenarios::individuals::ArmDefects;
 
 use crate::convert;
 use crate::engine::Engine;

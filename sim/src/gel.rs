@@ -12,8 +12,8 @@ use hand_model::hand::CoverShape;
 use hand_model::pads::Pad;
 use nalgebra::{Isometry3, Point3, Unit, Vector3};
 use optics::Foundation;
+use plant::Gel;
 use rapier3d_f64::prelude::*;
-use scenarios::effects;
 use world::geometry::Shape;
 use world::objects::ObjectModel;
 
@@ -147,7 +147,7 @@ impl SoftCovers {
     /// A hand's gel, its `covers` with their colliders and links (the palm's has none), and the `objects` that may press into them.
     pub fn new(
         hand: &Hand,
-        effect: &effects::Gel,
+        effect: &Gel,
         covers: impl Iterator<Item = (ColliderHandle, Option<usize>)>,
         objects: impl Iterator<Item = (ColliderHandle, Arc<ObjectModel>)>,
         colliders: &mut ColliderSet,

@@ -13,7 +13,7 @@ use hand_model::hand::{CoverShape, MassProperties};
 use hand_model::kinematics::Joint;
 use hand_model::{ARM_JOINTS, Arm, HAND_JOINTS, Hand};
 use nalgebra::{Isometry3, Point3, Vector3};
-use scenarios::individuals::ArmDefects;
+use plant::ArmDefects;
 use world::geometry::Shape;
 use world::physics::Physics;
 

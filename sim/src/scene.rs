@@ -5,9 +5,9 @@ use std::sync::Arc;
 use hand_model::transmission::friction::CableLosses;
 use hand_model::{ACTUATORS, ARM_JOINTS, HAND_JOINTS};
 use nalgebra::Isometry3;
+use plant::ArmDefects;
+use plant::Gel;
 use rapier3d_f64::prelude::*;
-use scenarios::effects::Gel;
-use scenarios::individuals::ArmDefects;
 use world::objects::ObjectModel;
 use world::physics::Physics;
 

@@ -1,7 +1,7 @@
 //! Ground truth of a scene: what only the referee and the recorder may see.
 
 use nalgebra::{Isometry3, Vector3};
-use scenarios::holding::Support;
+use world::holding::Support;
 
 /// A contact of an object with the hand, for the referee and the recording.
 #[derive(Debug, Clone, Copy)]
@@ -61,7 +61,7 @@ pub struct Truth {
 }
 
 impl Truth {
-    /// How object `index` is held up, for [`scenarios::holding::HoldingRule`].
+    /// How object `index` is held up, for [`world::holding::HoldingRule`].
     pub fn support(&self, index: usize) -> Support {
         let at = self.objects[index].translation.vector;
         Support {
@@ -76,7 +76,7 @@ impl Truth {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use scenarios::holding::{GRIPPED, LIFTED};
+    use world::holding::{GRIPPED, LIFTED};
 
     /// A palm 20 cm over the table with an object 5 cm under it.
     fn held() -> Truth {

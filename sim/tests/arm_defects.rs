@@ -6,7 +6,7 @@ use std::sync::Arc;
 use hand_model::robot::{Command, Robot, ServoGoal};
 use hand_model::{ARM_JOINTS, Arm, Hand};
 use nalgebra::{Isometry3, Vector3};
-use scenarios::individuals::ArmDefects;
+use plant::ArmDefects;
 use sim::tactile::TactileBoard;
 use sim::{SceneSetup, SimulatedRobot};
 

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use hand_model::robot::{Command, Robot, ServoGoal};
 use hand_model::{Arm, Digit, Hand};
 use nalgebra::{Isometry3, Vector3};
-use scenarios::disturbance::Blindness;
+use plant::Blindness;
 use sim::tactile::TactileBoard;
 use sim::{ObjectPlacement, SceneSetup, SimulatedRobot};
 use world::objects::ObjectSet;

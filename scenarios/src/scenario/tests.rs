@@ -82,3 +82,19 @@ fn the_table_lies_under_every_place_within_reach() {
     }
     assert!(table.friction > table.rolling_resistance && contact.damping_ratio >= 1.0);
 }
+
+/// Robots of one drawing differ in encoders and mount by as much as the arms of the benchmark's trials.
+#[test]
+fn individuals_and_trials_have_the_same_arms() {
+    use plant::spread::{Quantity, parameters};
+    let arm = Scenario::benchmark().effects.arm.unwrap();
+    let all = parameters(&hand_model::Hand::ftac());
+    for (quantity, sigma) in [
+        (Quantity::ArmEncoder, arm.encoder_sigma),
+        (Quantity::MountPosition, arm.mount_position_sigma),
+        (Quantity::MountTurn, arm.mount_rotation_sigma),
+    ] {
+        let of_quantity = all.iter().filter(|parameter| parameter.quantity == quantity);
+        assert!(of_quantity.map(|parameter| parameter.spread.sigma).all(|found| found == sigma));
+    }
+}

@@ -8,7 +8,7 @@ use super::*;
 use crate::body::cover_collider;
 use crate::engine::{Engine, EngineSettings};
 
-const GEL: effects::Gel = effects::Gel { relaxation: 0.03, shear: 0.5 };
+const GEL: Gel = Gel { relaxation: 0.03, shear: 0.5 };
 const FORCES: [f64; 3] = [0.5, 2.0, 8.0];
 
 fn model(shape: Shape) -> Arc<ObjectModel> {
@@ -43,7 +43,7 @@ struct Bed {
 }
 
 impl Bed {
-    fn new(pad: &str, shape: &Shape, turn: &Vector3<f64>, gel: Option<effects::Gel>) -> Self {
+    fn new(pad: &str, shape: &Shape, turn: &Vector3<f64>, gel: Option<Gel>) -> Self {
         let hand = Hand::ftac();
         let pad = hand.pad(pad).expect("a pad");
         let mut engine = Engine::new(EngineSettings::default());
@@ -127,7 +127,7 @@ fn the_engine_s_depth_is_the_image_s() {
 #[test]
 fn the_gel_takes_its_time() {
     let ball = Shape::Sphere { radius: 0.03 };
-    let mut bed = Bed::new("index_distal", &ball, &Vector3::zeros(), Some(effects::Gel { relaxation: 0.2, ..GEL }));
+    let mut bed = Bed::new("index_distal", &ball, &Vector3::zeros(), Some(Gel { relaxation: 0.2, ..GEL }));
     let depth = |bed: &Bed| -bed.pad_from_object().translation.vector.z + 0.03;
     bed.press(Vector3::new(0.0, 0.0, -0.5), 3.0);
     let before = depth(&bed);

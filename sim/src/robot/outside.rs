@@ -7,8 +7,8 @@ use std::sync::Arc;
 use hand_model::robot::{Command, ServoGoal, TactileFrame, TactileImage};
 use hand_model::{ACTUATORS, Digit};
 use nalgebra::Vector3;
+use plant::Blindness;
 use rapier3d_f64::prelude::RigidBodyHandle;
-use scenarios::disturbance::Blindness;
 
 use crate::convert;
 use crate::engine::Engine;

@@ -9,14 +9,14 @@ use control::perception::KnownObject;
 use control::policy::Uncertainty;
 use hand_model::robot::TactileImage;
 use hand_model::{Arm, Hand};
+use plant::Individual;
+use plant::RobotIndividual;
+use plant::identified::IdentifiedRobot;
 use proving::cache::Cache;
 use proving::simulated_world::World;
 use proving::{ball_sizes, preparation};
 use scenarios::Scenario;
 use scenarios::effects::Effect;
-use scenarios::individuals::Individual;
-use scenarios::individuals::file::IdentifiedRobot;
-use scenarios::individuals::robot::RobotIndividual;
 use sim::tactile::TactileBoard;
 use touch::{OwnHandOptions, PhotometricCalibration, TouchPipeline};
 

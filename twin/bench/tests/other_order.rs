@@ -3,8 +3,9 @@
 use bench::builtin::make_bench;
 use bench::trial::setup::Setup;
 use bench::trial::{Means, NoWatcher};
+use plant::Blindness;
 use scenarios::Scenario;
-use scenarios::disturbance::{BlindPads, Blindness, Disturbances};
+use scenarios::disturbance::{BlindPads, Disturbances};
 use scenarios::record::Condition;
 
 /// Where nothing is sure and the other order promises more, the other object comes first: everything stands, is seen and errs as in the planned

@@ -11,8 +11,8 @@ use hand_model::transmission::friction::CableLosses;
 use hand_model::{ARM_JOINTS, Arm, Hand};
 use nalgebra::DMatrix;
 use optics::calibration::least_squares::{Options, Problem, Solution};
-use scenarios::individuals::robot::RobotIndividual;
-use scenarios::individuals::spread::{Parameter, Quantity};
+use plant::RobotIndividual;
+use plant::spread::{Parameter, Quantity};
 
 use crate::free_digit::play;
 use crate::free_motion::FreeMotion;

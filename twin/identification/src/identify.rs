@@ -5,10 +5,10 @@ use std::collections::BTreeMap;
 use hand_model::transmission::friction::CableLosses;
 use hand_model::{ACTUATORS, ARM_JOINTS, Arm, Hand};
 use nalgebra::DMatrix;
+use plant::RobotIndividual;
+use plant::identified::{Covariance, Estimate, IdentifiedRobot};
+use plant::spread::Quantity;
 use rayon::prelude::*;
-use scenarios::individuals::file::{Covariance, Estimate, IdentifiedRobot};
-use scenarios::individuals::robot::RobotIndividual;
-use scenarios::individuals::spread::Quantity;
 use touch::ball_press::{self, BallPress, OwnCalibrationReport};
 use touch::{PhotometricCalibration, TouchError};
 

@@ -9,8 +9,8 @@ use hand_model::{Arm, HAND_JOINTS, Hand};
 use nalgebra::{DMatrix, Isometry3, Matrix3, Point3, Vector3};
 use optics::Foundation;
 use optics::calibration::least_squares::{Options, Problem, forward_differences};
-use scenarios::individuals::robot::RobotIndividual;
-use scenarios::individuals::spread::Quantity;
+use plant::RobotIndividual;
+use plant::spread::Quantity;
 
 use crate::ball::Ball;
 use crate::fit::TAUGHT;

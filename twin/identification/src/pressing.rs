@@ -6,7 +6,7 @@
 use control::inverse_kinematics::Joints;
 use hand_model::robot::ArmState;
 use hand_model::{Arm, Hand};
-use scenarios::individuals::robot::RobotIndividual;
+use plant::RobotIndividual;
 use touch::PhotometricCalibration;
 
 use crate::arm_load::force;

@@ -5,7 +5,7 @@ use std::path::Path;
 use hand_model::digest::sha256;
 use hand_model::robot::{ArmState, Command, Observation, Robot, ServoGoal, ServoState, Tick};
 use hand_model::{ACTUATORS, ARM_JOINTS, Arm, Hand};
-use scenarios::individuals::file::Source;
+use plant::identified::Source;
 use session_log::Reader;
 use session_log::reader::Event;
 

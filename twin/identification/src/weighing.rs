@@ -8,8 +8,8 @@ use hand_model::robot::{ArmState, ServoGoal};
 use hand_model::{ARM_JOINTS, Arm, GRAVITY, Hand};
 use nalgebra::{DMatrix, Point3, SVector, Vector3};
 use optics::calibration::least_squares::{Options, Problem, forward_differences};
-use scenarios::individuals::robot::RobotIndividual;
-use scenarios::individuals::spread::Quantity;
+use plant::RobotIndividual;
+use plant::spread::Quantity;
 
 use crate::arm_load::{bears, held_by_last, palm, weight as own_weight};
 use crate::fit::TAUGHT;

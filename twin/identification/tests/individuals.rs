@@ -6,7 +6,7 @@ use identification::evaluation::{body, compare, coverage};
 use identification::excitation::{ArmHeld, Means, play as excite};
 use identification::trace::{Kept, Trace};
 use identification::{Script, identify};
-use scenarios::individuals::robot::RobotIndividual;
+use plant::RobotIndividual;
 use touch::PhotometricCalibration;
 
 /// That of the designed pads.

@@ -12,10 +12,10 @@ use control::odds::TryOutcome;
 use grasping::Grasp;
 use hand_model::{ARM_JOINTS, Digit};
 use nalgebra::Isometry3;
-use scenarios::holding::{GRIPPED, LIFTED};
 use scenarios::noise::{ExecutionNoise, NoiseLevels, PerceptionNoise, TrialNoise, trial_rng};
 use sim::robot::{SimulatedRobot, Truth};
 use sim::tactile::TactileBoard;
+use world::holding::{GRIPPED, LIFTED};
 use world::objects::ObjectModel;
 
 use crate::simulated_world::{World, drive, tick};

@@ -13,9 +13,9 @@ use hand_model::robot::Robot;
 use hand_model::transmission::friction::{CableFriction, CableLosses};
 use hand_model::{ARM_JOINTS, Arm, Hand};
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use plant::ArmDefects;
+use plant::RobotIndividual;
 use scenarios::Scenario;
-use scenarios::individuals::ArmDefects;
-use scenarios::individuals::robot::RobotIndividual;
 use scenarios::noise::TrialNoise;
 use sim::{ObjectPlacement, SceneSetup, SimulatedRobot};
 use world::objects::{ObjectModel, ObjectSet};
@@ -192,7 +192,7 @@ pub fn tick(robot: &mut SimulatedRobot, executive: &mut Executive) -> Result<()>
 mod tests {
     use super::*;
     use grasping::Role;
-    use scenarios::noise::trial_rng;
+    use scenarios::noise::{draw_shifts, trial_rng};
 
     /// Objects and what is seen of them are in the drawn places; the plan's noiseless run is in the nominal ones.
     #[test]
@@ -201,12 +201,12 @@ mod tests {
         (scenario.layout.spread_xy, scenario.layout.spread_yaw) = (0.02, 0.3);
         let world = World::new(scenario).unwrap();
         let objects = [world.object("box_50").unwrap(), world.object("pear").unwrap()];
-        let shifts = world.scenario.layout.draw(&mut trial_rng(1, 0, 0));
+        let shifts = draw_shifts(&world.scenario.layout, &mut trial_rng(1, 0, 0));
         let noise = TrialNoise { shifts, ..TrialNoise::none() };
         let (seen, scene) = (world.percepts(&objects, &noise), world.scene(&objects, world.cell.ready, &noise));
         let nominal = world.places(&objects, &TrialNoise::none());
         for n in 0..2 {
-            let Shift { x, y, .. } = shifts[n];
+            let world::layout::Shift { x, y, .. } = shifts[n];
             let moved = scene.objects[n].pose.translation.vector - nominal[n].translation.vector;
             assert!((moved - Vector3::new(x, y, 0.0)).norm() < 1e-12 && moved.norm() > 0.0);
             assert_eq!(seen[n].position.coords, scene.objects[n].pose.translation.vector);

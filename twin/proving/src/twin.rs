@@ -14,8 +14,8 @@ use control::foresight::{Draw, Imagined, Scene, Twin, TwinError};
 use control::odds::TryOutcome;
 use hand_model::robot::Robot as _;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use plant::Individual;
 use rayon::prelude::*;
-use scenarios::individuals::Individual;
 use scenarios::noise::trial_rng;
 use sim::robot::HandPosture;
 use sim::tactile::TactileBoard;
@@ -49,7 +49,7 @@ impl SceneTwin {
     fn objects(&self, models: &[Arc<ObjectModel>; 2], number: usize) -> Result<[Arc<ObjectModel>; 2]> {
         let Some(spread) = &self.world.scenario.effects.objects else { return Ok(models.clone()) };
         let mut rng = trial_rng(SEED, 0, number);
-        let [first, second] = models.each_ref().map(|model| Individual::draw(spread, &mut rng).of(model));
+        let [first, second] = models.each_ref().map(|model| spread.draw(&mut rng).of(model));
         Ok([first?, second?])
     }
 

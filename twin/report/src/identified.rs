@@ -3,7 +3,7 @@
 
 use std::fmt::Write as _;
 
-use scenarios::individuals::file::Source;
+use plant::identified::Source;
 use serde::Serialize;
 
 use crate::html::{Column, Table, escape, whole_page};

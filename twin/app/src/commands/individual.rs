@@ -6,8 +6,8 @@ use anyhow::{Context as _, Result};
 use bench::builtin::parse_pads;
 use bench::trial::Means;
 use hand_model::Hand;
-use scenarios::individuals::file::IdentifiedRobot;
-use scenarios::individuals::robot::RobotIndividual;
+use plant::RobotIndividual;
+use plant::identified::IdentifiedRobot;
 use scenarios::record::Condition;
 
 use super::body::Body;

@@ -6,10 +6,10 @@ use bench::mirror::residuals::Residuals;
 use control::executive::{Executive, Phase};
 use hand_model::{CAMERAS, Digit, Hand};
 use nalgebra::Vector3;
+use plant::Blindness;
 use proving::rehearsal::in_hand;
 use rand::RngExt as _;
 use rand_chacha::ChaCha8Rng;
-use scenarios::disturbance::Blindness;
 use sim::SimulatedRobot;
 
 /// Kinds of faults, in the order of the table.

@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use hand_model::robot::{Command, Observation, Robot, Tick};
 use hand_model::{CAMERAS, Digit, Hand};
 use nalgebra::{Isometry3, Vector3};
-use scenarios::disturbance::Blindness;
+use plant::Blindness;
 use sim::SimulatedRobot;
 
 use crate::body::emulated::SharedPlant;

@@ -8,11 +8,11 @@ use control::motion::Protocol;
 use hand_model::robot::Robot;
 use nalgebra::Isometry3;
 use proving::simulated_world::World;
-use scenarios::holding::{Support, TRANSPORTED};
 use scenarios::noise::TrialNoise;
 use sim::robot::{SimulatedRobot, Truth};
 use sim::tactile::TactileBoard;
 use sim::{ObjectPlacement, SceneSetup};
+use world::holding::{Support, TRANSPORTED};
 use world::objects::ObjectModel;
 
 /// Body and controller together; a clone is a branch.

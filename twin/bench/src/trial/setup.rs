@@ -15,7 +15,7 @@ use proving::plan::{Plan, PlannedGrasps, Plans};
 use proving::rehearsal::{Snapshot, TrialStart};
 use scenarios::disturbance::Disturbances;
 use scenarios::effects::Effect;
-use scenarios::noise::{ObjectNoise, TrialNoise, trial_rng};
+use scenarios::noise::{ObjectNoise, TrialNoise, draw_shifts, trial_rng};
 use scenarios::referee::{Limits, Referee};
 use scenarios::sight::Sight;
 use sim::tactile::Drift;
@@ -313,7 +313,7 @@ pub fn draw(bench: &Bench, combination: usize, trial: usize) -> Result<(TrialNoi
     let mut rng = trial_rng(seed, combination, trial);
     let mut noise = TrialNoise::draw(&scenario.noise, &mut rng);
     let camera_noise = rand::RngExt::random(&mut rng);
-    noise.shifts = scenario.layout.draw(&mut rng);
+    noise.shifts = draw_shifts(&scenario.layout, &mut rng);
     let noise = noise.with_effects(&scenario.effects, seed, combination, trial);
     let stream = Effect::Eyes.stream(seed, combination, trial);
     let sight = scenario.effects.eyes.map(|eyes| Sight::draw(eyes, &scenario.noise.perception, stream));

@@ -9,8 +9,8 @@ use identification::evaluation::{Coverage, compare, coverage, median, reach};
 use identification::excitation::{ArmHeld, Progress, play};
 use identification::trace::Kept;
 use identification::{Script, identify};
+use plant::RobotIndividual;
 use rayon::prelude::*;
-use scenarios::individuals::robot::RobotIndividual;
 use scenarios::statistics::FEWEST_SAMPLES;
 use serde::Serialize;
 

@@ -19,7 +19,7 @@ use hardware_bridge::safety::state::State;
 use identification::Script;
 use identification::excitation::{Progress, Task, described, play};
 use identification::touches::Thinned;
-use scenarios::individuals::robot::RobotIndividual;
+use plant::RobotIndividual;
 use serde::{Deserialize, Serialize};
 use session_log::{Recorder, Session, Writer};
 

@@ -1,6 +1,6 @@
 //! What "in the hand" means, once: something holds the object up that is not the table, and it is within reach of the palm.
 //!
-//! Who asks sets the figures: the [`crate::referee`] has its distance from the scenario file; rehearsals and transports ask
+//! Who asks sets the figures: the referee has its distance from the scenario file; rehearsals and transports ask
 //! besides that the object has been lifted, and take a little more distance, because larger things count for them.
 
 /// How one object is at a moment.

@@ -6,9 +6,9 @@ use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 
-use super::ArmDefects;
-use super::spread::{Kind, Parameter, Quantity, parameters};
-use crate::noise::gaussian;
+use crate::arm::ArmDefects;
+use crate::draws::gaussian;
+use crate::spread::{Kind, Parameter, Quantity, parameters};
 
 /// Stream of the generator from which robots are drawn: no trial draws from it.
 const STREAM: u64 = 1 << 20;

@@ -1,4 +1,4 @@
-//! What differs between robots built from one drawing, and by how much: `data/individuals/spread.toml`.
+//! What differs between robots built from one drawing, and by how much: `data/spread.toml`.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -7,8 +7,6 @@ use std::sync::LazyLock;
 use hand_model::data::{DataError, parse_toml};
 use hand_model::{ACTUATORS, ARM_JOINTS, Hand};
 use serde::{Deserialize, Serialize};
-
-use crate::Scenario;
 
 /// What differs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
@@ -164,19 +162,8 @@ impl Quantity {
 }
 
 static SPREADS: LazyLock<BTreeMap<Quantity, Spread>> = LazyLock::new(|| {
-    let path = Path::new("individuals/spread.toml");
-    let mut spreads = parse_spreads(include_str!("../../data/individuals/spread.toml"), path)
-        .expect("the built-in spreads are valid");
-    let arm = Scenario::benchmark().effects.arm.expect("the benchmark's arm errs");
-    for (quantity, sigma) in [
-        (Quantity::ArmEncoder, arm.encoder_sigma),
-        (Quantity::MountPosition, arm.mount_position_sigma),
-        (Quantity::MountTurn, arm.mount_rotation_sigma),
-    ] {
-        let source = "the benchmark's [effects.arm]".to_owned();
-        spreads.insert(quantity, Spread { kind: Kind::Offset, mean: 0.0, sigma, source });
-    }
-    spreads
+    let path = Path::new("spread.toml");
+    parse_spreads(include_str!("../data/spread.toml"), path).expect("the built-in spreads are valid")
 });
 
 fn parse_spreads(text: &str, path: &Path) -> Result<BTreeMap<Quantity, Spread>, DataError> {

@@ -9,8 +9,8 @@ use hand_model::data::{DataError, parse_toml};
 use hand_model::digest::sha256;
 use serde::{Deserialize, Serialize};
 
-use super::robot::RobotIndividual;
-use super::spread::{Kind, Parameter, Spread};
+use crate::robot::RobotIndividual;
+use crate::spread::{Kind, Parameter, Spread};
 
 /// Version of the file's format.
 const VERSION: u32 = 1;

@@ -1,6 +1,6 @@
 //! Damaged files of hands, objects, meshes and scenarios are read or refused: none of them makes the program panic.
 //!
-//! `PROPTEST_CASES=1000000 cargo test --release -p sim --test broken_files` tries a million of each.
+//! `PROPTEST_CASES=1000000 cargo test --release -p scenarios --test broken_files` tries a million of each.
 
 use std::path::Path;
 
@@ -16,12 +16,12 @@ const URDF: &str = include_str!("../../twin/guide/files/clamp.urdf");
 const PULLS: &str = include_str!("../../twin/guide/files/clamp.toml");
 const BOX: &str = include_str!("../../twin/guide/files/box.obj");
 const OBJECTS: [&str; 3] = [
-    include_str!("../../scenarios/world/data/objects/vase.toml"),
-    include_str!("../../scenarios/world/data/objects/bar.toml"),
-    include_str!("../../scenarios/world/data/objects/ball.toml"),
+    include_str!("../world/data/objects/vase.toml"),
+    include_str!("../world/data/objects/bar.toml"),
+    include_str!("../world/data/objects/ball.toml"),
 ];
-const SCENARIO: &str = include_str!("../../scenarios/data/benchmark.toml");
-const TRANSPORT: &str = include_str!("../../scenarios/data/transport/four_balls.toml");
+const SCENARIO: &str = include_str!("../data/benchmark.toml");
+const TRANSPORT: &str = include_str!("../data/transport/four_balls.toml");
 
 /// What stands where something else should.
 const ODD: [&str; 16] = [

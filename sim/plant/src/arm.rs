@@ -1,0 +1,36 @@
+//! An arm that is not as its controller believes.
+
+use hand_model::ARM_JOINTS;
+use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use serde::{Deserialize, Serialize};
+
+/// How an arm differs from the one that its controller believes in.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct ArmDefects {
+    /// What each joint's encoder shows too much, rad: the joint really is at what is commanded less this.
+    pub encoders: [f64; ARM_JOINTS],
+    /// Where the hand really sits on its flange, seen from its nominal place there, m.
+    pub mount_position: Vector3<f64>,
+    /// Rotation vector of its turn, about the flange's origin, rad.
+    pub mount_rotation: Vector3<f64>,
+    /// Mass at the palm's origin of which gravity compensation knows nothing, kg.
+    pub payload: f64,
+}
+
+impl ArmDefects {
+    /// The hand on its flange, seen from where it nominally is.
+    pub fn mount(&self) -> Isometry3<f64> {
+        let turn = UnitQuaternion::from_scaled_axis(self.mount_rotation);
+        Isometry3::from_parts(Translation3::from(self.mount_position), turn)
+    }
+
+    /// Angles of the joints whose encoders show `shown`, rad.
+    pub fn real(&self, shown: &[f64; ARM_JOINTS]) -> [f64; ARM_JOINTS] {
+        std::array::from_fn(|joint| shown[joint] - self.encoders[joint])
+    }
+
+    /// What the encoders show of joints at `real`, rad.
+    pub fn shown(&self, real: &[f64; ARM_JOINTS]) -> [f64; ARM_JOINTS] {
+        std::array::from_fn(|joint| real[joint] + self.encoders[joint])
+    }
+}

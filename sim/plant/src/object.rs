@@ -1,0 +1,56 @@
+//! An object that is not as its model says.
+
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+use world::geometry::GeometryError;
+use world::objects::ObjectModel;
+
+/// How an object differs from its model: factors.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Individual {
+    /// Of the mass, whatever the size is.
+    pub mass: f64,
+    /// Of the friction coefficient.
+    pub friction: f64,
+    /// Of the size along all axes.
+    pub size: f64,
+}
+
+impl Individual {
+    /// Just like its model.
+    pub const AS_MODELLED: Self = Self { mass: 1.0, friction: 1.0, size: 1.0 };
+
+    /// The object as it really is.
+    pub fn of(&self, model: &Arc<ObjectModel>) -> Result<Arc<ObjectModel>, GeometryError> {
+        if *self == Self::AS_MODELLED {
+            return Ok(model.clone());
+        }
+        Ok(Arc::new(ObjectModel {
+            shape: model.shape.scaled(self.size)?,
+            mass: model.mass * self.mass,
+            friction: model.friction * self.friction,
+            ..(**model).clone()
+        }))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use world::objects::ObjectSet;
+
+    use super::*;
+
+    #[test]
+    fn an_individual_rests_on_the_table_with_its_own_size() {
+        let other = Individual { mass: 1.1, friction: 0.8, size: 1.03 };
+        for model in ObjectSet::standard().iter() {
+            let real = other.of(model).unwrap();
+            assert!((real.rest_height() / model.rest_height() - 1.03).abs() < 1e-6, "{}", model.name);
+            assert!(
+                (real.mass / model.mass - 1.1).abs() < 1e-12 && (real.friction / model.friction - 0.8).abs() < 1e-12
+            );
+            assert!(Arc::ptr_eq(&Individual::AS_MODELLED.of(model).unwrap(), model));
+        }
+    }
+}
