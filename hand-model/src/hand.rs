@@ -5,7 +5,7 @@ use std::path::Path;
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
 use crate::ACTUATORS;
-use crate::data::DataError;
+use platform::data::DataError;
 use crate::kinematics::{Joint, JointKind, Tree, pose_from_xyz_rpy};
 use crate::pads::{Camera, Pad};
 use crate::parameters::{Cable, Cover, Gel, HandParameters, Handedness, JointParameters, PadParameters, Servo};

@@ -4,9 +4,7 @@
 //! The story in order: [`parameters`] reads the one file with all numbers (`data/ftac_hand.toml`); [`hand`] turns it into a
 //! [`kinematics::Tree`] with covers, [`pads`] and a [`transmission`]; [`arm`] does the same for the Gen3; [`urdf`] writes both
 //! as URDF and reads any URDF back, [`any_hand`] makes a hand of one; [`statics`] finds where the digits come to rest,
-//! [`load`] what the arm's joints bear; [`robot`] says what a body measures and what it can be told. [`file`] writes a
-//! file whole or not at all and reads one that is sure to end, [`reach`] says which files a text may name, and
-//! [`child`] starts other programs without our secrets, for every crate that does.
+//! [`load`] what the arm's joints bear; [`robot`] says what a body measures and what it can be told.
 //!
 //! # Frames
 //! Right-handed, SI. `palm`: y towards the fingertips, x towards the thumb side, -z out of the palm. Link frames: x along the
@@ -15,24 +13,18 @@
 
 pub mod any_hand;
 pub mod arm;
-pub mod child;
-pub mod data;
-pub mod digest;
 pub mod digit;
-pub mod file;
 pub mod hand;
 pub mod kinematics;
 pub mod load;
 pub mod pads;
 pub mod parameters;
-pub mod reach;
 pub mod robot;
 pub mod statics;
 pub mod transmission;
 pub mod urdf;
 
 pub use arm::Arm;
-pub use data::DataError;
 pub use digit::{Digit, Phalanx};
 pub use hand::Hand;
 

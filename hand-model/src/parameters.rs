@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde::Deserialize;
 
-use crate::data::{DataError, parse_toml, read_text};
+use platform::data::{DataError, parse_toml, read_text};
 use crate::transmission::SPANS;
 use crate::transmission::friction::CableFriction;
 

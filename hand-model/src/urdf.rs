@@ -10,7 +10,7 @@ use std::path::Path;
 
 use nalgebra::{Isometry3, Unit, Vector3};
 
-use crate::data::DataError;
+use platform::data::DataError;
 use crate::hand::MassProperties;
 use crate::kinematics::{Joint, JointKind, Tree, pose_from_xyz_rpy};
 use crate::{Arm, Hand};

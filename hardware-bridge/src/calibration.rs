@@ -138,7 +138,7 @@ impl Unfinished {
 }
 
 fn write(path: &Path, text: &str) -> Result<(), ConfigError> {
-    hand_model::file::write_whole(path, text.as_bytes())
+    platform::file::write_whole(path, text.as_bytes())
         .map_err(|source| ConfigError::Io { path: path.to_owned(), source })
 }
 

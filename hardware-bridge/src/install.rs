@@ -13,7 +13,7 @@ use std::io;
 use std::os::unix::fs::PermissionsExt as _;
 use std::path::{Path, PathBuf};
 
-use hand_model::file::write_whole;
+use platform::file::write_whole;
 
 use crate::remote::places;
 

@@ -99,7 +99,7 @@ impl Pictures {
 
     pub fn write(&self, path: &Path) -> Result<(), ConfigError> {
         let text = serde_json::to_string(self).unwrap_or_default() + "\n";
-        hand_model::file::write_whole(path, text.as_bytes())
+        platform::file::write_whole(path, text.as_bytes())
             .map_err(|source| ConfigError::Io { path: path.to_owned(), source })
     }
 

@@ -5,7 +5,7 @@
 
 use std::path::Path;
 
-use hand_model::data::{DataError, parse_toml, read_text};
+use platform::data::{DataError, parse_toml, read_text};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 

@@ -5,7 +5,7 @@
 use std::path::Path;
 
 use hand_model::any_hand::AnyHand;
-use hand_model::reach::Reach;
+use platform::reach::Reach;
 use proptest::prelude::*;
 use scenarios::Scenario;
 use scenarios::transport::Transport;

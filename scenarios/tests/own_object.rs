@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use hand_model::reach::Reach;
+use platform::reach::Reach;
 use scenarios::Scenario;
 use world::ObjectFile;
 use world::geometry::{Mesh, Repair};

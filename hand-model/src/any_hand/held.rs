@@ -6,7 +6,7 @@ use std::path::Path;
 use nalgebra::{Isometry3, Translation3, Unit, UnitQuaternion, Vector3};
 use urdf_rs::{JointType, Robot};
 
-use crate::data::DataError;
+use platform::data::DataError;
 use crate::kinematics::pose_from_xyz_rpy;
 use crate::urdf::fault;
 

@@ -7,7 +7,7 @@ use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 use urdf_rs::Robot;
 
 use super::shapes::Solid;
-use crate::data::DataError;
+use platform::data::DataError;
 use crate::hand::MassProperties;
 use crate::kinematics::{Tree, pose_from_xyz_rpy};
 use crate::urdf::fault;

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use nalgebra::{Matrix3, Point3, Vector3};
 
-use crate::data::DataError;
+use platform::data::DataError;
 use crate::urdf::fault;
 
 /// A link that is longer than this is probably in millimetres, m.

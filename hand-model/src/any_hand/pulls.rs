@@ -8,7 +8,7 @@ use serde::Deserialize;
 use urdf_rs::{JointType, Robot};
 
 use super::{AnyHand, Feel, PINION, Palm, Pull};
-use crate::data::DataError;
+use platform::data::DataError;
 use crate::urdf::fault;
 
 /// No cable of a hand has a longer moment arm, m, and none pulls a slide with more than this many times its tension.

@@ -7,7 +7,7 @@ use nalgebra::{Isometry3, Point3, Vector3};
 use urdf_rs::{Geometry, Link, Pose, Robot};
 
 use super::meshes::{self, MeshTools, Triangles};
-use crate::data::DataError;
+use platform::data::DataError;
 use crate::kinematics::pose_from_xyz_rpy;
 use crate::urdf::numbers::check_shape;
 

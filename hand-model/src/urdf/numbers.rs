@@ -6,7 +6,7 @@ use nalgebra::Vector3;
 use urdf_rs::{Geometry, Joint, JointType, Link, Robot};
 
 use super::fault;
-use crate::data::DataError;
+use platform::data::DataError;
 
 /// No length of a hand or an arm is larger, m.
 const LONGEST: f64 = 10.0;

@@ -12,7 +12,7 @@ use std::path::Path;
 
 use self::attributes::{check_attributes, filled_in};
 use self::tags::{Tag, Tags};
-use crate::data::DataError;
+use platform::data::DataError;
 
 /// A URDF may be this large, bytes.
 pub const LARGEST_FILE: u64 = 16 << 20;

@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use crc::{CRC_32_ISO_HDLC, Crc};
-use hand_model::digest::sha256;
-use hand_model::file::open_regular;
+use platform::digest::sha256;
+use platform::file::open_regular;
 use hand_model::robot;
 use mcap::records::{ChunkHeader, Record, op};
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};

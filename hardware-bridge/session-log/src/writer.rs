@@ -6,7 +6,7 @@ use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant, SystemTime};
 
-use hand_model::digest::sha256;
+use platform::digest::sha256;
 use hand_model::robot;
 use mcap::WriteOptions;
 use mcap::records::{MessageHeader, Metadata};

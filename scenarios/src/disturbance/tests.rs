@@ -1,7 +1,7 @@
 use std::path::Path;
 
 use super::*;
-use hand_model::data::DataError;
+use platform::data::DataError;
 
 use crate::scenario::Scenario;
 use world::objects::ObjectSet;

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use hand_model::data::DataError;
+use platform::data::DataError;
 use serde::{Deserialize, Serialize};
 
 use crate::disturbance::Disturbances;

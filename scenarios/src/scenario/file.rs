@@ -3,8 +3,8 @@
 
 use std::path::{Path, PathBuf};
 
-use hand_model::data::{DataError, parse_toml, read_text};
-use hand_model::reach::Reach;
+use platform::data::{DataError, parse_toml, read_text};
+use platform::reach::Reach;
 use serde::Deserialize;
 use toml::{Table, Value};
 

@@ -7,7 +7,7 @@
 
 use std::path::Path;
 
-use hand_model::data::DataError;
+use platform::data::DataError;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::LazyLock;
 
-use hand_model::data::parse_toml;
+use platform::data::parse_toml;
 use serde::Deserialize;
 
 /// The table, a box.

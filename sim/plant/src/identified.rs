@@ -5,8 +5,8 @@
 use std::path::Path;
 
 use hand_model::Hand;
-use hand_model::data::{DataError, parse_toml};
-use hand_model::digest::sha256;
+use platform::data::{DataError, parse_toml};
+use platform::digest::sha256;
 use serde::{Deserialize, Serialize};
 
 use crate::robot::RobotIndividual;

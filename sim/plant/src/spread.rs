@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::LazyLock;
 
-use hand_model::data::{DataError, parse_toml};
+use platform::data::{DataError, parse_toml};
 use hand_model::{ACTUATORS, ARM_JOINTS, Hand};
 use serde::{Deserialize, Serialize};
 

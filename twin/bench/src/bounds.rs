@@ -4,7 +4,7 @@
 
 use std::path::Path;
 
-use hand_model::data::DataError;
+use platform::data::DataError;
 use scenarios::Scenario;
 
 use crate::body::{Places, Task};

@@ -7,8 +7,8 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
-use hand_model::digest::sha256;
-use hand_model::reach::check_links;
+use platform::digest::sha256;
+use platform::reach::check_links;
 use scenarios::effects::Effect;
 use scenarios::record::{AblatedTrial, Condition, TrialRecord};
 use scenarios::tries::TryRecord;
@@ -235,13 +235,13 @@ impl Journal {
         if folder.is_dir() {
             check_links(folder)?;
         }
-        let text = hand_model::file::read_text(&run)
+        let text = platform::file::read_text(&run)
             .with_context(|| format!("{} holds no run (cannot read {})", folder.display(), run.display()))?;
         let request: RunRequest = serde_json::from_str(&text).with_context(|| run.display().to_string())?;
         request.check(&run)?;
         let journal = path(folder);
         let text =
-            hand_model::file::read_text(&journal).with_context(|| format!("cannot read {}", journal.display()))?;
+            platform::file::read_text(&journal).with_context(|| format!("cannot read {}", journal.display()))?;
         let whole = text.split_inclusive('\n').filter(|line| line.ends_with('\n'));
         let (digest, mut done) = (request.digest()?, BTreeMap::new());
         for (n, entry) in (1..).zip(whole.map_while(|line| serde_json::from_str::<Entry>(line).ok())) {

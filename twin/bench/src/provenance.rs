@@ -1,6 +1,6 @@
 //! How data were made: command line, program, machine, source tree.
 
-use hand_model::child;
+use platform::child;
 
 use serde::{Deserialize, Serialize};
 

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use hand_model::file::write_whole;
+use platform::file::write_whole;
 use serde::{Deserialize, Serialize};
 
 use crate::grasp::{Grasp, Role};
@@ -46,7 +46,7 @@ impl Repertoire {
 
     pub fn read(path: &Path) -> Result<Self, RepertoireError> {
         let text =
-            hand_model::file::read_text(path).map_err(|source| RepertoireError::Io { path: path.into(), source })?;
+            platform::file::read_text(path).map_err(|source| RepertoireError::Io { path: path.into(), source })?;
         Self::parse(&text, path)
     }
 

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use hand_model::DataError;
+use platform::DataError;
 use session_log::SessionLogError;
 
 /// A session or a script that nothing can be identified from.

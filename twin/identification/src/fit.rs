@@ -10,7 +10,7 @@
 use hand_model::transmission::friction::CableLosses;
 use hand_model::{ARM_JOINTS, Arm, Hand};
 use nalgebra::DMatrix;
-use optics::calibration::least_squares::{Options, Problem, Solution};
+use least_squares::{Options, Problem, Solution};
 use plant::RobotIndividual;
 use plant::spread::{Parameter, Quantity};
 

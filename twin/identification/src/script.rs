@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use hand_model::data::{DataError, parse_toml};
+use platform::data::{DataError, parse_toml};
 use hand_model::{ACTUATORS, ARM_JOINTS, Hand};
 use serde::{Deserialize, Serialize};
 

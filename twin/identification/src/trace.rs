@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use hand_model::digest::sha256;
+use platform::digest::sha256;
 use hand_model::robot::{ArmState, Command, Observation, Robot, ServoGoal, ServoState, Tick};
 use hand_model::{ACTUATORS, ARM_JOINTS, Arm, Hand};
 use plant::identified::Source;

@@ -7,7 +7,7 @@
 use hand_model::robot::{ArmState, ServoGoal};
 use hand_model::{ARM_JOINTS, Arm, GRAVITY, Hand};
 use nalgebra::{DMatrix, Point3, SVector, Vector3};
-use optics::calibration::least_squares::{Options, Problem, forward_differences};
+use least_squares::{Options, Problem, forward_differences};
 use plant::RobotIndividual;
 use plant::spread::Quantity;
 

@@ -8,7 +8,7 @@ use std::path::Path;
 use control::inverse_kinematics::Joints;
 use control::motion::approach::APPROACH_DISTANCE;
 use grasping::Grasp;
-use hand_model::data::DataError;
+use platform::data::DataError;
 use hand_model::{ARM_JOINTS, Arm, Hand};
 use nalgebra::{Isometry3, Point3, Translation3, Vector3};
 use serde::{Deserialize, Serialize};

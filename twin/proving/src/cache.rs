@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
 use anyhow::{Context, Result};
-use hand_model::digest::hexadecimal;
+use platform::digest::hexadecimal;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use sha2::{Digest as _, Sha256};
@@ -88,7 +88,7 @@ impl Cache {
         std::fs::create_dir_all(&self.folder).with_context(|| self.folder.display().to_string())?;
         let path = self.folder.join(key.file_name());
         let text = serde_json::to_vec(result)?;
-        hand_model::file::write_whole(&path, &text).with_context(|| path.display().to_string())
+        platform::file::write_whole(&path, &text).with_context(|| path.display().to_string())
     }
 
     /// What was kept under `key`, or what `search` finds, which is then kept; a search that was interrupted has its finished steps. Where it

@@ -103,7 +103,7 @@ pub struct Plans {
 impl Plans {
     /// Reads a plan file.
     pub fn read(path: &Path) -> Result<Self> {
-        Self::parse(&hand_model::data::read_text(path)?, path)
+        Self::parse(&platform::data::read_text(path)?, path)
     }
 
     /// Parses a plan file's text.
@@ -131,7 +131,7 @@ impl Plans {
             self.seed,
             lines.join(",\n")
         );
-        hand_model::file::write_whole(path, text.as_bytes()).with_context(|| format!("cannot write {}", path.display()))
+        platform::file::write_whole(path, text.as_bytes()).with_context(|| format!("cannot write {}", path.display()))
     }
 
     /// Does `work` on every plan, in parallel; shows a progress bar called `what` unless `quiet`.

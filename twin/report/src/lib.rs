@@ -53,7 +53,7 @@ pub fn write_report(folder: &Path, summary: &Summary, records: &[TrialRecord], r
     write_whole(&folder.join("report.html"), page.as_bytes())
 }
 
-/// [`hand_model::file::write_whole`], with an error that names the file.
+/// [`platform::file::write_whole`], with an error that names the file.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
-    hand_model::file::write_whole(path, bytes).with_context(|| format!("cannot write {}", path.display()))
+    platform::file::write_whole(path, bytes).with_context(|| format!("cannot write {}", path.display()))
 }

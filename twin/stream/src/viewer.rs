@@ -7,7 +7,7 @@ use std::process::{Command, Stdio};
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
-use hand_model::child;
+use platform::child;
 
 use crate::error::StreamError;
 use crate::release::RERUN_VERSION;

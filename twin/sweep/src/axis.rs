@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use bench::journal::RunRequest;
 use control::policy::Uncertainty;
-use hand_model::data::{DataError, read_text};
-use hand_model::reach::Reach;
+use platform::data::{DataError, read_text};
+use platform::reach::Reach;
 use scenarios::effects::Effect;
 use scenarios::{Ablation, Condition, Scenario};
 use toml::{Table, Value};

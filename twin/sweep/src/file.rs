@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use hand_model::data::{DataError, parse_toml, read_text};
+use platform::data::{DataError, parse_toml, read_text};
 use serde::Deserialize;
 use toml::{Table, Value};
 

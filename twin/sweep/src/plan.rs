@@ -10,8 +10,8 @@ use anyhow::{Context as _, Result, bail};
 use bench::body::Places;
 use bench::journal::{Record, RunRequest, Unit as TrialUnit};
 use bench::run;
-use hand_model::data::DataError;
-use hand_model::digest::sha256;
+use platform::data::DataError;
+use platform::digest::sha256;
 use scenarios::{Ablation, Condition};
 use serde::{Deserialize, Serialize};
 
@@ -42,7 +42,7 @@ pub struct Cost {
 impl Cost {
     /// What comes with the program.
     pub fn builtin() -> Result<Self, DataError> {
-        hand_model::data::parse_toml(COST, Path::new("data/cost.toml"))
+        platform::data::parse_toml(COST, Path::new("data/cost.toml"))
     }
 
     fn of(&self, condition: Condition) -> f64 {

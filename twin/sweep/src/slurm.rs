@@ -8,7 +8,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, anyhow, bail};
-use hand_model::child;
+use platform::child;
 use report::write_whole;
 use serde::{Deserialize, Serialize};
 

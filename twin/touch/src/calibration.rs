@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use hand_model::Hand;
-use hand_model::file::write_whole;
+use platform::file::write_whole;
 use hand_model::pads::IMAGE_SIZE as N;
 use hand_model::robot::TactileImage;
 use nalgebra::{DMatrix, DVector};
@@ -347,7 +347,7 @@ impl PhotometricCalibration {
 
     /// Reads a calibration file (JSON).
     pub fn read(path: &Path) -> Result<Self, TouchError> {
-        let text = hand_model::file::read_text(path).map_err(|source| TouchError::Io { path: path.into(), source })?;
+        let text = platform::file::read_text(path).map_err(|source| TouchError::Io { path: path.into(), source })?;
         Self::parse(&text, path)
     }
 

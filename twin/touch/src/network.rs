@@ -133,7 +133,7 @@ impl Network {
 
     /// Reads a network file.
     pub fn read(path: &Path) -> Result<Self, TouchError> {
-        let text = hand_model::file::read_text(path).map_err(|source| TouchError::Io { path: path.into(), source })?;
+        let text = platform::file::read_text(path).map_err(|source| TouchError::Io { path: path.into(), source })?;
         Self::parse(&text, path)
     }
 

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::tags::Start;
-use crate::data::DataError;
+use platform::data::DataError;
 
 /// Contents of an attribute.
 #[derive(Clone, Copy)]

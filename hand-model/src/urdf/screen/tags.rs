@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::data::DataError;
+use platform::data::DataError;
 
 /// An element may have this many attributes; a URDF's own have eight at most.
 const MOST_ATTRIBUTES: usize = 64;

@@ -5,7 +5,7 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-use hand_model::data::DataError;
+use platform::data::DataError;
 use nalgebra::{Matrix4, Point3, Rotation3, Unit, Vector3};
 use roxmltree::{Document, Node, ParsingOptions};
 

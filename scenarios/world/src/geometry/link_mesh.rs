@@ -5,7 +5,7 @@
 use std::path::Path;
 
 use hand_model::any_hand::{Cut, MeshTools, Triangles};
-use hand_model::data::DataError;
+use platform::data::DataError;
 use nalgebra::Point3;
 use parry3d_f64::transformation::vhacd::VHACDParameters;
 

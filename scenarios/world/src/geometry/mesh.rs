@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::path::PathBuf;
 use std::sync::OnceLock;
 
-use hand_model::data::DataError;
+use platform::data::DataError;
 use nalgebra::{Matrix3, Point3, Unit, Vector3};
 use parry3d_f64::math::Vector;
 use parry3d_f64::query::{PointQueryWithLocation, Ray, RayCast};

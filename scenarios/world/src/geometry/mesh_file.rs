@@ -7,9 +7,9 @@ use std::collections::HashMap;
 use std::path::Path;
 
 use gltf::buffer::Source;
-use hand_model::data::DataError;
-use hand_model::file::read_regular;
-use hand_model::reach::Reach;
+use platform::data::DataError;
+use platform::file::read_regular;
+use platform::reach::Reach;
 use nalgebra::{Matrix4, Point3};
 use ply_rs_bw::parser::Parser;
 use ply_rs_bw::ply::{DefaultElement, Property};

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use hand_model::data::DataError;
+use platform::data::DataError;
 use nalgebra::Point3;
 
 use super::mesh::{GeometryError, Mesh};

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use hand_model::reach::Reach;
+use platform::reach::Reach;
 
 use super::file::ObjectFile;
 use super::set::ObjectSet;

@@ -25,8 +25,8 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use hand_model::data::{DataError, parse_toml, read_text};
-use hand_model::reach::Reach;
+use platform::data::{DataError, parse_toml, read_text};
+use platform::reach::Reach;
 use nalgebra::{Point3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 

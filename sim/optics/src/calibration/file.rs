@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use hand_model::file::write_whole;
+use platform::file::write_whole;
 use serde::{Deserialize, Serialize};
 
 use crate::calibration::fit::BallFit;

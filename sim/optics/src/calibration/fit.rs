@@ -8,7 +8,7 @@
 use crate::calibration::assumptions::Assumptions;
 use crate::calibration::background::background_of;
 use crate::calibration::folder::PressFolder;
-use crate::calibration::least_squares::{Options, Parameter, Problem, Solution};
+use least_squares::{Options, Parameter, Problem, Solution};
 use crate::calibration::lens::Lens;
 use crate::calibration::parameters::{self as at, PER_LAMP};
 use crate::calibration::samples::{Samples, noise_of};

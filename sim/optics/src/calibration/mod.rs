@@ -19,7 +19,6 @@ pub mod fit;
 pub mod folder;
 pub mod image_files;
 mod labels;
-pub mod least_squares;
 pub mod lens;
 pub mod orientation;
 mod parameters;

@@ -3,7 +3,7 @@
 use std::io::Cursor;
 use std::path::Path;
 
-use hand_model::file::write_whole;
+use platform::file::write_whole;
 use image::{DynamicImage, ImageFormat, ImageReader};
 
 use crate::calibration::bitmap;

@@ -210,7 +210,7 @@ mod tests {
         let r = scene.residuals(&p);
         let fast = scene.jacobian(&p, &r, &bounds);
         let slow =
-            crate::calibration::least_squares::forward_differences(&p, &r, &bounds, 1e-6, |q, _| scene.residuals(q));
+            least_squares::forward_differences(&p, &r, &bounds, 1e-6, |q, _| scene.residuals(q));
         assert!((fast - slow).abs().max() < 1e-9);
     }
 }

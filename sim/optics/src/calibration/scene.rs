@@ -8,7 +8,7 @@ use nalgebra::{DMatrix, Point3, Vector3};
 use rayon::prelude::*;
 
 use crate::calibration::assumptions::Assumptions;
-use crate::calibration::least_squares::forward_differences;
+use least_squares::forward_differences;
 use crate::calibration::parameters::{self as at, PER_LAMP};
 use crate::calibration::profile::{BallProfile, RoundSmoothing};
 use crate::calibration::samples::Samples;

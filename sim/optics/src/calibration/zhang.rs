@@ -11,7 +11,7 @@ use nalgebra::{DMatrix, Isometry3, Matrix3, Rotation3, SMatrix, Translation3, Un
 
 use crate::calibration::checkerboard::Board;
 use crate::calibration::image_files::images_of;
-use crate::calibration::least_squares::{Options, Parameter, Problem, forward_differences};
+use least_squares::{Options, Parameter, Problem, forward_differences};
 use crate::calibration::lens::Lens;
 use crate::calibration::photo::Photo;
 use crate::error::OpticsError;

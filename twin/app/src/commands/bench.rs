@@ -350,7 +350,7 @@ fn without(names: &[String]) -> Result<Vec<Effect>> {
 /// The text of the file that `--uncertainty` names, once it is known to be good.
 fn uncertainty(path: Option<&Path>) -> Result<Option<String>> {
     let Some(path) = path else { return Ok(None) };
-    let text = hand_model::data::read_text(path).context("--uncertainty")?;
+    let text = platform::data::read_text(path).context("--uncertainty")?;
     Uncertainty::parse(&text, path).context("--uncertainty")?;
     Ok(Some(text))
 }

@@ -16,7 +16,7 @@ use super::body::Body;
 pub fn text(path: Option<&Path>) -> Result<(Option<String>, PathBuf)> {
     let named = PathBuf::from("--individual");
     let Some(path) = path else { return Ok((None, named)) };
-    let text = hand_model::data::read_text(path).context("--individual")?;
+    let text = platform::data::read_text(path).context("--individual")?;
     IdentifiedRobot::parse(&text, path, &Hand::ftac()).context("--individual")?;
     Ok((Some(text), named))
 }
@@ -24,7 +24,7 @@ pub fn text(path: Option<&Path>) -> Result<(Option<String>, PathBuf)> {
 /// The text of the file that `--pads` names, once it is known to be a calibration of every pad of the hand.
 pub fn pads(path: Option<&Path>) -> Result<Option<String>> {
     let Some(path) = path else { return Ok(None) };
-    let text = hand_model::data::read_text(path).context("--pads")?;
+    let text = platform::data::read_text(path).context("--pads")?;
     parse_pads(&Hand::ftac(), &text, path).context("--pads")?;
     Ok(Some(text))
 }
@@ -32,7 +32,7 @@ pub fn pads(path: Option<&Path>) -> Result<Option<String>> {
 /// The robot that `--individual` names, if it names one.
 pub fn robot(path: Option<&Path>) -> Result<Option<RobotIndividual>> {
     let Some(path) = path else { return Ok(None) };
-    let text = hand_model::data::read_text(path).context("--individual")?;
+    let text = platform::data::read_text(path).context("--individual")?;
     Ok(Some(IdentifiedRobot::parse(&text, path, &Hand::ftac()).context("--individual")?.individual))
 }
 

@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use anyhow::{Context, Result};
 use clap::Args;
-use hand_model::data::{DataError, read_text};
-use hand_model::reach::{BELOW, Reach};
+use platform::data::{DataError, read_text};
+use platform::reach::{BELOW, Reach};
 use scenarios::Scenario;
 
 /// Which scenario.

@@ -120,7 +120,7 @@ fn site_of(transport: Transport, more: Option<&Path>, seed: u64) -> Result<Site>
 }
 
 fn read_skills(path: &Path) -> Result<SkillFile> {
-    let text = hand_model::file::read_text(path).with_context(|| path.display().to_string())?;
+    let text = platform::file::read_text(path).with_context(|| path.display().to_string())?;
     SkillFile::parse(&text, path)
 }
 

@@ -177,7 +177,7 @@ fn trial(
 /// `individual`, or the one as drawn.
 fn make(combos: usize, seed: u64, plant: u64, individual: Option<&String>) -> Result<Bench> {
     let path = individual.map_or(Path::new(""), Path::new);
-    let text = individual.map(|_| hand_model::data::read_text(path)).transpose()?;
+    let text = individual.map(|_| platform::data::read_text(path)).transpose()?;
     let mut bench = make_identified(text.as_deref(), path, Scenario::benchmark(), combos, seed, true)?;
     if plant > 0 {
         hide_plant(&mut bench, plant);

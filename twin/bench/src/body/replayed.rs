@@ -6,7 +6,7 @@ use std::rc::Rc;
 
 use anyhow::{Result, anyhow};
 use control::percept::Sighted;
-use hand_model::data::DataError;
+use platform::data::DataError;
 use hand_model::robot::Robot;
 use session_log::replay::{Divergence, Progress};
 use session_log::{Event, Reader, Replay, Session};

@@ -4,7 +4,7 @@ use std::process::Stdio;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use hand_model::child;
+use platform::child;
 
 use crate::body::operator;
 

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
 use anyhow::{Context as _, Result, bail};
-use hand_model::digest::sha256;
-use hand_model::file::{LARGEST, read_regular};
+use platform::digest::sha256;
+use platform::file::{LARGEST, read_regular};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 

@@ -2,7 +2,7 @@
 
 use std::process::Command;
 
-use hand_model::child;
+use platform::child;
 
 /// Names it.
 const VARIABLE: &str = "FTAC_POLICY_PYTHON";

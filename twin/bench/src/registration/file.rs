@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use hand_model::data::{DataError, parse_toml, read_text};
+use platform::data::{DataError, parse_toml, read_text};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use serde::{Deserialize, Serialize};
 

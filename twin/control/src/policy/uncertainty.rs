@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use hand_model::data::{DataError, parse_toml};
+use platform::data::{DataError, parse_toml};
 use serde::Deserialize;
 
 /// Standard deviations that the controller expects, and how they are made up.

@@ -200,7 +200,7 @@ impl Collection {
     /// Reads a file.
     pub fn read(path: &Path) -> Result<Self, GraspFileError> {
         let text =
-            hand_model::file::read_text(path).map_err(|source| GraspFileError::Io { path: path.into(), source })?;
+            platform::file::read_text(path).map_err(|source| GraspFileError::Io { path: path.into(), source })?;
         Self::parse(&text, path)
     }
 

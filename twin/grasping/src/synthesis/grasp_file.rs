@@ -122,7 +122,7 @@ impl GraspWriter {
 
 /// Reads a file. An incomplete last line is an error that names it.
 pub fn read<G: DeserializeOwned>(path: &Path) -> Result<(Header, Vec<G>), GraspFileError> {
-    let text = hand_model::file::read_text(path).map_err(|source| GraspFileError::Io { path: path.into(), source })?;
+    let text = platform::file::read_text(path).map_err(|source| GraspFileError::Io { path: path.into(), source })?;
     parse(&text, path)
 }
 
@@ -133,7 +133,7 @@ const LONGEST_HEADER: u64 = 1 << 20;
 pub fn read_header(path: &Path) -> Result<Header, GraspFileError> {
     let io = |source| GraspFileError::Io { path: path.into(), source };
     let mut first = String::new();
-    let file = hand_model::file::open_regular(path, u64::MAX).map_err(io)?;
+    let file = platform::file::open_regular(path, u64::MAX).map_err(io)?;
     BufReader::new(file.take(LONGEST_HEADER)).read_line(&mut first).map_err(io)?;
     Ok(parse::<IgnoredAny>(&first, path)?.0)
 }

@@ -8,7 +8,7 @@ use anyhow::{Context, Result};
 
 /// Writes channels (name and row-major values, one a pixel) of an image `width` pixels wide.
 pub fn write(path: &Path, width: usize, channels: &[(&str, Vec<f32>)]) -> Result<()> {
-    hand_model::file::write_whole(path, &encode(width, channels)).with_context(|| path.display().to_string())
+    platform::file::write_whole(path, &encode(width, channels)).with_context(|| path.display().to_string())
 }
 
 fn encode(width: usize, channels: &[(&str, Vec<f32>)]) -> Vec<u8> {

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result};
 use grasping::synthesis::held::{AnyHeld, HeldGrasp, pose_from_array, values};
 use hand_model::Hand;
-use hand_model::file::write_whole;
+use platform::file::write_whole;
 use nalgebra::Vector3;
 use serde_json::{Value, json};
 use sim::engine::EngineSettings;

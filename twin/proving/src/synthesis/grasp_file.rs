@@ -12,7 +12,7 @@ use anyhow::{Context, Result, bail, ensure};
 use grasping::synthesis::collection::{self, Collection, ObjectGrasps, Summary};
 use grasping::synthesis::grasp_file::{self, GraspFileError, HandSource, Header, Source};
 use grasping::synthesis::held::{AnyHeld, HeldGrasp};
-use hand_model::digest::sha256;
+use platform::digest::sha256;
 use world::objects::{ObjectModel, ObjectSet};
 
 use super::any::describe::{self, Described};
@@ -101,7 +101,7 @@ impl GraspFile {
 /// What a file is now.
 pub fn source(path: &Path) -> Result<Source> {
     let bytes =
-        hand_model::file::read_regular(path, hand_model::file::LARGEST).with_context(|| path.display().to_string())?;
+        platform::file::read_regular(path, platform::file::LARGEST).with_context(|| path.display().to_string())?;
     Ok(Source { path: path.into(), sha256: sha256(&bytes) })
 }
 

@@ -8,7 +8,7 @@ use std::path::Path;
 
 use anyhow::{Context, Result, ensure};
 use grasping::synthesis::held::{pose_from_array, pose_to_array, values};
-use hand_model::file::write_whole;
+use platform::file::write_whole;
 use indicatif::ProgressBar;
 use nalgebra::Point3;
 use scenarios::statistics::Rate;

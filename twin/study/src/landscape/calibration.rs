@@ -79,7 +79,7 @@ impl Calibration {
         progress.suspend(|| writeln!(std::io::stderr(), "calibrating the pull on {PAIRS} pairs of minima").ok());
         let found = Self::measure(landscape, minima, question, subject);
         let text = serde_json::to_string_pretty(&found).map_err(format)?;
-        hand_model::file::write_whole(file, text.as_bytes())
+        platform::file::write_whole(file, text.as_bytes())
             .map_err(|source| CalibrationError::Write { path: file.into(), source })?;
         Ok(found)
     }

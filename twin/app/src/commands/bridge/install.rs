@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use anyhow::{Context, bail, ensure};
 use clap::Args;
-use hand_model::child;
+use platform::child;
 use hardware_bridge::install::{self, Content, GROUP, Setup};
 use serde_json::json;
 

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
-use hand_model::file::write_whole;
+use platform::file::write_whole;
 use lab::optics::reconstruction::folder::{self, Arrivals, Inputs};
 use lab::optics::reconstruction::output;
 use lab::optics::reconstruction::photometry::untouched;

@@ -75,7 +75,7 @@ fn explain(terminal: &Terminal, classification: &Classification, id: &str) -> Ou
 fn labels(classification: &Classification, files: &[PathBuf]) -> Result<Vec<Labels>> {
     let known: BTreeSet<&str> = classification.grasps.iter().map(|grasp| grasp.id.as_str()).collect();
     let read = |file: &PathBuf| {
-        let text = hand_model::file::read_text(file).with_context(|| format!("--labels {}", file.display()))?;
+        let text = platform::file::read_text(file).with_context(|| format!("--labels {}", file.display()))?;
         Labels::parse(&text, file, &classification.taxonomy, &known).context("--labels")
     };
     files.iter().map(read).collect()

@@ -4,7 +4,7 @@ use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
-use hand_model::file::write_whole;
+use platform::file::write_whole;
 use image::{ImageBuffer, ImageFormat, Luma, Rgb};
 use serde_json::{Value, json};
 

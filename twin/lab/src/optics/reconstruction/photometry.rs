@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
-use hand_model::file::write_whole;
+use platform::file::write_whole;
 use hand_model::pads::IMAGE_SIZE as N;
 use hand_model::robot::TactileImage;
 use optics::calibration::{CalibratedSensor, Photo, PressFolder};
