@@ -44,10 +44,10 @@ use std::path::Path;
 use nalgebra::{Isometry3, Vector3};
 use urdf_rs::{JointType, Robot};
 
-use platform::data::{DataError, parse_toml, read_text};
 use crate::hand::MassProperties;
 use crate::kinematics::{JointKind, Tree, pose_from_xyz_rpy};
 use crate::urdf::{fault, frames, parse_robot, read_bytes};
+use platform::data::{DataError, parse_toml, read_text};
 
 pub use meshes::{Cut, MeshTools, Triangles};
 pub use shapes::{MeshSurface, Solid, SolidShape};

@@ -7,9 +7,9 @@ use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 use serde::Deserialize;
 
 use crate::ARM_JOINTS;
-use platform::data::parse_toml;
 use crate::hand::MassProperties;
 use crate::kinematics::{Joint, JointKind, Tree, pose_from_xyz_rpy};
+use platform::data::parse_toml;
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]

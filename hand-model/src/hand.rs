@@ -5,13 +5,13 @@ use std::path::Path;
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
 use crate::ACTUATORS;
-use platform::data::DataError;
 use crate::kinematics::{Joint, JointKind, Tree, pose_from_xyz_rpy};
 use crate::pads::{Camera, Pad};
 use crate::parameters::{Cable, Cover, Gel, HandParameters, Handedness, JointParameters, PadParameters, Servo};
 use crate::robot::ServoGoal;
 use crate::transmission::friction::CableFriction;
 use crate::transmission::{CablePath, Guides, Transmission};
+use platform::data::DataError;
 
 /// A rounded box that stands for a link in contact.
 #[derive(Debug, Clone, Copy)]

@@ -1,5 +1,5 @@
 //! What the robot *is*: the F-TAC Hand's kinematic tree, cable transmission and tactile pads, the Kinova Gen3 arm, and the
-//! [`robot::Robot`] interface through which every controller drives every body.
+//! [`robot::RobotBackend`] interface through which every controller drives every body.
 //!
 //! The story in order: [`parameters`] reads the one file with all numbers (`data/ftac_hand.toml`); [`hand`] turns it into a
 //! [`kinematics::Tree`] with covers, [`pads`] and a [`transmission`]; [`arm`] does the same for the Gen3; [`urdf`] writes both

@@ -4,9 +4,9 @@ use std::path::Path;
 
 use serde::Deserialize;
 
-use platform::data::{DataError, parse_toml, read_text};
 use crate::transmission::SPANS;
 use crate::transmission::friction::CableFriction;
+use platform::data::{DataError, parse_toml, read_text};
 
 /// The whole of `ftac_hand.toml`. Field names are those of the file, which documents them.
 #[derive(Debug, Clone, Deserialize)]

@@ -10,10 +10,10 @@ use std::path::Path;
 
 use nalgebra::{Isometry3, Unit, Vector3};
 
-use platform::data::DataError;
 use crate::hand::MassProperties;
 use crate::kinematics::{Joint, JointKind, Tree, pose_from_xyz_rpy};
 use crate::{Arm, Hand};
+use platform::data::DataError;
 
 /// The hand as URDF text. The root link is `palm`; covers are boxes.
 pub fn hand_urdf(hand: &Hand) -> String {

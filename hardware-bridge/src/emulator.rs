@@ -1,6 +1,6 @@
 //! Emulated devices: six XC330 servos and the camera board, each on a pseudo-terminal, driven by a plant.
 //!
-//! The plant is any [`Robot`], such as [`spring_hand::SpringHand`] or the simulated robot. In real time ([`EmulatedHand::start`]) a thread ticks
+//! The plant is any [`Plant`], such as [`spring_hand::SpringHand`] or the simulated robot. In real time ([`EmulatedHand::start`]) a thread ticks
 //! the plant: it takes the goals from the servos' registers and returns shaft states and images. One more thread per device speaks the
 //! device's protocol. Any program that opens serial ports can be the host.
 //!
@@ -32,7 +32,7 @@ use std::time::{Duration, Instant};
 use camera_board::{BoardSettings, CameraBoard};
 use faults::{Event, Faults};
 use hand_model::ACTUATORS;
-use hand_model::robot::{Command, Robot, ServoGoal, ServoState, TactileFrame};
+use hand_model::robot::{Command, Plant, ServoGoal, ServoState, TactileFrame};
 use plant_arm::SharedArm;
 use pty::{Pty, PtyError};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
@@ -139,25 +139,25 @@ pub struct EmulatedHand {
     gone: Vec<SerialPort>,
     threads: Vec<JoinHandle<()>>,
     /// The plant, where it moves by [`EmulatedHand::step`], and where its images go.
-    stepped: Option<Plant>,
+    stepped: Option<ImagedPlant>,
 }
 
 impl EmulatedHand {
     /// Starts the devices on their pseudo-terminals, and the plant.
-    pub fn start(plant: Box<dyn Robot + Send>, settings: EmulatorSettings) -> Result<Self, PtyError> {
+    pub fn start(plant: Box<dyn Plant + Send>, settings: EmulatorSettings) -> Result<Self, PtyError> {
         Self::open(plant, settings, Clock::wall())
     }
 
     /// The same with `clock` for a clock, which must be an emulated one: nothing moves but by [`EmulatedHand::step`].
     pub fn start_stepped(
-        plant: Box<dyn Robot + Send>,
+        plant: Box<dyn Plant + Send>,
         settings: EmulatorSettings,
         clock: Clock,
     ) -> Result<Self, PtyError> {
         Self::open(plant, settings, clock)
     }
 
-    fn open(mut plant: Box<dyn Robot + Send>, settings: EmulatorSettings, clock: Clock) -> Result<Self, PtyError> {
+    fn open(mut plant: Box<dyn Plant + Send>, settings: EmulatorSettings, clock: Clock) -> Result<Self, PtyError> {
         let (servo_pty, board_pty) = (Pty::open()?, Pty::open()?);
         let port_of = |pty: &Pty| pty.device.try_clone().map_err(PtyError::Open);
         let (servo_port, board_port) = (port_of(&servo_pty)?, port_of(&board_pty)?);
@@ -190,7 +190,7 @@ impl EmulatedHand {
             spawn("servos", Box::new(move || run_servos(servo_port, &for_servos)))?,
             spawn("cameras", Box::new(move || run_board(board_port, &for_board, &arrived)))?,
         ];
-        let plant = Plant { robot: plant, images };
+        let plant = ImagedPlant { physics: plant, images };
         let stepped = if shared.stepped() {
             Some(plant)
         } else {
@@ -205,7 +205,7 @@ impl EmulatedHand {
     /// Moves the plant by one of its ticks, and the clock with it; gives back the tick's length, s. 0 where the plant moves by itself.
     pub fn step(&mut self) -> f64 {
         let Some(plant) = &mut self.stepped else { return 0.0 };
-        let tick = plant.robot.tick_length();
+        let tick = plant.physics.tick_length();
         self.shared.clock.advance(tick);
         // Images without a receiver are dropped.
         let _ = tick_plant(plant, &self.shared, tick);
@@ -323,13 +323,13 @@ impl Drop for EmulatedHand {
 type Exposed = (f64, Vec<TactileFrame>);
 
 /// The plant and the queue of its images.
-struct Plant {
-    robot: Box<dyn Robot + Send>,
+struct ImagedPlant {
+    physics: Box<dyn Plant + Send>,
     images: Sender<Exposed>,
 }
 
 /// Ticks the plant; false once its images have no receiver.
-fn tick_plant(plant: &mut Plant, shared: &Shared, tick: f64) -> bool {
+fn tick_plant(plant: &mut ImagedPlant, shared: &Shared, tick: f64) -> bool {
     let mut servos = [ServoGoal::Current(0.0); ACTUATORS];
     for (goal, drive) in servos.iter_mut().zip(lock(&shared.chain).drives()) {
         *goal = drive;
@@ -337,9 +337,9 @@ fn tick_plant(plant: &mut Plant, shared: &Shared, tick: f64) -> bool {
     let capture = shared.capture.swap(false, Ordering::AcqRel);
     // Of a stepped clock the tick has passed already. On a running one it begins now, however soon the plant is done with it.
     let end = if shared.stepped() { shared.now() } else { shared.now() + tick };
-    plant.robot.send(&Command { arm: shared.arm.goal(), servos, capture });
-    plant.robot.wait_for_tick();
-    let observation = plant.robot.observe();
+    plant.physics.send(&Command { arm: shared.arm.goal(), servos, capture });
+    plant.physics.wait_for_tick();
+    let observation = plant.physics.observe();
     *lock(&shared.shafts) = observation.servos;
     shared.arm.set_state(observation.arm);
     let others = {
@@ -360,8 +360,8 @@ fn tick_plant(plant: &mut Plant, shared: &Shared, tick: f64) -> bool {
     plant.images.send((taken, observation.tactile)).is_ok()
 }
 
-fn run_plant(mut plant: Plant, shared: &Shared) {
-    let tick = plant.robot.tick_length();
+fn run_plant(mut plant: ImagedPlant, shared: &Shared) {
+    let tick = plant.physics.tick_length();
     let mut next = Instant::now();
     while shared.running() {
         if !tick_plant(&mut plant, shared, tick) {

@@ -1,4 +1,4 @@
-//! The real robot as a [`Robot`].
+//! The real robot as a [`RobotBackend`].
 //!
 //! [`HardwareRobot::connect`] opens the devices and compares them with the calibration, [`HardwareRobot::check`] checks every measurement,
 //! [`HardwareRobot::arm`] enables torque; commands move nothing before that. A dropped robot keeps holding: only an explicit release opens the hand.
@@ -11,7 +11,7 @@ use std::sync::{Arc, Condvar, Mutex};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use hand_model::robot::{Command, Observation, Robot, ServoGoal, Tick};
+use hand_model::robot::{Command, Readings, RobotBackend, RobotError, ServoGoal, Tick};
 use hand_model::{ACTUATORS, ARM_JOINTS, Arm, Hand};
 use session_log::{Packet, Tap};
 
@@ -38,8 +38,10 @@ use crate::wishes;
 
 /// Cycles between two audits of one servo each.
 const AUDIT_EVERY: u64 = 5;
-/// Longest wait for the cycle that uses a command, and for the answer to an order.
-const PATIENCE: Duration = Duration::from_secs(3);
+/// Longest wait for the answer to an order.
+const ORDER_TIMEOUT: Duration = Duration::from_secs(3);
+/// Longest wait for the cycle that uses a command: a few cycles, or their time-outs on a bus that is being lost.
+const SEND_TIMEOUT: Duration = Duration::from_millis(50);
 
 /// The robot cannot be connected.
 #[derive(Debug, thiserror::Error)]
@@ -93,6 +95,8 @@ pub struct HardwareRobot {
     cameras: Option<Cameras>,
     doors: Vec<RemoteDoor>,
     release_time: f64,
+    /// Why the cameras could not be asked for images since the last observation.
+    unasked: Option<RobotError>,
     thread: Option<JoinHandle<()>>,
     clock: Clock,
     next_tick: Instant,
@@ -125,7 +129,8 @@ impl HardwareRobot {
             })
             .map_err(ConnectError::Thread)?;
         let (release_time, next_tick) = (config.limits.release_time, Instant::now());
-        Ok(Self { shared, cameras, doors, release_time, thread: Some(thread), clock, next_tick, sequence: 0 })
+        let (thread, unasked) = (Some(thread), None);
+        Ok(Self { shared, cameras, doors, release_time, unasked, thread, clock, next_tick, sequence: 0 })
     }
 
     /// Checks the newest measurements; the robot may be armed once they pass.
@@ -292,18 +297,20 @@ pub(crate) fn servo_cycle(
 pub(crate) fn give(shared: &Shared, order: Order) -> Result<String, String> {
     let (answer, answered) = mpsc::channel();
     lock(&shared.board).orders.push_back((order, answer));
-    answered.recv_timeout(PATIENCE).unwrap_or_else(|_| Err("the servo cycle does not answer".into()))
+    answered.recv_timeout(ORDER_TIMEOUT).unwrap_or_else(|_| Err("the servo cycle does not answer".into()))
 }
 
-impl Robot for HardwareRobot {
-    fn observe(&mut self) -> Observation {
-        newest(&self.shared, self.cameras.as_ref(), self.now(), self.sequence)
+impl RobotBackend for HardwareRobot {
+    fn observe(&mut self) -> Result<Readings, RobotError> {
+        match self.unasked.take() {
+            Some(error) => Err(error),
+            None => Ok(newest(&self.shared, self.cameras.as_ref(), self.now(), self.sequence)),
+        }
     }
 
-    fn send(&mut self, command: &Command) -> Command {
+    fn send(&mut self, command: &Command) -> Result<Command, RobotError> {
         if let (true, Some(cameras)) = (command.capture, &self.cameras) {
-            // A port that is gone is noticed at the next observation.
-            let _ = cameras.request_capture();
+            self.unasked = cameras.request_capture().err().map(|error| RobotError::Capture(error.to_string()));
         }
         let now = self.now();
         let mut board = lock(&self.shared.board);
@@ -311,9 +318,12 @@ impl Robot for HardwareRobot {
         board.quiet_until = 0.0;
         board.asked_number += 1;
         let number = board.asked_number;
-        let waited = self.shared.cycled.wait_timeout_while(board, PATIENCE, |board| board.used_number < number);
-        let (board, _) = waited.unwrap_or_else(std::sync::PoisonError::into_inner);
-        sent_as(command, &board.sent, board.state)
+        let waited = self.shared.cycled.wait_timeout_while(board, SEND_TIMEOUT, |board| board.used_number < number);
+        let (board, waited) = waited.unwrap_or_else(std::sync::PoisonError::into_inner);
+        if waited.timed_out() {
+            return Err(RobotError::NotSent(SEND_TIMEOUT.as_secs_f64()));
+        }
+        Ok(sent_as(command, &board.sent, board.state))
     }
 
     fn wait_for_tick(&mut self) -> Tick {
@@ -335,17 +345,11 @@ impl Robot for HardwareRobot {
 }
 
 /// The newest measurements that have arrived.
-pub(crate) fn newest(shared: &Shared, cameras: Option<&Cameras>, time: f64, sequence: u64) -> Observation {
+pub(crate) fn newest(shared: &Shared, cameras: Option<&Cameras>, time: f64, sequence: u64) -> Readings {
     let frames = cameras.map(Cameras::take).unwrap_or_default();
     let mut board = lock(&shared.board);
     board.cameras = cameras.is_none_or(|cameras| cameras.lost().is_none());
-    Observation {
-        time,
-        sequence,
-        servos: board.measured.servos.map(|servo| servo.map(|servo| servo.state).unwrap_or_default()),
-        arm: board.measured.arm.map(|arm| arm.state).unwrap_or_default(),
-        tactile: frames,
-    }
+    board.measured.readings(time, sequence, frames)
 }
 
 /// What was sent, in the kind of goal that was asked for where the command was followed.

@@ -1,4 +1,4 @@
-//! The real robot behind the [`hand_model::robot::Robot`] interface. `README.md` is the overview, `docs/bring-up.md` the way to the first motion.
+//! The real robot behind the [`hand_model::robot::RobotBackend`] interface. `README.md` is the overview, `docs/bring-up.md` the way to the first motion.
 //!
 //! # From the wire to the robot
 //! - [`protocol2`]: Dynamixel Protocol 2.0, the wire format of the servo bus; [`xc330`]: the servo's control table as data; [`servo_bus`]: requests

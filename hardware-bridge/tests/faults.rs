@@ -5,7 +5,7 @@ mod common;
 use std::process::Command as Process;
 
 use common::{Bench, armed, bench, command, drive, patiently};
-use hand_model::robot::{Robot, ServoGoal};
+use hand_model::robot::{RobotBackend, ServoGoal};
 use hardware_bridge::config::BridgeConfig;
 use hardware_bridge::emulator::faults::{Chances, Event};
 use hardware_bridge::hardware_robot::HardwareRobot;
@@ -38,7 +38,7 @@ const GRIP: ServoGoal = ServoGoal::Current(0.09);
 fn reach(robot: &mut HardwareRobot, phase: Phase) {
     match phase {
         Phase::Armed => {}
-        Phase::Closing => drive(robot, GRIP, |robot| robot.observe().servos[0].position > 0.5),
+        Phase::Closing => drive(robot, GRIP, |robot| common::observed(robot).servos[0].position > 0.5),
         Phase::Gripping => drive(robot, GRIP, |robot| common::closed(robot, 2.0)),
     }
 }
@@ -54,7 +54,8 @@ fn inject(bench: &Bench, robot: &mut HardwareRobot, fault: Fault, phase: Phase) 
         // An armed robot waits for its first command; the others are driven on.
         if phase != Phase::Armed && fault != Fault::ControllerSilent || fault == Fault::NotANumber {
             let goal = if fault == Fault::NotANumber { ServoGoal::Current(f64::NAN) } else { GRIP };
-            robot.send(&command(goal));
+            // A cycle that waits for lost answers may not send in time.
+            common::send(robot, &command(goal));
         }
         robot.wait_for_tick();
         matches!(robot.state(), State::Hold(_) | State::Fault(_))
@@ -178,7 +179,7 @@ fn host_process() {
     patiently("the checks pass", || robot.check().is_ok());
     robot.arm().expect("arms");
     loop {
-        robot.send(&command(ServoGoal::Current(0.05)));
+        common::send(&mut robot, &command(ServoGoal::Current(0.05)));
         robot.wait_for_tick();
     }
 }

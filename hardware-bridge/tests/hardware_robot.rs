@@ -5,8 +5,8 @@ mod common;
 use std::path::Path;
 use std::sync::{Arc, Mutex};
 
-use common::{TRAVEL, armed, bench, closed, command, connect, drive, patiently};
-use hand_model::robot::{Command, Robot, ServoGoal, TactileFrame};
+use common::{TRAVEL, armed, bench, closed, command, connect, drive, observed, patiently};
+use hand_model::robot::{Command, RobotBackend, ServoGoal, TactileFrame};
 use hand_model::{ACTUATORS, Arm, CAMERAS};
 use hardware_bridge::arm_link::LoopbackArm;
 use hardware_bridge::config::BridgeConfig;
@@ -31,7 +31,7 @@ fn follows_positions_and_currents() {
     let mut robot = armed(&bench);
     let goal = ServoGoal::Position { angle: 1.5, current_limit: 0.4 };
     drive(&mut robot, goal, |robot| closed(robot, 1.5));
-    let sent = robot.send(&command(ServoGoal::Current(5.0)));
+    let sent = robot.send(&command(ServoGoal::Current(5.0))).expect("sent");
     assert_eq!(sent.servos[0], ServoGoal::Current(0.6), "what was sent, after limits");
     assert!(sent.arm.iter().all(|angle| (0.0..=0.1).contains(angle)));
     // 0.09 A balance the spring at (0.09 - 0.01) / 0.04 = 2 rad.
@@ -57,7 +57,7 @@ fn hold_and_release_from_another_terminal() {
     assert!(said.text.ends_with("of 6 servos answer"), "{said:?}");
     assert!(said.of.contains("bridge.toml, process "), "{said:?}");
     for _ in 0..60 {
-        robot.send(&command(ServoGoal::Position { angle: 0.0, current_limit: 0.3 }));
+        common::send(&mut robot, &command(ServoGoal::Position { angle: 0.0, current_limit: 0.3 }));
         robot.wait_for_tick();
     }
     assert!(closed(&mut robot, 2.0), "{:?}", bench.hand.shafts());
@@ -107,12 +107,12 @@ fn an_announced_pause_is_no_silence() {
     let mut robot = armed(&bench);
     drive(&mut robot, ServoGoal::Current(0.09), |robot| closed(robot, 2.0));
     robot.pause(3600.0);
-    let (paused, watchdog) = (robot.observe().time, bench.config.limits.host_watchdog);
+    let (paused, watchdog) = (observed(&mut robot).time, bench.config.limits.host_watchdog);
     patiently("the controller has been silent for longer than its watchdog", || {
-        robot.observe().time > paused + 1.5 * watchdog
+        observed(&mut robot).time > paused + 1.5 * watchdog
     });
     assert_eq!(robot.state(), State::Running);
-    robot.send(&command(ServoGoal::Current(0.09)));
+    common::send(&mut robot, &command(ServoGoal::Current(0.09)));
     patiently("the silence is noticed", || robot.state() != State::Running);
     assert!(matches!(robot.state(), State::Hold(Cause::HostSilent(_))), "{:?}", robot.state());
     assert!(closed(&mut robot, 2.0), "{:?}", bench.hand.shafts());
@@ -191,9 +191,9 @@ fn images(robot: &mut HardwareRobot, captures: usize) -> Vec<TactileFrame> {
     let mut all = Vec::new();
     for _ in 0..captures {
         let before = arrived(robot);
-        robot.send(&Command { capture: true, ..command(ServoGoal::Current(0.0)) });
+        common::send(robot, &Command { capture: true, ..command(ServoGoal::Current(0.0)) });
         patiently("an image of every camera", || arrived(robot) == before + CAMERAS as u64);
-        all.extend(robot.observe().tactile);
+        all.extend(observed(robot).tactile);
     }
     all
 }
@@ -205,9 +205,9 @@ fn tactile_images() {
     let mut robot = common::connected(&bench);
     let uncertainty = |robot: &HardwareRobot| robot.tactile().and_then(TactileLink::clock_uncertainty);
     patiently("the board says its time", || uncertainty(&robot).is_some());
-    let (first, before) = (uncertainty(&robot).expect("asked"), robot.observe().time);
+    let (first, before) = (uncertainty(&robot).expect("asked"), observed(&mut robot).time);
     let all = images(&mut robot, 3);
-    let after = robot.observe().time;
+    let after = observed(&mut robot).time;
     // Images are dated by the best answer so far; one second best is believed only once the best has left the window.
     let widest = uncertainty(&robot).expect("asked").max(first);
     let slack = widest + BoardSettings::default().clock_drift * after + 1e-4;

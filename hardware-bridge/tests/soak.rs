@@ -6,7 +6,7 @@ mod common;
 use std::time::{Duration, Instant};
 
 use common::{Bench, bench, forgiving, patiently};
-use hand_model::robot::{Command, Robot, ServoGoal};
+use hand_model::robot::{Command, RobotBackend, ServoGoal};
 use hand_model::{ACTUATORS, Arm};
 use hardware_bridge::hardware_robot::HardwareRobot;
 use hardware_bridge::kortex_link::KortexLink;
@@ -37,7 +37,7 @@ fn fifteen_minutes_on_emulated_devices() {
     robot.arm().expect("arms");
 
     let begun = Instant::now();
-    let home = robot.observe().arm.position;
+    let home = common::observed(&mut robot).arm.position;
     let mut told = 0;
     while begun.elapsed() < LENGTH {
         let elapsed = begun.elapsed().as_secs_f64();
@@ -48,14 +48,15 @@ fn fifteen_minutes_on_emulated_devices() {
         }
         if spell % 2 == 1 {
             robot.pause(10.0);
-            robot.observe();
+            common::observed(&mut robot);
             std::thread::sleep(Duration::from_millis(50));
         } else {
             // 0.1 rad at 0.1 Hz: far below the joints' top speeds.
             let phase = elapsed * std::f64::consts::TAU * 0.1;
             let goal = home.map(|angle| angle + 0.1 * phase.sin());
             let current = 0.06 + 0.03 * phase.sin();
-            robot.send(&Command { arm: goal, servos: [ServoGoal::Current(current); ACTUATORS], capture: false });
+            let servos = [ServoGoal::Current(current); ACTUATORS];
+            common::send(&mut robot, &Command { arm: goal, servos, capture: false });
             robot.wait_for_tick();
         }
         let state = robot.state();

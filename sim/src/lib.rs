@@ -4,7 +4,7 @@
 //! The story in order: [`engine`] holds the physics sets with the settings that make grasps hold; [`body`] puts arm and hand
 //! into it as one reduced-coordinate multibody; [`scene`] says where arm and objects start; [`hull`] makes objects stand firmly; [`servo`] models the XC330s that wind the
 //! cables, [`play`] their gears' play, [`drive`] puts six of them on the transmission; [`gel`] lets the covers give way, and what they hold sticks to them; [`contacts`] reads who touches whom and how hard; [`tactile`] turns
-//! that into images through the `optics` crate; [`robot`] ties them together behind [`hand_model::robot::Robot`]. Ground
+//! that into images through the `optics` crate; [`robot`] ties them together behind [`hand_model::robot::RobotBackend`]. Ground
 //! [`truth`] leaves by [`robot::SimulatedRobot::truth`] alone, which is for the referee.
 //!
 //! Two scenes beside the story have no arm. [`stand`] is a test stand: the same hand with its servos, palm bolted down, things put

@@ -1,5 +1,6 @@
-//! The simulated body behind [`hand_model::robot::Robot`], and the side door to ground truth.
+//! The simulated body behind [`hand_model::robot::RobotBackend`], and the side door to ground truth.
 
+mod backend;
 mod breaking;
 mod following;
 mod outside;
@@ -11,7 +12,7 @@ mod set_points;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-use hand_model::robot::{ArmState, Command, Observation, Robot, Tick};
+use hand_model::robot::{ArmState, Command, Observation, Tick};
 use hand_model::{ARM_JOINTS, Arm, Digit, Hand};
 use nalgebra::{Isometry3, Translation3, Vector3};
 use plant::ArmDefects;
@@ -67,7 +68,7 @@ pub struct SimulatedRobot {
     collides: bool,
     tactile: TactileBoard,
     frames: Vec<hand_model::robot::TactileFrame>,
-    /// From exposure to [`Robot::observe`], s.
+    /// From exposure to [`Self::observe`], s.
     frame_delay: f64,
     /// Frames on their way, and when they arrive, s.
     on_their_way: VecDeque<(f64, Vec<hand_model::robot::TactileFrame>)>,
@@ -410,8 +411,10 @@ fn bears(pair: &ContactPair) -> bool {
     pair.solver_manifolds().iter().any(|manifold| manifold.points.iter().any(|point| point.data.impulse > 0.0))
 }
 
-impl Robot for SimulatedRobot {
-    fn observe(&mut self) -> Observation {
+/// The methods of [`RobotBackend`](hand_model::robot::RobotBackend), which never fail in simulation.
+impl SimulatedRobot {
+    /// The newest measurements, images that arrived since the last ones included.
+    pub fn observe(&mut self) -> Observation {
         Observation {
             time: self.time,
             sequence: self.sequence,
@@ -425,7 +428,8 @@ impl Robot for SimulatedRobot {
         }
     }
 
-    fn send(&mut self, command: &Command) -> Command {
+    /// Takes a command; returns what is followed after the limits of the arm.
+    pub fn send(&mut self, command: &Command) -> Command {
         let mut sent = *command;
         let tick = self.tick_length();
         self.previous_goal = self.goal();
@@ -440,7 +444,8 @@ impl Robot for SimulatedRobot {
         sent
     }
 
-    fn wait_for_tick(&mut self) -> Tick {
+    /// Steps the scene by one control tick.
+    pub fn wait_for_tick(&mut self) -> Tick {
         self.touched_by.fill(0);
         self.collides = false;
         self.object_pairs.clear();
@@ -465,7 +470,8 @@ impl Robot for SimulatedRobot {
         Tick { time: self.time, lateness: 0.0 }
     }
 
-    fn tick_length(&self) -> f64 {
+    /// Length of a control tick, s.
+    pub fn tick_length(&self) -> f64 {
         STEPS_PER_TICK as f64 * self.engine.settings.dt
     }
 }

@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use hand_model::robot::{Command, Robot, ServoGoal};
+use hand_model::robot::{Command, ServoGoal};
 use hand_model::{ARM_JOINTS, Arm, Hand};
 use nalgebra::{Isometry3, Vector3};
 use plant::ArmDefects;

@@ -2,7 +2,6 @@
 
 use std::sync::Arc;
 
-use hand_model::robot::Robot;
 use hand_model::{Arm, Hand};
 use nalgebra::Isometry3;
 use sim::tactile::TactileBoard;

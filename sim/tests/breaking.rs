@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 use std::sync::Arc;
 
-use hand_model::robot::{Command, Robot, ServoGoal, TactileFrame};
+use hand_model::robot::{Command, ServoGoal, TactileFrame};
 use hand_model::{ARM_JOINTS, Arm, Digit, HAND_JOINTS, Hand};
 use nalgebra::{Isometry3, Point3, Vector3};
 use sim::tactile::TactileBoard;

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use hand_model::robot::{Command, Robot, ServoGoal};
+use hand_model::robot::{Command, ServoGoal};
 use hand_model::{Arm, Digit, Hand};
 use nalgebra::{Isometry3, Vector3};
 use sim::tactile::{Drift, Loads, OwnLoad, TactileBoard};

@@ -159,9 +159,12 @@ fn members_know_only_whom_they_may() {
         ("report", "platform hand-model world plant scenarios sim grasping study proving stream"),
         (
             "bench",
-            "platform hand-model world scenarios sim optics touch grasping control hardware-bridge kortex session-log proving stream report progress",
+            "platform hand-model world plant scenarios sim optics touch grasping control hardware-bridge kortex session-log proving stream report progress",
         ),
-        ("identification", "platform least-squares hand-model world plant scenarios sim optics touch grasping control session-log"),
+        (
+            "identification",
+            "platform least-squares hand-model world plant scenarios sim optics touch grasping control session-log",
+        ),
         ("lab", "platform hand-model world scenarios sim optics touch control proving bench report stream progress"),
         ("sweep", "platform scenarios control bench report progress"),
         ("guide", "hand-model scenarios optics touch grasping control study"),

@@ -6,9 +6,9 @@ use std::path::Path;
 use nalgebra::{Isometry3, Translation3, Unit, UnitQuaternion, Vector3};
 use urdf_rs::{JointType, Robot};
 
-use platform::data::DataError;
 use crate::kinematics::pose_from_xyz_rpy;
 use crate::urdf::fault;
+use platform::data::DataError;
 
 /// Fixes every joint that neither is `pulled` nor follows one that is, at its coordinate of `given` (rad or m) or at rest. Answers with
 /// their names and coordinates.

@@ -7,10 +7,10 @@ use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 use urdf_rs::Robot;
 
 use super::shapes::Solid;
-use platform::data::DataError;
 use crate::hand::MassProperties;
 use crate::kinematics::{Tree, pose_from_xyz_rpy};
 use crate::urdf::fault;
+use platform::data::DataError;
 
 /// Least principal moment as a share of the largest: point masses on a line have less, up to rounding.
 const LEAST_MOMENT_RATIO: f64 = 1e-9;

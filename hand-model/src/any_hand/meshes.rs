@@ -6,8 +6,8 @@ use std::sync::Arc;
 
 use nalgebra::{Matrix3, Point3, Vector3};
 
-use platform::data::DataError;
 use crate::urdf::fault;
+use platform::data::DataError;
 
 /// A link that is longer than this is probably in millimetres, m.
 const LARGEST: f64 = 2.0;

@@ -8,8 +8,8 @@ use serde::Deserialize;
 use urdf_rs::{JointType, Robot};
 
 use super::{AnyHand, Feel, PINION, Palm, Pull};
-use platform::data::DataError;
 use crate::urdf::fault;
+use platform::data::DataError;
 
 /// No cable of a hand has a longer moment arm, m, and none pulls a slide with more than this many times its tension.
 const LONGEST_ARM: f64 = 1.0;

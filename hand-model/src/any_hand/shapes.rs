@@ -7,9 +7,9 @@ use nalgebra::{Isometry3, Point3, Vector3};
 use urdf_rs::{Geometry, Link, Pose, Robot};
 
 use super::meshes::{self, MeshTools, Triangles};
-use platform::data::DataError;
 use crate::kinematics::pose_from_xyz_rpy;
 use crate::urdf::numbers::check_shape;
+use platform::data::DataError;
 
 /// A mesh that stands out further from its convex parts than this is told, m.
 const TOLD_EXCESS: f64 = 1e-3;

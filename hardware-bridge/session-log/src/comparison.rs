@@ -4,7 +4,7 @@
 //! different links), nor the outcome (it contains decision times), lateness, or the capture times of images: a camera board's clock is known only to
 //! some microseconds, and no decision depends on it.
 
-use hand_model::robot::{ArmState, Observation, ServoState};
+use hand_model::robot::{ArmState, Readings, ServoState};
 
 use crate::error::SessionLogError;
 use crate::message::bits;
@@ -76,7 +76,7 @@ pub fn compare(expected: &mut Reader, found: &mut Reader) -> Result<Comparison, 
         }
         comparison.values += ours.len() as u64;
         match first {
-            Event::Observation(observation) => comparison.images += observation.tactile.len() as u64,
+            Event::Observation(readings) => comparison.images += readings.tactile.len() as u64,
             Event::Tick(_) => comparison.ticks += 1,
             _ => {}
         }
@@ -96,8 +96,10 @@ fn next(reader: &mut Reader) -> Result<Option<Event>, SessionLogError> {
 fn name(event: &Event) -> &'static str {
     match event {
         Event::Observation(_) => "observation",
+        Event::Unobserved(_) => "failed observation",
         Event::Asked(_) => "command asked",
         Event::Sent(_) => "command sent",
+        Event::Unsent(_) => "command not sent",
         Event::Tick(_) => "tick",
         Event::Seen(..) => "seen",
         Event::Unseen(_) => "failed look",
@@ -109,7 +111,7 @@ fn name(event: &Event) -> &'static str {
 /// All numbers of an event by their bits, with their names.
 fn values(event: &Event) -> Vec<(String, u64)> {
     match event {
-        Event::Observation(observation) => numbers(observation),
+        Event::Observation(readings) => numbers(readings),
         Event::Asked(command) | Event::Sent(command) => bits(command),
         Event::Tick(tick) => vec![("time".to_owned(), tick.time.to_bits())],
         Event::Seen(object, pose) => {
@@ -118,18 +120,23 @@ fn values(event: &Event) -> Vec<(String, u64)> {
             let sigma = pose.and_then(|(_, sigma)| sigma).map(|sigma| ("sigma".to_owned(), sigma.to_bits()));
             seen.into_iter().chain(numbers).chain(sigma).collect()
         }
-        Event::Unseen(_) | Event::Outcome(_) | Event::Raw { .. } => Vec::new(),
+        Event::Unobserved(_) | Event::Unsent(_) | Event::Unseen(_) | Event::Outcome(_) | Event::Raw { .. } => {
+            Vec::new()
+        }
     }
 }
 
-fn numbers(observation: &Observation) -> Vec<(String, u64)> {
-    let Observation { time, sequence, servos, arm, tactile } = observation;
-    let ArmState { position, velocity, torque } = arm;
-    let joints =
+/// Without the times of readings: one robot reads its parts at other times than another.
+fn numbers(readings: &Readings) -> Vec<(String, u64)> {
+    let Readings { time, sequence, servos, arm, tactile } = readings;
+    let joints = arm.iter().flat_map(|arm| {
+        let ArmState { position, velocity, torque } = arm.value;
         [("angle", position), ("speed", velocity), ("torque", torque)].into_iter().flat_map(|(what, values)| {
             (1..).zip(values).map(move |(n, value)| (format!("arm joint {n} {what}"), value.to_bits()))
-        });
-    let servos = (1..).zip(servos).flat_map(|(n, servo)| {
+        })
+    });
+    let read = (1..).zip(servos).filter_map(|(n, servo)| servo.map(|servo| (n, servo.value)));
+    let servos = read.flat_map(|(n, servo)| {
         let ServoState { position, velocity, current, temperature } = servo;
         [("angle", position), ("speed", velocity), ("current", current), ("temperature", temperature)]
             .map(|(what, value)| (format!("servo {n} {what}"), value.to_bits()))
@@ -139,7 +146,7 @@ fn numbers(observation: &Observation) -> Vec<(String, u64)> {
 }
 
 /// The first image that is not the same: what, found, expected.
-fn unlike_images(expected: &Observation, found: &Observation) -> Option<(String, String, String)> {
+fn unlike_images(expected: &Readings, found: &Readings) -> Option<(String, String, String)> {
     expected.tactile.iter().zip(&found.tactile).find_map(|(a, b)| {
         if a.camera != b.camera {
             return Some(("camera".to_owned(), b.camera.to_string(), a.camera.to_string()));
@@ -156,7 +163,7 @@ fn unlike_images(expected: &Observation, found: &Observation) -> Option<(String,
 mod tests {
     use std::path::Path;
 
-    use hand_model::robot::{Command, Tick};
+    use hand_model::robot::{Command, Observation, Tick};
 
     use super::*;
     use crate::writer::{Session, Writer};
@@ -169,7 +176,7 @@ mod tests {
             if n == 1 {
                 observation.arm.position[3] = angle;
             }
-            writer.observation(&observation).expect("written");
+            writer.observation(&observation.into()).expect("written");
             let command =
                 Command { arm: [0.0; 7], servos: [hand_model::robot::ServoGoal::Current(0.1); 6], capture: false };
             writer.asked(&command).expect("written");

@@ -36,9 +36,10 @@ pub fn frames(reader: &mut Reader, ticks: usize) -> Result<(Vec<Frame>, Option<V
     let (mut latest, mut tactile) = (None, Vec::new());
     while let Some((_, event)) = reader.next_event()? {
         match event {
-            Event::Observation(mut observation) => {
-                tactile.append(&mut observation.tactile);
-                latest = Some(observation);
+            Event::Observation(mut readings) => {
+                tactile.append(&mut readings.tactile);
+                // What was never read is nothing to learn from.
+                latest = readings.complete().ok();
             }
             Event::Sent(sent) => {
                 let Some(observation) = latest.take() else { continue };
@@ -57,7 +58,7 @@ pub fn frames(reader: &mut Reader, ticks: usize) -> Result<(Vec<Frame>, Option<V
 
 #[cfg(test)]
 mod tests {
-    use hand_model::robot::{Observation, Robot, Tick};
+    use hand_model::robot::{Observation, Readings, RobotBackend, RobotError, Tick};
 
     use super::*;
     use crate::{Recorder, Session, Writer};
@@ -65,13 +66,13 @@ mod tests {
     /// A body whose clock is all that moves.
     struct Clock(f64);
 
-    impl Robot for Clock {
-        fn observe(&mut self) -> Observation {
-            Observation { time: self.0, ..Observation::default() }
+    impl RobotBackend for Clock {
+        fn observe(&mut self) -> Result<Readings, RobotError> {
+            Ok(Observation { time: self.0, ..Observation::default() }.into())
         }
 
-        fn send(&mut self, command: &Command) -> Command {
-            *command
+        fn send(&mut self, command: &Command) -> Result<Command, RobotError> {
+            Ok(*command)
         }
 
         fn wait_for_tick(&mut self) -> Tick {
@@ -93,8 +94,8 @@ mod tests {
         let mut servos = [ServoGoal::Current(0.25); ACTUATORS];
         servos[5] = ServoGoal::Position { angle: 0.5, current_limit: 0.1 };
         for n in 0..20 {
-            recorder.observe();
-            recorder.send(&Command { arm: [f64::from(n); 7], servos, capture: false });
+            recorder.observe().unwrap();
+            recorder.send(&Command { arm: [f64::from(n); 7], servos, capture: false }).unwrap();
             recorder.wait_for_tick();
         }
         recorder.outcome(b"{}");

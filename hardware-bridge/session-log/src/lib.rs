@@ -1,11 +1,12 @@
-//! Record and replay of any [`Robot`](hand_model::robot::Robot): a session is one MCAP file with everything that went in and out of the robot.
+//! Record and replay of any [`RobotBackend`](hand_model::robot::RobotBackend): a session is one MCAP file with everything that went in and out of the robot.
 //!
 //! The format is the same for simulated, emulated and real robots:
 //!
 //! | topic | content |
 //! |---|---|
-//! | `observation` | what [`Robot::observe`](hand_model::robot::Robot::observe) gave, images included |
+//! | `observation` | what [`RobotBackend::observe`](hand_model::robot::RobotBackend::observe) gave, each reading with its time, images included |
 //! | `command/asked`, `command/sent` | the command requested by the controller, and the one sent after limits |
+//! | `observation/failed`, `command/failed` | why nothing was observed, or nothing sent |
 //! | `seen` | an object's pose from prior perception, an input to the controller besides the robot's |
 //! | `unseen` | why prior perception failed, where a look ended the trial |
 //! | `tick` | the end of a control tick |

@@ -7,10 +7,10 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use hand_model::pads::IMAGE_SIZE;
-use hand_model::robot::{self, ServoGoal, ServoState, TactileImage};
+use hand_model::robot::{self, ArmState, Reading, ServoGoal, ServoState, TactileImage};
 use hand_model::{ACTUATORS, ARM_JOINTS, CAMERAS};
 
-/// [`robot::Observation`].
+/// [`robot::Readings`].
 #[derive(Clone, PartialEq, prost::Message)]
 pub struct Observation {
     /// s.
@@ -43,6 +43,15 @@ pub struct Observation {
     /// Images that arrived.
     #[prost(message, repeated, tag = "10")]
     pub tactile: Vec<TactileFrame>,
+    /// When each servo was read, s; empty in sessions that say so by `time` alone.
+    #[prost(double, repeated, tag = "11")]
+    pub servo_time: Vec<f64>,
+    /// Indices of servos that were never read: their numbers mean nothing.
+    #[prost(uint32, repeated, tag = "12")]
+    pub servo_unread: Vec<u32>,
+    /// When the arm was read, s. An arm that was never read has no positions.
+    #[prost(double, optional, tag = "13")]
+    pub arm_time: Option<f64>,
 }
 
 /// [`robot::TactileFrame`].
@@ -158,19 +167,25 @@ fn given<T>(field: &'static str, value: Option<T>) -> Result<T, Wrong> {
 
 impl Observation {
     /// For the file. `last` are the images written before, and is brought up to date.
-    pub fn new(observation: &robot::Observation, last: &mut LastImages) -> Self {
-        let servos = |value: fn(&ServoState) -> f64| observation.servos.iter().map(value).collect();
+    pub fn new(readings: &robot::Readings, last: &mut LastImages) -> Self {
+        let none = Reading { value: ServoState::default(), time: readings.time };
+        let read = readings.servos.map(|servo| servo.unwrap_or(none));
+        let servos = |value: fn(&ServoState) -> f64| read.iter().map(|servo| value(&servo.value)).collect();
+        let arm = |value: fn(&ArmState) -> &[f64]| readings.arm.map_or(Vec::new(), |arm| value(&arm.value).to_vec());
         Self {
-            time: Some(observation.time),
-            sequence: Some(observation.sequence),
+            time: Some(readings.time),
+            sequence: Some(readings.sequence),
             servo_position: servos(|servo| servo.position),
             servo_velocity: servos(|servo| servo.velocity),
             servo_current: servos(|servo| servo.current),
             servo_temperature: servos(|servo| servo.temperature),
-            arm_position: observation.arm.position.to_vec(),
-            arm_velocity: observation.arm.velocity.to_vec(),
-            arm_torque: observation.arm.torque.to_vec(),
-            tactile: observation.tactile.iter().map(|frame| TactileFrame::new(frame, last)).collect(),
+            arm_position: arm(|arm| &arm.position),
+            arm_velocity: arm(|arm| &arm.velocity),
+            arm_torque: arm(|arm| &arm.torque),
+            tactile: readings.tactile.iter().map(|frame| TactileFrame::new(frame, last)).collect(),
+            servo_time: read.iter().map(|servo| servo.time).collect(),
+            servo_unread: (0..).zip(&readings.servos).filter(|(_, servo)| servo.is_none()).map(|(n, _)| n).collect(),
+            arm_time: readings.arm.map(|arm| arm.time),
         }
     }
 
@@ -178,26 +193,35 @@ impl Observation {
     ///
     /// # Errors
     /// Names the field that is not as it should be.
-    pub fn read(self, last: &mut LastImages, images: Images) -> Result<robot::Observation, Wrong> {
+    pub fn read(self, last: &mut LastImages, images: Images) -> Result<robot::Readings, Wrong> {
+        let time = given("time", self.time)?;
+        let times = match self.servo_time.as_slice() {
+            [] => [time; ACTUATORS],
+            times => list("servo_time", times)?,
+        };
         let position = list::<ACTUATORS, _>("servo_position", &self.servo_position)?;
         let velocity = list::<ACTUATORS, _>("servo_velocity", &self.servo_velocity)?;
         let current = list::<ACTUATORS, _>("servo_current", &self.servo_current)?;
         let temperature = list::<ACTUATORS, _>("servo_temperature", &self.servo_temperature)?;
-        let servo = |i: usize| ServoState {
-            position: position[i],
-            velocity: velocity[i],
-            current: current[i],
-            temperature: temperature[i],
+        let servo = |i: usize| {
+            let (position, velocity, current, temperature) = (position[i], velocity[i], current[i], temperature[i]);
+            let value = ServoState { position, velocity, current, temperature };
+            (!self.servo_unread.contains(&(i as u32))).then_some(Reading { value, time: times[i] })
         };
-        Ok(robot::Observation {
-            time: given("time", self.time)?,
+        let unread = [&self.arm_position, &self.arm_velocity, &self.arm_torque].iter().all(|joints| joints.is_empty());
+        let arm = if unread {
+            None
+        } else {
+            let position = list::<ARM_JOINTS, _>("arm_position", &self.arm_position)?;
+            let velocity = list::<ARM_JOINTS, _>("arm_velocity", &self.arm_velocity)?;
+            let torque = list::<ARM_JOINTS, _>("arm_torque", &self.arm_torque)?;
+            Some(Reading { value: ArmState { position, velocity, torque }, time: self.arm_time.unwrap_or(time) })
+        };
+        Ok(robot::Readings {
+            time,
             sequence: given("sequence", self.sequence)?,
             servos: std::array::from_fn(servo),
-            arm: robot::ArmState {
-                position: list::<ARM_JOINTS, _>("arm_position", &self.arm_position)?,
-                velocity: list::<ARM_JOINTS, _>("arm_velocity", &self.arm_velocity)?,
-                torque: list::<ARM_JOINTS, _>("arm_torque", &self.arm_torque)?,
-            },
+            arm,
             tactile: self.tactile.into_iter().map(|frame| frame.read(last, images)).collect::<Result<_, _>>()?,
         })
     }
@@ -335,25 +359,23 @@ pub(super) mod tests {
         }
 
         #[test]
-        fn observations_keep_every_bit(values in prop::collection::vec(any_bits(), 46), sequence: u64) {
+        fn observations_keep_every_bit(
+            values in prop::collection::vec(any_bits(), 53),
+            sequence: u64,
+            unread in prop::array::uniform6(any::<bool>()),
+        ) {
             let mut values = values.into_iter();
             let mut next = || values.next().expect("enough");
-            let observation = robot::Observation {
-                time: next(),
-                sequence,
-                servos: std::array::from_fn(|_| ServoState {
-                    position: next(),
-                    velocity: next(),
-                    current: next(),
-                    temperature: next(),
-                }),
-                arm: robot::ArmState {
-                    position: std::array::from_fn(|_| next()),
-                    velocity: std::array::from_fn(|_| next()),
-                    torque: std::array::from_fn(|_| next()),
-                },
-                tactile: vec![],
-            };
+            let servos = unread.map(|unread| {
+                let (position, velocity, current, temperature) = (next(), next(), next(), next());
+                let value = ServoState { position, velocity, current, temperature };
+                let time = next();
+                (!unread).then_some(Reading { value, time })
+            });
+            let mut joints = || std::array::from_fn(|_| next());
+            let value = ArmState { position: joints(), velocity: joints(), torque: joints() };
+            let arm = Some(Reading { value, time: next() });
+            let observation = robot::Readings { time: next(), sequence, servos, arm, tactile: vec![] };
             let written = Observation::new(&observation, &mut LastImages::new());
             let back = Observation::decode(written.encode_to_vec().as_slice())?;
             let back = back.read(&mut LastImages::new(), Images::Any).expect("readable");
@@ -361,9 +383,24 @@ pub(super) mod tests {
             let again = Observation::new(&back, &mut LastImages::new());
             prop_assert_eq!(again.encode_to_vec(), written.encode_to_vec());
             prop_assert_eq!(back.time.to_bits(), observation.time.to_bits());
-            prop_assert_eq!(back.servos[5].temperature.to_bits(), observation.servos[5].temperature.to_bits());
-            prop_assert_eq!(back.arm.torque[6].to_bits(), observation.arm.torque[6].to_bits());
+            let temperature = |readings: &robot::Readings| {
+                readings.servos[5].map(|servo| [servo.value.temperature, servo.time].map(f64::to_bits))
+            };
+            prop_assert_eq!(temperature(&back), temperature(&observation));
+            let torque = |readings: &robot::Readings| readings.arm.map(|arm| arm.value.torque[6].to_bits());
+            prop_assert_eq!(torque(&back), torque(&observation));
         }
+    }
+
+    /// Sessions of before have no times of their own for servos and arm.
+    #[test]
+    fn without_times_all_is_of_the_observations_time() {
+        let whole = robot::Readings::from(robot::Observation { time: 2.5, ..Default::default() });
+        let written = Observation::new(&whole, &mut LastImages::new());
+        let former = Observation { servo_time: vec![], arm_time: None, ..written };
+        let back = former.read(&mut LastImages::new(), Images::Any).expect("readable");
+        assert_eq!(back.servos.map(|servo| servo.map(|servo| servo.time)), [Some(2.5); 6]);
+        assert_eq!(back.arm.map(|arm| arm.time), Some(2.5));
     }
 
     /// The same pixels are written once, for each camera by itself, and are one image again when read.
@@ -385,7 +422,7 @@ pub(super) mod tests {
             frame(0, 3, &light),
             frame(1, 1, &dark),
         ];
-        let observation = robot::Observation { tactile, ..Default::default() };
+        let observation = robot::Readings { tactile, ..Default::default() };
         let written = Observation::new(&observation, &mut LastImages::new());
         let has_pixels: Vec<bool> = written.tactile.iter().map(|frame| frame.rgb.is_some()).collect();
         assert_eq!(has_pixels, [true, true, false, false, true, false]);

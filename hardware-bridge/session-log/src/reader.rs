@@ -7,19 +7,20 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use crc::{CRC_32_ISO_HDLC, Crc};
-use platform::digest::sha256;
-use platform::file::open_regular;
 use hand_model::robot;
 use mcap::records::{ChunkHeader, Record, op};
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use mcap::{McapError, McapResult};
+use platform::digest::sha256;
+use platform::file::open_regular;
 use prost::Message;
 
 use crate::error::SessionLogError;
 use crate::message::{Command, Images, LastImages, Observation, Seen, SeenPose, Tick, Wrong};
 use crate::tap::Direction;
 use crate::writer::{
-    ASKED, CALIBRATION, CONFIGURATION, FORMAT, METADATA, OBSERVATION, OUTCOME, SEEN, SENT, Session, TASK, TICK, UNSEEN,
+    ASKED, CALIBRATION, CONFIGURATION, FORMAT, METADATA, OBSERVATION, OUTCOME, SEEN, SENT, Session, TASK, TICK,
+    UNOBSERVED, UNSEEN, UNSENT,
 };
 
 /// The longest record taken, bytes: an observation with an image of every camera has 3.2 MB. A damaged length must not
@@ -41,11 +42,15 @@ const IN_CHUNK: [u8; 2] = [op::CHANNEL, op::MESSAGE];
 #[derive(Debug, Clone)]
 pub enum Event {
     /// What was observed.
-    Observation(robot::Observation),
+    Observation(Box<robot::Readings>),
+    /// Why nothing was.
+    Unobserved(String),
     /// What the controller wanted.
     Asked(robot::Command),
     /// What was sent.
     Sent(robot::Command),
+    /// Why nothing was.
+    Unsent(String),
     /// The end of a tick.
     Tick(robot::Tick),
     /// What prior perception says: which object, and its pose if it was to be seen ([`Seen`]).
@@ -272,16 +277,19 @@ impl Reader {
     /// What is on `topic`; `None` for a topic of somebody else.
     fn event(&mut self, topic: &str, sequence: u32, data: &[u8]) -> Result<Option<Event>, SessionLogError> {
         let (last, images) = (&mut self.last_images, self.images);
+        let text = || String::from_utf8_lossy(data).into_owned();
         let event = match topic {
-            OBSERVATION => {
-                decode(data).and_then(|message: Observation| message.read(last, images)).map(Event::Observation)
-            }
+            OBSERVATION => decode(data)
+                .and_then(|message: Observation| message.read(last, images))
+                .map(|readings| Event::Observation(Box::new(readings))),
             ASKED => decode(data).and_then(|message: Command| message.read()).map(Event::Asked),
             SENT => decode(data).and_then(|message: Command| message.read()).map(Event::Sent),
             SEEN => {
                 decode(data).and_then(|message: Seen| message.read()).map(|(object, pose)| Event::Seen(object, pose))
             }
-            UNSEEN => Ok(Event::Unseen(String::from_utf8_lossy(data).into_owned())),
+            UNSEEN => Ok(Event::Unseen(text())),
+            UNOBSERVED => Ok(Event::Unobserved(text())),
+            UNSENT => Ok(Event::Unsent(text())),
             OUTCOME => Ok(Event::Outcome(data.to_owned())),
             TICK => decode(data).and_then(Tick::read).map(Event::Tick),
             _ => match raw_topic(topic) {

@@ -2,7 +2,7 @@
 
 use std::sync::mpsc::Receiver;
 
-use hand_model::robot::{Command, Observation, Robot, Tick};
+use hand_model::robot::{Command, Readings, RobotBackend, RobotError, Tick};
 
 use crate::error::SessionLogError;
 use crate::message::SeenPose;
@@ -18,7 +18,7 @@ pub struct Recorder<R> {
     error: Option<SessionLogError>,
 }
 
-impl<R: Robot> Recorder<R> {
+impl<R: RobotBackend> Recorder<R> {
     /// Around `robot`, into `writer`.
     pub fn new(robot: R, writer: Writer) -> Self {
         Self { robot, writer, packets: None, error: None }
@@ -84,17 +84,23 @@ impl<R: Robot> Recorder<R> {
     }
 }
 
-impl<R: Robot> Robot for Recorder<R> {
-    fn observe(&mut self) -> Observation {
-        let observation = self.robot.observe();
-        self.write(|writer| writer.observation(&observation));
-        observation
+impl<R: RobotBackend> RobotBackend for Recorder<R> {
+    fn observe(&mut self) -> Result<Readings, RobotError> {
+        let readings = self.robot.observe();
+        self.write(|writer| match &readings {
+            Ok(readings) => writer.observation(readings),
+            Err(error) => writer.unobserved(&error.to_string()),
+        });
+        readings
     }
 
-    fn send(&mut self, command: &Command) -> Command {
+    fn send(&mut self, command: &Command) -> Result<Command, RobotError> {
         self.write(|writer| writer.asked(command));
         let sent = self.robot.send(command);
-        self.write(|writer| writer.sent(&sent));
+        self.write(|writer| match &sent {
+            Ok(sent) => writer.sent(sent),
+            Err(error) => writer.unsent(&error.to_string()),
+        });
         sent
     }
 

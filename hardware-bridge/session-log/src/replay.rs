@@ -4,7 +4,7 @@
 //! recorded order, bit by bit; the replay keeps the first divergence. From there on, and after the end of the recording,
 //! it repeats the last observation while time advances, so that a waiting controller gives up by its own rules.
 
-use hand_model::robot::{Command, Observation, Robot, Tick};
+use hand_model::robot::{Command, Readings, RobotBackend, RobotError, Tick};
 
 use crate::error::SessionLogError;
 use crate::message::{SeenPose, bits};
@@ -48,7 +48,7 @@ pub struct Progress {
 pub struct Replay {
     reader: Reader,
     next: Option<Event>,
-    observation: Observation,
+    readings: Readings,
     tick: Tick,
     progress: Progress,
     divergence: Option<Divergence>,
@@ -66,7 +66,7 @@ impl Replay {
         let mut replay = Self {
             reader,
             next: None,
-            observation: Observation::default(),
+            readings: Readings::default(),
             tick: Tick::default(),
             progress: Progress::default(),
             divergence: None,
@@ -141,8 +141,8 @@ impl Replay {
             self.read_next();
         } else {
             let recorded = match event {
-                Event::Observation(_) => "an observation",
-                Event::Asked(_) | Event::Sent(_) => "a command",
+                Event::Observation(_) | Event::Unobserved(_) => "an observation",
+                Event::Asked(_) | Event::Sent(_) | Event::Unsent(_) => "a command",
                 Event::Tick(_) => "a tick",
                 Event::Seen(..) | Event::Unseen(_) => "a look at an object",
                 Event::Raw { .. } => "bytes",
@@ -204,33 +204,35 @@ impl Replay {
     }
 }
 
-impl Robot for Replay {
-    fn observe(&mut self) -> Observation {
+impl RobotBackend for Replay {
+    fn observe(&mut self) -> Result<Readings, RobotError> {
         let recorded = self.take("an observation", |event| match event {
-            Event::Observation(observation) => Some(observation.clone()),
+            Event::Observation(readings) => Some(Ok((**readings).clone())),
+            Event::Unobserved(why) => Some(Err(RobotError::Lost(why.clone()))),
             _ => None,
         });
         match recorded {
-            Some(observation) => self.observation = observation,
+            Some(readings) => self.readings = readings?,
             None => {
-                self.observation.time = self.tick.time;
-                self.observation.tactile.clear();
+                self.readings.time = self.tick.time;
+                self.readings.tactile.clear();
             }
         }
-        self.observation.clone()
+        Ok(self.readings.clone())
     }
 
-    fn send(&mut self, command: &Command) -> Command {
+    fn send(&mut self, command: &Command) -> Result<Command, RobotError> {
         let asked = self.take("a command", |event| match event {
             Event::Asked(asked) => Some(*asked),
             _ => None,
         });
-        let Some(asked) = asked else { return *command };
+        let Some(asked) = asked else { return Ok(*command) };
         self.compare(&asked, command);
         // A recording may end between the two.
-        let sent = match self.next {
-            Some(Event::Sent(sent)) => sent,
-            _ => return *command,
+        let sent = match &self.next {
+            Some(Event::Sent(sent)) => Ok(*sent),
+            Some(Event::Unsent(why)) => Err(RobotError::Lost(why.clone())),
+            _ => return Ok(*command),
         };
         self.read_next();
         sent

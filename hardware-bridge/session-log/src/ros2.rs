@@ -164,7 +164,7 @@ pub fn export(mut reader: Reader, names: &Names, out: &Path) -> Result<u64, Sess
     while let Some((times, event)) = reader.next_event()? {
         let at = reader.begun() + times.host;
         match event {
-            Event::Observation(observation) => observed(&mut bag, names, at, &observation)?,
+            Event::Observation(readings) => observed(&mut bag, names, at, &readings)?,
             Event::Sent(command) => sent(&mut bag, names, at, &command)?,
             Event::Outcome(words) => {
                 let mut cdr = Cdr::new();
@@ -178,19 +178,18 @@ pub fn export(mut reader: Reader, names: &Names, out: &Path) -> Result<u64, Sess
     Ok(bag.messages)
 }
 
-fn observed(
-    bag: &mut Bag<'_>,
-    names: &Names,
-    at: Duration,
-    observation: &robot::Observation,
-) -> Result<(), SessionLogError> {
-    let arm = &observation.arm;
-    bag.joints("/arm/joint_states", at, &joint_state(at, &names.arm, &arm.position, &arm.velocity, &arm.torque))?;
-    let of = |value: fn(&robot::ServoState) -> f64| observation.servos.map(|servo| value(&servo));
+fn observed(bag: &mut Bag<'_>, names: &Names, at: Duration, readings: &robot::Readings) -> Result<(), SessionLogError> {
+    if let Some(arm) = readings.arm.map(|arm| arm.value) {
+        bag.joints("/arm/joint_states", at, &joint_state(at, &names.arm, &arm.position, &arm.velocity, &arm.torque))?;
+    }
+    // In ROS, not a number stands for what is not known.
+    let of = |value: fn(&robot::ServoState) -> f64| {
+        readings.servos.map(|servo| servo.map_or(f64::NAN, |servo| value(&servo.value)))
+    };
     let torque = of(|servo| servo.current).map(|current| current * names.torque_constant);
     let state = joint_state(at, &names.servos, &of(|servo| servo.position), &of(|servo| servo.velocity), &torque);
     bag.joints("/hand/servo_states", at, &state)?;
-    for frame in &observation.tactile {
+    for frame in &readings.tactile {
         let camera = names.cameras.get(frame.camera).cloned().unwrap_or_else(|| format!("camera_{}", frame.camera));
         let body = format!("{HEADER}{IMAGE}{PARTS}");
         let data = image(at, &camera, &frame.image.rgb);

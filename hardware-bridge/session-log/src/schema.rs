@@ -39,6 +39,9 @@ const MESSAGES: &[(&str, Fields)] = &[
             ("arm_velocity", List(Type::Double)),
             ("arm_torque", List(Type::Double)),
             ("tactile", Messages("TactileFrame")),
+            ("servo_time", List(Type::Double)),
+            ("servo_unread", List(Type::Uint32)),
+            ("arm_time", One(Type::Double)),
         ],
     ),
     (
@@ -124,10 +127,13 @@ mod tests {
         let mut observation = robot::Observation { time: 1.5, sequence: 9, tactile: vec![frame], ..Default::default() };
         observation.servos[5].temperature = 41.0;
         observation.arm.torque = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, -0.0];
-        let bytes = Observation::new(&observation, &mut LastImages::new()).encode_to_vec();
+        let torque = observation.arm.torque;
+        let mut readings = robot::Readings::from(observation);
+        readings.servos[1] = None;
+        let bytes = Observation::new(&readings, &mut LastImages::new()).encode_to_vec();
         let message = read("Observation", &bytes);
         assert_eq!(numbers(&message, "servo_temperature"), [0.0, 0.0, 0.0, 0.0, 0.0, 41.0]);
-        assert_eq!(numbers(&message, "arm_torque"), observation.arm.torque);
+        assert_eq!(numbers(&message, "arm_torque"), torque);
         assert_eq!(message.get_field_by_name("sequence").as_deref(), Some(&Value::U64(9)));
         assert_eq!(message.unknown_fields().count(), 0);
         assert_eq!(message.encode_to_vec(), bytes);

@@ -6,10 +6,10 @@ use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant, SystemTime};
 
-use platform::digest::sha256;
 use hand_model::robot;
 use mcap::WriteOptions;
 use mcap::records::{MessageHeader, Metadata};
+use platform::digest::sha256;
 use prost::Message;
 
 use crate::error::SessionLogError;
@@ -39,6 +39,10 @@ pub const TASK: &str = "task";
 pub const SEEN: &str = "seen";
 /// Topic of looks that failed.
 pub const UNSEEN: &str = "unseen";
+/// Topic of observations that failed.
+pub const UNOBSERVED: &str = "observation/failed";
+/// Topic of commands that could not be sent.
+pub const UNSENT: &str = "command/failed";
 /// Topic of what the body says of its own running.
 pub const STATISTICS: &str = "statistics";
 /// Topic of the outcome.
@@ -169,10 +173,26 @@ impl Writer {
     ///
     /// # Errors
     /// [`SessionLogError`].
-    pub fn observation(&mut self, observation: &robot::Observation) -> Result<(), SessionLogError> {
-        self.time = observation.time;
-        let message = Observation::new(observation, &mut self.last_images);
+    pub fn observation(&mut self, readings: &robot::Readings) -> Result<(), SessionLogError> {
+        self.time = readings.time;
+        let message = Observation::new(readings, &mut self.last_images);
         self.message(OBSERVATION, "Observation", &message)
+    }
+
+    /// Why nothing was observed.
+    ///
+    /// # Errors
+    /// [`SessionLogError`].
+    pub fn unobserved(&mut self, why: &str) -> Result<(), SessionLogError> {
+        self.text(UNOBSERVED, why)
+    }
+
+    /// Why a command was not sent.
+    ///
+    /// # Errors
+    /// [`SessionLogError`].
+    pub fn unsent(&mut self, why: &str) -> Result<(), SessionLogError> {
+        self.text(UNSENT, why)
     }
 
     /// A command, before it is passed on.
@@ -204,8 +224,7 @@ impl Writer {
     /// # Errors
     /// [`SessionLogError`].
     pub fn unseen(&mut self, why: &str) -> Result<(), SessionLogError> {
-        let (host, body) = (self.host_time(), body_time(self.time));
-        self.write(UNSEEN, None, host, body, why.as_bytes())
+        self.text(UNSEEN, why)
     }
 
     /// What came of it, in the controller's words.
@@ -248,6 +267,11 @@ impl Writer {
     /// Ends the chunk and hands everything to the operating system.
     fn flush(&mut self) -> Result<(), SessionLogError> {
         self.mcap.flush().map_err(SessionLogError::mcap(&self.path))
+    }
+
+    fn text(&mut self, topic: &str, text: &str) -> Result<(), SessionLogError> {
+        let (host, body) = (self.host_time(), body_time(self.time));
+        self.write(topic, None, host, body, text.as_bytes())
     }
 
     fn message(&mut self, topic: &str, name: &'static str, message: &impl Message) -> Result<(), SessionLogError> {

@@ -6,7 +6,7 @@
 
 use std::sync::Arc;
 
-use hand_model::robot::{Command, Observation, Robot, TactileFrame, Tick};
+use hand_model::robot::{Command, Observation, Plant, Readings, RobotBackend, RobotError, TactileFrame, Tick};
 use hand_model::{ACTUATORS, Arm, Hand};
 
 use super::camera_board::CameraBoard;
@@ -25,7 +25,7 @@ use crate::tactile_link::message::Message;
 use crate::xc330::{self, PRESENT_BLOCK_LONG, Register};
 
 pub struct DirectRobot {
-    plant: Box<dyn Robot + Send>,
+    plant: Box<dyn Plant + Send>,
     servos: Vec<EmulatedServo>,
     /// Whole turns to take off each servo's reading, rad.
     forget: [Option<f64>; ACTUATORS],
@@ -48,7 +48,7 @@ impl DirectRobot {
     /// # Errors
     /// What the checks found.
     pub fn start(
-        mut plant: Box<dyn Robot + Send>,
+        mut plant: Box<dyn Plant + Send>,
         settings: LockstepSettings,
         arm_model: &Arm,
     ) -> Result<Self, CheckFailed> {
@@ -136,18 +136,13 @@ impl DirectRobot {
     }
 }
 
-impl Robot for DirectRobot {
-    fn observe(&mut self) -> Observation {
-        Observation {
-            time: self.time,
-            sequence: self.sequence,
-            servos: self.measured.servos.map(|servo| servo.map(|servo| servo.state).unwrap_or_default()),
-            arm: self.measured.arm.map(|arm| arm.state).unwrap_or_default(),
-            tactile: std::mem::take(&mut self.images),
-        }
+impl RobotBackend for DirectRobot {
+    fn observe(&mut self) -> Result<Readings, RobotError> {
+        let tactile = std::mem::take(&mut self.images);
+        Ok(self.measured.readings(self.time, self.sequence, tactile))
     }
 
-    fn send(&mut self, command: &Command) -> Command {
+    fn send(&mut self, command: &Command) -> Result<Command, RobotError> {
         self.capture = command.capture;
         self.asked += 1;
         let asked = Asked { command, at: self.time, number: self.asked };
@@ -156,7 +151,7 @@ impl Robot for DirectRobot {
             self.arm.target = Some(safe.arm);
             self.write_goals();
         }
-        sent_as(command, &self.sent, self.supervisor.state())
+        Ok(sent_as(command, &self.sent, self.supervisor.state()))
     }
 
     fn wait_for_tick(&mut self) -> Tick {

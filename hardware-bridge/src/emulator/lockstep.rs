@@ -10,7 +10,7 @@ use std::path::Path;
 use std::sync::mpsc::Sender;
 use std::time::{Duration, Instant};
 
-use hand_model::robot::{Command, Observation, Robot, Tick};
+use hand_model::robot::{Command, Plant, Readings, RobotBackend, RobotError, Tick};
 use hand_model::{ACTUATORS, Arm};
 use kortex::KortexError;
 use session_log::{Packet, Tap};
@@ -74,6 +74,8 @@ pub struct LockstepRobot {
     tick: f64,
     sequence: u64,
     host_alive: bool,
+    /// Why the cameras could not be asked for images since the last observation.
+    unasked: Option<RobotError>,
     config: BridgeConfig,
     calibration: HandCalibration,
 }
@@ -81,7 +83,7 @@ pub struct LockstepRobot {
 impl LockstepRobot {
     /// Switches devices on around `plant`, connects to them, checks and arms. Packets that cross are copied to `packets`.
     pub fn start(
-        plant: Box<dyn Robot + Send>,
+        plant: Box<dyn Plant + Send>,
         settings: LockstepSettings,
         arm_model: &Arm,
         packets: Option<&Sender<Packet>>,
@@ -104,8 +106,19 @@ impl LockstepRobot {
         }
         let cycle = servo_cycle(&config, &calibration, hand, Box::new(arm.link()), arm_model, clock.clone());
         let cycle = ServoCycle { audit_every: 1, ..cycle };
-        let (sequence, host_alive) = (0, true);
-        let mut robot = Self { cycle, cameras, devices, arm, clock, tick, sequence, host_alive, config, calibration };
+        let mut robot = Self {
+            cycle,
+            cameras,
+            devices,
+            arm,
+            clock,
+            tick,
+            sequence: 0,
+            host_alive: true,
+            unasked: None,
+            config,
+            calibration,
+        };
         robot.cycle.measure();
         robot.cycle.supervisor.check(&robot.cycle.measured, robot.clock.now())?;
         robot.cycle.arm_torque(robot.clock.now()).map_err(LockstepError::Arming)?;
@@ -194,19 +207,24 @@ impl LockstepRobot {
     }
 }
 
-impl Robot for LockstepRobot {
-    fn observe(&mut self) -> Observation {
-        newest(&self.cycle.shared, self.cameras.as_ref(), self.clock.now(), self.sequence)
+impl RobotBackend for LockstepRobot {
+    fn observe(&mut self) -> Result<Readings, RobotError> {
+        match self.unasked.take() {
+            Some(error) => Err(error),
+            None => Ok(newest(&self.cycle.shared, self.cameras.as_ref(), self.clock.now(), self.sequence)),
+        }
     }
 
-    fn send(&mut self, command: &Command) -> Command {
+    fn send(&mut self, command: &Command) -> Result<Command, RobotError> {
         if !self.host_alive {
-            return *command;
+            return Err(RobotError::Lost("the host was stopped".to_owned()));
         }
         if let (true, Some(link)) = (command.capture, self.tactile()) {
-            // A port that is gone is noticed at the next observation.
-            if link.request_capture().is_ok() {
-                self.patiently(|robot| robot.devices.capture_pending());
+            match link.request_capture() {
+                Ok(()) => {
+                    self.patiently(|robot| robot.devices.capture_pending());
+                }
+                Err(error) => self.unasked = Some(RobotError::Capture(error.to_string())),
             }
         }
         {
@@ -216,7 +234,7 @@ impl Robot for LockstepRobot {
         }
         self.cycle.decide();
         let board = lock(&self.cycle.shared.board);
-        sent_as(command, &board.sent, board.state)
+        Ok(sent_as(command, &board.sent, board.state))
     }
 
     fn wait_for_tick(&mut self) -> Tick {

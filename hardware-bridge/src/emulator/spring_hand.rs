@@ -1,13 +1,13 @@
 //! A plant without a simulator: six servos on springs, an arm that follows its set-points exactly, images of dots.
 //!
-//! It is a [`Robot`] and can replace the simulated one. Each servo winds against a spring between two hard stops; without
+//! It is a [`Plant`] and can replace the simulated one. Each servo winds against a spring between two hard stops; without
 //! current the spring unwinds it to the open mark.
 
 use std::sync::Arc;
 
 use hand_model::pads::IMAGE_SIZE;
 use hand_model::robot::{
-    ArmState, Command, Observation, Robot, ServoGoal, ServoState, TactileFrame, TactileImage, Tick,
+    ArmState, Command, Observation, Plant, ServoGoal, ServoState, TactileFrame, TactileImage, Tick,
 };
 use hand_model::{ACTUATORS, CAMERAS};
 
@@ -90,7 +90,7 @@ fn spot(brightness: f64, radius: usize) -> Vec<u8> {
     rgb
 }
 
-impl Robot for SpringHand {
+impl Plant for SpringHand {
     fn observe(&mut self) -> Observation {
         Observation {
             time: self.sequence as f64 * TICK,

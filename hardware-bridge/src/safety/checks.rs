@@ -1,7 +1,7 @@
 //! Checks of measurements against the limits.
 
 use hand_model::ACTUATORS;
-use hand_model::robot::{ArmState, Command, ServoGoal, ServoState};
+use hand_model::robot::{ArmState, Command, Reading, Readings, ServoGoal, ServoState, TactileFrame};
 
 use super::limits::Limits;
 use super::state::{ArmTrouble, Cause};
@@ -46,6 +46,15 @@ pub struct Measured {
     pub arm: Option<ArmReading>,
     /// Whether the camera board's port works.
     pub cameras: bool,
+}
+
+impl Measured {
+    /// What a controller may know of it, at `time` (s) in tick `sequence`.
+    pub fn readings(&self, time: f64, sequence: u64, tactile: Vec<TactileFrame>) -> Readings {
+        let servos = self.servos.map(|servo| servo.map(|servo| Reading { value: servo.state, time: servo.at }));
+        let arm = self.arm.map(|arm| Reading { value: arm.state, time: arm.at });
+        Readings { time, sequence, servos, arm, tactile }
+    }
 }
 
 /// Whether a command holds numbers only, and no negative current limit.

@@ -4,7 +4,7 @@
 
 use std::time::{Duration, Instant};
 
-use hand_model::robot::{Command, Robot, ServoGoal};
+use hand_model::robot::{Command, Observation, Readings, RobotBackend, RobotError, ServoGoal};
 use hand_model::{ACTUATORS, ARM_JOINTS, Arm};
 use hardware_bridge::arm_link::LoopbackArm;
 use hardware_bridge::calibration::{HandCalibration, ServoCalibration};
@@ -124,15 +124,28 @@ pub fn command(servo: ServoGoal) -> Command {
     Command { arm: [0.1; ARM_JOINTS], servos: [servo; ACTUATORS], capture: false }
 }
 
+/// What is measured now.
+pub fn observed(robot: &mut HardwareRobot) -> Observation {
+    robot.observe().and_then(Readings::complete).expect("observed")
+}
+
+/// Sends where the machine lets the servo cycle run in time; what is not sent is sent again with the next command.
+pub fn send(robot: &mut HardwareRobot, command: &Command) {
+    match robot.send(command) {
+        Ok(_) | Err(RobotError::NotSent(_)) => {}
+        Err(error) => panic!("{error}"),
+    }
+}
+
 /// Drives until `done`.
 pub fn drive(robot: &mut HardwareRobot, goal: ServoGoal, mut done: impl FnMut(&mut HardwareRobot) -> bool) {
     patiently("the robot gets there", || {
-        robot.send(&command(goal));
+        send(robot, &command(goal));
         robot.wait_for_tick();
         done(robot)
     });
 }
 
 pub fn closed(robot: &mut HardwareRobot, angle: f64) -> bool {
-    robot.observe().servos.iter().all(|servo| (servo.position - angle).abs() < 0.1)
+    observed(robot).servos.iter().all(|servo| (servo.position - angle).abs() < 0.1)
 }

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::LazyLock;
 
-use platform::data::{DataError, parse_toml};
 use hand_model::{ACTUATORS, ARM_JOINTS, Hand};
+use platform::data::{DataError, parse_toml};
 use serde::{Deserialize, Serialize};
 
 /// What differs.

@@ -1,6 +1,6 @@
 //! The side door by which a scene is disturbed from outside: forces, slippery objects, servos without power, failed cameras.
 //!
-//! Like the truth it is on the concrete type alone: no controller that holds a [`hand_model::robot::Robot`] can reach it.
+//! Like the truth it is on the concrete type alone: no controller that holds a [`hand_model::robot::RobotBackend`] can reach it.
 
 use std::sync::Arc;
 

@@ -1,6 +1,6 @@
 //! The side door by which objects are put elsewhere, fastened or replaced while the robot goes on: what a person does at the table.
 //!
-//! Like the truth it is on the concrete type alone: no controller that holds a [`hand_model::robot::Robot`] can reach it.
+//! Like the truth it is on the concrete type alone: no controller that holds a [`hand_model::robot::RobotBackend`] can reach it.
 
 use std::sync::Arc;
 

@@ -16,7 +16,6 @@ use bench::mirror::twin::Twin;
 use bench::trial::setup::Setup;
 use control::executive::Phase;
 use hand_model::HAND_JOINTS;
-use hand_model::robot::Robot;
 use nalgebra::Vector3;
 use scenarios::Scenario;
 use sim::SimulatedRobot;

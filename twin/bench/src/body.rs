@@ -4,7 +4,7 @@
 //! emulated devices with a plant behind them ([`emulated`]), the real robot ([`hardware`]), a recorded session ([`replayed`]), and the simulated robot
 //! when its session is recorded. For those every condition begins a trial of its own, and a clone is the same body.
 //!
-//! [`Body`] is what the trial loop holds. The controller gets no more of it than [`Robot`]; what a trial needs beside (the referee's truth, prior
+//! [`Body`] is what the trial loop holds. The controller gets no more of it than [`RobotBackend`]; what a trial needs beside (the referee's truth, prior
 //! perception, the operator) is in [`TrialBody`], for the program alone.
 
 pub mod arm_link;
@@ -22,7 +22,7 @@ use std::rc::Rc;
 
 use anyhow::{Result, anyhow};
 use control::percept::Sighted;
-use hand_model::robot::{Command, Observation, Robot, Tick};
+use hand_model::robot::{Command, Readings, RobotBackend, RobotError, Tick};
 use nalgebra::{Isometry3, Point3, Quaternion, Translation3, UnitQuaternion};
 use scenarios::noise::ObjectNoise;
 use scenarios::record::TrialRecord;
@@ -59,9 +59,9 @@ pub struct Glance {
 /// What a trial needs of a body beside what a controller may know.
 pub trait TrialBody {
     /// What a controller may know of it.
-    fn robot(&self) -> &dyn Robot;
+    fn robot(&self) -> &dyn RobotBackend;
     /// The same, to be driven.
-    fn robot_mut(&mut self) -> &mut dyn Robot;
+    fn robot_mut(&mut self) -> &mut dyn RobotBackend;
     /// The truth, where somebody knows it: for referee and recording only.
     fn truth(&self) -> Option<Truth>;
     /// What prior perception says of an object now, or nothing if it is hidden.
@@ -89,12 +89,12 @@ pub trait TrialBody {
 }
 
 /// The one place where a body's robot is driven through the body.
-impl Robot for dyn TrialBody + '_ {
-    fn observe(&mut self) -> Observation {
+impl RobotBackend for dyn TrialBody + '_ {
+    fn observe(&mut self) -> Result<Readings, RobotError> {
         self.robot_mut().observe()
     }
 
-    fn send(&mut self, command: &Command) -> Command {
+    fn send(&mut self, command: &Command) -> Result<Command, RobotError> {
         self.robot_mut().send(command)
     }
 
@@ -108,11 +108,11 @@ impl Robot for dyn TrialBody + '_ {
 }
 
 impl TrialBody for SimulatedRobot {
-    fn robot(&self) -> &dyn Robot {
+    fn robot(&self) -> &dyn RobotBackend {
         self
     }
 
-    fn robot_mut(&mut self) -> &mut dyn Robot {
+    fn robot_mut(&mut self) -> &mut dyn RobotBackend {
         self
     }
 
@@ -332,26 +332,26 @@ impl SingleBody {
         })
     }
 
-    fn robot(&mut self) -> Option<&mut dyn Robot> {
+    fn robot(&mut self) -> Option<&mut dyn RobotBackend> {
         self.line.as_mut().map(|line| match line {
-            Wrapped::Plain(body) => body as &mut dyn Robot,
-            Wrapped::Recorded(recorder) => recorder.as_mut() as &mut dyn Robot,
+            Wrapped::Plain(body) => body as &mut dyn RobotBackend,
+            Wrapped::Recorded(recorder) => recorder.as_mut() as &mut dyn RobotBackend,
         })
     }
 }
 
-impl Robot for Body {
-    fn observe(&mut self) -> Observation {
+impl RobotBackend for Body {
+    fn observe(&mut self) -> Result<Readings, RobotError> {
         match self {
             Self::Simulated(robot) => robot.observe(),
-            Self::Single(single) => single.borrow_mut().robot().map(Robot::observe).unwrap_or_default(),
+            Self::Single(single) => single.borrow_mut().robot().ok_or_else(over)?.observe(),
         }
     }
 
-    fn send(&mut self, command: &Command) -> Command {
+    fn send(&mut self, command: &Command) -> Result<Command, RobotError> {
         match self {
             Self::Simulated(robot) => robot.send(command),
-            Self::Single(single) => single.borrow_mut().robot().map_or(*command, |robot| robot.send(command)),
+            Self::Single(single) => single.borrow_mut().robot().ok_or_else(over)?.send(command),
         }
     }
 
@@ -360,7 +360,7 @@ impl Robot for Body {
             Self::Simulated(robot) => robot.wait_for_tick(),
             Self::Single(single) => {
                 let mut single = single.borrow_mut();
-                let tick = single.robot().map(Robot::wait_for_tick).unwrap_or_default();
+                let tick = single.robot().map(RobotBackend::wait_for_tick).unwrap_or_default();
                 single.time = tick.time;
                 tick
             }
@@ -373,6 +373,11 @@ impl Robot for Body {
             Self::Single(single) => single.borrow_mut().robot().map_or(0.0, |robot| robot.tick_length()),
         }
     }
+}
+
+/// The error of a body that nothing is done with any more.
+fn over() -> RobotError {
+    RobotError::Lost("the trial is over".to_owned())
 }
 
 /// A pose as seven numbers: x, y, z, i, j, k, w.

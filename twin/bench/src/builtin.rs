@@ -212,7 +212,7 @@ pub fn make_individual(number: u64, scenario: Scenario, combos: usize, seed: u64
         let own_name = |name: &str| name.split('/').next().map(str::to_owned);
         let place = models.iter().position(|other| own_name(&other.name) == own_name(&model.name)).unwrap_or(0);
         let mut rng = Effect::Objects.stream(number, place, 0);
-        let one = spread.map_or(Individual::AS_MODELLED, |spread| Individual::draw(&spread, &mut rng));
+        let one = spread.map_or(Individual::AS_MODELLED, |spread| spread.draw(&mut rng));
         let real = Individual { friction: one.friction * own.pad_friction(), ..one }.of(model)?;
         bench.world.objects.insert((*real).clone());
     }

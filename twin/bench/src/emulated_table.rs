@@ -131,7 +131,6 @@ impl EmulatedTable {
 
 #[cfg(test)]
 mod tests {
-    use hand_model::robot::Robot as _;
 
     use super::*;
 

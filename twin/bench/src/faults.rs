@@ -8,7 +8,7 @@ use std::sync::Mutex;
 
 use anyhow::{Context as _, Result, bail};
 use control::executive::{Executive, Phase};
-use hand_model::robot::{Command, Robot};
+use hand_model::robot::{Command, RobotBackend};
 use hardware_bridge::emulator::lockstep::LockstepRobot;
 use hardware_bridge::safety::state::State;
 use kortex::emulator::EventKind;
@@ -242,8 +242,8 @@ impl Experiment {
         for _ in 0..before {
             let sent = tick(&mut recorder, &mut executive)?;
             watch.see(recorder.robot());
-            if let Some(mirror) = &mut mirror {
-                mirror.see(&Seen::of(&executive, plant.lock().time(), &sent, None));
+            if let (Some(mirror), Some(sent)) = (&mut mirror, &sent) {
+                mirror.see(&Seen::of(&executive, plant.lock().time(), sent, None));
             }
         }
         if recorder.robot().state() != State::Running {

@@ -240,8 +240,7 @@ impl Journal {
         let request: RunRequest = serde_json::from_str(&text).with_context(|| run.display().to_string())?;
         request.check(&run)?;
         let journal = path(folder);
-        let text =
-            platform::file::read_text(&journal).with_context(|| format!("cannot read {}", journal.display()))?;
+        let text = platform::file::read_text(&journal).with_context(|| format!("cannot read {}", journal.display()))?;
         let whole = text.split_inclusive('\n').filter(|line| line.ends_with('\n'));
         let (digest, mut done) = (request.digest()?, BTreeMap::new());
         for (n, entry) in (1..).zip(whole.map_while(|line| serde_json::from_str::<Entry>(line).ok())) {

@@ -8,6 +8,7 @@ mod file;
 use anyhow::{Context as _, Result, bail};
 use control::executive::{Executive, Phase};
 use control::guarded::Guarded;
+use control::outage::Outage;
 use control::palpation::located;
 use control::percept::Percept;
 use control::perception::KnownObject;
@@ -15,7 +16,7 @@ use control::registration::{Registration, Touched, register};
 use control::sensing::Senses;
 use grasping::{Grasp, Repertoire, Role};
 use hand_model::CAMERAS;
-use hand_model::robot::Robot as _;
+use hand_model::robot::RobotBackend as _;
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use proving::simulated_world::World;
 use rand_chacha::ChaCha8Rng;
@@ -199,8 +200,9 @@ impl<'a> Registrar<'a> {
         pipeline: &TouchPipeline,
     ) -> Result<TouchPipeline> {
         let mut left = (FIRST_IMAGES / body.tick_length()) as u64;
+        let mut outage = Outage::default();
         while executive.newest_images().len() < CAMERAS {
-            tick(body, executive)?;
+            tick(body, executive, &mut outage)?;
             left = left.saturating_sub(1);
             if left == 0 {
                 break;
@@ -249,8 +251,9 @@ impl<'a> Registrar<'a> {
 /// Plays until `phase`.
 fn play(body: &mut dyn TrialBody, executive: &mut Executive, phase: Phase) -> Result<()> {
     let mut left = (LONGEST / body.tick_length()) as u64;
+    let mut outage = Outage::default();
     while executive.phase() != phase {
-        tick(body, executive)?;
+        tick(body, executive, &mut outage)?;
         left = left.saturating_sub(1);
         if left == 0 {
             bail!("the hand does not get on: found it {}, expected {}", executive.phase().name(), phase.name());
@@ -261,14 +264,19 @@ fn play(body: &mut dyn TrialBody, executive: &mut Executive, phase: Phase) -> Re
     Ok(())
 }
 
-fn tick(body: &mut dyn TrialBody, executive: &mut Executive) -> Result<()> {
-    let observation = body.observe();
-    let command = executive.tick(&observation)?;
-    body.send(&command);
+fn tick(body: &mut dyn TrialBody, executive: &mut Executive, outage: &mut Outage) -> Result<()> {
+    let failed = match outage.observed(body.observe()) {
+        Ok(Some(observation)) => {
+            let command = executive.tick(&observation)?;
+            outage.sent(body.send(&command)).err()
+        }
+        Ok(None) => None,
+        Err(error) => Some(error),
+    };
     body.wait_for_tick();
     match body.stopped() {
         Some(why) => bail!(Stopped(format!("{why} (phase: {})", executive.phase().name()))),
-        None => Ok(()),
+        None => failed.map_or(Ok(()), |error| bail!(Stopped(error.to_string()))),
     }
 }
 

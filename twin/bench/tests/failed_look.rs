@@ -8,7 +8,7 @@ use bench::body::{BodySource, Glance, LookFailed, Places, Task, TrialBody, Trial
 use bench::builtin::make_bench;
 use bench::trial::NoWatcher;
 use control::percept::Sighted;
-use hand_model::robot::Robot;
+use hand_model::robot::RobotBackend;
 use scenarios::Scenario;
 use scenarios::record::Condition;
 use session_log::{Reader, Replay, Session};
@@ -21,11 +21,11 @@ const WHY: &str = "--eyes unix:/eyes: lemon: found nothing, expected a measureme
 struct Blinded(SimulatedRobot);
 
 impl TrialBody for Blinded {
-    fn robot(&self) -> &dyn Robot {
+    fn robot(&self) -> &dyn RobotBackend {
         &self.0
     }
 
-    fn robot_mut(&mut self) -> &mut dyn Robot {
+    fn robot_mut(&mut self) -> &mut dyn RobotBackend {
         &mut self.0
     }
 

@@ -14,7 +14,7 @@ use bench::trial::filming::All;
 use bench::trial::{Moment, Watcher};
 use control::executive::Phase;
 use hand_model::pads::IMAGE_SIZE;
-use hand_model::robot::{Command, Robot, ServoGoal, TactileFrame, TactileImage};
+use hand_model::robot::{Command, ServoGoal, TactileFrame, TactileImage};
 use hand_model::{Arm, CAMERAS, Digit};
 use nalgebra::{Isometry3, Vector3};
 use proving::simulated_world::World;

@@ -5,7 +5,7 @@ use bench::trial::Bench;
 use control::look::Look;
 use control::perception::{Grip, KnownObject, trusted};
 use hand_model::CAMERAS;
-use hand_model::robot::{Command, Observation, Robot};
+use hand_model::robot::{Command, Observation};
 use scenarios::Scenario;
 use scenarios::effects::Effects;
 use scenarios::noise::TrialNoise;

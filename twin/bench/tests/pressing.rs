@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use bench::body::emulated::{SharedPlant, settings};
-use hand_model::robot::{Command, Robot as _, ServoGoal};
+use hand_model::robot::{Command, RobotBackend as _, ServoGoal};
 use hand_model::{ACTUATORS, ARM_JOINTS, Arm, Hand};
 use hardware_bridge::config::{ArmLimitConfig, LimitConfig, SpaceConfig};
 use hardware_bridge::emulator::direct::DirectRobot;
@@ -64,7 +64,8 @@ fn press(limits: LimitConfig) -> (f64, f64, State) {
         // From rest, as every controller of ours begins.
         let speed = SPEED * (tick as f64 / 30.0).min(1.0);
         wanted = moved(&arm, &wanted, Vector3::new(0.0, 0.0, -speed * robot.tick_length()));
-        robot.send(&Command { arm: wanted, servos: [ServoGoal::Current(0.0); ACTUATORS], capture: false });
+        let servos = [ServoGoal::Current(0.0); ACTUATORS];
+        robot.send(&Command { arm: wanted, servos, capture: false }).expect("sent");
         robot.wait_for_tick();
         greatest = greatest.max(plant.lock().force_on_table());
     }

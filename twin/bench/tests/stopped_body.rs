@@ -7,7 +7,7 @@ use bench::body::{BodySource, Glance, Places, Stopped, Task, TrialBody, TrialSet
 use bench::builtin::make_bench;
 use bench::trial::{Bench, NoWatcher};
 use control::percept::Sighted;
-use hand_model::robot::Robot;
+use hand_model::robot::RobotBackend;
 use scenarios::record::{Condition, TrialRecord};
 use scenarios::{FailureCause, Scenario};
 use session_log::Session;
@@ -21,11 +21,11 @@ struct Stopping {
 }
 
 impl TrialBody for Stopping {
-    fn robot(&self) -> &dyn Robot {
+    fn robot(&self) -> &dyn RobotBackend {
         &self.robot
     }
 
-    fn robot_mut(&mut self) -> &mut dyn Robot {
+    fn robot_mut(&mut self) -> &mut dyn RobotBackend {
         &mut self.robot
     }
 

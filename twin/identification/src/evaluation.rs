@@ -1,16 +1,16 @@
 //! What was identified beside the truth: for bodies whose parameters somebody drew, and for nobody else.
 
-use hand_model::robot::{Command, Robot as _, ServoGoal};
+use hand_model::robot::{Command, ServoGoal};
 use hand_model::transmission::friction::CableLosses;
 use hand_model::{ACTUATORS, ARM_JOINTS, Arm, Digit, Hand};
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion};
 use plant::Gel;
 use plant::RobotIndividual;
+use plant::draws::vector;
 use plant::identified::IdentifiedRobot;
 use plant::spread::Quantity;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
-use plant::draws::vector;
 use scenarios::statistics::percentile;
 use serde::Serialize;
 use sim::tactile::TactileBoard;

@@ -2,8 +2,9 @@
 
 mod lifting;
 
+use control::outage::Outage;
 use grasping::Grasp;
-use hand_model::robot::{ArmState, Command, Robot, ServoGoal, ServoState};
+use hand_model::robot::{ArmState, Command, Readings, RobotBackend, RobotError, ServoGoal, ServoState};
 use hand_model::transmission::friction::CableFriction;
 use hand_model::{ACTUATORS, ARM_JOINTS, Arm, Hand};
 use serde::{Deserialize, Serialize};
@@ -79,6 +80,16 @@ impl Task {
 /// [`Task::task`] of an excitation.
 pub const NAME: &str = "excitation";
 
+/// An excitation ends early.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum ExcitationError {
+    #[error(transparent)]
+    Held(#[from] ArmHeld),
+    /// The robot could not observe or send for too long.
+    #[error(transparent)]
+    Robot(#[from] RobotError),
+}
+
 /// Where an excitation is.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Progress {
@@ -124,18 +135,21 @@ pub struct Means<'a> {
 /// each step; `goes_on` is asked at each tick. Returns whether all was played. The hand is open at the end.
 ///
 /// # Errors
-/// What `heard` says, and [`ArmHeld`].
-pub fn play<R: Robot, E: From<ArmHeld>>(
+/// What `heard` says, and [`ExcitationError`].
+pub fn play<R: RobotBackend, E: From<ExcitationError>>(
     robot: &mut R,
     means: &Means,
     first: usize,
     mut heard: impl FnMut(Progress) -> Result<(), E>,
     mut goes_on: impl FnMut(&mut R) -> bool,
 ) -> Result<bool, E> {
-    let observation = robot.observe();
+    let seen = robot.observe().and_then(Readings::complete);
+    let observation = seen.map_err(ExcitationError::Robot)?;
     let (time, arm, images) = (observation.time, observation.arm.position, PressImages::default());
     let (felt, servos, script) = (observation.arm, observation.servos, means.script);
-    let mut player = Player { robot, time, arm, felt, servos, script, images, grip: None, lag: None, held: None };
+    let (outage, failed) = (Outage::default(), None);
+    let (grip, lag, held) = (None, None, None);
+    let mut player = Player { robot, time, arm, felt, servos, script, images, grip, lag, held, outage, failed };
     let mut aim = means.script.ball.as_ref().map(|ball| Aim::new(means, ball));
     for (n, step) in means.script.steps(means.hand).iter().enumerate().skip(first) {
         heard(Progress::Begins(n))?;
@@ -168,18 +182,24 @@ pub fn play<R: Robot, E: From<ArmHeld>>(
                 }
             }
         };
+        if let Some(error) = player.failed.take() {
+            return Err(ExcitationError::Robot(error).into());
+        }
         if !went_on {
             let Some(held) = player.held else { return Ok(false) };
             match back {
                 Some(back) if player.goes_back(&back, &mut goes_on) => heard(Progress::Blocked(n, held))?,
-                _ => return player.held.map_or(Ok(false), |held| Err(held.into())),
+                _ => return player.held.map_or(Ok(false), |held| Err(ExcitationError::Held(held).into())),
             }
             continue;
         }
         heard(Progress::Done(n))?;
     }
     let opened = player.open(means.script.open_time, &mut goes_on);
-    player.held.map_or(Ok(opened), |held| Err(held.into()))
+    if let Some(error) = player.failed {
+        return Err(ExcitationError::Robot(error).into());
+    }
+    player.held.map_or(Ok(opened), |held| Err(ExcitationError::Held(held).into()))
 }
 
 struct Player<'a, R> {
@@ -200,9 +220,12 @@ struct Player<'a, R> {
     lag: Option<ArmHeld>,
     /// The same once it has lasted too long.
     held: Option<ArmHeld>,
+    outage: Outage,
+    /// Why the robot could not observe or send any more.
+    failed: Option<RobotError>,
 }
 
-impl<R: Robot> Player<'_, R> {
+impl<R: RobotBackend> Player<'_, R> {
     /// Goals of servos that hold the hand open, or what is in it.
     fn holding(&self) -> [ServoGoal; ACTUATORS] {
         let open = ServoGoal::Position { angle: 0.0, current_limit: self.script.open_current };
@@ -223,16 +246,26 @@ impl<R: Robot> Player<'_, R> {
         if !goes_on(self.robot) {
             return false;
         }
-        let sent = self.robot.send(&Command { arm: self.arm, servos, capture });
-        self.held = self.held.or_else(|| self.lags(&sent.arm));
-        if self.held.is_some() {
-            return false;
+        self.exchange(&Command { arm: self.arm, servos, capture }).unwrap_or_else(|error| {
+            self.failed = Some(error);
+            false
+        })
+    }
+
+    /// Sends, lets a tick pass and observes; false if the arm is held.
+    fn exchange(&mut self, command: &Command) -> Result<bool, RobotError> {
+        if let Some(sent) = self.outage.sent(self.robot.send(command))? {
+            self.held = self.held.or_else(|| self.lags(&sent.arm));
+            if self.held.is_some() {
+                return Ok(false);
+            }
         }
         self.robot.wait_for_tick();
-        let observation = self.robot.observe();
-        (self.time, self.felt, self.servos) = (observation.time, observation.arm, observation.servos);
-        self.images.see(&observation);
-        true
+        if let Some(observation) = self.outage.observed(self.robot.observe())? {
+            (self.time, self.felt, self.servos) = (observation.time, observation.arm, observation.servos);
+            self.images.see(&observation);
+        }
+        Ok(true)
     }
 
     /// Takes an arm that is held back to where the way was free, from where the robot has it.

@@ -9,8 +9,8 @@
 
 use hand_model::transmission::friction::CableLosses;
 use hand_model::{ARM_JOINTS, Arm, Hand};
-use nalgebra::DMatrix;
 use least_squares::{Options, Problem, Solution};
+use nalgebra::DMatrix;
 use plant::RobotIndividual;
 use plant::spread::{Parameter, Quantity};
 

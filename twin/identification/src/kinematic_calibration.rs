@@ -6,9 +6,9 @@
 
 use control::inverse_kinematics::Joints;
 use hand_model::{Arm, HAND_JOINTS, Hand};
+use least_squares::{Options, Problem, forward_differences};
 use nalgebra::{DMatrix, Isometry3, Matrix3, Point3, Vector3};
 use optics::Foundation;
-use least_squares::{Options, Problem, forward_differences};
 use plant::RobotIndividual;
 use plant::spread::Quantity;
 

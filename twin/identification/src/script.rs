@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use platform::data::{DataError, parse_toml};
 use hand_model::{ACTUATORS, ARM_JOINTS, Hand};
+use platform::data::{DataError, parse_toml};
 use serde::{Deserialize, Serialize};
 
 use crate::ball::{Ball, Press};

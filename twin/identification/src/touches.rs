@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use control::inverse_kinematics::Joints;
-use hand_model::robot::{Command, Observation, Robot, TactileFrame, TactileImage, Tick};
+use hand_model::robot::{Command, Observation, Readings, RobotBackend, RobotError, TactileFrame, TactileImage, Tick};
 use hand_model::{CAMERAS, Hand};
 use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
@@ -175,24 +175,24 @@ impl<R> Thinned<R> {
     }
 }
 
-impl<R: Robot> Robot for Thinned<R> {
-    fn observe(&mut self) -> Observation {
-        let mut observation = self.robot.observe();
-        if !observation.tactile.is_empty() {
-            self.backgrounds.come(observation.time);
+impl<R: RobotBackend> RobotBackend for Thinned<R> {
+    fn observe(&mut self) -> Result<Readings, RobotError> {
+        let mut readings = self.robot.observe()?;
+        if !readings.tactile.is_empty() {
+            self.backgrounds.come(readings.time);
             // One frame is always passed on: it says that images came.
             let mut passed = 0;
-            observation.tactile.retain(|frame| {
+            readings.tactile.retain(|frame| {
                 let Some(compared) = self.backgrounds.compare(frame) else { return false };
                 let says = passed == 0 || !matches!(compared, Compared::Same);
                 passed += usize::from(says);
                 says
             });
         }
-        observation
+        Ok(readings)
     }
 
-    fn send(&mut self, command: &Command) -> Command {
+    fn send(&mut self, command: &Command) -> Result<Command, RobotError> {
         self.robot.send(command)
     }
 

@@ -2,10 +2,12 @@
 
 use std::path::Path;
 
-use platform::digest::sha256;
-use hand_model::robot::{ArmState, Command, Observation, Robot, ServoGoal, ServoState, Tick};
+use hand_model::robot::{
+    ArmState, Command, Observation, Readings, RobotBackend, RobotError, ServoGoal, ServoState, Tick,
+};
 use hand_model::{ACTUATORS, ARM_JOINTS, Arm, Hand};
 use plant::identified::Source;
+use platform::digest::sha256;
 use session_log::Reader;
 use session_log::reader::Event;
 
@@ -67,7 +69,11 @@ impl Trace {
         let mut ticks = Ticks::default();
         while let Some((_, event)) = reader.next_event()? {
             match event {
-                Event::Observation(observation) => ticks.observed(&observation),
+                Event::Observation(readings) => {
+                    if let Ok(observation) = readings.complete() {
+                        ticks.observed(&observation);
+                    }
+                }
                 Event::Sent(sent) => ticks.sent(&sent),
                 _ => {}
             }
@@ -120,7 +126,7 @@ pub struct Kept<R> {
     ticks: Ticks,
 }
 
-impl<R: Robot> Kept<R> {
+impl<R: RobotBackend> Kept<R> {
     /// Around `robot`.
     pub fn new(robot: R) -> Self {
         Self { robot, ticks: Ticks::default() }
@@ -153,17 +159,19 @@ fn seconds(rows: &[Row]) -> f64 {
     rows.last().zip(rows.first()).map_or(0.0, |(last, first)| last.time - first.time)
 }
 
-impl<R: Robot> Robot for Kept<R> {
-    fn observe(&mut self) -> Observation {
-        let observation = self.robot.observe();
-        self.ticks.observed(&observation);
-        observation
+impl<R: RobotBackend> RobotBackend for Kept<R> {
+    fn observe(&mut self) -> Result<Readings, RobotError> {
+        let readings = self.robot.observe()?;
+        if let Ok(observation) = readings.clone().complete() {
+            self.ticks.observed(&observation);
+        }
+        Ok(readings)
     }
 
-    fn send(&mut self, command: &Command) -> Command {
-        let sent = self.robot.send(command);
+    fn send(&mut self, command: &Command) -> Result<Command, RobotError> {
+        let sent = self.robot.send(command)?;
         self.ticks.sent(&sent);
-        sent
+        Ok(sent)
     }
 
     fn wait_for_tick(&mut self) -> Tick {

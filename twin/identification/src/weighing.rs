@@ -6,8 +6,8 @@
 
 use hand_model::robot::{ArmState, ServoGoal};
 use hand_model::{ARM_JOINTS, Arm, GRAVITY, Hand};
-use nalgebra::{DMatrix, Point3, SVector, Vector3};
 use least_squares::{Options, Problem, forward_differences};
+use nalgebra::{DMatrix, Point3, SVector, Vector3};
 use plant::RobotIndividual;
 use plant::spread::Quantity;
 

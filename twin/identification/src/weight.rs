@@ -8,9 +8,9 @@ use std::path::Path;
 use control::inverse_kinematics::Joints;
 use control::motion::approach::APPROACH_DISTANCE;
 use grasping::Grasp;
-use platform::data::DataError;
 use hand_model::{ARM_JOINTS, Arm, Hand};
 use nalgebra::{Isometry3, Point3, Translation3, Vector3};
+use platform::data::DataError;
 use serde::{Deserialize, Serialize};
 use world::objects::{ObjectModel, ObjectSet};
 

@@ -3,7 +3,7 @@
 use hand_model::transmission::friction::CableLosses;
 use hand_model::{Arm, Hand};
 use identification::evaluation::{body, compare, coverage};
-use identification::excitation::{ArmHeld, Means, play as excite};
+use identification::excitation::{ExcitationError, Means, play as excite};
 use identification::trace::{Kept, Trace};
 use identification::{Script, identify};
 use plant::RobotIndividual;
@@ -38,7 +38,7 @@ fn excited(truth: &RobotIndividual, script: &Script) -> Trace {
     let pads = builtin_calibration();
     let friction = losses.friction;
     let means = Means { hand: &hand, arm: &arm, pads: &pads, script, grasps: &[], friction, ready: Arm::home() };
-    let played = excite::<_, ArmHeld>(&mut kept, &means, 0, |_| Ok(()), |_| true);
+    let played = excite::<_, ExcitationError>(&mut kept, &means, 0, |_| Ok(()), |_| true);
     assert_eq!(played, Ok(true));
     kept.trace("sim", script)
 }

@@ -15,7 +15,7 @@ use control::odds::Belief;
 use control::policy::Uncertainty;
 use control::strategy::promise;
 use control::worth::Candidate;
-use hand_model::robot::{Command, Robot, ServoGoal};
+use hand_model::robot::{Command, ServoGoal};
 use hand_model::{ACTUATORS, Arm, Hand};
 use nalgebra::{Isometry3, Vector3};
 use optics::indentation::press_rasters;

@@ -71,7 +71,7 @@ impl Snapshot {
         let seen = world.percepts(objects, noise);
         let (hand, arm) = world.body();
         let robot = SimulatedRobot::new(hand, arm, &world.scene(objects, start, noise), board);
-        let tick = hand_model::robot::Robot::tick_length(&robot);
+        let tick = hand_model::robot::RobotBackend::tick_length(&robot);
         let [first, second] = std::array::from_fn(|n| (grasps[n].clone(), seen[n]));
         let executive =
             Executive::new(world.cell.hand.clone(), world.cell.arm_servo(start)?, protocol, first, second, tick)?;

@@ -9,7 +9,6 @@ use control::motion::Protocol;
 use control::percept::Percept;
 use control::trajectory::PathLimits;
 use control::workcell::Workcell;
-use hand_model::robot::Robot;
 use hand_model::transmission::friction::{CableFriction, CableLosses};
 use hand_model::{ARM_JOINTS, Arm, Hand};
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
@@ -232,7 +231,7 @@ mod tests {
                     continue;
                 };
                 for trial in 0..200 {
-                    let defects = ArmDefects::draw(&errors, &mut trial_rng(1, count as usize, trial));
+                    let defects = errors.draw(&mut trial_rng(1, count as usize, trial));
                     let off = palm(&posture, &ArmDefects::default()).inv_mul(&palm(&defects.real(&posture), &defects));
                     squares += off.translation.vector.norm_squared() / 3.0;
                     turns += off.rotation.scaled_axis().norm_squared() / 3.0;

@@ -379,7 +379,7 @@ mod tests {
     #[test]
     fn the_nearer_hides_the_farther() {
         let view = View { eye: Vector3::z(), up: Vector3::y(), center: Point3::origin(), width: 0.1 };
-        let ball = Prop::new("ball", scenarios::Shape::Sphere { radius: 0.02 }, 1.0, 0.5);
+        let ball = Prop::new("ball", world::Shape::Sphere { radius: 0.02 }, 1.0, 0.5);
         for (near, far) in [(0.05, -0.05), (-0.05, 0.05)] {
             let mut picture = Picture::new(64, view);
             picture.prop(&ball, &Isometry3::translation(0.0, 0.0, near), [255.0, 0.0, 0.0]);
@@ -395,7 +395,7 @@ mod tests {
         let view = View { eye: Vector3::x(), up: Vector3::z(), center: Point3::origin(), width: 0.1 };
         let mut picture = Picture::new(100, view);
         picture.prop(
-            &Prop::new("ball", scenarios::Shape::Sphere { radius: 0.02 }, 1.0, 0.5),
+            &Prop::new("ball", world::Shape::Sphere { radius: 0.02 }, 1.0, 0.5),
             &Isometry3::identity(),
             [0.0, 0.0, 0.0],
         );

@@ -10,10 +10,10 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use hand_model::Hand;
-use platform::file::write_whole;
 use hand_model::pads::IMAGE_SIZE as N;
 use hand_model::robot::TactileImage;
 use nalgebra::{DMatrix, DVector};
+use platform::file::write_whole;
 use serde::{Deserialize, Serialize};
 
 use crate::PIXELS;

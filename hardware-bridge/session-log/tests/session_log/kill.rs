@@ -4,7 +4,7 @@ use std::io::{BufRead, BufReader, Write};
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 
-use hand_model::robot::Robot;
+use hand_model::robot::{Readings, RobotBackend};
 use session_log::{Recorder, Writer};
 
 use crate::support::*;
@@ -19,8 +19,8 @@ fn recording_process() {
     let mut recorder = Recorder::new(Toy::new(), Writer::create(&path, &session()).expect("a new file"));
     let mut told = std::io::stderr();
     loop {
-        let seen = recorder.observe();
-        recorder.send(&decide(&seen));
+        let seen = recorder.observe().and_then(Readings::complete).expect("observed");
+        recorder.send(&decide(&seen)).expect("sent");
         recorder.wait_for_tick();
         assert!(recorder.error().is_none());
         writeln!(told, "tick").expect("somebody listens");

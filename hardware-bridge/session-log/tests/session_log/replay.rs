@@ -1,6 +1,6 @@
 //! What was recorded comes back, and a controller is held to it.
 
-use hand_model::robot::{Robot, ServoGoal};
+use hand_model::robot::{Readings, RobotBackend, ServoGoal};
 use session_log::message::{Images, bits};
 use session_log::replay::{Divergence, Progress};
 use session_log::{Event, Reader, Recorder, Replay, SessionLogError, Writer};
@@ -53,6 +53,22 @@ fn the_same_controller_replays_identically() {
     assert_eq!(progress, Progress { ticks: TICKS as u64, commands: TICKS as u64 });
 }
 
+/// A robot that could neither observe nor send fails in the replay as it did, and the controller goes on as it did.
+#[test]
+fn failures_are_replayed() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("session.mcap");
+    let mut recorder = Recorder::new(Toy::failing(20..23), Writer::create(&path, &session()).expect("a new file"));
+    let failed = drive(&mut recorder, 60);
+    assert_eq!(failed.len(), 6);
+    assert_eq!(failed[..2], ["nobody answers", "the command was not sent within 0.050 s"]);
+    recorder.finish().1.expect("written");
+    let mut replay = replay(&path);
+    assert_eq!(drive(&mut replay, 60), failed);
+    let (progress, divergence) = replay.finish().expect("read to its end");
+    assert_eq!((progress, divergence), (Progress { ticks: 60, commands: 60 }, None));
+}
+
 /// A replay recorded in turn is the same session, event by event, bit by bit.
 #[test]
 fn a_replay_recorded_is_the_recording() {
@@ -81,12 +97,12 @@ fn the_last_bit_is_noticed() {
     let (_folder, path) = recording();
     let mut replay = replay(&path);
     for tick in 0..TICKS {
-        let seen = replay.observe();
+        let seen = replay.observe().and_then(Readings::complete).expect("recorded");
         let mut command = decide(&seen);
         if tick == 37 {
             command.arm[2] = f64::from_bits(command.arm[2].to_bits() ^ 1);
         }
-        replay.send(&command);
+        replay.send(&command).expect("recorded");
         replay.wait_for_tick();
     }
     let (progress, divergence) = replay.finish().expect("readable");
@@ -101,9 +117,9 @@ fn the_last_bit_is_noticed() {
 fn another_kind_of_goal_is_noticed() {
     let (_folder, path) = recording();
     let mut replay = replay(&path);
-    let mut command = decide(&replay.observe());
+    let mut command = decide(&replay.observe().and_then(Readings::complete).expect("recorded"));
     command.servos[1] = ServoGoal::Position { angle: 0.0, current_limit: 0.0 };
-    replay.send(&command);
+    replay.send(&command).expect("recorded");
     let divergence = replay.divergence().expect("noticed").to_string();
     assert_eq!(divergence, "tick 0: kind of goal is servo 2 angle, recorded as servo 2 current");
 }
@@ -124,9 +140,9 @@ fn time_goes_on_after_the_end() {
     let (_folder, path) = recording();
     let mut replay = replay(&path);
     drive(&mut replay, TICKS);
-    let end = replay.observe().time;
+    let end = replay.observe().expect("repeated").time;
     replay.wait_for_tick();
-    let later = replay.observe();
+    let later = replay.observe().expect("repeated");
     assert!((later.time - end - 0.01).abs() < 1e-12 && later.tactile.is_empty());
     assert!(replay.is_over() && replay.divergence().is_none());
 }

@@ -3,7 +3,9 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use hand_model::robot::{Command, Observation, Robot, ServoGoal, ServoState, TactileFrame, TactileImage, Tick};
+use hand_model::robot::{
+    Command, Observation, Readings, RobotBackend, RobotError, ServoGoal, ServoState, TactileFrame, TactileImage, Tick,
+};
 use hand_model::{ACTUATORS, ARM_JOINTS};
 use session_log::message::Images;
 use session_log::{Event, Reader, Recorder, Session, Writer};
@@ -14,27 +16,40 @@ pub struct Toy {
     goal: Option<Command>,
     captures: u64,
     image: Arc<TactileImage>,
+    /// Ticks in which it can neither observe nor send.
+    failing: std::ops::Range<u64>,
 }
 
 impl Toy {
     pub fn new() -> Self {
         let image = Arc::new(TactileImage { rgb: vec![0; 48] });
-        Self { observation: Observation::default(), goal: None, captures: 0, image }
+        Self { observation: Observation::default(), goal: None, captures: 0, image, failing: 0..0 }
+    }
+
+    /// One that fails in these ticks.
+    pub fn failing(ticks: std::ops::Range<u64>) -> Self {
+        Self { failing: ticks, ..Self::new() }
     }
 }
 
-impl Robot for Toy {
-    fn observe(&mut self) -> Observation {
+impl RobotBackend for Toy {
+    fn observe(&mut self) -> Result<Readings, RobotError> {
         let observation = self.observation.clone();
         self.observation.tactile.clear();
-        observation
+        if self.failing.contains(&observation.sequence) {
+            return Err(RobotError::Lost("nobody answers".to_owned()));
+        }
+        Ok(observation.into())
     }
 
     /// Limits the arm to 1 rad.
-    fn send(&mut self, command: &Command) -> Command {
+    fn send(&mut self, command: &Command) -> Result<Command, RobotError> {
+        if self.failing.contains(&self.observation.sequence) {
+            return Err(RobotError::NotSent(0.05));
+        }
         let sent = Command { arm: command.arm.map(|angle| angle.clamp(-1.0, 1.0)), ..*command };
         self.goal = Some(sent);
-        sent
+        Ok(sent)
     }
 
     fn wait_for_tick(&mut self) -> Tick {
@@ -85,12 +100,20 @@ pub fn decide(seen: &Observation) -> Command {
     }
 }
 
-pub fn drive(robot: &mut impl Robot, ticks: usize) {
+/// Repeats the last command while the robot cannot observe; the errors, in order.
+pub fn drive(robot: &mut impl RobotBackend, ticks: usize) -> Vec<String> {
+    let (mut errors, mut last) = (Vec::new(), None);
     for _ in 0..ticks {
-        let seen = robot.observe();
-        robot.send(&decide(&seen));
+        match robot.observe().and_then(Readings::complete) {
+            Ok(seen) => last = Some(decide(&seen)),
+            Err(error) => errors.push(error.to_string()),
+        }
+        if let Some(Err(error)) = last.as_ref().map(|command| robot.send(command)) {
+            errors.push(error.to_string());
+        }
         robot.wait_for_tick();
     }
+    errors
 }
 
 pub fn session() -> Session {

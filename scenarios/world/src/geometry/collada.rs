@@ -5,8 +5,8 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-use platform::data::DataError;
 use nalgebra::{Matrix4, Point3, Rotation3, Unit, Vector3};
+use platform::data::DataError;
 use roxmltree::{Document, Node, ParsingOptions};
 
 /// Elements of a file at most, and nodes above a geometry.

@@ -5,9 +5,9 @@
 use std::path::Path;
 
 use hand_model::any_hand::{Cut, MeshTools, Triangles};
-use platform::data::DataError;
 use nalgebra::Point3;
 use parry3d_f64::transformation::vhacd::VHACDParameters;
+use platform::data::DataError;
 
 use super::decomposition::{cut, excess};
 use super::mesh::Mesh;

@@ -7,10 +7,10 @@ use std::collections::HashMap;
 use std::path::Path;
 
 use gltf::buffer::Source;
+use nalgebra::{Matrix4, Point3};
 use platform::data::DataError;
 use platform::file::read_regular;
 use platform::reach::Reach;
-use nalgebra::{Matrix4, Point3};
 use ply_rs_bw::parser::Parser;
 use ply_rs_bw::ply::{DefaultElement, Property};
 

@@ -25,9 +25,9 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use nalgebra::{Point3, UnitQuaternion, Vector3};
 use platform::data::{DataError, parse_toml, read_text};
 use platform::reach::Reach;
-use nalgebra::{Point3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::lathe;

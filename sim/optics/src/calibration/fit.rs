@@ -8,13 +8,13 @@
 use crate::calibration::assumptions::Assumptions;
 use crate::calibration::background::background_of;
 use crate::calibration::folder::PressFolder;
-use least_squares::{Options, Parameter, Problem, Solution};
 use crate::calibration::lens::Lens;
 use crate::calibration::parameters::{self as at, PER_LAMP};
 use crate::calibration::samples::{Samples, noise_of};
 use crate::calibration::scene::Scene;
 use crate::error::{OpticsError, positive};
 use crate::model::SensorModel;
+use least_squares::{Options, Parameter, Problem, Solution};
 
 /// Computational effort of a fit.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -3,8 +3,8 @@
 use std::io::Cursor;
 use std::path::Path;
 
-use platform::file::write_whole;
 use image::{DynamicImage, ImageFormat, ImageReader};
+use platform::file::write_whole;
 
 use crate::calibration::bitmap;
 use crate::error::OpticsError;

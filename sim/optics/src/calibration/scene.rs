@@ -8,11 +8,11 @@ use nalgebra::{DMatrix, Point3, Vector3};
 use rayon::prelude::*;
 
 use crate::calibration::assumptions::Assumptions;
-use least_squares::forward_differences;
 use crate::calibration::parameters::{self as at, PER_LAMP};
 use crate::calibration::profile::{BallProfile, RoundSmoothing};
 use crate::calibration::samples::Samples;
 use crate::lamps::Lamp;
+use least_squares::forward_differences;
 
 /// Radius up to which a press deforms the gel, and the profile's step, m.
 const REACH: f64 = 6e-3;

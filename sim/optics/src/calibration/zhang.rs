@@ -11,10 +11,10 @@ use nalgebra::{DMatrix, Isometry3, Matrix3, Rotation3, SMatrix, Translation3, Un
 
 use crate::calibration::checkerboard::Board;
 use crate::calibration::image_files::images_of;
-use least_squares::{Options, Parameter, Problem, forward_differences};
 use crate::calibration::lens::Lens;
 use crate::calibration::photo::Photo;
 use crate::error::OpticsError;
+use least_squares::{Options, Parameter, Problem, forward_differences};
 
 /// Least number of pictures: two determine the intrinsics, a third reveals errors.
 pub const LEAST: usize = 3;

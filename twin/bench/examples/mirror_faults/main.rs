@@ -30,7 +30,6 @@ use bench::trial::setup::Setup;
 use control::executive::{Executive, Phase};
 use grasping::Grasp;
 use hand_model::Hand;
-use hand_model::robot::Robot;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use scenarios::Scenario;

@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use anyhow::{Context as _, Result};
 use control::percept::Sighted;
-use hand_model::robot::{Command, Observation, Robot, Tick};
+use hand_model::robot::{Command, Observation, Plant, RobotBackend, Tick};
 use hand_model::{ACTUATORS, Arm, Hand};
 use hardware_bridge::config::LimitConfig;
 use hardware_bridge::emulator::EmulatorSettings;
@@ -45,7 +45,7 @@ impl SharedPlant {
     }
 }
 
-impl Robot for SharedPlant {
+impl Plant for SharedPlant {
     fn observe(&mut self) -> Observation {
         self.lock().observe()
     }
@@ -93,11 +93,11 @@ pub struct Emulated {
 }
 
 impl TrialBody for Emulated {
-    fn robot(&self) -> &dyn Robot {
+    fn robot(&self) -> &dyn RobotBackend {
         &self.robot
     }
 
-    fn robot_mut(&mut self) -> &mut dyn Robot {
+    fn robot_mut(&mut self) -> &mut dyn RobotBackend {
         &mut self.robot
     }
 

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use anyhow::{Result, bail};
 use control::percept::Sighted;
-use hand_model::robot::Robot;
+use hand_model::robot::RobotBackend;
 use hardware_bridge::hardware_robot::HardwareRobot;
 use hardware_bridge::safety::state::{Cause, State};
 use nalgebra::Isometry3;
@@ -95,11 +95,11 @@ impl Hardware {
 }
 
 impl TrialBody for Hardware {
-    fn robot(&self) -> &dyn Robot {
+    fn robot(&self) -> &dyn RobotBackend {
         &self.robot
     }
 
-    fn robot_mut(&mut self) -> &mut dyn Robot {
+    fn robot_mut(&mut self) -> &mut dyn RobotBackend {
         &mut self.robot
     }
 

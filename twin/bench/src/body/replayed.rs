@@ -6,8 +6,8 @@ use std::rc::Rc;
 
 use anyhow::{Result, anyhow};
 use control::percept::Sighted;
+use hand_model::robot::RobotBackend;
 use platform::data::DataError;
-use hand_model::robot::Robot;
 use session_log::replay::{Divergence, Progress};
 use session_log::{Event, Reader, Replay, Session};
 use sim::SimulatedRobot;
@@ -34,9 +34,9 @@ pub fn check(path: &Path) -> Result<(Option<Vec<u8>>, bool)> {
     let mut outcome = None;
     while let Some((_, event)) = reader.next_event()? {
         let numbers: Vec<f64> = match event {
-            Event::Observation(observation) => std::iter::once(observation.time)
-                .chain(observation.servos.iter().map(|servo| servo.position))
-                .chain(observation.arm.position)
+            Event::Observation(readings) => std::iter::once(readings.time)
+                .chain(readings.servos.iter().flatten().map(|servo| servo.value.position))
+                .chain(readings.arm.iter().flat_map(|arm| arm.value.position))
                 .collect(),
             Event::Tick(tick) => vec![tick.time],
             Event::Seen(_, Some((pose, _))) => pose.to_vec(),
@@ -60,11 +60,11 @@ pub struct Replayed {
 }
 
 impl TrialBody for Replayed {
-    fn robot(&self) -> &dyn Robot {
+    fn robot(&self) -> &dyn RobotBackend {
         &self.replay
     }
 
-    fn robot_mut(&mut self) -> &mut dyn Robot {
+    fn robot_mut(&mut self) -> &mut dyn RobotBackend {
         &mut self.replay
     }
 

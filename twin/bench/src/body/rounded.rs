@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use anyhow::{Result, anyhow};
 use control::percept::Sighted;
-use hand_model::robot::Robot;
+use hand_model::robot::RobotBackend;
 use hand_model::{Arm, Hand};
 use hardware_bridge::emulator::direct::DirectRobot;
 use hardware_bridge::safety::state::State;
@@ -27,11 +27,11 @@ pub struct Rounded {
 }
 
 impl TrialBody for Rounded {
-    fn robot(&self) -> &dyn Robot {
+    fn robot(&self) -> &dyn RobotBackend {
         &self.robot
     }
 
-    fn robot_mut(&mut self) -> &mut dyn Robot {
+    fn robot_mut(&mut self) -> &mut dyn RobotBackend {
         &mut self.robot
     }
 

@@ -6,7 +6,7 @@ use control::action::{Action, ActionError, ActionLimits, Stepper, TICKS};
 use control::inverse_kinematics::{ArmKinematics, IkError, Joints};
 use control::workcell::Workcell;
 use hand_model::ACTUATORS;
-use hand_model::robot::{ArmState, Command, Observation, Robot, ServoState, TactileImage};
+use hand_model::robot::{ArmState, Command, Observation, ServoState, TactileImage};
 use nalgebra::Isometry3;
 use proving::simulated_world::World;
 use scenarios::noise::TrialNoise;

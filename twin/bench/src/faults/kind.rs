@@ -2,7 +2,7 @@
 
 use anyhow::Result;
 use control::executive::Executive;
-use hand_model::robot::{Command, Robot, ServoGoal};
+use hand_model::robot::{Command, Readings, RobotBackend, ServoGoal};
 use hardware_bridge::emulator::Plug;
 use hardware_bridge::emulator::faults::{Chances, Event};
 use hardware_bridge::emulator::lockstep::LockstepRobot;
@@ -214,23 +214,26 @@ impl Kind {
                 recorder.wait_for_tick();
             }
             Self::NotANumber => {
-                let observation = recorder.observe();
-                let mut command = executive.tick(&observation)?;
-                command.servos[0] = ServoGoal::Current(f64::NAN);
-                recorder.send(&command);
+                if let Ok(observation) = recorder.observe().and_then(Readings::complete) {
+                    let mut command = executive.tick(&observation)?;
+                    command.servos[0] = ServoGoal::Current(f64::NAN);
+                    // Whatever is refused is what the fault is about.
+                    let _ = recorder.send(&command);
+                }
                 recorder.wait_for_tick();
             }
-            _ => return tick(recorder, executive).map(Some),
+            _ => return tick(recorder, executive),
         }
         Ok(None)
     }
 }
 
-/// Plays one tick of `robot` under `executive`; the command that was sent.
-pub(super) fn tick(robot: &mut impl Robot, executive: &mut Executive) -> Result<Command> {
-    let observation = robot.observe();
-    let command = executive.tick(&observation)?;
-    let sent = robot.send(&command);
+/// Plays one tick of `robot` under `executive`, which holds where the robot fails; the command that was sent.
+pub(super) fn tick(robot: &mut impl RobotBackend, executive: &mut Executive) -> Result<Option<Command>> {
+    let sent = match robot.observe().and_then(Readings::complete) {
+        Ok(observation) => robot.send(&executive.tick(&observation)?).ok(),
+        Err(_) => None,
+    };
     robot.wait_for_tick();
     Ok(sent)
 }

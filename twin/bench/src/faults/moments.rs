@@ -38,8 +38,8 @@ impl Watched {
     fn tick(&mut self) -> Result<()> {
         let Self { snapshot: Snapshot { robot, executive }, mirror } = self;
         let sent = tick(robot, executive)?;
-        if let Some(mirror) = mirror {
-            mirror.see(&Seen::of(executive, robot.time(), &sent, None));
+        if let (Some(mirror), Some(sent)) = (mirror, &sent) {
+            mirror.see(&Seen::of(executive, robot.time(), sent, None));
         }
         Ok(())
     }

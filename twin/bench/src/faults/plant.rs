@@ -3,7 +3,7 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use hand_model::robot::{Command, Observation, Robot, Tick};
+use hand_model::robot::{Command, Observation, Plant, Tick};
 use hand_model::{CAMERAS, Digit, Hand};
 use nalgebra::{Isometry3, Vector3};
 use plant::Blindness;
@@ -175,7 +175,7 @@ impl Breakable {
     }
 }
 
-impl Robot for Breakable {
+impl Plant for Breakable {
     fn observe(&mut self) -> Observation {
         self.plant.observe()
     }

@@ -1,7 +1,7 @@
 //! Every goal that reaches the emulated devices, held to its limits.
 
 use hand_model::ARM_JOINTS;
-use hand_model::robot::{Robot, ServoGoal};
+use hand_model::robot::{RobotBackend as _, ServoGoal};
 use hardware_bridge::config::LimitConfig;
 use hardware_bridge::emulator::lockstep::LockstepRobot;
 use hardware_bridge::safety::limits::BEYOND;

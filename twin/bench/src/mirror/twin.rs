@@ -10,7 +10,7 @@
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-use hand_model::robot::{ArmState, Command, Robot, ServoState};
+use hand_model::robot::{ArmState, Command, ServoState};
 use hand_model::{ACTUATORS, ARM_JOINTS, Arm, Hand};
 use nalgebra::Isometry3;
 use proving::simulated_world::World;

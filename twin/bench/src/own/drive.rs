@@ -8,16 +8,18 @@ use std::time::{Duration, Instant};
 use anyhow::Result;
 use control::action::{Action, Stepper};
 use control::inverse_kinematics::ArmKinematics;
-use hand_model::robot::{Command, Robot as _};
+use hand_model::robot::{Command, RobotBackend as _};
 use nalgebra::Isometry3;
 use scenarios::referee::FailureCause;
 use scenarios::stages::Stages;
-use scenarios::tries::{Attempt, TryRecord};
+use scenarios::tries::TryRecord;
 use serde_json::Value;
+use world::attempt::Attempt;
 
 use super::host::{Array, Host, HostError};
 use super::message::{self, Observed};
 use super::pool::Pace;
+use crate::body::Stopped;
 use crate::environment::images::{PadImages, capture_at};
 use crate::trial::branch::{Play, TrialOutcome};
 use crate::trial::run::Run;
@@ -138,7 +140,7 @@ impl Camera {
 impl Driven<'_> {
     fn play(&mut self, host: &mut dyn Host, with: &Play, watcher: &mut dyn Watcher) -> Result<End> {
         let (tick, limit) = (self.run.snapshot.executive.tick_length(), self.bench.world.scenario.protocol.time_limit);
-        self.observe();
+        self.observe()?;
         loop {
             let time = self.run.snapshot.robot.time();
             if time >= limit {
@@ -165,9 +167,11 @@ impl Driven<'_> {
                 command.capture = self.captures((n + 1).saturating_sub(meanwhile));
                 let sent =
                     self.run.carry_out(command, Some(&mut self.stages), (None, Some(with.id.condition)), watcher)?;
-                self.stepper.sent(sent.arm);
+                if let Some(sent) = sent {
+                    self.stepper.sent(sent.arm);
+                }
                 self.last = *command;
-                self.observe();
+                self.observe()?;
                 if self.stages.is_done(self.run.snapshot.robot.time()) {
                     return Ok(End::Held);
                 }
@@ -189,9 +193,11 @@ impl Driven<'_> {
         message::acted(host.ask(&message::act(&observed), tactile.as_slice())?)
     }
 
-    /// Takes in what is measured.
-    fn observe(&mut self) {
-        let observation = self.run.snapshot.robot.observe();
+    /// Takes in what is measured. A robot that cannot observe leaves the policy with what was measured last.
+    fn observe(&mut self) -> Result<()> {
+        let robot = &mut self.run.snapshot.robot;
+        let seen = self.run.outage.observed(robot.observe());
+        let Some(observation) = seen.map_err(|error| Stopped(error.to_string()))? else { return Ok(()) };
         self.run.snapshot.executive.attend(&observation);
         if let Some(camera) = &mut self.camera
             && !observation.tactile.is_empty()
@@ -199,6 +205,7 @@ impl Driven<'_> {
             camera.asked = None;
             camera.images.show(&self.bench.world.cell.hand, observation.tactile);
         }
+        Ok(())
     }
 
     /// Whether tick `n` of a step, counted from 1, asks for images. While some are under way, no more are asked for.

@@ -5,7 +5,6 @@ use std::sync::Arc;
 use anyhow::Result;
 use control::carrier::{Carrier, CarryPhase};
 use control::motion::Protocol;
-use hand_model::robot::Robot;
 use nalgebra::Isometry3;
 use proving::simulated_world::World;
 use scenarios::noise::TrialNoise;

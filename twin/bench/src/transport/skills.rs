@@ -78,7 +78,7 @@ pub fn of_repertoire(world: &World, repertoire: &Repertoire) -> Result<Vec<Prove
     let mut skills = Vec::new();
     for (name, grasps) in &repertoire.grasps {
         let model = world.object(name)?;
-        if !matches!(model.shape, scenarios::Shape::Sphere { .. }) {
+        if !matches!(model.shape, world::Shape::Sphere { .. }) {
             continue;
         }
         for grasp in grasps {

@@ -11,8 +11,9 @@ use proving::rehearsal::{Snapshot, in_hand};
 use scenarios::noise::NoiseLevels;
 use scenarios::record::{TrialId, TrialRecord};
 use scenarios::referee::FailureCause;
-use scenarios::tries::{Attempt, TryRecord};
+use scenarios::tries::TryRecord;
 use sim::robot::Truth;
+use world::attempt::Attempt;
 use world::objects::{ObjectModel, ObjectSet};
 
 use super::eyes::{Looks, NoisyEyes};

@@ -4,10 +4,11 @@ use std::sync::Arc;
 
 use anyhow::{Result, bail};
 use control::executive::{Executive, Phase};
+use control::outage::Outage;
 use control::perception::{Felt, Grip};
 use control::policy::{Choice, Injected};
 use hand_model::Digit;
-use hand_model::robot::{Command, Robot};
+use hand_model::robot::{Command, RobotBackend, RobotError};
 use proving::rehearsal::{PALM, Snapshot, digit_bits, in_hand};
 use scenarios::FailureCause;
 use scenarios::record::{Condition, TrialId, TrialRecord};
@@ -40,6 +41,8 @@ pub struct Run {
     pub outlasts_faults: bool,
     /// Why the body stopped.
     pub fault: Option<String>,
+    /// Whether the body fails to observe or to send.
+    pub outage: Outage,
 }
 
 impl Run {
@@ -112,30 +115,55 @@ impl Run {
     ) -> Result<()> {
         while self.fault.is_none() && on(&self.snapshot.executive, self.snapshot.robot.time()) {
             let Snapshot { robot, executive } = &mut self.snapshot;
-            let observation = robot.observe();
-            let command = self.profile.on(Activity::Control, || executive.tick(&observation))?;
-            self.carry_out(&command, None, (felt, condition), watcher)?;
+            match self.outage.observed(robot.observe()) {
+                Ok(Some(observation)) => {
+                    let command = self.profile.on(Activity::Control, || executive.tick(&observation))?;
+                    self.carry_out(&command, None, (felt, condition), watcher)?;
+                }
+                Ok(None) => self.pass(None, false, None, (felt, condition), watcher)?,
+                Err(error) => self.lose(&error)?,
+            }
         }
         Ok(())
     }
 
-    /// One tick with `command`, while referee and watcher look on: what was sent, after limits. The executive says what phase it is, or `stages`
-    /// where it does not command.
+    /// One tick with `command`, while referee and watcher look on: what was sent, after limits, if anything was. The executive says what phase it
+    /// is, or `stages` where it does not command.
     pub fn carry_out(
         &mut self,
         command: &Command,
         stages: Option<&mut Stages>,
+        shown: (Option<&Felt>, Option<Condition>),
+        watcher: &mut dyn Watcher,
+    ) -> Result<Option<Command>> {
+        let robot = &mut self.snapshot.robot;
+        let sent = match self.outage.sent(robot.send(command)) {
+            Ok(sent) => sent,
+            Err(error) => {
+                self.lose(&error)?;
+                None
+            }
+        };
+        self.pass(sent.as_ref(), command.capture, stages, shown, watcher)?;
+        Ok(sent)
+    }
+
+    /// Lets a tick pass in which this was `sent`, while referee and watcher look on.
+    fn pass(
+        &mut self,
+        sent: Option<&Command>,
+        captures: bool,
+        stages: Option<&mut Stages>,
         (felt, condition): (Option<&Felt>, Option<Condition>),
         watcher: &mut dyn Watcher,
-    ) -> Result<Command> {
+    ) -> Result<()> {
         let Self { snapshot: Snapshot { robot, executive }, referee, disturber, history, profile, .. } = self;
         let reversed = self.reversed;
-        let sent = robot.send(command);
         let note = match robot {
             Body::Simulated(robot) => disturber.act(robot, executive),
             Body::Single(_) => None,
         };
-        let activity = if command.capture { Activity::Images } else { Activity::Physics };
+        let activity = if captures { Activity::Images } else { Activity::Physics };
         profile.on(activity, || robot.wait_for_tick());
         profile.on(Activity::Referee, || {
             let truth = robot.truth();
@@ -152,7 +180,7 @@ impl Run {
                 time,
                 truth: truth.as_ref(),
                 executive,
-                sent: Some(&sent),
+                sent,
                 felt,
                 condition,
                 note,
@@ -161,15 +189,31 @@ impl Run {
             })
         })?;
         // The last tick of a recording may also be the last of a trial.
-        if let Some(why) = robot.stopped().filter(|_| executive.phase() < Phase::Done) {
-            let why = format!("{why} (phase: {})", executive.phase().name());
-            if !self.outlasts_faults || !robot.is_written() {
-                bail!(Stopped(why));
-            }
-            referee.give_up(FailureCause::RobotFault);
-            self.fault = Some(why);
+        if self.fault.is_none()
+            && let Some(why) = robot.stopped().filter(|_| executive.phase() < Phase::Done)
+        {
+            self.stop(&why)?;
         }
-        Ok(sent)
+        Ok(())
+    }
+
+    /// The body has failed for too long.
+    fn lose(&mut self, error: &RobotError) -> Result<()> {
+        // Who stopped it knows better why.
+        let why = self.snapshot.robot.stopped().unwrap_or_else(|| error.to_string());
+        self.stop(&why)
+    }
+
+    /// The trial ends here: as failed, or as none.
+    fn stop(&mut self, why: &str) -> Result<()> {
+        let Snapshot { robot, executive } = &self.snapshot;
+        let why = format!("{why} (phase: {})", executive.phase().name());
+        if !self.outlasts_faults || !robot.is_written() {
+            bail!(Stopped(why));
+        }
+        self.referee.give_up(FailureCause::RobotFault);
+        self.fault = Some(why);
+        Ok(())
     }
 
     /// How often the reaction to slip pulled harder, in words.

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use anyhow::{Context as _, Result};
 use control::executive::Phase;
+use control::outage::Outage;
 use control::percept::Percept;
 use control::perception::KnownObject;
 use control::policy::Reordered;
@@ -240,6 +241,7 @@ impl<'a> Setup<'a> {
             reversed,
             outlasts_faults: bench.outlasts_faults,
             fault: None,
+            outage: Outage::default(),
         };
         let sighted = [None; 2];
         let start = Start { run, objects, grasps: planned, reordered: self.reordered, pipeline, sighted };

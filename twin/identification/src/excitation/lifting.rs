@@ -3,7 +3,7 @@
 use control::motion::CLOSING_TIME;
 use control::motion::tension::{against_friction, approach_tension, closing_tension};
 use grasping::Grasp;
-use hand_model::robot::{ArmState, Robot};
+use hand_model::robot::{ArmState, RobotBackend};
 use hand_model::{ARM_JOINTS, Arm, Hand};
 
 use super::{Means, Player};
@@ -40,7 +40,7 @@ fn is_there(shown: &ArmState, at: &[f64; ARM_JOINTS]) -> bool {
     shown.position.iter().zip(at).all(|(shown, at)| (shown - at).abs() < OFF)
 }
 
-impl<R: Robot> Player<'_, R> {
+impl<R: RobotBackend> Player<'_, R> {
     /// One part of weighing, by a robot believed to be `own`.
     pub(super) fn weigh(
         &mut self,

@@ -1,35 +1,41 @@
 use std::path::Path;
 
-use hand_model::robot::{Observation, Tick};
+use hand_model::robot::{Observation, Readings, Tick};
 
 use super::*;
 
 /// An arm that is where it is sent, but for a joint that is not sent beyond a limit.
+#[derive(Default)]
 struct Limited {
     time: f64,
     sent: [f64; ARM_JOINTS],
     /// Joint, greatest angle (rad).
     limit: Option<(usize, f64)>,
+    /// From when to when it cannot be observed, s.
+    silent: std::ops::Range<f64>,
 }
 
 impl Limited {
     fn new(limit: Option<(usize, f64)>) -> Self {
-        Self { time: 0.0, sent: Arm::home(), limit }
+        Self { sent: Arm::home(), limit, ..Self::default() }
     }
 }
 
-impl Robot for Limited {
-    fn observe(&mut self) -> Observation {
+impl RobotBackend for Limited {
+    fn observe(&mut self) -> Result<Readings, RobotError> {
+        if self.silent.contains(&self.time) {
+            return Err(RobotError::Lost("nobody answers".to_owned()));
+        }
         let arm = ArmState { position: self.sent, ..ArmState::default() };
-        Observation { time: self.time, arm, ..Observation::default() }
+        Ok(Observation { time: self.time, arm, ..Observation::default() }.into())
     }
 
-    fn send(&mut self, command: &Command) -> Command {
+    fn send(&mut self, command: &Command) -> Result<Command, RobotError> {
         self.sent = command.arm;
         if let Some((joint, most)) = self.limit {
             self.sent[joint] = self.sent[joint].min(most);
         }
-        Command { arm: self.sent, ..*command }
+        Ok(Command { arm: self.sent, ..*command })
     }
 
     fn wait_for_tick(&mut self) -> Tick {
@@ -52,7 +58,7 @@ fn script() -> Script {
 }
 
 /// How an excitation of `robot` ends, and the steps that were done.
-fn played(mut robot: Limited) -> (Result<bool, ArmHeld>, Vec<usize>) {
+fn played(mut robot: Limited) -> (Result<bool, ExcitationError>, Vec<usize>) {
     let (hand, arm, script) = (Hand::ftac(), Arm::gen3(), script());
     let text = include_str!("../../../bench/data/calibration.json");
     let pads = PhotometricCalibration::parse(text, Path::new("calibration.json")).expect("a calibration");
@@ -74,12 +80,21 @@ fn an_arm_that_goes_where_it_is_asked_is_played_on() {
     assert_eq!(played(Limited::new(None)), (Ok(true), vec![0, 1]));
 }
 
+/// A robot that cannot be observed for a while is waited for; one that stays silent ends it, with its own words.
+#[test]
+fn a_silent_robot_is_borne_for_a_while() {
+    let (ended, done) = played(Limited { silent: 1.0..1.3, ..Limited::new(None) });
+    assert_eq!((ended, done), (Ok(true), vec![0, 1]));
+    let (ended, _) = played(Limited { silent: 1.0..f64::INFINITY, ..Limited::new(None) });
+    assert_eq!(ended, Err(ExcitationError::Robot(RobotError::Lost("nobody answers".to_owned()))));
+}
+
 /// A robot that sends the arm no further: the joint is named, and what was done before stays done.
 #[test]
 fn an_arm_that_is_held_stops_the_excitation() {
     let most = Arm::home()[5] + 0.4;
     let (ended, done) = played(Limited::new(Some((5, most))));
-    let held = ended.expect_err("held");
+    let Err(ExcitationError::Held(held)) = ended else { panic!("{ended:?}") };
     assert_eq!((held.joint, held.sent, done.as_slice()), (6, most, &[0][..]), "{held}");
     assert!(held.asked > most + 0.02 && held.since > 1.0, "{held}");
     assert!(held.to_string().contains("joint 6 of the arm is held by the robot: asked for"), "{held}");

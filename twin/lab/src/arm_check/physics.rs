@@ -3,7 +3,7 @@
 use anyhow::{Result, anyhow};
 use control::arm_clearance::ArmBodies;
 use control::inverse_kinematics::Joints;
-use hand_model::robot::{Command, Robot};
+use hand_model::robot::Command;
 use hand_model::{ARM_JOINTS, HAND_JOINTS};
 use proving::simulated_world::World;
 use rand::{RngExt, SeedableRng};

@@ -6,7 +6,7 @@ use std::time::Instant;
 use anyhow::Result;
 use control::Twist;
 use control::trajectory::{PathLimits, PosePath, displacement};
-use hand_model::robot::{Command, Robot};
+use hand_model::robot::Command;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use proving::simulated_world::World;
 use report::picture::{save, tile};

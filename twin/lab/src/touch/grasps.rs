@@ -26,8 +26,8 @@ struct File {
 /// The grasps of `played` that hold, in order: from `file` if it exists, else played and then written there.
 pub fn grasps(bench: &Bench, played: Played, file: Option<&Path>, quiet: bool) -> Result<Vec<HeldGrasp>> {
     if let Some(path) = file.filter(|path| path.exists()) {
-        let text = platform::file::read_regular(path, platform::file::LARGEST)
-            .with_context(|| path.display().to_string())?;
+        let text =
+            platform::file::read_regular(path, platform::file::LARGEST).with_context(|| path.display().to_string())?;
         let kept: File =
             serde_json::from_slice(&text).with_context(|| format!("{}: not a file of grasps", path.display()))?;
         if kept.played != played {

@@ -8,9 +8,9 @@ use std::path::Path;
 
 use anyhow::{Context, Result, ensure};
 use grasping::synthesis::held::{pose_from_array, pose_to_array, values};
-use platform::file::write_whole;
 use indicatif::ProgressBar;
 use nalgebra::Point3;
+use platform::file::write_whole;
 use scenarios::statistics::Rate;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};

@@ -21,7 +21,7 @@ use bench::vision::Address;
 use bench::vision::camera::{Camera, CameraSettings};
 use clap::Args;
 use hand_model::ACTUATORS;
-use hand_model::robot::Robot;
+use hand_model::robot::Plant;
 use hardware_bridge::calibration::{HandCalibration, ServoCalibration};
 use hardware_bridge::config::{ArmConfig, BridgeConfig, CameraConfig, LimitConfig, ServoConfig};
 use hardware_bridge::emulator::servo::EmulatedServo;
@@ -135,7 +135,7 @@ pub fn run(terminal: &Terminal, args: &EmulateArgs) -> Result<Option<String>> {
         bail!(NO_PLANT);
     }
     let mut breakable = None;
-    let (mut table, mut plant): (Option<EmulatedTable>, Box<dyn Robot + Send>) =
+    let (mut table, mut plant): (Option<EmulatedTable>, Box<dyn Plant + Send>) =
         (None, Box::new(SpringHand::new([TRAVEL; ACTUATORS])));
     let (mut travel, mut usual) = ([TRAVEL; ACTUATORS], EmulatorSettings::default());
     if !args.springs {

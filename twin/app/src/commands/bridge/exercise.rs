@@ -7,7 +7,8 @@ use anyhow::{Result, bail};
 use bench::body::arm_link::arm_link;
 use bench::body::operator::agreed;
 use clap::Args;
-use hand_model::robot::{Command, Observation, Robot, ServoGoal};
+use control::outage::Outage;
+use hand_model::robot::{Command, Observation, RobotBackend, RobotError, ServoGoal};
 use hand_model::{ACTUATORS, Arm, CAMERAS};
 use hardware_bridge::calibration::HandCalibration;
 use hardware_bridge::config::BridgeConfig;
@@ -75,10 +76,10 @@ pub fn run(terminal: &Terminal, args: &ExerciseArgs) -> Result<Option<String>> {
         bail!("not armed: the operator did not say yes");
     }
     robot.arm()?;
-    let mut seen = Seen::default();
+    let (mut seen, mut failed) = (Seen::default(), None);
     for _ in 0..args.times {
-        move_once(&mut robot, args, &mut seen);
-        if robot.state() != State::Running {
+        failed = move_once(&mut robot, args, &mut seen).err();
+        if failed.is_some() || robot.state() != State::Running {
             break;
         }
     }
@@ -90,6 +91,9 @@ pub fn run(terminal: &Terminal, args: &ExerciseArgs) -> Result<Option<String>> {
         let measured = robot.standing();
         return Ok(Some(format!("{state}; {measured}. `ftac bridge stop --release` opens the hand")));
     }
+    if let Some(error) = failed {
+        return Ok(Some(error.to_string()));
+    }
     // A dry run has written nothing that could be read back.
     if let (Err(error), false) = (released, args.dry_run) {
         return Ok(Some(error.to_string()));
@@ -100,15 +104,18 @@ pub fn run(terminal: &Terminal, args: &ExerciseArgs) -> Result<Option<String>> {
 }
 
 /// Winds all cables under the current, then opens; ends early when the robot no longer runs.
-fn move_once(robot: &mut HardwareRobot, args: &ExerciseArgs, seen: &mut Seen) {
-    let start = robot.observe().time;
+fn move_once(robot: &mut HardwareRobot, args: &ExerciseArgs, seen: &mut Seen) -> Result<(), RobotError> {
+    let (mut start, mut outage) = (None, Outage::default());
     let mut asked_for_images = false;
     loop {
-        let observation = robot.observe();
+        let Some(observation) = outage.observed(robot.observe())? else {
+            robot.wait_for_tick();
+            continue;
+        };
         note(seen, &observation);
-        let elapsed = observation.time - start;
+        let elapsed = observation.time - *start.get_or_insert(observation.time);
         if elapsed > MOTION {
-            return;
+            return Ok(());
         }
         let closing = elapsed < 0.5 * MOTION;
         let goal = if closing {
@@ -118,11 +125,11 @@ fn move_once(robot: &mut HardwareRobot, args: &ExerciseArgs, seen: &mut Seen) {
         };
         let capture = args.images && !asked_for_images && elapsed > 0.4 * MOTION;
         asked_for_images |= capture;
-        robot.send(&Command { arm: observation.arm.position, servos: [goal; ACTUATORS], capture });
+        outage.sent(robot.send(&Command { arm: observation.arm.position, servos: [goal; ACTUATORS], capture }))?;
         seen.latest = seen.latest.max(robot.wait_for_tick().lateness);
         seen.ticks += 1;
         if matches!(robot.state(), State::Hold(_) | State::Fault(_) | State::Release { .. } | State::Connected) {
-            return;
+            return Ok(());
         }
     }
 }

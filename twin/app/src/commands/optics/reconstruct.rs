@@ -5,7 +5,6 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
-use platform::file::write_whole;
 use lab::optics::reconstruction::folder::{self, Arrivals, Inputs};
 use lab::optics::reconstruction::output;
 use lab::optics::reconstruction::photometry::untouched;
@@ -13,6 +12,7 @@ use lab::optics::reconstruction::{Method, Photometry, Reconstructor};
 use lab::optics::video;
 use optics::calibration::image_files::EXPECTED;
 use optics::calibration::{CalibratedSensor, Photo, press_checks};
+use platform::file::write_whole;
 use serde_json::{Value, json};
 
 use crate::terminal::{Outcome, Terminal};

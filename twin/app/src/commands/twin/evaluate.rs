@@ -6,7 +6,7 @@ use clap::Args;
 use hand_model::Arm;
 use hardware_bridge::emulator::direct::DirectRobot;
 use identification::evaluation::{Coverage, compare, coverage, median, reach};
-use identification::excitation::{ArmHeld, Progress, play};
+use identification::excitation::{ExcitationError, Progress, play};
 use identification::trace::Kept;
 use identification::{Script, identify};
 use plant::RobotIndividual;
@@ -167,7 +167,7 @@ fn evaluate(drawing: &Drawing, number: u64, seed: u64) -> Result<Row> {
         if let Progress::Blocked(step, held) = progress {
             eprintln!("individual {number}, step {}: {held}", step + 1);
         }
-        Ok::<(), ArmHeld>(())
+        Ok::<(), ExcitationError>(())
     };
     let stopped = play(&mut kept, &drawing.means(&script), 0, heard, |_| true).err();
     let stopped = stopped.map(|held| format!("{held}; after {done} of {} steps", script.steps(hand).len()));

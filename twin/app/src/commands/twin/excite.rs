@@ -8,7 +8,7 @@ use bench::body::arm_link::arm_link;
 use bench::body::emulated::{SharedPlant, settings};
 use bench::body::operator::{Interrupt, agreed};
 use clap::Args;
-use hand_model::robot::{Command, Observation, Robot, Tick};
+use hand_model::robot::{Command, Readings, RobotBackend, RobotError, Tick};
 use hand_model::{Arm, Hand};
 use hardware_bridge::config::BridgeConfig;
 use hardware_bridge::config::secrets::without_secrets;
@@ -123,14 +123,14 @@ impl Record {
 
 /// A body behind all that stands between it and a controller.
 enum Bodied {
-    Free(Box<dyn Robot>),
+    Free(Box<dyn RobotBackend>),
     Direct(Box<DirectRobot>),
     Lockstep(Box<LockstepRobot>),
     Real(Box<HardwareRobot>),
 }
 
 impl Bodied {
-    fn robot(&mut self) -> &mut dyn Robot {
+    fn robot(&mut self) -> &mut dyn RobotBackend {
         match self {
             Self::Free(robot) => robot.as_mut(),
             Self::Direct(robot) => robot.as_mut(),
@@ -151,12 +151,12 @@ impl Bodied {
     }
 }
 
-impl Robot for Bodied {
-    fn observe(&mut self) -> Observation {
+impl RobotBackend for Bodied {
+    fn observe(&mut self) -> Result<Readings, RobotError> {
         self.robot().observe()
     }
 
-    fn send(&mut self, command: &Command) -> Command {
+    fn send(&mut self, command: &Command) -> Result<Command, RobotError> {
         self.robot().send(command)
     }
 

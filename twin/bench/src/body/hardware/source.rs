@@ -6,7 +6,8 @@ use std::sync::mpsc::Sender;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, Result, bail};
-use hand_model::robot::{Command, Robot, ServoGoal};
+use control::outage::Outage;
+use hand_model::robot::{Command, RobotBackend, ServoGoal};
 use hand_model::{ACTUATORS, ARM_JOINTS, Arm};
 use hardware_bridge::config::BridgeConfig;
 use hardware_bridge::config::secrets::without_secrets;
@@ -225,21 +226,27 @@ impl BodySource for HardwareSource {
 /// Moves the arm to `posture` (rad), all joints at [`SPEED`] at most, with the hand open.
 fn go_to(hardware: &mut Hardware, posture: &[f64; ARM_JOINTS]) -> Result<()> {
     let step = SPEED * hardware.robot.tick_length();
-    let mut goal = hardware.robot.observe().arm.position;
+    let mut goal = hardware.robot.observe()?.complete()?.arm.position;
     let longest = goal.iter().zip(posture).map(|(from, to)| (to - from).abs()).fold(0.0, f64::max);
     let mut left = (longest / step) as u64 + 600;
+    let mut outage = Outage::default();
     loop {
-        let observation = hardware.robot.observe();
+        let Some(observation) = outage.observed(hardware.robot.observe())? else {
+            hardware.robot.wait_for_tick();
+            continue;
+        };
         let far = observation.arm.position.iter().zip(posture).any(|(is, to)| (is - to).abs() > THERE);
         let arrived = goal == *posture && !far;
         for (goal, to) in goal.iter_mut().zip(posture) {
             *goal += (to - *goal).clamp(-step, step);
         }
-        hardware.robot.send(&Command { arm: goal, servos: [ServoGoal::Current(0.0); ACTUATORS], capture: false });
+        let command = Command { arm: goal, servos: [ServoGoal::Current(0.0); ACTUATORS], capture: false };
+        let sent = outage.sent(hardware.robot.send(&command));
         hardware.robot.wait_for_tick();
         if let Some(why) = hardware.stopped() {
             bail!(Stopped(format!("{why} on the way to the ready posture")));
         }
+        sent?;
         left = left.saturating_sub(1);
         if arrived {
             return Ok(());

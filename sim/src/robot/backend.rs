@@ -1,0 +1,41 @@
+//! The simulated robot as a backend of its own, and as the plant behind emulated devices.
+
+use hand_model::robot::{Command, Observation, Plant, Readings, RobotBackend, RobotError, Tick};
+
+use super::SimulatedRobot;
+
+impl RobotBackend for SimulatedRobot {
+    fn observe(&mut self) -> Result<Readings, RobotError> {
+        Ok(self.observe().into())
+    }
+
+    fn send(&mut self, command: &Command) -> Result<Command, RobotError> {
+        Ok(self.send(command))
+    }
+
+    fn wait_for_tick(&mut self) -> Tick {
+        self.wait_for_tick()
+    }
+
+    fn tick_length(&self) -> f64 {
+        self.tick_length()
+    }
+}
+
+impl Plant for SimulatedRobot {
+    fn observe(&mut self) -> Observation {
+        self.observe()
+    }
+
+    fn send(&mut self, command: &Command) -> Command {
+        self.send(command)
+    }
+
+    fn wait_for_tick(&mut self) -> Tick {
+        self.wait_for_tick()
+    }
+
+    fn tick_length(&self) -> f64 {
+        self.tick_length()
+    }
+}
