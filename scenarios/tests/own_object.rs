@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use e2e::shared_data;
 use platform::reach::Reach;
 use scenarios::Scenario;
 use world::ObjectFile;
@@ -151,12 +152,6 @@ fn counts_that_cannot_be_are_refused() {
     assert!(error.contains("symmetry.fold.n: found 4000000000, expected 1 to 360"), "{error}");
 }
 
-/// A mesh of the shared inputs, which are not part of the repository.
-fn shared(name: &str) -> Option<PathBuf> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data").join(name);
-    path.is_file().then_some(path)
-}
-
 /// Volume (m3) of a loaded mesh, how far its surface is from that of another at most (m), and what was mended.
 fn against(broken: &Path, sound: &Path) -> (f64, f64, Repair) {
     let (mesh, repair) = Mesh::load(broken).expect("mended");
@@ -168,7 +163,8 @@ fn against(broken: &Path, sound: &Path) -> (f64, f64, Repair) {
 
 #[test]
 fn one_triangle_of_no_area_does_not_rebuild_a_cup() {
-    let (Some(broken), Some(sound)) = (shared("faults/cup_one_degenerate.obj"), shared("faults/cup.obj")) else {
+    let (Some(broken), Some(sound)) = (shared_data("faults/cup_one_degenerate.obj"), shared_data("faults/cup.obj"))
+    else {
         return;
     };
     let (volume, off, repair) = against(&broken, &sound);
@@ -178,7 +174,8 @@ fn one_triangle_of_no_area_does_not_rebuild_a_cup() {
 
 #[test]
 fn half_flipped_windings_keep_a_blobs_volume() {
-    let (Some(broken), Some(sound)) = (shared("faults/blob_half_flipped.obj"), shared("faults/blob.obj")) else {
+    let (Some(broken), Some(sound)) = (shared_data("faults/blob_half_flipped.obj"), shared_data("faults/blob.obj"))
+    else {
         return;
     };
     let (volume, off, repair) = against(&broken, &sound);
@@ -189,7 +186,7 @@ fn half_flipped_windings_keep_a_blobs_volume() {
 /// The scan of a bottle with two triangles of no area where its surface touches itself.
 #[test]
 fn a_scan_that_touches_itself_is_not_rebuilt() {
-    let Some(bottle) = shared("objects/ycb/006_mustard_bottle.obj") else { return };
+    let Some(bottle) = shared_data("objects/ycb/006_mustard_bottle.obj") else { return };
     let (mesh, repair) = Mesh::load(&bottle).expect("mended");
     assert!((mesh.volume() / 612.04e-6 - 1.0).abs() < 1e-4, "{} m3", mesh.volume());
     assert!(repair.rebuilt.is_none() && repair.off < 1e-6 && mesh.triangles().len() > 16_000, "{repair}");

@@ -1,4 +1,4 @@
-//! Reading data files, and the one error that says what is wrong with one: file, field, what was found, what was expected.
+//! Reading and writing data files, and the one error that says what is wrong with one: file, field, what was found, what was expected.
 
 use std::path::{Path, PathBuf};
 
@@ -12,6 +12,14 @@ pub enum DataError {
     /// The file could not be read or written.
     #[error("{path}: {source}")]
     Io {
+        /// The file.
+        path: PathBuf,
+        /// The operating system's reason.
+        source: std::io::Error,
+    },
+    /// The file could not be written.
+    #[error("cannot write {path}")]
+    Write {
         /// The file.
         path: PathBuf,
         /// The operating system's reason.
@@ -69,6 +77,11 @@ impl DataError {
         }
         self
     }
+}
+
+/// [`file::write_whole`], with an error that names the file.
+pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), DataError> {
+    file::write_whole(path, bytes).map_err(|source| DataError::Write { path: path.into(), source })
 }
 
 /// The text of a regular file of a size that is read whole.

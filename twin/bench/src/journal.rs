@@ -223,7 +223,7 @@ impl Journal {
         }
         let lock = lock(folder).context("--out")?;
         let text = serde_json::to_string_pretty(request)?;
-        report::write_whole(&folder.join("run.json"), text.as_bytes()).context("--out")?;
+        platform::data::write_whole(&folder.join("run.json"), text.as_bytes()).context("--out")?;
         let file =
             File::create(path(folder)).with_context(|| format!("--out: cannot write into {}", folder.display()))?;
         Ok(Self { file, path: path(folder), _lock: lock, run: request.digest()?, done: BTreeMap::new() })
@@ -265,7 +265,7 @@ impl Journal {
             text += &serde_json::to_string(entry)?;
             text.push('\n');
         }
-        report::write_whole(&path(folder), text.as_bytes())?;
+        platform::data::write_whole(&path(folder), text.as_bytes())?;
         let file = OpenOptions::new().append(true).open(path(folder))?;
         Ok((Self { file, path: path(folder), _lock: lock, run: request.digest()?, done }, request))
     }

@@ -29,7 +29,8 @@ mod verdict;
 
 use std::path::Path;
 
-use anyhow::{Context as _, Result};
+use anyhow::Result;
+use platform::data::write_whole;
 use scenarios::TrialRecord;
 use scenarios::statistics::Summary;
 use serde_json::Value;
@@ -50,10 +51,5 @@ pub fn write_report(folder: &Path, summary: &Summary, records: &[TrialRecord], r
         write_whole(&folder.join("ablations.svg"), format!("{head}{figure}").as_bytes())?;
     }
     let page = page::render(summary, records, run, (folder, [&contact, &clean]))?;
-    write_whole(&folder.join("report.html"), page.as_bytes())
-}
-
-/// [`platform::file::write_whole`], with an error that names the file.
-pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
-    platform::file::write_whole(path, bytes).with_context(|| format!("cannot write {}", path.display()))
+    Ok(write_whole(&folder.join("report.html"), page.as_bytes())?)
 }

@@ -12,6 +12,7 @@ use hand_model::pads::Pad;
 use hand_model::{Arm, Hand};
 use image::{ImageFormat, Rgb, RgbImage};
 use nalgebra::{Isometry3, Point3, Vector3};
+use platform::data::write_whole;
 use sim::stand::{HandStand, Prop};
 use stream::hand_mesh::{self, Material, Part};
 use stream::mesh::Mesh;
@@ -368,7 +369,7 @@ pub fn save(image: &RgbImage, path: &Path) -> Result<()> {
     let mut bytes = Cursor::new(Vec::new());
     let format = ImageFormat::from_path(path).with_context(|| path.display().to_string())?;
     image.write_to(&mut bytes, format).with_context(|| path.display().to_string())?;
-    crate::write_whole(path, bytes.get_ref())
+    Ok(write_whole(path, bytes.get_ref())?)
 }
 
 #[cfg(test)]

@@ -20,7 +20,7 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, bail};
-use report::write_whole;
+use platform::data::write_whole;
 use serde::{Deserialize, Serialize};
 
 use crate::columns::Which;
@@ -124,7 +124,7 @@ impl Folder {
 
     /// Notes that an attempt at a unit failed.
     pub fn note_failure(&self, id: &str, failure: &Failure) -> Result<()> {
-        write_whole(&self.failure(id), &serde_json::to_vec_pretty(failure)?)
+        Ok(write_whole(&self.failure(id), &serde_json::to_vec_pretty(failure)?)?)
     }
 
     /// Units whose last attempt failed.

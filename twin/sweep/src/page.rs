@@ -4,8 +4,8 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, bail};
+use platform::data::write_whole;
 use report::html::{Column, Table, counted, duration, escape, number, whole_page};
-use report::write_whole;
 use serde_json::json;
 
 use crate::curve::{self, Contrast, Estimate};

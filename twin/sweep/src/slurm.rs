@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, anyhow, bail};
 use platform::child;
-use report::write_whole;
+use platform::data::write_whole;
 use serde::{Deserialize, Serialize};
 
 use crate::claim::Claims;

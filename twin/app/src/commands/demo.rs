@@ -115,7 +115,7 @@ fn write(stage: &Stage, films: &[Film], args: &DemoArgs, (seed, names): (u64, [&
     let title = format!("{first}, then {second}: blind beside touch");
     let html = film::page(stage, films, (size, rate), (&title, &about))?;
     let page = args.out.join("index.html");
-    report::write_whole(&page, html.as_bytes())?;
+    platform::data::write_whole(&page, html.as_bytes())?;
     Ok(page)
 }
 

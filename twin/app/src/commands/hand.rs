@@ -162,7 +162,7 @@ fn hand_grasps(terminal: &Terminal, args: &CheckArgs, hand: &Arc<Hand>) -> Outco
     });
     if let Some(folder) = &args.out {
         check::feix::draw(hand, &results, folder)?;
-        report::write_whole(&folder.join("grasps.json"), serde_json::to_string_pretty(&text)?.as_bytes())?;
+        platform::data::write_whole(&folder.join("grasps.json"), serde_json::to_string_pretty(&text)?.as_bytes())?;
     }
     if terminal.json {
         println!("{text}");

@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use anyhow::{Context as _, Result};
+use platform::data::write_whole;
 use report::lab_book::command::Check;
 use report::lab_book::{page, table};
-use report::write_whole;
 
 use crate::terminal::{Outcome, Terminal};
 
@@ -45,7 +45,8 @@ mod tests {
     use report::lab_book::error::FieldError;
 
     fn root() -> PathBuf {
-        Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+        // Of this run and not of the build, which another checkout may have made.
+        PathBuf::from(std::env::var_os("CARGO_MANIFEST_DIR").expect("set by cargo")).join("../..")
     }
 
     fn check(command: &str) -> Result<(), FieldError> {

@@ -10,7 +10,7 @@ use crate::terminal::{Outcome, Terminal};
 pub fn show_rows(terminal: &Terminal, rows: &[check::Row], folder: Option<&Path>) -> Outcome {
     let text = serde_json::json!({ "seed": terminal.seed, "rows": rows });
     if let Some(folder) = folder {
-        report::write_whole(&folder.join("check.json"), serde_json::to_string_pretty(&text)?.as_bytes())?;
+        platform::data::write_whole(&folder.join("check.json"), serde_json::to_string_pretty(&text)?.as_bytes())?;
     }
     if terminal.json {
         println!("{text}");

@@ -214,7 +214,10 @@ fn carry(terminal: &Terminal, args: &TransportArgs, site: &Site) -> Outcome {
         "transports": records,
     });
     if let Some(folder) = &args.out {
-        report::write_whole(&folder.join("transports.json"), serde_json::to_string_pretty(&result)?.as_bytes())?;
+        platform::data::write_whole(
+            &folder.join("transports.json"),
+            serde_json::to_string_pretty(&result)?.as_bytes(),
+        )?;
     }
     if terminal.json {
         println!("{result}");

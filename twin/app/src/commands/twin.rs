@@ -52,7 +52,7 @@ pub fn write_truth(path: &Path, number: u64) -> Result<()> {
         "cameras": RobotIndividual::cameras(number),
         "parameters": truth.described(),
     });
-    report::write_whole(path, serde_json::to_string_pretty(&text)?.as_bytes())
+    Ok(platform::data::write_whole(path, serde_json::to_string_pretty(&text)?.as_bytes())?)
 }
 
 /// The robot as drawn, what its cables and gears take, and how its pads' images are read.

@@ -65,7 +65,7 @@ impl Ledger {
         let text = serde_json::to_string_pretty(request)?;
         // The lines first: a folder that says what it holds can be gone on with.
         let file = File::create(folder.join(LINES)).with_context(|| format!("--out: {}", folder.display()))?;
-        report::write_whole(&folder.join(REQUEST), text.as_bytes())?;
+        platform::data::write_whole(&folder.join(REQUEST), text.as_bytes())?;
         Ok(Self { folder: folder.to_owned(), file, _lock: lock, done: BTreeMap::new() })
     }
 
@@ -89,7 +89,7 @@ impl Ledger {
         for (n, outcome) in &done {
             whole += &line(*n, outcome)?;
         }
-        report::write_whole(&path, whole.as_bytes())?;
+        platform::data::write_whole(&path, whole.as_bytes())?;
         let file = OpenOptions::new().append(true).open(&path).with_context(|| path.display().to_string())?;
         Ok((Self { folder: folder.to_owned(), file, _lock: lock, done }, request))
     }

@@ -69,7 +69,7 @@ impl SkillFile {
         let lines: Vec<String> = self.skills.iter().map(serde_json::to_string).collect::<Result<_, _>>()?;
         let command = serde_json::Value::from(self.command.clone());
         let text = format!("{{\"version\":{VERSION},\"command\":{command},\"skills\":[\n{}\n]}}\n", lines.join(",\n"));
-        report::write_whole(path, text.as_bytes())
+        Ok(platform::data::write_whole(path, text.as_bytes())?)
     }
 }
 

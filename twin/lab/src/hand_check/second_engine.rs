@@ -11,7 +11,7 @@ use hand_model::robot::{Command, ServoGoal};
 use hand_model::transmission::friction::CableFriction;
 use hand_model::{ARM_JOINTS, Arm, Hand};
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
-use report::write_whole;
+use platform::data::write_whole;
 use serde_json::{Value, json};
 use sim::engine::EngineSettings;
 use sim::mjcf::{self, Scene};
@@ -303,5 +303,5 @@ pub fn export(hand: &Arc<Hand>, folder: &Path, friction: f64, refine: bool) -> R
         "scenes": scenes,
         "whole": whole(hand, folder)?,
     });
-    write_whole(&folder.join("scenes.json"), serde_json::to_string_pretty(&text)?.as_bytes())
+    Ok(write_whole(&folder.join("scenes.json"), serde_json::to_string_pretty(&text)?.as_bytes())?)
 }

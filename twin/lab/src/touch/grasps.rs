@@ -6,7 +6,7 @@ use std::sync::Mutex;
 use anyhow::{Context, Result, anyhow, bail};
 use bench::trial::{Bench, HeldGrasp};
 use bench::workers;
-use report::write_whole;
+use platform::data::write_whole;
 use serde::{Deserialize, Serialize};
 
 /// How many grasps are played, and from what.

@@ -8,6 +8,7 @@ use grasping::synthesis::held::pose_from_array;
 use hand_model::Hand;
 use image::RgbImage;
 use nalgebra::{Point3, UnitVector3, Vector3};
+use platform::data::write_whole;
 use proving::synthesis::grasp_file::GraspFile;
 use proving::synthesis::parts::table;
 use proving::synthesis::subject::verified_for;
@@ -17,7 +18,7 @@ use world::objects::ObjectModel;
 
 use crate::html::escape;
 use crate::picture::{self, Picture, View};
-use crate::{pictures, style, write_whole};
+use crate::{pictures, style};
 
 /// Sizes of a picture: an object's, a grasp's, pixels.
 const OBJECT_PICTURE: u32 = 200;
@@ -144,7 +145,7 @@ pub fn write(file: &GraspFile, collection: &Collection, only: Option<&str>, hand
         escape(&collection.header.command),
         escape(&table(collection)),
     );
-    write_whole(&folder.join("grasps.html"), html.as_bytes())
+    Ok(write_whole(&folder.join("grasps.html"), html.as_bytes())?)
 }
 
 #[cfg(test)]

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use anyhow::Result;
 use hand_model::Hand;
 use image::RgbImage;
+use platform::data::write_whole;
 use study::classification::ClassifiedGrasp;
 use study::landscape::basins::MappedGrasps;
 use world::objects::ObjectModel;
@@ -14,7 +15,6 @@ use super::hover;
 use super::scene::Scene;
 use super::tree::{self, Leaf};
 use crate::plot::Plot;
-use crate::write_whole;
 
 /// Basins that the page shows below the tree.
 const LARGEST: usize = 12;
@@ -73,5 +73,5 @@ pub fn write(folder: &Path, (hand, objects): (&Hand, &[Arc<ObjectModel>]), found
         hover::gallery(&gallery)
     );
     let page = hover::page(&title, introduction, &body, &Scene::of(hand, objects, shown))?;
-    write_whole(&folder.join("landscape.html"), page.as_bytes())
+    Ok(write_whole(&folder.join("landscape.html"), page.as_bytes())?)
 }

@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use anyhow::Result;
 use hand_model::Hand;
+use platform::data::write_whole;
 use study::classification::{Classification, ClassifiedGrasp};
 use study::grasp_map::GraspMap;
 use study::taxonomy::Category;
@@ -15,7 +16,6 @@ use super::hover;
 use super::scene::Scene;
 use super::tree::color;
 use crate::html::escape;
-use crate::write_whole;
 
 /// One grasp on the map.
 #[derive(Debug, Clone)]
@@ -117,5 +117,5 @@ pub fn write(
     let introduction = "Each dot is a grasp; near ones touch with the same parts of the hand. Shading: the side of the boundary \
                         between power and precision. Point at a dot to see the grasp.";
     let page = hover::page(&title, introduction, &format!("<div style=\"max-width:900px\">{picture}</div>"), &scene)?;
-    write_whole(&folder.join("map.html"), page.as_bytes())
+    Ok(write_whole(&folder.join("map.html"), page.as_bytes())?)
 }

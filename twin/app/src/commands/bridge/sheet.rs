@@ -43,7 +43,7 @@ pub fn run(terminal: &Terminal, args: &SheetArgs) -> Result<Option<String>> {
     };
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from(format!("recordings/sheet_{what}.svg")));
     let drawing = drawing(&title, &standing);
-    report::write_whole(&out, drawing.as_bytes())?;
+    platform::data::write_whole(&out, drawing.as_bytes())?;
     if terminal.json {
         let rows: Vec<_> = standing
             .iter()

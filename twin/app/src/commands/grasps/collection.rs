@@ -8,10 +8,10 @@ use clap::Args;
 use grasping::synthesis::collection::{self, Collection, ObjectGrasps, Summary};
 use grasping::synthesis::diversity::{self, Diversity};
 use grasping::synthesis::grasp_file;
+use platform::data::write_whole;
 use proving::synthesis::parts::{Part, table};
 use proving::synthesis::search;
 use proving::synthesis::synthesizer::Request;
-use report::write_whole;
 use serde::Serialize;
 use world::objects::ObjectSet;
 

@@ -9,10 +9,11 @@ use std::path::PathBuf;
 use anyhow::{Context, Result, ensure};
 use clap::Args;
 use indicatif::ProgressStyle;
+use platform::data::write_whole;
 use proving::synthesis::hands::{self, Cell, ComparedHand};
 use proving::synthesis::search;
 use proving::synthesis::synthesizer::Request;
-use report::{study_pages, write_whole};
+use report::study_pages;
 use world::objects::ObjectSet;
 
 use crate::commands::object_name::object_name;

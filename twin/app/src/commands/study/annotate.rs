@@ -4,9 +4,9 @@ use std::path::PathBuf;
 
 use anyhow::ensure;
 use clap::Args;
+use platform::data::write_whole;
 use report::study_pages::annotation;
 use report::study_pages::scene::Scene;
-use report::write_whole;
 use serde_json::json;
 
 use super::source::{GraspsArgs, Source, writable};

@@ -5,8 +5,8 @@ use std::path::PathBuf;
 
 use anyhow::{Context, Result, bail};
 use clap::Args;
+use platform::data::write_whole;
 use report::study_pages::types;
-use report::write_whole;
 use study::classification::Classification;
 use study::explanation;
 use study::labels::Labels;

@@ -8,9 +8,9 @@ use hand_model::Hand;
 use lab::hand_check::figures;
 use optics::Foundation;
 use optics::foundation::{probe_response, sensitivity};
+use platform::data::write_whole;
 use report::study_pages::comparison::{Line, Parts, Sensing, lines};
 use report::study_pages::overview;
-use report::write_whole;
 use serde_json::{Value, json};
 use study::sensors::array;
 

@@ -6,7 +6,7 @@ use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};
 use indicatif::ProgressStyle;
 use lab::touch::training::{TrainingSet, TrainingSource, loss_curves, resume};
-use report::write_whole;
+use platform::data::write_whole;
 use serde_json::json;
 use touch::network::Kind;
 use touch::network::train::{Schedule, Training};

@@ -116,7 +116,7 @@ impl Record {
 
     fn write(&self, folder: &Path) -> Result<()> {
         let path = folder.join(STATE);
-        report::write_whole(&path, serde_json::to_string_pretty(self)?.as_bytes())?;
+        platform::data::write_whole(&path, serde_json::to_string_pretty(self)?.as_bytes())?;
         Ok(())
     }
 }

@@ -47,10 +47,13 @@ pub fn run(terminal: &Terminal, args: &IdentifyArgs) -> Outcome {
     let found = identify((&drawing.hand, &drawing.arm), drawing.losses, &drawing.pads, &traces)?;
     let program = format!("ftac {}", env!("CARGO_PKG_VERSION"));
     let text = found.robot.to_toml(&drawing.hand, &program)?;
-    report::write_whole(&args.out, text.as_bytes())?;
+    platform::data::write_whole(&args.out, text.as_bytes())?;
     let page = args.report.clone().unwrap_or_else(|| args.out.with_extension("html"));
     let (actuators, parameters) = rows(&drawing, &found);
-    report::write_whole(&page, report::identified::page(&actuators, &parameters, &found.robot.sessions).as_bytes())?;
+    platform::data::write_whole(
+        &page,
+        report::identified::page(&actuators, &parameters, &found.robot.sessions).as_bytes(),
+    )?;
     let (pads, told) = keep_pads(args, own_pads(&drawing.hand, &drawing.pads, &traces))?;
     let kinematics = &found.kinematics;
     let json = serde_json::json!({
