@@ -21,8 +21,8 @@ struct Camera {
     newest: Option<(u64, Arc<TactileImage>)>,
     /// Samples of its first image, RGB.
     first: Vec<[u8; 3]>,
-    /// Images that it has sent.
-    sent: u32,
+    /// Images that it has taken, by their numbers: one that got lost, or came together with the next, is none that is missing.
+    taken: u32,
     /// Images in a row that repeat the one before, and whether the newest does.
     repeats: u32,
     repeated: bool,
@@ -77,6 +77,13 @@ fn brightness(first: &[[u8; 3]], now: &[[u8; 3]]) -> Option<[f64; 3]> {
 }
 
 impl CameraWatch {
+    /// The median of the numbers of images that the cameras have taken.
+    fn usual(&self) -> u32 {
+        let mut taken: Vec<u32> = self.cameras.iter().map(|camera| camera.taken).collect();
+        taken.sort_unstable();
+        taken[CAMERAS / 2]
+    }
+
     /// Takes the newest images of all cameras at `time` (s), in which new ones were `asked` for or not; what is found, with the camera, or none
     /// where it is all of them. In `real_time` images take as long as host and link do: only what takes much longer than it ever did is silence.
     pub fn see(
@@ -85,7 +92,7 @@ impl CameraWatch {
         (time, asked, real_time): (f64, bool, bool),
         images: &[TactileFrame],
     ) -> Vec<(Option<usize>, Finding)> {
-        let mut fresh = Vec::new();
+        let (mut fresh, usual) = (Vec::new(), self.usual());
         for frame in images.iter().filter(|frame| frame.camera < CAMERAS) {
             let camera = &mut self.cameras[frame.camera];
             if camera.newest.as_ref().is_some_and(|(sequence, _)| *sequence == frame.sequence) {
@@ -93,9 +100,16 @@ impl CameraWatch {
             }
             let before = camera.newest.replace((frame.sequence, frame.image.clone()));
             let same = |image: &Arc<TactileImage>| Arc::ptr_eq(image, &frame.image) || **image == *frame.image;
-            camera.repeated = before.is_some_and(|(_, image)| same(&image));
+            camera.repeated = before.as_ref().is_some_and(|(_, image)| same(image));
             camera.repeats = if camera.repeated { camera.repeats + 1 } else { 0 };
-            camera.sent += 1;
+            // The first to come is level with the others'.
+            camera.taken = match &before {
+                None => usual + 1,
+                Some((sequence, _)) => {
+                    let numbers = frame.sequence.saturating_sub(*sequence).max(1);
+                    camera.taken.saturating_add(u32::try_from(numbers).unwrap_or(1))
+                }
+            };
             fresh.push(frame.camera);
         }
         if fresh.is_empty() {
@@ -108,19 +122,18 @@ impl CameraWatch {
         }
         self.longest = self.longest.max(self.waits_since.map_or(0.0, |since| time - since));
         (self.waits_since, self.silent) = (asked.then_some(time), false);
-        let mut sent: Vec<u32> = self.cameras.iter().map(|camera| camera.sent).collect();
-        sent.sort_unstable();
-        let usual = sent[CAMERAS / 2];
+        let usual = self.usual();
         // Without read-out noise an idle pad repeats its image: then most do.
         let repeating = self.cameras.iter().filter(|camera| camera.repeated).count();
         let (lively, alone) = (repeating <= CAMERAS / 2, repeating == 1);
+        let missed = if real_time { limits.missed_real } else { limits.missed };
         let mut found = Vec::new();
         for (n, camera) in self.cameras.iter_mut().enumerate() {
-            let behind = usual.saturating_sub(camera.sent);
+            let behind = usual.saturating_sub(camera.taken);
             let frozen = lively && camera.repeats >= limits.missed || alone && camera.repeated;
-            if !camera.dead && (behind >= limits.missed || frozen) {
+            if !camera.dead && (behind >= missed || frozen) {
                 camera.dead = true;
-                found.push((Some(n), (Kind::CameraDead, f64::from(camera.sent - camera.repeats), f64::from(usual))));
+                found.push((Some(n), (Kind::CameraDead, f64::from(camera.taken.saturating_sub(camera.repeats)), f64::from(usual))));
             }
             if behind == 0 && camera.dimmed == 0 {
                 camera.dead &= frozen;
@@ -188,6 +201,9 @@ mod tests {
         let frozen = TactileImage { rgb: vec![90; IMAGE_SIZE * IMAGE_SIZE * 3] };
         let frozen = named(|n, camera, image| Some(if camera == 5 && n >= 3 { frozen.clone() } else { image }));
         assert_eq!(frozen, [(4, 5, Kind::CameraDead)]);
+        // One that loses images on the way, but none at the end.
+        let lossy = named(|n, camera, image| (camera != 3 || n % 2 == 1).then_some(image));
+        assert_eq!(lossy, []);
         let silent = named(|n, _, image| (n < 3).then_some(image));
         assert_eq!(silent, [(4, CAMERAS, Kind::CameraDead)], "nothing has come for longer than it takes");
     }

@@ -94,6 +94,7 @@ pub struct CameraLimits {
     pub silent: f64,
     pub silent_real: f64,
     pub missed: u32,
+    pub missed_real: u32,
     pub colour: f64,
     pub drifted: u32,
     pub black: f64,

@@ -189,8 +189,9 @@ pub fn search(
 /// Makes `progress` that of a search of so many chains for an object.
 pub(super) fn show_chains(progress: &ProgressBar, object: &str, chains: u64) -> Result<()> {
     progress.set_length(chains);
-    let template = format!("{object:16} {{bar:30}} {{pos}}/{{len}} chains, {{msg}} verified [{{elapsed}}]");
+    let template = format!("{object:16} {{bar:30}} {{pos}}/{{len}} chains, {{msg}} verified [{{elapsed}} < {{eta}}]");
     progress.set_style(ProgressStyle::with_template(&template)?);
+    progress.set_message("0");
     Ok(())
 }
 

@@ -78,12 +78,13 @@ fn range(joint: &Joint) -> String {
 
 fn text(hand: &AnyHand, notes: &[String]) -> String {
     let mut text = format!("{}: {} moving joints, {} actuators\n", hand.name, hand.tree.len(), hand.pulls.len());
-    text += &format!("{:32} {:>18} {:>12} {:>9} {:>6}  follows\n", "joint", "range", "effort", "its link", "shapes");
+    let width = hand.tree.joints.iter().map(|joint| joint.name.chars().count()).fold(5, usize::max);
+    text += &format!("{:width$} {:>18} {:>12} {:>9} {:>6}  follows\n", "joint", "range", "effort", "its link", "shapes");
     for (n, joint) in hand.tree.joints.iter().enumerate() {
         let effort = hand.efforts[n].map_or("-".into(), |effort| format!("{effort} {}", joint.kind.effort_unit()));
         let shapes = hand.solids.iter().filter(|solid| solid.link == Some(n)).count();
         text += &format!(
-            "{:32} {:>18} {effort:>12} {:>7.1} g {shapes:>6}  {}\n",
+            "{:width$} {:>18} {effort:>12} {:>7.1} g {shapes:>6}  {}\n",
             joint.name,
             range(joint),
             1e3 * hand.masses[n].mass,
