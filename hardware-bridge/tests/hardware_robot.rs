@@ -205,6 +205,8 @@ fn tactile_images() {
     let mut robot = common::connected(&bench);
     let uncertainty = |robot: &HardwareRobot| robot.tactile().and_then(TactileLink::clock_uncertainty);
     patiently("the board says its time", || uncertainty(&robot).is_some());
+    // Before the first cycle no servo was read, and nothing is observed.
+    patiently("everything is read", || robot.observe().is_ok_and(|readings| readings.complete().is_ok()));
     let (first, before) = (uncertainty(&robot).expect("asked"), observed(&mut robot).time);
     let all = images(&mut robot, 3);
     let after = observed(&mut robot).time;

@@ -170,7 +170,7 @@ fn members_know_only_whom_they_may() {
         ("guide", "hand-model scenarios optics touch grasping control study"),
         (
             "ftac",
-            "platform hand-model world scenarios sim optics touch grasping control study hardware-bridge kortex session-log proving bench identification lab report stream sweep progress",
+            "platform hand-model world plant scenarios sim optics touch grasping control study hardware-bridge kortex session-log proving bench identification lab report stream sweep progress",
         ),
         ("ftac-python", "ftac hand-model world scenarios sim optics touch grasping control session-log proving bench"),
         ("e2e", ""),

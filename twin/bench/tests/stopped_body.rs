@@ -1,5 +1,6 @@
-//! A trial whose body stops: none where somebody has to see to the robot, a failed one where others follow.
+//! A trial whose body stops or cannot be reached: none where somebody has to see to the robot, a failed one where others follow.
 
+use std::ops::Range;
 use std::path::PathBuf;
 
 use anyhow::Result;
@@ -7,26 +8,56 @@ use bench::body::{BodySource, Glance, Places, Stopped, Task, TrialBody, TrialSet
 use bench::builtin::make_bench;
 use bench::trial::{Bench, NoWatcher};
 use control::percept::Sighted;
-use hand_model::robot::RobotBackend;
+use hand_model::robot::{Command, Readings, RobotBackend, RobotError, Tick};
 use scenarios::record::{Condition, TrialRecord};
 use scenarios::{FailureCause, Scenario};
 use session_log::Session;
 use sim::SimulatedRobot;
 use sim::robot::Truth;
 
-/// The simulated robot, which stops after some time (s).
+/// The simulated robot, which stops after some time (s), or can neither be observed nor told anything for some time.
 struct Stopping {
     robot: SimulatedRobot,
     after: f64,
+    silent: Range<f64>,
+}
+
+impl Stopping {
+    fn reached(&self) -> Result<(), RobotError> {
+        match self.silent.contains(&self.robot.truth().time) {
+            true => Err(RobotError::Lost("nobody answers".to_owned())),
+            false => Ok(()),
+        }
+    }
+}
+
+impl RobotBackend for Stopping {
+    fn observe(&mut self) -> Result<Readings, RobotError> {
+        self.reached()?;
+        Ok(self.robot.observe().into())
+    }
+
+    fn send(&mut self, command: &Command) -> Result<Command, RobotError> {
+        self.reached()?;
+        Ok(self.robot.send(command))
+    }
+
+    fn wait_for_tick(&mut self) -> Tick {
+        self.robot.wait_for_tick()
+    }
+
+    fn tick_length(&self) -> f64 {
+        self.robot.tick_length()
+    }
 }
 
 impl TrialBody for Stopping {
     fn robot(&self) -> &dyn RobotBackend {
-        &self.robot
+        self
     }
 
     fn robot_mut(&mut self) -> &mut dyn RobotBackend {
-        &mut self.robot
+        self
     }
 
     fn truth(&self) -> Option<Truth> {
@@ -44,11 +75,12 @@ impl TrialBody for Stopping {
 
 struct Source {
     after: f64,
+    silent: Range<f64>,
 }
 
 impl BodySource for Source {
     fn open(&mut self, _setup: &TrialSetup, robot: SimulatedRobot) -> Result<Box<dyn TrialBody>> {
-        Ok(Box::new(Stopping { robot, after: self.after }))
+        Ok(Box::new(Stopping { robot, after: self.after, silent: self.silent.clone() }))
     }
 
     fn session(&self, _task: &Task) -> Result<Option<(PathBuf, Session)>> {
@@ -56,7 +88,9 @@ impl BodySource for Source {
     }
 }
 
-fn play(bench: &Bench, condition: Condition, after: f64) -> Result<TrialRecord> {
+const NEVER: Range<f64> = 0.0..0.0;
+
+fn play(bench: &Bench, condition: Condition, after: f64, silent: Range<f64>) -> Result<TrialRecord> {
     let task = Task {
         robot: "sim".to_owned(),
         seed: 1,
@@ -72,7 +106,7 @@ fn play(bench: &Bench, condition: Condition, after: f64) -> Result<TrialRecord> 
         mirrored: false,
         places: Places::default(),
     };
-    Ok(bench.play(&task, &mut Source { after }, &mut NoWatcher)?.record)
+    Ok(bench.play(&task, &mut Source { after, silent }, &mut NoWatcher)?.record)
 }
 
 #[test]
@@ -80,19 +114,34 @@ fn a_trial_whose_body_stops_is_none_or_has_failed() {
     let mut bench = make_bench(Scenario::benchmark(), 1, 1, true).expect("the built-in benchmark");
     for condition in [Condition::Blind, Condition::Touch] {
         bench.outlasts_faults = false;
-        let error = play(&bench, condition, 2.0).expect_err("stopped");
+        let error = play(&bench, condition, 2.0, NEVER).expect_err("stopped");
         assert!(error.downcast_ref::<Stopped>().is_some_and(|why| why.0.contains("leans")), "{error:#}");
         bench.outlasts_faults = true;
         // What was dropped before counts first.
         let causes =
             [(2.0, vec![FailureCause::RobotFault]), (9.0, vec![FailureCause::RobotFault, FailureCause::FirstDropped])];
         for (after, causes) in causes {
-            let record = play(&bench, condition, after).expect("a record");
+            let record = play(&bench, condition, after, NEVER).expect("a record");
             assert!(!record.success && record.cause.is_some_and(|cause| causes.contains(&cause)), "{:?}", record.cause);
             assert!(record.reason.contains("the arm leans on the table"), "{}", record.reason);
             assert!((after..after + 0.1).contains(&record.sim_seconds), "{}", record.sim_seconds);
         }
-        let whole = play(&bench, condition, f64::INFINITY).expect("a record");
+        let whole = play(&bench, condition, f64::INFINITY, NEVER).expect("a record");
         assert_ne!(whole.cause, Some(FailureCause::RobotFault));
     }
+}
+
+/// A robot that cannot be reached for a third of a second keeps its last command, and the trial goes on. One that stays away ends it with its
+/// own words.
+#[test]
+fn a_robot_that_cannot_be_reached_is_borne_for_a_while() {
+    let mut bench = make_bench(Scenario::benchmark(), 1, 1, true).expect("the built-in benchmark");
+    bench.outlasts_faults = true;
+    let of = |silent: Range<f64>| play(&bench, Condition::Blind, f64::INFINITY, silent).expect("a record");
+    let (sound, held, lost) = (of(NEVER), of(2.0..2.3), of(2.0..f64::INFINITY));
+    let late = held.sim_seconds - sound.sim_seconds;
+    assert!((0.2..0.4).contains(&late) && held.cause != Some(FailureCause::RobotFault), "{late} s, {:?}", held.cause);
+    assert_eq!(lost.cause, Some(FailureCause::RobotFault));
+    assert!(lost.reason.contains("nobody answers"), "{}", lost.reason);
+    assert!((2.4..2.7).contains(&lost.sim_seconds), "{}", lost.sim_seconds);
 }

@@ -133,7 +133,10 @@ impl CameraWatch {
             let frozen = lively && camera.repeats >= limits.missed || alone && camera.repeated;
             if !camera.dead && (behind >= missed || frozen) {
                 camera.dead = true;
-                found.push((Some(n), (Kind::CameraDead, f64::from(camera.taken.saturating_sub(camera.repeats)), f64::from(usual))));
+                found.push((
+                    Some(n),
+                    (Kind::CameraDead, f64::from(camera.taken.saturating_sub(camera.repeats)), f64::from(usual)),
+                ));
             }
             if behind == 0 && camera.dimmed == 0 {
                 camera.dead &= frozen;

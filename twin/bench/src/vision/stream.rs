@@ -52,11 +52,18 @@ impl Stream {
         let to = address.clone();
         // Neither resolving a name nor connecting to a Unix socket has a time limit of its own: nobody waits for a thread that takes longer.
         std::thread::Builder::new().name("connect".into()).spawn(move || sender.send(connect(&to, limit)))?;
-        receiver.recv_timeout(limit).unwrap_or_else(|_| {
-            let words =
-                format!("found no answer within {:.0} s, expected a vision system that listens", limit.as_secs_f64());
-            Err(io::Error::new(io::ErrorKind::TimedOut, words))
-        })
+        match receiver.recv_timeout(limit) {
+            Ok(Ok(stream)) => Ok(stream),
+            Ok(Err(error)) if error.kind() != io::ErrorKind::TimedOut => Err(error),
+            // Either clock may be the first.
+            _ => {
+                let words = format!(
+                    "found no answer within {:.0} s, expected a vision system that listens",
+                    limit.as_secs_f64()
+                );
+                Err(io::Error::new(io::ErrorKind::TimedOut, words))
+            }
+        }
     }
 
     /// Another hold of the same connection.

@@ -79,7 +79,8 @@ fn range(joint: &Joint) -> String {
 fn text(hand: &AnyHand, notes: &[String]) -> String {
     let mut text = format!("{}: {} moving joints, {} actuators\n", hand.name, hand.tree.len(), hand.pulls.len());
     let width = hand.tree.joints.iter().map(|joint| joint.name.chars().count()).fold(5, usize::max);
-    text += &format!("{:width$} {:>18} {:>12} {:>9} {:>6}  follows\n", "joint", "range", "effort", "its link", "shapes");
+    text +=
+        &format!("{:width$} {:>18} {:>12} {:>9} {:>6}  follows\n", "joint", "range", "effort", "its link", "shapes");
     for (n, joint) in hand.tree.joints.iter().enumerate() {
         let effort = hand.efforts[n].map_or("-".into(), |effort| format!("{effort} {}", joint.kind.effort_unit()));
         let shapes = hand.solids.iter().filter(|solid| solid.link == Some(n)).count();
