@@ -31,8 +31,10 @@ const IMAGINED: usize = 48;
 const IMAGINED_PIXELS: usize = 700;
 /// Pixels that are learned from of all presses, about.
 const REAL_PIXELS: usize = 60_000;
-/// Weights of pixels of an imagined press, and of untouched gel, against one of a press's contact.
-const IMAGINED_WEIGHT: f32 = 0.5;
+/// Presses so many that a pixel of an imagined press weighs as much as one of theirs. The weight falls with the square of the presses: the more
+/// there are, the less the model's errors may say. Set on the even presses of Taxim's sensor (recordings/log/own-sensor.md).
+const IMAGINED_WORTH: f32 = 2.3;
+/// Weight of a pixel of untouched gel, against one in contact.
 const LEVEL_WEIGHT: f32 = 0.3;
 /// Untouched pixels that are learned from, over those in contact.
 const LEVEL_SHARE: f64 = 0.15;
@@ -137,7 +139,8 @@ impl Photometry {
         let prior = PhotometricModel::fit(CONFIGURATION, &with_pixel(&imagined))?;
         let look_up = PhotometricModel::corrected(Some(&prior), CONFIGURATION, &with_pixel(&known.presses))?;
         let mut pixels = real_pixels(&known, (grid, photo_pixel), seed);
-        pixels.extend(imagined_pixels(&imagined, pixel, seed));
+        let weight = (IMAGINED_WORTH / known.presses.len().max(1) as f32).powi(2).min(1.0);
+        pixels.extend(imagined_pixels(&imagined, pixel, weight, seed));
         let recipe = format!("ftac optics calibrate, {} presses, --seed {seed}", presses.presses.len());
         let mut photometry = Self {
             version: VERSION,
@@ -266,7 +269,7 @@ fn real_pixels(known: &KnownPresses, (grid, pixel): (Grid, f64), seed: u64) -> V
 }
 
 /// Pixels of imagined presses, whose gel is known everywhere; `pixel` is the grid's, m.
-fn imagined_pixels(presses: &[CalibrationPress], (dx, dy): (f64, f64), seed: u64) -> Vec<LabelledPixel> {
+fn imagined_pixels(presses: &[CalibrationPress], (dx, dy): (f64, f64), weight: f32, seed: u64) -> Vec<LabelledPixel> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x696d_6167);
     let mut pixels = Vec::new();
     for press in presses {
@@ -279,8 +282,8 @@ fn imagined_pixels(presses: &[CalibrationPress], (dx, dy): (f64, f64), seed: u64
             if rng.random_bool(if gel[i] > 0.0 { share } else { level_share }) {
                 let slopes =
                     [f64::from(gel[i + 1] - gel[i - 1]) / (2.0 * dx), f64::from(gel[i - N] - gel[i + N]) / (2.0 * dy)];
-                let weight = if gel[i] > 0.0 { 1.0 } else { LEVEL_WEIGHT };
-                pixels.push(LabelledPixel::new(i, change[i], slopes, IMAGINED_WEIGHT * weight));
+                let share = if gel[i] > 0.0 { 1.0 } else { LEVEL_WEIGHT };
+                pixels.push(LabelledPixel::new(i, change[i], slopes, weight * share));
             }
         }
     }
