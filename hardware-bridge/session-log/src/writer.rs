@@ -184,7 +184,7 @@ impl Writer {
     /// # Errors
     /// [`SessionLogError`].
     pub fn unobserved(&mut self, why: &str) -> Result<(), SessionLogError> {
-        self.text(UNOBSERVED, why)
+        self.plain(UNOBSERVED, why.as_bytes())
     }
 
     /// Why a command was not sent.
@@ -192,7 +192,7 @@ impl Writer {
     /// # Errors
     /// [`SessionLogError`].
     pub fn unsent(&mut self, why: &str) -> Result<(), SessionLogError> {
-        self.text(UNSENT, why)
+        self.plain(UNSENT, why.as_bytes())
     }
 
     /// A command, before it is passed on.
@@ -224,7 +224,7 @@ impl Writer {
     /// # Errors
     /// [`SessionLogError`].
     pub fn unseen(&mut self, why: &str) -> Result<(), SessionLogError> {
-        self.text(UNSEEN, why)
+        self.plain(UNSEEN, why.as_bytes())
     }
 
     /// What came of it, in the controller's words.
@@ -232,8 +232,7 @@ impl Writer {
     /// # Errors
     /// [`SessionLogError`].
     pub fn outcome(&mut self, text: &[u8]) -> Result<(), SessionLogError> {
-        let (host, body) = (self.host_time(), body_time(self.time));
-        self.write(OUTCOME, None, host, body, text)
+        self.plain(OUTCOME, text)
     }
 
     /// What the body says of its own running, as JSON.
@@ -241,8 +240,7 @@ impl Writer {
     /// # Errors
     /// [`SessionLogError`].
     pub fn statistics(&mut self, json: &[u8]) -> Result<(), SessionLogError> {
-        let (host, body) = (self.host_time(), body_time(self.time));
-        self.write(STATISTICS, None, host, body, json)
+        self.plain(STATISTICS, json)
     }
 
     /// The end of a tick. Everything up to here survives the program's death (though not the power's).
@@ -269,9 +267,10 @@ impl Writer {
         self.mcap.flush().map_err(SessionLogError::mcap(&self.path))
     }
 
-    fn text(&mut self, topic: &str, text: &str) -> Result<(), SessionLogError> {
+    /// Bytes that no schema describes.
+    fn plain(&mut self, topic: &str, bytes: &[u8]) -> Result<(), SessionLogError> {
         let (host, body) = (self.host_time(), body_time(self.time));
-        self.write(topic, None, host, body, text.as_bytes())
+        self.write(topic, None, host, body, bytes)
     }
 
     fn message(&mut self, topic: &str, name: &'static str, message: &impl Message) -> Result<(), SessionLogError> {

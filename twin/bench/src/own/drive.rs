@@ -19,7 +19,6 @@ use world::attempt::Attempt;
 use super::host::{Array, Host, HostError};
 use super::message::{self, Observed};
 use super::pool::Pace;
-use crate::body::Stopped;
 use crate::environment::images::{PadImages, capture_at};
 use crate::trial::branch::{Play, TrialOutcome};
 use crate::trial::run::Run;
@@ -195,9 +194,7 @@ impl Driven<'_> {
 
     /// Takes in what is measured. A robot that cannot observe leaves the policy with what was measured last.
     fn observe(&mut self) -> Result<()> {
-        let robot = &mut self.run.snapshot.robot;
-        let seen = self.run.outage.observed(robot.observe());
-        let Some(observation) = seen.map_err(|error| Stopped(error.to_string()))? else { return Ok(()) };
+        let Some(observation) = self.run.observe()? else { return Ok(()) };
         self.run.snapshot.executive.attend(&observation);
         if let Some(camera) = &mut self.camera
             && !observation.tactile.is_empty()

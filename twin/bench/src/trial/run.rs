@@ -8,7 +8,7 @@ use control::outage::Outage;
 use control::perception::{Felt, Grip};
 use control::policy::{Choice, Injected};
 use hand_model::Digit;
-use hand_model::robot::{Command, RobotBackend, RobotError};
+use hand_model::robot::{Command, Observation, RobotBackend, RobotError};
 use proving::rehearsal::{PALM, Snapshot, digit_bits, in_hand};
 use scenarios::FailureCause;
 use scenarios::record::{Condition, TrialId, TrialRecord};
@@ -41,7 +41,7 @@ pub struct Run {
     pub outlasts_faults: bool,
     /// Why the body stopped.
     pub fault: Option<String>,
-    /// Whether the body fails to observe or to send.
+    /// Failed calls of the body.
     pub outage: Outage,
 }
 
@@ -114,17 +114,22 @@ impl Run {
         watcher: &mut dyn Watcher,
     ) -> Result<()> {
         while self.fault.is_none() && on(&self.snapshot.executive, self.snapshot.robot.time()) {
-            let Snapshot { robot, executive } = &mut self.snapshot;
-            match self.outage.observed(robot.observe()) {
-                Ok(Some(observation)) => {
+            match self.observe()? {
+                Some(observation) => {
+                    let executive = &mut self.snapshot.executive;
                     let command = self.profile.on(Activity::Control, || executive.tick(&observation))?;
                     self.carry_out(&command, None, (felt, condition), watcher)?;
                 }
-                Ok(None) => self.pass(None, false, None, (felt, condition), watcher)?,
-                Err(error) => self.lose(&error)?,
+                None => self.pass(None, false, None, (felt, condition), watcher)?,
             }
         }
         Ok(())
+    }
+
+    /// The newest measurements; none while the body fails. One that fails for too long ends the trial.
+    pub fn observe(&mut self) -> Result<Option<Observation>> {
+        let seen = self.outage.observed(self.snapshot.robot.observe());
+        self.unless_lost(seen)
     }
 
     /// One tick with `command`, while referee and watcher look on: what was sent, after limits, if anything was. The executive says what phase it
@@ -136,14 +141,8 @@ impl Run {
         shown: (Option<&Felt>, Option<Condition>),
         watcher: &mut dyn Watcher,
     ) -> Result<Option<Command>> {
-        let robot = &mut self.snapshot.robot;
-        let sent = match self.outage.sent(robot.send(command)) {
-            Ok(sent) => sent,
-            Err(error) => {
-                self.lose(&error)?;
-                None
-            }
-        };
+        let sent = self.outage.sent(self.snapshot.robot.send(command));
+        let sent = self.unless_lost(sent)?;
         self.pass(sent.as_ref(), command.capture, stages, shown, watcher)?;
         Ok(sent)
     }
@@ -197,11 +196,14 @@ impl Run {
         Ok(())
     }
 
-    /// The body has failed for too long.
-    fn lose(&mut self, error: &RobotError) -> Result<()> {
-        // Who stopped it knows better why.
-        let why = self.snapshot.robot.stopped().unwrap_or_else(|| error.to_string());
-        self.stop(&why)
+    /// The outcome of a call of the body; none, and the end of the trial, where it has failed for too long.
+    fn unless_lost<T>(&mut self, called: Result<Option<T>, RobotError>) -> Result<Option<T>> {
+        called.or_else(|error| {
+            // Who stopped it knows better why.
+            let why = self.snapshot.robot.stopped().unwrap_or_else(|| error.to_string());
+            self.stop(&why)?;
+            Ok(None)
+        })
     }
 
     /// The trial ends here: as failed, or as none.
