@@ -1,4 +1,4 @@
-//! What every crate needs of the operating system.
+//! Files, digests and child processes, for every crate.
 //!
 //! [`file`] writes a file whole or not at all, and reads one that is sure to end; [`data`] reads TOML and says what is wrong with it by
 //! file, field, found and expected; [`reach`] says which files a text may name. [`digest`] is SHA-256, and [`child`] starts

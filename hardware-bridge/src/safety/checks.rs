@@ -49,7 +49,7 @@ pub struct Measured {
 }
 
 impl Measured {
-    /// What a controller may know of it, at `time` (s) in tick `sequence`.
+    /// The readings that a controller gets of it, at `time` (s) in tick `sequence`.
     pub fn readings(&self, time: f64, sequence: u64, tactile: Vec<TactileFrame>) -> Readings {
         let servos = self.servos.map(|servo| servo.map(|servo| Reading { value: servo.state, time: servo.at }));
         let arm = self.arm.map(|arm| Reading { value: arm.state, time: arm.at });

@@ -124,7 +124,7 @@ pub fn command(servo: ServoGoal) -> Command {
     Command { arm: [0.1; ARM_JOINTS], servos: [servo; ACTUATORS], capture: false }
 }
 
-/// What is measured now.
+/// The newest measurements.
 pub fn observed(robot: &mut HardwareRobot) -> Observation {
     robot.observe().and_then(Readings::complete).expect("observed")
 }

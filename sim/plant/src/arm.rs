@@ -4,12 +4,12 @@ use hand_model::ARM_JOINTS;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
-/// How an arm differs from the one that its controller believes in.
+/// Deviation of an arm from its controller's model.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct ArmDefects {
-    /// What each joint's encoder shows too much, rad: the joint really is at what is commanded less this.
+    /// Encoder offsets, rad: true angle = reading - offset.
     pub encoders: [f64; ARM_JOINTS],
-    /// Where the hand really sits on its flange, seen from its nominal place there, m.
+    /// Position of the hand on its flange, in the frame of its nominal place there, m.
     pub mount_position: Vector3<f64>,
     /// Rotation vector of its turn, about the flange's origin, rad.
     pub mount_rotation: Vector3<f64>,
@@ -29,7 +29,7 @@ impl ArmDefects {
         std::array::from_fn(|joint| shown[joint] - self.encoders[joint])
     }
 
-    /// What the encoders show of joints at `real`, rad.
+    /// Encoder readings of joints at `real`, rad.
     pub fn shown(&self, real: &[f64; ARM_JOINTS]) -> [f64; ARM_JOINTS] {
         std::array::from_fn(|joint| real[joint] + self.encoders[joint])
     }

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// What comes of a pad whose camera fails.
+/// Failure mode of a pad's camera.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Blindness {

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// How the covers give way.
+/// Viscoelastic behaviour of the covers.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Gel {

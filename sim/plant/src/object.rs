@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use world::geometry::GeometryError;
 use world::objects::ObjectModel;
 
-/// How an object differs from its model: factors.
+/// Factors by which an object differs from its model.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Individual {
     /// Of the mass, whatever the size is.

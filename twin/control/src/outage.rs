@@ -5,7 +5,7 @@ use hand_model::robot::{Command, Observation, Readings, RobotError};
 /// Calls in a row that may fail, one a tick: half a second of ticks.
 pub const MOST_FAILURES: u32 = 60;
 
-/// How many calls of a robot have failed in a row. While they do, a controller decides nothing: the robot keeps its last command.
+/// Number of failed calls of a robot in a row. While they do, a controller decides nothing: the robot keeps its last command.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Outage {
     observing: u32,
