@@ -9,12 +9,11 @@ use serde::Deserialize;
 use crate::ARM_JOINTS;
 use crate::hand::MassProperties;
 use crate::kinematics::{Joint, JointKind, Tree, pose_from_xyz_rpy};
-use platform::data::parse_toml;
+use platform::data::{DataError, parse_toml};
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct ArmFile {
-    #[allow(dead_code)]
     version: u32,
     #[allow(dead_code)]
     name: String,
@@ -48,6 +47,41 @@ struct ArmJointFile {
     damping: f64,
     radius: f64,
     wrist_capsule: Option<[f64; 3]>,
+}
+
+impl ArmFile {
+    fn check(&self, path: &Path) -> Result<(), DataError> {
+        if self.version != 1 {
+            return Err(DataError::field(path, "version", self.version, "1"));
+        }
+        if self.joint.len() != ARM_JOINTS {
+            let expected = format!("{ARM_JOINTS} joints: arms with another number cannot be driven yet");
+            return Err(DataError::field(path, "joint", format!("{} joints", self.joint.len()), expected));
+        }
+        for joint in &self.joint {
+            let fault = |field: &str, found: f64, expected: &str| {
+                Err(DataError::field(path, format!("joint[{}].{field}", joint.name), found, expected))
+            };
+            let positive = [
+                ("velocity", joint.velocity),
+                ("effort", joint.effort),
+                ("acceleration", joint.acceleration),
+                ("mass", joint.mass),
+                ("stiffness", joint.stiffness),
+                ("damping", joint.damping),
+                ("radius", joint.radius),
+            ];
+            for (field, value) in positive {
+                if !(value.is_finite() && value > 0.0) {
+                    return fault(field, value, "a positive number");
+                }
+            }
+            if !joint.continuous && (joint.lower.is_nan() || joint.upper.is_nan() || joint.lower >= joint.upper) {
+                return fault("lower", joint.lower, "less than `upper`");
+            }
+        }
+        Ok(())
+    }
 }
 
 /// A capsule from a link's origin along its axis.
@@ -100,8 +134,16 @@ impl Arm {
     /// # Panics
     /// Never in a tested build: the file is compiled in and a test reads it.
     pub fn gen3() -> Self {
-        let file: ArmFile =
-            parse_toml(include_str!("../data/gen3.toml"), Path::new("gen3.toml")).expect("the built-in arm is valid");
+        Self::parse(include_str!("../data/gen3.toml"), Path::new("gen3.toml")).expect("the built-in arm is valid")
+    }
+
+    /// Builds an arm from a parameter file's text; `path` is used in errors.
+    ///
+    /// # Errors
+    /// [`DataError`] with the field at fault.
+    pub fn parse(text: &str, path: &Path) -> Result<Self, DataError> {
+        let file: ArmFile = parse_toml(text, path)?;
+        file.check(path)?;
         let joints = file
             .joint
             .iter()
@@ -131,7 +173,7 @@ impl Arm {
                 }
             })
             .collect();
-        Self {
+        Ok(Self {
             tree: Tree { joints },
             links: file.joint.iter().map(|joint| joint.link.clone()).collect(),
             velocity_limits: std::array::from_fn(|i| file.joint[i].velocity),
@@ -146,7 +188,7 @@ impl Arm {
             radii: std::array::from_fn(|i| i.checked_sub(1).map_or(file.base_radius, |link| file.joint[link].radius)),
             wrist: wrist.collect(),
             last_from_tool: pose_from_xyz_rpy(file.tool_xyz, file.tool_rpy),
-        }
+        })
     }
 
     /// `base_from_tool` at joint angles `q` (rad).

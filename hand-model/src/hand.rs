@@ -36,6 +36,14 @@ pub struct SkinElement {
 }
 
 impl CoverShape {
+    pub(crate) fn of(cover: &Cover) -> Self {
+        Self {
+            link_from_cover: pose_from_xyz_rpy(cover.center, cover.rpy),
+            half: Vector3::from(cover.half),
+            radius: cover.radius,
+        }
+    }
+
     /// Distance (m, negative inside) of `point` (link frame) from the surface, and the unit outward normal there.
     pub fn signed_distance(&self, point: &Point3<f64>) -> (f64, Vector3<f64>) {
         let local = self.link_from_cover.inverse_transform_point(point).coords;
@@ -117,9 +125,7 @@ pub struct Hand {
     pub masses: Vec<MassProperties>,
     /// The arm's tool frame in the palm frame.
     pub palm_from_flange: Isometry3<f64>,
-    /// 17 pads.
     pub pads: Vec<Pad>,
-    /// 18 cameras.
     pub cameras: Vec<Camera>,
     /// Cables, springs, opposition.
     pub transmission: Transmission,
@@ -135,8 +141,7 @@ impl Hand {
     /// # Panics
     /// Never in a tested build: the parameter file is compiled in and a test reads it.
     pub fn ftac() -> Self {
-        Self::parse(include_str!("../data/ftac_hand.toml"), Path::new("ftac_hand.toml"))
-            .expect("the built-in hand is valid")
+        Self::build(HandParameters::ftac())
     }
 
     /// Builds a hand from a parameter file's text; `path` is used in errors.
@@ -174,7 +179,7 @@ impl Hand {
         }
     }
 
-    fn build(mut parameters: HandParameters) -> Self {
+    pub(crate) fn build(mut parameters: HandParameters) -> Self {
         if parameters.handedness == Handedness::Right {
             mirror(&mut parameters);
         }
@@ -209,8 +214,8 @@ impl Hand {
         let palm_body = box_mass(parameters.palm.mass, &parameters.palm.cover, Some(parameters.palm.com));
         Self {
             tree: Tree { joints },
-            palm_cover: cover_shape(&parameters.palm.cover),
-            covers: parameters.joint.iter().map(|joint| cover_shape(&joint.cover)).collect(),
+            palm_cover: CoverShape::of(&parameters.palm.cover),
+            covers: parameters.joint.iter().map(|joint| CoverShape::of(&joint.cover)).collect(),
             palm_mass: with_point_mass(palm_body, parameters.palm.servo_pack_mass, parameters.palm.servo_pack_com),
             masses: parameters.joint.iter().map(|joint| box_mass(joint.mass, &joint.cover, None)).collect(),
             // The tool axis (z) runs along the fingers (y); the tool's y points out of the back of the hand.
@@ -249,14 +254,6 @@ impl Hand {
     /// Index of the pad called `name`.
     pub fn pad(&self, name: &str) -> Option<usize> {
         self.pads.iter().position(|pad| pad.name == name)
-    }
-}
-
-fn cover_shape(cover: &Cover) -> CoverShape {
-    CoverShape {
-        link_from_cover: pose_from_xyz_rpy(cover.center, cover.rpy),
-        half: Vector3::from(cover.half),
-        radius: cover.radius,
     }
 }
 

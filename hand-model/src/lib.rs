@@ -1,7 +1,7 @@
 //! What the robot *is*: the F-TAC Hand's kinematic tree, cable transmission and tactile pads, the Kinova Gen3 arm, and the
 //! [`robot::RobotBackend`] interface through which every controller drives every body.
 //!
-//! The story in order: [`parameters`] reads the one file with all numbers (`data/ftac_hand.toml`); [`hand`] turns it into a
+//! The story in order: [`robot_model`] reads a robot file, which names a hand and an arm; [`parameters`] reads the file with all numbers of the hand (`data/ftac_hand.toml`); [`hand`] turns it into a
 //! [`kinematics::Tree`] with covers, [`pads`] and a [`transmission`]; [`arm`] does the same for the Gen3; [`urdf`] writes both
 //! as URDF and reads any URDF back, [`any_hand`] makes a hand of one; [`statics`] finds where the digits come to rest,
 //! [`load`] what the arm's joints bear; [`robot`] says what a body measures and what it can be told.
@@ -20,6 +20,7 @@ pub mod load;
 pub mod pads;
 pub mod parameters;
 pub mod robot;
+pub mod robot_model;
 pub mod statics;
 pub mod transmission;
 pub mod urdf;
@@ -27,6 +28,7 @@ pub mod urdf;
 pub use arm::Arm;
 pub use digit::{Digit, Phalanx};
 pub use hand::Hand;
+pub use robot_model::{RobotModel, RobotSources};
 
 /// Gravity, m/s2.
 pub const GRAVITY: f64 = 9.81;
@@ -36,7 +38,3 @@ pub const ARM_JOINTS: usize = 7;
 pub const HAND_JOINTS: usize = 15;
 /// Number of actuators: five cables and the thumb's opposition.
 pub const ACTUATORS: usize = 6;
-/// Number of tactile pads.
-pub const PADS: usize = 17;
-/// Number of tactile cameras: one a pad, two on the ulnar palm pad.
-pub const CAMERAS: usize = 18;

@@ -2,11 +2,18 @@
 
 use std::path::Path;
 
+use nalgebra::{Point3, Vector3};
 use serde::Deserialize;
 
+use crate::hand::CoverShape;
 use crate::transmission::SPANS;
 use crate::transmission::friction::CableFriction;
 use platform::data::{DataError, parse_toml, read_text};
+
+/// Farthest that a pad's centre may be from the surface of its link's cover, m.
+const OFF_COVER: f64 = 3e-3;
+/// Sizes of a pad, m.
+const PAD_SIZES: std::ops::RangeInclusive<f64> = 0.005..=0.1;
 
 /// The whole of `ftac_hand.toml`. Field names are those of the file, which documents them.
 #[derive(Debug, Clone, Deserialize)]
@@ -179,7 +186,44 @@ impl HandParameters {
         Self::parse(&read_text(path)?, path)
     }
 
-    fn check(&self, path: &Path) -> Result<(), DataError> {
+    /// Parameters of the F-TAC Hand.
+    ///
+    /// # Panics
+    /// Never in a tested build: the file is compiled in and a test reads it.
+    pub fn ftac() -> Self {
+        Self::parse(include_str!("../data/ftac_hand.toml"), Path::new("ftac_hand.toml"))
+            .expect("the built-in hand is valid")
+    }
+
+    /// A geometrically similar hand. Lengths go with `factor`, masses with its cube. Springs go with it as well, so that a tension bends
+    /// the digits as far as before. Servos, servo pack, spools, cables and the gel's thickness stay.
+    pub(crate) fn scale(&mut self, factor: f64) {
+        let scaled = |values: &mut [f64]| values.iter_mut().for_each(|value| *value *= factor);
+        let cover = |cover: &mut Cover| {
+            scaled(&mut cover.center);
+            scaled(&mut cover.half);
+            cover.radius *= factor;
+        };
+        self.palm.mass *= factor.powi(3);
+        scaled(&mut self.palm.com);
+        scaled(&mut self.palm.flange_xyz);
+        scaled(&mut self.palm.servo_pack_com);
+        cover(&mut self.palm.cover);
+        for joint in &mut self.joint {
+            scaled(&mut joint.xyz);
+            cover(&mut joint.cover);
+            joint.guide_before.iter_mut().chain(&mut joint.guide_after).for_each(|guide| scaled(guide));
+            joint.mass *= factor.powi(3);
+            joint.spring *= factor;
+        }
+        for configuration in self.configuration.values_mut() {
+            configuration.h *= factor;
+            configuration.w *= factor;
+        }
+        self.pad.iter_mut().for_each(|pad| scaled(&mut pad.center));
+    }
+
+    pub(crate) fn check(&self, path: &Path) -> Result<(), DataError> {
         let fault = |field: &str, found: String, expected: &str| Err(DataError::field(path, field, found, expected));
         if self.version != 1 {
             return fault("version", self.version.to_string(), "1");
@@ -190,8 +234,11 @@ impl HandParameters {
         if self.actuator.len() != crate::ACTUATORS {
             return fault("actuator", format!("{} actuators", self.actuator.len()), "6 actuators");
         }
-        if self.pad.len() != crate::PADS {
-            return fault("pad", format!("{} pads", self.pad.len()), "17 pads");
+        if self.pad.is_empty() {
+            return fault("pad", "none".into(), "at least one pad");
+        }
+        for (letter, configuration) in &self.configuration {
+            configuration.check(letter, path)?;
         }
         self.check_cable(path)?;
         let mut links = vec!["palm"];
@@ -202,7 +249,14 @@ impl HandParameters {
         for actuator in &self.actuator {
             self.check_actuator(actuator, path)?;
         }
-        self.pad.iter().try_for_each(|pad| self.check_pad(pad, &links, path))
+        let mut names = std::collections::BTreeSet::new();
+        for pad in &self.pad {
+            if !names.insert(&pad.name) {
+                return fault(&format!("pad[{}].name", pad.name), format!("`{}` twice", pad.name), "a name of its own");
+            }
+            self.check_pad(pad, &links, path)?;
+        }
+        Ok(())
     }
 
     fn check_cable(&self, path: &Path) -> Result<(), DataError> {
@@ -239,6 +293,9 @@ impl HandParameters {
                 "at most 3 joints",
             ));
         }
+        if actuator.cable.is_empty() && actuator.drives.is_none() {
+            return Err(DataError::field(path, field(), "no joint", "a cable's joints, or the joint that it `drives`"));
+        }
         for name in actuator.cable.iter().chain(&actuator.drives) {
             let Some(joint) = self.joint.iter().find(|joint| &joint.name == name) else {
                 return Err(DataError::field(path, field(), format!("`{name}`"), "the name of a joint"));
@@ -264,6 +321,49 @@ impl HandParameters {
         }
         if !self.configuration.contains_key(&pad.configuration) {
             return fault("configuration", &pad.configuration, "one of the [configuration] table");
+        }
+        let long = |v: &[f64; 3]| v.iter().all(|x| x.is_finite()) && Vector3::from(*v).norm() > 1e-6;
+        for (field, direction) in [("y", &pad.y), ("z", &pad.z)] {
+            if !long(direction) {
+                return Err(DataError::field(
+                    path,
+                    format!("pad[{}].{field}", pad.name),
+                    format!("{direction:?}"),
+                    "a direction",
+                ));
+            }
+        }
+        let joint = self.joint.iter().find(|joint| joint.name == pad.link);
+        let cover = CoverShape::of(joint.map_or(&self.palm.cover, |joint| &joint.cover));
+        let (distance, _) = cover.signed_distance(&Point3::from(Vector3::from(pad.center)));
+        if distance.is_nan() || distance.abs() > OFF_COVER {
+            let side = if distance > 0.0 { "outside" } else { "inside" };
+            let found = format!("{:.1} mm {side} of its link's cover", 1e3 * distance.abs());
+            return Err(DataError::field(
+                path,
+                format!("pad[{}].center", pad.name),
+                found,
+                format!("at most {:.0} mm from its surface", 1e3 * OFF_COVER),
+            ));
+        }
+        Ok(())
+    }
+}
+
+impl Configuration {
+    fn check(&self, letter: &str, path: &Path) -> Result<(), DataError> {
+        let field = |name: &str| format!("configuration.{letter}{name}");
+        if letter.chars().count() != 1 {
+            return Err(DataError::field(path, field(""), format!("`{letter}`"), "a name of one letter"));
+        }
+        for (name, size) in [(".h", self.h), (".w", self.w)] {
+            if !PAD_SIZES.contains(&size) {
+                let expected = format!("{} to {} m", PAD_SIZES.start(), PAD_SIZES.end());
+                return Err(DataError::field(path, field(name), size, expected));
+            }
+        }
+        if !(1..=4).contains(&self.cameras) {
+            return Err(DataError::field(path, field(".cameras"), self.cameras, "1 to 4"));
         }
         Ok(())
     }

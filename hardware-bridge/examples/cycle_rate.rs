@@ -3,7 +3,7 @@
 
 use std::time::Instant;
 
-use hand_model::ACTUATORS;
+use hand_model::{ACTUATORS, RobotModel};
 use hardware_bridge::emulator::spring_hand::SpringHand;
 use hardware_bridge::emulator::{EmulatedHand, EmulatorSettings};
 use hardware_bridge::servo_bus::timing::Cycle;
@@ -14,7 +14,8 @@ const IDS: [u8; ACTUATORS] = [1, 2, 3, 4, 5, 6];
 const CYCLES: u32 = 200;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let hand = EmulatedHand::start(Box::new(SpringHand::new([4.0; ACTUATORS])), EmulatorSettings::default())?;
+    let plant = Box::new(SpringHand::new([4.0; ACTUATORS], 18));
+    let hand = EmulatedHand::start(plant, EmulatorSettings::default(), &RobotModel::ftac_gen3())?;
     let mut bus = ServoBus::open(hand.servo_port(), BusSettings { slack: 0.25, ..BusSettings::default() })?;
     let read = PRESENT_BLOCK_LONG;
     let length = read.end - read.start;

@@ -1,6 +1,5 @@
 //! The tactile cameras, behind the camera board or as UVC devices.
 
-use hand_model::CAMERAS;
 use hand_model::robot::TactileFrame;
 
 use crate::clock::Clock;
@@ -14,6 +13,9 @@ use crate::tactile_link::link::LinkError;
 pub enum CamerasError {
     #[error(transparent)]
     Board(#[from] LinkError),
+    /// UVC devices that show another number of cameras than the hand has.
+    #[error("uvc: found {found} cameras, expected {expected}")]
+    Number { found: usize, expected: usize },
     /// UVC devices.
     #[cfg(feature = "uvc")]
     #[error(transparent)]
@@ -33,19 +35,24 @@ pub enum Cameras {
 }
 
 impl Cameras {
-    /// Opens the configured cameras; `None` if there are none.
+    /// Opens the configured cameras of a hand that has so many; `None` if there are none.
     ///
     /// # Errors
     /// [`CamerasError`].
-    pub fn open(config: &BridgeConfig, clock: &Clock) -> Result<Option<Self>, CamerasError> {
+    pub fn open(config: &BridgeConfig, cameras: usize, clock: &Clock) -> Result<Option<Self>, CamerasError> {
         if let Some(board) = &config.cameras {
-            return Ok(Some(Self::Board(TactileLink::open(&board.port, clock.clone())?)));
+            return Ok(Some(Self::Board(TactileLink::open(&board.port, cameras, clock.clone())?)));
         }
         if config.uvc.is_empty() {
             return Ok(None);
         }
+        // The configuration shows every camera once.
+        let found: usize = config.uvc.iter().map(|device| device.squares.len()).sum();
+        if found != cameras {
+            return Err(CamerasError::Number { found, expected: cameras });
+        }
         #[cfg(feature = "uvc")]
-        return Ok(Some(Self::Uvc(crate::uvc::UvcCameras::open(&config.uvc, clock)?)));
+        return Ok(Some(Self::Uvc(crate::uvc::UvcCameras::open(&config.uvc, cameras, clock)?)));
         #[cfg(not(feature = "uvc"))]
         Err(CamerasError::NoUvc(config.uvc.len()))
     }
@@ -84,7 +91,7 @@ impl Cameras {
     }
 
     /// Counters of every camera.
-    pub fn cameras(&self) -> [CameraCounters; CAMERAS] {
+    pub fn cameras(&self) -> Vec<CameraCounters> {
         match self {
             Self::Board(link) => link.cameras(),
             #[cfg(feature = "uvc")]
@@ -99,5 +106,22 @@ impl Cameras {
             #[cfg(feature = "uvc")]
             Self::Uvc(cameras) => cameras.lost(),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::config::tests::GOOD;
+
+    #[test]
+    fn webcams_that_show_another_hands_cameras_are_refused() {
+        let webcam = "[[uvc]]\ndevice = \"X\"\nsize = [480, 240]\nformat = \"mjpeg\"\n\
+                      squares = [{ camera = 0, x = 0, y = 0 }, { camera = 1, x = 240, y = 0 }]\n";
+        let config = BridgeConfig::parse(&format!("{GOOD}\n{webcam}"), Path::new("bridge.toml")).expect("good");
+        let error = Cameras::open(&config, 18, &Clock::wall()).err().expect("another hand's").to_string();
+        assert_eq!(error, "uvc: found 2 cameras, expected 18");
     }
 }

@@ -12,7 +12,7 @@
 //! [cameras]
 //! port = "/dev/serial/by-id/usb-..."
 //!
-//! # or webcams instead (feature `uvc`), one section each; together they cover all 18 cameras of the hand
+//! # or webcams instead (feature `uvc`), one section each; together they cover all cameras of the hand
 //! [[uvc]]
 //! device = "0123456"                    # path, part of a name below /dev/v4l/by-id (serial number), or the card's name
 //! size = [640, 480]
@@ -259,10 +259,10 @@ impl BridgeConfig {
 }
 
 #[cfg(test)]
-pub(super) mod tests {
+pub(crate) mod tests {
     use super::*;
 
-    pub(super) const GOOD: &str = r#"
+    pub(crate) const GOOD: &str = r#"
         version = 1
         calibration = "calibration.json"
         stop_socket = "stop"

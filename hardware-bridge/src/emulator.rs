@@ -31,8 +31,8 @@ use std::time::{Duration, Instant};
 
 use camera_board::{BoardSettings, CameraBoard};
 use faults::{Event, Faults};
-use hand_model::ACTUATORS;
 use hand_model::robot::{Command, Plant, ServoGoal, ServoState, TactileFrame};
+use hand_model::{ACTUATORS, RobotModel};
 use plant_arm::SharedArm;
 use pty::{Pty, PtyError};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
@@ -143,21 +143,31 @@ pub struct EmulatedHand {
 }
 
 impl EmulatedHand {
-    /// Starts the devices on their pseudo-terminals, and the plant.
-    pub fn start(plant: Box<dyn Plant + Send>, settings: EmulatorSettings) -> Result<Self, PtyError> {
-        Self::open(plant, settings, Clock::wall())
+    /// Starts the devices of `robot` on their pseudo-terminals, and the plant.
+    pub fn start(
+        plant: Box<dyn Plant + Send>,
+        settings: EmulatorSettings,
+        robot: &RobotModel,
+    ) -> Result<Self, PtyError> {
+        Self::open(plant, settings, robot, Clock::wall())
     }
 
     /// The same with `clock` for a clock, which must be an emulated one: nothing moves but by [`EmulatedHand::step`].
     pub fn start_stepped(
         plant: Box<dyn Plant + Send>,
         settings: EmulatorSettings,
+        robot: &RobotModel,
         clock: Clock,
     ) -> Result<Self, PtyError> {
-        Self::open(plant, settings, clock)
+        Self::open(plant, settings, robot, clock)
     }
 
-    fn open(mut plant: Box<dyn Plant + Send>, settings: EmulatorSettings, clock: Clock) -> Result<Self, PtyError> {
+    fn open(
+        mut plant: Box<dyn Plant + Send>,
+        settings: EmulatorSettings,
+        robot: &RobotModel,
+        clock: Clock,
+    ) -> Result<Self, PtyError> {
         let (servo_pty, board_pty) = (Pty::open()?, Pty::open()?);
         let port_of = |pty: &Pty| pty.device.try_clone().map_err(PtyError::Open);
         let (servo_port, board_port) = (port_of(&servo_pty)?, port_of(&board_pty)?);
@@ -166,14 +176,15 @@ impl EmulatedHand {
         let shafts = observation.servos;
         let mut chain = ServoChain::new(settings.servos, settings.faults, settings.usb_latency, settings.seed);
         chain.advance(clock.now(), 0.0, &shafts);
+        let board = CameraBoard::new(settings.board, robot.hand.cameras.len(), jpeg_chance, settings.seed);
         let shared = Arc::new(Shared {
             servo_line: Mutex::new(Some(port_of(&servo_pty)?)),
             servos_gone: AtomicBool::new(false),
             cameras_gone: AtomicBool::new(false),
             chain: Mutex::new(chain),
-            board: Mutex::new(CameraBoard::new(settings.board, jpeg_chance, settings.seed)),
+            board: Mutex::new(board),
             shafts: Mutex::new(shafts),
-            arm: SharedArm::at(observation.arm),
+            arm: SharedArm::at(observation.arm, robot.arm.clone()),
             capture: AtomicBool::new(false),
             stop: AtomicBool::new(false),
             ticks: AtomicU64::new(0),

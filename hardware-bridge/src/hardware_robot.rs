@@ -12,7 +12,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use hand_model::robot::{Command, Readings, RobotBackend, RobotError, ServoGoal, Tick};
-use hand_model::{ACTUATORS, ARM_JOINTS, Arm, Hand};
+use hand_model::{ACTUATORS, ARM_JOINTS, RobotModel};
 use session_log::{Packet, Tap};
 
 use crate::arm_link::ArmLink;
@@ -109,14 +109,14 @@ impl HardwareRobot {
     pub fn connect(
         config: &BridgeConfig,
         arm: Box<dyn ArmLink>,
-        arm_model: &Arm,
+        robot: &RobotModel,
         dry: Option<DryLines>,
     ) -> Result<Self, ConnectError> {
         let calibration = HandCalibration::read(&config.calibration)?;
         let clock = Clock::wall();
-        let hand = open_hand(config, &calibration)?;
-        let cameras = Cameras::open(config, &clock)?;
-        let cycle = servo_cycle(config, &calibration, hand, arm, arm_model, clock.clone());
+        let hand = open_hand(config, &calibration, robot)?;
+        let cameras = Cameras::open(config, robot.hand.cameras.len(), &clock)?;
+        let cycle = servo_cycle(config, &calibration, hand, arm, robot, clock.clone());
         let cycle = ServoCycle { dry, ..cycle };
         let shared = cycle.shared.clone();
         let doors = stop_sockets(config, &shared, &clock)?;
@@ -220,9 +220,13 @@ fn stop_sockets(config: &BridgeConfig, shared: &Arc<Shared>, clock: &Clock) -> R
 }
 
 /// Opens the servo bus and makes sure that the servos are the calibrated ones.
-pub(crate) fn open_hand(config: &BridgeConfig, calibration: &HandCalibration) -> Result<HandBus, ConnectError> {
+pub(crate) fn open_hand(
+    config: &BridgeConfig,
+    calibration: &HandCalibration,
+    robot: &RobotModel,
+) -> Result<HandBus, ConnectError> {
     let mut bus = ServoBus::open(&config.servos.port, config.bus())?;
-    let names = Hand::ftac().parameters.actuator.into_iter().map(|actuator| actuator.name).collect::<Vec<_>>();
+    let names: Vec<&str> = robot.hand.parameters.actuator.iter().map(|actuator| actuator.name.as_str()).collect();
     for (id, name) in config.servos.ids.iter().zip(&names) {
         let findings = setup::check(&mut bus, config, *id, name)?;
         if let Some(bad) = findings.into_iter().find(|finding| !finding.good) {
@@ -236,7 +240,7 @@ pub(crate) fn open_hand(config: &BridgeConfig, calibration: &HandCalibration) ->
             Some((_, owner)) => format!("it is that of {owner}; were their ids exchanged?"),
             None => "the servo was replaced or remounted; calibrate".to_owned(),
         };
-        return Err(ConnectError::Mismatch { actuator, name: names[actuator].clone(), why, found, expected });
+        return Err(ConnectError::Mismatch { actuator, name: names[actuator].to_owned(), why, found, expected });
     }
     Ok(hand)
 }
@@ -247,12 +251,12 @@ pub(crate) fn servo_cycle(
     calibration: &HandCalibration,
     hand: HandBus,
     arm: Box<dyn ArmLink>,
-    arm_model: &Arm,
+    robot: &RobotModel,
     clock: Clock,
 ) -> ServoCycle {
-    let limits = config.limits(&calibration.travel(), arm_model);
+    let limits = config.limits(&calibration.travel(), &robot.arm);
     let press = limits.press.filter(|_| arm.senses_torque());
-    let mut supervisor = Supervisor::new(Limits { press, ..limits }).watching(&Hand::ftac(), arm_model);
+    let mut supervisor = Supervisor::new(Limits { press, ..limits }).watching(robot);
     // A new supervisor is disconnected, so this cannot be refused.
     let _ = supervisor.connect();
     let measured = Measured { servos: [None; ACTUATORS], arm: None, cameras: true };

@@ -61,6 +61,7 @@ enum Hands {
 /// A connected Gen3.
 pub struct KortexLink {
     hands: Hands,
+    limits: Limits,
     pacing: Pacing,
     reading: Option<ArmReading>,
     looked: Option<Instant>,
@@ -70,10 +71,23 @@ pub struct KortexLink {
 }
 
 impl KortexLink {
-    /// Around a connected arm. `tick` is the time between two set-points, `deadline` how long they may fail to come before the arm is stopped.
-    pub fn new(arm: Arm, tick: Duration, deadline: Duration) -> Self {
+    /// Around a connected arm of this model. `tick` is the time between two set-points, `deadline` how long they may fail to come before the arm is
+    /// stopped.
+    pub fn new(arm: Arm, model: &ArmModel, tick: Duration, deadline: Duration) -> Self {
+        let limits = limits(model);
+        // The arm may be silent for as long as the controller may.
+        let silent_cycles = (deadline.as_secs_f64() / limits.cycle.as_secs_f64()).round() as u32;
+        let limits = Limits { silent_cycles, ..limits };
         let pacing = Pacing { tick, host_deadline: deadline };
-        Self { hands: Hands::Idle(Box::new(arm)), pacing, reading: None, looked: None, answered: 0, fault: None }
+        Self {
+            hands: Hands::Idle(Box::new(arm)),
+            limits,
+            pacing,
+            reading: None,
+            looked: None,
+            answered: 0,
+            fault: None,
+        }
     }
 
     /// Ends the loop, if one runs, and keeps the arm; why it had ended, if it had.
@@ -183,12 +197,7 @@ impl ArmLink for KortexLink {
         self.fault = None;
         match std::mem::replace(&mut self.hands, Hands::Lost) {
             Hands::Idle(arm) => {
-                let limits = limits(&ArmModel::gen3());
-                // The arm may be silent for as long as the controller may.
-                let silent_cycles =
-                    (self.pacing.host_deadline.as_secs_f64() / limits.cycle.as_secs_f64()).round() as u32;
-                let limits = Limits { silent_cycles, ..limits };
-                let servo_loop = ServoLoop::start(*arm, limits, self.pacing).map_err(|error| failed(&error))?;
+                let servo_loop = ServoLoop::start(*arm, self.limits, self.pacing).map_err(|error| failed(&error))?;
                 self.answered = 0;
                 self.hands = Hands::Servoing(Box::new(servo_loop));
                 Ok(())

@@ -6,7 +6,6 @@
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use hand_model::CAMERAS;
 use hand_model::pads::IMAGE_SIZE;
 use hand_model::robot::TactileFrame;
 use serde::{Deserialize, Serialize};
@@ -41,23 +40,23 @@ pub struct Mistaken {
 }
 
 impl Pictures {
-    /// Of the newest frames of all cameras; the number of a camera that has none is the error.
-    pub fn of(frames: &[TactileFrame]) -> Result<Self, usize> {
+    /// Of the newest frames of so many cameras; the number of a camera that has none is the error.
+    pub fn of(frames: &[TactileFrame], cameras: usize) -> Result<Self, usize> {
         let picture = |camera: usize| {
             let frame = frames.iter().rev().find(|frame| frame.camera == camera).ok_or(camera)?;
             Ok::<_, usize>(coarse(&frame.image.rgb))
         };
-        Ok(Self { version: VERSION, cameras: (0..CAMERAS).map(picture).collect::<Result<_, _>>()? })
+        Ok(Self { version: VERSION, cameras: (0..cameras).map(picture).collect::<Result<_, _>>()? })
     }
 
     /// One look with all cameras; what went wrong in words.
     pub fn look(link: &Cameras, patience: Duration) -> Result<Self, String> {
         link.take();
         link.request_capture().map_err(|error| error.to_string())?;
-        let (started, mut frames) = (Instant::now(), Vec::new());
+        let (started, cameras, mut frames) = (Instant::now(), link.cameras().len(), Vec::new());
         loop {
             frames.extend(link.take());
-            match Self::of(&frames) {
+            match Self::of(&frames, cameras) {
                 Ok(pictures) => return Ok(pictures),
                 Err(camera) if started.elapsed() > patience => {
                     return Err(format!("found no image of camera {camera}, expected one"));
@@ -72,8 +71,8 @@ impl Pictures {
         calibration.with_file_name("pictures.json")
     }
 
-    /// Reads and checks a file; none where there is no file.
-    pub fn read(path: &Path) -> Result<Option<Self>, ConfigError> {
+    /// Reads a file and checks that it is of so many cameras; none where there is no file.
+    pub fn read(path: &Path, cameras: usize) -> Result<Option<Self>, ConfigError> {
         let text = match std::fs::read_to_string(path) {
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
             text => text.map_err(|source| ConfigError::Io { path: path.to_owned(), source })?,
@@ -87,11 +86,11 @@ impl Pictures {
             return field("version", read.version.to_string(), VERSION.to_string());
         }
         let numbers = 3 * BLOCKS * BLOCKS;
-        if read.cameras.len() != CAMERAS || read.cameras.iter().any(|picture| picture.len() != numbers) {
+        if read.cameras.len() != cameras || read.cameras.iter().any(|picture| picture.len() != numbers) {
             return field(
                 "cameras",
                 format!("{} pictures", read.cameras.len()),
-                format!("{CAMERAS} of {numbers} numbers"),
+                format!("{cameras} of {numbers} numbers"),
             );
         }
         Ok(Some(read))
@@ -107,7 +106,7 @@ impl Pictures {
     pub fn mistaken(&self, now: &Self) -> Vec<Mistaken> {
         let shown = |(camera, picture): (usize, &Vec<f64>)| {
             let off = |other: usize| distance(picture, &self.cameras[other]);
-            let shows = (0..CAMERAS).min_by(|one, other| off(*one).total_cmp(&off(*other)))?;
+            let shows = (0..self.cameras.len()).min_by(|one, other| off(*one).total_cmp(&off(*other)))?;
             (shows != camera && off(camera) > CLOSER * off(shows)).then_some(Mistaken { camera, shows })
         };
         now.cameras.iter().enumerate().filter_map(shown).collect()
@@ -115,7 +114,8 @@ impl Pictures {
 
     /// Cameras that look so much alike that an exchange would not be noticed, given that two looks at the same pad differ by `noise`.
     pub fn alike(&self, noise: f64) -> Vec<[usize; 2]> {
-        let pairs = (0..CAMERAS).flat_map(|one| (one + 1..CAMERAS).map(move |other| [one, other]));
+        let count = self.cameras.len();
+        let pairs = (0..count).flat_map(|one| (one + 1..count).map(move |other| [one, other]));
         pairs.filter(|[one, other]| distance(&self.cameras[*one], &self.cameras[*other]) < CLOSER * noise).collect()
     }
 
@@ -153,6 +153,8 @@ mod tests {
 
     use super::*;
 
+    const CAMERAS: usize = 18;
+
     /// Pads whose brightness falls off to another side each, `dim` as bright as usual.
     fn frames(order: impl Fn(usize) -> usize, dim: f64) -> Vec<TactileFrame> {
         let frame = |camera: usize| {
@@ -172,11 +174,11 @@ mod tests {
     fn exchanged_plugs_are_told_and_dimmed_lamps_are_not() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = Pictures::beside(&folder.path().join("calibration.json"));
-        assert_eq!(Pictures::read(&path).expect("none is fine"), None);
-        let known = Pictures::of(&frames(|camera| camera, 1.0)).expect("all");
+        assert_eq!(Pictures::read(&path, CAMERAS).expect("none is fine"), None);
+        let known = Pictures::of(&frames(|camera| camera, 1.0), CAMERAS).expect("all");
         known.write(&path).expect("written");
-        let known = Pictures::read(&path).expect("good").expect("there");
-        let dim = Pictures::of(&frames(|camera| camera, 0.8)).expect("all");
+        let known = Pictures::read(&path, CAMERAS).expect("good").expect("there");
+        let dim = Pictures::of(&frames(|camera| camera, 0.8), CAMERAS).expect("all");
         assert_eq!(known.mistaken(&dim), []);
         let swapped = |camera: usize| {
             [camera, 4, 3][if camera == 3 {
@@ -187,12 +189,12 @@ mod tests {
                 0
             }]
         };
-        let exchanged = Pictures::of(&frames(swapped, 0.9)).expect("all");
+        let exchanged = Pictures::of(&frames(swapped, 0.9), CAMERAS).expect("all");
         let expected = [Mistaken { camera: 3, shows: 4 }, Mistaken { camera: 4, shows: 3 }];
         assert_eq!(known.mistaken(&exchanged), expected);
         assert_eq!(known.alike(known.noise(&dim)), Vec::<[usize; 2]>::new());
         assert_eq!(known.alike(10.0).len(), CAMERAS * (CAMERAS - 1) / 2);
-        assert_eq!(Pictures::of(&frames(|camera| camera, 1.0)[1..]), Err(0));
+        assert_eq!(Pictures::of(&frames(|camera| camera, 1.0)[1..], CAMERAS), Err(0));
     }
 
     #[test]
@@ -205,7 +207,7 @@ mod tests {
             (r#"{"version": 1, "cameras": [[1.0]]}"#, "cameras: found 1 pictures, expected 18 of 432 numbers"),
         ] {
             std::fs::write(&path, text).expect("written");
-            let message = Pictures::read(&path).expect_err("bad").to_string();
+            let message = Pictures::read(&path, CAMERAS).expect_err("bad").to_string();
             assert!(message.contains(words), "{message}");
         }
     }

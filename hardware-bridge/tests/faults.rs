@@ -175,7 +175,7 @@ fn host_process() {
     let Ok(file) = std::env::var("FTAC_BRIDGE_TOML") else { return };
     let config = common::forgiving(BridgeConfig::read(file.as_ref()).expect("a configuration"));
     let arm = Box::new(hardware_bridge::arm_link::LoopbackArm::default());
-    let mut robot = HardwareRobot::connect(&config, arm, &hand_model::Arm::gen3(), None).expect("connects");
+    let mut robot = HardwareRobot::connect(&config, arm, &hand_model::RobotModel::ftac_gen3(), None).expect("connects");
     patiently("the checks pass", || robot.check().is_ok());
     robot.arm().expect("arms");
     loop {

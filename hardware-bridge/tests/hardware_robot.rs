@@ -5,16 +5,15 @@ mod common;
 use std::path::Path;
 use std::sync::{Arc, Mutex};
 
-use common::{TRAVEL, armed, bench, closed, command, connect, drive, observed, patiently};
+use common::{TRAVEL, armed, bench, closed, command, connect, drive, observed, patiently, started};
 use hand_model::robot::{Command, RobotBackend, ServoGoal, TactileFrame};
-use hand_model::{ACTUATORS, Arm, CAMERAS};
+use hand_model::{ACTUATORS, RobotModel};
 use hardware_bridge::arm_link::LoopbackArm;
 use hardware_bridge::config::BridgeConfig;
+use hardware_bridge::emulator::EmulatorSettings;
 use hardware_bridge::emulator::camera_board::BoardSettings;
 use hardware_bridge::emulator::faults::Event;
 use hardware_bridge::emulator::servo::EmulatedServo;
-use hardware_bridge::emulator::spring_hand::SpringHand;
-use hardware_bridge::emulator::{EmulatedHand, EmulatorSettings};
 use hardware_bridge::hand_bus::HandBus;
 use hardware_bridge::hardware_robot::{ConnectError, HardwareRobot};
 use hardware_bridge::homing::{HomingSettings, feel, store};
@@ -155,7 +154,7 @@ fn another_servo_is_refused() {
     let error = connect(&bench, None).err().expect("refused");
     assert!(matches!(error, ConnectError::Mismatch { actuator: 3, found: 0, .. }), "{error}");
     let missing = BridgeConfig { calibration: Path::new("/no/such/calibration.json").into(), ..bench.config.clone() };
-    let error = HardwareRobot::connect(&missing, Box::new(LoopbackArm::default()), &Arm::gen3(), None);
+    let error = HardwareRobot::connect(&missing, Box::new(LoopbackArm::default()), &RobotModel::ftac_gen3(), None);
     assert!(error.err().expect("refused").to_string().starts_with("/no/such/calibration.json: "));
 }
 
@@ -165,7 +164,7 @@ fn homing() {
     let mut servos = EmulatorSettings::default().servos;
     servos[0] = EmulatedServo::provisioned(1, 3900);
     let settings = EmulatorSettings { servos, ..EmulatorSettings::default() };
-    let hand = EmulatedHand::start(Box::new(SpringHand::new([TRAVEL; ACTUATORS])), settings).expect("starts");
+    let hand = started([TRAVEL; ACTUATORS], settings);
     let bus_settings = hardware_bridge::servo_bus::BusSettings { slack: 5.0, ..Default::default() };
     let mut bus = ServoBus::open(hand.servo_port(), bus_settings).expect("opens");
     // A plant that a busy machine holds up for a moment must not look like a shaft at its stop.
@@ -188,11 +187,11 @@ fn images(robot: &mut HardwareRobot, captures: usize) -> Vec<TactileFrame> {
         let cameras = robot.tactile().expect("cameras").cameras();
         cameras.iter().map(|camera| camera.good + camera.undecodable).sum()
     };
-    let mut all = Vec::new();
+    let (cameras, mut all) = (robot.tactile().expect("cameras").cameras().len() as u64, Vec::new());
     for _ in 0..captures {
         let before = arrived(robot);
         common::send(robot, &Command { capture: true, ..command(ServoGoal::Current(0.0)) });
-        patiently("an image of every camera", || arrived(robot) == before + CAMERAS as u64);
+        patiently("an image of every camera", || arrived(robot) == before + cameras);
         all.extend(observed(robot).tactile);
     }
     all

@@ -3,8 +3,8 @@
 use std::sync::mpsc;
 use std::time::{Duration, Instant};
 
-use hand_model::ACTUATORS;
 use hand_model::arm::Arm as ArmModel;
+use hand_model::{ACTUATORS, RobotModel};
 use hardware_bridge::arm_link::ArmLink as _;
 use hardware_bridge::emulator::spring_hand::SpringHand;
 use hardware_bridge::emulator::{EmulatedHand, EmulatorSettings};
@@ -19,7 +19,7 @@ use kortex::servoing::Servoing;
 use kortex::tcp_framing::Deframer;
 use kortex::{Arm, Credentials, Timeouts, call};
 use prost::Message;
-use session_log::{Direction, Event, Reader, Session, Writer};
+use session_log::{Direction, Event, Images, Reader, Session, Writer};
 
 /// Longer than any answer on loopback takes, even on a busy machine.
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -71,7 +71,7 @@ fn every_packet_is_on_record() {
     }
     writer.finish().expect("written");
 
-    let mut reader = Reader::open(&path).expect("opens");
+    let mut reader = Reader::open(&path, Images::Any).expect("opens");
     let (mut sent, mut answers, mut stream) = (Vec::new(), 0, Deframer::default());
     let mut host = Vec::new();
     while let Some((times, event)) = reader.next_event().expect("readable") {
@@ -119,7 +119,7 @@ fn a_link_without_network_does_not_keep_its_caller_waiting() {
     let impatient = Timeouts { call: Duration::from_secs(2), ..timeouts() };
     let credentials = Settings::default().credentials;
     let arm = Arm::connect(emulator.address(), &credentials, impatient, ArmModel::home()).expect("connects");
-    let mut link = KortexLink::new(arm, Duration::from_millis(10), Duration::from_secs(1));
+    let mut link = KortexLink::new(arm, &ArmModel::gen3(), Duration::from_millis(10), Duration::from_secs(1));
     link.engage().expect("engages");
     until("the first word", || link.read(0.0).is_ok());
     emulator.inject(Injection::Deaf(true));
@@ -135,8 +135,9 @@ fn a_link_without_network_does_not_keep_its_caller_waiting() {
 /// An action moves the arm that carries the emulated hand, and the arm says where its tool is.
 #[test]
 fn an_action_moves_the_hands_arm() {
-    let hand = EmulatedHand::start(Box::new(SpringHand::new([4.0; ACTUATORS])), EmulatorSettings::default())
-        .expect("pseudo-terminals");
+    let plant = Box::new(SpringHand::new([4.0; ACTUATORS], 18));
+    let hand =
+        EmulatedHand::start(plant, EmulatorSettings::default(), &RobotModel::ftac_gen3()).expect("pseudo-terminals");
     let settings = Settings { following_error: std::f64::consts::PI, ..Settings::default() };
     let credentials = settings.credentials.clone();
     let emulator =
@@ -171,7 +172,7 @@ fn the_session_timeout_passes_unnoticed() {
     let short = Timeouts { session: Duration::from_secs(2), keep_alive: Duration::from_millis(20), ..timeouts() };
     let credentials = Settings::default().credentials;
     let arm = Arm::connect(emulator.address(), &credentials, short, ArmModel::home()).expect("connects");
-    let mut link = KortexLink::new(arm, Duration::from_millis(10), Duration::from_secs(60));
+    let mut link = KortexLink::new(arm, &ArmModel::gen3(), Duration::from_millis(10), Duration::from_secs(60));
     let past = |link: &mut KortexLink| {
         let begun = emulator.status().time;
         until("two session timeouts have passed", || {

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use hand_model::ACTUATORS;
+use hand_model::{ACTUATORS, RobotModel};
 use hardware_bridge::clock::Clock;
 use hardware_bridge::emulator::faults::{Chances, Event};
 use hardware_bridge::emulator::pty::Pty;
@@ -18,8 +18,10 @@ const IDS: [u8; 6] = [1, 2, 3, 4, 5, 6];
 const SLACK: f64 = 2.0;
 
 fn start() -> (EmulatedHand, ServoBus) {
-    let (plant, settings) = (SpringHand::new([4.0; ACTUATORS]), EmulatorSettings::default());
-    let hand = EmulatedHand::start_stepped(Box::new(plant), settings, Clock::emulated()).expect("the emulator starts");
+    let (plant, settings) = (SpringHand::new([4.0; ACTUATORS], 18), EmulatorSettings::default());
+    let robot = RobotModel::ftac_gen3();
+    let hand =
+        EmulatedHand::start_stepped(Box::new(plant), settings, &robot, Clock::emulated()).expect("the emulator starts");
     let settings = BusSettings { slack: SLACK, ..BusSettings::default() };
     let bus = ServoBus::open(hand.servo_port(), settings).expect("the bus opens");
     (hand, bus)

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use common::{Bench, bench, forgiving, patiently};
 use hand_model::robot::{Command, RobotBackend, ServoGoal};
-use hand_model::{ACTUATORS, Arm};
+use hand_model::{ACTUATORS, RobotModel};
 use hardware_bridge::hardware_robot::HardwareRobot;
 use hardware_bridge::kortex_link::KortexLink;
 use hardware_bridge::safety::state::State;
@@ -30,9 +30,10 @@ fn fifteen_minutes_on_emulated_devices() {
     let near = hand.arm_joints().state().position;
     let arm = kortex::Arm::connect(emulator.address(), &credentials, Timeouts::default(), near).expect("connects");
     let sessions = emulator.status().sessions;
-    let link = KortexLink::new(arm, Duration::from_millis(5), Duration::from_secs(5));
+    let model = RobotModel::ftac_gen3();
+    let link = KortexLink::new(arm, &model.arm, Duration::from_millis(5), Duration::from_secs(5));
     let config = forgiving(config);
-    let mut robot = HardwareRobot::connect(&config, Box::new(link), &Arm::gen3(), None).expect("connects");
+    let mut robot = HardwareRobot::connect(&config, Box::new(link), &model, None).expect("connects");
     patiently("the checks pass", || robot.check().is_ok());
     robot.arm().expect("arms");
 

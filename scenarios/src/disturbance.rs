@@ -183,7 +183,7 @@ pub struct Disturbances {
 }
 
 /// A value that no trial can be run with: field, what was found, what was expected.
-pub(crate) type Fault = (String, String, String);
+pub type Fault = (String, String, String);
 
 impl Disturbances {
     /// Whether nothing happens.
@@ -241,12 +241,21 @@ impl Disturbances {
         {
             return fault("disturbance.disabled_digits.digits", digits, "one digit or more, each once");
         }
+        if let Some(BlindPads { pads, .. }) = &self.blind_pads
+            && pads.is_empty()
+        {
+            return fault("disturbance.blind_pads.pads", pads, "at least one");
+        }
+        Ok(())
+    }
+
+    /// Whether `hand` has the pads that are named.
+    ///
+    /// # Errors
+    /// The field, what it says, and what would be right.
+    pub fn check_pads(&self, hand: &Hand) -> Result<(), Fault> {
         if let Some(BlindPads { pads, .. }) = &self.blind_pads {
-            let hand = Hand::ftac();
             let names: Vec<&str> = hand.pads.iter().map(|pad| pad.name.as_str()).collect();
-            if pads.is_empty() {
-                return fault("disturbance.blind_pads.pads", pads, "at least one");
-            }
             if let Some(unknown) = pads.iter().find(|pad| !names.contains(&pad.as_str())) {
                 return fault("disturbance.blind_pads.pads", unknown, &format!("one of {}", names.join(", ")));
             }

@@ -13,7 +13,7 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 
 use hand_model::robot::{ArmState, Command, Observation, Tick};
-use hand_model::{ARM_JOINTS, Arm, Digit, Hand};
+use hand_model::{ARM_JOINTS, Arm, Digit, Hand, RobotModel};
 use nalgebra::{Isometry3, Translation3, Vector3};
 use plant::ArmDefects;
 use plant::Blindness;
@@ -95,18 +95,13 @@ fn soft_covers(
 
 impl SimulatedRobot {
     /// Builds the scene, the hand open.
-    pub fn new(hand: Arc<Hand>, arm: Arc<Arm>, setup: &SceneSetup, tactile: TactileBoard) -> Self {
-        Self::in_posture(hand, arm, setup, &HandPosture::default(), tactile)
+    pub fn new(robot: &RobotModel, setup: &SceneSetup, tactile: TactileBoard) -> Self {
+        Self::in_posture(robot, setup, &HandPosture::default(), tactile)
     }
 
     /// Builds the scene with the hand in `posture`, at rest.
-    pub fn in_posture(
-        hand: Arc<Hand>,
-        arm: Arc<Arm>,
-        setup: &SceneSetup,
-        posture: &HandPosture,
-        tactile: TactileBoard,
-    ) -> Self {
+    pub fn in_posture(robot: &RobotModel, setup: &SceneSetup, posture: &HandPosture, tactile: TactileBoard) -> Self {
+        let (hand, arm) = (robot.hand.clone(), robot.arm.clone());
         let mut engine = Engine::new(setup.engine);
         let defects = setup.arm_defects;
         let start = defects.real(&setup.arm_start);

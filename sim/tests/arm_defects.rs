@@ -1,10 +1,8 @@
 //! An arm that differs from what its controller believes: encoder offsets move the palm by an amount that depends on the posture, and
 //! an unknown payload makes it sag in proportion.
 
-use std::sync::Arc;
-
 use hand_model::robot::{Command, ServoGoal};
-use hand_model::{ARM_JOINTS, Arm, Hand};
+use hand_model::{ARM_JOINTS, Arm, Hand, RobotModel};
 use nalgebra::{Isometry3, Vector3};
 use plant::ArmDefects;
 use sim::tactile::TactileBoard;
@@ -16,8 +14,8 @@ const SETTLING: f64 = 1.5;
 /// Where palm and encoders come to rest when `posture` (rad) is commanded.
 fn at_rest(posture: [f64; ARM_JOINTS], defects: ArmDefects) -> (Isometry3<f64>, [f64; ARM_JOINTS]) {
     let setup = SceneSetup { arm_defects: defects, ..SceneSetup::ideal(Isometry3::identity(), posture) };
-    let (hand, arm) = (Arc::new(Hand::ftac()), Arc::new(Arm::gen3()));
-    let mut robot = SimulatedRobot::new(hand, arm, &setup, TactileBoard::blank());
+    let model = RobotModel::ftac_gen3();
+    let mut robot = SimulatedRobot::new(&model, &setup, TactileBoard::blank());
     let command = Command { arm: posture, servos: [ServoGoal::Current(0.0); 6], capture: false };
     while robot.time() < SETTLING {
         robot.send(&command);

@@ -1,8 +1,6 @@
 //! What leaves the table falls on the floor, if there is one, and stays where it fell.
 
-use std::sync::Arc;
-
-use hand_model::{Arm, Hand};
+use hand_model::{Arm, RobotModel};
 use nalgebra::Isometry3;
 use sim::tactile::TactileBoard;
 use sim::{ObjectPlacement, SceneSetup, SimulatedRobot};
@@ -23,7 +21,7 @@ fn falling(floor: Option<f64>, times: [f64; 2]) -> [(f64, f64); 2] {
         floor,
         ..SceneSetup::ideal(Isometry3::identity(), Arm::home())
     };
-    let mut robot = SimulatedRobot::new(Arc::new(Hand::ftac()), Arc::new(Arm::gen3()), &setup, TactileBoard::blank());
+    let mut robot = SimulatedRobot::new(&RobotModel::ftac_gen3(), &setup, TactileBoard::blank());
     times.map(|time| {
         while robot.wait_for_tick().time < time {}
         let truth = robot.truth();

@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 use std::sync::Arc;
 
 use hand_model::robot::{Command, ServoGoal, TactileFrame};
-use hand_model::{ARM_JOINTS, Arm, Digit, HAND_JOINTS, Hand};
+use hand_model::{ARM_JOINTS, Arm, Digit, HAND_JOINTS, Hand, RobotModel};
 use nalgebra::{Isometry3, Point3, Vector3};
 use sim::tactile::TactileBoard;
 use sim::{ObjectPlacement, SceneSetup, SimulatedRobot};
@@ -28,7 +28,7 @@ fn scene(arm: [f64; ARM_JOINTS], board: fn(&Hand) -> TactileBoard) -> SimulatedR
         SceneSetup { objects: vec![ObjectPlacement { model, pose }], ..SceneSetup::ideal(Isometry3::identity(), arm) };
     let hand = Hand::ftac();
     let board = board(&hand);
-    SimulatedRobot::new(Arc::new(hand), Arc::new(Arm::gen3()), &setup, board)
+    SimulatedRobot::new(&RobotModel { hand: Arc::new(hand), ..RobotModel::ftac_gen3() }, &setup, board)
 }
 
 /// Lays the cube on the little finger's half of the palm, which looks up.

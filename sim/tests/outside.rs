@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use hand_model::robot::{Command, ServoGoal};
-use hand_model::{Arm, Digit, Hand};
+use hand_model::{Arm, Digit, Hand, RobotModel};
 use nalgebra::{Isometry3, Vector3};
 use plant::Blindness;
 use sim::tactile::TactileBoard;
@@ -20,7 +20,7 @@ fn scene(board: fn(&Hand) -> TactileBoard) -> SimulatedRobot {
     };
     let hand = Hand::ftac();
     let board = board(&hand);
-    SimulatedRobot::new(Arc::new(hand), Arc::new(Arm::gen3()), &setup, board)
+    SimulatedRobot::new(&RobotModel { hand: Arc::new(hand), ..RobotModel::ftac_gen3() }, &setup, board)
 }
 
 fn command(capture: bool) -> Command {

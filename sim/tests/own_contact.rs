@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use hand_model::robot::{Command, ServoGoal};
-use hand_model::{Arm, Digit, Hand};
+use hand_model::{Arm, Digit, Hand, RobotModel};
 use nalgebra::{Isometry3, Vector3};
 use sim::tactile::{Drift, Loads, OwnLoad, TactileBoard};
 use sim::{SceneSetup, SimulatedRobot};
@@ -12,7 +12,7 @@ use world::geometry::Shape;
 /// The empty hand over the table.
 fn empty(self_contact: bool, board: TactileBoard) -> SimulatedRobot {
     let setup = SceneSetup { self_contact, ..SceneSetup::ideal(Isometry3::identity(), Arm::home()) };
-    SimulatedRobot::new(Arc::new(Hand::ftac()), Arc::new(Arm::gen3()), &setup, board)
+    SimulatedRobot::new(&RobotModel::ftac_gen3(), &setup, board)
 }
 
 /// Pulls with `tensions` (N) and opposes the thumb by `opposition` (rad) for a second and a half; the last tick takes images.

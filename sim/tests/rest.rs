@@ -1,8 +1,6 @@
 //! Objects left alone on the table come to rest and stay there; balls that roll are stopped by rolling resistance.
 
-use std::sync::Arc;
-
-use hand_model::{Arm, Hand};
+use hand_model::{Arm, RobotModel};
 use nalgebra::Isometry3;
 use sim::engine::EngineSettings;
 use sim::tactile::TactileBoard;
@@ -27,8 +25,8 @@ fn objects_rest_where_they_are_put() {
             objects: vec![ObjectPlacement { model: model.clone(), pose }],
             ..SceneSetup::ideal(Isometry3::identity(), Arm::home())
         };
-        let (hand, arm) = (Arc::new(Hand::ftac()), Arc::new(Arm::gen3()));
-        let mut robot = SimulatedRobot::new(hand, arm, &setup, TactileBoard::blank());
+        let model = RobotModel::ftac_gen3();
+        let mut robot = SimulatedRobot::new(&model, &setup, TactileBoard::blank());
         let mut position_at = |time: f64| {
             while robot.wait_for_tick().time < time {}
             robot.truth().objects[0].translation.vector
@@ -57,7 +55,7 @@ fn a_rolling_ball_is_stopped() {
         objects: vec![ObjectPlacement { model: model.clone(), pose }],
         ..SceneSetup::ideal(Isometry3::identity(), Arm::home())
     };
-    let mut robot = SimulatedRobot::new(Arc::new(Hand::ftac()), Arc::new(Arm::gen3()), &setup, TactileBoard::blank());
+    let mut robot = SimulatedRobot::new(&RobotModel::ftac_gen3(), &setup, TactileBoard::blank());
     let speed = 0.1;
     robot.push(0, &nalgebra::Vector3::new(0.0, speed, 0.0));
     let mut rolling = None;

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::{Command, Output};
 use std::time::Duration;
 
-use hand_model::ACTUATORS;
+use hand_model::{ACTUATORS, RobotModel};
 use hardware_bridge::emulator::spring_hand::SpringHand;
 use hardware_bridge::emulator::{EmulatedHand, EmulatorSettings};
 use hardware_bridge::protocol2::{Instruction, Packet, ServoError, Status};
@@ -18,7 +18,8 @@ const BAUD: u32 = 3_000_000;
 const IDS: [u8; 6] = [1, 2, 3, 4, 5, 6];
 
 fn emulator() -> EmulatedHand {
-    EmulatedHand::start(Box::new(SpringHand::new([4.0; ACTUATORS])), EmulatorSettings::default()).expect("starts")
+    let plant = Box::new(SpringHand::new([4.0; ACTUATORS], 18));
+    EmulatedHand::start(plant, EmulatorSettings::default(), &RobotModel::ftac_gen3()).expect("starts")
 }
 
 #[test]

@@ -151,6 +151,14 @@ fn unlike_images(expected: &Readings, found: &Readings) -> Option<(String, Strin
         if a.camera != b.camera {
             return Some(("camera".to_owned(), b.camera.to_string(), a.camera.to_string()));
         }
+        let (found, expected) = (b.image.rgb.len(), a.image.rgb.len());
+        if found != expected {
+            return Some((
+                format!("image of camera {}", a.camera),
+                format!("{found} bytes"),
+                format!("{expected} bytes"),
+            ));
+        }
         let unlike = a.image.rgb.iter().zip(&b.image.rgb).filter(|(a, b)| a != b).count();
         (unlike > 0).then(|| {
             let pixels = format!("{unlike} of {} values unlike", a.image.rgb.len());
@@ -166,6 +174,7 @@ mod tests {
     use hand_model::robot::{Command, Observation, Tick};
 
     use super::*;
+    use crate::message::Images;
     use crate::writer::{Session, Writer};
 
     /// A session of three ticks, with this angle in the second.
@@ -184,7 +193,7 @@ mod tests {
             writer.tick(Tick { time: n as f64 + 1.0, lateness: 0.0 }).expect("written");
         }
         writer.finish().expect("finished");
-        Reader::open(path).expect("readable")
+        Reader::open(path, Images::Any).expect("readable")
     }
 
     #[test]

@@ -61,7 +61,7 @@ mod tests {
     use hand_model::robot::{Observation, Readings, RobotBackend, RobotError, Tick};
 
     use super::*;
-    use crate::{Recorder, Session, Writer};
+    use crate::{Images, Recorder, Session, Writer};
 
     /// A body whose clock is all that moves.
     struct Clock(f64);
@@ -100,7 +100,7 @@ mod tests {
         }
         recorder.outcome(b"{}");
         recorder.finish().1.unwrap();
-        let (frames, outcome) = frames(&mut Reader::open(&path).unwrap(), 6).unwrap();
+        let (frames, outcome) = frames(&mut Reader::open(&path, Images::Any).unwrap(), 6).unwrap();
         assert_eq!(outcome.as_deref(), Some(b"{}".as_slice()));
         assert_eq!(frames.iter().map(|frame| frame.sent.arm[0]).collect::<Vec<_>>(), [0.0, 6.0, 12.0, 18.0]);
         assert!((frames[3].time - 0.18).abs() < 1e-9);

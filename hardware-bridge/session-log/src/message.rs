@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use hand_model::pads::IMAGE_SIZE;
 use hand_model::robot::{self, ArmState, Reading, ServoGoal, ServoState, TactileImage};
-use hand_model::{ACTUATORS, ARM_JOINTS, CAMERAS};
+use hand_model::{ACTUATORS, ARM_JOINTS};
 
 /// [`robot::Readings`].
 #[derive(Clone, PartialEq, prost::Message)]
@@ -142,13 +142,13 @@ impl Seen {
 /// Which images an observation may have.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Images {
-    /// Those of this hand's cameras, all of one size.
-    OfTheHand,
-    /// Those of any other robot.
+    /// Those of a tactile hand with so many cameras, all of one size.
+    OfTheHand { cameras: usize },
+    /// Those of any robot, which are not checked.
     Any,
 }
 
-/// Pixels of an image of this hand's cameras.
+/// Pixels of an image of a tactile hand's camera.
 const PIXELS: usize = IMAGE_SIZE * IMAGE_SIZE;
 
 /// The last image of every camera: what a frame without pixels stands for.
@@ -242,14 +242,16 @@ impl TactileFrame {
 
     fn read(self, last: &mut LastImages, images: Images) -> Result<robot::TactileFrame, Wrong> {
         let camera = given("tactile.camera", self.camera)? as usize;
-        if images == Images::OfTheHand && camera >= CAMERAS {
-            return Err(("tactile.camera", camera.to_string(), format!("0 to {}", CAMERAS - 1)));
+        if let Images::OfTheHand { cameras } = images {
+            if camera >= cameras {
+                return Err(("tactile.camera", camera.to_string(), format!("0 to {}", cameras.saturating_sub(1))));
+            }
+            if let Some(rgb) = self.rgb.as_ref().filter(|rgb| rgb.len() != PIXELS * 3) {
+                return Err(("tactile.rgb", format!("{} bytes", rgb.len()), format!("{} bytes", PIXELS * 3)));
+            }
         }
         let image =
             match self.rgb {
-                Some(rgb) if images == Images::OfTheHand && rgb.len() != PIXELS * 3 => {
-                    return Err(("tactile.rgb", format!("{} bytes", rgb.len()), format!("{} bytes", PIXELS * 3)));
-                }
                 Some(rgb) => Arc::new(TactileImage { rgb }),
                 None => Arc::clone(last.get(&camera).ok_or_else(|| {
                     ("tactile.rgb", "missing".to_owned(), format!("the first image of camera {camera}"))
@@ -453,7 +455,7 @@ pub(super) mod tests {
                 TactileFrame { camera: Some(camera), time: Some(0.0), sequence: Some(0), rgb: Some(vec![0; bytes]) };
             let observation =
                 Observation { tactile: vec![frame], ..Observation::new(&Default::default(), &mut LastImages::new()) };
-            observation.read(&mut LastImages::new(), Images::OfTheHand).map(|_| ())
+            observation.read(&mut LastImages::new(), Images::OfTheHand { cameras: 18 }).map(|_| ())
         };
         assert_eq!(read(17, 172_800), Ok(()));
         assert_eq!(read(18, 172_800), Err(("tactile.camera", "18".to_owned(), "0 to 17".to_owned())));

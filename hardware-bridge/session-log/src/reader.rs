@@ -95,20 +95,12 @@ pub struct Reader {
 }
 
 impl Reader {
-    /// Opens a file and reads what session it is of.
+    /// Opens a file and reads what session it is of; images that are not as `images` says are errors once they are read.
     ///
     /// # Errors
     /// [`SessionLogError`]: no such file or no regular one, not MCAP, no session of ours, another format, a configuration or calibration
     /// that does not have its hash.
-    pub fn open(path: &Path) -> Result<Self, SessionLogError> {
-        Self::open_with(path, Images::OfTheHand)
-    }
-
-    /// The same of a robot whose cameras are as `images` says.
-    ///
-    /// # Errors
-    /// [`SessionLogError`].
-    pub fn open_with(path: &Path, images: Images) -> Result<Self, SessionLogError> {
+    pub fn open(path: &Path, images: Images) -> Result<Self, SessionLogError> {
         let file = BufReader::new(open_regular(path, u64::MAX).map_err(SessionLogError::io(path))?);
         // The checksum stands at the end of the data: a damaged file is noticed there, one cut short has none.
         let options = LinearReaderOptions::default()

@@ -1,6 +1,7 @@
 //! The sections `[[uvc]]` of `bridge.toml`: webcams instead of a camera board.
 
-use hand_model::CAMERAS;
+use std::collections::BTreeMap;
+
 use hand_model::pads::IMAGE_SIZE;
 use serde::{Deserialize, Serialize};
 
@@ -32,7 +33,7 @@ pub enum UvcFormat {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct UvcSquare {
-    /// Index of the camera, 0 to 17.
+    /// Index of the camera.
     pub camera: usize,
     /// First column.
     pub x: u32,
@@ -40,17 +41,18 @@ pub struct UvcSquare {
     pub y: u32,
 }
 
-/// The first error in the squares of UVC devices as (field, found, expected). The squares must cover every camera exactly once and lie within
-/// their pictures.
+/// The first error in the squares of UVC devices as (field, found, expected). The squares must cover every camera up to the last one that is shown
+/// exactly once and lie within their pictures.
 pub(super) fn wrong_squares(devices: &[UvcConfig]) -> Option<(String, String, String)> {
-    let mut shown = [0; CAMERAS];
+    if devices.is_empty() {
+        return None;
+    }
+    // How often each camera is shown; a hand has at least one.
+    let mut shown = BTreeMap::from([(0, 0)]);
     for (n, device) in devices.iter().enumerate() {
         for (m, square) in device.squares.iter().enumerate() {
             let name = format!("uvc[{n}].squares[{m}]");
-            let Some(count) = shown.get_mut(square.camera) else {
-                return Some((name + ".camera", square.camera.to_string(), format!("0 to {}", CAMERAS - 1)));
-            };
-            *count += 1;
+            *shown.entry(square.camera).or_default() += 1;
             let within = |start: u32, length: u32| u64::from(start) + IMAGE_SIZE as u64 <= u64::from(length);
             if !within(square.x, device.size[0]) || !within(square.y, device.size[1]) {
                 let expected =
@@ -59,8 +61,12 @@ pub(super) fn wrong_squares(devices: &[UvcConfig]) -> Option<(String, String, St
             }
         }
     }
-    let wrong = shown.iter().position(|count| *count != 1).filter(|_| !devices.is_empty())?;
-    Some(("uvc".into(), format!("camera {wrong} {} times", shown[wrong]), "every camera once".into()))
+    let wrong = |(expected, (camera, count)): (usize, (&usize, &usize))| {
+        let count = if *camera == expected { *count } else { 0 };
+        (count != 1).then_some((expected, count))
+    };
+    let (camera, count) = (0..).zip(&shown).find_map(wrong)?;
+    Some(("uvc".into(), format!("camera {camera} {count} times"), "every camera once".into()))
 }
 
 #[cfg(test)]
@@ -88,9 +94,10 @@ mod tests {
         let config = parse(&both).expect("good");
         assert_eq!((config.uvc.len(), config.uvc[1].squares[8].camera), (2, 17));
         assert_eq!(BridgeConfig::parse(&config.to_toml(), Path::new("bridge.toml")).expect("its own words"), config);
-        assert!(error(&device(0..9)).contains("uvc: found camera 9 0 times, expected every camera once"));
+        assert!(error(&device(9..18)).contains("uvc: found camera 0 0 times, expected every camera once"));
+        assert!(error(&device(0..0)).contains("camera 0 0 times"));
         assert!(error(&both.replace("camera = 17", "camera = 3")).contains("camera 3 2 times"));
-        assert!(error(&both.replace("camera = 17", "camera = 18")).contains("uvc[1].squares[8].camera: found 18"));
+        assert!(error(&both.replace("camera = 17", "camera = 18")).contains("camera 17 0 times"));
         let outside = error(&both.replace("[720, 720]", "[700, 720]"));
         assert!(outside.contains("uvc[0].squares[2]: found (480, 0), expected 240 x 240"), "{outside}");
         assert!(error(&(both + "[cameras]\nport = \"/dev/x\"")).contains("one or the other"));

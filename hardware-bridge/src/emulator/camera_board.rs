@@ -5,7 +5,6 @@
 
 use std::collections::BTreeMap;
 
-use hand_model::CAMERAS;
 use hand_model::robot::TactileFrame;
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -49,6 +48,8 @@ pub struct Reaction {
 #[derive(Debug)]
 pub struct CameraBoard {
     settings: BoardSettings,
+    /// Their number.
+    cameras: usize,
     jpeg_chance: f64,
     deframer: Deframer,
     sequence: u32,
@@ -60,10 +61,11 @@ pub struct CameraBoard {
 }
 
 impl CameraBoard {
-    /// A board that cuts a JPEG in half with `jpeg_chance`.
-    pub fn new(settings: BoardSettings, jpeg_chance: f64, seed: u64) -> Self {
+    /// A board with so many cameras that cuts a JPEG in half with `jpeg_chance`.
+    pub fn new(settings: BoardSettings, cameras: usize, jpeg_chance: f64, seed: u64) -> Self {
         Self {
             settings,
+            cameras,
             jpeg_chance,
             deframer: Deframer::default(),
             sequence: 0,
@@ -102,8 +104,9 @@ impl CameraBoard {
         for message in self.deframer.push(bytes).into_iter().flatten() {
             let answer = match message {
                 Message::Hello => {
-                    let serial = self.settings.serial;
-                    Message::Welcome { version: VERSION, serial, cameras: CAMERAS as u8 }
+                    // The protocol has no room for more.
+                    let cameras = u8::try_from(self.cameras).unwrap_or(u8::MAX);
+                    Message::Welcome { version: VERSION, serial: self.settings.serial, cameras }
                 }
                 Message::WhatTime { host_us } => Message::Time { host_us, board_us: self.clock_us(now) },
                 Message::Capture => {

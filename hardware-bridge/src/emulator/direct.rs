@@ -7,7 +7,7 @@
 use std::sync::Arc;
 
 use hand_model::robot::{Command, Observation, Plant, Readings, RobotBackend, RobotError, TactileFrame, Tick};
-use hand_model::{ACTUATORS, Arm, Hand};
+use hand_model::{ACTUATORS, RobotModel};
 
 use super::camera_board::CameraBoard;
 use super::direct_arm::DirectArm;
@@ -43,28 +43,29 @@ pub struct DirectRobot {
 }
 
 impl DirectRobot {
-    /// Switches devices on around `plant`, checks and arms.
+    /// Switches the devices of `robot` on around `plant`, checks and arms.
     ///
     /// # Errors
     /// What the checks found.
     pub fn start(
         mut plant: Box<dyn Plant + Send>,
         settings: LockstepSettings,
-        arm_model: &Arm,
+        robot: &RobotModel,
     ) -> Result<Self, CheckFailed> {
         let devices = settings.devices;
         let observation = plant.observe();
-        let calibration = calibrated(&devices.servos, &settings.travel);
-        let mut supervisor =
-            Supervisor::new(settings.limits.limits(&settings.travel, arm_model)).watching(&Hand::ftac(), arm_model);
+        let calibration = calibrated(robot, &devices.servos, &settings.travel);
+        let limits = settings.limits.limits(&settings.travel, &robot.arm);
+        let mut supervisor = Supervisor::new(limits).watching(robot);
         supervisor.connect()?;
-        let mut robot = Self {
+        let cameras = robot.hand.cameras.len();
+        let mut started = Self {
             plant,
             servos: devices.servos,
             forget: [None; ACTUATORS],
-            board: CameraBoard::new(devices.board, devices.faults.chances.jpeg, devices.seed),
+            board: CameraBoard::new(devices.board, cameras, devices.faults.chances.jpeg, devices.seed),
             images: Vec::new(),
-            arm: DirectArm::new(observation.arm),
+            arm: DirectArm::new(&robot.arm, observation.arm),
             supervisor,
             sent: SafeCommand { servos: [SafeGoal::default(); ACTUATORS], arm: observation.arm.position },
             measured: Measured { servos: [None; ACTUATORS], arm: None, cameras: true },
@@ -73,18 +74,18 @@ impl DirectRobot {
             sequence: 0,
             asked: 0,
         };
-        for (n, servo) in robot.servos.iter_mut().enumerate() {
+        for (n, servo) in started.servos.iter_mut().enumerate() {
             servo.advance(0.0, 0.0, observation.servos[n]);
             servo.set_homing_offset(calibration.servos[n].homing_offset);
         }
-        robot.measure(&observation);
-        robot.supervisor.check(&robot.measured, 0.0)?;
-        robot.sent = robot.supervisor.arm(&robot.measured, 0.0)?;
-        robot.write(&xc330::TORQUE_ENABLE, |_| 1.0);
-        robot.write_goals();
-        let watchdog = robot.supervisor.limits().watchdogs.servo_bus;
-        robot.write(&xc330::BUS_WATCHDOG, |_| watchdog);
-        Ok(robot)
+        started.measure(&observation);
+        started.supervisor.check(&started.measured, 0.0)?;
+        started.sent = started.supervisor.arm(&started.measured, 0.0)?;
+        started.write(&xc330::TORQUE_ENABLE, |_| 1.0);
+        started.write_goals();
+        let watchdog = started.supervisor.limits().watchdogs.servo_bus;
+        started.write(&xc330::BUS_WATCHDOG, |_| watchdog);
+        Ok(started)
     }
 
     /// The supervisor's state.

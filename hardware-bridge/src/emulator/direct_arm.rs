@@ -33,10 +33,10 @@ pub(super) struct DirectArm {
 }
 
 impl DirectArm {
-    /// An arm in state `real`, engaged.
-    pub fn new(real: ArmState) -> Self {
+    /// An arm of this model in state `real`, engaged.
+    pub fn new(model: &ArmModel, real: ArmState) -> Self {
         let mut arm = Self {
-            limits: limits(&ArmModel::gen3()),
+            limits: limits(model),
             following_error: Settings::default().following_error,
             turns: Turns::near(real.position),
             rest: 0.0,
@@ -92,7 +92,7 @@ mod tests {
     use super::*;
 
     fn arm() -> DirectArm {
-        DirectArm::new(ArmState { position: [0.3; ARM_JOINTS], ..ArmState::default() })
+        DirectArm::new(&ArmModel::gen3(), ArmState { position: [0.3; ARM_JOINTS], ..ArmState::default() })
     }
 
     /// Ticks of 1/120 s are 8 or 9 ms, 25 of them in three ticks; the goal is the target to a float's resolution.

@@ -11,7 +11,7 @@ use std::sync::mpsc::Sender;
 use std::time::{Duration, Instant};
 
 use hand_model::robot::{Command, Plant, Readings, RobotBackend, RobotError, Tick};
-use hand_model::{ACTUATORS, Arm};
+use hand_model::{ACTUATORS, RobotModel};
 use kortex::KortexError;
 use session_log::{Packet, Tap};
 
@@ -81,32 +81,32 @@ pub struct LockstepRobot {
 }
 
 impl LockstepRobot {
-    /// Switches devices on around `plant`, connects to them, checks and arms. Packets that cross are copied to `packets`.
+    /// Switches the devices of `robot` on around `plant`, connects to them, checks and arms. Packets that cross are copied to `packets`.
     pub fn start(
         plant: Box<dyn Plant + Send>,
         settings: LockstepSettings,
-        arm_model: &Arm,
+        robot: &RobotModel,
         packets: Option<&Sender<Packet>>,
     ) -> Result<Self, LockstepError> {
         let clock = Clock::emulated();
         let tick = plant.tick_length();
         let (seed, zeros) = (settings.devices.seed, settings.devices.servos.clone());
-        let devices = EmulatedHand::start_stepped(plant, settings.devices, clock.clone())?;
-        let arm = LockstepArm::start(devices.arm_joints(), seed, packets)?;
+        let devices = EmulatedHand::start_stepped(plant, settings.devices, robot, clock.clone())?;
+        let arm = LockstepArm::start(devices.arm_joints(), &robot.arm, seed, packets)?;
         let config = configuration(devices.servo_port(), devices.camera_port(), tick, settings.limits, settings.slack);
-        let calibration = calibrated(&zeros, &settings.travel);
+        let calibration = calibrated(robot, &zeros, &settings.travel);
         devices.home(&calibration);
-        let mut hand = open_hand(&config, &calibration)?;
-        let cameras = Cameras::open(&config, &clock).map_err(ConnectError::from)?;
+        let mut hand = open_hand(&config, &calibration, robot)?;
+        let cameras = Cameras::open(&config, robot.hand.cameras.len(), &clock).map_err(ConnectError::from)?;
         if let Some(packets) = packets {
             hand.bus.tap(Tap::new("servos", packets.clone()));
             if let Some(tactile) = cameras.as_ref().and_then(Cameras::board) {
                 tactile.tap(Tap::new("cameras", packets.clone()));
             }
         }
-        let cycle = servo_cycle(&config, &calibration, hand, Box::new(arm.link()), arm_model, clock.clone());
+        let cycle = servo_cycle(&config, &calibration, hand, Box::new(arm.link()), robot, clock.clone());
         let cycle = ServoCycle { audit_every: 1, ..cycle };
-        let mut robot = Self {
+        let mut started = Self {
             cycle,
             cameras,
             devices,
@@ -119,10 +119,10 @@ impl LockstepRobot {
             config,
             calibration,
         };
-        robot.cycle.measure();
-        robot.cycle.supervisor.check(&robot.cycle.measured, robot.clock.now())?;
-        robot.cycle.arm_torque(robot.clock.now()).map_err(LockstepError::Arming)?;
-        Ok(robot)
+        started.cycle.measure();
+        started.cycle.supervisor.check(&started.cycle.measured, started.clock.now())?;
+        started.cycle.arm_torque(started.clock.now()).map_err(LockstepError::Arming)?;
+        Ok(started)
     }
 
     /// The supervisor's state.
@@ -291,8 +291,8 @@ fn configuration(servos: &Path, cameras: &Path, tick: f64, limits: LimitConfig, 
     }
 }
 
-/// The calibration that homing would have found: the open mark of each servo is where its encoder shows its `zero`.
-pub(super) fn calibrated(servos: &[EmulatedServo], travel: &[f64; ACTUATORS]) -> HandCalibration {
+/// The calibration that homing would have found on `robot`: the open mark of each servo is where its encoder shows its `zero`.
+pub(super) fn calibrated(robot: &RobotModel, servos: &[EmulatedServo], travel: &[f64; ACTUATORS]) -> HandCalibration {
     let servos = std::array::from_fn(|n| ServoCalibration {
         id: n as u8 + 1,
         model: xc330::MODEL,
@@ -300,5 +300,5 @@ pub(super) fn calibrated(servos: &[EmulatedServo], travel: &[f64; ACTUATORS]) ->
         homing_offset: servos.get(n).map_or(0, |servo| -(servo.zero().rem_euclid(4096) as i32)),
         travel: travel[n],
     });
-    HandCalibration::new("ftac", servos)
+    HandCalibration::new(&robot.hand.parameters.name, servos)
 }

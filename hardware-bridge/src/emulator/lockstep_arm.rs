@@ -11,7 +11,7 @@ use hand_model::ARM_JOINTS;
 use hand_model::arm::Arm as ArmModel;
 use hand_model::robot::ArmState;
 use kortex::emulator::{Emulator, Injection, Pace, Settings, Status};
-use kortex::servoing::Servoing;
+use kortex::servoing::{Limits, Servoing};
 use kortex::{Arm, CommandError, KortexError, Timeouts};
 use session_log::Packet;
 
@@ -82,11 +82,16 @@ pub struct LockstepArm {
 }
 
 impl LockstepArm {
-    /// Switches the arm on and logs in. Packets that cross after the login are copied to `packets`.
+    /// Switches an arm of this model on and logs in. Packets that cross after the login are copied to `packets`.
     ///
     /// # Errors
     /// No free port; the client's.
-    pub fn start(joints: SharedArm, seed: u64, packets: Option<&Sender<Packet>>) -> Result<Self, KortexError> {
+    pub fn start(
+        joints: SharedArm,
+        model: &ArmModel,
+        seed: u64,
+        packets: Option<&Sender<Packet>>,
+    ) -> Result<Self, KortexError> {
         let near = joints.state().position;
         let settings = Settings { seed, ..Settings::default() };
         let credentials = settings.credentials.clone();
@@ -106,7 +111,8 @@ impl LockstepArm {
         let (outbox, answers) = mpsc::channel();
         let waited = Arc::new(AtomicU64::new(0));
         let (for_thread, counter) = (emulator.clone(), waited.clone());
-        let thread = std::thread::spawn(move || serve(arm, &for_thread, &inbox, &outbox, &counter));
+        let limits = limits(model);
+        let thread = std::thread::spawn(move || serve(arm, limits, &for_thread, (&inbox, &outbox), &counter));
         let client = Client { orders, answers, engaged: false, target: None, state, at: 0.0, fault: None };
         let client = Some(Arc::new(Mutex::new(client)));
         Ok(Self { emulator, client, thread: Some(thread), rest: 0.0, lossy: false, waited })
@@ -220,8 +226,13 @@ impl ArmLink for LockstepLink {
 }
 
 /// The client's thread: owns the arm, enters and leaves low-level servoing, cycles.
-fn serve(mut arm: Arm, emulator: &Emulator, orders: &Receiver<Order>, answers: &Sender<Answer>, waited: &AtomicU64) {
-    let limits = limits(&ArmModel::gen3());
+fn serve(
+    mut arm: Arm,
+    limits: Limits,
+    emulator: &Emulator,
+    (orders, answers): (&Receiver<Order>, &Sender<Answer>),
+    waited: &AtomicU64,
+) {
     while let Ok(order) = orders.recv() {
         let answer = match order {
             Order::Engage => match Servoing::enter(&mut arm, limits) {

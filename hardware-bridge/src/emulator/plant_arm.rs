@@ -20,7 +20,7 @@ struct Joints {
     /// Remaining speeds while braking, rad/s.
     braking: Option<[f64; ARM_JOINTS]>,
     limits: ArmLimits,
-    model: Arm,
+    model: Arc<Arm>,
 }
 
 /// Between the arm's controller and the plant.
@@ -28,9 +28,8 @@ struct Joints {
 pub struct SharedArm(Arc<Mutex<Joints>>);
 
 impl SharedArm {
-    /// An arm in this state, which is to stay where it is.
-    pub fn at(state: ArmState) -> Self {
-        let model = Arm::gen3();
+    /// An arm of this model in this state, which is to stay where it is.
+    pub fn at(state: ArmState, model: Arc<Arm>) -> Self {
         let limits = ArmLimits::of(&model);
         Self(Arc::new(Mutex::new(Joints { state, age: 0.0, goal: state.position, braking: None, limits, model })))
     }
@@ -101,10 +100,14 @@ mod tests {
         ArmState { position: [0.3; ARM_JOINTS], velocity: [speed; ARM_JOINTS], ..ArmState::default() }
     }
 
+    fn gen3_at(state: ArmState) -> SharedArm {
+        SharedArm::at(state, Arc::new(Arm::gen3()))
+    }
+
     /// An arm at rest stays to the last bit; commands are passed on as they are.
     #[test]
     fn rest_and_commands() {
-        let mut arm = SharedArm::at(moving(0.0));
+        let mut arm = gen3_at(moving(0.0));
         arm.advance(&Drive::Hold, 1e-3);
         assert_eq!(arm.goal(), [0.3; ARM_JOINTS]);
         arm.advance(&Drive::Position([0.31; ARM_JOINTS]), 1e-3);
@@ -114,7 +117,7 @@ mod tests {
     /// At home the tool points forward, 0.43 m over the base: published as 90, 0 and 90 degrees.
     #[test]
     fn tool_at_home() {
-        let arm = SharedArm::at(ArmState { position: Arm::home(), ..ArmState::default() });
+        let arm = gen3_at(ArmState { position: Arm::home(), ..ArmState::default() });
         let ToolPose { position, angles } = arm.tool_pose().expect("known");
         assert_eq!(angles.map(|angle| angle.to_degrees().round().abs()), [90.0, 0.0, 90.0]);
         assert!((position[2] - 0.43).abs() < 0.01 && position[1].abs() < 0.03, "{position:?}");
@@ -124,7 +127,7 @@ mod tests {
     /// Told to stop, it runs out by v^2 / 2a from where it is, not from where it was sent.
     #[test]
     fn stops_from_where_it_is() {
-        let mut arm = SharedArm::at(moving(0.0));
+        let mut arm = gen3_at(moving(0.0));
         arm.advance(&Drive::Position([0.35; ARM_JOINTS]), 1e-3);
         arm.set_state(moving(0.86));
         for _ in 0..200 {

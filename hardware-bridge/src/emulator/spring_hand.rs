@@ -5,11 +5,11 @@
 
 use std::sync::Arc;
 
+use hand_model::ACTUATORS;
 use hand_model::pads::IMAGE_SIZE;
 use hand_model::robot::{
     ArmState, Command, Observation, Plant, ServoGoal, ServoState, TactileFrame, TactileImage, Tick,
 };
-use hand_model::{ACTUATORS, CAMERAS};
 
 /// Length of a tick, s.
 const TICK: f64 = 1.0 / 240.0;
@@ -27,6 +27,8 @@ const POSITION_GAIN: f64 = 6.0;
 pub struct SpringHand {
     /// Where the closing stop of each shaft is, rad; the opening stop is at 0.
     travel: [f64; ACTUATORS],
+    /// Their number.
+    cameras: usize,
     servos: [ServoState; ACTUATORS],
     command: Option<Command>,
     arm: ArmState,
@@ -36,10 +38,11 @@ pub struct SpringHand {
 }
 
 impl SpringHand {
-    /// An open hand whose shafts stop at `travel`, rad.
-    pub fn new(travel: [f64; ACTUATORS]) -> Self {
+    /// An open hand with so many cameras whose shafts stop at `travel`, rad.
+    pub fn new(travel: [f64; ACTUATORS], cameras: usize) -> Self {
         Self {
             travel,
+            cameras,
             servos: [ServoState::default(); ACTUATORS],
             command: None,
             arm: ArmState::default(),
@@ -67,7 +70,7 @@ impl SpringHand {
     fn take_images(&mut self) {
         self.images += 1;
         let time = self.sequence as f64 * TICK;
-        self.frames = (0..CAMERAS)
+        self.frames = (0..self.cameras)
             .map(|camera| {
                 let current = self.servos[camera % ACTUATORS].current.abs();
                 let image = Arc::new(TactileImage { rgb: spot(40.0 + 400.0 * current, 20 + camera) });
@@ -142,7 +145,7 @@ mod tests {
     /// Current balances the spring where it should; stops hold; without current the hand opens.
     #[test]
     fn springs_and_stops() {
-        let mut hand = SpringHand::new([4.0; ACTUATORS]);
+        let mut hand = SpringHand::new([4.0; ACTUATORS], 3);
         let state = run(&mut hand, ServoGoal::Current(0.05), 2000);
         assert!((state.position - (0.05 - PRELOAD) / STIFFNESS).abs() < 1e-3, "{state:?}");
         assert_eq!(run(&mut hand, ServoGoal::Current(0.5), 2000).position, 4.0);
@@ -151,12 +154,12 @@ mod tests {
 
     #[test]
     fn images_only_when_asked() {
-        let mut hand = SpringHand::new([4.0; ACTUATORS]);
+        let mut hand = SpringHand::new([4.0; ACTUATORS], 3);
         run(&mut hand, ServoGoal::Current(0.0), 3);
         assert!(hand.observe().tactile.is_empty());
         let command = Command { arm: [0.0; 7], servos: [ServoGoal::Current(0.0); ACTUATORS], capture: true };
         hand.send(&command);
         hand.wait_for_tick();
-        assert_eq!(hand.observe().tactile.len(), CAMERAS);
+        assert_eq!(hand.observe().tactile.len(), 3);
     }
 }

@@ -1,13 +1,13 @@
 //! The outer shape of arm and hand, simple enough to be placed in every cycle.
 //!
-//! Arm links are the tubes of [`Arm::tube_ends`]. Links of the hand are their covers: rounded boxes for heights and extents, which are exact, and
+//! Arm links are the tubes of [`hand_model::Arm::tube_ends`]. Links of the hand are their covers: rounded boxes for heights and extents, which are exact, and
 //! capsules that enclose them for distances. Digits stand as their servos' angles say, as if they touched nothing.
 
 use std::fmt;
 
 use hand_model::digit::Digit;
 use hand_model::hand::CoverShape;
-use hand_model::{ACTUATORS, ARM_JOINTS, Arm, HAND_JOINTS, Hand};
+use hand_model::{ACTUATORS, ARM_JOINTS, HAND_JOINTS, Hand, RobotModel};
 use nalgebra::{Isometry3, Point3, Vector3};
 
 /// A part of the robot.
@@ -135,8 +135,7 @@ impl Postures {
 /// Arm and hand.
 #[derive(Debug, Clone)]
 pub struct Bodies {
-    arm: Arm,
-    hand: Hand,
+    robot: RobotModel,
     /// Base and links, each in its own frame.
     tubes: [Capsule; ARM_JOINTS + 1],
     /// Palm, then the 15 links of the hand, each in its own frame.
@@ -160,7 +159,8 @@ const LIFTED: usize = 3;
 const WRIST: usize = 5;
 
 impl Bodies {
-    pub fn new(hand: &Hand, arm: &Arm) -> Self {
+    pub fn new(robot: &RobotModel) -> Self {
+        let (hand, arm) = (&robot.hand, &robot.arm);
         let ends = arm.tube_ends();
         let tube = |n: usize| Capsule { ends: [Point3::origin(), Point3::from(ends[n])], radius: arm.radii[n] };
         let covers = std::iter::once(&hand.palm_cover).chain(&hand.covers);
@@ -169,16 +169,15 @@ impl Bodies {
             covers: covers.map(|cover| (*cover, enclosing(cover))).collect(),
             last_from_palm: arm.last_from_tool * hand.palm_from_flange.inverse(),
             postures: Postures::new(hand),
-            arm: arm.clone(),
-            hand: hand.clone(),
+            robot: robot.clone(),
         }
     }
 
     /// With the arm at joint angles `q` and the hand as its servos' angles say, rad.
     pub fn placed(&self, q: &[f64; ARM_JOINTS], servos: &[f64; ACTUATORS]) -> Placed<'_> {
-        let links = self.arm.tree.forward(q);
+        let links = self.robot.arm.tree.forward(q);
         let palm = links[ARM_JOINTS - 1] * self.last_from_palm;
-        let digits = self.hand.tree.forward(&self.postures.of(servos));
+        let digits = self.robot.hand.tree.forward(&self.postures.of(servos));
         let arm = std::array::from_fn(|n| n.checked_sub(1).map_or_else(Isometry3::identity, |link| links[link]));
         let hand = std::iter::once(palm).chain(digits.iter().map(|link| palm * link)).collect();
         Placed { bodies: self, arm, hand }
@@ -257,8 +256,7 @@ mod tests {
     /// A cover's height is that of its skin, whatever the posture; no skin is outside the capsules by more than the rounding of their ends.
     #[test]
     fn covers_are_as_high_as_their_skin() {
-        let (hand, arm) = (Hand::ftac(), Arm::gen3());
-        let bodies = Bodies::new(&hand, &arm);
+        let bodies = Bodies::new(&RobotModel::ftac_gen3());
         let placed = bodies.placed(&[0.4, 0.5, 2.9, -2.1, 0.3, 0.9, 1.4], &[1.0, 2.0, 0.5, 3.0, 1.5, 0.7]);
         let down = -Vector3::z();
         for (body, reach) in placed.reaches(down) {
@@ -284,8 +282,8 @@ mod tests {
     /// arm, and that is told by name.
     #[test]
     fn folded_in_it_runs_into_itself() {
-        let bodies = Bodies::new(&Hand::ftac(), &Arm::gen3());
-        for q in [[0.0; ARM_JOINTS], Arm::home()] {
+        let bodies = Bodies::new(&RobotModel::ftac_gen3());
+        for q in [[0.0; ARM_JOINTS], hand_model::Arm::home()] {
             let (distance, between) = bodies.placed(&q, &[0.0; ACTUATORS]).nearest();
             assert!(distance > 0.015, "{distance}: {between:?}");
         }

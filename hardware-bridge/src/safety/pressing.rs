@@ -8,9 +8,11 @@
 //! changes by what the joints bear beyond weight, and the residual follows the rest with a time constant, `T dr/dt = tau - g(q) - dp/dt - r`. Coriolis
 //! terms are left out.
 
+use std::sync::Arc;
+
 use hand_model::load::{LoadModel, Torques};
 use hand_model::robot::ArmState;
-use hand_model::{ARM_JOINTS, Arm, Hand};
+use hand_model::{ARM_JOINTS, Arm, RobotModel};
 
 use super::state::Cause;
 
@@ -46,7 +48,7 @@ pub struct Pressed {
 /// Watches the arm's torques.
 #[derive(Debug, Clone)]
 pub struct PressWatch {
-    arm: Arm,
+    arm: Arc<Arm>,
     model: LoadModel,
     limits: PressLimits,
     /// Time (s) and momentum (N m s) at the last measurement.
@@ -59,10 +61,10 @@ pub struct PressWatch {
 }
 
 impl PressWatch {
-    pub fn new(hand: &Hand, arm: &Arm, limits: PressLimits) -> Self {
+    pub fn new(robot: &RobotModel, limits: PressLimits) -> Self {
         Self {
-            arm: arm.clone(),
-            model: LoadModel::new(hand, arm),
+            arm: robot.arm.clone(),
+            model: LoadModel::new(&robot.hand, &robot.arm),
             limits,
             last: None,
             unexplained: Torques::zeros(),
@@ -152,8 +154,9 @@ mod tests {
 
     /// An arm at rest whose palm bears a force (N), as its sensors feel it.
     fn feeling(force: Vector3<f64>) -> (PressWatch, ArmState) {
-        let (hand, arm) = (Hand::ftac(), Arm::gen3());
-        let watch = PressWatch::new(&hand, &arm, LIMITS);
+        let robot = RobotModel::ftac_gen3();
+        let watch = PressWatch::new(&robot, LIMITS);
+        let RobotModel { arm, hand, .. } = robot;
         let position = Arm::home();
         let poses = arm.tree.forward(&position);
         let palm = arm.tool_pose(&position) * hand.palm_from_flange.inverse() * Point3::origin();
@@ -193,8 +196,8 @@ mod tests {
     /// An arm that swings freely, with measurements that come at uneven times: what accelerates it is no push.
     #[test]
     fn a_motion_is_explained() {
-        let (hand, arm) = (Hand::ftac(), Arm::gen3());
-        let mut watch = PressWatch::new(&hand, &arm, LIMITS);
+        let robot = RobotModel::ftac_gen3();
+        let mut watch = PressWatch::new(&robot, LIMITS);
         let (mut most, mut felt) = (0.0_f64, 0.0_f64);
         for cycle in 0..400 {
             // Late by up to 3 ms.
@@ -202,10 +205,10 @@ mod tests {
             let (sine, cosine) = (8.0 * time).sin_cos();
             let position = Arm::home().map(|angle| angle + 0.05 * (1.0 - cosine));
             let acceleration = [3.2 * cosine; ARM_JOINTS];
-            let torque = watch.model.moving(&arm.tree.forward(&position), &acceleration).into();
+            let torque = watch.model.moving(&robot.arm.tree.forward(&position), &acceleration).into();
             let state = ArmState { position, velocity: [0.4 * sine; ARM_JOINTS], torque };
             let (residual, _) = watch.observe(&state, time);
-            let weight = watch.model.moving(&arm.tree.forward(&position), &[0.0; ARM_JOINTS]);
+            let weight = watch.model.moving(&robot.arm.tree.forward(&position), &[0.0; ARM_JOINTS]);
             if time > 0.2 {
                 most = most.max(residual.amax());
                 felt = felt.max((Torques::from(state.torque) - weight).amax());

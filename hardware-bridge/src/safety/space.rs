@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use hand_model::{ACTUATORS, ARM_JOINTS, Arm, Hand};
+use hand_model::{ACTUATORS, ARM_JOINTS, RobotModel};
 use nalgebra::Vector3;
 
 use super::bodies::{Bodies, Body};
@@ -63,8 +63,8 @@ pub struct SpaceWatch {
 }
 
 impl SpaceWatch {
-    pub fn new(hand: &Hand, arm: &Arm, limits: SpaceLimits) -> Self {
-        Self { bodies: Bodies::new(hand, arm), limits, room: Room::default() }
+    pub fn new(robot: &RobotModel, limits: SpaceLimits) -> Self {
+        Self { bodies: Bodies::new(robot), limits, room: Room::default() }
     }
 
     /// How near to its bounds the robot has been sent so far.
@@ -132,7 +132,7 @@ mod tests {
     const OPEN: [f64; ACTUATORS] = [0.0; ACTUATORS];
 
     fn watch(limits: SpaceLimits) -> SpaceWatch {
-        SpaceWatch::new(&Hand::ftac(), &Arm::gen3(), limits)
+        SpaceWatch::new(&RobotModel::ftac_gen3(), limits)
     }
 
     const WIDE: SpaceLimits =
@@ -141,7 +141,7 @@ mod tests {
     /// Each bound stops by its name, and lets the arm out again.
     #[test]
     fn each_bound_is_named_and_can_be_left() {
-        let home = Arm::home();
+        let home = hand_model::Arm::home();
         assert_eq!(watch(WIDE).see(&home, &home, &OPEN), None);
         // Leaning over at the shoulder with the elbow straight.
         let lying = [0.0, 1.9, 0.0, 0.0, 0.0, 0.0, 0.0];

@@ -1,7 +1,7 @@
 //! The supervisor: in each cycle it turns the requested command and the measurements into the command that may be sent.
 
 use hand_model::robot::{Command, ServoGoal};
-use hand_model::{ACTUATORS, ARM_JOINTS, Arm, Hand};
+use hand_model::{ACTUATORS, ARM_JOINTS, RobotModel};
 
 use super::checks::{self, Measured};
 use super::limits::{Limits, SafeGoal};
@@ -94,11 +94,11 @@ impl Supervisor {
         }
     }
 
-    /// The same for an arm of this model, which is watched for what it presses and where it goes, as far as there are limits for that.
+    /// The same for a robot of this model, which is watched for what it presses and where it goes, as far as there are limits for that.
     #[must_use]
-    pub fn watching(self, hand: &Hand, arm: &Arm) -> Self {
-        let press = self.limits.press.map(|limits| PressWatch::new(hand, arm, limits));
-        let space = self.limits.space.map(|limits| SpaceWatch::new(hand, arm, limits));
+    pub fn watching(self, robot: &RobotModel) -> Self {
+        let press = self.limits.press.map(|limits| PressWatch::new(robot, limits));
+        let space = self.limits.space.map(|limits| SpaceWatch::new(robot, limits));
         Self { press, space, ..self }
     }
 

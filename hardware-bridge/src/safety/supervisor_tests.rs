@@ -1,3 +1,4 @@
+use hand_model::Arm;
 use hand_model::load::LoadModel;
 use hand_model::robot::ArmState;
 use proptest::prelude::*;
@@ -79,11 +80,12 @@ fn an_arm_that_presses_gives_way() {
     let press = PressLimits { torque: [30.0; 7], residual: [10.0; 7], payload: 0.0, jolt: 0.02, torque_time: 0.02 };
     let mut limits = Limits { press: Some(press), ..limits() };
     limits.arm.angle = [(-7.0, 7.0); ARM_JOINTS];
-    let mut supervisor = Supervisor::new(limits).watching(&Hand::ftac(), &Arm::gen3());
-    let model = LoadModel::new(&Hand::ftac(), &Arm::gen3());
+    let robot = RobotModel::ftac_gen3();
+    let mut supervisor = Supervisor::new(limits).watching(&robot);
+    let model = LoadModel::new(&robot.hand, &robot.arm);
     let feeling = |now: f64, position: [f64; 7], more: f64| {
         let mut measured = fine(now);
-        let mut torque: [f64; 7] = model.moving(&Arm::gen3().tree.forward(&position), &[0.0; 7]).into();
+        let mut torque: [f64; 7] = model.moving(&robot.arm.tree.forward(&position), &[0.0; 7]).into();
         torque[3] += more;
         let arm = measured.arm.as_mut().expect("there");
         arm.state = ArmState { position, velocity: [0.0; 7], torque };

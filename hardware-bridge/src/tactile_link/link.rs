@@ -7,7 +7,6 @@ use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use hand_model::CAMERAS;
 use hand_model::robot::TactileFrame;
 use serial2::SerialPort;
 use session_log::{Direction, Tap};
@@ -27,8 +26,8 @@ const BAUD: u32 = 3_000_000;
 const PATIENCE: Duration = Duration::from_millis(1000);
 /// Between two questions for the board's time.
 const CLOCK_PERIOD: Duration = Duration::from_millis(1000);
-/// Images that may wait for decoding: two of every camera.
-const QUEUE: usize = 2 * CAMERAS;
+/// Images of every camera that may wait for decoding.
+const QUEUE: usize = 2;
 
 /// Why there is no link to the cameras.
 #[derive(Debug, thiserror::Error)]
@@ -56,12 +55,14 @@ pub enum LinkError {
         found: u16,
     },
     /// Not our board.
-    #[error("{port}: found {found} cameras, expected {CAMERAS}")]
+    #[error("{port}: found {found} cameras, expected {expected}")]
     Cameras {
         /// Device path.
         port: PathBuf,
         /// Cameras that answer.
         found: u8,
+        /// Cameras of the hand.
+        expected: usize,
     },
 }
 
@@ -88,7 +89,8 @@ pub struct LineCounters {
 #[derive(Default)]
 struct Books {
     clock: BoardClock,
-    cameras: [CameraCounters; CAMERAS],
+    /// Of every camera of the hand.
+    cameras: Vec<CameraCounters>,
     line: LineCounters,
     ready: Vec<TactileFrame>,
     lost_port: Option<String>,
@@ -107,16 +109,17 @@ pub struct TactileLink {
 }
 
 impl TactileLink {
-    /// Opens the port and greets the board. Times are those of `clock`.
-    pub fn open(path: &Path, clock: Clock) -> Result<Self, LinkError> {
+    /// Opens the port and greets the board, which must have so many cameras. Times are those of `clock`.
+    pub fn open(path: &Path, cameras: usize, clock: Clock) -> Result<Self, LinkError> {
         let failed = |source| LinkError::Port { port: path.to_owned(), source };
         let mut port = exclusive::open(path, BAUD).map_err(failed)?;
         port.set_read_timeout(Duration::from_millis(5)).map_err(failed)?;
         port.discard_input_buffer().map_err(failed)?;
-        let board = greet(&port, path)?;
-        let books = Arc::new(Mutex::new(Books::default()));
+        let board = greet(&port, path, cameras)?;
+        let books =
+            Arc::new(Mutex::new(Books { cameras: vec![CameraCounters::default(); cameras], ..Books::default() }));
         let stop = Arc::new(AtomicBool::new(false));
-        let (images, queue) = mpsc::sync_channel(QUEUE);
+        let (images, queue) = mpsc::sync_channel(QUEUE * cameras);
         let reader =
             Reader { port: port.try_clone().map_err(failed)?, books: books.clone(), images, clock: clock.clone() };
         let for_decoder = books.clone();
@@ -156,8 +159,8 @@ impl TactileLink {
     }
 
     /// The books of every camera.
-    pub fn cameras(&self) -> [CameraCounters; CAMERAS] {
-        lock(&self.books).cameras
+    pub fn cameras(&self) -> Vec<CameraCounters> {
+        lock(&self.books).cameras.clone()
     }
 
     /// The books of the line.
@@ -191,7 +194,7 @@ impl Drop for TactileLink {
     }
 }
 
-fn greet(port: &SerialPort, path: &Path) -> Result<Board, LinkError> {
+fn greet(port: &SerialPort, path: &Path, expected: usize) -> Result<Board, LinkError> {
     let failed = |source| LinkError::Port { port: path.to_owned(), source };
     // A leading delimiter ends an unfinished frame of an earlier host.
     let hello = [vec![frame::DELIMITER], frame::encode(&Message::Hello)].concat();
@@ -206,8 +209,8 @@ fn greet(port: &SerialPort, path: &Path) -> Result<Board, LinkError> {
                 if version != VERSION {
                     return Err(LinkError::Version { port: path.to_owned(), found: version });
                 }
-                if usize::from(cameras) != CAMERAS {
-                    return Err(LinkError::Cameras { port: path.to_owned(), found: cameras });
+                if usize::from(cameras) != expected {
+                    return Err(LinkError::Cameras { port: path.to_owned(), found: cameras, expected });
                 }
                 return Ok(Board { serial, cameras });
             }
@@ -283,7 +286,7 @@ impl Reader {
                 // Images are requested only after the first clock exchange.
                 let captured = books.clock.host_time(image.captured_us as f64 * 1e-6);
                 let camera = usize::from(image.camera);
-                let (Some(captured), true) = (captured, camera < CAMERAS) else {
+                let (Some(captured), true) = (captured, camera < books.cameras.len()) else {
                     books.line.strangers += 1;
                     return;
                 };

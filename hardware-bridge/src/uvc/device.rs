@@ -6,7 +6,6 @@ use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use hand_model::CAMERAS;
 use hand_model::robot::TactileFrame;
 use linuxvideo::format::{PixFormat, PixelFormat};
 use linuxvideo::stream::ReadStream;
@@ -57,7 +56,8 @@ pub enum UvcError {
 
 #[derive(Default)]
 struct Books {
-    cameras: [CameraCounters; CAMERAS],
+    /// Of every camera of the hand.
+    cameras: Vec<CameraCounters>,
     ready: Vec<TactileFrame>,
     lost: Option<String>,
 }
@@ -72,12 +72,13 @@ pub struct UvcCameras {
 }
 
 impl UvcCameras {
-    /// Opens every device and starts its pictures. Times are those of `clock`.
+    /// Opens every device and starts its pictures. Together they show every camera of a hand that has so many. Times are those of `clock`.
     ///
     /// # Errors
     /// [`UvcError`] names the first device that is not as configured.
-    pub fn open(devices: &[UvcConfig], clock: &Clock) -> Result<Self, UvcError> {
-        let books = Arc::new(Mutex::new(Books::default()));
+    pub fn open(devices: &[UvcConfig], cameras: usize, clock: &Clock) -> Result<Self, UvcError> {
+        let books =
+            Arc::new(Mutex::new(Books { cameras: vec![CameraCounters::default(); cameras], ..Books::default() }));
         let stop = Arc::new(AtomicBool::new(false));
         let mut cameras = Self { books, wanted: Vec::new(), stop, threads: Vec::new() };
         for config in devices {
@@ -112,8 +113,8 @@ impl UvcCameras {
     }
 
     /// The books of every camera. Lost ones are reckoned from the time between two pictures.
-    pub fn cameras(&self) -> [CameraCounters; CAMERAS] {
-        lock(&self.books).cameras
+    pub fn cameras(&self) -> Vec<CameraCounters> {
+        lock(&self.books).cameras.clone()
     }
 
     /// Which device stopped working and why, if one did.
@@ -286,7 +287,7 @@ mod tests {
                 format: UvcFormat::Mjpeg,
                 squares: squares.clone(),
             };
-            UvcCameras::open(&[config], &Clock::wall()).err().map(|error| error.to_string()).expect("no such device")
+            UvcCameras::open(&[config], 1, &Clock::wall()).err().map(|error| error.to_string()).expect("no such device")
         };
         assert!(open("/dev/no-such-video").contains("/dev/no-such-video"));
         let message = open("no such serial");

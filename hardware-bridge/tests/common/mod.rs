@@ -5,7 +5,7 @@
 use std::time::{Duration, Instant};
 
 use hand_model::robot::{Command, Observation, Readings, RobotBackend, RobotError, ServoGoal};
-use hand_model::{ACTUATORS, ARM_JOINTS, Arm};
+use hand_model::{ACTUATORS, ARM_JOINTS, RobotModel};
 use hardware_bridge::arm_link::LoopbackArm;
 use hardware_bridge::calibration::{HandCalibration, ServoCalibration};
 use hardware_bridge::config::BridgeConfig;
@@ -31,13 +31,20 @@ pub struct Bench {
 /// A limit that only a hung test reaches.
 const PATIENCE: Duration = Duration::from_secs(120);
 
+/// The devices of the built-in robot on springs whose shafts stop at `travel`, rad.
+pub fn started(travel: [f64; ACTUATORS], settings: EmulatorSettings) -> EmulatedHand {
+    let robot = RobotModel::ftac_gen3();
+    let plant = SpringHand::new(travel, robot.hand.cameras.len());
+    EmulatedHand::start(Box::new(plant), settings, &robot).expect("starts")
+}
+
 /// An emulated hand, calibrated as it is, and a configuration whose watchdogs forgive a busy machine: the devices run in real time.
 pub fn bench(faults: &[&str]) -> Bench {
     let settings = EmulatorSettings {
         faults: Faults::parse(faults.iter().copied()).expect("faults"),
         ..EmulatorSettings::default()
     };
-    let hand = EmulatedHand::start(Box::new(SpringHand::new([TRAVEL; ACTUATORS])), settings).expect("starts");
+    let hand = started([TRAVEL; ACTUATORS], settings);
     let folder = tempfile::tempdir().expect("a folder");
     let text = format!(
         r#"version = 1
@@ -83,7 +90,7 @@ pub fn forgiving(mut config: BridgeConfig) -> BridgeConfig {
 }
 
 pub fn connect(bench: &Bench, dry: Option<DryLines>) -> Result<HardwareRobot, ConnectError> {
-    HardwareRobot::connect(&bench.config, Box::new(LoopbackArm::default()), &Arm::gen3(), dry)
+    HardwareRobot::connect(&bench.config, Box::new(LoopbackArm::default()), &RobotModel::ftac_gen3(), dry)
 }
 
 /// Waits until `done`.

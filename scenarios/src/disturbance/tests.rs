@@ -71,8 +71,12 @@ fn errors_name_line_and_field() {
     assert!(digits.contains("disturbance.disabled_digits.digits: found [Index, Index]"), "{digits}");
     let toe = error("[disturbance.disabled_digits]\ndigits = [\"toe\"]\n");
     assert!(toe.starts_with("mine.toml:5:") && toe.contains("unknown variant `toe`"), "{toe}");
-    let pad = error("[disturbance.blind_pads]\npads = [\"elbow\"]\nframes = \"black\"\n");
-    assert!(pad.contains("found \"elbow\", expected one of palm_ulnar"), "{pad}");
+    let nameless = error("[disturbance.blind_pads]\npads = []\nframes = \"black\"\n");
+    assert!(nameless.contains("disturbance.blind_pads.pads: found [], expected at least one"), "{nameless}");
+    let elbow = parse("[disturbance.blind_pads]\npads = [\"elbow\"]\nframes = \"black\"\n").unwrap();
+    let (field, found, expected) = elbow.disturbance.check_pads(&Hand::ftac()).unwrap_err();
+    assert_eq!((field.as_str(), found.as_str()), ("disturbance.blind_pads.pads", "\"elbow\""));
+    assert!(expected.contains("little_distal"), "{expected}");
     let size = error("[disturbance.wrong_size]\nobject = \"first\"\nfactor = 20\n");
     assert!(size.contains("disturbance.wrong_size.factor: found 20.0, expected 0.5 to 2"), "{size}");
 }

@@ -196,6 +196,9 @@ pub struct Summary {
     pub real_time_factor: Option<f64>,
     /// Wall-clock time of the run, s.
     pub wall_s: f64,
+    /// Name of the robot, if it is not the built-in one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub robot_model: Option<String>,
     /// The scenario's own objects that were not played, and why.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub left_out: Vec<String>,
@@ -266,6 +269,7 @@ pub fn summarise(records: &[TrialRecord], ablated: &[AblatedTrial], run: &RunInf
         },
         real_time_factor: (run.wall_s > 0.0).then(|| sim_seconds / run.wall_s),
         wall_s: run.wall_s,
+        robot_model: None,
         left_out: Vec::new(),
         notes: Vec::new(),
     }

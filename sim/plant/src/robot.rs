@@ -1,6 +1,8 @@
 //! One robot of those built from a drawing: its deviations, drawn or identified, and the hand and arm that they make.
 
-use hand_model::{Arm, Hand};
+use std::sync::Arc;
+
+use hand_model::{Arm, Hand, RobotModel};
 use nalgebra::{UnitQuaternion, Vector3};
 use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
@@ -130,6 +132,12 @@ impl RobotIndividual {
             *gain *= self.deviation(Quantity::ArmTorqueGain, n).exp();
         }
         arm
+    }
+
+    /// The robot that it makes of the one `nominal`.
+    pub fn robot(&self, nominal: &RobotModel) -> RobotModel {
+        let (hand, arm) = (self.hand(&nominal.hand), self.arm(&nominal.arm));
+        RobotModel { hand: Arc::new(hand), arm: Arc::new(arm), ..nominal.clone() }
     }
 
     /// Encoders and mount as a simulated arm's defects, without a payload.

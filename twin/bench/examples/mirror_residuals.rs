@@ -15,7 +15,7 @@ use bench::builtin::{hide_plant, make_scenes};
 use bench::mirror::twin::Twin;
 use bench::trial::setup::Setup;
 use control::executive::Phase;
-use hand_model::HAND_JOINTS;
+use hand_model::{HAND_JOINTS, RobotModel};
 use nalgebra::Vector3;
 use scenarios::Scenario;
 use sim::SimulatedRobot;
@@ -52,9 +52,9 @@ fn main() -> anyhow::Result<()> {
     };
     let (combination, trial): (usize, usize) = (combination.parse()?, trial.parse()?);
     let (plant, progress): (u64, f64) = (plant.parse()?, progress.parse()?);
-    let mut bench = make_scenes(Scenario::benchmark(), combination + 1, 1, true)?;
+    let mut bench = make_scenes(&RobotModel::ftac_gen3(), Scenario::benchmark(), combination + 1, 1, true)?;
     if plant > 0 {
-        hide_plant(&mut bench, plant);
+        hide_plant(&mut bench, plant)?;
     }
     let (setup, _) = Setup::noisy(&bench, combination, trial)?;
     let start = setup.begin(&bench, None, true)?;

@@ -4,11 +4,12 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::sync::Arc;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use control::perception::KnownObject;
 use control::policy::Uncertainty;
+use hand_model::parameters::{Configuration, HandParameters};
 use hand_model::robot::TactileImage;
-use hand_model::{Arm, Hand};
+use hand_model::{Hand, RobotModel, RobotSources};
 use plant::Individual;
 use plant::RobotIndividual;
 use plant::identified::IdentifiedRobot;
@@ -40,14 +41,40 @@ pub fn builtin_calibration() -> Result<PhotometricCalibration> {
     serde_json::from_str(include_str!("../data/calibration.json")).context("data/calibration.json")
 }
 
-/// Touch of a simulated hand with what comes with the program, given images of its untouched pads.
-pub fn simulated_touch(hand: &Hand, backgrounds: Vec<Arc<TactileImage>>) -> Result<TouchPipeline> {
-    Ok(Networks::builtin()?.pipeline(&look_up_touch(hand, backgrounds)?, IN_USE))
+/// The photometric models of a robot's pads: those of its own calibration, or those that come with the program.
+///
+/// # Errors
+/// A pad whose size is another than its configuration's in the built-in hand, and that has no calibration of its own.
+pub fn calibration_of(robot: &RobotModel) -> Result<PhotometricCalibration> {
+    if let Some((text, name)) = robot.calibration()? {
+        return parse_pads(&robot.hand, text, &name);
+    }
+    let (calibration, known) = (builtin_calibration()?, &HandParameters::ftac().configuration);
+    for pad in &robot.hand.pads {
+        let same = |it: &Configuration| (it.h - pad.h).abs() < 1e-6 && (it.w - pad.w).abs() < 1e-6;
+        if !known.get(&pad.configuration.to_string()).is_some_and(same) {
+            bail!(
+                "{}: calibration: found none, expected a file: the built-in calibration has no pad of configuration {} with {:.1} x {:.1} mm \
+                 (pad {}); `ftac touch train --robot-model FILE --out pads.json` makes one",
+                robot.file().display(),
+                pad.configuration,
+                1e3 * pad.h,
+                1e3 * pad.w,
+                pad.name
+            );
+        }
+    }
+    Ok(calibration)
 }
 
-/// The same with slopes from the built-in calibration alone.
-pub fn look_up_touch(hand: &Hand, backgrounds: Vec<Arc<TactileImage>>) -> Result<TouchPipeline> {
-    let mut pipeline = TouchPipeline::new(hand, builtin_calibration()?, backgrounds)?;
+/// Touch of a simulated robot with what comes with it, given images of its untouched pads.
+pub fn simulated_touch(robot: &RobotModel, backgrounds: Vec<Arc<TactileImage>>) -> Result<TouchPipeline> {
+    Ok(Networks::builtin()?.pipeline(&look_up_touch(robot, backgrounds)?, IN_USE))
+}
+
+/// The same with slopes from the robot's calibration alone.
+pub fn look_up_touch(robot: &RobotModel, backgrounds: Vec<Arc<TactileImage>>) -> Result<TouchPipeline> {
+    let mut pipeline = TouchPipeline::new(&robot.hand, calibration_of(robot)?, backgrounds)?;
     // The engine's covers are rigid, and images are made from its forces: an object shows as pressed in where it only lies on.
     pipeline.pose.sinking = 0.0;
     Ok(pipeline)
@@ -65,7 +92,7 @@ pub fn parse_pads(hand: &Hand, text: &str, path: &Path) -> Result<PhotometricCal
 /// Lets a bench's touch read images by the calibration of a file's text instead of the built-in one; without a text nothing changes.
 pub fn read_pads_by(bench: &mut Bench, text: Option<&str>, path: &Path) -> Result<()> {
     if let Some(text) = text {
-        let calibration = parse_pads(&bench.world.cell.hand, text, path)?;
+        let calibration = parse_pads(&bench.world.cell.robot.hand, text, path)?;
         bench.pipeline = bench.pipeline.with_calibration(calibration);
     }
     Ok(())
@@ -79,20 +106,9 @@ pub fn know_hand(pipeline: &mut TouchPipeline, world: &World) {
     }
 }
 
-/// Everything that trials of a scenario's first `combos` combinations share, or of as many as can be done.
-pub fn make_bench(scenario: Scenario, combos: usize, seed: u64, quiet: bool) -> Result<Bench> {
-    make_bench_of(None, scenario, combos, seed, quiet)
-}
-
-/// The same of one individual of the robots built from the drawing, body and control stack alike; its plans are the drawing's.
-pub fn make_bench_of(
-    individual: Option<&RobotIndividual>,
-    scenario: Scenario,
-    combos: usize,
-    seed: u64,
-    quiet: bool,
-) -> Result<Bench> {
-    let mut bench = make_scenes_of(individual, scenario, combos, seed, quiet)?;
+/// Everything that trials of a robot and a scenario's first `combos` combinations share, or of as many as can be done.
+pub fn make_bench(robot: &RobotModel, scenario: Scenario, combos: usize, seed: u64, quiet: bool) -> Result<Bench> {
+    let mut bench = make_scenes(robot, scenario, combos, seed, quiet)?;
     let names: BTreeSet<&String> = bench.plans.plans.iter().flat_map(|plan| [&plan.first, &plan.second]).collect();
     bench.known = names
         .into_iter()
@@ -109,43 +125,35 @@ pub fn make_bench_of(
     Ok(bench)
 }
 
-/// The same of the robot that the text of an `individual.toml` describes, if there is one; `path` is used in errors.
-pub fn make_identified(
-    individual: Option<&str>,
-    path: &Path,
-    scenario: Scenario,
-    combos: usize,
-    seed: u64,
-    quiet: bool,
-) -> Result<Bench> {
-    let hand = Hand::ftac();
-    let own = individual.map(|text| IdentifiedRobot::parse(text, path, &hand)).transpose()?;
-    make_bench_of(own.as_ref().map(|own| &own.individual), scenario, combos, seed, quiet)
+/// The robot made of `sources`, or the built-in one without; the individual of it that the text of an `individual.toml` describes, if there
+/// is one. `path` is used in errors of that text.
+pub fn robot_of(sources: Option<&RobotSources>, individual: Option<&str>, path: &Path) -> Result<RobotModel> {
+    let nominal = RobotModel::of(sources)?;
+    let Some(text) = individual else { return Ok(nominal) };
+    Ok(IdentifiedRobot::parse(text, path, &nominal.hand)?.individual.robot(&nominal))
 }
 
 /// The same with no object that can be felt and without the scenario's disturbances: for scenes in which no policy of this program
 /// decides.
-pub fn make_scenes(scenario: Scenario, combos: usize, seed: u64, quiet: bool) -> Result<Bench> {
-    make_scenes_of(None, scenario, combos, seed, quiet)
-}
-
-fn make_scenes_of(
-    individual: Option<&RobotIndividual>,
-    scenario: Scenario,
-    combos: usize,
-    seed: u64,
-    quiet: bool,
-) -> Result<Bench> {
+pub fn make_scenes(robot: &RobotModel, scenario: Scenario, combos: usize, seed: u64, quiet: bool) -> Result<Bench> {
     // Plans are made for the nominal places: a spread of the layout leaves them as they are.
     let benchmark = Scenario::benchmark();
     let planned = |scenario: &Scenario| (scenario.layout.first, scenario.layout.second, scenario.start);
-    let builtin = scenario.object.is_empty()
+    let builtin = proving::builtin::fits(robot)?
+        && scenario.object.is_empty()
         && scenario.first == benchmark.first
         && scenario.second == benchmark.second
         && planned(&scenario) == planned(&benchmark);
-    let world = World::of(scenario, individual)?;
-    let mut repertoire = proving::builtin::repertoire()?;
-    let mut plans = proving::builtin::plans()?;
+    let world = World::new(robot, scenario)?;
+    // Before any search: a pad without a calibration is bad input.
+    let board = TactileBoard::unit(&world.cell.robot.hand, HAND_UNIT);
+    let mut pipeline = simulated_touch(&world.cell.robot, board.backgrounds())?;
+    if let Some(pads) = world.scenario.effects.pads {
+        pipeline.stereo.most_drift = MOST_DRIFT;
+        pipeline.own_hand = pads.self_contact.then(OwnHandOptions::default);
+    }
+    know_hand(&mut pipeline, &world);
+    let (mut repertoire, mut plans) = (proving::builtin::repertoire()?, proving::builtin::plans()?);
     let (mut notes, mut left_out) = (Vec::new(), Vec::new());
     if !builtin || combos > plans.plans.len() {
         let prepared = preparation::prepare(&world, combos, seed, &Cache::standard()?, quiet)?;
@@ -153,13 +161,6 @@ fn make_scenes_of(
         (notes, left_out) = (prepared.notes, prepared.left_out);
     }
     plans.plans.truncate(combos);
-    let board = TactileBoard::unit(&world.cell.hand, HAND_UNIT);
-    let mut pipeline = simulated_touch(&world.cell.hand, board.backgrounds())?;
-    if let Some(pads) = world.scenario.effects.pads {
-        pipeline.stereo.most_drift = MOST_DRIFT;
-        pipeline.own_hand = pads.self_contact.then(OwnHandOptions::default);
-    }
-    know_hand(&mut pipeline, &world);
     Ok(Bench {
         world,
         repertoire,
@@ -192,19 +193,28 @@ pub fn expect_errors(bench: &mut Bench, text: Option<&str>, path: &Path, robot: 
 
 /// Makes the body of a bench individual `number` of the robots built from the drawing, of which the control stack knows nothing; its pads'
 /// cameras stay the bench's.
-pub fn hide_plant(bench: &mut Bench, number: u64) {
-    let (hand, arm) = (Hand::ftac(), Arm::gen3());
-    let own = RobotIndividual::draw(&hand, number);
-    bench.world.plant = Some((Arc::new(own.hand(&hand)), Arc::new(own.arm(&arm))));
+pub fn hide_plant(bench: &mut Bench, number: u64) -> Result<()> {
+    let nominal = bench.world.cell.robot.nominal()?;
+    bench.world.plant = Some(RobotIndividual::draw(&nominal.hand, number).robot(&nominal));
+    Ok(())
 }
 
 /// A bench whose robot is individual `number` of those built from the drawing, with objects and tactile cameras of its own; number 0 is the
 /// robot as drawn among objects like their models. What an emulated robot is made of.
-pub fn make_individual(number: u64, scenario: Scenario, combos: usize, seed: u64, quiet: bool) -> Result<Bench> {
-    let Some(cameras) = RobotIndividual::cameras(number) else { return make_scenes(scenario, combos, seed, quiet) };
-    let own = RobotIndividual::draw(&Hand::ftac(), number);
-    let mut bench = make_scenes_of(Some(&own), scenario, combos, seed, quiet)?;
-    bench.board = TactileBoard::unit(&bench.world.cell.hand, cameras);
+pub fn make_individual(
+    number: u64,
+    nominal: &RobotModel,
+    scenario: Scenario,
+    combos: usize,
+    seed: u64,
+    quiet: bool,
+) -> Result<Bench> {
+    let Some(cameras) = RobotIndividual::cameras(number) else {
+        return make_scenes(nominal, scenario, combos, seed, quiet);
+    };
+    let own = RobotIndividual::draw(&nominal.hand, number);
+    let mut bench = make_scenes(&own.robot(nominal), scenario, combos, seed, quiet)?;
+    bench.board = TactileBoard::unit(&bench.world.cell.robot.hand, cameras);
     let spread = bench.world.scenario.effects.objects;
     let models: Vec<_> = bench.world.objects.iter().cloned().collect();
     for model in &models {

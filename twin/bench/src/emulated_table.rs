@@ -4,6 +4,7 @@ use std::str::FromStr;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use anyhow::{Result, bail};
+use hand_model::RobotModel;
 use nalgebra::Isometry3;
 use scenarios::Scenario;
 use scenarios::noise::TrialNoise;
@@ -61,15 +62,14 @@ pub struct EmulatedTable {
 impl EmulatedTable {
     /// Robot `individual` of those built from the drawing, 0 the drawing's own, about to begin with what `wish` says on its table; its base
     /// is hidden where seed `mount` draws it, if given.
-    pub fn new(wish: Wish, (mount, individual): (Option<u64>, u64), seed: u64) -> Result<Self> {
-        let mut bench = make_individual(individual, Scenario::benchmark(), COMBINATIONS, seed, true)?;
+    pub fn new(robot: &RobotModel, wish: Wish, (mount, individual): (Option<u64>, u64), seed: u64) -> Result<Self> {
+        let mut bench = make_individual(individual, robot, Scenario::benchmark(), COMBINATIONS, seed, true)?;
         let plan = Plan::standard()?;
         if let Some(seed) = mount {
             bench.world.stands = hidden_mount(&plan, seed);
         }
         let setup = bench.world.bare_scene(bench.world.cell.ready, &TrialNoise::none());
-        let (hand, arm) = (bench.world.cell.hand.clone(), bench.world.cell.arm.clone());
-        let robot = SimulatedRobot::new(hand, arm, &setup, bench.board.with_noise(0));
+        let robot = SimulatedRobot::new(&bench.world.cell.robot, &setup, bench.board.with_noise(0));
         let standing = Standing { wish: Wish::Back, names: Vec::new(), places: Vec::new(), version: 0 };
         let plant = SharedPlant::new(robot);
         let table =
@@ -146,7 +146,7 @@ mod tests {
     /// What was pushed away is back in its place; another combination stands where its plan has it; balls stay whatever pushes them.
     #[test]
     fn objects_are_put_back_replaced_and_fastened() {
-        let table = EmulatedTable::new(Wish::Combination(0), (None, 0), 1).expect("a table");
+        let table = EmulatedTable::new(&RobotModel::ftac_gen3(), Wish::Combination(0), (None, 0), 1).expect("a table");
         let wait = |ticks: usize| {
             for _ in 0..ticks {
                 table.plant().lock().wait_for_tick();

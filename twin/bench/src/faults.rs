@@ -17,7 +17,7 @@ use proving::rehearsal::{Snapshot, in_grip};
 use proving::simulated_world::World;
 use scenarios::record::Condition;
 use serde::{Deserialize, Serialize};
-use session_log::{Event, Reader, Recorder, Session, Writer};
+use session_log::{Event, Images, Reader, Recorder, Session, Writer};
 use sim::robot::Truth;
 
 use self::kind::{Expected, Kind, Teller, tick};
@@ -227,17 +227,17 @@ impl Experiment {
     /// Plays [`BEFORE`] ticks through the bridge; the recording goes to `file`.
     fn begin(world: &World, kind: Kind, moment: &Watched, file: &Path, seed: u64) -> Result<Self> {
         let Watched { snapshot: Snapshot { robot, mut executive }, mut mirror } = moment.clone();
-        let (hand, arm) = (&world.cell.hand, &world.cell.arm);
+        let model = &world.cell.robot;
         let plant = SharedPlant::new(robot);
         if mirror.is_some() {
             // The devices' clock begins anew.
             executive.watch_images(IMAGES);
         }
-        let robot = LockstepRobot::start(Box::new(plant.clone()), settings(hand, seed), arm, None)?;
+        let robot = LockstepRobot::start(Box::new(plant.clone()), settings(&model.hand, seed), model, None)?;
         let session =
             Session { robot: "emulated".into(), seed, tick_length: robot.tick_length(), ..Session::default() };
         let mut recorder = Recorder::new(robot, Writer::create(file, &session)?);
-        let mut watch = Watch::new(travel(hand));
+        let mut watch = Watch::new(travel(&model.hand), &model.arm);
         let before = before(mirror.is_some());
         for _ in 0..before {
             let sent = tick(&mut recorder, &mut executive)?;
@@ -438,7 +438,7 @@ fn fastest_joint(robot: &mut LockstepRobot) -> f64 {
 
 /// Ticks in a recording, and whether it was finished.
 fn ticks_in(file: &Path) -> Result<(u64, bool)> {
-    let mut reader = Reader::open(file)?;
+    let mut reader = Reader::open(file, Images::Any)?;
     let mut ticks = 0;
     while let Some((_, event)) = reader.next_event()? {
         ticks += u64::from(matches!(event, Event::Tick(_)));

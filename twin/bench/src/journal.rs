@@ -7,6 +7,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
+use hand_model::{RobotModel, RobotSources};
 use platform::digest::sha256;
 use platform::reach::check_links;
 use scenarios::effects::Effect;
@@ -16,6 +17,7 @@ use scenarios::{Ablation, Scenario};
 use serde::{Deserialize, Serialize};
 
 use crate::body::{Places, Task};
+use crate::builtin::robot_of;
 use crate::mirror::divergence::Named;
 use crate::own::Source;
 use crate::provenance::Provenance;
@@ -66,6 +68,9 @@ pub struct RunRequest {
     pub noise_scale: f64,
     /// The scenario's text.
     pub scenario: String,
+    /// The robot's files; none for the built-in one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub robot_model: Option<RobotSources>,
     /// File of the robot that body and control stack are; its text, or none for the drawing's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub individual: Option<String>,
@@ -118,6 +123,7 @@ impl RunRequest {
             watched,
             combos: self.combos,
             scenario: self.scenario.clone(),
+            robot_model: self.robot_model.clone(),
             individual: self.individual.clone(),
             pads: self.pads.clone(),
             foresees: self.foresees,
@@ -130,6 +136,16 @@ impl RunRequest {
     pub fn digest(&self) -> Result<String> {
         let asked = Self { made: Vec::new(), record: Record::default(), ..self.clone() };
         Ok(sha256(&serde_json::to_vec(&asked)?)[..32].to_owned())
+    }
+
+    /// The robot that body and control stack are; `path` is the file that an identified one was read from, for errors.
+    pub fn robot_model(&self, path: &Path) -> Result<RobotModel> {
+        robot_of(self.robot_model.as_ref(), self.individual.as_deref(), path)
+    }
+
+    /// Name of the robot, if it is not the built-in one.
+    pub fn robot_name(&self) -> Result<Option<String>> {
+        Ok(self.robot_model.as_ref().map(|sources| RobotModel::of(Some(sources))).transpose()?.map(|robot| robot.name))
     }
 
     /// The scenario that is run.

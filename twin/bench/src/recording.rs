@@ -60,7 +60,7 @@ pub fn log_signals(
         currents: Some(servos.map(|servo| servo.current)),
         joint_angles: truth.hand.clone().try_into().ok(),
         arm_angles: Some(*posture),
-        pad_forces: truth.pad_forces.clone().try_into().ok(),
+        pad_forces: Some(truth.pad_forces.clone()),
         pose_errors,
     })?;
     Ok(())
@@ -146,7 +146,8 @@ impl Recording {
         let drawn: Vec<DrawnObject> = objects.iter().zip(&names).map(|(object, name)| drawn(object, name)).collect();
         let truth = truth || task.robot == "sim";
         let settings = Settings { truth, ..Settings::default() };
-        let mut recorder = Recorder::open(targets, settings, &bench.world.cell.hand, &bench.world.cell.arm, &drawn)?;
+        let mut recorder =
+            Recorder::open(targets, settings, &bench.world.cell.robot.hand, &bench.world.cell.robot.arm, &drawn)?;
         recorder.log_properties(&TrialProperties {
             combination: format!("{combination}: {} then {}", plan.first, plan.second),
             trial: trial as u64,
@@ -168,7 +169,7 @@ impl Recording {
             beliefs: Beliefs::default(),
             truth,
             shown: Shown::default(),
-            arm: bench.world.cell.arm.clone(),
+            arm: bench.world.cell.robot.arm.clone(),
             reversed: false,
             shows: false,
         })

@@ -15,7 +15,6 @@ use control::perception::KnownObject;
 use control::registration::{Registration, Touched, register};
 use control::sensing::Senses;
 use grasping::{Grasp, Repertoire, Role};
-use hand_model::CAMERAS;
 use hand_model::robot::RobotBackend as _;
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use proving::simulated_world::World;
@@ -95,7 +94,7 @@ impl<'a> Registrar<'a> {
         let setup = self.world.bare_scene(self.world.cell.ready, &TrialNoise::none());
         let setup = sim::SceneSetup { world_from_base: *world_from_base, objects: self.placements(), ..setup };
         let cell = &self.world.cell;
-        let mut robot = SimulatedRobot::new(cell.hand.clone(), cell.arm.clone(), &setup, board);
+        let mut robot = SimulatedRobot::new(&cell.robot, &setup, board);
         (0..self.plan.marks.len()).for_each(|object| robot.fasten(object));
         robot
     }
@@ -105,7 +104,7 @@ impl<'a> Registrar<'a> {
         let cell = &self.world.cell;
         let start = (self.grasp.clone(), self.percept(&self.middle(0), 0.0));
         let (servo, protocol) = (cell.arm_servo(cell.ready)?, self.world.protocol());
-        let mut executive = Executive::new(cell.hand.clone(), servo, protocol, start.clone(), start, tick)?;
+        let mut executive = Executive::new(cell.robot.hand.clone(), servo, protocol, start.clone(), start, tick)?;
         executive.wait_to_begin()?;
         Ok(executive)
     }
@@ -201,14 +200,14 @@ impl<'a> Registrar<'a> {
     ) -> Result<TouchPipeline> {
         let mut left = (FIRST_IMAGES / body.tick_length()) as u64;
         let mut outage = Outage::default();
-        while executive.newest_images().len() < CAMERAS {
+        while executive.newest_images().len() < executive.hand().cameras.len() {
             tick(body, executive, &mut outage)?;
             left = left.saturating_sub(1);
             if left == 0 {
                 break;
             }
         }
-        Ok(pipeline.with_backgrounds(backgrounds(executive.newest_images())?)?)
+        Ok(pipeline.with_backgrounds(backgrounds(executive.newest_images(), pipeline.backgrounds().len())?)?)
     }
 
     /// Where a ball is that is expected at `expected`, by touch: in the world as the arm's nominal base has it, m, with covariance, m2.

@@ -55,6 +55,9 @@ fn warnings(done: &BTreeMap<Unit, Entry>, request: &RunRequest) -> Vec<String> {
     if request.uncertainty.is_some() {
         warnings.push("the controller expects other errors than by default (--uncertainty)".to_owned());
     }
+    if let Ok(Some(name)) = request.robot_name() {
+        warnings.push(format!("the robot is {name}, not that of the benchmark (--robot-model)"));
+    }
     if request.scenario != scenarios::scenario::BENCHMARK {
         warnings.push("the scenario is not that of the benchmark".to_owned());
     }
@@ -104,6 +107,7 @@ pub fn finish(
     let decision_budget = request.scenario()?.effects.time.map(|time| time.decision);
     let info = RunInfo { seed: request.seed, robot: request.robot.clone(), wall_s, decision_budget };
     let summary = Summary {
+        robot_model: request.robot_name()?,
         left_out: request.left_out.clone(),
         notes: request.notes.clone(),
         ..summarise(&records, &ablated, &info)

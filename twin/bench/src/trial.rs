@@ -228,7 +228,7 @@ impl Bench {
         let means = Means { sensing: Sensing::Full, recovery: Recovery::FULL, explores: false };
         let pipeline = start.pipeline.as_ref().unwrap_or(&self.pipeline);
         let (knowledge, senses) = (self.knowledge(start.known(), means)?, Senses::new(pipeline, Sensing::Full)?);
-        let mut chooser = HostChooser::new(host, &self.world.cell.hand, pipeline.backgrounds(), reset);
+        let mut chooser = HostChooser::new(host, &self.world.cell.robot.hand, pipeline.backgrounds(), reset);
         play(start, &mut Chosen::new(knowledge, senses, &mut chooser), options, watcher)
     }
 

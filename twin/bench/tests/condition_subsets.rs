@@ -1,6 +1,7 @@
 //! Every non-empty set of the conditions is played and resumed with every `--record`: once a run without touch ended with "Zero width not
 //! allowed" at its first recorded trial.
 
+use hand_model::RobotModel;
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
@@ -21,7 +22,7 @@ const SEED: u64 = 1;
 
 fn bench() -> &'static Bench {
     static BENCH: OnceLock<Bench> = OnceLock::new();
-    BENCH.get_or_init(|| make_bench(Scenario::benchmark(), 1, SEED, true).expect("a bench"))
+    BENCH.get_or_init(|| make_bench(&RobotModel::ftac_gen3(), Scenario::benchmark(), 1, SEED, true).expect("a bench"))
 }
 
 fn request(conditions: &[Condition], record: Record) -> RunRequest {
@@ -38,6 +39,7 @@ fn request(conditions: &[Condition], record: Record) -> RunRequest {
         policy: None,
         noise_scale: 1.0,
         scenario: scenarios::scenario::BENCHMARK.into(),
+        robot_model: None,
         individual: None,
         pads: None,
         plant: None,

@@ -1,5 +1,6 @@
 //! A session that ends in a failed look is replayed to the same failure, in mid-trial too.
 
+use hand_model::RobotModel;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
@@ -11,7 +12,7 @@ use control::percept::Sighted;
 use hand_model::robot::RobotBackend;
 use scenarios::Scenario;
 use scenarios::record::Condition;
-use session_log::{Reader, Replay, Session};
+use session_log::{Images, Reader, Replay, Session};
 use sim::SimulatedRobot;
 use sim::robot::Truth;
 
@@ -53,7 +54,8 @@ impl BodySource for Source<'_> {
 #[test]
 fn a_session_that_ends_in_a_failed_look_replays() {
     let folder = tempfile::tempdir().expect("a folder");
-    let bench = make_bench(Scenario::benchmark(), 4, 1, true).expect("the built-in benchmark");
+    let bench =
+        make_bench(&RobotModel::ftac_gen3(), Scenario::benchmark(), 4, 1, true).expect("the built-in benchmark");
     let mut ended = 0;
     for combination in 0..4 {
         let file = folder.path().join(format!("{combination}.mcap"));
@@ -66,6 +68,7 @@ fn a_session_that_ends_in_a_failed_look_replays() {
             watched: false,
             combos: 4,
             scenario: String::new(),
+            robot_model: None,
             individual: None,
             pads: None,
             foresees: false,
@@ -76,7 +79,8 @@ fn a_session_that_ends_in_a_failed_look_replays() {
         let Err(error) = bench.play(&task, &mut Source(&file), &mut NoWatcher) else { continue };
         assert!(error.chain().any(|cause| cause.to_string().contains(WHY)), "{error:#}");
         ended += 1;
-        let replay = Replay::new(Reader::open(&file).expect("whole")).expect("readable");
+        let replay =
+            Replay::new(Reader::open(&file, Images::OfTheHand { cameras: 18 }).expect("whole")).expect("readable");
         let (mut source, report) = ReplaySource::new(replay, false);
         let again = bench.play(&task, &mut source, &mut NoWatcher).expect_err("the same failure");
         let failed = again.chain().find_map(|cause| cause.downcast_ref::<LookFailed>());

@@ -4,6 +4,7 @@ use bench::builtin::make_scenes;
 use control::executive::Phase;
 use control::foresight::{Draw, Scene, Twin};
 use control::odds::TryOutcome;
+use hand_model::RobotModel;
 use nalgebra::Translation3;
 use proving::simulated_world::drive;
 use proving::twin::SceneTwin;
@@ -13,7 +14,8 @@ use scenarios::Scenario;
 /// breadth off, it does not. An object that is not in the hand is no hold.
 #[test]
 fn the_planned_grasp_holds_in_the_twin_where_the_target_is() {
-    let bench = make_scenes(Scenario::benchmark(), 3, 1, true).expect("the built-in benchmark");
+    let bench =
+        make_scenes(&RobotModel::ftac_gen3(), Scenario::benchmark(), 3, 1, true).expect("the built-in benchmark");
     // Objects in the twin are as modelled, as they are in the plan's own run.
     let mut world = bench.world.clone();
     world.scenario.effects.objects = None;

@@ -1,5 +1,6 @@
 //! The built-in plans, played in physics.
 
+use hand_model::RobotModel;
 use std::sync::Mutex;
 
 use bench::builtin::make_bench;
@@ -10,7 +11,8 @@ use scenarios::Scenario;
 /// Without errors every one of the 60 combinations ends with both objects held and no unwanted contact.
 #[test]
 fn all_built_in_plans_are_ideal() {
-    let bench = make_bench(Scenario::benchmark(), 60, 1, true).expect("the built-in benchmark");
+    let bench =
+        make_bench(&RobotModel::ftac_gen3(), Scenario::benchmark(), 60, 1, true).expect("the built-in benchmark");
     let combinations: Vec<usize> = (0..bench.plans.plans.len()).collect();
     assert_eq!(combinations.len(), 60);
     let failed = Mutex::new(Vec::new());

@@ -5,15 +5,17 @@ use bench::body::rounded::RoundedSource;
 use bench::body::{Places, Task};
 use bench::builtin::make_bench;
 use bench::trial::NoWatcher;
+use hand_model::RobotModel;
 use scenarios::record::Condition;
 use scenarios::{FailureCause, Scenario};
 
 #[test]
 fn no_normal_trial_is_stopped() {
-    let bench = make_bench(Scenario::benchmark(), 2, 1, true).expect("the built-in benchmark");
+    let bench =
+        make_bench(&RobotModel::ftac_gen3(), Scenario::benchmark(), 2, 1, true).expect("the built-in benchmark");
     let cell = &bench.world.cell;
     for (combination, condition) in [(0, Condition::Blind), (1, Condition::Touch)] {
-        let mut source = RoundedSource { hand: cell.hand.clone(), arm: cell.arm.clone(), sessions: None };
+        let mut source = RoundedSource { robot: cell.robot.clone(), sessions: None };
         let task = Task {
             robot: "rounded".to_owned(),
             seed: 1,
@@ -23,6 +25,7 @@ fn no_normal_trial_is_stopped() {
             watched: false,
             combos: 2,
             scenario: String::new(),
+            robot_model: None,
             individual: None,
             pads: None,
             foresees: false,

@@ -15,7 +15,7 @@ use bench::trial::{Moment, Watcher};
 use control::executive::Phase;
 use hand_model::pads::IMAGE_SIZE;
 use hand_model::robot::{Command, ServoGoal, TactileFrame, TactileImage};
-use hand_model::{Arm, CAMERAS, Digit};
+use hand_model::{Arm, Digit, RobotModel};
 use nalgebra::{Isometry3, Vector3};
 use proving::simulated_world::World;
 use scenarios::Scenario;
@@ -38,7 +38,7 @@ const WITHIN: f64 = 0.5;
 fn robot(world: &World) -> SimulatedRobot {
     let cell = &world.cell;
     let setup = SceneSetup { cables: world.cable_losses(), ..SceneSetup::ideal(cell.world_from_base, Arm::home()) };
-    SimulatedRobot::new(cell.hand.clone(), cell.arm.clone(), &setup, TactileBoard::blank())
+    SimulatedRobot::new(&cell.robot, &setup, TactileBoard::blank())
 }
 
 fn command(time: f64) -> Command {
@@ -52,7 +52,7 @@ fn command(time: f64) -> Command {
 /// Residuals of the five cables, N, mean of each four ticks, with the time of the last (s), of a robot as drawn that closes its hand on
 /// nothing while its arm moves; cable `broken` breaks at [`BREAK`].
 fn residuals(broken: Option<usize>) -> Vec<(f64, [f64; 5])> {
-    let world = World::new(Scenario::benchmark()).expect("the world");
+    let world = World::new(&RobotModel::ftac_gen3(), Scenario::benchmark()).expect("the world");
     let mut robot = robot(&world);
     let mut twin = Twin::new(&world, &robot.observe().arm.position);
     let mut broken = broken;
@@ -92,7 +92,7 @@ fn a_broken_cable_leaves_what_a_sound_one_stays_within() {
 
 /// What a mirror names of the same motion, in which `strike` is done to the robot once at [`BREAK`], and `press` in each tick from then on.
 fn named(strike: impl FnOnce(&mut SimulatedRobot), press: impl Fn(&mut SimulatedRobot)) -> Vec<Divergence> {
-    let world = World::new(Scenario::benchmark()).expect("the world");
+    let world = World::new(&RobotModel::ftac_gen3(), Scenario::benchmark()).expect("the world");
     let mut robot = robot(&world);
     let mut mirror = Mirror::new(&world, &robot.observe().arm.position).expect("a mirror");
     let mut strike = Some(strike);
@@ -167,7 +167,7 @@ fn images(n: u64, frozen: Option<usize>) -> Vec<TactileFrame> {
         let noise = |pixel: usize| 100 + ((pixel as u64 * 7 + n * 13 + camera as u64) % 5) as u8;
         Arc::new(TactileImage { rgb: (0..IMAGE_SIZE * IMAGE_SIZE * 3).map(noise).collect() })
     };
-    (0..CAMERAS)
+    (0..RobotModel::ftac_gen3().hand.cameras.len())
         .map(|camera| TactileFrame { camera, time: 0.2 * n as f64, sequence: n, image: image(camera) })
         .collect()
 }
@@ -175,7 +175,7 @@ fn images(n: u64, frozen: Option<usize>) -> Vec<TactileFrame> {
 /// What a mirror names of the same motion seen by a busy host, with its mirror; `strike` is done to the robot once at [`BREAK`], and from then on camera
 /// `frozen` sends the same image.
 fn named_in_real_time(strike: impl FnOnce(&mut SimulatedRobot), frozen: Option<usize>) -> Mirror {
-    let world = World::new(Scenario::benchmark()).expect("the world");
+    let world = World::new(&RobotModel::ftac_gen3(), Scenario::benchmark()).expect("the world");
     let mut robot = robot(&world);
     let tick = robot.tick_length();
     let mut mirror = Mirror::new(&world, &robot.observe().arm.position).expect("a mirror");
@@ -262,7 +262,7 @@ impl Watcher for Trace {
 /// Every bit of a trial is the same with a mirror beside it.
 #[test]
 fn a_mirror_changes_no_bit_of_a_trial() {
-    let bench = make_bench(Scenario::benchmark(), 1, 1, true).expect("a bench");
+    let bench = make_bench(&RobotModel::ftac_gen3(), Scenario::benchmark(), 1, 1, true).expect("a bench");
     let (mut alone, mut beside) = (Trace::default(), Trace::default());
     let without = bench.trial(0, 0, &[Condition::Blind], &[], &mut alone).expect("a trial");
     let mut mirroring = Mirroring::new(&bench, None);

@@ -1,5 +1,6 @@
 //! A robot that makes no errors, at a table without effects, and a controller that knows both.
 
+use hand_model::RobotModel;
 use std::path::Path;
 
 use bench::builtin::{expect_errors, make_bench};
@@ -16,7 +17,7 @@ fn feeling_costs_nothing_where_nothing_is_wrong() {
     scenario.noise = scenario.noise.scaled(0.0);
     scenario.effects = Effect::ALL.into_iter().fold(scenario.effects, |effects, effect| effects.without(effect));
     assert!(scenario.is_exact());
-    let mut bench = make_bench(scenario, 1, 1, true).expect("a bench");
+    let mut bench = make_bench(&RobotModel::ftac_gen3(), scenario, 1, 1, true).expect("a bench");
     expect_errors(&mut bench, None, Path::new("uncertainty"), "sim").expect("told");
     let results = bench.trial(0, 0, &[Condition::Touch], &[], &mut NoWatcher).expect("a trial");
     let record = &results.records[0];

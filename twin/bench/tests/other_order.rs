@@ -3,6 +3,7 @@
 use bench::builtin::make_bench;
 use bench::trial::setup::Setup;
 use bench::trial::{Means, NoWatcher};
+use hand_model::RobotModel;
 use plant::Blindness;
 use scenarios::Scenario;
 use scenarios::disturbance::{BlindPads, Disturbances};
@@ -12,7 +13,8 @@ use scenarios::record::Condition;
 /// order. A disturbed scenario keeps the planned order.
 #[test]
 fn the_other_order_leaves_everything_where_it_is() {
-    let bench = make_bench(Scenario::benchmark(), 60, 1, true).expect("the built-in benchmark");
+    let bench =
+        make_bench(&RobotModel::ftac_gen3(), Scenario::benchmark(), 60, 1, true).expect("the built-in benchmark");
     let means = Means::of(Condition::Touch).expect("touch decides");
     let mut seen = 0;
     for combination in (0..60).filter(|n| bench.plans.plans[*n].reversed.is_some()) {

@@ -4,7 +4,7 @@ use bench::builtin::make_bench;
 use bench::trial::Bench;
 use control::look::Look;
 use control::perception::{Grip, KnownObject, trusted};
-use hand_model::CAMERAS;
+use hand_model::RobotModel;
 use hand_model::robot::{Command, Observation};
 use scenarios::Scenario;
 use scenarios::effects::Effects;
@@ -18,7 +18,7 @@ fn pads_only(combos: usize) -> Bench {
     let mut scenario = Scenario::benchmark();
     scenario.effects = Effects { pads: scenario.effects.pads, ..Effects::default() };
     assert!(scenario.effects.pads.is_some_and(|pads| pads.self_contact));
-    make_bench(scenario, combos, 1, true).expect("the built-in benchmark")
+    make_bench(&RobotModel::ftac_gen3(), scenario, combos, 1, true).expect("the built-in benchmark")
 }
 
 /// The empty hand over the table pulls with `tensions` (N), the thumb last and opposed by `opposition` (rad): what it then feels.
@@ -27,12 +27,12 @@ fn closed_on_nothing(
     tensions: [f64; 5],
     opposition: f64,
 ) -> (Vec<PadTouch>, Observation, SimulatedRobot) {
-    let (world, hand) = (&bench.world, &bench.world.cell.hand);
-    let drift = Drift::new(vec![0.03; CAMERAS], 30.0);
+    let (world, hand) = (&bench.world, &bench.world.cell.robot.hand);
+    let drift = Drift::new(vec![0.03; hand.cameras.len()], 30.0);
     let board = bench.board.with_noise(5).drifting(drift);
     let backgrounds = board.background_frames();
     let scene = world.bare_scene(world.cell.ready, &TrialNoise::none());
-    let mut robot = SimulatedRobot::new(hand.clone(), world.cell.arm.clone(), &scene, board);
+    let mut robot = SimulatedRobot::new(&world.cell.robot, &scene, board);
     for tick in 0..360 {
         let thumb = if tick < 150 { 0.0 } else { tensions[0] };
         let tensions = [thumb, tensions[1], tensions[2], tensions[3], tensions[4]];
@@ -42,11 +42,7 @@ fn closed_on_nothing(
     }
     let seen = robot.observe();
     let pipeline = bench.pipeline.with_backgrounds(backgrounds).expect("a background of each camera");
-    let look = Look {
-        images: &seen.tactile,
-        sequences_before: &[None; CAMERAS],
-        readings: Readings::weightless(&seen.servos),
-    };
+    let look = Look { images: &seen.tactile, sequences_before: &[], readings: Readings::weightless(&seen.servos) };
     let touches = pipeline.perceive_frames(look.images, look.sequences_before).expect("images").touches;
     (touches, seen, robot)
 }
@@ -75,7 +71,7 @@ fn a_thumb_on_the_index_finger_is_no_object() {
         bench.pipeline.mark_own(&mut touches, Readings::weightless(&seen.servos), &in_hand).expect("marked");
         let all = || touches.iter().flat_map(|touch| &touch.patches);
         (own, patches) = (own + all().filter(|patch| patch.own).count(), patches + all().count());
-        let grip = Grip::of(&bench.world.cell.hand, &touches, &seen.servos, second.held_joints.as_deref(), &[]);
+        let grip = Grip::of(&bench.world.cell.robot.hand, &touches, &seen.servos, second.held_joints.as_deref(), &[]);
         assert!(!grip.first, "{tensions:?}, {opposition}: the hand's own contact is taken for the first object");
     }
     assert!(loaded >= 2 && patches >= 4, "something is to be told: {loaded} postures, {patches} patches");
@@ -96,9 +92,9 @@ fn a_held_object_is_felt_as_before() {
         let known = &bench.known[&grasp.object];
         let mut board = bench.board.with_noise(combination as u64);
         let objects = [(&known.model.shape, grasp.truth)];
-        let hand = &bench.world.cell.hand;
+        let hand = &bench.world.cell.robot.hand;
         let frames = board.capture(hand, 0.0, &grasp.pads, &grasp.forces, &objects);
-        let mut touches = bench.pipeline.perceive_frames(&frames, &[None; CAMERAS]).expect("images").touches;
+        let mut touches = bench.pipeline.perceive_frames(&frames, &[]).expect("images").touches;
         let (servos, prior) = (grasp.servos(), trusted(grasp.expected));
         let readings = grasp.readings(&servos);
         for (n, errors) in errors.iter_mut().enumerate() {
@@ -123,13 +119,14 @@ fn a_held_object_is_felt_as_before() {
 #[test]
 fn drift_alone_is_no_touch() {
     let bench = pads_only(1);
-    let hand = &bench.world.cell.hand;
+    let hand = &bench.world.cell.robot.hand;
     let poses = hand.pad_poses(&hand.tree.forward(&[0.0; hand_model::HAND_JOINTS]));
     for rate in [-0.06, -0.02, 0.0, 0.02, 0.06] {
-        let mut board = bench.board.with_noise(9).drifting(Drift::new(vec![rate; CAMERAS], 30.0));
+        let mut board =
+            bench.board.with_noise(9).drifting(Drift::new(vec![rate; bench.world.cell.robot.hand.cameras.len()], 30.0));
         let pipeline = bench.pipeline.with_backgrounds(board.background_frames()).expect("a background of each camera");
         let frames = board.capture(hand, 30.0, &poses, &vec![0.0; hand.pads.len()], &[]);
-        let felt = pipeline.perceive_frames(&frames, &[None; CAMERAS]).expect("images");
+        let felt = pipeline.perceive_frames(&frames, &[]).expect("images");
         assert!(felt.faults.is_empty() && felt.touches.iter().all(|touch| touch.heights.is_empty()), "{rate}");
     }
 }

@@ -8,6 +8,7 @@ use control::percept::Percept;
 use control::perception::{Expected, feel, trusted};
 use control::sensing::Senses;
 use grasping::Role;
+use hand_model::RobotModel;
 use nalgebra::Vector3;
 use proving::simulated_world::drive;
 use scenarios::Scenario;
@@ -21,9 +22,10 @@ const OFF: f64 = 0.012;
 
 #[test]
 fn an_object_is_where_it_is_felt() {
-    let bench = make_bench(Scenario::benchmark(), 16, 1, true).expect("the built-in benchmark");
+    let bench =
+        make_bench(&RobotModel::ftac_gen3(), Scenario::benchmark(), 16, 1, true).expect("the built-in benchmark");
     let senses = Senses::new(&bench.pipeline, Sensing::Full).expect("all senses");
-    let hand = &bench.world.cell.hand;
+    let hand = &bench.world.cell.robot.hand;
     for (combination, side) in
         COMBINATIONS.into_iter().flat_map(|combination| [(combination, -1.0), (combination, 1.0)])
     {

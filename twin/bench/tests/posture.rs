@@ -1,7 +1,7 @@
 //! Joint angles of simulated holds with cables that rub and gears with play.
 
 use bench::builtin::make_bench;
-use hand_model::{CAMERAS, Digit};
+use hand_model::{Digit, RobotModel};
 use nalgebra::Isometry3;
 use scenarios::Scenario;
 use scenarios::effects::Effects;
@@ -26,16 +26,16 @@ fn joint_angles_are_as_uncertain_as_they_say() {
     let mut scenario = Scenario::benchmark();
     let all = scenario.effects;
     scenario.effects = Effects { cables: all.cables, ..Effects::default() };
-    let bench = make_bench(scenario, HOLDS, 1, true).expect("the built-in benchmark");
+    let bench = make_bench(&RobotModel::ftac_gen3(), scenario, HOLDS, 1, true).expect("the built-in benchmark");
     let mut tally = Tally::default();
     for combination in 0..HOLDS {
         let Some(grasp) = bench.held(combination, 0).expect("played") else { continue };
         let known = &bench.known[&grasp.object];
         let objects: [(_, Isometry3<f64>); 1] = [(&known.model.shape, grasp.truth)];
-        let hand = &bench.world.cell.hand;
+        let hand = &bench.world.cell.robot.hand;
         let mut board = bench.board.with_noise(combination as u64);
         let frames = board.capture(hand, 0.0, &grasp.pads, &grasp.forces, &objects);
-        let touches = bench.pipeline.perceive_frames(&frames, &[None; CAMERAS]).expect("images").touches;
+        let touches = bench.pipeline.perceive_frames(&frames, &[]).expect("images").touches;
         let prior = control::perception::trusted(grasp.expected);
         let estimate =
             bench.pipeline.estimate_pose(&touches, grasp.readings(&grasp.servos()), &prior, known).expect("a pose");

@@ -1,10 +1,8 @@
 //! What the arm presses under a controller that goes on downwards, with the supervisor's limits and without.
 
-use std::sync::Arc;
-
 use bench::body::emulated::{SharedPlant, settings};
 use hand_model::robot::{Command, RobotBackend as _, ServoGoal};
-use hand_model::{ACTUATORS, ARM_JOINTS, Arm, Hand};
+use hand_model::{ACTUATORS, ARM_JOINTS, Arm, Hand, RobotModel};
 use hardware_bridge::config::{ArmLimitConfig, LimitConfig, SpaceConfig};
 use hardware_bridge::emulator::direct::DirectRobot;
 use hardware_bridge::safety::state::{Cause, State};
@@ -53,17 +51,17 @@ fn over_table(arm: &Arm, hand: &Hand, height: f64) -> [f64; ARM_JOINTS] {
 
 /// Force on the table (N) at its greatest and at the end, and the state at the end, of a robot whose controller asks for 5 cm/s downwards.
 fn press(limits: LimitConfig) -> (f64, f64, State) {
-    let (hand, arm) = (Arc::new(Hand::ftac()), Arc::new(Arm::gen3()));
-    let mut wanted = over_table(&arm, &hand, 0.05);
+    let model = RobotModel::ftac_gen3();
+    let mut wanted = over_table(&model.arm, &model.hand, 0.05);
     let scene = SceneSetup::ideal(Isometry3::identity(), wanted);
-    let plant = SharedPlant::new(SimulatedRobot::new(hand.clone(), arm.clone(), &scene, TactileBoard::blank()));
-    let settings = hardware_bridge::emulator::lockstep::LockstepSettings { limits, ..settings(&hand, 1) };
-    let mut robot = DirectRobot::start(Box::new(plant.clone()), settings, &arm).expect("starts");
+    let plant = SharedPlant::new(SimulatedRobot::new(&model, &scene, TactileBoard::blank()));
+    let settings = hardware_bridge::emulator::lockstep::LockstepSettings { limits, ..settings(&model.hand, 1) };
+    let mut robot = DirectRobot::start(Box::new(plant.clone()), settings, &model).expect("starts");
     let mut greatest = 0.0_f64;
     for tick in 0..TICKS {
         // From rest, as every controller of ours begins.
         let speed = SPEED * (tick as f64 / 30.0).min(1.0);
-        wanted = moved(&arm, &wanted, Vector3::new(0.0, 0.0, -speed * robot.tick_length()));
+        wanted = moved(&model.arm, &wanted, Vector3::new(0.0, 0.0, -speed * robot.tick_length()));
         let servos = [ServoGoal::Current(0.0); ACTUATORS];
         robot.send(&Command { arm: wanted, servos, capture: false }).expect("sent");
         robot.wait_for_tick();

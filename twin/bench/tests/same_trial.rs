@@ -3,6 +3,7 @@
 use bench::builtin::make_bench;
 use bench::trial::filming::Filming;
 use bench::trial::{Bench, NoWatcher, Watcher};
+use hand_model::RobotModel;
 use scenarios::Scenario;
 use scenarios::record::{Condition, TrialRecord};
 use serde_json::Value;
@@ -17,7 +18,8 @@ fn played(bench: &Bench, combination: usize, watcher: &mut dyn Watcher) -> Value
 /// A recording takes images throughout. In this trial the hand touches both objects and tries the second one twice.
 #[test]
 fn a_trial_that_is_recorded_is_the_same_one() {
-    let bench = make_bench(Scenario::benchmark(), 2, 1, true).expect("the built-in benchmark");
+    let bench =
+        make_bench(&RobotModel::ftac_gen3(), Scenario::benchmark(), 2, 1, true).expect("the built-in benchmark");
     let mut filming = Filming::new(&bench, Condition::Touch, 4.0);
     let recorded = played(&bench, 1, &mut filming);
     assert!(!filming.film.frames.is_empty());
@@ -27,7 +29,8 @@ fn a_trial_that_is_recorded_is_the_same_one() {
 /// Its objects are meshes that are cut into convex parts when they are first needed.
 #[test]
 fn what_was_played_before_does_not_matter() {
-    let bench = make_bench(Scenario::benchmark(), 5, 1, true).expect("the built-in benchmark");
+    let bench =
+        make_bench(&RobotModel::ftac_gen3(), Scenario::benchmark(), 5, 1, true).expect("the built-in benchmark");
     let first = played(&bench, 4, &mut NoWatcher);
     bench.ideal(4, &mut NoWatcher).expect("an ideal run");
     assert_eq!(first, played(&bench, 4, &mut NoWatcher));

@@ -1,5 +1,6 @@
 //! A trial whose body stops or cannot be reached: none where somebody has to see to the robot, a failed one where others follow.
 
+use hand_model::RobotModel;
 use std::ops::Range;
 use std::path::PathBuf;
 
@@ -100,6 +101,7 @@ fn play(bench: &Bench, condition: Condition, after: f64, silent: Range<f64>) -> 
         watched: false,
         combos: 1,
         scenario: String::new(),
+        robot_model: None,
         individual: None,
         pads: None,
         foresees: false,
@@ -111,7 +113,8 @@ fn play(bench: &Bench, condition: Condition, after: f64, silent: Range<f64>) -> 
 
 #[test]
 fn a_trial_whose_body_stops_is_none_or_has_failed() {
-    let mut bench = make_bench(Scenario::benchmark(), 1, 1, true).expect("the built-in benchmark");
+    let mut bench =
+        make_bench(&RobotModel::ftac_gen3(), Scenario::benchmark(), 1, 1, true).expect("the built-in benchmark");
     for condition in [Condition::Blind, Condition::Touch] {
         bench.outlasts_faults = false;
         let error = play(&bench, condition, 2.0, NEVER).expect_err("stopped");
@@ -135,7 +138,8 @@ fn a_trial_whose_body_stops_is_none_or_has_failed() {
 /// own words.
 #[test]
 fn a_robot_that_cannot_be_reached_is_borne_for_a_while() {
-    let mut bench = make_bench(Scenario::benchmark(), 1, 1, true).expect("the built-in benchmark");
+    let mut bench =
+        make_bench(&RobotModel::ftac_gen3(), Scenario::benchmark(), 1, 1, true).expect("the built-in benchmark");
     bench.outlasts_faults = true;
     let of = |silent: Range<f64>| play(&bench, Condition::Blind, f64::INFINITY, silent).expect("a record");
     let (sound, held, lost) = (of(NEVER), of(2.0..2.3), of(2.0..f64::INFINITY));

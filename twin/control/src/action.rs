@@ -87,14 +87,14 @@ pub struct ActionLimits {
 impl ActionLimits {
     /// Of the robot in this cell.
     pub fn of(cell: &Workcell) -> Self {
-        let (hand, PathLimits { speed, turn_speed, .. }) = (&cell.hand, PathLimits::default());
+        let (hand, PathLimits { speed, turn_speed, .. }) = (&cell.robot.hand, PathLimits::default());
         let thumb = &hand.tree.joints[hand.transmission.opposition_joint];
         let tension = most_tension(hand);
         Self {
             speed,
             turn_speed,
             joints: std::array::from_fn(|n| {
-                let joint = &cell.arm.tree.joints[n];
+                let joint = &cell.robot.arm.tree.joints[n];
                 [joint.lower.max(-ENDLESS), joint.upper.min(ENDLESS)]
             }),
             tension,
@@ -139,7 +139,7 @@ impl ActionLimits {
 
     /// What the servos are asked for by tensions (N) and the angle of the opposition joint (rad).
     fn tension_goals(cell: &Workcell, tensions: &[f64; 5], opposition: f64) -> [ServoGoal; ACTUATORS] {
-        cell.hand.servo_goals(tensions, opposition, OPPOSITION_CURRENT)
+        cell.robot.hand.servo_goals(tensions, opposition, OPPOSITION_CURRENT)
     }
 }
 

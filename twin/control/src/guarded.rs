@@ -5,7 +5,7 @@
 use std::sync::Arc;
 
 use hand_model::robot::{TactileFrame, TactileImage};
-use hand_model::{CAMERAS, Digit, Hand};
+use hand_model::{Digit, Hand};
 use touch::StereoOptions;
 use touch::colour_change::find_change;
 
@@ -23,7 +23,7 @@ const PRESSING: f64 = 0.2;
 pub struct Guarded {
     path: PosePath,
     /// Cameras whose pads end it.
-    watched: [bool; CAMERAS],
+    watched: Vec<bool>,
     /// Their first pictures.
     pictures: Vec<Option<Arc<TactileImage>>>,
     /// Time on the path at which something was felt, s.
@@ -33,10 +33,8 @@ pub struct Guarded {
 impl Guarded {
     /// Along `path`, until a pad of `digits` feels something, as far as `used` lets it.
     pub fn new(path: PosePath, hand: &Hand, digits: &[Digit], used: impl Fn(usize) -> bool) -> Self {
-        let watched = std::array::from_fn(|camera| {
-            hand.cameras.get(camera).is_some_and(|camera| is_on(hand, camera.pad, digits) && used(camera.pad))
-        });
-        Self { path, watched, pictures: vec![None; CAMERAS], felt: None }
+        let watched = hand.cameras.iter().map(|camera| is_on(hand, camera.pad, digits) && used(camera.pad)).collect();
+        Self { path, watched, pictures: vec![None; hand.cameras.len()], felt: None }
     }
 
     /// The whole way.
@@ -51,7 +49,7 @@ impl Guarded {
 
     /// Whether the pictures of untouched pads have arrived.
     pub fn knows_untouched(&self) -> bool {
-        (0..CAMERAS).all(|camera| !self.watched[camera] || self.pictures[camera].is_some())
+        self.watched.iter().zip(&self.pictures).all(|(watched, picture)| !watched || picture.is_some())
     }
 
     /// Takes images that arrived at `clock` (s on the path; `None` on the way to where it begins).
@@ -91,7 +89,7 @@ mod tests {
         let path = PosePath::new(vec![(0.0, Isometry3::identity()), (2.0, Isometry3::translation(0.0, 0.0, 0.03))]);
         let mut guarded = Guarded::new(path.expect("a path"), &hand, &[Digit::Index], |_| true);
         assert!(!guarded.knows_untouched());
-        let untouched: Vec<TactileFrame> = (0..CAMERAS).map(|camera| frame(camera, 100)).collect();
+        let untouched: Vec<TactileFrame> = (0..hand.cameras.len()).map(|camera| frame(camera, 100)).collect();
         guarded.see(&untouched, None);
         assert!(guarded.knows_untouched());
         guarded.see(&[frame(index, 100), frame(ring, 150)], Some(0.4));

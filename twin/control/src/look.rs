@@ -1,6 +1,5 @@
 //! What perception takes: the tactile images of one look and the servos' readings at the same moment.
 
-use hand_model::CAMERAS;
 use hand_model::robot::TactileFrame;
 use touch::Readings;
 
@@ -10,7 +9,7 @@ pub struct Look<'a> {
     /// Images of the look, at most one a camera.
     pub images: &'a [TactileFrame],
     /// Sequence number that each camera had sent before the images were asked for: what is not newer is stale.
-    pub sequences_before: &'a [Option<u64>; CAMERAS],
+    pub sequences_before: &'a [Option<u64>],
     /// Newest servo readings, and how the palm is turned.
     pub readings: Readings<'a>,
 }

@@ -11,7 +11,7 @@ use std::sync::Arc;
 use grasping::Grasp;
 use hand_model::robot::{ArmState, Command, Observation, ServoState, TactileFrame};
 use hand_model::transmission::friction::CableFriction;
-use hand_model::{ACTUATORS, CAMERAS, Hand};
+use hand_model::{ACTUATORS, Hand};
 use nalgebra::{Isometry3, Translation3, Vector3};
 use touch::Readings;
 
@@ -80,7 +80,7 @@ pub struct Motion {
     tension: [f64; 5],
     images: Vec<TactileFrame>,
     newest: Vec<TactileFrame>,
-    sequences_before: [Option<u64>; CAMERAS],
+    sequences_before: Vec<Option<u64>>,
     servos: [ServoState; ACTUATORS],
     arm: ArmState,
     tick: f64,
@@ -92,6 +92,7 @@ impl Motion {
     pub fn new(hand: Arc<Hand>, servo: ArmServo, tick: f64) -> Result<Self, MotionError> {
         let home = servo.palm_pose();
         Ok(Self {
+            sequences_before: vec![None; hand.cameras.len()],
             hand,
             servo,
             home,
@@ -100,7 +101,6 @@ impl Motion {
             tension: [0.0; 5],
             images: Vec::new(),
             newest: Vec::new(),
-            sequences_before: [None; CAMERAS],
             servos: Default::default(),
             arm: ArmState::default(),
             tick,
@@ -293,8 +293,10 @@ impl Motion {
     /// A look begins: earlier images do not count.
     pub fn begin_look(&mut self) {
         self.images.clear();
-        for frame in self.newest.iter().filter(|frame| frame.camera < CAMERAS) {
-            self.sequences_before[frame.camera] = Some(frame.sequence);
+        for frame in &self.newest {
+            if let Some(before) = self.sequences_before.get_mut(frame.camera) {
+                *before = Some(frame.sequence);
+            }
         }
     }
 

@@ -1,17 +1,14 @@
-//! The workcell as the control stack knows it: hand, arm, where the arm stands, and the posture in which a trial begins.
+//! The workcell as the control stack knows it: the robot, where its arm stands, and the posture in which a trial begins.
 
-use std::sync::Arc;
-
-use hand_model::{Arm, Hand};
+use hand_model::RobotModel;
 use nalgebra::Isometry3;
 
 use crate::inverse_kinematics::{ArmKinematics, ArmServo, IkError, IkSettings, Joints, Mount};
 
-/// Hand, arm and their nominal places.
+/// The robot and its nominal place.
 #[derive(Debug, Clone)]
 pub struct Workcell {
-    pub hand: Arc<Hand>,
-    pub arm: Arc<Arm>,
+    pub robot: RobotModel,
     /// Where the arm stands, nominally.
     pub world_from_base: Isometry3<f64>,
     /// Posture a trial begins in, rad.
@@ -21,9 +18,9 @@ pub struct Workcell {
 impl Workcell {
     /// The nominal arm with the palm as the controlled frame.
     pub fn kinematics(&self) -> ArmKinematics {
-        let mount =
-            Mount { world_from_base: self.world_from_base, tool_from_palm: self.hand.palm_from_flange.inverse() };
-        ArmKinematics::new((*self.arm).clone(), mount)
+        let tool_from_palm = self.robot.hand.palm_from_flange.inverse();
+        let mount = Mount { world_from_base: self.world_from_base, tool_from_palm };
+        ArmKinematics::new((*self.robot.arm).clone(), mount)
     }
 
     /// Arm posture for a palm pose, searched from `seed`; `None` if it is out of reach.

@@ -3,6 +3,8 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use hand_model::RobotModel;
+use platform::digest::sha256;
 use platform::file::write_whole;
 use serde::{Deserialize, Serialize};
 
@@ -17,6 +19,8 @@ pub enum RepertoireError {
     Syntax { path: PathBuf, message: String },
     #[error("{path}: version: found {found}, expected {VERSION}")]
     Version { path: PathBuf, found: u32 },
+    #[error("{path}: robot: found grasps of {found}, expected those of {expected}, which moves otherwise")]
+    Robot { path: PathBuf, found: String, expected: String },
 }
 
 /// Version of the file format.
@@ -29,6 +33,9 @@ pub struct Repertoire {
     /// Command that generated it.
     pub command: String,
     pub seed: u64,
+    /// Name of the robot, and SHA-256 of its [mechanics](RobotModel::mechanics); none for the built-in one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub robot: Option<[String; 2]>,
     /// Grasps by object, best first.
     pub grasps: BTreeMap<String, Vec<Grasp>>,
 }
@@ -44,6 +51,26 @@ impl Repertoire {
         Ok(repertoire)
     }
 
+    /// As written for `robot` in a repertoire's field of that name.
+    pub fn mark(robot: &RobotModel) -> Option<[String; 2]> {
+        let other = !robot.moves_like(&RobotModel::ftac_gen3());
+        other.then(|| [robot.name.clone(), sha256(robot.mechanics().as_bytes())])
+    }
+
+    /// Reads a file of grasps of `robot`.
+    ///
+    /// # Errors
+    /// [`RepertoireError::Robot`] for a file of a robot that moves otherwise.
+    pub fn read_for(robot: &RobotModel, path: &Path) -> Result<Self, RepertoireError> {
+        let (found, expected) = (Self::read(path)?, Self::mark(robot));
+        let digest = |mark: &Option<[String; 2]>| mark.as_ref().map(|[_, digest]| digest.clone());
+        if digest(&found.robot) == digest(&expected) {
+            return Ok(found);
+        }
+        let found = found.robot.map_or_else(|| RobotModel::ftac_gen3().name, |[name, _]| name);
+        Err(RepertoireError::Robot { path: path.into(), found, expected: robot.name.clone() })
+    }
+
     pub fn read(path: &Path) -> Result<Self, RepertoireError> {
         let text =
             platform::file::read_text(path).map_err(|source| RepertoireError::Io { path: path.into(), source })?;
@@ -52,8 +79,9 @@ impl Repertoire {
 
     /// Writes a file with one grasp per line, whole or not at all.
     pub fn write(&self, path: &Path) -> Result<(), RepertoireError> {
+        let robot = self.robot.as_ref().map_or(String::new(), |mark| format!("\"robot\":{},", serde_json::json!(mark)));
         let mut text = format!(
-            "{{\"version\":{},\"command\":{},\"seed\":{},\"grasps\":{{\n",
+            "{{\"version\":{},\"command\":{},\"seed\":{},{robot}\"grasps\":{{\n",
             self.version,
             serde_json::Value::from(self.command.clone()),
             self.seed

@@ -2,9 +2,11 @@
 //!
 //! The centres of the distributions come from experiments in physics: ring and little finger take an object from the
 //! side, ulnar edge down, against the palm; thumb, index and middle take one from above with the thumb opposed. The
-//! distributions are wide; which proposals hold is decided in physics.
+//! distributions are wide; which proposals hold is decided in physics. They are those of the left F-TAC Hand, which a right hand mirrors and one
+//! of another size scales.
 
-use hand_model::Digit;
+use hand_model::parameters::Handedness;
+use hand_model::{Digit, Hand};
 use nalgebra::Vector3;
 use rand::{Rng, RngExt};
 
@@ -25,8 +27,28 @@ pub(crate) const PALM_FACE: f64 = 0.0156;
 /// Distance from the wrist to the palm frame's origin along y, m.
 pub(crate) const WRIST: f64 = 0.1072;
 
-/// A random proposal.
-pub fn propose(object: &ObjectExtent, role: Role, id: u32, rng: &mut impl Rng) -> Grasp {
+/// How a hand differs from the one for which proposals are distributed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct HandForm {
+    /// 1 for a left hand, -1 for a right one.
+    side: f64,
+    /// Its size over that of the F-TAC Hand.
+    scale: f64,
+}
+
+impl HandForm {
+    pub fn of(hand: &Hand) -> Self {
+        let side = match hand.parameters.handedness {
+            Handedness::Left => 1.0,
+            Handedness::Right => -1.0,
+        };
+        Self { side, scale: -hand.parameters.palm.flange_xyz[1] / WRIST }
+    }
+}
+
+/// A random proposal for a hand.
+pub fn propose(hand: HandForm, object: &ObjectExtent, role: Role, id: u32, rng: &mut impl Rng) -> Grasp {
+    let HandForm { side, scale } = hand;
     let mut uniform = |low: f64, high: f64| rng.random_range(low..high);
     let deg = std::f64::consts::PI / 180.0;
     let radius = 0.5 * (object.half.z + 0.5 * (object.half.x + object.half.y));
@@ -76,8 +98,8 @@ pub fn propose(object: &ObjectExtent, role: Role, id: u32, rng: &mut impl Rng) -
         role,
         yaw,
         pitch,
-        roll,
-        center: [-across, along - WRIST, PALM_FACE - gap - radius],
+        roll: side * roll,
+        center: [-side * scale * across, scale * (along - WRIST), scale * (PALM_FACE - gap) - radius],
         pre_tension: pre,
         close_tension: close,
         opposition,
@@ -121,9 +143,23 @@ mod tests {
     #[test]
     fn same_seed_same_proposals() {
         let object = ObjectExtent { name: "ball".into(), half: Vector3::repeat(0.02), yaw_matters: true };
-        let draw = |seed| propose(&object, Role::Second, 1, &mut ChaCha8Rng::seed_from_u64(seed));
+        let form = HandForm::of(&Hand::ftac());
+        let draw = |seed| propose(form, &object, Role::Second, 1, &mut ChaCha8Rng::seed_from_u64(seed));
         assert_eq!(draw(3), draw(3));
         assert_ne!(draw(3), draw(4));
+    }
+
+    /// A right hand's proposals are the mirror image of a left hand's; those of the built-in hand are the distributions' own.
+    #[test]
+    fn a_right_hand_mirrors_proposals() {
+        let object = ObjectExtent { name: "ball".into(), half: Vector3::repeat(0.02), yaw_matters: true };
+        let left = HandForm::of(&Hand::ftac());
+        assert_eq!(left, HandForm { side: 1.0, scale: 1.0 });
+        let draw = |form| propose(form, &object, Role::First, 1, &mut ChaCha8Rng::seed_from_u64(5));
+        let (one, other) = (draw(left), draw(HandForm { side: -1.0, ..left }));
+        let mirrored = one.palm_rotation(0.0) * Vector3::from(one.center);
+        let found = other.palm_rotation(-2.0 * other.yaw) * Vector3::from(other.center);
+        assert!((mirrored.component_mul(&Vector3::new(1.0, -1.0, 1.0)) - found).norm() < 1e-12, "{mirrored} {found}");
     }
 
     /// Only the digits of the role are ever pulled.
@@ -132,7 +168,7 @@ mod tests {
         let object = ObjectExtent { name: "ball".into(), half: Vector3::repeat(0.02), yaw_matters: false };
         let mut rng = ChaCha8Rng::seed_from_u64(1);
         for role in [Role::First, Role::Second] {
-            let grasp = propose(&object, role, 0, &mut rng);
+            let grasp = propose(HandForm::of(&Hand::ftac()), &object, role, 0, &mut rng);
             for digit in Digit::ALL {
                 assert_eq!(grasp.close_tension[digit.index()] > 0.0, role.digits().contains(&digit));
             }

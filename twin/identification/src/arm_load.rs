@@ -3,24 +3,25 @@
 pub use hand_model::load::weight;
 use hand_model::load::{Torques, held};
 use hand_model::robot::ArmState;
-use hand_model::{ARM_JOINTS, Arm, GRAVITY, Hand};
+use hand_model::{ARM_JOINTS, Arm, GRAVITY, RobotModel};
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 
 /// Something is in the hand where at least this share of its weight is felt.
 const FELT: f64 = 0.5;
 
 /// The palm of a robot whose encoders show `angles`, in the frame of the arm's base.
-pub(crate) fn palm((hand, arm): (&Hand, &Arm), angles: &[f64; ARM_JOINTS]) -> Isometry3<f64> {
+pub(crate) fn palm(robot: &RobotModel, angles: &[f64; ARM_JOINTS]) -> Isometry3<f64> {
+    let RobotModel { hand, arm, .. } = robot;
     arm.tool_pose(angles) * hand.palm_from_flange.inverse()
 }
 
 /// The force at the palm ([`force`]).
-pub(crate) fn force_on_palm(own: (&Hand, &Arm), states: [&ArmState; 2]) -> Option<Vector3<f64>> {
+pub(crate) fn force_on_palm(own: &RobotModel, states: [&ArmState; 2]) -> Option<Vector3<f64>> {
     force(own, states, &palm(own, &states[1].position).translation.vector.into())
 }
 
 /// Whether the hand bears at least half of a `mass` (kg) more than it did.
-pub(crate) fn bears(own: (&Hand, &Arm), states: [&ArmState; 2], mass: f64) -> bool {
+pub(crate) fn bears(own: &RobotModel, states: [&ArmState; 2], mass: f64) -> bool {
     force_on_palm(own, states).is_some_and(|force| -force.z > FELT * mass * GRAVITY)
 }
 
@@ -31,7 +32,8 @@ pub(crate) fn held_by_last(arm: &Arm, poses: &[Isometry3<f64>], point: &Point3<f
 
 /// The force (N, axes of the arm's base) at `point` of the hand that explains best by how much the arm's torques `now` differ from those `before`,
 /// when nothing touched the hand; a force alone, no torque. None where the arm's posture does not tell.
-pub fn force((hand, arm): (&Hand, &Arm), [before, now]: [&ArmState; 2], point: &Point3<f64>) -> Option<Vector3<f64>> {
+pub fn force(robot: &RobotModel, [before, now]: [&ArmState; 2], point: &Point3<f64>) -> Option<Vector3<f64>> {
+    let RobotModel { hand, arm, .. } = robot;
     let heavier = weight(hand, arm, &now.position) - weight(hand, arm, &before.position);
     let more = Torques::from(arm.borne(&now.torque)) - Torques::from(arm.borne(&before.torque)) - heavier;
     let poses = arm.tree.forward(&now.position);
@@ -48,16 +50,17 @@ mod tests {
     /// A force is found again from the torques that hold it, wherever the arm has gone meanwhile.
     #[test]
     fn a_force_is_found_again() {
-        let (hand, arm) = (Hand::ftac(), Arm::gen3());
+        let robot = RobotModel::ftac_gen3();
+        let RobotModel { hand, arm, .. } = &robot;
         let (from, to) = (Arm::home(), Arm::home().map(|angle| angle + 0.07));
         let push = Vector3::new(0.4, -1.1, 2.3);
         let point = arm.tool_pose(&to) * Point3::new(0.01, -0.03, 0.1);
         let of = |angles: [f64; ARM_JOINTS], force: Vector3<f64>| {
             let torque =
-                weight(&hand, &arm, &angles) + held(&arm, &arm.tree.forward(&angles), ARM_JOINTS - 1, &point, &force);
+                weight(hand, arm, &angles) + held(arm, &arm.tree.forward(&angles), ARM_JOINTS - 1, &point, &force);
             ArmState { position: angles, velocity: [0.0; ARM_JOINTS], torque: torque.into() }
         };
-        let found = force((&hand, &arm), [&of(from, Vector3::zeros()), &of(to, push)], &point).expect("a force");
+        let found = force(&robot, [&of(from, Vector3::zeros()), &of(to, push)], &point).expect("a force");
         assert!((found - push).norm() < 1e-9, "{found}");
     }
 }

@@ -6,7 +6,7 @@
 
 use control::inverse_kinematics::{ArmKinematics, Joints, Mount};
 use hand_model::hand::CoverShape;
-use hand_model::{ARM_JOINTS, Arm, HAND_JOINTS, Hand};
+use hand_model::{ARM_JOINTS, HAND_JOINTS, Hand, RobotModel};
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -125,22 +125,24 @@ pub fn palm_from_pad(hand: &Hand, pad: usize) -> Isometry3<f64> {
 }
 
 /// Kinematics of a robot whose base is the world's origin.
-pub fn kinematics(hand: &Hand, arm: &Arm) -> ArmKinematics {
-    ArmKinematics::new(arm.clone(), Mount::of_hand(hand, 0.0))
+pub fn kinematics(robot: &RobotModel) -> ArmKinematics {
+    let RobotModel { hand, arm, .. } = robot;
+    ArmKinematics::new((**arm).clone(), Mount::of_hand(hand, 0.0))
 }
 
 /// How the arm of a robot believed to be `hand` on `arm` brings a pad onto a ball believed to be at `middle`, looking from `early` (m) before
 /// the pad should touch to as much behind its greatest depth. The first heading that the arm reaches with everything else clear; none
 /// where there is no such.
 pub fn approach(
-    (hand, arm): (&Hand, &Arm),
+    robot: &RobotModel,
     ball: &Ball,
     press: &Press,
     middle: &Point3<f64>,
     early: f64,
     from: &Joints,
 ) -> Option<Approach> {
-    let kinematics = kinematics(hand, arm);
+    let hand = &robot.hand;
+    let kinematics = kinematics(robot);
     let camera = &hand.cameras[press.camera];
     let pad = &hand.pads[camera.pad];
     let (x, y) = (press.spot[0] * camera.w, camera.center_y + press.spot[1] * camera.h);
@@ -187,10 +189,11 @@ pub fn approach(
 
 /// The way of a pad over the ball: from where the arm stands `at` along the pad's width, so that the ball comes towards its middle, in strides.
 /// None where the arm does not reach so far, and for pads that do not slide.
-pub fn sideways((hand, arm): (&Hand, &Arm), ball: &Ball, press: &Press, at: &Joints) -> Option<Vec<Joints>> {
+pub fn sideways(robot: &RobotModel, ball: &Ball, press: &Press, at: &Joints) -> Option<Vec<Joints>> {
+    let hand = &robot.hand;
     let slide = ball.slide_of(hand, press)?;
     let pad = &hand.pads[hand.cameras[press.camera].pad];
-    let kinematics = kinematics(hand, arm);
+    let kinematics = kinematics(robot);
     let palm = kinematics.palm_pose(at);
     let along = palm * pad.link_from_pad * Vector3::x() * if press.spot[0] < 0.0 { -1.0 } else { 1.0 };
     let strides = (slide.way / ball.stride).ceil() as usize;
@@ -230,13 +233,9 @@ pub(crate) fn covers<'a>(
 
 /// Where the arm of a robot believed to be `hand` on `arm` goes in between on its way `from` one posture `to` another, both beside the ball: nowhere if
 /// the straight way is free, or else up and down again. None where even so it is not free.
-pub fn round(
-    (hand, arm): (&Hand, &Arm),
-    ball: &Ball,
-    middle: &Point3<f64>,
-    [from, to]: [&Joints; 2],
-) -> Option<Vec<Joints>> {
-    let kinematics = kinematics(hand, arm);
+pub fn round(robot: &RobotModel, ball: &Ball, middle: &Point3<f64>, [from, to]: [&Joints; 2]) -> Option<Vec<Joints>> {
+    let hand = &robot.hand;
+    let kinematics = kinematics(robot);
     let free = |from: &Joints, to: &Joints| {
         straight(from, to, PLACES).all(|at| is_clear(hand, None, &kinematics.palm_pose(&at), ball, middle))
     };

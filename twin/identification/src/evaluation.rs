@@ -2,7 +2,7 @@
 
 use hand_model::robot::{Command, ServoGoal};
 use hand_model::transmission::friction::CableLosses;
-use hand_model::{ACTUATORS, ARM_JOINTS, Arm, Digit, Hand};
+use hand_model::{ACTUATORS, ARM_JOINTS, Digit, Hand, RobotModel};
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion};
 use plant::Gel;
 use plant::RobotIndividual;
@@ -98,14 +98,12 @@ pub fn median(values: &[f64]) -> f64 {
 /// The simulated robot of an individual, its hand open, the arm in a posture that its encoders show as `start`, with nothing in reach.
 pub fn body(
     individual: &RobotIndividual,
-    hand: &Hand,
-    arm: &Arm,
+    nominal: &RobotModel,
     losses: CableLosses,
     start: [f64; ARM_JOINTS],
 ) -> SimulatedRobot {
-    let (hand, arm) = (Arc::new(individual.hand(hand)), Arc::new(individual.arm(arm)));
     let setup = SceneSetup { cables: losses, ..SceneSetup::ideal(Isometry3::identity(), start) };
-    SimulatedRobot::new(hand, arm, &setup, TactileBoard::blank())
+    SimulatedRobot::new(&individual.robot(nominal), &setup, TactileBoard::blank())
 }
 
 /// An individual's surroundings while it is excited: known to the emulator, and hidden from everything else.
@@ -170,12 +168,11 @@ impl TrueWeight {
 /// The same robot among its surroundings, as long as it is excited.
 pub fn excited_body(
     individual: &RobotIndividual,
-    (hand, arm): (&Hand, &Arm),
+    nominal: &RobotModel,
     losses: CableLosses,
     start: [f64; ARM_JOINTS],
     surroundings: &Surroundings,
 ) -> Result<SimulatedRobot, GeometryError> {
-    let (hand, arm) = (Arc::new(individual.hand(hand)), Arc::new(individual.arm(arm)));
     let mut objects = Vec::new();
     if let Some(TrueBall { middle, radius, friction }) = surroundings.ball {
         let pose = Isometry3::from(Translation3::from(middle));
@@ -197,7 +194,7 @@ pub fn excited_body(
     }
     let base = SceneSetup::ideal(Isometry3::identity(), start);
     let setup = SceneSetup { cables: losses, gel: surroundings.gel, objects, ..base };
-    let mut robot = SimulatedRobot::new(hand, arm, &setup, surroundings.board.clone());
+    let mut robot = SimulatedRobot::new(&individual.robot(nominal), &setup, surroundings.board.clone());
     if fixed {
         robot.fasten(0);
     }
@@ -210,7 +207,7 @@ pub fn excited_body(
 pub fn reach(
     truth: &RobotIndividual,
     believed: &RobotIndividual,
-    (hand, arm): (&Hand, &Arm),
+    nominal: &RobotModel,
     start: &[f64; ARM_JOINTS],
     bend: f64,
 ) -> Vec<f64> {
@@ -218,13 +215,13 @@ pub fn reach(
     if let Some(place) = truth.place(Quantity::ArmEncoder, 0) {
         registered.set(place, truth.deviations()[place]);
     }
-    let bodies = [truth, &registered].map(|own| (own.hand(hand), own.arm(arm)));
+    let bodies = [truth, &registered].map(|own| own.robot(nominal));
     let joints = [bend; hand_model::HAND_JOINTS];
     let mut rng = ChaCha8Rng::seed_from_u64(1);
     let mut errors = Vec::new();
     for _ in 0..REACHES {
         let shown: [f64; ARM_JOINTS] = std::array::from_fn(|joint| start[joint] + rng.random_range(-0.5..0.5));
-        let tips = bodies.each_ref().map(|(hand, arm)| {
+        let tips = bodies.each_ref().map(|RobotModel { hand, arm, .. }| {
             let palm = arm.tool_pose(&shown) * hand.palm_from_flange.inverse();
             let links = hand.tree.forward(&joints);
             Digit::ALL.map(|digit| {
@@ -249,18 +246,19 @@ const TURN: [f64; ARM_JOINTS] = [0.0, 0.0, 0.0, 0.0, 0.0, 0.4, 0.8];
 /// Plays the stairs on the true robot, and on the twins of the hands `believed`; `start` is the arm's ready posture.
 pub fn compare(
     truth: &RobotIndividual,
-    (hand, arm): (&Hand, &Arm),
+    nominal: &RobotModel,
     losses: CableLosses,
     start: &[f64; ARM_JOINTS],
     believed: &[&RobotIndividual],
 ) -> Vec<Differences> {
     let start = std::array::from_fn(|joint| start[joint] + TURN[joint]);
+    let hand = &nominal.hand;
     let real = truth.hand(hand);
     let hands: Vec<Hand> = believed.iter().map(|own| own.hand(hand)).collect();
     let mut differences = vec![Differences::default(); hands.len()];
     for actuator in 0..ACTUATORS {
-        let mut robot = body(truth, hand, arm, losses, start);
-        let (motion, angles) = stairs(&mut robot, actuator, hand, arm);
+        let mut robot = body(truth, nominal, losses, start);
+        let (motion, angles) = stairs(&mut robot, actuator, nominal);
         for (own, differences) in hands.iter().zip(&mut differences) {
             note(own, &real, &motion, &angles, losses, differences);
         }
@@ -271,7 +269,7 @@ pub fn compare(
 type Angles = Vec<[f64; hand_model::HAND_JOINTS]>;
 
 /// Plays the stairs with one actuator: the motion as measured, and the true joint angles before each tick behind its lead-in.
-fn stairs(robot: &mut SimulatedRobot, actuator: usize, hand: &Hand, arm: &Arm) -> (FreeMotion, Angles) {
+fn stairs(robot: &mut SimulatedRobot, actuator: usize, nominal: &RobotModel) -> (FreeMotion, Angles) {
     let tick = robot.tick_length();
     let mut motion = FreeMotion {
         actuator,
@@ -291,7 +289,7 @@ fn stairs(robot: &mut SimulatedRobot, actuator: usize, hand: &Hand, arm: &Arm) -
     for (goal, length) in opening.into_iter().chain(stairs) {
         for _ in 0..(length / tick) as usize {
             let observation = robot.observe();
-            motion.push(&observation, goal, hand, arm);
+            motion.push(&observation, goal, nominal);
             angles.push(robot.truth().hand.try_into().unwrap_or([0.0; hand_model::HAND_JOINTS]));
             servos[actuator] = goal;
             robot.send(&Command { arm: hold, servos, capture: false });

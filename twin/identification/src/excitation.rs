@@ -6,7 +6,7 @@ use control::outage::Outage;
 use grasping::Grasp;
 use hand_model::robot::{ArmState, Command, Readings, RobotBackend, RobotError, ServoGoal, ServoState};
 use hand_model::transmission::friction::CableFriction;
-use hand_model::{ACTUATORS, ARM_JOINTS, Arm, Hand};
+use hand_model::{ACTUATORS, ARM_JOINTS, Hand, RobotModel};
 use serde::{Deserialize, Serialize};
 use touch::PhotometricCalibration;
 
@@ -118,8 +118,7 @@ impl Progress {
 /// What an excitation goes by.
 #[derive(Debug, Clone, Copy)]
 pub struct Means<'a> {
-    pub hand: &'a Hand,
-    pub arm: &'a Arm,
+    pub robot: &'a RobotModel,
     /// With which the pads are read while they are pressed: that of the drawing's, as long as there is no other.
     pub pads: &'a PhotometricCalibration,
     pub script: &'a Script,
@@ -151,7 +150,7 @@ pub fn play<R: RobotBackend, E: From<ExcitationError>>(
     let (grip, lag, held) = (None, None, None);
     let mut player = Player { robot, time, arm, felt, servos, script, images, grip, lag, held, outage, failed };
     let mut aim = means.script.ball.as_ref().map(|ball| Aim::new(means, ball));
-    for (n, step) in means.script.steps(means.hand).iter().enumerate().skip(first) {
+    for (n, step) in means.script.steps(&means.robot.hand).iter().enumerate().skip(first) {
         heard(Progress::Begins(n))?;
         let (went_on, back) = match (step, &mut aim) {
             (Step::Press(_, press), Some(aim)) => match aim.at(press, &player.arm) {
@@ -162,11 +161,11 @@ pub fn play<R: RobotBackend, E: From<ExcitationError>>(
                 }
             },
             (Step::Motion(posture, motion), _) => {
-                (player.motion((means.hand, &means.ready), posture, motion, &mut goes_on), None)
+                (player.motion((&means.robot.hand, &means.ready), posture, motion, &mut goes_on), None)
             }
             (Step::Press(..), None) => (true, None),
             (Step::Weigh(weight, part), aim) => {
-                let own = aim.as_ref().map_or((means.hand, means.arm), |aim| aim.own());
+                let own = aim.as_ref().map_or(means.robot, |aim| aim.own());
                 let back = Some(weight.stand(0, &means.ready));
                 match player.weigh(means, own, (weight, *part), &mut goes_on) {
                     Ended::Done => (true, back),

@@ -8,7 +8,7 @@
 //! with the springs' rests of neighbouring joints moved apart, either way. Dry friction makes the residuals rough: slopes are those of secants.
 
 use hand_model::transmission::friction::CableLosses;
-use hand_model::{ARM_JOINTS, Arm, Hand};
+use hand_model::{ARM_JOINTS, Hand, RobotModel};
 use least_squares::{Options, Problem, Solution};
 use nalgebra::DMatrix;
 use plant::RobotIndividual;
@@ -104,8 +104,7 @@ fn unsearched(individual: &RobotIndividual, hand: &Hand, actuator: usize) -> Vec
 
 /// A search over one actuator's motions.
 struct Search<'a> {
-    hand: &'a Hand,
-    arm: &'a Arm,
+    robot: &'a RobotModel,
     losses: CableLosses,
     motions: &'a [FreeMotion],
     places: &'a [usize],
@@ -128,7 +127,7 @@ impl Search<'_> {
 
     /// Residuals of all samples, rad, with the delay (s) last in `p` in units of [`DELAY`].
     fn angles(&self, p: &[f64]) -> Vec<f64> {
-        let hand = self.individual(&p[..self.places.len()]).hand(self.hand);
+        let hand = self.individual(&p[..self.places.len()]).hand(&self.robot.hand);
         let delay = p[self.places.len()] * DELAY;
         angle_residuals(&hand, self.losses, self.motions, delay)
     }
@@ -141,9 +140,9 @@ impl Search<'_> {
             let mut individual = self.individual(&p[..self.places.len()]);
             let moved = individual.deviations()[place] + way * individual.parameters()[place].spread.sigma;
             individual.set(place, moved);
-            let (hand, arm) = (individual.hand(self.hand), individual.arm(self.arm));
-            let motions: Vec<FreeMotion> = self.motions.iter().map(|motion| motion.under(&hand, &arm)).collect();
-            angle_residuals(&hand, self.losses, &motions, delay)
+            let robot = individual.robot(self.robot);
+            let motions: Vec<FreeMotion> = self.motions.iter().map(|motion| motion.under(&robot)).collect();
+            angle_residuals(&robot.hand, self.losses, &motions, delay)
         };
         moved(half).iter().zip(moved(-half)).map(|(up, down)| (up - down) / (2.0 * half)).collect()
     }
@@ -216,15 +215,16 @@ fn angle_residuals(hand: &Hand, losses: CableLosses, motions: &[FreeMotion], del
 /// Fits what `motions` of one actuator show, from and about the individual `from`, of which `touches` say how surely arm, mount and links
 /// are known.
 pub fn fit(
-    (hand, arm): (&Hand, &Arm),
+    robot: &RobotModel,
     losses: CableLosses,
     motions: &[FreeMotion],
     from: &RobotIndividual,
     touches: &KinematicCalibration,
 ) -> Fit {
+    let hand = &robot.hand;
     let actuator = motions.first().map_or(0, |motion| motion.actuator);
     let places = searched(from, hand, actuator);
-    let search = Search { hand, arm, losses, motions, places: &places, from };
+    let search = Search { robot, losses, motions, places: &places, from };
     let n = places.len() + 1;
     let mut p = vec![0.0; n];
     let designed = rms(&angle_residuals(hand, losses, motions, 0.0));
@@ -334,19 +334,20 @@ mod tests {
     /// Which of two joints leaves its stop first is found, though the search begins where both do.
     #[test]
     fn springs_whose_rests_are_far_apart_are_found() {
-        let (hand, arm) = (Hand::ftac(), Arm::gen3());
+        let robot = RobotModel::ftac_gen3();
+        let hand = &robot.hand;
         let losses = CableLosses { friction: hand.parameters.cable.friction, backlash: 0.0 };
-        let mut truth = RobotIndividual::designed(&hand);
+        let mut truth = RobotIndividual::designed(hand);
         let rests = [4, 5].map(|joint| truth.place(Quantity::SpringRest, joint).unwrap());
         for (place, rest) in rests.into_iter().zip([0.06, -0.05]) {
             truth.set(place, rest);
         }
         let sides = [Vector3::new(0.0, 0.0, -9.8), Vector3::new(0.0, 0.0, 9.8)];
-        let motions = sides.map(|gravity| shown(&truth.hand(&hand), losses, 1, 2.0, gravity));
-        let designed = RobotIndividual::designed(&hand);
+        let motions = sides.map(|gravity| shown(&truth.hand(hand), losses, 1, 2.0, gravity));
+        let designed = RobotIndividual::designed(hand);
         // The arm of these motions stands for none.
         let touches = KinematicCalibration::unknown(&designed);
-        let found = fit((&hand, &arm), losses, &motions, &designed, &touches);
+        let found = fit(&robot, losses, &motions, &designed, &touches);
         for (place, rest) in rests.into_iter().zip([0.06, -0.05]) {
             let n = found.places.iter().position(|searched| *searched == place).unwrap();
             assert!((found.deviations[n] - rest).abs() < 0.01, "{} {rest}", found.deviations[n]);

@@ -1,7 +1,7 @@
 //! Pieces of a session in which one actuator winds under current while nothing but its own digit is in its way.
 
 use hand_model::robot::{Observation, ServoGoal};
-use hand_model::{ARM_JOINTS, Arm, GRAVITY, Hand};
+use hand_model::{ARM_JOINTS, GRAVITY, RobotModel};
 use nalgebra::{Isometry3, Vector3};
 
 use crate::trace::{Row, Trace};
@@ -33,7 +33,7 @@ const SHORTEST: usize = 60;
 const LEAD_IN: f64 = 6.0;
 
 /// All motions of `actuator` in a session, by the arm and the hand as they are believed to be.
-pub fn free_motions(trace: &Trace, actuator: usize, hand: &Hand, arm: &Arm) -> Vec<FreeMotion> {
+pub fn free_motions(trace: &Trace, actuator: usize, robot: &RobotModel) -> Vec<FreeMotion> {
     let under_current = |row: &&Row| matches!(row.goals[actuator], ServoGoal::Current(_));
     let longest = (LEAD_IN / trace.tick) as usize;
     let rows = &trace.rows;
@@ -43,7 +43,7 @@ pub fn free_motions(trace: &Trace, actuator: usize, hand: &Hand, arm: &Arm) -> V
         let end = begin + rows[begin..].iter().take_while(under_current).count();
         if end - begin >= SHORTEST {
             let led = free.max(begin.saturating_sub(longest));
-            motions.push(FreeMotion::of(&rows[led..end], begin - led, actuator, trace.tick, hand, arm));
+            motions.push(FreeMotion::of(&rows[led..end], begin - led, actuator, trace.tick, robot));
         }
         free = end;
     }
@@ -51,7 +51,7 @@ pub fn free_motions(trace: &Trace, actuator: usize, hand: &Hand, arm: &Arm) -> V
 }
 
 impl FreeMotion {
-    fn of(rows: &[Row], lead_in: usize, actuator: usize, tick: f64, hand: &Hand, arm: &Arm) -> Self {
+    fn of(rows: &[Row], lead_in: usize, actuator: usize, tick: f64, robot: &RobotModel) -> Self {
         Self {
             actuator,
             tick,
@@ -60,7 +60,7 @@ impl FreeMotion {
             angles: rows.iter().map(|row| row.servos[actuator].position).collect(),
             opposition: rows.iter().map(|row| row.servos[5].position).collect(),
             arm: rows.iter().map(|row| row.arm.position).collect(),
-            gravity: rows.iter().map(|row| gravity(hand, arm, &row.arm.position)).collect(),
+            gravity: rows.iter().map(|row| gravity(robot, &row.arm.position)).collect(),
         }
     }
 
@@ -71,22 +71,23 @@ impl FreeMotion {
 
     /// The same motion, of another `hand` on another `arm`: gravity pulls from elsewhere.
     #[must_use]
-    pub fn under(&self, hand: &Hand, arm: &Arm) -> Self {
-        Self { gravity: self.arm.iter().map(|shown| gravity(hand, arm, shown)).collect(), ..self.clone() }
+    pub fn under(&self, robot: &RobotModel) -> Self {
+        Self { gravity: self.arm.iter().map(|shown| gravity(robot, shown)).collect(), ..self.clone() }
     }
 
     /// Appends what was observed before a tick, and what the servo was sent in it, by `hand` and `arm` as they are believed to be.
-    pub fn push(&mut self, observation: &Observation, goal: ServoGoal, hand: &Hand, arm: &Arm) {
+    pub fn push(&mut self, observation: &Observation, goal: ServoGoal, robot: &RobotModel) {
         self.goals.push(goal);
         self.angles.push(observation.servos[self.actuator].position);
         self.opposition.push(observation.servos[5].position);
         self.arm.push(observation.arm.position);
-        self.gravity.push(gravity(hand, arm, &observation.arm.position));
+        self.gravity.push(gravity(robot, &observation.arm.position));
     }
 }
 
 /// Gravity along the palm's axes of an arm whose encoders show `shown`, m/s2; its base stands upright.
-fn gravity(hand: &Hand, arm: &Arm, shown: &[f64; ARM_JOINTS]) -> Vector3<f64> {
+fn gravity(robot: &RobotModel, shown: &[f64; ARM_JOINTS]) -> Vector3<f64> {
+    let RobotModel { hand, arm, .. } = robot;
     let palm: Isometry3<f64> = arm.tool_pose(shown) * hand.palm_from_flange.inverse();
     palm.rotation.inverse() * Vector3::new(0.0, 0.0, -GRAVITY)
 }

@@ -1,9 +1,10 @@
 //! Identifies a robot from its sessions, actuator by actuator.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use hand_model::transmission::friction::CableLosses;
-use hand_model::{ACTUATORS, ARM_JOINTS, Arm, Hand};
+use hand_model::{ACTUATORS, ARM_JOINTS, Hand, RobotModel};
 use nalgebra::DMatrix;
 use plant::RobotIndividual;
 use plant::identified::{Covariance, Estimate, IdentifiedRobot};
@@ -44,11 +45,12 @@ pub struct Identification {
 /// # Errors
 /// An actuator that no session moves.
 pub fn identify(
-    (hand, arm): (&Hand, &Arm),
+    robot: &RobotModel,
     losses: CableLosses,
     pads: &PhotometricCalibration,
     traces: &[Trace],
 ) -> Result<Identification, IdentificationError> {
+    let hand = &robot.hand;
     // Of one robot, no session may be counted twice.
     let distinct: BTreeMap<&str, &Trace> = traces.iter().map(|trace| (trace.source.sha256.as_str(), trace)).collect();
     let designed = prior(hand);
@@ -58,24 +60,24 @@ pub fn identify(
     });
     let felt: Vec<Touch> = looks.iter().flat_map(|looks| deepest(looks)).collect();
     let kinematics = match ball {
-        Some(ball) => calibrate((hand, arm), ball, &designed, &felt),
+        Some(ball) => calibrate(robot, ball, &designed, &felt),
         None => KinematicCalibration::unknown(&designed),
     };
     // Where gravity pulls from is what touches say of arm and mount.
     let mut prior = kinematics.individual.clone();
     // Each weighing has a grip of its own; of several the last one counts.
     let weighed = distinct.values().filter_map(|trace| Some((trace.weighed.as_ref()?, trace.tick)));
-    let gains = weighed.filter_map(|weighed| weigh((hand, arm), &kinematics, weighed)).next_back();
+    let gains = weighed.filter_map(|weighed| weigh(robot, &kinematics, weighed)).next_back();
     let gains = gains.unwrap_or_else(|| Gains::unknown(&prior));
     let gain_places: Vec<usize> =
         (0..ARM_JOINTS).filter_map(|joint| prior.place(Quantity::ArmTorqueGain, joint)).collect();
     gain_places.iter().zip(gains.deviations).for_each(|(place, deviation)| prior.set(*place, deviation));
-    let (own_hand, own_arm) = (prior.hand(hand), prior.arm(arm));
-    let mechanics_with = |own_arm: &Arm| {
+    let own = prior.robot(robot);
+    let mechanics_with = |own: &RobotModel| {
         let mut shown = Shown::default();
         if let Some(ball) = ball {
             for (trace, looks) in distinct.values().zip(&looks) {
-                shown.add(hand, (&own_hand, own_arm), (ball, &kinematics.ball), trace, looks);
+                shown.add(hand, own, (ball, &kinematics.ball), trace, looks);
             }
         }
         shown.together(ball.and_then(|ball| ball.slide.as_ref()))
@@ -83,16 +85,14 @@ pub fn identify(
     let moved: Vec<PadMechanics> = (0..ARM_JOINTS)
         .into_par_iter()
         .map(|joint| {
-            let mut moved = own_arm.clone();
-            moved.torque_gains[joint] *= GAIN_STEP.exp();
-            mechanics_with(&moved)
+            let mut arm = (*own.arm).clone();
+            arm.torque_gains[joint] *= GAIN_STEP.exp();
+            mechanics_with(&RobotModel { arm: Arc::new(arm), ..own.clone() })
         })
         .collect();
-    let mechanics = mechanics_with(&own_arm).under_gains(&moved, GAIN_STEP, &gains.covariance);
+    let mechanics = mechanics_with(&own).under_gains(&moved, GAIN_STEP, &gains.covariance);
     let motions: Vec<Vec<FreeMotion>> = (0..ACTUATORS)
-        .map(|actuator| {
-            distinct.values().flat_map(|trace| free_motions(trace, actuator, &own_hand, &own_arm)).collect()
-        })
+        .map(|actuator| distinct.values().flat_map(|trace| free_motions(trace, actuator, &own)).collect())
         .collect();
     if let Some(missing) = motions.iter().position(Vec::is_empty) {
         let files: Vec<String> = traces.iter().map(|trace| trace.source.file.clone()).collect();
@@ -100,13 +100,13 @@ pub fn identify(
         return Err(IdentificationError::NotExcited { sessions: files.join(", "), actuator });
     }
     let mut fits: Vec<Fit> =
-        motions[..OPPOSITION].par_iter().map(|own| fit((hand, arm), losses, own, &prior, &kinematics)).collect();
+        motions[..OPPOSITION].par_iter().map(|own| fit(robot, losses, own, &prior, &kinematics)).collect();
     // The opposition turns the thumb as it hangs on its springs.
     let mut known = prior.clone();
     for fit in &fits {
         fit.places.iter().zip(&fit.deviations).for_each(|(place, deviation)| known.set(*place, *deviation));
     }
-    fits.push(fit((hand, arm), losses, &motions[OPPOSITION], &known, &kinematics));
+    fits.push(fit(robot, losses, &motions[OPPOSITION], &known, &kinematics));
     let mut estimates: Vec<Estimate> = designed
         .parameters()
         .iter()

@@ -5,7 +5,7 @@
 //! sensor that says where the end touches. Least squares over encoders, mount, stops and the ball's place, each with its prior.
 
 use control::inverse_kinematics::Joints;
-use hand_model::{Arm, HAND_JOINTS, Hand};
+use hand_model::{HAND_JOINTS, Hand, RobotModel};
 use least_squares::{Options, Problem, forward_differences};
 use nalgebra::{DMatrix, Isometry3, Matrix3, Point3, Vector3};
 use optics::Foundation;
@@ -106,7 +106,8 @@ pub fn searched(individual: &RobotIndividual) -> Vec<usize> {
 }
 
 /// Where a robot has the ball's middle that one of its pads feels, in the frame of the arm's base.
-fn felt_at((hand, arm): (&Hand, &Arm), touch: &Touch) -> (Point3<f64>, Isometry3<f64>) {
+fn felt_at(robot: &RobotModel, touch: &Touch) -> (Point3<f64>, Isometry3<f64>) {
+    let RobotModel { hand, arm, .. } = robot;
     let pad = &hand.pads[hand.cameras[touch.camera].pad];
     let mut joints = [0.0; HAND_JOINTS];
     joints[hand.transmission.opposition_joint] = (touch.opposition / hand.servos[5].gear_ratio_opposition).max(0.0);
@@ -117,8 +118,7 @@ fn felt_at((hand, arm): (&Hand, &Arm), touch: &Touch) -> (Point3<f64>, Isometry3
 }
 
 struct Search<'a> {
-    hand: &'a Hand,
-    arm: &'a Arm,
+    robot: &'a RobotModel,
     ball: &'a Ball,
     from: &'a RobotIndividual,
     places: &'a [usize],
@@ -148,20 +148,20 @@ impl Search<'_> {
 
     /// Number of all that is searched.
     fn len(&self) -> usize {
-        self.places.len() + 3 * (3 + self.hand.pads.len())
+        self.places.len() + 3 * (3 + self.robot.hand.pads.len())
     }
 
     /// From where the ball is to where each touch has it, m.
     fn distances(&self, p: &[f64]) -> Vec<(Vector3<f64>, Matrix3<f64>)> {
         let individual = self.individual(p);
-        let (hand, arm, middle) = (individual.hand(self.hand), individual.arm(self.arm), self.middle(p));
+        let (robot, middle) = (individual.robot(self.robot), self.middle(p));
         let of = |touch: &Touch| {
-            let pad = self.hand.cameras[touch.camera].pad;
+            let pad = self.robot.hand.cameras[touch.camera].pad;
             let alike = |n: usize, sigma: [f64; 3]| self.vector(p, n).component_mul(&Vector3::from(sigma));
-            let of_links = self.hand.pads[pad].link.map_or_else(Vector3::zeros, |_| alike(2, OF_LINKS));
+            let of_links = self.robot.hand.pads[pad].link.map_or_else(Vector3::zeros, |_| alike(2, OF_LINKS));
             let alike = alike(1, OF_HAND) + of_links + alike(3 + pad, OF_PAD);
             let center = touch.center - alike;
-            let (at, pose) = felt_at((&hand, &arm), &Touch { center, ..*touch });
+            let (at, pose) = felt_at(&robot, &Touch { center, ..*touch });
             let turn = pose.rotation.to_rotation_matrix().into_inner();
             let [along, across] = UNEXPLAINED;
             let model = Matrix3::from_diagonal(&Vector3::new(along, along, across).map(|sigma| sigma * sigma));
@@ -193,16 +193,12 @@ fn rms(distances: &[(Vector3<f64>, Matrix3<f64>)]) -> f64 {
 
 /// Calibrates the robot `from`, one of those built from `hand` and `arm`, by those of its touches of a ball that push the links onto their
 /// stops. Without touches: the prior.
-pub fn calibrate(
-    (hand, arm): (&Hand, &Arm),
-    ball: &Ball,
-    from: &RobotIndividual,
-    touches: &[Touch],
-) -> KinematicCalibration {
+pub fn calibrate(robot: &RobotModel, ball: &Ball, from: &RobotIndividual, touches: &[Touch]) -> KinematicCalibration {
+    let hand = &robot.hand;
     let places = searched(from);
     let sure: Vec<Touch> = touches.iter().filter(|touch| touch.is_on_stops(hand, ball)).copied().collect();
     let touches = &sure[..];
-    let search = Search { hand, arm, ball, from, places: &places, touches };
+    let search = Search { robot, ball, from, places: &places, touches };
     let n = search.len();
     let (mut p, mut scale) = (vec![0.0; n], 1.0);
     let prior = search.distances(&p);
@@ -255,13 +251,13 @@ impl KinematicCalibration {
 
     /// Standard deviation of where a pad that comes to the ball with the arm at `shown` will feel it along its normal, m; `hand` and `arm`
     /// are the drawing.
-    pub fn along_normal(&self, (hand, arm): (&Hand, &Arm), ball: &Ball, camera: usize, shown: &Joints) -> f64 {
-        let own = (self.individual.hand(hand), self.individual.arm(arm));
+    pub fn along_normal(&self, robot: &RobotModel, ball: &Ball, camera: usize, shown: &Joints) -> f64 {
+        let own = self.individual.robot(robot);
         let touch =
             Touch { camera, arm: *shown, opposition: 0.0, center: Point3::origin(), covariance: Matrix3::zeros() };
-        let (_, pose) = felt_at((&own.0, &own.1), &touch);
+        let (_, pose) = felt_at(&own, &touch);
         let touches = [Touch { center: pose.inverse() * self.ball, ..touch }];
-        let search = Search { hand, arm, ball, from: &self.individual, places: &self.places, touches: &touches };
+        let search = Search { robot, ball, from: &self.individual, places: &self.places, touches: &touches };
         let normal = pose * Vector3::z();
         let along = |p: &[f64]| search.distances(p)[0].0.dot(&normal);
         let at = along(&self.found);
@@ -295,6 +291,8 @@ impl KinematicCalibration {
 mod tests {
     use rand::{RngExt as _, SeedableRng as _};
 
+    use hand_model::Arm;
+
     use super::*;
     use crate::evaluation::{median, reach};
     use crate::script::Script;
@@ -302,9 +300,9 @@ mod tests {
     const DEPTH: f64 = 0.0015;
 
     /// Exact touches of a ball by `truth`, each pad five times with the arm all around its home posture.
-    fn touched(truth: &RobotIndividual, ball: &Ball) -> (Hand, Arm, Vec<Touch>) {
-        let (hand, arm) = (Hand::ftac(), Arm::gen3());
-        let own = (truth.hand(&hand), truth.arm(&arm));
+    fn touched(truth: &RobotIndividual, ball: &Ball) -> (RobotModel, Vec<Touch>) {
+        let robot = RobotModel::ftac_gen3();
+        let (hand, own) = (&robot.hand, truth.robot(&robot));
         let middle = ball.middle() + Vector3::new(0.002, -0.001, 0.003);
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(4);
         let touches = (0..5 * hand.cameras.len()).map(|n| {
@@ -317,10 +315,10 @@ mod tests {
                 covariance: Matrix3::from_diagonal_element(1e-10),
             };
             // Wherever the arm has the pad, the ball is where it is: a touch at arm's length.
-            let (_, pose) = felt_at((&own.0, &own.1), &bare);
+            let (_, pose) = felt_at(&own, &bare);
             Touch { center: pose.inverse() * middle, ..bare }
         });
-        (hand.clone(), arm.clone(), touches.collect())
+        (robot.clone(), touches.collect())
     }
 
     /// Touches that are exact show a robot to a fraction of a millimetre, and the place of the ball.
@@ -329,13 +327,14 @@ mod tests {
         let ball = Script::standard().ball.expect("a ball");
         let designed = RobotIndividual::designed(&Hand::ftac());
         let truth = RobotIndividual::draw(&Hand::ftac(), 9);
-        let (hand, arm, mut touches) = touched(&truth, &ball);
+        let (robot, mut touches) = touched(&truth, &ball);
+        let hand = &robot.hand;
         // A link that a touch does not push onto its stop says nothing: only the palm's are taken.
         touches.retain(|touch| hand.pads[hand.cameras[touch.camera].pad].link.is_none());
-        let found = calibrate((&hand, &arm), &ball, &designed, &touches);
+        let found = calibrate(&robot, &ball, &designed, &touches);
         assert_eq!(found.touches, touches.len());
         assert!(found.residuals[1] < 0.1 * found.residuals[0], "{:?}", found.residuals);
-        let error = |own| median(&reach(&truth, own, (&hand, &arm), &Arm::home(), 0.0));
+        let error = |own| median(&reach(&truth, own, &robot, &Arm::home(), 0.0));
         assert!(error(&found.individual) < 0.4 * error(&designed), "{} {}", error(&found.individual), error(&designed));
         for joint in 1..6 {
             let place = truth.place(Quantity::ArmEncoder, joint).expect("an encoder");
@@ -351,7 +350,7 @@ mod tests {
     fn no_touches_say_nothing() {
         let ball = Script::standard().ball.expect("a ball");
         let designed = RobotIndividual::designed(&Hand::ftac());
-        let found = calibrate((&Hand::ftac(), &Arm::gen3()), &ball, &designed, &[]);
+        let found = calibrate(&RobotModel::ftac_gen3(), &ball, &designed, &[]);
         assert!((0..found.places.len()).all(|n| !found.taught(n)));
         assert!((found.ball - ball.middle()).norm() < 1e-12);
     }

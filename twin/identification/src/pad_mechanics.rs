@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 
 use hand_model::pads::Pad;
 use hand_model::robot::ArmState;
-use hand_model::{ARM_JOINTS, Arm, Hand};
+use hand_model::{ARM_JOINTS, Hand, RobotModel};
 use nalgebra::{DMatrix, Isometry3, Point3, SVector, Vector3};
 use optics::Foundation;
 use scenarios::statistics::percentile;
@@ -66,7 +66,7 @@ impl Shown {
     pub fn add(
         &mut self,
         hand: &Hand,
-        own: (&Hand, &Arm),
+        own: &RobotModel,
         (ball, middle): (&Ball, &Point3<f64>),
         trace: &Trace,
         touched: &[LookTouch],
@@ -159,7 +159,7 @@ struct Load {
 
 /// A press of a pad of the palm.
 struct Pressing<'a> {
-    own: (&'a Hand, &'a Arm),
+    own: &'a RobotModel,
     middle: &'a Point3<f64>,
     trace: &'a Trace,
     pad: &'a Pad,
@@ -172,7 +172,7 @@ struct Pressing<'a> {
 impl<'a> Pressing<'a> {
     /// None where no look shows the pad clear of the ball.
     fn new(
-        own: (&'a Hand, &'a Arm),
+        own: &'a RobotModel,
         (ball, middle): (&Ball, &'a Point3<f64>),
         trace: &'a Trace,
         press: usize,
@@ -191,7 +191,7 @@ impl<'a> Pressing<'a> {
 
     /// `base_from_pad` where the arm shows this.
     fn pose(&self, shown: &ArmState) -> Isometry3<f64> {
-        let (hand, arm) = self.own;
+        let RobotModel { hand, arm, .. } = self.own;
         arm.tool_pose(&shown.position) * hand.palm_from_flange.inverse() * self.pad.link_from_pad
     }
 

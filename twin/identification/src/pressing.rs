@@ -4,8 +4,8 @@
 //! begins as far before the ball as that is unsure.
 
 use control::inverse_kinematics::Joints;
+use hand_model::RobotModel;
 use hand_model::robot::ArmState;
-use hand_model::{Arm, Hand};
 use plant::RobotIndividual;
 use touch::PhotometricCalibration;
 
@@ -24,29 +24,28 @@ const ENOUGH: (usize, usize) = (12, 6);
 
 /// What presses are aimed by.
 pub struct Aim<'a> {
-    hand: &'a Hand,
-    arm: &'a Arm,
+    robot: &'a RobotModel,
     pads: &'a PhotometricCalibration,
     ball: &'a Ball,
     ready: Joints,
     touches: Vec<Touch>,
     found: KinematicCalibration,
     /// The robot that it describes.
-    own: (Hand, Arm),
+    own: RobotModel,
 }
 
 impl<'a> Aim<'a> {
     /// By the drawing.
     pub fn new(means: &Means<'a>, ball: &'a Ball) -> Self {
-        let Means { hand, arm, pads, ready, .. } = *means;
-        let found = calibrate((hand, arm), ball, &RobotIndividual::designed(hand), &[]);
-        let own = (found.individual.hand(hand), found.individual.arm(arm));
-        Self { hand, arm, pads, ball, ready, touches: Vec::new(), found, own }
+        let Means { robot, pads, ready, .. } = *means;
+        let found = calibrate(robot, ball, &RobotIndividual::designed(&robot.hand), &[]);
+        let own = found.individual.robot(robot);
+        Self { robot, pads, ball, ready, touches: Vec::new(), found, own }
     }
 
     /// The robot as its presses so far show it.
-    pub fn own(&self) -> (&Hand, &Arm) {
-        (&self.own.0, &self.own.1)
+    pub fn own(&self) -> &RobotModel {
+        &self.own
     }
 
     /// The ball.
@@ -58,12 +57,8 @@ impl<'a> Aim<'a> {
     pub fn at(&self, press: &Press, from: &Joints) -> Option<Approach> {
         let way = |early| approach(self.own(), self.ball, press, &self.found.ball, early, &self.ready);
         let near = way(EARLIEST[0])?;
-        let unsure = self.found.along_normal(
-            (self.hand, self.arm),
-            self.ball,
-            press.camera,
-            near.way.last().unwrap_or(&self.ready),
-        );
+        let unsure =
+            self.found.along_normal(self.robot, self.ball, press.camera, near.way.last().unwrap_or(&self.ready));
         let approach = way((EARLY * unsure).clamp(EARLIEST[0], EARLIEST[1]))?;
         let round = round(self.own(), self.ball, &self.found.ball, [from, &approach.hover])?;
         Some(Approach { round, ..approach })
@@ -77,8 +72,8 @@ impl<'a> Aim<'a> {
     /// Whether the newest look of `camera` shows the ball deep enough in its pad.
     pub fn is_deep(&self, camera: usize, images: &PressImages) -> bool {
         let newest = images.of_look().filter(|image| image.camera == camera);
-        let touch = touches(self.hand, self.pads, self.ball.radius, newest);
-        touch.first().is_some_and(|touch| touch.depth(self.hand, self.ball) >= self.ball.depth)
+        let touch = touches(&self.robot.hand, self.pads, self.ball.radius, newest);
+        touch.first().is_some_and(|touch| touch.depth(&self.robot.hand, self.ball) >= self.ball.depth)
     }
 
     /// How hard something pushes on the hand about where the ball is, N, by the arm's torques `now` beside those `before` it touched.
@@ -89,12 +84,11 @@ impl<'a> Aim<'a> {
     /// Takes what the newest press has shown.
     pub fn learn(&mut self, images: &PressImages) {
         let before = self.touches.len();
-        self.touches.extend(touches(self.hand, self.pads, self.ball.radius, images.of_press()));
+        self.touches.extend(touches(&self.robot.hand, self.pads, self.ball.radius, images.of_press()));
         let now = self.touches.len();
         if now > before && (now <= ENOUGH.0 || before / ENOUGH.1 != now / ENOUGH.1) {
-            self.found =
-                calibrate((self.hand, self.arm), self.ball, &RobotIndividual::designed(self.hand), &self.touches);
-            self.own = (self.found.individual.hand(self.hand), self.found.individual.arm(self.arm));
+            self.found = calibrate(self.robot, self.ball, &RobotIndividual::designed(&self.robot.hand), &self.touches);
+            self.own = self.found.individual.robot(self.robot);
         }
     }
 }

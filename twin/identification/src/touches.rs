@@ -1,11 +1,12 @@
 //! Images of pads that are pressed on the ball, as a session has them, and what they say of where it is.
 
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 use std::sync::Arc;
 
 use control::inverse_kinematics::Joints;
+use hand_model::Hand;
 use hand_model::robot::{Command, Observation, Readings, RobotBackend, RobotError, TactileFrame, TactileImage, Tick};
-use hand_model::{CAMERAS, Hand};
 use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
 use touch::ball_press::{BallPlace, BallPress, locate};
@@ -42,12 +43,12 @@ pub struct PressImage {
 struct Backgrounds {
     /// When images came last, s.
     last: f64,
-    images: [Option<Arc<TactileImage>>; CAMERAS],
+    images: BTreeMap<usize, Arc<TactileImage>>,
 }
 
 impl Default for Backgrounds {
     fn default() -> Self {
-        Self { last: f64::NEG_INFINITY, images: std::array::from_fn(|_| None) }
+        Self { last: f64::NEG_INFINITY, images: BTreeMap::new() }
     }
 }
 
@@ -56,22 +57,23 @@ impl Backgrounds {
     fn come(&mut self, time: f64) -> bool {
         let paused = time > self.last + PAUSE;
         if paused {
-            self.images = std::array::from_fn(|_| None);
+            self.images.clear();
         }
         self.last = time;
         paused
     }
 
     /// What a frame is.
-    fn compare(&mut self, frame: &TactileFrame) -> Option<Compared<'_>> {
-        let background = self.images.get_mut(frame.camera)?;
-        if background.is_none() {
-            *background = Some(frame.image.clone());
-            return Some(Compared::First);
-        }
-        let background = background.as_ref()?;
+    fn compare(&mut self, frame: &TactileFrame) -> Compared<'_> {
+        let background = match self.images.entry(frame.camera) {
+            Entry::Vacant(place) => {
+                place.insert(frame.image.clone());
+                return Compared::First;
+            }
+            Entry::Occupied(known) => known.into_mut(),
+        };
         let changed = find_change(&frame.image, background, &StereoOptions::default()).is_some();
-        Some(if changed { Compared::Changed(background) } else { Compared::Same })
+        if changed { Compared::Changed(background) } else { Compared::Same }
     }
 }
 
@@ -116,7 +118,7 @@ impl PressImages {
             _ => self.looks.push(Look { press: self.press, times: [observation.time; 2] }),
         }
         for frame in &observation.tactile {
-            if let Some(Compared::Changed(background)) = self.backgrounds.compare(frame) {
+            if let Compared::Changed(background) = self.backgrounds.compare(frame) {
                 self.images.push(PressImage {
                     press: self.press,
                     look: self.looks.len() - 1,
@@ -183,8 +185,7 @@ impl<R: RobotBackend> RobotBackend for Thinned<R> {
             // One frame is always passed on: it says that images came.
             let mut passed = 0;
             readings.tactile.retain(|frame| {
-                let Some(compared) = self.backgrounds.compare(frame) else { return false };
-                let says = passed == 0 || !matches!(compared, Compared::Same);
+                let says = !matches!(self.backgrounds.compare(frame), Compared::Same) || passed == 0;
                 passed += usize::from(says);
                 says
             });

@@ -8,8 +8,8 @@ use hand_model::robot::{
 use hand_model::{ACTUATORS, ARM_JOINTS, Arm, Hand};
 use plant::identified::Source;
 use platform::digest::sha256;
-use session_log::Reader;
 use session_log::reader::Event;
+use session_log::{Images, Reader};
 
 use crate::ball::Ball;
 use crate::error::IdentificationError;
@@ -63,7 +63,7 @@ pub struct Trace {
 impl Trace {
     /// Reads a session of `hand`.
     pub fn read(path: &Path, hand: &Hand) -> Result<Self, IdentificationError> {
-        let mut reader = Reader::open(path)?;
+        let mut reader = Reader::open(path, Images::OfTheHand { cameras: hand.cameras.len() })?;
         let session = reader.session().clone();
         let task = check_task(path, &session.task, hand)?;
         let mut ticks = Ticks::default();

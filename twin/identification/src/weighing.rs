@@ -5,7 +5,7 @@
 //! is searched too, in the hand, and from posture to posture it may move a little, with the digits. Least squares with priors.
 
 use hand_model::robot::{ArmState, ServoGoal};
-use hand_model::{ARM_JOINTS, Arm, GRAVITY, Hand};
+use hand_model::{ARM_JOINTS, GRAVITY, RobotModel};
 use least_squares::{Options, Problem, forward_differences};
 use nalgebra::{DMatrix, Point3, SVector, Vector3};
 use plant::RobotIndividual;
@@ -154,7 +154,7 @@ struct Pair {
 
 impl Pair {
     /// All of a session, by a robot believed to be `own`. The latest of each posture with an empty hand counts.
-    fn of(own: (&Hand, &Arm), weighed: &Weighed, tick: f64) -> Vec<Self> {
+    fn of(own: &RobotModel, weighed: &Weighed, tick: f64) -> Vec<Self> {
         let stands = stands(weighed, tick);
         let pair = |full: &Stand| {
             let empty = stands.iter().rfind(|stand| !stand.closed && stand.posture == full.posture)?;
@@ -184,9 +184,10 @@ struct Posture {
 }
 
 impl Posture {
-    fn of((hand, arm): (&Hand, &Arm), pair: &Pair) -> Self {
+    fn of(robot: &RobotModel, pair: &Pair) -> Self {
+        let RobotModel { hand, arm, .. } = robot;
         let poses = arm.tree.forward(&pair.full.position);
-        let palm = palm((hand, arm), &pair.full.position);
+        let palm = palm(robot, &pair.full.position);
         let at = |offset: Vector3<f64>| held_by_last(arm, &poses, &(palm * Point3::from(offset)), &-Vector3::z());
         let origin = at(Vector3::zeros());
         let along = |axis| at(Vector3::ith(axis, 1.0)) - origin;
@@ -211,7 +212,7 @@ struct Search<'a> {
 }
 
 impl<'a> Search<'a> {
-    fn new(own: (&Hand, &Arm), weight: &'a Weight, prior: &RobotIndividual, pairs: &'a [Pair]) -> Self {
+    fn new(own: &RobotModel, weight: &'a Weight, prior: &RobotIndividual, pairs: &'a [Pair]) -> Self {
         let postures = pairs.iter().map(|pair| Posture::of(own, pair)).collect();
         Self { weight, spread: spreads(prior), pairs, postures }
     }
@@ -267,18 +268,14 @@ impl<'a> Search<'a> {
 
 /// The gains of the arm of a robot built from `hand` and `arm` whose kinematics are known as far as `kinematics` says. None where no
 /// object was in the hand.
-pub fn weigh(
-    (hand, arm): (&Hand, &Arm),
-    kinematics: &KinematicCalibration,
-    (weighed, tick): (&Weighed, f64),
-) -> Option<Gains> {
+pub fn weigh(robot: &RobotModel, kinematics: &KinematicCalibration, (weighed, tick): (&Weighed, f64)) -> Option<Gains> {
     let prior = &kinematics.individual;
-    let own = (prior.hand(hand), prior.arm(arm));
-    let pairs = Pair::of((&own.0, &own.1), weighed, tick);
+    let own = prior.robot(robot);
+    let pairs = Pair::of(&own, weighed, tick);
     if pairs.is_empty() {
         return None;
     }
-    let search = Search::new((&own.0, &own.1), &weighed.weight, prior, &pairs);
+    let search = Search::new(&own, &weighed.weight, prior, &pairs);
     let mut p = search.minimum(1.0);
     // Torques that scatter more than was thought are known less surely: their own square sums, and those of the priors, over what is measured.
     let squares: f64 = search.residuals(&p, 1.0).iter().map(|value| value * value).sum();
@@ -296,8 +293,8 @@ pub fn weigh(
     let moved = |place: usize, by: f64| {
         let mut other = prior.clone();
         other.set(place, prior.deviations()[place] + by);
-        let own = (other.hand(hand), other.arm(arm));
-        let search = Search::new((&own.0, &own.1), &weighed.weight, prior, &pairs);
+        let own = other.robot(robot);
+        let search = Search::new(&own, &weighed.weight, prior, &pairs);
         let found = search.deviations(&search.minimum(scale));
         Torques::from_fn(|joint, _| (found[joint] - deviations[joint]) / by)
     };
@@ -326,6 +323,8 @@ mod tests {
     use hand_model::ACTUATORS;
     use hand_model::robot::ServoState;
 
+    use hand_model::{Arm, Hand};
+
     use super::*;
     use crate::Script;
 
@@ -334,7 +333,8 @@ mod tests {
     /// A session in which an arm of these gains (logarithms) stands in every posture of the standard script, with an empty hand and then with a
     /// weight at `middle` (m, palm frame).
     fn session(deviations: &[f64; ARM_JOINTS], mass: f64, middle: &Vector3<f64>) -> Weighed {
-        let (hand, arm) = (Hand::ftac(), Arm::gen3());
+        let robot = RobotModel::ftac_gen3();
+        let RobotModel { hand, arm, .. } = &robot;
         let (weight, ready) = (Script::standard().weight.expect("a weight"), Arm::home());
         let mut rows = Vec::new();
         for full in [false, true] {
@@ -343,8 +343,8 @@ mod tests {
                 let poses = arm.tree.forward(&position);
                 let at = arm.tool_pose(&position) * hand.palm_from_flange.inverse() * Point3::from(*middle);
                 let down = Vector3::z() * (-GRAVITY * mass);
-                let load = if full { held_by_last(&arm, &poses, &at, &down) } else { Torques::zeros() };
-                let bears = own_weight(&hand, &arm, &position) + load;
+                let load = if full { held_by_last(arm, &poses, &at, &down) } else { Torques::zeros() };
+                let bears = own_weight(hand, arm, &position) + load;
                 let torque = std::array::from_fn(|joint| deviations[joint].exp() * bears[joint]);
                 let goal = ServoGoal::Position { angle: 0.0, current_limit: 0.1 };
                 let goal = if full { ServoGoal::Current(0.2) } else { goal };
@@ -362,9 +362,9 @@ mod tests {
     }
 
     fn found(weighed: &Weighed) -> Option<Gains> {
-        let (hand, arm) = (Hand::ftac(), Arm::gen3());
-        let known = KinematicCalibration::unknown(&RobotIndividual::designed(&hand));
-        weigh((&hand, &arm), &known, (weighed, TICK))
+        let robot = RobotModel::ftac_gen3();
+        let known = KinematicCalibration::unknown(&RobotIndividual::designed(&robot.hand));
+        weigh(&robot, &known, (weighed, TICK))
     }
 
     /// Gains are found again wherever in the hand the weight acts; that of joint 1, whose axis is upright, stays as drawn and is said to.

@@ -8,7 +8,7 @@ use std::path::Path;
 use control::inverse_kinematics::Joints;
 use control::motion::approach::APPROACH_DISTANCE;
 use grasping::Grasp;
-use hand_model::{ARM_JOINTS, Arm, Hand};
+use hand_model::{ARM_JOINTS, Hand, RobotModel};
 use nalgebra::{Isometry3, Point3, Translation3, Vector3};
 use platform::data::DataError;
 use serde::{Deserialize, Serialize};
@@ -131,7 +131,7 @@ impl Weight {
     /// first heading of each grasp that it reaches without going below the table.
     pub fn pick_ups<'a>(
         &'a self,
-        (hand, arm): (&'a Hand, &'a Arm),
+        robot: &'a RobotModel,
         object: &'a ObjectModel,
         grasps: &'a [Grasp],
         from: &'a Joints,
@@ -141,18 +141,13 @@ impl Weight {
         let turns = if object.round_about_vertical(&object.rest) { HEADINGS } else { 1 };
         let yaws = (0..turns).map(move |n| std::f64::consts::TAU * n as f64 / turns as f64);
         grasps.iter().filter_map(move |grasp| {
-            yaws.clone().find_map(|yaw| self.pick_up((hand, arm), grasp, &grasp.palm_pose(&middle, yaw), from))
+            yaws.clone().find_map(|yaw| self.pick_up(robot, grasp, &grasp.palm_pose(&middle, yaw), from))
         })
     }
 
-    fn pick_up(
-        &self,
-        (hand, arm): (&Hand, &Arm),
-        grasp: &Grasp,
-        target: &Isometry3<f64>,
-        from: &Joints,
-    ) -> Option<PickUp> {
-        let kinematics = kinematics(hand, arm);
+    fn pick_up(&self, robot: &RobotModel, grasp: &Grasp, target: &Isometry3<f64>, from: &Joints) -> Option<PickUp> {
+        let hand = &robot.hand;
+        let kinematics = kinematics(robot);
         let before = grasp.pregrasp_pose(target, APPROACH_DISTANCE);
         let begin = kinematics.solve(&before, from)?;
         // Straight lines of the joints lead there and back: none may lead round to the other side of the arm.

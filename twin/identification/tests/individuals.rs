@@ -1,7 +1,7 @@
 //! A robot that is not the drawing's: what its motion shows of it, and what it does not.
 
 use hand_model::transmission::friction::CableLosses;
-use hand_model::{Arm, Hand};
+use hand_model::{Arm, RobotModel};
 use identification::evaluation::{body, compare, coverage};
 use identification::excitation::{ExcitationError, Means, play as excite};
 use identification::trace::{Kept, Trace};
@@ -26,18 +26,18 @@ fn short() -> Script {
     script
 }
 
-fn drawing() -> (Hand, Arm, CableLosses) {
-    let hand = Hand::ftac();
-    let losses = CableLosses { friction: hand.parameters.cable.friction, backlash: 0.0044 };
-    (hand, Arm::gen3(), losses)
+fn drawing() -> (RobotModel, CableLosses) {
+    let robot = RobotModel::ftac_gen3();
+    let losses = CableLosses { friction: robot.hand.parameters.cable.friction, backlash: 0.0044 };
+    (robot, losses)
 }
 
 fn excited(truth: &RobotIndividual, script: &Script) -> Trace {
-    let (hand, arm, losses) = drawing();
-    let mut kept = Kept::new(body(truth, &hand, &arm, losses, Arm::home()));
+    let (robot, losses) = drawing();
+    let mut kept = Kept::new(body(truth, &robot, losses, Arm::home()));
     let pads = builtin_calibration();
     let friction = losses.friction;
-    let means = Means { hand: &hand, arm: &arm, pads: &pads, script, grasps: &[], friction, ready: Arm::home() };
+    let means = Means { robot: &robot, pads: &pads, script, grasps: &[], friction, ready: Arm::home() };
     let played = excite::<_, ExcitationError>(&mut kept, &means, 0, |_| Ok(()), |_| true);
     assert_eq!(played, Ok(true));
     kept.trace("sim", script)
@@ -46,24 +46,24 @@ fn excited(truth: &RobotIndividual, script: &Script) -> Trace {
 /// The twin of a digit moves as the simulated robot does when it knows everything of it.
 #[test]
 fn the_twin_that_knows_all_moves_as_the_robot_does() {
-    let (hand, arm, losses) = drawing();
-    let truth = RobotIndividual::draw(&hand, 1);
-    let [joint, tip, servo] = compare(&truth, (&hand, &arm), losses, &Arm::home(), &[&truth]).remove(0).summary();
+    let (robot, losses) = drawing();
+    let truth = RobotIndividual::draw(&robot.hand, 1);
+    let [joint, tip, servo] = compare(&truth, &robot, losses, &Arm::home(), &[&truth]).remove(0).summary();
     assert!(joint < 0.002 && tip < 0.0004 && servo < 0.004, "{joint} rad, {tip} m, {servo} rad");
 }
 
 /// Of a robot that is not the drawing's a short excitation shows much of what its free motion depends on, and nothing else.
 #[test]
 fn an_individual_is_found() {
-    let (hand, arm, losses) = drawing();
-    let truth = RobotIndividual::draw(&hand, 1);
+    let (robot, losses) = drawing();
+    let truth = RobotIndividual::draw(&robot.hand, 1);
     let trace = excited(&truth, &short());
     // The same session twice says no more than once.
-    let found = identify((&hand, &arm), losses, &builtin_calibration(), &[trace.clone(), trace]).unwrap();
+    let found = identify(&robot, losses, &builtin_calibration(), &[trace.clone(), trace]).unwrap();
     assert_eq!(found.robot.sessions.len(), 1);
     assert!(found.fits.iter().all(|fit| fit.residuals[1] < 0.2 * fit.residuals[0]), "{:?}", found.fits);
-    let designed = RobotIndividual::designed(&hand);
-    let both = compare(&truth, (&hand, &arm), losses, &Arm::home(), &[&designed, &found.robot.individual]);
+    let designed = RobotIndividual::designed(&robot.hand);
+    let both = compare(&truth, &robot, losses, &Arm::home(), &[&designed, &found.robot.individual]);
     let [before, after] = [0, 1].map(|n| both[n].summary()[0]);
     assert!(after < 0.035 && after < 0.5 * before, "{before} rad, {after} rad");
     let [identified, others] = coverage(&found.robot, &truth);
@@ -80,10 +80,10 @@ fn an_individual_is_found() {
 
 #[test]
 fn a_session_that_leaves_an_actuator_alone_is_refused_by_its_name() {
-    let (hand, arm, losses) = drawing();
+    let (robot, losses) = drawing();
     let mut script = short();
     script.motion.retain(|motion| motion.actuators != ["thumb"]);
-    let trace = excited(&RobotIndividual::designed(&hand), &script);
-    let error = identify((&hand, &arm), losses, &builtin_calibration(), &[trace]).unwrap_err().to_string();
+    let trace = excited(&RobotIndividual::designed(&robot.hand), &script);
+    let error = identify(&robot, losses, &builtin_calibration(), &[trace]).unwrap_err().to_string();
     assert!(error.contains("motions of `thumb`: found none, expected at least one"), "{error}");
 }

@@ -7,7 +7,6 @@
 
 use std::hint::black_box;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::{Context, Result};
@@ -16,7 +15,7 @@ use control::policy::Uncertainty;
 use control::strategy::promise;
 use control::worth::Candidate;
 use hand_model::robot::{Command, ServoGoal};
-use hand_model::{ACTUATORS, Arm, Hand};
+use hand_model::{ACTUATORS, Arm, Hand, RobotModel};
 use nalgebra::{Isometry3, Vector3};
 use optics::indentation::press_rasters;
 use optics::{Foundation, IndentationMap, ReducedSensor, Sensor, press};
@@ -112,7 +111,7 @@ fn timed(work: impl FnOnce()) -> f64 {
 
 /// Arm and hand at rest above a table with `count` objects in rows.
 fn scene(count: usize) -> SimulatedRobot {
-    let (hand, arm, objects) = (Arc::new(Hand::ftac()), Arc::new(Arm::gen3()), ObjectSet::standard());
+    let objects = ObjectSet::standard();
     let models: Vec<_> = objects.iter().cloned().collect();
     let placed = (0..count).map(|n| {
         let model = models[n % models.len()].clone();
@@ -121,7 +120,7 @@ fn scene(count: usize) -> SimulatedRobot {
         ObjectPlacement { pose: Isometry3::from_parts(at.into(), model.rest), model }
     });
     let setup = SceneSetup { objects: placed.collect(), ..SceneSetup::ideal(Isometry3::identity(), Arm::home()) };
-    let mut robot = SimulatedRobot::new(hand, arm, &setup, TactileBoard::blank());
+    let mut robot = SimulatedRobot::new(&RobotModel::ftac_gen3(), &setup, TactileBoard::blank());
     stand(&mut robot);
     robot
 }

@@ -13,7 +13,7 @@ use std::path::Path;
 
 use anyhow::{Context, Result};
 use control::inverse_kinematics::Joints;
-use hand_model::Arm;
+use hand_model::{Arm, RobotModel};
 use nalgebra::Vector3;
 use proving::simulated_world::World;
 use scenarios::Scenario;
@@ -25,12 +25,12 @@ use crate::hand_check::{Row, Verdict};
 const CHAIN: f64 = 1e-4;
 
 /// All rows of the check, in order; pictures go to `out`.
-pub fn run(seed: u64, out: Option<&Path>, quiet: bool) -> Result<Vec<Row>> {
+pub fn run(robot: &RobotModel, seed: u64, out: Option<&Path>, quiet: bool) -> Result<Vec<Row>> {
     if let Some(folder) = out {
         std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
     }
-    let world = World::new(Scenario::benchmark())?;
-    let mut rows = vec![chain(&world.cell.arm), limits(&world.cell.arm)];
+    let world = World::new(robot, Scenario::benchmark())?;
+    let mut rows = vec![chain(&world.cell.robot.arm), limits(&world.cell.robot.arm)];
     rows.extend(physics::rows(&world, seed)?);
     rows.extend(tracking::rows(&world, out)?);
     rows.extend(edges::rows(&world, out)?);

@@ -64,12 +64,13 @@ pub fn resized(grasp: &Grasp, object: &str, growth: f64) -> Grasp {
 mod tests {
     use super::*;
     use grasping::Role;
+    use hand_model::RobotModel;
     use scenarios::Scenario;
 
     /// The palm stays as far from the surface as it was; numbers and digits stay the same.
     #[test]
     fn the_palm_keeps_its_distance() {
-        let mut world = World::new(Scenario::benchmark()).unwrap();
+        let mut world = World::new(&RobotModel::ftac_gen3(), Scenario::benchmark()).unwrap();
         world.scenario.first = vec!["golf_ball".into()];
         let mut repertoire = crate::builtin::repertoire().unwrap();
         let sweep = SizeSweep { object: Which::First, diameters: vec![0.036, 0.05] };

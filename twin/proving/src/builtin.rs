@@ -4,12 +4,19 @@ use std::path::Path;
 
 use anyhow::Result;
 use grasping::Repertoire;
+use hand_model::RobotModel;
 
 use crate::plan::Plans;
 
 /// The benchmark's repertoire of pick-ups.
 pub fn repertoire() -> Result<Repertoire> {
     Ok(Repertoire::parse(include_str!("../data/repertoire.json"), Path::new("data/repertoire.json"))?)
+}
+
+/// Whether grasps and plans that come with the program are those of `robot`: it moves like the built-in one, or is an individual of one that
+/// does.
+pub fn fits(robot: &RobotModel) -> Result<bool> {
+    Ok(robot.sources.is_none() || robot.nominal()?.moves_like(&RobotModel::ftac_gen3()))
 }
 
 /// The benchmark's 60 combinations, planned without noise.

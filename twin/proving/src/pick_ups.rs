@@ -10,7 +10,7 @@ use std::time::Instant;
 
 use anyhow::{Context, Result};
 use grasping::repertoire::{Repertoire, VERSION};
-use grasping::sampler::{ObjectExtent, propose, vary};
+use grasping::sampler::{HandForm, ObjectExtent, propose, vary};
 use grasping::{Grasp, Role};
 use indicatif::ProgressBar;
 use nalgebra::Vector3;
@@ -114,6 +114,7 @@ fn stream(seed: u64, object: &str, role: Role, id: u32) -> ChaCha8Rng {
 struct Search<'a> {
     world: &'a World,
     effort: Effort,
+    form: HandForm,
     /// Draws all proposals.
     seed: u64,
     /// Blank: grasps are proven without touch.
@@ -166,7 +167,8 @@ pub fn generate(
 ) -> Result<()> {
     let Wanted { names, roles, effort } = *wanted;
     repertoire.version = VERSION;
-    let search = Search { world, effort, seed: repertoire.seed, board: TactileBoard::blank(), progress };
+    let form = HandForm::of(&world.cell.robot.hand);
+    let search = Search { world, effort, form, seed: repertoire.seed, board: TactileBoard::blank(), progress };
     for role in [Role::First, Role::Second] {
         if !roles.contains(&role) {
             continue;
@@ -231,7 +233,7 @@ impl Search<'_> {
 
     /// A grasp of the object as it stands by; it is never closed.
     fn bystander(&self, extent: &ObjectExtent) -> Grasp {
-        propose(extent, Role::Second, 0, &mut stream(self.seed, &extent.name, Role::Second, 0))
+        propose(self.form, extent, Role::Second, 0, &mut stream(self.seed, &extent.name, Role::Second, 0))
     }
 
     /// Proposals until enough hold, then variations of those while too few do; all that held are tried again under noise, and
@@ -275,7 +277,7 @@ impl Search<'_> {
         let mut found: Vec<Grasp> = Vec::new();
         let mut id = 0;
         while id < proposals && found.len() < enough {
-            let batch = (id..id + BATCH).map(|id| propose(extent, role, id, &mut random(id))).collect();
+            let batch = (id..id + BATCH).map(|id| propose(self.form, extent, role, id, &mut random(id))).collect();
             found.extend(run(batch, &[], 0)?);
             id += BATCH;
         }

@@ -8,6 +8,7 @@
 mod forecast;
 mod left_out;
 
+use std::collections::BTreeSet;
 use std::sync::Once;
 use std::time::Instant;
 
@@ -54,14 +55,16 @@ pub fn prepare(world: &World, count: usize, seed: u64, cache: &Cache, quiet: boo
             eprintln!("{line}");
         }
     };
-    let mut repertoire = crate::builtin::repertoire()?;
+    let builtin = crate::builtin::fits(&world.cell.robot)?;
+    let mut repertoire = if builtin { crate::builtin::repertoire()? } else { Repertoire::default() };
     repertoire.seed = SEED;
     let mut notes = left_out::notes(world);
     notes.iter().for_each(|note| say(note));
-    let own = searches(world);
+    let own = searches(world, builtin);
     if !own.is_empty() {
+        let whose = if builtin { "the scenario's own" } else { "this robot for all of the scenario's" };
         say(&format!(
-            "looking for grasps of the scenario's own objects in physics; each finished step is kept in {}: after an interruption the same \
+            "looking for grasps of {whose} objects in physics; each finished step is kept in {}: after an interruption the same \
              command goes on there",
             cache.folder().display()
         ));
@@ -79,9 +82,9 @@ pub fn prepare(world: &World, count: usize, seed: u64, cache: &Cache, quiet: boo
         }
     }
     left_out::refuse_unpickable(world, &repertoire)?;
-    let known = known_plans(&world.scenario)?;
+    let known = if builtin { known_plans(&world.scenario)? } else { None };
     let decided = |pair: &Combination| known.as_ref().and_then(|known| known.of(pair));
-    let board = TactileBoard::unit(&world.cell.hand, 0);
+    let board = TactileBoard::unit(&world.cell.robot.hand, 0);
     let mut open = Vec::new();
     for pair in draw_combinations(&world.scenario, count, seed) {
         if decided(&pair).is_none() && !cache.has(&pair_key(world, &repertoire, &pair)?) {
@@ -137,16 +140,19 @@ fn found(object: &ObjectModel, role: Role, count: usize) -> String {
     )
 }
 
-/// The scenario's own objects and the ways in which they can have fallen, with the roles in which they are to be picked up.
-fn searches(world: &World) -> Vec<(&ObjectModel, Role)> {
+/// Objects whose grasps are not known, with the ways in which they can have fallen and the roles in which they are to be picked up: the
+/// scenario's own where the robot is `builtin`, else all.
+fn searches(world: &World, builtin: bool) -> Vec<(&ObjectModel, Role)> {
     let scenario = &world.scenario;
     let mut searches = Vec::new();
-    for file in &scenario.object {
-        let Some(object) = world.objects.get(&file.name) else { continue };
-        if scenario.first.contains(&file.name) {
+    let own: BTreeSet<&String> = scenario.object.iter().map(|file| &file.name).collect();
+    let all = scenario.objects();
+    for name in all.iter().filter(|name| !builtin || own.contains(name)) {
+        let Some(object) = world.objects.get(name) else { continue };
+        if scenario.first.contains(name) {
             searches.push((&**object, Role::First));
         }
-        if scenario.second.contains(&file.name) {
+        if scenario.second.contains(name) {
             searches.push((&**object, Role::Second));
             searches.extend(world.objects.fallen_of(object).map(|fallen| (fallen, Role::Second)));
         }
@@ -227,8 +233,7 @@ fn ground(world: &World, label: String) -> Result<Key> {
     let effects = drawn.fold(scenario.effects, |effects, effect| effects.without(effect));
     Key::new(label)
         .with(&RULES)?
-        .with(&format!("{:?}", world.cell.hand.parameters))?
-        .with(&format!("{:?}", world.cell.arm))?
+        .with(&world.cell.robot.mechanics())?
         .with(&(scenario.layout.first, scenario.layout.second, scenario.start, scenario.protocol))?
         .with(&effects)
 }

@@ -69,12 +69,11 @@ impl Snapshot {
     ) -> Result<Self> {
         let TrialStart { protocol, grasps, noise, arm: start } = *start;
         let seen = world.percepts(objects, noise);
-        let (hand, arm) = world.body();
-        let robot = SimulatedRobot::new(hand, arm, &world.scene(objects, start, noise), board);
+        let robot = SimulatedRobot::new(world.body(), &world.scene(objects, start, noise), board);
         let tick = hand_model::robot::RobotBackend::tick_length(&robot);
         let [first, second] = std::array::from_fn(|n| (grasps[n].clone(), seen[n]));
         let executive =
-            Executive::new(world.cell.hand.clone(), world.cell.arm_servo(start)?, protocol, first, second, tick)?;
+            Executive::new(world.cell.robot.hand.clone(), world.cell.arm_servo(start)?, protocol, first, second, tick)?;
         Ok(Self { robot, executive })
     }
 }

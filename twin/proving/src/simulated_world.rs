@@ -1,8 +1,8 @@
-//! What every command that moves the simulated robot shares: the hand, the arm, where the arm stands, the objects.
+//! What every command that moves the simulated robot shares: the robot, where it stands, the objects.
 
 use std::sync::Arc;
 
-use anyhow::{Context, Result, anyhow};
+use anyhow::{Context, Result, anyhow, bail};
 use control::executive::{Executive, Phase};
 use control::inverse_kinematics::Joints;
 use control::motion::Protocol;
@@ -10,10 +10,9 @@ use control::percept::Percept;
 use control::trajectory::PathLimits;
 use control::workcell::Workcell;
 use hand_model::transmission::friction::{CableFriction, CableLosses};
-use hand_model::{ARM_JOINTS, Arm, Hand};
+use hand_model::{ARM_JOINTS, Arm, RobotModel};
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use plant::ArmDefects;
-use plant::RobotIndividual;
 use scenarios::Scenario;
 use scenarios::noise::TrialNoise;
 use sim::{ObjectPlacement, SceneSetup, SimulatedRobot};
@@ -22,7 +21,7 @@ use world::objects::{ObjectModel, ObjectSet};
 /// What every trial of a scenario shares.
 #[derive(Clone)]
 pub struct World {
-    /// Hand, arm, and where they stand.
+    /// The robot as the control stack knows it, and where it stands.
     pub cell: Workcell,
     /// All objects, in every way in which they can lie.
     pub objects: ObjectSet,
@@ -30,38 +29,34 @@ pub struct World {
     pub scenario: Scenario,
     /// Where the arm's base really stands in the simulated world, before a trial's own errors. The controller knows `cell.world_from_base`.
     pub stands: Isometry3<f64>,
-    /// Hand and arm of the body, where they are not those that the control stack knows.
-    pub plant: Option<(Arc<Hand>, Arc<Arm>)>,
+    /// The simulated robot, where it is not the one that the control stack knows.
+    pub plant: Option<RobotModel>,
 }
 
 impl World {
-    /// The standard robot and objects, for a scenario.
-    pub fn new(scenario: Scenario) -> Result<Self> {
-        Self::of(scenario, None)
-    }
-
-    /// The same with one individual of the robots built from the drawing, of which the control stack knows everything.
-    pub fn of(scenario: Scenario, individual: Option<&RobotIndividual>) -> Result<Self> {
-        let (hand, arm) = (Hand::ftac(), Arm::gen3());
-        let (hand, arm) = individual.map_or((hand.clone(), arm.clone()), |own| (own.hand(&hand), own.arm(&arm)));
-        let mut cell = Workcell {
-            hand: Arc::new(hand),
-            arm: Arc::new(arm),
-            world_from_base: Isometry3::identity(),
-            ready: Arm::home(),
-        };
+    /// A robot, of which the control stack knows everything, among the objects of a scenario.
+    ///
+    /// # Errors
+    /// A scenario whose start is out of the arm's reach, or with an object that cannot be read.
+    pub fn new(robot: &RobotModel, scenario: Scenario) -> Result<Self> {
+        if let Err((field, found, expected)) = scenario.disturbance.check_pads(&robot.hand) {
+            bail!("{}: {field}: found {found}, expected {expected}", scenario.name);
+        }
+        let mut cell = Workcell { robot: robot.clone(), world_from_base: Isometry3::identity(), ready: Arm::home() };
         let columns = Matrix3::from_columns(&[-Vector3::y(), Vector3::x(), Vector3::z()]);
         let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(columns));
         let [x, y, z] = scenario.start.palm;
         let palm = Isometry3::from_parts(Translation3::new(x, y, z), rotation);
-        cell.ready = cell.posture(&palm, &Arm::home()).context("the ready pose is out of the arm's reach")?;
+        cell.ready = cell.posture(&palm, &Arm::home()).with_context(|| {
+            format!("{}: arm: found one that does not reach the palm's pose {:?} m in which trials begin, expected one that does", robot.name, [x, y, z])
+        })?;
         let objects = scenario.object_set()?.with_fallen();
         Ok(Self { cell, objects, scenario, stands: Isometry3::identity(), plant: None })
     }
 
-    /// Hand and arm of the body.
-    pub fn body(&self) -> (Arc<Hand>, Arc<Arm>) {
-        self.plant.clone().unwrap_or_else(|| (self.cell.hand.clone(), self.cell.arm.clone()))
+    /// The simulated robot.
+    pub fn body(&self) -> &RobotModel {
+        self.plant.as_ref().unwrap_or(&self.cell.robot)
     }
 
     /// The same where the object that is taken first stands in the layout's second place, and the other in its first.
@@ -121,11 +116,11 @@ impl World {
 
     /// What cables and gears of the scenario's hand take.
     pub fn cable_losses(&self) -> CableLosses {
-        let CableFriction { coefficient, .. } = self.cell.hand.parameters.cable.friction;
+        let CableFriction { coefficient, .. } = self.cell.robot.hand.parameters.cable.friction;
         self.scenario.effects.cables.map_or(CableLosses::NONE, |cables| CableLosses {
             friction: CableFriction {
                 coefficient: cables.friction * coefficient,
-                ..self.cell.hand.parameters.cable.friction
+                ..self.cell.robot.hand.parameters.cable.friction
             },
             backlash: cables.backlash,
         })
@@ -134,7 +129,7 @@ impl World {
     /// What a controller knows of its cables: the guides as the hand's data file has them, the gear's play as its data sheet.
     pub fn known_cable_losses(&self) -> CableLosses {
         self.scenario.effects.cables.map_or(CableLosses::NONE, |cables| CableLosses {
-            friction: self.cell.hand.parameters.cable.friction,
+            friction: self.cell.robot.hand.parameters.cable.friction,
             backlash: cables.backlash,
         })
     }
@@ -198,7 +193,7 @@ mod tests {
     fn a_spread_moves_objects_and_what_is_seen_of_them() {
         let mut scenario = Scenario::benchmark();
         (scenario.layout.spread_xy, scenario.layout.spread_yaw) = (0.02, 0.3);
-        let world = World::new(scenario).unwrap();
+        let world = World::new(&RobotModel::ftac_gen3(), scenario).unwrap();
         let objects = [world.object("box_50").unwrap(), world.object("pear").unwrap()];
         let shifts = draw_shifts(&world.scenario.layout, &mut trial_rng(1, 0, 0));
         let noise = TrialNoise { shifts, ..TrialNoise::none() };
@@ -218,7 +213,7 @@ mod tests {
     fn palm_errors(world: &World) -> (f64, f64) {
         let repertoire = crate::builtin::repertoire().unwrap();
         let layout = &world.scenario.layout;
-        let (arm, hand, errors) = (&world.cell.arm, &world.cell.hand, world.scenario.effects.arm.unwrap());
+        let (arm, hand, errors) = (&world.cell.robot.arm, &world.cell.robot.hand, world.scenario.effects.arm.unwrap());
         let palm =
             |q: &Joints, defects: &ArmDefects| arm.tool_pose(q) * defects.mount() * hand.palm_from_flange.inverse();
         let (mut squares, mut turns, mut count) = (0.0, 0.0, 0.0);
@@ -245,7 +240,7 @@ mod tests {
     /// The arm's errors by joints, mount and load are as large at the palm as the constant error in whose place they are.
     #[test]
     fn arm_errors_are_as_large_as_the_constant_one() {
-        let world = World::new(Scenario::benchmark()).unwrap();
+        let world = World::new(&RobotModel::ftac_gen3(), Scenario::benchmark()).unwrap();
         let (position, rotation) = palm_errors(&world);
         println!("{:.2} mm, {:.1} mrad", position * 1e3, rotation * 1e3);
         let constant = world.scenario.noise.execution;

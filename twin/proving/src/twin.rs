@@ -74,8 +74,7 @@ impl SceneTwin {
         let servos = executive.servos().map(|servo| servo.position);
         let joints = std::array::from_fn(|joint| scene.joints.get(joint).copied().unwrap_or(0.0));
         let posture = HandPosture { joints, servos };
-        let (hand, arm) = (cell.hand.clone(), cell.arm.clone());
-        let mut robot = SimulatedRobot::in_posture(hand, arm, &setup, &posture, self.board.clone());
+        let mut robot = SimulatedRobot::in_posture(&cell.robot, &setup, &posture, self.board.clone());
         robot.fasten(0);
         robot.fasten(1);
         play(&mut robot, &mut executive, PRESSING.0)?;

@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, LazyLock};
 
-use hand_model::{HAND_JOINTS, Hand, statics};
+use hand_model::{HAND_JOINTS, Hand, RobotModel, statics};
 use nalgebra::Point3;
 use numpy::ndarray::Array2;
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3};
@@ -12,7 +12,7 @@ use pyo3::types::PyDict;
 use crate::arrays::{Numbers, finite, matrices, table, value_error};
 
 /// The F-TAC Hand as shipped.
-pub static HAND: LazyLock<Arc<Hand>> = LazyLock::new(|| Arc::new(Hand::ftac()));
+pub static HAND: LazyLock<Arc<Hand>> = LazyLock::new(|| RobotModel::ftac_gen3().hand);
 
 fn angles(q: &Numbers) -> PyResult<[f64; HAND_JOINTS]> {
     finite("q", q)

@@ -8,7 +8,7 @@ use numpy::{IntoPyArray, PyArray1};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use session_log::frames::{Frame, frames};
-use session_log::{Reader, SessionLogError};
+use session_log::{Images, Reader, SessionLogError};
 
 use crate::arrays::{table, value_error};
 use crate::hand::HAND;
@@ -20,7 +20,7 @@ const MOST_BYTES: u64 = 8 << 30;
 #[pyfunction]
 pub fn session(py: Python<'_>, path: PathBuf, ticks: usize, side: usize) -> PyResult<Bound<'_, PyDict>> {
     let read = py.detach(|| -> Result<_, SessionLogError> {
-        let mut reader = Reader::open(&path)?;
+        let mut reader = Reader::open(&path, Images::OfTheHand { cameras: HAND.cameras.len() })?;
         let (frames, outcome) = frames(&mut reader, ticks)?;
         Ok((reader.session().clone(), frames, outcome))
     });

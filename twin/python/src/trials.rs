@@ -7,6 +7,7 @@ use bench::builtin::make_bench;
 use bench::own::host::Array;
 use bench::own::{Guest, Host, HostError, Pace};
 use bench::trial::{Bench, NoWatcher, TrialOutcome};
+use hand_model::RobotModel;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use scenarios::Scenario;
@@ -59,7 +60,7 @@ impl Benchmark {
     fn new(py: Python<'_>, seed: u64) -> PyResult<Self> {
         let made = py.detach(|| {
             let combos = proving::builtin::plans()?.plans.len();
-            make_bench(Scenario::benchmark(), combos, seed, true)
+            make_bench(&RobotModel::ftac_gen3(), Scenario::benchmark(), combos, seed, true)
         });
         Ok(Self(made.map_err(|error| failure(&error))?))
     }

@@ -1,5 +1,6 @@
 //! What scenes and episodes share, made once a process: robot, objects, plans, cameras.
 
+use hand_model::RobotModel;
 use std::sync::{Arc, LazyLock, Mutex, PoisonError};
 
 use bench::builtin::make_scenes;
@@ -28,7 +29,7 @@ pub fn shared(py: Python<'_>, reality: bool) -> PyResult<Arc<Bench>> {
             scenario.noise = scenario.noise.scaled(0.0);
         }
         let combos = proving::builtin::plans()?.plans.len();
-        let bench = Arc::new(make_scenes(scenario, combos, EPISODES, true)?);
+        let bench = Arc::new(make_scenes(&RobotModel::ftac_gen3(), scenario, combos, EPISODES, true)?);
         *shared = Some(bench.clone());
         Ok(bench)
     });

@@ -29,14 +29,17 @@ const PAD: [f64; 3] = [92.0, 120.0, 150.0];
 const CABLE_COLOR: [f64; 3] = [150.0, 60.0, 52.0];
 /// Radius of a cable, m: twice the real one, so that it is seen.
 const CABLE: f64 = 5.0e-4;
-/// Colours of the pads' configurations a to f.
-pub const CONFIGURATIONS: [[f64; 3]; 6] = [
+/// Colours of the pads' configurations, a and on, in turn.
+pub const CONFIGURATIONS: [[f64; 3]; 9] = [
     [76.0, 146.0, 206.0],
     [92.0, 176.0, 124.0],
     [236.0, 168.0, 74.0],
     [206.0, 96.0, 92.0],
     [150.0, 116.0, 190.0],
     [96.0, 178.0, 186.0],
+    [214.0, 130.0, 176.0],
+    [150.0, 150.0, 66.0],
+    [120.0, 92.0, 70.0],
 ];
 /// Colours of props, in turn.
 pub const PROPS: [[f64; 3]; 3] = [[226.0, 150.0, 70.0], [120.0, 176.0, 96.0], [190.0, 110.0, 150.0]];
@@ -44,7 +47,7 @@ pub const PROPS: [[f64; 3]; 3] = [[226.0, 150.0, 70.0], [120.0, 176.0, 96.0], [1
 /// Colour of a pad's configuration.
 pub fn configuration_color(pad: &Pad) -> [f64; 3] {
     let letter = (pad.configuration as usize).wrapping_sub('a' as usize);
-    CONFIGURATIONS.get(letter).copied().unwrap_or(PAD)
+    CONFIGURATIONS[letter % CONFIGURATIONS.len()]
 }
 
 fn material_color(material: Material) -> [f64; 3] {

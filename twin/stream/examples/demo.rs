@@ -46,14 +46,14 @@ fn image(depth: f64, place: [f64; 2]) -> (TactileImage, Vec<f32>) {
 }
 
 /// Signals at time `t` (s) of a hand that is closed by the share `close`; `off` is how far the pose estimate is still off.
-fn signals(t: f64, close: f64, joints: [f64; 15], arm: [f64; 7], off: Option<f64>) -> SignalFrame {
+fn signals(t: f64, close: f64, pads: usize, joints: [f64; 15], arm: [f64; 7], off: Option<f64>) -> SignalFrame {
     let ripple = |i: usize| 0.4 * (t * 5.0 + i as f64).sin();
     SignalFrame {
         tensions: Some(std::array::from_fn(|i| 12.0 * close + ripple(i))),
         currents: Some(std::array::from_fn(|i| 0.2 * close + 0.02 * ripple(i))),
         joint_angles: Some(joints),
         arm_angles: Some(arm),
-        pad_forces: Some(std::array::from_fn(|pad| force(close, pad))),
+        pad_forces: Some((0..pads).map(|pad| force(close, pad)).collect()),
         pose_errors: vec![off.map(|off| PoseError { mm: 12.0 * off + 4.0 + ripple(0), deg: 17.0 * off })],
     }
 }
@@ -125,7 +125,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             }
         }
         let pose_error = known.then_some(1.0 - close);
-        recorder.log_scalars(&signals(t, close, angles, q, pose_error))?;
+        recorder.log_scalars(&signals(t, close, hand.pads.len(), angles, q, pose_error))?;
     }
     recorder.log_outcome("success: ball held 3 s, lifted 0.15 m")?;
     recorder.finish()?;

@@ -1,6 +1,6 @@
 //! What is plotted: one entity for each quantity, with a line for each digit, joint or pad.
 
-use hand_model::{ARM_JOINTS, Arm, Hand, PADS};
+use hand_model::{ARM_JOINTS, Arm, Hand};
 use rerun::{RecordingStream, Scalars, SeriesLines};
 
 use crate::entities;
@@ -29,7 +29,7 @@ pub struct SignalFrame {
     /// Arm joint angles, rad.
     pub arm_angles: Option<[f64; ARM_JOINTS]>,
     /// Force on each pad, N.
-    pub pad_forces: Option<[f64; PADS]>,
+    pub pad_forces: Option<Vec<f64>>,
     /// Error of each object's estimated pose, in the order of the recorder's objects; NaN or `None` where there is none.
     pub pose_errors: Vec<Option<PoseError>>,
 }
@@ -89,7 +89,7 @@ pub fn log(rec: &RecordingStream, frame: &SignalFrame) -> Result<(), StreamError
     send(entities::CURRENTS, frame.currents.as_ref().map(|v| &v[..]), 1.0)?;
     send(entities::JOINT_ANGLES, frame.joint_angles.as_ref().map(|v| &v[..]), degrees)?;
     send(entities::ARM_ANGLES, frame.arm_angles.as_ref().map(|v| &v[..]), degrees)?;
-    send(entities::PAD_FORCES, frame.pad_forces.as_ref().map(|v| &v[..]), 1.0)?;
+    send(entities::PAD_FORCES, frame.pad_forces.as_deref(), 1.0)?;
     if frame.pose_errors.iter().any(Option::is_some) {
         let part = |pick: fn(&PoseError) -> f64| -> Vec<f64> {
             frame.pose_errors.iter().map(|error| error.as_ref().map_or(f64::NAN, pick)).collect()

@@ -142,6 +142,7 @@ impl Plan {
             noise_scale: 1.0,
             scenario: scenarios::scenario::BENCHMARK.to_owned(),
             policy: None,
+            robot_model: None,
             individual: None,
             pads: None,
             plant: None,

@@ -60,7 +60,13 @@ impl Benches {
         // Those that want the same one wait for it; others go on.
         let mut slot = slot.lock().map_err(|_| poisoned())?;
         if slot.is_none() {
-            let mut bench = make_bench(request.scenario()?, request.combos, request.seed, self.quiet)?;
+            let mut bench = make_bench(
+                &request.robot_model(Path::new("individual"))?,
+                request.scenario()?,
+                request.combos,
+                request.seed,
+                self.quiet,
+            )?;
             expect_errors(&mut bench, request.uncertainty.as_deref(), Path::new("uncertainty"), &request.robot)?;
             *slot = Some(Arc::new(bench));
         }
@@ -70,11 +76,11 @@ impl Benches {
 
 /// Where bodies come from that cannot be cloned; none for simulated ones.
 fn source(bench: &Bench, robot: &str) -> Result<Option<Box<dyn BodySource>>> {
-    let (hand, arm) = (bench.world.cell.hand.clone(), bench.world.cell.arm.clone());
+    let model = bench.world.cell.robot.clone();
     Ok(match robot {
         "sim" => None,
-        "emulated" => Some(Box::new(EmulatedSource::new(hand, arm, None))),
-        "rounded" => Some(Box::new(RoundedSource { hand, arm, sessions: None })),
+        "emulated" => Some(Box::new(EmulatedSource::new(model, None))),
+        "rounded" => Some(Box::new(RoundedSource { robot: model, sessions: None })),
         other => return Err(anyhow!("robot: found {other}, expected sim, emulated or rounded")),
     })
 }

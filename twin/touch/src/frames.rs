@@ -5,8 +5,8 @@
 
 use std::sync::Arc;
 
+use hand_model::Hand;
 use hand_model::robot::{TactileFrame, TactileImage};
-use hand_model::{CAMERAS, Hand};
 
 use crate::PIXELS;
 
@@ -71,19 +71,21 @@ pub fn fault_of(image: &TactileImage) -> Option<Fault> {
 }
 
 /// The newest valid image of every camera, in camera order, and the faults of the other cameras. `before` has each
-/// camera's sequence number from before the images were requested.
+/// camera's sequence number from before the images were requested, as far as there is one.
 pub fn valid_images(
     hand: &Hand,
     frames: &[TactileFrame],
-    before: &[Option<u64>; CAMERAS],
+    before: &[Option<u64>],
 ) -> (Vec<Option<Arc<TactileImage>>>, Vec<CameraFault>) {
     let mut faults = Vec::new();
-    let images = (0..CAMERAS)
+    let images = (0..hand.cameras.len())
         .map(|camera| {
             let newest = frames.iter().filter(|frame| frame.camera == camera).max_by_key(|frame| frame.sequence);
             let fault = match newest {
                 None => Fault::Missing,
-                Some(frame) if before[camera].is_some_and(|sequence| frame.sequence <= sequence) => {
+                Some(frame)
+                    if before.get(camera).copied().flatten().is_some_and(|sequence| frame.sequence <= sequence) =>
+                {
                     Fault::Frozen { sequence: frame.sequence }
                 }
                 Some(frame) => match fault_of(&frame.image) {
@@ -119,7 +121,7 @@ mod tests {
         sent[3].image = with(255, 3 * PIXELS);
         sent[4].sequence = 4;
         sent.remove(9);
-        let mut before = [None; CAMERAS];
+        let mut before = vec![None; hand.cameras.len()];
         before[4] = Some(4);
         let (images, faults) = valid_images(&hand, &sent, &before);
         let found: Vec<(usize, Fault)> = faults.iter().map(|fault| (fault.camera, fault.fault)).collect();
@@ -139,7 +141,7 @@ mod tests {
     #[test]
     fn a_board_in_order_has_no_faults() {
         let hand = Hand::ftac();
-        let (images, faults) = valid_images(&hand, &frames(&hand, 2), &[Some(1); CAMERAS]);
+        let (images, faults) = valid_images(&hand, &frames(&hand, 2), &vec![Some(1); hand.cameras.len()]);
         assert!(faults.is_empty() && images.iter().all(Option::is_some));
     }
 }

@@ -1,9 +1,9 @@
-//! From the images of the hand's eighteen cameras to what each pad feels.
+//! From the images of the hand's cameras to what each pad feels.
 
 use std::sync::Arc;
 
+use hand_model::Hand;
 use hand_model::robot::{TactileFrame, TactileImage};
-use hand_model::{CAMERAS, Hand};
 use nalgebra::Isometry3;
 use rayon::prelude::*;
 
@@ -57,7 +57,7 @@ impl TouchPipeline {
         calibration: PhotometricCalibration,
         backgrounds: Vec<Arc<TactileImage>>,
     ) -> Result<Self, TouchError> {
-        check_images("background", &backgrounds)?;
+        check_images(hand, "background", &backgrounds)?;
         Ok(Self {
             hand: hand.clone(),
             calibration,
@@ -83,25 +83,21 @@ impl TouchPipeline {
 
     /// The same pipeline with other background images, one per camera.
     pub fn with_backgrounds(&self, backgrounds: Vec<Arc<TactileImage>>) -> Result<Self, TouchError> {
-        check_images("background", &backgrounds)?;
+        check_images(&self.hand, "background", &backgrounds)?;
         Ok(Self { backgrounds, ..self.clone() })
     }
 
-    /// What the 17 pads feel, from a valid image of every camera; for frames that may be faulty see
+    /// What the pads feel, from a valid image of every camera; for frames that may be faulty see
     /// [`Self::perceive_frames`]. Cameras are processed in parallel; the result does not depend on the number of threads.
     pub fn perceive(&self, images: &[Arc<TactileImage>]) -> Result<Vec<PadTouch>, TouchError> {
-        check_images("tactile image", images)?;
+        check_images(&self.hand, "tactile image", images)?;
         self.touches(&images.iter().cloned().map(Some).collect::<Vec<_>>())
     }
 
-    /// What the 17 pads feel, from the camera board's frames. A camera whose image is missing, of the wrong size, frozen
+    /// What the pads feel, from the camera board's frames. A camera whose image is missing, of the wrong size, frozen
     /// (`before` has the sequence numbers of earlier images), black or saturated, or whose pad is not calibrated, is
     /// reported as a fault, and its pad is blind.
-    pub fn perceive_frames(
-        &self,
-        frames: &[TactileFrame],
-        before: &[Option<u64>; CAMERAS],
-    ) -> Result<Perceived, TouchError> {
+    pub fn perceive_frames(&self, frames: &[TactileFrame], before: &[Option<u64>]) -> Result<Perceived, TouchError> {
         let (mut images, mut faults) = valid_images(&self.hand, frames, before);
         for (camera, image) in images.iter_mut().enumerate().filter(|(_, image)| image.is_some()) {
             let view = &self.hand.cameras[camera];
@@ -116,7 +112,7 @@ impl TouchPipeline {
     }
 
     fn touches(&self, images: &[Option<Arc<TactileImage>>]) -> Result<Vec<PadTouch>, TouchError> {
-        let maps: Vec<Option<HeightMap>> = (0..CAMERAS)
+        let maps: Vec<Option<HeightMap>> = (0..self.hand.cameras.len())
             .into_par_iter()
             .with_max_len(1)
             .map(|camera| images[camera].as_ref().map_or(Ok(None), |image| self.height(camera, image)))
@@ -218,9 +214,9 @@ impl TouchPipeline {
     }
 }
 
-fn check_images(what: &'static str, images: &[Arc<TactileImage>]) -> Result<(), TouchError> {
-    if images.len() != CAMERAS {
-        return Err(TouchError::Size { what, found: images.len(), expected: CAMERAS });
+fn check_images(hand: &Hand, what: &'static str, images: &[Arc<TactileImage>]) -> Result<(), TouchError> {
+    if images.len() != hand.cameras.len() {
+        return Err(TouchError::Size { what, found: images.len(), expected: hand.cameras.len() });
     }
     match images.iter().find(|image| image.rgb.len() != 3 * PIXELS) {
         Some(image) => {

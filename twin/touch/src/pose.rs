@@ -85,20 +85,20 @@ impl PoseEstimate {
 pub fn estimate_pose(inputs: &PoseInputs) -> Result<PoseEstimate, TouchError> {
     let PoseInputs { touches, prior, options, .. } = *inputs;
     let (problem, rest, mut steps) = prepared(inputs)?;
-    let mut shifted = State { pose: prior.palm_from_object, ..rest };
+    let mut shifted = State { pose: prior.palm_from_object, ..rest.clone() };
     steps += minimise(&problem, &mut shifted, Evidence::Translation, 6);
-    let mut starts = vec![rest, shifted];
-    starts.extend(screen(&problem, prior, &shifted, options.starts));
+    let screened = screen(&problem, prior, &shifted, options.starts);
+    let starts = [rest, shifted].into_iter().chain(screened).collect();
     let mut found = descend(&problem, starts, &mut steps);
     let bad = |cost: f64| cost > options.good_cost * problem.patch_count() as f64;
     if problem.has_contact() && found.first().is_some_and(|best| bad(best.0)) {
         // A solution with a high cost is probably wrong (another face of a box, for example): screen orientations around
         // it too.
-        let around = found[0].1;
-        found.extend(descend(&problem, screen(&problem, prior, &around, options.starts), &mut steps));
+        let around = screen(&problem, prior, &found[0].1, options.starts);
+        found.extend(descend(&problem, around, &mut steps));
         found.sort_by(|a, b| a.0.total_cmp(&b.0));
     }
-    let (cost, state) = *found.first().ok_or(TouchError::Singular("the pose estimate"))?;
+    let (cost, ref state) = *found.first().ok_or(TouchError::Singular("the pose estimate"))?;
 
     let covariance = mixed_covariance(&problem, &found).ok_or(TouchError::Singular("the pose estimate"))?;
     Ok(PoseEstimate {
@@ -107,8 +107,8 @@ pub fn estimate_pose(inputs: &PoseInputs) -> Result<PoseEstimate, TouchError> {
         covariance,
         misfit: misfit(&problem, cost),
         q: state.q,
-        q_covariance: joint_covariance(&problem, &state).ok_or(TouchError::Singular("the posture estimate"))?,
-        residual_rms: problem.point_rms(&state),
+        q_covariance: joint_covariance(&problem, state).ok_or(TouchError::Singular("the posture estimate"))?,
+        residual_rms: problem.point_rms(state),
         cost,
         patches: problem.patch_count(),
         blind: touches.iter().filter(|touch| touch.blind).count(),

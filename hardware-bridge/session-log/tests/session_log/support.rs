@@ -7,8 +7,7 @@ use hand_model::robot::{
     Command, Observation, Readings, RobotBackend, RobotError, ServoGoal, ServoState, TactileFrame, TactileImage, Tick,
 };
 use hand_model::{ACTUATORS, ARM_JOINTS};
-use session_log::message::Images;
-use session_log::{Event, Reader, Recorder, Session, Writer};
+use session_log::{Event, Images, Reader, Recorder, Session, Writer};
 
 /// Servos and joints that go a tenth of the way each tick; a camera takes a new image every third tick it is asked in.
 pub struct Toy {
@@ -139,7 +138,7 @@ pub fn record(path: &Path, ticks: usize) {
 /// Everything in a file up to its end or its first error, and whether it was finished.
 pub fn read(path: &Path) -> (Vec<Event>, Result<bool, session_log::SessionLogError>) {
     let mut events = Vec::new();
-    let mut reader = match Reader::open_with(path, Images::Any) {
+    let mut reader = match Reader::open(path, Images::Any) {
         Ok(reader) => reader,
         Err(error) => return (events, Err(error)),
     };

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::Subcommand;
 use lab::arm_check;
 
+use super::robot::RobotArgs;
 use super::rows::show_rows;
 use crate::terminal::{Outcome, Terminal};
 
@@ -16,12 +17,14 @@ pub enum ArmCommand {
         /// Folder for pictures and check.json.
         #[arg(long)]
         out: Option<PathBuf>,
+        #[command(flatten)]
+        robot: RobotArgs,
     },
 }
 
 /// Runs a command.
 pub fn run(terminal: &Terminal, command: &ArmCommand) -> Outcome {
-    let ArmCommand::Check { out } = command;
-    let rows = arm_check::run(terminal.seed, out.as_deref(), terminal.quiet)?;
+    let ArmCommand::Check { out, robot } = command;
+    let rows = arm_check::run(&robot.model()?, terminal.seed, out.as_deref(), terminal.quiet)?;
     show_rows(terminal, &rows, out.as_deref())
 }

@@ -7,7 +7,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
-use bench::builtin::{COMBINATIONS, expect_errors, hide_plant, make_identified, read_pads_by};
+use bench::builtin::{COMBINATIONS, expect_errors, hide_plant, make_bench, read_pads_by};
 use bench::journal::{Journal, Record as Recorded, RunRequest};
 use bench::own::{Own, Pace, Source};
 use bench::provenance::Provenance;
@@ -21,6 +21,7 @@ use scenarios::record::Condition;
 pub use self::merge::report;
 use self::tell::{shortfall, tell};
 use super::body::{Body, PlaceArgs, check_body, source};
+use super::robot::{RobotArgs, individual, pads, say_whose_pads};
 use super::scenario::ScenarioArgs;
 use super::tactile_backend::TactileBackend;
 use crate::terminal::{Outcome, Terminal};
@@ -57,6 +58,8 @@ pub struct BenchArgs {
     pub config: Option<PathBuf>,
     #[command(flatten)]
     pub places: PlaceArgs,
+    #[command(flatten)]
+    pub model: RobotArgs,
     #[command(flatten)]
     pub scenario: ScenarioArgs,
     /// Threads; default: all cores.
@@ -117,7 +120,7 @@ pub struct BenchArgs {
         conflicts_with_all = [
             "combos", "trials", "seed", "conditions", "robot", "scenario", "shard", "out", "noise_scale", "without",
             "uncertainty", "ablations", "policy_arg", "policy_timeout", "policy_time", "registration", "mount", "individual", "plant",
-            "foresee", "mirror", "pads", "tactile",
+            "foresee", "mirror", "pads", "tactile", "robot_model",
         ]
     )]
     pub resume: Option<PathBuf>,
@@ -181,6 +184,7 @@ fn request(terminal: &Terminal, args: &BenchArgs) -> Result<(RunRequest, PathBuf
         check_policy(request.policy.as_ref(), args.policy.as_deref(), folder)?;
         return Ok((request, folder.clone()));
     }
+    let model = args.model.model()?;
     let (scenario, text) = args.scenario.read()?;
     let pairs = scenario.combinations();
     let combos = args.combos.unwrap_or(pairs.min(COMBINATIONS));
@@ -201,8 +205,9 @@ fn request(terminal: &Terminal, args: &BenchArgs) -> Result<(RunRequest, PathBuf
         noise_scale,
         scenario: text,
         places: args.places.places(args.robot)?,
-        individual: super::individual::text(args.individual.as_deref())?.0,
-        pads: super::individual::pads(args.pads.as_deref())?,
+        individual: individual(args.individual.as_deref(), &model)?.0,
+        pads: pads(args.pads.as_deref(), &model)?,
+        robot_model: model.sources,
         plant: args.plant,
         foresees: args.foresee,
         mirrors: args.mirror,
@@ -243,8 +248,8 @@ pub fn benchmark(terminal: &Terminal, args: &BenchArgs) -> Outcome {
     let jobs =
         if args.live || robot == Body::Hardware { 1 } else { args.jobs.unwrap_or_else(bench::workers::available) };
     // Everything that can be wrong with the input has been found before anything is written.
-    let (individual, named) = (request.individual.as_deref(), Path::new("--individual"));
-    let mut bench = make_identified(individual, named, scenario, request.combos, request.seed, quiet)?;
+    let model = request.robot_model(Path::new("--individual"))?;
+    let mut bench = make_bench(&model, scenario, request.combos, request.seed, quiet)?;
     let asked = request.combos;
     if args.resume.is_none() {
         request.combos = bench.plans.plans.len().min(asked);
@@ -252,9 +257,9 @@ pub fn benchmark(terminal: &Terminal, args: &BenchArgs) -> Outcome {
     }
     request.places.set_up(&mut bench.world)?;
     read_pads_by(&mut bench, request.pads.as_deref(), Path::new("--pads"))?;
-    super::individual::say_whose_pads(robot, &request.conditions, request.pads.as_deref());
+    say_whose_pads(robot, &request.conditions, request.pads.as_deref());
     if let Some(number) = request.plant {
-        hide_plant(&mut bench, number);
+        hide_plant(&mut bench, number)?;
     }
     let tactile = if request.gpu { TactileBackend::Gpu } else { TactileBackend::Cpu };
     bench.board = tactile.board(bench.board);

@@ -129,16 +129,14 @@ pub fn source(
         (Body::Sim, None) => None,
         (Body::Sim, Some(sessions)) => Some(Box::new(SimulatedSource { sessions })),
         (Body::Emulated, sessions) => {
-            let source = EmulatedSource::new(world.cell.hand.clone(), world.cell.arm.clone(), sessions);
+            let source = EmulatedSource::new(world.cell.robot.clone(), sessions);
             Some(Box::new(source.with_eyes(places.vision(world))))
         }
-        (Body::Rounded, sessions) => {
-            Some(Box::new(RoundedSource { hand: world.cell.hand.clone(), arm: world.cell.arm.clone(), sessions }))
-        }
+        (Body::Rounded, sessions) => Some(Box::new(RoundedSource { robot: world.cell.robot.clone(), sessions })),
         (Body::Hardware, sessions) => {
             let config = config.context("--config")?;
             let sessions = sessions.unwrap_or_else(|| PathBuf::from("recordings/sessions"));
-            let source = HardwareSource::new(config, world.cell.arm.clone(), world.cell.ready, sessions)?;
+            let source = HardwareSource::new(config, world.cell.robot.clone(), world.cell.ready, sessions)?;
             Some(Box::new(source.with_eyes(places.vision(world))))
         }
     })

@@ -20,6 +20,7 @@ use std::path::PathBuf;
 use clap::Subcommand;
 
 use self::shared::ConfigArg;
+use super::robot::RobotArgs;
 use crate::terminal::{Outcome, Terminal};
 
 /// `bridge` commands.
@@ -42,6 +43,8 @@ pub enum BridgeCommand {
         /// Which actuator it will be: thumb, index, middle, ring, little or opposition.
         #[arg(long)]
         actuator: String,
+        #[command(flatten)]
+        robot: RobotArgs,
         #[command(flatten)]
         config: ConfigArg,
     },
@@ -71,7 +74,7 @@ pub fn run(terminal: &Terminal, command: &BridgeCommand) -> Outcome {
         BridgeCommand::Install(args) => install::run(terminal, args),
         BridgeCommand::Scan { port, config } => scan::run(terminal, port.as_deref(), config),
         BridgeCommand::Doctor(args) => doctor::run(terminal, args),
-        BridgeCommand::Provision { actuator, config } => provision::run(terminal, actuator, config),
+        BridgeCommand::Provision { actuator, robot, config } => provision::run(terminal, actuator, robot, config),
         BridgeCommand::Calibrate(args) => calibrate::run(terminal, args),
         BridgeCommand::Emulate(args) => emulate::run(terminal, args),
         BridgeCommand::Faults(args) => faults::run(terminal, args),

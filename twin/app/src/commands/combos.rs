@@ -7,6 +7,7 @@ use bench::builtin::{COMBINATIONS, make_scenes};
 use clap::Args;
 use serde_json::json;
 
+use super::robot::RobotArgs;
 use super::scenario::ScenarioArgs;
 use crate::terminal::{Made, Outcome, Terminal};
 
@@ -19,6 +20,8 @@ pub struct CombosArgs {
     /// How many; default: 60, or all pairs of a scenario that has fewer.
     #[arg(long)]
     pub combos: Option<usize>,
+    #[command(flatten)]
+    pub robot: RobotArgs,
 }
 
 /// Prints them.
@@ -29,7 +32,7 @@ pub fn run(terminal: &Terminal, args: &CombosArgs) -> Outcome {
     if !(1..=pairs).contains(&count) {
         bail!("--combos: found {count}, expected 1 to {pairs}, the scenario's pairs");
     }
-    let bench = make_scenes(scenario, count, terminal.seed, terminal.quiet || terminal.json)?;
+    let bench = make_scenes(&args.robot.model()?, scenario, count, terminal.seed, terminal.quiet || terminal.json)?;
     let width = bench.plans.plans.iter().map(|plan| plan.first.len()).max().unwrap_or(0);
     let mut text = format!("{:>5}  {:width$}  then\n", "COMBO", "first");
     let mut rows = Vec::new();

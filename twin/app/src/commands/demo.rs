@@ -14,6 +14,7 @@ use scenarios::{Condition, Scenario, TrialRecord};
 use stream::Target;
 use stream::viewer;
 
+use super::robot::RobotArgs;
 use crate::terminal::{Outcome, Terminal};
 
 /// Frames a second, and their size in pixels.
@@ -35,13 +36,16 @@ pub struct DemoArgs {
     /// Only write files, though there is a viewer.
     #[arg(long)]
     pub no_viewer: bool,
+    #[command(flatten)]
+    pub robot: RobotArgs,
 }
 
 /// Plays one trial blind and with touch, with the same errors, and shows it.
 pub fn run(terminal: &Terminal, args: &DemoArgs) -> Outcome {
     let quiet = terminal.quiet || terminal.json;
+    let robot = args.robot.model()?;
     let combos = (args.combination + 1).min(60);
-    let bench = make_bench(Scenario::benchmark(), combos, terminal.seed, quiet)?;
+    let bench = make_bench(&robot, Scenario::benchmark(), combos, terminal.seed, quiet)?;
     let Some(plan) = bench.plans.plans.get(args.combination) else {
         bail!("COMBO: found {}, expected 0 to {}", args.combination, bench.plans.plans.len() - 1);
     };
@@ -63,6 +67,7 @@ pub fn run(terminal: &Terminal, args: &DemoArgs) -> Outcome {
             combos,
             scenario: scenarios::scenario::BENCHMARK.to_owned(),
             places: Places::default(),
+            robot_model: robot.sources.clone(),
             individual: None,
             pads: None,
             foresees: false,

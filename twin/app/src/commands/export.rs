@@ -5,14 +5,15 @@ use std::process::Stdio;
 
 use anyhow::{Context as _, Result, bail};
 use bench::body::Stopped;
+use bench::body::Task;
 use bench::body::replayed::{ReplaySource, check};
 use bench::own::python;
 use bench::recording::{Began, Recording};
 use clap::Subcommand;
+use hand_model::RobotModel;
 use hand_model::kinematics::Tree;
-use hand_model::{Arm, Hand};
 use session_log::ros2::{self, Names};
-use session_log::{Event, Reader, Replay};
+use session_log::{Event, Images, Reader, Replay};
 use stream::Target;
 
 use super::replay::{bench_of, task};
@@ -86,9 +87,16 @@ fn nothing(session: &Path) -> String {
     format!("{}: found nothing measured, expected a session that began", session.display())
 }
 
+/// The robot of a session: the built-in one where the session is no trial's.
+fn robot_of_session(session: &Path) -> Result<RobotModel> {
+    let reader = Reader::open(session, Images::Any)?;
+    let task = serde_json::from_slice::<Task>(&reader.session().task).ok();
+    Ok(RobotModel::of(task.and_then(|task| task.robot_model).as_ref())?)
+}
+
 /// Writes a session as the bag `out`: how many messages it has.
 fn ros2(session: &Path, out: &Path) -> Result<u64> {
-    let (hand, arm) = (Hand::ftac(), Arm::gen3());
+    let RobotModel { hand, arm, .. } = robot_of_session(session)?;
     let joints = |tree: &Tree| tree.joints.iter().map(|joint| joint.name.clone()).collect();
     let names = Names {
         arm: joints(&arm.tree),
@@ -96,7 +104,7 @@ fn ros2(session: &Path, out: &Path) -> Result<u64> {
         cameras: hand.cameras.iter().map(|camera| camera.name.clone()).collect(),
         torque_constant: hand.parameters.servo.torque_constant,
     };
-    let reader = Reader::open(session)?;
+    let reader = Reader::open(session, Images::OfTheHand { cameras: names.cameras.len() })?;
     // Nothing half-written stays under the bag's name.
     let partial = out.with_extension("partial");
     let messages = ros2::export(reader, &names, &partial).inspect_err(|_| drop(std::fs::remove_file(&partial)))?;
@@ -165,9 +173,13 @@ fn lerobot(terminal: &Terminal, folder: &Path, out: Option<&Path>, images: u16) 
 pub fn rrd(terminal: &Terminal, session: &Path, out: &Path) -> Result<(u64, Option<String>)> {
     let (task, scenario) = task(session)?;
     let bench = bench_of(terminal, &task, scenario, session)?;
-    check(session)?;
+    let cameras = bench.world.cell.robot.hand.cameras.len();
+    check(session, cameras)?;
     let began = began(session)?;
-    let (mut source, report) = ReplaySource::new(Replay::new(Reader::open(session)?)?, task.robot == "hardware");
+    let (mut source, report) = ReplaySource::new(
+        Replay::new(Reader::open(session, Images::OfTheHand { cameras })?)?,
+        task.robot == "hardware",
+    );
     let partial = out.with_extension("partial.rrd");
     // One that is there may be a link to somewhere else.
     drop(std::fs::remove_file(&partial));
@@ -199,7 +211,7 @@ pub fn rrd(terminal: &Terminal, session: &Path, out: &Path) -> Result<(u64, Opti
 
 /// When the body's time 0 was.
 fn began(session: &Path) -> Result<Began> {
-    let mut reader = Reader::open(session)?;
+    let mut reader = Reader::open(session, Images::Any)?;
     if reader.session().robot != "hardware" {
         return Ok(Began::Never);
     }

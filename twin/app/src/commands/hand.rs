@@ -14,6 +14,7 @@ use lab::hand_check as check;
 use self::close::CloseArgs;
 use self::picture::PictureArgs;
 use super::own_hand;
+use super::robot::RobotArgs;
 use super::rows::show_rows;
 use crate::terminal::{Outcome, Terminal};
 
@@ -34,6 +35,8 @@ pub enum HandCommand {
         /// Friction coefficient of ball, cylinder and box, 0 to 2.
         #[arg(long, default_value_t = 0.8)]
         friction: f64,
+        #[command(flatten)]
+        robot: RobotArgs,
         /// Also close the digits on each prop with steps up to 16 times shorter, to see where both engines' postures go; takes a minute.
         #[arg(long)]
         refine: bool,
@@ -43,6 +46,8 @@ pub enum HandCommand {
 /// Arguments of `hand check`.
 #[derive(Debug, Args)]
 pub struct CheckArgs {
+    #[command(flatten)]
+    pub robot: RobotArgs,
     /// Only read this URDF, of any hand, and say what it holds and what is taken otherwise than it says.
     #[arg(long, alias = "hand", value_name = "URDF")]
     pub urdf: Option<PathBuf>,
@@ -79,11 +84,11 @@ pub fn run(terminal: &Terminal, command: &HandCommand) -> Outcome {
         HandCommand::Check(args) => hand_check(terminal, args),
         HandCommand::Close(args) => close::run(terminal, args),
         HandCommand::Picture(args) => picture::run(terminal, args),
-        HandCommand::Export { mjcf, friction, refine } => {
+        HandCommand::Export { mjcf, friction, robot, refine } => {
             if !(0.0..=2.0).contains(friction) {
                 anyhow::bail!("--friction: found {friction}, expected 0 to 2");
             }
-            check::second_engine::export(&Arc::new(Hand::ftac()), mjcf, *friction, *refine)?;
+            check::second_engine::export(&robot.model()?, mjcf, *friction, *refine)?;
             let text = format!(
                 "{0}: scenes.json and its MJCF files; `python3 tests/mujoco/compare.py {0}` runs them\n",
                 mjcf.display()
@@ -100,7 +105,7 @@ fn hand_check(terminal: &Terminal, args: &CheckArgs) -> Outcome {
     if let Some(path) = &args.urdf {
         return inspect::run(terminal, path, args.pulls.as_deref());
     }
-    let hand = Arc::new(Hand::ftac());
+    let hand = args.robot.model()?.hand;
     if args.engine {
         let found = check::engine::sweep(&hand)?;
         if terminal.json {

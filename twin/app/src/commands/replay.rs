@@ -5,13 +5,13 @@ use std::path::Path;
 use anyhow::{Context as _, Result, bail};
 use bench::body::replayed::{ReplaySource, check};
 use bench::body::{LookFailed, Stopped, Task};
-use bench::builtin::{expect_errors, make_identified, read_pads_by};
+use bench::builtin::{expect_errors, make_bench, read_pads_by, robot_of};
 use bench::trial::{Bench, NoWatcher};
 use scenarios::Scenario;
 use scenarios::record::{Condition, TrialRecord};
 use serde_json::{Value, json};
 use session_log::comparison::compare;
-use session_log::{Reader, Replay};
+use session_log::{Images, Reader, Replay};
 
 use super::sessions::sessions_in;
 use crate::terminal::Terminal;
@@ -83,7 +83,8 @@ pub fn bench_of(terminal: &Terminal, task: &Task, scenario: Scenario, recording:
     let quiet = terminal.quiet || terminal.json;
     // A shorter draw is the beginning of a longer one.
     let combos = task.combination + 1;
-    let mut bench = make_identified(task.individual.as_deref(), recording, scenario, combos, task.seed, quiet)?;
+    let robot = robot_of(task.robot_model.as_ref(), task.individual.as_deref(), recording)?;
+    let mut bench = make_bench(&robot, scenario, combos, task.seed, quiet)?;
     task.places.set_up(&mut bench.world)?;
     read_pads_by(&mut bench, task.pads.as_deref(), recording)?;
     bench.foresee(task.foresees);
@@ -101,7 +102,7 @@ pub fn bench_of(terminal: &Terminal, task: &Task, scenario: Scenario, recording:
 
 /// `--against`: two sessions, observation by observation and command by command; the shortfall is the first bit that differs.
 pub fn against(terminal: &Terminal, recording: &Path, other: &Path) -> Result<Option<String>> {
-    let compared = compare(&mut Reader::open(recording)?, &mut Reader::open(other)?)?;
+    let compared = compare(&mut Reader::open(recording, Images::Any)?, &mut Reader::open(other, Images::Any)?)?;
     let difference = compared.difference.as_ref().map(ToString::to_string);
     if terminal.json {
         println!(
@@ -122,13 +123,15 @@ pub fn against(terminal: &Terminal, recording: &Path, other: &Path) -> Result<Op
 
 /// What the file says of itself: the task and its scenario, with everything that they need in them.
 pub fn task(path: &Path) -> Result<(Task, Scenario)> {
-    Ok(Task::parse(&Reader::open(path)?.session().task, path)?)
+    Ok(Task::parse(&Reader::open(path, Images::Any)?.session().task, path)?)
 }
 
 /// Runs it; the shortfall is where it left the recording.
 fn run(terminal: &Terminal, bench: &Bench, task: &Task, path: &Path) -> Result<(Value, Option<String>)> {
-    let (outcome, whole) = outcome(path)?;
-    let (mut source, report) = ReplaySource::new(Replay::new(Reader::open(path)?)?, task.robot == "hardware");
+    let cameras = bench.world.cell.robot.hand.cameras.len();
+    let (outcome, whole) = outcome(path, cameras)?;
+    let reader = Reader::open(path, Images::OfTheHand { cameras })?;
+    let (mut source, report) = ReplaySource::new(Replay::new(reader)?, task.robot == "hardware");
     let played = bench.play(task, &mut source, &mut NoWatcher);
     let (played, failed) = match played {
         Ok(outcome) => (Some(outcome.record), None),
@@ -181,14 +184,14 @@ fn run(terminal: &Terminal, bench: &Bench, task: &Task, path: &Path) -> Result<(
 
 /// Whose session it is, if it is another program's: what differs may be the program's doing.
 pub fn other_program(path: &Path) -> Result<Option<String>> {
-    let program = Reader::open(path)?.session().program.clone();
+    let program = Reader::open(path, Images::Any)?.session().program.clone();
     let this = concat!("ftac ", env!("CARGO_PKG_VERSION"));
     Ok((program != this).then(|| format!("recorded by {program}, this is {this}")))
 }
 
-/// What came of the recorded trial, and whether the file was finished.
-fn outcome(path: &Path) -> Result<(Option<TrialRecord>, bool)> {
-    let (outcome, whole) = check(path)?;
+/// What came of the recorded trial of a hand with so many cameras, and whether the file was finished.
+fn outcome(path: &Path, cameras: usize) -> Result<(Option<TrialRecord>, bool)> {
+    let (outcome, whole) = check(path, cameras)?;
     let read = |text: Vec<u8>| serde_json::from_slice(&text).with_context(|| format!("{}: outcome", path.display()));
     Ok((outcome.map(read).transpose()?, whole))
 }

@@ -7,10 +7,12 @@ use std::path::{Path, PathBuf};
 
 use bench::builtin::CALIBRATION_UNIT;
 use clap::Subcommand;
+use hand_model::Hand;
 use lab::touch::calibration;
 
 use self::eval::EvalArgs;
 use self::train_network::TrainNetworkArgs;
+use super::robot::{RobotArgs, individual_of};
 use crate::terminal::{Outcome, Terminal};
 
 /// `touch` commands.
@@ -28,6 +30,8 @@ pub enum TouchCommand {
         /// session shows them.
         #[arg(long)]
         individual: Option<PathBuf>,
+        #[command(flatten)]
+        robot: RobotArgs,
     },
     /// Train the network of photometric stereo on rendered presses of known shapes.
     TrainNetwork(TrainNetworkArgs),
@@ -38,15 +42,17 @@ pub enum TouchCommand {
 /// Runs a command.
 pub fn run(terminal: &Terminal, command: &TouchCommand) -> Outcome {
     match command {
-        TouchCommand::Train { presses, out, individual } => touch_train(terminal, *presses, out, individual.as_deref()),
+        TouchCommand::Train { presses, out, individual, robot } => {
+            let hand = individual_of(individual.as_deref(), &robot.model()?)?.hand;
+            touch_train(terminal, *presses, out, &hand)
+        }
         TouchCommand::TrainNetwork(args) => train_network::train_network(terminal, args),
         TouchCommand::Eval(args) => eval::eval(terminal, args),
     }
 }
 
-fn touch_train(terminal: &Terminal, presses: usize, out: &Path, individual: Option<&Path>) -> Outcome {
-    let hand = super::individual::hand(individual)?;
-    let (calibration, error) = calibration::train(&hand, CALIBRATION_UNIT, presses, terminal.seed)?;
+fn touch_train(terminal: &Terminal, presses: usize, out: &Path, hand: &Hand) -> Outcome {
+    let (calibration, error) = calibration::train(hand, CALIBRATION_UNIT, presses, terminal.seed)?;
     calibration.write(out)?;
     if terminal.json {
         println!(

@@ -11,6 +11,7 @@ use bench::transport::skills::{SkillFile, for_sizes, of_repertoire};
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use control::load::listed;
+use hand_model::RobotModel;
 use proving::simulated_world::World;
 use rayon::prelude::*;
 use scenarios::Scenario;
@@ -87,7 +88,7 @@ fn site_of(transport: Transport, more: Option<&Path>, seed: u64) -> Result<Site>
     let mut scenario = Scenario::benchmark();
     // A transport's skills were rehearsed without them.
     scenario.effects = Effects::default();
-    let world = World::new(scenario)?;
+    let world = World::new(&RobotModel::ftac_gen3(), scenario)?;
     let repertoire = proving::builtin::repertoire()?;
     let mut proven = of_repertoire(&world, &repertoire)?;
     proven.extend(SkillFile::builtin()?.skills);
@@ -105,8 +106,8 @@ fn site_of(transport: Transport, more: Option<&Path>, seed: u64) -> Result<Site>
     let numbered = for_sizes(&proven, &sizes);
     let of = |kind: usize| (0..numbered.len()).filter(|n| numbered[*n].0 == kind).collect();
     let suited = kind.into_iter().map(of).collect();
-    let board = TactileBoard::unit(&world.cell.hand, HAND_UNIT);
-    let mut pipeline = simulated_touch(&world.cell.hand, board.backgrounds())?;
+    let board = TactileBoard::unit(&world.cell.robot.hand, HAND_UNIT);
+    let mut pipeline = simulated_touch(&world.cell.robot, board.backgrounds())?;
     know_hand(&mut pipeline, &world);
     Ok(Site {
         world,

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use bench::body::Task;
-use bench::builtin::{COMBINATIONS, expect_errors, make_identified, read_pads_by};
+use bench::builtin::{COMBINATIONS, expect_errors, make_bench, read_pads_by, robot_of};
 use bench::mirror::divergence::Divergence;
 use bench::mirror::watch::beside;
 use bench::recording::Recording;
@@ -14,6 +14,7 @@ use scenarios::record::Condition;
 use scenarios::record::TrialRecord;
 
 use super::body::{Body, PlaceArgs, check_body, source};
+use super::robot::{RobotArgs, individual, pads, say_whose_pads};
 use super::scenario::ScenarioArgs;
 use super::tactile_backend::TactileBackend;
 use crate::terminal::{Outcome, Terminal};
@@ -29,6 +30,8 @@ pub struct TrialArgs {
     /// Policy; `ideal` runs without noise.
     #[arg(long, value_enum, default_value_t = Policy::Touch)]
     pub policy: Policy,
+    #[command(flatten)]
+    pub model: RobotArgs,
     #[command(flatten)]
     pub scenario: ScenarioArgs,
     /// Body.
@@ -104,10 +107,13 @@ pub fn trial(terminal: &Terminal, args: &TrialArgs) -> Outcome {
         bail!("COMBO: found {}, expected 0 to {}", args.combination, pairs - 1);
     }
     let combos = args.combination + 1;
-    let (individual, path) = super::individual::text(args.individual.as_deref())?;
-    let pads = super::individual::pads(args.pads.as_deref())?;
+    let nominal = args.model.model()?;
+    let (individual, path) = individual(args.individual.as_deref(), &nominal)?;
+    let pads = pads(args.pads.as_deref(), &nominal)?;
+    let robot_model = nominal.sources;
     let quiet = terminal.quiet || terminal.json;
-    let mut bench = make_identified(individual.as_deref(), &path, scenario, combos, terminal.seed, quiet)?;
+    let model = robot_of(robot_model.as_ref(), individual.as_deref(), &path)?;
+    let mut bench = make_bench(&model, scenario, combos, terminal.seed, quiet)?;
     if bench.plans.plans.len() <= args.combination {
         bail!(
             "COMBO: found {}, expected 0 to {}: {}",
@@ -118,7 +124,7 @@ pub fn trial(terminal: &Terminal, args: &TrialArgs) -> Outcome {
     }
     places.set_up(&mut bench.world)?;
     read_pads_by(&mut bench, pads.as_deref(), Path::new("--pads"))?;
-    super::individual::say_whose_pads(args.robot, &[args.policy.condition()], pads.as_deref());
+    say_whose_pads(args.robot, &[args.policy.condition()], pads.as_deref());
     bench.board = args.tactile.board(bench.board);
     bench.foresee(args.foresee);
     expect_errors(&mut bench, None, Path::new("uncertainty"), args.robot.name())?;
@@ -134,6 +140,7 @@ pub fn trial(terminal: &Terminal, args: &TrialArgs) -> Outcome {
         combos,
         scenario: text,
         places,
+        robot_model,
         individual,
         pads,
         foresees: args.foresee,

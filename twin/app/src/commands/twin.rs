@@ -7,11 +7,11 @@ pub mod identify;
 use std::path::Path;
 
 use anyhow::Result;
-use bench::builtin::{HAND_UNIT, builtin_calibration};
+use bench::builtin::{HAND_UNIT, calibration_of};
 use clap::Subcommand;
 use grasping::{Grasp, Repertoire};
 use hand_model::transmission::friction::CableLosses;
-use hand_model::{Arm, Hand};
+use hand_model::{Arm, RobotModel};
 use identification::Script;
 use identification::evaluation::{Surroundings, TrueBall, TrueWeight, excited_body};
 use identification::excitation::Means;
@@ -45,8 +45,8 @@ pub fn run(terminal: &Terminal, command: &TwinCommand) -> Outcome {
 }
 
 /// Writes the true parameters of individual `number`, which nothing but an evaluation reads.
-pub fn write_truth(path: &Path, number: u64) -> Result<()> {
-    let truth = RobotIndividual::draw(&Hand::ftac(), number);
+pub fn write_truth(path: &Path, nominal: &RobotModel, number: u64) -> Result<()> {
+    let truth = RobotIndividual::draw(&nominal.hand, number);
     let text = serde_json::json!({
         "individual": number,
         "cameras": RobotIndividual::cameras(number),
@@ -57,8 +57,7 @@ pub fn write_truth(path: &Path, number: u64) -> Result<()> {
 
 /// The robot as drawn, what its cables and gears take, and how its pads' images are read.
 pub struct Drawing {
-    pub hand: Hand,
-    pub arm: Arm,
+    pub robot: RobotModel,
     pub losses: CableLosses,
     pub pads: PhotometricCalibration,
     gel: Option<Gel>,
@@ -67,18 +66,19 @@ pub struct Drawing {
 
 impl Drawing {
     /// That of the benchmark.
-    pub fn new() -> Result<Self> {
-        let world = World::new(Scenario::benchmark())?;
+    pub fn new(robot: RobotModel) -> Result<Self> {
+        let world = World::new(&robot, Scenario::benchmark())?;
         let (losses, gel) = (world.known_cable_losses(), world.scenario.effects.gel);
         let repertoire = proving::builtin::repertoire()?;
-        Ok(Self { hand: Hand::ftac(), arm: Arm::gen3(), losses, pads: builtin_calibration()?, gel, repertoire })
+        let pads = calibration_of(&robot)?;
+        Ok(Self { robot, losses, pads, gel, repertoire })
     }
 
     /// What an excitation by `script` goes by.
     pub fn means<'a>(&'a self, script: &'a Script) -> Means<'a> {
-        let Self { hand, arm, pads, losses, .. } = self;
+        let Self { robot, pads, losses, .. } = self;
         let grasps = self.grasps(script);
-        Means { hand, arm, pads, script, grasps, friction: losses.friction, ready: Arm::home() }
+        Means { robot, pads, script, grasps, friction: losses.friction, ready: Arm::home() }
     }
 
     /// Known grasps of the object that a script weighs, best first; none where it weighs none.
@@ -89,13 +89,13 @@ impl Drawing {
 
     /// The simulated robot that individual `number` is, with what an excitation by `script` needs around it; `seed` draws its cameras' noise.
     pub fn plant(&self, number: u64, seed: u64, script: &Script) -> Result<SimulatedRobot> {
-        let Self { hand, arm, losses, gel, .. } = self;
-        let truth = RobotIndividual::draw(hand, number);
-        let own = truth.hand(hand);
+        let Self { robot, losses, gel, .. } = self;
+        let truth = RobotIndividual::draw(&robot.hand, number);
+        let own = truth.hand(&robot.hand);
         let board = TactileBoard::unit(&own, RobotIndividual::cameras(number).unwrap_or(HAND_UNIT)).with_noise(seed);
         let ball = script.ball.as_ref().map(|ball| TrueBall::draw(ball, number));
         let weight = script.weight.as_ref().and_then(|weight| TrueWeight::draw(weight, number));
         let surroundings = Surroundings { board, gel: *gel, ball, weight };
-        Ok(excited_body(&truth, (hand, arm), *losses, Arm::home(), &surroundings)?)
+        Ok(excited_body(&truth, robot, *losses, Arm::home(), &surroundings)?)
     }
 }

@@ -4,7 +4,7 @@ use bench::faults::plant::PlantFault;
 use bench::mirror::divergence::{Divergence, Kind};
 use bench::mirror::residuals::Residuals;
 use control::executive::{Executive, Phase};
-use hand_model::{CAMERAS, Digit, Hand};
+use hand_model::{Digit, Hand};
 use nalgebra::Vector3;
 use plant::Blindness;
 use proving::rehearsal::in_hand;
@@ -48,7 +48,7 @@ impl Fault {
         let pulled = digits(&|n| residuals.cables[n].pulled > PULLED);
         let closing = digits(&|n| pulled.contains(&n) && residuals.cables[n].speed > CLOSING);
         let [broken, slipped, weak, stuck] = [&pulled, &pulled, &pulled, &closing].map(|of| some(of));
-        let [frozen, missing, black, dim] = [(); 4].map(|()| rng.random_range(0..CAMERAS));
+        let [frozen, missing, black, dim] = [(); 4].map(|()| rng.random_range(0..hand.cameras.len()));
         let angle: f64 = rng.random_range(0.0..std::f64::consts::TAU);
         let push = rng.random_range(8.0..20.0) * Vector3::new(angle.cos(), angle.sin(), 0.0);
         let (slip, share, more) =

@@ -21,7 +21,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
 use bench::body::Body;
-use bench::builtin::{hide_plant, make_identified};
+use bench::builtin::{hide_plant, make_bench, robot_of};
 use bench::mirror::Mirror;
 use bench::mirror::divergence::Divergence;
 use bench::mirror::seen::Seen;
@@ -105,7 +105,7 @@ struct Tally {
 
 /// Plays the branches of one moment.
 fn strike(bench: &Bench, play: &Play, rng: &mut ChaCha8Rng, label: &str, tallies: &mut [Tally]) -> Result<()> {
-    let hand: &Hand = &bench.world.cell.hand;
+    let hand: &Hand = &bench.world.cell.robot.hand;
     let Some(residuals) = play.mirror.as_ref().map(Mirror::residuals) else { return Ok(()) };
     let mut sound = play.clone();
     let (begun, known) = (play.robot.time(), play.named().len());
@@ -177,9 +177,10 @@ fn trial(
 fn make(combos: usize, seed: u64, plant: u64, individual: Option<&String>) -> Result<Bench> {
     let path = individual.map_or(Path::new(""), Path::new);
     let text = individual.map(|_| platform::data::read_text(path)).transpose()?;
-    let mut bench = make_identified(text.as_deref(), path, Scenario::benchmark(), combos, seed, true)?;
+    let robot = robot_of(None, text.as_deref(), path)?;
+    let mut bench = make_bench(&robot, Scenario::benchmark(), combos, seed, true)?;
     if plant > 0 {
-        hide_plant(&mut bench, plant);
+        hide_plant(&mut bench, plant)?;
     }
     Ok(bench)
 }

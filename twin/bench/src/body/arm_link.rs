@@ -5,7 +5,7 @@ use std::net::ToSocketAddrs as _;
 use std::time::Duration;
 
 use anyhow::{Context as _, Result};
-use hand_model::ARM_JOINTS;
+use hand_model::{ARM_JOINTS, Arm};
 use hardware_bridge::arm_link::{ArmLink, LoopbackArm};
 use hardware_bridge::config::secrets::Password;
 use hardware_bridge::config::{ArmConfig, BridgeConfig};
@@ -14,13 +14,13 @@ use kortex::link::LinkError;
 use kortex::refusal::Reason;
 use kortex::{Address, Credentials, KortexError, Timeouts};
 
-/// The client of the configured arm, connected. `near` is the posture it is expected in, rad.
-pub fn arm_link(config: &BridgeConfig, near: [f64; ARM_JOINTS]) -> Result<Box<dyn ArmLink>> {
+/// The client of the configured arm of this model, connected. `near` is the posture it is expected in, rad.
+pub fn arm_link(config: &BridgeConfig, model: &Arm, near: [f64; ARM_JOINTS]) -> Result<Box<dyn ArmLink>> {
     Ok(match connect(config, near)? {
         None => Box::new(LoopbackArm::at(near)),
         Some(arm) => {
             let tick = Duration::from_secs_f64(1.0 / config.servos.rate);
-            Box::new(KortexLink::new(arm, tick, Duration::from_secs_f64(config.limits.arm_watchdog)))
+            Box::new(KortexLink::new(arm, model, tick, Duration::from_secs_f64(config.limits.arm_watchdog)))
         }
     })
 }

@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use anyhow::{Context as _, Result};
 use control::percept::Sighted;
 use hand_model::robot::{Command, Observation, Plant, RobotBackend, Tick};
-use hand_model::{ACTUATORS, Arm, Hand};
+use hand_model::{ACTUATORS, Hand, RobotModel};
 use hardware_bridge::config::LimitConfig;
 use hardware_bridge::emulator::EmulatorSettings;
 use hardware_bridge::emulator::camera_board::BoardSettings;
@@ -122,8 +122,7 @@ impl TrialBody for Emulated {
 
 /// Where emulated robots come from.
 pub struct EmulatedSource {
-    hand: Arc<Hand>,
-    arm: Arc<Arm>,
+    robot: RobotModel,
     /// Folder of the sessions' files, if they are recorded.
     sessions: Option<PathBuf>,
     eyes: Option<Vision>,
@@ -132,9 +131,9 @@ pub struct EmulatedSource {
 }
 
 impl EmulatedSource {
-    /// With this hand and arm.
-    pub fn new(hand: Arc<Hand>, arm: Arc<Arm>, sessions: Option<PathBuf>) -> Self {
-        Self { hand, arm, sessions, eyes: None, packets: None, about: None }
+    /// Of this robot.
+    pub fn new(robot: RobotModel, sessions: Option<PathBuf>) -> Self {
+        Self { robot, sessions, eyes: None, packets: None, about: None }
     }
 
     /// The same with a vision system that says where objects are.
@@ -158,8 +157,8 @@ impl BodySource for EmulatedSource {
         let plant = SharedPlant::new(scene);
         let (sender, receiver) = mpsc::channel();
         let tapped = self.sessions.is_some().then_some(&sender);
-        let settings = settings(&self.hand, setup.task.seed);
-        let robot = LockstepRobot::start(Box::new(plant.clone()), settings, &self.arm, tapped)?;
+        let settings = settings(&self.robot.hand, setup.task.seed);
+        let robot = LockstepRobot::start(Box::new(plant.clone()), settings, &self.robot, tapped)?;
         self.packets = self.sessions.is_some().then_some(receiver);
         self.about = Some(Session {
             configuration: robot.config().to_toml().into_bytes(),

@@ -5,12 +5,11 @@
 //! from `emulated` nothing may differ, because all that is left are wires.
 
 use std::path::PathBuf;
-use std::sync::Arc;
 
 use anyhow::{Result, anyhow};
 use control::percept::Sighted;
+use hand_model::RobotModel;
 use hand_model::robot::RobotBackend;
-use hand_model::{Arm, Hand};
 use hardware_bridge::emulator::direct::DirectRobot;
 use hardware_bridge::safety::state::State;
 use session_log::Session;
@@ -53,8 +52,7 @@ impl TrialBody for Rounded {
 
 /// Where such robots come from.
 pub struct RoundedSource {
-    pub hand: Arc<Hand>,
-    pub arm: Arc<Arm>,
+    pub robot: RobotModel,
     /// Folder of the sessions' files, if they are recorded.
     pub sessions: Option<PathBuf>,
 }
@@ -62,9 +60,9 @@ pub struct RoundedSource {
 impl BodySource for RoundedSource {
     fn open(&mut self, setup: &TrialSetup, scene: SimulatedRobot) -> Result<Box<dyn TrialBody>> {
         let plant = SharedPlant::new(scene);
-        let settings = settings(&self.hand, setup.task.seed);
+        let settings = settings(&self.robot.hand, setup.task.seed);
         let robot =
-            DirectRobot::start(Box::new(plant.clone()), settings, &self.arm).map_err(|error| anyhow!("{error}"))?;
+            DirectRobot::start(Box::new(plant.clone()), settings, &self.robot).map_err(|error| anyhow!("{error}"))?;
         Ok(Box::new(Rounded { robot, plant }))
     }
 

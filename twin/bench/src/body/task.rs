@@ -1,6 +1,7 @@
 //! What a trial is, and how its robot knows where things are.
 
 use anyhow::Result;
+use hand_model::RobotSources;
 use proving::simulated_world::World;
 use scenarios::record::Condition;
 use serde::{Deserialize, Serialize};
@@ -26,6 +27,9 @@ pub struct Task {
     pub combos: usize,
     /// The scenario's text.
     pub scenario: String,
+    /// The robot's files, where it is not the built-in one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub robot_model: Option<RobotSources>,
     /// Text of the file of the robot that body and control stack are, where they are not the drawing's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub individual: Option<String>,

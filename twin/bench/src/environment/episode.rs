@@ -226,7 +226,7 @@ fn at_rest(
     let board = side.map(|side| board_of(bench, &setup, side)).transpose()?;
     let images = side.zip(board.as_ref()).map(|(side, board)| FirstImages::untouched(side, board.background_frames()));
     let board = board.unwrap_or_else(TactileBoard::blank);
-    let robot = SimulatedRobot::new(world.cell.hand.clone(), world.cell.arm.clone(), &scene, board);
+    let robot = SimulatedRobot::new(&world.cell.robot, &scene, board);
     let seen = world.percepts(&objects, noise).into_iter().take(count).collect();
     let begun = Begun { robot, posture: world.cell.ready, tensions: [0.0; 5], frame_delay: scene.frame_delay };
     Ok(Beginning { begun, seen, images, opposition: 0.0 })
@@ -260,7 +260,7 @@ fn after_first_grasp(
             continue;
         }
         let executive = snapshot.executive;
-        let hand: &Hand = &bench.world.cell.hand;
+        let hand: &Hand = &bench.world.cell.robot.hand;
         let friction = bench.world.protocol().friction;
         let tensions = against_friction(hand, &friction, executive.servos(), &executive.wanted_tensions());
         let mut now = bench.board.backgrounds();

@@ -26,7 +26,7 @@ impl Scene {
         if !(SIDES[0]..=SIDES[1]).contains(&side) {
             return Err(PictureSizeError(side));
         }
-        let (truth, hand) = (self.truth(), &self.cell().hand);
+        let (truth, hand) = (self.truth(), &self.cell().robot.hand);
         let eye = Vector3::new(0.9, -0.55, 0.65).normalize();
         let view = View { eye, up: Vector3::z(), center: Point3::new(0.62, 0.0, 0.12), width: 0.75 };
         let mut picture = Picture::new(side, view);
@@ -39,7 +39,7 @@ impl Scene {
             let (vertices, triangles, normals) = model.shape.triangles();
             picture.triangles(pose, &vertices, &triangles, &normals, model.color.map(f64::from));
         }
-        picture.arm(&self.cell().arm, &links[..ARM_JOINTS]);
+        picture.arm(&self.cell().robot.arm, &links[..ARM_JOINTS]);
         let links: Vec<Isometry3<f64>> = links[ARM_JOINTS..].iter().map(|link| palm.inverse() * link).collect();
         picture.hand_at(hand, (palm, &links), |_| PAD);
         Ok(picture.finish("").into_raw())

@@ -118,8 +118,7 @@ impl Scene {
         let frame_delay = setup.frame_delay;
         let board = options.images.map(|side| reduced(board.with_noise(options.seed), side)).transpose()?;
         let backgrounds = board.as_ref().map(TactileBoard::background_frames);
-        let (hand, arm) = (world.cell.hand.clone(), world.cell.arm.clone());
-        let robot = SimulatedRobot::new(hand, arm, &setup, board.unwrap_or_else(TactileBoard::blank));
+        let robot = SimulatedRobot::new(&world.cell.robot, &setup, board.unwrap_or_else(TactileBoard::blank));
         let begun = Begun { robot, posture: world.cell.ready, tensions: [0.0; 5], frame_delay };
         let images = options.images.zip(backgrounds).map(|(side, images)| FirstImages::untouched(side, images));
         Self::begin(&world.cell, begun, images)
@@ -131,8 +130,8 @@ impl Scene {
         let (untouched, images) = images
             .map(|FirstImages { side, untouched, now }| {
                 let shown = |of: Vec<Arc<TactileImage>>| {
-                    let mut images = PadImages::new(&cell.hand, side)?;
-                    images.show_backgrounds(&cell.hand, of);
+                    let mut images = PadImages::new(&cell.robot.hand, side)?;
+                    images.show_backgrounds(&cell.robot.hand, of);
                     Ok::<_, ImageSizeError>(images)
                 };
                 Ok::<_, ImageSizeError>((shown(untouched)?, shown(now)?))
@@ -168,7 +167,7 @@ impl Scene {
     fn observe(&mut self) {
         let mut observation = self.robot.observe();
         if let Some(images) = &mut self.images {
-            images.show(&self.cell.hand, std::mem::take(&mut observation.tactile));
+            images.show(&self.cell.robot.hand, std::mem::take(&mut observation.tactile));
         }
         self.observation = observation;
     }

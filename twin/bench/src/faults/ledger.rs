@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, bail};
 use control::executive::Phase;
+use hand_model::RobotSources;
 use serde::{Deserialize, Serialize};
 
 use super::Outcome;
@@ -23,6 +24,9 @@ const LINES: &str = "faults.jsonl";
 pub struct Request {
     /// Version of the program: another one may find something else.
     pub program: String,
+    /// The robot's files, where it is not the built-in one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub robot_model: Option<RobotSources>,
     pub seed: u64,
     /// Times every fault is injected into every phase.
     pub rounds: usize,
@@ -189,6 +193,7 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let request = Request {
             program: "1".to_owned(),
+            robot_model: None,
             seed: 3,
             rounds: 2,
             kinds: vec![Kind::Overload],

@@ -4,7 +4,7 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use hand_model::robot::{Command, Observation, Plant, Tick};
-use hand_model::{CAMERAS, Digit, Hand};
+use hand_model::{Digit, Hand};
 use nalgebra::{Isometry3, Vector3};
 use plant::Blindness;
 use sim::SimulatedRobot;
@@ -144,13 +144,13 @@ impl PlantFault {
 
 /// The camera of this name or number.
 fn camera(text: &str, hand: &Hand) -> Option<usize> {
-    let number = text.parse().ok().filter(|number| *number < CAMERAS);
+    let number = text.parse().ok().filter(|number| *number < hand.cameras.len());
     number.or_else(|| hand.cameras.iter().position(|camera| camera.name == text))
 }
 
 fn cameras(hand: &Hand) -> String {
     let names: Vec<&str> = hand.cameras.iter().map(|camera| camera.name.as_str()).collect();
-    format!("a camera, 0 to {} or {}", CAMERAS - 1, names.join(", "))
+    format!("a camera, 0 to {} or {}", hand.cameras.len() - 1, names.join(", "))
 }
 
 /// A plant that somebody breaks and pushes while it runs.

@@ -32,6 +32,7 @@ impl Matrix<'_> {
             watched: true,
             combos: self.bench.plans.plans.len(),
             scenario: scenarios::scenario::BENCHMARK.to_owned(),
+            robot_model: None,
             individual: None,
             pads: None,
             foresees: false,

@@ -1,7 +1,7 @@
 //! Every goal that reaches the emulated devices, held to its limits.
 
-use hand_model::ARM_JOINTS;
 use hand_model::robot::{RobotBackend as _, ServoGoal};
+use hand_model::{ARM_JOINTS, Arm};
 use hardware_bridge::config::LimitConfig;
 use hardware_bridge::emulator::lockstep::LockstepRobot;
 use hardware_bridge::safety::limits::BEYOND;
@@ -21,8 +21,8 @@ pub struct Watch {
 }
 
 impl Watch {
-    pub fn new(travel: [f64; 6]) -> Self {
-        let arm = hardware_bridge::kortex_link::limits(&hand_model::Arm::gen3());
+    pub fn new(travel: [f64; 6], arm: &Arm) -> Self {
+        let arm = hardware_bridge::kortex_link::limits(arm);
         Self { travel, limits: LimitConfig::default(), arm, before: None, unchanged: [1; 6], checked: 0, outside: 0 }
     }
 

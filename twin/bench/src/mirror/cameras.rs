@@ -2,7 +2,6 @@
 
 use std::sync::Arc;
 
-use hand_model::CAMERAS;
 use hand_model::pads::IMAGE_SIZE;
 use hand_model::robot::{TactileFrame, TactileImage};
 
@@ -43,9 +42,10 @@ pub struct CameraWatch {
     longest: f64,
 }
 
-impl Default for CameraWatch {
-    fn default() -> Self {
-        Self { cameras: vec![Camera::default(); CAMERAS], waits_since: None, silent: false, longest: 0.0 }
+impl CameraWatch {
+    /// Of a hand with so many cameras.
+    pub fn new(cameras: usize) -> Self {
+        Self { cameras: vec![Camera::default(); cameras], waits_since: None, silent: false, longest: 0.0 }
     }
 }
 
@@ -81,7 +81,7 @@ impl CameraWatch {
     fn usual(&self) -> u32 {
         let mut taken: Vec<u32> = self.cameras.iter().map(|camera| camera.taken).collect();
         taken.sort_unstable();
-        taken[CAMERAS / 2]
+        taken[self.cameras.len() / 2]
     }
 
     /// Takes the newest images of all cameras at `time` (s), in which new ones were `asked` for or not; what is found, with the camera, or none
@@ -92,8 +92,8 @@ impl CameraWatch {
         (time, asked, real_time): (f64, bool, bool),
         images: &[TactileFrame],
     ) -> Vec<(Option<usize>, Finding)> {
-        let (mut fresh, usual) = (Vec::new(), self.usual());
-        for frame in images.iter().filter(|frame| frame.camera < CAMERAS) {
+        let (mut fresh, usual, cameras) = (Vec::new(), self.usual(), self.cameras.len());
+        for frame in images.iter().filter(|frame| frame.camera < cameras) {
             let camera = &mut self.cameras[frame.camera];
             if camera.newest.as_ref().is_some_and(|(sequence, _)| *sequence == frame.sequence) {
                 continue;
@@ -125,7 +125,7 @@ impl CameraWatch {
         let usual = self.usual();
         // Without read-out noise an idle pad repeats its image: then most do.
         let repeating = self.cameras.iter().filter(|camera| camera.repeated).count();
-        let (lively, alone) = (repeating <= CAMERAS / 2, repeating == 1);
+        let (lively, alone) = (repeating <= cameras / 2, repeating == 1);
         let missed = if real_time { limits.missed_real } else { limits.missed };
         let mut found = Vec::new();
         for (n, camera) in self.cameras.iter_mut().enumerate() {
@@ -176,10 +176,12 @@ mod tests {
     use super::super::limits::Limits;
     use super::*;
 
+    const CAMERAS: usize = 18;
+
     /// What is named of eight captures, of which each camera's image of capture `n` is what `image` makes of its usual one.
     fn named(image: impl Fn(usize, usize, TactileImage) -> Option<TactileImage>) -> Vec<(usize, usize, Kind)> {
         let limits = Limits::standard().expect("the limits").camera;
-        let mut watch = CameraWatch::default();
+        let mut watch = CameraWatch::new(CAMERAS);
         let mut newest: Vec<TactileFrame> = Vec::new();
         let mut all = Vec::new();
         for n in 0..8 {

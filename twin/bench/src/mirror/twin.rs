@@ -49,9 +49,9 @@ impl Twin {
     pub fn new(world: &World, arm: &[f64; ARM_JOINTS]) -> Self {
         let cell = &world.cell;
         let setup = SceneSetup { cables: world.known_cable_losses(), ..SceneSetup::ideal(cell.world_from_base, *arm) };
-        let robot = SimulatedRobot::new(cell.hand.clone(), cell.arm.clone(), &setup, TactileBoard::blank());
+        let robot = SimulatedRobot::new(&cell.robot, &setup, TactileBoard::blank());
         let tick = robot.tick_length();
-        Self { robot, hand: cell.hand.clone(), arm: cell.arm.clone(), tick, torques: VecDeque::new() }
+        Self { robot, hand: cell.robot.hand.clone(), arm: cell.robot.arm.clone(), tick, torques: VecDeque::new() }
     }
 
     /// Takes what was measured at the end of a tick, of a robot that is seen at uneven times if `late`; what the robot did in it that the twin did not.

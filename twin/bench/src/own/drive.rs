@@ -79,7 +79,7 @@ pub fn drive(
         Stages::new(scenario.referee.palm_distance, LIFTED * bench.world.protocol().lift, scenario.protocol.hold_time);
     let cell = &bench.world.cell;
     let stepper = Stepper::new(cell, *executive.posture(), [0.0; 5])?;
-    let servos = cell.hand.servo_goals(&[0.0; 5], 0.0, 0.0);
+    let servos = cell.robot.hand.servo_goals(&[0.0; 5], 0.0, 0.0);
     let mut driven = Driven {
         bench,
         stepper,
@@ -122,9 +122,9 @@ pub fn drive(
 
 impl Camera {
     fn new(bench: &Bench, start: &Start, side: usize) -> Result<Self> {
-        let mut images = PadImages::new(&bench.world.cell.hand, side)?;
+        let mut images = PadImages::new(&bench.world.cell.robot.hand, side)?;
         let pipeline = start.pipeline.as_ref().unwrap_or(&bench.pipeline);
-        images.show_backgrounds(&bench.world.cell.hand, pipeline.backgrounds().to_vec());
+        images.show_backgrounds(&bench.world.cell.robot.hand, pipeline.backgrounds().to_vec());
         let delay = bench.world.scenario.effects.time.map_or(0.0, |time| time.frame);
         Ok(Self { images, at: capture_at(delay, start.run.snapshot.robot.tick_length()), asked: None })
     }
@@ -200,7 +200,7 @@ impl Driven<'_> {
             && !observation.tactile.is_empty()
         {
             camera.asked = None;
-            camera.images.show(&self.bench.world.cell.hand, observation.tactile);
+            camera.images.show(&self.bench.world.cell.robot.hand, observation.tactile);
         }
         Ok(())
     }

@@ -23,7 +23,7 @@ pub struct Measured {
 
 impl Measured {
     pub fn new(cell: &Workcell) -> Self {
-        Self { hand: cell.hand.clone(), kinematics: cell.kinematics(), carried: [None; 2] }
+        Self { hand: cell.robot.hand.clone(), kinematics: cell.kinematics(), carried: [None; 2] }
     }
 
     /// Records the scene and the signals of a moment. Digits are drawn as if they touched nothing: their encoders tell no more.

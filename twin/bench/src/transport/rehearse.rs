@@ -125,7 +125,7 @@ pub fn rehearse(site: &Site, sequence: &[Wanted], n: u32, quiet: bool) -> Result
         let random = |id: u32| ChaCha8Rng::seed_from_u64(site.seed ^ (k as u64) << 40 ^ u64::from(id) << 8);
         let radius = 0.5 * site.transport.ball[wanted.ball].diameter;
         let propose =
-            |id: u32| propose_with(&site.world.cell.hand, &wanted.digits, "ball", radius, id, &mut random(id));
+            |id: u32| propose_with(&site.world.cell.robot.hand, &wanted.digits, "ball", radius, id, &mut random(id));
         let mut searched =
             Searched { wanted: wanted.clone(), tried: 0, touched: 0, lifted: 0, held: 0, skills: Vec::new() };
         let mut found = search(site, &bases, wanted, (0..n).map(propose).collect(), &mut searched)?;

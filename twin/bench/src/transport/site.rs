@@ -36,11 +36,16 @@ impl Branch {
             objects: balls.iter().map(|(model, pose)| ObjectPlacement { model: model.clone(), pose: *pose }).collect(),
             ..world.bare_scene(world.cell.ready, noise)
         };
-        let robot = SimulatedRobot::new(world.cell.hand.clone(), world.cell.arm.clone(), &scene, board);
+        let robot = SimulatedRobot::new(&world.cell.robot, &scene, board);
         let tick = robot.tick_length();
         Ok(Self {
             robot,
-            carrier: Carrier::new(world.cell.hand.clone(), world.cell.arm_servo(world.cell.ready)?, protocol, tick)?,
+            carrier: Carrier::new(
+                world.cell.robot.hand.clone(),
+                world.cell.arm_servo(world.cell.ready)?,
+                protocol,
+                tick,
+            )?,
         })
     }
 

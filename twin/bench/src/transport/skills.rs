@@ -110,6 +110,8 @@ pub fn for_sizes(proven: &[Proven], diameters: &[f64]) -> Vec<(usize, Skill)> {
 
 #[cfg(test)]
 mod tests {
+    use hand_model::RobotModel;
+
     use super::*;
     use scenarios::Scenario;
 
@@ -130,7 +132,7 @@ mod tests {
     /// A ball of a known size has its own grasps alone; another one those of balls nearly as large; a very large one none.
     #[test]
     fn sizes() {
-        let world = World::new(Scenario::benchmark()).unwrap();
+        let world = World::new(&RobotModel::ftac_gen3(), Scenario::benchmark()).unwrap();
         let proven = of_repertoire(&world, &repertoire()).unwrap();
         let sizes = for_sizes(&proven, &[0.0427, 0.046, 0.5]);
         let of = |n: usize| sizes.iter().filter(move |skill| skill.0 == n).map(|skill| &skill.1);

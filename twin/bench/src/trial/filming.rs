@@ -80,7 +80,7 @@ impl Watcher for Filming {
 pub fn stage(bench: &Bench, combination: usize) -> Result<Stage<'_>> {
     let (plan, world) = (&bench.plans.plans[combination], &bench.world);
     let objects = vec![world.object(&plan.first)?, world.object(&plan.second)?];
-    Ok(Stage { hand: &world.cell.hand, arm: &world.cell.arm, objects })
+    Ok(Stage { hand: &world.cell.robot.hand, arm: &world.cell.robot.arm, objects })
 }
 
 /// Several watchers of one trial.

@@ -66,7 +66,7 @@ impl Bench {
             turned: snapshot.executive.palm().rotation,
             expected: Expected::of(first, percept, second).palm_from_object,
             truth: palm * truth.objects[0],
-            pads: self.world.cell.hand.pad_poses(&links),
+            pads: self.world.cell.robot.hand.pad_poses(&links),
             joints: truth.hand,
             forces: truth.pad_forces,
         }))

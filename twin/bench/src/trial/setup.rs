@@ -9,7 +9,6 @@ use control::percept::Percept;
 use control::perception::KnownObject;
 use control::policy::Reordered;
 use grasping::Repertoire;
-use hand_model::CAMERAS;
 use hand_model::robot::{TactileFrame, TactileImage};
 use proving::ball_sizes;
 use proving::plan::{Plan, PlannedGrasps, Plans};
@@ -154,7 +153,7 @@ impl<'a> Setup<'a> {
     pub fn drifting(mut self, bench: &Bench, combination: usize, trial: usize) -> Self {
         self.drift = bench.world.scenario.effects.pads.map(|pads| {
             let mut rng = Effect::Pads.stream(bench.seed, combination, trial);
-            Drift::new(pads.draw_rates(CAMERAS, &mut rng), pads.background_age)
+            Drift::new(pads.draw_rates(bench.world.cell.robot.hand.cameras.len(), &mut rng), pads.background_age)
         });
         self
     }
@@ -259,7 +258,7 @@ impl<'a> Setup<'a> {
             let (time, most) = FIRST_IMAGES;
             for _ in 0..most {
                 run.wait(time, None, None, watcher)?;
-                if run.snapshot.executive.newest_images().len() >= CAMERAS {
+                if run.snapshot.executive.newest_images().len() >= bench.world.cell.robot.hand.cameras.len() {
                     break;
                 }
             }
@@ -328,16 +327,16 @@ pub fn draw(bench: &Bench, combination: usize, trial: usize) -> Result<(TrialNoi
 
 /// Perception with the backgrounds that the body has shown.
 fn own_backgrounds(run: &Run, pipeline: &TouchPipeline) -> Result<TouchPipeline> {
-    Ok(pipeline.with_backgrounds(backgrounds(run.snapshot.executive.newest_images())?)?)
+    Ok(pipeline.with_backgrounds(backgrounds(run.snapshot.executive.newest_images(), pipeline.backgrounds().len())?)?)
 }
 
-/// One image a camera, of untouched pads.
-pub fn backgrounds(frames: &[TactileFrame]) -> Result<Vec<Arc<TactileImage>>> {
+/// One image of each of so many cameras, of untouched pads.
+pub fn backgrounds(frames: &[TactileFrame], cameras: usize) -> Result<Vec<Arc<TactileImage>>> {
     let image = |camera: usize| {
         let frame = frames.iter().rev().find(|frame| frame.camera == camera);
         frame.map(|frame| frame.image.clone()).with_context(|| {
             format!("camera {camera}: found no image of its untouched pad, expected one before anything was touched")
         })
     };
-    (0..CAMERAS).map(image).collect()
+    (0..cameras).map(image).collect()
 }

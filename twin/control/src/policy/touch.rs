@@ -255,7 +255,7 @@ impl<'a> Touch<'a> {
         let uncertainty = self.uncertainty(1);
         let situation = Situation {
             executive,
-            hand: &self.knowledge.cell.hand,
+            hand: &self.knowledge.cell.robot.hand,
             held: &held,
             rehearsed: first.held.zip(first.held_joints.as_deref()),
             target: &self.solids[1],

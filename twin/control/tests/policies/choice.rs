@@ -31,7 +31,7 @@ fn with_bar_at(x: f64) -> (bool, f64) {
         digits,
         sigma: 0.001,
     };
-    let hand = &table.cell.hand;
+    let hand = &table.cell.robot.hand;
     let belief = Belief::new(&Uncertainty::standard());
     let situation = Situation {
         executive: &executive,
@@ -112,7 +112,7 @@ fn with_twin(rehearsals: [fn(&Vector3<f64>) -> TryOutcome; 2], twin: Option<&dyn
     let covariance = nalgebra::Matrix6::zeros();
     let situation = Situation {
         executive: &executive,
-        hand: &table.cell.hand,
+        hand: &table.cell.robot.hand,
         held: &held,
         rehearsed: None,
         target: &target,

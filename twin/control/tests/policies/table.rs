@@ -16,7 +16,7 @@ use grasping::{Grasp, Repertoire, Role};
 use hand_model::pads::IMAGE_SIZE;
 use hand_model::robot::{Observation, TactileImage};
 use hand_model::transmission::friction::CableFriction;
-use hand_model::{Arm, Hand};
+use hand_model::{Arm, RobotModel};
 use nalgebra::{Isometry3, Translation3};
 use touch::{PhotometricCalibration, TouchPipeline};
 use world::Sensing;
@@ -63,12 +63,8 @@ pub struct Table {
 
 impl Table {
     pub fn new() -> Self {
-        let mut cell = Workcell {
-            hand: Arc::new(Hand::ftac()),
-            arm: Arc::new(Arm::gen3()),
-            world_from_base: Isometry3::identity(),
-            ready: Arm::home(),
-        };
+        let mut cell =
+            Workcell { robot: RobotModel::ftac_gen3(), world_from_base: Isometry3::identity(), ready: Arm::home() };
         let level = grasp(0, FIRST, Role::First, [0.0; 3], 1.0).palm_rotation(0.0);
         let above = Isometry3::from_parts(Translation3::new(0.55, 0.0, 0.30), level);
         cell.ready = cell.posture(&above, &Arm::home()).expect("within reach");
@@ -79,8 +75,8 @@ impl Table {
         repertoire.insert(grasp(1, FIRST, Role::First, [-0.02, 0.09, -0.05], 0.9));
         let image = Arc::new(TactileImage { rgb: vec![100; 3 * IMAGE_SIZE * IMAGE_SIZE] });
         let calibration = PhotometricCalibration { version: 1, configurations: Default::default() };
-        let backgrounds = vec![image; cell.hand.cameras.len()];
-        let pipeline = TouchPipeline::new(&cell.hand, calibration, backgrounds).expect("made");
+        let backgrounds = vec![image; cell.robot.hand.cameras.len()];
+        let pipeline = TouchPipeline::new(&cell.robot.hand, calibration, backgrounds).expect("made");
         Self { known: KnownObject::new(objects[0].clone()), cell, library, repertoire, objects, pipeline }
     }
 
@@ -110,7 +106,7 @@ impl Table {
         let protocol = Protocol { lift: 0.12, carry: 0.1, hold: 0.5, limits, friction };
         let grasps = [(first, self.percept(0)), (self.second()[0].grasp.clone(), self.percept(1))];
         let [first, second] = grasps;
-        Executive::new(self.cell.hand.clone(), servo, protocol, first, second, TICK).expect("a path")
+        Executive::new(self.cell.robot.hand.clone(), servo, protocol, first, second, TICK).expect("a path")
     }
 
     pub fn knowledge(&self) -> Knowledge<'_> {

@@ -4,7 +4,7 @@ use control::motion::CLOSING_TIME;
 use control::motion::tension::{against_friction, approach_tension, closing_tension};
 use grasping::Grasp;
 use hand_model::robot::{ArmState, RobotBackend};
-use hand_model::{ARM_JOINTS, Arm, Hand};
+use hand_model::{ARM_JOINTS, RobotModel};
 
 use super::{Means, Player};
 use crate::arm_load::{bears, force_on_palm};
@@ -45,7 +45,7 @@ impl<R: RobotBackend> Player<'_, R> {
     pub(super) fn weigh(
         &mut self,
         means: &Means,
-        own: (&Hand, &Arm),
+        own: &RobotModel,
         (weight, part): (&Weight, Part),
         goes_on: &mut impl FnMut(&mut R) -> bool,
     ) -> Ended {
@@ -62,7 +62,7 @@ impl<R: RobotBackend> Player<'_, R> {
     fn lift(
         &mut self,
         means: &Means,
-        own: (&Hand, &Arm),
+        own: &RobotModel,
         weight: &Weight,
         goes_on: &mut impl FnMut(&mut R) -> bool,
     ) -> Ended {
@@ -125,7 +125,7 @@ impl<R: RobotBackend> Player<'_, R> {
     fn pick_up(
         &mut self,
         means: &Means,
-        own: (&Hand, &Arm),
+        own: &RobotModel,
         way: &PickUp,
         goes_on: &mut impl FnMut(&mut R) -> bool,
     ) -> Ended {
@@ -169,9 +169,9 @@ impl<R: RobotBackend> Player<'_, R> {
             let wanted: [f64; 5] = std::array::from_fn(|digit| {
                 if time < 0.0 { grasp.pre_tension[digit] } else { closing_tension(grasp, digit, time) }
             });
-            let wanted = against_friction(means.hand, &means.friction, &self.servos, &wanted);
+            let wanted = against_friction(&means.robot.hand, &means.friction, &self.servos, &wanted);
             approach_tension(pull, &wanted, tick);
-            self.grip = Some(means.hand.servo_goals(pull, grasp.opposition, OPPOSITION_CURRENT));
+            self.grip = Some(means.robot.hand.servo_goals(pull, grasp.opposition, OPPOSITION_CURRENT));
             if !self.tick(goes_on) {
                 return false;
             }

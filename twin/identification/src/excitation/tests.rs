@@ -1,6 +1,7 @@
 use std::path::Path;
 
 use hand_model::robot::{Observation, Readings, Tick};
+use hand_model::{Arm, RobotModel};
 
 use super::*;
 
@@ -59,12 +60,11 @@ fn script() -> Script {
 
 /// How an excitation of `robot` ends, and the steps that were done.
 fn played(mut robot: Limited) -> (Result<bool, ExcitationError>, Vec<usize>) {
-    let (hand, arm, script) = (Hand::ftac(), Arm::gen3(), script());
+    let (model, script) = (RobotModel::ftac_gen3(), script());
     let text = include_str!("../../../bench/data/calibration.json");
     let pads = PhotometricCalibration::parse(text, Path::new("calibration.json")).expect("a calibration");
     let friction = CableFriction::NONE;
-    let means =
-        Means { hand: &hand, arm: &arm, pads: &pads, script: &script, grasps: &[], friction, ready: Arm::home() };
+    let means = Means { robot: &model, pads: &pads, script: &script, grasps: &[], friction, ready: Arm::home() };
     let mut done = Vec::new();
     let heard = |progress| {
         if let Progress::Done(step) = progress {

@@ -78,7 +78,7 @@ struct Seen {
 
 fn lead(world: &World, edge: &Edge) -> Result<Seen> {
     let mut servo: ArmServo = world.cell.arm_servo(world.cell.ready)?;
-    let arm = &world.cell.arm;
+    let arm = &world.cell.robot.arm;
     let mut seen = Seen {
         name: edge.name,
         speed: 0.0,

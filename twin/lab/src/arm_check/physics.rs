@@ -35,10 +35,11 @@ fn potential(world: &World, q: &Joints, load: f64) -> f64 {
     let kinematics = world.cell.kinematics();
     let links = kinematics.link_poses(q);
     let palm = kinematics.palm_pose(q);
-    let fingers = world.cell.hand.tree.forward(&[0.0; HAND_JOINTS]);
-    let arm: f64 = links.iter().zip(&world.cell.arm.masses).map(|(pose, m)| m.mass * (pose * m.com).z).sum();
-    let hand: f64 = fingers.iter().zip(&world.cell.hand.masses).map(|(pose, m)| m.mass * (palm * pose * m.com).z).sum();
-    let body = &world.cell.hand.palm_mass;
+    let fingers = world.cell.robot.hand.tree.forward(&[0.0; HAND_JOINTS]);
+    let arm: f64 = links.iter().zip(&world.cell.robot.arm.masses).map(|(pose, m)| m.mass * (pose * m.com).z).sum();
+    let hand: f64 =
+        fingers.iter().zip(&world.cell.robot.hand.masses).map(|(pose, m)| m.mass * (palm * pose * m.com).z).sum();
+    let body = &world.cell.robot.hand.palm_mass;
     let held = palm * nalgebra::Point3::new(0.0, -0.02, -0.03);
     9.81 * (arm + hand + body.mass * (palm * body.com).z + load * held.z)
 }
@@ -58,18 +59,18 @@ pub fn weight_torques(world: &World, q: &Joints, load: f64) -> Joints {
 
 fn robot(world: &World, q: &Joints) -> SimulatedRobot {
     let setup = SceneSetup::ideal(world.cell.world_from_base, *q);
-    SimulatedRobot::new(world.cell.hand.clone(), world.cell.arm.clone(), &setup, TactileBoard::blank())
+    SimulatedRobot::new(&world.cell.robot, &setup, TactileBoard::blank())
 }
 
 /// Random postures within the limits that touch neither themselves nor the table.
 fn postures(world: &World, seed: u64) -> Result<Vec<Joints>> {
     let kinematics = world.cell.kinematics();
-    let bodies = ArmBodies::new(&kinematics, &world.cell.hand);
+    let bodies = ArmBodies::new(&kinematics, &world.cell.robot.hand);
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut found = Vec::new();
     for _ in 0..200 * POSTURES {
         let q: Joints = std::array::from_fn(|i| {
-            let joint = &world.cell.arm.tree.joints[i];
+            let joint = &world.cell.robot.arm.tree.joints[i];
             let reach = if joint.upper.is_finite() { joint.upper - 0.1 } else { std::f64::consts::PI };
             rng.random_range(-reach..reach)
         });
@@ -87,7 +88,7 @@ fn postures(world: &World, seed: u64) -> Result<Vec<Joints>> {
 /// Holds `q`; the largest sag (rad) and the largest difference of the torques from the weight's (N m).
 fn hold(world: &World, q: &Joints) -> (f64, f64) {
     let mut robot = robot(world, q);
-    let servos = tension_goals(&world.cell.hand, &[0.0; 5], 0.0);
+    let servos = tension_goals(&world.cell.robot.hand, &[0.0; 5], 0.0);
     while robot.wait_for_tick().time < HOLD {
         robot.send(&Command { arm: *q, servos, capture: false });
     }
@@ -103,14 +104,14 @@ fn jump(world: &World) -> (f64, f64, f64) {
     // Towards the middle of each joint's range, so that no limit keeps a joint from its goal.
     let goal: Joints = std::array::from_fn(|i| start[i] + if start[i] > 0.0 { -JUMP } else { JUMP });
     let mut robot = robot(world, &start);
-    let servos = tension_goals(&world.cell.hand, &[0.0; 5], 0.0);
+    let servos = tension_goals(&world.cell.robot.hand, &[0.0; 5], 0.0);
     let (mut fastest, mut past, mut there) = (0.0f64, 0.0f64, 0.0);
     while robot.observe().time < 3.0 {
         robot.send(&Command { arm: goal, servos, capture: false });
         let time = robot.wait_for_tick().time;
         let arm = robot.observe().arm;
         for i in 0..ARM_JOINTS {
-            fastest = fastest.max(arm.velocity[i].abs() / world.cell.arm.velocity_limits[i]);
+            fastest = fastest.max(arm.velocity[i].abs() / world.cell.robot.arm.velocity_limits[i]);
             past = past.max((arm.position[i] - goal[i]) * (goal[i] - start[i]).signum());
             if (arm.position[i] - goal[i]).abs() > 0.01 {
                 there = time;
@@ -128,7 +129,7 @@ pub fn rows(world: &World, seed: u64) -> Result<Vec<Row>> {
     let share = |load: f64| {
         let of = |q: &Joints| {
             let torques = weight_torques(world, q, load);
-            (0..ARM_JOINTS).map(|i| torques[i].abs() / world.cell.arm.effort_limits[i]).fold(0.0, f64::max)
+            (0..ARM_JOINTS).map(|i| torques[i].abs() / world.cell.robot.arm.effort_limits[i]).fold(0.0, f64::max)
         };
         (of(&world.cell.ready), postures.iter().map(of).filter(|share| *share <= 1.0).count())
     };

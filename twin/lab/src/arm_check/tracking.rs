@@ -86,8 +86,8 @@ struct Followed {
 fn follow(world: &World, motion: &Motion<'_>) -> Result<Followed> {
     let mut servo = world.cell.arm_servo(world.cell.ready)?;
     let setup = SceneSetup::ideal(world.cell.world_from_base, world.cell.ready);
-    let mut robot = SimulatedRobot::new(world.cell.hand.clone(), world.cell.arm.clone(), &setup, TactileBoard::blank());
-    let servos = tension_goals(&world.cell.hand, &[0.0; 5], 0.0);
+    let mut robot = SimulatedRobot::new(&world.cell.robot, &setup, TactileBoard::blank());
+    let servos = tension_goals(&world.cell.robot.hand, &[0.0; 5], 0.0);
     let tick = robot.tick_length();
     let mut out = Followed {
         name: motion.name,

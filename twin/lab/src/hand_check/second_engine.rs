@@ -9,7 +9,7 @@ use std::time::Instant;
 use anyhow::{Context, Result};
 use hand_model::robot::{Command, ServoGoal};
 use hand_model::transmission::friction::CableFriction;
-use hand_model::{ARM_JOINTS, Arm, Hand};
+use hand_model::{ARM_JOINTS, Arm, Hand, RobotModel};
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use platform::data::write_whole;
 use serde_json::{Value, json};
@@ -219,8 +219,8 @@ fn run(hand: &Arc<Hand>, test: &StandTest, refine: bool) -> Value {
 }
 
 /// Arm and hand above a table with two objects on it: the whole scene, for its speed.
-fn whole(hand: &Arc<Hand>, folder: &Path) -> Result<Value> {
-    let arm = Arc::new(Arm::gen3());
+fn whole(robot: &RobotModel, folder: &Path) -> Result<Value> {
+    let RobotModel { hand, arm, .. } = robot;
     let objects = ObjectSet::standard();
     let start: [f64; ARM_JOINTS] = Arm::home();
     let placed: Vec<(Arc<ObjectModel>, Isometry3<f64>)> = objects
@@ -240,7 +240,7 @@ fn whole(hand: &Arc<Hand>, folder: &Path) -> Result<Value> {
     let settings = EngineSettings::default();
     let scene = Scene {
         hand,
-        arm: Some((&*arm, start)),
+        arm: Some((arm, start)),
         props: &props,
         start: None,
         gravity: Vector3::new(0.0, 0.0, -9.81),
@@ -252,7 +252,7 @@ fn whole(hand: &Arc<Hand>, folder: &Path) -> Result<Value> {
         engine: settings,
         ..SceneSetup::ideal(Isometry3::identity(), start)
     };
-    let mut robot = SimulatedRobot::new(hand.clone(), arm, &setup, TactileBoard::blank());
+    let mut robot = SimulatedRobot::new(robot, &setup, TactileBoard::blank());
     let tensions = [4.0; 5];
     let servos: [ServoGoal; 6] = tension_goals(hand, &tensions, 0.5);
     let clock = Instant::now();
@@ -274,7 +274,8 @@ fn whole(hand: &Arc<Hand>, folder: &Path) -> Result<Value> {
 
 /// Writes the scenes to `folder`: an MJCF file each, and `scenes.json`. `friction` is that of ball, cylinder and box. `refine` adds
 /// closings with shorter steps, which take a minute.
-pub fn export(hand: &Arc<Hand>, folder: &Path, friction: f64, refine: bool) -> Result<()> {
+pub fn export(robot: &RobotModel, folder: &Path, friction: f64, refine: bool) -> Result<()> {
+    let hand = &robot.hand;
     std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
     let settings = EngineSettings::default();
     let mut scenes = Vec::new();
@@ -301,7 +302,7 @@ pub fn export(hand: &Arc<Hand>, folder: &Path, friction: f64, refine: bool) -> R
         "shaft_stiffness": sim::drive::OPPOSITION_STIFFNESS,
         "cable": { "spool_radius": cable.spool_radius, "stiffness": cable.stiffness },
         "scenes": scenes,
-        "whole": whole(hand, folder)?,
+        "whole": whole(robot, folder)?,
     });
     Ok(write_whole(&folder.join("scenes.json"), serde_json::to_string_pretty(&text)?.as_bytes())?)
 }

@@ -35,8 +35,8 @@ pub struct GelResponse {
 }
 
 /// The paper's probe on its gel, on the hand's, and on the two gels that explain their difference.
-pub fn gel_responses() -> Vec<GelResponse> {
-    let winkler = Foundation::winkler(&Hand::ftac().gel());
+pub fn gel_responses(hand: &Hand) -> Vec<GelResponse> {
+    let winkler = Foundation::winkler(&hand.gel());
     let stiff = Foundation { modulus: WINKLER_LIKE_PAPER, ..winkler };
     let (modulus, thickness) = (winkler.modulus, winkler.thickness);
     let on =
@@ -168,7 +168,7 @@ mod tests {
 
     #[test]
     fn the_papers_law_is_told_from_a_softer_one() {
-        let mut rows = gel_responses();
+        let mut rows = gel_responses(&Hand::ftac());
         assert!(reproduces_paper(&rows));
         rows[0].below_50_kpa = rows[1].below_50_kpa;
         assert!(!reproduces_paper(&rows), "the Winkler gel's sensitivity is not the paper's");

@@ -3,7 +3,8 @@
 use std::sync::Arc;
 
 use anyhow::Result;
-use hand_model::Hand;
+use bench::builtin::calibration_of;
+use hand_model::{Hand, RobotModel};
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use serde::Serialize;
 use sim::engine::EngineSettings;
@@ -65,10 +66,10 @@ struct Grips {
 }
 
 /// Grips every object at every tension.
-pub fn grip_all() -> Result<Vec<PadForce>> {
-    let hand = Arc::new(Hand::ftac());
+pub fn grip_all(robot: &RobotModel) -> Result<Vec<PadForce>> {
+    let hand = robot.hand.clone();
     let board = TactileBoard::unit(&hand, UNIT);
-    let calibration = bench::builtin::builtin_calibration()?;
+    let calibration = calibration_of(robot)?;
     let touch = TouchPipeline::new(&hand, calibration, board.backgrounds())?;
     let grips = Grips { hand, board, touch };
     let block = Shape::Cuboid { half: Vector3::new(0.02, 0.02, 0.05), radius: 0.002 };

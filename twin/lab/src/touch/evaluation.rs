@@ -75,9 +75,9 @@ pub fn under_changes(
     std::iter::once(&Change::NONE)
         .chain(changes)
         .map(|change| {
-            let hand = &bench.world.cell.hand;
+            let hand = &bench.world.cell.robot.hand;
             let eyes = [Eyes::new(hand, HAND_UNIT, change)?, Eyes::new(hand, HAND_UNIT + 1, change)?];
-            let look_up = look_up_touch(hand, eyes[0].backgrounds())?;
+            let look_up = look_up_touch(&bench.world.cell.robot, eyes[0].backgrounds())?;
             let sampled: Vec<Sampled> = unseen(&eyes, bench.seed)?;
             let normals = Method::ALL
                 .map(|method| Ok((method, measure(&sampled, &eyes, &networks.pipeline(&look_up, method))?)))

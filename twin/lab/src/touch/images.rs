@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use bench::trial::HeldGrasp;
+use hand_model::Hand;
 use hand_model::robot::{TactileFrame, TactileImage};
-use hand_model::{CAMERAS, Hand};
 use nalgebra::Isometry3;
 use optics::{IndentationMap, SensorModel};
 use rand::{RngExt, SeedableRng};
@@ -82,7 +82,7 @@ impl Eyes {
         let board = self.board.with_noise(seed);
         let Some((pads, trials)) = &self.drift else { return board };
         let mut rng = Effect::Pads.stream(*trials, grasp.combination, grasp.trial);
-        board.drifting(Drift::new(pads.draw_rates(CAMERAS, &mut rng), pads.background_age))
+        board.drifting(Drift::new(pads.draw_rates(self.hand.cameras.len(), &mut rng), pads.background_age))
     }
 
     /// Frames of the untouched pads from before a grasp's trial, where cameras drift; `seed` draws the noise.

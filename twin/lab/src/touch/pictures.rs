@@ -6,8 +6,8 @@ use anyhow::{Context, Result};
 use bench::recording::drawn;
 use bench::trial::{Bench, HeldGrasp};
 use control::perception::trusted;
+use hand_model::Hand;
 use hand_model::pads::{Camera, IMAGE_SIZE as N};
-use hand_model::{CAMERAS, Hand};
 use image::imageops::{self, FilterType};
 use image::{Rgb, RgbImage};
 use report::picture::text;
@@ -40,10 +40,10 @@ pub fn write(bench: &Bench, eyes: &Eyes, grasps: &[HeldGrasp], folder: &Path) ->
         shown.push(&grasp.object);
         let known = &bench.known[&grasp.object];
         let frames = eyes.look(grasp, &known.model.shape, bench.seed ^ (n as u64) << 20);
-        let touches = bench.pipeline.perceive_frames(&frames, &[None; CAMERAS])?.touches;
+        let touches = bench.pipeline.perceive_frames(&frames, &[])?.touches;
         let estimate =
             bench.pipeline.estimate_pose(&touches, grasp.readings(&grasp.servos()), &trusted(grasp.expected), known)?;
-        let hand = &bench.world.cell.hand;
+        let hand = &bench.world.cell.robot.hand;
         let raw = |camera: usize| frames.iter().find(|frame| frame.camera == camera).map(|frame| &frame.image.rgb);
         let sheet = sheet(hand, &touches, raw);
         let path = |kind: &str| folder.join(format!("felt_{}.{kind}", grasp.object));

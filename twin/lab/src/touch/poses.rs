@@ -6,7 +6,6 @@ use std::time::Instant;
 use anyhow::Result;
 use bench::trial::{Bench, HeldGrasp};
 use control::perception::{KnownObject, trusted};
-use hand_model::CAMERAS;
 use nalgebra::{Isometry3, Matrix3, UnitQuaternion};
 use scenarios::statistics::percentile;
 use serde::Serialize;
@@ -140,7 +139,7 @@ pub fn feel(
             let (prior, servos) = (trusted(grasp.expected), grasp.servos());
             let readings = grasp.readings(&servos);
             let begun = Instant::now();
-            let mut touches = pipeline.perceive_frames(&frames, &[None; CAMERAS])?.touches;
+            let mut touches = pipeline.perceive_frames(&frames, &[])?.touches;
             pipeline.mark_own(&mut touches, readings, &[InHand { shape: known, prior }])?;
             let perceived = begun.elapsed();
             let estimate = pipeline.estimate_pose(&touches, readings, &prior, known)?;

@@ -4,8 +4,8 @@
 use std::path::Path;
 
 use anyhow::{Context, Result};
-use bench::builtin::builtin_calibration;
-use hand_model::Hand;
+use bench::builtin::calibration_of;
+use hand_model::RobotModel;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use report::plot::Plot;
@@ -28,7 +28,7 @@ const HELD_OUT: usize = 10;
 #[derive(Debug, Clone, Copy)]
 pub enum TrainingSource<'a> {
     /// Renders of so many presses into the hand's pads.
-    Pads { presses: usize },
+    Pads { robot: &'a RobotModel, presses: usize },
     /// Renders of so many presses into the sensor that a calibration file describes.
     Sensor { file: &'a Path, presses: usize },
     /// The even-numbered presses of a ball into a real sensor; the ball's diameter and a pixel's size in m.
@@ -68,19 +68,25 @@ impl TrainingSet {
                 })?;
                 Self::of_sensor(presses, likeness.pixel, crops, seed)
             }
-            TrainingSource::Pads { presses } => Self::of_pads(presses, crops, seed, rendered),
+            TrainingSource::Pads { robot, presses } => Self::of_pads(robot, presses, crops, seed, rendered),
         }
     }
 
-    fn of_pads(presses: usize, crops: usize, seed: u64, rendered: impl Fn() + Send + Sync) -> Result<Self> {
+    fn of_pads(
+        robot: &RobotModel,
+        presses: usize,
+        crops: usize,
+        seed: u64,
+        rendered: impl Fn() + Send + Sync,
+    ) -> Result<Self> {
         let reliefs = seen();
-        let hand = Hand::ftac();
-        let calibration = builtin_calibration()?;
+        let hand = &robot.hand;
+        let calibration = calibration_of(robot)?;
         let boards: Vec<TactileBoard> = (UNITS.0..UNITS.0 + UNITS.1)
-            .map(|serial| TactileBoard::changed(&hand, serial, |_, model| model.noise = NOISE))
+            .map(|serial| TactileBoard::changed(hand, serial, |_, model| model.noise = NOISE))
             .collect::<Result<_, _>>()?;
         let cuts = each(presses, |n| {
-            let press = drawn_press(&hand, &boards, &reliefs, n, seed)?;
+            let press = drawn_press(hand, &boards, &reliefs, n, seed)?;
             let camera = &hand.cameras[press.camera];
             let configuration = hand.pads[camera.pad].configuration;
             let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x6375_7473 ^ (n as u64) << 32);
@@ -135,7 +141,8 @@ mod tests {
 
     #[test]
     fn every_tenth_press_is_held_out() {
-        let presses = TrainingSource::Pads { presses: 10 };
+        let robot = RobotModel::ftac_gen3();
+        let presses = TrainingSource::Pads { robot: &robot, presses: 10 };
         let set = TrainingSet::make(presses, 2, 5, || ()).expect("squares");
         assert!(set.held_out.len() <= 2 && !set.samples.is_empty() && set.samples.len() <= 18);
         assert!(set.conditioning.is_none(), "the pads' photometric models are those that come with the program");

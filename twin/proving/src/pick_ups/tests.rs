@@ -1,3 +1,4 @@
+use hand_model::RobotModel;
 use nalgebra::{Isometry3, UnitQuaternion};
 use scenarios::Scenario;
 use world::geometry::Shape;
@@ -5,7 +6,7 @@ use world::geometry::Shape;
 use super::*;
 
 fn object(name: &str) -> ObjectModel {
-    let world = World::new(Scenario::benchmark()).expect("the world");
+    let world = World::new(&RobotModel::ftac_gen3(), Scenario::benchmark()).expect("the world");
     (*world.object(name).expect("known")).clone()
 }
 
@@ -37,7 +38,7 @@ fn yaw_matters_unless_the_object_is_a_ball() {
 /// The centre of what rests on the table is as high as the extent says, for every object of the benchmark.
 #[test]
 fn the_vertical_extent_is_the_rest_height() {
-    let world = World::new(Scenario::benchmark()).expect("the world");
+    let world = World::new(&RobotModel::ftac_gen3(), Scenario::benchmark()).expect("the world");
     for name in world.scenario.objects() {
         let object = world.object(&name).expect("known");
         let pose = Isometry3::from_parts(Vector3::z().scale(object.rest_height()).into(), object.rest);

@@ -14,7 +14,7 @@ const SURE: f64 = 0.95;
 
 /// Plans those of the `plans` the other way round in which nothing is sure; shows a progress bar unless `quiet`.
 pub fn rehearse(world: &World, repertoire: &Repertoire, plans: &mut Plans, quiet: bool) -> Result<()> {
-    let board = TactileBoard::unit(&world.cell.hand, 0);
+    let board = TactileBoard::unit(&world.cell.robot.hand, 0);
     plans.try_each("plans reversed", quiet, |plan| rehearse_one(world, repertoire, &board, plan))
 }
 

@@ -99,14 +99,14 @@ fn aim_error(noise: &TrialNoise, heading: f64) -> Vector3<f64> {
 /// Tries the second grasps of all `plans` under errors, in the place of what they knew; shows a progress bar unless `quiet`. Takes
 /// a minute of a core for each plan.
 pub fn rehearse(world: &World, repertoire: &Repertoire, plans: &mut Plans, quiet: bool) -> Result<()> {
-    let board = TactileBoard::unit(&world.cell.hand, 0);
+    let board = TactileBoard::unit(&world.cell.robot.hand, 0);
     let rehearsals = Rehearsals::new(world, &board);
     plans.try_each("plans tried", quiet, |plan| rehearsals.rehearse(repertoire, plan))
 }
 
 /// The same after other first grasps, for those of the `plans` none of whose second grasps goes well.
 pub fn rehearse_others(world: &World, repertoire: &Repertoire, plans: &mut Plans, quiet: bool) -> Result<()> {
-    let board = TactileBoard::unit(&world.cell.hand, 0);
+    let board = TactileBoard::unit(&world.cell.robot.hand, 0);
     let rehearsals = Rehearsals::new(world, &board);
     plans.try_each("plans tried", quiet, |plan| {
         plan.others = rehearsals.others(repertoire, plan)?;

@@ -31,7 +31,7 @@ const FIRST_NUMBER: u32 = 1_000_000;
 
 /// Looks for variations for those of the `plans` none of whose second grasps goes well; shows a progress bar unless `quiet`.
 pub fn rehearse(world: &World, repertoire: &Repertoire, plans: &mut Plans, quiet: bool) -> Result<()> {
-    let board = TactileBoard::unit(&world.cell.hand, 0);
+    let board = TactileBoard::unit(&world.cell.robot.hand, 0);
     plans.try_each("plans varied", quiet, |plan| rehearse_one(world, repertoire, &board, plan))
 }
 

@@ -40,7 +40,7 @@ pub struct Without {
 /// Plans the combinations of `plans` anew without `digits`.
 pub fn plan_without(world: &World, repertoire: &Repertoire, plans: &Plans, digits: &[Digit]) -> Result<Without> {
     let slack = masked(repertoire, digits);
-    let board = TactileBoard::unit(&world.cell.hand, 0);
+    let board = TactileBoard::unit(&world.cell.robot.hand, 0);
     let made: Vec<Result<Planned>> =
         plans.plans.par_iter().map(|plan| plan_one(world, &slack, plan, digits, &board)).collect();
     let mut without = Without { repertoire: slack.clone(), plans: plans.clone(), impossible: Default::default() };

@@ -1,3 +1,4 @@
+use hand_model::RobotModel;
 use std::path::Path;
 
 use scenarios::Combination;
@@ -27,16 +28,20 @@ fn world(mass: f64, side: f64) -> World {
         shape.box = {{ size = [{side}, {side}, {side}], rounding = 0.001 }}
         "#
     );
-    World::new(Scenario::parse(&text, Path::new("my.toml")).expect("a scenario")).expect("a world")
+    World::new(&RobotModel::ftac_gen3(), Scenario::parse(&text, Path::new("my.toml")).expect("a scenario"))
+        .expect("a world")
 }
 
 /// Objects are searched for grasps in the roles in which the scenario names them; those that come with the program are not.
 #[test]
 fn own_objects_are_searched_in_their_roles() {
     let world = world(0.1, 0.05);
-    let wanted: Vec<(&str, Role)> =
-        searches(&world).into_iter().map(|(object, role)| (object.name.as_str(), role)).collect();
-    assert_eq!(wanted, [("my_ball", Role::First), ("my_cube", Role::Second)]);
+    let wanted = |builtin: bool| -> Vec<(&str, Role)> {
+        searches(&world, builtin).into_iter().map(|(object, role)| (object.name.as_str(), role)).collect()
+    };
+    assert_eq!(wanted(true), [("my_ball", Role::First), ("my_cube", Role::Second)]);
+    // For a robot of one's own nothing is known.
+    assert!(wanted(false).contains(&("golf_ball", Role::First)) && wanted(false).len() > 2, "{:?}", wanted(false));
 }
 
 /// A plan is found again for the same things and grasps only.

@@ -1,4 +1,5 @@
 use grasping::Role;
+use hand_model::RobotModel;
 use nalgebra::{Point3, UnitQuaternion, Vector3};
 use scenarios::noise::ObjectNoise;
 
@@ -79,10 +80,10 @@ fn proving_errors_are_fixed() {
 /// An object counts as in the hand only if it is touched, off the table, near the palm and lifted.
 #[test]
 fn in_hand_needs_every_condition() {
-    let world = World::new(scenarios::Scenario::benchmark()).expect("the world");
+    let world = World::new(&RobotModel::ftac_gen3(), scenarios::Scenario::benchmark()).expect("the world");
     let objects = [world.object("golf_ball").expect("known"), world.object("egg").expect("known")];
     let scene = world.scene(&objects, world.cell.ready, &TrialNoise::none());
-    let robot = SimulatedRobot::new(world.cell.hand.clone(), world.cell.arm.clone(), &scene, TactileBoard::blank());
+    let robot = SimulatedRobot::new(&world.cell.robot, &scene, TactileBoard::blank());
     let mut truth = robot.truth();
     truth.objects[0] = truth.palm * Isometry3::translation(0.0, 0.0, -0.05);
     truth.objects[0].rotation = UnitQuaternion::identity();

@@ -24,19 +24,18 @@ use super::synthesizer::SURFACE_POINTS;
 /// What is known of a grasp that is closed again: metrics of the evaluation.
 const METRICS: [&str; 2] = ["margin", "contacts"];
 
-/// An evaluation for each object of `file`, or for `object` alone.
-pub fn evaluate(file: &GraspFile, object: Option<&str>) -> Result<Vec<Evaluation>> {
+/// An evaluation for each object of `file`, or for `object` alone; `own` is the hand of grasps that are not another URDF's.
+pub fn evaluate(own: &Arc<Hand>, file: &GraspFile, object: Option<&str>) -> Result<Vec<Evaluation>> {
     let wanted = |name: &str| object.is_none_or(|object| object == name);
     match &file.grasps {
         Grasps::Ours(collection) => {
-            let hand = Arc::new(Hand::ftac());
-            let surface = HandSurface::new(&hand, SURFACE_POINTS);
+            let surface = HandSurface::new(own, SURFACE_POINTS);
             let entries = collection.objects.iter().filter(|entry| wanted(&entry.summary.object));
             entries
                 .map(|entry| {
                     let loads: Vec<(f64, f64)> = entry.grasps.iter().map(verified_for).collect();
                     of_object(file, &entry.summary.object, &entry.grasps, &loads, |subject, grasp| {
-                        ours(&hand, &surface, subject, grasp)
+                        ours(own, &surface, subject, grasp)
                     })
                 })
                 .collect()

@@ -5,9 +5,11 @@
 
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::Arc;
 
 use anyhow::{Context, Result, ensure};
 use grasping::synthesis::held::{pose_from_array, pose_to_array, values};
+use hand_model::Hand;
 use indicatif::ProgressBar;
 use nalgebra::Point3;
 use platform::file::write_whole;
@@ -24,8 +26,8 @@ use super::synthesizer::{Request, Synthesizer};
 
 /// A hand of the comparison.
 pub enum ComparedHand {
-    /// Our own.
-    Ours,
+    /// Of cables, from a parameter file.
+    Ours(Arc<Hand>),
     /// From a URDF and what pulls on its joints.
     Any {
         hand: Box<Described>,
@@ -44,14 +46,14 @@ impl ComparedHand {
     /// The hand's name.
     pub fn name(&self) -> &str {
         match self {
-            Self::Ours => "F-TAC",
+            Self::Ours(_) => "F-TAC",
             Self::Any { hand, .. } => &hand.hand.name,
         }
     }
 
     fn files(&self) -> &str {
         match self {
-            Self::Ours => "",
+            Self::Ours(_) => "",
             Self::Any { files, .. } => files,
         }
     }
@@ -137,7 +139,7 @@ impl Cell {
             Err(error) => return Err(error).with_context(|| path.display().to_string()),
         }
         let made = match hand {
-            ComparedHand::Ours => ours(subject, asked, request)?,
+            ComparedHand::Ours(hand) => ours(hand.clone(), subject, asked, request)?,
             ComparedHand::Any { hand, .. } => other(hand, &subject, asked, request)?,
         };
         write_whole(&path, serde_json::to_string(&made)?.as_bytes())
@@ -151,8 +153,8 @@ impl Cell {
     }
 }
 
-fn ours(subject: Subject, asked: Asked, request: &Request) -> Result<Cell> {
-    let synthesizer = Synthesizer::new(subject, *request);
+fn ours(hand: Arc<Hand>, subject: Subject, asked: Asked, request: &Request) -> Result<Cell> {
+    let synthesizer = Synthesizer::new(hand, subject, *request);
     let (report, held) = search::search(&synthesizer, Start::default(), None, &ProgressBar::hidden())?;
     let best = held.iter().max_by(|a, b| a.margin.total_cmp(&b.margin)).map(|grasp| BestGrasp {
         palm_from_object: grasp.palm_from_object,

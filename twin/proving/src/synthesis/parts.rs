@@ -4,12 +4,14 @@
 //! grasps are taken in the order of their chains. A search that wants more goes on from one that wanted fewer.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use anyhow::Result;
 use grasping::synthesis::collection::{Collection, ObjectGrasps, Summary};
 use grasping::synthesis::diversity::{self, Diversity};
 use grasping::synthesis::grasp_file::{GraspWriter, Header};
 use grasping::synthesis::held::HeldGrasp;
+use hand_model::Hand;
 use indicatif::ProgressBar;
 
 use super::search::{self, Report, Start};
@@ -29,11 +31,11 @@ pub struct Part<'a> {
 
 impl Part<'_> {
     /// Goes on with the search until `request` is met, and answers with the object's grasps.
-    pub fn fill(&self, request: Request, progress: &ProgressBar) -> Result<ObjectGrasps> {
+    pub fn fill(&self, hand: &Arc<Hand>, request: Request, progress: &ProgressBar) -> Result<ObjectGrasps> {
         let (writer, kept) = self.open()?;
         let chain = kept.last().map_or(0, |grasp| grasp.chain + 1);
         let (report, grasps) = if kept.len() < request.enough {
-            let synthesizer = Synthesizer::new(Subject::named(self.object)?, request);
+            let synthesizer = Synthesizer::new(hand.clone(), Subject::named(self.object)?, request);
             search::search(&synthesizer, Start { chain, kept }, Some(writer), progress)?
         } else {
             (Report::default(), kept.into_iter().take(request.enough).collect())

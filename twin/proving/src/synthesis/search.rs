@@ -220,13 +220,17 @@ pub fn check_writable(path: &Path) -> Result<()> {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
+    use hand_model::Hand;
+
     use super::super::subject::Subject;
     use super::super::synthesizer::Request;
     use super::*;
 
     fn verified(threads: usize) -> (Verified, Vec<String>) {
         let request = Request { chains: 6, enough: usize::MAX, contacts: (5, 5), closings: 4, seed: 3, table: false };
-        let synthesizer = Synthesizer::new(Subject::named("ball").expect("the ball"), request);
+        let synthesizer = Synthesizer::new(Arc::new(Hand::ftac()), Subject::named("ball").expect("the ball"), request);
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("held.jsonl");
         let header = grasping::synthesis::grasp_file::Header::new(String::new(), 3);

@@ -117,9 +117,8 @@ pub fn table(model: &ObjectModel) -> Plane {
 }
 
 impl Synthesizer {
-    /// For one object.
-    pub fn new(subject: Subject, request: Request) -> Self {
-        let hand = Arc::new(Hand::ftac());
+    /// For a hand and one object.
+    pub fn new(hand: Arc<Hand>, subject: Subject, request: Request) -> Self {
         let surface = HandSurface::new(&hand, SURFACE_POINTS);
         Self { hand, surface, subject, request, schedule: Schedule::default() }
     }

@@ -4,7 +4,6 @@ use std::path::Path;
 
 use anyhow::{Context, Result};
 use grasping::synthesis::held::pose_from_array;
-use hand_model::Hand;
 use image::RgbImage;
 use nalgebra::{Isometry3, Point3, Vector3};
 use proving::synthesis::any::describe::Described;
@@ -31,29 +30,28 @@ const OUR_SPAN: [[f64; 2]; 2] = [[-0.06, -0.10], [0.07, 0.10]];
 /// Draws the sheet; `cells` are in the order of `hands`.
 pub fn write(hands: &[ComparedHand], cells: &[Cell], path: &Path) -> Result<()> {
     let set = ObjectSet::repertoire();
-    let ours = Hand::ftac();
     let mut pictures = Vec::new();
     for cell in cells {
         let hand = hands.iter().find(|hand| hand.name() == cell.asked.hand).context("a cell of no hand")?;
         let model = set.get(&cell.asked.object).context("a cell of no object")?;
-        pictures.push(picture(hand, &ours, model, cell));
+        pictures.push(picture(hand, model, cell));
     }
     save(&tile(&pictures, cells.len() / hands.len()), path)
 }
 
-fn picture(hand: &ComparedHand, ours: &Hand, model: &ObjectModel, cell: &Cell) -> RgbImage {
+fn picture(hand: &ComparedHand, model: &ObjectModel, cell: &Cell) -> RgbImage {
     let of = cell.rate();
     let caption = format!("{}\n{}\n{} of {}", cell.asked.hand, cell.asked.object, of.count, of.of);
     let Some(best) = &cell.best else {
         return Picture::new(SIZE, View::palm()).finish(&format!("{caption}\nno grasp held"));
     };
     let skin = match hand {
-        ComparedHand::Ours => Vec::new(),
+        ComparedHand::Ours(_) => Vec::new(),
         ComparedHand::Any { hand, .. } => skin(hand, &best.joints),
     };
     let mut picture = Picture::new(SIZE, view(&skin, model, best));
     match hand {
-        ComparedHand::Ours => picture.hand(ours, &best.joints),
+        ComparedHand::Ours(hand) => picture.hand(hand, &best.joints),
         ComparedHand::Any { .. } => draw(&mut picture, &skin),
     }
     let (vertices, triangles, normals) = model.shape.triangles();

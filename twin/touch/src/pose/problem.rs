@@ -4,7 +4,7 @@
 //! pressed pads by addition.
 
 use hand_model::transmission::CablePath;
-use hand_model::{HAND_JOINTS, Hand, PADS};
+use hand_model::{HAND_JOINTS, Hand};
 use nalgebra::{DVector, Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 
 use super::evidence::{ClearSpot, FeltPoint, LinkPatch, OwnContact, PressedPad, obstructed};
@@ -34,12 +34,12 @@ pub(super) enum Evidence {
 }
 
 /// Pose and posture.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub(super) struct State {
     pub pose: Isometry3<f64>,
     pub q: [f64; HAND_JOINTS],
     /// Offset of the object outwards from the measured heights of each pressed pad, m.
-    pub lift: [f64; PADS],
+    pub lift: Vec<f64>,
 }
 
 pub(super) struct Problem<'a> {
@@ -162,8 +162,7 @@ impl<'a> Problem<'a> {
 
     /// The initial state: the posture from the servos with the object at `pose`.
     pub fn start(&self, pose: Isometry3<f64>) -> State {
-        let mut lift = [0.0; PADS];
-        lift.iter_mut().zip(&self.pressed).for_each(|(lift, pad)| *lift = pad.lift);
+        let lift = self.pressed.iter().map(|pad| pad.lift).collect();
         State { pose, q: self.posture.q, lift }
     }
 
@@ -294,7 +293,7 @@ impl<'a> Problem<'a> {
     pub fn moved(&self, state: &State, step: &DVector<f64>) -> State {
         let rho = Vector3::new(step[0], step[1], step[2]);
         let phi = Vector3::new(step[3], step[4], step[5]);
-        let (mut q, mut lift) = (state.q, state.lift);
+        let (mut q, mut lift) = (state.q, state.lift.clone());
         let first = self.columns - self.pressed.len();
         lift.iter_mut().zip(step.iter().skip(first)).for_each(|(lift, step)| *lift += step);
         for (angle, column) in q.iter_mut().zip(&self.column) {

@@ -54,7 +54,7 @@ pub(super) fn screen(problem: &Problem, prior: &PosePrior, state: &State, keep: 
             kept.push((cost, pose));
         }
     }
-    kept.into_iter().map(|(_, pose)| State { pose, ..*state }).collect()
+    kept.into_iter().map(|(_, pose)| State { pose, ..state.clone() }).collect()
 }
 
 /// Unit vectors spread evenly over the sphere (a golden spiral of 36).

@@ -15,6 +15,7 @@ use hardware_bridge::servo_bus::ServoBus;
 use hardware_bridge::xc330::{self, hardware_error};
 
 use super::shared::{ConfigArg, actuator_names, shown};
+use crate::commands::robot::{RobotArgs, individual_of};
 use crate::terminal::Terminal;
 
 /// A travel that differs by this share from the drawing's is doubted.
@@ -23,6 +24,8 @@ const DOUBTFUL: f64 = 0.2;
 /// Arguments of `bridge calibrate`.
 #[derive(Debug, Args)]
 pub struct CalibrateArgs {
+    #[command(flatten)]
+    robot: RobotArgs,
     #[command(flatten)]
     config: ConfigArg,
     /// Go on after a calibration that failed, with the servo that failed; those found before it must not have been remounted since.
@@ -38,7 +41,7 @@ pub struct CalibrateArgs {
 
 pub fn run(terminal: &Terminal, args: &CalibrateArgs) -> Result<Option<String>> {
     let config = args.config.read_without_password()?;
-    let hand = crate::commands::individual::hand(args.individual.as_deref())?;
+    let hand = individual_of(args.individual.as_deref(), &args.robot.model()?)?.hand;
     let unfinished = Unfinished::beside(&config.calibration);
     let mut servos = match args.go_on {
         true => unfinished.read(&config.servos.ids).context("--continue")?,
@@ -49,7 +52,7 @@ pub fn run(terminal: &Terminal, args: &CalibrateArgs) -> Result<Option<String>> 
     // Where the result cannot be written, nothing needs to move.
     tempfile::NamedTempFile::new_in(folder).with_context(|| format!("{}: cannot be written to", shown(folder)))?;
     let mut bus = ServoBus::open(&config.servos.port, config.bus())?;
-    identify(&mut bus, &config).context("before any motion")?;
+    identify(&mut bus, &config, &hand).context("before any motion")?;
     for servo in &servos {
         let found = bus.ping(servo.id)?;
         if (found.model, found.firmware) != (servo.model, servo.firmware) {
@@ -59,7 +62,7 @@ pub fn run(terminal: &Terminal, args: &CalibrateArgs) -> Result<Option<String>> 
     if !args.yes && !agreed("Every digit will open, close and open again. Is the hand empty and clear of fingers?")? {
         bail!("not calibrated: the operator did not say yes");
     }
-    let felt = feel_all(terminal, &config, &mut bus, &unfinished, &mut servos);
+    let felt = feel_all(terminal, &config, &hand, &mut bus, &unfinished, &mut servos);
     if let Err(error) = felt {
         let kept = match servos.len() {
             0 => String::new(),
@@ -89,7 +92,7 @@ pub fn run(terminal: &Terminal, args: &CalibrateArgs) -> Result<Option<String>> 
 /// Travels that are far from what `hand` has for the servo, and whose they would be.
 fn doubts(hand: &Hand, servos: &[ServoCalibration]) -> Vec<String> {
     let design = travel(hand);
-    let names = actuator_names();
+    let names = actuator_names(hand);
     let off = |found: f64, actuator: usize| (found / design[actuator] - 1.0).abs();
     let doubt = |(n, servo): (usize, &ServoCalibration)| {
         let nearest = (0..design.len()).min_by(|a, b| off(servo.travel, *a).total_cmp(&off(servo.travel, *b)))?;
@@ -105,8 +108,8 @@ fn doubts(hand: &Hand, servos: &[ServoCalibration]) -> Vec<String> {
 }
 
 /// Makes sure that all servos are there, of the right model, and able to move.
-fn identify(bus: &mut ServoBus, config: &BridgeConfig) -> Result<()> {
-    for (id, name) in config.servos.ids.iter().zip(actuator_names()) {
+fn identify(bus: &mut ServoBus, config: &BridgeConfig, hand: &Hand) -> Result<()> {
+    for (id, name) in config.servos.ids.iter().zip(actuator_names(hand)) {
         let found = bus.ping(*id).with_context(|| name.clone())?.model;
         if found != xc330::MODEL {
             bail!("{name}: servo {id}: found model {found}, expected {}", xc330::MODEL);
@@ -126,13 +129,14 @@ fn identify(bus: &mut ServoBus, config: &BridgeConfig) -> Result<()> {
 fn feel_all(
     terminal: &Terminal,
     config: &BridgeConfig,
+    hand: &Hand,
     bus: &mut ServoBus,
     unfinished: &Unfinished,
     servos: &mut Vec<ServoCalibration>,
 ) -> Result<()> {
     let interrupt = Interrupt::catch()?;
     let settings = HomingSettings::default();
-    for (id, name) in config.servos.ids.iter().zip(actuator_names()).skip(servos.len()) {
+    for (id, name) in config.servos.ids.iter().zip(actuator_names(hand)).skip(servos.len()) {
         let servo = feel(bus, *id, &settings, &|| interrupt.happened()).with_context(|| name.clone())?;
         // Each digit's line says that it moves no more.
         if !terminal.quiet {

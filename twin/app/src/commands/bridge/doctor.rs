@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Result, anyhow};
 use bench::body::arm_link::arm_link;
 use clap::Args;
-use hand_model::{Arm, CAMERAS};
+use hand_model::{Arm, Hand, RobotModel};
 use hardware_bridge::arm_link::ArmLinkError;
 use hardware_bridge::calibration::HandCalibration;
 use hardware_bridge::cameras::Cameras;
@@ -20,6 +20,7 @@ use hardware_bridge::servo_bus::{BusError, ServoBus};
 use hardware_bridge::setup::{self, Finding};
 
 use super::shared::{ConfigArg, actuator_names, shown, tell};
+use crate::commands::robot::RobotArgs;
 use crate::terminal::Terminal;
 
 /// Cycles measured.
@@ -31,6 +32,8 @@ const PATIENCE: Duration = Duration::from_secs(3);
 #[derive(Debug, Args)]
 pub struct DoctorArgs {
     #[command(flatten)]
+    robot: RobotArgs,
+    #[command(flatten)]
     config: ConfigArg,
     /// All cameras are plugged in where they belong and nothing touches the pads: keep what they show, so that a plug in another place is
     /// noticed from now on.
@@ -39,14 +42,15 @@ pub struct DoctorArgs {
 }
 
 pub fn run(terminal: &Terminal, args: &DoctorArgs) -> Result<Option<String>> {
+    let RobotModel { hand, arm, .. } = args.robot.model()?;
     let config = &args.config.read()?;
     let mut findings = vec![stop_socket()];
-    match servos(config, &mut findings) {
+    match servos(config, &hand, &mut findings) {
         Ok(()) => {}
         Err(error) => findings.push(Finding::new("servo bus", error, "an open port", false)),
     }
-    cameras(config, args.know_cameras, &mut findings);
-    match arm_link(config, Arm::home()) {
+    cameras(config, hand.cameras.len(), args.know_cameras, &mut findings);
+    match arm_link(config, &arm, Arm::home()) {
         Ok(mut arm) => findings.push(match arm.read(0.0) {
             Ok(_) => Finding::new("arm", "an answer", "no fault", true),
             Err(ArmLinkError { trouble, text }) => Finding::new("arm", text, format!("no fault ({trouble})"), false),
@@ -70,7 +74,7 @@ fn stop_socket() -> Finding {
     }
 }
 
-fn servos(config: &BridgeConfig, findings: &mut Vec<Finding>) -> Result<(), BusError> {
+fn servos(config: &BridgeConfig, hand: &Hand, findings: &mut Vec<Finding>) -> Result<(), BusError> {
     findings.push(match latency_timer::read(&config.servos.port, Path::new(latency_timer::SYSTEM)) {
         Ok(LatencyTimer::Milliseconds(ms)) => Finding::new("USB latency timer, ms", ms, "1", ms == 1),
         Ok(LatencyTimer::Absent) => Finding::new("USB latency timer", "none (no FTDI adapter)", "1 ms or none", true),
@@ -78,7 +82,7 @@ fn servos(config: &BridgeConfig, findings: &mut Vec<Finding>) -> Result<(), BusE
     });
     let mut bus = ServoBus::open(&config.servos.port, config.bus())?;
     let mut all_there = true;
-    for (id, name) in config.servos.ids.iter().zip(actuator_names()) {
+    for (id, name) in config.servos.ids.iter().zip(actuator_names(hand)) {
         match setup::check(&mut bus, config, *id, &name) {
             Ok(found) => findings.extend(found),
             Err(error) => {
@@ -128,8 +132,8 @@ fn calibration(config: &BridgeConfig, hand: &mut HandBus, findings: &mut Vec<Fin
     Ok(())
 }
 
-fn cameras(config: &BridgeConfig, know: bool, findings: &mut Vec<Finding>) {
-    let link = match Cameras::open(config, &Clock::wall()) {
+fn cameras(config: &BridgeConfig, expected: usize, know: bool, findings: &mut Vec<Finding>) {
+    let link = match Cameras::open(config, expected, &Clock::wall()) {
         Ok(Some(link)) => link,
         Ok(None) => {
             findings.push(Finding::new("cameras", "not configured", "anything", true));
@@ -152,12 +156,12 @@ fn cameras(config: &BridgeConfig, know: bool, findings: &mut Vec<Finding>) {
     }
     let started = Instant::now();
     let good = || link.cameras().iter().filter(|camera| camera.good > 0).count();
-    while good() < CAMERAS && started.elapsed() < PATIENCE {
+    while good() < expected && started.elapsed() < PATIENCE {
         std::thread::sleep(Duration::from_millis(5));
     }
     let took = format!("{} in {:.0} ms", good(), 1e3 * started.elapsed().as_secs_f64());
-    findings.push(Finding::new("cameras with an image", took, CAMERAS, good() == CAMERAS));
-    if good() == CAMERAS {
+    findings.push(Finding::new("cameras with an image", took, expected, good() == expected));
+    if good() == expected {
         findings.push(pictures(config, &link, know));
     }
     if let Some(error) = link.lost() {
@@ -192,7 +196,7 @@ fn known_pictures(config: &BridgeConfig, link: &Cameras, know: bool) -> Result<O
             return Ok(Some(format!("{one} and {other} look alike: they cannot be told apart")));
         }
     }
-    let Some(kept) = Pictures::read(&path)? else { return Ok(None) };
+    let Some(kept) = Pictures::read(&path, link.cameras().len())? else { return Ok(None) };
     let wrong = kept.mistaken(&now).into_iter();
     let wrong: Vec<String> = wrong.map(|one| one.to_string()).collect();
     Ok(Some(if wrong.is_empty() { "yes".to_owned() } else { wrong.join(", ") }))

@@ -20,8 +20,8 @@ use bench::faults::plant::Breakable;
 use bench::vision::Address;
 use bench::vision::camera::{Camera, CameraSettings};
 use clap::Args;
-use hand_model::ACTUATORS;
 use hand_model::robot::Plant;
+use hand_model::{ACTUATORS, RobotModel};
 use hardware_bridge::calibration::{HandCalibration, ServoCalibration};
 use hardware_bridge::config::{ArmConfig, BridgeConfig, CameraConfig, LimitConfig, ServoConfig};
 use hardware_bridge::emulator::servo::EmulatedServo;
@@ -35,6 +35,7 @@ use self::door::Door;
 use self::mishap::Mishap;
 use self::truth::TruthView;
 use super::shared::shown;
+use crate::commands::robot::RobotArgs;
 use crate::terminal::Terminal;
 
 /// Name of the socket on which a running emulator is told things.
@@ -52,6 +53,8 @@ const LOOK: Duration = Duration::from_millis(20);
 /// Arguments of `bridge emulate`.
 #[derive(Debug, Args)]
 pub struct EmulateArgs {
+    #[command(flatten)]
+    robot: RobotArgs,
     /// Folder for bridge.toml and for the links `servos` and `cameras` to the pseudo-terminals.
     #[arg(long, default_value = "recordings/emulated")]
     dir: PathBuf,
@@ -130,21 +133,22 @@ pub fn run(terminal: &Terminal, args: &EmulateArgs) -> Result<Option<String>> {
     if let Some(line) = &args.tell {
         return tell_running(terminal, &args.dir, line);
     }
-    let (mishaps, faults) = mishap::mishaps(&args.faults)?;
+    let robot = args.robot.model()?;
+    let (mishaps, faults) = mishap::mishaps(&args.faults, &robot.hand)?;
     if args.springs && mishaps.iter().any(|(_, mishap)| matches!(mishap, Mishap::Plant(_))) {
         bail!(NO_PLANT);
     }
     let mut breakable = None;
     let (mut table, mut plant): (Option<EmulatedTable>, Box<dyn Plant + Send>) =
-        (None, Box::new(SpringHand::new([TRAVEL; ACTUATORS])));
+        (None, Box::new(SpringHand::new([TRAVEL; ACTUATORS], robot.hand.cameras.len())));
     let (mut travel, mut usual) = ([TRAVEL; ACTUATORS], EmulatorSettings::default());
     if !args.springs {
         let wish = if args.balls { Wish::Balls } else { Wish::Combination(args.combo) };
-        let standing = EmulatedTable::new(wish, (args.mount, args.individual), terminal.seed)?;
+        let standing = EmulatedTable::new(&robot, wish, (args.mount, args.individual), terminal.seed)?;
         if let Some(path) = &args.truth_out {
-            crate::commands::twin::write_truth(path, args.individual)?;
+            crate::commands::twin::write_truth(path, &robot, args.individual)?;
         }
-        let settings = settings(&standing.bench().world.cell.hand, terminal.seed);
+        let settings = settings(&standing.bench().world.cell.robot.hand, terminal.seed);
         (travel, usual) = (settings.travel, settings.devices);
         let broken = Breakable::new(standing.plant().clone());
         plant = Box::new(broken.clone());
@@ -159,7 +163,7 @@ pub fn run(terminal: &Terminal, args: &EmulateArgs) -> Result<Option<String>> {
     let zeros: Vec<i64> = settings.servos.iter().map(EmulatedServo::zero).collect();
     std::fs::create_dir_all(&args.dir).with_context(|| shown(&args.dir))?;
     let door = Door::open(&args.dir.join(DOOR), args.keys)?;
-    let hand = EmulatedHand::start(plant, settings)?;
+    let hand = EmulatedHand::start(plant, settings, &robot)?;
     let camera = camera(args, table.as_ref(), terminal.seed)?;
     let arm = match args.springs {
         true => None,
@@ -175,7 +179,7 @@ pub fn run(terminal: &Terminal, args: &EmulateArgs) -> Result<Option<String>> {
     };
     let config = write_config(args, &hand, arm.as_ref())?;
     if args.calibrated && !args.factory {
-        let calibration = calibration(&zeros, &travel, args.firmware);
+        let calibration = calibration(&robot, &zeros, &travel, args.firmware);
         hand.home(&calibration);
         calibration.write(&args.dir.join("calibration.json"))?;
     }
@@ -195,7 +199,7 @@ pub fn run(terminal: &Terminal, args: &EmulateArgs) -> Result<Option<String>> {
         println!("try: ftac bridge scan --config {}", shown(&config));
     }
     let truth = (args.truth.is_some() || args.live).then(|| TruthView::new(args.truth.clone(), args.live));
-    let mut running = Running { hand, arm, table, breakable, truth };
+    let mut running = Running { robot, hand, arm, table, breakable, truth };
     attend(args, &mut running, mishaps, &door)?;
     tell(terminal, &running.hand, running.arm.as_ref().map(Emulator::status).as_ref());
     Ok(None)
@@ -228,6 +232,7 @@ fn attend(args: &EmulateArgs, running: &mut Running, mut pending: Vec<(f64, Mish
 
 /// The devices, and what moves them.
 struct Running {
+    robot: RobotModel,
     hand: EmulatedHand,
     arm: Option<Emulator>,
     table: Option<EmulatedTable>,
@@ -240,7 +245,7 @@ impl Running {
     /// Does what a line asks for at once, and says what came of it.
     fn obey(&mut self, line: &str) -> Result<String> {
         let Some(wish) = line.strip_prefix("objects=") else {
-            let mishaps = mishap::at_once(line)?;
+            let mishaps = mishap::at_once(line, &self.robot.hand)?;
             if self.breakable.is_none() && mishaps.iter().any(|mishap| matches!(mishap, Mishap::Plant(_))) {
                 bail!(NO_PLANT);
             }
@@ -262,7 +267,7 @@ impl Running {
             (Mishap::Device(event), _) => self.hand.inject(event),
             (Mishap::Plant(fault), _) => {
                 if let (Some(breakable), Some(table)) = (&self.breakable, &self.table) {
-                    breakable.suffer(&fault, &table.bench().world.cell.hand);
+                    breakable.suffer(&fault, &table.bench().world.cell.robot.hand);
                 }
             }
         }
@@ -329,8 +334,8 @@ fn tell_running(terminal: &Terminal, dir: &Path, line: &str) -> Result<Option<St
     Ok(None)
 }
 
-/// What homing would have found.
-fn calibration(zeros: &[i64], travel: &[f64; ACTUATORS], firmware: u8) -> HandCalibration {
+/// What homing would have found on `robot`.
+fn calibration(robot: &RobotModel, zeros: &[i64], travel: &[f64; ACTUATORS], firmware: u8) -> HandCalibration {
     let servos = std::array::from_fn(|n| ServoCalibration {
         id: n as u8 + 1,
         model: xc330::MODEL,
@@ -338,7 +343,7 @@ fn calibration(zeros: &[i64], travel: &[f64; ACTUATORS], firmware: u8) -> HandCa
         homing_offset: zeros.get(n).map_or(0, |zero| -(zero.rem_euclid(4096) as i32)),
         travel: travel[n],
     });
-    HandCalibration::new("ftac", servos)
+    HandCalibration::new(&robot.hand.parameters.name, servos)
 }
 
 /// A pseudo-terminal has no real time behind it: a busy machine may be late by more than a real line ever is.

@@ -9,7 +9,7 @@ use bench::body::operator::agreed;
 use clap::Args;
 use control::outage::Outage;
 use hand_model::robot::{Command, Observation, RobotBackend, RobotError, ServoGoal};
-use hand_model::{ACTUATORS, Arm, CAMERAS};
+use hand_model::{ACTUATORS, Arm, Hand};
 use hardware_bridge::calibration::HandCalibration;
 use hardware_bridge::config::BridgeConfig;
 use hardware_bridge::hardware_robot::HardwareRobot;
@@ -17,6 +17,7 @@ use hardware_bridge::safety::state::State;
 use hardware_bridge::servo_cycle::DryLines;
 
 use super::shared::actuator_names;
+use crate::commands::robot::RobotArgs;
 use crate::terminal::Terminal;
 
 /// Waited for the first measurements to pass the checks.
@@ -27,6 +28,8 @@ const MOTION: f64 = 4.0;
 /// Arguments of `bridge exercise`.
 #[derive(Debug, Args)]
 pub struct ExerciseArgs {
+    #[command(flatten)]
+    robot: RobotArgs,
     /// Configuration of the bridge.
     #[arg(long, default_value = "bridge.toml")]
     config: PathBuf,
@@ -57,13 +60,14 @@ struct Seen {
 }
 
 pub fn run(terminal: &Terminal, args: &ExerciseArgs) -> Result<Option<String>> {
+    let model = args.robot.model()?;
     let config = BridgeConfig::read(&args.config)?;
     if !(0.0..=config.limits.current).contains(&args.current) {
         bail!("--current: found {}, expected 0 to {} A", args.current, config.limits.current);
     }
     let travel = HandCalibration::read(&config.calibration)?.travel();
     let dry = args.dry_run.then(|| Box::new(|line: String| eprintln!("{line}")) as DryLines);
-    let mut robot = HardwareRobot::connect(&config, arm_link(&config, Arm::home())?, &Arm::gen3(), dry)?;
+    let mut robot = HardwareRobot::connect(&config, arm_link(&config, &model.arm, Arm::home())?, &model, dry)?;
     let started = Instant::now();
     while let Err(error) = robot.check() {
         if started.elapsed() > PATIENCE {
@@ -86,7 +90,7 @@ pub fn run(terminal: &Terminal, args: &ExerciseArgs) -> Result<Option<String>> {
     let state = robot.state();
     let stopped = !matches!(state, State::Running);
     let released = if stopped { Ok(String::new()) } else { robot.release() };
-    tell(terminal, &robot, &seen, &travel);
+    tell(terminal, &robot, &model.hand, &seen, &travel);
     if stopped {
         let measured = robot.standing();
         return Ok(Some(format!("{state}; {measured}. `ftac bridge stop --release` opens the hand")));
@@ -98,7 +102,7 @@ pub fn run(terminal: &Terminal, args: &ExerciseArgs) -> Result<Option<String>> {
     if let (Err(error), false) = (released, args.dry_run) {
         return Ok(Some(error.to_string()));
     }
-    let names = actuator_names();
+    let names = actuator_names(&model.hand);
     let lazy = seen.furthest.iter().position(|angle| *angle < 0.2);
     Ok(lazy.filter(|_| !args.dry_run).map(|n| format!("{} moved {:.2} rad, expected 0.2", names[n], seen.furthest[n])))
 }
@@ -141,7 +145,7 @@ fn note(seen: &mut Seen, observation: &Observation) {
     seen.images += observation.tactile.len() as u64;
 }
 
-fn tell(terminal: &Terminal, robot: &HardwareRobot, seen: &Seen, travel: &[f64; ACTUATORS]) {
+fn tell(terminal: &Terminal, robot: &HardwareRobot, hand: &Hand, seen: &Seen, travel: &[f64; ACTUATORS]) {
     let report = robot.report();
     let ms = |share| report.bus.round_trip(share).map(|seconds| 1e3 * seconds);
     if terminal.json {
@@ -162,11 +166,11 @@ fn tell(terminal: &Terminal, robot: &HardwareRobot, seen: &Seen, travel: &[f64; 
         );
         return;
     }
-    for (n, name) in actuator_names().iter().enumerate() {
+    for (n, name) in actuator_names(hand).iter().enumerate() {
         println!("{name:12} went to {:.2} rad of {:.2}", seen.furthest[n], travel[n]);
     }
     if seen.images > 0 {
-        println!("{} images of {CAMERAS} cameras", seen.images);
+        println!("{} images of {} cameras", seen.images, hand.cameras.len());
     }
     println!(
         "{} ticks, the latest {:.1} ms late; {} servo cycles, {} late; {} answers missing; round trip p50 {:.2} ms, p99 {:.2} ms",

@@ -10,9 +10,11 @@ use bench::faults::ledger::{Ledger, Request};
 use bench::faults::{Matrix, PHASES, inject_all};
 use clap::Args;
 use control::executive::Phase;
+use hand_model::RobotModel;
 use lab::fault_table::FaultTable;
 use scenarios::Scenario;
 
+use crate::commands::robot::RobotArgs;
 use crate::terminal::Terminal;
 
 /// Outcomes of another program are not mixed with this one's.
@@ -21,11 +23,13 @@ const PROGRAM: &str = env!("CARGO_PKG_VERSION");
 /// Arguments of `bridge faults`.
 #[derive(Debug, Args)]
 pub struct FaultArgs {
+    #[command(flatten)]
+    robot: RobotArgs,
     /// Folder that gets each outcome as it comes; default: the next free recordings/faults-N.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Go on with a matrix that was interrupted, in its folder.
-    #[arg(long, value_name = "DIR", conflicts_with_all = ["rounds", "only", "phase", "mirror", "out", "seed"])]
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["rounds", "only", "phase", "mirror", "out", "seed", "robot_model"])]
     resume: Option<PathBuf>,
     /// Times every fault is injected into every phase, each time in another combination.
     #[arg(long, default_value_t = 3)]
@@ -68,7 +72,8 @@ pub fn run(terminal: &Terminal, args: &FaultArgs) -> anyhow::Result<Option<Strin
     }
     let quiet = terminal.quiet || terminal.json;
     let interrupt = Interrupt::catch()?;
-    let bench = make_bench(Scenario::benchmark(), request.rounds.min(60), request.seed, quiet)?;
+    let robot = RobotModel::of(request.robot_model.as_ref())?;
+    let bench = make_bench(&robot, Scenario::benchmark(), request.rounds.min(60), request.seed, quiet)?;
     let bar = progress::bar(0, "faults", quiet);
     if let Some(folder) = &args.record {
         std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
@@ -109,7 +114,16 @@ fn request(args: &FaultArgs, seed: u64) -> anyhow::Result<Request> {
         let names = PHASES.map(Phase::name);
         bail!("--phase: found no phase to inject into, expected part of one of: {}", names.join(", "));
     }
-    Ok(Request { program: PROGRAM.to_owned(), seed, rounds: args.rounds, kinds, phases, mirror: args.mirror })
+    let robot_model = args.robot.sources()?;
+    Ok(Request {
+        program: PROGRAM.to_owned(),
+        robot_model,
+        seed,
+        rounds: args.rounds,
+        kinds,
+        phases,
+        mirror: args.mirror,
+    })
 }
 
 fn next_free_folder() -> PathBuf {

@@ -7,11 +7,12 @@ use hardware_bridge::servo_bus::latency_timer::{self, LatencyTimer};
 use hardware_bridge::setup;
 
 use super::shared::{ConfigArg, actuator_names};
+use crate::commands::robot::RobotArgs;
 use crate::terminal::Terminal;
 
-pub fn run(terminal: &Terminal, actuator: &str, config: &ConfigArg) -> Result<Option<String>> {
+pub fn run(terminal: &Terminal, actuator: &str, robot: &RobotArgs, config: &ConfigArg) -> Result<Option<String>> {
     let config = &config.read_without_password()?;
-    let names = actuator_names();
+    let names = actuator_names(&robot.model()?.hand);
     let n = names
         .iter()
         .position(|name| name == actuator)

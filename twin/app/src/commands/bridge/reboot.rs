@@ -10,11 +10,14 @@ use hardware_bridge::setup::Finding;
 use hardware_bridge::xc330::hardware_error;
 
 use super::shared::{ConfigArg, actuator_names, expect_no_robot, print_table, rows, shortfall};
+use crate::commands::robot::RobotArgs;
 use crate::terminal::Terminal;
 
 /// Arguments of `bridge reboot`.
 #[derive(Debug, Args)]
 pub struct RebootArgs {
+    #[command(flatten)]
+    robot: RobotArgs,
     #[command(flatten)]
     config: ConfigArg,
     /// Which actuator's servo: thumb, index, middle, ring, little or opposition; may be given more than once. Default: every servo that
@@ -37,7 +40,7 @@ struct Patient {
 
 pub fn run(terminal: &Terminal, args: &RebootArgs) -> Result<Option<String>> {
     let config = args.config.read_without_password()?;
-    let names = actuator_names();
+    let names = actuator_names(&args.robot.model()?.hand);
     if let Some(unknown) = args.actuator.iter().find(|wanted| !names.contains(wanted)) {
         bail!("--actuator: found `{unknown}`, expected one of {}", names.join(", "));
     }

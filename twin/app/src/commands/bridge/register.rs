@@ -7,20 +7,24 @@ use bench::body::emulated::EmulatedSource;
 use bench::body::hardware::HardwareSource;
 use bench::body::operator::agreed_while;
 use bench::body::{BodySource as _, Places, Stopped, Task, TrialBody, TrialSetup};
-use bench::builtin::{make_bench_of, make_scenes};
+use bench::builtin::make_scenes;
 use bench::registration::{Plan, Registrar, RegistrationFile, Step, error, hidden_mount};
 use clap::Args;
+use hand_model::RobotModel;
 use nalgebra::Isometry3;
 use scenarios::Scenario;
 use scenarios::record::Condition;
 
 use super::shared::shown;
+use crate::commands::robot::{RobotArgs, individual_of};
 use crate::commands::scenario::ScenarioArgs;
 use crate::terminal::Terminal;
 
 /// Arguments of `bridge register`.
 #[derive(Debug, Args)]
 pub struct RegisterArgs {
+    #[command(flatten)]
+    robot: RobotArgs,
     /// Configuration of the bridge.
     #[arg(long, default_value = "bridge.toml")]
     config: PathBuf,
@@ -43,11 +47,8 @@ pub struct RegisterArgs {
 
 pub fn run(terminal: &Terminal, args: &RegisterArgs) -> Result<Option<String>> {
     let plan = Plan::standard()?;
-    let own = crate::commands::individual::robot(args.individual.as_deref())?;
-    let bench = match &own {
-        None => make_scenes(Scenario::benchmark(), 1, terminal.seed, true)?,
-        Some(_) => make_bench_of(own.as_ref(), Scenario::benchmark(), 1, terminal.seed, true)?,
-    };
+    let robot = individual_of(args.individual.as_deref(), &args.robot.model()?)?;
+    let bench = make_scenes(&robot, Scenario::benchmark(), 1, terminal.seed, true)?;
     let registrar = Registrar::new(&bench.world, &plan, &bench.repertoire)?;
     if args.dry_run {
         return dry_run(terminal, &registrar, &plan);
@@ -63,14 +64,13 @@ pub fn run(terminal: &Terminal, args: &RegisterArgs) -> Result<Option<String>> {
     let mut body: Box<dyn TrialBody> = match truth {
         Some(truth) => {
             let scene = registrar.scene(&truth, bench.board.with_noise(terminal.seed));
-            let (cell, task) = (&bench.world.cell, task(terminal.seed)?);
+            let task = task(&robot, terminal.seed)?;
             let setup = TrialSetup { task: &task, objects: [("", Isometry3::identity()); 2] };
-            EmulatedSource::new(cell.hand.clone(), cell.arm.clone(), None).open(&setup, scene)?
+            EmulatedSource::new(robot, None).open(&setup, scene)?
         }
         None => {
             let sessions = folder.join("sessions");
-            let cell = &bench.world.cell;
-            let mut source = HardwareSource::new(&args.config, cell.arm.clone(), cell.ready, sessions)?;
+            let mut source = HardwareSource::new(&args.config, robot, bench.world.cell.ready, sessions)?;
             if !source.has_cameras() {
                 bail!(
                     "{}: found neither [cameras] nor [[uvc]], expected one of them: balls are found by touch",
@@ -164,7 +164,7 @@ pub fn run(terminal: &Terminal, args: &RegisterArgs) -> Result<Option<String>> {
 }
 
 /// The task of an emulated robot that plays no trial.
-fn task(seed: u64) -> Result<Task> {
+fn task(robot: &RobotModel, seed: u64) -> Result<Task> {
     let (_, text) = ScenarioArgs::default().read()?;
     Ok(Task {
         robot: "emulated".to_owned(),
@@ -175,6 +175,7 @@ fn task(seed: u64) -> Result<Task> {
         watched: false,
         combos: 1,
         scenario: text,
+        robot_model: robot.sources.clone(),
         individual: None,
         pads: None,
         foresees: false,

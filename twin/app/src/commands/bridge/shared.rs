@@ -30,9 +30,9 @@ impl ConfigArg {
     }
 }
 
-/// The actuators' names, in order.
-pub fn actuator_names() -> Vec<String> {
-    Hand::ftac().parameters.actuator.into_iter().map(|actuator| actuator.name).collect()
+/// The names of the hand's actuators, in order.
+pub fn actuator_names(hand: &Hand) -> Vec<String> {
+    hand.parameters.actuator.iter().map(|actuator| actuator.name.clone()).collect()
 }
 
 /// Findings as JSON.

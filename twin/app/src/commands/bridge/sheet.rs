@@ -7,12 +7,14 @@ use anyhow::{Result, bail};
 use bench::builtin::{make_bench, make_scenes};
 use bench::registration::{Plan, Registrar};
 use clap::Args;
+use hand_model::RobotModel;
 use nalgebra::{Isometry3, Point3};
 use scenarios::Scenario;
 use scenarios::noise::TrialNoise;
 use world::objects::ObjectModel;
 
 use super::shared::shown;
+use crate::commands::robot::RobotArgs;
 use crate::terminal::Terminal;
 
 /// A3 lying, mm: the long side along the world's y axis.
@@ -23,6 +25,8 @@ const GRID: f64 = 50.0;
 /// Arguments of `bridge sheet`.
 #[derive(Debug, Args)]
 pub struct SheetArgs {
+    #[command(flatten)]
+    robot: RobotArgs,
     /// Number of the combination, from 0.
     #[arg(required_unless_present = "balls")]
     combination: Option<usize>,
@@ -35,11 +39,13 @@ pub struct SheetArgs {
 }
 
 pub fn run(terminal: &Terminal, args: &SheetArgs) -> Result<Option<String>> {
+    let robot = args.robot.model()?;
     let (what, title, standing) = match args.combination {
         Some(combination) => {
-            (combination.to_string(), format!("combination {combination}"), of_combination(combination, terminal.seed)?)
+            let standing = of_combination(&robot, combination, terminal.seed)?;
+            (combination.to_string(), format!("combination {combination}"), standing)
         }
-        None => ("balls".to_owned(), "balls of the registration".to_owned(), balls(terminal.seed)?),
+        None => ("balls".to_owned(), "balls of the registration".to_owned(), balls(&robot, terminal.seed)?),
     };
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from(format!("recordings/sheet_{what}.svg")));
     let drawing = drawing(&title, &standing);
@@ -65,8 +71,8 @@ pub fn run(terminal: &Terminal, args: &SheetArgs) -> Result<Option<String>> {
 /// Objects, and where they stand.
 type Standing = Vec<(Arc<ObjectModel>, Isometry3<f64>)>;
 
-fn of_combination(combination: usize, seed: u64) -> Result<Standing> {
-    let bench = make_bench(Scenario::benchmark(), (combination + 1).min(60), seed, true)?;
+fn of_combination(robot: &RobotModel, combination: usize, seed: u64) -> Result<Standing> {
+    let bench = make_bench(robot, Scenario::benchmark(), (combination + 1).min(60), seed, true)?;
     let Some(plan) = bench.plans.plans.get(combination) else {
         bail!("COMBINATION: found {combination}, expected 0 to {}", bench.plans.plans.len() - 1);
     };
@@ -75,8 +81,8 @@ fn of_combination(combination: usize, seed: u64) -> Result<Standing> {
     Ok(objects.into_iter().zip(places).collect())
 }
 
-fn balls(seed: u64) -> Result<Standing> {
-    let bench = make_scenes(Scenario::benchmark(), 1, seed, true)?;
+fn balls(robot: &RobotModel, seed: u64) -> Result<Standing> {
+    let bench = make_scenes(robot, Scenario::benchmark(), 1, seed, true)?;
     let plan = Plan::standard()?;
     let placements = Registrar::new(&bench.world, &plan, &bench.repertoire)?.placements();
     Ok(placements.into_iter().map(|placement| (placement.model, placement.pose)).collect())

@@ -8,6 +8,7 @@ use clap::Args;
 use grasping::synthesis::collection::{self, Collection, ObjectGrasps, Summary};
 use grasping::synthesis::diversity::{self, Diversity};
 use grasping::synthesis::grasp_file;
+use hand_model::RobotModel;
 use platform::data::write_whole;
 use proving::synthesis::parts::{Part, table};
 use proving::synthesis::search;
@@ -118,7 +119,11 @@ fn part(terminal: &Terminal, args: &CollectionArgs, object: &str, request: Reque
     let file = args.parts.join(format!("{object}.jsonl"));
     let header = grasp_file::Header::new(command, terminal.seed);
     let part = Part { object, file: &file, header: &header };
-    if args.pack { part.found(args.each) } else { part.fill(request, &terminal.progress()) }
+    if args.pack {
+        part.found(args.each)
+    } else {
+        part.fill(&RobotModel::ftac_gen3().hand, request, &terminal.progress())
+    }
 }
 
 fn tell(terminal: &Terminal, collection: &Collection, wall_s: f64) -> Outcome {

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
 use grasping::synthesis::held::{AnyHeld, HeldGrasp};
-use hand_model::Hand;
+use hand_model::RobotModel;
 use proving::synthesis::export;
 use proving::synthesis::grasp_file::{GraspFile, Grasps};
 use serde_json::json;
@@ -40,7 +40,8 @@ pub fn run(terminal: &Terminal, args: &ExportArgs) -> Outcome {
     let file = GraspFile::read_or_built_in(args.grasps.as_deref())?;
     let files = match &file.grasps {
         Grasps::Ours(collection) => {
-            let (hand, grasps) = (Hand::ftac(), collection.of(&args.object).map_or(&[][..], |entry| &entry.grasps));
+            let (hand, grasps) =
+                (RobotModel::ftac_gen3().hand, collection.of(&args.object).map_or(&[][..], |entry| &entry.grasps));
             let write = |object: &ObjectModel, grasp: &HeldGrasp| export::write(&hand, object, grasp, &args.mjcf);
             scenes(args, &file, grasps.iter().map(|grasp| (grasp.chain, grasp)).collect(), write)?
         }

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, Result, bail};
 use clap::Args;
 use grasping::synthesis::grasp_file::{GraspWriter, HandSource, Header};
+use hand_model::RobotModel;
 use proving::synthesis::again;
 use proving::synthesis::any;
 use proving::synthesis::any::describe::{self, Described};
@@ -157,7 +158,7 @@ fn sized(subject: Subject, args: &SynthesisArgs, opening: &Opening) -> Result<Su
 
 fn by_our_hand(terminal: &Terminal, args: &GenerateArgs, subject: Subject, request: Request) -> Outcome {
     let writer = writer(terminal, args, None)?;
-    let synthesizer = Synthesizer::new(subject, request);
+    let synthesizer = Synthesizer::new(RobotModel::ftac_gen3().hand, subject, request);
     let (report, _) = search::search(&synthesizer, Start::default(), writer, &terminal.progress())?;
     terminal.print(&report, &report.text())?;
     Ok((report.verified.all == 0).then(|| format!("no grasp of {} was verified in {} chains", report.object, args.n)))
@@ -240,7 +241,7 @@ pub fn eval(terminal: &Terminal, args: &EvalArgs) -> Outcome {
     let (n, args) = (args.n, &args.synthesis);
     let (subject, request) = request(terminal, args, n, usize::MAX)?;
     let subject = sized(subject, args, &Opening::ours())?;
-    let evaluation = evaluation::evaluate(&Synthesizer::new(subject, request), n)?;
+    let evaluation = evaluation::evaluate(&Synthesizer::new(RobotModel::ftac_gen3().hand, subject, request), n)?;
     terminal.print(&evaluation, &evaluation.text())?;
     let fooled = evaluation.controls.iter().find(|(_, rate)| rate.low > 0.5);
     Ok(fooled.map(|(name, rate)| format!("the negative control {name} held {} of {}", rate.count, rate.of)))
@@ -250,7 +251,7 @@ pub fn eval(terminal: &Terminal, args: &EvalArgs) -> Outcome {
 fn eval_again(terminal: &Terminal, args: &EvalArgs) -> Outcome {
     let file = GraspFile::read_or_built_in(args.grasps.as_deref())?;
     let object = args.synthesis.object.as_deref();
-    let evaluations = again::evaluate(&file, object)?;
+    let evaluations = again::evaluate(&RobotModel::ftac_gen3().hand, &file, object)?;
     if let (true, Some(name)) = (evaluations.is_empty(), object) {
         bail!("--object: found no grasp of `{name}` in the file, expected some");
     }

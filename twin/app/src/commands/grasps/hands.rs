@@ -8,6 +8,7 @@ use std::path::PathBuf;
 
 use anyhow::{Context, Result, ensure};
 use clap::Args;
+use hand_model::RobotModel;
 use indicatif::ProgressStyle;
 use platform::data::write_whole;
 use proving::synthesis::hands::{self, Cell, ComparedHand};
@@ -107,7 +108,7 @@ fn request(terminal: &Terminal, args: &HandsArgs) -> Result<Request> {
 
 /// Our hand and those of the arguments.
 pub fn compared(args: &HandsArgs) -> Result<Vec<ComparedHand>> {
-    let mut hands = vec![ComparedHand::Ours];
+    let mut hands = vec![ComparedHand::Ours(RobotModel::ftac_gen3().hand)];
     for (urdf, pulls) in args.hand.iter().zip(&args.pulls) {
         let hand = ComparedHand::read(urdf, pulls)?;
         let known = hands.iter().any(|other| other.name() == hand.name());

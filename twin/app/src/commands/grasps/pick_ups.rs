@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 use std::time::Instant;
 
+use anyhow::bail;
 use clap::{Args, ValueEnum};
 use grasping::{Repertoire, Role};
 use proving::cache::Steps;
@@ -15,11 +16,14 @@ use serde_json::{Value, json};
 use sim::tactile::TactileBoard;
 
 use crate::commands::object_name::object_name;
+use crate::commands::robot::RobotArgs;
 use crate::terminal::{Outcome, Terminal};
 
 /// Arguments of `grasps pick-ups`.
 #[derive(Debug, Args)]
 pub struct PickUpsArgs {
+    #[command(flatten)]
+    pub robot: RobotArgs,
     /// Objects; default: all of the scenario.
     #[arg(long, value_parser = object_name)]
     pub object: Vec<String>,
@@ -37,6 +41,8 @@ pub struct PickUpsArgs {
 /// Arguments of `grasps plan`.
 #[derive(Debug, Args)]
 pub struct PlanArgs {
+    #[command(flatten)]
+    pub robot: RobotArgs,
     /// Combinations.
     #[arg(long, default_value_t = 60)]
     pub combos: usize,
@@ -74,12 +80,14 @@ pub fn make(terminal: &Terminal, args: &PickUpsArgs) -> Outcome {
         None => vec![Role::First, Role::Second],
     };
     let (n, out) = (args.n, &args.out);
-    let world = World::new(Scenario::benchmark())?;
+    let robot = args.robot.model()?;
+    let world = World::new(&robot, Scenario::benchmark())?;
     let names = if args.object.is_empty() { world.scenario.objects() } else { args.object.clone() };
     for name in &names {
         world.object(name)?;
     }
-    let mut repertoire = if out.exists() { Repertoire::read(out)? } else { Repertoire::default() };
+    let mut repertoire = if out.exists() { Repertoire::read_for(&robot, out)? } else { Repertoire::default() };
+    repertoire.robot = Repertoire::mark(&robot);
     repertoire.command = format!("ftac grasps pick-ups --n {n} --seed {}", terminal.seed);
     repertoire.seed = terminal.seed;
     let effort = Effort { proposals: n, variations: n / 2, ..EFFORT };
@@ -114,16 +122,23 @@ pub fn make(terminal: &Terminal, args: &PickUpsArgs) -> Outcome {
 
 /// Chooses grasps for each combination and proves them in an ideal run.
 pub fn plan(terminal: &Terminal, args: &PlanArgs) -> Outcome {
-    let world = World::new(Scenario::benchmark())?;
+    let robot = args.robot.model()?;
+    let world = World::new(&robot, Scenario::benchmark())?;
     let repertoire = match &args.repertoire {
-        Some(file) => Repertoire::read(file)?,
+        Some(file) => Repertoire::read_for(&robot, file)?,
+        None if !proving::builtin::fits(&robot)? => {
+            bail!(
+                "--repertoire: found none, expected grasps of {} (ftac grasps pick-ups --robot-model FILE)",
+                robot.name
+            )
+        }
         None => proving::builtin::repertoire()?,
     };
     let quiet = terminal.quiet || terminal.json;
     let mut plans = match &args.of {
         Some(file) => Plans::read(file)?,
         None => {
-            let board = TactileBoard::unit(&world.cell.hand, 0);
+            let board = TactileBoard::unit(&world.cell.robot.hand, 0);
             let plans = plan::make_plans(&world.scenario, args.combos, terminal.seed, quiet, |pair| {
                 plan::plan_pair(&world, &repertoire, &board, pair)
             })?;

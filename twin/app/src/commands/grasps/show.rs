@@ -7,7 +7,7 @@ use bench::recording::drawn;
 use clap::Args;
 use grasping::synthesis::collection::Collection;
 use grasping::synthesis::diversity;
-use hand_model::Hand;
+use hand_model::RobotModel;
 use proving::synthesis::any::kinds::{self as any_kinds, AnyKind};
 use proving::synthesis::grasp_file::{GraspFile, Grasps, OtherGrasps};
 use proving::synthesis::parts::table;
@@ -55,7 +55,7 @@ fn ours(terminal: &Terminal, args: &ShowArgs, file: &GraspFile, collection: &Col
     known(object, &collection.objects.iter().map(|entry| entry.summary.object.as_str()).collect::<Vec<_>>())?;
     if let Some(folder) = &args.report {
         std::fs::create_dir_all(folder).with_context(|| format!("--report {}", folder.display()))?;
-        study_pages::gallery::write(file, collection, object, &Hand::ftac(), folder)?;
+        study_pages::gallery::write(file, collection, object, &RobotModel::ftac_gen3().hand, folder)?;
         eprintln!("{}: grasps.html with its pictures", folder.display());
     }
     let own = object.and_then(|name| collection.of(name)).map(|entry| kinds(&entry.grasps));
@@ -129,7 +129,13 @@ fn record(
 ) -> Result<()> {
     let model = grasps.model(name)?;
     let file = args.out.clone().unwrap_or_else(|| PathBuf::from(format!("recordings/grasps_{name}.rrd")));
-    gallery::write(&[Target::File(file.clone())], &Hand::ftac(), &drawn(&model, name), friction, shown)?;
+    gallery::write(
+        &[Target::File(file.clone())],
+        &RobotModel::ftac_gen3().hand,
+        &drawn(&model, name),
+        friction,
+        shown,
+    )?;
     if !terminal.quiet {
         eprintln!("{}: {} kinds; see it with `ftac view {0}`", file.display(), shown.len());
     }

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use hand_model::any_hand::AnyHand;
 use hand_model::kinematics::{Joint, JointKind};
-use hand_model::{Hand, urdf};
+use hand_model::{RobotModel, urdf};
 use proving::synthesis::any::describe;
 use serde_json::{Value, json};
 use world::geometry::LINK_MESHES;
@@ -13,7 +13,8 @@ use crate::terminal::{Outcome, Terminal};
 
 /// Reads a hand's URDF, and its pulls file if there is one, and says what they hold.
 pub fn run(terminal: &Terminal, path: &Path, pulls: Option<&Path>) -> Outcome {
-    let ours: Vec<String> = Hand::ftac().tree.joints.iter().map(|joint| format!("{}_joint", joint.name)).collect();
+    let ours: Vec<String> =
+        RobotModel::ftac_gen3().hand.tree.joints.iter().map(|joint| format!("{}_joint", joint.name)).collect();
     let frames = urdf::read_frames(path, &[])?;
     if pulls.is_none() && frames.joints.iter().any(|joint| ours.contains(&joint.name)) {
         // Our own hand's, which has to have all of its joints.

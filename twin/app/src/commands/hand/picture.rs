@@ -9,6 +9,7 @@ use image::RgbImage;
 use nalgebra::Point3;
 use report::picture::{self, Picture, View};
 
+use crate::commands::robot::RobotArgs;
 use crate::terminal::{Outcome, Terminal};
 
 /// Arguments of `hand picture`.
@@ -24,9 +25,8 @@ pub struct PictureArgs {
     /// What colours the pads.
     #[arg(long, value_enum, default_value_t = Color::Configuration)]
     pub color: Color,
-    /// Parameter file of the hand; the default is the hand that is built in.
-    #[arg(long)]
-    pub hand: Option<PathBuf>,
+    #[command(flatten)]
+    pub robot: RobotArgs,
     /// Width and height of each view, pixels.
     #[arg(long, default_value_t = 900, value_parser = clap::value_parser!(u32).range(64..=4000))]
     pub size: u32,
@@ -74,10 +74,7 @@ pub enum Color {
 
 /// Draws the hand.
 pub fn run(terminal: &Terminal, args: &PictureArgs) -> Outcome {
-    let hand = match &args.hand {
-        Some(path) => Hand::read(path)?,
-        None => Hand::ftac(),
-    };
+    let hand = args.robot.model()?.hand;
     let angles = angles(&hand, &args.pose)?;
     let pictures: Vec<RgbImage> = args.view.iter().map(|side| draw(&hand, &angles, *side, args)).collect();
     let mut sheet = picture::tile(&pictures, pictures.len());

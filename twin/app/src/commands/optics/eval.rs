@@ -10,6 +10,7 @@ use lab::optics::{evaluation, pad_forces};
 use serde_json::{Map, Value, json};
 
 use super::sensor_option::SensorOption;
+use crate::commands::robot::RobotArgs;
 use crate::terminal::{Outcome, Terminal};
 
 /// Arguments of `optics eval`.
@@ -29,6 +30,8 @@ pub struct EvalArgs {
     /// The gel's response to the paper's probe.
     #[arg(long)]
     pub force: bool,
+    #[command(flatten)]
+    pub robot: RobotArgs,
     /// Normal force of each pad by its image, beside the physics engine's, in simulated grips.
     #[arg(long)]
     pub pads: bool,
@@ -42,6 +45,7 @@ pub fn eval(terminal: &Terminal, args: &EvalArgs) -> Outcome {
     if args.folder.is_none() && !args.force && !args.recovery && !args.pads {
         bail!("found nothing to evaluate; expected a FOLDER with --sensor, or --force, --pads or --recovery");
     }
+    let robot = args.robot.model()?;
     let mut result = Map::new();
     let mut short = None;
     let tell = |text: &str| {
@@ -50,7 +54,7 @@ pub fn eval(terminal: &Terminal, args: &EvalArgs) -> Outcome {
         }
     };
     if args.force {
-        let rows = evaluation::gel_responses();
+        let rows = evaluation::gel_responses(&robot.hand);
         tell(&evaluation::response_table(&rows));
         if !evaluation::reproduces_paper(&rows) {
             short = Some("the gel's law does not reproduce the paper's probe".to_owned());
@@ -58,7 +62,7 @@ pub fn eval(terminal: &Terminal, args: &EvalArgs) -> Outcome {
         result.insert("force".into(), serde_json::to_value(rows)?);
     }
     if args.pads {
-        let rows = pad_forces::grip_all()?;
+        let rows = pad_forces::grip_all(&robot)?;
         let all = pad_forces::agreement(&rows).context("--pads: no pad is loaded")?;
         tell(&pad_forces::table(&rows, &all));
         result.insert("pads".into(), json!({"rows": rows, "agreement": all}));

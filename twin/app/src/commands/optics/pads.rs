@@ -7,6 +7,7 @@ use clap::Args;
 use optics::pads::PadOptics;
 use serde_json::json;
 
+use crate::commands::robot::{RobotArgs, individual_of};
 use crate::terminal::Outcome;
 use crate::terminal::Terminal;
 
@@ -23,6 +24,8 @@ pub struct PadsArgs {
     /// shows them.
     #[arg(long)]
     pub individual: Option<PathBuf>,
+    #[command(flatten)]
+    pub robot: RobotArgs,
 }
 
 /// Writes the files.
@@ -30,7 +33,7 @@ pub fn pads(terminal: &Terminal, args: &PadsArgs) -> Outcome {
     if args.out.is_file() {
         bail!("--out {}: found a file; expected a folder", args.out.display());
     }
-    let hand = crate::commands::individual::hand(args.individual.as_deref())?;
+    let hand = individual_of(args.individual.as_deref(), &args.robot.model()?)?.hand;
     let mut files = Vec::new();
     for pad in &hand.pads {
         let design = PadOptics::nominal(&hand, pad);

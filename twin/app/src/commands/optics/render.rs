@@ -13,6 +13,7 @@ use serde_json::json;
 use world::geometry::Mesh;
 
 use super::sensor_option::SensorOption;
+use crate::commands::robot::{RobotArgs, individual_of};
 use crate::terminal::{Outcome, Terminal};
 
 /// How deep a mesh is pressed into a real sensor unless told otherwise, mm.
@@ -52,6 +53,8 @@ pub struct RenderArgs {
     /// shows them.
     #[arg(long, conflicts_with = "sensor_file")]
     pub individual: Option<PathBuf>,
+    #[command(flatten)]
+    pub robot: RobotArgs,
     /// The PNG to write; image, height map (m, along the cover's normals) and normals go beside it, as PNG, EXR and NPY.
     #[arg(long)]
     pub out: PathBuf,
@@ -69,6 +72,8 @@ pub struct ShapesArgs {
     /// Serial number of the hand.
     #[arg(long, default_value_t = 7)]
     pub unit: u64,
+    #[command(flatten)]
+    pub robot: RobotArgs,
     /// The contact sheet (PNG) to write.
     #[arg(long)]
     pub out: PathBuf,
@@ -84,7 +89,7 @@ fn expect_png(out: &Path) -> Result<()> {
 /// Renders a mesh.
 pub fn render(terminal: &Terminal, args: &RenderArgs) -> Outcome {
     expect_png(&args.out)?;
-    let hand = crate::commands::individual::hand(args.individual.as_deref())?;
+    let hand = individual_of(args.individual.as_deref(), &args.robot.model()?)?.hand;
     let (mesh, repair) = Mesh::load(&args.mesh)?;
     if !repair.is_none() {
         eprintln!("{}: {repair}", args.mesh.display());
@@ -149,7 +154,7 @@ fn render_real(terminal: &Terminal, args: &RenderArgs, path: &Path, pressed: (&M
 /// Renders the twenty shapes onto one sheet.
 pub fn shapes(terminal: &Terminal, args: &ShapesArgs) -> Outcome {
     expect_png(&args.out)?;
-    let hand = Hand::ftac();
+    let hand = args.robot.model()?.hand;
     let pad = find_pad(&hand, &args.pad)?;
     let (sheet, list) = shape_sheet(&hand, pad, args.force, args.unit, terminal.seed)?;
     sheet.save(&args.out).with_context(|| format!("--out {}", args.out.display()))?;

@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
-use hand_model::Hand;
+use hand_model::RobotModel;
 use lab::hand_check::figures;
 use optics::Foundation;
 use optics::foundation::{probe_response, sensitivity};
@@ -77,7 +77,7 @@ fn run(terminal: &Terminal, folder: &Path) -> Outcome {
 
 /// What the hand's tactile sensors come to.
 fn sensing() -> Result<Sensing> {
-    let hand = Hand::ftac();
+    let hand = RobotModel::ftac_gen3().hand;
     let gel = Foundation::paper(hand.gel().thickness);
     Ok(Sensing {
         array: array(&hand),

@@ -7,7 +7,7 @@ use anyhow::{Context, Result, bail};
 use clap::Args;
 use grasping::synthesis::collection::Collection;
 use grasping::synthesis::held::HeldGrasp;
-use hand_model::Hand;
+use hand_model::{Hand, RobotModel};
 use proving::synthesis::grasp_file;
 use study::attributes::ObjectForm;
 use study::classification::Classification;
@@ -28,7 +28,7 @@ const FORM_POINTS: usize = 1500;
 /// Grasps and their objects.
 pub struct Source {
     /// The hand.
-    pub hand: Hand,
+    pub hand: Arc<Hand>,
     /// The objects of which there are grasps, in the order of the set.
     pub objects: Vec<Arc<ObjectModel>>,
     /// The grasps, object by object in the same order.
@@ -74,7 +74,7 @@ impl Source {
             let (file, known) = (file.display(), set.names().join(", "));
             bail!("--grasps {file}: object: found `{}`, expected one of {known}", grasp.object);
         }
-        let hand = Hand::ftac();
+        let hand = RobotModel::ftac_gen3().hand;
         let is_held = |object: &&Arc<ObjectModel>| grasps.iter().any(|(grasp, _)| grasp.object == object.name);
         let objects: Vec<Arc<ObjectModel>> = set.iter().filter(is_held).cloned().collect();
         let mut classification = Classification::default();

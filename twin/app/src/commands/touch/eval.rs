@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
-use bench::builtin::{HAND_UNIT, make_bench_of, read_pads_by};
+use bench::builtin::{HAND_UNIT, make_bench, read_pads_by};
 use bench::networks::Networks;
 use clap::Args;
 use lab::touch::evaluation::{TouchEvaluation, json, table, under_changes};
@@ -14,6 +14,7 @@ use lab::touch::pictures;
 use lab::touch::poses::feel;
 use scenarios::Scenario;
 
+use crate::commands::robot::{RobotArgs, individual_of, pads};
 use crate::terminal::{Outcome, Terminal};
 
 /// Arguments of `touch eval`.
@@ -49,6 +50,8 @@ pub struct EvalArgs {
     /// designed one. Grasps kept by --grasps are those of another robot.
     #[arg(long, conflicts_with = "grasps")]
     pub individual: Option<PathBuf>,
+    #[command(flatten)]
+    pub robot: RobotArgs,
     /// Calibration of the pads by which grasps are felt: a file of `ftac touch train`, or of the hand's own pads; default: the designed
     /// pads'.
     #[arg(long, value_name = "FILE")]
@@ -75,17 +78,17 @@ pub fn eval(terminal: &Terminal, args: &EvalArgs) -> Outcome {
             scenario.combinations()
         );
     }
-    let own = crate::commands::individual::robot(args.individual.as_deref())?;
+    let own = individual_of(args.individual.as_deref(), &args.robot.model()?)?;
     let networks = args.networks.as_deref().map_or_else(Networks::builtin, Networks::read)?;
     let source = real_source(args)?;
     let real = source.map(|source| real(&source, &networks).map(|rows| (source, rows))).transpose()?;
-    let pads = crate::commands::individual::pads(args.pads.as_deref())?;
-    let mut bench = make_bench_of(own.as_ref(), scenario, args.combos, terminal.seed, quiet)?;
+    let pads = pads(args.pads.as_deref(), &own)?;
+    let mut bench = make_bench(&own, scenario, args.combos, terminal.seed, quiet)?;
     read_pads_by(&mut bench, pads.as_deref(), Path::new("--pads"))?;
     let played = Played { combos: args.combos, trials: args.trials, seed: terminal.seed };
     let grasps = grasps(&bench, played, args.grasps.as_deref(), quiet)?;
     let bar = progress::bar(grasps.len() as u64, "felt", quiet);
-    let eyes = Eyes::new(&bench.world.cell.hand, HAND_UNIT, &Change::NONE)?
+    let eyes = Eyes::new(&bench.world.cell.robot.hand, HAND_UNIT, &Change::NONE)?
         .drifting(bench.world.scenario.effects.pads, terminal.seed);
     let felt = feel(&bench, &eyes, &bench.pipeline, &grasps, || bar.inc(1))?;
     bar.finish_and_clear();

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};
+use hand_model::RobotModel;
 use indicatif::ProgressStyle;
 use lab::touch::training::{TrainingSet, TrainingSource, loss_curves, resume};
 use platform::data::write_whole;
@@ -11,6 +12,7 @@ use serde_json::json;
 use touch::network::Kind;
 use touch::network::train::{Schedule, Training};
 
+use crate::commands::robot::RobotArgs;
 use crate::terminal::{Outcome, Terminal};
 
 /// What a network looks like.
@@ -61,6 +63,8 @@ pub struct TrainNetworkArgs {
     /// Size of a pixel of those presses' images, mm.
     #[arg(long)]
     pub pixel_mm: Option<f64>,
+    #[command(flatten)]
+    pub robot: RobotArgs,
 }
 
 /// Renders or reads the presses, trains, and writes the network.
@@ -75,10 +79,11 @@ pub fn train_network(terminal: &Terminal, args: &TrainNetworkArgs) -> Outcome {
     let state = args.out.with_extension("training");
     let mut training = if args.resume { resume(&state, &schedule)? } else { Training::new(schedule.clone()) };
     training.schedule = schedule;
-    let source = source(args);
+    let robot = args.robot.model()?;
+    let source = source(args, &robot);
     let bar = terminal.progress();
     bar.set_style(ProgressStyle::with_template("{bar:28} {pos}/{len} presses [{elapsed} < {eta}]")?);
-    if let TrainingSource::Pads { presses } | TrainingSource::Sensor { presses, .. } = source {
+    if let TrainingSource::Pads { presses, .. } | TrainingSource::Sensor { presses, .. } = source {
         bar.set_length(presses as u64);
     }
     let TrainingSet { samples, held_out, conditioning } =
@@ -135,14 +140,14 @@ fn check(args: &TrainNetworkArgs) -> Result<()> {
     Ok(())
 }
 
-fn source(args: &TrainNetworkArgs) -> TrainingSource<'_> {
+fn source<'a>(args: &'a TrainNetworkArgs, robot: &'a RobotModel) -> TrainingSource<'a> {
     let presses = args.presses;
     match (&args.folder, args.ball_diameter_mm, args.pixel_mm, &args.sensor) {
         (Some(folder), Some(diameter), Some(pixel), _) => {
             TrainingSource::RealPresses { folder, ball_diameter: 1e-3 * diameter, pixel: 1e-3 * pixel }
         }
         (_, _, _, Some(file)) => TrainingSource::Sensor { file, presses },
-        _ => TrainingSource::Pads { presses },
+        _ => TrainingSource::Pads { robot, presses },
     }
 }
 

@@ -15,6 +15,7 @@ use scenarios::statistics::FEWEST_SAMPLES;
 use serde::Serialize;
 
 use super::Drawing;
+use crate::commands::robot::RobotArgs;
 use crate::terminal::{Outcome, Terminal};
 
 /// Goals of the evaluation: share of parameters in their intervals, the median error of a joint, rad, ...
@@ -26,6 +27,8 @@ const REACH_ERROR: f64 = 1e-3;
 /// Arguments of `twin evaluate`.
 #[derive(Debug, Args)]
 pub struct EvaluateArgs {
+    #[command(flatten)]
+    pub model: RobotArgs,
     /// Number of the first individual.
     #[arg(long, default_value_t = 101)]
     pub from: u64,
@@ -63,7 +66,7 @@ pub fn run(terminal: &Terminal, args: &EvaluateArgs) -> Outcome {
     if args.count == 0 || args.from == 0 {
         bail!("--from, --count: found {}, {}, expected at least 1", args.from, args.count);
     }
-    let drawing = Drawing::new()?;
+    let drawing = Drawing::new(args.model.model()?)?;
     let bar = terminal.progress();
     bar.set_length(args.count);
     let rows: Result<Vec<Row>> = (args.from..args.from + args.count)
@@ -154,12 +157,13 @@ const BEND: f64 = 0.4;
 
 /// Excites, identifies and compares one individual, behind all that the bridge does to commands and measurements.
 fn evaluate(drawing: &Drawing, number: u64, seed: u64) -> Result<Row> {
-    let Drawing { hand, arm, losses, .. } = drawing;
+    let Drawing { robot: nominal, losses, .. } = drawing;
+    let hand = &nominal.hand;
     let truth = RobotIndividual::draw(hand, number);
     let script = Script::standard();
     let plant = SharedPlant::new(drawing.plant(number, seed, &script)?);
     let settings = settings(&truth.hand(hand), seed);
-    let robot = DirectRobot::start(Box::new(plant), settings, arm).map_err(|error| anyhow!("{error}"))?;
+    let robot = DirectRobot::start(Box::new(plant), settings, nominal).map_err(|error| anyhow!("{error}"))?;
     let mut kept = Kept::new(robot);
     let mut done = 0;
     let heard = |progress: Progress| {
@@ -171,14 +175,14 @@ fn evaluate(drawing: &Drawing, number: u64, seed: u64) -> Result<Row> {
     };
     let stopped = play(&mut kept, &drawing.means(&script), 0, heard, |_| true).err();
     let stopped = stopped.map(|held| format!("{held}; after {done} of {} steps", script.steps(hand).len()));
-    let identification = identify((hand, arm), *losses, &drawing.pads, &[kept.trace("rounded", &script)])?;
+    let identification = identify(nominal, *losses, &drawing.pads, &[kept.trace("rounded", &script)])?;
     let (found, kinematics, gains) = (identification.robot, identification.kinematics, identification.gains);
     let [identified, others] = coverage(&found, &truth);
     let designed = RobotIndividual::designed(hand);
-    let differences = compare(&truth, (hand, arm), *losses, &Arm::home(), &[&designed, &found.individual]);
+    let differences = compare(&truth, nominal, *losses, &Arm::home(), &[&designed, &found.individual]);
     let summaries: Vec<[f64; 3]> = differences.iter().map(|found| found.summary()).collect();
     let both = |n: usize| [summaries[0][n], summaries[1][n]];
-    let reached = |own| median(&reach(&truth, own, (hand, arm), &Arm::home(), BEND));
+    let reached = |own| median(&reach(&truth, own, nominal, &Arm::home(), BEND));
     Ok(Row {
         individual: number,
         identified,

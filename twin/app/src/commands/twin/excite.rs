@@ -9,7 +9,7 @@ use bench::body::emulated::{SharedPlant, settings};
 use bench::body::operator::{Interrupt, agreed};
 use clap::Args;
 use hand_model::robot::{Command, Readings, RobotBackend, RobotError, Tick};
-use hand_model::{Arm, Hand};
+use hand_model::{Arm, Hand, RobotModel};
 use hardware_bridge::config::BridgeConfig;
 use hardware_bridge::config::secrets::without_secrets;
 use hardware_bridge::emulator::direct::DirectRobot;
@@ -25,6 +25,7 @@ use session_log::{Recorder, Session, Writer};
 
 use super::Drawing;
 use crate::commands::body::{Body, check_body};
+use crate::commands::robot::RobotArgs;
 use crate::terminal::{Outcome, Terminal};
 
 /// Waited for the first measurements to pass the checks.
@@ -35,6 +36,8 @@ const STATE: &str = "excitation.json";
 /// Arguments of `twin excite`.
 #[derive(Debug, Args)]
 pub struct ExciteArgs {
+    #[command(flatten)]
+    pub model: RobotArgs,
     /// Folder of the sessions; one with an unfinished excitation goes on from its last finished step.
     pub folder: PathBuf,
     /// Body.
@@ -95,14 +98,14 @@ struct Record {
 }
 
 impl Record {
-    fn read(folder: &Path) -> Result<Option<Self>> {
+    fn read(folder: &Path, hand: &Hand) -> Result<Option<Self>> {
         let path = folder.join(STATE);
         if !path.exists() {
             return Ok(None);
         }
         let text = std::fs::read_to_string(&path).with_context(|| path.display().to_string())?;
         let record: Self = serde_json::from_str(&text).with_context(|| path.display().to_string())?;
-        let steps = record.script.steps(&Hand::ftac()).len();
+        let steps = record.script.steps(hand).len();
         if record.version != 1 || record.done > steps {
             bail!(
                 "{}: version, done: found {}, {}, expected 1 and at most {steps}",
@@ -179,12 +182,12 @@ pub fn run(terminal: &Terminal, args: &ExciteArgs) -> Outcome {
     if args.robot == Body::Hardware && (args.individual != 0 || args.truth_out.is_some()) {
         bail!("--individual, --truth-out: --robot is hardware, which is the individual that it is");
     }
-    let drawing = Drawing::new()?;
+    let drawing = Drawing::new(args.model.model()?)?;
     let script = match &args.script {
         None => Script::standard(),
         Some(path) => {
             let text = std::fs::read_to_string(path).with_context(|| path.display().to_string())?;
-            Script::parse(&text, path, &drawing.hand)?
+            Script::parse(&text, path, &drawing.robot.hand)?
         }
     };
     if let Some(weight) = script.weight.as_ref().filter(|_| drawing.grasps(&script).is_empty()) {
@@ -202,7 +205,7 @@ pub fn run(terminal: &Terminal, args: &ExciteArgs) -> Outcome {
         done: 0,
         parts: 0,
     };
-    let mut record = match Record::read(&args.folder)? {
+    let mut record = match Record::read(&args.folder, &drawing.robot.hand)? {
         None => asked,
         Some(begun) => {
             let same = Record { done: begun.done, parts: begun.parts, ..asked.clone() };
@@ -215,16 +218,16 @@ pub fn run(terminal: &Terminal, args: &ExciteArgs) -> Outcome {
             begun
         }
     };
-    let steps = record.script.steps(&drawing.hand).len();
+    let steps = record.script.steps(&drawing.robot.hand).len();
     if args.dry_run {
-        return tell(terminal, args, &record, true);
+        return tell(terminal, args, &drawing.robot.hand, &record, true);
     }
     if let Some(path) = &args.truth_out {
-        super::write_truth(path, args.individual)?;
+        super::write_truth(path, &drawing.robot, args.individual)?;
     }
     if record.done == steps {
         eprintln!("all {steps} steps are done");
-        return tell(terminal, args, &record, false);
+        return tell(terminal, args, &drawing.robot.hand, &record, false);
     }
     std::fs::create_dir_all(&args.folder).with_context(|| args.folder.display().to_string())?;
     let (body, about) = open(terminal, args, &drawing, &record.script)?;
@@ -235,7 +238,7 @@ pub fn run(terminal: &Terminal, args: &ExciteArgs) -> Outcome {
         program: format!("ftac {}", env!("CARGO_PKG_VERSION")),
         seed: terminal.seed,
         tick_length: body.tick_length(),
-        task: serde_json::to_vec(&Task::new(&drawing.hand, &record.script, record.done))?,
+        task: serde_json::to_vec(&Task::new(&drawing.robot.hand, &record.script, record.done))?,
         ..about
     };
     let interrupt = Interrupt::catch()?;
@@ -254,7 +257,7 @@ pub fn run(terminal: &Terminal, args: &ExciteArgs) -> Outcome {
         return Ok(Some(format!("{why} after {} of {steps} steps; the same command goes on from there", record.done)));
     }
     finished?;
-    tell(terminal, args, &record, false)
+    tell(terminal, args, &drawing.robot.hand, &record, false)
 }
 
 /// Plays what is left. Why it stopped before the end, if it did.
@@ -266,7 +269,7 @@ fn excite(
     (recorder, interrupt): (&mut Recorder<Thinned<Bodied>>, &Interrupt),
 ) -> Result<Option<String>> {
     let bar = terminal.progress();
-    bar.set_length(record.script.steps(&drawing.hand).len() as u64);
+    bar.set_length(record.script.steps(&drawing.robot.hand).len() as u64);
     bar.set_position(record.done as u64);
     let (script, first) = (record.script.clone(), record.done);
     let heard = |progress: Progress| {
@@ -305,20 +308,20 @@ fn excite(
 fn open(terminal: &Terminal, args: &ExciteArgs, drawing: &Drawing, script: &Script) -> Result<(Bodied, Session)> {
     if args.robot == Body::Hardware {
         let path = args.config.as_deref().context("--config")?;
-        return real(path, args.yes, script);
+        return real(path, args.yes, script, &drawing.robot);
     }
-    let individual = RobotIndividual::draw(&drawing.hand, args.individual);
-    let Drawing { hand, arm, .. } = drawing;
+    let individual = RobotIndividual::draw(&drawing.robot.hand, args.individual);
+    let model = &drawing.robot;
     let robot = drawing.plant(args.individual, terminal.seed, script)?;
-    let settings = settings(&individual.hand(hand), terminal.seed);
+    let settings = settings(&individual.hand(&model.hand), terminal.seed);
     let about = Session::default();
     Ok(match args.robot {
         Body::Rounded => {
-            let robot = DirectRobot::start(Box::new(SharedPlant::new(robot)), settings, arm)?;
+            let robot = DirectRobot::start(Box::new(SharedPlant::new(robot)), settings, model)?;
             (Bodied::Direct(Box::new(robot)), about)
         }
         Body::Emulated => {
-            let robot = LockstepRobot::start(Box::new(SharedPlant::new(robot)), settings, arm, None)?;
+            let robot = LockstepRobot::start(Box::new(SharedPlant::new(robot)), settings, model, None)?;
             let configuration = robot.config().to_toml().into_bytes();
             let calibration = serde_json::to_vec(robot.calibration())?;
             (Bodied::Lockstep(Box::new(robot)), Session { configuration, calibration, ..about })
@@ -328,12 +331,12 @@ fn open(terminal: &Terminal, args: &ExciteArgs, drawing: &Drawing, script: &Scri
 }
 
 /// The real robot under the configuration at `path`, armed once its operator agrees.
-fn real(path: &Path, yes: bool, script: &Script) -> Result<(Bodied, Session)> {
+fn real(path: &Path, yes: bool, script: &Script, model: &RobotModel) -> Result<(Bodied, Session)> {
     let config = BridgeConfig::read(path)?;
     let bytes = |path: &Path| std::fs::read(path).with_context(|| path.display().to_string());
     let configuration = without_secrets(&String::from_utf8_lossy(&bytes(path)?)).into_bytes();
     let about = Session { configuration, calibration: bytes(&config.calibration)?, ..Session::default() };
-    let robot = HardwareRobot::connect(&config, arm_link(&config, Arm::home())?, &Arm::gen3(), None)?;
+    let robot = HardwareRobot::connect(&config, arm_link(&config, &model.arm, Arm::home())?, model, None)?;
     let begun = Instant::now();
     while let Err(error) = robot.check() {
         if begun.elapsed() > PATIENCE {
@@ -375,15 +378,14 @@ fn things(script: &Script) -> Vec<String> {
 }
 
 /// What was done, or is to be done.
-fn tell(terminal: &Terminal, args: &ExciteArgs, record: &Record, dry: bool) -> Outcome {
-    let hand = Hand::ftac();
-    let steps = record.script.steps(&hand);
-    let seconds: f64 = steps.iter().skip(record.done).map(|step| record.script.length(step, &hand)).sum();
+fn tell(terminal: &Terminal, args: &ExciteArgs, hand: &Hand, record: &Record, dry: bool) -> Outcome {
+    let steps = record.script.steps(hand);
+    let seconds: f64 = steps.iter().skip(record.done).map(|step| record.script.length(step, hand)).sum();
     let sessions: Vec<String> =
         (1..=record.parts).map(|part| args.folder.join(format!("part_{part}.mcap")).display().to_string()).collect();
     let mut text = String::new();
     if dry {
-        for line in described(&record.script, &hand).iter().skip(record.done) {
+        for line in described(&record.script, hand).iter().skip(record.done) {
             text += &format!("{line}\n");
         }
         for thing in things(&record.script) {

@@ -11,6 +11,7 @@ use touch::ball_press::OwnCalibrationReport;
 use touch::{PhotometricCalibration, TouchError};
 
 use super::Drawing;
+use crate::commands::robot::RobotArgs;
 use crate::commands::sessions::sessions_in;
 use crate::terminal::{Outcome, Terminal};
 
@@ -20,6 +21,8 @@ const MOST_RESIDUAL: f64 = 0.0175;
 /// Arguments of `twin identify`.
 #[derive(Debug, Args)]
 pub struct IdentifyArgs {
+    #[command(flatten)]
+    pub model: RobotArgs,
     /// Sessions of `ftac twin excite`, or its folders.
     #[arg(required = true)]
     pub sessions: Vec<PathBuf>,
@@ -35,18 +38,18 @@ pub struct IdentifyArgs {
 }
 
 pub fn run(terminal: &Terminal, args: &IdentifyArgs) -> Outcome {
-    let drawing = Drawing::new()?;
+    let drawing = Drawing::new(args.model.model()?)?;
     let mut traces = Vec::new();
     for path in files(&args.sessions)? {
-        let trace = Trace::read(&path, &drawing.hand)?;
+        let trace = Trace::read(&path, &drawing.robot.hand)?;
         if !trace.whole {
             eprintln!("{}: the file is cut short; {:.0} s of it are used", path.display(), trace.source.seconds);
         }
         traces.push(trace);
     }
-    let found = identify((&drawing.hand, &drawing.arm), drawing.losses, &drawing.pads, &traces)?;
+    let found = identify(&drawing.robot, drawing.losses, &drawing.pads, &traces)?;
     let program = format!("ftac {}", env!("CARGO_PKG_VERSION"));
-    let text = found.robot.to_toml(&drawing.hand, &program)?;
+    let text = found.robot.to_toml(&drawing.robot.hand, &program)?;
     platform::data::write_whole(&args.out, text.as_bytes())?;
     let page = args.report.clone().unwrap_or_else(|| args.out.with_extension("html"));
     let (actuators, parameters) = rows(&drawing, &found);
@@ -54,7 +57,7 @@ pub fn run(terminal: &Terminal, args: &IdentifyArgs) -> Outcome {
         &page,
         report::identified::page(&actuators, &parameters, &found.robot.sessions).as_bytes(),
     )?;
-    let (pads, told) = keep_pads(args, own_pads(&drawing.hand, &drawing.pads, &traces))?;
+    let (pads, told) = keep_pads(args, own_pads(&drawing.robot.hand, &drawing.pads, &traces))?;
     let kinematics = &found.kinematics;
     let json = serde_json::json!({
         "touches": kinematics.touches,
@@ -137,7 +140,7 @@ fn files(named: &[PathBuf]) -> Result<Vec<PathBuf>> {
 
 /// What was found, as pages and terminals show it.
 fn rows(drawing: &Drawing, found: &Identification) -> (Vec<ActuatorRow>, Vec<ParameterRow>) {
-    let names = drawing.hand.parameters.actuator.iter().map(|actuator| actuator.name.clone());
+    let names = drawing.robot.hand.parameters.actuator.iter().map(|actuator| actuator.name.clone());
     let actuators = names
         .zip(&found.fits)
         .map(|(actuator, fit)| ActuatorRow {

@@ -1,14 +1,13 @@
 //! Where real robots come from: connected and checked first, then laid out by the operator, then with torque on.
 
 use std::path::PathBuf;
-use std::sync::Arc;
 use std::sync::mpsc::Sender;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, Result, bail};
 use control::outage::Outage;
 use hand_model::robot::{Command, RobotBackend, ServoGoal};
-use hand_model::{ACTUATORS, ARM_JOINTS, Arm};
+use hand_model::{ACTUATORS, ARM_JOINTS, RobotModel};
 use hardware_bridge::config::BridgeConfig;
 use hardware_bridge::config::secrets::without_secrets;
 use hardware_bridge::hardware_robot::HardwareRobot;
@@ -37,7 +36,7 @@ const THERE: f64 = 0.01;
 pub struct HardwareSource {
     config: BridgeConfig,
     about: Session,
-    arm: Arc<Arm>,
+    model: RobotModel,
     /// Posture in which trials begin, rad.
     ready: [f64; ARM_JOINTS],
     sessions: PathBuf,
@@ -47,12 +46,12 @@ pub struct HardwareSource {
 
 impl HardwareSource {
     /// Under the configuration at `path`; sessions are always recorded, into `sessions`.
-    pub fn new(path: &std::path::Path, arm: Arc<Arm>, ready: [f64; ARM_JOINTS], sessions: PathBuf) -> Result<Self> {
+    pub fn new(path: &std::path::Path, model: RobotModel, ready: [f64; ARM_JOINTS], sessions: PathBuf) -> Result<Self> {
         let config = BridgeConfig::read(path)?;
         let bytes = |path: &std::path::Path| std::fs::read(path).with_context(|| path.display().to_string());
         let configuration = without_secrets(&String::from_utf8_lossy(&bytes(path)?)).into_bytes();
         let about = Session { configuration, calibration: bytes(&config.calibration)?, ..Session::default() };
-        Ok(Self { config, about, arm, ready, sessions, eyes: None, packets: None })
+        Ok(Self { config, about, model, ready, sessions, eyes: None, packets: None })
     }
 
     /// The same with a vision system that says where objects are.
@@ -74,7 +73,7 @@ impl HardwareSource {
 
     /// Makes sure that no camera is plugged in where another was, as far as somebody knows.
     fn compare_pictures(&self, robot: &HardwareRobot) -> Result<()> {
-        let kept = Pictures::read(&Pictures::beside(&self.config.calibration))?;
+        let kept = Pictures::read(&Pictures::beside(&self.config.calibration), self.model.hand.cameras.len())?;
         let (Some(kept), Some(cameras)) = (kept, robot.cameras()) else { return Ok(()) };
         let now = Pictures::look(cameras, PATIENCE).map_err(anyhow::Error::msg)?;
         let mistaken: Vec<String> = kept.mistaken(&now).iter().map(ToString::to_string).collect();
@@ -95,8 +94,8 @@ impl HardwareSource {
     /// The robot, connected and checked, with its torque as it was: all that can be found wrong before anything is laid
     /// out or moves.
     pub fn check(&mut self) -> Result<Checked> {
-        let link = arm_link(&self.config, self.ready)?;
-        let robot = HardwareRobot::connect(&self.config, link, &self.arm, None)?;
+        let link = arm_link(&self.config, &self.model.arm, self.ready)?;
+        let robot = HardwareRobot::connect(&self.config, link, &self.model, None)?;
         wait_for_checks(&robot)?;
         self.compare_pictures(&robot)?;
         let (packets, receiver) = std::sync::mpsc::channel();

@@ -6,7 +6,7 @@ use std::os::fd::OwnedFd;
 use std::time::Instant;
 
 use hand_model::robot::{Command, Readings, RobotBackend as _, ServoGoal};
-use hand_model::{ACTUATORS, Arm as ArmModel};
+use hand_model::{ACTUATORS, RobotModel};
 use hardware_bridge::calibration::{HandCalibration, ServoCalibration};
 use hardware_bridge::config::BridgeConfig;
 use hardware_bridge::emulator::spring_hand::SpringHand;
@@ -34,7 +34,9 @@ struct Bench {
 fn bench() -> Bench {
     let settings = EmulatorSettings::default();
     let zeros: Vec<i64> = settings.servos.iter().map(|servo| servo.zero()).collect();
-    let hand = EmulatedHand::start(Box::new(SpringHand::new([TRAVEL; ACTUATORS])), settings).expect("starts");
+    let model = RobotModel::ftac_gen3();
+    let plant = SpringHand::new([TRAVEL; ACTUATORS], model.hand.cameras.len());
+    let hand = EmulatedHand::start(Box::new(plant), settings, &model).expect("starts");
     let folder = tempfile::tempdir().expect("a folder");
     let text = format!(
         "version = 1\ncalibration = \"calibration.json\"\nstop_socket = \"stop\"\n[servos]\nport = {:?}\n\
@@ -64,8 +66,8 @@ fn bench() -> Bench {
     let timeouts = Timeouts { call: Duration::from_secs(60), session: hour, connection: hour, ..Timeouts::default() };
     let near = hand.arm_joints().state().position;
     let client = Arm::connect(arm.address(), &credentials, timeouts, near).expect("connects");
-    let link = KortexLink::new(client, Duration::from_millis(5), Duration::from_secs(60));
-    let robot = HardwareRobot::connect(&config, Box::new(link), &ArmModel::gen3(), None).expect("connects");
+    let link = KortexLink::new(client, &model.arm, Duration::from_millis(5), Duration::from_secs(60));
+    let robot = HardwareRobot::connect(&config, Box::new(link), &model, None).expect("connects");
     until("the checks pass", || robot.check().is_ok());
     robot.arm().expect("arms");
     let (input, answers) = std::io::pipe().expect("a pipe");

@@ -1,5 +1,6 @@
 //! Episodes repeat by seed, refuse what is no action, and are judged.
 
+use hand_model::RobotModel;
 use std::sync::LazyLock;
 
 use control::Twist;
@@ -9,7 +10,8 @@ use super::*;
 use crate::builtin::make_scenes;
 use control::action::{Action, ActionError, ArmAction, HandAction};
 
-static BENCH: LazyLock<Bench> = LazyLock::new(|| make_scenes(Scenario::benchmark(), 3, EPISODES, true).unwrap());
+static BENCH: LazyLock<Bench> =
+    LazyLock::new(|| make_scenes(&RobotModel::ftac_gen3(), Scenario::benchmark(), 3, EPISODES, true).unwrap());
 
 fn options(task: Task) -> Options {
     Options { task, images: None, combination: None }

@@ -21,20 +21,19 @@ pub enum Mishap {
     Plant(PlantFault),
 }
 
-/// What a line without a time says.
-pub fn at_once(line: &str) -> Result<Vec<Mishap>> {
-    let (mut now, faults) = mishaps(&[format!("{line}@0")])?;
+/// What a line without a time says, of a robot with this hand.
+pub fn at_once(line: &str, hand: &Hand) -> Result<Vec<Mishap>> {
+    let (mut now, faults) = mishaps(&[format!("{line}@0")], hand)?;
     now.extend(faults.events.into_iter().map(|(at, event)| (at, Mishap::Device(event))));
     Ok(now.into_iter().map(|(_, mishap)| mishap).collect())
 }
 
-/// What happens to servos and cameras by themselves, and what somebody else has to do to the rest, each at its time, s.
-pub fn mishaps(texts: &[String]) -> Result<(Vec<(f64, Mishap)>, Faults)> {
+/// What happens to servos and cameras by themselves, and what somebody else has to do to the rest, each at its time, s. `hand` is the robot's.
+pub fn mishaps(texts: &[String], hand: &Hand) -> Result<(Vec<(f64, Mishap)>, Faults)> {
     let (mut mishaps, mut rest) = (Vec::new(), Vec::new());
-    let hand = Hand::ftac();
     for text in texts {
         let (what, at) = text.split_once('@').map_or((text.as_str(), None), |(what, at)| (what, Some(at)));
-        if let Some(fault) = PlantFault::parse(what, &hand)? {
+        if let Some(fault) = PlantFault::parse(what, hand)? {
             let at = at.and_then(|at| at.parse().ok()).filter(|at: &f64| at.is_finite() && *at >= 0.0);
             let at = at.ok_or_else(|| anyhow!("fault: found `{text}`, expected {what}@SECONDS"))?;
             mishaps.push((at, Mishap::Plant(fault)));

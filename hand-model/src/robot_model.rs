@@ -1,0 +1,348 @@
+//! A robot as one file describes it: arm, hand, and what the hand differs by from its parameter file.
+//!
+//! ```toml
+//! version = 1
+//! name = "ftac_small_right"
+//! arm = "gen3"                  # the Gen3, or a parameter file beside this one
+//! calibration = "pads.json"     # photometric calibration of the pads; default: the built-in one
+//!
+//! [hand]
+//! parameters = "ftac"           # the F-TAC Hand, or a parameter file beside this one
+//! handedness = "right"          # default: as in the parameter file
+//! scale = 0.85                  # of all lengths; default: 1
+//!
+//! [hand.configuration]          # sensor configurations beyond those of the parameter file
+//! s = { h = 0.024, w = 0.012, cameras = 1 }
+//!
+//! [[hand.pad]]                  # pads beyond those of the parameter file
+//! name = "ring_middle_back"
+//! link = "ring_2"
+//! configuration = "s"
+//! center = [0.0145, -0.006, 0.0]
+//! y = [1.0, 0.0, 0.0]
+//! z = [0.0, -1.0, 0.0]
+//! ```
+//! Numbers in the file are those of the left hand at its full size, as in the parameter file.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use platform::data::{DataError, parse_toml, read_text};
+use platform::reach::Reach;
+use serde::{Deserialize, Serialize};
+
+use crate::parameters::{Configuration, HandParameters, Handedness, PadParameters};
+use crate::{Arm, Hand};
+
+/// Version of the file.
+const VERSION: u32 = 1;
+/// Name by which a file asks for the built-in hand.
+const FTAC: &str = "ftac";
+/// Name by which a file asks for the built-in arm.
+const GEN3: &str = "gen3";
+/// Smallest and largest scale of a hand.
+const SCALES: [f64; 2] = [0.5, 2.0];
+
+/// Arm and hand: what is fixed for a run.
+#[derive(Debug, Clone)]
+pub struct RobotModel {
+    pub name: String,
+    pub arm: Arc<Arm>,
+    pub hand: Arc<Hand>,
+    /// The texts that it was made of; `None` for the built-in robot.
+    pub sources: Option<RobotSources>,
+}
+
+/// The texts that a robot is made of. Runs and sessions keep them, so that they do not depend on files.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RobotSources {
+    /// Name of the robot file, for errors.
+    pub name: PathBuf,
+    /// The robot file.
+    pub robot: String,
+    /// The files that it names, by the names it uses.
+    pub files: BTreeMap<String, String>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RobotFile {
+    version: u32,
+    name: String,
+    arm: String,
+    calibration: Option<String>,
+    hand: HandFile,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct HandFile {
+    parameters: String,
+    handedness: Option<Handedness>,
+    scale: Option<f64>,
+    #[serde(default)]
+    configuration: BTreeMap<String, Configuration>,
+    #[serde(default)]
+    pad: Vec<PadParameters>,
+}
+
+impl RobotFile {
+    /// The files that it names: (field, name).
+    fn files(&self) -> impl Iterator<Item = (&'static str, &String)> {
+        let arm = (self.arm != GEN3).then_some(("arm", &self.arm));
+        let hand = (self.hand.parameters != FTAC).then_some(("hand.parameters", &self.hand.parameters));
+        let calibration = self.calibration.as_ref().map(|name| ("calibration", name));
+        arm.into_iter().chain(hand).chain(calibration)
+    }
+}
+
+impl RobotSources {
+    /// Reads a robot file and the files that it names, which are looked for beside it. A calibration that is not there is left out: one has to
+    /// be made with the robot.
+    ///
+    /// # Errors
+    /// [`DataError`] with the file and field at fault.
+    pub fn read(path: &Path, reach: Reach) -> Result<Self, DataError> {
+        let robot = read_text(path)?;
+        let file: RobotFile = parse_toml(&robot, path)?;
+        let read = |(field, name): (&str, &String)| {
+            Ok((name.clone(), read_text(&reach.resolve(path, field, Path::new(name))?)?))
+        };
+        let folder = path.parent().unwrap_or(Path::new(""));
+        let there = |(field, name): &(&str, &String)| *field != "calibration" || folder.join(name).exists();
+        let files = file.files().filter(there).map(read).collect::<Result<_, DataError>>()?;
+        let name = path.file_name().map(PathBuf::from).unwrap_or_default();
+        Ok(Self { name, robot, files })
+    }
+}
+
+impl RobotModel {
+    /// The F-TAC Hand on a Gen3.
+    ///
+    /// # Panics
+    /// Never in a tested build: the files are compiled in and a test reads them.
+    pub fn ftac_gen3() -> Self {
+        let robot = include_str!("../data/ftac_gen3.toml").to_owned();
+        let sources = RobotSources { name: "ftac_gen3.toml".into(), robot, files: BTreeMap::new() };
+        let model = Self::parse(&sources, &sources.name).expect("the built-in robot is valid");
+        Self { sources: None, ..model }
+    }
+
+    /// Reads a robot file; the files that it names are looked for beside it.
+    ///
+    /// # Errors
+    /// [`DataError`] with the file and field at fault.
+    pub fn read(path: &Path) -> Result<Self, DataError> {
+        Self::parse(&RobotSources::read(path, Reach::Anywhere)?, path)
+    }
+
+    /// The robot made of `sources`, or the built-in one.
+    ///
+    /// # Errors
+    /// As of [`Self::parse`].
+    pub fn of(sources: Option<&RobotSources>) -> Result<Self, DataError> {
+        sources.map_or_else(|| Ok(Self::ftac_gen3()), |sources| Self::parse(sources, &sources.name))
+    }
+
+    /// The robot as its files have it: of an individual, that of which it is one.
+    ///
+    /// # Errors
+    /// As of [`Self::parse`].
+    pub fn nominal(&self) -> Result<Self, DataError> {
+        Self::of(self.sources.as_ref())
+    }
+
+    /// Name of the robot's file for errors.
+    pub fn file(&self) -> &Path {
+        self.sources.as_ref().map_or(Path::new("ftac_gen3.toml"), |sources| &sources.name)
+    }
+
+    /// The robot made of `sources`; `path` is used in errors.
+    ///
+    /// # Errors
+    /// [`DataError`] with the file and field at fault.
+    pub fn parse(sources: &RobotSources, path: &Path) -> Result<Self, DataError> {
+        let file: RobotFile = parse_toml(&sources.robot, path)?;
+        if file.version != VERSION {
+            return Err(DataError::field(path, "version", file.version, VERSION.to_string()));
+        }
+        let named = |field: &str, name: &String| {
+            let text = sources
+                .files
+                .get(name)
+                .ok_or_else(|| DataError::field(path, field, name, "a file that was kept with the robot"))?;
+            Ok::<_, DataError>((text, path.with_file_name(name)))
+        };
+        let arm = if file.arm == GEN3 {
+            Arm::gen3()
+        } else {
+            let (text, path) = named("arm", &file.arm)?;
+            Arm::parse(text, &path)?
+        };
+        let mut parameters = if file.hand.parameters == FTAC {
+            HandParameters::ftac()
+        } else {
+            let (text, path) = named("hand.parameters", &file.hand.parameters)?;
+            HandParameters::parse(text, &path)?
+        };
+        file.hand.change(&mut parameters, path)?;
+        Ok(Self {
+            name: file.name,
+            arm: Arc::new(arm),
+            hand: Arc::new(Hand::build(parameters)),
+            sources: Some(sources.clone()),
+        })
+    }
+
+    /// The pads' photometric calibration, if it is not the built-in one: text and name of its file.
+    ///
+    /// # Errors
+    /// [`DataError`] for a file that was not there.
+    pub fn calibration(&self) -> Result<Option<(&str, PathBuf)>, DataError> {
+        let Some(sources) = &self.sources else { return Ok(None) };
+        let file: RobotFile = parse_toml(&sources.robot, &sources.name)?;
+        let Some(name) = file.calibration else { return Ok(None) };
+        match sources.files.get(&name) {
+            Some(text) => Ok(Some((text, PathBuf::from(name)))),
+            None => {
+                let expected =
+                    "a calibration beside the robot's file; `ftac touch train --robot-model FILE --out FILE` makes one";
+                Err(DataError::field(&sources.name, "calibration", format!("no file {name}"), expected))
+            }
+        }
+    }
+
+    /// All of arm and hand but pads, cameras and names, as text: grasps of one robot are another's where it is the same.
+    pub fn mechanics(&self) -> String {
+        let parameters = HandParameters {
+            name: String::new(),
+            configuration: BTreeMap::new(),
+            pad: Vec::new(),
+            ..self.hand.parameters.clone()
+        };
+        format!("{parameters:?} {:?}", self.arm)
+    }
+
+    /// Whether arm and hand move and touch alike.
+    pub fn moves_like(&self, other: &Self) -> bool {
+        self.mechanics() == other.mechanics()
+    }
+}
+
+impl HandFile {
+    /// Makes the changes that it asks for, and checks the result.
+    fn change(self, parameters: &mut HandParameters, path: &Path) -> Result<(), DataError> {
+        for (letter, configuration) in self.configuration {
+            let field = format!("hand.configuration.{letter}");
+            if parameters.configuration.insert(letter, configuration).is_some() {
+                return Err(DataError::field(path, field, "a configuration of the parameter file", "another letter"));
+            }
+        }
+        parameters.pad.extend(self.pad);
+        if let Some(handedness) = self.handedness {
+            parameters.handedness = handedness;
+        }
+        parameters.check(path).map_err(|error| error.within("hand"))?;
+        let scale = self.scale.unwrap_or(1.0);
+        if !(SCALES[0]..=SCALES[1]).contains(&scale) {
+            let expected = format!("{} to {}", SCALES[0], SCALES[1]);
+            return Err(DataError::field(path, "hand.scale", scale, expected));
+        }
+        if scale != 1.0 {
+            parameters.scale(scale);
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parse(text: &str) -> Result<RobotModel, DataError> {
+        let sources = RobotSources { name: "robot.toml".into(), robot: text.to_owned(), files: BTreeMap::new() };
+        RobotModel::of(Some(&sources))
+    }
+
+    const PLAIN: &str = "version = 1\nname = \"r\"\narm = \"gen3\"\n[hand]\nparameters = \"ftac\"\n";
+    const PAD: &str = "[hand.configuration]\ns = { h = 0.024, w = 0.012, cameras = 1 }\n[[hand.pad]]\nname = \"ring_middle_back\"\n\
+                       link = \"ring_2\"\nconfiguration = \"s\"\ncenter = [0.0145, -0.006, 0.0]\ny = [1.0, 0.0, 0.0]\nz = [0.0, -1.0, 0.0]\n";
+
+    #[test]
+    fn the_built_in_robot_is_hand_and_arm_as_published() {
+        let robot = RobotModel::ftac_gen3();
+        assert_eq!(format!("{:?}", robot.hand), format!("{:?}", Hand::ftac()));
+        assert!(robot.moves_like(&parse(PLAIN).expect("valid")) && matches!(robot.calibration(), Ok(None)));
+    }
+
+    /// Fingertips of a scaled hand are as far from the palm's origin as the scale says, at any posture, and its weight goes with the volume.
+    #[test]
+    fn a_scaled_hand_is_similar() {
+        let (full, small) = (Hand::ftac(), parse(&format!("{PLAIN}scale = 0.85\n")).expect("valid").hand);
+        let q: Vec<f64> = (0..full.tree.len()).map(|joint| 0.05 * joint as f64).collect();
+        for (large, little) in full.tree.forward(&q).iter().zip(small.tree.forward(&q)) {
+            assert!((large.translation.vector * 0.85 - little.translation.vector).norm() < 1e-12);
+            assert!(large.rotation.angle_to(&little.rotation) < 1e-12);
+        }
+        for (large, little) in full.masses.iter().zip(&small.masses) {
+            assert!((little.mass / large.mass - 0.85f64.powi(3)).abs() < 1e-12);
+            assert!(((little.inertia / 0.85f64.powi(5)) - large.inertia).norm() < 1e-12);
+        }
+        // The same tension bends a digit as far.
+        for ((_, large), (_, little)) in
+            full.transmission.free_angles(1, 4.0, 1.57).into_iter().zip(small.transmission.free_angles(1, 4.0, 1.57))
+        {
+            assert!((large - little).abs() < 1e-9);
+        }
+        assert!((small.pads[0].h / full.pads[0].h - 0.85).abs() < 1e-12);
+        assert!(!RobotModel::ftac_gen3().moves_like(&parse(&format!("{PLAIN}scale = 0.85\n")).expect("valid")));
+    }
+
+    #[test]
+    fn pads_are_added_and_nothing_else() {
+        let robot = parse(&format!("{PLAIN}{PAD}")).expect("valid");
+        assert_eq!((robot.hand.pads.len(), robot.hand.cameras.len()), (18, 19));
+        assert_eq!(robot.hand.pads[17].link, robot.hand.tree.find("ring_2"));
+        assert!(robot.moves_like(&RobotModel::ftac_gen3()));
+        let right = parse(&format!("{PLAIN}handedness = \"right\"\n{PAD}")).expect("valid");
+        let places = [robot, right].map(|robot| {
+            let links = robot.hand.tree.forward(&vec![0.3; robot.hand.tree.len()]);
+            robot.hand.pad_poses(&links)[17].translation.vector
+        });
+        assert!((places[0].component_mul(&nalgebra::Vector3::new(-1.0, 1.0, 1.0)) - places[1]).norm() < 1e-9);
+    }
+
+    #[test]
+    fn errors_name_file_and_field() {
+        let with = |from: &str, to: &str| {
+            let text = format!("{PLAIN}{PAD}");
+            assert!(text.contains(from), "{from}");
+            parse(&text.replacen(from, to, 1)).expect_err(to).to_string()
+        };
+        let nowhere = with("link = \"ring_2\"", "link = \"ring_9\"");
+        assert_eq!(
+            nowhere,
+            "robot.toml: hand.pad[ring_middle_back].link: found `ring_9`, expected the palm or a joint's link"
+        );
+        let unknown = with("configuration = \"s\"", "configuration = \"t\"");
+        assert!(unknown.contains("hand.pad[ring_middle_back].configuration: found `t`"), "{unknown}");
+        let twice = with("ring_middle_back", "ring_middle");
+        assert!(twice.contains("hand.pad[ring_middle].name: found `ring_middle` twice"), "{twice}");
+        let off = with("[0.0145, -0.006, 0.0]", "[0.0145, -0.012, 0.0]");
+        assert!(off.contains("hand.pad[ring_middle_back].center: found 6.0 mm outside"), "{off}");
+        let wide = with("w = 0.012", "w = 0.12");
+        assert!(wide.contains("hand.configuration.s.w: found 0.12"), "{wide}");
+        let taken = with("\ns = {", "\na = {");
+        assert!(taken.contains("hand.configuration.a: found a configuration of the parameter file"), "{taken}");
+        let version = with("version = 1", "version = 7");
+        assert_eq!(version, "robot.toml: version: found 7, expected 1");
+        let lost = with("\"gen3\"", "\"ur5e.toml\"");
+        assert!(lost.contains("arm: found ur5e.toml"), "{lost}");
+        let scale = parse(&format!("{PLAIN}scale = 5.0\n")).expect_err("scale").to_string();
+        assert_eq!(scale, "robot.toml: hand.scale: found 5, expected 0.5 to 2");
+        let missing = parse("version = 1\n").expect_err("nothing").to_string();
+        assert!(missing.contains("missing field `name`"), "{missing}");
+    }
+}
