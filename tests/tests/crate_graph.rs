@@ -166,7 +166,7 @@ fn members_know_only_whom_they_may() {
             "platform least-squares hand-model world plant scenarios sim optics touch grasping control session-log",
         ),
         ("lab", "platform hand-model world scenarios sim optics touch control proving bench report stream progress"),
-        ("sweep", "platform scenarios control bench report progress"),
+        ("sweep", "hand-model platform scenarios control bench report progress"),
         ("guide", "hand-model scenarios optics touch grasping control study"),
         (
             "ftac",

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use bench::journal::RunRequest;
 use control::policy::Uncertainty;
+use hand_model::{RobotModel, RobotSources};
 use platform::data::{DataError, read_text};
 use platform::reach::Reach;
 use scenarios::effects::Effect;
@@ -13,11 +14,15 @@ use toml::{Table, Value};
 use crate::near::near;
 
 /// What an axis without a scenario's field varies.
-const FIELDS: [&str; 8] = ["seed", "policy", "ablation", "robot", "scenario", "noise_scale", "without", "uncertainty"];
+const FIELDS: [&str; 9] =
+    ["seed", "policy", "ablation", "robot", "robot_model", "scenario", "noise_scale", "without", "uncertainty"];
 /// What the name of an axis over a field of the scenario begins with.
 const SCENARIO: &str = "scenario.";
 /// Bodies that a sweep can play on: nobody stands beside it.
 const ROBOTS: [&str; 3] = ["sim", "emulated", "rounded"];
+
+/// Name of the robot that comes with the program.
+const BUILTIN: &str = "builtin";
 
 /// What an axis varies.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -28,6 +33,8 @@ pub enum Field {
     /// The policy `touch` without one of its means, on the same trials.
     Ablation,
     Robot,
+    /// Robot files.
+    RobotModel,
     /// Scenario files.
     Scenario,
     /// Factor of the scenario's noise.
@@ -48,6 +55,7 @@ impl Field {
             "policy" => Self::Policy,
             "ablation" => Self::Ablation,
             "robot" => Self::Robot,
+            "robot_model" => Self::RobotModel,
             "scenario" => Self::Scenario,
             "noise_scale" => Self::NoiseScale,
             "without" => Self::Without,
@@ -157,6 +165,20 @@ impl Draft {
                 self.request.robot = robot.clone()
             }
             (Field::Robot, other) => return Err(self.wrong("robot", other, format!("one of {}", ROBOTS.join(", ")))),
+            (Field::RobotModel, Level::Text(name)) => {
+                self.request.robot_model = match name.as_str() {
+                    BUILTIN => None,
+                    file => {
+                        let path = self.beside("robot_model", file)?;
+                        let sources = RobotSources::read(&path, Reach::beside(&self.file))?;
+                        RobotModel::parse(&sources, &path)?;
+                        Some(sources)
+                    }
+                };
+            }
+            (Field::RobotModel, other) => {
+                return Err(self.wrong("robot_model", other, format!("names of robot files, or \"{BUILTIN}\"")));
+            }
             (Field::NoiseScale, level) => match level.number() {
                 Some(scale) if (0.0..=10.0).contains(&scale) => self.request.noise_scale = scale,
                 _ => return Err(self.wrong("noise_scale", level, "numbers from 0 to 10")),
