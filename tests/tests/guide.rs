@@ -56,6 +56,11 @@ fn run_page(name: &str) -> TempDir {
 }
 
 #[test]
+fn the_page_for_another_robot() {
+    run_page("robot.md");
+}
+
+#[test]
 fn the_benchmark_runners_page() {
     let folder = run_page("benchmark.md");
     for file in [

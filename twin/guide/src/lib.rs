@@ -11,6 +11,7 @@
 //! | [`sweep`] | you have a question that takes many benchmarks: axes, Slurm, Parquet |
 //! | [`sensor`] | you own a camera-based tactile sensor |
 //! | [`hand`] | you own a hand, or an object that you want grasped |
+//! | [`robot`] | you have another arm, a hand of another size or side, or more pads |
 //! | [`python`] | you write Python: tactile images, learning environments, your own policy in the benchmark |
 //! | [`files`] | what is in each file |
 //! | [`troubleshooting`] | something is not as it should be |
@@ -31,6 +32,9 @@ pub mod sensor {}
 
 #[doc = include_str!("../pages/hand.md")]
 pub mod hand {}
+
+#[doc = include_str!("../pages/robot.md")]
+pub mod robot {}
 
 #[doc = include_str!("../../python/README.md")]
 pub mod python {}

@@ -1,0 +1,178 @@
+//! `--robot-model`: another robot is checked, drawn, calibrated and played by the same commands, or refused by file and field.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use e2e::{ftac, root, run, stderr};
+use serde_json::Value;
+use tempfile::tempdir;
+
+fn text(path: &Path) -> &str {
+    path.to_str().expect("a UTF-8 path")
+}
+
+/// A robot that comes with the sources.
+fn shipped(name: &str) -> PathBuf {
+    root().join("hand-model/data/robots").join(name)
+}
+
+const PLAIN: &str = "version = 1\nname = \"mine\"\narm = \"gen3\"\n[hand]\nparameters = \"ftac\"\n";
+
+/// What is said of a robot file with this text by a command that plays it.
+fn refused(robot: &str) -> String {
+    let folder = tempdir().expect("a folder");
+    let file = folder.path().join("mine.toml");
+    fs::write(&file, robot).expect("written");
+    let out = folder.path().join("out");
+    let asked = ["bench", "--robot-model", text(&file), "--combos", "1", "--trials", "1", "--out", text(&out)];
+    let output = ftac(&asked).env("XDG_CACHE_HOME", folder.path().join("cache")).output().expect("runs");
+    assert_eq!(output.status.code(), Some(2), "{}", stderr(&output));
+    assert!(!out.exists(), "nothing is written");
+    stderr(&output)
+}
+
+#[test]
+fn a_wrong_robot_is_refused_by_file_and_field() {
+    let pad = |link: &str, configuration: &str| {
+        format!(
+            "{PLAIN}[[hand.pad]]\nname = \"more\"\nlink = \"{link}\"\nconfiguration = \"{configuration}\"\n\
+             center = [0.0145, -0.006, 0.0]\ny = [1.0, 0.0, 0.0]\nz = [0.0, -1.0, 0.0]\n"
+        )
+    };
+    let gripper = "[[joint]]\nname = \"j\"\n";
+    for (robot, said) in [
+        (pad("ring_9", "b"), "mine.toml: hand.pad[more].link: found `ring_9`"),
+        (pad("ring_2", "x"), "mine.toml: hand.pad[more].configuration: found `x`"),
+        (format!("{PLAIN}scale = 3.0\n"), "mine.toml: hand.scale: found 3, expected 0.5 to 2"),
+        // Pads of another size need a calibration of their own.
+        (format!("{PLAIN}scale = 0.8\n"), "mine.toml: calibration: found none"),
+        (
+            PLAIN.replace("[hand]", "calibration = \"pads.json\"\n[hand]") + "scale = 0.8\n",
+            "mine.toml: calibration: found no file pads.json",
+        ),
+        (PLAIN.replace("\"gen3\"", "\"arm.toml\""), "arm.toml: No such file"),
+        (PLAIN.replace("\"ftac\"", "\"/nowhere/hand.toml\""), "/nowhere/hand.toml: No such file"),
+        (PLAIN.replace("version = 1", "version = 2"), "mine.toml: version: found 2, expected 1"),
+        (format!("{PLAIN}{gripper}"), "unknown field `joint`"),
+    ] {
+        let found = refused(&robot);
+        assert!(found.contains(said), "{said}\n{found}");
+    }
+}
+
+/// A cable that crosses no joint, an arm that has too few.
+#[test]
+fn parameter_files_of_a_robot_are_checked() {
+    let folder = tempdir().expect("a folder");
+    let data = root().join("hand-model/data");
+    let robot = folder.path().join("mine.toml");
+    let check = |from: &str, to: &str, said: &str| {
+        fs::write(&robot, PLAIN.replace("\"ftac\"", "\"hand.toml\"").replace("\"gen3\"", "\"arm.toml\""))
+            .expect("written");
+        for (name, file) in [("hand.toml", "ftac_hand.toml"), ("arm.toml", "gen3.toml")] {
+            let text = fs::read_to_string(data.join(file)).expect("data");
+            fs::write(folder.path().join(name), text.replacen(from, to, 1)).expect("written");
+        }
+        let output =
+            ftac(&["hand", "picture", "--robot-model", text(&robot), "--size", "64", "--out", "/dev/null/x.png"])
+                .output()
+                .expect("runs");
+        assert!(stderr(&output).contains(said), "{said}\n{}", stderr(&output));
+    };
+    check("drives = \"thumb_1\"", "", "hand.toml: actuator[opposition].cable: found no joint");
+    check(
+        "velocity = 1.3963",
+        "velocity = 0.0",
+        "arm.toml: joint[joint_1].velocity: found 0, expected a positive number",
+    );
+    check("[[joint]]\nname = \"joint_7\"", "[[joints]]\nname = \"joint_7\"", "arm.toml");
+}
+
+/// A robot that moves like the built-in one plays with its grasps at once; the run knows its robot without the files.
+#[test]
+fn a_robot_with_more_pads_plays_and_is_resumed_without_its_files() {
+    let folder = tempdir().expect("a folder");
+    for name in ["ftac_more_pads.toml", "ftac_more_pads_pads.json"] {
+        fs::copy(shipped(name), folder.path().join(name)).expect("copied");
+    }
+    let (robot, out) = (folder.path().join("ftac_more_pads.toml"), folder.path().join("out"));
+    let asked =
+        ["bench", "--robot-model", text(&robot), "--combos", "1", "--trials", "1", "--conditions", "blind,touch"];
+    let output = run(&[&asked[..], &["--record", "none", "--json", "--out", text(&out)]].concat());
+    assert!(matches!(output.status.code(), Some(0 | 1)), "{}", stderr(&output));
+    let answer: Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    assert_eq!(answer["robot_model"], "ftac_more_pads");
+    let rows = fs::read_to_string(out.join("trials.csv")).expect("trials");
+    assert_eq!(rows.lines().count(), 3, "{rows}");
+    fs::remove_file(&robot).expect("removed");
+    let kept = fs::read_to_string(out.join("run.json")).expect("a run");
+    assert!(kept.contains("ring_middle_back"), "the run keeps the robot's text");
+    fs::write(out.join("journal.jsonl"), "").expect("emptied");
+    let again = run(&["bench", "--resume", text(&out), "--json"]);
+    assert!(matches!(again.status.code(), Some(0 | 1)), "{}", stderr(&again));
+    let played_again = fs::read_to_string(out.join("trials.csv")).expect("trials");
+    assert_eq!(without_times(&played_again), without_times(&rows));
+    // Another robot is no way to go on.
+    let other = ftac(&["bench", "--resume", text(&out), "--robot-model", text(&shipped("ftac_right.toml"))]);
+    let other = { other }.output().expect("runs");
+    assert_eq!(other.status.code(), Some(2), "{}", stderr(&other));
+}
+
+/// Rows without their last column, which the wall's clock measures.
+fn without_times(rows: &str) -> Vec<&str> {
+    rows.lines().filter_map(|line| line.rsplit_once(',')).map(|(row, _)| row).collect()
+}
+
+/// Grasps of one robot are not another's.
+#[test]
+fn a_repertoire_of_another_robot_is_refused() {
+    let folder = tempdir().expect("a folder");
+    let out = folder.path().join("repertoire.json");
+    let of = |robot: &str| {
+        let robot = shipped(robot);
+        let asked = ["grasps", "pick-ups", "--robot-model", text(&robot), "--object", "ball_45", "--role", "first"];
+        ftac(&[&asked[..], &["--n", "16", "--out", text(&out)]].concat()).output().expect("runs")
+    };
+    let made = of("ftac_right.toml");
+    assert_eq!(made.status.code(), Some(0), "{}", stderr(&made));
+    let kept: Value = serde_json::from_str(&fs::read_to_string(&out).expect("a repertoire")).expect("JSON");
+    assert_eq!(kept["robot"][0], "ftac_right");
+    let other = of("ftac_85.toml");
+    assert_eq!(other.status.code(), Some(2), "{}", stderr(&other));
+    assert!(
+        stderr(&other).contains("robot: found grasps of ftac_right, expected those of ftac_85"),
+        "{}",
+        stderr(&other)
+    );
+    // Without a file a robot that moves otherwise has no grasps to plan with.
+    let robot = shipped("ftac_right.toml");
+    let plans = folder.path().join("plans.json");
+    let plan = run(&["grasps", "plan", "--robot-model", text(&robot), "--combos", "1", "--out", text(&plans)]);
+    assert_eq!(plan.status.code(), Some(2));
+    assert!(stderr(&plan).contains("--repertoire: found none, expected grasps of ftac_right"), "{}", stderr(&plan));
+}
+
+/// Each robot that comes with the sources can be drawn, and a press into a pad of its own is rendered.
+#[test]
+fn robots_that_come_with_the_sources_are_whole() {
+    let folder = tempdir().expect("a folder");
+    let mesh = folder.path().join("wedge.obj");
+    let points = "v -0.004 -0.004 0\nv 0.004 -0.004 0\nv 0 0.004 0\nv 0 0 0.006\n";
+    fs::write(&mesh, format!("{points}f 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n")).expect("written");
+    for (robot, pad) in [
+        ("ftac_right", "index_distal"),
+        ("ftac_85", "thumb_distal"),
+        ("ftac_115", "palm_ulnar"),
+        ("ftac_more_pads", "ring_middle_back"),
+    ] {
+        let file = shipped(&format!("{robot}.toml"));
+        let picture = folder.path().join(format!("{robot}.png"));
+        let drawn = run(&["hand", "picture", "--robot-model", text(&file), "--size", "64", "--out", text(&picture)]);
+        assert_eq!(drawn.status.code(), Some(0), "{}", stderr(&drawn));
+        let image = folder.path().join(format!("{robot}_{pad}.png"));
+        let asked =
+            ["optics", "render", text(&mesh), "--robot-model", text(&file), "--pad", pad, "--out", text(&image)];
+        let rendered = ftac(&asked).output().expect("runs");
+        assert_eq!(rendered.status.code(), Some(0), "{}", stderr(&rendered));
+    }
+}
