@@ -149,11 +149,6 @@ impl Hand {
         Ok(Self::build(HandParameters::parse(text, path)?))
     }
 
-    /// Reads a hand from a parameter file.
-    pub fn read(path: &Path) -> Result<Self, DataError> {
-        Ok(Self::build(HandParameters::read(path)?))
-    }
-
     /// What the servos are asked for five cable tensions (N, held by current) and the angle of the opposition joint (rad), which
     /// takes `current_limit` (A) at most.
     pub fn servo_goals(&self, tensions: &[f64; 5], opposition: f64, current_limit: f64) -> [ServoGoal; ACTUATORS] {

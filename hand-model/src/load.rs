@@ -3,13 +3,14 @@
 use nalgebra::{Isometry3, Point3, SVector, Vector3};
 
 use crate::hand::MassProperties;
-use crate::{ARM_JOINTS, Arm, GRAVITY, HAND_JOINTS, Hand};
+use crate::{ARM_JOINTS, Arm, GRAVITY, HAND_JOINTS, RobotModel};
 
 /// One torque a joint of the arm, N m.
 pub type Torques = SVector<f64, ARM_JOINTS>;
 
 /// Torques that hold the arm and an open hand against their weight, N m.
-pub fn weight(hand: &Hand, arm: &Arm, angles: &[f64; ARM_JOINTS]) -> Torques {
+pub fn weight(robot: &RobotModel, angles: &[f64; ARM_JOINTS]) -> Torques {
+    let RobotModel { hand, arm, .. } = robot;
     let poses = arm.tree.forward(angles);
     let palm = poses[ARM_JOINTS - 1] * arm.last_from_tool * hand.palm_from_flange.inverse();
     let links = hand.tree.forward(&[0.0; HAND_JOINTS]);
@@ -42,7 +43,8 @@ pub struct LoadModel {
 
 impl LoadModel {
     /// Of an arm with an open hand.
-    pub fn new(hand: &Hand, arm: &Arm) -> Self {
+    pub fn new(robot: &RobotModel) -> Self {
+        let RobotModel { hand, arm, .. } = robot;
         let last_from_palm = arm.last_from_tool * hand.palm_from_flange.inverse();
         let links = hand.tree.forward(&[0.0; HAND_JOINTS]);
         let of_links = hand.masses.iter().zip(&links).map(|(mass, pose)| (mass.mass, pose * mass.com));
@@ -51,7 +53,7 @@ impl LoadModel {
         let middle = of_hand.iter().fold(Vector3::zeros(), |sum, (mass, at)| sum + at.coords * *mass) / total;
         let of_arm = arm.masses.iter().enumerate().map(|(link, mass)| (link, mass.mass, mass.com));
         let masses = of_arm.chain([(ARM_JOINTS - 1, total, last_from_palm * Point3::from(middle))]).collect();
-        Self { arm: arm.clone(), masses, last_from_palm }
+        Self { arm: (**arm).clone(), masses, last_from_palm }
     }
 
     /// Torques that move arm and hand with an `acceleration` (rad/s2) of the joints and hold their weight, N m. Speeds and the links' own moments of
@@ -82,12 +84,12 @@ mod tests {
     /// At rest the point masses weigh as much as arm and hand; a joint that is accelerated alone needs its own inertia: 1 kg at 1 m is 1 kg m2.
     #[test]
     fn point_masses_weigh_and_resist() {
-        let (hand, arm) = (Hand::ftac(), Arm::gen3());
-        let model = LoadModel::new(&hand, &arm);
+        let robot = RobotModel::ftac_gen3();
+        let (arm, model) = (&robot.arm, LoadModel::new(&robot));
         let at = [0.3, -0.5, 0.2, 1.7, -0.4, 0.9, 0.1];
         let poses = arm.tree.forward(&at);
         let rest = model.moving(&poses, &[0.0; ARM_JOINTS]);
-        assert!((rest - weight(&hand, &arm, &at)).norm() < 1e-9, "{rest}");
+        assert!((rest - weight(&robot, &at)).norm() < 1e-9, "{rest}");
         // Turning about the vertical: the sum of masses times squared distances from it, and the drive's.
         let turned = model.moving(&poses, &[-2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])[0] - rest[0];
         let inertia: f64 =
@@ -98,7 +100,8 @@ mod tests {
     /// The torques of weight are the slope of its energy.
     #[test]
     fn weight_is_the_slope_of_energy() {
-        let (hand, arm) = (Hand::ftac(), Arm::gen3());
+        let robot = RobotModel::ftac_gen3();
+        let RobotModel { hand, arm, .. } = &robot;
         let energy = |angles: &[f64; ARM_JOINTS]| {
             let poses = arm.tree.forward(angles);
             let palm = arm.tool_pose(angles) * hand.palm_from_flange.inverse();
@@ -109,7 +112,7 @@ mod tests {
             GRAVITY * (of_arm + of_hand + hand.palm_mass.mass * (palm * hand.palm_mass.com).z)
         };
         let at = [0.3, -0.5, 0.2, 1.7, -0.4, 0.9, 0.1];
-        let torques = weight(&hand, &arm, &at);
+        let torques = weight(&robot, &at);
         for joint in 0..ARM_JOINTS {
             let moved = |by: f64| std::array::from_fn(|n| at[n] + if n == joint { by } else { 0.0 });
             let slope = (energy(&moved(1e-5)) - energy(&moved(-1e-5))) / 2e-5;

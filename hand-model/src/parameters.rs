@@ -8,7 +8,7 @@ use serde::Deserialize;
 use crate::hand::CoverShape;
 use crate::transmission::SPANS;
 use crate::transmission::friction::CableFriction;
-use platform::data::{DataError, parse_toml, read_text};
+use platform::data::{DataError, parse_toml};
 
 /// Farthest that a pad's centre may be from the surface of its link's cover, m.
 const OFF_COVER: f64 = 3e-3;
@@ -179,11 +179,6 @@ impl HandParameters {
         let parameters: Self = parse_toml(text, path)?;
         parameters.check(path)?;
         Ok(parameters)
-    }
-
-    /// Reads and checks a parameter file.
-    pub fn read(path: &Path) -> Result<Self, DataError> {
-        Self::parse(&read_text(path)?, path)
     }
 
     /// Parameters of the F-TAC Hand.

@@ -64,7 +64,7 @@ impl PressWatch {
     pub fn new(robot: &RobotModel, limits: PressLimits) -> Self {
         Self {
             arm: robot.arm.clone(),
-            model: LoadModel::new(&robot.hand, &robot.arm),
+            model: LoadModel::new(robot),
             limits,
             last: None,
             unexplained: Torques::zeros(),

@@ -82,7 +82,7 @@ fn an_arm_that_presses_gives_way() {
     limits.arm.angle = [(-7.0, 7.0); ARM_JOINTS];
     let robot = RobotModel::ftac_gen3();
     let mut supervisor = Supervisor::new(limits).watching(&robot);
-    let model = LoadModel::new(&robot.hand, &robot.arm);
+    let model = LoadModel::new(&robot);
     let feeling = |now: f64, position: [f64; 7], more: f64| {
         let mut measured = fine(now);
         let mut torque: [f64; 7] = model.moving(&robot.arm.tree.forward(&position), &[0.0; 7]).into();

@@ -11,7 +11,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 use anyhow::Result;
 use control::executive::Phase;
 use hand_model::robot::{ServoState, TactileFrame, TactileImage};
-use hand_model::{ACTUATORS, ARM_JOINTS, Arm};
+use hand_model::{ACTUATORS, ARM_JOINTS};
 use nalgebra::{Isometry3, Vector3};
 use scenarios::record::{Condition, TrialRecord};
 use sim::robot::Truth;
@@ -127,7 +127,6 @@ pub struct Recording {
     /// Whether the true scene is recorded.
     truth: bool,
     shown: Shown,
-    arm: Arc<Arm>,
     /// Whether the body's objects are in the other order than the combination names them.
     reversed: bool,
     /// Whether the last moment was recorded: others' branches are not.
@@ -146,8 +145,7 @@ impl Recording {
         let drawn: Vec<DrawnObject> = objects.iter().zip(&names).map(|(object, name)| drawn(object, name)).collect();
         let truth = truth || task.robot == "sim";
         let settings = Settings { truth, ..Settings::default() };
-        let mut recorder =
-            Recorder::open(targets, settings, &bench.world.cell.robot.hand, &bench.world.cell.robot.arm, &drawn)?;
+        let mut recorder = Recorder::open(targets, settings, &bench.world.cell.robot, &drawn)?;
         recorder.log_properties(&TrialProperties {
             combination: format!("{combination}: {} then {}", plan.first, plan.second),
             trial: trial as u64,
@@ -169,7 +167,6 @@ impl Recording {
             beliefs: Beliefs::default(),
             truth,
             shown: Shown::default(),
-            arm: bench.world.cell.robot.arm.clone(),
             reversed: false,
             shows: false,
         })

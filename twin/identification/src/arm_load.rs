@@ -33,8 +33,8 @@ pub(crate) fn held_by_last(arm: &Arm, poses: &[Isometry3<f64>], point: &Point3<f
 /// The force (N, axes of the arm's base) at `point` of the hand that explains best by how much the arm's torques `now` differ from those `before`,
 /// when nothing touched the hand; a force alone, no torque. None where the arm's posture does not tell.
 pub fn force(robot: &RobotModel, [before, now]: [&ArmState; 2], point: &Point3<f64>) -> Option<Vector3<f64>> {
-    let RobotModel { hand, arm, .. } = robot;
-    let heavier = weight(hand, arm, &now.position) - weight(hand, arm, &before.position);
+    let arm = &robot.arm;
+    let heavier = weight(robot, &now.position) - weight(robot, &before.position);
     let more = Torques::from(arm.borne(&now.torque)) - Torques::from(arm.borne(&before.torque)) - heavier;
     let poses = arm.tree.forward(&now.position);
     let slopes = [0, 1, 2].map(|axis| held(arm, &poses, ARM_JOINTS - 1, point, &Vector3::ith(axis, 1.0)));
@@ -51,13 +51,13 @@ mod tests {
     #[test]
     fn a_force_is_found_again() {
         let robot = RobotModel::ftac_gen3();
-        let RobotModel { hand, arm, .. } = &robot;
+        let arm = &robot.arm;
         let (from, to) = (Arm::home(), Arm::home().map(|angle| angle + 0.07));
         let push = Vector3::new(0.4, -1.1, 2.3);
         let point = arm.tool_pose(&to) * Point3::new(0.01, -0.03, 0.1);
         let of = |angles: [f64; ARM_JOINTS], force: Vector3<f64>| {
             let torque =
-                weight(hand, arm, &angles) + held(arm, &arm.tree.forward(&angles), ARM_JOINTS - 1, &point, &force);
+                weight(&robot, &angles) + held(arm, &arm.tree.forward(&angles), ARM_JOINTS - 1, &point, &force);
             ArmState { position: angles, velocity: [0.0; ARM_JOINTS], torque: torque.into() }
         };
         let found = force(&robot, [&of(from, Vector3::zeros()), &of(to, push)], &point).expect("a force");

@@ -185,7 +185,7 @@ struct Posture {
 
 impl Posture {
     fn of(robot: &RobotModel, pair: &Pair) -> Self {
-        let RobotModel { hand, arm, .. } = robot;
+        let arm = &robot.arm;
         let poses = arm.tree.forward(&pair.full.position);
         let palm = palm(robot, &pair.full.position);
         let at = |offset: Vector3<f64>| held_by_last(arm, &poses, &(palm * Point3::from(offset)), &-Vector3::z());
@@ -193,7 +193,7 @@ impl Posture {
         let along = |axis| at(Vector3::ith(axis, 1.0)) - origin;
         Self {
             levers: [origin, along(0), along(1), along(2)],
-            own: own_weight(hand, arm, &pair.full.position) - own_weight(hand, arm, &pair.empty.position),
+            own: own_weight(robot, &pair.full.position) - own_weight(robot, &pair.empty.position),
         }
     }
 
@@ -335,7 +335,7 @@ mod tests {
     fn session(deviations: &[f64; ARM_JOINTS], mass: f64, middle: &Vector3<f64>) -> Weighed {
         let robot = RobotModel::ftac_gen3();
         let RobotModel { hand, arm, .. } = &robot;
-        let (weight, ready) = (Script::standard().weight.expect("a weight"), Arm::home());
+        let (weight, ready) = (Script::standard(&Hand::ftac()).expect("valid").weight.expect("a weight"), Arm::home());
         let mut rows = Vec::new();
         for full in [false, true] {
             for n in 0..weight.posture.len() {
@@ -344,7 +344,7 @@ mod tests {
                 let at = arm.tool_pose(&position) * hand.palm_from_flange.inverse() * Point3::from(*middle);
                 let down = Vector3::z() * (-GRAVITY * mass);
                 let load = if full { held_by_last(arm, &poses, &at, &down) } else { Torques::zeros() };
-                let bears = own_weight(hand, arm, &position) + load;
+                let bears = own_weight(&robot, &position) + load;
                 let torque = std::array::from_fn(|joint| deviations[joint].exp() * bears[joint]);
                 let goal = ServoGoal::Position { angle: 0.0, current_limit: 0.1 };
                 let goal = if full { ServoGoal::Current(0.2) } else { goal };

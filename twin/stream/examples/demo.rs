@@ -3,9 +3,9 @@
 use std::error::Error;
 use std::f64::consts::{PI, TAU};
 
+use hand_model::RobotModel;
 use hand_model::pads::IMAGE_SIZE;
 use hand_model::robot::TactileImage;
-use hand_model::{Arm, Hand};
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use stream::{DrawnObject, Level, PoseError, Recorder, SignalFrame, TrialProperties};
 
@@ -67,8 +67,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args().skip(1);
     let path = arguments.next().unwrap_or_else(|| "demo.rrd".to_owned());
     let duration: f64 = arguments.next().map_or(Ok(5.0), |text| text.parse())?;
-    let (hand, arm) = (Hand::ftac(), Arm::gen3());
-    let mut recorder = Recorder::create(&path, &hand, &arm, &[ball(0.035)])?;
+    let robot = RobotModel::ftac_gen3();
+    let RobotModel { hand, arm, .. } = &robot;
+    let mut recorder = Recorder::create(&path, &robot, &[ball(0.035)])?;
     recorder.log_properties(&TrialProperties {
         combination: "ball".into(),
         trial: 1,

@@ -7,8 +7,9 @@ mod twin;
 use std::path::Path;
 use std::time::Duration;
 
+use hand_model::RobotModel;
 use hand_model::robot::TactileImage;
-use hand_model::{Arm, Hand};
+
 use nalgebra::{Isometry3, Point3, Vector3};
 use rerun::log::ChunkBatcherConfig;
 use rerun::{Clear, RecordingStream, TextDocument};
@@ -87,7 +88,7 @@ pub struct Recorder {
     rec: RecordingStream,
     opened: Opened,
     settings: Settings,
-    hand: Hand,
+    robot: RobotModel,
     arm_links: usize,
     objects: Vec<DrawnObject>,
     time: f64,
@@ -119,21 +120,15 @@ pub struct Recorder {
 
 impl Recorder {
     /// Records into the file at `path`, with the usual settings.
-    pub fn create(
-        path: impl AsRef<Path>,
-        hand: &Hand,
-        arm: &Arm,
-        objects: &[DrawnObject],
-    ) -> Result<Self, StreamError> {
-        Self::open(&[Target::File(path.as_ref().to_owned())], Settings::default(), hand, arm, objects)
+    pub fn create(path: impl AsRef<Path>, robot: &RobotModel, objects: &[DrawnObject]) -> Result<Self, StreamError> {
+        Self::open(&[Target::File(path.as_ref().to_owned())], Settings::default(), robot, objects)
     }
 
     /// Records to `targets`; with none, everything is dropped.
     pub fn open(
         targets: &[Target],
         settings: Settings,
-        hand: &Hand,
-        arm: &Arm,
+        robot: &RobotModel,
         objects: &[DrawnObject],
     ) -> Result<Self, StreamError> {
         let live = targets.iter().any(|target| !matches!(target, Target::File(_)));
@@ -143,15 +138,15 @@ impl Recorder {
         let rec = opened.rec.clone();
         blueprint::send(&rec)?;
         // Where objects truly are nobody knows without truth: then they are drawn as believed alone.
-        scene::log_static(&rec, hand, arm, if settings.truth { objects } else { &[] })?;
-        tactile::log_static(&rec, hand)?;
-        signals::log_static(&rec, hand, arm, objects)?;
+        scene::log_static(&rec, robot, if settings.truth { objects } else { &[] })?;
+        tactile::log_static(&rec, &robot.hand)?;
+        signals::log_static(&rec, robot, objects)?;
         let mut recorder = Self {
             rec,
             opened,
             settings,
-            hand: hand.clone(),
-            arm_links: arm.tree.len(),
+            robot: robot.clone(),
+            arm_links: robot.arm.tree.len(),
             objects: objects.to_vec(),
             time: 0.0,
             tick: -1,
@@ -160,10 +155,10 @@ impl Recorder {
             scalars: Pace::new(settings.scalar_rate),
             images: Pace::new(settings.image_rate),
             heights: Pace::new(settings.image_rate),
-            last_image: vec![None; hand.cameras.len()],
-            last_height: vec![None; hand.cameras.len()],
+            last_image: vec![None; robot.hand.cameras.len()],
+            last_height: vec![None; robot.hand.cameras.len()],
             no_contacts: true,
-            changes: Changes::new(hand.cameras.len()),
+            changes: Changes::new(robot.hand.cameras.len()),
             cables: Pace::new(settings.cable_rate),
             pulled: [0; 5],
             pages: Pace::new(PAGE_RATE),
@@ -213,7 +208,7 @@ impl Recorder {
         }
         self.pose(entities::HAND, palm)?;
         self.pose(entities::FOLLOW, &scene::beside(palm))?;
-        let paths: Vec<_> = self.hand.tree.joints.iter().map(|joint| entities::hand_link(&joint.name)).collect();
+        let paths: Vec<_> = self.robot.hand.tree.joints.iter().map(|joint| entities::hand_link(&joint.name)).collect();
         let mut moved = false;
         for (path, link) in paths.iter().zip(hand_links) {
             moved |= self.pose(path, link)?;
@@ -225,7 +220,7 @@ impl Recorder {
     /// Cables from guide to guide, coloured by their tension as the last numbers had it.
     fn log_cables(&mut self, hand_links: &[Isometry3<f64>], moved: bool) -> Result<(), StreamError> {
         if moved && self.cables.due(CABLES, self.time) {
-            let runs = hand_mesh::cables(&self.hand, hand_links);
+            let runs = hand_mesh::cables(&self.robot.hand, hand_links);
             self.rec.log(entities::CABLES, &scene::cables(&runs, &self.pulled))?;
         }
         Ok(())
@@ -330,7 +325,8 @@ impl Recorder {
     }
 
     fn camera(&self, index: usize) -> Result<String, StreamError> {
-        let camera = self.hand.cameras.get(index).ok_or_else(|| StreamError::Unknown(format!("camera {index}")))?;
+        let camera =
+            self.robot.hand.cameras.get(index).ok_or_else(|| StreamError::Unknown(format!("camera {index}")))?;
         Ok(camera.name.clone())
     }
 }

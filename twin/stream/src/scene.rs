@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use hand_model::{Arm, Digit, Hand};
+use hand_model::{Arm, Digit, Hand, RobotModel};
 use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
 use rerun::{Arrows3D, AsComponents, LineStrips3D, Mesh3D, RecordingStream, Transform3D};
 
@@ -65,11 +65,11 @@ pub(crate) fn drawn(mesh: &Mesh, [r, g, b]: [u8; 3], alpha: u8) -> Mesh3D {
 }
 
 /// Logs everything that does not change its shape.
-pub fn log_static(rec: &RecordingStream, hand: &Hand, arm: &Arm, objects: &[DrawnObject]) -> Result<(), StreamError> {
+pub fn log_static(rec: &RecordingStream, robot: &RobotModel, objects: &[DrawnObject]) -> Result<(), StreamError> {
     rec.log_static(entities::WORLD, &rerun::ViewCoordinates::RIGHT_HAND_Z_UP())?;
     rec.log_static(entities::TABLE, &drawn(&table(), TABLE_COLOR, 255))?;
-    log_arm(rec, arm)?;
-    log_hand(rec, hand)?;
+    log_arm(rec, &robot.arm)?;
+    log_hand(rec, &robot.hand)?;
     for object in objects {
         rec.log_static(entities::object(&object.name), &drawn(&object.mesh(), object.color, 255))?;
     }
@@ -132,7 +132,8 @@ fn log_parts(rec: &RecordingStream, hand: &Hand, path: impl Fn(Option<usize>) ->
 const TWIN_COLOR: ([u8; 3], u8) = ([60, 220, 255], 70);
 
 /// The twin of hand and arm, for good: a tinted shell of each link.
-pub(crate) fn log_twin(rec: &RecordingStream, hand: &Hand, arm: &Arm) -> Result<(), StreamError> {
+pub(crate) fn log_twin(rec: &RecordingStream, robot: &RobotModel) -> Result<(), StreamError> {
+    let RobotModel { hand, arm, .. } = robot;
     let (color, alpha) = TWIN_COLOR;
     for (k, link) in arm_parts(arm)[1..].iter().enumerate() {
         rec.log_static(entities::twin_arm_link(k), &drawn(link, color, alpha))?;

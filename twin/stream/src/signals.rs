@@ -1,6 +1,6 @@
 //! What is plotted: one entity for each quantity, with a line for each digit, joint or pad.
 
-use hand_model::{ARM_JOINTS, Arm, Hand};
+use hand_model::{ARM_JOINTS, RobotModel};
 use rerun::{RecordingStream, Scalars, SeriesLines};
 
 use crate::entities;
@@ -45,7 +45,8 @@ fn lines(names: Vec<String>, colors: Vec<[u8; 3]>) -> SeriesLines {
 }
 
 /// Logs, once, names and colours of the lines.
-pub fn log_static(rec: &RecordingStream, hand: &Hand, arm: &Arm, objects: &[DrawnObject]) -> Result<(), StreamError> {
+pub fn log_static(rec: &RecordingStream, robot: &RobotModel, objects: &[DrawnObject]) -> Result<(), StreamError> {
+    let RobotModel { hand, arm, .. } = robot;
     let digits: Vec<String> = (0..5).map(|i| digit_name(i).to_owned()).collect();
     rec.log_static(entities::TENSIONS, &lines(digits.clone(), DIGIT_COLORS.to_vec()))?;
     let servos = digits.iter().cloned().chain(["opposition".to_owned()]).collect();

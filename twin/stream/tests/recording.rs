@@ -6,7 +6,7 @@ use std::path::Path;
 
 use hand_model::pads::IMAGE_SIZE;
 use hand_model::robot::TactileImage;
-use hand_model::{Arm, Hand};
+use hand_model::{Arm, RobotModel};
 use nalgebra::{Isometry3, Point3, Vector3};
 use rerun::{
     Arrows3D, ChunkStore, ChunkStoreConfig, Clear, Component, ComponentDescriptor, EncodedImage, EntityPath, Scalars,
@@ -67,8 +67,9 @@ struct Row<C> {
 }
 
 /// Records 200 ticks of 10 ms: an arm and an object that move, an estimate that comes and goes, a force from tick 102 on.
-fn record(path: &Path, hand: &Hand, arm: &Arm) {
-    let mut recorder = Recorder::create(path, hand, arm, &[tetrahedron()]).expect("opens");
+fn record(path: &Path, robot: &RobotModel) {
+    let RobotModel { hand, arm, .. } = robot;
+    let mut recorder = Recorder::create(path, robot, &[tetrahedron()]).expect("opens");
     let properties =
         TrialProperties { combination: "tetrahedron".into(), condition: "touch".into(), ..Default::default() };
     recorder.log_properties(&properties).expect("logs");
@@ -110,8 +111,9 @@ fn record(path: &Path, hand: &Hand, arm: &Arm) {
 fn a_recording_is_read_back() {
     let folder = tempfile::tempdir().expect("folder");
     let path = folder.path().join("new/run.rrd");
-    let (hand, arm) = (Hand::ftac(), Arm::gen3());
-    record(&path, &hand, &arm);
+    let robot = RobotModel::ftac_gen3();
+    let hand = &robot.hand;
+    record(&path, &robot);
     let store = read_back(&path);
     let logged: BTreeSet<String> = store.iter_physical_chunks().map(|chunk| chunk.entity_path().to_string()).collect();
     let camera = entities::tactile(&hand.cameras[3].name);
@@ -178,20 +180,20 @@ fn an_unwritable_path_is_an_error_that_names_it() {
     let file = folder.path().join("file");
     std::fs::write(&file, b"").expect("writes");
     for path in [folder.path().to_owned(), file.join("below.rrd")] {
-        match Recorder::create(&path, &Hand::ftac(), &Arm::gen3(), &[]) {
+        match Recorder::create(&path, &RobotModel::ftac_gen3(), &[]) {
             Err(StreamError::Unwritable { path: named, .. }) => assert_eq!(named, path),
             other => panic!("{:?}", other.map(|_| "a recorder")),
         }
     }
     let address = Target::Connect("not an address".into());
-    let result = Recorder::open(&[address], Settings::default(), &Hand::ftac(), &Arm::gen3(), &[]);
+    let result = Recorder::open(&[address], Settings::default(), &RobotModel::ftac_gen3(), &[]);
     assert!(matches!(result, Err(StreamError::Address(_))));
 }
 
 #[cfg(target_os = "linux")]
 #[test]
 fn a_full_disk_is_an_error() {
-    let result = Recorder::create("/dev/full", &Hand::ftac(), &Arm::gen3(), &[]);
+    let result = Recorder::create("/dev/full", &RobotModel::ftac_gen3(), &[]);
     assert!(matches!(result, Err(StreamError::Unwritable { .. })));
 }
 
@@ -199,8 +201,8 @@ fn a_full_disk_is_an_error() {
 fn recorded(count: u32, changing: bool) -> [usize; 2] {
     let folder = tempfile::tempdir().expect("folder");
     let path = folder.path().join("pads.rrd");
-    let hand = Hand::ftac();
-    let mut recorder = Recorder::create(&path, &hand, &Arm::gen3(), &[]).expect("opens");
+    let robot = RobotModel::ftac_gen3();
+    let mut recorder = Recorder::create(&path, &robot, &[]).expect("opens");
     for i in 0..count {
         recorder.set_time(f64::from(i) * 0.2);
         recorder.log_tactile(3, &noise_image(if changing { i } else { 0 })).expect("logs");
@@ -208,7 +210,7 @@ fn recorded(count: u32, changing: bool) -> [usize; 2] {
     }
     recorder.finish().expect("writes");
     let store = read_back(&path);
-    let name = &hand.cameras[3].name;
+    let name = &robot.hand.cameras[3].name;
     [entities::tactile(name), entities::height(name)]
         .map(|path| rows::<components::Blob>(&store, &path, EncodedImage::descriptor_blob()).len())
 }
@@ -221,7 +223,7 @@ fn an_idle_pad_is_logged_once() {
 
 #[test]
 fn nothing_is_needed_to_record_nowhere() {
-    let mut recorder = Recorder::open(&[], Settings::default(), &Hand::ftac(), &Arm::gen3(), &[]).expect("opens");
+    let mut recorder = Recorder::open(&[], Settings::default(), &RobotModel::ftac_gen3(), &[]).expect("opens");
     recorder.set_time(1.0);
     recorder.log_phase("approach").expect("drops");
     recorder.finish().expect("nothing to write");
@@ -232,8 +234,8 @@ fn nothing_is_needed_to_record_nowhere() {
 fn what_is_gone_is_taken_off() {
     let folder = tempfile::tempdir().expect("folder");
     let path = folder.path().join("gone.rrd");
-    let hand = Hand::ftac();
-    let mut recorder = Recorder::create(&path, &hand, &Arm::gen3(), &[tetrahedron()]).expect("opens");
+    let robot = RobotModel::ftac_gen3();
+    let mut recorder = Recorder::create(&path, &robot, &[tetrahedron()]).expect("opens");
     for round in 0..2 {
         let time = f64::from(round);
         recorder.set_time(time);
@@ -248,7 +250,7 @@ fn what_is_gone_is_taken_off() {
     }
     recorder.finish().expect("writes");
     let store = read_back(&path);
-    for entity in [entities::height(&hand.cameras[3].name), entities::estimate("tetrahedron")] {
+    for entity in [entities::height(&robot.hand.cameras[3].name), entities::estimate("tetrahedron")] {
         let cleared = rows::<components::ClearIsRecursive>(&store, &entity, Clear::descriptor_is_recursive());
         assert_eq!(cleared.len(), 2, "{entity}");
         assert!(cleared.iter().all(|row| row.time.is_some_and(|time| (time % 1.0 - 0.4).abs() < 1e-6)), "{entity}");
@@ -262,8 +264,7 @@ fn truth_is_recorded_only_where_it_is_shown() {
     let path = folder.path().join("believed.rrd");
     let settings = Settings { truth: false, ..Settings::default() };
     let targets = [Target::File(path.clone())];
-    let mut recorder =
-        Recorder::open(&targets, settings, &Hand::ftac(), &Arm::gen3(), &[tetrahedron()]).expect("opens");
+    let mut recorder = Recorder::open(&targets, settings, &RobotModel::ftac_gen3(), &[tetrahedron()]).expect("opens");
     recorder.set_time(0.1);
     recorder.log_object("tetrahedron", &Isometry3::translation(0.1, 0.0, 0.0)).expect("dropped");
     recorder.log_contacts(&[Point3::origin()], &[Vector3::z()], &[]).expect("dropped");

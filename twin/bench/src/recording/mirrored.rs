@@ -20,17 +20,14 @@ impl Recording {
             let place = turn.transpose() * belief.covariance.fixed_view::<3, 3>(0, 0) * turn;
             (self.names[usize::from(self.reversed)].as_str(), pose, place)
         });
-        recorder.log_twin(
-            &self.arm,
-            &TwinFrame {
-                arm,
-                palm: mirror.twin().palm(),
-                hand,
-                loads: residuals.cables.map(|cable| cable.tension - cable.free),
-                force: residuals.force.into(),
-                object,
-            },
-        )?;
+        recorder.log_twin(&TwinFrame {
+            arm,
+            palm: mirror.twin().palm(),
+            hand,
+            loads: residuals.cables.map(|cable| cable.tension - cable.free),
+            force: residuals.force.into(),
+            object,
+        })?;
         named.iter().try_for_each(|text| Ok(recorder.log_text(Level::Warn, text)?))
     }
 }

@@ -24,13 +24,7 @@ impl Recorded {
     pub fn open(file: &Path, site: &Site, trial: usize, policy: Policy) -> Result<Self> {
         let drawn: Vec<DrawnObject> = site.transport.ball.iter().map(|ball| drawn(&ball.model(), &ball.name)).collect();
         let targets = [Target::File(file.to_owned())];
-        let mut recorder = Recorder::open(
-            &targets,
-            Settings::default(),
-            &site.world.cell.robot.hand,
-            &site.world.cell.robot.arm,
-            &drawn,
-        )?;
+        let mut recorder = Recorder::open(&targets, Settings::default(), &site.world.cell.robot, &drawn)?;
         recorder.log_properties(&TrialProperties {
             combination: site.transport.name.clone(),
             trial: trial as u64,

@@ -28,12 +28,12 @@ impl Recorder {
         let name = self.camera(camera)?;
         if self.changes.see(camera, image) {
             let changes = &self.changes;
-            tactile::log_cells(&self.rec, &self.hand, self.sides(), |camera| changes.active(camera))?;
+            tactile::log_cells(&self.rec, &self.robot.hand, self.sides(), |camera| changes.active(camera))?;
             if !self.changes.active(camera) {
                 self.rec.log(entities::change(&name), &Clear::flat())?;
             }
         }
-        self.log_pad(self.hand.cameras[camera].pad)?;
+        self.log_pad(self.robot.hand.cameras[camera].pad)?;
         if !self.changes.active(camera) {
             return Ok(());
         }
@@ -45,8 +45,8 @@ impl Recorder {
 
     /// All pads, as they are before anything was felt.
     pub(super) fn log_pads(&mut self) -> Result<(), StreamError> {
-        (0..self.hand.pads.len()).try_for_each(|pad| self.log_pad(pad))?;
-        tactile::log_cells(&self.rec, &self.hand, self.sides(), |_| false)
+        (0..self.robot.hand.pads.len()).try_for_each(|pad| self.log_pad(pad))?;
+        tactile::log_cells(&self.rec, &self.robot.hand, self.sides(), |_| false)
     }
 
     /// Sizes of tactile images and of their differences, pixels.
@@ -55,9 +55,9 @@ impl Recorder {
     }
 
     fn log_pad(&mut self, index: usize) -> Result<(), StreamError> {
-        let pad = &self.hand.pads[index];
-        let link = pad.link.map(|link| self.hand.tree.joints[link].name.as_str());
-        let colors = self.changes.colors(&self.hand, pad);
+        let pad = &self.robot.hand.pads[index];
+        let link = pad.link.map(|link| self.robot.hand.tree.joints[link].name.as_str());
+        let colors = self.changes.colors(&self.robot.hand, pad);
         Ok(self.rec.log(entities::pad(link, &pad.name), &scene::pad_colors(colors))?)
     }
 
@@ -67,7 +67,7 @@ impl Recorder {
             if let Some((_, idle)) = &mut self.last_height[camera]
                 && !std::mem::replace(idle, true)
             {
-                self.rec.log(entities::height(&self.hand.cameras[camera].name), &Clear::flat())?;
+                self.rec.log(entities::height(&self.robot.hand.cameras[camera].name), &Clear::flat())?;
             }
         }
         Ok(())
@@ -83,7 +83,7 @@ impl Recorder {
         }
         let range = self.settings.height_range;
         let (bytes, place) =
-            tactile::height_image(&self.hand, camera, heights, [w, h], range, self.settings.jpeg_quality)
+            tactile::height_image(&self.robot.hand, camera, heights, [w, h], range, self.settings.jpeg_quality)
                 .map_err(|reason| StreamError::Image { what: name.clone(), reason })?;
         let path = entities::height(&name);
         if last.is_none_or(|(size, _)| size != [w, h]) {

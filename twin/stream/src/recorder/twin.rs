@@ -1,6 +1,5 @@
 //! The twin of a mirror: a ghost of the robot, what is left between the two, and the object that is believed to be in its hand.
 
-use hand_model::Arm;
 use nalgebra::{Isometry3, Matrix3};
 use rerun::Clear;
 
@@ -26,11 +25,11 @@ pub struct TwinFrame<'a> {
 }
 
 impl Recorder {
-    /// The twin at this moment; `arm` is what it has.
-    pub fn log_twin(&mut self, arm: &Arm, frame: &TwinFrame) -> Result<(), StreamError> {
+    /// The twin at this moment.
+    pub fn log_twin(&mut self, frame: &TwinFrame) -> Result<(), StreamError> {
         if !self.twin {
             self.twin = true;
-            scene::log_twin(&self.rec, &self.hand, arm)?;
+            scene::log_twin(&self.rec, &self.robot)?;
         }
         if !self.poses.due(TWIN, self.time) {
             return Ok(());
@@ -41,7 +40,8 @@ impl Recorder {
         }
         self.pose(entities::TWIN_HAND, &frame.palm)?;
         let inverse = frame.palm.inverse();
-        let paths: Vec<_> = self.hand.tree.joints.iter().map(|joint| entities::twin_hand_link(&joint.name)).collect();
+        let paths: Vec<_> =
+            self.robot.hand.tree.joints.iter().map(|joint| entities::twin_hand_link(&joint.name)).collect();
         for (path, link) in paths.iter().zip(frame.hand) {
             self.pose(path, &(inverse * link))?;
         }

@@ -47,7 +47,7 @@ impl TruthView {
         let file = self.file.as_deref().map(|file| Target::File(numbered(file, self.count)));
         let targets: Vec<Target> = file.into_iter().chain(self.live.then_some(Target::Spawn)).collect();
         let settings = Settings { truth: true, ..Settings::default() };
-        let recorder = Recorder::open(&targets, settings, &world.cell.robot.hand, &world.cell.robot.arm, &objects)?;
+        let recorder = Recorder::open(&targets, settings, &world.cell.robot, &objects)?;
         self.open = Some((version, recorder, names));
         Ok(())
     }
