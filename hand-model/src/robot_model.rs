@@ -107,12 +107,13 @@ impl RobotSources {
     pub fn read(path: &Path, reach: Reach) -> Result<Self, DataError> {
         let robot = read_text(path)?;
         let file: RobotFile = parse_toml(&robot, path)?;
-        let read = |(field, name): (&str, &String)| {
-            Ok((name.clone(), read_text(&reach.resolve(path, field, Path::new(name))?)?))
-        };
-        let folder = path.parent().unwrap_or(Path::new(""));
-        let there = |(field, name): &(&str, &String)| *field != "calibration" || folder.join(name).exists();
-        let files = file.files().filter(there).map(read).collect::<Result<_, DataError>>()?;
+        let mut files = BTreeMap::new();
+        for (field, name) in file.files() {
+            let named = reach.resolve(path, field, Path::new(name))?;
+            if field != "calibration" || named.exists() {
+                files.insert(name.clone(), read_text(&named)?);
+            }
+        }
         let name = path.file_name().map(PathBuf::from).unwrap_or_default();
         Ok(Self { name, robot, files })
     }
@@ -127,7 +128,7 @@ impl RobotModel {
         let robot = include_str!("../data/ftac_gen3.toml").to_owned();
         let sources = RobotSources { name: "ftac_gen3.toml".into(), robot, files: BTreeMap::new() };
         let model = Self::parse(&sources, &sources.name).expect("the built-in robot is valid");
-        Self { sources: None, ..model }
+        Self { hand: Arc::new(Hand::ftac()), sources: None, ..model }
     }
 
     /// Reads a robot file; the files that it names are looked for beside it.
@@ -188,6 +189,8 @@ impl RobotModel {
             HandParameters::parse(text, &path)?
         };
         file.hand.change(&mut parameters, path)?;
+        // Sessions and individuals name the hand that they are of.
+        parameters.name.clone_from(&file.name);
         Ok(Self {
             name: file.name,
             arm: Arc::new(arm),

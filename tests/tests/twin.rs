@@ -201,7 +201,7 @@ turn = [0.4, 0.0, 0.0, 0.0, 1.4, 0.6, 0.8]
         (
             "\"vase\"",
             "\"multimeter\"",
-            "ball.toml: weight.object: found `multimeter`, expected an object that grasps are known of",
+            "ball.toml: weight.object: found `multimeter`, expected an object of which grasps by ftac_gen3 are known",
         ),
     ] {
         fs::write(&script, format!("{SCRIPT}{}", ball.replace(from, to))).expect("written");

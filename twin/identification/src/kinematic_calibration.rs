@@ -324,7 +324,7 @@ mod tests {
     /// Touches that are exact show a robot to a fraction of a millimetre, and the place of the ball.
     #[test]
     fn exact_touches_show_the_robot() {
-        let ball = Script::standard().ball.expect("a ball");
+        let ball = Script::standard(&Hand::ftac()).expect("valid").ball.expect("a ball");
         let designed = RobotIndividual::designed(&Hand::ftac());
         let truth = RobotIndividual::draw(&Hand::ftac(), 9);
         let (robot, mut touches) = touched(&truth, &ball);
@@ -348,7 +348,7 @@ mod tests {
     /// Without touches everything stays the drawing's, with its spread.
     #[test]
     fn no_touches_say_nothing() {
-        let ball = Script::standard().ball.expect("a ball");
+        let ball = Script::standard(&Hand::ftac()).expect("valid").ball.expect("a ball");
         let designed = RobotIndividual::designed(&Hand::ftac());
         let found = calibrate(&RobotModel::ftac_gen3(), &ball, &designed, &[]);
         assert!((0..found.places.len()).all(|n| !found.taught(n)));
@@ -358,7 +358,7 @@ mod tests {
     /// A pad that is pressed close to its link's joint does not open that joint: the link hangs on its spring.
     #[test]
     fn a_touch_near_a_joint_says_nothing_of_its_stop() {
-        let (hand, ball) = (Hand::ftac(), Script::standard().ball.expect("a ball"));
+        let (hand, ball) = (Hand::ftac(), Script::standard(&Hand::ftac()).expect("valid").ball.expect("a ball"));
         let camera = hand.cameras.iter().position(|camera| camera.name == "index_middle").expect("a camera");
         let touch = |y: f64, depth: f64| Touch {
             camera,

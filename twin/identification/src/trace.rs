@@ -212,7 +212,7 @@ mod tests {
         let refused = |task: &[u8]| {
             check_task(Path::new("a.mcap"), task, &hand).map_or_else(|error| error.to_string(), |_| String::new())
         };
-        let mut task = Task::new(&hand, &Script::standard(), 0);
+        let mut task = Task::new(&hand, &Script::standard(&Hand::ftac()).expect("valid"), 0);
         assert_eq!(refused(&serde_json::to_vec(&task).unwrap()), "");
         assert_eq!(refused(b""), "a.mcap: task: found none, expected a session of `ftac twin excite`");
         assert!(refused(b"{\"combination\": 3}").starts_with("a.mcap: task: found that of another session"));

@@ -16,7 +16,7 @@ fn builtin_calibration() -> PhotometricCalibration {
 
 /// Short motions in two postures.
 fn short() -> Script {
-    let mut script = Script::standard();
+    let mut script = Script::standard(&RobotModel::ftac_gen3().hand).expect("valid");
     script.posture.truncate(2);
     script.motion.retain(|motion| motion.current > 0.06);
     script.motion.iter_mut().for_each(|motion| motion.time = 1.0);

@@ -6,7 +6,7 @@ pub mod identify;
 
 use std::path::Path;
 
-use anyhow::Result;
+use anyhow::{Context as _, Result, bail};
 use bench::builtin::{HAND_UNIT, calibration_of};
 use clap::Subcommand;
 use grasping::{Grasp, Repertoire};
@@ -69,9 +69,33 @@ impl Drawing {
     pub fn new(robot: RobotModel) -> Result<Self> {
         let world = World::new(&robot, Scenario::benchmark())?;
         let (losses, gel) = (world.known_cable_losses(), world.scenario.effects.gel);
-        let repertoire = proving::builtin::repertoire()?;
+        let known = proving::builtin::fits(&robot)?;
+        let repertoire = if known { proving::builtin::repertoire()? } else { Repertoire::default() };
         let pads = calibration_of(&robot)?;
         Ok(Self { robot, losses, pads, gel, repertoire })
+    }
+
+    /// The script in `file`, or the one that comes with the program.
+    ///
+    /// # Errors
+    /// A script that names what the hand lacks, or an object of which no grasp is known.
+    pub fn script(&self, file: Option<&Path>) -> Result<Script> {
+        let script = match file {
+            None => Script::standard(&self.robot.hand)?,
+            Some(path) => {
+                let text = std::fs::read_to_string(path).with_context(|| path.display().to_string())?;
+                Script::parse(&text, path, &self.robot.hand)?
+            }
+        };
+        if let Some(weight) = script.weight.as_ref().filter(|_| self.grasps(&script).is_empty()) {
+            bail!(
+                "{}: weight.object: found `{}`, expected an object of which grasps by {} are known",
+                file.unwrap_or(Path::new("excitation.toml")).display(),
+                weight.object,
+                self.robot.name
+            );
+        }
+        Ok(script)
     }
 
     /// What an excitation by `script` goes by.

@@ -51,7 +51,7 @@ impl RobotBackend for Limited {
 
 /// One motion as it stands, and one with joint 6 turned by 0.9 rad.
 fn script() -> Script {
-    let mut script = Script::standard();
+    let mut script = Script::standard(&Hand::ftac()).expect("valid");
     script.posture.retain(|posture| ["ready", "fingers up"].contains(&posture.name.as_str()));
     script.motion.truncate(1);
     (script.ball, script.weight) = (None, None);

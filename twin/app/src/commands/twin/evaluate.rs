@@ -7,8 +7,8 @@ use hand_model::Arm;
 use hardware_bridge::emulator::direct::DirectRobot;
 use identification::evaluation::{Coverage, compare, coverage, median, reach};
 use identification::excitation::{ExcitationError, Progress, play};
+use identification::identify;
 use identification::trace::Kept;
-use identification::{Script, identify};
 use plant::RobotIndividual;
 use rayon::prelude::*;
 use scenarios::statistics::FEWEST_SAMPLES;
@@ -160,7 +160,7 @@ fn evaluate(drawing: &Drawing, number: u64, seed: u64) -> Result<Row> {
     let Drawing { robot: nominal, losses, .. } = drawing;
     let hand = &nominal.hand;
     let truth = RobotIndividual::draw(hand, number);
-    let script = Script::standard();
+    let script = drawing.script(None)?;
     let plant = SharedPlant::new(drawing.plant(number, seed, &script)?);
     let settings = settings(&truth.hand(hand), seed);
     let robot = DirectRobot::start(Box::new(plant), settings, nominal).map_err(|error| anyhow!("{error}"))?;

@@ -9,7 +9,7 @@ use bench::body::emulated::{SharedPlant, settings};
 use bench::body::operator::{Interrupt, agreed};
 use clap::Args;
 use hand_model::robot::{Command, Readings, RobotBackend, RobotError, Tick};
-use hand_model::{Arm, Hand, RobotModel};
+use hand_model::{Arm, Hand, RobotModel, RobotSources};
 use hardware_bridge::config::BridgeConfig;
 use hardware_bridge::config::secrets::without_secrets;
 use hardware_bridge::emulator::direct::DirectRobot;
@@ -88,6 +88,9 @@ impl std::error::Error for Interrupted {}
 struct Record {
     version: u32,
     robot: String,
+    /// The robot's files, where it is not the built-in one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    robot_model: Option<RobotSources>,
     /// Of a simulated or emulated robot.
     individual: u64,
     script: Script,
@@ -183,23 +186,11 @@ pub fn run(terminal: &Terminal, args: &ExciteArgs) -> Outcome {
         bail!("--individual, --truth-out: --robot is hardware, which is the individual that it is");
     }
     let drawing = Drawing::new(args.model.model()?)?;
-    let script = match &args.script {
-        None => Script::standard(),
-        Some(path) => {
-            let text = std::fs::read_to_string(path).with_context(|| path.display().to_string())?;
-            Script::parse(&text, path, &drawing.robot.hand)?
-        }
-    };
-    if let Some(weight) = script.weight.as_ref().filter(|_| drawing.grasps(&script).is_empty()) {
-        bail!(
-            "{}: weight.object: found `{}`, expected an object that grasps are known of",
-            args.script.as_deref().unwrap_or(Path::new("excitation.toml")).display(),
-            weight.object
-        );
-    }
+    let script = drawing.script(args.script.as_deref())?;
     let asked = Record {
         version: 1,
         robot: args.robot.name().to_owned(),
+        robot_model: drawing.robot.sources.clone(),
         individual: args.individual,
         script,
         done: 0,
