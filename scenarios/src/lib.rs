@@ -5,7 +5,7 @@
 //! scene; [`effects`] are what reality adds to an ideal robot, with the draws of the [`plant`]'s hidden parameters, and [`disturbance`] says what is done to a
 //! trial on purpose. The [`referee`] judges a trial from ground truth, by the phases that the controller reports or that [`stages`] reads
 //! from the scene. A [`record::TrialRecord`] keeps the result and a [`tries::TryRecord`] that of each try, an [`record::AblatedTrial`]
-//! that of a trial with fewer means ([`ablation`]); [`statistics`] sums them up. [`transport`] says which balls are to be carried, as many
+//! that of a trial with fewer means ([`ablation`]); [`summary`] sums them up. [`transport`] says which balls are to be carried, as many
 //! as fit at once.
 
 pub mod ablation;
@@ -18,7 +18,7 @@ pub mod referee;
 pub mod scenario;
 pub mod sight;
 pub mod stages;
-pub mod statistics;
+pub mod summary;
 pub mod transport;
 pub mod tries;
 

@@ -92,7 +92,7 @@ fn obey(cli: &cli::Cli) -> u8 {
         Err(error)
             if caused_by::<bench::run::Interrupted>(&error)
                 || caused_by::<bench::own::Interrupted>(&error)
-                || caused_by::<bench::faults::Interrupted>(&error)
+                || caused_by::<fault_injection::Interrupted>(&error)
                 || caused_by::<sweep::work::Interrupted>(&error)
                 || caused_by::<commands::twin::excite::Interrupted>(&error) =>
         {

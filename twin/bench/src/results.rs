@@ -5,7 +5,7 @@ use std::path::Path;
 
 use anyhow::{Result, bail};
 use scenarios::record::{AblatedTrial, Condition, TrialId, TrialRecord, write_ablated, write_trials};
-use scenarios::statistics::{RunInfo, Summary, summarise};
+use scenarios::summary::{RunInfo, Summary, summarise};
 use scenarios::tries::{TryRecord, write_tries};
 
 use crate::journal::{Entry, RunRequest, Unit};

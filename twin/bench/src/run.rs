@@ -10,7 +10,7 @@ use anyhow::{Context, Result, bail};
 use report;
 use report::film::{self, Film};
 use scenarios::record::{Condition, TrialRecord};
-use scenarios::statistics::Summary;
+use scenarios::summary::Summary;
 
 use crate::body::BodySource;
 use crate::body::operator::Interrupt;

@@ -14,7 +14,7 @@ use bench::run::{self, Options};
 use bench::trial::Bench;
 use scenarios::Scenario;
 use scenarios::record::{Condition, read_trials};
-use scenarios::statistics::Summary;
+use scenarios::summary::Summary;
 
 const RECORDS: [Record; 4] = [Record::None, Record::Sample, Record::Causes, Record::All];
 /// With it the first blind trial fails, so that there is a cause to record.

@@ -11,7 +11,7 @@ use hand_model::robot::ArmState;
 use hand_model::{ARM_JOINTS, Hand, RobotModel};
 use nalgebra::{DMatrix, Isometry3, Point3, SVector, Vector3};
 use optics::Foundation;
-use scenarios::statistics::percentile;
+use statistics::percentile;
 
 use crate::arm_load::force;
 use crate::ball::{Ball, Slide};

@@ -2,8 +2,8 @@
 
 use std::collections::BTreeSet;
 
-use bench::faults::kind::{Expected, Kind, Teller};
-use bench::faults::{Mirrored, NAMED_WITHIN, Outcome as FaultOutcome};
+use fault_injection::kind::{Expected, Kind, Teller};
+use fault_injection::{Mirrored, NAMED_WITHIN, Outcome as FaultOutcome};
 use serde_json::{Value, json};
 
 /// All outcomes, summed by fault.

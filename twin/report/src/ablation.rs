@@ -2,8 +2,9 @@
 
 use std::fmt::Write as _;
 
-use scenarios::statistics::{Difference, Interval, Summary, combination_rates};
+use scenarios::summary::{Summary, combination_rates};
 use scenarios::{Condition, TrialRecord};
+use statistics::{Difference, Interval};
 use world::Sensing;
 
 use super::comparisons::with_interval;

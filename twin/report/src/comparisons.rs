@@ -2,7 +2,8 @@
 //! played nothing is said.
 
 use scenarios::Condition;
-use scenarios::statistics::{Difference, Interval, Summary, TTest, Untested};
+use scenarios::summary::Summary;
+use statistics::{Difference, Interval, TTest, Untested};
 
 use super::findings::Rate;
 use super::html::{Column, Table, number, probability};

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use scenarios::statistics::Summary;
+use scenarios::summary::Summary;
 use scenarios::{Condition, FailureCause, TrialRecord};
 
 use super::findings::harmless_contacts;

@@ -2,11 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use scenarios::statistics::{
-    CombinationRates, ConditionSummary, MeanSd, Summary, TTest, combination_rates, density, percentile,
-    silverman_bandwidth,
-};
+use scenarios::summary::{CombinationRates, ConditionSummary, Summary, combination_rates};
 use scenarios::{Condition, TrialRecord};
+use statistics::{MeanSd, TTest, density, percentile, silverman_bandwidth};
 
 use super::figure::{Figure, Group};
 use super::html::{number, probability};

@@ -32,7 +32,7 @@ use std::path::Path;
 use anyhow::Result;
 use platform::data::write_whole;
 use scenarios::TrialRecord;
-use scenarios::statistics::Summary;
+use scenarios::summary::Summary;
 use serde_json::Value;
 
 /// Writes `contact.svg`, `clean_success.svg`, `risk.svg` and `ablations.svg` where there is something to show, and `report.html` into `folder`, which is

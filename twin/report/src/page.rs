@@ -3,9 +3,10 @@
 use std::path::Path;
 
 use anyhow::Result;
-use scenarios::statistics::{MeanSd, Summary, combination_rates};
+use scenarios::summary::{Summary, combination_rates};
 use scenarios::{Condition, TrialRecord};
 use serde_json::Value;
+use statistics::MeanSd;
 
 use super::figure::Figure;
 use super::findings::{Rate, combination_lines};

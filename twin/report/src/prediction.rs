@@ -2,8 +2,9 @@
 
 use std::fmt::Write as _;
 
-use scenarios::statistics::Prediction;
+use scenarios::summary::risk_prediction;
 use scenarios::{Condition, TrialRecord};
+use statistics::Prediction;
 
 use super::html::{escape, number};
 use super::style;
@@ -22,7 +23,7 @@ pub fn section(records: &[TrialRecord]) -> String {
         return String::new();
     }
     let heading = "<h2 id=\"risk\">What the predicted risk is worth</h2>\n";
-    let Some(prediction) = Prediction::of_risk(records) else {
+    let Some(prediction) = risk_prediction(records) else {
         return format!(
             "{heading}<p>The predicted risk cannot be compared with contacts: that takes blind trials with a contact and blind \
              trials without one, in both of which the first object was felt in the hand.</p>\n"
@@ -47,7 +48,7 @@ pub fn section(records: &[TrialRecord]) -> String {
 /// The figure as a standalone file.
 pub fn standalone(records: &[TrialRecord]) -> Option<String> {
     let style = format!("<style>{}</style>\n", style::FIGURE);
-    let prediction = Prediction::of_risk(records)?;
+    let prediction = risk_prediction(records)?;
     Some(format!("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n{}", draw(&prediction, &style)))
 }
 
@@ -66,7 +67,7 @@ fn draw(prediction: &Prediction, style: &str) -> String {
     let curve: Vec<String> = prediction.roc.iter().map(|[x, y]| at(PANELS[0], *x, *y)).collect();
     let _ = writeln!(svg, "<polyline class=\"curve\" points=\"{}\"/>", curve.join(" "));
     panel(&mut svg, PANELS[1], ["Calibration", "predicted risk", "observed contact rate"]);
-    let of = |group: &scenarios::statistics::Group| group.observed.rate.unwrap_or(0.0);
+    let of = |group: &statistics::Group| group.observed.rate.unwrap_or(0.0);
     let line: Vec<String> = prediction.groups.iter().map(|group| at(PANELS[1], group.predicted, of(group))).collect();
     let _ = writeln!(svg, "<polyline class=\"curve\" points=\"{}\"/>", line.join(" "));
     for group in &prediction.groups {

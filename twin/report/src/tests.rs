@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use scenarios::statistics::{RunInfo, summarise};
+use scenarios::summary::{RunInfo, summarise};
 use scenarios::{Condition, FailureCause};
 use serde_json::json;
 

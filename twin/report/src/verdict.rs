@@ -1,7 +1,8 @@
 //! The headline of the page: what came out, in words, of the conditions that were played.
 
-use scenarios::statistics::{Interval, Summary, TTest};
+use scenarios::summary::Summary;
 use scenarios::{Condition, TrialRecord};
+use statistics::{Interval, TTest};
 
 use super::comparisons::{self, Comparison};
 use super::findings::{Rate, outcome};

@@ -4,7 +4,7 @@
 //! contrast the mean over pairs of each pair's mean difference between trials that met the same errors. 95 % intervals are Student's over pairs, cut
 //! to the possible range; there is none of fewer than [`FEWEST_SAMPLES`] pairs, or of pairs that are all alike.
 
-use scenarios::statistics::{FEWEST_SAMPLES, MeanSd, SPREAD_TOLERANCE};
+use statistics::{FEWEST_SAMPLES, MeanSd, SPREAD_TOLERANCE};
 use statrs::distribution::{ContinuousCDF as _, StudentsT};
 
 use crate::outcomes::{Outcome, Outcomes, Place};

@@ -10,10 +10,10 @@ use bench::body::{BodySource, Places, numbers};
 use bench::recording::Began;
 use bench::registration::RegistrationFile;
 use bench::trial::Means;
-use bench::vision::measurement::Checks;
-use bench::vision::{Vision, VisionSource};
 use clap::{Args, ValueEnum};
 use hardware_bridge::config::BridgeConfig;
+use object_detector::measurement::Checks;
+use object_detector::{Vision, VisionSource};
 use proving::simulated_world::World;
 use scenarios::record::Condition;
 

@@ -16,10 +16,10 @@ use proving::simulated_world::World;
 use rayon::prelude::*;
 use scenarios::Scenario;
 use scenarios::effects::Effects;
-use scenarios::statistics::FEWEST_SAMPLES;
 use scenarios::transport::Transport;
 use serde_json::json;
 use sim::tactile::TactileBoard;
+use statistics::FEWEST_SAMPLES;
 
 use super::body::Body;
 use crate::terminal::{Outcome, Terminal};

@@ -17,8 +17,8 @@ use session_log::{Packet, Session};
 use sim::SimulatedRobot;
 use sim::robot::Truth;
 
-use crate::vision::camera::{Camera, CameraSettings, Sight};
-use crate::vision::{Address, Vision, VisionLink, VisionSource};
+use object_detector::camera::{Camera, CameraSettings, Sight};
+use object_detector::{Address, Vision, VisionLink, VisionSource};
 
 use super::{BodySource, Glance, Task, TrialBody, TrialSetup};
 

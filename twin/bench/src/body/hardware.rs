@@ -13,7 +13,7 @@ use sim::robot::Truth;
 
 use super::operator::{Interrupt, Operator};
 use super::{Glance, TrialBody};
-use crate::vision::{VisionError, VisionLink, shown};
+use object_detector::{VisionError, VisionLink, shown};
 
 mod source;
 

@@ -7,8 +7,8 @@ use anyhow::Result;
 use bench::trial::{Bench, HeldGrasp};
 use control::perception::{KnownObject, trusted};
 use nalgebra::{Isometry3, Matrix3, UnitQuaternion};
-use scenarios::statistics::percentile;
 use serde::Serialize;
+use statistics::percentile;
 use touch::{InHand, PoseEstimate, PoseOptions, TouchPipeline};
 use world::objects::{ObjectModel, Symmetry};
 

@@ -8,8 +8,8 @@ use std::time::Instant;
 
 use anyhow::Result;
 use rayon::prelude::*;
-use scenarios::statistics::{Rate, roc_area};
 use serde::Serialize;
+use statistics::{Rate, roc_area};
 
 use super::checks;
 use super::closing::Closed;

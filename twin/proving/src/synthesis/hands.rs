@@ -13,9 +13,9 @@ use hand_model::Hand;
 use indicatif::ProgressBar;
 use nalgebra::Point3;
 use platform::file::write_whole;
-use scenarios::statistics::Rate;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
+use statistics::Rate;
 
 use super::any;
 use super::any::describe::{self, Described};

@@ -7,7 +7,7 @@ use anyhow::{Context, bail};
 use bench::journal::{Entry, Journal, RunRequest, Unit};
 use bench::results;
 use scenarios::record::Condition;
-use scenarios::statistics::Summary;
+use scenarios::summary::Summary;
 
 use super::tell::tell;
 use crate::terminal::{Outcome, Terminal};

@@ -4,7 +4,8 @@ use std::path::Path;
 
 use anyhow::Result;
 use scenarios::record::Condition;
-use scenarios::statistics::{FEWEST_SAMPLES, Summary, Untested};
+use scenarios::summary::Summary;
+use statistics::{FEWEST_SAMPLES, Untested};
 
 use crate::terminal::Terminal;
 
@@ -48,7 +49,7 @@ pub fn tell(terminal: &Terminal, summary: &Summary, folder: &Path) -> Result<()>
     );
     for condition in summary.conditions.played() {
         let c = summary.conditions.of(condition);
-        let pair = |m: &scenarios::statistics::MeanSd| format!("{} ({})", number(m.mean, 3), number(m.sd, 3));
+        let pair = |m: &statistics::MeanSd| format!("{} ({})", number(m.mean, 3), number(m.sd, 3));
         println!(
             "{:8} {:>6} {:>17} {:>17} {:>17} {:>9}",
             condition.name(),

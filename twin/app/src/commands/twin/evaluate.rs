@@ -11,8 +11,8 @@ use identification::identify;
 use identification::trace::Kept;
 use plant::RobotIndividual;
 use rayon::prelude::*;
-use scenarios::statistics::FEWEST_SAMPLES;
 use serde::Serialize;
+use statistics::FEWEST_SAMPLES;
 
 use super::Drawing;
 use crate::commands::robot::RobotArgs;

@@ -23,7 +23,7 @@ use crate::body::disk::room_for_session;
 use crate::body::emulated::session_file;
 use crate::body::operator::{Interrupt, Operator, ask_until};
 use crate::body::{BodySource, Stopped, Task, TrialBody, TrialSetup};
-use crate::vision::{Vision, VisionLink, VisionSource, shown};
+use object_detector::{Vision, VisionLink, VisionSource, shown};
 
 /// How fast the arm's joints go to the posture in which trials begin, rad/s.
 const SPEED: f64 = 0.3;

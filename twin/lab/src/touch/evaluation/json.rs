@@ -4,8 +4,8 @@ use std::collections::BTreeSet;
 
 use anyhow::{Result, bail};
 use bench::networks::{IN_USE, Method};
-use scenarios::statistics::percentile;
 use serde_json::{Map, Value, json};
+use statistics::percentile;
 
 use super::{TouchEvaluation, of_method, steps};
 use crate::touch::normals::{Measured, RealRow, RealSource};

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use bench::networks::{IN_USE, Method};
-use scenarios::statistics::percentile;
+use statistics::percentile;
 
 use super::{ChangedOptics, TouchEvaluation, steps};
 use crate::touch::normals::{Measured, RealRow, RealSource};

@@ -3,7 +3,7 @@
 use std::str::FromStr;
 
 use anyhow::{Result, anyhow, bail};
-use bench::faults::plant::{PlantFault, TOLD};
+use fault_injection::plant::{PlantFault, TOLD};
 use hand_model::Hand;
 use hardware_bridge::emulator::Plug;
 use hardware_bridge::emulator::faults::{Event, Faults};

@@ -3,8 +3,8 @@
 use std::collections::{BTreeMap, HashMap};
 
 use serde::{Deserialize, Serialize};
+use statistics::MeanSd;
 
-use super::distribution::MeanSd;
 use crate::record::{Condition, TrialRecord};
 
 /// Rates of one combination under one condition.

@@ -12,7 +12,7 @@ use kortex::safety_bank::FOLLOWING_ERROR;
 use serde::{Deserialize, Serialize};
 use session_log::Recorder;
 
-use crate::mirror::divergence::Kind as Divergence;
+use bench::mirror::divergence::Kind as Divergence;
 
 /// A servo that breaks: the index finger's.
 const SERVO: u8 = 2;

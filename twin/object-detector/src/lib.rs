@@ -12,6 +12,10 @@
 //! read it. Only what was measured after the question counts. Between looks the [`connection`] is read on, however long the operator takes; one
 //! that was lost is made anew at the next look.
 
+// What is printed may hold text of others: `eprintln!` is the one that makes it printable.
+#[macro_use]
+extern crate progress;
+
 pub mod camera;
 mod connection;
 pub mod measurement;
@@ -192,7 +196,7 @@ impl std::str::FromStr for VisionSource {
 }
 
 /// A place in words.
-pub(crate) fn shown(place: &Isometry3<f64>) -> String {
+pub fn shown(place: &Isometry3<f64>) -> String {
     let t = place.translation.vector;
     format!("x {:.3}, y {:.3}, z {:.3} m", t.x, t.y, t.z)
 }

@@ -1,9 +1,9 @@
 //! Faults of the plant, how they are drawn, and what must be named for each.
 
-use bench::faults::plant::PlantFault;
 use bench::mirror::divergence::{Divergence, Kind};
 use bench::mirror::residuals::Residuals;
 use control::executive::{Executive, Phase};
+use fault_injection::plant::PlantFault;
 use hand_model::{Digit, Hand};
 use nalgebra::Vector3;
 use plant::Blindness;

@@ -1,12 +1,13 @@
 //! How large a paired difference is, how sure that is, and how few pairs would have shown it.
 
+use std::collections::BTreeSet;
+
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{Binomial, ContinuousCDF, DiscreteCDF, StudentsT};
 
-use super::distribution::{MeanSd, percentile};
-use crate::record::{Condition, TrialRecord};
+use crate::distribution::{MeanSd, percentile};
 
 /// Fewest independent samples of which a test, an interval or a verdict is given. Of four pairs that all differ the same way the sign test,
 /// which assumes nothing about how differences are distributed, has p = 1/16: they show nothing at the 5 % level.
@@ -154,45 +155,37 @@ fn resample(values: &[f64], n: usize, rng: &mut ChaCha8Rng) -> Vec<f64> {
     (0..n).map(|_| values[rng.random_range(0..values.len())]).collect()
 }
 
-/// McNemar's exact test on trials that met the same errors under two conditions.
+/// McNemar's exact test on pairs of outcomes, each pair of one cluster.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct McNemar {
-    /// Trials that succeeded under both.
+    /// Pairs of two successes.
     pub both: usize,
-    /// Under the first only.
+    /// The first only succeeded.
     pub first_only: usize,
-    /// Under the second only.
+    /// The second only succeeded.
     pub second_only: usize,
-    /// Under neither.
+    /// Neither succeeded.
     pub neither: usize,
-    /// One-sided chance of so few trials won by the second only, were either as likely; none of fewer than [`FEWEST_SAMPLES`] trials that
-    /// differ, or from fewer combinations.
+    /// One-sided chance of so few pairs won by the second only, were either as likely; none of fewer than [`FEWEST_SAMPLES`] pairs that
+    /// differ, or from fewer clusters.
     pub p: Option<f64>,
 }
 
 impl McNemar {
-    /// Of success under `first` against `second`, trial by trial.
-    pub fn of_success(records: &[TrialRecord], first: Condition, second: Condition) -> Self {
-        let id = |record: &TrialRecord| (record.combination, record.trial);
-        let seconds: std::collections::HashMap<_, _> = records
-            .iter()
-            .filter(|record| record.condition == second)
-            .map(|record| (id(record), record.success))
-            .collect();
-        let (mut table, mut combinations) = (Self::default(), std::collections::BTreeSet::new());
-        for record in records.iter().filter(|record| record.condition == first) {
-            let second = seconds.get(&id(record));
-            combinations.extend(second.map(|_| record.combination));
-            match (record.success, second) {
-                (true, Some(true)) => table.both += 1,
-                (true, Some(false)) => table.first_only += 1,
-                (false, Some(true)) => table.second_only += 1,
-                (false, Some(false)) => table.neither += 1,
-                (_, None) => {}
+    /// Of pairs (cluster, success of the first, success of the second).
+    pub fn of(pairs: impl IntoIterator<Item = (usize, bool, bool)>) -> Self {
+        let (mut table, mut clusters) = (Self::default(), BTreeSet::new());
+        for (cluster, first, second) in pairs {
+            clusters.insert(cluster);
+            match (first, second) {
+                (true, true) => table.both += 1,
+                (true, false) => table.first_only += 1,
+                (false, true) => table.second_only += 1,
+                (false, false) => table.neither += 1,
             }
         }
         let differ = table.first_only + table.second_only;
-        let enough = differ.min(combinations.len()) >= FEWEST_SAMPLES;
+        let enough = differ.min(clusters.len()) >= FEWEST_SAMPLES;
         let either = enough.then(|| Binomial::new(0.5, differ as u64).ok()).flatten();
         table.p = either.map(|either| either.cdf(table.second_only as u64));
         table
@@ -202,31 +195,24 @@ impl McNemar {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::record::tests::record;
 
-    /// Ten trials differ, nine of them one way: (1 + 10) / 1024.
+    /// Ten pairs differ, nine of them one way: (1 + 10) / 1024.
     #[test]
-    fn mcnemar_counts_the_trials_that_differ() {
-        let mut records = Vec::new();
-        for trial in 0..20 {
-            let mut blind = record(trial % 5, trial, Condition::Blind);
-            let mut touch = record(trial % 5, trial, Condition::Touch);
-            (touch.success, blind.success) = match trial {
-                0..9 => (true, false),
-                9 => (false, true),
-                10..15 => (true, true),
-                _ => (false, false),
-            };
-            records.extend([blind, touch]);
-        }
-        records.push(record(7, 0, Condition::Touch));
-        let table = McNemar::of_success(&records, Condition::Touch, Condition::Blind);
+    fn mcnemar_counts_the_pairs_that_differ() {
+        let outcomes = |n: usize| match n {
+            0..9 => (true, false),
+            9 => (false, true),
+            10..15 => (true, true),
+            _ => (false, false),
+        };
+        let pairs: Vec<_> = (0..20).map(|n| (n % 5, outcomes(n).0, outcomes(n).1)).collect();
+        let table = McNemar::of(pairs.iter().copied());
         assert_eq!((table.both, table.first_only, table.second_only, table.neither), (5, 9, 1, 5));
         assert!((table.p.unwrap() - 11.0 / 1024.0).abs() < 1e-12);
-        // Trials of one combination are alike, and four that differ say as little.
-        let alike: Vec<_> = records.iter().map(|record| TrialRecord { combination: 0, ..record.clone() }).collect();
-        for few in [&alike[..], &records[..8], &[]] {
-            assert_eq!(McNemar::of_success(few, Condition::Touch, Condition::Blind).p, None);
+        // Pairs of one cluster are alike, and four that differ say as little.
+        let alike: Vec<_> = pairs.iter().map(|(_, first, second)| (0, *first, *second)).collect();
+        for few in [&alike[..], &pairs[..4], &[]] {
+            assert_eq!(McNemar::of(few.iter().copied()).p, None);
         }
     }
 

@@ -3,12 +3,10 @@
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
+use statistics::{Difference, McNemar, MeanSd, Mixed, TTest, paired_t_test, percentile};
 
 use super::ablation::AblationSummary;
-use super::distribution::{MeanSd, percentile};
-use super::mixed::Mixed;
-use super::paired::{Difference, McNemar, TTest, paired_t_test};
-use super::prediction::Prediction;
+use super::pairs::{paired_outcomes, risk_prediction};
 use super::rates::{CombinationRates, combination_rates, pair_up};
 use crate::record::{AblatedTrial, Condition, TrialRecord};
 use crate::referee::FailureCause;
@@ -223,6 +221,7 @@ pub fn summarise(records: &[TrialRecord], ablated: &[AblatedTrial], run: &RunInf
     let combinations: std::collections::BTreeSet<usize> = records.iter().map(|record| record.combination).collect();
     let all = records.iter().chain(ablated.iter().map(|trial| &trial.record));
     let sim_seconds: f64 = all.map(|record| record.sim_seconds).sum();
+    let paired = |first, second, outcome: fn(&TrialRecord) -> bool| paired_outcomes(records, first, second, outcome);
     Summary {
         combos: combinations.len(),
         trials_per_combo: per_condition.iter().flatten().map(|rates| rates.trials).max().unwrap_or(0),
@@ -246,17 +245,17 @@ pub fn summarise(records: &[TrialRecord], ablated: &[AblatedTrial], run: &RunInf
             success: Difference::of(&pair_up(touch, blind, success)),
             clean_success: Difference::of(&pair_up(touch, blind, clean)),
             touch_over_reflex: Difference::of(&pair_up(touch, reflex, clean)),
-            mcnemar: McNemar::of_success(records, Condition::Touch, Condition::Blind),
+            mcnemar: McNemar::of(paired(Condition::Touch, Condition::Blind, |record| record.success)),
             mixed: MixedDifferences {
-                clean_success: Mixed::of(records, Condition::Touch, Condition::Blind, |record| record.clean_success),
-                touch_over_reflex: Mixed::of(records, Condition::Touch, Condition::Reflex, |record| {
+                clean_success: Mixed::of(paired(Condition::Touch, Condition::Blind, |record| record.clean_success)),
+                touch_over_reflex: Mixed::of(paired(Condition::Touch, Condition::Reflex, |record| {
                     record.clean_success
-                }),
-                contact: Mixed::of(records, Condition::Blind, Condition::Touch, |record| record.contact),
+                })),
+                contact: Mixed::of(paired(Condition::Blind, Condition::Touch, |record| record.contact)),
             },
         },
         ablations: AblationSummary::all(records, ablated),
-        risk_auc: Prediction::of_risk(records).map(|prediction| prediction.area),
+        risk_auc: risk_prediction(records).map(|prediction| prediction.area),
         decision_ms: DecisionTime {
             p50: percentile(&decisions, 50.0),
             p99: percentile(&decisions, 99.0),

@@ -2,8 +2,7 @@
 
 use serde::Serialize;
 
-use super::paired::FEWEST_SAMPLES;
-use crate::record::{Condition, TrialRecord};
+use crate::paired::FEWEST_SAMPLES;
 
 /// Standard normal quantile of a two-sided 95 % interval.
 const Z: f64 = 1.959_963_984_540_054;
@@ -118,12 +117,6 @@ impl Prediction {
             interval: (enough && half > 0.0).then(|| [(area - half).max(0.0), (area + half).min(1.0)]),
             scored,
         })
-    }
-
-    /// Of the predicted risk of blind trials, with whether there was an unwanted contact. Those without a prediction are left out.
-    pub fn of_risk(records: &[TrialRecord]) -> Option<Self> {
-        let blind = records.iter().filter(|record| record.condition == Condition::Blind);
-        Self::of(blind.filter_map(|record| Some((record.risk?, record.contact))).collect())
     }
 }
 

@@ -1,8 +1,8 @@
 //! What each of its means is worth: the policy `touch` without it, on the same trials.
 
 use serde::{Deserialize, Serialize};
+use statistics::{Difference, Interval};
 
-use super::paired::{Difference, Interval};
 use super::rates::{combination_rates, pair_up};
 use crate::ablation::Ablation;
 use crate::record::{AblatedTrial, Condition, TrialRecord};

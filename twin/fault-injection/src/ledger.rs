@@ -127,7 +127,7 @@ pub(super) mod phase {
     use control::executive::Phase;
     use serde::{Deserialize as _, Deserializer, Serializer, de};
 
-    use crate::faults::PHASES;
+    use crate::PHASES;
 
     pub fn serialize<S: Serializer>(phase: &Phase, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.serialize_str(phase.name())

@@ -141,9 +141,9 @@ fn seen(pose: &Isometry3<f64>, (place, turn): (f64, f64), rng: &mut ChaCha8Rng) 
 
 #[cfg(test)]
 mod tests {
-    use super::super::VisionLink;
-    use super::super::measurement::Checks;
     use super::*;
+    use crate::VisionLink;
+    use crate::measurement::Checks;
 
     fn look(seed: u64, address: &str, period: Option<Duration>) -> Vec<Isometry3<f64>> {
         let settings = CameraSettings { sigma: (0.003, 0.02), seed, period };

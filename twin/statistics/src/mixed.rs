@@ -5,13 +5,12 @@
 //! estimates set to 0), and `mu` is the generalised least-squares mean with them (Searle, Casella and McCulloch, *Variance
 //! Components*, ch. 3). Outcomes are 0 or 1, so this is a linear probability model: `mu` is a difference of probabilities.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
-use super::paired::{FEWEST_SAMPLES, Interval};
-use crate::record::{Condition, TrialRecord};
+use crate::paired::{FEWEST_SAMPLES, Interval};
 
 /// How a difference between two conditions varies between combinations and between the trials of one.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
@@ -30,22 +29,11 @@ pub struct Mixed {
 }
 
 impl Mixed {
-    /// Of `outcome` under `first` less that under `second`, over the trials that both conditions played.
-    pub fn of(
-        records: &[TrialRecord],
-        first: Condition,
-        second: Condition,
-        outcome: impl Fn(&TrialRecord) -> bool,
-    ) -> Self {
-        let of = |condition: Condition| records.iter().filter(move |record| record.condition == condition);
-        let id = |record: &TrialRecord| (record.combination, record.trial);
-        let seconds: HashMap<_, bool> = of(second).map(|record| (id(record), outcome(record))).collect();
+    /// Of pairs (cluster, outcome of the first, of the second): the first less the second.
+    pub fn of(pairs: impl IntoIterator<Item = (usize, bool, bool)>) -> Self {
         let mut groups: BTreeMap<usize, Vec<f64>> = BTreeMap::new();
-        for record in of(first) {
-            if let Some(other) = seconds.get(&id(record)) {
-                let difference = f64::from(u8::from(outcome(record))) - f64::from(u8::from(*other));
-                groups.entry(record.combination).or_default().push(difference);
-            }
+        for (cluster, first, second) in pairs {
+            groups.entry(cluster).or_default().push(f64::from(u8::from(first)) - f64::from(u8::from(second)));
         }
         Self::of_groups(&groups.into_values().collect::<Vec<_>>())
     }
@@ -93,7 +81,6 @@ impl Mixed {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::record::tests::record;
 
     /// Balanced groups of four with means 1/2 and 0 in turn, by hand.
     #[test]
@@ -133,19 +120,11 @@ mod tests {
     }
 
     #[test]
-    fn only_trials_of_both_conditions_count() {
-        let mut records = Vec::new();
-        for (combination, trial) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
-            let mut touch = record(combination, trial, Condition::Touch);
-            let mut blind = record(combination, trial, Condition::Blind);
-            (touch.clean_success, blind.clean_success) = (true, combination == 0 && trial == 0);
-            records.extend([touch, blind]);
-        }
-        records.push(record(2, 0, Condition::Touch));
-        let mixed = Mixed::of(&records, Condition::Touch, Condition::Blind, |record| record.clean_success);
-        assert_eq!(mixed.trials, 4);
-        assert!((mixed.difference.value.unwrap() - 0.75).abs() < 1e-12);
-        let single = Mixed::of(&records[..2], Condition::Touch, Condition::Blind, |record| record.success);
+    fn outcomes_are_grouped_by_their_cluster() {
+        let pairs = [(0, true, true), (0, true, false), (1, true, false), (1, true, false)];
+        let mixed = Mixed::of(pairs);
+        assert_eq!((mixed.trials, mixed.difference.value), (4, Some(0.75)));
+        let single = Mixed::of([pairs[0]]);
         assert_eq!((single.trials, single.difference.value), (1, None));
     }
 }

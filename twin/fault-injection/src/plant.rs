@@ -9,7 +9,7 @@ use nalgebra::{Isometry3, Vector3};
 use plant::Blindness;
 use sim::SimulatedRobot;
 
-use crate::body::emulated::SharedPlant;
+use bench::body::emulated::SharedPlant;
 
 /// Where an object goes that is snatched: beside the table's middle, m.
 const AWAY: [f64; 3] = [0.3, 0.6, 0.1];

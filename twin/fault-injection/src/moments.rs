@@ -11,9 +11,9 @@ use rand_chacha::ChaCha8Rng;
 
 use super::kind::tick;
 use super::{IMAGES, PHASES, before};
-use crate::mirror::Mirror;
-use crate::mirror::seen::Seen;
-use crate::trial::Bench;
+use bench::mirror::Mirror;
+use bench::mirror::seen::Seen;
+use bench::trial::Bench;
 
 /// Body and controller, and a mirror that looks on.
 #[derive(Clone)]

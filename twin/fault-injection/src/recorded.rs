@@ -7,8 +7,8 @@ use stream::recorder::Target;
 
 use super::Matrix;
 use super::kind::Kind;
-use crate::body::{Places, Task};
-use crate::recording::{Began, Recording};
+use bench::body::{Places, Task};
+use bench::recording::{Began, Recording};
 
 impl Matrix<'_> {
     /// What watches an injection, if anything does.

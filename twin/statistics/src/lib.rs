@@ -1,0 +1,18 @@
+//! Statistics of trials and predictions.
+//!
+//! [`distribution`]: means, percentiles, box plots, densities. [`paired`]: paired differences with intervals, effect sizes, power and tests.
+//! [`mixed`]: paired differences in groups. [`prediction`]: rates with intervals, the ROC curve, calibration.
+//! Of fewer than [`FEWEST_SAMPLES`] samples there is no test and no interval.
+
+pub mod distribution;
+pub mod mixed;
+pub mod paired;
+pub mod prediction;
+
+pub use distribution::{BoxPlot, MeanSd, box_plot, density, percentile, silverman_bandwidth};
+pub use mixed::Mixed;
+pub use paired::{Difference, FEWEST_SAMPLES, Interval, McNemar, SPREAD_TOLERANCE, TTest, Untested, paired_t_test};
+pub use prediction::{Group, Prediction, Rate, roc_area};
+
+#[cfg(test)]
+mod tests;
