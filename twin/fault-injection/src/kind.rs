@@ -1,6 +1,7 @@
 //! What can break, how it is made to, and what must come of it.
 
 use anyhow::Result;
+use bench::mirror::divergence::Kind as Divergence;
 use control::executive::Executive;
 use hand_model::robot::{Command, Readings, RobotBackend, ServoGoal};
 use hardware_bridge::emulator::Plug;
@@ -11,8 +12,6 @@ use kortex::emulator::Injection;
 use kortex::safety_bank::FOLLOWING_ERROR;
 use serde::{Deserialize, Serialize};
 use session_log::Recorder;
-
-use bench::mirror::divergence::Kind as Divergence;
 
 /// A servo that breaks: the index finger's.
 const SERVO: u8 = 2;

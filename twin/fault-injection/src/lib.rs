@@ -7,6 +7,13 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
 use anyhow::{Context as _, Result, bail};
+use bench::body::emulated::{SharedPlant, settings, travel};
+use bench::mirror::Mirror;
+use bench::mirror::divergence::Divergence;
+use bench::mirror::seen::Seen;
+use bench::recording::Recording;
+use bench::trial::{Bench, Moment, Watcher as _};
+use bench::workers;
 use control::executive::{Executive, Phase};
 use hand_model::robot::{Command, RobotBackend};
 use hardware_bridge::emulator::lockstep::LockstepRobot;
@@ -24,13 +31,6 @@ use self::kind::{Expected, Kind, Teller, tick};
 use self::ledger::Ledger;
 use self::moments::{Watched, moments};
 use self::watch::Watch;
-use bench::body::emulated::{SharedPlant, settings, travel};
-use bench::mirror::Mirror;
-use bench::mirror::divergence::Divergence;
-use bench::mirror::seen::Seen;
-use bench::recording::Recording;
-use bench::trial::{Bench, Moment, Watcher as _};
-use bench::workers;
 
 pub mod kind;
 pub mod ledger;

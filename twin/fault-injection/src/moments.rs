@@ -3,6 +3,9 @@
 use std::collections::BTreeMap;
 
 use anyhow::Result;
+use bench::mirror::Mirror;
+use bench::mirror::seen::Seen;
+use bench::trial::Bench;
 use control::executive::Phase;
 use grasping::Grasp;
 use proving::rehearsal::Snapshot;
@@ -11,9 +14,6 @@ use rand_chacha::ChaCha8Rng;
 
 use super::kind::tick;
 use super::{IMAGES, PHASES, before};
-use bench::mirror::Mirror;
-use bench::mirror::seen::Seen;
-use bench::trial::Bench;
 
 /// Body and controller, and a mirror that looks on.
 #[derive(Clone)]

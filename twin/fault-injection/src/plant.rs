@@ -3,13 +3,12 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
+use bench::body::emulated::SharedPlant;
 use hand_model::robot::{Command, Observation, Plant, Tick};
 use hand_model::{Digit, Hand};
 use nalgebra::{Isometry3, Vector3};
 use plant::Blindness;
 use sim::SimulatedRobot;
-
-use bench::body::emulated::SharedPlant;
 
 /// Where an object goes that is snatched: beside the table's middle, m.
 const AWAY: [f64; 3] = [0.3, 0.6, 0.1];

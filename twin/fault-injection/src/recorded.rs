@@ -1,14 +1,14 @@
 //! Injections for the viewer.
 
 use anyhow::Result;
+use bench::body::{Places, Task};
+use bench::recording::{Began, Recording};
 use control::executive::Phase;
 use scenarios::record::Condition;
 use stream::recorder::Target;
 
 use super::Matrix;
 use super::kind::Kind;
-use bench::body::{Places, Task};
-use bench::recording::{Began, Recording};
 
 impl Matrix<'_> {
     /// What watches an injection, if anything does.

@@ -38,7 +38,7 @@ impl Mixed {
         Self::of_groups(&groups.into_values().collect::<Vec<_>>())
     }
 
-    /// Of differences, a group for each combination; no group is empty.
+    /// Of differences, a group for each cluster; no group is empty.
     fn of_groups(groups: &[Vec<f64>]) -> Self {
         let trials: usize = groups.iter().map(Vec::len).sum();
         let (n, k) = (trials as f64, groups.len() as f64);
