@@ -33,7 +33,7 @@
 //! becomes part of the link that carries it. Collision meshes are cut into convex parts ([`MeshTools`]); they need not be watertight.
 
 mod held;
-mod masses;
+pub(crate) mod masses;
 mod meshes;
 mod pulls;
 mod shapes;
@@ -284,7 +284,7 @@ fn efforts(robot: &Robot, tree: &Tree, path: &Path, notes: &mut Vec<String>) -> 
 }
 
 /// For each link the moving joint that carries it (`None`: the root) and its pose in that joint's frame.
-fn carriers(robot: &Robot, tree: &Tree) -> BTreeMap<String, (Option<usize>, Isometry3<f64>)> {
+pub(crate) fn carriers(robot: &Robot, tree: &Tree) -> BTreeMap<String, (Option<usize>, Isometry3<f64>)> {
     let roots = robot.links.iter().filter(|link| !robot.joints.iter().any(|joint| joint.child.link == link.name));
     let mut open: VecDeque<_> = roots.map(|link| (link.name.clone(), None, Isometry3::identity())).collect();
     let mut carried = BTreeMap::new();

@@ -1,25 +1,35 @@
-//! The Kinova Gen3 arm, 7 joints: frames, limits, inertias, control gains and outer sizes of `data/gen3.toml`.
+//! A serial arm: frames, limits, inertias, control gains and outer sizes, from a parameter file like `data/gen3.toml` (Kinova Gen3),
+//! or from a URDF and a file with what a URDF does not say ([`urdf`]).
 
-use std::f64::consts::{FRAC_PI_2, PI};
 use std::path::Path;
 
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 use serde::Deserialize;
+use tinyvec::ArrayVec;
 
-use crate::ARM_JOINTS;
 use crate::hand::MassProperties;
 use crate::kinematics::{Joint, JointKind, Tree, pose_from_xyz_rpy};
 use platform::data::{DataError, parse_toml};
+
+mod urdf;
+
+/// Joints that an arm has at most.
+pub const MOST_ARM_JOINTS: usize = 7;
+/// A value for each joint of an arm, from the base outwards.
+pub type ArmVector<T = f64> = ArrayVec<[T; MOST_ARM_JOINTS]>;
+
+/// Version of the file.
+const VERSION: u32 = 1;
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct ArmFile {
     version: u32,
-    #[allow(dead_code)]
     name: String,
     base_mass: f64,
     base_radius: f64,
     armature: f64,
+    home: Vec<f64>,
     tool_xyz: [f64; 3],
     tool_rpy: [f64; 3],
     joint: Vec<ArmJointFile>,
@@ -51,12 +61,24 @@ struct ArmJointFile {
 
 impl ArmFile {
     fn check(&self, path: &Path) -> Result<(), DataError> {
-        if self.version != 1 {
-            return Err(DataError::field(path, "version", self.version, "1"));
+        if self.version != VERSION {
+            return Err(DataError::field(path, "version", self.version, VERSION.to_string()));
         }
-        if self.joint.len() != ARM_JOINTS {
-            let expected = format!("{ARM_JOINTS} joints: arms with another number cannot be driven yet");
-            return Err(DataError::field(path, "joint", format!("{} joints", self.joint.len()), expected));
+        if !(1..=MOST_ARM_JOINTS).contains(&self.joint.len()) {
+            let found = format!("{} joints", self.joint.len());
+            return Err(DataError::field(path, "joint", found, format!("1 to {MOST_ARM_JOINTS} joints")));
+        }
+        if self.home.len() != self.joint.len() {
+            let found = format!("{} angles", self.home.len());
+            return Err(DataError::field(path, "home", found, format!("{}, one for each joint", self.joint.len())));
+        }
+        for (field, value) in [("base_mass", self.base_mass), ("base_radius", self.base_radius)] {
+            if !(value.is_finite() && value > 0.0) {
+                return Err(DataError::field(path, field, value, "a positive number"));
+            }
+        }
+        if !(self.armature.is_finite() && self.armature >= 0.0) {
+            return Err(DataError::field(path, "armature", self.armature, "0 or more"));
         }
         for joint in &self.joint {
             let fault = |field: &str, found: f64, expected: &str| {
@@ -80,6 +102,13 @@ impl ArmFile {
                 return fault("lower", joint.lower, "less than `upper`");
             }
         }
+        for (n, (joint, &angle)) in self.joint.iter().zip(&self.home).enumerate() {
+            let within = joint.continuous || (joint.lower..=joint.upper).contains(&angle);
+            if !(angle.is_finite() && within) {
+                let expected = format!("an angle within the limits of `{}`, rad", joint.name);
+                return Err(DataError::field(path, format!("home[{n}]"), angle, expected));
+            }
+        }
         Ok(())
     }
 }
@@ -87,7 +116,7 @@ impl ArmFile {
 /// A capsule from a link's origin along its axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WristCapsule {
-    /// Index of the link, 0 to 6.
+    /// Index of the link.
     pub link: usize,
     /// Far end, link frame, m.
     pub end: Vector3<f64>,
@@ -98,30 +127,33 @@ pub struct WristCapsule {
 /// The arm; its root is `arm_base`.
 #[derive(Debug, Clone)]
 pub struct Arm {
-    /// Seven joints in a row.
+    pub name: String,
+    /// The joints in a row.
     pub tree: Tree,
-    /// Names of the seven links.
+    /// The posture from which searches for others begin, rad.
+    pub home: ArmVector,
+    /// Names of the moving links.
     pub links: Vec<String>,
     /// Speed limits, rad/s.
-    pub velocity_limits: [f64; ARM_JOINTS],
+    pub velocity_limits: ArmVector,
     /// Acceleration limits, rad/s2.
-    pub acceleration_limits: [f64; ARM_JOINTS],
+    pub acceleration_limits: ArmVector,
     /// Continuous torque limits, N m.
-    pub effort_limits: [f64; ARM_JOINTS],
-    /// Mass properties of the seven moving links.
+    pub effort_limits: ArmVector,
+    /// Mass properties of the moving links.
     pub masses: Vec<MassProperties>,
     /// Mass of the base, kg.
     pub base_mass: f64,
     /// What the joints' torque sensors show over what the joints bear: 1 as drawn.
-    pub torque_gains: [f64; ARM_JOINTS],
+    pub torque_gains: ArmVector,
     /// Stiffness of the joints' position control, N m/rad.
-    pub stiffness: [f64; ARM_JOINTS],
+    pub stiffness: ArmVector,
     /// Damping of the joints' position control, N m s/rad.
-    pub damping: [f64; ARM_JOINTS],
+    pub damping: ArmVector,
     /// Inertia of the drives as felt at their joints, kg m2.
     pub armature: f64,
     /// Radii of the tubes around base and links, m.
-    pub radii: [f64; ARM_JOINTS + 1],
+    pub radii: Vec<f64>,
     /// What stands for the wrist against table and objects.
     pub wrist: Vec<WristCapsule>,
     /// Tool frame (where the hand is mounted) in the last link.
@@ -134,16 +166,32 @@ impl Arm {
     /// # Panics
     /// Never in a tested build: the file is compiled in and a test reads it.
     pub fn gen3() -> Self {
-        Self::parse(include_str!("../data/gen3.toml"), Path::new("gen3.toml")).expect("the built-in arm is valid")
+        Self::parse(include_str!("../data/gen3.toml"), Path::new("gen3.toml"), None).expect("the built-in arm is valid")
     }
 
-    /// Builds an arm from a parameter file's text; `path` is used in errors.
+    /// Name of the URDF that a parameter file leaves frames, limits and masses to.
+    ///
+    /// # Errors
+    /// [`DataError`] for a text that is no TOML.
+    pub fn urdf(text: &str, path: &Path) -> Result<Option<String>, DataError> {
+        urdf::name(text, path)
+    }
+
+    /// Builds an arm from a parameter file's text and that of the [URDF it names](Self::urdf); `path` is used in errors.
     ///
     /// # Errors
     /// [`DataError`] with the field at fault.
-    pub fn parse(text: &str, path: &Path) -> Result<Self, DataError> {
-        let file: ArmFile = parse_toml(text, path)?;
+    pub fn parse(text: &str, path: &Path, urdf: Option<(&str, &Path)>) -> Result<Self, DataError> {
+        let file = match urdf {
+            Some((urdf, its_path)) => urdf::complete((text, path), (urdf.as_bytes(), its_path))?,
+            None => parse_toml(text, path)?,
+        };
+        Self::build(file, path)
+    }
+
+    fn build(file: ArmFile, path: &Path) -> Result<Self, DataError> {
         file.check(path)?;
+        let each = |value: fn(&ArmJointFile) -> f64| file.joint.iter().map(value).collect();
         let joints = file
             .joint
             .iter()
@@ -175,42 +223,52 @@ impl Arm {
             .collect();
         Ok(Self {
             tree: Tree { joints },
+            home: file.home.iter().copied().collect(),
             links: file.joint.iter().map(|joint| joint.link.clone()).collect(),
-            velocity_limits: std::array::from_fn(|i| file.joint[i].velocity),
-            acceleration_limits: std::array::from_fn(|i| file.joint[i].acceleration),
-            effort_limits: std::array::from_fn(|i| file.joint[i].effort),
+            velocity_limits: each(|joint| joint.velocity),
+            acceleration_limits: each(|joint| joint.acceleration),
+            effort_limits: each(|joint| joint.effort),
             masses,
             base_mass: file.base_mass,
-            torque_gains: [1.0; ARM_JOINTS],
-            stiffness: std::array::from_fn(|i| file.joint[i].stiffness),
-            damping: std::array::from_fn(|i| file.joint[i].damping),
+            torque_gains: each(|_| 1.0),
+            stiffness: each(|joint| joint.stiffness),
+            damping: each(|joint| joint.damping),
             armature: file.armature,
-            radii: std::array::from_fn(|i| i.checked_sub(1).map_or(file.base_radius, |link| file.joint[link].radius)),
+            radii: std::iter::once(file.base_radius).chain(file.joint.iter().map(|joint| joint.radius)).collect(),
             wrist: wrist.collect(),
             last_from_tool: pose_from_xyz_rpy(file.tool_xyz, file.tool_rpy),
+            name: file.name,
         })
+    }
+
+    /// Number of joints.
+    pub fn joints(&self) -> usize {
+        self.tree.len()
+    }
+
+    /// Index of the link that carries the tool.
+    pub fn last_link(&self) -> usize {
+        self.tree.len() - 1
+    }
+
+    /// `value` of each joint's index.
+    pub fn each<T: Default>(&self, value: impl FnMut(usize) -> T) -> ArmVector<T> {
+        (0..self.joints()).map(value).collect()
     }
 
     /// `base_from_tool` at joint angles `q` (rad).
-    pub fn tool_pose(&self, q: &[f64; ARM_JOINTS]) -> Isometry3<f64> {
-        self.tree.forward(q)[ARM_JOINTS - 1] * self.last_from_tool
+    pub fn tool_pose(&self, q: &[f64]) -> Isometry3<f64> {
+        self.tree.forward(q)[self.last_link()] * self.last_from_tool
     }
 
     /// Far ends of the tubes around base and links ([`Self::radii`]), m, each in its own link's frame, in which the tube begins at the origin.
-    pub fn tube_ends(&self) -> [Vector3<f64>; ARM_JOINTS + 1] {
-        std::array::from_fn(|link| match self.tree.joints.get(link) {
-            Some(next) => next.origin.translation.vector,
-            None => self.last_from_tool.translation.vector,
-        })
+    pub fn tube_ends(&self) -> Vec<Vector3<f64>> {
+        let next = self.tree.joints.iter().map(|joint| joint.origin.translation.vector);
+        next.chain([self.last_from_tool.translation.vector]).collect()
     }
 
     /// What the joints bear, N m, where their sensors show `torque`.
-    pub fn borne(&self, torque: &[f64; ARM_JOINTS]) -> [f64; ARM_JOINTS] {
-        std::array::from_fn(|joint| torque[joint] / self.torque_gains[joint])
-    }
-
-    /// The published "home" posture: tool horizontal, 0.43 m over the base plane.
-    pub fn home() -> [f64; ARM_JOINTS] {
-        [0.0, 0.26179939, PI, -2.26892803, 0.0, 0.95993109, FRAC_PI_2]
+    pub fn borne(&self, torque: &[f64]) -> ArmVector {
+        self.each(|joint| torque[joint] / self.torque_gains[joint])
     }
 }

@@ -25,15 +25,13 @@ pub mod statics;
 pub mod transmission;
 pub mod urdf;
 
-pub use arm::Arm;
+pub use arm::{Arm, ArmVector};
 pub use digit::{Digit, Phalanx};
 pub use hand::Hand;
 pub use robot_model::{RobotModel, RobotSources};
 
 /// Gravity, m/s2.
 pub const GRAVITY: f64 = 9.81;
-/// Number of arm joints (Kinova Gen3).
-pub const ARM_JOINTS: usize = 7;
 /// Number of finger joints.
 pub const HAND_JOINTS: usize = 15;
 /// Number of actuators: five cables and the thumb's opposition.

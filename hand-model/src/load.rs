@@ -1,22 +1,24 @@
 //! Static loads on the arm's joints: its own weight and the hand's, and forces on its links.
 
-use nalgebra::{Isometry3, Point3, SVector, Vector3};
+use nalgebra::{Isometry3, Point3, SMatrix, SVector, Vector3};
 
+use crate::arm::MOST_ARM_JOINTS;
 use crate::hand::MassProperties;
-use crate::{ARM_JOINTS, Arm, GRAVITY, HAND_JOINTS, RobotModel};
+use crate::{Arm, GRAVITY, HAND_JOINTS, RobotModel};
 
-/// One torque a joint of the arm, N m.
-pub type Torques = SVector<f64, ARM_JOINTS>;
+/// One torque a joint of the arm, N m; 0 beyond the last joint.
+pub type Torques = SVector<f64, MOST_ARM_JOINTS>;
 
 /// Torques that hold the arm and an open hand against their weight, N m.
-pub fn weight(robot: &RobotModel, angles: &[f64; ARM_JOINTS]) -> Torques {
+pub fn weight(robot: &RobotModel, angles: &[f64]) -> Torques {
     let RobotModel { hand, arm, .. } = robot;
     let poses = arm.tree.forward(angles);
-    let palm = poses[ARM_JOINTS - 1] * arm.last_from_tool * hand.palm_from_flange.inverse();
+    let last = arm.last_link();
+    let palm = poses[last] * arm.last_from_tool * hand.palm_from_flange.inverse();
     let links = hand.tree.forward(&[0.0; HAND_JOINTS]);
     let of_arm =
         arm.masses.iter().zip(&poses).enumerate().map(|(link, (mass, pose))| (link, mass.mass, pose * mass.com));
-    let on_palm = |pose: Isometry3<f64>, mass: &MassProperties| (ARM_JOINTS - 1, mass.mass, palm * pose * mass.com);
+    let on_palm = |pose: Isometry3<f64>, mass: &MassProperties| (last, mass.mass, palm * pose * mass.com);
     let of_hand = links.iter().zip(&hand.masses).map(|(pose, mass)| on_palm(*pose, mass));
     let palm_itself = std::iter::once(on_palm(Isometry3::identity(), &hand.palm_mass));
     let mut torques = Torques::zeros();
@@ -29,7 +31,17 @@ pub fn weight(robot: &RobotModel, angles: &[f64; ARM_JOINTS]) -> Torques {
 /// Torques that hold a link against a `force` (N) at a point of it, N m.
 pub fn held(arm: &Arm, poses: &[Isometry3<f64>], link: usize, point: &Point3<f64>, force: &Vector3<f64>) -> Torques {
     let jacobian = arm.tree.jacobian(poses, link, &poses[link].inverse_transform_point(point));
-    Torques::from_fn(|joint, _| -jacobian.fixed_view::<3, 1>(0, joint).dot(force))
+    per_joint(arm.tree.len(), |joint| -jacobian.fixed_view::<3, 1>(0, joint).dot(force))
+}
+
+/// What the joints show as [`Torques`], N m.
+pub fn torques(joints: &[f64]) -> Torques {
+    per_joint(joints.len(), |joint| joints[joint])
+}
+
+/// `torque` of each of the joints.
+fn per_joint(joints: usize, torque: impl Fn(usize) -> f64) -> Torques {
+    Torques::from_fn(|joint, _| if joint < joints { torque(joint) } else { 0.0 })
 }
 
 /// Arm and hand as point masses: for loops that need the torques of weight and acceleration in every cycle.
@@ -52,18 +64,21 @@ impl LoadModel {
         let total: f64 = of_hand.iter().map(|(mass, _)| mass).sum();
         let middle = of_hand.iter().fold(Vector3::zeros(), |sum, (mass, at)| sum + at.coords * *mass) / total;
         let of_arm = arm.masses.iter().enumerate().map(|(link, mass)| (link, mass.mass, mass.com));
-        let masses = of_arm.chain([(ARM_JOINTS - 1, total, last_from_palm * Point3::from(middle))]).collect();
+        let masses = of_arm.chain([(arm.last_link(), total, last_from_palm * Point3::from(middle))]).collect();
         Self { arm: (**arm).clone(), masses, last_from_palm }
     }
 
     /// Torques that move arm and hand with an `acceleration` (rad/s2) of the joints and hold their weight, N m. Speeds and the links' own moments of
     /// inertia are left out.
-    pub fn moving(&self, poses: &[Isometry3<f64>], acceleration: &[f64; ARM_JOINTS]) -> Torques {
-        let mut torques = Torques::from_fn(|joint, _| self.arm.armature * acceleration[joint]);
+    pub fn moving(&self, poses: &[Isometry3<f64>], acceleration: &[f64]) -> Torques {
+        let joints = self.arm.tree.len();
+        let acceleration = torques(acceleration);
+        let mut torques = acceleration * self.arm.armature;
+        let mut linear = SMatrix::<f64, 3, MOST_ARM_JOINTS>::zeros();
         for (link, mass, at) in &self.masses {
             let jacobian = self.arm.tree.jacobian(poses, *link, at);
-            let linear = jacobian.fixed_rows::<3>(0);
-            let upwards = linear * Torques::from(*acceleration) + Vector3::new(0.0, 0.0, GRAVITY);
+            linear.columns_mut(0, joints).copy_from(&jacobian.fixed_rows::<3>(0));
+            let upwards = linear * acceleration + Vector3::new(0.0, 0.0, GRAVITY);
             torques += linear.transpose() * (upwards * *mass);
         }
         torques
@@ -71,7 +86,7 @@ impl LoadModel {
 
     /// Torques that hold a mass of 1 kg in the palm, N m.
     pub fn per_payload(&self, poses: &[Isometry3<f64>]) -> Torques {
-        let last = ARM_JOINTS - 1;
+        let last = self.arm.last_link();
         let at = poses[last] * self.last_from_palm * Point3::origin();
         held(&self.arm, poses, last, &at, &Vector3::new(0.0, 0.0, -GRAVITY))
     }
@@ -88,7 +103,7 @@ mod tests {
         let (arm, model) = (&robot.arm, LoadModel::new(&robot));
         let at = [0.3, -0.5, 0.2, 1.7, -0.4, 0.9, 0.1];
         let poses = arm.tree.forward(&at);
-        let rest = model.moving(&poses, &[0.0; ARM_JOINTS]);
+        let rest = model.moving(&poses, &[0.0; 7]);
         assert!((rest - weight(&robot, &at)).norm() < 1e-9, "{rest}");
         // Turning about the vertical: the sum of masses times squared distances from it, and the drive's.
         let turned = model.moving(&poses, &[-2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])[0] - rest[0];
@@ -102,7 +117,7 @@ mod tests {
     fn weight_is_the_slope_of_energy() {
         let robot = RobotModel::ftac_gen3();
         let RobotModel { hand, arm, .. } = &robot;
-        let energy = |angles: &[f64; ARM_JOINTS]| {
+        let energy = |angles: &[f64]| {
             let poses = arm.tree.forward(angles);
             let palm = arm.tool_pose(angles) * hand.palm_from_flange.inverse();
             let links = hand.tree.forward(&[0.0; HAND_JOINTS]);
@@ -113,8 +128,8 @@ mod tests {
         };
         let at = [0.3, -0.5, 0.2, 1.7, -0.4, 0.9, 0.1];
         let torques = weight(&robot, &at);
-        for joint in 0..ARM_JOINTS {
-            let moved = |by: f64| std::array::from_fn(|n| at[n] + if n == joint { by } else { 0.0 });
+        for joint in 0..7 {
+            let moved = |by: f64| -> [f64; 7] { std::array::from_fn(|n| at[n] + if n == joint { by } else { 0.0 }) };
             let slope = (energy(&moved(1e-5)) - energy(&moved(-1e-5))) / 2e-5;
             assert!((torques[joint] - slope).abs() < 1e-6, "{joint}: {} {slope}", torques[joint]);
         }

@@ -9,7 +9,7 @@
 
 use std::sync::Arc;
 
-use crate::{ACTUATORS, ARM_JOINTS};
+use crate::{ACTUATORS, ArmVector};
 
 /// What one servo reports.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -24,15 +24,23 @@ pub struct ServoState {
     pub temperature: f64,
 }
 
-/// What the arm reports.
+/// What the arm reports, a value for each joint.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct ArmState {
     /// rad.
-    pub position: [f64; ARM_JOINTS],
+    pub position: ArmVector,
     /// rad/s.
-    pub velocity: [f64; ARM_JOINTS],
+    pub velocity: ArmVector,
     /// N m.
-    pub torque: [f64; ARM_JOINTS],
+    pub torque: ArmVector,
+}
+
+impl ArmState {
+    /// At rest at `position` (rad), without torques.
+    pub fn still(position: ArmVector) -> Self {
+        let none = position.iter().map(|_| 0.0).collect();
+        Self { position, velocity: none, torque: none }
+    }
 }
 
 /// A 240 x 240 RGB picture of the inside of a pad.
@@ -167,7 +175,7 @@ pub enum ServoGoal {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Command {
     /// Arm joint position set-points, rad.
-    pub arm: [f64; ARM_JOINTS],
+    pub arm: ArmVector,
     /// The six servos, in actuator order.
     pub servos: [ServoGoal; ACTUATORS],
     /// Ask the camera board for one image of every camera.

@@ -3,8 +3,12 @@
 //! ```toml
 //! version = 1
 //! name = "ftac_small_right"
-//! arm = "gen3"                  # the Gen3, or a parameter file beside this one
+//! arm = "gen3"                  # the Gen3, or a parameter file beside this one, which may name a URDF: see [`crate::arm`]
 //! calibration = "pads.json"     # photometric calibration of the pads; default: the built-in one
+//!
+//! [mount]                       # of the hand on the arm's flange, z out of it; default: straight on it
+//! xyz = [0.0, 0.0, 0.01]        # m
+//! rpy = [0.0, 0.0, 1.5708]      # roll, pitch and yaw, rad
 //!
 //! [hand]
 //! parameters = "ftac"           # the F-TAC Hand, or a parameter file beside this one
@@ -25,18 +29,23 @@
 //! Numbers in the file are those of the left hand at its full size, as in the parameter file.
 
 use std::collections::BTreeMap;
+use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use nalgebra::Isometry3;
 use platform::data::{DataError, parse_toml, read_text};
 use platform::reach::Reach;
 use serde::{Deserialize, Serialize};
 
+use crate::kinematics::pose_from_xyz_rpy;
 use crate::parameters::{Configuration, HandParameters, Handedness, PadParameters};
 use crate::{Arm, Hand};
 
 /// Version of the file.
 const VERSION: u32 = 1;
+/// File of the built-in robot.
+const BUILTIN: &str = "ftac_gen3.toml";
 /// Name by which a file asks for the built-in hand.
 const FTAC: &str = "ftac";
 /// Name by which a file asks for the built-in arm.
@@ -50,6 +59,8 @@ pub struct RobotModel {
     pub name: String,
     pub arm: Arc<Arm>,
     pub hand: Arc<Hand>,
+    /// Name of the file with the pads' photometric calibration, if it is not the built-in one.
+    pub calibration: Option<String>,
     /// The texts that it was made of; `None` for the built-in robot.
     pub sources: Option<RobotSources>,
 }
@@ -73,7 +84,32 @@ struct RobotFile {
     name: String,
     arm: String,
     calibration: Option<String>,
+    #[serde(default)]
+    mount: MountFile,
     hand: HandFile,
+}
+
+#[derive(Deserialize, Default)]
+#[serde(deny_unknown_fields, default)]
+struct MountFile {
+    xyz: [f64; 3],
+    rpy: [f64; 3],
+}
+
+/// Farthest that a mount holds a hand from its flange along each axis, m.
+const MOUNT: f64 = 0.5;
+
+impl MountFile {
+    /// `flange_from_hand`.
+    fn pose(&self, path: &Path) -> Result<Isometry3<f64>, DataError> {
+        for (field, values, most) in [("xyz", self.xyz, MOUNT), ("rpy", self.rpy, TAU)] {
+            if let Some(n) = values.iter().position(|value| !(-most..=most).contains(value)) {
+                let expected = format!("{} to {most:.3}", -most);
+                return Err(DataError::field(path, format!("mount.{field}[{n}]"), values[n], expected));
+            }
+        }
+        Ok(pose_from_xyz_rpy(self.xyz, self.rpy))
+    }
 }
 
 #[derive(Deserialize)]
@@ -113,6 +149,12 @@ impl RobotSources {
             if field != "calibration" || named.exists() {
                 files.insert(name.clone(), read_text(&named)?);
             }
+            if let Some(urdf) =
+                files.get(name).filter(|_| field == "arm").map_or(Ok(None), |arm| Arm::urdf(arm, &named))?
+            {
+                let text = read_text(&reach.resolve(&named, "urdf", Path::new(&urdf))?)?;
+                files.insert(urdf, text);
+            }
         }
         let name = path.file_name().map(PathBuf::from).unwrap_or_default();
         Ok(Self { name, robot, files })
@@ -125,10 +167,10 @@ impl RobotModel {
     /// # Panics
     /// Never in a tested build: the files are compiled in and a test reads them.
     pub fn ftac_gen3() -> Self {
-        let robot = include_str!("../data/ftac_gen3.toml").to_owned();
-        let sources = RobotSources { name: "ftac_gen3.toml".into(), robot, files: BTreeMap::new() };
-        let model = Self::parse(&sources, &sources.name).expect("the built-in robot is valid");
-        Self { hand: Arc::new(Hand::ftac()), sources: None, ..model }
+        let text = include_str!("../data/ftac_gen3.toml");
+        let file: RobotFile = parse_toml(text, Path::new(BUILTIN)).expect("the built-in robot is valid");
+        let (arm, hand) = (Arc::new(Arm::gen3()), Arc::new(Hand::ftac()));
+        Self { name: file.name, arm, hand, calibration: file.calibration, sources: None }
     }
 
     /// Reads a robot file; the files that it names are looked for beside it.
@@ -157,7 +199,7 @@ impl RobotModel {
 
     /// Name of the robot's file for errors.
     pub fn file(&self) -> &Path {
-        self.sources.as_ref().map_or(Path::new("ftac_gen3.toml"), |sources| &sources.name)
+        self.sources.as_ref().map_or(Path::new(BUILTIN), |sources| &sources.name)
     }
 
     /// The robot made of `sources`; `path` is used in errors.
@@ -180,8 +222,10 @@ impl RobotModel {
             Arm::gen3()
         } else {
             let (text, path) = named("arm", &file.arm)?;
-            Arm::parse(text, &path)?
+            let urdf = Arm::urdf(text, &path)?.map(|name| named("urdf", &name)).transpose()?;
+            Arm::parse(text, &path, urdf.as_ref().map(|(text, path)| (text.as_str(), path.as_path())))?
         };
+        let arm = Arm { last_from_tool: arm.last_from_tool * file.mount.pose(path)?, ..arm };
         let mut parameters = if file.hand.parameters == FTAC {
             HandParameters::ftac()
         } else {
@@ -195,6 +239,7 @@ impl RobotModel {
             name: file.name,
             arm: Arc::new(arm),
             hand: Arc::new(Hand::build(parameters)),
+            calibration: file.calibration,
             sources: Some(sources.clone()),
         })
     }
@@ -204,10 +249,8 @@ impl RobotModel {
     /// # Errors
     /// [`DataError`] for a file that was not there.
     pub fn calibration(&self) -> Result<Option<(&str, PathBuf)>, DataError> {
-        let Some(sources) = &self.sources else { return Ok(None) };
-        let file: RobotFile = parse_toml(&sources.robot, &sources.name)?;
-        let Some(name) = file.calibration else { return Ok(None) };
-        match sources.files.get(&name) {
+        let Some((sources, name)) = self.sources.as_ref().zip(self.calibration.as_ref()) else { return Ok(None) };
+        match sources.files.get(name) {
             Some(text) => Ok(Some((text, PathBuf::from(name)))),
             None => {
                 let expected =
@@ -276,8 +319,12 @@ mod tests {
     #[test]
     fn the_built_in_robot_is_hand_and_arm_as_published() {
         let robot = RobotModel::ftac_gen3();
-        assert_eq!(format!("{:?}", robot.hand), format!("{:?}", Hand::ftac()));
-        assert!(robot.moves_like(&parse(PLAIN).expect("valid")) && matches!(robot.calibration(), Ok(None)));
+        let file = parse(include_str!("../data/ftac_gen3.toml")).expect("valid");
+        assert_eq!(robot.name, file.name);
+        for same in [file, parse(PLAIN).expect("valid")] {
+            assert!(robot.moves_like(&same) && matches!(same.calibration(), Ok(None)));
+            assert_eq!(format!("{:?}", robot.hand.pads), format!("{:?}", same.hand.pads));
+        }
     }
 
     /// Fingertips of a scaled hand are as far from the palm's origin as the scale says, at any posture, and its weight goes with the volume.
@@ -301,6 +348,20 @@ mod tests {
         }
         assert!((small.pads[0].h / full.pads[0].h - 0.85).abs() < 1e-12);
         assert!(!RobotModel::ftac_gen3().moves_like(&parse(&format!("{PLAIN}scale = 0.85\n")).expect("valid")));
+    }
+
+    /// A mount moves the hand on the flange and leaves the arm's joints where they are.
+    #[test]
+    fn a_mount_moves_the_hand() {
+        let mount = "[mount]\nxyz = [0.0, 0.0, 0.02]\nrpy = [0.0, 0.0, 1.5707963267948966]\n[hand]";
+        let (plain, mounted) =
+            (RobotModel::ftac_gen3().arm, parse(&PLAIN.replace("[hand]", mount)).expect("valid").arm);
+        let off = plain.tool_pose(&plain.home).inv_mul(&mounted.tool_pose(&plain.home));
+        assert!((off.translation.vector - nalgebra::Vector3::new(0.0, 0.0, 0.02)).norm() < 1e-12);
+        assert!((off.rotation.angle() - std::f64::consts::FRAC_PI_2).abs() < 1e-12);
+        let far =
+            parse(&PLAIN.replace("[hand]", "[mount]\nxyz = [0.0, 2.0, 0.0]\n[hand]")).expect_err("far").to_string();
+        assert_eq!(far, "robot.toml: mount.xyz[1]: found 2, expected -0.5 to 0.500");
     }
 
     #[test]

@@ -36,7 +36,7 @@ pub fn hand_urdf(hand: &Hand) -> String {
 
 /// The arm as URDF text. The root link is `base_link`, the tool frame `end_effector_link`.
 pub fn arm_urdf(arm: &Arm) -> String {
-    let mut out = header("gen3");
+    let mut out = header(&arm.name);
     link(&mut out, "base_link", None, None);
     for (i, joint) in arm.tree.joints.iter().enumerate() {
         link(&mut out, &arm.links[i], Some(&arm.masses[i]), None);
@@ -51,7 +51,7 @@ pub fn arm_urdf(arm: &Arm) -> String {
         );
     }
     link(&mut out, "end_effector_link", None, None);
-    fixed(&mut out, "end_effector", &arm.last_from_tool, &arm.links[6], "end_effector_link");
+    fixed(&mut out, "end_effector", &arm.last_from_tool, &arm.links[arm.last_link()], "end_effector_link");
     out.push_str("</robot>\n");
     out
 }
@@ -356,7 +356,7 @@ mod tests {
             assert!((ours[j].translation.vector - theirs[i].translation.vector).norm() < 1e-7);
         }
         let arm = read_tree(&data("gen3.urdf"), &[]).expect("readable");
-        let home = Arm::home();
+        let home = Arm::gen3().home;
         let difference =
             arm.forward(&home)[6].translation.vector - Arm::gen3().tree.forward(&home)[6].translation.vector;
         assert!(difference.norm() < 1e-6);

@@ -1,6 +1,6 @@
 //! The interface between the bridge and an arm's controller.
 
-use hand_model::ARM_JOINTS;
+use hand_model::ArmVector;
 use hand_model::robot::ArmState;
 
 use crate::safety::checks::ArmReading;
@@ -30,7 +30,7 @@ pub trait ArmLink: Send {
     fn engage(&mut self) -> Result<(), ArmLinkError>;
 
     /// New joint set-points, rad, within limits.
-    fn command(&mut self, set_points: &[f64; ARM_JOINTS]) -> Result<(), ArmLinkError>;
+    fn command(&mut self, set_points: &[f64]) -> Result<(), ArmLinkError>;
 
     /// Stops the arm at its position and leaves set-point mode.
     fn disengage(&mut self) -> Result<(), ArmLinkError>;
@@ -44,20 +44,20 @@ pub trait ArmLink: Send {
 /// A stand-in for an arm: each set-point is measured one call later.
 #[derive(Debug, Clone, Default)]
 pub struct LoopbackArm {
-    position: [f64; ARM_JOINTS],
+    position: ArmVector,
     engaged: bool,
 }
 
 impl LoopbackArm {
     /// An arm in this posture, rad.
-    pub fn at(position: [f64; ARM_JOINTS]) -> Self {
+    pub fn at(position: ArmVector) -> Self {
         Self { position, engaged: false }
     }
 }
 
 impl ArmLink for LoopbackArm {
     fn read(&mut self, now: f64) -> Result<ArmReading, ArmLinkError> {
-        let state = ArmState { position: self.position, ..ArmState::default() };
+        let state = ArmState::still(self.position);
         Ok(ArmReading { at: now, state, fault: None })
     }
 
@@ -66,11 +66,11 @@ impl ArmLink for LoopbackArm {
         Ok(())
     }
 
-    fn command(&mut self, set_points: &[f64; ARM_JOINTS]) -> Result<(), ArmLinkError> {
+    fn command(&mut self, set_points: &[f64]) -> Result<(), ArmLinkError> {
         if !self.engaged {
             return Err(ArmLinkError::unready());
         }
-        self.position = *set_points;
+        self.position = set_points.iter().copied().collect();
         Ok(())
     }
 

@@ -37,6 +37,7 @@ use std::path::{Path, PathBuf};
 
 use hand_model::{ACTUATORS, Arm};
 use kortex::arm::{TCP_PORT, UDP_PORT};
+use kortex::joints::JOINTS;
 use serde::{Deserialize, Serialize};
 
 use crate::safety::limits::Limits;
@@ -244,6 +245,15 @@ impl BridgeConfig {
         }
         if let Some((name, found, expected)) = uvc::wrong_squares(&self.uvc) {
             return field(&name, found, expected);
+        }
+        for (name, values) in self.limits.arm.lists() {
+            if values.len() != JOINTS {
+                return field(
+                    &name,
+                    format!("{} numbers", values.len()),
+                    format!("{JOINTS}, one for each joint of the Gen3"),
+                );
+            }
         }
         let (rate, slack) = (self.servos.rate, self.servos.slack);
         let mut ranges =

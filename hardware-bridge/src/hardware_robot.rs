@@ -12,7 +12,8 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use hand_model::robot::{Command, Readings, RobotBackend, RobotError, ServoGoal, Tick};
-use hand_model::{ACTUATORS, ARM_JOINTS, RobotModel};
+use hand_model::{ACTUATORS, RobotModel};
+use platform::data::DataError;
 use session_log::{Packet, Tap};
 
 use crate::arm_link::ArmLink;
@@ -21,6 +22,7 @@ use crate::cameras::{Cameras, CamerasError};
 use crate::clock::Clock;
 use crate::config::{BridgeConfig, ConfigError};
 use crate::hand_bus::HandBus;
+use crate::kortex_link::expect_gen3;
 use crate::lock::lock;
 use crate::real_time::run_ahead;
 use crate::remote::door::{Fulfil, RemoteDoor};
@@ -46,6 +48,9 @@ const SEND_TIMEOUT: Duration = Duration::from_millis(50);
 /// The robot cannot be connected.
 #[derive(Debug, thiserror::Error)]
 pub enum ConnectError {
+    /// A robot that the bridge does not drive.
+    #[error(transparent)]
+    Model(#[from] DataError),
     /// The calibration.
     #[error(transparent)]
     Config(#[from] ConfigError),
@@ -112,6 +117,7 @@ impl HardwareRobot {
         robot: &RobotModel,
         dry: Option<DryLines>,
     ) -> Result<Self, ConnectError> {
+        expect_gen3(robot)?;
         let calibration = HandCalibration::read(&config.calibration)?;
         let clock = Clock::wall();
         let hand = open_hand(config, &calibration, robot)?;
@@ -267,7 +273,7 @@ pub(crate) fn servo_cycle(
             asked_number: 0,
             used_number: 0,
             quiet_until: 0.0,
-            sent: SafeCommand { servos: [SafeGoal::default(); ACTUATORS], arm: [0.0; ARM_JOINTS] },
+            sent: SafeCommand { servos: [SafeGoal::default(); ACTUATORS], arm: limits.arm.still() },
             measured,
             state: supervisor.state(),
             orders: VecDeque::new(),

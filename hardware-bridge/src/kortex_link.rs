@@ -3,15 +3,17 @@
 use std::sync::mpsc::Sender;
 use std::time::{Duration, Instant};
 
-use hand_model::ARM_JOINTS;
+use hand_model::RobotModel;
 use hand_model::arm::Arm as ArmModel;
 use hand_model::robot::ArmState;
+use kortex::joints::JOINTS;
 use kortex::link::LinkError;
 use kortex::refusal::Reason;
 use kortex::safety_bank::{self, Report};
 use kortex::servo_loop::{Pacing, ServoLoop};
 use kortex::servoing::{Limits, fault_of};
 use kortex::{Arm, KortexError, Motion};
+use platform::data::DataError;
 use session_log::Packet;
 
 use crate::arm_link::{ArmLink, ArmLinkError};
@@ -22,13 +24,35 @@ use crate::safety::state::ArmTrouble;
 pub fn limits(arm: &ArmModel) -> Limits {
     let joints = &arm.tree.joints;
     let (lower, upper) = (std::array::from_fn(|i| joints[i].lower), std::array::from_fn(|i| joints[i].upper));
-    Limits::at_1_khz(lower, upper, arm.velocity_limits)
+    let speed = std::array::from_fn(|i| arm.velocity_limits[i]);
+    Limits::at_1_khz(lower, upper, speed)
+}
+
+/// Name of the arm's model that the bridge and its emulators drive.
+const GEN3: &str = "gen3";
+
+/// Refuses robots with another arm than a Gen3.
+///
+/// # Errors
+/// [`DataError`] that names the robot's file.
+pub fn expect_gen3(robot: &RobotModel) -> Result<(), DataError> {
+    if robot.arm.name == GEN3 && robot.arm.joints() == JOINTS {
+        return Ok(());
+    }
+    let expected =
+        "`gen3`: the hardware bridge and its emulated devices drive no other arm; `--robot sim` plays this one";
+    Err(DataError::field(robot.file(), "arm", format!("`{}`", robot.arm.name), expected))
+}
+
+/// The joints of a Gen3; [`expect_gen3`] has refused other arms.
+pub fn of_gen3(joints: &[f64]) -> [f64; JOINTS] {
+    std::array::from_fn(|joint| joints[joint])
 }
 
 /// What the client measured, as the robot reports it.
 pub fn arm_state(motion: Motion) -> ArmState {
     let Motion { position, velocity, torque } = motion;
-    ArmState { position, velocity, torque }
+    ArmState { position: position.into(), velocity: velocity.into(), torque: torque.into() }
 }
 
 /// Records both links of `arm` from now on, as `arm_tcp` and `arm_udp`.
@@ -206,9 +230,11 @@ impl ArmLink for KortexLink {
         }
     }
 
-    fn command(&mut self, set_points: &[f64; ARM_JOINTS]) -> Result<(), ArmLinkError> {
+    fn command(&mut self, set_points: &[f64]) -> Result<(), ArmLinkError> {
         match &self.hands {
-            Hands::Servoing(servo_loop) => servo_loop.set_target(*set_points).map_err(|error| failed(&error.into())),
+            Hands::Servoing(servo_loop) => {
+                servo_loop.set_target(of_gen3(set_points)).map_err(|error| failed(&error.into()))
+            }
             _ => Err(self.fault.clone().unwrap_or_else(ArmLinkError::unready)),
         }
     }

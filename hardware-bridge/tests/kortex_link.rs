@@ -19,12 +19,17 @@ use kortex::servoing::Servoing;
 use kortex::tcp_framing::Deframer;
 use kortex::{Arm, Credentials, Timeouts, call};
 use prost::Message;
-use session_log::{Direction, Event, Images, Reader, Session, Writer};
+use session_log::{Direction, Event, Reader, Session, Sizes, Writer};
 
 /// Longer than any answer on loopback takes, even on a busy machine.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 /// Sessions that do not end by themselves: a stepped arm's seconds may pass between two keep-alives of the host.
+/// The published home posture, rad.
+fn home() -> [f64; 7] {
+    ArmModel::gen3().home.into_inner()
+}
+
 fn timeouts() -> Timeouts {
     let hour = Duration::from_secs(3600);
     Timeouts { call: PATIENCE, session: hour, connection: hour, ..Timeouts::default() }
@@ -32,7 +37,7 @@ fn timeouts() -> Timeouts {
 
 /// An arm at its published home posture.
 fn emulator(settings: Settings, pace: Pace) -> Emulator {
-    let plant = FirstOrderJoints::new(ArmModel::home(), 0.02, ArmModel::gen3().velocity_limits);
+    let plant = FirstOrderJoints::new(home(), 0.02, ArmModel::gen3().velocity_limits.into_inner());
     Emulator::start(settings, Box::new(plant), pace).expect("loopback has free ports")
 }
 
@@ -54,7 +59,7 @@ fn every_packet_is_on_record() {
     let mut writer = Writer::create(&path, &Session::default()).expect("a new file");
 
     let (sender, packets) = mpsc::channel();
-    let mut arm = Arm::connect(emulator.address(), &secret, timeouts(), ArmModel::home()).expect("connects");
+    let mut arm = Arm::connect(emulator.address(), &secret, timeouts(), home()).expect("connects");
     tap(&mut arm, &sender);
     let mut servoing = Servoing::enter(&mut arm, limits(&ArmModel::gen3())).expect("enters");
     let mut commanded = Vec::new();
@@ -71,7 +76,7 @@ fn every_packet_is_on_record() {
     }
     writer.finish().expect("written");
 
-    let mut reader = Reader::open(&path, Images::Any).expect("opens");
+    let mut reader = Reader::open(&path, Sizes::Any).expect("opens");
     let (mut sent, mut answers, mut stream) = (Vec::new(), 0, Deframer::default());
     let mut host = Vec::new();
     while let Some((times, event)) = reader.next_event().expect("readable") {
@@ -118,7 +123,7 @@ fn a_link_without_network_does_not_keep_its_caller_waiting() {
     let emulator = emulator(Settings { cyclic_deadline: 60_000, ..Settings::default() }, Pace::RealTime);
     let impatient = Timeouts { call: Duration::from_secs(2), ..timeouts() };
     let credentials = Settings::default().credentials;
-    let arm = Arm::connect(emulator.address(), &credentials, impatient, ArmModel::home()).expect("connects");
+    let arm = Arm::connect(emulator.address(), &credentials, impatient, home()).expect("connects");
     let mut link = KortexLink::new(arm, &ArmModel::gen3(), Duration::from_millis(10), Duration::from_secs(1));
     link.engage().expect("engages");
     until("the first word", || link.read(0.0).is_ok());
@@ -127,7 +132,7 @@ fn a_link_without_network_does_not_keep_its_caller_waiting() {
     until("the reason", || {
         told.extend(link.read(0.0).err().map(|error| error.to_string()));
         let fault = link.read(0.0).is_ok_and(|reading| reading.fault.is_some());
-        fault && link.command(&ArmModel::home()).is_err_and(|error| !error.to_string().contains("servoing ended"))
+        fault && link.command(&home()).is_err_and(|error| !error.to_string().contains("servoing ended"))
     });
     assert_eq!(told, ["arm: servoing ended"], "told once, before the farewell was over");
 }
@@ -171,7 +176,7 @@ fn the_session_timeout_passes_unnoticed() {
     let emulator = emulator(Settings { cyclic_deadline: 60_000, ..Settings::default() }, Pace::RealTime);
     let short = Timeouts { session: Duration::from_secs(2), keep_alive: Duration::from_millis(20), ..timeouts() };
     let credentials = Settings::default().credentials;
-    let arm = Arm::connect(emulator.address(), &credentials, short, ArmModel::home()).expect("connects");
+    let arm = Arm::connect(emulator.address(), &credentials, short, home()).expect("connects");
     let mut link = KortexLink::new(arm, &ArmModel::gen3(), Duration::from_millis(10), Duration::from_secs(60));
     let past = |link: &mut KortexLink| {
         let begun = emulator.status().time;

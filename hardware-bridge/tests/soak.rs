@@ -28,7 +28,8 @@ fn fifteen_minutes_on_emulated_devices() {
     let credentials = settings.credentials.clone();
     let emulator = Emulator::start(settings, Box::new(hand.arm_joints()), Pace::RealTime).expect("free ports");
     let near = hand.arm_joints().state().position;
-    let arm = kortex::Arm::connect(emulator.address(), &credentials, Timeouts::default(), near).expect("connects");
+    let arm = kortex::Arm::connect(emulator.address(), &credentials, Timeouts::default(), near.into_inner())
+        .expect("connects");
     let sessions = emulator.status().sessions;
     let model = RobotModel::ftac_gen3();
     let link = KortexLink::new(arm, &model.arm, Duration::from_millis(5), Duration::from_secs(5));
@@ -54,7 +55,7 @@ fn fifteen_minutes_on_emulated_devices() {
         } else {
             // 0.1 rad at 0.1 Hz: far below the joints' top speeds.
             let phase = elapsed * std::f64::consts::TAU * 0.1;
-            let goal = home.map(|angle| angle + 0.1 * phase.sin());
+            let goal = home.iter().map(|angle| angle + 0.1 * phase.sin()).collect();
             let current = 0.06 + 0.03 * phase.sin();
             let servos = [ServoGoal::Current(current); ACTUATORS];
             common::send(&mut robot, &Command { arm: goal, servos, capture: false });

@@ -4,7 +4,7 @@
 //! each look, and decisions take no time. What is random in an effect is drawn from a stream of its own
 //! ([`Effect::stream`]), so that one effect switched off leaves the draws of the others as they are.
 
-use hand_model::ARM_JOINTS;
+use hand_model::arm::MOST_ARM_JOINTS;
 use plant::draws::{gaussian, vector};
 use plant::{ArmDefects, Gel, Individual};
 use rand::{Rng, RngExt};
@@ -147,10 +147,10 @@ pub struct ArmErrors {
 }
 
 impl ArmErrors {
-    /// Draws an arm: Gaussians cut at three standard deviations; of the payload, which nobody takes away, the absolute value.
+    /// Draws an arm, with offsets for the most joints that one can have: the rest is drawn alike for all arms. Gaussians cut at three standard deviations; of the payload, which nobody takes away, the absolute value.
     pub fn draw(&self, rng: &mut ChaCha8Rng) -> ArmDefects {
         ArmDefects {
-            encoders: [(); ARM_JOINTS].map(|()| gaussian(rng) * self.encoder_sigma),
+            encoders: (0..MOST_ARM_JOINTS).map(|_| gaussian(rng) * self.encoder_sigma).collect(),
             mount_position: vector(rng, self.mount_position_sigma),
             mount_rotation: vector(rng, self.mount_rotation_sigma),
             payload: gaussian(rng).abs() * self.payload_sigma,

@@ -6,7 +6,7 @@
 
 use hand_model::arm::WristCapsule;
 use hand_model::hand::{CoverShape, MassProperties};
-use hand_model::{ARM_JOINTS, Arm, GRAVITY, HAND_JOINTS, Hand};
+use hand_model::{Arm, ArmVector, GRAVITY, HAND_JOINTS, Hand};
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 use plant::ArmDefects;
 use rapier3d_f64::prelude::*;
@@ -40,15 +40,16 @@ pub struct RobotBody {
     pub wrist: Vec<ColliderHandle>,
     /// As gravity compensation knows them.
     masses: Vec<MassProperties>,
+    arm_joints: usize,
 }
 
 /// Joint angles and speeds, arm then hand.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct JointState {
     /// Arm angles, rad.
-    pub arm: [f64; ARM_JOINTS],
+    pub arm: ArmVector,
     /// Arm speeds, rad/s.
-    pub arm_speed: [f64; ARM_JOINTS],
+    pub arm_speed: ArmVector,
     /// Finger angles, rad.
     pub hand: [f64; HAND_JOINTS],
     /// Finger speeds, rad/s.
@@ -59,9 +60,9 @@ pub struct JointState {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ArmGoal {
     /// rad.
-    pub position: [f64; ARM_JOINTS],
+    pub position: ArmVector,
     /// rad/s.
-    pub speed: [f64; ARM_JOINTS],
+    pub speed: ArmVector,
 }
 
 /// The palm in the arm's last link, where it really is.
@@ -131,7 +132,7 @@ impl RobotBody {
         hand: &Hand,
         world_from_base: &Isometry3<f64>,
         defects: &ArmDefects,
-        (arm_q, hand_q): (&[f64; ARM_JOINTS], &[f64; HAND_JOINTS]),
+        (arm_q, hand_q): (&[f64], &[f64; HAND_JOINTS]),
     ) -> Self {
         let arm_poses = arm.tree.forward(arm_q);
         let base = engine.bodies.insert(RigidBodyBuilder::fixed().pose(convert::pose(world_from_base)));
@@ -142,12 +143,12 @@ impl RobotBody {
         let mut parent = base;
         for (i, joint) in arm.tree.joints.iter().enumerate() {
             let mut mass = arm.masses[i];
-            if i == ARM_JOINTS - 1 {
+            if i == arm.last_link() {
                 // Bracelet, servo pack and palm are one rigid link.
                 mass = merge(&mass, &hand.palm_mass, &last_from_palm);
             }
             let mut real = mass;
-            if i == ARM_JOINTS - 1 && defects.payload > 0.0 {
+            if i == arm.last_link() && defects.payload > 0.0 {
                 let payload =
                     MassProperties { mass: defects.payload, com: Point3::origin(), inertia: Matrix3::zeros() };
                 real = merge(&mass, &payload, &last_from_palm);
@@ -178,7 +179,7 @@ impl RobotBody {
                 );
             wrist.push(engine.colliders.insert_with_parent(capsule, links[*link], &mut engine.bodies));
         }
-        let world_from_palm = world_from_base * arm_poses[ARM_JOINTS - 1] * last_from_palm;
+        let world_from_palm = world_from_base * arm_poses[arm.last_link()] * last_from_palm;
         let hand_poses = hand.tree.forward(&[0.0; HAND_JOINTS]);
         let mut hand_links: Vec<RigidBodyHandle> = Vec::new();
         for (i, joint) in hand.tree.joints.iter().enumerate() {
@@ -198,7 +199,7 @@ impl RobotBody {
             masses.push(hand.masses[i]);
         }
         links.extend(&hand_links);
-        let mut robot = Self { links, joints, covers, wrist, masses };
+        let mut robot = Self { links, joints, arm_joints: arm.joints(), covers, wrist, masses };
         robot.initialise(engine, arm, hand, (arm_q, hand_q));
         robot
     }
@@ -208,7 +209,7 @@ impl RobotBody {
         engine: &mut Engine,
         arm: &Arm,
         hand: &Hand,
-        (arm_q, hand_q): (&[f64; ARM_JOINTS], &[f64; HAND_JOINTS]),
+        (arm_q, hand_q): (&[f64], &[f64; HAND_JOINTS]),
     ) {
         let defaults = hand.parameters.joint_defaults;
         let bodies = &engine.bodies;
@@ -220,11 +221,11 @@ impl RobotBody {
             multibody.damping_mut()[i] = *damping;
             multibody.armature_mut()[i] = arm.armature;
         }
-        for i in ARM_JOINTS..ARM_JOINTS + HAND_JOINTS {
+        for i in arm.joints()..arm.joints() + hand.tree.len() {
             multibody.damping_mut()[i] = defaults.damping;
             multibody.armature_mut()[i] = defaults.armature;
         }
-        let displacement = [&arm_q[..], &hand_q[..]].concat();
+        let displacement = [arm_q, &hand_q[..]].concat();
         multibody.apply_displacements(&displacement);
         multibody.forward_kinematics(bodies, false);
         multibody.update_rigid_bodies(&mut engine.bodies, true);
@@ -233,8 +234,8 @@ impl RobotBody {
     /// Joint angles and speeds as they are.
     pub fn joint_state(&self, engine: &Engine) -> JointState {
         let mut state = JointState {
-            arm: [0.0; ARM_JOINTS],
-            arm_speed: [0.0; ARM_JOINTS],
+            arm: (0..self.arm_joints).map(|_| 0.0).collect(),
+            arm_speed: (0..self.arm_joints).map(|_| 0.0).collect(),
             hand: [0.0; HAND_JOINTS],
             hand_speed: [0.0; HAND_JOINTS],
         };
@@ -244,12 +245,12 @@ impl RobotBody {
             let Some((_, link)) = engine.multibodies.get(*handle) else { continue };
             let Some(link) = multibody.link(link) else { continue };
             let angle = link.joint.coords()[3];
-            if i < ARM_JOINTS {
+            if i < self.arm_joints {
                 state.arm[i] = angle;
                 state.arm_speed[i] = speeds[i];
             } else {
-                state.hand[i - ARM_JOINTS] = angle;
-                state.hand_speed[i - ARM_JOINTS] = speeds[i];
+                state.hand[i - self.arm_joints] = angle;
+                state.hand_speed[i - self.arm_joints] = speeds[i];
             }
         }
         state
@@ -257,21 +258,21 @@ impl RobotBody {
 
     /// The arm's last link, of which the palm is a part.
     pub(crate) fn palm_link(&self) -> RigidBodyHandle {
-        self.links[ARM_JOINTS - 1]
+        self.links[self.arm_joints - 1]
     }
 
-    /// World poses of the 7 arm links and the 15 hand links.
+    /// World poses of the arm's links, then of the hand's.
     pub fn link_poses(&self, engine: &Engine) -> Vec<Isometry3<f64>> {
         self.links.iter().map(|link| convert::to_pose(engine.bodies[*link].position())).collect()
     }
 
     /// Torques that hold arm and hand (not what it carries) against gravity, N m.
-    pub fn gravity_torques(&self, poses: &[Isometry3<f64>]) -> [f64; ARM_JOINTS] {
-        let mut torques = [0.0; ARM_JOINTS];
+    pub fn gravity_torques(&self, poses: &[Isometry3<f64>]) -> ArmVector {
+        let mut torques: ArmVector = (0..self.arm_joints).map(|_| 0.0).collect();
         for (link, mass) in self.masses.iter().enumerate() {
             let com = poses[link] * mass.com;
             let weight = Vector3::new(0.0, 0.0, -GRAVITY * mass.mass);
-            for (joint, torque) in torques.iter_mut().enumerate().take((link + 1).min(ARM_JOINTS)) {
+            for (joint, torque) in torques.iter_mut().enumerate().take((link + 1).min(self.arm_joints)) {
                 let axis = poses[joint] * Vector3::z();
                 *torque -= axis.dot(&(com.coords - poses[joint].translation.vector).cross(&weight));
             }
@@ -287,9 +288,9 @@ impl RobotBody {
         arm: &Arm,
         state: &JointState,
         goal: &ArmGoal,
-        gravity: &[f64; ARM_JOINTS],
-    ) -> [f64; ARM_JOINTS] {
-        std::array::from_fn(|i| {
+        gravity: &[f64],
+    ) -> ArmVector {
+        arm.each(|i| {
             let (k, d, limit) = (arm.stiffness[i], arm.damping[i], arm.effort_limits[i]);
             // What the motor gives is clamped; the damping part of it acts in the engine, implicitly, on the joint's speed.
             let motor = k * (goal.position[i] - state.arm[i]) + d * (goal.speed[i] - state.arm_speed[i]) + gravity[i];
@@ -301,7 +302,7 @@ impl RobotBody {
 
     /// Sets a finger joint's torque for the next step, with an implicit stiffness.
     pub fn drive_finger(&self, engine: &mut Engine, state: &JointState, joint: usize, torque: f64, stiffness: f64) {
-        self.set_torque(engine, ARM_JOINTS + joint, state.hand[joint], torque, stiffness);
+        self.set_torque(engine, self.arm_joints + joint, state.hand[joint], torque, stiffness);
     }
 
     fn set_torque(&self, engine: &mut Engine, index: usize, angle: f64, torque: f64, stiffness: f64) {

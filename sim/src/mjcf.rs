@@ -11,7 +11,7 @@ use std::fmt::Write as _;
 
 use hand_model::hand::{CoverShape, MassProperties};
 use hand_model::kinematics::Joint;
-use hand_model::{ARM_JOINTS, Arm, HAND_JOINTS, Hand};
+use hand_model::{Arm, ArmVector, HAND_JOINTS, Hand};
 use nalgebra::{Isometry3, Point3, Vector3};
 use plant::ArmDefects;
 use world::geometry::Shape;
@@ -40,7 +40,7 @@ pub struct Scene<'a> {
     /// The hand; its palm frame is the world where there is no arm.
     pub hand: &'a Hand,
     /// The arm on the world's origin with its posture (rad) and a table at z = 0.
-    pub arm: Option<(&'a Arm, [f64; ARM_JOINTS])>,
+    pub arm: Option<(&'a Arm, ArmVector)>,
     /// Loose things with their pose in the world.
     pub props: &'a [(Prop, Isometry3<f64>)],
     /// Angles of the hand's joints to begin with, and what is pulled then; rad, N.
@@ -228,7 +228,7 @@ fn arm_bodies(out: &mut String, arm: &Arm, hand: &Hand) {
     let mount = last_from_palm(arm, hand, &ArmDefects::default());
     let _ = writeln!(out, "<body name=\"palm\" gravcomp=\"1\" {}>", placed(&mount));
     *out += &palm(hand);
-    *out += &"</body>\n".repeat(ARM_JOINTS + 1);
+    *out += &"</body>\n".repeat(arm.joints() + 1);
 }
 
 fn arm_joint(out: &mut String, joint: &Joint, armature: f64) {

@@ -13,7 +13,7 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 
 use hand_model::robot::{ArmState, Command, Observation, Tick};
-use hand_model::{ARM_JOINTS, Arm, Digit, Hand, RobotModel};
+use hand_model::{Arm, ArmVector, Digit, Hand, RobotModel};
 use nalgebra::{Isometry3, Translation3, Vector3};
 use plant::ArmDefects;
 use plant::Blindness;
@@ -56,9 +56,9 @@ pub struct SimulatedRobot {
     floor: Option<(ColliderHandle, f64)>,
     drive: HandDrive,
     state: JointState,
-    arm_torque: [f64; ARM_JOINTS],
-    previous_goal: [f64; ARM_JOINTS],
-    set_points: [SetPoint; ARM_JOINTS],
+    arm_torque: ArmVector,
+    previous_goal: ArmVector,
+    set_points: ArmVector<SetPoint>,
     capture: bool,
     time: f64,
     sequence: u64,
@@ -132,9 +132,9 @@ impl SimulatedRobot {
             table,
             floor,
             state,
-            arm_torque: [0.0; ARM_JOINTS],
+            arm_torque: robot.arm.each(|_| 0.0),
             previous_goal: setup.arm_start,
-            set_points: setup.arm_start.map(SetPoint::new),
+            set_points: setup.arm_start.into_iter().map(SetPoint::new).collect(),
             capture: false,
             time: 0.0,
             sequence: 0,
@@ -153,8 +153,8 @@ impl SimulatedRobot {
     }
 
     /// Where the encoders are to show the arm at the end of the tick, rad.
-    fn goal(&self) -> [f64; ARM_JOINTS] {
-        self.set_points.map(|joint| joint.at)
+    fn goal(&self) -> ArmVector {
+        self.set_points.iter().map(|joint| joint.at).collect()
     }
 
     fn step(&mut self, goal: &ArmGoal) {
@@ -226,7 +226,7 @@ impl SimulatedRobot {
 
     /// `world_from_palm` as it really is.
     fn palm(&self, poses: &[Isometry3<f64>]) -> Isometry3<f64> {
-        poses[ARM_JOINTS - 1] * self.last_from_palm
+        poses[self.arm.last_link()] * self.last_from_palm
     }
 
     /// Whether, in the last tick, object `index` touched another object or one of the links in `links` (bits as in
@@ -329,7 +329,8 @@ impl SimulatedRobot {
             on_table: self.on_table.clone(),
             collides: self.collides,
             pad_forces,
-            links,
+            arm_links: links[..self.arm.joints()].to_vec(),
+            hand_links: links[self.arm.joints()..].to_vec(),
         }
     }
 
@@ -346,7 +347,7 @@ impl SimulatedRobot {
             if pad.link != link {
                 return false;
             }
-            let world = pad.link.map_or(*palm, |link| links[ARM_JOINTS + link]) * pad.link_from_pad;
+            let world = pad.link.map_or(*palm, |link| links[self.arm.joints() + link]) * pad.link_from_pad;
             let local = world.inverse_transform_point(point);
             let inward = world.inverse_transform_vector(normal);
             local.x.abs() < 0.5 * pad.w && local.y.abs() < 0.5 * pad.h && inward.z < -0.4
@@ -373,7 +374,7 @@ impl SimulatedRobot {
             .pads
             .iter()
             .map(|pad| {
-                let world = pad.link.map_or(truth.palm, |link| truth.links[ARM_JOINTS + link]) * pad.link_from_pad;
+                let world = pad.link.map_or(truth.palm, |link| truth.hand_links[link]) * pad.link_from_pad;
                 // The picture is displaced with the surface: as if the pad were the other way.
                 if self.engine.soft_covers.is_some() {
                     world * Translation3::from(-self.shear(pad.link, &world))
@@ -417,7 +418,7 @@ impl SimulatedRobot {
             arm: ArmState {
                 position: self.defects.shown(&self.state.arm),
                 velocity: self.state.arm_speed,
-                torque: std::array::from_fn(|joint| self.arm.torque_gains[joint] * self.arm_torque[joint]),
+                torque: self.arm.each(|joint| self.arm.torque_gains[joint] * self.arm_torque[joint]),
             },
             tactile: std::mem::take(&mut self.frames),
         }
@@ -446,12 +447,12 @@ impl SimulatedRobot {
         self.object_pairs.clear();
         self.on_table.fill(false);
         let (tick, goal) = (self.tick_length(), self.goal());
-        let speed: [f64; ARM_JOINTS] = std::array::from_fn(|i| (goal[i] - self.previous_goal[i]) / tick);
+        let speed = self.arm.each(|i| (goal[i] - self.previous_goal[i]) / tick);
         let pulled = self.pulled();
         Outside::begin_forces(&pulled, &mut self.engine);
         for n in 1..=STEPS_PER_TICK {
             let part = n as f64 / STEPS_PER_TICK as f64;
-            let shown = std::array::from_fn(|i| self.previous_goal[i] + part * (goal[i] - self.previous_goal[i]));
+            let shown: ArmVector = self.arm.each(|i| self.previous_goal[i] + part * (goal[i] - self.previous_goal[i]));
             self.step(&ArmGoal { position: self.defects.real(&shown), speed });
             self.note_contacts();
         }

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use hand_model::transmission::friction::CableLosses;
-use hand_model::{ACTUATORS, ARM_JOINTS, HAND_JOINTS};
+use hand_model::{ACTUATORS, ArmVector, HAND_JOINTS};
 use nalgebra::Isometry3;
 use plant::ArmDefects;
 use plant::Gel;
@@ -32,7 +32,7 @@ pub struct SceneSetup {
     /// How the arm differs from the one that the controller believes in.
     pub arm_defects: ArmDefects,
     /// Arm posture at the start as the encoders show it, rad.
-    pub arm_start: [f64; ARM_JOINTS],
+    pub arm_start: ArmVector,
     /// Objects on the table.
     pub objects: Vec<ObjectPlacement>,
     /// From a camera's exposure to its frame in the controller, s.
@@ -50,7 +50,7 @@ pub struct SceneSetup {
 
 impl SceneSetup {
     /// An arm without defects and a hand without losses, nothing but a table around them.
-    pub fn ideal(world_from_base: Isometry3<f64>, arm_start: [f64; ARM_JOINTS]) -> Self {
+    pub fn ideal(world_from_base: Isometry3<f64>, arm_start: ArmVector) -> Self {
         Self {
             world_from_base,
             arm_defects: ArmDefects::default(),

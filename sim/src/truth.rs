@@ -38,8 +38,10 @@ pub struct Truth {
     pub velocities: Vec<Vector3<f64>>,
     /// `world_from_palm`.
     pub palm: Isometry3<f64>,
-    /// World poses of arm links then hand links.
-    pub links: Vec<Isometry3<f64>>,
+    /// World poses of the arm's links.
+    pub arm_links: Vec<Isometry3<f64>>,
+    /// World poses of the hand's links.
+    pub hand_links: Vec<Isometry3<f64>>,
     /// Finger angles, rad.
     pub hand: Vec<f64>,
     /// Cable tensions, N.

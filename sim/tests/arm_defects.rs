@@ -2,7 +2,7 @@
 //! an unknown payload makes it sag in proportion.
 
 use hand_model::robot::{Command, ServoGoal};
-use hand_model::{ARM_JOINTS, Arm, Hand, RobotModel};
+use hand_model::{Arm, ArmVector, Hand, RobotModel};
 use nalgebra::{Isometry3, Vector3};
 use plant::ArmDefects;
 use sim::tactile::TactileBoard;
@@ -12,7 +12,7 @@ use sim::{SceneSetup, SimulatedRobot};
 const SETTLING: f64 = 1.5;
 
 /// Where palm and encoders come to rest when `posture` (rad) is commanded.
-fn at_rest(posture: [f64; ARM_JOINTS], defects: ArmDefects) -> (Isometry3<f64>, [f64; ARM_JOINTS]) {
+fn at_rest(posture: ArmVector, defects: ArmDefects) -> (Isometry3<f64>, ArmVector) {
     let setup = SceneSetup { arm_defects: defects, ..SceneSetup::ideal(Isometry3::identity(), posture) };
     let model = RobotModel::ftac_gen3();
     let mut robot = SimulatedRobot::new(&model, &setup, TactileBoard::blank());
@@ -30,8 +30,8 @@ fn encoder_offsets_move_the_palm_by_posture() {
     let (hand, arm) = (Hand::ftac(), Arm::gen3());
     let encoders = [0.007, -0.004, 0.009, 0.006, -0.008, 0.005, 0.01];
     let mount_position = Vector3::new(0.001, -0.002, 0.0);
-    let defects = ArmDefects { encoders, mount_position, ..ArmDefects::default() };
-    let folded = Arm::home();
+    let defects = ArmDefects { encoders: encoders.into(), mount_position, ..ArmDefects::default() };
+    let folded = Arm::gen3().home;
     let mut stretched = folded;
     stretched[1] += 0.4;
     stretched[3] += 0.5;
@@ -53,7 +53,8 @@ fn encoder_offsets_move_the_palm_by_posture() {
 /// What gravity compensation does not know of bends the arm downwards, twice as much of it twice as far.
 #[test]
 fn an_unknown_payload_makes_the_arm_sag() {
-    let height = |payload: f64| at_rest(Arm::home(), ArmDefects { payload, ..ArmDefects::default() }).0.translation.z;
+    let height =
+        |payload: f64| at_rest(Arm::gen3().home, ArmDefects { payload, ..ArmDefects::default() }).0.translation.z;
     let [none, some, twice] = [0.0, 0.2, 0.4].map(height);
     let (sag, double) = (none - some, none - twice);
     assert!(sag > 1e-4, "it sags by {sag} m");

@@ -19,7 +19,7 @@ fn falling(floor: Option<f64>, times: [f64; 2]) -> [(f64, f64); 2] {
     let setup = SceneSetup {
         objects: vec![ObjectPlacement { model, pose }],
         floor,
-        ..SceneSetup::ideal(Isometry3::identity(), Arm::home())
+        ..SceneSetup::ideal(Isometry3::identity(), Arm::gen3().home)
     };
     let mut robot = SimulatedRobot::new(&RobotModel::ftac_gen3(), &setup, TactileBoard::blank());
     times.map(|time| {

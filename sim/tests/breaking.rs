@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 use std::sync::Arc;
 
 use hand_model::robot::{Command, ServoGoal, TactileFrame};
-use hand_model::{ARM_JOINTS, Arm, Digit, HAND_JOINTS, Hand, RobotModel};
+use hand_model::{Arm, ArmVector, Digit, HAND_JOINTS, Hand, RobotModel};
 use nalgebra::{Isometry3, Point3, Vector3};
 use sim::tactile::TactileBoard;
 use sim::{ObjectPlacement, SceneSetup, SimulatedRobot};
@@ -14,14 +14,14 @@ use world::objects::ObjectSet;
 const PULL: f64 = 0.05;
 
 /// The home posture turned over: the palm looks up.
-fn palm_up() -> [f64; ARM_JOINTS] {
-    let mut arm = Arm::home();
-    arm[ARM_JOINTS - 1] += PI;
+fn palm_up() -> ArmVector {
+    let mut arm = Arm::gen3().home;
+    arm[6] += PI;
     arm
 }
 
 /// The robot with its arm at `arm` (rad) and a cube of 60 g on the table.
-fn scene(arm: [f64; ARM_JOINTS], board: fn(&Hand) -> TactileBoard) -> SimulatedRobot {
+fn scene(arm: ArmVector, board: fn(&Hand) -> TactileBoard) -> SimulatedRobot {
     let model = ObjectSet::standard().get("cube_45").expect("an object").clone();
     let pose = Isometry3::from_parts([0.62, 0.14, model.rest_height()].into(), model.rest);
     let setup =
@@ -39,7 +39,7 @@ fn lay_on_palm(robot: &mut SimulatedRobot) {
 }
 
 /// `seconds` of the same goals.
-fn hold(robot: &mut SimulatedRobot, arm: [f64; ARM_JOINTS], servos: [ServoGoal; 6], seconds: f64) {
+fn hold(robot: &mut SimulatedRobot, arm: ArmVector, servos: [ServoGoal; 6], seconds: f64) {
     let until = robot.time() + seconds;
     while robot.time() < until - 1e-9 {
         robot.send(&Command { arm, servos, capture: false });
@@ -49,7 +49,7 @@ fn hold(robot: &mut SimulatedRobot, arm: [f64; ARM_JOINTS], servos: [ServoGoal; 
 
 /// A robot at home whose digits were pulled with [`PULL`] until they rest.
 fn closed() -> SimulatedRobot {
-    let mut robot = scene(Arm::home(), |_| TactileBoard::blank());
+    let mut robot = scene(Arm::gen3().home, |_| TactileBoard::blank());
     pull(&mut robot, 1.5);
     robot
 }
@@ -58,7 +58,7 @@ fn closed() -> SimulatedRobot {
 fn pull(robot: &mut SimulatedRobot, seconds: f64) {
     let mut servos = [ServoGoal::Current(PULL); 6];
     servos[5] = ServoGoal::Current(0.0);
-    hold(robot, Arm::home(), servos, seconds);
+    hold(robot, Arm::gen3().home, servos, seconds);
 }
 
 /// The images of all cameras, one tick later.
@@ -105,10 +105,10 @@ fn a_cable_slips_by_its_length() {
     let index = Digit::Index.index();
     let mut servos = [ServoGoal::Current(0.0); 6];
     servos[index] = ServoGoal::Position { angle: 4.0, current_limit: 0.9 };
-    let mut robot = scene(Arm::home(), |_| TactileBoard::blank());
+    let mut robot = scene(Arm::gen3().home, |_| TactileBoard::blank());
     let mut at_rest = |slip: f64| {
         robot.slip_cable(index, slip);
-        hold(&mut robot, Arm::home(), servos, 1.5);
+        hold(&mut robot, Arm::gen3().home, servos, 1.5);
         let (truth, angle) = (robot.truth(), robot.observe().servos[index].position);
         let q: [f64; HAND_JOINTS] = std::array::from_fn(|joint| truth.hand[joint]);
         let taken =
@@ -137,7 +137,7 @@ fn a_weak_servo_pulls_its_share() {
 
 #[test]
 fn a_stuck_joint_stays_where_it_is() {
-    let mut sound = scene(Arm::home(), |_| TactileBoard::blank());
+    let mut sound = scene(Arm::gen3().home, |_| TactileBoard::blank());
     pull(&mut sound, 0.3);
     let [mcp, pip, dip] = Digit::Middle.joints();
     let mut robot = sound.clone();
@@ -163,7 +163,7 @@ fn added_mass_weighs_on_the_arm() {
     // The arm's position control sways a little under its load: mean torques over two seconds.
     let ticks = 200;
     let [before, after] = [&mut light, &mut heavy].map(|robot| {
-        let mut mean = [0.0; ARM_JOINTS];
+        let mut mean = [0.0; 7];
         hold(robot, palm_up(), [ServoGoal::Current(0.0); 6], 1.0);
         for _ in 0..ticks {
             hold(robot, palm_up(), [ServoGoal::Current(0.0); 6], 0.01);
@@ -175,13 +175,13 @@ fn added_mass_weighs_on_the_arm() {
         mean
     });
     let truth = heavy.truth();
-    let links = &truth.links[..ARM_JOINTS];
-    let at = links[ARM_JOINTS - 1].inverse_transform_point(&Point3::from(truth.objects[0].translation.vector));
-    let jacobian = Arm::gen3().tree.jacobian(links, ARM_JOINTS - 1, &at);
+    let links = &truth.arm_links;
+    let at = links[6].inverse_transform_point(&Point3::from(truth.objects[0].translation.vector));
+    let jacobian = Arm::gen3().tree.jacobian(links, 6, &at);
     let weight = Vector3::new(0.0, 0.0, -9.81 * more);
     let expected = -(jacobian.fixed_rows::<3>(0).transpose() * weight);
     assert!(expected.amax() > 0.5, "there is something to measure: {expected}");
-    for joint in 0..ARM_JOINTS {
+    for joint in 0..7 {
         let gained = after[joint] - before[joint];
         assert!((gained - expected[joint]).abs() < 0.05 * expected.amax(), "joint {joint}: {gained} {expected}");
     }

@@ -16,7 +16,7 @@ fn scene(board: fn(&Hand) -> TactileBoard) -> SimulatedRobot {
     let pose = Isometry3::from_parts([0.62, 0.14, model.rest_height()].into(), model.rest);
     let setup = SceneSetup {
         objects: vec![ObjectPlacement { model, pose }],
-        ..SceneSetup::ideal(Isometry3::identity(), Arm::home())
+        ..SceneSetup::ideal(Isometry3::identity(), Arm::gen3().home)
     };
     let hand = Hand::ftac();
     let board = board(&hand);
@@ -25,7 +25,7 @@ fn scene(board: fn(&Hand) -> TactileBoard) -> SimulatedRobot {
 
 fn command(capture: bool) -> Command {
     let pulled = ServoGoal::Current(0.05);
-    Command { arm: Arm::home(), servos: [pulled; 6], capture }
+    Command { arm: Arm::gen3().home, servos: [pulled; 6], capture }
 }
 
 fn wait(robot: &mut SimulatedRobot, seconds: f64, each: impl Fn(&mut SimulatedRobot)) {

@@ -11,7 +11,7 @@ use world::geometry::Shape;
 
 /// The empty hand over the table.
 fn empty(self_contact: bool, board: TactileBoard) -> SimulatedRobot {
-    let setup = SceneSetup { self_contact, ..SceneSetup::ideal(Isometry3::identity(), Arm::home()) };
+    let setup = SceneSetup { self_contact, ..SceneSetup::ideal(Isometry3::identity(), Arm::gen3().home) };
     SimulatedRobot::new(&RobotModel::ftac_gen3(), &setup, board)
 }
 
@@ -20,7 +20,7 @@ fn close(robot: &mut SimulatedRobot, tensions: [f64; 5], opposition: f64) {
     let hand = Hand::ftac();
     let servos: [ServoGoal; 6] = hand.servo_goals(&tensions, opposition, hand.parameters.servo.current_limit);
     for tick in 0..180 {
-        robot.send(&Command { arm: Arm::home(), servos, capture: tick == 179 });
+        robot.send(&Command { arm: Arm::gen3().home, servos, capture: tick == 179 });
         robot.wait_for_tick();
     }
 }

@@ -23,7 +23,7 @@ fn objects_rest_where_they_are_put() {
         let pose = Isometry3::from_parts([0.62, 0.14, model.rest_height()].into(), model.rest);
         let setup = SceneSetup {
             objects: vec![ObjectPlacement { model: model.clone(), pose }],
-            ..SceneSetup::ideal(Isometry3::identity(), Arm::home())
+            ..SceneSetup::ideal(Isometry3::identity(), Arm::gen3().home)
         };
         let model = RobotModel::ftac_gen3();
         let mut robot = SimulatedRobot::new(&model, &setup, TactileBoard::blank());
@@ -53,7 +53,7 @@ fn a_rolling_ball_is_stopped() {
     let pose = Isometry3::from_parts([0.62, 0.14, height].into(), model.rest);
     let setup = SceneSetup {
         objects: vec![ObjectPlacement { model: model.clone(), pose }],
-        ..SceneSetup::ideal(Isometry3::identity(), Arm::home())
+        ..SceneSetup::ideal(Isometry3::identity(), Arm::gen3().home)
     };
     let mut robot = SimulatedRobot::new(&RobotModel::ftac_gen3(), &setup, TactileBoard::blank());
     let speed = 0.1;

@@ -12,14 +12,15 @@ use kortex::{Arm, Timeouts};
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let seconds: u64 = std::env::args().nth(1).map_or(Ok(10), |text| text.parse())?;
     let model = ArmModel::gen3();
-    let plant = FirstOrderJoints::new(ArmModel::home(), 0.02, model.velocity_limits);
+    let (home, speed) = (model.home.into_inner(), model.velocity_limits.into_inner());
+    let plant = FirstOrderJoints::new(home, 0.02, speed);
     let settings = Settings { cyclic_deadline: 1000, ..Settings::default() };
     let credentials = settings.credentials.clone();
     let emulator = Emulator::start(settings, Box::new(plant), Pace::RealTime)?;
-    let mut arm = Arm::connect(emulator.address(), &credentials, Timeouts::default(), ArmModel::home())?;
+    let mut arm = Arm::connect(emulator.address(), &credentials, Timeouts::default(), home)?;
     let joints = &model.tree.joints;
     let (lower, upper) = (std::array::from_fn(|i| joints[i].lower), std::array::from_fn(|i| joints[i].upper));
-    let limits = Limits::at_1_khz(lower, upper, model.velocity_limits);
+    let limits = Limits::at_1_khz(lower, upper, speed);
     let cycle = limits.cycle;
     let mut servoing = Servoing::enter(&mut arm, limits)?;
     let home = *servoing.command();

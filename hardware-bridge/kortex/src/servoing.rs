@@ -320,7 +320,7 @@ pub(crate) mod tests {
         let arm = hand_model::Arm::gen3();
         let joints = &arm.tree.joints;
         let (lower, upper) = (std::array::from_fn(|i| joints[i].lower), std::array::from_fn(|i| joints[i].upper));
-        Limits::at_1_khz(lower, upper, arm.velocity_limits)
+        Limits::at_1_khz(lower, upper, arm.velocity_limits.into_inner())
     }
 
     const ZERO: [f64; JOINTS] = [0.0; JOINTS];

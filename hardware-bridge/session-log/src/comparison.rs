@@ -174,7 +174,7 @@ mod tests {
     use hand_model::robot::{Command, Observation, Tick};
 
     use super::*;
-    use crate::message::Images;
+    use crate::message::Sizes;
     use crate::writer::{Session, Writer};
 
     /// A session of three ticks, with this angle in the second.
@@ -186,14 +186,17 @@ mod tests {
                 observation.arm.position[3] = angle;
             }
             writer.observation(&observation.into()).expect("written");
-            let command =
-                Command { arm: [0.0; 7], servos: [hand_model::robot::ServoGoal::Current(0.1); 6], capture: false };
+            let command = Command {
+                arm: [0.0; 7].into(),
+                servos: [hand_model::robot::ServoGoal::Current(0.1); 6],
+                capture: false,
+            };
             writer.asked(&command).expect("written");
             writer.sent(&command).expect("written");
             writer.tick(Tick { time: n as f64 + 1.0, lateness: 0.0 }).expect("written");
         }
         writer.finish().expect("finished");
-        Reader::open(path, Images::Any).expect("readable")
+        Reader::open(path, Sizes::Any).expect("readable")
     }
 
     #[test]

@@ -61,7 +61,7 @@ mod tests {
     use hand_model::robot::{Observation, Readings, RobotBackend, RobotError, Tick};
 
     use super::*;
-    use crate::{Images, Recorder, Session, Writer};
+    use crate::{Recorder, Session, Sizes, Writer};
 
     /// A body whose clock is all that moves.
     struct Clock(f64);
@@ -95,12 +95,12 @@ mod tests {
         servos[5] = ServoGoal::Position { angle: 0.5, current_limit: 0.1 };
         for n in 0..20 {
             recorder.observe().unwrap();
-            recorder.send(&Command { arm: [f64::from(n); 7], servos, capture: false }).unwrap();
+            recorder.send(&Command { arm: [f64::from(n); 7].into(), servos, capture: false }).unwrap();
             recorder.wait_for_tick();
         }
         recorder.outcome(b"{}");
         recorder.finish().1.unwrap();
-        let (frames, outcome) = frames(&mut Reader::open(&path, Images::Any).unwrap(), 6).unwrap();
+        let (frames, outcome) = frames(&mut Reader::open(&path, Sizes::Any).unwrap(), 6).unwrap();
         assert_eq!(outcome.as_deref(), Some(b"{}".as_slice()));
         assert_eq!(frames.iter().map(|frame| frame.sent.arm[0]).collect::<Vec<_>>(), [0.0, 6.0, 12.0, 18.0]);
         assert!((frames[3].time - 0.18).abs() < 1e-9);

@@ -40,7 +40,7 @@ pub mod tap;
 pub mod writer;
 
 pub use error::SessionLogError;
-pub use message::Images;
+pub use message::Sizes;
 pub use reader::{Event, Reader};
 pub use recorder::Recorder;
 pub use replay::Replay;

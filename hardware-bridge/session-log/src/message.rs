@@ -6,9 +6,10 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use hand_model::arm::MOST_ARM_JOINTS;
 use hand_model::pads::IMAGE_SIZE;
 use hand_model::robot::{self, ArmState, Reading, ServoGoal, ServoState, TactileImage};
-use hand_model::{ACTUATORS, ARM_JOINTS};
+use hand_model::{ACTUATORS, ArmVector, RobotModel};
 
 /// [`robot::Readings`].
 #[derive(Clone, PartialEq, prost::Message)]
@@ -139,13 +140,31 @@ impl Seen {
     }
 }
 
-/// Which images an observation may have.
+/// What a message may hold.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Images {
-    /// Those of a tactile hand with so many cameras, all of one size.
-    OfTheHand { cameras: usize },
-    /// Those of any robot, which are not checked.
+pub enum Sizes {
+    /// What a robot with so many cameras, whose images are all of one size, and so many arm joints measures and is told.
+    Of { cameras: usize, arm_joints: usize },
+    /// What any robot does; images are not checked.
     Any,
+}
+
+impl Sizes {
+    /// Those of `robot`.
+    pub fn of(robot: &RobotModel) -> Self {
+        Self::Of { cameras: robot.hand.cameras.len(), arm_joints: robot.arm.joints() }
+    }
+
+    fn arm(self, field: &'static str, values: &[f64]) -> Result<ArmVector, Wrong> {
+        let (fits, expected) = match self {
+            Self::Of { arm_joints, .. } => (values.len() == arm_joints, arm_joints.to_string()),
+            Self::Any => ((1..=MOST_ARM_JOINTS).contains(&values.len()), format!("1 to {MOST_ARM_JOINTS}")),
+        };
+        if !fits {
+            return Err((field, format!("{} numbers", values.len()), format!("{expected} numbers")));
+        }
+        Ok(values.iter().copied().collect())
+    }
 }
 
 /// Pixels of an image of a tactile hand's camera.
@@ -189,11 +208,11 @@ impl Observation {
         }
     }
 
-    /// From the file, with images as `images` says. `last` are the images read before, and is brought up to date.
+    /// From the file, of a robot of these `sizes`. `last` are the images read before, and is brought up to date.
     ///
     /// # Errors
     /// Names the field that is not as it should be.
-    pub fn read(self, last: &mut LastImages, images: Images) -> Result<robot::Readings, Wrong> {
+    pub fn read(self, last: &mut LastImages, sizes: Sizes) -> Result<robot::Readings, Wrong> {
         let time = given("time", self.time)?;
         let times = match self.servo_time.as_slice() {
             [] => [time; ACTUATORS],
@@ -212,9 +231,9 @@ impl Observation {
         let arm = if unread {
             None
         } else {
-            let position = list::<ARM_JOINTS, _>("arm_position", &self.arm_position)?;
-            let velocity = list::<ARM_JOINTS, _>("arm_velocity", &self.arm_velocity)?;
-            let torque = list::<ARM_JOINTS, _>("arm_torque", &self.arm_torque)?;
+            let position = sizes.arm("arm_position", &self.arm_position)?;
+            let velocity = sizes.arm("arm_velocity", &self.arm_velocity)?;
+            let torque = sizes.arm("arm_torque", &self.arm_torque)?;
             Some(Reading { value: ArmState { position, velocity, torque }, time: self.arm_time.unwrap_or(time) })
         };
         Ok(robot::Readings {
@@ -222,7 +241,7 @@ impl Observation {
             sequence: given("sequence", self.sequence)?,
             servos: std::array::from_fn(servo),
             arm,
-            tactile: self.tactile.into_iter().map(|frame| frame.read(last, images)).collect::<Result<_, _>>()?,
+            tactile: self.tactile.into_iter().map(|frame| frame.read(last, sizes)).collect::<Result<_, _>>()?,
         })
     }
 }
@@ -240,9 +259,9 @@ impl TactileFrame {
         }
     }
 
-    fn read(self, last: &mut LastImages, images: Images) -> Result<robot::TactileFrame, Wrong> {
+    fn read(self, last: &mut LastImages, sizes: Sizes) -> Result<robot::TactileFrame, Wrong> {
         let camera = given("tactile.camera", self.camera)? as usize;
-        if let Images::OfTheHand { cameras } = images {
+        if let Sizes::Of { cameras, .. } = sizes {
             if camera >= cameras {
                 return Err(("tactile.camera", camera.to_string(), format!("0 to {}", cameras.saturating_sub(1))));
             }
@@ -284,7 +303,7 @@ impl Command {
     ///
     /// # Errors
     /// Names the field that is not as it should be.
-    pub fn read(&self) -> Result<robot::Command, Wrong> {
+    pub fn read(&self, sizes: Sizes) -> Result<robot::Command, Wrong> {
         let mode = list::<ACTUATORS, _>("servo_mode", &self.servo_mode)?;
         let angle = list::<ACTUATORS, _>("servo_angle", &self.servo_angle)?;
         let current = list::<ACTUATORS, _>("servo_current", &self.servo_current)?;
@@ -296,7 +315,7 @@ impl Command {
                 found => return Err(("servo_mode", found.to_string(), "0 or 1".to_owned())),
             };
         }
-        let arm = list::<ARM_JOINTS, _>("arm", &self.arm)?;
+        let arm = sizes.arm("arm", &self.arm)?;
         Ok(robot::Command { arm, servos, capture: given("capture", self.capture)? })
     }
 }
@@ -349,14 +368,14 @@ pub(super) mod tests {
             (any_bits(), any_bits()).prop_map(|(angle, current_limit)| ServoGoal::Position { angle, current_limit }),
         ];
         (prop::array::uniform7(any_bits()), prop::array::uniform6(goal), any::<bool>())
-            .prop_map(|(arm, servos, capture)| robot::Command { arm, servos, capture })
+            .prop_map(|(arm, servos, capture)| robot::Command { arm: arm.into(), servos, capture })
     }
 
     proptest! {
         #[test]
         fn commands_keep_every_bit(command in command()) {
             let bytes = Command::from(&command).encode_to_vec();
-            let back = Command::decode(bytes.as_slice())?.read().expect("readable");
+            let back = Command::decode(bytes.as_slice())?.read(Sizes::Any).expect("readable");
             prop_assert_eq!(bits(&back), bits(&command));
         }
 
@@ -374,13 +393,13 @@ pub(super) mod tests {
                 let time = next();
                 (!unread).then_some(Reading { value, time })
             });
-            let mut joints = || std::array::from_fn(|_| next());
+            let mut joints = || (0..7).map(|_| next()).collect();
             let value = ArmState { position: joints(), velocity: joints(), torque: joints() };
             let arm = Some(Reading { value, time: next() });
             let observation = robot::Readings { time: next(), sequence, servos, arm, tactile: vec![] };
             let written = Observation::new(&observation, &mut LastImages::new());
             let back = Observation::decode(written.encode_to_vec().as_slice())?;
-            let back = back.read(&mut LastImages::new(), Images::Any).expect("readable");
+            let back = back.read(&mut LastImages::new(), Sizes::Any).expect("readable");
             // Written again, equal numbers are equal bytes.
             let again = Observation::new(&back, &mut LastImages::new());
             prop_assert_eq!(again.encode_to_vec(), written.encode_to_vec());
@@ -400,7 +419,7 @@ pub(super) mod tests {
         let whole = robot::Readings::from(robot::Observation { time: 2.5, ..Default::default() });
         let written = Observation::new(&whole, &mut LastImages::new());
         let former = Observation { servo_time: vec![], arm_time: None, ..written };
-        let back = former.read(&mut LastImages::new(), Images::Any).expect("readable");
+        let back = former.read(&mut LastImages::new(), Sizes::Any).expect("readable");
         assert_eq!(back.servos.map(|servo| servo.map(|servo| servo.time)), [Some(2.5); 6]);
         assert_eq!(back.arm.map(|arm| arm.time), Some(2.5));
     }
@@ -428,7 +447,7 @@ pub(super) mod tests {
         let written = Observation::new(&observation, &mut LastImages::new());
         let has_pixels: Vec<bool> = written.tactile.iter().map(|frame| frame.rgb.is_some()).collect();
         assert_eq!(has_pixels, [true, true, false, false, true, false]);
-        let back = written.read(&mut LastImages::new(), Images::Any).expect("readable");
+        let back = written.read(&mut LastImages::new(), Sizes::Any).expect("readable");
         for (found, expected) in back.tactile.iter().zip(&observation.tactile) {
             assert_eq!((found.camera, found.sequence), (expected.camera, expected.sequence));
             assert_eq!(found.image, expected.image);
@@ -438,13 +457,13 @@ pub(super) mod tests {
 
     #[test]
     fn what_is_missing_is_named() {
-        let full = robot::Command { arm: [0.0; 7], servos: [ServoGoal::Current(0.0); 6], capture: false };
+        let full = robot::Command { arm: [0.0; 7].into(), servos: [ServoGoal::Current(0.0); 6], capture: false };
         let command = Command { servo_mode: vec![0; 5], ..Command::from(&full) };
-        assert_eq!(command.read(), Err(("servo_mode", "5 numbers".to_owned(), "6 numbers".to_owned())));
+        assert_eq!(command.read(Sizes::Any), Err(("servo_mode", "5 numbers".to_owned(), "6 numbers".to_owned())));
         let frame = TactileFrame { camera: Some(3), ..Default::default() };
         let observation =
             Observation { tactile: vec![frame], ..Observation::new(&Default::default(), &mut LastImages::new()) };
-        let wrong = observation.read(&mut LastImages::new(), Images::Any).expect_err("no image yet");
+        let wrong = observation.read(&mut LastImages::new(), Sizes::Any).expect_err("no image yet");
         assert_eq!(wrong.0, "tactile.rgb");
     }
 
@@ -455,7 +474,7 @@ pub(super) mod tests {
                 TactileFrame { camera: Some(camera), time: Some(0.0), sequence: Some(0), rgb: Some(vec![0; bytes]) };
             let observation =
                 Observation { tactile: vec![frame], ..Observation::new(&Default::default(), &mut LastImages::new()) };
-            observation.read(&mut LastImages::new(), Images::OfTheHand { cameras: 18 }).map(|_| ())
+            observation.read(&mut LastImages::new(), Sizes::of(&RobotModel::ftac_gen3())).map(|_| ())
         };
         assert_eq!(read(17, 172_800), Ok(()));
         assert_eq!(read(18, 172_800), Err(("tactile.camera", "18".to_owned(), "0 to 17".to_owned())));

@@ -16,7 +16,7 @@ use platform::file::open_regular;
 use prost::Message;
 
 use crate::error::SessionLogError;
-use crate::message::{Command, Images, LastImages, Observation, Seen, SeenPose, Tick, Wrong};
+use crate::message::{Command, LastImages, Observation, Seen, SeenPose, Sizes, Tick, Wrong};
 use crate::tap::Direction;
 use crate::writer::{
     ASKED, CALIBRATION, CONFIGURATION, FORMAT, METADATA, OBSERVATION, OUTCOME, SEEN, SENT, Session, TASK, TICK,
@@ -85,7 +85,7 @@ pub struct Reader {
     /// What the last chunk holds.
     chunk: VecDeque<Record<'static>>,
     topics: BTreeMap<u16, String>,
-    images: Images,
+    sizes: Sizes,
     last_images: LastImages,
     session: Session,
     /// When it began, since 1970.
@@ -95,12 +95,12 @@ pub struct Reader {
 }
 
 impl Reader {
-    /// Opens a file and reads what session it is of; images that are not as `images` says are errors once they are read.
+    /// Opens a file and reads what session it is of; messages that are not of these `sizes` are errors once they are read.
     ///
     /// # Errors
     /// [`SessionLogError`]: no such file or no regular one, not MCAP, no session of ours, another format, a configuration or calibration
     /// that does not have its hash.
-    pub fn open(path: &Path, images: Images) -> Result<Self, SessionLogError> {
+    pub fn open(path: &Path, sizes: Sizes) -> Result<Self, SessionLogError> {
         let file = BufReader::new(open_regular(path, u64::MAX).map_err(SessionLogError::io(path))?);
         // The checksum stands at the end of the data: a damaged file is noticed there, one cut short has none.
         let options = LinearReaderOptions::default()
@@ -114,7 +114,7 @@ impl Reader {
             mcap: LinearReader::new_with_options(options),
             chunk: VecDeque::new(),
             topics: BTreeMap::new(),
-            images,
+            sizes,
             last_images: LastImages::new(),
             session: Session::default(),
             begun: Duration::ZERO,
@@ -123,6 +123,12 @@ impl Reader {
         };
         reader.read_head()?;
         Ok(reader)
+    }
+
+    /// The same with messages that are to be of these `sizes`.
+    #[must_use]
+    pub fn of(self, sizes: Sizes) -> Self {
+        Self { sizes, ..self }
     }
 
     pub fn session(&self) -> &Session {
@@ -268,14 +274,14 @@ impl Reader {
 
     /// What is on `topic`; `None` for a topic of somebody else.
     fn event(&mut self, topic: &str, sequence: u32, data: &[u8]) -> Result<Option<Event>, SessionLogError> {
-        let (last, images) = (&mut self.last_images, self.images);
+        let (last, sizes) = (&mut self.last_images, self.sizes);
         let text = || String::from_utf8_lossy(data).into_owned();
         let event = match topic {
             OBSERVATION => decode(data)
-                .and_then(|message: Observation| message.read(last, images))
+                .and_then(|message: Observation| message.read(last, sizes))
                 .map(|readings| Event::Observation(Box::new(readings))),
-            ASKED => decode(data).and_then(|message: Command| message.read()).map(Event::Asked),
-            SENT => decode(data).and_then(|message: Command| message.read()).map(Event::Sent),
+            ASKED => decode(data).and_then(|message: Command| message.read(sizes)).map(Event::Asked),
+            SENT => decode(data).and_then(|message: Command| message.read(sizes)).map(Event::Sent),
             SEEN => {
                 decode(data).and_then(|message: Seen| message.read()).map(|(object, pose)| Event::Seen(object, pose))
             }

@@ -126,20 +126,20 @@ mod tests {
         let frame = robot::TactileFrame { camera: 2, time: 0.5, sequence: 4, image };
         let mut observation = robot::Observation { time: 1.5, sequence: 9, tactile: vec![frame], ..Default::default() };
         observation.servos[5].temperature = 41.0;
-        observation.arm.torque = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, -0.0];
+        observation.arm.torque = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, -0.0].into();
         let torque = observation.arm.torque;
         let mut readings = robot::Readings::from(observation);
         readings.servos[1] = None;
         let bytes = Observation::new(&readings, &mut LastImages::new()).encode_to_vec();
         let message = read("Observation", &bytes);
         assert_eq!(numbers(&message, "servo_temperature"), [0.0, 0.0, 0.0, 0.0, 0.0, 41.0]);
-        assert_eq!(numbers(&message, "arm_torque"), torque);
+        assert_eq!(numbers(&message, "arm_torque"), *torque);
         assert_eq!(message.get_field_by_name("sequence").as_deref(), Some(&Value::U64(9)));
         assert_eq!(message.unknown_fields().count(), 0);
         assert_eq!(message.encode_to_vec(), bytes);
 
         let goal = robot::ServoGoal::Position { angle: 0.25, current_limit: 0.6 };
-        let command = robot::Command { arm: [0.5; 7], servos: [goal; 6], capture: true };
+        let command = robot::Command { arm: [0.5; 7].into(), servos: [goal; 6], capture: true };
         let message = read("Command", &Command::from(&command).encode_to_vec());
         assert_eq!(numbers(&message, "servo_angle"), [0.25; 6]);
         assert_eq!(message.get_field_by_name("capture").as_deref(), Some(&Value::Bool(true)));

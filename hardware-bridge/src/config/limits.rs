@@ -1,6 +1,7 @@
 //! `[limits]`: what the supervisor allows, with defaults for everything.
 
-use hand_model::{ACTUATORS, ARM_JOINTS, Arm};
+use hand_model::{ACTUATORS, Arm, ArmVector};
+use kortex::joints::JOINTS;
 use serde::{Deserialize, Serialize};
 
 use crate::safety::limits::{ArmLimits, Limits, ServoLimits, Watchdogs};
@@ -43,13 +44,13 @@ pub struct LimitConfig {
 #[serde(deny_unknown_fields, default)]
 pub struct ArmLimitConfig {
     /// Fastest change of a set-point's speed, rad/s2.
-    pub acceleration: [f64; ARM_JOINTS],
+    pub acceleration: ArmVector,
     /// Fastest change of its acceleration, rad/s3.
-    pub jerk: [f64; ARM_JOINTS],
+    pub jerk: ArmVector,
     /// Greatest torque of each joint, N m.
-    pub torque: [f64; ARM_JOINTS],
+    pub torque: ArmVector,
     /// Greatest torque of each joint that weight, motion and payload leave unexplained, N m.
-    pub residual: [f64; ARM_JOINTS],
+    pub residual: ArmVector,
     /// Heaviest load in the hand, kg.
     pub payload: f64,
     /// For so long what is left unexplained may be above its limit, s.
@@ -93,13 +94,22 @@ impl Default for LimitConfig {
     }
 }
 
+impl ArmLimitConfig {
+    /// What has a number for each joint, by its name.
+    pub(super) fn lists(&self) -> [(String, ArmVector); 4] {
+        let own = self;
+        [("acceleration", own.acceleration), ("jerk", own.jerk), ("torque", own.torque), ("residual", own.residual)]
+            .map(|(name, values)| (format!("limits.arm.{name}"), values))
+    }
+}
+
 impl Default for ArmLimitConfig {
     fn default() -> Self {
         Self {
-            acceleration: [9.0; ARM_JOINTS],
-            jerk: [2100.0; ARM_JOINTS],
-            torque: [37.0, 37.0, 37.0, 37.0, 8.5, 8.5, 8.5],
-            residual: [18.0, 40.0, 30.0, 14.0, 10.0, 12.0, 6.0],
+            acceleration: [9.0; JOINTS].into(),
+            jerk: [2100.0; JOINTS].into(),
+            torque: [37.0, 37.0, 37.0, 37.0, 8.5, 8.5, 8.5].into(),
+            residual: [18.0, 40.0, 30.0, 14.0, 10.0, 12.0, 6.0].into(),
             payload: 4.0,
             jolt: 0.03,
             torque_time: 2.0,
@@ -117,7 +127,7 @@ impl LimitConfig {
     /// All limits, for servos with this travel (rad) and for this arm.
     pub fn limits(&self, travel: &[f64; ACTUATORS], arm: &Arm) -> Limits {
         let own = self;
-        let motion = std::array::from_fn(|joint| Motion {
+        let motion = arm.each(|joint| Motion {
             speed: arm.velocity_limits[joint],
             acceleration: own.arm.acceleration[joint],
             jerk: own.arm.jerk[joint],
@@ -177,14 +187,9 @@ impl LimitConfig {
             ("space.clearance", own.space.clearance, -0.01, 0.2),
         ];
         let single = single.into_iter().map(|(name, value, low, high)| (format!("limits.{name}"), value, low, high));
-        let joints = [
-            ("acceleration", own.arm.acceleration, 0.1, 1000.0),
-            ("jerk", own.arm.jerk, 1.0, 1e6),
-            ("torque", own.arm.torque, 0.1, 60.0),
-            ("residual", own.arm.residual, 0.1, 60.0),
-        ];
-        let joints = joints.into_iter().flat_map(|(name, values, low, high)| {
-            values.into_iter().enumerate().map(move |(n, value)| (format!("limits.arm.{name}[{n}]"), value, low, high))
+        let bounds = [(0.1, 1000.0), (1.0, 1e6), (0.1, 60.0), (0.1, 60.0)];
+        let joints = own.arm.lists().into_iter().zip(bounds).flat_map(|((name, values), (low, high))| {
+            values.into_iter().enumerate().map(move |(n, value)| (format!("{name}[{n}]"), value, low, high))
         });
         let sides = (0..3).flat_map(|axis| {
             let (low, high) = (own.space.low[axis], own.space.high[axis]);

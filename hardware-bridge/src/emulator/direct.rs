@@ -15,6 +15,7 @@ use super::lockstep::{LockstepSettings, calibrated};
 use super::servo::EmulatedServo;
 use crate::hand_bus::reading;
 use crate::hardware_robot::sent_as;
+use crate::kortex_link::of_gen3;
 use crate::safety::checks::{ArmReading, Measured};
 use crate::safety::limits::SafeGoal;
 use crate::safety::state::State;
@@ -149,7 +150,7 @@ impl RobotBackend for DirectRobot {
         let asked = Asked { command, at: self.time, number: self.asked };
         if let Step::Send(safe) = self.supervisor.step(self.time, Some(asked), &self.measured) {
             self.sent = safe;
-            self.arm.target = Some(safe.arm);
+            self.arm.target = Some(of_gen3(&safe.arm));
             self.write_goals();
         }
         Ok(sent_as(command, &self.sent, self.supervisor.state()))

@@ -1,15 +1,15 @@
 //! The arm of [`super::direct`]: what the Gen3 client and the emulated Gen3 do to set-points and measurements, as arithmetic.
 
-use hand_model::ARM_JOINTS;
 use hand_model::arm::Arm as ArmModel;
 use hand_model::robot::ArmState;
 use kortex::CommandError;
 use kortex::degrees::{Turns, nearest_turn, to_degrees, to_radians, to_wire_angle};
 use kortex::emulator::Settings;
+use kortex::joints::JOINTS;
 use kortex::servoing::Limits;
 
 use super::lockstep_arm::{step_towards, whole_milliseconds};
-use crate::kortex_link::limits;
+use crate::kortex_link::{limits, of_gen3};
 use crate::safety::state::ArmTrouble;
 
 /// An arm that is commanded a thousand times a second, and its client.
@@ -20,14 +20,14 @@ pub(super) struct DirectArm {
     /// Remainder of a millisecond, s.
     rest: f64,
     /// The newest command, rad, before it went through single-precision degrees.
-    command: [f64; ARM_JOINTS],
+    command: [f64; JOINTS],
     /// The plant's arm, and what the client has measured of it.
     real: ArmState,
     seen: ArmState,
     /// Where the controller wants the joints of the plant, rad.
-    pub goal: [f64; ARM_JOINTS],
+    pub goal: hand_model::ArmVector,
     /// Where the supervisor wants them, rad.
-    pub target: Option<[f64; ARM_JOINTS]>,
+    pub target: Option<[f64; JOINTS]>,
     /// What has stopped it.
     pub fault: Option<ArmTrouble>,
 }
@@ -38,9 +38,9 @@ impl DirectArm {
         let mut arm = Self {
             limits: limits(model),
             following_error: Settings::default().following_error,
-            turns: Turns::near(real.position),
+            turns: Turns::near(of_gen3(&real.position)),
             rest: 0.0,
-            command: real.position,
+            command: of_gen3(&real.position),
             real,
             seen: real,
             goal: real.position,
@@ -48,7 +48,7 @@ impl DirectArm {
             fault: None,
         };
         // The first command is what was measured.
-        arm.command = arm.look(real).position;
+        arm.command = of_gen3(&arm.look(real).position);
         arm
     }
 
@@ -56,9 +56,9 @@ impl DirectArm {
     pub fn look(&mut self, real: ArmState) -> ArmState {
         self.real = real;
         self.seen = ArmState {
-            position: self.turns.read(real.position.map(to_wire_angle)),
-            velocity: real.velocity.map(|speed| to_radians(to_degrees(speed))),
-            torque: real.torque.map(|torque| f64::from(torque as f32)),
+            position: self.turns.read(of_gen3(&real.position).map(to_wire_angle)).into(),
+            velocity: real.velocity.iter().map(|&speed| to_radians(to_degrees(speed))).collect(),
+            torque: real.torque.iter().map(|&torque| f64::from(torque as f32)).collect(),
         };
         self.seen
     }
@@ -72,15 +72,16 @@ impl DirectArm {
             }
             let target = self.target.unwrap_or(self.command);
             let next = step_towards(&target, &self.command, milliseconds - n, &self.limits.step);
-            match self.limits.check(&next, &self.command, &self.seen.position) {
+            match self.limits.check(&next, &self.command, &of_gen3(&self.seen.position)) {
                 Ok(()) => self.command = next,
                 // The client waits for an arm that is too far behind.
                 Err(CommandError::Lead { .. }) => {}
                 Err(_) => self.fault = Some(ArmTrouble::Refused),
             }
             let position = self.real.position;
-            self.goal = std::array::from_fn(|i| nearest_turn(to_radians(to_wire_angle(self.command[i])), position[i]));
-            if (0..ARM_JOINTS).any(|i| (self.goal[i] - position[i]).abs() > self.following_error) {
+            let goal = |i: usize| nearest_turn(to_radians(to_wire_angle(self.command[i])), position[i]);
+            self.goal = (0..JOINTS).map(goal).collect();
+            if (0..JOINTS).any(|i| (self.goal[i] - position[i]).abs() > self.following_error) {
                 self.fault.get_or_insert(ArmTrouble::Fault);
             }
         }
@@ -92,14 +93,14 @@ mod tests {
     use super::*;
 
     fn arm() -> DirectArm {
-        DirectArm::new(&ArmModel::gen3(), ArmState { position: [0.3; ARM_JOINTS], ..ArmState::default() })
+        DirectArm::new(&ArmModel::gen3(), ArmState { position: [0.3; JOINTS].into(), ..ArmState::default() })
     }
 
     /// Ticks of 1/120 s are 8 or 9 ms, 25 of them in three ticks; the goal is the target to a float's resolution.
     #[test]
     fn a_target_is_reached_in_its_tick() {
         let mut arm = arm();
-        arm.target = Some([0.301; ARM_JOINTS]);
+        arm.target = Some([0.301; JOINTS]);
         arm.pass(1.0 / 120.0);
         assert!((arm.goal[0] - 0.301).abs() < 3e-7 && arm.goal[0] != 0.301, "{}", arm.goal[0]);
         assert_eq!(arm.fault, None);
@@ -109,14 +110,14 @@ mod tests {
     #[test]
     fn an_arm_that_lags() {
         let mut arm = arm();
-        arm.target = Some([0.5; ARM_JOINTS]);
+        arm.target = Some([0.5; JOINTS]);
         for _ in 0..100 {
             arm.pass(1.0 / 120.0);
         }
         let lead = arm.goal[2] - 0.3;
         assert!(lead > 2.9_f64.to_radians() && lead <= 3_f64.to_radians() + 1e-6, "{lead}");
         assert_eq!(arm.fault, None);
-        arm.look(ArmState { position: [0.2; ARM_JOINTS], ..ArmState::default() });
+        arm.look(ArmState { position: [0.2; JOINTS].into(), ..ArmState::default() });
         arm.pass(1.0 / 120.0);
         assert_eq!(arm.fault, Some(ArmTrouble::Fault));
     }

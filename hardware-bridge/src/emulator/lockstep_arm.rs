@@ -7,17 +7,17 @@ use std::sync::{Arc, Mutex, Weak};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use hand_model::ARM_JOINTS;
 use hand_model::arm::Arm as ArmModel;
 use hand_model::robot::ArmState;
 use kortex::emulator::{Emulator, Injection, Pace, Settings, Status};
+use kortex::joints::JOINTS;
 use kortex::servoing::{Limits, Servoing};
 use kortex::{Arm, CommandError, KortexError, Timeouts};
 use session_log::Packet;
 
 use super::plant_arm::SharedArm;
 use crate::arm_link::{ArmLink, ArmLinkError};
-use crate::kortex_link::{arm_state, failed, limits, tap};
+use crate::kortex_link::{arm_state, failed, limits, of_gen3, tap};
 use crate::lock::lock;
 use crate::safety::checks::ArmReading;
 use crate::safety::state::ArmTrouble;
@@ -32,7 +32,7 @@ const IMPATIENCE: Duration = Duration::from_millis(3);
 enum Order {
     Engage,
     /// Milliseconds to spend on the way to these set-points, rad; whether answers may be missing.
-    Go(u64, [f64; ARM_JOINTS], bool),
+    Go(u64, [f64; JOINTS], bool),
     /// Measure, no time passes; whether the answer may be missing.
     Look(bool),
     Disengage,
@@ -46,7 +46,7 @@ struct Client {
     orders: Sender<Order>,
     answers: Receiver<Answer>,
     engaged: bool,
-    target: Option<[f64; ARM_JOINTS]>,
+    target: Option<[f64; JOINTS]>,
     state: ArmState,
     at: f64,
     fault: Option<ArmLinkError>,
@@ -102,7 +102,7 @@ impl LockstepArm {
         // datagram more for a lossy network to draw for.
         let hour = Duration::from_secs(3600);
         let timeouts = Timeouts { call: CALL, session: hour, connection: hour, keep_alive: hour };
-        let mut arm = Arm::connect(emulator.address(), &credentials, timeouts, near)?;
+        let mut arm = Arm::connect(emulator.address(), &credentials, timeouts, of_gen3(&near))?;
         if let Some(packets) = packets {
             tap(&mut arm, packets);
         }
@@ -207,13 +207,13 @@ impl ArmLink for LockstepLink {
         Ok(())
     }
 
-    fn command(&mut self, set_points: &[f64; ARM_JOINTS]) -> Result<(), ArmLinkError> {
+    fn command(&mut self, set_points: &[f64]) -> Result<(), ArmLinkError> {
         let client = self.client()?;
         let mut client = lock(&client);
         if let Some(fault) = &client.fault {
             return Err(fault.clone());
         }
-        client.target = Some(*set_points);
+        client.target = Some(of_gen3(set_points));
         Ok(())
     }
 
@@ -306,12 +306,7 @@ pub(super) fn whole_milliseconds(rest: &mut f64, seconds: f64) -> u64 {
 }
 
 /// The next of `left` equal steps from `from` to `target`, none longer than `most`, rad.
-pub(super) fn step_towards(
-    target: &[f64; ARM_JOINTS],
-    from: &[f64; ARM_JOINTS],
-    left: u64,
-    most: &[f64; ARM_JOINTS],
-) -> [f64; ARM_JOINTS] {
+pub(super) fn step_towards(target: &[f64], from: &[f64], left: u64, most: &[f64]) -> [f64; JOINTS] {
     std::array::from_fn(|i| from[i] + ((target[i] - from[i]) / left as f64).clamp(-most[i], most[i]))
 }
 
@@ -319,7 +314,7 @@ pub(super) fn step_towards(
 fn go(
     servoing: &mut Servoing<'_>,
     emulator: &Emulator,
-    (milliseconds, target, lossy): (u64, [f64; ARM_JOINTS], bool),
+    (milliseconds, target, lossy): (u64, [f64; JOINTS], bool),
     waited: &AtomicU64,
 ) -> Result<(ArmState, bool), KortexError> {
     let mut fresh = false;

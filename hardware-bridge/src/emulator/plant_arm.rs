@@ -3,8 +3,9 @@
 
 use std::sync::{Arc, Mutex};
 
+use crate::kortex_link::of_gen3;
 use hand_model::robot::ArmState;
-use hand_model::{ARM_JOINTS, Arm};
+use hand_model::{Arm, ArmVector};
 use kortex::emulator::{Drive, Plant};
 use kortex::{Motion, ToolPose};
 
@@ -16,9 +17,9 @@ struct Joints {
     state: ArmState,
     /// Time since that was measured, s.
     age: f64,
-    goal: [f64; ARM_JOINTS],
+    goal: ArmVector,
     /// Remaining speeds while braking, rad/s.
-    braking: Option<[f64; ARM_JOINTS]>,
+    braking: Option<ArmVector>,
     limits: ArmLimits,
     model: Arc<Arm>,
 }
@@ -35,7 +36,7 @@ impl SharedArm {
     }
 
     /// The controller's goal for the joints, rad.
-    pub fn goal(&self) -> [f64; ARM_JOINTS] {
+    pub fn goal(&self) -> ArmVector {
         lock(&self.0).goal
     }
 
@@ -58,7 +59,7 @@ impl Plant for SharedArm {
             joints.braking = None;
         }
         match drive {
-            Drive::Position(target) => joints.goal = *target,
+            Drive::Position(target) => joints.goal = (*target).into(),
             Drive::Velocity(speed) => {
                 for (goal, speed) in joints.goal.iter_mut().zip(speed) {
                     *goal += speed * seconds;
@@ -69,7 +70,9 @@ impl Plant for SharedArm {
                 let ArmState { position, velocity, .. } = joints.state;
                 let (from, speed) = match joints.braking {
                     Some(speed) => (joints.goal, speed),
-                    None => (std::array::from_fn(|i| position[i] + velocity[i] * joints.age), velocity),
+                    None => {
+                        (position.iter().zip(velocity).map(|(at, speed)| at + speed * joints.age).collect(), velocity)
+                    }
                 };
                 let (goal, slower) = joints.limits.brake(&from, &speed, seconds);
                 (joints.goal, joints.braking) = (goal, Some(slower));
@@ -80,7 +83,7 @@ impl Plant for SharedArm {
 
     fn state(&self) -> Motion {
         let ArmState { position, velocity, torque } = lock(&self.0).state;
-        Motion { position, velocity, torque }
+        Motion { position: of_gen3(&position), velocity: of_gen3(&velocity), torque: of_gen3(&torque) }
     }
 
     /// The tool frame is the interface of the bracelet, as on an arm whose web page has no other tool.
@@ -97,7 +100,7 @@ mod tests {
     use super::*;
 
     fn moving(speed: f64) -> ArmState {
-        ArmState { position: [0.3; ARM_JOINTS], velocity: [speed; ARM_JOINTS], ..ArmState::default() }
+        ArmState { position: [0.3; 7].into(), velocity: [speed; 7].into(), ..ArmState::default() }
     }
 
     fn gen3_at(state: ArmState) -> SharedArm {
@@ -109,15 +112,15 @@ mod tests {
     fn rest_and_commands() {
         let mut arm = gen3_at(moving(0.0));
         arm.advance(&Drive::Hold, 1e-3);
-        assert_eq!(arm.goal(), [0.3; ARM_JOINTS]);
-        arm.advance(&Drive::Position([0.31; ARM_JOINTS]), 1e-3);
-        assert_eq!(arm.goal(), [0.31; ARM_JOINTS]);
+        assert_eq!(arm.goal()[..], [0.3; 7]);
+        arm.advance(&Drive::Position([0.31; 7]), 1e-3);
+        assert_eq!(arm.goal()[..], [0.31; 7]);
     }
 
     /// At home the tool points forward, 0.43 m over the base: published as 90, 0 and 90 degrees.
     #[test]
     fn tool_at_home() {
-        let arm = gen3_at(ArmState { position: Arm::home(), ..ArmState::default() });
+        let arm = gen3_at(ArmState { position: Arm::gen3().home, ..ArmState::default() });
         let ToolPose { position, angles } = arm.tool_pose().expect("known");
         assert_eq!(angles.map(|angle| angle.to_degrees().round().abs()), [90.0, 0.0, 90.0]);
         assert!((position[2] - 0.43).abs() < 0.01 && position[1].abs() < 0.03, "{position:?}");
@@ -128,7 +131,7 @@ mod tests {
     #[test]
     fn stops_from_where_it_is() {
         let mut arm = gen3_at(moving(0.0));
-        arm.advance(&Drive::Position([0.35; ARM_JOINTS]), 1e-3);
+        arm.advance(&Drive::Position([0.35; 7]), 1e-3);
         arm.set_state(moving(0.86));
         for _ in 0..200 {
             arm.advance(&Drive::Hold, 1e-3);

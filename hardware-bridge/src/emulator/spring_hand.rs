@@ -10,6 +10,7 @@ use hand_model::pads::IMAGE_SIZE;
 use hand_model::robot::{
     ArmState, Command, Observation, Plant, ServoGoal, ServoState, TactileFrame, TactileImage, Tick,
 };
+use kortex::joints::JOINTS;
 
 /// Length of a tick, s.
 const TICK: f64 = 1.0 / 240.0;
@@ -45,7 +46,7 @@ impl SpringHand {
             cameras,
             servos: [ServoState::default(); ACTUATORS],
             command: None,
-            arm: ArmState::default(),
+            arm: ArmState::still([0.0; JOINTS].into()),
             sequence: 0,
             images: 0,
             frames: Vec::new(),
@@ -134,7 +135,7 @@ mod tests {
     use super::*;
 
     fn run(hand: &mut SpringHand, goal: ServoGoal, ticks: usize) -> ServoState {
-        let command = Command { arm: [0.0; 7], servos: [goal; ACTUATORS], capture: false };
+        let command = Command { arm: [0.0; 7].into(), servos: [goal; ACTUATORS], capture: false };
         for _ in 0..ticks {
             hand.send(&command);
             hand.wait_for_tick();
@@ -157,7 +158,7 @@ mod tests {
         let mut hand = SpringHand::new([4.0; ACTUATORS], 3);
         run(&mut hand, ServoGoal::Current(0.0), 3);
         assert!(hand.observe().tactile.is_empty());
-        let command = Command { arm: [0.0; 7], servos: [ServoGoal::Current(0.0); ACTUATORS], capture: true };
+        let command = Command { arm: [0.0; 7].into(), servos: [ServoGoal::Current(0.0); ACTUATORS], capture: true };
         hand.send(&command);
         hand.wait_for_tick();
         assert_eq!(hand.observe().tactile.len(), 3);

@@ -7,7 +7,7 @@ use std::fmt;
 
 use hand_model::digit::Digit;
 use hand_model::hand::CoverShape;
-use hand_model::{ACTUATORS, ARM_JOINTS, HAND_JOINTS, Hand, RobotModel};
+use hand_model::{ACTUATORS, HAND_JOINTS, Hand, RobotModel};
 use nalgebra::{Isometry3, Point3, Vector3};
 
 /// A part of the robot.
@@ -137,7 +137,7 @@ impl Postures {
 pub struct Bodies {
     robot: RobotModel,
     /// Base and links, each in its own frame.
-    tubes: [Capsule; ARM_JOINTS + 1],
+    tubes: Vec<Capsule>,
     /// Palm, then the 15 links of the hand, each in its own frame.
     covers: Vec<(CoverShape, Vec<Capsule>)>,
     last_from_palm: Isometry3<f64>,
@@ -148,15 +148,15 @@ pub struct Bodies {
 #[derive(Debug, Clone)]
 pub struct Placed<'a> {
     bodies: &'a Bodies,
-    arm: [Isometry3<f64>; ARM_JOINTS + 1],
+    arm: Vec<Isometry3<f64>>,
     /// Palm, then the 15 links of the hand.
     hand: Vec<Isometry3<f64>>,
 }
 
 /// The first arm link whose height is watched: those before it stand on the table.
 const LIFTED: usize = 3;
-/// Arm links that carry the hand, from the wrist on: they are not compared with it.
-const WRIST: usize = 5;
+/// So many of the arm's last links carry the hand: they are not compared with it.
+const WRIST: usize = 3;
 
 impl Bodies {
     pub fn new(robot: &RobotModel) -> Self {
@@ -165,7 +165,7 @@ impl Bodies {
         let tube = |n: usize| Capsule { ends: [Point3::origin(), Point3::from(ends[n])], radius: arm.radii[n] };
         let covers = std::iter::once(&hand.palm_cover).chain(&hand.covers);
         Self {
-            tubes: std::array::from_fn(tube),
+            tubes: (0..=arm.joints()).map(tube).collect(),
             covers: covers.map(|cover| (*cover, enclosing(cover))).collect(),
             last_from_palm: arm.last_from_tool * hand.palm_from_flange.inverse(),
             postures: Postures::new(hand),
@@ -174,11 +174,11 @@ impl Bodies {
     }
 
     /// With the arm at joint angles `q` and the hand as its servos' angles say, rad.
-    pub fn placed(&self, q: &[f64; ARM_JOINTS], servos: &[f64; ACTUATORS]) -> Placed<'_> {
+    pub fn placed(&self, q: &[f64], servos: &[f64; ACTUATORS]) -> Placed<'_> {
         let links = self.robot.arm.tree.forward(q);
-        let palm = links[ARM_JOINTS - 1] * self.last_from_palm;
+        let palm = links[self.robot.arm.last_link()] * self.last_from_palm;
         let digits = self.robot.hand.tree.forward(&self.postures.of(servos));
-        let arm = std::array::from_fn(|n| n.checked_sub(1).map_or_else(Isometry3::identity, |link| links[link]));
+        let arm = std::iter::once(Isometry3::identity()).chain(links).collect();
         let hand = std::iter::once(palm).chain(digits.iter().map(|link| palm * link)).collect();
         Placed { bodies: self, arm, hand }
     }
@@ -191,7 +191,7 @@ fn of_hand(n: usize) -> Body {
 impl Placed<'_> {
     /// Furthest point along a direction of each part that moves freely, m.
     pub fn reaches(&self, direction: Vector3<f64>) -> impl Iterator<Item = (Body, f64)> {
-        let tubes = (LIFTED..=ARM_JOINTS).map(move |n| {
+        let tubes = (LIFTED..self.arm.len()).map(move |n| {
             let tube = self.bodies.tubes[n].placed(&self.arm[n]);
             let [one, other] = tube.ends.map(|end| end.coords.dot(&direction));
             (Body::Arm(n), one.max(other) + tube.radius)
@@ -223,7 +223,7 @@ impl Placed<'_> {
         for (n, ((_, capsules), pose)) in self.bodies.covers.iter().zip(&self.hand).enumerate() {
             for capsule in capsules {
                 let capsule = capsule.placed(pose);
-                for (m, tube) in tubes.iter().enumerate().take(WRIST) {
+                for (m, tube) in tubes.iter().enumerate().take(tubes.len() - WRIST) {
                     compare([of_hand(n), Body::Arm(m)], capsule.distance(tube));
                 }
             }
@@ -283,7 +283,7 @@ mod tests {
     #[test]
     fn folded_in_it_runs_into_itself() {
         let bodies = Bodies::new(&RobotModel::ftac_gen3());
-        for q in [[0.0; ARM_JOINTS], hand_model::Arm::home()] {
+        for q in [[0.0; 7].into(), hand_model::Arm::gen3().home] {
             let (distance, between) = bodies.placed(&q, &[0.0; ACTUATORS]).nearest();
             assert!(distance > 0.015, "{distance}: {between:?}");
         }

@@ -123,7 +123,7 @@ pub(crate) mod tests {
     pub(crate) fn fine(now: f64) -> Measured {
         let state = ServoState { position: 1.0, velocity: 0.0, current: 0.1, temperature: 30.0 };
         let servo = ServoReading { at: now, state, voltage: 11.1, alert: false };
-        let arm = ArmReading { at: now, state: ArmState::default(), fault: None };
+        let arm = ArmReading { at: now, state: ArmState::still([0.0; 7].into()), fault: None };
         Measured { servos: [Some(servo); ACTUATORS], arm: Some(arm), cameras: true }
     }
 

@@ -4,7 +4,7 @@
 //! its limit.
 
 use hand_model::robot::ServoGoal;
-use hand_model::{ACTUATORS, ARM_JOINTS, Arm};
+use hand_model::{ACTUATORS, Arm, ArmVector};
 
 use super::pressing::PressLimits;
 use super::set_points::Motion;
@@ -36,13 +36,13 @@ pub struct ServoLimits {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ArmLimits {
     /// Least and greatest angle of each joint, rad; infinite where a joint turns freely.
-    pub angle: [(f64, f64); ARM_JOINTS],
+    pub angle: ArmVector<(f64, f64)>,
     /// Fastest change of each set-point, rad/s.
-    pub speed: [f64; ARM_JOINTS],
+    pub speed: ArmVector,
     /// How fast each set-point slows down when the arm is stopped, rad/s2.
-    pub deceleration: [f64; ARM_JOINTS],
+    pub deceleration: ArmVector,
     /// Bounds of acceleration and jerk of each set-point, if there are any.
-    pub motion: Option<[Motion; ARM_JOINTS]>,
+    pub motion: Option<ArmVector<Motion>>,
 }
 
 /// When silence is too long.
@@ -116,46 +116,49 @@ impl ArmLimits {
     /// Those of the arm's model; a joint that turns freely has no range.
     pub fn of(arm: &Arm) -> Self {
         Self {
-            angle: std::array::from_fn(|joint| (arm.tree.joints[joint].lower, arm.tree.joints[joint].upper)),
+            angle: arm.each(|joint| (arm.tree.joints[joint].lower, arm.tree.joints[joint].upper)),
             speed: arm.velocity_limits,
             deceleration: arm.acceleration_limits,
             motion: None,
         }
     }
 
+    /// No speed of any joint.
+    pub fn still(&self) -> ArmVector {
+        self.speed.iter().map(|_| 0.0).collect()
+    }
+
     /// Where an arm whose set-points are at `at` (rad) and move at `speed` (rad/s) comes to a stand when it is stopped, rad.
-    pub fn stand(&self, at: &[f64; ARM_JOINTS], speed: &[f64; ARM_JOINTS]) -> [f64; ARM_JOINTS] {
-        std::array::from_fn(|joint| at[joint] + 0.5 * speed[joint] * speed[joint].abs() / self.deceleration[joint])
+    pub fn stand(&self, at: &[f64], speed: &[f64]) -> ArmVector {
+        let stand = |joint: usize| at[joint] + 0.5 * speed[joint] * speed[joint].abs() / self.deceleration[joint];
+        (0..at.len()).map(stand).collect()
     }
 
     /// The set-points that may be sent, `dt` (s) after `previous`.
-    pub fn limit(&self, asked: &[f64; ARM_JOINTS], previous: &[f64; ARM_JOINTS], dt: f64) -> [f64; ARM_JOINTS] {
-        std::array::from_fn(|joint| {
+    pub fn limit(&self, asked: &[f64], previous: &[f64], dt: f64) -> ArmVector {
+        let limited = |joint: usize| {
             let reach = self.speed[joint] * dt;
             let (low, high) = self.angle[joint];
             asked[joint].clamp(previous[joint] - reach, previous[joint] + reach).clamp(low, high)
-        })
+        };
+        (0..asked.len()).map(limited).collect()
     }
 
     /// The set-points `dt` (s) after `previous` of an arm that is to stop, and the speeds that are left of `speed` (rad/s).
     ///
     /// A set-point that stops from one cycle to the next asks for more torque than a joint has: the arm runs past it, and swings back. So it
     /// goes on by `v dt`, with `v` smaller by the deceleration each cycle.
-    pub fn brake(
-        &self,
-        previous: &[f64; ARM_JOINTS],
-        speed: &[f64; ARM_JOINTS],
-        dt: f64,
-    ) -> ([f64; ARM_JOINTS], [f64; ARM_JOINTS]) {
-        let slower = std::array::from_fn(|joint| {
+    pub fn brake(&self, previous: &[f64], speed: &[f64], dt: f64) -> (ArmVector, ArmVector) {
+        let slowed = |joint: usize| {
             let top = speed[joint].clamp(-self.speed[joint], self.speed[joint]);
             top.signum() * (top.abs() - self.deceleration[joint] * dt).max(0.0)
-        });
-        let on = std::array::from_fn(|joint| {
+        };
+        let slower: ArmVector = (0..previous.len()).map(slowed).collect();
+        let gone_on = |joint: usize| {
             let (low, high) = self.angle[joint];
             (previous[joint] + slower[joint] * dt).clamp(low, high)
-        });
-        (on, slower)
+        };
+        ((0..previous.len()).map(gone_on).collect(), slower)
     }
 }
 
@@ -167,9 +170,9 @@ pub(crate) mod tests {
     pub(crate) fn limits() -> Limits {
         let servo = ServoLimits { angle: (0.0, 4.5), speed: 6.0, current: 0.6, hold_current: 0.4, temperature: 60.0 };
         let arm = ArmLimits {
-            angle: [(-2.0, 2.0); ARM_JOINTS],
-            speed: [1.0; ARM_JOINTS],
-            deceleration: [8.0; ARM_JOINTS],
+            angle: [(-2.0, 2.0); 7].into(),
+            speed: [1.0; 7].into(),
+            deceleration: [8.0; 7].into(),
             motion: None,
         };
         Limits {
@@ -209,7 +212,8 @@ pub(crate) mod tests {
     #[test]
     fn an_arm_brakes() {
         let arm = limits().arm;
-        let (mut at, mut speed) = ([0.0, 1.99, 0.0, 0.0, 0.0, 0.0, 0.0], [0.8, 0.8, -0.8, 0.0, 5.0, 0.0, 0.0]);
+        let mut at = ArmVector::from([0.0, 1.99, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        let mut speed = ArmVector::from([0.8, 0.8, -0.8, 0.0, 5.0, 0.0, 0.0]);
         for _ in 0..100 {
             (at, speed) = arm.brake(&at, &speed, 0.001);
         }

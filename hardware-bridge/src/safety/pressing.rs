@@ -10,9 +10,9 @@
 
 use std::sync::Arc;
 
-use hand_model::load::{LoadModel, Torques};
+use hand_model::load::{LoadModel, Torques, torques};
 use hand_model::robot::ArmState;
-use hand_model::{ARM_JOINTS, Arm, RobotModel};
+use hand_model::{Arm, ArmVector, RobotModel};
 
 use super::state::Cause;
 
@@ -23,9 +23,9 @@ const TIME_CONSTANT: f64 = 0.02;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PressLimits {
     /// Greatest torque of each joint, N m.
-    pub torque: [f64; ARM_JOINTS],
+    pub torque: ArmVector,
     /// Greatest torque of each joint that weight, motion and payload leave unexplained, N m.
-    pub residual: [f64; ARM_JOINTS],
+    pub residual: ArmVector,
     /// Heaviest load in the hand, kg.
     pub payload: f64,
     /// A residual above its limit for longer than this is no jolt, s.
@@ -38,9 +38,9 @@ pub struct PressLimits {
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Pressed {
     /// Largest torques, N m.
-    pub torque: [f64; ARM_JOINTS],
+    pub torque: ArmVector,
     /// Largest residuals, N m.
-    pub residual: [f64; ARM_JOINTS],
+    pub residual: ArmVector,
     /// Longest time above a limit, s.
     pub longest: f64,
 }
@@ -56,7 +56,7 @@ pub struct PressWatch {
     /// Torques that weight and motion leave unexplained, N m.
     unexplained: Torques,
     /// For how long each joint's torque and residual have been above their limits, s.
-    above: [[f64; 2]; ARM_JOINTS],
+    above: ArmVector<[f64; 2]>,
     pressed: Pressed,
 }
 
@@ -68,8 +68,8 @@ impl PressWatch {
             limits,
             last: None,
             unexplained: Torques::zeros(),
-            above: [[0.0; 2]; ARM_JOINTS],
-            pressed: Pressed::default(),
+            above: robot.arm.each(|_| [0.0; 2]),
+            pressed: Pressed { torque: robot.arm.each(|_| 0.0), residual: robot.arm.each(|_| 0.0), longest: 0.0 },
         }
     }
 
@@ -82,11 +82,11 @@ impl PressWatch {
     /// first one. Also the time since the last one, s.
     fn observe(&mut self, state: &ArmState, time: f64) -> (Torques, f64) {
         let poses = self.arm.tree.forward(&state.position);
-        let weight = self.model.moving(&poses, &[0.0; ARM_JOINTS]);
+        let weight = self.model.moving(&poses, &self.arm.each(|_| 0.0));
         let momentum = self.model.moving(&poses, &state.velocity) - weight;
         let (before, was) = self.last.replace((time, momentum)).unwrap_or((time, momentum));
         let dt = time - before;
-        let push = Torques::from(self.arm.borne(&state.torque)) - weight;
+        let push = torques(&self.arm.borne(&state.torque)) - weight;
         self.unexplained += ((push - self.unexplained) * dt - (momentum - was)) / (TIME_CONSTANT + dt);
         let per_kilogram = self.model.per_payload(&poses);
         let square = per_kilogram.norm_squared();
@@ -106,7 +106,7 @@ impl PressWatch {
         }
         let (residual, dt) = self.observe(state, time);
         let mut worst: Option<(f64, Cause)> = None;
-        for joint in 0..ARM_JOINTS {
+        for joint in 0..self.arm.joints() {
             let (torque, rest) = (state.torque[joint], residual[joint]);
             let (strain, jolt) = (self.limits.torque_time, self.limits.jolt);
             let of = [
@@ -134,7 +134,7 @@ impl PressWatch {
     /// Begins anew, once the arm has given way.
     pub fn forget(&mut self) {
         (self.last, self.unexplained) = (None, Torques::zeros());
-        self.above = [[0.0; 2]; ARM_JOINTS];
+        self.above.iter_mut().for_each(|times| *times = [0.0; 2]);
     }
 }
 
@@ -144,24 +144,26 @@ mod tests {
     use hand_model::load::held;
     use nalgebra::{Point3, Vector3};
 
-    const LIMITS: PressLimits = PressLimits {
-        torque: [100.0; ARM_JOINTS],
-        residual: [8.0, 8.0, 8.0, 8.0, 4.0, 4.0, 4.0],
-        payload: 3.0,
-        jolt: 0.1,
-        torque_time: 0.1,
-    };
+    fn limits() -> PressLimits {
+        PressLimits {
+            torque: [100.0; 7].into(),
+            residual: [8.0, 8.0, 8.0, 8.0, 4.0, 4.0, 4.0].into(),
+            payload: 3.0,
+            jolt: 0.1,
+            torque_time: 0.1,
+        }
+    }
 
     /// An arm at rest whose palm bears a force (N), as its sensors feel it.
     fn feeling(force: Vector3<f64>) -> (PressWatch, ArmState) {
         let robot = RobotModel::ftac_gen3();
-        let watch = PressWatch::new(&robot, LIMITS);
+        let watch = PressWatch::new(&robot, limits());
         let RobotModel { arm, hand, .. } = robot;
-        let position = Arm::home();
+        let position = Arm::gen3().home;
         let poses = arm.tree.forward(&position);
         let palm = arm.tool_pose(&position) * hand.palm_from_flange.inverse() * Point3::origin();
-        let torque = watch.model.moving(&poses, &[0.0; ARM_JOINTS]) + held(&arm, &poses, ARM_JOINTS - 1, &palm, &force);
-        (watch, ArmState { position, velocity: [0.0; ARM_JOINTS], torque: torque.into() })
+        let torque = watch.model.moving(&poses, &[0.0; 7]) + held(&arm, &poses, 6, &palm, &force);
+        (watch, ArmState { position, velocity: [0.0; 7].into(), torque: torque.iter().copied().collect() })
     }
 
     fn seen(force: Vector3<f64>, cycles: usize) -> Option<Cause> {
@@ -197,21 +199,22 @@ mod tests {
     #[test]
     fn a_motion_is_explained() {
         let robot = RobotModel::ftac_gen3();
-        let mut watch = PressWatch::new(&robot, LIMITS);
+        let mut watch = PressWatch::new(&robot, limits());
         let (mut most, mut felt) = (0.0_f64, 0.0_f64);
         for cycle in 0..400 {
             // Late by up to 3 ms.
             let time = 0.005 * f64::from(cycle) + 0.003 * f64::from(cycle % 3) / 2.0;
             let (sine, cosine) = (8.0 * time).sin_cos();
-            let position = Arm::home().map(|angle| angle + 0.05 * (1.0 - cosine));
-            let acceleration = [3.2 * cosine; ARM_JOINTS];
-            let torque = watch.model.moving(&robot.arm.tree.forward(&position), &acceleration).into();
-            let state = ArmState { position, velocity: [0.4 * sine; ARM_JOINTS], torque };
+            let position: ArmVector = Arm::gen3().home.iter().map(|angle| angle + 0.05 * (1.0 - cosine)).collect();
+            let acceleration = [3.2 * cosine; 7];
+            let torque =
+                watch.model.moving(&robot.arm.tree.forward(&position), &acceleration).iter().copied().collect();
+            let state = ArmState { position, velocity: [0.4 * sine; 7].into(), torque };
             let (residual, _) = watch.observe(&state, time);
-            let weight = watch.model.moving(&robot.arm.tree.forward(&position), &[0.0; ARM_JOINTS]);
+            let weight = watch.model.moving(&robot.arm.tree.forward(&position), &[0.0; 7]);
             if time > 0.2 {
                 most = most.max(residual.amax());
-                felt = felt.max((Torques::from(state.torque) - weight).amax());
+                felt = felt.max((torques(&state.torque) - weight).amax());
             }
         }
         assert!(felt > 2.0 && most < 0.1 * felt, "{most} of {felt} N m");

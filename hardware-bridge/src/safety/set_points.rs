@@ -4,7 +4,7 @@
 //! tick to the next) is followed on a profile within them, which overshoots nowhere, until it has caught up. Limits hold against the set-points sent
 //! before, not against the measured arm, and time is counted in control ticks: a tick that comes late changes nothing.
 
-use hand_model::ARM_JOINTS;
+use hand_model::ArmVector;
 
 /// Length of a control tick, s: one command each.
 pub const TICK: f64 = 1.0 / 120.0;
@@ -14,7 +14,7 @@ const HALVINGS: usize = 40;
 const ROUNDING: f64 = 1e-6;
 
 /// What one joint's set-points may do.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Motion {
     /// rad/s.
     pub speed: f64,
@@ -25,7 +25,7 @@ pub struct Motion {
 }
 
 /// One joint's set-point.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 struct Joint {
     /// rad.
     at: f64,
@@ -40,34 +40,41 @@ struct Joint {
 
 /// The set-points of all joints.
 #[derive(Debug, Clone, Copy)]
-pub struct SetPoints([Joint; ARM_JOINTS]);
+pub struct SetPoints(ArmVector<Joint>);
 
 impl SetPoints {
     /// At rest, rad.
-    pub fn at(angles: &[f64; ARM_JOINTS]) -> Self {
-        Self(angles.map(|at| Joint { at, speed: 0.0, acceleration: 0.0, wanted: at, catching_up: false }))
+    pub fn at(angles: &[f64]) -> Self {
+        Self(angles.iter().map(|&at| Joint { at, wanted: at, ..Joint::default() }).collect())
     }
 
     /// The same places, at rest.
     #[must_use]
     pub fn rested(&self) -> Self {
-        Self::at(&self.0.map(|joint| joint.at))
+        Self::at(&self.angles())
     }
 
     /// rad.
-    pub fn angles(&self) -> [f64; ARM_JOINTS] {
-        self.0.map(|joint| joint.at)
+    pub fn angles(&self) -> ArmVector {
+        self.0.iter().map(|joint| joint.at).collect()
     }
 
     /// rad/s.
-    pub fn speeds(&self) -> [f64; ARM_JOINTS] {
-        self.0.map(|joint| joint.speed)
+    pub fn speeds(&self) -> ArmVector {
+        self.0.iter().map(|joint| joint.speed).collect()
     }
 
     /// Those of the next tick, when `wanted` (rad) is asked for.
     #[must_use]
-    pub fn follow(&self, wanted: &[f64; ARM_JOINTS], limits: &[Motion; ARM_JOINTS]) -> Self {
-        Self(std::array::from_fn(|n| self.0[n].follow(wanted[n], limits[n])))
+    pub fn follow(&self, wanted: &[f64], limits: &[Motion]) -> Self {
+        Self(
+            self.0
+                .iter()
+                .zip(wanted)
+                .zip(limits)
+                .map(|((joint, wanted), limits)| joint.follow(*wanted, *limits))
+                .collect(),
+        )
     }
 }
 
@@ -160,7 +167,7 @@ mod tests {
     const LIMITS: Motion = Motion { speed: 1.4, acceleration: 9.0, jerk: 300.0 };
 
     fn rest(at: f64) -> Joint {
-        SetPoints::at(&[at; ARM_JOINTS]).0[0]
+        SetPoints::at(&[at; 7]).0[0]
     }
 
     proptest! {

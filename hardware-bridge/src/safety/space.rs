@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use hand_model::{ACTUATORS, ARM_JOINTS, RobotModel};
+use hand_model::{ACTUATORS, RobotModel};
 use nalgebra::Vector3;
 
 use super::bodies::{Bodies, Body};
@@ -74,12 +74,7 @@ impl SpaceWatch {
 
     /// What keeps the arm from being sent to `next` (rad) with a hand whose servos are at `servos` (rad); nothing where it leaves a forbidden place that
     /// it is in at `now` (rad).
-    pub fn see(
-        &mut self,
-        next: &[f64; ARM_JOINTS],
-        now: &[f64; ARM_JOINTS],
-        servos: &[f64; ACTUATORS],
-    ) -> Option<Cause> {
+    pub fn see(&mut self, next: &[f64], now: &[f64], servos: &[f64; ACTUATORS]) -> Option<Cause> {
         let room = self.look(next, servos);
         let least = |one: f64, other: f64| one.min(other);
         self.room = Room {
@@ -92,7 +87,7 @@ impl SpaceWatch {
         (depth > before).then_some(cause)
     }
 
-    fn look(&self, q: &[f64; ARM_JOINTS], servos: &[f64; ACTUATORS]) -> (Room, [Cause; 3]) {
+    fn look(&self, q: &[f64], servos: &[f64; ACTUATORS]) -> (Room, [Cause; 3]) {
         let placed = self.bodies.placed(q, servos);
         let furthest = |direction: Vector3<f64>| {
             let start = (Body::Palm, f64::NEG_INFINITY);
@@ -141,7 +136,7 @@ mod tests {
     /// Each bound stops by its name, and lets the arm out again.
     #[test]
     fn each_bound_is_named_and_can_be_left() {
-        let home = hand_model::Arm::home();
+        let home = hand_model::Arm::gen3().home;
         assert_eq!(watch(WIDE).see(&home, &home, &OPEN), None);
         // Leaning over at the shoulder with the elbow straight.
         let lying = [0.0, 1.9, 0.0, 0.0, 0.0, 0.0, 0.0];
@@ -154,7 +149,7 @@ mod tests {
         let cause = watch(WIDE).see(&folded, &home, &OPEN);
         assert!(matches!(cause, Some(Cause::SelfCollision(_, Body::Arm(_), distance)) if distance < 0.0), "{cause:?}");
         let narrow = SpaceLimits { high: [0.5, 2.0, 2.0], ..WIDE };
-        let cause = watch(narrow).see(&home, &[0.0; ARM_JOINTS], &OPEN).expect("the hand reaches 0.65 m");
+        let cause = watch(narrow).see(&home, &[0.0; 7], &OPEN).expect("the hand reaches 0.65 m");
         assert!(matches!(cause, Cause::Workspace(Body::Finger(_), Side { axis: 0, upper: true }, _)), "{cause:?}");
         let words = cause.to_string();
         assert!(words.contains("limits.space.high, x") && words.contains("mm"), "{words}");

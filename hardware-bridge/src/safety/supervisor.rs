@@ -1,7 +1,7 @@
 //! The supervisor: in each cycle it turns the requested command and the measurements into the command that may be sent.
 
 use hand_model::robot::{Command, ServoGoal};
-use hand_model::{ACTUATORS, ARM_JOINTS, RobotModel};
+use hand_model::{ACTUATORS, ArmVector, RobotModel};
 
 use super::checks::{self, Measured};
 use super::limits::{Limits, SafeGoal};
@@ -21,7 +21,7 @@ pub struct SafeCommand {
     /// The servos, in actuator order.
     pub servos: [SafeGoal; ACTUATORS],
     /// Arm set-points, rad.
-    pub arm: [f64; ARM_JOINTS],
+    pub arm: ArmVector,
 }
 
 impl SafeCommand {
@@ -65,9 +65,9 @@ pub struct Supervisor {
     state: State,
     sent: SafeCommand,
     /// Speeds that are left of the arm's set-points since it was stopped, rad/s.
-    braking: Option<[f64; ARM_JOINTS]>,
+    braking: Option<ArmVector>,
     /// Where an arm that pressed was measured to be: it is sent there, rad.
-    giving_way: Option<[f64; ARM_JOINTS]>,
+    giving_way: Option<ArmVector>,
     set_points: SetPoints,
     /// Number and time (s) of the command that they follow.
     followed: Option<(u64, f64)>,
@@ -79,7 +79,7 @@ pub struct Supervisor {
 impl Supervisor {
     /// A supervisor of a robot that is not connected.
     pub fn new(limits: Limits) -> Self {
-        let sent = SafeCommand { servos: [SafeGoal::default(); ACTUATORS], arm: [0.0; ARM_JOINTS] };
+        let sent = SafeCommand { servos: [SafeGoal::default(); ACTUATORS], arm: limits.arm.still() };
         Self {
             limits,
             state: State::Disconnected,
@@ -254,7 +254,7 @@ impl Supervisor {
             self.sent.arm = self.limits.arm.limit(place, &self.sent.arm, dt);
             return;
         }
-        let moving = || measured.arm.map_or([0.0; ARM_JOINTS], |arm| arm.state.velocity);
+        let moving = || measured.arm.map_or_else(|| self.limits.arm.still(), |arm| arm.state.velocity);
         let speed = self.braking.unwrap_or_else(moving);
         let (arm, slower) = self.limits.arm.brake(&self.sent.arm, &speed, dt);
         self.sent.arm = arm;

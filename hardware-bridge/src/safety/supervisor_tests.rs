@@ -1,6 +1,6 @@
-use hand_model::Arm;
 use hand_model::load::LoadModel;
 use hand_model::robot::ArmState;
+use hand_model::{Arm, ArmVector};
 use proptest::prelude::*;
 
 use super::super::checks::tests::fine;
@@ -19,7 +19,7 @@ fn armed(now: f64) -> Supervisor {
 }
 
 fn winding(current: f64) -> Command {
-    Command { arm: [0.5; ARM_JOINTS], servos: [ServoGoal::Current(current); ACTUATORS], capture: false }
+    Command { arm: [0.5; 7].into(), servos: [ServoGoal::Current(current); ACTUATORS], capture: false }
 }
 
 /// Two commands of different times are different ones.
@@ -77,21 +77,27 @@ fn a_stop_before_the_torque_is_kept() {
 /// hold of another cause.
 #[test]
 fn an_arm_that_presses_gives_way() {
-    let press = PressLimits { torque: [30.0; 7], residual: [10.0; 7], payload: 0.0, jolt: 0.02, torque_time: 0.02 };
+    let press = PressLimits {
+        torque: [30.0; 7].into(),
+        residual: [10.0; 7].into(),
+        payload: 0.0,
+        jolt: 0.02,
+        torque_time: 0.02,
+    };
     let mut limits = Limits { press: Some(press), ..limits() };
-    limits.arm.angle = [(-7.0, 7.0); ARM_JOINTS];
+    limits.arm.angle = [(-7.0, 7.0); 7].into();
     let robot = RobotModel::ftac_gen3();
     let mut supervisor = Supervisor::new(limits).watching(&robot);
     let model = LoadModel::new(&robot);
-    let feeling = |now: f64, position: [f64; 7], more: f64| {
+    let feeling = |now: f64, position: ArmVector, more: f64| {
         let mut measured = fine(now);
         let mut torque: [f64; 7] = model.moving(&robot.arm.tree.forward(&position), &[0.0; 7]).into();
         torque[3] += more;
         let arm = measured.arm.as_mut().expect("there");
-        arm.state = ArmState { position, velocity: [0.0; 7], torque };
+        arm.state = ArmState { position, velocity: [0.0; 7].into(), torque: torque.into() };
         measured
     };
-    let (home, mut beyond) = (Arm::home(), Arm::home());
+    let (home, mut beyond) = (Arm::gen3().home, Arm::gen3().home);
     beyond[3] -= 0.03;
     let command = Command { arm: beyond, ..winding(0.1) };
     supervisor.connect().expect("connects");
@@ -204,7 +210,7 @@ fn the_host_watchdog() {
 #[test]
 fn no_number_no_motion() {
     for bad in [
-        Command { arm: [f64::NAN; ARM_JOINTS], ..winding(0.1) },
+        Command { arm: [f64::NAN; 7].into(), ..winding(0.1) },
         winding(f64::INFINITY),
         Command { servos: [ServoGoal::Position { angle: 1.0, current_limit: -0.1 }; ACTUATORS], ..winding(0.0) },
     ] {
@@ -262,10 +268,10 @@ fn servo_goal() -> impl Strategy<Value = ServoGoal> {
 fn moves() -> impl Strategy<Value = Move> {
     prop_oneof![
         12 => (prop::array::uniform7(number()), prop::array::uniform6(servo_goal()))
-            .prop_map(|(arm, servos)| Move::Ask(Command { arm, servos, capture: false })),
+            .prop_map(|(arm, servos)| Move::Ask(Command { arm: ArmVector::from(arm), servos, capture: false })),
         12 => (-3.0..8.0_f64, 0.0..0.7_f64).prop_map(|(angle, current)| {
             let servos = [ServoGoal::Position { angle, current_limit: current }; ACTUATORS];
-            Move::Ask(Command { arm: [angle; ARM_JOINTS], servos, capture: false })
+            Move::Ask(Command { arm: [angle; 7].into(), servos, capture: false })
         }),
         2 => (0..ACTUATORS, number()).prop_map(|(n, angle)| Move::Disturb(n, angle)),
         1 => (0..ACTUATORS).prop_map(Move::Silence),

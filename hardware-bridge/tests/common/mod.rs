@@ -5,7 +5,7 @@
 use std::time::{Duration, Instant};
 
 use hand_model::robot::{Command, Observation, Readings, RobotBackend, RobotError, ServoGoal};
-use hand_model::{ACTUATORS, ARM_JOINTS, RobotModel};
+use hand_model::{ACTUATORS, RobotModel};
 use hardware_bridge::arm_link::LoopbackArm;
 use hardware_bridge::calibration::{HandCalibration, ServoCalibration};
 use hardware_bridge::config::BridgeConfig;
@@ -128,7 +128,7 @@ pub fn armed(bench: &Bench) -> HardwareRobot {
 }
 
 pub fn command(servo: ServoGoal) -> Command {
-    Command { arm: [0.1; ARM_JOINTS], servos: [servo; ACTUATORS], capture: false }
+    Command { arm: [0.1; 7].into(), servos: [servo; ACTUATORS], capture: false }
 }
 
 /// The newest measurements.

@@ -44,7 +44,7 @@ fn spreads_are_as_asked() {
 fn an_arm_that_errs_by_its_joints_has_no_constant_error() {
     let noise = drawn(&Scenario::benchmark().noise, 0);
     assert!(noise.position == Vector3::zeros() && noise.rotation == Vector3::zeros() && noise.arm.payload > 0.0);
-    let posture = [0.3; ARM_JOINTS];
+    let posture = [0.3; 7];
     let back = noise.arm.shown(&noise.arm.real(&posture));
     assert!(back.iter().zip(posture).all(|(back, angle)| (back - angle).abs() < 1e-15));
 }

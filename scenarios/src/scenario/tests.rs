@@ -88,7 +88,7 @@ fn the_table_lies_under_every_place_within_reach() {
 fn individuals_and_trials_have_the_same_arms() {
     use plant::spread::{Quantity, parameters};
     let arm = Scenario::benchmark().effects.arm.unwrap();
-    let all = parameters(&hand_model::Hand::ftac());
+    let all = parameters(&hand_model::RobotModel::ftac_gen3());
     for (quantity, sigma) in [
         (Quantity::ArmEncoder, arm.encoder_sigma),
         (Quantity::MountPosition, arm.mount_position_sigma),

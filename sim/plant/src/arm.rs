@@ -1,14 +1,14 @@
 //! An arm that is not as its controller believes.
 
-use hand_model::ARM_JOINTS;
+use hand_model::ArmVector;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
 /// Deviation of an arm from its controller's model.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct ArmDefects {
-    /// Encoder offsets, rad: true angle = reading - offset.
-    pub encoders: [f64; ARM_JOINTS],
+    /// Encoder offsets, rad: true angle = reading - offset. 0 for joints that have none here; those of joints that the arm lacks are not used.
+    pub encoders: ArmVector,
     /// Position of the hand on its flange, in the frame of its nominal place there, m.
     pub mount_position: Vector3<f64>,
     /// Rotation vector of its turn, about the flange's origin, rad.
@@ -25,12 +25,16 @@ impl ArmDefects {
     }
 
     /// Angles of the joints whose encoders show `shown`, rad.
-    pub fn real(&self, shown: &[f64; ARM_JOINTS]) -> [f64; ARM_JOINTS] {
-        std::array::from_fn(|joint| shown[joint] - self.encoders[joint])
+    pub fn real(&self, shown: &[f64]) -> ArmVector {
+        shown.iter().zip(self.offsets()).map(|(shown, offset)| shown - offset).collect()
     }
 
     /// Encoder readings of joints at `real`, rad.
-    pub fn shown(&self, real: &[f64; ARM_JOINTS]) -> [f64; ARM_JOINTS] {
-        std::array::from_fn(|joint| real[joint] + self.encoders[joint])
+    pub fn shown(&self, real: &[f64]) -> ArmVector {
+        real.iter().zip(self.offsets()).map(|(real, offset)| real + offset).collect()
+    }
+
+    fn offsets(&self) -> impl Iterator<Item = f64> {
+        self.encoders.into_iter().chain(std::iter::repeat(0.0))
     }
 }

@@ -4,7 +4,7 @@
 
 use std::path::Path;
 
-use hand_model::Hand;
+use hand_model::RobotModel;
 use platform::data::{DataError, parse_toml};
 use platform::digest::sha256;
 use serde::{Deserialize, Serialize};
@@ -94,9 +94,14 @@ pub struct IdentifiedRobot {
 }
 
 impl IdentifiedRobot {
-    /// From an estimate of every parameter of `hand`'s individuals, in their order.
-    pub fn new(hand: &Hand, estimates: Vec<Estimate>, covariances: Vec<Covariance>, sessions: Vec<Source>) -> Self {
-        let mut individual = RobotIndividual::designed(hand);
+    /// From an estimate of every parameter of `robot`'s individuals, in their order.
+    pub fn new(
+        robot: &RobotModel,
+        estimates: Vec<Estimate>,
+        covariances: Vec<Covariance>,
+        sessions: Vec<Source>,
+    ) -> Self {
+        let mut individual = RobotIndividual::designed(robot);
         for (place, estimate) in estimates.iter().enumerate() {
             individual.set(place, estimate.deviation);
         }
@@ -104,10 +109,10 @@ impl IdentifiedRobot {
     }
 
     /// The file's text.
-    pub fn to_toml(&self, hand: &Hand, program: &str) -> Result<String, toml::ser::Error> {
+    pub fn to_toml(&self, robot: &RobotModel, program: &str) -> Result<String, toml::ser::Error> {
         let contents = Contents {
             version: VERSION,
-            hand: hand.parameters.name.clone(),
+            hand: robot.hand.parameters.name.clone(),
             program: program.to_owned(),
             session: self.sessions.clone(),
             parameter: self.estimates.clone(),
@@ -118,16 +123,16 @@ impl IdentifiedRobot {
     }
 
     /// Reads and checks a file's text; `path` is used in errors.
-    pub fn parse(text: &str, path: &Path, hand: &Hand) -> Result<Self, DataError> {
+    pub fn parse(text: &str, path: &Path, robot: &RobotModel) -> Result<Self, DataError> {
         let Sealed { digest: found, contents } = parse_toml(text, path)?;
         let fault = |field: String, found: String, expected: &str| Err(DataError::field(path, field, found, expected));
         if contents.version != VERSION {
             return fault("version".into(), contents.version.to_string(), "1");
         }
-        if contents.hand != hand.parameters.name {
-            return fault("hand".into(), format!("`{}`", contents.hand), &format!("`{}`", hand.parameters.name));
+        if contents.hand != robot.hand.parameters.name {
+            return fault("hand".into(), format!("`{}`", contents.hand), &format!("`{}`", robot.hand.parameters.name));
         }
-        let designed = RobotIndividual::designed(hand);
+        let designed = RobotIndividual::designed(robot);
         for (parameter, estimate) in designed.parameters().iter().zip(&contents.parameter) {
             let field = |what: &str| format!("parameter[{}].{what}", estimate.name);
             if estimate.name != parameter.name {
@@ -146,7 +151,7 @@ impl IdentifiedRobot {
             }
         }
         if contents.parameter.len() != designed.parameters().len() {
-            let expected = format!("all {} of this hand", designed.parameters().len());
+            let expected = format!("all {} of this robot", designed.parameters().len());
             return fault("parameter".into(), format!("{} parameters", contents.parameter.len()), &expected);
         }
         for block in &contents.covariance {
@@ -157,7 +162,7 @@ impl IdentifiedRobot {
             let expected = "the digest of what the file says: it was changed after `ftac twin identify` wrote it; identify the robot again";
             return fault("digest".into(), format!("`{found}`"), expected);
         }
-        Ok(Self::new(hand, contents.parameter, contents.covariance, contents.session))
+        Ok(Self::new(robot, contents.parameter, contents.covariance, contents.session))
     }
 }
 
@@ -184,9 +189,9 @@ fn check_covariance(block: &Covariance, robot: &RobotIndividual, path: &Path) ->
 mod tests {
     use super::*;
 
-    fn identified() -> (Hand, IdentifiedRobot) {
-        let hand = Hand::ftac();
-        let robot = RobotIndividual::draw(&hand, 2);
+    fn identified() -> (RobotModel, IdentifiedRobot) {
+        let drawn = RobotModel::ftac_gen3();
+        let robot = RobotIndividual::draw(&drawn, 2);
         let estimates: Vec<Estimate> = robot
             .parameters()
             .iter()
@@ -196,22 +201,22 @@ mod tests {
         let names = vec!["index_1.spring".to_owned(), "index_2.spring".to_owned()];
         let block = Covariance { parameters: names, rows: vec![vec![2e-4, 1e-4], vec![1e-4, 3e-4]] };
         let source = Source { file: "a.mcap".into(), sha256: "00".into(), robot: "sim".into(), seconds: 1.5 };
-        let robot = IdentifiedRobot::new(&hand, estimates, vec![block], vec![source]);
-        (hand, robot)
+        let robot = IdentifiedRobot::new(&drawn, estimates, vec![block], vec![source]);
+        (drawn, robot)
     }
 
     #[test]
     fn a_file_is_read_back_to_the_last_bit() {
-        let (hand, robot) = identified();
-        let text = robot.to_toml(&hand, "ftac test").unwrap();
-        assert_eq!(IdentifiedRobot::parse(&text, Path::new("individual.toml"), &hand).unwrap(), robot);
+        let (drawn, robot) = identified();
+        let text = robot.to_toml(&drawn, "ftac test").unwrap();
+        assert_eq!(IdentifiedRobot::parse(&text, Path::new("individual.toml"), &drawn).unwrap(), robot);
     }
 
     /// Each wrong file is refused in words that name file and field.
     #[test]
     fn a_changed_file_is_refused() {
-        let (hand, robot) = identified();
-        let text = robot.to_toml(&hand, "ftac test").unwrap();
+        let (drawn, robot) = identified();
+        let text = robot.to_toml(&drawn, "ftac test").unwrap();
         let number = text.lines().find(|line| line.starts_with("deviation")).unwrap().to_owned();
         for (from, to, says) in [
             (number.as_str(), "deviation = 0.01", "individual.toml: digest: found `"),
@@ -225,10 +230,10 @@ mod tests {
         ] {
             assert!(text.contains(from), "{from}");
             let changed = text.replacen(from, to, 1);
-            let error = IdentifiedRobot::parse(&changed, Path::new("individual.toml"), &hand).unwrap_err().to_string();
+            let error = IdentifiedRobot::parse(&changed, Path::new("individual.toml"), &drawn).unwrap_err().to_string();
             assert!(error.contains(says), "{says}: {error}");
         }
         let torn = &text[..text.len() / 2];
-        assert!(IdentifiedRobot::parse(torn, Path::new("individual.toml"), &hand).is_err());
+        assert!(IdentifiedRobot::parse(torn, Path::new("individual.toml"), &drawn).is_err());
     }
 }

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use hand_model::arm::MOST_ARM_JOINTS;
 use hand_model::{Arm, Hand, RobotModel};
 use nalgebra::{UnitQuaternion, Vector3};
 use rand::SeedableRng as _;
@@ -39,23 +40,23 @@ pub struct Deviation {
 
 impl RobotIndividual {
     /// The robot as drawn.
-    pub fn designed(hand: &Hand) -> Self {
-        let parameters = parameters(hand);
+    pub fn designed(robot: &RobotModel) -> Self {
+        let parameters = parameters(robot);
         Self { deviations: vec![0.0; parameters.len()], parameters }
     }
 
     /// Individual `number`: the same number, the same robot. Number 0 is the robot as drawn.
-    pub fn draw(hand: &Hand, number: u64) -> Self {
-        let mut robot = Self::designed(hand);
+    pub fn draw(robot: &RobotModel, number: u64) -> Self {
+        let mut own = Self::designed(robot);
         if number == 0 {
-            return robot;
+            return own;
         }
         let mut rng = ChaCha8Rng::seed_from_u64(number);
         rng.set_stream(STREAM);
-        for (deviation, parameter) in robot.deviations.iter_mut().zip(&robot.parameters) {
+        for (deviation, parameter) in own.deviations.iter_mut().zip(&own.parameters) {
             *deviation = parameter.spread.mean + parameter.spread.sigma * gaussian(&mut rng);
         }
-        robot
+        own
     }
 
     /// Serial number of the tactile cameras of individual `number`, if it has its own.
@@ -113,7 +114,7 @@ impl RobotIndividual {
             }
         }
         let arm = self.arm_defects();
-        if arm != ArmDefects::default() {
+        if [arm.mount_position, arm.mount_rotation] != [Vector3::zeros(); 2] {
             hand.palm_from_flange *= arm.mount().inverse();
         }
         hand
@@ -144,7 +145,7 @@ impl RobotIndividual {
     pub fn arm_defects(&self) -> ArmDefects {
         let axes = |quantity| Vector3::from_fn(|axis, _| self.deviation(quantity, axis));
         ArmDefects {
-            encoders: std::array::from_fn(|joint| self.deviation(Quantity::ArmEncoder, joint)),
+            encoders: (0..MOST_ARM_JOINTS).map(|joint| self.deviation(Quantity::ArmEncoder, joint)).collect(),
             mount_position: axes(Quantity::MountPosition),
             mount_rotation: axes(Quantity::MountTurn),
             payload: 0.0,
@@ -193,23 +194,23 @@ fn change_hand(hand: &mut Hand, parameter: &Parameter, deviation: f64) {
 mod tests {
     use super::*;
 
-    fn drawn() -> (Hand, Arm) {
-        (Hand::ftac(), Arm::gen3())
+    fn drawn() -> RobotModel {
+        RobotModel::ftac_gen3()
     }
 
     #[test]
     fn one_number_is_one_robot_and_another_is_another() {
-        let (hand, _) = drawn();
-        let robot = RobotIndividual::draw(&hand, 3);
-        assert_eq!(robot, RobotIndividual::draw(&hand, 3));
-        let other = RobotIndividual::draw(&hand, 4);
+        let drawn = drawn();
+        let robot = RobotIndividual::draw(&drawn, 3);
+        assert_eq!(robot, RobotIndividual::draw(&drawn, 3));
+        let other = RobotIndividual::draw(&drawn, 4);
         assert!(robot.deviations().iter().zip(other.deviations()).all(|(a, b)| a != b));
     }
 
     /// Quantities that were added last leave what was drawn before as it was, to the last bit.
     #[test]
     fn what_was_drawn_stays() {
-        let (hand, _) = drawn();
+        let drawn = drawn();
         for (number, values) in [
             (
                 1,
@@ -230,7 +231,7 @@ mod tests {
                 ],
             ),
         ] {
-            let robot = RobotIndividual::draw(&hand, number);
+            let robot = RobotIndividual::draw(&drawn, number);
             let names = ["thumb_1.spring", "thumb.cable_stiffness", "pad_friction", "mount_z.turn"];
             let found = names.map(|name| robot.deviations()[robot.find(name).expect("a parameter")]);
             assert_eq!(found.map(f64::to_bits), values.map(f64::to_bits), "{number}: {found:?}");
@@ -240,22 +241,24 @@ mod tests {
     /// Individual 0 is the drawing to the last bit.
     #[test]
     fn number_0_is_the_drawing() {
-        let (hand, arm) = drawn();
-        let robot = RobotIndividual::draw(&hand, 0);
-        assert_eq!(format!("{:?}", robot.hand(&hand)), format!("{hand:?}"));
-        assert_eq!(format!("{:?}", robot.arm(&arm)), format!("{arm:?}"));
+        let drawn = drawn();
+        let RobotModel { hand, arm, .. } = &drawn;
+        let robot = RobotIndividual::draw(&drawn, 0);
+        assert_eq!(format!("{:?}", robot.hand(hand)), format!("{hand:?}"));
+        assert_eq!(format!("{:?}", robot.arm(arm)), format!("{arm:?}"));
     }
 
     /// Each parameter changes the robot, and nothing but what it names: the same deviation there and back is the drawing again.
     #[test]
     fn every_parameter_changes_something() {
-        let (hand, arm) = drawn();
+        let drawn = drawn();
+        let RobotModel { hand, arm, .. } = &drawn;
         let (text, arm_text) = (format!("{hand:?}"), format!("{arm:?}"));
-        for place in 0..RobotIndividual::designed(&hand).parameters().len() {
-            let mut robot = RobotIndividual::designed(&hand);
+        for place in 0..RobotIndividual::designed(&drawn).parameters().len() {
+            let mut robot = RobotIndividual::designed(&drawn);
             robot.set(place, 0.01);
-            let changed = format!("{:?}", robot.hand(&hand)) != text
-                || format!("{:?}", robot.arm(&arm)) != arm_text
+            let changed = format!("{:?}", robot.hand(hand)) != text
+                || format!("{:?}", robot.arm(arm)) != arm_text
                 || robot.pad_friction() != 1.0;
             assert!(changed, "{}", robot.parameters()[place].name);
         }
@@ -264,12 +267,13 @@ mod tests {
     /// A robot whose errors are in its model stands where one stands whose errors are in its body.
     #[test]
     fn its_arm_is_the_one_with_these_defects() {
-        let (hand, arm) = drawn();
-        let robot = RobotIndividual::draw(&hand, 5);
-        let shown = Arm::home();
+        let drawn = drawn();
+        let RobotModel { hand, arm, .. } = &drawn;
+        let robot = RobotIndividual::draw(&drawn, 5);
+        let shown = arm.home;
         let defects = robot.arm_defects();
         let body = arm.tool_pose(&defects.real(&shown)) * defects.mount() * hand.palm_from_flange.inverse();
-        let model = robot.arm(&arm).tool_pose(&shown) * robot.hand(&hand).palm_from_flange.inverse();
+        let model = robot.arm(arm).tool_pose(&shown) * robot.hand(hand).palm_from_flange.inverse();
         let off = body.inv_mul(&model);
         assert!(off.translation.vector.norm() < 1e-12 && off.rotation.angle() < 1e-9, "{off}");
     }
@@ -277,8 +281,8 @@ mod tests {
     /// 400 robots: each quantity spreads as its data file says, to within 5 standard errors.
     #[test]
     fn deviations_spread_as_stated() {
-        let (hand, _) = drawn();
-        let robots: Vec<_> = (1..=400).map(|number| RobotIndividual::draw(&hand, number)).collect();
+        let drawn = drawn();
+        let robots: Vec<_> = (1..=400).map(|number| RobotIndividual::draw(&drawn, number)).collect();
         for (place, parameter) in robots[0].parameters().iter().enumerate() {
             let spread = &parameter.spread;
             let scaled = robots.iter().map(|robot| (robot.deviations()[place] - spread.mean) / spread.sigma);

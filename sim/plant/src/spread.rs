@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::LazyLock;
 
-use hand_model::{ACTUATORS, ARM_JOINTS, Hand};
+use hand_model::{ACTUATORS, RobotModel};
 use platform::data::{DataError, parse_toml};
 use serde::{Deserialize, Serialize};
 
@@ -144,7 +144,7 @@ impl Quantity {
     }
 
     /// Whose it is, by name; one empty name where it belongs to the whole hand.
-    fn owners(self, hand: &Hand) -> Vec<String> {
+    fn owners(self, RobotModel { hand, arm, .. }: &RobotModel) -> Vec<String> {
         let actuators = || hand.parameters.actuator.iter().map(|actuator| actuator.name.clone());
         match self {
             Self::Spring | Self::SpringRest | Self::JointZero => {
@@ -155,7 +155,7 @@ impl Quantity {
             }
             Self::TorqueConstant | Self::ServoFriction | Self::ServoDamping => actuators().take(ACTUATORS).collect(),
             Self::GelStiffness | Self::GelThickness | Self::PadFriction => vec![String::new()],
-            Self::ArmEncoder | Self::ArmTorqueGain => (1..=ARM_JOINTS).map(|joint| format!("arm_{joint}")).collect(),
+            Self::ArmEncoder | Self::ArmTorqueGain => (1..=arm.joints()).map(|joint| format!("arm_{joint}")).collect(),
             Self::MountPosition | Self::MountTurn => ["x", "y", "z"].map(|axis| format!("mount_{axis}")).to_vec(),
         }
     }
@@ -180,14 +180,14 @@ fn parse_spreads(text: &str, path: &Path) -> Result<BTreeMap<Quantity, Spread>, 
     Ok(file.spread)
 }
 
-/// Everything in which individuals of `hand` on its arm differ, in the order in which it is drawn.
+/// Everything in which individuals of `robot` differ, in the order in which it is drawn.
 ///
 /// # Panics
 /// Never in a tested build: the spreads are compiled in and a test reads them.
-pub fn parameters(hand: &Hand) -> Vec<Parameter> {
+pub fn parameters(robot: &RobotModel) -> Vec<Parameter> {
     let of = |quantity: Quantity| {
         let spread = &SPREADS[&quantity];
-        quantity.owners(hand).into_iter().enumerate().map(move |(index, owner)| {
+        quantity.owners(robot).into_iter().enumerate().map(move |(index, owner)| {
             let name =
                 if owner.is_empty() { quantity.name().to_owned() } else { format!("{owner}.{}", quantity.name()) };
             Parameter { name, quantity, index, spread: spread.clone() }
@@ -202,7 +202,7 @@ mod tests {
 
     #[test]
     fn every_quantity_has_a_spread_with_a_source_and_names_are_unique() {
-        let all = parameters(&Hand::ftac());
+        let all = parameters(&RobotModel::ftac_gen3());
         assert_eq!(all.len(), 3 * 15 + 4 * 5 + 3 * 6 + 3 + 7 + 6 + 7);
         assert!(all.iter().all(|parameter| parameter.spread.source.len() > 10));
         let names: std::collections::BTreeSet<_> = all.iter().map(|parameter| &parameter.name).collect();

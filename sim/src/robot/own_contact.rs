@@ -4,7 +4,6 @@
 //! The engine lets any two covers touch that no joint connects: fingers each other, the thumb fingers and palm, and a finger's
 //! middle and distal links the palm; not a first link and the palm, nor neighbours along a digit.
 
-use hand_model::ARM_JOINTS;
 use hand_model::hand::CoverShape;
 use nalgebra::{Isometry3, Vector3};
 use world::geometry::Shape;
@@ -64,7 +63,7 @@ impl SimulatedRobot {
                 Some(0) => (shape_of(&self.hand.palm_cover), palm * self.hand.palm_cover.link_from_cover),
                 Some(cover) => {
                     let shape = &self.hand.covers[cover - 1];
-                    (shape_of(shape), links[ARM_JOINTS + cover - 1] * shape.link_from_cover)
+                    (shape_of(shape), links[self.arm.joints() + cover - 1] * shape.link_from_cover)
                 }
             };
             OwnLoad { pad, force, shape, pose }

@@ -21,7 +21,7 @@ pub struct Limits {
 }
 
 /// The set-point that one joint follows.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub struct SetPoint {
     /// What is followed, rad.
     pub at: f64,

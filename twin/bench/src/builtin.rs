@@ -130,7 +130,7 @@ pub fn make_bench(robot: &RobotModel, scenario: Scenario, combos: usize, seed: u
 pub fn robot_of(sources: Option<&RobotSources>, individual: Option<&str>, path: &Path) -> Result<RobotModel> {
     let nominal = RobotModel::of(sources)?;
     let Some(text) = individual else { return Ok(nominal) };
-    Ok(IdentifiedRobot::parse(text, path, &nominal.hand)?.individual.robot(&nominal))
+    Ok(IdentifiedRobot::parse(text, path, &nominal)?.individual.robot(&nominal))
 }
 
 /// The same with no object that can be felt and without the scenario's disturbances: for scenes in which no policy of this program
@@ -195,7 +195,7 @@ pub fn expect_errors(bench: &mut Bench, text: Option<&str>, path: &Path, robot: 
 /// cameras stay the bench's.
 pub fn hide_plant(bench: &mut Bench, number: u64) -> Result<()> {
     let nominal = bench.world.cell.robot.nominal()?;
-    bench.world.plant = Some(RobotIndividual::draw(&nominal.hand, number).robot(&nominal));
+    bench.world.plant = Some(RobotIndividual::draw(&nominal, number).robot(&nominal));
     Ok(())
 }
 
@@ -212,7 +212,7 @@ pub fn make_individual(
     let Some(cameras) = RobotIndividual::cameras(number) else {
         return make_scenes(nominal, scenario, combos, seed, quiet);
     };
-    let own = RobotIndividual::draw(&nominal.hand, number);
+    let own = RobotIndividual::draw(nominal, number);
     let mut bench = make_scenes(&own.robot(nominal), scenario, combos, seed, quiet)?;
     bench.board = TactileBoard::unit(&bench.world.cell.robot.hand, cameras);
     let spread = bench.world.scenario.effects.objects;

@@ -26,7 +26,7 @@ use std::sync::Arc;
 
 use control::inverse_kinematics::ArmKinematics;
 use hand_model::robot::{ArmState, ServoState};
-use hand_model::{ACTUATORS, ARM_JOINTS, Arm, Digit, Hand};
+use hand_model::{ACTUATORS, Arm, ArmVector, Digit, Hand};
 use nalgebra::Isometry3;
 use proving::simulated_world::World;
 
@@ -66,7 +66,7 @@ pub struct Mirror {
 
 impl Mirror {
     /// Of the robot that the controller of `world` knows, its arm at rest where it was measured (rad).
-    pub fn new(world: &World, arm: &[f64; ARM_JOINTS]) -> Result<Self, LimitsError> {
+    pub fn new(world: &World, arm: &ArmVector) -> Result<Self, LimitsError> {
         let masses = world.objects.iter().map(|object| (object.name.clone(), object.mass)).collect();
         Ok(Self {
             twin: Twin::new(world, arm),
@@ -150,7 +150,7 @@ impl Mirror {
     }
 
     /// Whether a joint of the arm, at `angles` (rad), is so near its stop that this may bear some of what loads the hand.
-    fn is_on_stop(&self, angles: &[f64; ARM_JOINTS]) -> bool {
+    fn is_on_stop(&self, angles: &[f64]) -> bool {
         let near = self.limits.hand.stop;
         self.arm.tree.joints.iter().zip(angles).any(|(joint, at)| at - joint.lower < near || joint.upper - at < near)
     }

@@ -11,7 +11,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 use anyhow::Result;
 use control::executive::Phase;
 use hand_model::robot::{ServoState, TactileFrame, TactileImage};
-use hand_model::{ACTUATORS, ARM_JOINTS};
+use hand_model::{ACTUATORS, ArmVector};
 use nalgebra::{Isometry3, Vector3};
 use scenarios::record::{Condition, TrialRecord};
 use sim::robot::Truth;
@@ -33,10 +33,9 @@ pub fn drawn(object: &ObjectModel, name: &str) -> DrawnObject {
 /// Where everything is, by `names` of the objects, and what touches.
 pub fn log_scene(recorder: &mut Recorder, truth: &Truth, names: &[String]) -> Result<()> {
     recorder.set_time(truth.time);
-    let (arm, hand) = truth.links.split_at(ARM_JOINTS);
     let inverse = truth.palm.inverse();
-    let hand: Vec<Isometry3<f64>> = hand.iter().map(|link| inverse * link).collect();
-    recorder.log_robot(arm, &truth.palm, &hand)?;
+    let hand: Vec<Isometry3<f64>> = truth.hand_links.iter().map(|link| inverse * link).collect();
+    recorder.log_robot(&truth.arm_links, &truth.palm, &hand)?;
     for (name, pose) in names.iter().zip(&truth.objects) {
         recorder.log_object(name, pose)?;
     }
@@ -52,7 +51,7 @@ pub fn log_signals(
     recorder: &mut Recorder,
     truth: &Truth,
     servos: &[ServoState; ACTUATORS],
-    posture: &[f64; ARM_JOINTS],
+    posture: &ArmVector,
     pose_errors: Vec<Option<PoseError>>,
 ) -> Result<()> {
     recorder.log_scalars(&SignalFrame {

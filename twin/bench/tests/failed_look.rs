@@ -5,14 +5,14 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
 use bench::body::replayed::ReplaySource;
-use bench::body::{BodySource, Glance, LookFailed, Places, Task, TrialBody, TrialSetup};
+use bench::body::{BodySource, Glance, LookFailed, Task, TrialBody, TrialSetup};
 use bench::builtin::make_bench;
 use bench::trial::NoWatcher;
 use control::percept::Sighted;
 use hand_model::robot::RobotBackend;
 use scenarios::Scenario;
 use scenarios::record::Condition;
-use session_log::{Images, Reader, Replay, Session};
+use session_log::{Reader, Replay, Session, Sizes};
 use sim::SimulatedRobot;
 use sim::robot::Truth;
 
@@ -59,28 +59,13 @@ fn a_session_that_ends_in_a_failed_look_replays() {
     let mut ended = 0;
     for combination in 0..4 {
         let file = folder.path().join(format!("{combination}.mcap"));
-        let task = Task {
-            robot: "sim".to_owned(),
-            seed: 1,
-            combination,
-            trial: 0,
-            condition: Condition::Reflex,
-            watched: false,
-            combos: 4,
-            scenario: String::new(),
-            robot_model: None,
-            individual: None,
-            pads: None,
-            foresees: false,
-            mirrored: false,
-            places: Places::default(),
-        };
+        let task = Task::new("sim", 1, [combination, 0, 4], Condition::Reflex);
         // A trial in which nobody looks again is none of these.
         let Err(error) = bench.play(&task, &mut Source(&file), &mut NoWatcher) else { continue };
         assert!(error.chain().any(|cause| cause.to_string().contains(WHY)), "{error:#}");
         ended += 1;
         let replay =
-            Replay::new(Reader::open(&file, Images::OfTheHand { cameras: 18 }).expect("whole")).expect("readable");
+            Replay::new(Reader::open(&file, Sizes::of(&RobotModel::ftac_gen3())).expect("whole")).expect("readable");
         let (mut source, report) = ReplaySource::new(replay, false);
         let again = bench.play(&task, &mut source, &mut NoWatcher).expect_err("the same failure");
         let failed = again.chain().find_map(|cause| cause.downcast_ref::<LookFailed>());

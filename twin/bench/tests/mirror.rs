@@ -37,12 +37,13 @@ const WITHIN: f64 = 0.5;
 /// The robot of `world` as drawn, its hand empty, and the command of the motion at `time` (s): the hand closes while the arm moves.
 fn robot(world: &World) -> SimulatedRobot {
     let cell = &world.cell;
-    let setup = SceneSetup { cables: world.cable_losses(), ..SceneSetup::ideal(cell.world_from_base, Arm::home()) };
+    let setup =
+        SceneSetup { cables: world.cable_losses(), ..SceneSetup::ideal(cell.world_from_base, Arm::gen3().home) };
     SimulatedRobot::new(&cell.robot, &setup, TactileBoard::blank())
 }
 
 fn command(time: f64) -> Command {
-    let mut arm = Arm::home();
+    let mut arm = Arm::gen3().home;
     arm[0] += 0.1 * time;
     let mut servos = [ServoGoal::Current(0.05 * (time / WINDING).min(1.0)); 6];
     servos[5] = ServoGoal::Current(0.0);

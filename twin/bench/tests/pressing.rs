@@ -2,7 +2,7 @@
 
 use bench::body::emulated::{SharedPlant, settings};
 use hand_model::robot::{Command, RobotBackend as _, ServoGoal};
-use hand_model::{ACTUATORS, ARM_JOINTS, Arm, Hand, RobotModel};
+use hand_model::{ACTUATORS, Arm, ArmVector, Hand, RobotModel};
 use hardware_bridge::config::{ArmLimitConfig, LimitConfig, SpaceConfig};
 use hardware_bridge::emulator::direct::DirectRobot;
 use hardware_bridge::safety::state::{Cause, State};
@@ -16,19 +16,19 @@ const SPEED: f64 = 0.05;
 const TICKS: usize = 360;
 
 /// The joint angles after the hand has moved by `step` (m) without turning: damped least squares.
-fn moved(arm: &Arm, q: &[f64; ARM_JOINTS], step: Vector3<f64>) -> [f64; ARM_JOINTS] {
+fn moved(arm: &Arm, q: &[f64], step: Vector3<f64>) -> ArmVector {
     let poses = arm.tree.forward(q);
-    let jacobian = arm.tree.jacobian(&poses, ARM_JOINTS - 1, &Point3::origin());
+    let jacobian = arm.tree.jacobian(&poses, arm.last_link(), &Point3::origin());
     let mut square = &jacobian * jacobian.transpose();
     (0..6).for_each(|n| square[(n, n)] += 1e-6);
     let twist = Vector6::new(step.x, step.y, step.z, 0.0, 0.0, 0.0);
     let change = square.cholesky().map(|root| jacobian.transpose() * root.solve(&twist)).expect("damped");
-    std::array::from_fn(|joint| q[joint] + change[joint])
+    q.iter().zip(&change).map(|(angle, change)| angle + change).collect()
 }
 
 /// With the hand flat, its lowest point so high over the table, m.
-fn over_table(arm: &Arm, hand: &Hand, height: f64) -> [f64; ARM_JOINTS] {
-    let lowest = |q: &[f64; ARM_JOINTS]| {
+fn over_table(arm: &Arm, hand: &Hand, height: f64) -> ArmVector {
+    let lowest = |q: &[f64]| {
         let palm = arm.tool_pose(q) * hand.palm_from_flange.inverse();
         let links = hand.tree.forward(&[0.0; 15]);
         let poses = std::iter::once(palm).chain(links.iter().map(|link| palm * link));
@@ -40,7 +40,7 @@ fn over_table(arm: &Arm, hand: &Hand, height: f64) -> [f64; ARM_JOINTS] {
         };
         poses.zip(covers).map(of).fold(f64::INFINITY, f64::min)
     };
-    let mut q = Arm::home();
+    let mut q = Arm::gen3().home;
     for _ in 0..200 {
         let left = height - lowest(&q);
         q = moved(arm, &q, Vector3::new(0.0, 0.0, left.clamp(-0.01, 0.01)));
@@ -76,10 +76,10 @@ fn press(limits: LimitConfig) -> (f64, f64, State) {
 fn without() -> LimitConfig {
     let most = 1e6;
     let arm = ArmLimitConfig {
-        acceleration: [most; ARM_JOINTS],
-        jerk: [most; ARM_JOINTS],
-        torque: [most; ARM_JOINTS],
-        residual: [most; ARM_JOINTS],
+        acceleration: [most; 7].into(),
+        jerk: [most; 7].into(),
+        torque: [most; 7].into(),
+        residual: [most; 7].into(),
         ..ArmLimitConfig::default()
     };
     let space =
@@ -101,7 +101,7 @@ fn an_arm_that_presses_on_the_table_is_stopped() {
 /// Where the arm feels nothing, the table itself is the bound.
 #[test]
 fn an_arm_without_torque_sensors_is_stopped_below_the_table() {
-    let arm = ArmLimitConfig { residual: [1e6; ARM_JOINTS], torque: [1e6; ARM_JOINTS], ..ArmLimitConfig::default() };
+    let arm = ArmLimitConfig { residual: [1e6; 7].into(), torque: [1e6; 7].into(), ..ArmLimitConfig::default() };
     let (_, _, state) = press(LimitConfig { arm, ..LimitConfig::default() });
     assert!(matches!(state, State::Hold(Cause::Table(..))), "{state}");
 }

@@ -5,7 +5,7 @@ use std::ops::Range;
 use std::path::PathBuf;
 
 use anyhow::Result;
-use bench::body::{BodySource, Glance, Places, Stopped, Task, TrialBody, TrialSetup};
+use bench::body::{BodySource, Glance, Stopped, Task, TrialBody, TrialSetup};
 use bench::builtin::make_bench;
 use bench::trial::{Bench, NoWatcher};
 use control::percept::Sighted;
@@ -92,22 +92,7 @@ impl BodySource for Source {
 const NEVER: Range<f64> = 0.0..0.0;
 
 fn play(bench: &Bench, condition: Condition, after: f64, silent: Range<f64>) -> Result<TrialRecord> {
-    let task = Task {
-        robot: "sim".to_owned(),
-        seed: 1,
-        combination: 0,
-        trial: 0,
-        condition,
-        watched: false,
-        combos: 1,
-        scenario: String::new(),
-        robot_model: None,
-        individual: None,
-        pads: None,
-        foresees: false,
-        mirrored: false,
-        places: Places::default(),
-    };
+    let task = Task::new("sim", 1, [0, 0, 1], condition);
     Ok(bench.play(&task, &mut Source { after, silent }, &mut NoWatcher)?.record)
 }
 

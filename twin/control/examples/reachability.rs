@@ -30,7 +30,7 @@ fn base_gap(kinematics: &ArmKinematics, q: &Joints) -> f64 {
 
 /// Whether the servo gets there from home: straight to 0.15 m above, then down, then to rest.
 fn walk(kinematics: &ArmKinematics, goal: &Isometry3<f64>, share: f64) -> Option<Rehearsal> {
-    let servo = ArmServo::new(kinematics.clone(), IkSettings::default(), Arm::home());
+    let servo = ArmServo::new(kinematics.clone(), IkSettings::default(), Arm::gen3().home);
     let servo = servo.ok()?;
     let above = Isometry3::translation(0.0, 0.0, 0.15) * goal;
     let path = PosePath::timed(&[servo.palm_pose(), above, *goal], PathLimits::default().scaled(share));
@@ -81,7 +81,7 @@ fn main() {
                     let (mut reached, mut clear) = (0, 0);
                     for y in [-0.25, -0.125, 0.0, 0.125, 0.25] {
                         let pose = Isometry3::from_parts(Translation3::new(x, y, z), *rotation);
-                        let found = kinematics.solutions(&pose, &Arm::home());
+                        let found = kinematics.solutions(&pose, &Arm::gen3().home);
                         if let Some(r) = walk(&kinematics, &pose, share) {
                             walked += 1;
                             lag = lag.max(r.worst_position_error);

@@ -6,7 +6,7 @@
 use std::f64::consts::FRAC_PI_2;
 
 use hand_model::robot::ServoGoal;
-use hand_model::{ACTUATORS, ARM_JOINTS};
+use hand_model::{ACTUATORS, ArmVector};
 
 use crate::Twist;
 use crate::inverse_kinematics::{IkError, Joints};
@@ -60,6 +60,9 @@ pub enum ActionError {
     /// A value is not a number, or out of its limits.
     #[error("{what}[{index}]: found {found}, expected {low} to {high} {unit}")]
     Range { what: &'static str, index: usize, found: f64, low: f64, high: f64, unit: &'static str },
+    /// Another number of set-points than the arm has joints.
+    #[error("arm joints: found {found} set-points, expected {expected}")]
+    Count { found: usize, expected: usize },
     /// The arm's reference cannot be moved.
     #[error(transparent)]
     Arm(#[from] IkError),
@@ -73,7 +76,7 @@ pub struct ActionLimits {
     /// Of each axis of its angular velocity, rad/s.
     pub turn_speed: f64,
     /// Of the arm's joints, rad; wide where a joint is continuous.
-    pub joints: [[f64; 2]; ARM_JOINTS],
+    pub joints: ArmVector<[f64; 2]>,
     /// Greatest tension of a cable, N.
     pub tension: f64,
     /// Of the opposition joint, rad.
@@ -93,7 +96,7 @@ impl ActionLimits {
         Self {
             speed,
             turn_speed,
-            joints: std::array::from_fn(|n| {
+            joints: cell.robot.arm.each(|n| {
                 let joint = &cell.robot.arm.tree.joints[n];
                 [joint.lower.max(-ENDLESS), joint.upper.min(ENDLESS)]
             }),
@@ -117,6 +120,9 @@ impl ActionLimits {
                 let (linear, angular) = twist.as_slice().split_at(3);
                 within("palm velocity", linear, |_| [-self.speed, self.speed], "m/s")?;
                 within("palm angular velocity", angular, |_| [-self.turn_speed, self.turn_speed], "rad/s")?;
+            }
+            ArmAction::Joints(joints) if joints.len() != self.joints.len() => {
+                return Err(ActionError::Count { found: joints.len(), expected: self.joints.len() });
             }
             ArmAction::Joints(joints) => within("arm joints", &joints, |n| self.joints[n], "rad")?,
         }

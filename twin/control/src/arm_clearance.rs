@@ -3,7 +3,7 @@
 //! Each link is a capsule from its joint to the next one's, the hand its palm and a box around the open digits. Links that a
 //! joint connects are not compared, nor the wrist with the palm it carries.
 
-use hand_model::{ARM_JOINTS, Digit, Hand};
+use hand_model::{Digit, Hand};
 use nalgebra::{Isometry3, Point3, Vector3};
 use parry3d_f64::math::Vector;
 use parry3d_f64::shape::SharedShape;
@@ -14,7 +14,7 @@ use crate::inverse_kinematics::{ArmKinematics, Joints};
 /// The bodies of arm and hand, each in its link's frame.
 #[derive(Clone)]
 pub struct ArmBodies {
-    /// Base, then the seven links.
+    /// Base, then the moving links.
     links: Vec<Solid>,
     /// Palm and digits, palm frame.
     hand: Vec<Solid>,
@@ -34,7 +34,7 @@ impl ArmBodies {
     pub fn new(kinematics: &ArmKinematics, hand: &Hand) -> Self {
         let arm = kinematics.arm();
         let ends = arm.tube_ends();
-        let links = (0..=ARM_JOINTS)
+        let links = (0..=arm.joints())
             .map(|n| {
                 let name = n.checked_sub(1).map_or("base", |link| arm.links[link].as_str());
                 let to = ends[n];
@@ -107,7 +107,7 @@ mod tests {
     #[test]
     fn upright_and_home_are_free() {
         let (kinematics, bodies) = arm();
-        for q in [[0.0; ARM_JOINTS], Arm::home()] {
+        for q in [[0.0; 7].into(), Arm::gen3().home] {
             let clearance = bodies.clearance(&kinematics, &q).expect("comparable");
             assert!(clearance.distance > 0.0, "{clearance:?}");
         }
@@ -117,7 +117,7 @@ mod tests {
     #[test]
     fn folded_in_it_runs_into_itself() {
         let (kinematics, bodies) = arm();
-        let q = [0.0, 0.0, 0.0, 2.5, 0.0, 2.0, 0.0];
+        let q = [0.0, 0.0, 0.0, 2.5, 0.0, 2.0, 0.0].into();
         let clearance = bodies.clearance(&kinematics, &q).expect("comparable");
         assert!(clearance.distance < 0.0, "{clearance:?}");
     }
@@ -126,8 +126,9 @@ mod tests {
     #[test]
     fn height_is_the_geometry_s() {
         let (kinematics, bodies) = arm();
-        let links = kinematics.link_poses(&[0.0; ARM_JOINTS]);
-        let lowest = bodies.height(&kinematics, &[0.0; ARM_JOINTS]).expect("comparable");
+        let upright = [0.0; 7].into();
+        let links = kinematics.link_poses(&upright);
+        let lowest = bodies.height(&kinematics, &upright).expect("comparable");
         assert!((lowest - (links[2].translation.z - kinematics.arm().radii[3])).abs() < 1e-9, "{lowest}");
     }
 }

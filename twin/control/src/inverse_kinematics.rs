@@ -13,7 +13,8 @@
 
 use std::sync::Arc;
 
-use hand_model::{ARM_JOINTS, Arm};
+use hand_model::Arm;
+use hand_model::arm::{ArmVector, MOST_ARM_JOINTS};
 use nalgebra::{Isometry3, SMatrix, SVector};
 use thiserror::Error;
 
@@ -25,10 +26,12 @@ mod servo;
 pub use program::QpPath;
 pub use servo::{ArmServo, IkStep, Rehearsal};
 
-/// Seven joint angles (rad) or speeds (rad/s).
-pub type Joints = [f64; ARM_JOINTS];
-pub(crate) type Jacobian = SMatrix<f64, 6, 7>;
-pub(crate) type Vector7 = SVector<f64, 7>;
+/// Angles (rad) or speeds (rad/s) of the arm's joints.
+pub type Joints = ArmVector;
+/// A column for each joint that an arm can have; 0 beyond the last.
+pub(crate) type Jacobian = SMatrix<f64, 6, MOST_ARM_JOINTS>;
+/// 0 beyond the last joint.
+pub(crate) type JointVector = SVector<f64, MOST_ARM_JOINTS>;
 
 /// Why a step could not be made.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
@@ -102,8 +105,6 @@ pub struct IkSettings {
     pub comfort_gain: f64,
     /// rad/s.
     pub comfort_speed: f64,
-    /// Comfortable posture, rad.
-    pub comfort: Joints,
     /// Share of the arm's published speed limits that is used.
     pub joint_speed_share: f64,
     /// Share of the arm's published acceleration limits that is used.
@@ -127,7 +128,6 @@ impl Default for IkSettings {
             singular_value: 0.04,
             comfort_gain: 1.0,
             comfort_speed: 0.3,
-            comfort: Arm::home(),
             joint_speed_share: 1.0,
             joint_acceleration_share: 1.0,
             joint_margin: 0.01,
@@ -162,15 +162,15 @@ impl ArmKinematics {
         self.mount.world_from_base * self.arm.tool_pose(q) * self.mount.tool_from_palm
     }
 
-    /// World poses of the arm's seven links at joint angles `q` (rad).
+    /// World poses of the arm's links at joint angles `q` (rad).
     pub fn link_poses(&self, q: &Joints) -> Vec<Isometry3<f64>> {
         self.arm.tree.forward(q).iter().map(|pose| self.mount.world_from_base * pose).collect()
     }
 
-    /// `world_from_palm` and the palm's Jacobian (rows: linear, angular, world axes).
-    pub fn jacobian(&self, q: &Joints) -> (Isometry3<f64>, SMatrix<f64, 6, 7>) {
+    /// `world_from_palm` and the palm's Jacobian (rows: linear, angular, world axes; columns: joints, 0 beyond the last).
+    pub fn jacobian(&self, q: &Joints) -> (Isometry3<f64>, SMatrix<f64, 6, MOST_ARM_JOINTS>) {
         let links = self.arm.tree.forward(q);
-        let palm = links[ARM_JOINTS - 1] * self.arm.last_from_tool * self.mount.tool_from_palm;
+        let palm = links[self.arm.last_link()] * self.arm.last_from_tool * self.mount.tool_from_palm;
         let turn = self.mount.world_from_base.rotation;
         let mut jacobian = Jacobian::zeros();
         for (i, link) in links.iter().enumerate() {

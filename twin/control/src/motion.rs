@@ -90,7 +90,7 @@ pub struct Motion {
 impl Motion {
     /// At rest in `servo`'s posture with slack cables; `tick` s is the length of a tick.
     pub fn new(hand: Arc<Hand>, servo: ArmServo, tick: f64) -> Result<Self, MotionError> {
-        let home = servo.palm_pose();
+        let (home, still) = (servo.palm_pose(), *servo.qd());
         Ok(Self {
             sequences_before: vec![None; hand.cameras.len()],
             hand,
@@ -102,7 +102,7 @@ impl Motion {
             images: Vec::new(),
             newest: Vec::new(),
             servos: Default::default(),
-            arm: ArmState::default(),
+            arm: ArmState::still(still),
             tick,
             worst_tracking: 0.0,
         })

@@ -35,7 +35,6 @@ impl Workcell {
 
     /// An arm servo at rest in a posture.
     pub fn arm_servo(&self, posture: Joints) -> Result<ArmServo, IkError> {
-        let settings = IkSettings { comfort: posture, ..IkSettings::default() };
-        ArmServo::new(self.kinematics(), settings, posture)
+        ArmServo::new(self.kinematics(), IkSettings::default(), posture)
     }
 }

@@ -40,7 +40,7 @@ fn goal_from_home(servo: &ArmServo) -> Isometry3<f64> {
 
 #[test]
 fn tracks_a_line_with_a_turn() {
-    let mut servo = servo(Arm::home());
+    let mut servo = servo(Arm::gen3().home);
     let goal = goal_from_home(&servo);
     let path = PosePath::timed(&[servo.palm_pose(), goal], PathLimits::default()).expect("valid");
     let (mut t, mut lag, mut turn_lag, mut saturated) = (0.0, 0.0f64, 0.0f64, 0);
@@ -66,7 +66,7 @@ fn tracks_a_line_with_a_turn() {
     assert!(last.position_error < 1e-3 && last.rotation_error < 0.2f64.to_radians());
     assert!(!last.saturated);
     for share in [0.8, 0.6, 0.5, 0.4] {
-        let servo = self::servo(Arm::home());
+        let servo = self::servo(Arm::gen3().home);
         let path = PosePath::timed(&[servo.palm_pose(), goal], PathLimits::default().scaled(share)).expect("valid");
         let r = servo.rehearse(&path, 0.2, DT).expect("valid");
         println!(
@@ -89,7 +89,7 @@ fn tracks_a_line_with_a_turn() {
 
 #[test]
 fn reaches_a_step_target_without_feedforward() {
-    let mut servo = servo(Arm::home());
+    let mut servo = servo(Arm::gen3().home);
     let goal = goal_from_home(&servo);
     let mut time = 0.0;
     let mut last = checked(&mut servo, &goal, &Twist::zeros(), DT);
@@ -104,7 +104,7 @@ fn reaches_a_step_target_without_feedforward() {
 #[test]
 fn out_of_reach_is_reported_and_calm() {
     for far in [Vector3::new(2.0, 0.3, 0.2), Vector3::new(0.0, 0.0, 3.0), Vector3::new(0.05, 0.0, 0.05)] {
-        let mut servo = servo(Arm::home());
+        let mut servo = servo(Arm::gen3().home);
         let goal = Isometry3::from_parts(far.into(), servo.palm_pose().rotation);
         let mut last = checked(&mut servo, &goal, &Twist::zeros(), DT);
         for _ in 0..3000 {
@@ -120,7 +120,7 @@ fn out_of_reach_is_reported_and_calm() {
         if far.norm() < 1.0 {
             continue;
         }
-        let back = servo.kinematics().palm_pose(&Arm::home());
+        let back = servo.kinematics().palm_pose(&Arm::gen3().home);
         for _ in 0..1600 {
             last = checked(&mut servo, &back, &Twist::zeros(), DT);
         }
@@ -130,19 +130,19 @@ fn out_of_reach_is_reported_and_calm() {
 
 #[test]
 fn bad_input_is_refused() {
-    let mut servo = servo(Arm::home());
+    let mut servo = servo(Arm::gen3().home);
     let here = servo.palm_pose();
     assert_eq!(servo.step(&here, &Twist::zeros(), 0.0), Err(IkError::TimeStep(0.0)));
     let nowhere = Isometry3::translation(f64::NAN, 0.0, 0.0);
     assert_eq!(servo.step(&nowhere, &Twist::zeros(), DT), Err(IkError::Target));
     let kinematics = servo.kinematics().clone();
-    let bent = [0.0, 3.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+    let bent = [0.0, 3.0, 0.0, 0.0, 0.0, 0.0, 0.0].into();
     assert!(matches!(ArmServo::new(kinematics, IkSettings::default(), bent), Err(IkError::Posture { joint: 2, .. })));
 }
 
 #[test]
 fn brakes_to_rest() {
-    let mut servo = servo(Arm::home());
+    let mut servo = servo(Arm::gen3().home);
     let goal = goal_from_home(&servo);
     for _ in 0..60 {
         checked(&mut servo, &goal, &Twist::zeros(), DT);
@@ -151,13 +151,13 @@ fn brakes_to_rest() {
     for _ in 0..60 {
         servo.brake(DT).expect("valid");
     }
-    assert_eq!(servo.qd(), &[0.0; 7]);
+    assert_eq!(servo.qd()[..], [0.0; 7]);
 }
 
 /// Not an assertion on time (machines differ): prints what a step costs, apart for both ways of solving.
 #[test]
 fn time_per_step() {
-    let mut servo = servo(Arm::home());
+    let mut servo = servo(Arm::gen3().home);
     let start = servo.palm_pose();
     let goals = [goal_from_home(&servo), start, Isometry3::translation(2.0, 0.3, 0.2) * start];
     let (mut interior, mut bounded) = (Vec::new(), Vec::new());
@@ -180,7 +180,7 @@ proptest! {
     /// Whatever the targets, however they jump and whatever they claim to move with: limits hold.
     #[test]
     fn limits_hold_over_random_targets(raw in proptest::collection::vec(-1.0f64..1.0, 5 * 12), dt in 0.001f64..0.02) {
-        let mut servo = servo(Arm::home());
+        let mut servo = servo(Arm::gen3().home);
         for c in raw.chunks(12) {
             let target = Isometry3::new(Vector3::new(c[0], c[1], c[2] + 0.4), Vector3::new(c[3], c[4], c[5]) * 3.0);
             let twist = Twist::from_column_slice(&c[6..12]) * 0.3;
@@ -194,13 +194,13 @@ proptest! {
     #[test]
     fn solve_finds_reachable_poses(raw in proptest::collection::vec(-1.0f64..1.0, 7)) {
         let kinematics = ArmKinematics::new(Arm::gen3(), Mount::of_hand(&Hand::ftac(), 0.1));
-        let q: Joints = std::array::from_fn(|i| raw[i] * [PI, 2.0, PI, 2.4, PI, 1.9, PI][i]);
+        let q: Joints = raw.iter().zip([PI, 2.0, PI, 2.4, PI, 1.9, PI]).map(|(share, most)| share * most).collect();
         let pose = kinematics.palm_pose(&q);
-        let found = kinematics.solve(&pose, &Arm::home()).expect("reachable");
+        let found = kinematics.solve(&pose, &Arm::gen3().home).expect("reachable");
         prop_assert!(kinematics.within_limits(&found, 0.0).is_ok());
         let reached = kinematics.palm_pose(&found);
         prop_assert!((reached.translation.vector - pose.translation.vector).norm() < 1e-5);
         prop_assert!(reached.rotation.angle_to(&pose.rotation) < 1e-4);
-        prop_assert_eq!(kinematics.solve(&pose, &Arm::home()), Some(found));
+        prop_assert_eq!(kinematics.solve(&pose, &Arm::gen3().home), Some(found));
     }
 }

@@ -24,7 +24,7 @@ use proving::rehearsal::{Snapshot, in_grip};
 use proving::simulated_world::World;
 use scenarios::record::Condition;
 use serde::{Deserialize, Serialize};
-use session_log::{Event, Images, Reader, Recorder, Session, Writer};
+use session_log::{Event, Reader, Recorder, Session, Sizes, Writer};
 use sim::robot::Truth;
 
 use self::kind::{Expected, Kind, Teller, tick};
@@ -438,7 +438,7 @@ fn fastest_joint(robot: &mut LockstepRobot) -> f64 {
 
 /// Ticks in a recording, and whether it was finished.
 fn ticks_in(file: &Path) -> Result<(u64, bool)> {
-    let mut reader = Reader::open(file, Images::Any)?;
+    let mut reader = Reader::open(file, Sizes::Any)?;
     let mut ticks = 0;
     while let Some((_, event)) = reader.next_event()? {
         ticks += u64::from(matches!(event, Event::Tick(_)));

@@ -1,7 +1,7 @@
 //! Injections for the viewer.
 
 use anyhow::Result;
-use bench::body::{Places, Task};
+use bench::body::Task;
 use bench::recording::{Began, Recording};
 use control::executive::Phase;
 use scenarios::record::Condition;
@@ -23,21 +23,11 @@ impl Matrix<'_> {
         if targets.is_empty() {
             return Ok(None);
         }
+        let combos = self.bench.plans.plans.len();
         let task = Task {
-            robot: "emulated".to_owned(),
-            seed: self.seed,
-            combination: round % self.bench.plans.plans.len(),
-            trial: round,
-            condition: Condition::Ideal,
             watched: true,
-            combos: self.bench.plans.plans.len(),
             scenario: scenarios::scenario::BENCHMARK.to_owned(),
-            robot_model: None,
-            individual: None,
-            pads: None,
-            foresees: false,
-            mirrored: false,
-            places: Places::default(),
+            ..Task::new("emulated", self.seed, [round % combos, round, combos], Condition::Ideal)
         };
         Recording::open(&targets, self.bench, &task, (Began::Now, false)).map(Some)
     }

@@ -1,7 +1,7 @@
 //! Every goal that reaches the emulated devices, held to its limits.
 
+use hand_model::Arm;
 use hand_model::robot::{RobotBackend as _, ServoGoal};
-use hand_model::{ARM_JOINTS, Arm};
 use hardware_bridge::config::LimitConfig;
 use hardware_bridge::emulator::lockstep::LockstepRobot;
 use hardware_bridge::safety::limits::BEYOND;
@@ -52,13 +52,13 @@ impl Watch {
             self.outside += u64::from(!within || (step > allowed && !held));
             self.unchanged[n] = if step == 0.0 { self.unchanged[n] + 1 } else { 1 };
         }
-        self.checked += (angles.len() + ARM_JOINTS) as u64;
+        self.checked += (angles.len() + self.arm.step.len()) as u64;
         self.before = Some(angles);
         let status = robot.arm().status();
         let steps = status.commands.largest_step;
-        self.outside += (0..ARM_JOINTS).filter(|i| steps[*i] > self.arm.step[*i] + 1e-6).count() as u64;
+        self.outside += (0..self.arm.step.len()).filter(|i| steps[*i] > self.arm.step[*i] + 1e-6).count() as u64;
         let goal = robot.devices().arm_joints().goal();
-        self.outside += (0..ARM_JOINTS)
+        self.outside += (0..self.arm.step.len())
             .filter(|i| !(self.arm.lower[*i] - 1e-6..=self.arm.upper[*i] + 1e-6).contains(&goal[*i]))
             .count() as u64;
     }

@@ -1,16 +1,15 @@
 //! What pushes on the hand, from the torques of the arm's joints.
 
-pub use hand_model::load::weight;
-use hand_model::load::{Torques, held};
+pub use hand_model::load::{Torques, held, torques, weight};
 use hand_model::robot::ArmState;
-use hand_model::{ARM_JOINTS, Arm, GRAVITY, RobotModel};
+use hand_model::{Arm, GRAVITY, RobotModel};
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 
 /// Something is in the hand where at least this share of its weight is felt.
 const FELT: f64 = 0.5;
 
 /// The palm of a robot whose encoders show `angles`, in the frame of the arm's base.
-pub(crate) fn palm(robot: &RobotModel, angles: &[f64; ARM_JOINTS]) -> Isometry3<f64> {
+pub(crate) fn palm(robot: &RobotModel, angles: &[f64]) -> Isometry3<f64> {
     let RobotModel { hand, arm, .. } = robot;
     arm.tool_pose(angles) * hand.palm_from_flange.inverse()
 }
@@ -27,7 +26,7 @@ pub(crate) fn bears(own: &RobotModel, states: [&ArmState; 2], mass: f64) -> bool
 
 /// Torques that hold the last link of an arm whose links are at `poses` against a `force` (N) at a point of it, N m.
 pub(crate) fn held_by_last(arm: &Arm, poses: &[Isometry3<f64>], point: &Point3<f64>, force: &Vector3<f64>) -> Torques {
-    held(arm, poses, ARM_JOINTS - 1, point, force)
+    held(arm, poses, arm.last_link(), point, force)
 }
 
 /// The force (N, axes of the arm's base) at `point` of the hand that explains best by how much the arm's torques `now` differ from those `before`,
@@ -35,9 +34,9 @@ pub(crate) fn held_by_last(arm: &Arm, poses: &[Isometry3<f64>], point: &Point3<f
 pub fn force(robot: &RobotModel, [before, now]: [&ArmState; 2], point: &Point3<f64>) -> Option<Vector3<f64>> {
     let arm = &robot.arm;
     let heavier = weight(robot, &now.position) - weight(robot, &before.position);
-    let more = Torques::from(arm.borne(&now.torque)) - Torques::from(arm.borne(&before.torque)) - heavier;
+    let more = torques(&arm.borne(&now.torque)) - torques(&arm.borne(&before.torque)) - heavier;
     let poses = arm.tree.forward(&now.position);
-    let slopes = [0, 1, 2].map(|axis| held(arm, &poses, ARM_JOINTS - 1, point, &Vector3::ith(axis, 1.0)));
+    let slopes = [0, 1, 2].map(|axis| held(arm, &poses, arm.last_link(), point, &Vector3::ith(axis, 1.0)));
     let square = Matrix3::from_fn(|i, j| slopes[i].dot(&slopes[j]));
     let sums = Vector3::from_fn(|i, _| slopes[i].dot(&more));
     square.cholesky().map(|root| root.solve(&sums))
@@ -45,6 +44,8 @@ pub fn force(robot: &RobotModel, [before, now]: [&ArmState; 2], point: &Point3<f
 
 #[cfg(test)]
 mod tests {
+    use hand_model::ArmVector;
+
     use super::*;
 
     /// A force is found again from the torques that hold it, wherever the arm has gone meanwhile.
@@ -52,13 +53,14 @@ mod tests {
     fn a_force_is_found_again() {
         let robot = RobotModel::ftac_gen3();
         let arm = &robot.arm;
-        let (from, to) = (Arm::home(), Arm::home().map(|angle| angle + 0.07));
+        let from = arm.home;
+        let to: ArmVector = from.iter().map(|angle| angle + 0.07).collect();
         let push = Vector3::new(0.4, -1.1, 2.3);
         let point = arm.tool_pose(&to) * Point3::new(0.01, -0.03, 0.1);
-        let of = |angles: [f64; ARM_JOINTS], force: Vector3<f64>| {
+        let of = |angles: ArmVector, force: Vector3<f64>| {
             let torque =
-                weight(&robot, &angles) + held(arm, &arm.tree.forward(&angles), ARM_JOINTS - 1, &point, &force);
-            ArmState { position: angles, velocity: [0.0; ARM_JOINTS], torque: torque.into() }
+                weight(&robot, &angles) + held(arm, &arm.tree.forward(&angles), arm.last_link(), &point, &force);
+            ArmState { position: angles, velocity: arm.each(|_| 0.0), torque: torque.iter().copied().collect() }
         };
         let found = force(&robot, [&of(from, Vector3::zeros()), &of(to, push)], &point).expect("a force");
         assert!((found - push).norm() < 1e-9, "{found}");

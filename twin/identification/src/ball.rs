@@ -6,7 +6,7 @@
 
 use control::inverse_kinematics::{ArmKinematics, Joints, Mount};
 use hand_model::hand::CoverShape;
-use hand_model::{ARM_JOINTS, HAND_JOINTS, Hand, RobotModel};
+use hand_model::{HAND_JOINTS, Hand, RobotModel};
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -178,7 +178,7 @@ pub fn approach(
             let seed = way.last().unwrap_or(&hover);
             let next = kinematics.solve(&palm_at(&turn, early - look as f64 * ball.stride), seed)?;
             // Another branch of the arm's posture is no straight way.
-            if (0..ARM_JOINTS).any(|joint| (next[joint] - seed[joint]).abs() > 0.5) {
+            if (0..next.len()).any(|joint| (next[joint] - seed[joint]).abs() > 0.5) {
                 return None;
             }
             way.push(next);
@@ -215,7 +215,7 @@ pub(crate) fn straight(from: &Joints, to: &Joints, pieces: usize) -> impl Iterat
     let (from, to) = (*from, *to);
     (0..=pieces).map(move |n| {
         let share = n as f64 / pieces as f64;
-        std::array::from_fn(|joint| from[joint] + share * (to[joint] - from[joint]))
+        from.iter().zip(to).map(|(from, to)| from + share * (to - from)).collect()
     })
 }
 
@@ -241,7 +241,7 @@ pub fn round(robot: &RobotModel, ball: &Ball, middle: &Point3<f64>, [from, to]: 
     };
     let above = |at: &Joints, by: f64| {
         let up = kinematics.solve(&(Translation3::new(0.0, 0.0, by) * kinematics.palm_pose(at)), at)?;
-        (0..ARM_JOINTS).all(|joint| (up[joint] - at[joint]).abs() < MOST_RISE).then_some(up)
+        (0..up.len()).all(|joint| (up[joint] - at[joint]).abs() < MOST_RISE).then_some(up)
     };
     if free(from, to) {
         return Some(Vec::new());

@@ -2,7 +2,7 @@
 
 use hand_model::robot::{Command, ServoGoal};
 use hand_model::transmission::friction::CableLosses;
-use hand_model::{ACTUATORS, ARM_JOINTS, Digit, Hand, RobotModel};
+use hand_model::{ACTUATORS, ArmVector, Digit, Hand, RobotModel};
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion};
 use plant::Gel;
 use plant::RobotIndividual;
@@ -100,7 +100,7 @@ pub fn body(
     individual: &RobotIndividual,
     nominal: &RobotModel,
     losses: CableLosses,
-    start: [f64; ARM_JOINTS],
+    start: ArmVector,
 ) -> SimulatedRobot {
     let setup = SceneSetup { cables: losses, ..SceneSetup::ideal(Isometry3::identity(), start) };
     SimulatedRobot::new(&individual.robot(nominal), &setup, TactileBoard::blank())
@@ -170,7 +170,7 @@ pub fn excited_body(
     individual: &RobotIndividual,
     nominal: &RobotModel,
     losses: CableLosses,
-    start: [f64; ARM_JOINTS],
+    start: ArmVector,
     surroundings: &Surroundings,
 ) -> Result<SimulatedRobot, GeometryError> {
     let mut objects = Vec::new();
@@ -208,7 +208,7 @@ pub fn reach(
     truth: &RobotIndividual,
     believed: &RobotIndividual,
     nominal: &RobotModel,
-    start: &[f64; ARM_JOINTS],
+    start: &[f64],
     bend: f64,
 ) -> Vec<f64> {
     let mut registered = believed.clone();
@@ -220,7 +220,7 @@ pub fn reach(
     let mut rng = ChaCha8Rng::seed_from_u64(1);
     let mut errors = Vec::new();
     for _ in 0..REACHES {
-        let shown: [f64; ARM_JOINTS] = std::array::from_fn(|joint| start[joint] + rng.random_range(-0.5..0.5));
+        let shown: ArmVector = start.iter().map(|angle| angle + rng.random_range(-0.5..0.5)).collect();
         let tips = bodies.each_ref().map(|RobotModel { hand, arm, .. }| {
             let palm = arm.tool_pose(&shown) * hand.palm_from_flange.inverse();
             let links = hand.tree.forward(&joints);
@@ -240,18 +240,19 @@ const STAIRS: [f64; 10] = [0.02, 0.055, 0.03, 0.06, 0.065, 0.015, 0.045, 0.05, 0
 const STAIR: f64 = 0.4;
 /// For so long the hand opens before them, s.
 const LED: f64 = 1.0;
-/// Added to the arm's posture for them, rad: no posture of the script.
-const TURN: [f64; ARM_JOINTS] = [0.0, 0.0, 0.0, 0.0, 0.0, 0.4, 0.8];
+/// Added to the last two joints of the arm's posture for them, rad: no posture of the script.
+const TURN: [f64; 2] = [0.4, 0.8];
 
 /// Plays the stairs on the true robot, and on the twins of the hands `believed`; `start` is the arm's ready posture.
 pub fn compare(
     truth: &RobotIndividual,
     nominal: &RobotModel,
     losses: CableLosses,
-    start: &[f64; ARM_JOINTS],
+    start: &[f64],
     believed: &[&RobotIndividual],
 ) -> Vec<Differences> {
-    let start = std::array::from_fn(|joint| start[joint] + TURN[joint]);
+    let mut start: ArmVector = start.iter().copied().collect();
+    start.iter_mut().rev().zip(TURN.iter().rev()).for_each(|(angle, turn)| *angle += turn);
     let hand = &nominal.hand;
     let real = truth.hand(hand);
     let hands: Vec<Hand> = believed.iter().map(|own| own.hand(hand)).collect();

@@ -6,7 +6,7 @@ use control::outage::Outage;
 use grasping::Grasp;
 use hand_model::robot::{ArmState, Command, Readings, RobotBackend, RobotError, ServoGoal, ServoState};
 use hand_model::transmission::friction::CableFriction;
-use hand_model::{ACTUATORS, ARM_JOINTS, Hand, RobotModel};
+use hand_model::{ACTUATORS, ArmVector, Hand, RobotModel};
 use serde::{Deserialize, Serialize};
 use touch::PhotometricCalibration;
 
@@ -127,7 +127,7 @@ pub struct Means<'a> {
     /// What guides take as drawn: servos pull that much harder.
     pub friction: CableFriction,
     /// Posture that the script's turn from, rad.
-    pub ready: [f64; ARM_JOINTS],
+    pub ready: ArmVector,
 }
 
 /// Plays the script's steps from `first` on, from wherever the robot stands. `heard` is told of
@@ -206,7 +206,7 @@ struct Player<'a, R> {
     /// Of the newest observation, s.
     time: f64,
     /// Set-points, rad.
-    arm: [f64; ARM_JOINTS],
+    arm: ArmVector,
     /// What the arm last reported.
     felt: ArmState,
     /// What the servos last reported.
@@ -268,16 +268,16 @@ impl<R: RobotBackend> Player<'_, R> {
     }
 
     /// Takes an arm that is held back to where the way was free, from where the robot has it.
-    fn goes_back(&mut self, to: &[f64; ARM_JOINTS], goes_on: &mut impl FnMut(&mut R) -> bool) -> bool {
+    fn goes_back(&mut self, to: &[f64], goes_on: &mut impl FnMut(&mut R) -> bool) -> bool {
         (self.held, self.lag, self.grip) = (None, None, None);
         self.arm = self.felt.position;
         self.go(to, goes_on)
     }
 
     /// Notes where the robot has `sent` the arm (rad). The joint that is furthest from where it was asked to go, once that has lasted too long.
-    fn lags(&mut self, sent: &[f64; ARM_JOINTS]) -> Option<ArmHeld> {
+    fn lags(&mut self, sent: &[f64]) -> Option<ArmHeld> {
         let off = |joint: &usize| (self.arm[*joint] - sent[*joint]).abs();
-        let worst = (0..ARM_JOINTS).max_by(|a, b| off(a).total_cmp(&off(b))).filter(|joint| off(joint) > HELD);
+        let worst = (0..sent.len()).max_by(|a, b| off(a).total_cmp(&off(b))).filter(|joint| off(joint) > HELD);
         let since = self.lag.map_or(self.time, |lag| lag.since);
         self.lag = worst.map(|joint| ArmHeld { joint: joint + 1, asked: self.arm[joint], sent: sent[joint], since });
         self.lag.filter(|_| self.time - since > HELD_TIME)
@@ -296,12 +296,12 @@ impl<R: RobotBackend> Player<'_, R> {
 
     fn motion(
         &mut self,
-        (hand, ready): (&Hand, &[f64; ARM_JOINTS]),
+        (hand, ready): (&Hand, &[f64]),
         posture: &Posture,
         motion: &Motion,
         goes_on: &mut impl FnMut(&mut R) -> bool,
     ) -> bool {
-        let target: [f64; ARM_JOINTS] = std::array::from_fn(|joint| ready[joint] + posture.turn[joint]);
+        let target: ArmVector = ready.iter().zip(posture.turn).map(|(ready, turn)| ready + turn).collect();
         if !self.go(&target, goes_on) || !self.open(self.script.open_time, goes_on) {
             return false;
         }
@@ -374,14 +374,14 @@ impl<R: RobotBackend> Player<'_, R> {
     }
 
     /// Moves the arm's set-points in a straight line, all joints at once, at the script's speed.
-    fn go(&mut self, target: &[f64; ARM_JOINTS], goes_on: &mut impl FnMut(&mut R) -> bool) -> bool {
+    fn go(&mut self, target: &[f64], goes_on: &mut impl FnMut(&mut R) -> bool) -> bool {
         self.go_at(target, self.script.arm_speed, goes_on)
     }
 
     /// Goes slowly, and stops where `met` is true of what the arm feels for a few ticks: whether it was. None if it was told to stop.
     fn go_until(
         &mut self,
-        target: &[f64; ARM_JOINTS],
+        target: &[f64],
         met: impl Fn(&ArmState) -> bool,
         goes_on: &mut impl FnMut(&mut R) -> bool,
     ) -> Option<bool> {
@@ -399,7 +399,7 @@ impl<R: RobotBackend> Player<'_, R> {
     }
 
     /// The same at `speed` (rad/s) of the fastest joint.
-    fn go_at(&mut self, target: &[f64; ARM_JOINTS], speed: f64, goes_on: &mut impl FnMut(&mut R) -> bool) -> bool {
+    fn go_at(&mut self, target: &[f64], speed: f64, goes_on: &mut impl FnMut(&mut R) -> bool) -> bool {
         while self.step(target, speed) {
             if !self.tick(goes_on) {
                 return false;
@@ -409,8 +409,8 @@ impl<R: RobotBackend> Player<'_, R> {
     }
 
     /// Moves the set-points by a tick at `speed` (rad/s) of the fastest joint; false where they are there.
-    fn step(&mut self, target: &[f64; ARM_JOINTS], speed: f64) -> bool {
-        let way: [f64; ARM_JOINTS] = std::array::from_fn(|joint| target[joint] - self.arm[joint]);
+    fn step(&mut self, target: &[f64], speed: f64) -> bool {
+        let way: ArmVector = target.iter().zip(self.arm).map(|(target, at)| target - at).collect();
         let longest = way.iter().fold(0.0_f64, |longest, way| longest.max(way.abs()));
         if longest < THERE {
             return false;

@@ -8,7 +8,7 @@
 //! with the springs' rests of neighbouring joints moved apart, either way. Dry friction makes the residuals rough: slopes are those of secants.
 
 use hand_model::transmission::friction::CableLosses;
-use hand_model::{ARM_JOINTS, Hand, RobotModel};
+use hand_model::{ArmVector, Hand, RobotModel};
 use least_squares::{Options, Problem, Solution};
 use nalgebra::DMatrix;
 use plant::RobotIndividual;
@@ -266,11 +266,11 @@ pub fn fit(
 
 /// The samples' residuals `at` in pieces: those of all motions in one posture of the arm.
 fn by_posture(motions: &[FreeMotion], at: &[f64]) -> Vec<Piece> {
-    let mut pieces: Vec<([f64; ARM_JOINTS], Piece)> = Vec::new();
+    let mut pieces: Vec<(ArmVector, Piece)> = Vec::new();
     let mut row = 0;
     for motion in motions {
         let shown = motion.arm[motion.lead_in];
-        let near = |other: &[f64; ARM_JOINTS]| shown.iter().zip(other).all(|(a, b)| (a - b).abs() < SAME_POSTURE);
+        let near = |other: &[f64]| shown.iter().zip(other).all(|(a, b)| (a - b).abs() < SAME_POSTURE);
         let known = pieces.iter().position(|(other, _)| near(other));
         let piece = known.unwrap_or_else(|| {
             pieces.push((shown, Vec::new()));
@@ -323,7 +323,7 @@ mod tests {
         let goals: Vec<ServoGoal> =
             (0..2 * ramp).map(|n| ServoGoal::Current((1e3 * current(n)).round() / 1e3)).collect();
         let n = goals.len();
-        let (arm, opposition, gravity) = (vec![[0.0; ARM_JOINTS]; n], vec![0.0; n], vec![gravity; n]);
+        let (arm, opposition, gravity) = (vec![[0.0; 7].into(); n], vec![0.0; n], vec![gravity; n]);
         let mut motion =
             FreeMotion { actuator, tick, lead_in: 0, goals, angles: vec![0.0; n], opposition, arm, gravity };
         let step = std::f64::consts::TAU / 4096.0;
@@ -337,14 +337,14 @@ mod tests {
         let robot = RobotModel::ftac_gen3();
         let hand = &robot.hand;
         let losses = CableLosses { friction: hand.parameters.cable.friction, backlash: 0.0 };
-        let mut truth = RobotIndividual::designed(hand);
+        let mut truth = RobotIndividual::designed(&robot);
         let rests = [4, 5].map(|joint| truth.place(Quantity::SpringRest, joint).unwrap());
         for (place, rest) in rests.into_iter().zip([0.06, -0.05]) {
             truth.set(place, rest);
         }
         let sides = [Vector3::new(0.0, 0.0, -9.8), Vector3::new(0.0, 0.0, 9.8)];
         let motions = sides.map(|gravity| shown(&truth.hand(hand), losses, 1, 2.0, gravity));
-        let designed = RobotIndividual::designed(hand);
+        let designed = RobotIndividual::designed(&robot);
         // The arm of these motions stands for none.
         let touches = KinematicCalibration::unknown(&designed);
         let found = fit(&robot, losses, &motions, &designed, &touches);

@@ -1,7 +1,7 @@
 //! Pieces of a session in which one actuator winds under current while nothing but its own digit is in its way.
 
 use hand_model::robot::{Observation, ServoGoal};
-use hand_model::{ARM_JOINTS, GRAVITY, RobotModel};
+use hand_model::{ArmVector, GRAVITY, RobotModel};
 use nalgebra::{Isometry3, Vector3};
 
 use crate::trace::{Row, Trace};
@@ -22,7 +22,7 @@ pub struct FreeMotion {
     /// Angle of the opposition servo, rad.
     pub opposition: Vec<f64>,
     /// What the arm's encoders showed, rad.
-    pub arm: Vec<[f64; ARM_JOINTS]>,
+    pub arm: Vec<ArmVector>,
     /// Gravity along the palm's axes, m/s2.
     pub gravity: Vec<Vector3<f64>>,
 }
@@ -86,7 +86,7 @@ impl FreeMotion {
 }
 
 /// Gravity along the palm's axes of an arm whose encoders show `shown`, m/s2; its base stands upright.
-fn gravity(robot: &RobotModel, shown: &[f64; ARM_JOINTS]) -> Vector3<f64> {
+fn gravity(robot: &RobotModel, shown: &[f64]) -> Vector3<f64> {
     let RobotModel { hand, arm, .. } = robot;
     let palm: Isometry3<f64> = arm.tool_pose(shown) * hand.palm_from_flange.inverse();
     palm.rotation.inverse() * Vector3::new(0.0, 0.0, -GRAVITY)

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use hand_model::transmission::friction::CableLosses;
-use hand_model::{ACTUATORS, ARM_JOINTS, Hand, RobotModel};
+use hand_model::{ACTUATORS, Hand, RobotModel};
 use nalgebra::DMatrix;
 use plant::RobotIndividual;
 use plant::identified::{Covariance, Estimate, IdentifiedRobot};
@@ -53,7 +53,7 @@ pub fn identify(
     let hand = &robot.hand;
     // Of one robot, no session may be counted twice.
     let distinct: BTreeMap<&str, &Trace> = traces.iter().map(|trace| (trace.source.sha256.as_str(), trace)).collect();
-    let designed = prior(hand);
+    let designed = prior(robot);
     let ball = distinct.values().find_map(|trace| trace.ball.as_ref());
     let looks: Vec<Vec<LookTouch>> = ball.map_or_else(Vec::new, |ball| {
         distinct.values().map(|trace| look_touches(hand, pads, ball.radius, &trace.pressed)).collect()
@@ -70,7 +70,7 @@ pub fn identify(
     let gains = weighed.filter_map(|weighed| weigh(robot, &kinematics, weighed)).next_back();
     let gains = gains.unwrap_or_else(|| Gains::unknown(&prior));
     let gain_places: Vec<usize> =
-        (0..ARM_JOINTS).filter_map(|joint| prior.place(Quantity::ArmTorqueGain, joint)).collect();
+        (0..robot.arm.joints()).filter_map(|joint| prior.place(Quantity::ArmTorqueGain, joint)).collect();
     gain_places.iter().zip(gains.deviations).for_each(|(place, deviation)| prior.set(*place, deviation));
     let own = prior.robot(robot);
     let mechanics_with = |own: &RobotModel| {
@@ -82,7 +82,7 @@ pub fn identify(
         }
         shown.together(ball.and_then(|ball| ball.slide.as_ref()))
     };
-    let moved: Vec<PadMechanics> = (0..ARM_JOINTS)
+    let moved: Vec<PadMechanics> = (0..robot.arm.joints())
         .into_par_iter()
         .map(|joint| {
             let mut arm = (*own.arm).clone();
@@ -153,7 +153,7 @@ pub fn identify(
         }
     }
     let sources = distinct.values().map(|trace| trace.source.clone()).collect();
-    let robot = IdentifiedRobot::new(hand, estimates, covariances, sources);
+    let robot = IdentifiedRobot::new(robot, estimates, covariances, sources);
     let fits = fits.try_into().unwrap_or_else(|_| unreachable!("a fit for each actuator"));
     Ok(Identification { robot, fits, kinematics, gains })
 }
@@ -184,8 +184,8 @@ fn block(estimates: &[Estimate], places: &[usize], covariance: &DMatrix<f64>) ->
 }
 
 /// What is known before any session: the mean of all robots built from the drawing.
-fn prior(hand: &Hand) -> RobotIndividual {
-    let mut prior = RobotIndividual::designed(hand);
+fn prior(robot: &RobotModel) -> RobotIndividual {
+    let mut prior = RobotIndividual::designed(robot);
     for place in 0..prior.parameters().len() {
         let mean = prior.parameters()[place].spread.mean;
         prior.set(place, mean);

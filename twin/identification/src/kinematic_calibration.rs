@@ -291,7 +291,7 @@ impl KinematicCalibration {
 mod tests {
     use rand::{RngExt as _, SeedableRng as _};
 
-    use hand_model::Arm;
+    use hand_model::{Arm, ArmVector};
 
     use super::*;
     use crate::evaluation::{median, reach};
@@ -306,7 +306,7 @@ mod tests {
         let middle = ball.middle() + Vector3::new(0.002, -0.001, 0.003);
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(4);
         let touches = (0..5 * hand.cameras.len()).map(|n| {
-            let shown = Arm::home().map(|angle| angle + rng.random_range(-0.6..0.6));
+            let shown: ArmVector = Arm::gen3().home.iter().map(|angle| angle + rng.random_range(-0.6..0.6)).collect();
             let bare = Touch {
                 camera: n % hand.cameras.len(),
                 arm: shown,
@@ -324,9 +324,9 @@ mod tests {
     /// Touches that are exact show a robot to a fraction of a millimetre, and the place of the ball.
     #[test]
     fn exact_touches_show_the_robot() {
-        let ball = Script::standard(&Hand::ftac()).expect("valid").ball.expect("a ball");
-        let designed = RobotIndividual::designed(&Hand::ftac());
-        let truth = RobotIndividual::draw(&Hand::ftac(), 9);
+        let ball = Script::standard(&RobotModel::ftac_gen3()).expect("valid").ball.expect("a ball");
+        let designed = RobotIndividual::designed(&RobotModel::ftac_gen3());
+        let truth = RobotIndividual::draw(&RobotModel::ftac_gen3(), 9);
         let (robot, mut touches) = touched(&truth, &ball);
         let hand = &robot.hand;
         // A link that a touch does not push onto its stop says nothing: only the palm's are taken.
@@ -334,7 +334,7 @@ mod tests {
         let found = calibrate(&robot, &ball, &designed, &touches);
         assert_eq!(found.touches, touches.len());
         assert!(found.residuals[1] < 0.1 * found.residuals[0], "{:?}", found.residuals);
-        let error = |own| median(&reach(&truth, own, &robot, &Arm::home(), 0.0));
+        let error = |own| median(&reach(&truth, own, &robot, &Arm::gen3().home, 0.0));
         assert!(error(&found.individual) < 0.4 * error(&designed), "{} {}", error(&found.individual), error(&designed));
         for joint in 1..6 {
             let place = truth.place(Quantity::ArmEncoder, joint).expect("an encoder");
@@ -348,8 +348,8 @@ mod tests {
     /// Without touches everything stays the drawing's, with its spread.
     #[test]
     fn no_touches_say_nothing() {
-        let ball = Script::standard(&Hand::ftac()).expect("valid").ball.expect("a ball");
-        let designed = RobotIndividual::designed(&Hand::ftac());
+        let ball = Script::standard(&RobotModel::ftac_gen3()).expect("valid").ball.expect("a ball");
+        let designed = RobotIndividual::designed(&RobotModel::ftac_gen3());
         let found = calibrate(&RobotModel::ftac_gen3(), &ball, &designed, &[]);
         assert!((0..found.places.len()).all(|n| !found.taught(n)));
         assert!((found.ball - ball.middle()).norm() < 1e-12);
@@ -358,11 +358,12 @@ mod tests {
     /// A pad that is pressed close to its link's joint does not open that joint: the link hangs on its spring.
     #[test]
     fn a_touch_near_a_joint_says_nothing_of_its_stop() {
-        let (hand, ball) = (Hand::ftac(), Script::standard(&Hand::ftac()).expect("valid").ball.expect("a ball"));
+        let (hand, ball) =
+            (Hand::ftac(), Script::standard(&RobotModel::ftac_gen3()).expect("valid").ball.expect("a ball"));
         let camera = hand.cameras.iter().position(|camera| camera.name == "index_middle").expect("a camera");
         let touch = |y: f64, depth: f64| Touch {
             camera,
-            arm: Arm::home(),
+            arm: Arm::gen3().home,
             opposition: 0.0,
             center: Point3::new(0.0, y, ball.radius - depth),
             covariance: Matrix3::identity(),

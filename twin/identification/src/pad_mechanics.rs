@@ -8,8 +8,8 @@ use std::collections::BTreeMap;
 
 use hand_model::pads::Pad;
 use hand_model::robot::ArmState;
-use hand_model::{ARM_JOINTS, Hand, RobotModel};
-use nalgebra::{DMatrix, Isometry3, Point3, SVector, Vector3};
+use hand_model::{ArmVector, Hand, RobotModel};
+use nalgebra::{DMatrix, DVector, Isometry3, Point3, Vector3};
 use optics::Foundation;
 use statistics::percentile;
 
@@ -117,7 +117,7 @@ impl PadMechanics {
             let factor = of(&self)?;
             let slope =
                 |joint: usize| (of(&moved[joint]).map_or(0.0, |moved| moved.deviation - factor.deviation)) / step;
-            let slopes = SVector::<f64, ARM_JOINTS>::from_fn(|joint, _| slope(joint));
+            let slopes = DVector::from_fn(moved.len(), |joint, _| slope(joint));
             let more = (slopes.transpose() * covariance * slopes)[(0, 0)];
             Some(Factor { sigma: (factor.sigma.powi(2) + more).sqrt(), ..factor })
         };
@@ -209,8 +209,9 @@ impl<'a> Pressing<'a> {
         let [from, to] = self.trace.looks.get(look)?.times;
         let half = 0.5 * self.trace.tick;
         let rows = self.rows(from - half, to + half);
-        let mean = |value: fn(&ArmState) -> [f64; ARM_JOINTS]| {
-            std::array::from_fn(|joint| rows.iter().map(|row| value(&row.arm)[joint]).sum::<f64>() / rows.len() as f64)
+        let mean = |value: fn(&ArmState) -> ArmVector| {
+            let mean = |joint: usize| rows.iter().map(|row| value(&row.arm)[joint]).sum::<f64>() / rows.len() as f64;
+            (0..self.own.arm.joints()).map(mean).collect()
         };
         (!rows.is_empty()).then(|| ArmState {
             position: mean(|arm| arm.position),
@@ -272,8 +273,8 @@ mod tests {
     fn unsure_gains_make_stiffness_unsure() {
         let factor = |deviation| Some(Factor { deviation, sigma: 0.03 });
         let found = PadMechanics { stiffness: factor(0.1), friction: factor(0.2) };
-        let moved = [PadMechanics { stiffness: factor(0.1 - 0.01 / 7.0), friction: factor(0.2) }; ARM_JOINTS];
-        let covariance = DMatrix::from_element(ARM_JOINTS, ARM_JOINTS, 0.04 * 0.04);
+        let moved = [PadMechanics { stiffness: factor(0.1 - 0.01 / 7.0), friction: factor(0.2) }; 7];
+        let covariance = DMatrix::from_element(7, 7, 0.04 * 0.04);
         let wider = found.under_gains(&moved, 0.01, &covariance);
         assert!((wider.stiffness.expect("a factor").sigma - 0.05).abs() < 1e-9, "{wider:?}");
         assert_eq!(wider.friction, found.friction);

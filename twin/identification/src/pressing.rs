@@ -38,7 +38,7 @@ impl<'a> Aim<'a> {
     /// By the drawing.
     pub fn new(means: &Means<'a>, ball: &'a Ball) -> Self {
         let Means { robot, pads, ready, .. } = *means;
-        let found = calibrate(robot, ball, &RobotIndividual::designed(&robot.hand), &[]);
+        let found = calibrate(robot, ball, &RobotIndividual::designed(robot), &[]);
         let own = found.individual.robot(robot);
         Self { robot, pads, ball, ready, touches: Vec::new(), found, own }
     }
@@ -87,7 +87,7 @@ impl<'a> Aim<'a> {
         self.touches.extend(touches(&self.robot.hand, self.pads, self.ball.radius, images.of_press()));
         let now = self.touches.len();
         if now > before && (now <= ENOUGH.0 || before / ENOUGH.1 != now / ENOUGH.1) {
-            self.found = calibrate(self.robot, self.ball, &RobotIndividual::designed(&self.robot.hand), &self.touches);
+            self.found = calibrate(self.robot, self.ball, &RobotIndividual::designed(self.robot), &self.touches);
             self.own = self.found.individual.robot(self.robot);
         }
     }

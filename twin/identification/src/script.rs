@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use hand_model::{ACTUATORS, ARM_JOINTS, Hand};
+use hand_model::{ACTUATORS, ArmVector, Hand, RobotModel};
 use platform::data::{DataError, parse_toml};
 use serde::{Deserialize, Serialize};
 
@@ -18,7 +18,7 @@ const MOST_CURRENT: f64 = 0.2;
 pub struct Posture {
     pub name: String,
     /// Added to the ready posture's angles, rad.
-    pub turn: [f64; ARM_JOINTS],
+    pub turn: ArmVector,
 }
 
 /// Winding some cables under a current that rises and falls.
@@ -78,13 +78,14 @@ impl Script {
     /// The script that comes with the program.
     ///
     /// # Errors
-    /// [`DataError`] for a hand that lacks what it names.
-    pub fn standard(hand: &Hand) -> Result<Self, DataError> {
-        Self::parse(include_str!("../data/excitation.toml"), Path::new("excitation.toml"), hand)
+    /// [`DataError`] for a robot that lacks what it names.
+    pub fn standard(robot: &RobotModel) -> Result<Self, DataError> {
+        Self::parse(include_str!("../data/excitation.toml"), Path::new("excitation.toml"), robot)
     }
 
     /// Reads and checks a script's text; `path` is used in errors.
-    pub fn parse(text: &str, path: &Path, hand: &Hand) -> Result<Self, DataError> {
+    pub fn parse(text: &str, path: &Path, robot: &RobotModel) -> Result<Self, DataError> {
+        let RobotModel { hand, arm, .. } = robot;
         let script: Self = parse_toml(text, path)?;
         let fault = |field: &str, found: String, expected: &str| Err(DataError::field(path, field, found, expected));
         if script.version != 1 {
@@ -103,6 +104,14 @@ impl Script {
             }
         }
         for posture in &script.posture {
+            if posture.turn.len() != arm.joints() {
+                let expected = format!("{}, one for each joint of the arm", arm.joints());
+                return fault(
+                    &format!("posture[{}].turn", posture.name),
+                    format!("{} angles", posture.turn.len()),
+                    &expected,
+                );
+            }
             if let Some(turn) = posture.turn.iter().find(|turn| !within(**turn, -4.0, 4.0)) {
                 return fault(&format!("posture[{}].turn", posture.name), turn.to_string(), "angles within 4 rad");
             }
@@ -217,7 +226,7 @@ mod tests {
 
     #[test]
     fn the_standard_script_moves_every_actuator_in_every_posture() {
-        let (script, hand) = (Script::standard(&Hand::ftac()).expect("valid"), Hand::ftac());
+        let (script, hand) = (Script::standard(&RobotModel::ftac_gen3()).expect("valid"), Hand::ftac());
         for own in &hand.parameters.actuator {
             assert!(script.motion.iter().any(|motion| motion.actuators.contains(&own.name)), "{}", own.name);
         }
@@ -231,7 +240,7 @@ mod tests {
     /// A current rises, stays, falls to nothing and ends.
     #[test]
     fn a_current_rises_and_falls() {
-        let script = Script::standard(&Hand::ftac()).expect("valid");
+        let script = Script::standard(&RobotModel::ftac_gen3()).expect("valid");
         let motion = &script.motion[1];
         assert_eq!(script.current(motion, 0.0), Some(0.0));
         assert_eq!(script.current(motion, 3.1), Some(0.07));
@@ -261,7 +270,8 @@ mod tests {
                 "weight.posture[ahead].turn: found that of `ready`, expected 0.05 rad in some joint",
             ),
         ] {
-            let error = Script::parse(&text.replacen(from, to, 1), Path::new("mine.toml"), &Hand::ftac()).unwrap_err();
+            let error = Script::parse(&text.replacen(from, to, 1), Path::new("mine.toml"), &RobotModel::ftac_gen3())
+                .unwrap_err();
             assert!(error.to_string().contains(says), "{error}");
         }
     }

@@ -5,11 +5,11 @@ use std::path::Path;
 use hand_model::robot::{
     ArmState, Command, Observation, Readings, RobotBackend, RobotError, ServoGoal, ServoState, Tick,
 };
-use hand_model::{ACTUATORS, ARM_JOINTS, Arm, Hand};
+use hand_model::{ACTUATORS, ArmVector, RobotModel};
 use plant::identified::Source;
 use platform::digest::sha256;
 use session_log::reader::Event;
-use session_log::{Images, Reader};
+use session_log::{Reader, Sizes};
 
 use crate::ball::Ball;
 use crate::error::IdentificationError;
@@ -34,7 +34,7 @@ pub struct Row {
 pub struct Weighed {
     pub weight: Weight,
     /// Posture that the script's turn from, rad.
-    pub ready: [f64; ARM_JOINTS],
+    pub ready: ArmVector,
     /// From when the arm first stood in one of the postures.
     pub rows: Vec<Row>,
 }
@@ -61,11 +61,11 @@ pub struct Trace {
 }
 
 impl Trace {
-    /// Reads a session of `hand`.
-    pub fn read(path: &Path, hand: &Hand) -> Result<Self, IdentificationError> {
-        let mut reader = Reader::open(path, Images::OfTheHand { cameras: hand.cameras.len() })?;
+    /// Reads a session of `robot`.
+    pub fn read(path: &Path, robot: &RobotModel) -> Result<Self, IdentificationError> {
+        let mut reader = Reader::open(path, Sizes::of(robot))?;
         let session = reader.session().clone();
-        let task = check_task(path, &session.task, hand)?;
+        let task = check_task(path, &session.task, robot)?;
         let mut ticks = Ticks::default();
         while let Some((_, event)) = reader.next_event()? {
             match event {
@@ -86,7 +86,7 @@ impl Trace {
             seconds: seconds(&ticks.rows),
         };
         let (pressed, looks) = ticks.images.into_all();
-        let (rows, weighed) = split(ticks.rows, &task.script, session.tick_length);
+        let (rows, weighed) = split(ticks.rows, &task.script, robot.arm.home, session.tick_length);
         Ok(Self {
             rows,
             pressed,
@@ -132,22 +132,20 @@ impl<R: RobotBackend> Kept<R> {
         Self { robot, ticks: Ticks::default() }
     }
 
-    /// What passed through it under `script`; `robot` is the body's kind.
-    pub fn trace(self, robot: &str, script: &Script) -> Trace {
+    /// What passed through it under `script`, of a body of this `kind`.
+    pub fn trace(self, robot: &RobotModel, kind: &str, script: &Script) -> Trace {
         let Ticks { rows, images, .. } = self.ticks;
         let (pressed, looks) = images.into_all();
         let file = "kept in memory".to_owned();
-        let source = Source { file, sha256: String::new(), robot: robot.to_owned(), seconds: seconds(&rows) };
+        let source = Source { file, sha256: String::new(), robot: kind.to_owned(), seconds: seconds(&rows) };
         let (ball, tick) = (script.ball.clone(), self.robot.tick_length());
-        let (rows, weighed) = split(rows, script, tick);
+        let (rows, weighed) = split(rows, script, robot.arm.home, tick);
         Trace { rows, pressed, looks, ball, weighed, tick, source, whole: true }
     }
 }
 
-/// The ticks before weighing, and those of it.
-fn split(mut rows: Vec<Row>, script: &Script, tick: f64) -> (Vec<Row>, Option<Weighed>) {
-    // Excitations turn from the posture that the arm calls home.
-    let ready = Arm::home();
+/// The ticks before weighing, and those of it. Excitations turn from the posture `ready` (rad).
+fn split(mut rows: Vec<Row>, script: &Script, ready: ArmVector, tick: f64) -> (Vec<Row>, Option<Weighed>) {
     let Some(weight) = &script.weight else { return (rows, None) };
     let Some(begin) = begin(&rows, weight, &ready, tick) else { return (rows, None) };
     let weighed = rows.split_off(begin);
@@ -183,7 +181,7 @@ impl<R: RobotBackend> RobotBackend for Kept<R> {
     }
 }
 
-fn check_task(path: &Path, task: &[u8], hand: &Hand) -> Result<Task, IdentificationError> {
+fn check_task(path: &Path, task: &[u8], robot: &RobotModel) -> Result<Task, IdentificationError> {
     let fault = |field: &str, found: String, expected: String| {
         Err(IdentificationError::NotAnExcitation { path: path.into(), field: field.into(), found, expected })
     };
@@ -196,8 +194,8 @@ fn check_task(path: &Path, task: &[u8], hand: &Hand) -> Result<Task, Identificat
     if task.task != NAME {
         return fault("task", format!("`{}`", task.task), format!("`{NAME}`"));
     }
-    if task.hand != hand.parameters.name {
-        return fault("task.hand", format!("`{}`", task.hand), format!("`{}`", hand.parameters.name));
+    if task.hand != robot.hand.parameters.name {
+        return fault("task.hand", format!("`{}`", task.hand), format!("`{}`", robot.hand.parameters.name));
     }
     Ok(task)
 }
@@ -208,11 +206,11 @@ mod tests {
 
     #[test]
     fn a_session_of_something_else_is_refused() {
-        let hand = Hand::ftac();
+        let robot = RobotModel::ftac_gen3();
         let refused = |task: &[u8]| {
-            check_task(Path::new("a.mcap"), task, &hand).map_or_else(|error| error.to_string(), |_| String::new())
+            check_task(Path::new("a.mcap"), task, &robot).map_or_else(|error| error.to_string(), |_| String::new())
         };
-        let mut task = Task::new(&hand, &Script::standard(&Hand::ftac()).expect("valid"), 0);
+        let mut task = Task::new(&robot.hand, &Script::standard(&RobotModel::ftac_gen3()).expect("valid"), 0);
         assert_eq!(refused(&serde_json::to_vec(&task).unwrap()), "");
         assert_eq!(refused(b""), "a.mcap: task: found none, expected a session of `ftac twin excite`");
         assert!(refused(b"{\"combination\": 3}").starts_with("a.mcap: task: found that of another session"));

@@ -4,10 +4,11 @@
 //! scale gives all gains a common unit (drive gains by a known payload: Gautier and Briot 2011). Where the object's weight acts is not known: its middle
 //! is searched too, in the hand, and from posture to posture it may move a little, with the digits. Least squares with priors.
 
+use hand_model::load::{Torques, torques};
 use hand_model::robot::{ArmState, ServoGoal};
-use hand_model::{ARM_JOINTS, GRAVITY, RobotModel};
+use hand_model::{ArmVector, GRAVITY, RobotModel};
 use least_squares::{Options, Problem, forward_differences};
-use nalgebra::{DMatrix, Point3, SVector, Vector3};
+use nalgebra::{DMatrix, DVector, Point3, Vector3};
 use plant::RobotIndividual;
 use plant::spread::Quantity;
 
@@ -31,22 +32,16 @@ const MOVES: f64 = 0.003;
 const REST: f64 = 0.003;
 /// Deviations are searched within this many spreads.
 const RANGE: f64 = 5.0;
-/// No residual counts as an outlier, whatever its standard deviations: there are seven a posture.
+/// No residual counts as an outlier, whatever its standard deviations: there is one for each joint in each posture.
 const NO_OUTLIER: f64 = 1e6;
 /// Step of the differences, in spreads.
 const STEP: f64 = 1e-3;
-/// Places of what is searched: gains, the mass, the middle, and where that moves to in each posture.
-const MASS: usize = ARM_JOINTS;
-const MIDDLE: usize = MASS + 1;
-const MOVED: usize = MIDDLE + 3;
-
-type Torques = SVector<f64, ARM_JOINTS>;
 
 /// What weighing shows.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Gains {
     /// Logarithm of each joint's gain.
-    pub deviations: [f64; ARM_JOINTS],
+    pub deviations: ArmVector,
     /// Of these.
     pub covariance: DMatrix<f64>,
     /// In so many postures the object was in the hand.
@@ -59,8 +54,16 @@ impl Gains {
     /// Of an arm with which nothing was weighed.
     pub fn unknown(prior: &RobotIndividual) -> Self {
         let spread = spreads(prior);
-        let variances = DMatrix::from_fn(ARM_JOINTS, ARM_JOINTS, |i, j| if i == j { spread[i].1.powi(2) } else { 0.0 });
-        Self { deviations: spread.map(|(mean, _)| mean), covariance: variances, postures: 0, residuals: [0.0; 2] }
+        let variances = DMatrix::from_diagonal(&DVector::from_iterator(
+            spread.len(),
+            spread.iter().map(|(_, sigma)| sigma * sigma),
+        ));
+        Self {
+            deviations: spread.iter().map(|(mean, _)| *mean).collect(),
+            covariance: variances,
+            postures: 0,
+            residuals: [0.0; 2],
+        }
     }
 
     /// Whether the weight says more of a joint's gain than the drawing did.
@@ -70,13 +73,9 @@ impl Gains {
 }
 
 /// Mean and standard deviation of the gains' logarithms among robots.
-fn spreads(prior: &RobotIndividual) -> [(f64, f64); ARM_JOINTS] {
-    std::array::from_fn(|joint| {
-        prior.place(Quantity::ArmTorqueGain, joint).map_or((0.0, 0.0), |place| {
-            let spread = &prior.parameters()[place].spread;
-            (spread.mean, spread.sigma)
-        })
-    })
+fn spreads(prior: &RobotIndividual) -> ArmVector<(f64, f64)> {
+    let gains = prior.parameters().iter().filter(|parameter| parameter.quantity == Quantity::ArmTorqueGain);
+    gains.map(|parameter| (parameter.spread.mean, parameter.spread.sigma)).collect()
 }
 
 /// The arm at rest in one of the postures.
@@ -89,11 +88,11 @@ struct Stand {
     /// What it showed, on average.
     shown: ArmState,
     /// Standard deviation of the torques, N m.
-    scatter: [f64; ARM_JOINTS],
+    scatter: ArmVector,
 }
 
 /// Which posture of `weight` the arm is in, if it is in one.
-fn posture_of(row: &Row, weight: &Weight, ready: &[f64; ARM_JOINTS]) -> Option<usize> {
+fn posture_of(row: &Row, weight: &Weight, ready: &ArmVector) -> Option<usize> {
     (0..weight.posture.len()).find(|n| {
         let at = weight.stand(*n, ready);
         row.arm.position.iter().zip(at).all(|(shown, at)| (shown - at).abs() < THERE)
@@ -101,7 +100,7 @@ fn posture_of(row: &Row, weight: &Weight, ready: &[f64; ARM_JOINTS]) -> Option<u
 }
 
 /// Pieces of a session in which the arm stands in one posture: first row, row behind the last, posture.
-fn pieces(rows: &[Row], weight: &Weight, ready: &[f64; ARM_JOINTS], tick: f64) -> Vec<(usize, usize, usize)> {
+fn pieces(rows: &[Row], weight: &Weight, ready: &ArmVector, tick: f64) -> Vec<(usize, usize, usize)> {
     let least = (LONG * weight.hold / tick) as usize;
     let postures: Vec<Option<usize>> = rows.iter().map(|row| posture_of(row, weight, ready)).collect();
     let (mut found, mut at) = (Vec::new(), 0);
@@ -114,7 +113,7 @@ fn pieces(rows: &[Row], weight: &Weight, ready: &[f64; ARM_JOINTS], tick: f64) -
 }
 
 /// The first row in which the arm stands in a posture of `weight`.
-pub fn begin(rows: &[Row], weight: &Weight, ready: &[f64; ARM_JOINTS], tick: f64) -> Option<usize> {
+pub fn begin(rows: &[Row], weight: &Weight, ready: &ArmVector, tick: f64) -> Option<usize> {
     pieces(rows, weight, ready, tick).first().map(|(begin, ..)| *begin)
 }
 
@@ -124,8 +123,9 @@ fn stands(weighed: &Weighed, tick: f64) -> Vec<Stand> {
         let [from, to] = RESTED.map(|share| begin + (share * (end - begin) as f64) as usize);
         let rested = &rows[from..to];
         let count = rested.len().max(1) as f64;
-        let mean = |value: fn(&ArmState) -> [f64; ARM_JOINTS]| -> [f64; ARM_JOINTS] {
-            std::array::from_fn(|joint| rested.iter().map(|row| value(&row.arm)[joint]).sum::<f64>() / count)
+        let mean = |value: fn(&ArmState) -> ArmVector| -> ArmVector {
+            let mean = |joint: usize| rested.iter().map(|row| value(&row.arm)[joint]).sum::<f64>() / count;
+            (0..ready.len()).map(mean).collect()
         };
         let torque = mean(|arm| arm.torque);
         let scatter = |joint: usize| {
@@ -137,7 +137,7 @@ fn stands(weighed: &Weighed, tick: f64) -> Vec<Stand> {
             posture,
             closed: rested.iter().all(pulled),
             shown: ArmState { position: mean(|arm| arm.position), torque, ..ArmState::default() },
-            scatter: std::array::from_fn(scatter),
+            scatter: (0..ready.len()).map(scatter).collect(),
         }
     };
     pieces(rows, weight, ready, tick).into_iter().map(of).collect()
@@ -149,7 +149,7 @@ struct Pair {
     empty: ArmState,
     full: ArmState,
     /// Standard deviation of the difference of their torques, N m.
-    sigma: [f64; ARM_JOINTS],
+    sigma: ArmVector,
 }
 
 impl Pair {
@@ -163,7 +163,7 @@ impl Pair {
             bears(own, [&empty.shown, &full.shown], weighed.weight.mass).then(|| Self {
                 empty: empty.shown,
                 full: full.shown,
-                sigma: std::array::from_fn(sigma),
+                sigma: (0..full.scatter.len()).map(sigma).collect(),
             })
         };
         stands.iter().filter(|stand| stand.closed).filter_map(pair).collect()
@@ -171,7 +171,7 @@ impl Pair {
 
     /// By how much the joints bear more with the object in the hand, N m.
     fn more(&self) -> Torques {
-        Torques::from(self.full.torque) - Torques::from(self.empty.torque)
+        torques(&self.full.torque) - torques(&self.empty.torque)
     }
 }
 
@@ -204,9 +204,11 @@ impl Posture {
     }
 }
 
+/// What is searched, in this order: gains, the mass, the middle, and where that moves to in each posture.
 struct Search<'a> {
     weight: &'a Weight,
-    spread: [(f64, f64); ARM_JOINTS],
+    /// Of the gains.
+    spread: ArmVector<(f64, f64)>,
     pairs: &'a [Pair],
     postures: Vec<Posture>,
 }
@@ -218,18 +220,29 @@ impl<'a> Search<'a> {
     }
 
     fn len(&self) -> usize {
-        MOVED + 3 * self.pairs.len()
+        self.moved(self.pairs.len())
+    }
+
+    /// Place of the mass.
+    fn mass(&self) -> usize {
+        self.spread.len()
+    }
+
+    /// Place of where the middle moves to in posture `n`.
+    fn moved(&self, n: usize) -> usize {
+        self.mass() + 4 + 3 * n
     }
 
     /// What is left of each pair, N m.
     fn left(&self, p: &[f64]) -> Vec<Torques> {
         let vector = |at: usize, sigma: f64| Vector3::new(p[at], p[at + 1], p[at + 2]) * sigma;
-        let mass = self.weight.mass + p[MASS] * self.weight.mass_uncertain;
+        let mass = self.weight.mass + p[self.mass()] * self.weight.mass_uncertain;
         let left = |(n, (pair, posture)): (usize, (&Pair, &Posture))| {
-            let middle = vector(MIDDLE, SOMEWHERE) + vector(MOVED + 3 * n, MOVES);
+            let middle = vector(self.mass() + 1, SOMEWHERE) + vector(self.moved(n), MOVES);
             let bears = posture.bears(mass, &middle);
             let gain = |joint: usize| (self.spread[joint].0 + p[joint] * self.spread[joint].1).exp();
-            pair.more() - Torques::from_fn(|joint, _| gain(joint) * bears[joint])
+            let shown: ArmVector = (0..self.spread.len()).map(|joint| gain(joint) * bears[joint]).collect();
+            pair.more() - torques(&shown)
         };
         self.pairs.iter().zip(&self.postures).enumerate().map(left).collect()
     }
@@ -237,7 +250,7 @@ impl<'a> Search<'a> {
     /// In standard deviations times `scale`, and the priors'.
     fn residuals(&self, p: &[f64], scale: f64) -> Vec<f64> {
         let white = |(left, pair): (Torques, &Pair)| {
-            (0..ARM_JOINTS).map(|joint| left[joint] / (scale * pair.sigma[joint])).collect::<Vec<_>>()
+            (0..self.spread.len()).map(|joint| left[joint] / (scale * pair.sigma[joint])).collect::<Vec<_>>()
         };
         self.left(p).into_iter().zip(self.pairs).flat_map(white).chain(p.iter().copied()).collect()
     }
@@ -255,14 +268,14 @@ impl<'a> Search<'a> {
         problem.minimise(&start, &Options { steps: 30, scale: NO_OUTLIER, tolerance: 1e-9 }).parameters
     }
 
-    fn deviations(&self, p: &[f64]) -> [f64; ARM_JOINTS] {
-        std::array::from_fn(|joint| self.spread[joint].0 + p[joint] * self.spread[joint].1)
+    fn deviations(&self, p: &[f64]) -> ArmVector {
+        self.spread.iter().zip(p).map(|((mean, sigma), p)| mean + p * sigma).collect()
     }
 
     fn rms(&self, p: &[f64]) -> f64 {
         let left = self.left(p);
         let sum: f64 = left.iter().map(Torques::norm_squared).sum();
-        (sum / (ARM_JOINTS * left.len().max(1)) as f64).sqrt()
+        (sum / (self.spread.len() * left.len().max(1)) as f64).sqrt()
     }
 }
 
@@ -279,7 +292,7 @@ pub fn weigh(robot: &RobotModel, kinematics: &KinematicCalibration, (weighed, ti
     let mut p = search.minimum(1.0);
     // Torques that scatter more than was thought are known less surely: their own square sums, and those of the priors, over what is measured.
     let squares: f64 = search.residuals(&p, 1.0).iter().map(|value| value * value).sum();
-    let scale = (squares / (ARM_JOINTS * pairs.len()) as f64).sqrt().max(1.0);
+    let scale = (squares / (search.spread.len() * pairs.len()) as f64).sqrt().max(1.0);
     if scale > 1.0 {
         p = search.minimum(scale);
     }
@@ -287,7 +300,8 @@ pub fn weigh(robot: &RobotModel, kinematics: &KinematicCalibration, (weighed, ti
     let slopes = search.jacobian(&p, &search.residuals(&p, scale), scale);
     let scaled = slopes.tr_mul(&slopes).cholesky().map_or_else(|| DMatrix::identity(n, n), |root| root.inverse());
     let spread = search.spread;
-    let mut covariance = DMatrix::from_fn(ARM_JOINTS, ARM_JOINTS, |i, j| scaled[(i, j)] * spread[i].1 * spread[j].1);
+    let joints = spread.len();
+    let mut covariance = DMatrix::from_fn(joints, joints, |i, j| scaled[(i, j)] * spread[i].1 * spread[j].1);
     let deviations = search.deviations(&p);
     // Levers are known as surely as arm and mount: what that moves counts as well.
     let moved = |place: usize, by: f64| {
@@ -296,9 +310,9 @@ pub fn weigh(robot: &RobotModel, kinematics: &KinematicCalibration, (weighed, ti
         let own = other.robot(robot);
         let search = Search::new(&own, &weighed.weight, prior, &pairs);
         let found = search.deviations(&search.minimum(scale));
-        Torques::from_fn(|joint, _| (found[joint] - deviations[joint]) / by)
+        DVector::from_fn(joints, |joint, _| (found[joint] - deviations[joint]) / by)
     };
-    let known: Vec<(usize, Torques)> = (0..kinematics.places.len())
+    let known: Vec<(usize, DVector<f64>)> = (0..kinematics.places.len())
         .filter(|n| {
             let quantity = prior.parameters()[kinematics.places[*n]].quantity;
             matches!(quantity, Quantity::ArmEncoder | Quantity::MountPosition | Quantity::MountTurn)
@@ -312,7 +326,7 @@ pub fn weigh(robot: &RobotModel, kinematics: &KinematicCalibration, (weighed, ti
     }
     let drawn = {
         let mut at = p.clone();
-        at[..ARM_JOINTS].fill(0.0);
+        at[..joints].fill(0.0);
         search.rms(&at)
     };
     Some(Gains { deviations, covariance, postures: pairs.len(), residuals: [drawn, search.rms(&p)] })
@@ -323,7 +337,7 @@ mod tests {
     use hand_model::ACTUATORS;
     use hand_model::robot::ServoState;
 
-    use hand_model::{Arm, Hand};
+    use hand_model::Arm;
 
     use super::*;
     use crate::Script;
@@ -332,10 +346,11 @@ mod tests {
 
     /// A session in which an arm of these gains (logarithms) stands in every posture of the standard script, with an empty hand and then with a
     /// weight at `middle` (m, palm frame).
-    fn session(deviations: &[f64; ARM_JOINTS], mass: f64, middle: &Vector3<f64>) -> Weighed {
+    fn session(deviations: &[f64], mass: f64, middle: &Vector3<f64>) -> Weighed {
         let robot = RobotModel::ftac_gen3();
         let RobotModel { hand, arm, .. } = &robot;
-        let (weight, ready) = (Script::standard(&Hand::ftac()).expect("valid").weight.expect("a weight"), Arm::home());
+        let (weight, ready) =
+            (Script::standard(&RobotModel::ftac_gen3()).expect("valid").weight.expect("a weight"), Arm::gen3().home);
         let mut rows = Vec::new();
         for full in [false, true] {
             for n in 0..weight.posture.len() {
@@ -352,7 +367,7 @@ mod tests {
                     rows.push(Row {
                         time: rows.len() as f64 * TICK,
                         servos: [ServoState::default(); ACTUATORS],
-                        arm: ArmState { position, torque, ..ArmState::default() },
+                        arm: ArmState { position, torque: torque.into(), ..ArmState::default() },
                         goals: [goal; ACTUATORS],
                     });
                 }
@@ -363,7 +378,7 @@ mod tests {
 
     fn found(weighed: &Weighed) -> Option<Gains> {
         let robot = RobotModel::ftac_gen3();
-        let known = KinematicCalibration::unknown(&RobotIndividual::designed(&robot.hand));
+        let known = KinematicCalibration::unknown(&RobotIndividual::designed(&robot));
         weigh(&robot, &known, (weighed, TICK))
     }
 
@@ -373,7 +388,7 @@ mod tests {
         let deviations = [0.04, -0.03, 0.05, 0.03, -0.04, 0.06, 0.01];
         let weighed = session(&deviations, 0.18, &Vector3::new(-0.02, 0.03, -0.04));
         let gains = found(&weighed).expect("gains");
-        let prior = RobotIndividual::designed(&Hand::ftac());
+        let prior = RobotIndividual::designed(&RobotModel::ftac_gen3());
         assert_eq!(gains.postures, weighed.weight.posture.len());
         assert!(gains.residuals[1] < 0.2 * gains.residuals[0] && gains.residuals[1] < 1e-3, "{:?}", gains.residuals);
         for (joint, (found, truth)) in gains.deviations.iter().zip(deviations).enumerate().skip(1) {
@@ -387,7 +402,7 @@ mod tests {
     /// A scale that is wrong by so much makes every gain that it shows wrong by as much: the unit of torque is the scale's.
     #[test]
     fn the_unit_is_the_scales() {
-        let mut weighed = session(&[0.0; ARM_JOINTS], 0.18 * 0.03_f64.exp(), &Vector3::new(-0.02, 0.03, -0.04));
+        let mut weighed = session(&[0.0; 7], 0.18 * 0.03_f64.exp(), &Vector3::new(-0.02, 0.03, -0.04));
         let gains = found(&weighed).expect("gains");
         assert!((gains.deviations[1] - 0.03).abs() < 0.008, "{gains:?}");
         weighed.weight.mass_uncertain = 0.03 * weighed.weight.mass;
@@ -398,6 +413,6 @@ mod tests {
     /// Nothing in the hand shows nothing.
     #[test]
     fn an_empty_hand_shows_nothing() {
-        assert_eq!(found(&session(&[0.02; ARM_JOINTS], 0.0, &Vector3::zeros())), None);
+        assert_eq!(found(&session(&[0.02; 7], 0.0, &Vector3::zeros())), None);
     }
 }

@@ -8,7 +8,7 @@ use std::path::Path;
 use control::inverse_kinematics::Joints;
 use control::motion::approach::APPROACH_DISTANCE;
 use grasping::Grasp;
-use hand_model::{ARM_JOINTS, Hand, RobotModel};
+use hand_model::{Hand, RobotModel};
 use nalgebra::{Isometry3, Point3, Translation3, Vector3};
 use platform::data::DataError;
 use serde::{Deserialize, Serialize};
@@ -86,7 +86,7 @@ impl Weight {
 
     /// The arm in posture `n` of an arm that is `ready`, rad.
     pub fn stand(&self, n: usize, ready: &Joints) -> Joints {
-        std::array::from_fn(|joint| ready[joint] + self.posture[n].turn[joint])
+        ready.iter().zip(self.posture[n].turn).map(|(ready, turn)| ready + turn).collect()
     }
 
     /// Refuses what cannot be lifted; `others` are the script's other postures. `path` is used in errors.
@@ -162,7 +162,7 @@ impl Weight {
                 let along = start.translation.vector + way * (piece as f64 / pieces as f64);
                 let seed = joints.last().unwrap_or(from);
                 let next = kinematics.solve(&Isometry3::from_parts(Translation3::from(along), start.rotation), seed)?;
-                if (0..ARM_JOINTS).any(|joint| (next[joint] - seed[joint]).abs() > MOST_STEP) {
+                if (0..next.len()).any(|joint| (next[joint] - seed[joint]).abs() > MOST_STEP) {
                     return None;
                 }
                 joints.push(next);

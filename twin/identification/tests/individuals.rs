@@ -16,7 +16,7 @@ fn builtin_calibration() -> PhotometricCalibration {
 
 /// Short motions in two postures.
 fn short() -> Script {
-    let mut script = Script::standard(&RobotModel::ftac_gen3().hand).expect("valid");
+    let mut script = Script::standard(&RobotModel::ftac_gen3()).expect("valid");
     script.posture.truncate(2);
     script.motion.retain(|motion| motion.current > 0.06);
     script.motion.iter_mut().for_each(|motion| motion.time = 1.0);
@@ -34,21 +34,21 @@ fn drawing() -> (RobotModel, CableLosses) {
 
 fn excited(truth: &RobotIndividual, script: &Script) -> Trace {
     let (robot, losses) = drawing();
-    let mut kept = Kept::new(body(truth, &robot, losses, Arm::home()));
+    let mut kept = Kept::new(body(truth, &robot, losses, Arm::gen3().home));
     let pads = builtin_calibration();
     let friction = losses.friction;
-    let means = Means { robot: &robot, pads: &pads, script, grasps: &[], friction, ready: Arm::home() };
+    let means = Means { robot: &robot, pads: &pads, script, grasps: &[], friction, ready: Arm::gen3().home };
     let played = excite::<_, ExcitationError>(&mut kept, &means, 0, |_| Ok(()), |_| true);
     assert_eq!(played, Ok(true));
-    kept.trace("sim", script)
+    kept.trace(&robot, "sim", script)
 }
 
 /// The twin of a digit moves as the simulated robot does when it knows everything of it.
 #[test]
 fn the_twin_that_knows_all_moves_as_the_robot_does() {
     let (robot, losses) = drawing();
-    let truth = RobotIndividual::draw(&robot.hand, 1);
-    let [joint, tip, servo] = compare(&truth, &robot, losses, &Arm::home(), &[&truth]).remove(0).summary();
+    let truth = RobotIndividual::draw(&robot, 1);
+    let [joint, tip, servo] = compare(&truth, &robot, losses, &Arm::gen3().home, &[&truth]).remove(0).summary();
     assert!(joint < 0.002 && tip < 0.0004 && servo < 0.004, "{joint} rad, {tip} m, {servo} rad");
 }
 
@@ -56,14 +56,14 @@ fn the_twin_that_knows_all_moves_as_the_robot_does() {
 #[test]
 fn an_individual_is_found() {
     let (robot, losses) = drawing();
-    let truth = RobotIndividual::draw(&robot.hand, 1);
+    let truth = RobotIndividual::draw(&robot, 1);
     let trace = excited(&truth, &short());
     // The same session twice says no more than once.
     let found = identify(&robot, losses, &builtin_calibration(), &[trace.clone(), trace]).unwrap();
     assert_eq!(found.robot.sessions.len(), 1);
     assert!(found.fits.iter().all(|fit| fit.residuals[1] < 0.2 * fit.residuals[0]), "{:?}", found.fits);
-    let designed = RobotIndividual::designed(&robot.hand);
-    let both = compare(&truth, &robot, losses, &Arm::home(), &[&designed, &found.robot.individual]);
+    let designed = RobotIndividual::designed(&robot);
+    let both = compare(&truth, &robot, losses, &Arm::gen3().home, &[&designed, &found.robot.individual]);
     let [before, after] = [0, 1].map(|n| both[n].summary()[0]);
     assert!(after < 0.035 && after < 0.5 * before, "{before} rad, {after} rad");
     let [identified, others] = coverage(&found.robot, &truth);
@@ -83,7 +83,7 @@ fn a_session_that_leaves_an_actuator_alone_is_refused_by_its_name() {
     let (robot, losses) = drawing();
     let mut script = short();
     script.motion.retain(|motion| motion.actuators != ["thumb"]);
-    let trace = excited(&RobotIndividual::designed(&robot.hand), &script);
+    let trace = excited(&RobotIndividual::designed(&robot), &script);
     let error = identify(&robot, losses, &builtin_calibration(), &[trace]).unwrap_err().to_string();
     assert!(error.contains("motions of `thumb`: found none, expected at least one"), "{error}");
 }

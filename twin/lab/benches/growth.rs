@@ -119,7 +119,7 @@ fn scene(count: usize) -> SimulatedRobot {
         let at = Vector3::new(0.4 + SPACING * row as f64, SPACING * (column as f64 - 3.0), model.rest_height());
         ObjectPlacement { pose: Isometry3::from_parts(at.into(), model.rest), model }
     });
-    let setup = SceneSetup { objects: placed.collect(), ..SceneSetup::ideal(Isometry3::identity(), Arm::home()) };
+    let setup = SceneSetup { objects: placed.collect(), ..SceneSetup::ideal(Isometry3::identity(), Arm::gen3().home) };
     let mut robot = SimulatedRobot::new(&RobotModel::ftac_gen3(), &setup, TactileBoard::blank());
     stand(&mut robot);
     robot
@@ -128,7 +128,7 @@ fn scene(count: usize) -> SimulatedRobot {
 /// The robot stands for [`TICKS`].
 fn stand(robot: &mut SimulatedRobot) {
     for _ in 0..TICKS {
-        robot.send(&Command { arm: Arm::home(), servos: [ServoGoal::Current(0.0); ACTUATORS], capture: false });
+        robot.send(&Command { arm: Arm::gen3().home, servos: [ServoGoal::Current(0.0); ACTUATORS], capture: false });
         robot.wait_for_tick();
     }
 }

@@ -41,7 +41,7 @@ pub fn run(robot: &RobotModel, seed: u64, out: Option<&Path>, quiet: bool) -> Re
 /// Two postures whose tool poses the maker's description gives.
 fn chain(arm: &Arm) -> Row {
     let known: [(Joints, Vector3<f64>); 2] =
-        [([0.0; 7], Vector3::new(0.0, -0.02485, 1.18739)), (Arm::home(), Vector3::new(0.45667, 0.00135, 0.43372))];
+        [([0.0; 7].into(), Vector3::new(0.0, -0.02485, 1.18739)), (arm.home, Vector3::new(0.45667, 0.00135, 0.43372))];
     let off = known.iter().map(|(q, at)| (arm.tool_pose(q).translation.vector - at).norm()).fold(0.0, f64::max);
     Row::new(
         "joint frames",
@@ -55,8 +55,8 @@ fn chain(arm: &Arm) -> Row {
 fn limits(arm: &Arm) -> Row {
     let published = ([1.3963, 1.3963, 1.3963, 1.3963, 1.2218, 1.2218, 1.2218], [39.0, 39.0, 39.0, 39.0, 9.0, 9.0, 9.0]);
     let ranges = [f64::INFINITY, 2.24, f64::INFINITY, 2.57, f64::INFINITY, 2.09, f64::INFINITY];
-    let same = arm.velocity_limits == published.0
-        && arm.effort_limits == published.1
+    let same = arm.velocity_limits[..] == published.0
+        && arm.effort_limits[..] == published.1
         && arm.tree.joints.iter().zip(ranges).all(|(joint, range)| joint.upper == range && joint.lower == -range);
     let table: Vec<_> = (0..7)
         .map(|i| {

@@ -16,7 +16,7 @@ pub fn repertoire() -> Result<Repertoire> {
 /// Whether grasps and plans that come with the program are those of `robot`: it moves like the built-in one, or is an individual of one that
 /// does.
 pub fn fits(robot: &RobotModel) -> Result<bool> {
-    Ok(robot.sources.is_none() || robot.nominal()?.moves_like(&RobotModel::ftac_gen3()))
+    Ok(robot.sources.is_none() || Repertoire::mark(&robot.nominal()?).is_none())
 }
 
 /// The benchmark's 60 combinations, planned without noise.

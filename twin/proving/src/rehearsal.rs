@@ -10,7 +10,7 @@ use control::executive::{Executive, Phase};
 use control::motion::Protocol;
 use control::odds::TryOutcome;
 use grasping::Grasp;
-use hand_model::{ARM_JOINTS, Digit};
+use hand_model::{ArmVector, Digit};
 use nalgebra::Isometry3;
 use scenarios::noise::{ExecutionNoise, NoiseLevels, PerceptionNoise, TrialNoise, trial_rng};
 use sim::robot::{SimulatedRobot, Truth};
@@ -55,7 +55,7 @@ pub struct TrialStart<'a> {
     /// Errors of the arm and of prior perception.
     pub noise: &'a TrialNoise,
     /// Posture of the arm, rad.
-    pub arm: [f64; ARM_JOINTS],
+    pub arm: ArmVector,
 }
 
 impl Snapshot {

@@ -10,7 +10,7 @@ use control::percept::Percept;
 use control::trajectory::PathLimits;
 use control::workcell::Workcell;
 use hand_model::transmission::friction::{CableFriction, CableLosses};
-use hand_model::{ARM_JOINTS, Arm, RobotModel};
+use hand_model::{ArmVector, RobotModel};
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use plant::ArmDefects;
 use scenarios::Scenario;
@@ -42,12 +42,12 @@ impl World {
         if let Err((field, found, expected)) = scenario.disturbance.check_pads(&robot.hand) {
             bail!("{}: {field}: found {found}, expected {expected}", scenario.name);
         }
-        let mut cell = Workcell { robot: robot.clone(), world_from_base: Isometry3::identity(), ready: Arm::home() };
+        let mut cell = Workcell { robot: robot.clone(), world_from_base: Isometry3::identity(), ready: robot.arm.home };
         let columns = Matrix3::from_columns(&[-Vector3::y(), Vector3::x(), Vector3::z()]);
         let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(columns));
         let [x, y, z] = scenario.start.palm;
         let palm = Isometry3::from_parts(Translation3::new(x, y, z), rotation);
-        cell.ready = cell.posture(&palm, &Arm::home()).with_context(|| {
+        cell.ready = cell.posture(&palm, &robot.arm.home).with_context(|| {
             format!("{}: arm: found one that does not reach the palm's pose {:?} m in which trials begin, expected one that does", robot.name, [x, y, z])
         })?;
         let objects = scenario.object_set()?.with_fallen();
@@ -87,7 +87,7 @@ impl World {
     }
 
     /// The scene of a trial: objects in their places, the arm in posture `start` and off by `noise`'s errors.
-    pub fn scene(&self, objects: &[Arc<ObjectModel>; 2], start: [f64; ARM_JOINTS], noise: &TrialNoise) -> SceneSetup {
+    pub fn scene(&self, objects: &[Arc<ObjectModel>; 2], start: ArmVector, noise: &TrialNoise) -> SceneSetup {
         SceneSetup {
             objects: objects
                 .iter()
@@ -99,7 +99,7 @@ impl World {
     }
 
     /// The same without any object.
-    pub fn bare_scene(&self, start: [f64; ARM_JOINTS], noise: &TrialNoise) -> SceneSetup {
+    pub fn bare_scene(&self, start: ArmVector, noise: &TrialNoise) -> SceneSetup {
         SceneSetup {
             world_from_base: Isometry3::from_parts(noise.position.into(), UnitQuaternion::identity()) * self.stands,
             arm_defects: ArmDefects { mount_rotation: noise.rotation + noise.arm.mount_rotation, ..noise.arm },

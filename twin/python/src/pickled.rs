@@ -59,7 +59,7 @@ fn row(action: &Action) -> [f64; NUMBERS] {
 
 fn action(row: &[f64]) -> Action {
     let arm = if row[0] == KINDS[1] {
-        ArmAction::Joints(std::array::from_fn(|n| row[1 + n]))
+        ArmAction::Joints(row[1..8].iter().copied().collect())
     } else {
         ArmAction::Twist(Twist::from_column_slice(&row[1..7]))
     };

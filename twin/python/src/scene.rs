@@ -53,7 +53,7 @@ type Asked<'py> = (Option<Numbers<'py>>, Option<Numbers<'py>>, Option<Numbers<'p
 fn action((twist, joints, tensions, opposition, spools): Asked) -> PyResult<Action> {
     let arm = match (twist, joints) {
         (Some(twist), None) => ArmAction::Twist(Twist::from(fixed::<6>("twist", &twist)?)),
-        (None, Some(joints)) => ArmAction::Joints(fixed("joints", &joints)?),
+        (None, Some(joints)) => ArmAction::Joints(fixed("joints", &joints)?.into()),
         (None, None) => ArmAction::Twist(Twist::zeros()),
         (Some(_), Some(_)) => return Err(value_error("found twist and joints, expected one of them at most")),
     };

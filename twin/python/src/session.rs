@@ -3,12 +3,13 @@
 use std::path::PathBuf;
 
 use bench::environment::PadImages;
+use hand_model::RobotModel;
 use numpy::ndarray::Array5;
 use numpy::{IntoPyArray, PyArray1};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use session_log::frames::{Frame, frames};
-use session_log::{Images, Reader, SessionLogError};
+use session_log::{Reader, SessionLogError, Sizes};
 
 use crate::arrays::{table, value_error};
 use crate::hand::HAND;
@@ -20,7 +21,7 @@ const MOST_BYTES: u64 = 8 << 30;
 #[pyfunction]
 pub fn session(py: Python<'_>, path: PathBuf, ticks: usize, side: usize) -> PyResult<Bound<'_, PyDict>> {
     let read = py.detach(|| -> Result<_, SessionLogError> {
-        let mut reader = Reader::open(&path, Images::OfTheHand { cameras: HAND.cameras.len() })?;
+        let mut reader = Reader::open(&path, Sizes::of(&RobotModel::ftac_gen3()))?;
         let (frames, outcome) = frames(&mut reader, ticks)?;
         Ok((reader.session().clone(), frames, outcome))
     });
@@ -31,16 +32,16 @@ pub fn session(py: Python<'_>, path: PathBuf, ticks: usize, side: usize) -> PyRe
     all.set_item("task", String::from_utf8_lossy(&about.task))?;
     all.set_item("outcome", outcome.map(|text| String::from_utf8_lossy(&text).into_owned()))?;
     all.set_item("time", PyArray1::from_iter(py, frames.iter().map(|frame| frame.time)))?;
-    all.set_item("arm", table(py, frames.iter().map(|frame| frame.arm.position)))?;
-    all.set_item("arm_velocity", table(py, frames.iter().map(|frame| frame.arm.velocity)))?;
-    all.set_item("arm_torque", table(py, frames.iter().map(|frame| frame.arm.torque)))?;
+    all.set_item("arm", table(py, frames.iter().map(|frame| frame.arm.position.into_inner())))?;
+    all.set_item("arm_velocity", table(py, frames.iter().map(|frame| frame.arm.velocity.into_inner())))?;
+    all.set_item("arm_torque", table(py, frames.iter().map(|frame| frame.arm.torque.into_inner())))?;
     let servos = |pick: fn(&hand_model::robot::ServoState) -> f64| {
         table(py, frames.iter().map(move |frame| frame.servos.each_ref().map(pick)))
     };
     all.set_item("servos", servos(|servo| servo.position))?;
     all.set_item("servo_velocity", servos(|servo| servo.velocity))?;
     all.set_item("servo_current", servos(|servo| servo.current))?;
-    all.set_item("arm_goal", table(py, frames.iter().map(|frame| frame.sent.arm)))?;
+    all.set_item("arm_goal", table(py, frames.iter().map(|frame| frame.sent.arm.into_inner())))?;
     all.set_item("servo_goal", table(py, frames.iter().map(Frame::servo_goals)))?;
     let (count, pads) = (frames.len(), HAND.pads.len());
     let bytes = [count, pads, side, side, 3].iter().fold(1, |bytes: u64, part| bytes.saturating_mul(*part as u64));

@@ -178,7 +178,7 @@ mod tests {
     use super::*;
 
     fn film(hand: &Hand, arm: &Arm) -> Film {
-        let arm_links = arm.tree.forward(&Arm::home());
+        let arm_links = arm.tree.forward(&arm.home);
         let frame = |n: usize| Frame {
             time: n as f64 * 0.25,
             phase: format!("phase {n}"),

@@ -3,9 +3,9 @@
 use std::error::Error;
 use std::f64::consts::{PI, TAU};
 
-use hand_model::RobotModel;
 use hand_model::pads::IMAGE_SIZE;
 use hand_model::robot::TactileImage;
+use hand_model::{ArmVector, RobotModel};
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use stream::{DrawnObject, Level, PoseError, Recorder, SignalFrame, TrialProperties};
 
@@ -46,7 +46,7 @@ fn image(depth: f64, place: [f64; 2]) -> (TactileImage, Vec<f32>) {
 }
 
 /// Signals at time `t` (s) of a hand that is closed by the share `close`; `off` is how far the pose estimate is still off.
-fn signals(t: f64, close: f64, pads: usize, joints: [f64; 15], arm: [f64; 7], off: Option<f64>) -> SignalFrame {
+fn signals(t: f64, close: f64, pads: usize, joints: [f64; 15], arm: ArmVector, off: Option<f64>) -> SignalFrame {
     let ripple = |i: usize| 0.4 * (t * 5.0 + i as f64).sin();
     SignalFrame {
         tensions: Some(std::array::from_fn(|i| 12.0 * close + ripple(i))),
@@ -80,7 +80,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let phases = [(0.0, "approach"), (0.25, "close"), (0.45, "lift"), (0.8, "hold"), (0.95, "judge")];
     let mut phase = 0;
     // The hand points down and a little sideways.
-    let mut q = [0.0, 0.6, PI, -1.9, 0.0, -0.64, PI / 2.0];
+    let mut q = ArmVector::from([0.0, 0.6, PI, -1.9, 0.0, -0.64, PI / 2.0]);
     for tick in 0..=(duration * 100.0) as usize {
         let t = tick as f64 * 0.01;
         let s = t / duration;

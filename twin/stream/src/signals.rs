@@ -1,6 +1,6 @@
 //! What is plotted: one entity for each quantity, with a line for each digit, joint or pad.
 
-use hand_model::{ARM_JOINTS, RobotModel};
+use hand_model::{ArmVector, RobotModel};
 use rerun::{RecordingStream, Scalars, SeriesLines};
 
 use crate::entities;
@@ -27,7 +27,7 @@ pub struct SignalFrame {
     /// Finger joint angles, rad.
     pub joint_angles: Option<[f64; 15]>,
     /// Arm joint angles, rad.
-    pub arm_angles: Option<[f64; ARM_JOINTS]>,
+    pub arm_angles: Option<ArmVector>,
     /// Force on each pad, N.
     pub pad_forces: Option<Vec<f64>>,
     /// Error of each object's estimated pose, in the order of the recorder's objects; NaN or `None` where there is none.

@@ -77,7 +77,7 @@ fn record(path: &Path, robot: &RobotModel) {
     for tick in 0..200 {
         let t = f64::from(tick) * 0.01;
         recorder.set_time(t);
-        let mut q = Arm::home();
+        let mut q = Arm::gen3().home;
         q[0] = 0.1 * t;
         let links = arm.tree.forward(&q);
         let palm = links[6] * arm.last_from_tool * hand.palm_from_flange.inverse();

@@ -1,6 +1,5 @@
 //! Actions: what the arm stores, and what becomes of one, over TCP.
 
-use hand_model::arm::Arm as ArmModel;
 use kortex::base::Notification;
 use kortex::degrees::difference;
 use kortex::emulator::{Emulator, Injection};
@@ -58,7 +57,7 @@ fn stored_actions_are_listed_by_type() {
     let home = arm.base.action(HOME).expect("stored");
     assert_eq!((home.name.as_str(), home.kind), ("Home", ActionType::ReachJointAngles));
     let posture = home.posture.expect("joint angles");
-    assert!((0..JOINTS).all(|i| difference(posture[i], ArmModel::home()[i]).abs() < 1e-6), "{posture:?}");
+    assert!((0..JOINTS).all(|i| difference(posture[i], home_posture()[i]).abs() < 1e-6), "{posture:?}");
     let error = arm.base.action(77).expect_err("not stored");
     assert_eq!(error.reason(), Some(Reason::InvalidParameter), "{error}");
 }
@@ -79,7 +78,7 @@ fn home() {
     assert_eq!(told(&mut arm), [(ActionEvent::End, HOME, 0)]);
     assert!((0.4..0.51).contains(&top), "{top}");
     emulator.step(500);
-    assert!(furthest(&emulator, ArmModel::home()) < 1e-6);
+    assert!(furthest(&emulator, home_posture()) < 1e-6);
     assert_eq!(arm.base.arm_state().expect("answers"), ArmState::ServoingReady);
 }
 
@@ -108,7 +107,7 @@ fn stops_in_motion() {
         assert_eq!(told(&mut arm), [(ActionEvent::Start, HOME, 0), (ActionEvent::Abort, HOME, 55)]);
         emulator.step(300);
         assert!(fastest(&emulator) < 1e-3);
-        assert!(furthest(&emulator, ArmModel::home()) > 0.5, "on the way");
+        assert!(furthest(&emulator, home_posture()) > 0.5, "on the way");
         assert_eq!(arm.base.arm_state().expect("answers"), ArmState::ServoingReady);
     }
 }
@@ -179,7 +178,7 @@ fn pause_and_resume() {
     emulator.step(15_000);
     let events: Vec<ActionEvent> = told(&mut arm).into_iter().map(|(event, ..)| event).collect();
     assert_eq!(events, [ActionEvent::Start, ActionEvent::Pause, ActionEvent::Start, ActionEvent::End]);
-    assert!(furthest(&emulator, ArmModel::home()) < 1e-6);
+    assert!(furthest(&emulator, home_posture()) < 1e-6);
 }
 
 /// The session that began an action ends: the arm stops.
@@ -190,7 +189,7 @@ fn a_session_that_ends_stops_its_action() {
     emulator.step(3000);
     arm.close().expect("logs out");
     emulator.step(300);
-    assert!(fastest(&emulator) < 1e-3 && furthest(&emulator, ArmModel::home()) > 0.5);
+    assert!(fastest(&emulator) < 1e-3 && furthest(&emulator, home_posture()) > 0.5);
 }
 
 #[test]
@@ -200,7 +199,7 @@ fn refused_in_low_level_servoing() {
     drop(servoing);
     arm.base.set_servoing_mode(ServoingMode::LowLevel).expect("low level");
     let refusals =
-        [arm.base.execute_action(HOME), arm.base.reach_joint_angles(&ArmModel::home(), None), arm.base.stop_action()];
+        [arm.base.execute_action(HOME), arm.base.reach_joint_angles(&home_posture(), None), arm.base.stop_action()];
     for refusal in refusals {
         assert_eq!(refusal.expect_err("low level").reason(), Some(Reason::ServoingMode));
     }

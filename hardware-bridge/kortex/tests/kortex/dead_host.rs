@@ -3,7 +3,6 @@
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use hand_model::arm::Arm as ArmModel;
 use kortex::emulator::{Emulator, EventKind, Pace};
 use kortex::message::ArmState;
 use kortex::servoing::Servoing;
@@ -22,7 +21,7 @@ const DEADLINE: u64 = 3000;
 fn host_process() {
     let variable = |name: &str| std::env::var(name).expect("set by the parent").parse().expect("an address");
     let address = Address { tcp: variable(TCP), udp: variable(UDP) };
-    let mut arm = Arm::connect(address, &credentials(), timeouts(), ArmModel::home()).expect("connects");
+    let mut arm = Arm::connect(address, &credentials(), timeouts(), home_posture()).expect("connects");
     let mut servoing = Servoing::enter(&mut arm, patient_limits()).expect("enters");
     let start = *servoing.command();
     let begin = Instant::now();
@@ -61,7 +60,7 @@ fn signal(host: &Host, name: &str) {
 }
 
 fn stopped_by(end: impl FnOnce(&Host)) {
-    let emulator = emulator_with(ArmModel::home(), Pace::RealTime, DEADLINE);
+    let emulator = emulator_with(home_posture(), Pace::RealTime, DEADLINE);
     let address = emulator.address();
     let host = Command::new(std::env::current_exe().expect("this program"))
         .args(["--ignored", "--exact", "dead_host::host_process"])

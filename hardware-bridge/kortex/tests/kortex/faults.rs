@@ -2,7 +2,6 @@
 
 use std::time::Duration;
 
-use hand_model::arm::Arm as ArmModel;
 use kortex::JOINTS;
 use kortex::emulator::Injection;
 use kortex::message::base::ServoingMode;
@@ -53,7 +52,7 @@ fn every_fault_of_the_base() {
 fn a_fault_that_comes_back() {
     let emulator = emulator();
     let timeouts = Timeouts { call: Duration::from_secs(3), ..timeouts() };
-    let mut arm = Arm::connect(emulator.address(), &credentials(), timeouts, ArmModel::home()).expect("connects");
+    let mut arm = Arm::connect(emulator.address(), &credentials(), timeouts, home_posture()).expect("connects");
     emulator.inject(Injection::LastingBaseFault(1 << 3));
     let error = Servoing::enter(&mut arm, limits()).expect_err("still in fault");
     assert_eq!(error.to_string(), "the arm is in fault: base: core temperature too high");

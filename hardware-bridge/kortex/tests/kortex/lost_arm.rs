@@ -2,7 +2,6 @@
 
 use std::time::{Duration, Instant};
 
-use hand_model::arm::Arm as ArmModel;
 use kortex::emulator::{Emulator, EventKind, Injection, Pace};
 use kortex::message::base::ServoingMode;
 use kortex::servoing::{Limits, Servoing};
@@ -20,7 +19,7 @@ fn short(session: Duration) -> Timeouts {
 }
 
 fn connected(emulator: &Emulator, timeouts: Timeouts) -> Arm {
-    Arm::connect(emulator.address(), &credentials(), timeouts, ArmModel::home()).expect("connects")
+    Arm::connect(emulator.address(), &credentials(), timeouts, home_posture()).expect("connects")
 }
 
 /// Keep-alives are no calls: a session that has nothing else ends with its timeout, in the middle of servoing. The arm's
@@ -58,7 +57,7 @@ fn an_idle_arm_outlives_the_session_timeout() {
 
 /// Servoing on an arm with this watchdog, ms, until `end` has done its work and the host notices.
 fn ended(cyclic_deadline: u64, timeouts: Timeouts, limits: Limits, end: impl FnOnce(&Emulator)) -> KortexError {
-    let emulator = emulator_with(ArmModel::home(), Pace::Stepped, cyclic_deadline);
+    let emulator = emulator_with(home_posture(), Pace::Stepped, cyclic_deadline);
     let mut arm = connected(&emulator, timeouts);
     let mut servoing = Servoing::enter(&mut arm, limits).expect("enters");
     for _ in 0..50 {
@@ -113,7 +112,7 @@ fn a_busy_computer_is_told() {
 /// Commands are sent in time and do not arrive.
 #[test]
 fn a_lossy_network_is_told() {
-    let emulator = emulator_with(ArmModel::home(), Pace::Stepped, 50);
+    let emulator = emulator_with(home_posture(), Pace::Stepped, 50);
     let mut arm = host(&emulator);
     // In time on however busy a machine.
     let mut servoing = Servoing::enter(&mut arm, Limits { cycle: PATIENCE, ..limits() }).expect("enters");
@@ -143,7 +142,7 @@ fn lost_measurements_are_asked_for_again() {
 /// read.
 #[test]
 fn a_command_that_waits_in_the_socket_is_not_missing() {
-    let emulator = emulator_with(ArmModel::home(), Pace::Stepped, 2);
+    let emulator = emulator_with(home_posture(), Pace::Stepped, 2);
     let mut arm = host(&emulator);
     let mut servoing = Servoing::enter(&mut arm, patient_limits()).expect("enters");
     let before = emulator.status().commands.followed;

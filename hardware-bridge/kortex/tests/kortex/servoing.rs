@@ -3,7 +3,6 @@
 use std::f64::consts::TAU;
 use std::time::{Duration, Instant};
 
-use hand_model::arm::Arm as ArmModel;
 use kortex::JOINTS;
 use kortex::emulator::{Emulator, EventKind, FirstOrderJoints, Injection, Pace, Settings};
 use kortex::message::ArmState;
@@ -16,7 +15,7 @@ use crate::support::*;
 /// Wherever the arm stands, also where an angle on the wire is beyond half a turn, it does not move on entry.
 #[test]
 fn entry_is_seeded_with_the_measured_angles() {
-    for posture in [ArmModel::home(), [3.5, -2.0, 6.2, 2.5, -3.1, -2.0, 10.0]] {
+    for posture in [home_posture(), [3.5, -2.0, 6.2, 2.5, -3.1, -2.0, 10.0]] {
         let emulator = emulator_at(posture, Pace::Stepped);
         let mut arm = host(&emulator);
         let mut servoing = Servoing::enter(&mut arm, limits()).expect("enters");
@@ -91,7 +90,7 @@ fn a_command_far_from_the_arm_is_not_sent() {
 }
 
 fn creep(top_speed: f64, limits: Limits) -> (Emulator, KortexError) {
-    let plant = FirstOrderJoints::new(ArmModel::home(), LAG, [top_speed; JOINTS]);
+    let plant = FirstOrderJoints::new(home_posture(), LAG, [top_speed; JOINTS]);
     let emulator = Emulator::start(Settings::default(), Box::new(plant), Pace::Stepped).expect("starts");
     let mut arm = host(&emulator);
     let mut servoing = Servoing::enter(&mut arm, limits).expect("enters");

@@ -2,7 +2,6 @@
 
 use std::time::Duration;
 
-use hand_model::arm::Arm as ArmModel;
 use kortex::JOINTS;
 use kortex::base::{Base, Notification};
 use kortex::call::{self, Call};
@@ -40,7 +39,7 @@ fn wrong_credentials_are_named() {
     let emulator = emulator();
     for (user, password) in [("admin", "guess"), ("nobody", "admin")] {
         let credentials = Credentials { user: user.to_owned(), password: password.to_owned() };
-        let error = Arm::connect(emulator.address(), &credentials, timeouts(), ArmModel::home()).expect_err("refused");
+        let error = Arm::connect(emulator.address(), &credentials, timeouts(), home_posture()).expect_err("refused");
         assert_eq!(error.reason(), Some(Reason::Login), "{error}");
     }
     assert!(emulator.status().sessions.is_empty());
@@ -64,7 +63,7 @@ fn devices_are_found_in_order() {
 
 #[test]
 fn measured_angles_are_in_radians() {
-    let mut posture = ArmModel::home();
+    let mut posture = home_posture();
     posture[3] = -2.2;
     let emulator = emulator_at(posture, Pace::Stepped);
     let angles = host(&emulator).base.joint_angles().expect("angles");
@@ -102,10 +101,10 @@ fn a_forgotten_session_is_lost() {
 /// Kept up, sessions outlive their timeout; not kept up, they end with it.
 #[test]
 fn keep_alives_keep_sessions_alive() {
-    let emulator = emulator_at(ArmModel::home(), Pace::RealTime);
+    let emulator = emulator_at(home_posture(), Pace::RealTime);
     let connection = Duration::from_secs(2);
     let timeouts = Timeouts { connection, keep_alive: Duration::from_millis(20), ..timeouts() };
-    let mut arm = Arm::connect(emulator.address(), &credentials(), timeouts, ArmModel::home()).expect("connects");
+    let mut arm = Arm::connect(emulator.address(), &credentials(), timeouts, home_posture()).expect("connects");
     let (start, sessions) = (emulator.status().time, emulator.status().sessions);
     until("two timeouts have passed", || {
         arm.keep_up().expect("kept up");
@@ -152,7 +151,7 @@ fn an_arm_that_is_switched_off_closes_the_connection() {
 #[test]
 fn nobody_there_is_an_error_of_the_link() {
     let address = emulator().address();
-    let error = Arm::connect(address, &credentials(), timeouts(), ArmModel::home()).expect_err("nobody there");
+    let error = Arm::connect(address, &credentials(), timeouts(), home_posture()).expect_err("nobody there");
     assert!(matches!(error, KortexError::Link(_)), "{error}");
 }
 
@@ -194,7 +193,7 @@ fn bad_speeds_are_not_sent() {
 fn speeds_end_with_their_session() {
     let emulator = emulator();
     let timeouts = Timeouts { call: PATIENCE, ..Timeouts::default() };
-    let mut base = Arm::connect(emulator.address(), &credentials(), timeouts, ArmModel::home()).expect("connects").base;
+    let mut base = Arm::connect(emulator.address(), &credentials(), timeouts, home_posture()).expect("connects").base;
     base.send_joint_speeds(&only(1, 0.2), &TOP_SPEED).expect("accepted");
     // The connection stays open and silent, as that of a frozen host.
     std::mem::forget(base);

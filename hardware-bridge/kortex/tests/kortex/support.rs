@@ -27,25 +27,30 @@ pub fn timeouts() -> Timeouts {
     Timeouts { call: PATIENCE, session: hour, connection: hour, ..Timeouts::default() }
 }
 
+/// The published home posture, rad.
+pub fn home_posture() -> [f64; JOINTS] {
+    ArmModel::gen3().home.into_inner()
+}
+
 pub fn emulator_at(posture: [f64; JOINTS], pace: Pace) -> Emulator {
     emulator_with(posture, pace, Settings::default().cyclic_deadline)
 }
 
 /// An arm in real time whose watchdog waits for a host that a busy machine holds up.
 pub fn patient_emulator() -> Emulator {
-    emulator_with(ArmModel::home(), Pace::RealTime, PATIENCE.as_millis() as u64)
+    emulator_with(home_posture(), Pace::RealTime, PATIENCE.as_millis() as u64)
 }
 
 /// An arm whose watchdog trips after `cyclic_deadline` ms of its own time.
 pub fn emulator_with(posture: [f64; JOINTS], pace: Pace, cyclic_deadline: u64) -> Emulator {
-    let plant = FirstOrderJoints::new(posture, LAG, ArmModel::gen3().velocity_limits);
+    let plant = FirstOrderJoints::new(posture, LAG, ArmModel::gen3().velocity_limits.into_inner());
     let settings = Settings { cyclic_deadline, ..Settings::default() };
     Emulator::start(settings, Box::new(plant), pace).expect("loopback has free ports")
 }
 
 /// An arm at its published home posture, whose time passes by [`Emulator::step`] alone.
 pub fn emulator() -> Emulator {
-    emulator_at(ArmModel::home(), Pace::Stepped)
+    emulator_at(home_posture(), Pace::Stepped)
 }
 
 pub fn host(emulator: &Emulator) -> Arm {
@@ -57,7 +62,7 @@ pub fn limits() -> Limits {
     let arm = ArmModel::gen3();
     let joints = &arm.tree.joints;
     let (lower, upper) = (std::array::from_fn(|i| joints[i].lower), std::array::from_fn(|i| joints[i].upper));
-    Limits::at_1_khz(lower, upper, arm.velocity_limits)
+    Limits::at_1_khz(lower, upper, arm.velocity_limits.into_inner())
 }
 
 /// Limits that forgive any silence, for an arm in real time on a busy machine.

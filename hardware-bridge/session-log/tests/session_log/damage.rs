@@ -4,7 +4,7 @@ use std::path::Path;
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use session_log::{Images, Reader, SessionLogError, Writer};
+use session_log::{Reader, SessionLogError, Sizes, Writer};
 
 use crate::support::*;
 
@@ -113,19 +113,19 @@ fn summary_length(path: &Path, bytes: &[u8]) -> usize {
 fn other_files_are_refused_by_name() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("other.mcap");
-    assert!(matches!(Reader::open(&path, Images::Any), Err(SessionLogError::Io { .. })));
+    assert!(matches!(Reader::open(&path, Sizes::Any), Err(SessionLogError::Io { .. })));
     assert!(std::process::Command::new("mkfifo").arg(&path).status().expect("mkfifo runs").success());
-    let error = Reader::open(&path, Images::Any).err().expect("refused").to_string();
+    let error = Reader::open(&path, Sizes::Any).err().expect("refused").to_string();
     assert!(error.ends_with("other.mcap: found a pipe, expected a regular file"), "{error}");
     std::fs::remove_file(&path).expect("removed");
     std::fs::write(&path, "a session of another kind").expect("written");
-    assert!(matches!(Reader::open(&path, Images::Any), Err(SessionLogError::Mcap { .. })));
+    assert!(matches!(Reader::open(&path, Sizes::Any), Err(SessionLogError::Mcap { .. })));
     std::fs::remove_file(&path).expect("removed");
     // An MCAP file, but of somebody else.
     let file = std::fs::File::create(&path).expect("created");
     let mut other = mcap::Writer::new(file).expect("writes");
     other.finish().expect("finishes");
-    let error = Reader::open(&path, Images::Any).err().expect("refused");
+    let error = Reader::open(&path, Sizes::Any).err().expect("refused");
     assert!(error.to_string().contains("beginning is cut short"), "{error}");
 }
 
@@ -137,5 +137,5 @@ fn a_session_without_a_tick() {
     Writer::create(&path, &session()).expect("created").finish().expect("finished");
     let (events, ended) = read(&path);
     assert!(events.is_empty() && matches!(ended, Ok(true)));
-    assert_eq!(Reader::open(&path, Images::Any).expect("opens").session().configuration, session().configuration);
+    assert_eq!(Reader::open(&path, Sizes::Any).expect("opens").session().configuration, session().configuration);
 }

@@ -3,7 +3,7 @@
 use hand_model::robot::{Readings, RobotBackend, ServoGoal};
 use session_log::message::bits;
 use session_log::replay::{Divergence, Progress};
-use session_log::{Event, Images, Reader, Recorder, Replay, SessionLogError, Writer};
+use session_log::{Event, Reader, Recorder, Replay, SessionLogError, Sizes, Writer};
 
 use crate::support::*;
 
@@ -17,13 +17,13 @@ fn recording() -> (tempfile::TempDir, std::path::PathBuf) {
 }
 
 fn replay(path: &std::path::Path) -> Replay {
-    Replay::new(Reader::open(path, Images::Any).expect("opens")).expect("reads")
+    Replay::new(Reader::open(path, Sizes::Any).expect("opens")).expect("reads")
 }
 
 #[test]
 fn a_session_is_what_it_was() {
     let (_folder, path) = recording();
-    let mut reader = Reader::open(&path, Images::Any).expect("opens");
+    let mut reader = Reader::open(&path, Sizes::Any).expect("opens");
     assert_eq!(*reader.session(), session());
     let mut times = Vec::new();
     while let Some((time, _)) = reader.next_event().expect("reads") {

@@ -3,11 +3,11 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use hand_model::ACTUATORS;
 use hand_model::robot::{
     Command, Observation, Readings, RobotBackend, RobotError, ServoGoal, ServoState, TactileFrame, TactileImage, Tick,
 };
-use hand_model::{ACTUATORS, ARM_JOINTS};
-use session_log::{Event, Images, Reader, Recorder, Session, Writer};
+use session_log::{Event, Reader, Recorder, Session, Sizes, Writer};
 
 /// Servos and joints that go a tenth of the way each tick; a camera takes a new image every third tick it is asked in.
 pub struct Toy {
@@ -46,7 +46,7 @@ impl RobotBackend for Toy {
         if self.failing.contains(&self.observation.sequence) {
             return Err(RobotError::NotSent(0.05));
         }
-        let sent = Command { arm: command.arm.map(|angle| angle.clamp(-1.0, 1.0)), ..*command };
+        let sent = Command { arm: command.arm.iter().map(|angle| angle.clamp(-1.0, 1.0)).collect(), ..*command };
         self.goal = Some(sent);
         Ok(sent)
     }
@@ -56,7 +56,7 @@ impl RobotBackend for Toy {
         self.observation.time = self.observation.sequence as f64 * self.tick_length();
         let time = self.observation.time;
         if let Some(goal) = self.goal {
-            for i in 0..ARM_JOINTS {
+            for i in 0..7 {
                 self.observation.arm.position[i] += 0.1 * (goal.arm[i] - self.observation.arm.position[i]);
             }
             for (servo, goal) in self.observation.servos.iter_mut().zip(goal.servos) {
@@ -93,7 +93,7 @@ pub fn decide(seen: &Observation) -> Command {
         _ => ServoGoal::Current(0.1 * wave - seen.servos[i].position),
     };
     Command {
-        arm: std::array::from_fn(|i| 1.3 * wave - seen.arm.position[i] / 3.0),
+        arm: (0..7).map(|i| 1.3 * wave - seen.arm.position[i] / 3.0).collect(),
         servos: std::array::from_fn::<_, ACTUATORS, _>(goal),
         capture: seen.sequence.is_multiple_of(2),
     }
@@ -138,7 +138,7 @@ pub fn record(path: &Path, ticks: usize) {
 /// Everything in a file up to its end or its first error, and whether it was finished.
 pub fn read(path: &Path) -> (Vec<Event>, Result<bool, session_log::SessionLogError>) {
     let mut events = Vec::new();
-    let mut reader = match Reader::open(path, Images::Any) {
+    let mut reader = match Reader::open(path, Sizes::Any) {
         Ok(reader) => reader,
         Err(error) => return (events, Err(error)),
     };

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use anyhow::{Context as _, Result, bail};
-use bench::body::{Places, Task};
+use bench::body::Task;
 use bench::builtin::make_bench;
 use bench::recording::{Began, Recording};
 use bench::trial::filming::{self, All, Filming};
@@ -58,20 +58,10 @@ pub fn run(terminal: &Terminal, args: &DemoArgs) -> Outcome {
         let mut targets = vec![Target::File(file.clone())];
         targets.extend(program.is_some().then_some(Target::Spawn));
         let task = Task {
-            robot: "sim".to_owned(),
-            seed: terminal.seed,
-            combination: args.combination,
-            trial: args.trial,
-            condition,
             watched: true,
-            combos,
             scenario: scenarios::scenario::BENCHMARK.to_owned(),
-            places: Places::default(),
             robot_model: robot.sources.clone(),
-            individual: None,
-            pads: None,
-            foresees: false,
-            mirrored: false,
+            ..Task::new("sim", terminal.seed, [args.combination, args.trial, combos], condition)
         };
         recordings.push(Recording::open(&targets, &bench, &task, (Began::Never, true))?);
         files.push(file);

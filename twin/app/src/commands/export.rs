@@ -13,7 +13,7 @@ use clap::Subcommand;
 use hand_model::RobotModel;
 use hand_model::kinematics::Tree;
 use session_log::ros2::{self, Names};
-use session_log::{Event, Images, Reader, Replay};
+use session_log::{Event, Reader, Replay, Sizes};
 use stream::Target;
 
 use super::replay::{bench_of, task};
@@ -88,15 +88,16 @@ fn nothing(session: &Path) -> String {
 }
 
 /// The robot of a session: the built-in one where the session is no trial's.
-fn robot_of_session(session: &Path) -> Result<RobotModel> {
-    let reader = Reader::open(session, Images::Any)?;
+fn robot_of_session(reader: &Reader) -> Result<RobotModel> {
     let task = serde_json::from_slice::<Task>(&reader.session().task).ok();
     Ok(RobotModel::of(task.and_then(|task| task.robot_model).as_ref())?)
 }
 
 /// Writes a session as the bag `out`: how many messages it has.
 fn ros2(session: &Path, out: &Path) -> Result<u64> {
-    let RobotModel { hand, arm, .. } = robot_of_session(session)?;
+    let reader = Reader::open(session, Sizes::Any)?;
+    let robot = robot_of_session(&reader)?;
+    let RobotModel { hand, arm, .. } = &robot;
     let joints = |tree: &Tree| tree.joints.iter().map(|joint| joint.name.clone()).collect();
     let names = Names {
         arm: joints(&arm.tree),
@@ -104,7 +105,7 @@ fn ros2(session: &Path, out: &Path) -> Result<u64> {
         cameras: hand.cameras.iter().map(|camera| camera.name.clone()).collect(),
         torque_constant: hand.parameters.servo.torque_constant,
     };
-    let reader = Reader::open(session, Images::OfTheHand { cameras: names.cameras.len() })?;
+    let reader = reader.of(Sizes::of(&robot));
     // Nothing half-written stays under the bag's name.
     let partial = out.with_extension("partial");
     let messages = ros2::export(reader, &names, &partial).inspect_err(|_| drop(std::fs::remove_file(&partial)))?;
@@ -173,13 +174,11 @@ fn lerobot(terminal: &Terminal, folder: &Path, out: Option<&Path>, images: u16) 
 pub fn rrd(terminal: &Terminal, session: &Path, out: &Path) -> Result<(u64, Option<String>)> {
     let (task, scenario) = task(session)?;
     let bench = bench_of(terminal, &task, scenario, session)?;
-    let cameras = bench.world.cell.robot.hand.cameras.len();
-    check(session, cameras)?;
+    let robot = &bench.world.cell.robot;
+    check(session, robot)?;
     let began = began(session)?;
-    let (mut source, report) = ReplaySource::new(
-        Replay::new(Reader::open(session, Images::OfTheHand { cameras })?)?,
-        task.robot == "hardware",
-    );
+    let (mut source, report) =
+        ReplaySource::new(Replay::new(Reader::open(session, Sizes::of(robot))?)?, task.robot == "hardware");
     let partial = out.with_extension("partial.rrd");
     // One that is there may be a link to somewhere else.
     drop(std::fs::remove_file(&partial));
@@ -211,7 +210,7 @@ pub fn rrd(terminal: &Terminal, session: &Path, out: &Path) -> Result<(u64, Opti
 
 /// When the body's time 0 was.
 fn began(session: &Path) -> Result<Began> {
-    let mut reader = Reader::open(session, Images::Any)?;
+    let mut reader = Reader::open(session, Sizes::Any)?;
     if reader.session().robot != "hardware" {
         return Ok(Began::Never);
     }

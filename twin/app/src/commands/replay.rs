@@ -7,11 +7,12 @@ use bench::body::replayed::{ReplaySource, check};
 use bench::body::{LookFailed, Stopped, Task};
 use bench::builtin::{expect_errors, make_bench, read_pads_by, robot_of};
 use bench::trial::{Bench, NoWatcher};
+use hand_model::RobotModel;
 use scenarios::Scenario;
 use scenarios::record::{Condition, TrialRecord};
 use serde_json::{Value, json};
 use session_log::comparison::compare;
-use session_log::{Images, Reader, Replay};
+use session_log::{Reader, Replay, Sizes};
 
 use super::sessions::sessions_in;
 use crate::terminal::Terminal;
@@ -102,7 +103,7 @@ pub fn bench_of(terminal: &Terminal, task: &Task, scenario: Scenario, recording:
 
 /// `--against`: two sessions, observation by observation and command by command; the shortfall is the first bit that differs.
 pub fn against(terminal: &Terminal, recording: &Path, other: &Path) -> Result<Option<String>> {
-    let compared = compare(&mut Reader::open(recording, Images::Any)?, &mut Reader::open(other, Images::Any)?)?;
+    let compared = compare(&mut Reader::open(recording, Sizes::Any)?, &mut Reader::open(other, Sizes::Any)?)?;
     let difference = compared.difference.as_ref().map(ToString::to_string);
     if terminal.json {
         println!(
@@ -123,14 +124,14 @@ pub fn against(terminal: &Terminal, recording: &Path, other: &Path) -> Result<Op
 
 /// What the file says of itself: the task and its scenario, with everything that they need in them.
 pub fn task(path: &Path) -> Result<(Task, Scenario)> {
-    Ok(Task::parse(&Reader::open(path, Images::Any)?.session().task, path)?)
+    Ok(Task::parse(&Reader::open(path, Sizes::Any)?.session().task, path)?)
 }
 
 /// Runs it; the shortfall is where it left the recording.
 fn run(terminal: &Terminal, bench: &Bench, task: &Task, path: &Path) -> Result<(Value, Option<String>)> {
-    let cameras = bench.world.cell.robot.hand.cameras.len();
-    let (outcome, whole) = outcome(path, cameras)?;
-    let reader = Reader::open(path, Images::OfTheHand { cameras })?;
+    let robot = &bench.world.cell.robot;
+    let (outcome, whole) = outcome(path, robot)?;
+    let reader = Reader::open(path, Sizes::of(robot))?;
     let (mut source, report) = ReplaySource::new(Replay::new(reader)?, task.robot == "hardware");
     let played = bench.play(task, &mut source, &mut NoWatcher);
     let (played, failed) = match played {
@@ -184,14 +185,14 @@ fn run(terminal: &Terminal, bench: &Bench, task: &Task, path: &Path) -> Result<(
 
 /// Whose session it is, if it is another program's: what differs may be the program's doing.
 pub fn other_program(path: &Path) -> Result<Option<String>> {
-    let program = Reader::open(path, Images::Any)?.session().program.clone();
+    let program = Reader::open(path, Sizes::Any)?.session().program.clone();
     let this = concat!("ftac ", env!("CARGO_PKG_VERSION"));
     Ok((program != this).then(|| format!("recorded by {program}, this is {this}")))
 }
 
 /// What came of the recorded trial of a hand with so many cameras, and whether the file was finished.
-fn outcome(path: &Path, cameras: usize) -> Result<(Option<TrialRecord>, bool)> {
-    let (outcome, whole) = check(path, cameras)?;
+fn outcome(path: &Path, robot: &RobotModel) -> Result<(Option<TrialRecord>, bool)> {
+    let (outcome, whole) = check(path, robot)?;
     let read = |text: Vec<u8>| serde_json::from_slice(&text).with_context(|| format!("{}: outcome", path.display()));
     Ok((outcome.map(read).transpose()?, whole))
 }

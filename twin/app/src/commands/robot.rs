@@ -3,12 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result};
-use bench::builtin::{parse_pads, robot_of};
+use bench::builtin::parse_pads;
 use bench::trial::Means;
 use clap::Args;
 use hand_model::{RobotModel, RobotSources};
 use plant::identified::IdentifiedRobot;
-use platform::reach::Reach;
 use scenarios::record::Condition;
 
 use super::body::Body;
@@ -24,31 +23,33 @@ pub struct RobotArgs {
 impl RobotArgs {
     /// The robot's files, once they are known to be good; none for the built-in robot.
     pub fn sources(&self) -> Result<Option<RobotSources>> {
-        let Some(path) = &self.robot_model else { return Ok(None) };
-        let sources = RobotSources::read(path, Reach::Anywhere).context("--robot-model")?;
-        RobotModel::parse(&sources, path).context("--robot-model")?;
-        Ok(Some(sources))
+        Ok(self.model()?.sources)
     }
 
     /// The robot.
     pub fn model(&self) -> Result<RobotModel> {
-        Ok(RobotModel::of(self.sources()?.as_ref())?)
+        let Some(path) = &self.robot_model else { return Ok(RobotModel::ftac_gen3()) };
+        RobotModel::read(path).context("--robot-model")
     }
 }
 
 /// The text of the file that `--individual` names, once it is known to be good of the robot `nominal`, and the name for errors.
 pub fn individual(path: Option<&Path>, nominal: &RobotModel) -> Result<(Option<String>, PathBuf)> {
-    let named = PathBuf::from("--individual");
-    let Some(path) = path else { return Ok((None, named)) };
+    let text = identified(path, nominal)?.map(|(text, _)| text);
+    Ok((text, PathBuf::from("--individual")))
+}
+
+/// The file that `--individual` names: its text, and the robot that it describes.
+fn identified(path: Option<&Path>, nominal: &RobotModel) -> Result<Option<(String, IdentifiedRobot)>> {
+    let Some(path) = path else { return Ok(None) };
     let text = platform::data::read_text(path).context("--individual")?;
-    IdentifiedRobot::parse(&text, path, &nominal.hand).context("--individual")?;
-    Ok((Some(text), named))
+    let own = IdentifiedRobot::parse(&text, path, nominal).context("--individual")?;
+    Ok(Some((text, own)))
 }
 
 /// The robot that `--individual` names, one of those built like `nominal`; `nominal` itself where it names none.
 pub fn individual_of(path: Option<&Path>, nominal: &RobotModel) -> Result<RobotModel> {
-    let (text, _) = individual(path, nominal)?;
-    robot_of(nominal.sources.as_ref(), text.as_deref(), path.unwrap_or(Path::new("")))
+    Ok(identified(path, nominal)?.map_or_else(|| nominal.clone(), |(_, own)| own.individual.robot(nominal)))
 }
 
 /// The text of the file that `--pads` names, once it is known to be a calibration of every pad of the robot.

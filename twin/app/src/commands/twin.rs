@@ -10,8 +10,8 @@ use anyhow::{Context as _, Result, bail};
 use bench::builtin::{HAND_UNIT, calibration_of};
 use clap::Subcommand;
 use grasping::{Grasp, Repertoire};
+use hand_model::RobotModel;
 use hand_model::transmission::friction::CableLosses;
-use hand_model::{Arm, RobotModel};
 use identification::Script;
 use identification::evaluation::{Surroundings, TrueBall, TrueWeight, excited_body};
 use identification::excitation::Means;
@@ -46,7 +46,7 @@ pub fn run(terminal: &Terminal, command: &TwinCommand) -> Outcome {
 
 /// Writes the true parameters of individual `number`, which nothing but an evaluation reads.
 pub fn write_truth(path: &Path, nominal: &RobotModel, number: u64) -> Result<()> {
-    let truth = RobotIndividual::draw(&nominal.hand, number);
+    let truth = RobotIndividual::draw(nominal, number);
     let text = serde_json::json!({
         "individual": number,
         "cameras": RobotIndividual::cameras(number),
@@ -81,10 +81,10 @@ impl Drawing {
     /// A script that names what the hand lacks, or an object of which no grasp is known.
     pub fn script(&self, file: Option<&Path>) -> Result<Script> {
         let script = match file {
-            None => Script::standard(&self.robot.hand)?,
+            None => Script::standard(&self.robot)?,
             Some(path) => {
                 let text = std::fs::read_to_string(path).with_context(|| path.display().to_string())?;
-                Script::parse(&text, path, &self.robot.hand)?
+                Script::parse(&text, path, &self.robot)?
             }
         };
         if let Some(weight) = script.weight.as_ref().filter(|_| self.grasps(&script).is_empty()) {
@@ -102,7 +102,7 @@ impl Drawing {
     pub fn means<'a>(&'a self, script: &'a Script) -> Means<'a> {
         let Self { robot, pads, losses, .. } = self;
         let grasps = self.grasps(script);
-        Means { robot, pads, script, grasps, friction: losses.friction, ready: Arm::home() }
+        Means { robot, pads, script, grasps, friction: losses.friction, ready: robot.arm.home }
     }
 
     /// Known grasps of the object that a script weighs, best first; none where it weighs none.
@@ -114,12 +114,12 @@ impl Drawing {
     /// The simulated robot that individual `number` is, with what an excitation by `script` needs around it; `seed` draws its cameras' noise.
     pub fn plant(&self, number: u64, seed: u64, script: &Script) -> Result<SimulatedRobot> {
         let Self { robot, losses, gel, .. } = self;
-        let truth = RobotIndividual::draw(&robot.hand, number);
+        let truth = RobotIndividual::draw(robot, number);
         let own = truth.hand(&robot.hand);
         let board = TactileBoard::unit(&own, RobotIndividual::cameras(number).unwrap_or(HAND_UNIT)).with_noise(seed);
         let ball = script.ball.as_ref().map(|ball| TrueBall::draw(ball, number));
         let weight = script.weight.as_ref().and_then(|weight| TrueWeight::draw(weight, number));
         let surroundings = Surroundings { board, gel: *gel, ball, weight };
-        Ok(excited_body(&truth, robot, *losses, Arm::home(), &surroundings)?)
+        Ok(excited_body(&truth, robot, *losses, robot.arm.home, &surroundings)?)
     }
 }

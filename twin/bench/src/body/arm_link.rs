@@ -5,28 +5,29 @@ use std::net::ToSocketAddrs as _;
 use std::time::Duration;
 
 use anyhow::{Context as _, Result};
-use hand_model::{ARM_JOINTS, Arm};
+use hand_model::{ArmVector, RobotModel};
 use hardware_bridge::arm_link::{ArmLink, LoopbackArm};
 use hardware_bridge::config::secrets::Password;
 use hardware_bridge::config::{ArmConfig, BridgeConfig};
-use hardware_bridge::kortex_link::KortexLink;
+use hardware_bridge::kortex_link::{KortexLink, expect_gen3, of_gen3};
 use kortex::link::LinkError;
 use kortex::refusal::Reason;
 use kortex::{Address, Credentials, KortexError, Timeouts};
 
-/// The client of the configured arm of this model, connected. `near` is the posture it is expected in, rad.
-pub fn arm_link(config: &BridgeConfig, model: &Arm, near: [f64; ARM_JOINTS]) -> Result<Box<dyn ArmLink>> {
+/// The client of the configured arm of `robot`, connected. `near` is the posture it is expected in, rad.
+pub fn arm_link(config: &BridgeConfig, robot: &RobotModel, near: ArmVector) -> Result<Box<dyn ArmLink>> {
+    expect_gen3(robot)?;
     Ok(match connect(config, near)? {
         None => Box::new(LoopbackArm::at(near)),
         Some(arm) => {
             let tick = Duration::from_secs_f64(1.0 / config.servos.rate);
-            Box::new(KortexLink::new(arm, model, tick, Duration::from_secs_f64(config.limits.arm_watchdog)))
+            Box::new(KortexLink::new(arm, &robot.arm, tick, Duration::from_secs_f64(config.limits.arm_watchdog)))
         }
     })
 }
 
 /// The configured arm itself, if there is one.
-pub fn connect(config: &BridgeConfig, near: [f64; ARM_JOINTS]) -> Result<Option<kortex::Arm>> {
+pub fn connect(config: &BridgeConfig, near: ArmVector) -> Result<Option<kortex::Arm>> {
     let ArmConfig::Kortex { host, tcp_port, udp_port, user, password, .. } = &config.arm else { return Ok(None) };
     let resolved = |port: u16| {
         let mut found = (host.as_str(), port).to_socket_addrs().with_context(|| format!("arm at {host}"))?;
@@ -35,7 +36,7 @@ pub fn connect(config: &BridgeConfig, near: [f64; ARM_JOINTS]) -> Result<Option<
     let address = Address { tcp: resolved(*tcp_port)?, udp: resolved(*udp_port)? };
     let password = password.as_ref().map(Password::reveal).unwrap_or_default().to_owned();
     let credentials = Credentials { user: user.clone(), password };
-    let arm = kortex::Arm::connect(address, &credentials, Timeouts::default(), near)
+    let arm = kortex::Arm::connect(address, &credentials, Timeouts::default(), of_gen3(&near))
         .map_err(|error| anyhow::anyhow!("arm at {host}, port {tcp_port}: {error}; {}", advice(&error)))?;
     Ok(Some(arm))
 }

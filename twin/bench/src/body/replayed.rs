@@ -9,7 +9,7 @@ use control::percept::Sighted;
 use hand_model::robot::RobotBackend;
 use platform::data::DataError;
 use session_log::replay::{Divergence, Progress};
-use session_log::{Event, Images, Reader, Replay, Session};
+use session_log::{Event, Reader, Replay, Session, Sizes};
 use sim::SimulatedRobot;
 use sim::robot::Truth;
 
@@ -21,12 +21,12 @@ pub type Report = Rc<Cell<Option<(Progress, Option<Divergence>)>>>;
 /// Shortest tick that a robot has, s.
 const LEAST_TICK: f64 = 1e-4;
 
-/// Reads the session at `path`, of a hand with so many cameras, to its end: its outcome, if it has one, and whether it was finished.
+/// Reads the session at `path`, of `robot`, to its end: its outcome, if it has one, and whether it was finished.
 ///
 /// # Errors
 /// A session that cannot be read, or that no controller can run on: one without ticks, or with places and times that are no numbers.
-pub fn check(path: &Path, cameras: usize) -> Result<(Option<Vec<u8>>, bool)> {
-    let mut reader = Reader::open(path, Images::OfTheHand { cameras })?;
+pub fn check(path: &Path, robot: &hand_model::RobotModel) -> Result<(Option<Vec<u8>>, bool)> {
+    let mut reader = Reader::open(path, Sizes::of(robot))?;
     let tick = reader.session().tick_length;
     if tick < LEAST_TICK {
         return Err(DataError::field(path, "tick_length_s", tick, format!("at least {LEAST_TICK}")).into());

@@ -11,6 +11,7 @@ use control::percept::Sighted;
 use hand_model::RobotModel;
 use hand_model::robot::RobotBackend;
 use hardware_bridge::emulator::direct::DirectRobot;
+use hardware_bridge::kortex_link::expect_gen3;
 use hardware_bridge::safety::state::State;
 use session_log::Session;
 use sim::SimulatedRobot;
@@ -59,6 +60,7 @@ pub struct RoundedSource {
 
 impl BodySource for RoundedSource {
     fn open(&mut self, setup: &TrialSetup, scene: SimulatedRobot) -> Result<Box<dyn TrialBody>> {
+        expect_gen3(&self.robot)?;
         let plant = SharedPlant::new(scene);
         let settings = settings(&self.robot.hand, setup.task.seed);
         let robot =

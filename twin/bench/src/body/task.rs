@@ -48,6 +48,26 @@ pub struct Task {
 }
 
 impl Task {
+    /// A trial of the built-in robot as it is drawn, in no scenario yet, with so many combinations drawn.
+    pub fn new(robot: &str, seed: u64, [combination, trial, combos]: [usize; 3], condition: Condition) -> Self {
+        Self {
+            robot: robot.to_owned(),
+            seed,
+            combination,
+            trial,
+            condition,
+            watched: false,
+            combos,
+            scenario: String::new(),
+            robot_model: None,
+            individual: None,
+            pads: None,
+            foresees: false,
+            mirrored: false,
+            places: Places::default(),
+        }
+    }
+
     /// A seed for what is drawn beside the trial's own errors: another one in every trial.
     pub fn unit_seed(&self) -> u64 {
         self.seed.wrapping_mul(1_000_003).wrapping_add((self.combination * 1009 + self.trial) as u64)

@@ -1,6 +1,5 @@
 //! A picture of a scene as it is, for people.
 
-use hand_model::ARM_JOINTS;
 use nalgebra::{Isometry3, Point3, Vector3};
 use report::picture::{Picture, View};
 use sim::robot::Truth;
@@ -34,13 +33,13 @@ impl Scene {
         let corners = [[x0, y0], [x1, y0], [x1, y1], [x0, y1]].map(|[x, y]| Point3::new(x, y, 0.0));
         let up = [Vector3::z(); 4];
         picture.triangles(&Isometry3::identity(), &corners, &[[0, 1, 2], [0, 2, 3]], &up, TABLE);
-        let Truth { palm, links, objects, .. } = &truth;
+        let Truth { palm, arm_links, hand_links, objects, .. } = &truth;
         for (model, pose) in self.models().zip(objects) {
             let (vertices, triangles, normals) = model.shape.triangles();
             picture.triangles(pose, &vertices, &triangles, &normals, model.color.map(f64::from));
         }
-        picture.arm(&self.cell().robot.arm, &links[..ARM_JOINTS]);
-        let links: Vec<Isometry3<f64>> = links[ARM_JOINTS..].iter().map(|link| palm.inverse() * link).collect();
+        picture.arm(&self.cell().robot.arm, arm_links);
+        let links: Vec<Isometry3<f64>> = hand_links.iter().map(|link| palm.inverse() * link).collect();
         picture.hand_at(hand, (palm, &links), |_| PAD);
         Ok(picture.finish("").into_raw())
     }

@@ -4,8 +4,8 @@
 //! unchanged. A real one is seen when its host has the time: some milliseconds early or late, or not at all for a while. Then measurements between
 //! the last look and this one lie on the straight line between both, and the command is the one that was in force at that time.
 
+use hand_model::ACTUATORS;
 use hand_model::robot::{ArmState, Command, ServoState};
-use hand_model::{ACTUATORS, ARM_JOINTS};
 
 /// Looks whose distance differs from a tick by less than this are even, s.
 const EVEN: f64 = 1e-6;
@@ -90,7 +90,7 @@ fn between(last: &Look, now: &Look, at: f64) -> Look {
             temperature: to.temperature,
         }
     };
-    let joints = |from: &[f64; ARM_JOINTS], to: &[f64; ARM_JOINTS]| std::array::from_fn(|n| mix(from[n], to[n]));
+    let joints = |from: &[f64], to: &[f64]| from.iter().zip(to).map(|(from, to)| mix(*from, *to)).collect();
     let arm = ArmState {
         position: joints(&last.arm.position, &now.arm.position),
         velocity: joints(&last.arm.velocity, &now.arm.velocity),
@@ -111,7 +111,7 @@ mod tests {
     /// A look at `time` (s) at servos that turn by a radian a second.
     fn look(time: f64) -> Look {
         let servo = ServoState { position: time, velocity: 1.0, ..ServoState::default() };
-        let sent = Command { arm: [time; ARM_JOINTS], servos: [ServoGoal::Current(0.0); ACTUATORS], capture: false };
+        let sent = Command { arm: [time; 7].into(), servos: [ServoGoal::Current(0.0); ACTUATORS], capture: false };
         Look { time, servos: [servo; ACTUATORS], arm: ArmState::default(), sent }
     }
 

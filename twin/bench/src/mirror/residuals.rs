@@ -1,8 +1,10 @@
 //! What is left between robot and twin, as quantities that can be told apart: tensions of cables, and the force on the hand.
 
+use hand_model::arm::MOST_ARM_JOINTS;
+use hand_model::load::torques;
 use hand_model::robot::ServoState;
 use hand_model::{ACTUATORS, Hand};
-use nalgebra::{SMatrix, SVector, Vector3};
+use nalgebra::{SMatrix, Vector3};
 
 use super::twin::Innovation;
 
@@ -43,7 +45,7 @@ impl Residuals {
         [before, now]: [&[ServoState; ACTUATORS]; 2],
         tick: f64,
         innovation: &Innovation,
-        jacobian: &SMatrix<f64, 6, 7>,
+        jacobian: &SMatrix<f64, 6, MOST_ARM_JOINTS>,
     ) -> Self {
         let cable = |n: usize| {
             let (servo, radius) = (&hand.servos[n], hand.cables[n].spool_radius);
@@ -64,7 +66,7 @@ impl Residuals {
             }
         };
         // The arm holds against what acts on the hand: torque = -J^T wrench.
-        let torque = SVector::<f64, 7>::from(innovation.arm_torque);
+        let torque = torques(&innovation.arm_torque);
         let svd = jacobian.transpose().svd(true, true);
         let force = svd.u.zip(svd.v_t).map_or_else(Vector3::zeros, |(u, v_t)| {
             let damped = svd.singular_values.map(|value| value / (value.powi(2) + DAMPED.powi(2)));
@@ -91,7 +93,7 @@ mod tests {
         let hand = Hand::ftac();
         let (servo, radius) = (&hand.servos[1], hand.cables[1].spool_radius);
         let still = ServoState { current: 0.1, ..ServoState::default() };
-        let jacobian = SMatrix::<f64, 6, 7>::zeros();
+        let jacobian = SMatrix::<f64, 6, MOST_ARM_JOINTS>::zeros();
         let holding = Residuals::new(&hand, [&[still; ACTUATORS]; 2], 0.01, &innovation(), &jacobian).cables[1];
         assert!((holding.tension - 0.1 * servo.torque_constant / radius).abs() < 1e-9);
         assert_eq!(holding.tension, holding.pulled);
@@ -107,13 +109,14 @@ mod tests {
     #[test]
     fn a_force_on_the_palm_is_found() {
         let (hand, arm) = (Hand::ftac(), Arm::gen3());
-        let links = arm.tree.forward(&Arm::home());
+        let links = arm.tree.forward(&Arm::gen3().home);
         let point = nalgebra::Point3::new(0.02, 0.0, -0.1);
-        let jacobian: SMatrix<f64, 6, 7> = arm.tree.jacobian(&links, 6, &point).fixed_view::<6, 7>(0, 0).into_owned();
+        let jacobian: SMatrix<f64, 6, MOST_ARM_JOINTS> =
+            arm.tree.jacobian(&links, 6, &point).fixed_view::<6, 7>(0, 0).into_owned();
         let force = Vector3::new(3.0, -4.0, -6.0);
         let torque = -(jacobian.fixed_rows::<3>(0).transpose() * force);
         let still = [ServoState::default(); ACTUATORS];
-        let innovation = Innovation { arm_torque: torque.into(), ..innovation() };
+        let innovation = Innovation { arm_torque: torque.iter().copied().collect(), ..innovation() };
         let found = Residuals::new(&hand, [&still; 2], 0.01, &innovation, &jacobian).force;
         assert!((found - force).norm() < 0.03 * force.norm(), "{found}");
     }
@@ -124,11 +127,11 @@ mod tests {
         let (hand, arm) = (Hand::ftac(), Arm::gen3());
         let point = nalgebra::Point3::new(0.02, 0.0, -0.1);
         let still = [ServoState::default(); ACTUATORS];
-        let innovation = Innovation { arm_torque: [0.1, -0.3, 0.2, 0.4, -0.1, 0.2, 0.05], ..innovation() };
+        let innovation = Innovation { arm_torque: [0.1, -0.3, 0.2, 0.4, -0.1, 0.2, 0.05].into(), ..innovation() };
         let force = |elbow: f64| {
-            let mut at = Arm::home();
+            let mut at = Arm::gen3().home;
             at[3] = elbow;
-            let jacobian: SMatrix<f64, 6, 7> =
+            let jacobian: SMatrix<f64, 6, MOST_ARM_JOINTS> =
                 arm.tree.jacobian(&arm.tree.forward(&at), 6, &point).fixed_view::<6, 7>(0, 0).into_owned();
             Residuals::new(&hand, [&still; 2], 0.01, &innovation, &jacobian).force
         };

@@ -11,7 +11,7 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 
 use hand_model::robot::{ArmState, Command, ServoState};
-use hand_model::{ACTUATORS, ARM_JOINTS, Arm, Hand};
+use hand_model::{ACTUATORS, Arm, ArmVector, Hand};
 use nalgebra::Isometry3;
 use proving::simulated_world::World;
 use sim::tactile::TactileBoard;
@@ -27,7 +27,7 @@ pub struct Innovation {
     /// Cable tensions of the twin, N.
     pub tensions: [f64; 5],
     /// Torques that the arm's joints bear less the twin's, N m.
-    pub arm_torque: [f64; ARM_JOINTS],
+    pub arm_torque: ArmVector,
 }
 
 /// The simulated robot that the controller believes to drive.
@@ -38,7 +38,7 @@ pub struct Twin {
     arm: Arc<Arm>,
     tick: f64,
     /// Torques of its arm in the newest ticks, N m, the newest last.
-    torques: VecDeque<[f64; ARM_JOINTS]>,
+    torques: VecDeque<ArmVector>,
 }
 
 /// A robot in real time does what the twin did within so many ticks: a servo cycle, the arm's network, and a tick of either side.
@@ -46,7 +46,7 @@ const LAG: usize = 6;
 
 impl Twin {
     /// Hand, arm, base and cables as the controller of `world` knows them, the arm at rest where it was measured (rad).
-    pub fn new(world: &World, arm: &[f64; ARM_JOINTS]) -> Self {
+    pub fn new(world: &World, arm: &ArmVector) -> Self {
         let cell = &world.cell;
         let setup = SceneSetup { cables: world.known_cable_losses(), ..SceneSetup::ideal(cell.world_from_base, *arm) };
         let robot = SimulatedRobot::new(&cell.robot, &setup, TactileBoard::blank());
@@ -74,7 +74,7 @@ impl Twin {
             loads: std::array::from_fn(|n| torque(n) / self.hand.cables[n].spool_radius),
             opposition: torque(ACTUATORS - 1),
             tensions: *self.robot.tensions(),
-            arm_torque: self.arm.borne(&std::array::from_fn(|n| arm.torque[n] - given(n))),
+            arm_torque: self.arm.borne(&self.arm.each(|n| arm.torque[n] - given(n))),
         };
         self.robot.follow_servos(servos);
         innovation
@@ -90,9 +90,10 @@ impl Twin {
         self.robot.truth().palm
     }
 
-    /// `world_from_link` of the twin's arm and then of its hand.
-    pub fn links(&self) -> Vec<Isometry3<f64>> {
-        self.robot.truth().links
+    /// `world_from_link` of the twin's arm and of its hand.
+    pub fn links(&self) -> [Vec<Isometry3<f64>>; 2] {
+        let truth = self.robot.truth();
+        [truth.arm_links, truth.hand_links]
     }
 
     /// The next tick, with what was sent last.

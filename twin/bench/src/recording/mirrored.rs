@@ -1,7 +1,6 @@
 //! The twin of a mirror beside the robot, what is left between them, and what was named.
 
 use anyhow::Result;
-use hand_model::ARM_JOINTS;
 use stream::Level;
 use stream::recorder::TwinFrame;
 
@@ -12,8 +11,7 @@ impl Recording {
     /// Records the twin at the moment that was seen last, and what was named in it, in words.
     pub fn log_mirror(&mut self, mirror: &Mirror, named: &[String]) -> Result<()> {
         let Some(recorder) = self.recorder.as_mut().filter(|_| self.shows) else { return Ok(()) };
-        let links = mirror.twin().links();
-        let (arm, hand) = links.split_at(ARM_JOINTS);
+        let [arm, hand] = &mirror.twin().links();
         let residuals = mirror.residuals();
         let object = mirror.object().map(|(belief, pose)| {
             let turn = belief.palm_from_object.rotation.to_rotation_matrix().into_inner();

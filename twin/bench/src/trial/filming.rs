@@ -1,7 +1,6 @@
 //! A watcher that keeps where everything was, for a film.
 
 use anyhow::Result;
-use hand_model::ARM_JOINTS;
 use report::film::{Film, Frame, Stage};
 use scenarios::record::{Condition, TrialRecord};
 
@@ -40,7 +39,6 @@ impl Watcher for Filming {
         }
         let due = self.film.frames.last().is_none_or(|last| moment.time - last.time >= self.period - 1e-9);
         if let Some(truth) = moment.truth.filter(|_| due) {
-            let (arm, hand) = truth.links.split_at(ARM_JOINTS);
             let inverse = truth.palm.inverse();
             let mut objects = truth.objects.clone();
             if moment.reversed {
@@ -49,9 +47,9 @@ impl Watcher for Filming {
             self.film.frames.push(Frame {
                 time: moment.time,
                 phase: moment.executive.phase().name().to_owned(),
-                arm: arm.to_vec(),
+                arm: truth.arm_links.clone(),
                 palm: truth.palm,
-                links: hand.iter().map(|link| inverse * link).collect(),
+                links: truth.hand_links.iter().map(|link| inverse * link).collect(),
                 objects,
             });
         }

@@ -2,8 +2,8 @@
 
 use anyhow::Result;
 use control::perception::Expected;
+use hand_model::ACTUATORS;
 use hand_model::robot::ServoState;
-use hand_model::{ACTUATORS, ARM_JOINTS};
 use nalgebra::{Isometry3, UnitQuaternion};
 use proving::rehearsal::in_hand;
 use serde::{Deserialize, Serialize};
@@ -57,7 +57,7 @@ impl Bench {
         let Some(truth) = snapshot.robot.truth().filter(|truth| in_hand(truth, 0)) else { return Ok(None) };
         let ((first, percept), (second, _)) = (snapshot.executive.first(), snapshot.executive.second());
         let palm = truth.palm.inverse();
-        let links: Vec<Isometry3<f64>> = truth.links[ARM_JOINTS..].iter().map(|link| palm * link).collect();
+        let links: Vec<Isometry3<f64>> = truth.hand_links.iter().map(|link| palm * link).collect();
         Ok(Some(HeldGrasp {
             combination,
             trial,

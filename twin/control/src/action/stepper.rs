@@ -1,7 +1,7 @@
 //! Actions turned into set-points, tick by tick.
 
+use hand_model::ACTUATORS;
 use hand_model::robot::ServoGoal;
-use hand_model::{ACTUATORS, ARM_JOINTS};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 
 use super::{Action, ActionError, ActionLimits, ArmAction, HandAction};
@@ -53,7 +53,7 @@ impl Stepper {
             (ArmAction::Twist(_), Reference::Joints(sent)) => Reference::Palm(Box::new(self.cell.arm_servo(*sent)?)),
             (ArmAction::Joints(joints), _) => Reference::Joints(joints),
         };
-        let mut wanted = [[0.0; ARM_JOINTS]; TICKS];
+        let mut wanted = [Joints::default(); TICKS];
         for joints in &mut wanted {
             *joints = match (&mut reference, action.arm) {
                 (Reference::Palm(servo), ArmAction::Twist(twist)) => {

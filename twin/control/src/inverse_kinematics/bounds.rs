@@ -1,14 +1,14 @@
 //! One box of joint speeds for a tick: speed, acceleration and position limits together.
 
-use hand_model::{ARM_JOINTS, Arm};
+use hand_model::Arm;
 
-use super::{IkSettings, Joints, Vector7};
+use super::{IkSettings, JointVector, Joints};
 
-/// Lowest and highest speed of every joint, rad/s; never empty.
+/// Lowest and highest speed of every joint, rad/s; never empty, 0 beyond the last joint.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct SpeedBounds {
-    pub lower: Vector7,
-    pub upper: Vector7,
+    pub lower: JointVector,
+    pub upper: JointVector,
 }
 
 /// Bounds for a tick of `dt` (s) from `q` (rad), which was moving with `qd` (rad/s).
@@ -16,8 +16,8 @@ pub(crate) struct SpeedBounds {
 /// From a state within its limits, a joint that keeps to them is again in one: v dt + v^2 / 2a <= distance to the limit is
 /// kept by braking with a. From outside (another `dt`, limits changed) it brakes as hard as it may.
 pub(crate) fn speed_bounds(arm: &Arm, settings: &IkSettings, q: &Joints, qd: &Joints, dt: f64) -> SpeedBounds {
-    let mut bounds = SpeedBounds { lower: Vector7::zeros(), upper: Vector7::zeros() };
-    for i in 0..ARM_JOINTS {
+    let mut bounds = SpeedBounds { lower: JointVector::zeros(), upper: JointVector::zeros() };
+    for i in 0..arm.joints() {
         let speed = arm.velocity_limits[i] * settings.joint_speed_share;
         let change = arm.acceleration_limits[i] * settings.joint_acceleration_share * dt;
         let joint = &arm.tree.joints[i];

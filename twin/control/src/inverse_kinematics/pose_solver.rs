@@ -2,7 +2,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-use hand_model::{ARM_JOINTS, Arm};
+use hand_model::arm::MOST_ARM_JOINTS;
 use nalgebra::{Isometry3, Matrix6, Vector6};
 
 use super::{ArmKinematics, Joints, wrap};
@@ -34,7 +34,7 @@ impl ArmKinematics {
         let mut found: Vec<Joints> = Vec::new();
         for q in self.seeds(seed).filter_map(|start| self.descend(world_from_palm, start)) {
             let q = self.near(q, seed);
-            if found.iter().all(|other| (0..ARM_JOINTS).any(|i| wrap(q[i] - other[i]).abs() > 0.05)) {
+            if found.iter().all(|other| (0..q.len()).any(|i| wrap(q[i] - other[i]).abs() > 0.05)) {
                 found.push(q);
             }
         }
@@ -42,19 +42,22 @@ impl ArmKinematics {
     }
 
     fn seeds(&self, seed: &Joints) -> impl Iterator<Item = Joints> + '_ {
-        const PRIMES: [u32; ARM_JOINTS] = [2, 3, 5, 7, 11, 13, 17];
-        let mirrored = {
-            let home = Arm::home();
-            [home[0], home[1], home[2], home[3], home[4] + PI, -home[5], home[6] + PI]
-        };
+        const PRIMES: [u32; MOST_ARM_JOINTS] = [2, 3, 5, 7, 11, 13, 17];
+        let home = self.arm.home;
+        // The wrist's three joints turned to its other solution.
+        let mirrored = home.iter().enumerate().map(|(i, &angle)| match home.len() - i {
+            1 | 3 => angle + PI,
+            2 => -angle,
+            _ => angle,
+        });
         let spread = (1..=SPREAD_SEEDS).map(|n| {
-            std::array::from_fn(|i| {
+            self.arm.each(|i| {
                 let joint = &self.arm.tree.joints[i];
                 let (lower, upper) = if joint.lower.is_finite() { (joint.lower, joint.upper) } else { (-PI, PI) };
                 lower + (upper - lower) * (0.05 + 0.9 * halton(n, PRIMES[i]))
             })
         });
-        [*seed, Arm::home(), mirrored].into_iter().chain(spread)
+        [*seed, home, mirrored.collect()].into_iter().chain(spread)
     }
 
     /// Damped least squares with projection onto the limits.
@@ -80,7 +83,7 @@ impl ArmKinematics {
             let square: Matrix6<f64> = jacobian * jacobian.transpose() + Matrix6::identity() * damping;
             let step = jacobian.transpose() * square.cholesky()?.solve(&error);
             let scale = 0.5 / step.amax().max(0.5);
-            for i in 0..ARM_JOINTS {
+            for i in 0..q.len() {
                 let joint = &self.arm.tree.joints[i];
                 q[i] = (q[i] + step[i] * scale).clamp(joint.lower + MARGIN, joint.upper - MARGIN);
             }
@@ -90,7 +93,7 @@ impl ArmKinematics {
 
     /// Continuous joints turned to within half a turn of `seed`.
     fn near(&self, mut q: Joints, seed: &Joints) -> Joints {
-        for i in 0..ARM_JOINTS {
+        for i in 0..q.len() {
             if !self.arm.tree.joints[i].lower.is_finite() {
                 q[i] -= TAU * ((q[i] - seed[i]) / TAU).round();
             }

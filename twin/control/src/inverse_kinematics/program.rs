@@ -1,15 +1,16 @@
-//! The quadratic program of a tick, in eight variables: seven joint speeds and the speed scale.
+//! The quadratic program of a tick: its variables are the joints' speeds and the speed scale. Joints that an arm lacks stay at 0.
 //!
 //! Where the minimum without bounds lies inside them it is the answer, and a Cholesky factor gives it. Otherwise Newton's method projected
 //! onto the bounds (Bertsekas 1982) finds it: the program is strictly convex and every bound is on one variable. An interior-point solver,
 //! the reference of the tests, takes ten times as long.
 
+use hand_model::arm::MOST_ARM_JOINTS;
 use nalgebra::{SMatrix, SVector, Vector6};
 
 use super::bounds::SpeedBounds;
-use super::{Jacobian, Vector7};
+use super::{Jacobian, JointVector};
 
-const N: usize = 8;
+const N: usize = MOST_ARM_JOINTS + 1;
 type Variables = SVector<f64, N>;
 type Hessian = SMatrix<f64, N, N>;
 /// Newton steps at most, and the step (rad/s) below which the minimum is found.
@@ -38,13 +39,13 @@ pub(crate) struct Task {
     pub jacobian: Jacobian,
     pub twist: Vector6<f64>,
     pub damping: f64,
-    pub comfort: Vector7,
+    pub comfort: JointVector,
     pub slowdown: f64,
 }
 
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Solution {
-    pub qd: Vector7,
+    pub qd: JointVector,
     pub speed_scale: f64,
     pub path: QpPath,
 }
@@ -52,7 +53,7 @@ pub(crate) struct Solution {
 pub(crate) fn solve(task: &Task, bounds: &SpeedBounds) -> Solution {
     let (hessian, gradient) = cost(task);
     let clamped = |x: &Variables, path| Solution {
-        qd: Vector7::from_fn(|i, _| x[i].clamp(bounds.lower[i], bounds.upper[i])),
+        qd: JointVector::from_fn(|i, _| x[i].clamp(bounds.lower[i], bounds.upper[i])),
         speed_scale: x[N - 1].clamp(0.0, 1.0),
         path,
     };
@@ -69,7 +70,7 @@ pub(crate) fn solve(task: &Task, bounds: &SpeedBounds) -> Solution {
 /// Hessian and gradient of the cost.
 fn cost(task: &Task) -> (Hessian, Variables) {
     let mut rows = SMatrix::<f64, 6, N>::zeros();
-    rows.fixed_columns_mut::<7>(0).copy_from(&task.jacobian);
+    rows.fixed_columns_mut::<MOST_ARM_JOINTS>(0).copy_from(&task.jacobian);
     rows.set_column(N - 1, &-task.twist);
     let mut hessian = rows.transpose() * rows;
     let mut gradient = Variables::zeros();
@@ -166,12 +167,12 @@ mod tests {
                 jacobian: Jacobian::from_column_slice(&raw[..42]),
                 twist: Vector6::from_column_slice(&raw[42..48]),
                 damping,
-                comfort: 0.3 * Vector7::from_column_slice(&raw[48..55]),
+                comfort: 0.3 * JointVector::from_column_slice(&raw[48..55]),
                 slowdown,
             };
             let bounds = SpeedBounds {
-                lower: Vector7::from_fn(|i, _| raw[55 + i].min(raw[62 + i])),
-                upper: Vector7::from_fn(|i, _| raw[55 + i].max(raw[62 + i])),
+                lower: JointVector::from_fn(|i, _| raw[55 + i].min(raw[62 + i])),
+                upper: JointVector::from_fn(|i, _| raw[55 + i].max(raw[62 + i])),
             };
             let (hessian, gradient) = cost(&task);
             let free = -hessian.cholesky().expect("positive definite").solve(&gradient);

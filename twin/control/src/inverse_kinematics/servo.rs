@@ -1,9 +1,8 @@
 //! The arm's reference and its step.
 
-use hand_model::ARM_JOINTS;
 use nalgebra::{Isometry3, Matrix6, Vector3, Vector6};
 
-use super::{ArmKinematics, IkError, IkSettings, Jacobian, Joints, QpPath, Vector7, bounds, program, wrap};
+use super::{ArmKinematics, IkError, IkSettings, Jacobian, JointVector, Joints, QpPath, bounds, program, wrap};
 use crate::Twist;
 use crate::trajectory::{PosePath, displacement};
 
@@ -49,15 +48,18 @@ pub struct Rehearsal {
 pub struct ArmServo {
     kinematics: ArmKinematics,
     settings: IkSettings,
+    /// Comfortable posture, rad.
+    comfort: Joints,
     q_ref: Joints,
     qd_ref: Joints,
 }
 
 impl ArmServo {
-    /// A servo at rest at `q` (rad), which must be within the joints' limits.
+    /// A servo at rest at `q` (rad), which must be within the joints' limits and is its comfortable posture.
     pub fn new(kinematics: ArmKinematics, settings: IkSettings, q: Joints) -> Result<Self, IkError> {
         kinematics.within_limits(&q, 0.0)?;
-        Ok(Self { kinematics, settings, q_ref: q, qd_ref: [0.0; ARM_JOINTS] })
+        let qd_ref = kinematics.arm().each(|_| 0.0);
+        Ok(Self { kinematics, settings, comfort: q, q_ref: q, qd_ref })
     }
 
     /// Reference posture, rad.
@@ -85,7 +87,7 @@ impl ArmServo {
 
     /// Changes the comfortable posture (rad), for instance to a posture planned by [`ArmKinematics::solve`].
     pub fn set_comfort(&mut self, comfort: Joints) {
-        self.settings.comfort = comfort;
+        self.comfort = comfort;
     }
 
     /// Moves the reference by one tick of `dt` (s) towards `target` (`world_from_palm` at the end of the tick), which itself
@@ -103,7 +105,7 @@ impl ArmServo {
         let task = self.weighted_task(&jacobian, &wanted);
         let solution = program::solve(&task, &bounds);
         let residual = (task.jacobian * solution.qd - task.twist).norm();
-        for i in 0..ARM_JOINTS {
+        for i in 0..self.q_ref.len() {
             self.qd_ref[i] = solution.qd[i];
             self.q_ref[i] += solution.qd[i] * dt;
         }
@@ -144,7 +146,7 @@ impl ArmServo {
             return Err(IkError::TimeStep(dt));
         }
         let bounds = bounds::speed_bounds(self.kinematics.arm(), &self.settings, &self.q_ref, &self.qd_ref, dt);
-        for i in 0..ARM_JOINTS {
+        for i in 0..self.q_ref.len() {
             self.qd_ref[i] = 0f64.clamp(bounds.lower[i], bounds.upper[i]);
             self.q_ref[i] += self.qd_ref[i] * dt;
         }
@@ -185,8 +187,11 @@ impl ArmServo {
         let damping = s.damping * s.damping + (s.singular_damping * closeness).powi(2);
         // Comfort motion without its part that moves the palm.
         let arm = self.kinematics.arm();
-        let pull = Vector7::from_fn(|i, _| {
-            let mut error = s.comfort[i] - self.q_ref[i];
+        let pull = JointVector::from_fn(|i, _| {
+            if i >= arm.joints() {
+                return 0.0;
+            }
+            let mut error = self.comfort[i] - self.q_ref[i];
             if !arm.tree.joints[i].lower.is_finite() {
                 error = wrap(error);
             }
@@ -194,7 +199,7 @@ impl ArmServo {
         });
         let comfort = (square + Matrix6::identity() * damping)
             .cholesky()
-            .map_or_else(Vector7::zeros, |factor| pull - weighted.transpose() * factor.solve(&(weighted * pull)));
+            .map_or_else(JointVector::zeros, |factor| pull - weighted.transpose() * factor.solve(&(weighted * pull)));
         program::Task { jacobian: weighted, twist, damping, comfort, slowdown: s.slowdown }
     }
 }

@@ -63,11 +63,14 @@ pub struct Table {
 
 impl Table {
     pub fn new() -> Self {
-        let mut cell =
-            Workcell { robot: RobotModel::ftac_gen3(), world_from_base: Isometry3::identity(), ready: Arm::home() };
+        let mut cell = Workcell {
+            robot: RobotModel::ftac_gen3(),
+            world_from_base: Isometry3::identity(),
+            ready: Arm::gen3().home,
+        };
         let level = grasp(0, FIRST, Role::First, [0.0; 3], 1.0).palm_rotation(0.0);
         let above = Isometry3::from_parts(Translation3::new(0.55, 0.0, 0.30), level);
-        cell.ready = cell.posture(&above, &Arm::home()).expect("within reach");
+        cell.ready = cell.posture(&above, &Arm::gen3().home).expect("within reach");
         let library = ObjectSet::standard().with_fallen();
         let objects = [FIRST, SECOND].map(|name| library.get(name).expect("a standard object").clone());
         let mut repertoire = Repertoire::default();

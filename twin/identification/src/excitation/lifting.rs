@@ -4,7 +4,7 @@ use control::motion::CLOSING_TIME;
 use control::motion::tension::{against_friction, approach_tension, closing_tension};
 use grasping::Grasp;
 use hand_model::robot::{ArmState, RobotBackend};
-use hand_model::{ARM_JOINTS, RobotModel};
+use hand_model::{ArmVector, RobotModel};
 
 use super::{Means, Player};
 use crate::arm_load::{bears, force_on_palm};
@@ -36,7 +36,7 @@ pub(super) enum Ended {
 }
 
 /// Whether the arm is where it was asked to stand.
-fn is_there(shown: &ArmState, at: &[f64; ARM_JOINTS]) -> bool {
+fn is_there(shown: &ArmState, at: &[f64]) -> bool {
     shown.position.iter().zip(at).all(|(shown, at)| (shown - at).abs() < OFF)
 }
 
@@ -67,7 +67,7 @@ impl<R: RobotBackend> Player<'_, R> {
         goes_on: &mut impl FnMut(&mut R) -> bool,
     ) -> Ended {
         let Some(object) = weight.model() else { return Ended::OutOfReach };
-        let stands: Vec<[f64; ARM_JOINTS]> = (0..weight.posture.len()).map(|n| weight.stand(n, &means.ready)).collect();
+        let stands: Vec<ArmVector> = (0..weight.posture.len()).map(|n| weight.stand(n, &means.ready)).collect();
         let Some(clear) = self.stand(&stands[0], weight.hold, goes_on) else { return Ended::Stopped };
         if !is_there(&clear, &stands[0]) {
             return Ended::OutOfReach;
@@ -97,28 +97,24 @@ impl<R: RobotBackend> Player<'_, R> {
     }
 
     /// Goes to a posture and stands there for `time` (s): the mean of what the arm shows in the second half of that.
-    fn stand(
-        &mut self,
-        at: &[f64; ARM_JOINTS],
-        time: f64,
-        goes_on: &mut impl FnMut(&mut R) -> bool,
-    ) -> Option<ArmState> {
+    fn stand(&mut self, at: &[f64], time: f64, goes_on: &mut impl FnMut(&mut R) -> bool) -> Option<ArmState> {
         if !self.go(at, goes_on) || !self.open(0.5 * time, goes_on) {
             return None;
         }
-        let (end, mut sum, mut ticks) = (self.time + 0.5 * time, ArmState::default(), 0.0);
+        let mut sum = ArmState::still(self.felt.position.iter().map(|_| 0.0).collect());
+        let (end, mut ticks) = (self.time + 0.5 * time, 0.0);
         while self.time < end {
             if !self.tick(goes_on) {
                 return None;
             }
             ticks += 1.0;
-            for joint in 0..ARM_JOINTS {
+            for joint in 0..sum.position.len() {
                 sum.position[joint] += self.felt.position[joint];
                 sum.torque[joint] += self.felt.torque[joint];
             }
         }
-        let mean = |sum: [f64; ARM_JOINTS]| sum.map(|sum| sum / f64::max(ticks, 1.0));
-        Some(ArmState { position: mean(sum.position), torque: mean(sum.torque), ..ArmState::default() })
+        let mean = |sum: ArmVector| sum.iter().map(|sum| sum / f64::max(ticks, 1.0)).collect();
+        Some(ArmState { position: mean(sum.position), torque: mean(sum.torque), ..sum })
     }
 
     /// Goes to the object, closes the digits on it and lifts it. Where the hand pushes hard against something before that, it goes back with nothing lifted.
@@ -181,7 +177,7 @@ impl<R: RobotBackend> Player<'_, R> {
     }
 
     /// Puts the object down where it was picked up, and goes back to `stand`.
-    fn put_down(&mut self, way: &PickUp, stand: &[f64; ARM_JOINTS], goes_on: &mut impl FnMut(&mut R) -> bool) -> bool {
+    fn put_down(&mut self, way: &PickUp, stand: &[f64], goes_on: &mut impl FnMut(&mut R) -> bool) -> bool {
         let slow = SLOW * self.script.arm_speed;
         let Some((above, down)) = way.lift.split_last() else { return false };
         let down = down.iter().rev().chain(way.raise.iter().rev()).chain(way.approach.last());

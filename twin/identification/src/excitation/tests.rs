@@ -9,7 +9,7 @@ use super::*;
 #[derive(Default)]
 struct Limited {
     time: f64,
-    sent: [f64; ARM_JOINTS],
+    sent: ArmVector,
     /// Joint, greatest angle (rad).
     limit: Option<(usize, f64)>,
     /// From when to when it cannot be observed, s.
@@ -18,7 +18,7 @@ struct Limited {
 
 impl Limited {
     fn new(limit: Option<(usize, f64)>) -> Self {
-        Self { sent: Arm::home(), limit, ..Self::default() }
+        Self { sent: Arm::gen3().home, limit, ..Self::default() }
     }
 }
 
@@ -51,7 +51,7 @@ impl RobotBackend for Limited {
 
 /// One motion as it stands, and one with joint 6 turned by 0.9 rad.
 fn script() -> Script {
-    let mut script = Script::standard(&Hand::ftac()).expect("valid");
+    let mut script = Script::standard(&RobotModel::ftac_gen3()).expect("valid");
     script.posture.retain(|posture| ["ready", "fingers up"].contains(&posture.name.as_str()));
     script.motion.truncate(1);
     (script.ball, script.weight) = (None, None);
@@ -64,7 +64,7 @@ fn played(mut robot: Limited) -> (Result<bool, ExcitationError>, Vec<usize>) {
     let text = include_str!("../../../bench/data/calibration.json");
     let pads = PhotometricCalibration::parse(text, Path::new("calibration.json")).expect("a calibration");
     let friction = CableFriction::NONE;
-    let means = Means { robot: &model, pads: &pads, script: &script, grasps: &[], friction, ready: Arm::home() };
+    let means = Means { robot: &model, pads: &pads, script: &script, grasps: &[], friction, ready: Arm::gen3().home };
     let mut done = Vec::new();
     let heard = |progress| {
         if let Progress::Done(step) = progress {
@@ -92,7 +92,7 @@ fn a_silent_robot_is_borne_for_a_while() {
 /// A robot that sends the arm no further: the joint is named, and what was done before stays done.
 #[test]
 fn an_arm_that_is_held_stops_the_excitation() {
-    let most = Arm::home()[5] + 0.4;
+    let most = Arm::gen3().home[5] + 0.4;
     let (ended, done) = played(Limited::new(Some((5, most))));
     let Err(ExcitationError::Held(held)) = ended else { panic!("{ended:?}") };
     assert_eq!((held.joint, held.sent, done.as_slice()), (6, most, &[0][..]), "{held}");

@@ -3,8 +3,8 @@
 use anyhow::{Result, anyhow};
 use control::arm_clearance::ArmBodies;
 use control::inverse_kinematics::Joints;
+use hand_model::HAND_JOINTS;
 use hand_model::robot::Command;
-use hand_model::{ARM_JOINTS, HAND_JOINTS};
 use proving::simulated_world::World;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -47,7 +47,7 @@ fn potential(world: &World, q: &Joints, load: f64) -> f64 {
 /// Torques (N m) that hold arm, hand and `load` (kg) up: the potential energy's slope.
 pub fn weight_torques(world: &World, q: &Joints, load: f64) -> Joints {
     let h = 1e-5;
-    std::array::from_fn(|i| {
+    world.cell.robot.arm.each(|i| {
         let at = |shift: f64| {
             let mut moved = *q;
             moved[i] += shift;
@@ -69,7 +69,7 @@ fn postures(world: &World, seed: u64) -> Result<Vec<Joints>> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut found = Vec::new();
     for _ in 0..200 * POSTURES {
-        let q: Joints = std::array::from_fn(|i| {
+        let q = world.cell.robot.arm.each(|i| {
             let joint = &world.cell.robot.arm.tree.joints[i];
             let reach = if joint.upper.is_finite() { joint.upper - 0.1 } else { std::f64::consts::PI };
             rng.random_range(-reach..reach)
@@ -94,15 +94,15 @@ fn hold(world: &World, q: &Joints) -> (f64, f64) {
     }
     let arm = robot.observe().arm;
     let expected = weight_torques(world, &arm.position, 0.0);
-    let sag = (0..ARM_JOINTS).map(|i| (arm.position[i] - q[i]).abs()).fold(0.0, f64::max);
-    (sag, (0..ARM_JOINTS).map(|i| (arm.torque[i] - expected[i]).abs()).fold(0.0, f64::max))
+    let sag = (0..q.len()).map(|i| (arm.position[i] - q[i]).abs()).fold(0.0, f64::max);
+    (sag, (0..q.len()).map(|i| (arm.torque[i] - expected[i]).abs()).fold(0.0, f64::max))
 }
 
 /// All joints asked to jump at once: greatest share of a joint's speed limit, overshoot (rad) and time to within 0.01 rad, s.
 fn jump(world: &World) -> (f64, f64, f64) {
     let start = world.cell.ready;
     // Towards the middle of each joint's range, so that no limit keeps a joint from its goal.
-    let goal: Joints = std::array::from_fn(|i| start[i] + if start[i] > 0.0 { -JUMP } else { JUMP });
+    let goal: Joints = start.iter().map(|angle| angle + if *angle > 0.0 { -JUMP } else { JUMP }).collect();
     let mut robot = robot(world, &start);
     let servos = tension_goals(&world.cell.robot.hand, &[0.0; 5], 0.0);
     let (mut fastest, mut past, mut there) = (0.0f64, 0.0f64, 0.0);
@@ -110,7 +110,7 @@ fn jump(world: &World) -> (f64, f64, f64) {
         robot.send(&Command { arm: goal, servos, capture: false });
         let time = robot.wait_for_tick().time;
         let arm = robot.observe().arm;
-        for i in 0..ARM_JOINTS {
+        for i in 0..goal.len() {
             fastest = fastest.max(arm.velocity[i].abs() / world.cell.robot.arm.velocity_limits[i]);
             past = past.max((arm.position[i] - goal[i]) * (goal[i] - start[i]).signum());
             if (arm.position[i] - goal[i]).abs() > 0.01 {
@@ -129,7 +129,7 @@ pub fn rows(world: &World, seed: u64) -> Result<Vec<Row>> {
     let share = |load: f64| {
         let of = |q: &Joints| {
             let torques = weight_torques(world, q, load);
-            (0..ARM_JOINTS).map(|i| torques[i].abs() / world.cell.robot.arm.effort_limits[i]).fold(0.0, f64::max)
+            (0..torques.len()).map(|i| torques[i].abs() / world.cell.robot.arm.effort_limits[i]).fold(0.0, f64::max)
         };
         (of(&world.cell.ready), postures.iter().map(of).filter(|share| *share <= 1.0).count())
     };

@@ -9,7 +9,7 @@ use std::time::Instant;
 use anyhow::{Context, Result};
 use hand_model::robot::{Command, ServoGoal};
 use hand_model::transmission::friction::CableFriction;
-use hand_model::{ARM_JOINTS, Arm, Hand, RobotModel};
+use hand_model::{Hand, RobotModel};
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use platform::data::write_whole;
 use serde_json::{Value, json};
@@ -222,7 +222,7 @@ fn run(hand: &Arc<Hand>, test: &StandTest, refine: bool) -> Value {
 fn whole(robot: &RobotModel, folder: &Path) -> Result<Value> {
     let RobotModel { hand, arm, .. } = robot;
     let objects = ObjectSet::standard();
-    let start: [f64; ARM_JOINTS] = Arm::home();
+    let start = arm.home;
     let placed: Vec<(Arc<ObjectModel>, Isometry3<f64>)> = objects
         .iter()
         .filter(|object| !matches!(object.shape, Shape::Mesh(_)))

@@ -28,7 +28,7 @@ pub struct ClearArgs {
 pub fn run(terminal: &Terminal, args: &ClearArgs) -> Result<Option<String>> {
     let config = args.config.read()?;
     expect_no_robot(&args.config.config)?;
-    let Some(mut arm) = connect(&config, Arm::home())? else { bail!("arm: found kind loopback, expected an arm") };
+    let Some(mut arm) = connect(&config, Arm::gen3().home)? else { bail!("arm: found kind loopback, expected an arm") };
     let before = arm.cyclic.feedback()?.faults;
     let state = arm.base.arm_state()?;
     if before.is_empty() && state != ArmState::InFault {

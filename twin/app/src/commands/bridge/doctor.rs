@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Result, anyhow};
 use bench::body::arm_link::arm_link;
 use clap::Args;
-use hand_model::{Arm, Hand, RobotModel};
+use hand_model::{Hand, RobotModel};
 use hardware_bridge::arm_link::ArmLinkError;
 use hardware_bridge::calibration::HandCalibration;
 use hardware_bridge::cameras::Cameras;
@@ -42,15 +42,16 @@ pub struct DoctorArgs {
 }
 
 pub fn run(terminal: &Terminal, args: &DoctorArgs) -> Result<Option<String>> {
-    let RobotModel { hand, arm, .. } = args.robot.model()?;
+    let robot = args.robot.model()?;
+    let RobotModel { hand, arm, .. } = &robot;
     let config = &args.config.read()?;
     let mut findings = vec![stop_socket()];
-    match servos(config, &hand, &mut findings) {
+    match servos(config, hand, &mut findings) {
         Ok(()) => {}
         Err(error) => findings.push(Finding::new("servo bus", error, "an open port", false)),
     }
     cameras(config, hand.cameras.len(), args.know_cameras, &mut findings);
-    match arm_link(config, &arm, Arm::home()) {
+    match arm_link(config, &robot, arm.home) {
         Ok(mut arm) => findings.push(match arm.read(0.0) {
             Ok(_) => Finding::new("arm", "an answer", "no fault", true),
             Err(ArmLinkError { trouble, text }) => Finding::new("arm", text, format!("no fault ({trouble})"), false),

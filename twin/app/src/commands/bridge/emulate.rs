@@ -25,9 +25,11 @@ use hardware_bridge::config::{ArmConfig, BridgeConfig, CameraConfig, LimitConfig
 use hardware_bridge::emulator::servo::EmulatedServo;
 use hardware_bridge::emulator::spring_hand::SpringHand;
 use hardware_bridge::emulator::{EmulatedHand, EmulatorSettings};
+use hardware_bridge::kortex_link::expect_gen3;
 use hardware_bridge::xc330;
 use kortex::Credentials;
 use kortex::emulator::{Emulator, EventKind, Pace, Settings, Status};
+use kortex::joints::JOINTS;
 use object_detector::Address;
 use object_detector::camera::{Camera, CameraSettings};
 
@@ -134,6 +136,7 @@ pub fn run(terminal: &Terminal, args: &EmulateArgs) -> Result<Option<String>> {
         return tell_running(terminal, &args.dir, line);
     }
     let robot = args.robot.model()?;
+    expect_gen3(&robot)?;
     let (mishaps, faults) = mishap::mishaps(&args.faults, &robot.hand)?;
     if args.springs && mishaps.iter().any(|(_, mishap)| matches!(mishap, Mishap::Plant(_))) {
         bail!(NO_PLANT);
@@ -366,7 +369,7 @@ fn press_limits(patient: bool) -> hardware_bridge::config::ArmLimitConfig {
     use hardware_bridge::config::ArmLimitConfig;
     let usual = ArmLimitConfig::default();
     match patient {
-        true => ArmLimitConfig { torque: usual.torque.map(|_| 60.0), residual: usual.residual.map(|_| 60.0), ..usual },
+        true => ArmLimitConfig { torque: [60.0; JOINTS].into(), residual: [60.0; JOINTS].into(), ..usual },
         false => ArmLimitConfig { jolt: 0.3, ..usual },
     }
 }

@@ -9,7 +9,7 @@ use bench::body::operator::agreed;
 use clap::Args;
 use control::outage::Outage;
 use hand_model::robot::{Command, Observation, RobotBackend, RobotError, ServoGoal};
-use hand_model::{ACTUATORS, Arm, Hand};
+use hand_model::{ACTUATORS, Hand};
 use hardware_bridge::calibration::HandCalibration;
 use hardware_bridge::config::BridgeConfig;
 use hardware_bridge::hardware_robot::HardwareRobot;
@@ -67,7 +67,7 @@ pub fn run(terminal: &Terminal, args: &ExerciseArgs) -> Result<Option<String>> {
     }
     let travel = HandCalibration::read(&config.calibration)?.travel();
     let dry = args.dry_run.then(|| Box::new(|line: String| eprintln!("{line}")) as DryLines);
-    let mut robot = HardwareRobot::connect(&config, arm_link(&config, &model.arm, Arm::home())?, &model, dry)?;
+    let mut robot = HardwareRobot::connect(&config, arm_link(&config, &model, model.arm.home)?, &model, dry)?;
     let started = Instant::now();
     while let Err(error) = robot.check() {
         if started.elapsed() > PATIENCE {

@@ -6,7 +6,7 @@ use anyhow::{Context as _, Result, bail};
 use bench::body::emulated::EmulatedSource;
 use bench::body::hardware::HardwareSource;
 use bench::body::operator::agreed_while;
-use bench::body::{BodySource as _, Places, Stopped, Task, TrialBody, TrialSetup};
+use bench::body::{BodySource as _, Stopped, Task, TrialBody, TrialSetup};
 use bench::builtin::make_scenes;
 use bench::registration::{Plan, Registrar, RegistrationFile, Step, error, hidden_mount};
 use clap::Args;
@@ -167,20 +167,9 @@ pub fn run(terminal: &Terminal, args: &RegisterArgs) -> Result<Option<String>> {
 fn task(robot: &RobotModel, seed: u64) -> Result<Task> {
     let (_, text) = ScenarioArgs::default().read()?;
     Ok(Task {
-        robot: "emulated".to_owned(),
-        seed,
-        combination: 0,
-        trial: 0,
-        condition: Condition::Touch,
-        watched: false,
-        combos: 1,
         scenario: text,
         robot_model: robot.sources.clone(),
-        individual: None,
-        pads: None,
-        foresees: false,
-        mirrored: false,
-        places: Places::default(),
+        ..Task::new("emulated", seed, [0, 0, 1], Condition::Touch)
     })
 }
 

@@ -3,8 +3,8 @@
 use anyhow::{Context as _, Result, anyhow, bail};
 use bench::body::emulated::{SharedPlant, settings};
 use clap::Args;
-use hand_model::Arm;
 use hardware_bridge::emulator::direct::DirectRobot;
+use hardware_bridge::kortex_link::expect_gen3;
 use identification::evaluation::{Coverage, compare, coverage, median, reach};
 use identification::excitation::{ExcitationError, Progress, play};
 use identification::identify;
@@ -159,7 +159,8 @@ const BEND: f64 = 0.4;
 fn evaluate(drawing: &Drawing, number: u64, seed: u64) -> Result<Row> {
     let Drawing { robot: nominal, losses, .. } = drawing;
     let hand = &nominal.hand;
-    let truth = RobotIndividual::draw(hand, number);
+    expect_gen3(nominal)?;
+    let truth = RobotIndividual::draw(nominal, number);
     let script = drawing.script(None)?;
     let plant = SharedPlant::new(drawing.plant(number, seed, &script)?);
     let settings = settings(&truth.hand(hand), seed);
@@ -175,14 +176,14 @@ fn evaluate(drawing: &Drawing, number: u64, seed: u64) -> Result<Row> {
     };
     let stopped = play(&mut kept, &drawing.means(&script), 0, heard, |_| true).err();
     let stopped = stopped.map(|held| format!("{held}; after {done} of {} steps", script.steps(hand).len()));
-    let identification = identify(nominal, *losses, &drawing.pads, &[kept.trace("rounded", &script)])?;
+    let identification = identify(nominal, *losses, &drawing.pads, &[kept.trace(nominal, "rounded", &script)])?;
     let (found, kinematics, gains) = (identification.robot, identification.kinematics, identification.gains);
     let [identified, others] = coverage(&found, &truth);
-    let designed = RobotIndividual::designed(hand);
-    let differences = compare(&truth, nominal, *losses, &Arm::home(), &[&designed, &found.individual]);
+    let designed = RobotIndividual::designed(nominal);
+    let differences = compare(&truth, nominal, *losses, &nominal.arm.home, &[&designed, &found.individual]);
     let summaries: Vec<[f64; 3]> = differences.iter().map(|found| found.summary()).collect();
     let both = |n: usize| [summaries[0][n], summaries[1][n]];
-    let reached = |own| median(&reach(&truth, own, nominal, &Arm::home(), BEND));
+    let reached = |own| median(&reach(&truth, own, nominal, &nominal.arm.home, BEND));
     Ok(Row {
         individual: number,
         identified,

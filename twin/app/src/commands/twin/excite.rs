@@ -9,12 +9,13 @@ use bench::body::emulated::{SharedPlant, settings};
 use bench::body::operator::{Interrupt, agreed};
 use clap::Args;
 use hand_model::robot::{Command, Readings, RobotBackend, RobotError, Tick};
-use hand_model::{Arm, Hand, RobotModel, RobotSources};
+use hand_model::{Hand, RobotModel, RobotSources};
 use hardware_bridge::config::BridgeConfig;
 use hardware_bridge::config::secrets::without_secrets;
 use hardware_bridge::emulator::direct::DirectRobot;
 use hardware_bridge::emulator::lockstep::LockstepRobot;
 use hardware_bridge::hardware_robot::HardwareRobot;
+use hardware_bridge::kortex_link::expect_gen3;
 use hardware_bridge::safety::state::State;
 use identification::Script;
 use identification::excitation::{Progress, Task, described, play};
@@ -301,7 +302,8 @@ fn open(terminal: &Terminal, args: &ExciteArgs, drawing: &Drawing, script: &Scri
         let path = args.config.as_deref().context("--config")?;
         return real(path, args.yes, script, &drawing.robot);
     }
-    let individual = RobotIndividual::draw(&drawing.robot.hand, args.individual);
+    expect_gen3(&drawing.robot)?;
+    let individual = RobotIndividual::draw(&drawing.robot, args.individual);
     let model = &drawing.robot;
     let robot = drawing.plant(args.individual, terminal.seed, script)?;
     let settings = settings(&individual.hand(&model.hand), terminal.seed);
@@ -327,7 +329,7 @@ fn real(path: &Path, yes: bool, script: &Script, model: &RobotModel) -> Result<(
     let bytes = |path: &Path| std::fs::read(path).with_context(|| path.display().to_string());
     let configuration = without_secrets(&String::from_utf8_lossy(&bytes(path)?)).into_bytes();
     let about = Session { configuration, calibration: bytes(&config.calibration)?, ..Session::default() };
-    let robot = HardwareRobot::connect(&config, arm_link(&config, &model.arm, Arm::home())?, model, None)?;
+    let robot = HardwareRobot::connect(&config, arm_link(&config, model, model.arm.home)?, model, None)?;
     let begun = Instant::now();
     while let Err(error) = robot.check() {
         if begun.elapsed() > PATIENCE {

@@ -41,7 +41,7 @@ pub fn run(terminal: &Terminal, args: &IdentifyArgs) -> Outcome {
     let drawing = Drawing::new(args.model.model()?)?;
     let mut traces = Vec::new();
     for path in files(&args.sessions)? {
-        let trace = Trace::read(&path, &drawing.robot.hand)?;
+        let trace = Trace::read(&path, &drawing.robot)?;
         if !trace.whole {
             eprintln!("{}: the file is cut short; {:.0} s of it are used", path.display(), trace.source.seconds);
         }
@@ -49,7 +49,7 @@ pub fn run(terminal: &Terminal, args: &IdentifyArgs) -> Outcome {
     }
     let found = identify(&drawing.robot, drawing.losses, &drawing.pads, &traces)?;
     let program = format!("ftac {}", env!("CARGO_PKG_VERSION"));
-    let text = found.robot.to_toml(&drawing.robot.hand, &program)?;
+    let text = found.robot.to_toml(&drawing.robot, &program)?;
     platform::data::write_whole(&args.out, text.as_bytes())?;
     let page = args.report.clone().unwrap_or_else(|| args.out.with_extension("html"));
     let (actuators, parameters) = rows(&drawing, &found);

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context as _, Result, bail};
 use control::outage::Outage;
 use hand_model::robot::{Command, RobotBackend, ServoGoal};
-use hand_model::{ACTUATORS, ARM_JOINTS, RobotModel};
+use hand_model::{ACTUATORS, ArmVector, RobotModel};
 use hardware_bridge::config::BridgeConfig;
 use hardware_bridge::config::secrets::without_secrets;
 use hardware_bridge::hardware_robot::HardwareRobot;
@@ -38,7 +38,7 @@ pub struct HardwareSource {
     about: Session,
     model: RobotModel,
     /// Posture in which trials begin, rad.
-    ready: [f64; ARM_JOINTS],
+    ready: ArmVector,
     sessions: PathBuf,
     eyes: Option<Vision>,
     packets: Option<std::sync::mpsc::Receiver<Packet>>,
@@ -46,7 +46,7 @@ pub struct HardwareSource {
 
 impl HardwareSource {
     /// Under the configuration at `path`; sessions are always recorded, into `sessions`.
-    pub fn new(path: &std::path::Path, model: RobotModel, ready: [f64; ARM_JOINTS], sessions: PathBuf) -> Result<Self> {
+    pub fn new(path: &std::path::Path, model: RobotModel, ready: ArmVector, sessions: PathBuf) -> Result<Self> {
         let config = BridgeConfig::read(path)?;
         let bytes = |path: &std::path::Path| std::fs::read(path).with_context(|| path.display().to_string());
         let configuration = without_secrets(&String::from_utf8_lossy(&bytes(path)?)).into_bytes();
@@ -94,7 +94,7 @@ impl HardwareSource {
     /// The robot, connected and checked, with its torque as it was: all that can be found wrong before anything is laid
     /// out or moves.
     pub fn check(&mut self) -> Result<Checked> {
-        let link = arm_link(&self.config, &self.model.arm, self.ready)?;
+        let link = arm_link(&self.config, &self.model, self.ready)?;
         let robot = HardwareRobot::connect(&self.config, link, &self.model, None)?;
         wait_for_checks(&robot)?;
         self.compare_pictures(&robot)?;
@@ -127,7 +127,7 @@ pub struct Checked {
     /// Where the links' bytes go from the beginning of the trial on.
     packets: Sender<Packet>,
     /// rad.
-    ready: [f64; ARM_JOINTS],
+    ready: ArmVector,
     /// Longest time to think, s.
     pause: f64,
     /// Since when the checks have not passed, if they do not.
@@ -223,7 +223,7 @@ impl BodySource for HardwareSource {
 }
 
 /// Moves the arm to `posture` (rad), all joints at [`SPEED`] at most, with the hand open.
-fn go_to(hardware: &mut Hardware, posture: &[f64; ARM_JOINTS]) -> Result<()> {
+fn go_to(hardware: &mut Hardware, posture: &[f64]) -> Result<()> {
     let step = SPEED * hardware.robot.tick_length();
     let mut goal = hardware.robot.observe()?.complete()?.arm.position;
     let longest = goal.iter().zip(posture).map(|(from, to)| (to - from).abs()).fold(0.0, f64::max);
@@ -235,7 +235,7 @@ fn go_to(hardware: &mut Hardware, posture: &[f64; ARM_JOINTS]) -> Result<()> {
             continue;
         };
         let far = observation.arm.position.iter().zip(posture).any(|(is, to)| (is - to).abs() > THERE);
-        let arrived = goal == *posture && !far;
+        let arrived = goal[..] == *posture && !far;
         for (goal, to) in goal.iter_mut().zip(posture) {
             *goal += (to - *goal).clamp(-step, step);
         }

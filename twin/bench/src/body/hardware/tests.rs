@@ -65,7 +65,7 @@ fn bench() -> Bench {
     let hour = Duration::from_secs(3600);
     let timeouts = Timeouts { call: Duration::from_secs(60), session: hour, connection: hour, ..Timeouts::default() };
     let near = hand.arm_joints().state().position;
-    let client = Arm::connect(arm.address(), &credentials, timeouts, near).expect("connects");
+    let client = Arm::connect(arm.address(), &credentials, timeouts, near.into_inner()).expect("connects");
     let link = KortexLink::new(client, &model.arm, Duration::from_millis(5), Duration::from_secs(60));
     let robot = HardwareRobot::connect(&config, Box::new(link), &model, None).expect("connects");
     until("the checks pass", || robot.check().is_ok());

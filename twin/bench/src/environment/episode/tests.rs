@@ -31,7 +31,7 @@ fn played(task: Task, images: Option<usize>, seed: u64) -> (Vec<u64>, Vec<u8>) {
     }
     let scene = &episode.scene;
     let mut bits: Vec<u64> = scene.servos().iter().map(|servo| servo.position.to_bits()).collect();
-    bits.extend(scene.arm().position.map(f64::to_bits));
+    bits.extend(scene.arm().position.iter().map(|angle| angle.to_bits()));
     bits.extend(
         scene
             .truth()
@@ -76,7 +76,7 @@ fn what_is_no_action_is_refused_and_changes_nothing() {
     let nan = action([0.0, f64::NAN, 0.0, 0.0, 0.0, 0.0], 0.0);
     assert_eq!(refused(&mut episode, &nan), "palm velocity[1]: found NaN, expected -0.5 to 0.5 m/s");
     assert!(refused(&mut episode, &action([0.0; 6], -1.0)).starts_with("tensions[0]: found -1, expected 0 to "));
-    let joints = Action { arm: ArmAction::Joints([f64::INFINITY; 7]), ..action([0.0; 6], 0.0) };
+    let joints = Action { arm: ArmAction::Joints([f64::INFINITY; 7].into()), ..action([0.0; 6], 0.0) };
     assert_eq!(refused(&mut episode, &joints), "arm joints[0]: found inf, expected -100 to 100 rad");
     assert_eq!(episode.scene.time(), 0.0);
 }
