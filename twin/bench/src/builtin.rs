@@ -21,7 +21,6 @@ use scenarios::effects::Effect;
 use sim::tactile::TactileBoard;
 use touch::{OwnHandOptions, PhotometricCalibration, TouchPipeline};
 
-use crate::networks::{IN_USE, Networks};
 use crate::trial::Bench;
 
 /// Combinations of a benchmark, as in the paper.
@@ -67,13 +66,8 @@ pub fn calibration_of(robot: &RobotModel) -> Result<PhotometricCalibration> {
     Ok(calibration)
 }
 
-/// Touch of a simulated robot with what comes with it, given images of its untouched pads.
+/// Touch of a simulated robot by its calibration, given images of its untouched pads.
 pub fn simulated_touch(robot: &RobotModel, backgrounds: Vec<Arc<TactileImage>>) -> Result<TouchPipeline> {
-    Ok(Networks::builtin()?.pipeline(&look_up_touch(robot, backgrounds)?, IN_USE))
-}
-
-/// The same with slopes from the robot's calibration alone.
-pub fn look_up_touch(robot: &RobotModel, backgrounds: Vec<Arc<TactileImage>>) -> Result<TouchPipeline> {
     let mut pipeline = TouchPipeline::new(&robot.hand, calibration_of(robot)?, backgrounds)?;
     // The engine's covers are rigid, and images are made from its forces: an object shows as pressed in where it only lies on.
     pipeline.pose.sinking = 0.0;

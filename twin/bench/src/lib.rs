@@ -15,7 +15,6 @@ pub mod emulated_table;
 pub mod environment;
 pub mod journal;
 pub mod mirror;
-pub mod networks;
 pub mod own;
 pub mod provenance;
 pub mod recording;

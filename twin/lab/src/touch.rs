@@ -11,6 +11,7 @@ pub mod calibration;
 pub mod evaluation;
 pub mod grasps;
 pub mod images;
+pub mod networks;
 pub mod normals;
 pub mod own_pads;
 pub mod pictures;

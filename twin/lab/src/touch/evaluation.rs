@@ -4,9 +4,9 @@
 pub mod json;
 pub mod table;
 
+use crate::touch::networks::{IN_USE, Method, Networks};
 use anyhow::Result;
-use bench::builtin::{HAND_UNIT, look_up_touch};
-use bench::networks::{IN_USE, Method, Networks};
+use bench::builtin::{HAND_UNIT, simulated_touch};
 use bench::trial::{Bench, HeldGrasp};
 use serde::Serialize;
 
@@ -77,7 +77,7 @@ pub fn under_changes(
         .map(|change| {
             let hand = &bench.world.cell.robot.hand;
             let eyes = [Eyes::new(hand, HAND_UNIT, change)?, Eyes::new(hand, HAND_UNIT + 1, change)?];
-            let look_up = look_up_touch(&bench.world.cell.robot, eyes[0].backgrounds())?;
+            let look_up = simulated_touch(&bench.world.cell.robot, eyes[0].backgrounds())?;
             let sampled: Vec<Sampled> = unseen(&eyes, bench.seed)?;
             let normals = Method::ALL
                 .map(|method| Ok((method, measure(&sampled, &eyes, &networks.pipeline(&look_up, method))?)))

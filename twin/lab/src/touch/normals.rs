@@ -4,8 +4,8 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use crate::touch::networks::{Method, Networks};
 use anyhow::{Context, Result};
-use bench::networks::{Method, Networks};
 use hand_model::pads::IMAGE_SIZE as N;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

@@ -4,11 +4,11 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
 use bench::builtin::{HAND_UNIT, make_bench, read_pads_by};
-use bench::networks::Networks;
 use clap::Args;
 use lab::touch::evaluation::{TouchEvaluation, json, table, under_changes};
 use lab::touch::grasps::{Played, grasps};
 use lab::touch::images::{Change, Eyes};
+use lab::touch::networks::Networks;
 use lab::touch::normals::{RealSource, real};
 use lab::touch::pictures;
 use lab::touch::poses::feel;

@@ -2,8 +2,8 @@
 
 use std::collections::BTreeSet;
 
+use crate::touch::networks::{IN_USE, Method};
 use anyhow::{Result, bail};
-use bench::networks::{IN_USE, Method};
 use serde_json::{Map, Value, json};
 use statistics::percentile;
 

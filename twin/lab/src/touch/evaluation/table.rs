@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use bench::networks::{IN_USE, Method};
+use crate::touch::networks::{IN_USE, Method};
 use statistics::percentile;
 
 use super::{ChangedOptics, TouchEvaluation, steps};

@@ -54,7 +54,7 @@ impl Networks {
     pub fn builtin() -> Result<Self> {
         macro_rules! builtin {
             ($name:literal) => {
-                Network::parse(include_str!(concat!("../data/networks/", $name)), Path::new($name))?
+                Network::parse(include_str!(concat!("../../data/networks/", $name)), Path::new($name))?
             };
         }
         Ok(Self {
