@@ -25,6 +25,7 @@ pub mod base;
 pub mod call;
 pub mod cyclic;
 pub mod degrees;
+#[cfg(feature = "emulator")]
 pub mod emulator;
 pub mod error;
 pub mod frame;
