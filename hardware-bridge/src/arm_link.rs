@@ -42,7 +42,7 @@ pub trait ArmLink: Send {
 }
 
 /// A stand-in for an arm: each set-point is measured one call later.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub struct LoopbackArm {
     position: ArmVector,
     engaged: bool,

@@ -174,7 +174,7 @@ fn frozen_and_killed_hosts() {
 fn host_process() {
     let Ok(file) = std::env::var("FTAC_BRIDGE_TOML") else { return };
     let config = common::forgiving(BridgeConfig::read(file.as_ref()).expect("a configuration"));
-    let arm = Box::new(hardware_bridge::arm_link::LoopbackArm::default());
+    let arm = Box::new(hardware_bridge::arm_link::LoopbackArm::at([0.0; 7].into()));
     let mut robot = HardwareRobot::connect(&config, arm, &hand_model::RobotModel::ftac_gen3(), None).expect("connects");
     patiently("the checks pass", || robot.check().is_ok());
     robot.arm().expect("arms");

@@ -154,7 +154,8 @@ fn another_servo_is_refused() {
     let error = connect(&bench, None).err().expect("refused");
     assert!(matches!(error, ConnectError::Mismatch { actuator: 3, found: 0, .. }), "{error}");
     let missing = BridgeConfig { calibration: Path::new("/no/such/calibration.json").into(), ..bench.config.clone() };
-    let error = HardwareRobot::connect(&missing, Box::new(LoopbackArm::default()), &RobotModel::ftac_gen3(), None);
+    let error =
+        HardwareRobot::connect(&missing, Box::new(LoopbackArm::at([0.0; 7].into())), &RobotModel::ftac_gen3(), None);
     assert!(error.err().expect("refused").to_string().starts_with("/no/such/calibration.json: "));
 }
 

@@ -181,7 +181,12 @@ mod tests {
     fn session(path: &Path, angle: f64, ticks: u64) -> Reader {
         let mut writer = Writer::create(path, &Session::default()).expect("a file");
         for n in 0..ticks {
-            let mut observation = Observation { time: n as f64, sequence: n, ..Observation::default() };
+            let mut observation = Observation {
+                time: n as f64,
+                sequence: n,
+                arm: ArmState::still([0.0; 7].into()),
+                ..Observation::default()
+            };
             if n == 1 {
                 observation.arm.position[3] = angle;
             }

@@ -68,7 +68,7 @@ mod tests {
 
     impl RobotBackend for Clock {
         fn observe(&mut self) -> Result<Readings, RobotError> {
-            Ok(Observation { time: self.0, ..Observation::default() }.into())
+            Ok(Observation { time: self.0, arm: ArmState::still([0.0; 7].into()), ..Observation::default() }.into())
         }
 
         fn send(&mut self, command: &Command) -> Result<Command, RobotError> {

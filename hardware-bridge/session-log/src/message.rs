@@ -416,7 +416,11 @@ pub(super) mod tests {
     /// Sessions of before have no times of their own for servos and arm.
     #[test]
     fn without_times_all_is_of_the_observations_time() {
-        let whole = robot::Readings::from(robot::Observation { time: 2.5, ..Default::default() });
+        let whole = robot::Readings::from(robot::Observation {
+            time: 2.5,
+            arm: ArmState::still([0.0; 7].into()),
+            ..Default::default()
+        });
         let written = Observation::new(&whole, &mut LastImages::new());
         let former = Observation { servo_time: vec![], arm_time: None, ..written };
         let back = former.read(&mut LastImages::new(), Sizes::Any).expect("readable");

@@ -90,7 +90,7 @@ pub fn forgiving(mut config: BridgeConfig) -> BridgeConfig {
 }
 
 pub fn connect(bench: &Bench, dry: Option<DryLines>) -> Result<HardwareRobot, ConnectError> {
-    HardwareRobot::connect(&bench.config, Box::new(LoopbackArm::default()), &RobotModel::ftac_gen3(), dry)
+    HardwareRobot::connect(&bench.config, Box::new(LoopbackArm::at([0.0; 7].into())), &RobotModel::ftac_gen3(), dry)
 }
 
 /// Waits until `done`.

@@ -5,7 +5,8 @@ use std::sync::Arc;
 
 use hand_model::ACTUATORS;
 use hand_model::robot::{
-    Command, Observation, Readings, RobotBackend, RobotError, ServoGoal, ServoState, TactileFrame, TactileImage, Tick,
+    ArmState, Command, Observation, Readings, RobotBackend, RobotError, ServoGoal, ServoState, TactileFrame,
+    TactileImage, Tick,
 };
 use session_log::{Event, Reader, Recorder, Session, Sizes, Writer};
 
@@ -22,7 +23,8 @@ pub struct Toy {
 impl Toy {
     pub fn new() -> Self {
         let image = Arc::new(TactileImage { rgb: vec![0; 48] });
-        Self { observation: Observation::default(), goal: None, captures: 0, image, failing: 0..0 }
+        let observation = Observation { arm: ArmState::still([0.0; 7].into()), ..Observation::default() };
+        Self { observation, goal: None, captures: 0, image, failing: 0..0 }
     }
 
     /// One that fails in these ticks.
