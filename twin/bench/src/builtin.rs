@@ -138,8 +138,22 @@ pub fn make_scenes(robot: &RobotModel, scenario: Scenario, combos: usize, seed: 
         && scenario.first == benchmark.first
         && scenario.second == benchmark.second
         && planned(&scenario) == planned(&benchmark);
+    let mut bench = make_playground(robot, scenario, seed)?;
+    if !builtin || combos > bench.plans.plans.len() {
+        let prepared = preparation::prepare(&bench.world, combos, seed, &Cache::standard()?, quiet)?;
+        (bench.repertoire, bench.plans) = (prepared.repertoire, prepared.plans);
+        (bench.notes, bench.left_out) = (prepared.notes, prepared.left_out);
+    }
+    bench.plans.plans.truncate(combos);
+    Ok(bench)
+}
+
+/// The same for scenes that no grasp is needed for: none is looked for, and those of the bench are the built-in robot's.
+///
+/// # Errors
+/// A pad without a calibration, a scenario out of the arm's reach.
+pub fn make_playground(robot: &RobotModel, scenario: Scenario, seed: u64) -> Result<Bench> {
     let world = World::new(robot, scenario)?;
-    // Before any search: a pad without a calibration is bad input.
     let board = TactileBoard::unit(&world.cell.robot.hand, HAND_UNIT);
     let mut pipeline = simulated_touch(&world.cell.robot, board.backgrounds())?;
     if let Some(pads) = world.scenario.effects.pads {
@@ -147,18 +161,10 @@ pub fn make_scenes(robot: &RobotModel, scenario: Scenario, combos: usize, seed: 
         pipeline.own_hand = pads.self_contact.then(OwnHandOptions::default);
     }
     know_hand(&mut pipeline, &world);
-    let (mut repertoire, mut plans) = (proving::builtin::repertoire()?, proving::builtin::plans()?);
-    let (mut notes, mut left_out) = (Vec::new(), Vec::new());
-    if !builtin || combos > plans.plans.len() {
-        let prepared = preparation::prepare(&world, combos, seed, &Cache::standard()?, quiet)?;
-        (repertoire, plans) = (prepared.repertoire, prepared.plans);
-        (notes, left_out) = (prepared.notes, prepared.left_out);
-    }
-    plans.plans.truncate(combos);
     Ok(Bench {
         world,
-        repertoire,
-        plans,
+        repertoire: proving::builtin::repertoire()?,
+        plans: proving::builtin::plans()?,
         board,
         pipeline,
         known: BTreeMap::new(),
@@ -168,8 +174,8 @@ pub fn make_scenes(robot: &RobotModel, scenario: Scenario, combos: usize, seed: 
         twin: None,
         outlasts_faults: false,
         own: None,
-        notes,
-        left_out,
+        notes: Vec::new(),
+        left_out: Vec::new(),
         intact: None,
     })
 }

@@ -41,5 +41,5 @@ mod _native {
     #[pymodule_export]
     use crate::trials::Benchmark;
     #[pymodule_export]
-    use crate::worlds::{combinations, objects};
+    use crate::worlds::{combinations, objects, robot};
 }

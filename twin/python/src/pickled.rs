@@ -13,7 +13,7 @@ use pyo3::prelude::*;
 
 use crate::arrays::value_error;
 
-/// Numbers of an action of any kind: kind and 7 numbers of the arm, kind and 6 numbers of the hand.
+/// Numbers of an action of any kind: kind and up to 7 numbers of the arm, kind and 6 numbers of the hand.
 const NUMBERS: usize = 15;
 /// Kinds: the palm's velocity or tensions, and joint angles or spools.
 const KINDS: [f64; 2] = [0.0, 1.0];
@@ -41,7 +41,7 @@ fn row(action: &Action) -> [f64; NUMBERS] {
         ArmAction::Twist(twist) => row[1..7].copy_from_slice(twist.as_slice()),
         ArmAction::Joints(joints) => {
             row[0] = KINDS[1];
-            row[1..8].copy_from_slice(joints);
+            row[1..=joints.len()].copy_from_slice(joints);
         }
     }
     match &action.hand {
@@ -57,9 +57,10 @@ fn row(action: &Action) -> [f64; NUMBERS] {
     row
 }
 
-fn action(row: &[f64]) -> Action {
+/// The action of an arm with so many joints.
+fn action(row: &[f64], joints: usize) -> Action {
     let arm = if row[0] == KINDS[1] {
-        ArmAction::Joints(row[1..8].iter().copied().collect())
+        ArmAction::Joints(row[1..=joints].iter().copied().collect())
     } else {
         ArmAction::Twist(Twist::from_column_slice(&row[1..7]))
     };
@@ -89,8 +90,8 @@ pub fn keep<'py>(py: Python<'py>, scene: &Scene, actions: &[Action]) -> Kept<'py
     (VERSION.to_owned(), table.into_pyarray(py), state(scene))
 }
 
-/// The actions of a pickle of this version.
-pub fn actions(given: &Given) -> PyResult<Vec<Action>> {
+/// The actions of a pickle of this version, of a scene that was made of the same.
+pub fn actions(scene: &Scene, given: &Given) -> PyResult<Vec<Action>> {
     let (version, table, _) = given;
     if version != VERSION {
         return Err(value_error(format!("pickle: found one of ftac {version}, expected one of {VERSION}")));
@@ -98,7 +99,8 @@ pub fn actions(given: &Given) -> PyResult<Vec<Action>> {
     if table.shape()[1] != NUMBERS {
         return Err(value_error(format!("pickle: found shape {:?}, expected {NUMBERS} columns", table.shape())));
     }
-    Ok(table.as_slice().map_err(value_error)?.chunks_exact(NUMBERS).map(action).collect())
+    let joints = scene.limits().joints.len();
+    Ok(table.as_slice().map_err(value_error)?.chunks_exact(NUMBERS).map(|row| action(row, joints)).collect())
 }
 
 /// An error unless the scene has come out as it was.

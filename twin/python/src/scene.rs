@@ -8,6 +8,7 @@ use bench::environment::{self, EpisodeError, Judgement, Options, PadImages, Plac
 use bench::workers;
 use control::Twist;
 use control::action::{Action, ActionError, ArmAction, HandAction};
+use hand_model::arm::{ArmVector, MOST_ARM_JOINTS};
 use numpy::{IntoPyArray, PyArray1, PyArray3, PyArray4, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
@@ -18,10 +19,10 @@ use crate::arrays::{Numbers, failure, fixed, picture, pictures, pose_row, table,
 use crate::pickled::{Given, Kept, Stepped, actions, check, keep};
 use crate::worlds::shared;
 
-/// Objects and their places, images, seed, reality.
-type SceneMade = (Vec<(String, f64, f64, f64)>, Option<usize>, u64, bool);
-/// Task, images, combination, seed, reality.
-type EpisodeMade = (String, Option<usize>, Option<usize>, u64, bool);
+/// Objects and their places, images, seed, reality, texts of the robot.
+type SceneMade = (Vec<(String, f64, f64, f64)>, Option<usize>, u64, bool, Option<String>);
+/// Task, images, combination, seed, reality, texts of the robot.
+type EpisodeMade = (String, Option<usize>, Option<usize>, u64, bool, Option<String>);
 
 /// A robot at a table with objects.
 #[pyclass(frozen, module = "ftac._native")]
@@ -50,10 +51,19 @@ fn own<T>(mutex: &Mutex<T>) -> PyResult<MutexGuard<'_, T>> {
 /// What is asked for: `twist` or `joints`, and `tensions` with `opposition` or `spools`, in this order.
 type Asked<'py> = (Option<Numbers<'py>>, Option<Numbers<'py>>, Option<Numbers<'py>>, Option<f64>, Option<Numbers<'py>>);
 
+/// Set-points of an arm: as many as one can have at most; its limits say how many it has.
+fn arm_joints(joints: &Numbers) -> PyResult<ArmVector> {
+    let found = joints.as_slice().map_err(value_error)?;
+    if found.len() > MOST_ARM_JOINTS {
+        return Err(value_error(format!("joints: found {} numbers, expected at most {MOST_ARM_JOINTS}", found.len())));
+    }
+    Ok(found.iter().copied().collect())
+}
+
 fn action((twist, joints, tensions, opposition, spools): Asked) -> PyResult<Action> {
     let arm = match (twist, joints) {
         (Some(twist), None) => ArmAction::Twist(Twist::from(fixed::<6>("twist", &twist)?)),
-        (None, Some(joints)) => ArmAction::Joints(fixed("joints", &joints)?.into()),
+        (None, Some(joints)) => ArmAction::Joints(arm_joints(&joints)?),
         (None, None) => ArmAction::Twist(Twist::zeros()),
         (Some(_), Some(_)) => return Err(value_error("found twist and joints, expected one of them at most")),
     };
@@ -136,12 +146,13 @@ impl Scene {
         images: Option<usize>,
         seed: u64,
         reality: bool,
+        robot: Option<String>,
     ) -> PyResult<Self> {
-        let bench = shared(py, reality)?;
+        let bench = shared(py, reality, robot.as_deref())?;
         let placed = objects.iter().cloned().map(|(name, x, y, yaw)| Placed { name, place: Place { x, y, yaw } });
         let (placed, options) = (placed.collect::<Vec<_>>(), SceneOptions { images, seed });
         let scene = py.detach(|| environment::Scene::new(&bench.world, &bench.board, &placed, options));
-        let (scene, made) = (scene.map_err(value_error)?, (objects, images, seed, reality));
+        let (scene, made) = (scene.map_err(value_error)?, (objects, images, seed, reality, robot));
         Ok(Self(Mutex::new(Stepped { scene, made, actions: Vec::new() })))
     }
 
@@ -194,12 +205,12 @@ impl Scene {
 /// A scene as it was pickled.
 #[pyfunction]
 pub fn restored_scene(py: Python<'_>, made: SceneMade, kept: Given<'_>) -> PyResult<Scene> {
-    let actions = actions(&kept)?;
-    let (objects, images, seed, reality) = made;
-    let restored = Scene::new(py, objects, images, seed, reality)?;
+    let (objects, images, seed, reality, robot) = made;
+    let restored = Scene::new(py, objects, images, seed, reality, robot)?;
     {
         let mut stepped = own(&restored.0)?;
         let scene = &mut stepped.scene;
+        let actions = actions(scene, &kept)?;
         py.detach(|| actions.iter().try_for_each(|action| scene.step(action))).map_err(value_error)?;
         check(&stepped.scene, &kept)?;
         stepped.actions = actions;
@@ -235,6 +246,7 @@ impl Episode {
         combination: Option<usize>,
         seed: u64,
         reality: bool,
+        robot: Option<String>,
     ) -> PyResult<Self> {
         let kind = match task {
             "pick_one" => Task::PickOne,
@@ -246,9 +258,16 @@ impl Episode {
                 )));
             }
         };
-        let bench = shared(py, reality)?;
+        let bench = shared(py, reality, robot.as_deref())?;
+        if kind == Task::PickSecond
+            && !proving::builtin::fits(&bench.world.cell.robot).map_err(|error| failure(&error))?
+        {
+            let name = &bench.world.cell.robot.name;
+            let words = "task: found `pick_second`, which begins with a grasp of the built-in robot, expected `pick_one` or `pick_two` with";
+            return Err(value_error(format!("{words} {name}")));
+        }
         let options = Options { task: kind, images, combination };
-        let made = (task.to_owned(), images, combination, seed, reality);
+        let made = (task.to_owned(), images, combination, seed, reality, robot);
         match py.detach(|| environment::Episode::begin(&bench, options, seed)) {
             Ok(scene) => Ok(Self(Mutex::new(Stepped { scene, made, actions: Vec::new() }))),
             Err(EpisodeError::Setup(error)) => Err(failure(&error)),
@@ -332,12 +351,12 @@ fn asked_of(stepped: &mut Stepped<environment::Episode, EpisodeMade>, action: Ac
 /// An episode as it was pickled.
 #[pyfunction]
 pub fn restored_episode(py: Python<'_>, made: EpisodeMade, kept: Given<'_>) -> PyResult<Episode> {
-    let actions = actions(&kept)?;
-    let (task, images, combination, seed, reality) = made;
-    let restored = Episode::new(py, &task, images, combination, seed, reality)?;
+    let (task, images, combination, seed, reality, robot) = made;
+    let restored = Episode::new(py, &task, images, combination, seed, reality, robot)?;
     {
         let mut stepped = own(&restored.0)?;
         let stepped: &mut Stepped<_, _> = &mut stepped;
+        let actions = actions(&stepped.scene.scene, &kept)?;
         py.detach(|| actions.into_iter().try_for_each(|action| asked_of(stepped, action).map(drop)))
             .map_err(value_error)?;
         check(&stepped.scene.scene, &kept)?;

@@ -1,26 +1,39 @@
 //! What scenes and episodes share, made once a process: robot, objects, plans, cameras.
 
-use hand_model::RobotModel;
-use std::sync::{Arc, LazyLock, Mutex, PoisonError};
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, PoisonError};
 
-use bench::builtin::make_scenes;
+use bench::builtin::make_playground;
 use bench::environment::episode::EPISODES;
 use bench::trial::Bench;
+use hand_model::{RobotModel, RobotSources};
 use pyo3::prelude::*;
 use scenarios::Scenario;
 use scenarios::effects::Effects;
 use world::objects::ObjectSet;
 
-use crate::arrays::failure;
+use crate::arrays::{failure, value_error};
 
-/// With the benchmark's effects and errors, and without any.
-static SHARED: LazyLock<[Mutex<Option<Arc<Bench>>>; 2]> = LazyLock::new(Default::default);
+/// A bench, whether it has the benchmark's effects and errors, and the files of its robot.
+type Made = (bool, Option<RobotSources>, Arc<Bench>);
 
-/// The benchmark's robot and objects; without `reality` nothing errs, gives way or rubs.
-pub fn shared(py: Python<'_>, reality: bool) -> PyResult<Arc<Bench>> {
+static SHARED: Mutex<Vec<Made>> = Mutex::new(Vec::new());
+
+/// A robot that a file describes: its texts as JSON, how many joints its arm has, and how many pads its hand.
+#[pyfunction]
+pub fn robot(path: PathBuf) -> PyResult<(String, usize, usize)> {
+    let robot = RobotModel::read(&path).map_err(value_error)?;
+    let text = serde_json::to_string(&robot.sources).map_err(value_error)?;
+    Ok((text, robot.arm.joints(), robot.hand.pads.len()))
+}
+
+/// The benchmark's objects with the built-in robot, or with that of the texts that [`robot`] gave; without `reality` nothing errs, gives way or rubs.
+pub fn shared(py: Python<'_>, reality: bool, robot: Option<&str>) -> PyResult<Arc<Bench>> {
+    let sources: Option<RobotSources> = robot.map(serde_json::from_str).transpose().map_err(value_error)?;
+    let model = RobotModel::of(sources.as_ref()).map_err(value_error)?;
     let made = py.detach(|| {
-        let mut shared = SHARED[usize::from(reality)].lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(bench) = &*shared {
+        let mut shared = SHARED.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((.., bench)) = shared.iter().find(|made| (made.0, &made.1) == (reality, &sources)) {
             return Ok(bench.clone());
         }
         let mut scenario = Scenario::benchmark();
@@ -28,9 +41,8 @@ pub fn shared(py: Python<'_>, reality: bool) -> PyResult<Arc<Bench>> {
             scenario.effects = Effects::default();
             scenario.noise = scenario.noise.scaled(0.0);
         }
-        let combos = proving::builtin::plans()?.plans.len();
-        let bench = Arc::new(make_scenes(&RobotModel::ftac_gen3(), scenario, combos, EPISODES, true)?);
-        *shared = Some(bench.clone());
+        let bench = Arc::new(make_playground(&model, scenario, EPISODES)?);
+        shared.push((reality, sources, bench.clone()));
         Ok(bench)
     });
     made.map_err(|error: anyhow::Error| failure(&error))

@@ -5,6 +5,7 @@ import pickle
 import threading
 import unittest
 import warnings
+from pathlib import Path
 
 import gymnasium
 import numpy as np
@@ -14,6 +15,7 @@ import ftac
 from ftac import _native, envs
 from ftac.scripted import Script
 
+ROBOTS = Path(__file__).parents[3] / "hand-model" / "data" / "robots"
 OBJECTS = [("lemon", 0.62, 0.14, 0.0), ("box_50", 0.62, -0.14, 0.0)]
 
 
@@ -70,6 +72,23 @@ class Scenes(unittest.TestCase):
         self.assertLess(abs(seen["arm"][6, 0] - joints[6]), 0.01)
         self.assertLess(abs(seen["servos"][1, 0] - 1.0), 0.1)
         scene.step(twist=[0.0, 0.0, 0.1, 0.0, 0.0, 0.0])
+
+    def test_the_hand_on_another_arm_moves_and_is_pickled(self):
+        with self.assertRaisesRegex(ValueError, "nowhere.toml: No such file"):
+            ftac.Scene(robot_model="nowhere.toml")
+        scene = ftac.Scene([("lemon", 0.6, 0.0, 0.0)], robot_model=ROBOTS / "ftac_ur5e.toml")
+        joints = scene.observe()["arm"][:, 0]
+        self.assertEqual((joints.shape, scene.limits["joints"].shape), ((6,), (6, 2)))
+        with self.assertRaisesRegex(ValueError, r"joints: found shape \(7,\), expected shape \(6,\)"):
+            scene.step(joints=np.zeros(7))
+        before = scene.observe()["palm"][2]
+        for _ in range(10):
+            seen = scene.step(twist=[0.0, 0.0, 0.1, 0.0, 0.0, 0.0])
+        self.assertAlmostEqual(seen["palm"][2] - before, 0.05, delta=0.01)
+        joints = seen["arm"][:, 0] + 0.01
+        scene.step(joints=joints)
+        again = pickle.loads(pickle.dumps(scene))
+        np.testing.assert_array_equal(scene.step(joints=joints)["arm"], again.step(joints=joints)["arm"])
 
     def test_what_is_no_scene_and_no_action_is_refused_and_changes_nothing(self):
         scene = ftac.Scene(OBJECTS)
@@ -157,6 +176,15 @@ class Environments(unittest.TestCase):
             _, _, over, _, info = env.step(action)
             self.assertFalse(over)
         self.assertEqual(info["held"], [True, False])
+
+    def test_an_environment_has_the_robot_that_its_file_says(self):
+        env = gymnasium.make("ftac/PickOne-v0", robot_model=ROBOTS / "ftac_panda.toml", combination=3)
+        observation, _ = env.reset(seed=1)
+        self.assertIn(observation, env.observation_space)
+        self.assertFalse(np.array_equal(observation["arm"], gymnasium.make("ftac/PickOne-v0").reset(seed=1)[0]["arm"]))
+        self.assertEqual(gymnasium.make("ftac/PickTwo-v0", robot_model=ROBOTS / "ftac_ur5e.toml").observation_space["arm"].shape, (6, 3))
+        with self.assertRaisesRegex(ValueError, "pick_second.*expected `pick_one` or `pick_two` with ftac_panda"):
+            gymnasium.make("ftac/PickSecond-v0", robot_model=ROBOTS / "ftac_panda.toml").reset(seed=1)
 
     def test_what_is_not_asked_for_rightly_is_refused(self):
         env = envs.Pick()

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import operator
+import os
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from ftac import _native
 
 
 def numbers(what: str, values: ArrayLike, length: int | None = None) -> NDArray[np.float64]:
@@ -52,3 +55,8 @@ def image(what: str, values: ArrayLike) -> NDArray[np.uint8]:
     if array.ndim != 3:
         raise ValueError(f"{what}: found shape {array.shape}, expected (240, 240, 3)")
     return np.ascontiguousarray(array)
+
+
+def robot_of(path: str | os.PathLike[str] | None) -> tuple[str | None, int, int]:
+    """A robot for the native module, how many joints its arm has, and how many pads its hand: those of the F-TAC Hand on a Gen3 without a file."""
+    return (None, 7, 17) if path is None else _native.robot(os.fspath(path))

@@ -15,7 +15,12 @@ Asked = tuple[Array | None, Array | None, Array | None, float | None, Array | No
 
 class Scene:
     def __init__(
-        self, objects: list[tuple[str, float, float, float]], images: int | None, seed: int, reality: bool
+        self,
+        objects: list[tuple[str, float, float, float]],
+        images: int | None,
+        seed: int,
+        reality: bool,
+        robot: str | None,
     ) -> None: ...
     def step(self, asked: Asked) -> None: ...
     def observe(self) -> dict[str, Any]: ...
@@ -27,7 +32,13 @@ class Scene:
 
 class Episode:
     def __init__(
-        self, task: str, images: int | None, combination: int | None, seed: int, reality: bool
+        self,
+        task: str,
+        images: int | None,
+        combination: int | None,
+        seed: int,
+        reality: bool,
+        robot: str | None,
     ) -> None: ...
     def step(self, asked: Asked) -> tuple[list[bool], float, float, bool, bool]:
         """held, progress, gained, success, lost"""
@@ -53,6 +64,9 @@ class Benchmark:
 
 def session(path: os.PathLike[str], ticks: int, side: int) -> dict[str, Any]:
     """A recorded session, a frame every `ticks` ticks."""
+
+def robot(path: os.PathLike[str]) -> tuple[str, int, int]:
+    """The texts of a robot's files, how many joints its arm has, and how many pads its hand."""
 
 def objects() -> list[str]:
     """Names of the built-in objects."""

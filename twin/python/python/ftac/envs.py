@@ -16,7 +16,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from ftac import _actions, _native
-from ftac._arrays import side_of, whole
+from ftac._arrays import robot_of, side_of, whole
 
 Task = Literal["pick_one", "pick_second", "pick_two"]
 Observation = dict[str, Any]
@@ -39,7 +39,7 @@ class Pick(gymnasium.Env[Observation, Vector]):
     **Observations**, all float32 but the images; nothing in them is the scene's truth:
 
     - ``servos`` (6, 3): angle (rad), speed (rad/s), current (A).
-    - ``arm`` (7, 3): angle (rad), speed (rad/s), torque (N m).
+    - ``arm`` (7, 3), a row for each of its joints: angle (rad), speed (rad/s), torque (N m).
     - ``palm`` (7,): ``world_from_palm`` by the arm's encoders.
     - ``command`` (6,): the last action's tensions and opposition, -1 to 1.
     - ``seen`` (objects, 7): ``world_from_object`` as vision reported it when the episode began, with its error (some 7 mm and 0.08 rad with ``reality``).
@@ -58,6 +58,8 @@ class Pick(gymnasium.Env[Observation, Vector]):
     reward: ``sparse`` or ``shaped``.
     combination: number of a combination of the benchmark (see `ftac.combinations`); None draws one for every episode.
     reality: the benchmark's errors of arm and vision and effects of reality; without it nothing errs.
+    robot_model: file of another robot (`hand-model/data/robots` has the hand on a UR5e and on a Panda), for ``pick_one`` and ``pick_two``; None for the
+        F-TAC Hand on a Gen3.
     render_mode: ``rgb_array``: `render` returns a picture (480, 480, 3) uint8 of the true scene, for people.
     """
 
@@ -73,6 +75,7 @@ class Pick(gymnasium.Env[Observation, Vector]):
         reward: Literal["sparse", "shaped"] = "sparse",
         combination: int | None = None,
         reality: bool = True,
+        robot_model: str | os.PathLike[str] | None = None,
         render_mode: str | None = None,
     ) -> None:
         if task not in OBJECTS:
@@ -86,6 +89,7 @@ class Pick(gymnasium.Env[Observation, Vector]):
             combination = whole("combination", combination, 0, len(_native.combinations()) - 1)
         self.task, self.images, self.reward, self.combination, self.reality = task, images, reward, combination, reality
         self.render_mode = render_mode
+        self._robot, joints, pads = robot_of(robot_model)
         self._episode: _native.Episode | None = None
         self._shown: _native.Episode | None = None
         self._opposition = np.zeros(2)
@@ -97,13 +101,13 @@ class Pick(gymnasium.Env[Observation, Vector]):
 
         observed: dict[str, spaces.Space[Any]] = {
             "servos": real(6, 3),
-            "arm": real(7, 3),
+            "arm": real(joints, 3),
             "palm": real(7),
             "command": spaces.Box(-1.0, 1.0, (6,), np.float32),
             "seen": real(OBJECTS[task], 7),
         }
         if images is not None:
-            observed["tactile"] = spaces.Box(0, 255, (17, images, images, 3), np.uint8)
+            observed["tactile"] = spaces.Box(0, 255, (pads, images, images, 3), np.uint8)
         self.observation_space = spaces.Dict(observed)
 
     def reset(
@@ -117,7 +121,7 @@ class Pick(gymnasium.Env[Observation, Vector]):
         _check_options(options)
         super().reset(seed=seed)
         drawn = int(self.np_random.integers(2**40))
-        self._episode = _native.Episode(self.task, self.images, self.combination, drawn, self.reality)
+        self._episode = _native.Episode(self.task, self.images, self.combination, drawn, self.reality, self._robot)
         self._shown = self._episode
         self._opposition = self._episode.limits()["opposition"]
         tensions, opposition = self._episode.grip()

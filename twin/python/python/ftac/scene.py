@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from typing import Any
 
@@ -9,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ftac import _native
-from ftac._arrays import numbers, seed_of, side_of
+from ftac._arrays import numbers, robot_of, seed_of, side_of
 
 Place = tuple[str, float, float, float]
 
@@ -20,6 +21,7 @@ def command(
     tensions: ArrayLike | None,
     opposition: float | None,
     spools: ArrayLike | None,
+    arm_joints: int,
 ) -> tuple[Any, ...]:
     """Arguments of a native step."""
 
@@ -28,7 +30,7 @@ def command(
 
     return (
         one("twist", twist, 6),
-        one("joints", joints, 7),
+        one("joints", joints, arm_joints),
         one("tensions", tensions, 5),
         None if opposition is None else float(opposition),
         one("spools", spools, 6),
@@ -49,16 +51,24 @@ class Scene:
         Of the cameras' noise. The same seed and the same actions give the same bits.
     reality:
         Whether covers give way, cables rub, pads feel the hand itself and images arrive late, as in the benchmark.
+    robot_model:
+        File of another robot (`hand-model/data/robots` has the hand on a UR5e and on a Panda); None for the F-TAC Hand on a Gen3.
     """
 
     def __init__(
-        self, objects: Sequence[Place] = (), *, images: int | None = None, seed: int = 0, reality: bool = True
+        self,
+        objects: Sequence[Place] = (),
+        *,
+        images: int | None = None,
+        seed: int = 0,
+        reality: bool = True,
+        robot_model: str | os.PathLike[str] | None = None,
     ) -> None:
         places = [(str(name), float(x), float(y), float(yaw)) for name, x, y, yaw in objects]
-        self._scene = _native.Scene(places, side_of(images), seed_of(seed), bool(reality))
+        self._scene = _native.Scene(places, side_of(images), seed_of(seed), bool(reality), robot_of(robot_model)[0])
         self.objects = [place[0] for place in places]
         self.limits: dict[str, Any] = self._scene.limits()
-        """Limits of what `step` takes: `speed` (m/s) and `turn_speed` (rad/s) of each axis, `joints` (7, 2) rad, `tension` (N), `opposition` (2,) rad,
+        """Limits of what `step` takes: `speed` (m/s) and `turn_speed` (rad/s) of each axis, `joints` (an arm joint each, 2) rad, `tension` (N), `opposition` (2,) rad,
         `spools` (6, 2) rad; and `step`, the length of a step in s."""
 
     def step(
@@ -72,7 +82,7 @@ class Scene:
     ) -> dict[str, Any]:
         """Lets 1/20 s pass and returns `observe()`.
 
-        The arm moves the palm with ``twist`` (6,): m/s of its origin and rad/s, world axes; or goes to ``joints`` (7,), rad. With neither it keeps still.
+        The arm moves the palm with ``twist`` (6,): m/s of its origin and rad/s, world axes; or goes to ``joints``, an angle (rad) for each joint, 7 of a Gen3. With neither it keeps still.
         The hand pulls its cables with ``tensions`` (5,), N at the spools (thumb, index, middle, ring, little), and turns the thumb to ``opposition``, rad;
         or its servos turn to the output angles ``spools`` (6,), rad. With neither all cables are slack.
 
@@ -82,7 +92,7 @@ class Scene:
             tensions, opposition = np.zeros(5), 0.0 if opposition is None else opposition
         elif tensions is not None and opposition is None:
             opposition = 0.0
-        self._scene.step(command(twist, joints, tensions, opposition, spools))
+        self._scene.step(command(twist, joints, tensions, opposition, spools, len(self.limits["joints"])))
         return self.observe()
 
     def observe(self) -> dict[str, Any]:
@@ -90,7 +100,7 @@ class Scene:
 
         - ``time``: s since the scene began.
         - ``servos`` (6, 3): output angle (rad), speed (rad/s), current (A) of five cable servos and the thumb's opposition.
-        - ``arm`` (7, 3): joint angle (rad), speed (rad/s), torque (N m).
+        - ``arm`` (7, 3), a row for each of its joints: joint angle (rad), speed (rad/s), torque (N m).
         - ``palm`` (7,): ``world_from_palm`` by the arm's encoders and nominal dimensions.
         - ``tactile`` (17, n, n, 3) uint8: an image a pad (`ftac.hand.PADS`), row 0 at the fingertip's side; only with ``images``.
         - ``tactile_time`` (17,): when they were taken, s; NaN for those from before the scene.
