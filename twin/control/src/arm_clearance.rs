@@ -1,7 +1,8 @@
 //! How near the arm comes to itself and to the hand it carries: self-collision.
 //!
 //! Each link is a capsule from its joint to the next one's, the hand its palm and a box around the open digits. Links that a
-//! joint connects are not compared, nor the wrist with the palm it carries.
+//! joint connects are not compared, nor the wrist with the palm it carries, nor what overlaps in the home posture already: there
+//! the capsules are wider than the links.
 
 use hand_model::{Digit, Hand};
 use nalgebra::{Isometry3, Point3, Vector3};
@@ -11,6 +12,9 @@ use parry3d_f64::shape::SharedShape;
 use crate::collision::{CollisionError, Solid, hand_solids, signed_distance};
 use crate::inverse_kinematics::{ArmKinematics, Joints};
 
+/// So many of the last links are the wrist that carries the hand.
+const WRIST: usize = 3;
+
 /// The bodies of arm and hand, each in its link's frame.
 #[derive(Clone)]
 pub struct ArmBodies {
@@ -18,6 +22,8 @@ pub struct ArmBodies {
     links: Vec<Solid>,
     /// Palm and digits, palm frame.
     hand: Vec<Solid>,
+    /// Links that are compared with each other, and (hand, link).
+    compared: [Vec<(usize, usize)>; 2],
 }
 
 /// The nearest two bodies.
@@ -31,10 +37,10 @@ pub struct SelfClearance {
 
 impl ArmBodies {
     /// Bodies of the arm of `kinematics` with `hand` open.
-    pub fn new(kinematics: &ArmKinematics, hand: &Hand) -> Self {
+    pub fn new(kinematics: &ArmKinematics, hand: &Hand) -> Result<Self, CollisionError> {
         let arm = kinematics.arm();
         let ends = arm.tube_ends();
-        let links = (0..=arm.joints())
+        let links: Vec<Solid> = (0..=arm.joints())
             .map(|n| {
                 let name = n.checked_sub(1).map_or("base", |link| arm.links[link].as_str());
                 let to = ends[n];
@@ -42,33 +48,45 @@ impl ArmBodies {
                 Solid::new(name, SharedShape::segment(Vector::ZERO, tip), Isometry3::identity()).grown(arm.radii[n])
             })
             .collect();
-        Self { links, hand: hand_solids(hand, &vec![0.0; hand.tree.len()], &Digit::ALL, true) }
+        let hand = hand_solids(hand, &vec![0.0; hand.tree.len()], &Digit::ALL, true);
+        let among = (0..links.len()).flat_map(|first| (first + 2..links.len()).map(move |second| (first, second)));
+        let with_hand =
+            (0..hand.len()).flat_map(|body| (0..links.len().saturating_sub(WRIST)).map(move |link| (body, link)));
+        let compared = [among.collect(), with_hand.collect()];
+        let mut bodies = Self { links, hand, compared };
+        let overlapping = bodies.distances(kinematics, &arm.home)?;
+        for (compared, distances) in bodies.compared.iter_mut().zip(overlapping) {
+            let mut distances = distances.into_iter();
+            compared.retain(|_| distances.next().is_some_and(|distance| distance > 0.0));
+        }
+        Ok(bodies)
     }
 
-    /// The nearest two bodies that could touch, at joint angles `q` (rad).
-    pub fn clearance(&self, kinematics: &ArmKinematics, q: &Joints) -> Result<SelfClearance, CollisionError> {
+    /// Distance (m) of each two bodies that are compared, at joint angles `q` (rad).
+    fn distances(&self, kinematics: &ArmKinematics, q: &Joints) -> Result<[Vec<f64>; 2], CollisionError> {
         let mut poses = vec![kinematics.mount().world_from_base];
         poses.extend(kinematics.link_poses(q));
         let palm = kinematics.palm_pose(q);
         let placed: Vec<Solid> =
             self.links.iter().zip(&poses).map(|(link, pose)| Solid { pose: *pose, ..link.clone() }).collect();
+        let [among, with_hand] = &self.compared;
+        let among = among.iter().map(|&(a, b)| signed_distance(&placed[a], &placed[a].pose, &placed[b]));
+        let with_hand = with_hand.iter().map(|&(body, link)| {
+            let body = &self.hand[body];
+            signed_distance(body, &(palm * body.pose), &placed[link])
+        });
+        Ok([among.collect::<Result<_, _>>()?, with_hand.collect::<Result<_, _>>()?])
+    }
+
+    /// The nearest two bodies that could touch, at joint angles `q` (rad).
+    pub fn clearance(&self, kinematics: &ArmKinematics, q: &Joints) -> Result<SelfClearance, CollisionError> {
         let mut nearest = SelfClearance { distance: f64::INFINITY, between: [String::new(), String::new()] };
-        let mut compare = |a: &Solid, pose: &Isometry3<f64>, b: &Solid| -> Result<(), CollisionError> {
-            let distance = signed_distance(a, pose, b)?;
-            if distance < nearest.distance {
-                nearest = SelfClearance { distance, between: [a.name.clone(), b.name.clone()] };
-            }
-            Ok(())
-        };
-        for (n, first) in placed.iter().enumerate() {
-            for second in placed.iter().skip(n + 2) {
-                compare(first, &first.pose, second)?;
-            }
-        }
-        // The last three links are the wrist that carries the hand.
-        for body in &self.hand {
-            for link in placed.iter().take(placed.len() - 3) {
-                compare(body, &(palm * body.pose), link)?;
+        let bodies = [&self.links, &self.hand];
+        for ((compared, distances), bodies) in self.compared.iter().zip(self.distances(kinematics, q)?).zip(bodies) {
+            for (&(a, b), distance) in compared.iter().zip(distances) {
+                if distance < nearest.distance {
+                    nearest = SelfClearance { distance, between: [bodies[a].name.clone(), self.links[b].name.clone()] };
+                }
             }
         }
         Ok(nearest)
@@ -100,7 +118,7 @@ mod tests {
     fn arm() -> (ArmKinematics, ArmBodies) {
         let hand = Hand::ftac();
         let kinematics = ArmKinematics::new(Arm::gen3(), Mount::of_hand(&hand, 0.0));
-        let bodies = ArmBodies::new(&kinematics, &hand);
+        let bodies = ArmBodies::new(&kinematics, &hand).expect("comparable");
         (kinematics, bodies)
     }
 

@@ -1,5 +1,7 @@
 //! Holding against gravity under torque control, and set-points that jump.
 
+use std::f64::consts::PI;
+
 use anyhow::{Result, anyhow};
 use control::arm_clearance::ArmBodies;
 use control::inverse_kinematics::Joints;
@@ -65,14 +67,14 @@ fn robot(world: &World, q: &Joints) -> SimulatedRobot {
 /// Random postures within the limits that touch neither themselves nor the table.
 fn postures(world: &World, seed: u64) -> Result<Vec<Joints>> {
     let kinematics = world.cell.kinematics();
-    let bodies = ArmBodies::new(&kinematics, &world.cell.robot.hand);
+    let bodies = ArmBodies::new(&kinematics, &world.cell.robot.hand)?;
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut found = Vec::new();
     for _ in 0..200 * POSTURES {
         let q = world.cell.robot.arm.each(|i| {
             let joint = &world.cell.robot.arm.tree.joints[i];
-            let reach = if joint.upper.is_finite() { joint.upper - 0.1 } else { std::f64::consts::PI };
-            rng.random_range(-reach..reach)
+            let within = |limit: f64, inside: f64| if limit.is_finite() { inside } else { PI.copysign(limit) };
+            rng.random_range(within(joint.lower, joint.lower + 0.1)..within(joint.upper, joint.upper - 0.1))
         });
         let free = bodies.clearance(&kinematics, &q)?.distance > 0.0 && bodies.height(&kinematics, &q)? > CLEAR;
         if free {

@@ -78,7 +78,7 @@ fn count((from, to): (f64, f64)) -> usize {
 /// The row with its maps: from the side (y = 0) and from above.
 pub fn row(world: &World, out: Option<&Path>, quiet: bool) -> Result<Row> {
     let kinematics = world.cell.kinematics();
-    let bodies = ArmBodies::new(&kinematics, &world.cell.robot.hand);
+    let bodies = ArmBodies::new(&kinematics, &world.cell.robot.hand)?;
     let (columns, heights, depths) = (count(ACROSS), count(UP), count(ACROSS));
     let across = |n: usize| ACROSS.0 + STEP * n as f64;
     let side = (0..columns * heights).map(|n| [across(n % columns), 0.0, UP.0 + STEP * (n / columns) as f64]);
