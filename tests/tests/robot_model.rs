@@ -31,6 +31,24 @@ fn refused(robot: &str) -> String {
     stderr(&output)
 }
 
+/// Bridge and emulated devices are a Gen3's: the hand on another arm is refused before any search.
+#[test]
+fn another_arm_is_simulated_alone() {
+    let robot = shipped("ftac_panda.toml");
+    for asked in [&["bench", "--combos", "1"][..], &["trial", "0"], &["bridge", "faults"], &["bridge", "emulate"]] {
+        let folder = tempdir().expect("a folder");
+        let mut command = ftac(asked);
+        command.args(["--robot-model", text(&robot)]).current_dir(folder.path());
+        if asked[0] != "bridge" {
+            command.args(["--robot", "emulated"]);
+        }
+        let output = command.env("XDG_CACHE_HOME", folder.path().join("cache")).output().expect("runs");
+        assert_eq!(output.status.code(), Some(2), "{asked:?}: {}", stderr(&output));
+        let said = "ftac_panda.toml: arm: found `panda`, expected `gen3`";
+        assert!(stderr(&output).contains(said), "{asked:?}: {}", stderr(&output));
+    }
+}
+
 #[test]
 fn a_wrong_robot_is_refused_by_file_and_field() {
     let pad = |link: &str, configuration: &str| {

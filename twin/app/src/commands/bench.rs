@@ -185,6 +185,7 @@ fn request(terminal: &Terminal, args: &BenchArgs) -> Result<(RunRequest, PathBuf
         return Ok((request, folder.clone()));
     }
     let model = args.model.model()?;
+    args.robot.expect(&model)?;
     let (scenario, text) = args.scenario.read()?;
     let pairs = scenario.combinations();
     let combos = args.combos.unwrap_or(pairs.min(COMBINATIONS));

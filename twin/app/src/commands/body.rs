@@ -11,7 +11,9 @@ use bench::recording::Began;
 use bench::registration::RegistrationFile;
 use bench::trial::Means;
 use clap::{Args, ValueEnum};
+use hand_model::RobotModel;
 use hardware_bridge::config::BridgeConfig;
+use hardware_bridge::kortex_link::expect_gen3;
 use object_detector::measurement::Checks;
 use object_detector::{Vision, VisionSource};
 use proving::simulated_world::World;
@@ -38,6 +40,14 @@ impl Body {
             Self::Hardware => "hardware",
             Self::Emulated => "emulated",
             Self::Rounded => "rounded",
+        }
+    }
+
+    /// Refuses a robot that this body cannot be.
+    pub fn expect(self, robot: &RobotModel) -> Result<()> {
+        match self {
+            Self::Sim => Ok(()),
+            Self::Hardware | Self::Emulated | Self::Rounded => Ok(expect_gen3(robot)?),
         }
     }
 

@@ -6,7 +6,7 @@ use anyhow::{Context as _, Result};
 use bench::builtin::parse_pads;
 use bench::trial::Means;
 use clap::Args;
-use hand_model::{RobotModel, RobotSources};
+use hand_model::RobotModel;
 use plant::identified::IdentifiedRobot;
 use scenarios::record::Condition;
 
@@ -21,11 +21,6 @@ pub struct RobotArgs {
 }
 
 impl RobotArgs {
-    /// The robot's files, once they are known to be good; none for the built-in robot.
-    pub fn sources(&self) -> Result<Option<RobotSources>> {
-        Ok(self.model()?.sources)
-    }
-
     /// The robot.
     pub fn model(&self) -> Result<RobotModel> {
         let Some(path) = &self.robot_model else { return Ok(RobotModel::ftac_gen3()) };

@@ -108,6 +108,7 @@ pub fn trial(terminal: &Terminal, args: &TrialArgs) -> Outcome {
     }
     let combos = args.combination + 1;
     let nominal = args.model.model()?;
+    args.robot.expect(&nominal)?;
     let (individual, path) = individual(args.individual.as_deref(), &nominal)?;
     let pads = pads(args.pads.as_deref(), &nominal)?;
     let robot_model = nominal.sources;

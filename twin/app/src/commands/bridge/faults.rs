@@ -11,6 +11,7 @@ use fault_injection::kind::{ALL, Kind};
 use fault_injection::ledger::{Ledger, Request};
 use fault_injection::{Matrix, PHASES, inject_all};
 use hand_model::RobotModel;
+use hardware_bridge::kortex_link::expect_gen3;
 use lab::fault_table::FaultTable;
 use scenarios::Scenario;
 
@@ -114,7 +115,9 @@ fn request(args: &FaultArgs, seed: u64) -> anyhow::Result<Request> {
         let names = PHASES.map(Phase::name);
         bail!("--phase: found no phase to inject into, expected part of one of: {}", names.join(", "));
     }
-    let robot_model = args.robot.sources()?;
+    let robot = args.robot.model()?;
+    expect_gen3(&robot)?;
+    let robot_model = robot.sources;
     Ok(Request {
         program: PROGRAM.to_owned(),
         robot_model,
