@@ -34,7 +34,7 @@ pub fn held(arm: &Arm, poses: &[Isometry3<f64>], link: usize, point: &Point3<f64
     per_joint(arm.tree.len(), |joint| -jacobian.fixed_view::<3, 1>(0, joint).dot(force))
 }
 
-/// What the joints show as [`Torques`], N m.
+/// Values of an arm's joints as [`Torques`]: N m, or accelerations in rad/s2.
 pub fn torques(joints: &[f64]) -> Torques {
     per_joint(joints.len(), |joint| joints[joint])
 }

@@ -24,7 +24,7 @@ pub struct ServoState {
     pub temperature: f64,
 }
 
-/// What the arm reports, a value for each joint.
+/// The arm's measurements, a value for each joint.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct ArmState {
     /// rad.

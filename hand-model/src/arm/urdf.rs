@@ -144,7 +144,7 @@ fn cut_below(robot: &mut Robot, flange: &str) {
     robot.links.retain(|link| link.name == flange || !below.contains(&link.name));
 }
 
-/// Whether the joints are turning ones in a row, and those of the parameter file.
+/// Refuses joints that do not turn, are not in a row, or are not those of the parameter file.
 fn check_chain(tree: &Tree, file: &UrdfArmFile, path: &Path, urdf: &Path) -> Result<(), DataError> {
     for (n, joint) in tree.joints.iter().enumerate() {
         if joint.kind != JointKind::Turn {

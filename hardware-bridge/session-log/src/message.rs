@@ -140,12 +140,12 @@ impl Seen {
     }
 }
 
-/// What a message may hold.
+/// Sizes that messages must have.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Sizes {
-    /// What a robot with so many cameras, whose images are all of one size, and so many arm joints measures and is told.
+    /// Those of a robot with so many cameras, whose images are all of one size, and so many arm joints.
     Of { cameras: usize, arm_joints: usize },
-    /// What any robot does; images are not checked.
+    /// Those of any robot; images are not checked.
     Any,
 }
 

@@ -95,7 +95,7 @@ impl Default for LimitConfig {
 }
 
 impl ArmLimitConfig {
-    /// What has a number for each joint, by its name.
+    /// Limits with a number for each joint, by name.
     pub(super) fn lists(&self) -> [(String, ArmVector); 4] {
         let own = self;
         [("acceleration", own.acceleration), ("jerk", own.jerk), ("torque", own.torque), ("residual", own.residual)]

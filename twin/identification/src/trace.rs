@@ -132,7 +132,7 @@ impl<R: RobotBackend> Kept<R> {
         Self { robot, ticks: Ticks::default() }
     }
 
-    /// What passed through it under `script`, of a body of this `kind`.
+    /// The trace of all that passed through it under `script`, of a body of this `kind`.
     pub fn trace(self, robot: &RobotModel, kind: &str, script: &Script) -> Trace {
         let Ticks { rows, images, .. } = self.ticks;
         let (pressed, looks) = images.into_all();

@@ -204,7 +204,7 @@ impl Posture {
     }
 }
 
-/// What is searched, in this order: gains, the mass, the middle, and where that moves to in each posture.
+/// A search over, in this order: gains, the mass, the middle, and where that moves to in each posture.
 struct Search<'a> {
     weight: &'a Weight,
     /// Of the gains.

@@ -33,7 +33,7 @@ const HASTY_TURN: f64 = 5.0;
 /// A motion of the palm: pose and twist at a time, for a duration.
 struct Motion<'a> {
     name: &'static str,
-    /// Whether a Gen3's limits allow it.
+    /// Within a Gen3's limits.
     possible: bool,
     duration: f64,
     at: Box<dyn Fn(f64) -> (Isometry3<f64>, Twist) + 'a>,
