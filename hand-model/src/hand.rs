@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use tinyvec::ArrayVec;
 
-use crate::ACTUATORS;
 use crate::kinematics::{Joint, JointKind, Tree, pose_from_xyz_rpy};
 use crate::pads::{Camera, Pad};
 use crate::parameters::{Cable, Cover, Gel, HandParameters, Handedness, JointParameters, PadParameters, Servo};
@@ -12,6 +12,19 @@ use crate::robot::ServoGoal;
 use crate::transmission::friction::CableFriction;
 use crate::transmission::{CablePath, Guides, Transmission};
 use platform::data::DataError;
+
+/// Joints that a hand has at most.
+pub const MOST_HAND_JOINTS: usize = 24;
+/// Digits that a hand has at most, each closed by one actuator.
+pub const MOST_DIGITS: usize = 5;
+/// Actuators that a hand has at most: one for each digit, and the thumb's opposition.
+pub const MOST_ACTUATORS: usize = MOST_DIGITS + 1;
+/// A value for each joint of a hand, in the order of its tree.
+pub type HandVector<T = f64> = ArrayVec<[T; MOST_HAND_JOINTS]>;
+/// A value for each digit of a hand.
+pub type DigitVector<T = f64> = ArrayVec<[T; MOST_DIGITS]>;
+/// A value for each actuator of a hand: those of the digits, then the opposition.
+pub type ActuatorVector<T = f64> = ArrayVec<[T; MOST_ACTUATORS]>;
 
 /// A rounded box that stands for a link in contact.
 #[derive(Debug, Clone, Copy)]
@@ -129,10 +142,10 @@ pub struct Hand {
     pub cameras: Vec<Camera>,
     /// Cables, springs, opposition.
     pub transmission: Transmission,
-    /// The six servos: alike as drawn, each its own in one individual.
-    pub servos: [Servo; ACTUATORS],
-    /// The five cables with their spools.
-    pub cables: [Cable; 5],
+    /// Servos of the actuators: alike as drawn, each its own in one individual.
+    pub servos: Vec<Servo>,
+    /// The digits' cables with their spools.
+    pub cables: Vec<Cable>,
 }
 
 impl Hand {
@@ -149,10 +162,35 @@ impl Hand {
         Ok(Self::build(HandParameters::parse(text, path)?))
     }
 
-    /// What the servos are asked for five cable tensions (N, held by current) and the angle of the opposition joint (rad), which
-    /// takes `current_limit` (A) at most.
-    pub fn servo_goals(&self, tensions: &[f64; 5], opposition: f64, current_limit: f64) -> [ServoGoal; ACTUATORS] {
-        std::array::from_fn(|n| match tensions.get(n) {
+    /// `value` of each joint's index.
+    pub fn each_joint<T: Default>(&self, value: impl FnMut(usize) -> T) -> HandVector<T> {
+        (0..self.tree.len()).map(value).collect()
+    }
+
+    /// `value` of each digit's index.
+    pub fn each_digit<T: Default>(&self, value: impl FnMut(usize) -> T) -> DigitVector<T> {
+        (0..self.cables.len()).map(value).collect()
+    }
+
+    /// `value` of each actuator's index.
+    pub fn each_actuator<T: Default>(&self, value: impl FnMut(usize) -> T) -> ActuatorVector<T> {
+        (0..self.servos.len()).map(value).collect()
+    }
+
+    /// Joint angles of the open hand, rad.
+    pub fn open(&self) -> HandVector {
+        self.each_joint(|_| 0.0)
+    }
+
+    /// Tensions of slack cables, N.
+    pub fn slack(&self) -> DigitVector {
+        self.each_digit(|_| 0.0)
+    }
+
+    /// Servo goals for cable `tensions` (N, held by current) and an angle of the opposition joint (rad), which takes `current_limit`
+    /// (A) at most.
+    pub fn servo_goals(&self, tensions: &[f64], opposition: f64, current_limit: f64) -> ActuatorVector<ServoGoal> {
+        self.each_actuator(|n| match tensions.get(n) {
             Some(tension) => {
                 let to_current = self.cables[n].spool_radius / self.servos[n].torque_constant;
                 ServoGoal::Current(tension * to_current)
@@ -196,7 +234,7 @@ impl Hand {
             before: joint.guide_before.unwrap_or_default(),
             after: joint.guide_after.unwrap_or_default(),
         };
-        let cables = std::array::from_fn(|actuator| CablePath {
+        let paths = (0..MOST_DIGITS).map(|actuator| CablePath {
             joints: parameters.actuator[actuator]
                 .cable
                 .iter()
@@ -225,13 +263,13 @@ impl Hand {
             pads,
             cameras,
             transmission: Transmission {
-                cables,
+                cables: paths.collect(),
                 opposition_joint,
-                springs: std::array::from_fn(|joint| parameters.joint[joint].spring),
-                rests: [0.0; crate::HAND_JOINTS],
+                springs: parameters.joint.iter().map(|joint| joint.spring).collect(),
+                rests: parameters.joint.iter().map(|_| 0.0).collect(),
             },
-            servos: [parameters.servo; ACTUATORS],
-            cables: [parameters.cable; 5],
+            servos: vec![parameters.servo; MOST_ACTUATORS],
+            cables: vec![parameters.cable; MOST_DIGITS],
             parameters,
         }
     }

@@ -27,12 +27,8 @@ pub mod urdf;
 
 pub use arm::{Arm, ArmVector};
 pub use digit::{Digit, Phalanx};
-pub use hand::Hand;
+pub use hand::{ActuatorVector, DigitVector, Hand, HandVector};
 pub use robot_model::{RobotModel, RobotSources};
 
 /// Gravity, m/s2.
 pub const GRAVITY: f64 = 9.81;
-/// Number of finger joints.
-pub const HAND_JOINTS: usize = 15;
-/// Number of actuators: five cables and the thumb's opposition.
-pub const ACTUATORS: usize = 6;

@@ -4,7 +4,7 @@ use nalgebra::{Isometry3, Point3, SMatrix, SVector, Vector3};
 
 use crate::arm::MOST_ARM_JOINTS;
 use crate::hand::MassProperties;
-use crate::{Arm, GRAVITY, HAND_JOINTS, RobotModel};
+use crate::{Arm, GRAVITY, RobotModel};
 
 /// One torque a joint of the arm, N m; 0 beyond the last joint.
 pub type Torques = SVector<f64, MOST_ARM_JOINTS>;
@@ -15,7 +15,7 @@ pub fn weight(robot: &RobotModel, angles: &[f64]) -> Torques {
     let poses = arm.tree.forward(angles);
     let last = arm.last_link();
     let palm = poses[last] * arm.last_from_tool * hand.palm_from_flange.inverse();
-    let links = hand.tree.forward(&[0.0; HAND_JOINTS]);
+    let links = hand.tree.forward(&hand.open());
     let of_arm =
         arm.masses.iter().zip(&poses).enumerate().map(|(link, (mass, pose))| (link, mass.mass, pose * mass.com));
     let on_palm = |pose: Isometry3<f64>, mass: &MassProperties| (last, mass.mass, palm * pose * mass.com);
@@ -58,7 +58,7 @@ impl LoadModel {
     pub fn new(robot: &RobotModel) -> Self {
         let RobotModel { hand, arm, .. } = robot;
         let last_from_palm = arm.last_from_tool * hand.palm_from_flange.inverse();
-        let links = hand.tree.forward(&[0.0; HAND_JOINTS]);
+        let links = hand.tree.forward(&hand.open());
         let of_links = hand.masses.iter().zip(&links).map(|(mass, pose)| (mass.mass, pose * mass.com));
         let of_hand: Vec<_> = of_links.chain([(hand.palm_mass.mass, hand.palm_mass.com)]).collect();
         let total: f64 = of_hand.iter().map(|(mass, _)| mass).sum();
@@ -120,7 +120,7 @@ mod tests {
         let energy = |angles: &[f64]| {
             let poses = arm.tree.forward(angles);
             let palm = arm.tool_pose(angles) * hand.palm_from_flange.inverse();
-            let links = hand.tree.forward(&[0.0; HAND_JOINTS]);
+            let links = hand.tree.forward(&hand.open());
             let of_arm: f64 = arm.masses.iter().zip(&poses).map(|(mass, pose)| mass.mass * (pose * mass.com).z).sum();
             let of_hand: f64 =
                 hand.masses.iter().zip(&links).map(|(mass, pose)| mass.mass * (palm * pose * mass.com).z).sum();

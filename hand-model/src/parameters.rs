@@ -5,7 +5,7 @@ use std::path::Path;
 use nalgebra::{Point3, Vector3};
 use serde::Deserialize;
 
-use crate::hand::CoverShape;
+use crate::hand::{CoverShape, MOST_ACTUATORS};
 use crate::transmission::SPANS;
 use crate::transmission::friction::CableFriction;
 use platform::data::{DataError, parse_toml};
@@ -223,10 +223,10 @@ impl HandParameters {
         if self.version != 1 {
             return fault("version", self.version.to_string(), "1");
         }
-        if self.joint.len() != crate::HAND_JOINTS {
+        if self.joint.len() != 15 {
             return fault("joint", format!("{} joints", self.joint.len()), "15 joints");
         }
-        if self.actuator.len() != crate::ACTUATORS {
+        if self.actuator.len() != MOST_ACTUATORS {
             return fault("actuator", format!("{} actuators", self.actuator.len()), "6 actuators");
         }
         if self.pad.is_empty() {

@@ -9,7 +9,7 @@
 
 use std::sync::Arc;
 
-use crate::{ACTUATORS, ArmVector};
+use crate::{ActuatorVector, ArmVector};
 
 /// What one servo reports.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -78,8 +78,8 @@ pub struct Readings {
     pub time: f64,
     /// Number of the tick.
     pub sequence: u64,
-    /// The six servos, in actuator order.
-    pub servos: [Option<Reading<ServoState>>; ACTUATORS],
+    /// Of each actuator.
+    pub servos: ActuatorVector<Option<Reading<ServoState>>>,
     pub arm: Option<Reading<ArmState>>,
     /// Tactile images that arrived since the last readings.
     pub tactile: Vec<TactileFrame>,
@@ -91,9 +91,9 @@ impl Readings {
     /// # Errors
     /// [`RobotError::Unread`] with the first device that was never read.
     pub fn complete(self) -> Result<Observation, RobotError> {
-        let mut servos = [ServoState::default(); ACTUATORS];
-        for (n, (servo, reading)) in servos.iter_mut().zip(self.servos).enumerate() {
-            *servo = reading.ok_or(RobotError::Unread(Device::Servo(n)))?.value;
+        let mut servos = ActuatorVector::new();
+        for (n, reading) in self.servos.into_iter().enumerate() {
+            servos.push(reading.ok_or(RobotError::Unread(Device::Servo(n)))?.value);
         }
         let arm = self.arm.ok_or(RobotError::Unread(Device::Arm))?.value;
         Ok(Observation { time: self.time, sequence: self.sequence, servos, arm, tactile: self.tactile })
@@ -104,7 +104,7 @@ impl From<Observation> for Readings {
     /// Every reading is valid at the observation's time.
     fn from(observation: Observation) -> Self {
         let Observation { time, sequence, servos, arm, tactile } = observation;
-        let servos = servos.map(|value| Some(Reading { value, time }));
+        let servos = servos.into_iter().map(|value| Some(Reading { value, time })).collect();
         Self { time, sequence, servos, arm: Some(Reading { value: arm, time }), tactile }
     }
 }
@@ -150,8 +150,8 @@ pub struct Observation {
     pub time: f64,
     /// Number of the tick.
     pub sequence: u64,
-    /// The six servos, in actuator order.
-    pub servos: [ServoState; ACTUATORS],
+    /// Of each actuator.
+    pub servos: ActuatorVector<ServoState>,
     pub arm: ArmState,
     /// Tactile images that arrived since the last observation.
     pub tactile: Vec<TactileFrame>,
@@ -171,13 +171,20 @@ pub enum ServoGoal {
     },
 }
 
+impl Default for ServoGoal {
+    /// Free to turn: no current.
+    fn default() -> Self {
+        Self::Current(0.0)
+    }
+}
+
 /// One tick's command.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Command {
     /// Arm joint position set-points, rad.
     pub arm: ArmVector,
-    /// The six servos, in actuator order.
-    pub servos: [ServoGoal; ACTUATORS],
+    /// Of each actuator.
+    pub servos: ActuatorVector<ServoGoal>,
     /// Ask the camera board for one image of every camera.
     pub capture: bool,
 }
@@ -244,7 +251,8 @@ mod tests {
     /// A servo that was never read is not at 0 rad.
     #[test]
     fn what_was_never_read_is_no_observation() {
-        let whole = Readings::from(Observation { time: 0.5, sequence: 3, ..Observation::default() });
+        let servos = [ServoState::default(); 6].into();
+        let whole = Readings::from(Observation { time: 0.5, sequence: 3, servos, ..Observation::default() });
         assert_eq!(whole.arm.map(|arm| arm.time), Some(0.5));
         let mut part = whole.clone();
         part.servos[2] = None;

@@ -15,7 +15,7 @@ use nalgebra::{DMatrix, DVector, Point3, Vector3};
 use crate::hand::{Hand, SkinElement};
 use crate::transmission::SPANS;
 use crate::transmission::friction::CableFriction;
-use crate::{Digit, HAND_JOINTS};
+use crate::{Digit, HandVector};
 
 /// Size of a skin element's side, m.
 const ELEMENT: f64 = 0.002;
@@ -62,7 +62,7 @@ pub struct Push {
 #[derive(Debug, Clone)]
 pub struct Equilibrium {
     /// Joint angles, rad.
-    pub angles: [f64; HAND_JOINTS],
+    pub angles: HandVector,
     /// What presses on the links.
     pub pushes: Vec<Push>,
 }
@@ -82,13 +82,13 @@ pub struct NoEquilibrium {
 }
 
 /// Equilibrium without contact at cable `tensions` (N), the opposition joint at `opposition` (rad).
-pub fn free(hand: &Hand, tensions: &[f64; 5], opposition: f64) -> [f64; HAND_JOINTS] {
+pub fn free(hand: &Hand, tensions: &[f64], opposition: f64) -> HandVector {
     free_sliding(hand, tensions, opposition, &Slid::NOTHING)
 }
 
 /// As [`free`], for cables that rub in their guides.
-pub fn free_sliding(hand: &Hand, tensions: &[f64; 5], opposition: f64, slid: &Slid) -> [f64; HAND_JOINTS] {
-    let mut angles = [0.0; HAND_JOINTS];
+pub fn free_sliding(hand: &Hand, tensions: &[f64], opposition: f64, slid: &Slid) -> HandVector {
+    let mut angles = hand.open();
     angles[hand.transmission.opposition_joint] = opposition;
     for (cable, tension) in tensions.iter().enumerate() {
         let upper = std::f64::consts::FRAC_PI_2;
@@ -105,13 +105,13 @@ pub fn free_sliding(hand: &Hand, tensions: &[f64; 5], opposition: f64, slid: &Sl
 /// the outward direction there; `foundation` is the skin's stiffness, Pa/m.
 pub fn against(
     hand: &Hand,
-    tensions: &[f64; 5],
+    tensions: &[f64],
     opposition: f64,
     slid: &Slid,
     foundation: f64,
     obstacle: impl Fn(&Point3<f64>) -> (f64, Vector3<f64>),
 ) -> Result<Equilibrium, NoEquilibrium> {
-    let mut angles = [0.0; HAND_JOINTS];
+    let mut angles = hand.open();
     angles[hand.transmission.opposition_joint] = opposition;
     let mut pushes = Vec::new();
     for digit in Digit::ALL {
@@ -154,7 +154,7 @@ impl<F: Fn(&Point3<f64>) -> (f64, Vector3<f64>)> Problem<'_, F> {
     }
 
     /// Energy (J), its gradient (N m) and a positive approximation of its Hessian (N m/rad) over the cable's joints.
-    fn energy(&self, angles: &[f64; HAND_JOINTS], spans: &[f64; SPANS]) -> (f64, DVector<f64>, DMatrix<f64>) {
+    fn energy(&self, angles: &[f64], spans: &[f64; SPANS]) -> (f64, DVector<f64>, DMatrix<f64>) {
         let path = &self.hand.transmission.cables[self.digit.index()];
         let n = path.joints.len();
         let (mut energy, mut gradient, mut hessian) = (0.0, DVector::zeros(n), DMatrix::zeros(n, n));
@@ -183,7 +183,7 @@ impl<F: Fn(&Point3<f64>) -> (f64, Vector3<f64>)> Problem<'_, F> {
     /// Calls `found` for each skin element in the obstacle: link, place, outward direction, depth (m), stiffness (N/m), poses.
     fn each_pressed(
         &self,
-        angles: &[f64; HAND_JOINTS],
+        angles: &[f64],
         mut found: impl FnMut(usize, Point3<f64>, Vector3<f64>, f64, f64, &[nalgebra::Isometry3<f64>]),
     ) {
         let poses = self.hand.tree.forward(angles);
@@ -203,7 +203,7 @@ impl<F: Fn(&Point3<f64>) -> (f64, Vector3<f64>)> Problem<'_, F> {
     }
 
     /// Moves the digit to rest at its spans' tensions; returns the largest torque left, N m.
-    fn relax(&self, angles: &mut [f64; HAND_JOINTS], spans: &[f64; SPANS]) -> f64 {
+    fn relax(&self, angles: &mut HandVector, spans: &[f64; SPANS]) -> f64 {
         let joints = self.joints();
         let limits: Vec<(f64, f64)> =
             joints.iter().map(|j| (self.hand.tree.joints[*j].lower, self.hand.tree.joints[*j].upper)).collect();
@@ -211,7 +211,7 @@ impl<F: Fn(&Point3<f64>) -> (f64, Vector3<f64>)> Problem<'_, F> {
         let (mut energy, mut gradient, mut hessian) = self.energy(angles, spans);
         for _ in 0..ITERATIONS {
             // A joint at its stop that is pushed against it takes no part.
-            let stopped = |row: usize, angles: &[f64; HAND_JOINTS], gradient: &DVector<f64>| {
+            let stopped = |row: usize, angles: &[f64], gradient: &DVector<f64>| {
                 let (q, (low, high)) = (angles[joints[row]], limits[row]);
                 (q <= low && gradient[row] > 0.0) || (q >= high && gradient[row] < 0.0)
             };
@@ -258,8 +258,8 @@ impl<F: Fn(&Point3<f64>) -> (f64, Vector3<f64>)> Problem<'_, F> {
             .fold(0.0, |most: f64, row| most.max(gradient[row].abs()))
     }
 
-    fn pushes(&self, angles: &[f64; HAND_JOINTS]) -> Vec<Push> {
-        let mut sums = [(0.0, Vector3::zeros(), Vector3::zeros()); HAND_JOINTS];
+    fn pushes(&self, angles: &[f64]) -> Vec<Push> {
+        let mut sums = vec![(0.0, Vector3::zeros(), Vector3::zeros()); angles.len()];
         self.each_pressed(angles, |link, at, outward, depth, stiffness, _| {
             let force = stiffness * depth;
             sums[link].0 += force;
@@ -318,7 +318,7 @@ mod tests {
             let wall = |p: &Point3<f64>| (p.z + 0.01, Vector3::z());
             let skin = digit.joints().map(|link| hand.covers[link].skin(ELEMENT));
             let problem = Problem { hand: &hand, digit, skin, foundation: 1e8, obstacle: &wall };
-            let mut angles = [0.0; HAND_JOINTS];
+            let mut angles = hand.open();
             angles[6..9].copy_from_slice(&q);
             let (_, gradient, _) = problem.energy(&angles, &[tension, 0.9 * tension, 0.7 * tension]);
             for row in 0..3 {

@@ -15,6 +15,8 @@ pub mod friction;
 
 use friction::CableFriction;
 
+use crate::HandVector;
+
 /// Joints that one cable crosses at most.
 pub const SPANS: usize = 3;
 
@@ -130,14 +132,14 @@ impl CablePath {
 /// The whole transmission: five cables, the opposition drive and the springs.
 #[derive(Debug, Clone)]
 pub struct Transmission {
-    /// Cables of thumb, index, middle, ring, little.
-    pub cables: [CablePath; 5],
-    /// Joint that the sixth actuator turns.
+    /// Of each digit.
+    pub cables: Vec<CablePath>,
+    /// Joint that the last actuator turns.
     pub opposition_joint: usize,
     /// Torsion spring of each joint, N m/rad.
-    pub springs: [f64; crate::HAND_JOINTS],
+    pub springs: HandVector,
     /// Angle at which each spring is at rest, rad: 0 as drawn, negative where it presses the open joint on its stop.
-    pub rests: [f64; crate::HAND_JOINTS],
+    pub rests: HandVector,
 }
 
 impl Transmission {
@@ -147,13 +149,13 @@ impl Transmission {
     }
 
     /// Joint torques (N m) of cable `tensions` (N) and springs at `q` (rad), opposition drive excluded.
-    pub fn torques(&self, q: &[f64], tensions: &[f64; 5]) -> [f64; crate::HAND_JOINTS] {
-        self.span_torques(q, &tensions.map(|tension| [tension; SPANS]))
+    pub fn torques(&self, q: &[f64], tensions: &[f64]) -> HandVector {
+        self.span_torques(q, tensions.iter().map(|tension| [*tension; SPANS]))
     }
 
     /// As [`Self::torques`], with the tension (N) of each cable's spans.
-    pub fn span_torques(&self, q: &[f64], spans: &[[f64; SPANS]; 5]) -> [f64; crate::HAND_JOINTS] {
-        let mut torques: [f64; crate::HAND_JOINTS] = std::array::from_fn(|joint| -self.spring_torque(joint, q[joint]));
+    pub fn span_torques(&self, q: &[f64], spans: impl Iterator<Item = [f64; SPANS]>) -> HandVector {
+        let mut torques: HandVector = q.iter().enumerate().map(|(joint, q)| -self.spring_torque(joint, *q)).collect();
         for (cable, tensions) in self.cables.iter().zip(spans) {
             for ((joint, guides), tension) in cable.joints.iter().zip(tensions) {
                 torques[*joint] += guides.moment_arm(q[*joint]) * tension;

@@ -1,20 +1,21 @@
 //! How fast the servo bus cycles on this machine: reads all six emulated servos and writes their goals 200 times, and prints the measured rate
 //! beside the one calculated from the line's timing. `cargo run --release -p hardware-bridge --example cycle_rate`
 
+use hardware_bridge::hand_bus::SERVOS;
 use std::time::Instant;
 
-use hand_model::{ACTUATORS, RobotModel};
+use hand_model::RobotModel;
 use hardware_bridge::emulator::spring_hand::SpringHand;
 use hardware_bridge::emulator::{EmulatedHand, EmulatorSettings};
 use hardware_bridge::servo_bus::timing::Cycle;
 use hardware_bridge::servo_bus::{BusSettings, ServoBus};
 use hardware_bridge::xc330::{self, PRESENT_BLOCK_LONG};
 
-const IDS: [u8; ACTUATORS] = [1, 2, 3, 4, 5, 6];
+const IDS: [u8; SERVOS] = [1, 2, 3, 4, 5, 6];
 const CYCLES: u32 = 200;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let plant = Box::new(SpringHand::new([4.0; ACTUATORS], 18));
+    let plant = Box::new(SpringHand::new([4.0; SERVOS], 18));
     let hand = EmulatedHand::start(plant, EmulatorSettings::default(), &RobotModel::ftac_gen3())?;
     let mut bus = ServoBus::open(hand.servo_port(), BusSettings { slack: 0.25, ..BusSettings::default() })?;
     let read = PRESENT_BLOCK_LONG;

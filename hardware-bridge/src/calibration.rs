@@ -6,10 +6,10 @@
 use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 
-use hand_model::ACTUATORS;
 use serde::{Deserialize, Serialize};
 
 use crate::config::ConfigError;
+use crate::hand_bus::SERVOS;
 use crate::tactile_link::frame::digest;
 
 /// Version of this format.
@@ -40,13 +40,13 @@ pub struct HandCalibration {
     /// Name of the calibrated hand model.
     pub hand: String,
     /// The servos, in actuator order.
-    pub servos: [ServoCalibration; ACTUATORS],
+    pub servos: [ServoCalibration; SERVOS],
     /// CRC-32C of the rest, in hexadecimal.
     crc: String,
 }
 
 impl HandCalibration {
-    pub fn new(hand: &str, servos: [ServoCalibration; ACTUATORS]) -> Self {
+    pub fn new(hand: &str, servos: [ServoCalibration; SERVOS]) -> Self {
         let mut calibration = Self { version: VERSION, hand: hand.to_owned(), servos, crc: String::new() };
         calibration.crc = calibration.hash();
         calibration
@@ -61,7 +61,7 @@ impl HandCalibration {
     }
 
     /// Travel of every servo, rad.
-    pub fn travel(&self) -> [f64; ACTUATORS] {
+    pub fn travel(&self) -> [f64; SERVOS] {
         std::array::from_fn(|n| self.servos[n].travel)
     }
 
@@ -110,7 +110,7 @@ impl Unfinished {
     }
 
     /// The servos found, in the order of `ids`; others than these are refused.
-    pub fn read(&self, ids: &[u8; ACTUATORS]) -> Result<Vec<ServoCalibration>, ConfigError> {
+    pub fn read(&self, ids: &[u8; SERVOS]) -> Result<Vec<ServoCalibration>, ConfigError> {
         let path = &self.0;
         let text = std::fs::read_to_string(path).map_err(|source| ConfigError::Io { path: path.clone(), source })?;
         let servos: Vec<ServoCalibration> = serde_json::from_str(&text)

@@ -35,11 +35,12 @@ mod uvc;
 
 use std::path::{Path, PathBuf};
 
-use hand_model::{ACTUATORS, Arm};
+use hand_model::Arm;
 use kortex::arm::{TCP_PORT, UDP_PORT};
 use kortex::joints::JOINTS;
 use serde::{Deserialize, Serialize};
 
+use crate::hand_bus::SERVOS;
 use crate::safety::limits::Limits;
 use crate::servo_bus::BusSettings;
 use crate::xc330;
@@ -114,7 +115,7 @@ pub struct ServoConfig {
     /// Serial port; a path below `/dev/serial/by-id` survives replugging.
     pub port: PathBuf,
     /// Ids in actuator order: thumb, index, middle, ring, little, opposition.
-    pub ids: [u8; ACTUATORS],
+    pub ids: [u8; SERVOS],
     /// Bits per second.
     #[serde(default = "default_baud")]
     pub baud: u32,
@@ -221,7 +222,7 @@ impl BridgeConfig {
     }
 
     /// What is allowed, with the servos' travel (rad) from the calibration.
-    pub fn limits(&self, travel: &[f64; ACTUATORS], arm: &Arm) -> Limits {
+    pub fn limits(&self, travel: &[f64; SERVOS], arm: &Arm) -> Limits {
         self.limits.limits(travel, arm)
     }
 
@@ -319,7 +320,7 @@ pub(crate) mod tests {
     fn arm_limits_are_the_models() {
         let config = BridgeConfig::parse(GOOD, Path::new("bridge.toml")).expect("good");
         let arm = Arm::gen3();
-        let limits = config.limits(&[4.0; ACTUATORS], &arm);
+        let limits = config.limits(&[4.0; SERVOS], &arm);
         assert_eq!(limits.arm.speed, arm.velocity_limits);
         assert!(limits.arm.angle.iter().all(|(low, high)| low < high), "{:?}", limits.arm.angle);
     }

@@ -32,7 +32,7 @@ use std::time::{Duration, Instant};
 use camera_board::{BoardSettings, CameraBoard};
 use faults::{Event, Faults};
 use hand_model::robot::{Command, Plant, ServoGoal, ServoState, TactileFrame};
-use hand_model::{ACTUATORS, RobotModel};
+use hand_model::{ActuatorVector, RobotModel};
 use plant_arm::SharedArm;
 use pty::{Pty, PtyError};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
@@ -42,6 +42,7 @@ use servo_chain::{Answer, ServoChain};
 
 use crate::calibration::HandCalibration;
 use crate::clock::Clock;
+use crate::hand_bus::SERVOS;
 use crate::lock::lock;
 use crate::protocol2::Decoder;
 
@@ -91,7 +92,7 @@ struct Shared {
     cameras_gone: AtomicBool,
     chain: Mutex<ServoChain>,
     board: Mutex<CameraBoard>,
-    shafts: Mutex<[ServoState; ACTUATORS]>,
+    shafts: Mutex<ActuatorVector<ServoState>>,
     arm: SharedArm,
     capture: AtomicBool,
     stop: AtomicBool,
@@ -290,7 +291,7 @@ impl EmulatedHand {
     }
 
     /// The true state of the shafts, for tests and displays; a host must not use it.
-    pub fn shafts(&self) -> [ServoState; ACTUATORS] {
+    pub fn shafts(&self) -> ActuatorVector<ServoState> {
         *lock(&self.shared.shafts)
     }
 
@@ -341,14 +342,14 @@ struct ImagedPlant {
 
 /// Ticks the plant; false once its images have no receiver.
 fn tick_plant(plant: &mut ImagedPlant, shared: &Shared, tick: f64) -> bool {
-    let mut servos = [ServoGoal::Current(0.0); ACTUATORS];
+    let mut servos = [ServoGoal::Current(0.0); SERVOS];
     for (goal, drive) in servos.iter_mut().zip(lock(&shared.chain).drives()) {
         *goal = drive;
     }
     let capture = shared.capture.swap(false, Ordering::AcqRel);
     // Of a stepped clock the tick has passed already. On a running one it begins now, however soon the plant is done with it.
     let end = if shared.stepped() { shared.now() } else { shared.now() + tick };
-    plant.physics.send(&Command { arm: shared.arm.goal(), servos, capture });
+    plant.physics.send(&Command { arm: shared.arm.goal(), servos: servos.into(), capture });
     plant.physics.wait_for_tick();
     let observation = plant.physics.observe();
     *lock(&shared.shafts) = observation.servos;

@@ -1,7 +1,7 @@
 //! The six servos as one hand: angles from the open mark, goals, torque, watchdog, audit.
 
+use hand_model::Digit;
 use hand_model::robot::ServoState;
-use hand_model::{ACTUATORS, Digit};
 
 use crate::calibration::{HandCalibration, turns_to_forget};
 use crate::protocol2::{ReplyError, Status};
@@ -14,6 +14,8 @@ use crate::xc330::{self, PRESENT_BLOCK_LONG, Register};
 /// From torque enable to bus watchdog: what an audit reads.
 const AUDIT_START: u16 = xc330::TORQUE_ENABLE.address;
 const AUDIT_LENGTH: u16 = xc330::BUS_WATCHDOG.address + 1 - AUDIT_START;
+/// Servos on the bus: those of the F-TAC Hand, in the order of its actuators.
+pub const SERVOS: usize = 6;
 /// Times to ask a servo that does not answer.
 const TRIES: usize = 2;
 
@@ -21,20 +23,20 @@ const TRIES: usize = 2;
 #[derive(Debug)]
 pub struct HandBus {
     pub bus: ServoBus,
-    ids: [u8; ACTUATORS],
+    ids: [u8; SERVOS],
     fast: bool,
     /// Whole turns to take off each reading, rad, once known.
-    forget: [Option<f64>; ACTUATORS],
+    forget: [Option<f64>; SERVOS],
 }
 
 impl HandBus {
     /// The servos `ids`, read with fast sync reads if `fast`.
-    pub fn new(bus: ServoBus, ids: [u8; ACTUATORS], fast: bool) -> Self {
-        Self { bus, ids, fast, forget: [None; ACTUATORS] }
+    pub fn new(bus: ServoBus, ids: [u8; SERVOS], fast: bool) -> Self {
+        Self { bus, ids, fast, forget: [None; SERVOS] }
     }
 
     /// The ids in actuator order.
-    pub fn ids(&self) -> &[u8; ACTUATORS] {
+    pub fn ids(&self) -> &[u8; SERVOS] {
         &self.ids
     }
 
@@ -51,7 +53,7 @@ impl HandBus {
     }
 
     /// Reads every servo at `now` (s); `None` for a servo without a usable answer.
-    pub fn read(&mut self, now: f64) -> Result<[Option<ServoReading>; ACTUATORS], BusError> {
+    pub fn read(&mut self, now: f64) -> Result<[Option<ServoReading>; SERVOS], BusError> {
         let (start, length) = (PRESENT_BLOCK_LONG.start, PRESENT_BLOCK_LONG.end - PRESENT_BLOCK_LONG.start);
         let replies = if self.fast {
             self.bus.fast_sync_read(&self.ids, start, length)?
@@ -66,14 +68,14 @@ impl HandBus {
     }
 
     /// Sends goals, the current first, so that no position is approached with an older, larger current.
-    pub fn send(&mut self, goals: &[SafeGoal; ACTUATORS]) -> Result<(), BusError> {
+    pub fn send(&mut self, goals: &[SafeGoal; SERVOS]) -> Result<(), BusError> {
         self.sync_write(&xc330::GOAL_CURRENT, |n| goals[n].current)?;
         let forget = self.forget;
         self.sync_write(&xc330::GOAL_POSITION, |n| goals[n].angle + forget[n].unwrap_or(0.0))
     }
 
     /// Torque on without a jerk: no current, goals where the shafts are, watchdog off until all are on.
-    pub fn torque_on(&mut self, goals: &[SafeGoal; ACTUATORS], watchdog: f64) -> Result<(), BusError> {
+    pub fn torque_on(&mut self, goals: &[SafeGoal; SERVOS], watchdog: f64) -> Result<(), BusError> {
         self.set_watchdog(0.0)?;
         self.send(&goals.map(|goal| SafeGoal { current: 0.0, ..goal }))?;
         let ids = self.ids;
@@ -128,7 +130,7 @@ impl HandBus {
     }
 
     fn sync_write(&mut self, register: &Register, value: impl Fn(usize) -> f64) -> Result<(), BusError> {
-        let mut data = Vec::with_capacity(ACTUATORS);
+        let mut data = Vec::with_capacity(SERVOS);
         for (n, id) in self.ids.iter().enumerate() {
             let bytes = register.write(value(n)).map_err(|source| BusError::Register { id: *id, source })?;
             data.push((*id, bytes));

@@ -11,8 +11,8 @@ use std::sync::{Arc, Condvar, Mutex};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use hand_model::RobotModel;
 use hand_model::robot::{Command, Readings, RobotBackend, RobotError, ServoGoal, Tick};
-use hand_model::{ACTUATORS, RobotModel};
 use platform::data::DataError;
 use session_log::{Packet, Tap};
 
@@ -22,6 +22,7 @@ use crate::cameras::{Cameras, CamerasError};
 use crate::clock::Clock;
 use crate::config::{BridgeConfig, ConfigError};
 use crate::hand_bus::HandBus;
+use crate::hand_bus::SERVOS;
 use crate::kortex_link::expect_gen3;
 use crate::lock::lock;
 use crate::real_time::run_ahead;
@@ -265,7 +266,7 @@ pub(crate) fn servo_cycle(
     let mut supervisor = Supervisor::new(Limits { press, ..limits }).watching(robot);
     // A new supervisor is disconnected, so this cannot be refused.
     let _ = supervisor.connect();
-    let measured = Measured { servos: [None; ACTUATORS], arm: None, cameras: true };
+    let measured = Measured { servos: [None; SERVOS], arm: None, cameras: true };
     let shared = Arc::new(Shared {
         tap: Mutex::new(None),
         board: Mutex::new(Board {
@@ -273,7 +274,7 @@ pub(crate) fn servo_cycle(
             asked_number: 0,
             used_number: 0,
             quiet_until: 0.0,
-            sent: SafeCommand { servos: [SafeGoal::default(); ACTUATORS], arm: limits.arm.still() },
+            sent: SafeCommand { servos: [SafeGoal::default(); SERVOS], arm: limits.arm.still() },
             measured,
             state: supervisor.state(),
             orders: VecDeque::new(),

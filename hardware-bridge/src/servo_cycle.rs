@@ -11,13 +11,13 @@ use std::sync::mpsc::Sender;
 use std::sync::{Arc, Condvar, Mutex};
 use std::time::{Duration, Instant};
 
-use hand_model::ACTUATORS;
 use hand_model::robot::Command;
 use session_log::Tap;
 
 use crate::arm_link::ArmLink;
 use crate::clock::Clock;
 use crate::hand_bus::HandBus;
+use crate::hand_bus::SERVOS;
 use crate::lock::lock;
 use crate::remote::Wish;
 use crate::safety::checks::Measured;
@@ -99,7 +99,7 @@ pub(crate) struct ServoCycle {
     pub hand: Option<HandBus>,
     pub port: PathBuf,
     pub bus: BusSettings,
-    pub ids: [u8; ACTUATORS],
+    pub ids: [u8; SERVOS],
     pub fast: bool,
     pub arm: Box<dyn ArmLink>,
     pub supervisor: Supervisor,
@@ -220,7 +220,7 @@ impl ServoCycle {
         if self.dry.is_some() || !on || !self.report.cycles.is_multiple_of(self.audit_every) {
             return;
         }
-        let n = (self.report.cycles / self.audit_every) as usize % ACTUATORS;
+        let n = (self.report.cycles / self.audit_every) as usize % SERVOS;
         // A servo that says nothing now is noticed by the age of its readings.
         if let Some(Ok(Some(cause))) = self.hand.as_mut().map(|hand| hand.audit(n)) {
             self.supervisor.hold(cause);

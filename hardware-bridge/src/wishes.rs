@@ -2,9 +2,8 @@
 
 use std::time::{Duration, Instant};
 
-use hand_model::ACTUATORS;
-
 use crate::clock::Clock;
+use crate::hand_bus::SERVOS;
 use crate::hardware_robot::give;
 use crate::lock::lock;
 use crate::remote::Wish;
@@ -54,7 +53,7 @@ fn released(shared: &Shared, patience: Duration) -> Result<String, String> {
         match board.state {
             State::Connected => {
                 let unsure = &board.report.still_on;
-                let off = format!("torque read back as off from {} of {ACTUATORS} servos", ACTUATORS - unsure.len());
+                let off = format!("torque read back as off from {} of {SERVOS} servos", SERVOS - unsure.len());
                 return if unsure.is_empty() { Ok(off) } else { Err(format!("{off}; {}", unsure.join("; "))) };
             }
             State::Release { .. } if begun.elapsed() < patience => {}
@@ -79,5 +78,5 @@ pub(crate) fn standing(board: &Board, now: f64) -> String {
         Some(speed) => format!("the arm moves at {speed:.2} rad/s"),
     };
     let servos = board.measured.servos.iter().flatten().filter(|servo| now - servo.at <= FRESH).count();
-    format!("{arm}, {servos} of {ACTUATORS} servos answer")
+    format!("{arm}, {servos} of {SERVOS} servos answer")
 }

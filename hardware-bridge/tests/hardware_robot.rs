@@ -2,12 +2,13 @@
 
 mod common;
 
+use hardware_bridge::hand_bus::SERVOS;
 use std::path::Path;
 use std::sync::{Arc, Mutex};
 
 use common::{TRAVEL, armed, bench, closed, command, connect, drive, observed, patiently, started};
+use hand_model::RobotModel;
 use hand_model::robot::{Command, RobotBackend, ServoGoal, TactileFrame};
-use hand_model::{ACTUATORS, RobotModel};
 use hardware_bridge::arm_link::LoopbackArm;
 use hardware_bridge::config::BridgeConfig;
 use hardware_bridge::emulator::EmulatorSettings;
@@ -165,7 +166,7 @@ fn homing() {
     let mut servos = EmulatorSettings::default().servos;
     servos[0] = EmulatedServo::provisioned(1, 3900);
     let settings = EmulatorSettings { servos, ..EmulatorSettings::default() };
-    let hand = started([TRAVEL; ACTUATORS], settings);
+    let hand = started([TRAVEL; SERVOS], settings);
     let bus_settings = hardware_bridge::servo_bus::BusSettings { slack: 5.0, ..Default::default() };
     let mut bus = ServoBus::open(hand.servo_port(), bus_settings).expect("opens");
     // A plant that a busy machine holds up for a moment must not look like a shaft at its stop.

@@ -1,10 +1,11 @@
 //! The Gen3 behind the bridge: its links on record, and a network that fails.
 
+use hardware_bridge::hand_bus::SERVOS;
 use std::sync::mpsc;
 use std::time::{Duration, Instant};
 
+use hand_model::RobotModel;
 use hand_model::arm::Arm as ArmModel;
-use hand_model::{ACTUATORS, RobotModel};
 use hardware_bridge::arm_link::ArmLink as _;
 use hardware_bridge::emulator::spring_hand::SpringHand;
 use hardware_bridge::emulator::{EmulatedHand, EmulatorSettings};
@@ -140,7 +141,7 @@ fn a_link_without_network_does_not_keep_its_caller_waiting() {
 /// An action moves the arm that carries the emulated hand, and the arm says where its tool is.
 #[test]
 fn an_action_moves_the_hands_arm() {
-    let plant = Box::new(SpringHand::new([4.0; ACTUATORS], 18));
+    let plant = Box::new(SpringHand::new([4.0; SERVOS], 18));
     let hand =
         EmulatedHand::start(plant, EmulatorSettings::default(), &RobotModel::ftac_gen3()).expect("pseudo-terminals");
     let settings = Settings { following_error: std::f64::consts::PI, ..Settings::default() };

@@ -1,8 +1,9 @@
 //! The bus master against six emulated servos, through a pseudo-terminal. The servos' time passes by steps alone.
 
+use hardware_bridge::hand_bus::SERVOS;
 use std::time::Duration;
 
-use hand_model::{ACTUATORS, RobotModel};
+use hand_model::RobotModel;
 use hardware_bridge::clock::Clock;
 use hardware_bridge::emulator::faults::{Chances, Event};
 use hardware_bridge::emulator::pty::Pty;
@@ -18,7 +19,7 @@ const IDS: [u8; 6] = [1, 2, 3, 4, 5, 6];
 const SLACK: f64 = 2.0;
 
 fn start() -> (EmulatedHand, ServoBus) {
-    let (plant, settings) = (SpringHand::new([4.0; ACTUATORS], 18), EmulatorSettings::default());
+    let (plant, settings) = (SpringHand::new([4.0; SERVOS], 18), EmulatorSettings::default());
     let robot = RobotModel::ftac_gen3();
     let hand =
         EmulatedHand::start_stepped(Box::new(plant), settings, &robot, Clock::emulated()).expect("the emulator starts");

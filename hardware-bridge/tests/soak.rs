@@ -3,11 +3,12 @@
 
 mod common;
 
+use hardware_bridge::hand_bus::SERVOS;
 use std::time::{Duration, Instant};
 
 use common::{Bench, bench, forgiving, patiently};
+use hand_model::RobotModel;
 use hand_model::robot::{Command, RobotBackend, ServoGoal};
-use hand_model::{ACTUATORS, RobotModel};
 use hardware_bridge::hardware_robot::HardwareRobot;
 use hardware_bridge::kortex_link::KortexLink;
 use hardware_bridge::safety::state::State;
@@ -57,8 +58,8 @@ fn fifteen_minutes_on_emulated_devices() {
             let phase = elapsed * std::f64::consts::TAU * 0.1;
             let goal = home.iter().map(|angle| angle + 0.1 * phase.sin()).collect();
             let current = 0.06 + 0.03 * phase.sin();
-            let servos = [ServoGoal::Current(current); ACTUATORS];
-            common::send(&mut robot, &Command { arm: goal, servos, capture: false });
+            let servos = [ServoGoal::Current(current); SERVOS];
+            common::send(&mut robot, &Command { arm: goal, servos: servos.into(), capture: false });
             robot.wait_for_tick();
         }
         let state = robot.state();

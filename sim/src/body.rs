@@ -6,7 +6,7 @@
 
 use hand_model::arm::WristCapsule;
 use hand_model::hand::{CoverShape, MassProperties};
-use hand_model::{Arm, ArmVector, GRAVITY, HAND_JOINTS, Hand};
+use hand_model::{Arm, ArmVector, GRAVITY, Hand, HandVector};
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 use plant::ArmDefects;
 use rapier3d_f64::prelude::*;
@@ -51,9 +51,9 @@ pub struct JointState {
     /// Arm speeds, rad/s.
     pub arm_speed: ArmVector,
     /// Finger angles, rad.
-    pub hand: [f64; HAND_JOINTS],
+    pub hand: HandVector,
     /// Finger speeds, rad/s.
-    pub hand_speed: [f64; HAND_JOINTS],
+    pub hand_speed: HandVector,
 }
 
 /// What the arm's position control is asked for.
@@ -132,7 +132,7 @@ impl RobotBody {
         hand: &Hand,
         world_from_base: &Isometry3<f64>,
         defects: &ArmDefects,
-        (arm_q, hand_q): (&[f64], &[f64; HAND_JOINTS]),
+        (arm_q, hand_q): (&[f64], &[f64]),
     ) -> Self {
         let arm_poses = arm.tree.forward(arm_q);
         let base = engine.bodies.insert(RigidBodyBuilder::fixed().pose(convert::pose(world_from_base)));
@@ -180,7 +180,7 @@ impl RobotBody {
             wrist.push(engine.colliders.insert_with_parent(capsule, links[*link], &mut engine.bodies));
         }
         let world_from_palm = world_from_base * arm_poses[arm.last_link()] * last_from_palm;
-        let hand_poses = hand.tree.forward(&[0.0; HAND_JOINTS]);
+        let hand_poses = hand.tree.forward(&hand.open());
         let mut hand_links: Vec<RigidBodyHandle> = Vec::new();
         for (i, joint) in hand.tree.joints.iter().enumerate() {
             let body = engine.bodies.insert(link_body(&(world_from_palm * hand_poses[i]), &hand.masses[i]));
@@ -204,13 +204,7 @@ impl RobotBody {
         robot
     }
 
-    fn initialise(
-        &mut self,
-        engine: &mut Engine,
-        arm: &Arm,
-        hand: &Hand,
-        (arm_q, hand_q): (&[f64], &[f64; HAND_JOINTS]),
-    ) {
+    fn initialise(&mut self, engine: &mut Engine, arm: &Arm, hand: &Hand, (arm_q, hand_q): (&[f64], &[f64])) {
         let defaults = hand.parameters.joint_defaults;
         let bodies = &engine.bodies;
         let Some((multibody, _)) = engine.multibodies.get_mut(self.joints[0]) else { return };
@@ -236,8 +230,8 @@ impl RobotBody {
         let mut state = JointState {
             arm: (0..self.arm_joints).map(|_| 0.0).collect(),
             arm_speed: (0..self.arm_joints).map(|_| 0.0).collect(),
-            hand: [0.0; HAND_JOINTS],
-            hand_speed: [0.0; HAND_JOINTS],
+            hand: self.hand_joints().map(|_| 0.0).collect(),
+            hand_speed: self.hand_joints().map(|_| 0.0).collect(),
         };
         let Some((multibody, _)) = engine.multibodies.get(self.joints[0]) else { return state };
         let speeds = multibody.generalized_velocity();
@@ -254,6 +248,10 @@ impl RobotBody {
             }
         }
         state
+    }
+
+    fn hand_joints(&self) -> std::ops::Range<usize> {
+        self.arm_joints..self.joints.len()
     }
 
     /// The arm's last link, of which the palm is a part.

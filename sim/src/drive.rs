@@ -1,9 +1,9 @@
-//! Six servos on the cable transmission: from servo goals to the torque and the implicit stiffness of every finger joint.
+//! Servos on the cable transmission: from servo goals to the torque and the implicit stiffness of every finger joint.
 
 use hand_model::robot::{ServoGoal, ServoState};
 use hand_model::transmission::SPANS;
 use hand_model::transmission::friction::{CableFriction, CableLosses};
-use hand_model::{ACTUATORS, HAND_JOINTS, Hand};
+use hand_model::{ActuatorVector, DigitVector, Hand, HandVector};
 
 use crate::servo::ServoModel;
 
@@ -15,7 +15,7 @@ pub const OPPOSITION_STIFFNESS: f64 = 8.0;
 const AT_REST: f64 = 0.5;
 
 /// What acts on a finger joint during one physics step.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct JointEffort {
     /// Torque at the present angle, N m.
     pub torque: f64,
@@ -23,34 +23,34 @@ pub struct JointEffort {
     pub stiffness: f64,
 }
 
-/// The hand's six servos with their cables.
+/// The hand's servos with their cables.
 #[derive(Debug, Clone)]
 pub struct HandDrive {
-    servos: [ServoModel; ACTUATORS],
+    servos: Vec<ServoModel>,
     /// Of each cable.
-    friction: [CableFriction; 5],
-    slides: [[f64; SPANS]; 5],
+    friction: Vec<CableFriction>,
+    slides: DigitVector<[f64; SPANS]>,
     /// Cable that each spool has let go, m: what slipped on it, or more than there is where the cable broke.
-    let_go: [f64; 5],
+    let_go: DigitVector,
     /// Cable tensions at the spools in the last step, N.
-    pub tensions: [f64; 5],
+    pub tensions: DigitVector,
 }
 
 impl HandDrive {
     /// All cables slack, all servos at rest, guides and gears with these losses.
     pub fn new(hand: &Hand, losses: CableLosses) -> Self {
         Self {
-            servos: std::array::from_fn(|n| ServoModel::new(hand.servos[n], losses.backlash)),
-            friction: std::array::from_fn(|n| hand.guides(n, &losses.friction)),
-            slides: [[0.0; SPANS]; 5],
-            let_go: [0.0; 5],
-            tensions: [0.0; 5],
+            servos: hand.servos.iter().map(|servo| ServoModel::new(*servo, losses.backlash)).collect(),
+            friction: (0..hand.cables.len()).map(|n| hand.guides(n, &losses.friction)).collect(),
+            slides: hand.each_digit(|_| [0.0; SPANS]),
+            let_go: hand.slack(),
+            tensions: hand.slack(),
         }
     }
 
     /// The same with the servos at these angles (rad), and with the guides of wound cables in [`AT_REST`].
     #[must_use]
-    pub fn wound(mut self, angles: &[f64; ACTUATORS]) -> Self {
+    pub fn wound(mut self, angles: &ActuatorVector) -> Self {
         for (servo, angle) in self.servos.iter_mut().zip(angles) {
             servo.angle = *angle;
         }
@@ -61,15 +61,15 @@ impl HandDrive {
     }
 
     /// Sets what each servo is asked for.
-    pub fn set_goals(&mut self, goals: &[ServoGoal; ACTUATORS]) {
+    pub fn set_goals(&mut self, goals: &[ServoGoal]) {
         for (servo, goal) in self.servos.iter_mut().zip(goals) {
             servo.goal = *goal;
         }
     }
 
     /// What the servos report.
-    pub fn states(&self) -> [ServoState; ACTUATORS] {
-        std::array::from_fn(|n| self.servos[n].state())
+    pub fn states(&self) -> ActuatorVector<ServoState> {
+        self.servos.iter().map(ServoModel::state).collect()
     }
 
     /// The spool of cable `n` lets go of `length` more of it, m.
@@ -83,20 +83,14 @@ impl HandDrive {
     }
 
     /// Each servo is where `measured` says, and as fast.
-    pub fn follow(&mut self, measured: &[ServoState; ACTUATORS]) {
+    pub fn follow(&mut self, measured: &[ServoState]) {
         for (servo, measured) in self.servos.iter_mut().zip(measured) {
             (servo.angle, servo.speed) = (measured.position, measured.velocity);
         }
     }
 
     /// Advances the servos by `dt` (s) on joints at angles `q` (rad) that turn at `qd` (rad/s).
-    pub fn step(
-        &mut self,
-        hand: &Hand,
-        q: &[f64; HAND_JOINTS],
-        qd: &[f64; HAND_JOINTS],
-        dt: f64,
-    ) -> [JointEffort; HAND_JOINTS] {
+    pub fn step(&mut self, hand: &Hand, q: &[f64], qd: &[f64], dt: f64) -> HandVector<JointEffort> {
         let transmission = &hand.transmission;
         for (n, path) in transmission.cables.iter().enumerate() {
             let excursion = path.excursion(q);
@@ -104,7 +98,7 @@ impl HandDrive {
             self.tensions[n] = self.servos[n].step_cable(&hand.cables[n], excursion + self.let_go[n], rate, dt);
         }
         let spans = self.span_tensions(hand, q, qd, dt);
-        let torques = transmission.span_torques(q, &spans);
+        let torques = transmission.span_torques(q, spans.into_iter());
         let mut stiffness = transmission.springs;
         for ((path, tension), cable) in transmission.cables.iter().zip(&self.tensions).zip(&hand.cables) {
             if *tension > 0.0 {
@@ -113,21 +107,14 @@ impl HandDrive {
                 }
             }
         }
-        let mut efforts: [JointEffort; HAND_JOINTS] =
-            std::array::from_fn(|joint| JointEffort { torque: torques[joint], stiffness: stiffness[joint] });
+        let mut efforts = hand.each_joint(|joint| JointEffort { torque: torques[joint], stiffness: stiffness[joint] });
         efforts[transmission.opposition_joint] = self.step_opposition(hand, q, dt);
         efforts
     }
 
     /// Tension of every span, N, after the guides' friction has followed the cables' motion.
-    fn span_tensions(
-        &mut self,
-        hand: &Hand,
-        q: &[f64; HAND_JOINTS],
-        qd: &[f64; HAND_JOINTS],
-        dt: f64,
-    ) -> [[f64; SPANS]; 5] {
-        std::array::from_fn(|n| {
+    fn span_tensions(&mut self, hand: &Hand, q: &[f64], qd: &[f64], dt: f64) -> DigitVector<[f64; SPANS]> {
+        hand.each_digit(|n| {
             let friction = &self.friction[n];
             if friction.coefficient == 0.0 {
                 return [self.tensions[n]; SPANS];
@@ -141,10 +128,11 @@ impl HandDrive {
     }
 
     /// The sixth servo turns the thumb's CMC joint through a stiff shaft.
-    fn step_opposition(&mut self, hand: &Hand, q: &[f64; HAND_JOINTS], dt: f64) -> JointEffort {
+    fn step_opposition(&mut self, hand: &Hand, q: &[f64], dt: f64) -> JointEffort {
         let joint = hand.transmission.opposition_joint;
-        let ratio = hand.servos[5].gear_ratio_opposition;
-        let servo = &mut self.servos[5];
+        let last = self.servos.len() - 1;
+        let ratio = hand.servos[last].gear_ratio_opposition;
+        let servo = &mut self.servos[last];
         let twist = servo.beyond_play(servo.angle / ratio - q[joint], ratio);
         let torque = OPPOSITION_STIFFNESS * twist;
         servo.step_shaft(torque / ratio, dt);

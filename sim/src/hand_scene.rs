@@ -7,7 +7,7 @@
 use std::sync::Arc;
 
 use hand_model::hand::CoverShape;
-use hand_model::{HAND_JOINTS, Hand};
+use hand_model::{DigitVector, Hand, HandVector};
 use nalgebra::{Isometry3, Point3, UnitVector3, Vector3};
 use rapier3d_f64::prelude::*;
 use world::objects::ObjectModel;
@@ -22,11 +22,11 @@ use crate::scene::{ObjectPlacement, insert_object};
 /// Collision group of the palm's cover.
 const PALM: Group = Group::GROUP_5;
 
-/// What the hand is told: tensions of the five cables (N) and the opposition angle (rad).
+/// What the hand is told: tensions of the cables (N) and the opposition angle (rad).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pull {
     /// N.
-    pub tensions: [f64; 5],
+    pub tensions: DigitVector,
     /// rad.
     pub opposition: f64,
 }
@@ -53,17 +53,12 @@ pub struct HandScene {
     covers: Vec<ColliderHandle>,
     body: RigidBodyHandle,
     collider: ColliderHandle,
-    angles: [f64; HAND_JOINTS],
+    angles: HandVector,
 }
 
 impl HandScene {
     /// The hand with its joints at `angles` (rad) and `object` at rest at `palm_from_object`.
-    pub fn new(
-        hand: &Arc<Hand>,
-        object: &Arc<ObjectModel>,
-        palm_from_object: &Isometry3<f64>,
-        angles: &[f64; HAND_JOINTS],
-    ) -> Self {
+    pub fn new(hand: &Arc<Hand>, object: &Arc<ObjectModel>, palm_from_object: &Isometry3<f64>, angles: &[f64]) -> Self {
         let mut engine = Engine::new(EngineSettings::default());
         engine.gravity = Vector::ZERO;
         let palm = engine.bodies.insert(RigidBodyBuilder::fixed());
@@ -76,9 +71,9 @@ impl HandScene {
             engine.colliders.insert_with_parent(collider, body, &mut engine.bodies)
         };
         let mut covers = vec![cover(&mut engine, &hand.palm_cover, palm, PALM, links_only)];
-        let mut joints = Vec::with_capacity(HAND_JOINTS);
-        let mut links: Vec<RigidBodyHandle> = Vec::with_capacity(HAND_JOINTS);
-        let poses = hand.tree.forward(&[0.0; HAND_JOINTS]);
+        let mut joints = Vec::with_capacity(hand.tree.len());
+        let mut links: Vec<RigidBodyHandle> = Vec::with_capacity(hand.tree.len());
+        let poses = hand.tree.forward(&hand.open());
         for (i, joint) in hand.tree.joints.iter().enumerate() {
             let body = engine.bodies.insert(link_body(&poses[i], &hand.masses[i]));
             // A root for each digit: digits that share one become one multibody of fifteen joints.
@@ -94,16 +89,24 @@ impl HandScene {
         }
         let placement = ObjectPlacement { model: object.clone(), pose: *palm_from_object };
         let (_, body, collider) = insert_object(&mut engine, &placement);
-        let mut scene = Self { hand: hand.clone(), engine, joints, covers, body, collider, angles: *angles };
+        let mut scene = Self {
+            hand: hand.clone(),
+            engine,
+            joints,
+            covers,
+            body,
+            collider,
+            angles: angles.iter().copied().collect(),
+        };
         scene.settle_freedom(angles);
         scene
     }
 
     /// Sets up every digit's degrees of freedom at its starting angles.
-    fn settle_freedom(&mut self, angles: &[f64; HAND_JOINTS]) {
+    fn settle_freedom(&mut self, angles: &[f64]) {
         let defaults = self.hand.parameters.joint_defaults;
         let mut first = 0;
-        while first < HAND_JOINTS {
+        while first < angles.len() {
             let bodies = &self.engine.bodies;
             let Some((multibody, _)) = self.engine.multibodies.get_mut(self.joints[first]) else { return };
             multibody.set_self_contacts_enabled(true);
@@ -171,7 +174,7 @@ impl HandScene {
     }
 
     /// Joint angles, rad.
-    pub fn angles(&self) -> &[f64; HAND_JOINTS] {
+    pub fn angles(&self) -> &[f64] {
         &self.angles
     }
 
@@ -222,8 +225,8 @@ mod tests {
     fn a_pulled_digit_rests_in_free_equilibrium() {
         let hand = Arc::new(Hand::ftac());
         let object = ObjectSet::standard().get("ball_45").expect("an object").clone();
-        let mut scene = HandScene::new(&hand, &object, &far_away(), &[0.1; HAND_JOINTS]);
-        let pull = Pull { tensions: [0.0, 3.0, 0.0, 0.0, 0.0], opposition: 0.4 };
+        let mut scene = HandScene::new(&hand, &object, &far_away(), &hand.each_joint(|_| 0.1));
+        let pull = Pull { tensions: [0.0, 3.0, 0.0, 0.0, 0.0].into(), opposition: 0.4 };
         for _ in 0..1500 {
             scene.step(&pull, &Vector3::zeros());
         }
@@ -241,9 +244,9 @@ mod tests {
     fn a_free_object_accelerates() {
         let hand = Arc::new(Hand::ftac());
         let object = ObjectSet::standard().get("ball_45").expect("an object").clone();
-        let mut scene = HandScene::new(&hand, &object, &far_away(), &[0.0; HAND_JOINTS]);
+        let mut scene = HandScene::new(&hand, &object, &far_away(), &hand.open());
         scene.set_object_damping(0.0);
-        let pull = Pull { tensions: [0.0; 5], opposition: 0.0 };
+        let pull = Pull { tensions: hand.slack(), opposition: 0.0 };
         for _ in 0..240 {
             scene.step(&pull, &Vector3::new(0.1, 0.0, 0.0));
         }

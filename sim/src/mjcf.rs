@@ -11,7 +11,7 @@ use std::fmt::Write as _;
 
 use hand_model::hand::{CoverShape, MassProperties};
 use hand_model::kinematics::Joint;
-use hand_model::{Arm, ArmVector, HAND_JOINTS, Hand};
+use hand_model::{Arm, ArmVector, Hand, HandVector};
 use nalgebra::{Isometry3, Point3, Vector3};
 use plant::ArmDefects;
 use world::geometry::Shape;
@@ -44,7 +44,7 @@ pub struct Scene<'a> {
     /// Loose things with their pose in the world.
     pub props: &'a [(Prop, Isometry3<f64>)],
     /// Angles of the hand's joints to begin with, and what is pulled then; rad, N.
-    pub start: Option<([f64; HAND_JOINTS], Pull)>,
+    pub start: Option<(HandVector, Pull)>,
     /// m/s2, world.
     pub gravity: Vector3<f64>,
     /// Time step, s.
@@ -324,7 +324,7 @@ fn keyframe(scene: &Scene) -> String {
     let posture = scene.arm.as_ref().map_or(&[][..], |(_, posture)| posture);
     let (joints, pull) = match scene.start {
         Some((joints, pull)) => (joints, pull),
-        None => ([0.0; HAND_JOINTS], Pull { tensions: [0.0; 5], opposition: 0.0 }),
+        None => (scene.hand.open(), Pull { tensions: scene.hand.slack(), opposition: 0.0 }),
     };
     key([posture, &joints].concat(), scene.props, &[&pull.tensions[..], &[pull.opposition], posture].concat())
 }

@@ -96,7 +96,7 @@ fn soft_covers(
 impl SimulatedRobot {
     /// Builds the scene, the hand open.
     pub fn new(robot: &RobotModel, setup: &SceneSetup, tactile: TactileBoard) -> Self {
-        Self::in_posture(robot, setup, &HandPosture::default(), tactile)
+        Self::in_posture(robot, setup, &HandPosture::open(&robot.hand), tactile)
     }
 
     /// Builds the scene with the hand in `posture`, at rest.

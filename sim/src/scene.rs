@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use hand_model::transmission::friction::CableLosses;
-use hand_model::{ACTUATORS, ArmVector, HAND_JOINTS};
+use hand_model::{ActuatorVector, ArmVector, Hand, HandVector};
 use nalgebra::Isometry3;
 use plant::ArmDefects;
 use plant::Gel;
@@ -67,12 +67,19 @@ impl SceneSetup {
 }
 
 /// How the hand is when a scene begins.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct HandPosture {
     /// Joint angles, rad.
-    pub joints: [f64; HAND_JOINTS],
+    pub joints: HandVector,
     /// Servo angles, rad.
-    pub servos: [f64; ACTUATORS],
+    pub servos: ActuatorVector,
+}
+
+impl HandPosture {
+    /// Of an open hand with slack cables.
+    pub fn open(hand: &Hand) -> Self {
+        Self { joints: hand.open(), servos: hand.each_actuator(|_| 0.0) }
+    }
 }
 
 /// Half extents of the floor, m: what rolls stops long before its edge, and nothing is fast enough to pass through it in a step.

@@ -13,7 +13,7 @@ use std::sync::Arc;
 
 use hand_model::robot::{ServoGoal, ServoState};
 use hand_model::transmission::friction::{CableFriction, CableLosses};
-use hand_model::{ACTUATORS, HAND_JOINTS, Hand};
+use hand_model::{ActuatorVector, DigitVector, Hand, HandVector};
 use nalgebra::{Isometry3, Point3, Vector3};
 use rapier3d_f64::prelude::{ColliderHandle, RigidBodyHandle, RigidBodyType};
 
@@ -60,7 +60,7 @@ impl HandStand {
 
     /// As [`Self::new`], with another friction of the cables in their guides.
     pub fn with_friction(hand: Arc<Hand>, settings: EngineSettings, friction: CableFriction) -> Self {
-        let mut linkage = hand_linkage(&hand, settings, &[0.0; HAND_JOINTS]);
+        let mut linkage = hand_linkage(&hand, settings, &hand.open());
         linkage.set_gravity(&Vector3::zeros());
         Self { drive: HandDrive::new(&hand, CableLosses::of(friction)), hand, linkage, props: Vec::new(), time: 0.0 }
     }
@@ -88,17 +88,17 @@ impl HandStand {
     }
 
     /// One physics step with these servo goals.
-    pub fn step(&mut self, goals: &[ServoGoal; ACTUATORS]) {
+    pub fn step(&mut self, goals: &[ServoGoal]) {
         let dt = self.linkage.engine().settings.dt;
         self.drive.set_goals(goals);
-        let (q, qd) = (self.angles(), std::array::from_fn(|joint| self.linkage.speeds()[joint]));
+        let (q, qd) = (self.angles(), HandVector::from_iter(self.linkage.speeds().iter().copied()));
         let efforts = self.drive.step(&self.hand, &q, &qd, dt);
         self.linkage.step(&efforts);
         self.time += dt;
     }
 
     /// Steps for `seconds` with these servo goals.
-    pub fn run(&mut self, goals: &[ServoGoal; ACTUATORS], seconds: f64) {
+    pub fn run(&mut self, goals: &[ServoGoal], seconds: f64) {
         let steps = (seconds / self.linkage.engine().settings.dt).round() as usize;
         for _ in 0..steps {
             self.step(goals);
@@ -111,8 +111,8 @@ impl HandStand {
     }
 
     /// Joint angles, rad.
-    pub fn angles(&self) -> [f64; HAND_JOINTS] {
-        std::array::from_fn(|joint| self.linkage.angles()[joint])
+    pub fn angles(&self) -> HandVector {
+        self.linkage.angles().iter().copied().collect()
     }
 
     /// Joint speeds, rad/s.
@@ -121,12 +121,12 @@ impl HandStand {
     }
 
     /// Cable tensions, N.
-    pub fn tensions(&self) -> [f64; 5] {
+    pub fn tensions(&self) -> DigitVector {
         self.drive.tensions
     }
 
     /// What the servos report.
-    pub fn servos(&self) -> [ServoState; ACTUATORS] {
+    pub fn servos(&self) -> ActuatorVector<ServoState> {
         self.drive.states()
     }
 
@@ -185,7 +185,7 @@ impl HandStand {
 }
 
 /// The hand's mechanism at joint angles `start` (rad), with its covers.
-fn hand_linkage(hand: &Hand, settings: EngineSettings, start: &[f64; HAND_JOINTS]) -> Linkage {
+fn hand_linkage(hand: &Hand, settings: EngineSettings, start: &[f64]) -> Linkage {
     let covers = std::iter::once((None, &hand.palm_cover))
         .chain(hand.covers.iter().enumerate().map(|(link, cover)| (Some(link), cover)))
         .map(|(link, cover)| (link, cover_collider(cover)))
@@ -197,11 +197,11 @@ fn hand_linkage(hand: &Hand, settings: EngineSettings, start: &[f64; HAND_JOINTS
 }
 
 /// How deep any two covers of the hand that no joint connects overlap at most with its joints at `angles` (rad), m.
-pub fn self_penetration_at(hand: &Hand, angles: &[f64; HAND_JOINTS]) -> f64 {
+pub fn self_penetration_at(hand: &Hand, angles: &[f64]) -> f64 {
     hand_linkage(hand, EngineSettings::default(), angles).self_penetration(&hand.tree)
 }
 
 /// Servo goals for the five cable tensions (N, held by current) and the angle of the opposition joint (rad).
-pub fn tension_goals(hand: &Hand, tensions: &[f64; 5], opposition: f64) -> [ServoGoal; ACTUATORS] {
+pub fn tension_goals(hand: &Hand, tensions: &[f64], opposition: f64) -> ActuatorVector<ServoGoal> {
     hand.servo_goals(tensions, opposition, hand.parameters.servo.current_limit)
 }

@@ -1,5 +1,6 @@
 //! Ground truth of a scene: what only the referee and the recorder may see.
 
+use hand_model::DigitVector;
 use nalgebra::{Isometry3, Vector3};
 use world::holding::Support;
 
@@ -45,7 +46,7 @@ pub struct Truth {
     /// Finger angles, rad.
     pub hand: Vec<f64>,
     /// Cable tensions, N.
-    pub tensions: [f64; 5],
+    pub tensions: DigitVector,
     /// Contacts between hand and objects at the last step of the tick.
     pub contacts: Vec<HandContact>,
     /// Contacts between objects at the last step of the tick.

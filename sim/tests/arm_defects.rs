@@ -16,7 +16,7 @@ fn at_rest(posture: ArmVector, defects: ArmDefects) -> (Isometry3<f64>, ArmVecto
     let setup = SceneSetup { arm_defects: defects, ..SceneSetup::ideal(Isometry3::identity(), posture) };
     let model = RobotModel::ftac_gen3();
     let mut robot = SimulatedRobot::new(&model, &setup, TactileBoard::blank());
-    let command = Command { arm: posture, servos: [ServoGoal::Current(0.0); 6], capture: false };
+    let command = Command { arm: posture, servos: [ServoGoal::Current(0.0); 6].into(), capture: false };
     while robot.time() < SETTLING {
         robot.send(&command);
         robot.wait_for_tick();

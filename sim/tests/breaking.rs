@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 use std::sync::Arc;
 
 use hand_model::robot::{Command, ServoGoal, TactileFrame};
-use hand_model::{Arm, ArmVector, Digit, HAND_JOINTS, Hand, RobotModel};
+use hand_model::{Arm, ArmVector, Digit, Hand, HandVector, RobotModel};
 use nalgebra::{Isometry3, Point3, Vector3};
 use sim::tactile::TactileBoard;
 use sim::{ObjectPlacement, SceneSetup, SimulatedRobot};
@@ -42,7 +42,7 @@ fn lay_on_palm(robot: &mut SimulatedRobot) {
 fn hold(robot: &mut SimulatedRobot, arm: ArmVector, servos: [ServoGoal; 6], seconds: f64) {
     let until = robot.time() + seconds;
     while robot.time() < until - 1e-9 {
-        robot.send(&Command { arm, servos, capture: false });
+        robot.send(&Command { arm, servos: servos.into(), capture: false });
         robot.wait_for_tick();
     }
 }
@@ -63,7 +63,7 @@ fn pull(robot: &mut SimulatedRobot, seconds: f64) {
 
 /// The images of all cameras, one tick later.
 fn images(robot: &mut SimulatedRobot) -> Vec<TactileFrame> {
-    robot.send(&Command { arm: palm_up(), servos: [ServoGoal::Current(0.0); 6], capture: true });
+    robot.send(&Command { arm: palm_up(), servos: [ServoGoal::Current(0.0); 6].into(), capture: true });
     robot.wait_for_tick();
     robot.observe().tactile
 }
@@ -110,7 +110,7 @@ fn a_cable_slips_by_its_length() {
         robot.slip_cable(index, slip);
         hold(&mut robot, Arm::gen3().home, servos, 1.5);
         let (truth, angle) = (robot.truth(), robot.observe().servos[index].position);
-        let q: [f64; HAND_JOINTS] = std::array::from_fn(|joint| truth.hand[joint]);
+        let q: HandVector = truth.hand.iter().copied().collect();
         let taken =
             hand.transmission.cables[index].excursion(&q) + truth.tensions[index] / hand.cables[index].stiffness;
         (angle, truth.tensions[index], hand.cables[index].spool_radius * angle - taken)

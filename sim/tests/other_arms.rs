@@ -22,7 +22,7 @@ fn every_arm_holds_its_home_posture() {
         let home = model.arm.home;
         let mut robot =
             SimulatedRobot::new(&model, &SceneSetup::ideal(Isometry3::identity(), home), TactileBoard::blank());
-        let command = Command { arm: home, servos: [ServoGoal::Current(0.0); 6], capture: false };
+        let command = Command { arm: home, servos: [ServoGoal::Current(0.0); 6].into(), capture: false };
         while robot.time() < 1.5 {
             assert_eq!(robot.send(&command).arm.len(), joints);
             robot.wait_for_tick();

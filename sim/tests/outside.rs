@@ -25,7 +25,7 @@ fn scene(board: fn(&Hand) -> TactileBoard) -> SimulatedRobot {
 
 fn command(capture: bool) -> Command {
     let pulled = ServoGoal::Current(0.05);
-    Command { arm: Arm::gen3().home, servos: [pulled; 6], capture }
+    Command { arm: Arm::gen3().home, servos: [pulled; 6].into(), capture }
 }
 
 fn wait(robot: &mut SimulatedRobot, seconds: f64, each: impl Fn(&mut SimulatedRobot)) {

@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use hand_model::robot::{Command, ServoGoal};
-use hand_model::{Arm, Digit, Hand, RobotModel};
+use hand_model::robot::Command;
+use hand_model::{Arm, Digit, DigitVector, Hand, RobotModel};
 use nalgebra::{Isometry3, Vector3};
 use sim::tactile::{Drift, Loads, OwnLoad, TactileBoard};
 use sim::{SceneSetup, SimulatedRobot};
@@ -16,9 +16,9 @@ fn empty(self_contact: bool, board: TactileBoard) -> SimulatedRobot {
 }
 
 /// Pulls with `tensions` (N) and opposes the thumb by `opposition` (rad) for a second and a half; the last tick takes images.
-fn close(robot: &mut SimulatedRobot, tensions: [f64; 5], opposition: f64) {
+fn close(robot: &mut SimulatedRobot, tensions: DigitVector, opposition: f64) {
     let hand = Hand::ftac();
-    let servos: [ServoGoal; 6] = hand.servo_goals(&tensions, opposition, hand.parameters.servo.current_limit);
+    let servos = hand.servo_goals(&tensions, opposition, hand.parameters.servo.current_limit);
     for tick in 0..180 {
         robot.send(&Command { arm: Arm::gen3().home, servos, capture: tick == 179 });
         robot.wait_for_tick();
@@ -34,7 +34,7 @@ fn an_empty_fist_is_felt_where_it_touches_itself() {
     let hand = Hand::ftac();
     for self_contact in [false, true] {
         let mut robot = empty(self_contact, board.clone());
-        close(&mut robot, [8.0; 5], 1.0);
+        close(&mut robot, [8.0; 5].into(), 1.0);
         let loads = robot.own_loads();
         let pressed = |pad: usize| loads.iter().filter(|load| load.pad == pad && load.force > 0.02).count();
         assert_eq!(loads.is_empty(), !self_contact);

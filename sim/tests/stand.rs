@@ -5,7 +5,7 @@ use std::sync::Arc;
 use hand_model::hand::MassProperties;
 use hand_model::kinematics::{Joint, JointKind, Tree};
 use hand_model::robot::ServoGoal;
-use hand_model::{ACTUATORS, Hand};
+use hand_model::{ActuatorVector, Hand};
 use nalgebra::{Isometry3, Matrix3, Point3, UnitQuaternion, Vector3};
 use sim::drive::JointEffort;
 use sim::engine::EngineSettings;
@@ -67,7 +67,7 @@ fn a_free_pendulum_chain_keeps_its_energy() {
     assert!(farthest < 0.02 * range, "{farthest} J of {range} J");
 }
 
-fn grip(hand: &Arc<Hand>) -> (HandStand, [ServoGoal; ACTUATORS]) {
+fn grip(hand: &Arc<Hand>) -> (HandStand, ActuatorVector<ServoGoal>) {
     let mut stand = HandStand::new(hand.clone(), EngineSettings::default());
     stand.put(Prop::new("ball", Shape::Sphere { radius: 0.03 }, 0.06, 0.8), &Isometry3::translation(0.0, 0.0, -0.015));
     let goals = tension_goals(hand, &[12.0; 5], 1.0);

@@ -1,11 +1,12 @@
 //! Other people's clients on our emulated servos, and other people's encoders against ours.
 
+use hardware_bridge::hand_bus::SERVOS;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::{Command, Output};
 use std::time::Duration;
 
-use hand_model::{ACTUATORS, RobotModel};
+use hand_model::RobotModel;
 use hardware_bridge::emulator::spring_hand::SpringHand;
 use hardware_bridge::emulator::{EmulatedHand, EmulatorSettings};
 use hardware_bridge::protocol2::{Instruction, Packet, ServoError, Status};
@@ -18,7 +19,7 @@ const BAUD: u32 = 3_000_000;
 const IDS: [u8; 6] = [1, 2, 3, 4, 5, 6];
 
 fn emulator() -> EmulatedHand {
-    let plant = Box::new(SpringHand::new([4.0; ACTUATORS], 18));
+    let plant = Box::new(SpringHand::new([4.0; SERVOS], 18));
     EmulatedHand::start(plant, EmulatorSettings::default(), &RobotModel::ftac_gen3()).expect("starts")
 }
 

@@ -193,7 +193,7 @@ mod tests {
             writer.observation(&observation.into()).expect("written");
             let command = Command {
                 arm: [0.0; 7].into(),
-                servos: [hand_model::robot::ServoGoal::Current(0.1); 6],
+                servos: [hand_model::robot::ServoGoal::Current(0.1); 6].into(),
                 capture: false,
             };
             writer.asked(&command).expect("written");

@@ -1,6 +1,6 @@
 //! A session at the rate of a learner: every so many ticks what was measured, and what was asked for then.
 
-use hand_model::ACTUATORS;
+use hand_model::ActuatorVector;
 use hand_model::robot::{ArmState, Command, ServoGoal, ServoState, TactileFrame};
 
 use crate::error::SessionLogError;
@@ -11,7 +11,7 @@ use crate::reader::{Event, Reader};
 pub struct Frame {
     /// s since the body was started.
     pub time: f64,
-    pub servos: [ServoState; ACTUATORS],
+    pub servos: ActuatorVector<ServoState>,
     pub arm: ArmState,
     /// What was sent in answer.
     pub sent: Command,
@@ -21,11 +21,12 @@ pub struct Frame {
 
 impl Frame {
     /// What every servo was asked for, as one number each: the output angle (rad) of one that holds a position, the current (A) of another.
-    pub fn servo_goals(&self) -> [f64; ACTUATORS] {
-        self.sent.servos.map(|goal| match goal {
+    pub fn servo_goals(&self) -> ActuatorVector {
+        let goal = |goal: &ServoGoal| match *goal {
             ServoGoal::Current(current) => current,
             ServoGoal::Position { angle, .. } => angle,
-        })
+        };
+        self.sent.servos.iter().map(goal).collect()
     }
 }
 
@@ -91,7 +92,7 @@ mod tests {
         let path = folder.path().join("session.mcap");
         let writer = Writer::create(&path, &Session { tick_length: 0.01, ..Session::default() }).unwrap();
         let mut recorder = Recorder::new(Clock(0.0), writer);
-        let mut servos = [ServoGoal::Current(0.25); ACTUATORS];
+        let mut servos = ActuatorVector::from([ServoGoal::Current(0.25); 6]);
         servos[5] = ServoGoal::Position { angle: 0.5, current_limit: 0.1 };
         for n in 0..20 {
             recorder.observe().unwrap();
@@ -104,6 +105,6 @@ mod tests {
         assert_eq!(outcome.as_deref(), Some(b"{}".as_slice()));
         assert_eq!(frames.iter().map(|frame| frame.sent.arm[0]).collect::<Vec<_>>(), [0.0, 6.0, 12.0, 18.0]);
         assert!((frames[3].time - 0.18).abs() < 1e-9);
-        assert_eq!(frames[0].servo_goals(), [0.25, 0.25, 0.25, 0.25, 0.25, 0.5]);
+        assert_eq!(frames[0].servo_goals()[..], [0.25, 0.25, 0.25, 0.25, 0.25, 0.5]);
     }
 }

@@ -7,9 +7,10 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use hand_model::arm::MOST_ARM_JOINTS;
+use hand_model::hand::MOST_ACTUATORS;
 use hand_model::pads::IMAGE_SIZE;
 use hand_model::robot::{self, ArmState, Reading, ServoGoal, ServoState, TactileImage};
-use hand_model::{ACTUATORS, ArmVector, RobotModel};
+use hand_model::{ActuatorVector, ArmVector, RobotModel};
 
 /// [`robot::Readings`].
 #[derive(Clone, PartialEq, prost::Message)]
@@ -143,8 +144,8 @@ impl Seen {
 /// Sizes that messages must have.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Sizes {
-    /// Those of a robot with so many cameras, whose images are all of one size, and so many arm joints.
-    Of { cameras: usize, arm_joints: usize },
+    /// Those of a robot with so many cameras, whose images are all of one size, arm joints and servos.
+    Of { cameras: usize, arm_joints: usize, servos: usize },
     /// Those of any robot; images are not checked.
     Any,
 }
@@ -152,7 +153,16 @@ pub enum Sizes {
 impl Sizes {
     /// Those of `robot`.
     pub fn of(robot: &RobotModel) -> Self {
-        Self::Of { cameras: robot.hand.cameras.len(), arm_joints: robot.arm.joints() }
+        let (cameras, arm_joints) = (robot.hand.cameras.len(), robot.arm.joints());
+        Self::Of { cameras, arm_joints, servos: robot.hand.servos.len() }
+    }
+
+    /// The robot's servos, or `found` of them in a session of any robot.
+    fn servos(self, found: usize) -> Servos {
+        match self {
+            Self::Of { servos, .. } => Servos(servos),
+            Self::Any => Servos(found.min(MOST_ACTUATORS)),
+        }
     }
 
     fn arm(self, field: &'static str, values: &[f64]) -> Result<ArmVector, Wrong> {
@@ -180,6 +190,19 @@ fn list<const N: usize, T: Copy>(field: &'static str, values: &[T]) -> Result<[T
     values.try_into().map_err(|_| (field, format!("{} numbers", values.len()), format!("{N} numbers")))
 }
 
+/// How many servos every list of an observation or a command is for.
+#[derive(Debug, Clone, Copy)]
+struct Servos(usize);
+
+impl Servos {
+    fn list<T: Copy + Default>(self, field: &'static str, values: &[T]) -> Result<ActuatorVector<T>, Wrong> {
+        if values.len() != self.0 {
+            return Err((field, format!("{} numbers", values.len()), format!("{} numbers", self.0)));
+        }
+        Ok(values.iter().copied().collect())
+    }
+}
+
 fn given<T>(field: &'static str, value: Option<T>) -> Result<T, Wrong> {
     value.ok_or_else(|| (field, "missing".to_owned(), "a value".to_owned()))
 }
@@ -188,7 +211,7 @@ impl Observation {
     /// For the file. `last` are the images written before, and is brought up to date.
     pub fn new(readings: &robot::Readings, last: &mut LastImages) -> Self {
         let none = Reading { value: ServoState::default(), time: readings.time };
-        let read = readings.servos.map(|servo| servo.unwrap_or(none));
+        let read: Vec<Reading<ServoState>> = readings.servos.iter().map(|servo| servo.unwrap_or(none)).collect();
         let servos = |value: fn(&ServoState) -> f64| read.iter().map(|servo| value(&servo.value)).collect();
         let arm = |value: fn(&ArmState) -> &[f64]| readings.arm.map_or(Vec::new(), |arm| value(&arm.value).to_vec());
         Self {
@@ -214,14 +237,15 @@ impl Observation {
     /// Names the field that is not as it should be.
     pub fn read(self, last: &mut LastImages, sizes: Sizes) -> Result<robot::Readings, Wrong> {
         let time = given("time", self.time)?;
+        let servos = sizes.servos(self.servo_position.len());
+        let position = servos.list("servo_position", &self.servo_position)?;
+        let velocity = servos.list("servo_velocity", &self.servo_velocity)?;
+        let current = servos.list("servo_current", &self.servo_current)?;
+        let temperature = servos.list("servo_temperature", &self.servo_temperature)?;
         let times = match self.servo_time.as_slice() {
-            [] => [time; ACTUATORS],
-            times => list("servo_time", times)?,
+            [] => position.iter().map(|_| time).collect(),
+            times => servos.list("servo_time", times)?,
         };
-        let position = list::<ACTUATORS, _>("servo_position", &self.servo_position)?;
-        let velocity = list::<ACTUATORS, _>("servo_velocity", &self.servo_velocity)?;
-        let current = list::<ACTUATORS, _>("servo_current", &self.servo_current)?;
-        let temperature = list::<ACTUATORS, _>("servo_temperature", &self.servo_temperature)?;
         let servo = |i: usize| {
             let (position, velocity, current, temperature) = (position[i], velocity[i], current[i], temperature[i]);
             let value = ServoState { position, velocity, current, temperature };
@@ -239,7 +263,7 @@ impl Observation {
         Ok(robot::Readings {
             time,
             sequence: given("sequence", self.sequence)?,
-            servos: std::array::from_fn(servo),
+            servos: (0..position.len()).map(servo).collect(),
             arm,
             tactile: self.tactile.into_iter().map(|frame| frame.read(last, sizes)).collect::<Result<_, _>>()?,
         })
@@ -284,10 +308,11 @@ impl TactileFrame {
 
 impl From<&robot::Command> for Command {
     fn from(command: &robot::Command) -> Self {
-        let columns = command.servos.map(|goal| match goal {
+        let goal = |goal: &ServoGoal| match *goal {
             ServoGoal::Current(current) => (0, 0.0, current),
             ServoGoal::Position { angle, current_limit } => (1, angle, current_limit),
-        });
+        };
+        let columns: Vec<(u32, f64, f64)> = command.servos.iter().map(goal).collect();
         Self {
             arm: command.arm.to_vec(),
             servo_mode: columns.iter().map(|column| column.0).collect(),
@@ -304,17 +329,16 @@ impl Command {
     /// # Errors
     /// Names the field that is not as it should be.
     pub fn read(&self, sizes: Sizes) -> Result<robot::Command, Wrong> {
-        let mode = list::<ACTUATORS, _>("servo_mode", &self.servo_mode)?;
-        let angle = list::<ACTUATORS, _>("servo_angle", &self.servo_angle)?;
-        let current = list::<ACTUATORS, _>("servo_current", &self.servo_current)?;
-        let mut servos = [ServoGoal::Current(0.0); ACTUATORS];
-        for (i, goal) in servos.iter_mut().enumerate() {
-            *goal = match mode[i] {
-                0 => ServoGoal::Current(current[i]),
-                1 => ServoGoal::Position { angle: angle[i], current_limit: current[i] },
-                found => return Err(("servo_mode", found.to_string(), "0 or 1".to_owned())),
-            };
-        }
+        let servos = sizes.servos(self.servo_mode.len());
+        let mode = servos.list("servo_mode", &self.servo_mode)?;
+        let angle = servos.list("servo_angle", &self.servo_angle)?;
+        let current = servos.list("servo_current", &self.servo_current)?;
+        let goal = |i: usize| match mode[i] {
+            0 => Ok(ServoGoal::Current(current[i])),
+            1 => Ok(ServoGoal::Position { angle: angle[i], current_limit: current[i] }),
+            found => Err(("servo_mode", found.to_string(), "0 or 1".to_owned())),
+        };
+        let servos = (0..mode.len()).map(goal).collect::<Result<_, _>>()?;
         let arm = sizes.arm("arm", &self.arm)?;
         Ok(robot::Command { arm, servos, capture: given("capture", self.capture)? })
     }
@@ -368,7 +392,7 @@ pub(super) mod tests {
             (any_bits(), any_bits()).prop_map(|(angle, current_limit)| ServoGoal::Position { angle, current_limit }),
         ];
         (prop::array::uniform7(any_bits()), prop::array::uniform6(goal), any::<bool>())
-            .prop_map(|(arm, servos, capture)| robot::Command { arm: arm.into(), servos, capture })
+            .prop_map(|(arm, servos, capture)| robot::Command { arm: arm.into(), servos: servos.into(), capture })
     }
 
     proptest! {
@@ -396,7 +420,7 @@ pub(super) mod tests {
             let mut joints = || (0..7).map(|_| next()).collect();
             let value = ArmState { position: joints(), velocity: joints(), torque: joints() };
             let arm = Some(Reading { value, time: next() });
-            let observation = robot::Readings { time: next(), sequence, servos, arm, tactile: vec![] };
+            let observation = robot::Readings { time: next(), sequence, servos: servos.into(), arm, tactile: vec![] };
             let written = Observation::new(&observation, &mut LastImages::new());
             let back = Observation::decode(written.encode_to_vec().as_slice())?;
             let back = back.read(&mut LastImages::new(), Sizes::Any).expect("readable");
@@ -418,13 +442,14 @@ pub(super) mod tests {
     fn without_times_all_is_of_the_observations_time() {
         let whole = robot::Readings::from(robot::Observation {
             time: 2.5,
+            servos: [ServoState::default(); 6].into(),
             arm: ArmState::still([0.0; 7].into()),
             ..Default::default()
         });
         let written = Observation::new(&whole, &mut LastImages::new());
         let former = Observation { servo_time: vec![], arm_time: None, ..written };
         let back = former.read(&mut LastImages::new(), Sizes::Any).expect("readable");
-        assert_eq!(back.servos.map(|servo| servo.map(|servo| servo.time)), [Some(2.5); 6]);
+        assert!(back.servos.iter().all(|servo| servo.map(|servo| servo.time) == Some(2.5)));
         assert_eq!(back.arm.map(|arm| arm.time), Some(2.5));
     }
 
@@ -461,9 +486,9 @@ pub(super) mod tests {
 
     #[test]
     fn what_is_missing_is_named() {
-        let full = robot::Command { arm: [0.0; 7].into(), servos: [ServoGoal::Current(0.0); 6], capture: false };
-        let command = Command { servo_mode: vec![0; 5], ..Command::from(&full) };
-        assert_eq!(command.read(Sizes::Any), Err(("servo_mode", "5 numbers".to_owned(), "6 numbers".to_owned())));
+        let full = robot::Command { arm: [0.0; 7].into(), servos: [ServoGoal::Current(0.0); 6].into(), capture: false };
+        let command = Command { servo_angle: vec![0.0; 5], ..Command::from(&full) };
+        assert_eq!(command.read(Sizes::Any), Err(("servo_angle", "5 numbers".to_owned(), "6 numbers".to_owned())));
         let frame = TactileFrame { camera: Some(3), ..Default::default() };
         let observation =
             Observation { tactile: vec![frame], ..Observation::new(&Default::default(), &mut LastImages::new()) };

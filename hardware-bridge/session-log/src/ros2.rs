@@ -184,9 +184,11 @@ fn observed(bag: &mut Bag<'_>, names: &Names, at: Duration, readings: &robot::Re
     }
     // In ROS, not a number stands for what is not known.
     let of = |value: fn(&robot::ServoState) -> f64| {
-        readings.servos.map(|servo| servo.map_or(f64::NAN, |servo| value(&servo.value)))
+        let values = readings.servos.iter().map(|servo| servo.map_or(f64::NAN, |servo| value(&servo.value)));
+        values.collect::<Vec<f64>>()
     };
-    let torque = of(|servo| servo.current).map(|current| current * names.torque_constant);
+    let torque: Vec<f64> =
+        of(|servo| servo.current).into_iter().map(|current| current * names.torque_constant).collect();
     let state = joint_state(at, &names.servos, &of(|servo| servo.position), &of(|servo| servo.velocity), &torque);
     bag.joints("/hand/servo_states", at, &state)?;
     for frame in &readings.tactile {
@@ -200,16 +202,17 @@ fn observed(bag: &mut Bag<'_>, names: &Names, at: Duration, readings: &robot::Re
 
 fn sent(bag: &mut Bag<'_>, names: &Names, at: Duration, command: &robot::Command) -> Result<(), SessionLogError> {
     bag.joints("/arm/joint_commands", at, &joint_state(at, &names.arm, &command.arm, &[], &[]))?;
-    let angle = |goal: ServoGoal| match goal {
+    let angle = |goal: &ServoGoal| match *goal {
         ServoGoal::Position { angle, .. } => angle,
         ServoGoal::Current(_) => f64::NAN,
     };
-    let current = |goal: ServoGoal| match goal {
+    let current = |goal: &ServoGoal| match *goal {
         ServoGoal::Position { current_limit, .. } => current_limit,
         ServoGoal::Current(current) => current,
     };
-    let torque = command.servos.map(|goal| current(goal) * names.torque_constant);
-    let goals = joint_state(at, &names.servos, &command.servos.map(angle), &[], &torque);
+    let torque: Vec<f64> = command.servos.iter().map(|goal| current(goal) * names.torque_constant).collect();
+    let angles: Vec<f64> = command.servos.iter().map(angle).collect();
+    let goals = joint_state(at, &names.servos, &angles, &[], &torque);
     bag.joints("/hand/servo_commands", at, &goals)
 }
 

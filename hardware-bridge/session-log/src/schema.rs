@@ -139,7 +139,7 @@ mod tests {
         assert_eq!(message.encode_to_vec(), bytes);
 
         let goal = robot::ServoGoal::Position { angle: 0.25, current_limit: 0.6 };
-        let command = robot::Command { arm: [0.5; 7].into(), servos: [goal; 6], capture: true };
+        let command = robot::Command { arm: [0.5; 7].into(), servos: [goal; 6].into(), capture: true };
         let message = read("Command", &Command::from(&command).encode_to_vec());
         assert_eq!(numbers(&message, "servo_angle"), [0.25; 6]);
         assert_eq!(message.get_field_by_name("capture").as_deref(), Some(&Value::Bool(true)));

@@ -1,9 +1,10 @@
 //! `[limits]`: what the supervisor allows, with defaults for everything.
 
-use hand_model::{ACTUATORS, Arm, ArmVector};
+use hand_model::{Arm, ArmVector};
 use kortex::joints::JOINTS;
 use serde::{Deserialize, Serialize};
 
+use crate::hand_bus::SERVOS;
 use crate::safety::limits::{ArmLimits, Limits, ServoLimits, Watchdogs};
 use crate::safety::pressing::PressLimits;
 use crate::safety::set_points::Motion;
@@ -125,7 +126,7 @@ impl Default for SpaceConfig {
 
 impl LimitConfig {
     /// All limits, for servos with this travel (rad) and for this arm.
-    pub fn limits(&self, travel: &[f64; ACTUATORS], arm: &Arm) -> Limits {
+    pub fn limits(&self, travel: &[f64; SERVOS], arm: &Arm) -> Limits {
         let own = self;
         let motion = arm.each(|joint| Motion {
             speed: arm.velocity_limits[joint],

@@ -6,13 +6,14 @@
 
 use std::sync::Arc;
 
+use hand_model::RobotModel;
 use hand_model::robot::{Command, Observation, Plant, Readings, RobotBackend, RobotError, TactileFrame, Tick};
-use hand_model::{ACTUATORS, RobotModel};
 
 use super::camera_board::CameraBoard;
 use super::direct_arm::DirectArm;
 use super::lockstep::{LockstepSettings, calibrated};
 use super::servo::EmulatedServo;
+use crate::hand_bus::SERVOS;
 use crate::hand_bus::reading;
 use crate::hardware_robot::sent_as;
 use crate::kortex_link::of_gen3;
@@ -29,7 +30,7 @@ pub struct DirectRobot {
     plant: Box<dyn Plant + Send>,
     servos: Vec<EmulatedServo>,
     /// Whole turns to take off each servo's reading, rad.
-    forget: [Option<f64>; ACTUATORS],
+    forget: [Option<f64>; SERVOS],
     board: CameraBoard,
     images: Vec<TactileFrame>,
     arm: DirectArm,
@@ -63,13 +64,13 @@ impl DirectRobot {
         let mut started = Self {
             plant,
             servos: devices.servos,
-            forget: [None; ACTUATORS],
+            forget: [None; SERVOS],
             board: CameraBoard::new(devices.board, cameras, devices.faults.chances.jpeg, devices.seed),
             images: Vec::new(),
             arm: DirectArm::new(&robot.arm, observation.arm),
             supervisor,
-            sent: SafeCommand { servos: [SafeGoal::default(); ACTUATORS], arm: observation.arm.position },
-            measured: Measured { servos: [None; ACTUATORS], arm: None, cameras: true },
+            sent: SafeCommand { servos: [SafeGoal::default(); SERVOS], arm: observation.arm.position },
+            measured: Measured { servos: [None; SERVOS], arm: None, cameras: true },
             capture: false,
             time: 0.0,
             sequence: 0,
@@ -160,7 +161,7 @@ impl RobotBackend for DirectRobot {
         let tick = self.plant.tick_length();
         self.arm.pass(tick);
         self.time += tick;
-        let servos = std::array::from_fn(|n| self.servos[n].drive());
+        let servos = self.servos.iter().map(|servo| servo.drive()).collect();
         let capture = std::mem::take(&mut self.capture);
         self.plant.send(&Command { arm: self.arm.goal, servos, capture });
         self.plant.wait_for_tick();

@@ -10,8 +10,8 @@ use std::path::Path;
 use std::sync::mpsc::Sender;
 use std::time::{Duration, Instant};
 
+use hand_model::RobotModel;
 use hand_model::robot::{Command, Plant, Readings, RobotBackend, RobotError, Tick};
-use hand_model::{ACTUATORS, RobotModel};
 use kortex::KortexError;
 use session_log::{Packet, Tap};
 
@@ -23,6 +23,7 @@ use crate::calibration::{HandCalibration, ServoCalibration};
 use crate::cameras::Cameras;
 use crate::clock::Clock;
 use crate::config::{ArmConfig, BridgeConfig, CameraConfig, LimitConfig, ServoConfig};
+use crate::hand_bus::SERVOS;
 use crate::hardware_robot::{ConnectError, newest, open_hand, sent_as, servo_cycle};
 use crate::kortex_link::expect_gen3;
 use crate::lock::lock;
@@ -59,7 +60,7 @@ pub enum LockstepError {
 pub struct LockstepSettings {
     pub devices: EmulatorSettings,
     /// Travel of every shaft, rad, for the calibration.
-    pub travel: [f64; ACTUATORS],
+    pub travel: [f64; SERVOS],
     /// Limits of the supervisor.
     pub limits: LimitConfig,
     /// Time-out of a servo's answer, s of real time; long enough that a busy machine misses none.
@@ -294,7 +295,7 @@ fn configuration(servos: &Path, cameras: &Path, tick: f64, limits: LimitConfig, 
 }
 
 /// The calibration that homing would have found on `robot`: the open mark of each servo is where its encoder shows its `zero`.
-pub(super) fn calibrated(robot: &RobotModel, servos: &[EmulatedServo], travel: &[f64; ACTUATORS]) -> HandCalibration {
+pub(super) fn calibrated(robot: &RobotModel, servos: &[EmulatedServo], travel: &[f64; SERVOS]) -> HandCalibration {
     let servos = std::array::from_fn(|n| ServoCalibration {
         id: n as u8 + 1,
         model: xc330::MODEL,

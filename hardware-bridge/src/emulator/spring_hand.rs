@@ -3,9 +3,9 @@
 //! It is a [`Plant`] and can replace the simulated one. Each servo winds against a spring between two hard stops; without
 //! current the spring unwinds it to the open mark.
 
+use crate::hand_bus::SERVOS;
 use std::sync::Arc;
 
-use hand_model::ACTUATORS;
 use hand_model::pads::IMAGE_SIZE;
 use hand_model::robot::{
     ArmState, Command, Observation, Plant, ServoGoal, ServoState, TactileFrame, TactileImage, Tick,
@@ -27,10 +27,10 @@ const POSITION_GAIN: f64 = 6.0;
 #[derive(Debug, Clone)]
 pub struct SpringHand {
     /// Where the closing stop of each shaft is, rad; the opening stop is at 0.
-    travel: [f64; ACTUATORS],
+    travel: [f64; SERVOS],
     /// Their number.
     cameras: usize,
-    servos: [ServoState; ACTUATORS],
+    servos: [ServoState; SERVOS],
     command: Option<Command>,
     arm: ArmState,
     sequence: u64,
@@ -40,11 +40,11 @@ pub struct SpringHand {
 
 impl SpringHand {
     /// An open hand with so many cameras whose shafts stop at `travel`, rad.
-    pub fn new(travel: [f64; ACTUATORS], cameras: usize) -> Self {
+    pub fn new(travel: [f64; SERVOS], cameras: usize) -> Self {
         Self {
             travel,
             cameras,
-            servos: [ServoState::default(); ACTUATORS],
+            servos: [ServoState::default(); SERVOS],
             command: None,
             arm: ArmState::still([0.0; JOINTS].into()),
             sequence: 0,
@@ -73,7 +73,7 @@ impl SpringHand {
         let time = self.sequence as f64 * TICK;
         self.frames = (0..self.cameras)
             .map(|camera| {
-                let current = self.servos[camera % ACTUATORS].current.abs();
+                let current = self.servos[camera % SERVOS].current.abs();
                 let image = Arc::new(TactileImage { rgb: spot(40.0 + 400.0 * current, 20 + camera) });
                 TactileFrame { camera, time, sequence: self.images, image }
             })
@@ -99,7 +99,7 @@ impl Plant for SpringHand {
         Observation {
             time: self.sequence as f64 * TICK,
             sequence: self.sequence,
-            servos: self.servos,
+            servos: self.servos.into(),
             arm: self.arm,
             tactile: std::mem::take(&mut self.frames),
         }
@@ -112,7 +112,7 @@ impl Plant for SpringHand {
 
     fn wait_for_tick(&mut self) -> Tick {
         let command = self.command;
-        for n in 0..ACTUATORS {
+        for n in 0..SERVOS {
             self.step_servo(n, command.map_or(ServoGoal::Current(0.0), |command| command.servos[n]));
         }
         if let Some(command) = &mut self.command {
@@ -135,7 +135,7 @@ mod tests {
     use super::*;
 
     fn run(hand: &mut SpringHand, goal: ServoGoal, ticks: usize) -> ServoState {
-        let command = Command { arm: [0.0; 7].into(), servos: [goal; ACTUATORS], capture: false };
+        let command = Command { arm: [0.0; 7].into(), servos: [goal; SERVOS].into(), capture: false };
         for _ in 0..ticks {
             hand.send(&command);
             hand.wait_for_tick();
@@ -146,7 +146,7 @@ mod tests {
     /// Current balances the spring where it should; stops hold; without current the hand opens.
     #[test]
     fn springs_and_stops() {
-        let mut hand = SpringHand::new([4.0; ACTUATORS], 3);
+        let mut hand = SpringHand::new([4.0; SERVOS], 3);
         let state = run(&mut hand, ServoGoal::Current(0.05), 2000);
         assert!((state.position - (0.05 - PRELOAD) / STIFFNESS).abs() < 1e-3, "{state:?}");
         assert_eq!(run(&mut hand, ServoGoal::Current(0.5), 2000).position, 4.0);
@@ -155,10 +155,10 @@ mod tests {
 
     #[test]
     fn images_only_when_asked() {
-        let mut hand = SpringHand::new([4.0; ACTUATORS], 3);
+        let mut hand = SpringHand::new([4.0; SERVOS], 3);
         run(&mut hand, ServoGoal::Current(0.0), 3);
         assert!(hand.observe().tactile.is_empty());
-        let command = Command { arm: [0.0; 7].into(), servos: [ServoGoal::Current(0.0); ACTUATORS], capture: true };
+        let command = Command { arm: [0.0; 7].into(), servos: [ServoGoal::Current(0.0); SERVOS].into(), capture: true };
         hand.send(&command);
         hand.wait_for_tick();
         assert_eq!(hand.observe().tactile.len(), 3);

@@ -3,11 +3,12 @@
 //! Arm links are the tubes of [`hand_model::Arm::tube_ends`]. Links of the hand are their covers: rounded boxes for heights and extents, which are exact, and
 //! capsules that enclose them for distances. Digits stand as their servos' angles say, as if they touched nothing.
 
+use crate::hand_bus::SERVOS;
 use std::fmt;
 
 use hand_model::digit::Digit;
 use hand_model::hand::CoverShape;
-use hand_model::{ACTUATORS, HAND_JOINTS, Hand, RobotModel};
+use hand_model::{Hand, HandVector, RobotModel};
 use nalgebra::{Isometry3, Point3, Vector3};
 
 /// A part of the robot.
@@ -89,7 +90,9 @@ struct Postures {
     /// For each cable, rising: servo angle, and its joints' angles, rad.
     tables: Vec<Vec<(f64, [f64; 3])>>,
     joints: Vec<Vec<usize>>,
+    /// Joint that the last servo turns, and the gear between the two.
     opposition: (usize, f64),
+    open: HandVector,
 }
 
 impl Postures {
@@ -104,7 +107,7 @@ impl Postures {
                 let share = f64::from(n) / f64::from(Self::TENSIONS.0);
                 let tension = Self::TENSIONS.1 * share * share;
                 let angles = transmission.free_angles(cable, tension, std::f64::consts::FRAC_PI_2);
-                let mut q = [0.0; HAND_JOINTS];
+                let mut q = hand.open();
                 angles.iter().for_each(|(joint, angle)| q[*joint] = *angle);
                 let wound = transmission.cables[cable].excursion(&q) + tension / own.stiffness;
                 let of = |n: usize| angles.get(n).map_or(0.0, |(_, angle)| *angle);
@@ -113,13 +116,18 @@ impl Postures {
             (0..=Self::TENSIONS.0).map(at).collect()
         };
         let joints = transmission.cables.iter().map(|cable| cable.joints.iter().map(|(joint, _)| *joint).collect());
-        let opposition = (transmission.opposition_joint, hand.servos[ACTUATORS - 1].gear_ratio_opposition);
-        Self { tables: (0..transmission.cables.len()).map(table).collect(), joints: joints.collect(), opposition }
+        let opposition = (transmission.opposition_joint, hand.servos[SERVOS - 1].gear_ratio_opposition);
+        Self {
+            tables: (0..transmission.cables.len()).map(table).collect(),
+            joints: joints.collect(),
+            opposition,
+            open: hand.open(),
+        }
     }
 
-    fn of(&self, servos: &[f64; ACTUATORS]) -> [f64; HAND_JOINTS] {
-        let mut q = [0.0; HAND_JOINTS];
-        q[self.opposition.0] = (servos[ACTUATORS - 1] / self.opposition.1).clamp(0.0, std::f64::consts::FRAC_PI_2);
+    fn of(&self, servos: &[f64; SERVOS]) -> HandVector {
+        let mut q = self.open;
+        q[self.opposition.0] = (servos[SERVOS - 1] / self.opposition.1).clamp(0.0, std::f64::consts::FRAC_PI_2);
         for ((table, joints), servo) in self.tables.iter().zip(&self.joints).zip(servos) {
             let next = table.partition_point(|(angle, _)| angle < servo).clamp(1, table.len() - 1);
             let ((low, from), (high, to)) = (table[next - 1], table[next]);
@@ -174,7 +182,7 @@ impl Bodies {
     }
 
     /// With the arm at joint angles `q` and the hand as its servos' angles say, rad.
-    pub fn placed(&self, q: &[f64], servos: &[f64; ACTUATORS]) -> Placed<'_> {
+    pub fn placed(&self, q: &[f64], servos: &[f64; SERVOS]) -> Placed<'_> {
         let links = self.robot.arm.tree.forward(q);
         let palm = links[self.robot.arm.last_link()] * self.last_from_palm;
         let digits = self.robot.hand.tree.forward(&self.postures.of(servos));
@@ -284,10 +292,10 @@ mod tests {
     fn folded_in_it_runs_into_itself() {
         let bodies = Bodies::new(&RobotModel::ftac_gen3());
         for q in [[0.0; 7].into(), hand_model::Arm::gen3().home] {
-            let (distance, between) = bodies.placed(&q, &[0.0; ACTUATORS]).nearest();
+            let (distance, between) = bodies.placed(&q, &[0.0; SERVOS]).nearest();
             assert!(distance > 0.015, "{distance}: {between:?}");
         }
-        let (distance, [one, other]) = bodies.placed(&[0.0, 0.0, 0.0, 2.5, 0.0, 2.0, 0.0], &[0.0; ACTUATORS]).nearest();
+        let (distance, [one, other]) = bodies.placed(&[0.0, 0.0, 0.0, 2.5, 0.0, 2.0, 0.0], &[0.0; SERVOS]).nearest();
         assert!(distance < 0.0 && matches!(other, Body::Arm(_)), "{distance}: {one}, {other}");
     }
 

@@ -1,6 +1,6 @@
 //! Checks of measurements against the limits.
 
-use hand_model::ACTUATORS;
+use crate::hand_bus::SERVOS;
 use hand_model::robot::{ArmState, Command, Reading, Readings, ServoGoal, ServoState, TactileFrame};
 
 use super::limits::Limits;
@@ -42,7 +42,7 @@ pub struct ArmReading {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Measured {
     /// The servos, in actuator order; `None` before the first measurement.
-    pub servos: [Option<ServoReading>; ACTUATORS],
+    pub servos: [Option<ServoReading>; SERVOS],
     pub arm: Option<ArmReading>,
     /// Whether the camera board's port works.
     pub cameras: bool,
@@ -53,7 +53,7 @@ impl Measured {
     pub fn readings(&self, time: f64, sequence: u64, tactile: Vec<TactileFrame>) -> Readings {
         let servos = self.servos.map(|servo| servo.map(|servo| Reading { value: servo.state, time: servo.at }));
         let arm = self.arm.map(|arm| Reading { value: arm.state, time: arm.at });
-        Readings { time, sequence, servos, arm, tactile }
+        Readings { time, sequence, servos: servos.into(), arm, tactile }
     }
 }
 
@@ -124,7 +124,7 @@ pub(crate) mod tests {
         let state = ServoState { position: 1.0, velocity: 0.0, current: 0.1, temperature: 30.0 };
         let servo = ServoReading { at: now, state, voltage: 11.1, alert: false };
         let arm = ArmReading { at: now, state: ArmState::still([0.0; 7].into()), fault: None };
-        Measured { servos: [Some(servo); ACTUATORS], arm: Some(arm), cameras: true }
+        Measured { servos: [Some(servo); SERVOS], arm: Some(arm), cameras: true }
     }
 
     fn with(change: impl FnOnce(&mut ServoReading)) -> Option<Cause> {

@@ -3,8 +3,9 @@
 //! Speed is limited relative to the previous *command*, not to the measured state: a measurement that lags would let a limited command creep past
 //! its limit.
 
+use crate::hand_bus::SERVOS;
 use hand_model::robot::ServoGoal;
-use hand_model::{ACTUATORS, Arm, ArmVector};
+use hand_model::{Arm, ArmVector};
 
 use super::pressing::PressLimits;
 use super::set_points::Motion;
@@ -60,7 +61,7 @@ pub struct Watchdogs {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Limits {
     /// The servos, in actuator order.
-    pub servos: [ServoLimits; ACTUATORS],
+    pub servos: [ServoLimits; SERVOS],
     pub arm: ArmLimits,
     /// Least and greatest supply, V.
     pub voltage: (f64, f64),
@@ -176,7 +177,7 @@ pub(crate) mod tests {
             motion: None,
         };
         Limits {
-            servos: [servo; ACTUATORS],
+            servos: [servo; SERVOS],
             arm,
             voltage: (9.0, 12.5),
             staleness: 0.05,

@@ -1,8 +1,9 @@
 //! Where arm and hand may be: over the table, inside the workspace, clear of each other.
 
+use crate::hand_bus::SERVOS;
 use std::fmt;
 
-use hand_model::{ACTUATORS, RobotModel};
+use hand_model::RobotModel;
 use nalgebra::Vector3;
 
 use super::bodies::{Bodies, Body};
@@ -74,7 +75,7 @@ impl SpaceWatch {
 
     /// What keeps the arm from being sent to `next` (rad) with a hand whose servos are at `servos` (rad); nothing where it leaves a forbidden place that
     /// it is in at `now` (rad).
-    pub fn see(&mut self, next: &[f64], now: &[f64], servos: &[f64; ACTUATORS]) -> Option<Cause> {
+    pub fn see(&mut self, next: &[f64], now: &[f64], servos: &[f64; SERVOS]) -> Option<Cause> {
         let room = self.look(next, servos);
         let least = |one: f64, other: f64| one.min(other);
         self.room = Room {
@@ -87,7 +88,7 @@ impl SpaceWatch {
         (depth > before).then_some(cause)
     }
 
-    fn look(&self, q: &[f64], servos: &[f64; ACTUATORS]) -> (Room, [Cause; 3]) {
+    fn look(&self, q: &[f64], servos: &[f64; SERVOS]) -> (Room, [Cause; 3]) {
         let placed = self.bodies.placed(q, servos);
         let furthest = |direction: Vector3<f64>| {
             let start = (Body::Palm, f64::NEG_INFINITY);
@@ -124,7 +125,7 @@ impl SpaceWatch {
 mod tests {
     use super::*;
 
-    const OPEN: [f64; ACTUATORS] = [0.0; ACTUATORS];
+    const OPEN: [f64; SERVOS] = [0.0; SERVOS];
 
     fn watch(limits: SpaceLimits) -> SpaceWatch {
         SpaceWatch::new(&RobotModel::ftac_gen3(), limits)

@@ -1,7 +1,8 @@
 //! The supervisor: in each cycle it turns the requested command and the measurements into the command that may be sent.
 
+use crate::hand_bus::SERVOS;
 use hand_model::robot::{Command, ServoGoal};
-use hand_model::{ACTUATORS, ArmVector, RobotModel};
+use hand_model::{ArmVector, RobotModel};
 
 use super::checks::{self, Measured};
 use super::limits::{Limits, SafeGoal};
@@ -19,7 +20,7 @@ const STANDS_AFTER: f64 = 0.05;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SafeCommand {
     /// The servos, in actuator order.
-    pub servos: [SafeGoal; ACTUATORS],
+    pub servos: [SafeGoal; SERVOS],
     /// Arm set-points, rad.
     pub arm: ArmVector,
 }
@@ -28,7 +29,7 @@ impl SafeCommand {
     /// As a command of the robot interface.
     pub fn as_command(&self, capture: bool) -> Command {
         let servos = self.servos.map(|goal| ServoGoal::Position { angle: goal.angle, current_limit: goal.current });
-        Command { arm: self.arm, servos, capture }
+        Command { arm: self.arm, servos: servos.into(), capture }
     }
 }
 
@@ -79,7 +80,7 @@ pub struct Supervisor {
 impl Supervisor {
     /// A supervisor of a robot that is not connected.
     pub fn new(limits: Limits) -> Self {
-        let sent = SafeCommand { servos: [SafeGoal::default(); ACTUATORS], arm: limits.arm.still() };
+        let sent = SafeCommand { servos: [SafeGoal::default(); SERVOS], arm: limits.arm.still() };
         Self {
             limits,
             state: State::Disconnected,
@@ -277,7 +278,7 @@ impl Supervisor {
     }
 
     fn follow(&mut self, command: &Command, measured: &Measured, dt: f64) {
-        for n in 0..ACTUATORS {
+        for n in 0..SERVOS {
             let Some(servo) = measured.servos[n] else { continue };
             let limits = &self.limits.servos[n];
             self.sent.servos[n] = limits.limit(&command.servos[n], servo.state.position, self.sent.servos[n], dt);

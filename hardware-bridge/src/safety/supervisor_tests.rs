@@ -1,3 +1,4 @@
+use crate::hand_bus::SERVOS;
 use hand_model::load::LoadModel;
 use hand_model::robot::ArmState;
 use hand_model::{Arm, ArmVector};
@@ -19,7 +20,7 @@ fn armed(now: f64) -> Supervisor {
 }
 
 fn winding(current: f64) -> Command {
-    Command { arm: [0.5; 7].into(), servos: [ServoGoal::Current(current); ACTUATORS], capture: false }
+    Command { arm: [0.5; 7].into(), servos: [ServoGoal::Current(current); SERVOS].into(), capture: false }
 }
 
 /// Two commands of different times are different ones.
@@ -212,7 +213,7 @@ fn no_number_no_motion() {
     for bad in [
         Command { arm: [f64::NAN; 7].into(), ..winding(0.1) },
         winding(f64::INFINITY),
-        Command { servos: [ServoGoal::Position { angle: 1.0, current_limit: -0.1 }; ACTUATORS], ..winding(0.0) },
+        Command { servos: [ServoGoal::Position { angle: 1.0, current_limit: -0.1 }; SERVOS].into(), ..winding(0.0) },
     ] {
         let mut supervisor = armed(0.0);
         let (before, now) = run(&mut supervisor, &winding(0.2), 20, 0.0);
@@ -268,14 +269,14 @@ fn servo_goal() -> impl Strategy<Value = ServoGoal> {
 fn moves() -> impl Strategy<Value = Move> {
     prop_oneof![
         12 => (prop::array::uniform7(number()), prop::array::uniform6(servo_goal()))
-            .prop_map(|(arm, servos)| Move::Ask(Command { arm: ArmVector::from(arm), servos, capture: false })),
+            .prop_map(|(arm, servos)| Move::Ask(Command { arm: ArmVector::from(arm), servos: servos.into(), capture: false })),
         12 => (-3.0..8.0_f64, 0.0..0.7_f64).prop_map(|(angle, current)| {
-            let servos = [ServoGoal::Position { angle, current_limit: current }; ACTUATORS];
-            Move::Ask(Command { arm: [angle; 7].into(), servos, capture: false })
+            let servos = [ServoGoal::Position { angle, current_limit: current }; SERVOS];
+            Move::Ask(Command { arm: [angle; 7].into(), servos: servos.into(), capture: false })
         }),
-        2 => (0..ACTUATORS, number()).prop_map(|(n, angle)| Move::Disturb(n, angle)),
-        1 => (0..ACTUATORS).prop_map(Move::Silence),
-        1 => (0..ACTUATORS).prop_map(Move::Alert),
+        2 => (0..SERVOS, number()).prop_map(|(n, angle)| Move::Disturb(n, angle)),
+        1 => (0..SERVOS).prop_map(Move::Silence),
+        1 => (0..SERVOS).prop_map(Move::Alert),
         2 => (0.0..1.0_f64).prop_map(Move::Wait),
         1 => Just(Move::Hold),
         1 => Just(Move::Release),

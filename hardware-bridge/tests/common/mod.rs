@@ -2,10 +2,11 @@
 
 #![allow(dead_code, reason = "each test file uses its own part")]
 
+use hardware_bridge::hand_bus::SERVOS;
 use std::time::{Duration, Instant};
 
+use hand_model::RobotModel;
 use hand_model::robot::{Command, Observation, Readings, RobotBackend, RobotError, ServoGoal};
-use hand_model::{ACTUATORS, RobotModel};
 use hardware_bridge::arm_link::LoopbackArm;
 use hardware_bridge::calibration::{HandCalibration, ServoCalibration};
 use hardware_bridge::config::BridgeConfig;
@@ -32,7 +33,7 @@ pub struct Bench {
 const PATIENCE: Duration = Duration::from_secs(120);
 
 /// The devices of the built-in robot on springs whose shafts stop at `travel`, rad.
-pub fn started(travel: [f64; ACTUATORS], settings: EmulatorSettings) -> EmulatedHand {
+pub fn started(travel: [f64; SERVOS], settings: EmulatorSettings) -> EmulatedHand {
     let robot = RobotModel::ftac_gen3();
     let plant = SpringHand::new(travel, robot.hand.cameras.len());
     EmulatedHand::start(Box::new(plant), settings, &robot).expect("starts")
@@ -44,7 +45,7 @@ pub fn bench(faults: &[&str]) -> Bench {
         faults: Faults::parse(faults.iter().copied()).expect("faults"),
         ..EmulatorSettings::default()
     };
-    let hand = started([TRAVEL; ACTUATORS], settings);
+    let hand = started([TRAVEL; SERVOS], settings);
     let folder = tempfile::tempdir().expect("a folder");
     let text = format!(
         r#"version = 1
@@ -128,7 +129,7 @@ pub fn armed(bench: &Bench) -> HardwareRobot {
 }
 
 pub fn command(servo: ServoGoal) -> Command {
-    Command { arm: [0.1; 7].into(), servos: [servo; ACTUATORS], capture: false }
+    Command { arm: [0.1; 7].into(), servos: [servo; SERVOS].into(), capture: false }
 }
 
 /// The newest measurements.

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::LazyLock;
 
-use hand_model::{ACTUATORS, RobotModel};
+use hand_model::RobotModel;
 use platform::data::{DataError, parse_toml};
 use serde::{Deserialize, Serialize};
 
@@ -153,7 +153,7 @@ impl Quantity {
             Self::SpoolRadius | Self::CableStiffness | Self::GuideFriction | Self::GuideTurn => {
                 actuators().take(hand.cables.len()).collect()
             }
-            Self::TorqueConstant | Self::ServoFriction | Self::ServoDamping => actuators().take(ACTUATORS).collect(),
+            Self::TorqueConstant | Self::ServoFriction | Self::ServoDamping => actuators().collect(),
             Self::GelStiffness | Self::GelThickness | Self::PadFriction => vec![String::new()],
             Self::ArmEncoder | Self::ArmTorqueGain => (1..=arm.joints()).map(|joint| format!("arm_{joint}")).collect(),
             Self::MountPosition | Self::MountTurn => ["x", "y", "z"].map(|axis| format!("mount_{axis}")).to_vec(),

@@ -4,8 +4,9 @@
 
 use std::sync::Arc;
 
+use hand_model::Digit;
+use hand_model::hand::MOST_ACTUATORS;
 use hand_model::robot::{Command, ServoGoal, TactileFrame, TactileImage};
-use hand_model::{ACTUATORS, Digit};
 use nalgebra::Vector3;
 use plant::Blindness;
 use rapier3d_f64::prelude::RigidBodyHandle;
@@ -22,7 +23,7 @@ pub(super) struct Outside {
     /// For the next tick: object (`None` is the palm) and force, N.
     forces: Vec<(Option<usize>, Vector3<f64>)>,
     /// Servos without power.
-    unpowered: [bool; ACTUATORS],
+    unpowered: [bool; MOST_ACTUATORS],
     /// Failed cameras.
     failed: Vec<(usize, Blindness)>,
 }

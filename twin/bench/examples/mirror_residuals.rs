@@ -15,7 +15,7 @@ use bench::builtin::{hide_plant, make_scenes};
 use bench::mirror::twin::Twin;
 use bench::trial::setup::Setup;
 use control::executive::Phase;
-use hand_model::{HAND_JOINTS, RobotModel};
+use hand_model::RobotModel;
 use nalgebra::Vector3;
 use scenarios::Scenario;
 use sim::SimulatedRobot;
@@ -38,7 +38,7 @@ fn strike(robot: &mut SimulatedRobot, fault: &str) -> anyhow::Result<()> {
         "break" => robot.break_cable(below(5)?),
         "slip" => robot.slip_cable(below(5)?, 0.002),
         "weak" => robot.weaken_servo(below(5)?, 0.6),
-        "stick" => robot.stick_joint(below(HAND_JOINTS)?),
+        "stick" => robot.stick_joint(below(15)?),
         "heavy" => robot.add_mass(0, 0.4),
         _ => bail!("FAULT: \"{fault}\", expected none, break N, slip N, weak N, stick J, heavy or push"),
     }
@@ -100,7 +100,7 @@ fn main() -> anyhow::Result<()> {
             innovation.opposition,
             row(&innovation.tensions),
             row(&innovation.arm_torque),
-            row(&seen.servos.map(|servo| servo.position)),
+            row(&seen.servos.iter().map(|servo| servo.position).collect::<Vec<_>>()),
         )?;
         robot.wait_for_tick();
         if struck.is_some_and(|at| seen.time > at + AFTER) {

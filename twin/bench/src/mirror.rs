@@ -26,7 +26,7 @@ use std::sync::Arc;
 
 use control::inverse_kinematics::ArmKinematics;
 use hand_model::robot::{ArmState, ServoState};
-use hand_model::{ACTUATORS, Arm, ArmVector, Digit, Hand};
+use hand_model::{ActuatorVector, Arm, ArmVector, Digit, Hand};
 use nalgebra::Isometry3;
 use proving::simulated_world::World;
 
@@ -54,10 +54,10 @@ pub struct Mirror {
     limits: Limits,
     /// Masses of objects as the controller knows them, kg.
     masses: Arc<BTreeMap<String, f64>>,
-    before: [ServoState; ACTUATORS],
+    before: ActuatorVector<ServoState>,
     arm_before: ArmState,
     residuals: Residuals,
-    cables: [CableWatch; 5],
+    cables: Vec<CableWatch>,
     handle: HandWatch,
     cameras: CameraWatch,
     believes: Believes,
@@ -77,10 +77,10 @@ impl Mirror {
             kinematics: world.cell.kinematics(),
             limits: Limits::standard()?,
             masses: Arc::new(masses),
-            before: [ServoState::default(); ACTUATORS],
+            before: world.cell.robot.hand.each_actuator(|_| ServoState::default()),
             arm_before: ArmState::default(),
             residuals: Residuals::default(),
-            cables: Default::default(),
+            cables: vec![CableWatch::default(); world.cell.robot.hand.cables.len()],
             handle: HandWatch::default(),
             cameras: CameraWatch::new(world.cell.robot.hand.cameras.len()),
             believes: Believes::default(),
@@ -91,7 +91,8 @@ impl Mirror {
     /// What is seen now, a tick after the look before or whenever the robot's host had the time; what was named of it.
     pub fn see(&mut self, seen: &Seen) -> &[Divergence] {
         let known = self.named.len();
-        let look = Look { time: seen.time, servos: *seen.servos, arm: *seen.arm, sent: *seen.sent };
+        let look =
+            Look { time: seen.time, servos: seen.servos.iter().copied().collect(), arm: *seen.arm, sent: *seen.sent };
         match self.pace.take(&look, self.twin.tick_length()) {
             Passed::Tick => self.tick(seen),
             Passed::Even(ticks) => {
@@ -120,9 +121,9 @@ impl Mirror {
             self.twin.go_on();
         }
         self.twin.correct(seen.servos, seen.arm, true);
-        self.before = *seen.servos;
+        self.before = seen.servos.iter().copied().collect();
         self.arm_before = *seen.arm;
-        self.cables = Default::default();
+        self.cables.fill(CableWatch::default());
         self.handle.see_nothing();
         self.believes.see(seen.time, seen.phase, seen.felt);
         self.twin.follow(seen.sent);
@@ -134,7 +135,7 @@ impl Mirror {
         let (_, jacobian) = self.kinematics.jacobian(&seen.arm.position);
         let readings = [&self.before, seen.servos];
         self.residuals = Residuals::new(&self.hand, readings, self.twin.tick_length(), &innovation, &jacobian);
-        self.before = *seen.servos;
+        self.before = seen.servos.iter().copied().collect();
         self.believes.see(seen.time, seen.phase, seen.felt);
         // An arm that says the same to the last bit is not heard any more: the twin moves on, and what they differ by is no force.
         if std::mem::replace(&mut self.arm_before, *seen.arm) != *seen.arm {

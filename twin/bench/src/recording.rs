@@ -10,8 +10,8 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use anyhow::Result;
 use control::executive::Phase;
+use hand_model::ArmVector;
 use hand_model::robot::{ServoState, TactileFrame, TactileImage};
-use hand_model::{ACTUATORS, ArmVector};
 use nalgebra::{Isometry3, Vector3};
 use scenarios::record::{Condition, TrialRecord};
 use sim::robot::Truth;
@@ -50,14 +50,14 @@ pub fn log_scene(recorder: &mut Recorder, truth: &Truth, names: &[String]) -> Re
 pub fn log_signals(
     recorder: &mut Recorder,
     truth: &Truth,
-    servos: &[ServoState; ACTUATORS],
+    servos: &[ServoState],
     posture: &ArmVector,
     pose_errors: Vec<Option<PoseError>>,
 ) -> Result<()> {
     recorder.log_scalars(&SignalFrame {
         tensions: Some(truth.tensions),
-        currents: Some(servos.map(|servo| servo.current)),
-        joint_angles: truth.hand.clone().try_into().ok(),
+        currents: Some(servos.iter().map(|servo| servo.current).collect()),
+        joint_angles: Some(truth.hand.iter().copied().collect()),
         arm_angles: Some(*posture),
         pad_forces: Some(truth.pad_forces.clone()),
         pose_errors,

@@ -15,7 +15,7 @@ use bench::trial::{Moment, Watcher};
 use control::executive::Phase;
 use hand_model::pads::IMAGE_SIZE;
 use hand_model::robot::{Command, ServoGoal, TactileFrame, TactileImage};
-use hand_model::{Arm, Digit, RobotModel};
+use hand_model::{Arm, Digit, DigitVector, RobotModel};
 use nalgebra::{Isometry3, Vector3};
 use proving::simulated_world::World;
 use scenarios::Scenario;
@@ -47,12 +47,12 @@ fn command(time: f64) -> Command {
     arm[0] += 0.1 * time;
     let mut servos = [ServoGoal::Current(0.05 * (time / WINDING).min(1.0)); 6];
     servos[5] = ServoGoal::Current(0.0);
-    Command { arm, servos, capture: false }
+    Command { arm, servos: servos.into(), capture: false }
 }
 
 /// Residuals of the five cables, N, mean of each four ticks, with the time of the last (s), of a robot as drawn that closes its hand on
 /// nothing while its arm moves; cable `broken` breaks at [`BREAK`].
-fn residuals(broken: Option<usize>) -> Vec<(f64, [f64; 5])> {
+fn residuals(broken: Option<usize>) -> Vec<(f64, DigitVector)> {
     let world = World::new(&RobotModel::ftac_gen3(), Scenario::benchmark()).expect("the world");
     let mut robot = robot(&world);
     let mut twin = Twin::new(&world, &robot.observe().arm.position);
@@ -69,8 +69,9 @@ fn residuals(broken: Option<usize>) -> Vec<(f64, [f64; 5])> {
         twin.follow(&sent);
         robot.wait_for_tick();
     }
-    let mean = |ticks: &[(f64, [f64; 5])]| {
-        let loads = std::array::from_fn(|n| ticks.iter().map(|(_, loads)| loads[n]).sum::<f64>() / ticks.len() as f64);
+    let mean = |ticks: &[(f64, DigitVector)]| {
+        let of = |n: usize| ticks.iter().map(|(_, loads)| loads[n]).sum::<f64>() / ticks.len() as f64;
+        let loads = (0..5).map(of).collect();
         (ticks[ticks.len() - 1].0, loads)
     };
     all.chunks_exact(4).map(mean).collect()

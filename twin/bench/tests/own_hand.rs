@@ -4,8 +4,8 @@ use bench::builtin::make_bench;
 use bench::trial::Bench;
 use control::look::Look;
 use control::perception::{Grip, KnownObject, trusted};
-use hand_model::RobotModel;
 use hand_model::robot::{Command, Observation};
+use hand_model::{DigitVector, RobotModel};
 use scenarios::Scenario;
 use scenarios::effects::Effects;
 use scenarios::noise::TrialNoise;
@@ -24,7 +24,7 @@ fn pads_only(combos: usize) -> Bench {
 /// The empty hand over the table pulls with `tensions` (N), the thumb last and opposed by `opposition` (rad): what it then feels.
 fn closed_on_nothing(
     bench: &Bench,
-    tensions: [f64; 5],
+    tensions: DigitVector,
     opposition: f64,
 ) -> (Vec<PadTouch>, Observation, SimulatedRobot) {
     let (world, hand) = (&bench.world, &bench.world.cell.robot.hand);
@@ -66,7 +66,7 @@ fn a_thumb_on_the_index_finger_is_no_object() {
     let fists = [0.0, 0.3, 0.6, 1.0, 1.3].map(|opposition| ([8.0; 5], opposition));
     let (mut loaded, mut own, mut patches) = (0, 0, 0);
     for (tensions, opposition) in std::iter::once(thumb_and_index).chain(fists) {
-        let (mut touches, seen, robot) = closed_on_nothing(&bench, tensions, opposition);
+        let (mut touches, seen, robot) = closed_on_nothing(&bench, tensions.into(), opposition);
         loaded += usize::from(robot.own_loads().iter().any(|load| load.force > 0.2));
         bench.pipeline.mark_own(&mut touches, Readings::weightless(&seen.servos), &in_hand).expect("marked");
         let all = || touches.iter().flat_map(|touch| &touch.patches);
@@ -120,7 +120,7 @@ fn a_held_object_is_felt_as_before() {
 fn drift_alone_is_no_touch() {
     let bench = pads_only(1);
     let hand = &bench.world.cell.robot.hand;
-    let poses = hand.pad_poses(&hand.tree.forward(&[0.0; hand_model::HAND_JOINTS]));
+    let poses = hand.pad_poses(&hand.tree.forward(&hand.open()));
     for rate in [-0.06, -0.02, 0.0, 0.02, 0.06] {
         let mut board =
             bench.board.with_noise(9).drifting(Drift::new(vec![rate; bench.world.cell.robot.hand.cameras.len()], 30.0));

@@ -2,7 +2,7 @@
 
 use bench::body::emulated::{SharedPlant, settings};
 use hand_model::robot::{Command, RobotBackend as _, ServoGoal};
-use hand_model::{ACTUATORS, Arm, ArmVector, Hand, RobotModel};
+use hand_model::{Arm, ArmVector, Hand, RobotModel};
 use hardware_bridge::config::{ArmLimitConfig, LimitConfig, SpaceConfig};
 use hardware_bridge::emulator::direct::DirectRobot;
 use hardware_bridge::safety::state::{Cause, State};
@@ -62,7 +62,7 @@ fn press(limits: LimitConfig) -> (f64, f64, State) {
         // From rest, as every controller of ours begins.
         let speed = SPEED * (tick as f64 / 30.0).min(1.0);
         wanted = moved(&model.arm, &wanted, Vector3::new(0.0, 0.0, -speed * robot.tick_length()));
-        let servos = [ServoGoal::Current(0.0); ACTUATORS];
+        let servos = [ServoGoal::Current(0.0); 6].into();
         robot.send(&Command { arm: wanted, servos, capture: false }).expect("sent");
         robot.wait_for_tick();
         greatest = greatest.max(plant.lock().force_on_table());

@@ -6,7 +6,7 @@
 use std::f64::consts::FRAC_PI_2;
 
 use hand_model::robot::ServoGoal;
-use hand_model::{ACTUATORS, ArmVector};
+use hand_model::{ActuatorVector, ArmVector, DigitVector};
 
 use crate::Twist;
 use crate::inverse_kinematics::{IkError, Joints};
@@ -39,12 +39,12 @@ pub enum HandAction {
     /// Pull the five cables, and turn the thumb's opposition joint.
     Tensions {
         /// At the spools, N: thumb, index, middle, ring, little. Reached evenly over the step.
-        tensions: [f64; 5],
+        tensions: DigitVector,
         /// rad.
         opposition: f64,
     },
     /// Turn the six servos to these output angles, rad: a larger one winds more cable.
-    Spools([f64; ACTUATORS]),
+    Spools(ActuatorVector),
 }
 
 /// What is asked of the robot during one step.
@@ -60,9 +60,9 @@ pub enum ActionError {
     /// A value is not a number, or out of its limits.
     #[error("{what}[{index}]: found {found}, expected {low} to {high} {unit}")]
     Range { what: &'static str, index: usize, found: f64, low: f64, high: f64, unit: &'static str },
-    /// Another number of set-points than the arm has joints.
-    #[error("arm joints: found {found} set-points, expected {expected}")]
-    Count { found: usize, expected: usize },
+    /// Another number of values than the robot has joints, cables or servos.
+    #[error("{what}: found {found} values, expected {expected}")]
+    Count { what: &'static str, found: usize, expected: usize },
     /// The arm's reference cannot be moved.
     #[error(transparent)]
     Arm(#[from] IkError),
@@ -82,9 +82,11 @@ pub struct ActionLimits {
     /// Of the opposition joint, rad.
     pub opposition: [f64; 2],
     /// Of the servos' output angles, rad.
-    pub spools: [[f64; 2]; ACTUATORS],
+    pub spools: ActuatorVector<[f64; 2]>,
     /// Greatest current of a cable's servo, A.
     current: f64,
+    /// How many digits have a cable.
+    pub digits: usize,
 }
 
 impl ActionLimits {
@@ -102,7 +104,7 @@ impl ActionLimits {
             }),
             tension,
             opposition: [thumb.lower, thumb.upper],
-            spools: std::array::from_fn(|n| match hand.transmission.cables.get(n) {
+            spools: hand.each_actuator(|n| match hand.transmission.cables.get(n) {
                 Some(path) => {
                     let stretch = tension / hand.cables[n].stiffness;
                     [0.0, (path.full_excursion(FRAC_PI_2) + stretch) / hand.cables[n].spool_radius]
@@ -110,6 +112,7 @@ impl ActionLimits {
                 None => [thumb.lower, thumb.upper].map(|angle| angle * hand.servos[n].gear_ratio_opposition),
             }),
             current: hand.servos.iter().map(|servo| servo.current_limit).fold(f64::INFINITY, f64::min),
+            digits: hand.cables.len(),
         }
     }
 
@@ -121,32 +124,41 @@ impl ActionLimits {
                 within("palm velocity", linear, |_| [-self.speed, self.speed], "m/s")?;
                 within("palm angular velocity", angular, |_| [-self.turn_speed, self.turn_speed], "rad/s")?;
             }
-            ArmAction::Joints(joints) if joints.len() != self.joints.len() => {
-                return Err(ActionError::Count { found: joints.len(), expected: self.joints.len() });
+            ArmAction::Joints(joints) => {
+                count("arm joints", joints.len(), self.joints.len())?;
+                within("arm joints", &joints, |n| self.joints[n], "rad")?;
             }
-            ArmAction::Joints(joints) => within("arm joints", &joints, |n| self.joints[n], "rad")?,
         }
         match action.hand {
             HandAction::Tensions { tensions, opposition } => {
+                count("tensions", tensions.len(), self.digits)?;
                 within("tensions", &tensions, |_| [0.0, self.tension], "N")?;
                 within("opposition", &[opposition], |_| self.opposition, "rad")
             }
-            HandAction::Spools(angles) => within("spools", &angles, |n| self.spools[n], "rad"),
+            HandAction::Spools(angles) => {
+                count("spools", angles.len(), self.spools.len())?;
+                within("spools", &angles, |n| self.spools[n], "rad")
+            }
         }
     }
 
     /// What the servos are asked for by spool angles (rad).
-    fn spool_goals(&self, angles: &[f64; ACTUATORS]) -> [ServoGoal; ACTUATORS] {
-        std::array::from_fn(|n| {
-            let current_limit = if n + 1 == ACTUATORS { OPPOSITION_CURRENT } else { self.current };
-            ServoGoal::Position { angle: angles[n], current_limit }
-        })
+    fn spool_goals(&self, angles: &[f64]) -> ActuatorVector<ServoGoal> {
+        let goal = |(n, angle): (usize, &f64)| {
+            let current_limit = if n + 1 == self.spools.len() { OPPOSITION_CURRENT } else { self.current };
+            ServoGoal::Position { angle: *angle, current_limit }
+        };
+        angles.iter().enumerate().map(goal).collect()
     }
 
     /// What the servos are asked for by tensions (N) and the angle of the opposition joint (rad).
-    fn tension_goals(cell: &Workcell, tensions: &[f64; 5], opposition: f64) -> [ServoGoal; ACTUATORS] {
+    fn tension_goals(cell: &Workcell, tensions: &[f64], opposition: f64) -> ActuatorVector<ServoGoal> {
         cell.robot.hand.servo_goals(tensions, opposition, OPPOSITION_CURRENT)
     }
+}
+
+fn count(what: &'static str, found: usize, expected: usize) -> Result<(), ActionError> {
+    if found == expected { Ok(()) } else { Err(ActionError::Count { what, found, expected }) }
 }
 
 fn within(

@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use grasping::Grasp;
 use hand_model::robot::{Command, Observation};
-use hand_model::{Digit, Hand};
+use hand_model::{Digit, DigitVector, Hand};
 use nalgebra::{Isometry3, Translation3};
 
 use crate::inverse_kinematics::ArmServo;
@@ -64,7 +64,7 @@ pub struct Carrier {
     phase: CarryPhase,
     grasp: Option<Grasp>,
     /// Tension with which each digit holds what it has, N.
-    kept: [f64; 5],
+    kept: DigitVector,
     opposition: f64,
 }
 
@@ -80,12 +80,13 @@ impl Deref for Carrier {
 impl Carrier {
     /// A carrier with an empty hand and its arm at rest in `servo`'s posture; `tick` s is the length of a tick.
     pub fn new(hand: Arc<Hand>, servo: ArmServo, protocol: Protocol, tick: f64) -> Result<Self, MotionError> {
+        let kept = hand.slack();
         Ok(Self {
             motion: Motion::new(hand, servo, tick)?,
             protocol,
             phase: CarryPhase::Decide,
             grasp: None,
-            kept: [0.0; 5],
+            kept,
             opposition: 0.0,
         })
     }
@@ -158,7 +159,7 @@ impl Carrier {
             CarryPhase::Carry => (CarryPhase::Hold, motion.rest(self.protocol.hold)?),
             CarryPhase::Hold => {
                 let (path, _) = motion.put_down(limits, LOWERING * self.protocol.lift)?;
-                self.kept = [0.0; 5];
+                self.kept = self.motion.hand().slack();
                 (CarryPhase::Release, path)
             }
         };
@@ -183,9 +184,9 @@ impl Carrier {
         Ok(self.motion.command(arm, &wanted, self.opposition, capture))
     }
 
-    fn wanted_tension(&self) -> [f64; 5] {
+    fn wanted_tension(&self) -> DigitVector {
         let Some(grasp) = &self.grasp else { return self.kept };
-        std::array::from_fn(|digit| match self.phase {
+        self.motion.hand().each_digit(|digit| match self.phase {
             CarryPhase::Approach => self.kept[digit].max(grasp.pre_tension[digit]),
             CarryPhase::Close => self.kept[digit].max(closing_tension(grasp, digit, self.motion.clock())),
             _ => self.kept[digit],

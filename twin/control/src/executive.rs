@@ -10,8 +10,8 @@ use std::ops::Deref;
 use std::sync::Arc;
 
 use grasping::Grasp;
-use hand_model::Hand;
 use hand_model::robot::{Command, Observation, TactileFrame};
+use hand_model::{DigitVector, Hand};
 use nalgebra::{Isometry3, Translation3, Vector3};
 
 use world::geometry::Shape;
@@ -367,7 +367,7 @@ impl Executive {
     }
 
     /// Tensions wanted at present, with what the reaction to slip adds, N.
-    fn held_tension(&mut self, observation: &Observation, images: &[TactileFrame]) -> [f64; 5] {
+    fn held_tension(&mut self, observation: &Observation, images: &[TactileFrame]) -> DigitVector {
         let (plan, carrying) = (self.wanted_tensions(), self.is_carrying());
         let (hand, tick) = (self.motion.hand(), self.motion.tick_length());
         let Some(watch) = &mut self.slip else { return plan };
@@ -382,11 +382,11 @@ impl Executive {
     }
 
     /// Tensions that the grasps want in the present phase, N.
-    pub fn wanted_tensions(&self) -> [f64; 5] {
+    pub fn wanted_tensions(&self) -> DigitVector {
         let (first, second) = (&self.first.0, &self.second.0);
         let closing = |grasp: &Grasp, digit: usize| closing_tension(grasp, digit, self.motion.clock());
         let leaving = self.left_from.is_some();
-        std::array::from_fn(|digit| match self.phase {
+        self.motion.hand().each_digit(|digit| match self.phase {
             Phase::ApproachFirst | Phase::ApproachSecond if leaving => {
                 first.close_tension[digit].max(palpation::TENSION[digit])
             }

@@ -6,7 +6,7 @@
 
 use grasping::Grasp;
 use hand_model::robot::ServoState;
-use hand_model::{ACTUATORS, Digit, Hand};
+use hand_model::{Digit, Hand};
 use touch::PadTouch;
 use touch::posture::digit_of;
 
@@ -143,7 +143,7 @@ pub fn listed(digits: &[Digit]) -> String {
 /// Which of `pulled`, digits that close on one thing, have it. A finger does if its pads feel something, if a blind pad hides what
 /// they would, or if its cable says that something stops it: fingers often hold with their sides, where no pad is. The thumb
 /// closes against fingers, so that only they tell whether it holds something; alone it holds nothing.
-pub fn feeling(hand: &Hand, touches: &[PadTouch], servos: &[ServoState; ACTUATORS], pulled: &[Digit]) -> Vec<Digit> {
+pub fn feeling(hand: &Hand, touches: &[PadTouch], servos: &[ServoState], pulled: &[Digit]) -> Vec<Digit> {
     let felt = |digit: Digit| {
         let of = |touch: &&PadTouch| digit_of(hand.pads[touch.pad].link) == Some(digit);
         touches.iter().filter(of).any(|touch| touch.touched() || touch.blind)
@@ -173,8 +173,8 @@ mod tests {
             pitch: 0.0,
             roll: 0.0,
             center: [0.0; 3],
-            pre_tension: [0.0; 5],
-            close_tension,
+            pre_tension: [0.0; 5].into(),
+            close_tension: close_tension.into(),
             opposition: 0.0,
             raise: 0.0,
             thumb_delay: 0.0,

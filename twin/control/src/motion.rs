@@ -11,7 +11,7 @@ use std::sync::Arc;
 use grasping::Grasp;
 use hand_model::robot::{ArmState, Command, Observation, ServoState, TactileFrame};
 use hand_model::transmission::friction::CableFriction;
-use hand_model::{ACTUATORS, Hand};
+use hand_model::{ActuatorVector, DigitVector, Hand};
 use nalgebra::{Isometry3, Translation3, Vector3};
 use touch::Readings;
 
@@ -77,11 +77,11 @@ pub struct Motion {
     /// Time on the present path, s.
     clock: f64,
     /// N.
-    tension: [f64; 5],
+    tension: DigitVector,
     images: Vec<TactileFrame>,
     newest: Vec<TactileFrame>,
     sequences_before: Vec<Option<u64>>,
-    servos: [ServoState; ACTUATORS],
+    servos: ActuatorVector<ServoState>,
     arm: ArmState,
     tick: f64,
     worst_tracking: f64,
@@ -93,15 +93,15 @@ impl Motion {
         let (home, still) = (servo.palm_pose(), *servo.qd());
         Ok(Self {
             sequences_before: vec![None; hand.cameras.len()],
+            tension: hand.slack(),
+            servos: hand.each_actuator(|_| ServoState::default()),
             hand,
             servo,
             home,
             path: PosePath::new(vec![(0.0, home)])?,
             clock: 0.0,
-            tension: [0.0; 5],
             images: Vec::new(),
             newest: Vec::new(),
-            servos: Default::default(),
             arm: ArmState::still(still),
             tick,
             worst_tracking: 0.0,
@@ -134,7 +134,7 @@ impl Motion {
     }
 
     /// Newest servo readings.
-    pub fn servos(&self) -> &[ServoState; ACTUATORS] {
+    pub fn servos(&self) -> &[ServoState] {
         &self.servos
     }
 
@@ -330,7 +330,7 @@ impl Motion {
     }
 
     /// The tick's command: tensions move towards `wanted` (N), the opposition joint goes to `opposition` (rad).
-    pub fn command(&mut self, arm: Joints, wanted: &[f64; 5], opposition: f64, capture: bool) -> Command {
+    pub fn command(&mut self, arm: Joints, wanted: &[f64], opposition: f64, capture: bool) -> Command {
         approach_tension(&mut self.tension, wanted, self.tick);
         Command { arm, servos: servo_goals(&self.hand, &self.tension, opposition), capture }
     }

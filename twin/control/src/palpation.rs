@@ -84,7 +84,7 @@ pub fn is_touching(hand: &Hand, pad: usize) -> bool {
 
 /// The middle of the pads that touch and the way that they face, both in the palm frame, with the fingers stretched.
 fn plate(hand: &Hand) -> (Point3<f64>, Vector3<f64>) {
-    let links = hand.tree.forward(&[CURL; hand_model::HAND_JOINTS]);
+    let links = hand.tree.forward(&hand.each_joint(|_| CURL));
     let places = hand.pads.iter().filter(|pad| PADS.contains(&pad.name.as_str()));
     let places: Vec<_> =
         places.map(|pad| pad.link.map_or(Isometry3::identity(), |link| links[link]) * pad.link_from_pad).collect();

@@ -5,7 +5,7 @@ use std::sync::{Arc, OnceLock};
 
 use grasping::{Grasp, Role};
 use hand_model::robot::ServoState;
-use hand_model::{ACTUATORS, Digit, HAND_JOINTS, Hand};
+use hand_model::{Digit, Hand};
 use nalgebra::{Isometry3, Point3, Vector3};
 use touch::pose::loaded_posture;
 use touch::posture::{cable_excursion, cable_tension, digit_of};
@@ -105,7 +105,7 @@ impl Grip {
     pub fn of(
         hand: &Hand,
         touches: &[PadTouch],
-        servos: &[ServoState; ACTUATORS],
+        servos: &[ServoState],
         held: Option<&[f64]>,
         on_first: &[usize],
     ) -> Self {
@@ -143,13 +143,13 @@ impl Grip {
 
 /// Whether something is in a closing digit's way: its cable is taken up by less than a full closing. A digit that is not pulled
 /// tells nothing.
-pub fn blocked(hand: &Hand, servos: &[ServoState; ACTUATORS], digit: Digit) -> bool {
+pub fn blocked(hand: &Hand, servos: &[ServoState], digit: Digit) -> bool {
     let pulled = cable_tension(hand, digit.index(), &servos[digit.index()]) > PULLED;
     pulled && closure(hand, servos, digit) < BLOCKED_CLOSURE
 }
 
 /// How far a digit has closed, as a share of a full closing.
-fn closure(hand: &Hand, servos: &[ServoState; ACTUATORS], digit: Digit) -> f64 {
+fn closure(hand: &Hand, servos: &[ServoState], digit: Digit) -> f64 {
     cable_excursion(hand, digit.index(), &servos[digit.index()]) / full_excursion(hand, digit)
 }
 
@@ -201,7 +201,7 @@ pub fn grip(senses: &Senses, look: &Look, expected: &Expected, objects: &[InHand
 }
 
 /// Pads of free digits that are on the first object, or all but, with the joints at `q` (rad).
-fn pads_on(hand: &Hand, q: &[f64; HAND_JOINTS], first: &InHand) -> Vec<usize> {
+fn pads_on(hand: &Hand, q: &[f64], first: &InHand) -> Vec<usize> {
     let object_from_palm = first.prior.palm_from_object.inverse();
     let pads = hand.pad_poses(&hand.tree.forward(q));
     let on_it = |pad: &usize| {
@@ -214,11 +214,12 @@ fn pads_on(hand: &Hand, q: &[f64; HAND_JOINTS], first: &InHand) -> Vec<usize> {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
+    use hand_model::ActuatorVector;
 
     /// Servos of a hand whose cables are pulled with `tension` (N) and taken up by `share` of a full closing, thumb first.
-    fn pulled(hand: &Hand, share: [f64; 5], tension: f64) -> [ServoState; ACTUATORS] {
+    fn pulled(hand: &Hand, share: [f64; 5], tension: f64) -> ActuatorVector<ServoState> {
         let cable = &hand.parameters.cable;
-        std::array::from_fn(|n| {
+        hand.each_actuator(|n| {
             let full = hand.transmission.cables.get(n).map_or(0.0, |cable| cable.full_excursion(FRAC_PI_2));
             let wound = share.get(n).unwrap_or(&0.0) * full + tension / cable.stiffness;
             let current = tension * cable.spool_radius / hand.parameters.servo.torque_constant;
@@ -226,7 +227,7 @@ pub(crate) mod tests {
         })
     }
 
-    pub(crate) fn servos(hand: &Hand, share: [f64; 5]) -> [ServoState; ACTUATORS] {
+    pub(crate) fn servos(hand: &Hand, share: [f64; 5]) -> ActuatorVector<ServoState> {
         pulled(hand, share, 10.0)
     }
 
@@ -253,7 +254,7 @@ pub(crate) mod tests {
     fn a_finger_that_met_the_thumb_holds_nothing() {
         let hand = Hand::ftac();
         let held = |middle: f64| {
-            let mut joints = [0.0; HAND_JOINTS];
+            let mut joints = hand.open();
             for joint in Digit::Index.joints() {
                 joints[joint] = 0.6;
             }

@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use grasping::Role;
 use hand_model::robot::{ServoState, TactileFrame, TactileImage};
-use hand_model::{ACTUATORS, Digit, Hand};
+use hand_model::{Digit, DigitVector, Hand};
 
 use crate::sensing::is_on;
 
@@ -53,7 +53,7 @@ struct GripWatch {
     /// Steps taken.
     steps: u32,
     /// Cable positions that are taken for rest, m; none while the hand settles.
-    rest: Option<[f64; 5]>,
+    rest: Option<DigitVector>,
     /// Time since the last step or the start, s.
     calm: f64,
 }
@@ -76,15 +76,15 @@ impl SlipWatch {
     pub fn tick(
         &mut self,
         hand: &Hand,
-        servos: &[ServoState; ACTUATORS],
+        servos: &[ServoState],
         arrived: &[TactileFrame],
-        plan: &[f64; 5],
+        plan: &[f64],
         most: f64,
         dt: f64,
-    ) -> [f64; 5] {
-        let cables: [f64; 5] = std::array::from_fn(|n| servos[n].position * hand.cables[n].spool_radius);
+    ) -> DigitVector {
+        let cables: DigitVector = hand.each_digit(|n| servos[n].position * hand.cables[n].spool_radius);
         let seen = self.seen(hand, arrived);
-        let mut tension = *plan;
+        let mut tension: DigitVector = plan.iter().copied().collect();
         for (role, grip) in [Role::First, Role::Second].into_iter().zip(&mut self.grips) {
             let slips = grip.tick(role.digits(), &cables, seen[role as usize], dt);
             if slips {
@@ -125,12 +125,12 @@ impl SlipWatch {
 
 impl GripWatch {
     /// Whether a slip is felt; then the tension takes a step.
-    fn tick(&mut self, digits: &[Digit], cables: &[f64; 5], seen: bool, dt: f64) -> bool {
+    fn tick(&mut self, digits: &[Digit], cables: &[f64], seen: bool, dt: f64) -> bool {
         self.calm += dt;
         if self.calm < SETTLING {
             return false;
         }
-        let rest = *self.rest.get_or_insert(*cables);
+        let rest = *self.rest.get_or_insert_with(|| cables.iter().copied().collect());
         let closing = digits.iter().any(|digit| cables[digit.index()] - rest[digit.index()] > CLOSING_ON);
         if closing || seen {
             (self.added, self.rest, self.calm) = ((self.added + STEP).min(MOST), None, 0.0);
@@ -167,16 +167,16 @@ mod tests {
     const DT: f64 = 1.0 / 120.0;
     const PLAN: [f64; 5] = [20.0, 20.0, 20.0, 10.0, 10.0];
 
-    fn servos(hand: &Hand, ring: f64) -> [ServoState; ACTUATORS] {
-        std::array::from_fn(|n| ServoState {
+    fn servos(hand: &Hand, ring: f64) -> hand_model::ActuatorVector<ServoState> {
+        hand.each_actuator(|n| ServoState {
             position: if n == Digit::Ring.index() { ring } else { 0.02 } / hand.parameters.cable.spool_radius,
             ..ServoState::default()
         })
     }
 
     /// Runs `seconds` with the ring finger's cable at `ring` (m), returns the last tensions.
-    fn run(watch: &mut SlipWatch, hand: &Hand, ring: impl Fn(f64) -> f64, seconds: f64) -> [f64; 5] {
-        let mut tension = PLAN;
+    fn run(watch: &mut SlipWatch, hand: &Hand, ring: impl Fn(f64) -> f64, seconds: f64) -> DigitVector {
+        let mut tension = hand.slack();
         for tick in 0..(seconds / DT) as usize {
             tension = watch.tick(hand, &servos(hand, ring(tick as f64 * DT)), &[], &PLAN, 60.0, DT);
         }
@@ -186,7 +186,7 @@ mod tests {
     #[test]
     fn nothing_moves_nothing_happens() {
         let (hand, mut watch) = (Hand::ftac(), SlipWatch::default());
-        assert_eq!(run(&mut watch, &hand, |_| 0.02, 3.0), PLAN);
+        assert_eq!(run(&mut watch, &hand, |_| 0.02, 3.0)[..], PLAN);
         assert_eq!(watch.steps(), [0, 0]);
     }
 
@@ -195,12 +195,12 @@ mod tests {
     fn tension_rises_on_slip_within_limits_and_falls_back() {
         let (hand, mut watch) = (Hand::ftac(), SlipWatch::default());
         let slipping = run(&mut watch, &hand, |time| 0.02 + if time < 0.3 { 0.0 } else { 0.002 }, 0.5);
-        assert_eq!(slipping, [20.0, 20.0, 20.0, 12.5, 12.5]);
+        assert_eq!(slipping[..], [20.0, 20.0, 20.0, 12.5, 12.5]);
         assert_eq!(watch.steps(), [1, 0]);
         let on_and_on = run(&mut watch, &hand, |time| 0.02 + 0.02 * time, 2.0);
         assert_eq!(on_and_on[3], 20.0, "twice the plan is the limit");
         let calm = run(&mut watch, &hand, |_| 0.05, 30.0);
-        assert_eq!(calm, PLAN);
+        assert_eq!(calm[..], PLAN);
         let capped = watch.tick(&hand, &servos(&hand, 0.1), &[], &PLAN, 11.0, DT);
         assert_eq!(capped[3], 11.0, "no more than a servo can pull");
         assert_eq!(watch.tick(&hand, &servos(&hand, 0.1), &[], &PLAN, 5.0, DT)[0], 20.0, "never below the plan");

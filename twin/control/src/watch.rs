@@ -59,7 +59,6 @@ impl Watch {
 mod tests {
     use std::sync::Arc;
 
-    use hand_model::ACTUATORS;
     use hand_model::robot::{ArmState, ServoState, TactileImage};
 
     use super::*;
@@ -71,7 +70,7 @@ mod tests {
     }
 
     fn observation(time: f64, tactile: Vec<TactileFrame>) -> Observation {
-        let servos = [ServoState::default(); ACTUATORS];
+        let servos = [ServoState::default(); 6].into();
         Observation { time, sequence: 0, servos, arm: ArmState::default(), tactile }
     }
 

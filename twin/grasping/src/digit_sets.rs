@@ -17,8 +17,7 @@ pub fn propose_with(hand: &Hand, digits: &[Digit], object: &str, radius: f64, id
     let column = |digit: &Digit| hand.tree.joints[digit.joints()[0]].origin.translation.x;
     let middle = fingers.iter().map(column).sum::<f64>() / fingers.len().max(1) as f64;
     let opposed = fingers.len() < digits.len();
-    let mut pre = [0.0; 5];
-    let mut close = [0.0; 5];
+    let (mut pre, mut close) = (hand.slack(), hand.slack());
     for digit in digits {
         pre[digit.index()] = uniform(1.0, 4.0);
         close[digit.index()] = uniform(10.0, 36.0);

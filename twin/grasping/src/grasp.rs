@@ -1,6 +1,6 @@
 //! One grasp: approach, digits, tensions, and the position of the object in the hand when the digits close.
 
-use hand_model::Digit;
+use hand_model::{Digit, DigitVector};
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -39,10 +39,10 @@ pub struct Grasp {
     pub roll: f64,
     /// Centre of the object in the palm frame when the digits start to close.
     pub center: [f64; 3],
-    /// Tensions of the five cables while approaching.
-    pub pre_tension: [f64; 5],
-    /// Tensions of the five cables when closed.
-    pub close_tension: [f64; 5],
+    /// Tension of each digit's cable while approaching.
+    pub pre_tension: DigitVector,
+    /// Tension of each digit's cable when closed.
+    pub close_tension: DigitVector,
     /// Angle of the thumb's opposition.
     pub opposition: f64,
     /// How far the hand rises while the digits close.
@@ -112,8 +112,8 @@ mod tests {
             pitch: 0.2,
             roll: -0.9,
             center: [-0.03, -0.04, -0.02],
-            pre_tension: [0.0; 5],
-            close_tension: [0.0; 5],
+            pre_tension: [0.0; 5].into(),
+            close_tension: [0.0; 5].into(),
             opposition: 0.0,
             raise: 0.0,
             thumb_delay: 0.0,

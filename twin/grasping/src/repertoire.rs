@@ -65,10 +65,29 @@ impl Repertoire {
         let (found, expected) = (Self::read(path)?, Self::mark(robot));
         let digest = |mark: &Option<[String; 2]>| mark.as_ref().map(|[_, digest]| digest.clone());
         if digest(&found.robot) == digest(&expected) {
+            found.check(robot, path)?;
             return Ok(found);
         }
         let found = found.robot.map_or_else(|| RobotModel::ftac_gen3().name, |[name, _]| name);
         Err(RepertoireError::Robot { path: path.into(), found, expected: robot.name.clone() })
+    }
+
+    /// Every grasp has a tension for each digit of `robot` and an angle for each joint.
+    fn check(&self, robot: &RobotModel, path: &Path) -> Result<(), RepertoireError> {
+        let (digits, joints) = (robot.hand.cables.len(), robot.hand.tree.len());
+        for grasp in self.grasps.values().flatten() {
+            let angles = grasp.held_joints.as_ref().map_or(joints, Vec::len);
+            let tensions = [("pre_tension", &grasp.pre_tension), ("close_tension", &grasp.close_tension)];
+            let counts = tensions.map(|(field, tensions)| (field, tensions.len(), digits));
+            for (field, found, expected) in counts.into_iter().chain([("held_joints", angles, joints)]) {
+                if found != expected {
+                    let of = format!("grasps.{}[id {}].{field}", grasp.object, grasp.id);
+                    let message = format!("{of}: found {found} numbers, expected {expected}");
+                    return Err(RepertoireError::Syntax { path: path.into(), message });
+                }
+            }
+        }
+        Ok(())
     }
 
     pub fn read(path: &Path) -> Result<Self, RepertoireError> {
@@ -125,8 +144,8 @@ mod tests {
             pitch: 0.2,
             roll: -0.9,
             center: [-0.03, -0.04, 1.0 / 3.0],
-            pre_tension: [0.0, 0.0, 0.0, 1.5, 1.5],
-            close_tension: [0.0, 0.0, 0.0, 18.0, 18.0],
+            pre_tension: [0.0, 0.0, 0.0, 1.5, 1.5].into(),
+            close_tension: [0.0, 0.0, 0.0, 18.0, 18.0].into(),
             opposition: 0.1,
             raise: 0.002,
             thumb_delay: 0.0,
@@ -166,6 +185,20 @@ mod tests {
         std::fs::remove_file(&path).expect("removed");
         assert_eq!((read.command, read.seed, read.grasps), (written.command, written.seed, written.grasps));
         assert_eq!(text.lines().filter(|line| line.starts_with("{\"id\":")).count(), 5);
+    }
+
+    /// A grasp with a tension too few is refused by name, not met by an index out of range in a trial.
+    #[test]
+    fn grasps_of_another_hand_are_refused() {
+        let path = std::env::temp_dir().join(format!("short-repertoire-{}.json", std::process::id()));
+        let mut short = repertoire();
+        if let Some(grasp) = short.grasps.get_mut("can").and_then(|grasps| grasps.first_mut()) {
+            grasp.close_tension.pop();
+        }
+        short.write(&path).expect("written");
+        let error = Repertoire::read_for(&RobotModel::ftac_gen3(), &path).expect_err("refused").to_string();
+        std::fs::remove_file(&path).expect("removed");
+        assert!(error.ends_with("grasps.can[id 0].close_tension: found 4 numbers, expected 5"), "{error}");
     }
 
     #[test]

@@ -6,7 +6,7 @@
 //! of another size scales.
 
 use hand_model::parameters::Handedness;
-use hand_model::{Digit, Hand};
+use hand_model::{Digit, DigitVector, Hand};
 use nalgebra::Vector3;
 use rand::{Rng, RngExt};
 
@@ -52,8 +52,7 @@ pub fn propose(hand: HandForm, object: &ObjectExtent, role: Role, id: u32, rng: 
     let mut uniform = |low: f64, high: f64| rng.random_range(low..high);
     let deg = std::f64::consts::PI / 180.0;
     let radius = 0.5 * (object.half.z + 0.5 * (object.half.x + object.half.y));
-    let mut pre = [0.0; 5];
-    let mut close = [0.0; 5];
+    let (mut pre, mut close) = (DigitVector::from([0.0; 5]), DigitVector::from([0.0; 5]));
     let (yaw, pitch, roll, along, across, gap, opposition, raise, delay);
     match role {
         Role::First => {
@@ -124,7 +123,7 @@ pub fn vary(grasp: &Grasp, id: u32, rng: &mut impl Rng) -> Grasp {
     new.opposition = near(grasp.opposition, 0.1).clamp(0.0, 1.57);
     new.raise = near(grasp.raise, 0.004).max(0.0);
     new.thumb_delay = near(grasp.thumb_delay, 0.05);
-    for n in 0..5 {
+    for n in 0..grasp.close_tension.len() {
         new.pre_tension[n] = near(grasp.pre_tension[n], 0.1 * grasp.pre_tension[n]);
         new.close_tension[n] = near(grasp.close_tension[n], 0.1 * grasp.close_tension[n]);
     }

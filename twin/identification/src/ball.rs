@@ -6,7 +6,7 @@
 
 use control::inverse_kinematics::{ArmKinematics, Joints, Mount};
 use hand_model::hand::CoverShape;
-use hand_model::{HAND_JOINTS, Hand, RobotModel};
+use hand_model::{Hand, RobotModel};
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -120,7 +120,7 @@ impl Ball {
 /// `palm_from_pad` of an open hand whose links are on their stops.
 pub fn palm_from_pad(hand: &Hand, pad: usize) -> Isometry3<f64> {
     let pad = &hand.pads[pad];
-    let link = pad.link.map_or_else(Isometry3::identity, |link| hand.tree.forward(&[0.0; HAND_JOINTS])[link]);
+    let link = pad.link.map_or_else(Isometry3::identity, |link| hand.tree.forward(&hand.open())[link]);
     link * pad.link_from_pad
 }
 
@@ -225,7 +225,7 @@ pub(crate) fn covers<'a>(
     palm: &Isometry3<f64>,
 ) -> impl Iterator<Item = (Option<usize>, Isometry3<f64>, &'a CoverShape)> {
     let palm = *palm;
-    let links = hand.tree.forward(&[0.0; HAND_JOINTS]);
+    let links = hand.tree.forward(&hand.open());
     let fingers =
         links.into_iter().zip(&hand.covers).enumerate().map(move |(n, (link, cover))| (Some(n), palm * link, cover));
     std::iter::once((None, palm, &hand.palm_cover)).chain(fingers)

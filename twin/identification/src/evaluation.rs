@@ -2,7 +2,7 @@
 
 use hand_model::robot::{Command, ServoGoal};
 use hand_model::transmission::friction::CableLosses;
-use hand_model::{ACTUATORS, ArmVector, Digit, Hand, RobotModel};
+use hand_model::{ArmVector, Digit, Hand, HandVector, RobotModel};
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion};
 use plant::Gel;
 use plant::RobotIndividual;
@@ -216,7 +216,7 @@ pub fn reach(
         registered.set(place, truth.deviations()[place]);
     }
     let bodies = [truth, &registered].map(|own| own.robot(nominal));
-    let joints = [bend; hand_model::HAND_JOINTS];
+    let joints = nominal.hand.each_joint(|_| bend);
     let mut rng = ChaCha8Rng::seed_from_u64(1);
     let mut errors = Vec::new();
     for _ in 0..REACHES {
@@ -257,7 +257,7 @@ pub fn compare(
     let real = truth.hand(hand);
     let hands: Vec<Hand> = believed.iter().map(|own| own.hand(hand)).collect();
     let mut differences = vec![Differences::default(); hands.len()];
-    for actuator in 0..ACTUATORS {
+    for actuator in 0..hand.servos.len() {
         let mut robot = body(truth, nominal, losses, start);
         let (motion, angles) = stairs(&mut robot, actuator, nominal);
         for (own, differences) in hands.iter().zip(&mut differences) {
@@ -267,7 +267,7 @@ pub fn compare(
     differences
 }
 
-type Angles = Vec<[f64; hand_model::HAND_JOINTS]>;
+type Angles = Vec<HandVector>;
 
 /// Plays the stairs with one actuator: the motion as measured, and the true joint angles before each tick behind its lead-in.
 fn stairs(robot: &mut SimulatedRobot, actuator: usize, nominal: &RobotModel) -> (FreeMotion, Angles) {
@@ -284,14 +284,14 @@ fn stairs(robot: &mut SimulatedRobot, actuator: usize, nominal: &RobotModel) -> 
     };
     let mut angles = Vec::new();
     let hold = robot.observe().arm.position;
-    let mut servos = [ServoGoal::Position { angle: 0.0, current_limit: 0.15 }; ACTUATORS];
+    let mut servos = nominal.hand.each_actuator(|_| ServoGoal::Position { angle: 0.0, current_limit: 0.15 });
     let opening = [(servos[actuator], LED)];
     let stairs = STAIRS.map(|current| (ServoGoal::Current(current), STAIR));
     for (goal, length) in opening.into_iter().chain(stairs) {
         for _ in 0..(length / tick) as usize {
             let observation = robot.observe();
             motion.push(&observation, goal, nominal);
-            angles.push(robot.truth().hand.try_into().unwrap_or([0.0; hand_model::HAND_JOINTS]));
+            angles.push(robot.truth().hand.into_iter().collect());
             servos[actuator] = goal;
             robot.send(&Command { arm: hold, servos, capture: false });
             robot.wait_for_tick();
@@ -325,7 +325,7 @@ fn note(
             differences.joints.push((angle - truth[*joint]).abs());
             believed[*joint] = angle;
         }
-        let tip = |hand: &Hand, q: &[f64; hand_model::HAND_JOINTS]| hand.tree.forward(q)[last] * fingertip(hand, last);
+        let tip = |hand: &Hand, q: &[f64]| hand.tree.forward(q)[last] * fingertip(hand, last);
         differences.tips.push((tip(own, &believed) - tip(real, truth)).norm());
     }
 }

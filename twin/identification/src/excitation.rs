@@ -6,7 +6,7 @@ use control::outage::Outage;
 use grasping::Grasp;
 use hand_model::robot::{ArmState, Command, Readings, RobotBackend, RobotError, ServoGoal, ServoState};
 use hand_model::transmission::friction::CableFriction;
-use hand_model::{ACTUATORS, ArmVector, Hand, RobotModel};
+use hand_model::{ActuatorVector, ArmVector, Hand, RobotModel};
 use serde::{Deserialize, Serialize};
 use touch::PhotometricCalibration;
 
@@ -210,11 +210,11 @@ struct Player<'a, R> {
     /// What the arm last reported.
     felt: ArmState,
     /// What the servos last reported.
-    servos: [ServoState; ACTUATORS],
+    servos: ActuatorVector<ServoState>,
     script: &'a Script,
     images: PressImages,
     /// Goals of servos that hold something; none: the hand is open.
-    grip: Option<[ServoGoal; ACTUATORS]>,
+    grip: Option<ActuatorVector<ServoGoal>>,
     /// Of an arm that is sent elsewhere than it was asked to: where to, as long as it lasts.
     lag: Option<ArmHeld>,
     /// The same once it has lasted too long.
@@ -226,9 +226,9 @@ struct Player<'a, R> {
 
 impl<R: RobotBackend> Player<'_, R> {
     /// Goals of servos that hold the hand open, or what is in it.
-    fn holding(&self) -> [ServoGoal; ACTUATORS] {
+    fn holding(&self) -> ActuatorVector<ServoGoal> {
         let open = ServoGoal::Position { angle: 0.0, current_limit: self.script.open_current };
-        self.grip.unwrap_or([open; ACTUATORS])
+        self.grip.unwrap_or_else(|| self.servos.iter().map(|_| open).collect())
     }
 
     /// A tick in which the hand stays as it is.
@@ -238,7 +238,7 @@ impl<R: RobotBackend> Player<'_, R> {
 
     fn tick_and(
         &mut self,
-        servos: [ServoGoal; ACTUATORS],
+        servos: ActuatorVector<ServoGoal>,
         capture: bool,
         goes_on: &mut impl FnMut(&mut R) -> bool,
     ) -> bool {

@@ -4,10 +4,11 @@
 //! matrix; what the arm gives way is left out. Before a motion the digit is led as the robot
 //! was: its servo goes where the encoder showed it, so that cable, guides and gear come to the end of their hystereses at which they were.
 
+use hand_model::Hand;
+use hand_model::hand::MOST_DIGITS;
 use hand_model::robot::ServoGoal;
 use hand_model::transmission::SPANS;
 use hand_model::transmission::friction::CableLosses;
-use hand_model::{ACTUATORS, Hand};
 use nalgebra::Point3;
 use sim::drive::OPPOSITION_STIFFNESS;
 use sim::servo::ServoModel;
@@ -19,8 +20,8 @@ use crate::free_motion::FreeMotion;
 const STEPS: usize = 2;
 /// For so long a digit comes to rest before it is led, s.
 const SETTLING: f64 = 0.8;
-/// Index of the actuator that turns the thumb.
-pub const OPPOSITION: usize = ACTUATORS - 1;
+/// Index of the actuator that turns the thumb of the F-TAC Hand.
+pub const OPPOSITION: usize = MOST_DIGITS;
 
 /// What the twin shows before a tick.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use hand_model::transmission::friction::CableLosses;
-use hand_model::{ACTUATORS, Hand, RobotModel};
+use hand_model::{Hand, RobotModel};
 use nalgebra::DMatrix;
 use plant::RobotIndividual;
 use plant::identified::{Covariance, Estimate, IdentifiedRobot};
@@ -32,7 +32,7 @@ const GAIN_STEP: f64 = 0.01;
 pub struct Identification {
     pub robot: IdentifiedRobot,
     /// Of each actuator.
-    pub fits: [Fit; ACTUATORS],
+    pub fits: Vec<Fit>,
     /// What touches of a ball show; the drawing where there are none.
     pub kinematics: KinematicCalibration,
     /// What a weighed object shows; the drawing where there is none.
@@ -91,7 +91,7 @@ pub fn identify(
         })
         .collect();
     let mechanics = mechanics_with(&own).under_gains(&moved, GAIN_STEP, &gains.covariance);
-    let motions: Vec<Vec<FreeMotion>> = (0..ACTUATORS)
+    let motions: Vec<Vec<FreeMotion>> = (0..hand.servos.len())
         .map(|actuator| distinct.values().flat_map(|trace| free_motions(trace, actuator, &own)).collect())
         .collect();
     if let Some(missing) = motions.iter().position(Vec::is_empty) {

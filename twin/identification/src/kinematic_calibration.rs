@@ -5,7 +5,7 @@
 //! sensor that says where the end touches. Least squares over encoders, mount, stops and the ball's place, each with its prior.
 
 use control::inverse_kinematics::Joints;
-use hand_model::{HAND_JOINTS, Hand, RobotModel};
+use hand_model::{Hand, RobotModel};
 use least_squares::{Options, Problem, forward_differences};
 use nalgebra::{DMatrix, Isometry3, Matrix3, Point3, Vector3};
 use optics::Foundation;
@@ -63,7 +63,7 @@ impl Touch {
         let pad = &hand.pads[hand.cameras[self.camera].pad];
         let Some(link) = pad.link else { return true };
         let force = Foundation::winkler(&hand.gel()).ball_force(ball.radius, self.depth(hand, ball));
-        let links = hand.tree.forward(&[0.0; HAND_JOINTS]);
+        let links = hand.tree.forward(&hand.open());
         let place = links[link] * pad.link_from_pad;
         let (point, push) = (place * self.center, place * Vector3::z() * -force);
         hand.tree.chain(link).into_iter().filter(|joint| *joint != hand.transmission.opposition_joint).all(|joint| {
@@ -109,7 +109,7 @@ pub fn searched(individual: &RobotIndividual) -> Vec<usize> {
 fn felt_at(robot: &RobotModel, touch: &Touch) -> (Point3<f64>, Isometry3<f64>) {
     let RobotModel { hand, arm, .. } = robot;
     let pad = &hand.pads[hand.cameras[touch.camera].pad];
-    let mut joints = [0.0; HAND_JOINTS];
+    let mut joints = hand.open();
     joints[hand.transmission.opposition_joint] = (touch.opposition / hand.servos[5].gear_ratio_opposition).max(0.0);
     let palm = arm.tool_pose(&touch.arm) * hand.palm_from_flange.inverse();
     let link = pad.link.map_or_else(Isometry3::identity, |link| hand.tree.forward(&joints)[link]);

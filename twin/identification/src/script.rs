@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use hand_model::{ACTUATORS, ArmVector, Hand, RobotModel};
+use hand_model::{ArmVector, Hand, RobotModel};
 use platform::data::{DataError, parse_toml};
 use serde::{Deserialize, Serialize};
 
@@ -217,7 +217,7 @@ fn check_ball(ball: &Ball, path: &Path) -> Result<(), DataError> {
 
 /// Index of an actuator by name.
 pub fn actuator(hand: &Hand, name: &str) -> Option<usize> {
-    hand.parameters.actuator.iter().take(ACTUATORS).position(|actuator| actuator.name == name)
+    hand.parameters.actuator.iter().position(|actuator| actuator.name == name)
 }
 
 #[cfg(test)]

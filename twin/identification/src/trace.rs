@@ -5,7 +5,7 @@ use std::path::Path;
 use hand_model::robot::{
     ArmState, Command, Observation, Readings, RobotBackend, RobotError, ServoGoal, ServoState, Tick,
 };
-use hand_model::{ACTUATORS, ArmVector, RobotModel};
+use hand_model::{ActuatorVector, ArmVector, RobotModel};
 use plant::identified::Source;
 use platform::digest::sha256;
 use session_log::reader::Event;
@@ -24,9 +24,9 @@ use crate::weight::Weight;
 pub struct Row {
     /// s.
     pub time: f64,
-    pub servos: [ServoState; ACTUATORS],
+    pub servos: ActuatorVector<ServoState>,
     pub arm: ArmState,
-    pub goals: [ServoGoal; ACTUATORS],
+    pub goals: ActuatorVector<ServoGoal>,
 }
 
 /// The weighed object of a session, and the ticks of weighing.
@@ -111,7 +111,7 @@ struct Ticks {
 impl Ticks {
     fn observed(&mut self, observation: &Observation) {
         self.images.see(observation);
-        let goals = [ServoGoal::Current(0.0); ACTUATORS];
+        let goals = observation.servos.iter().map(|_| ServoGoal::default()).collect();
         self.observed = Some(Row { time: observation.time, servos: observation.servos, arm: observation.arm, goals });
     }
 

@@ -334,7 +334,6 @@ pub fn weigh(robot: &RobotModel, kinematics: &KinematicCalibration, (weighed, ti
 
 #[cfg(test)]
 mod tests {
-    use hand_model::ACTUATORS;
     use hand_model::robot::ServoState;
 
     use hand_model::Arm;
@@ -366,9 +365,9 @@ mod tests {
                 for _ in 0..(weight.hold / TICK) as usize {
                     rows.push(Row {
                         time: rows.len() as f64 * TICK,
-                        servos: [ServoState::default(); ACTUATORS],
+                        servos: [ServoState::default(); 6].into(),
                         arm: ArmState { position, torque: torque.into(), ..ArmState::default() },
-                        goals: [goal; ACTUATORS],
+                        goals: [goal; 6].into(),
                     });
                 }
             }

@@ -15,7 +15,7 @@ use control::policy::Uncertainty;
 use control::strategy::promise;
 use control::worth::Candidate;
 use hand_model::robot::{Command, ServoGoal};
-use hand_model::{ACTUATORS, Arm, Hand, RobotModel};
+use hand_model::{Arm, Hand, RobotModel};
 use nalgebra::{Isometry3, Vector3};
 use optics::indentation::press_rasters;
 use optics::{Foundation, IndentationMap, ReducedSensor, Sensor, press};
@@ -128,7 +128,7 @@ fn scene(count: usize) -> SimulatedRobot {
 /// The robot stands for [`TICKS`].
 fn stand(robot: &mut SimulatedRobot) {
     for _ in 0..TICKS {
-        robot.send(&Command { arm: Arm::gen3().home, servos: [ServoGoal::Current(0.0); ACTUATORS], capture: false });
+        robot.send(&Command { arm: Arm::gen3().home, servos: [ServoGoal::Current(0.0); 6].into(), capture: false });
         robot.wait_for_tick();
     }
 }

@@ -71,8 +71,8 @@ impl SceneTwin {
             ..SceneSetup::ideal(base, executive.arm().position)
         };
         let cell = &self.world.cell;
-        let servos = executive.servos().map(|servo| servo.position);
-        let joints = std::array::from_fn(|joint| scene.joints.get(joint).copied().unwrap_or(0.0));
+        let servos = executive.servos().iter().map(|servo| servo.position).collect();
+        let joints = cell.robot.hand.each_joint(|joint| scene.joints.get(joint).copied().unwrap_or(0.0));
         let posture = HandPosture { joints, servos };
         let mut robot = SimulatedRobot::in_posture(&cell.robot, &setup, &posture, self.board.clone());
         robot.fasten(0);

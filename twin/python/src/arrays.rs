@@ -26,7 +26,16 @@ pub fn fixed<const N: usize>(what: &str, numbers: &Numbers) -> PyResult<[f64; N]
     numbers.as_slice().map_err(value_error)?.try_into().map_err(|_| shape())
 }
 
-/// The same, all of them finite.
+/// As many numbers as `most` at most; whoever takes them knows how many it needs.
+pub fn up_to<T: FromIterator<f64>>(what: &str, numbers: &Numbers, most: usize) -> PyResult<T> {
+    let found = numbers.as_slice().map_err(value_error)?;
+    if found.len() > most {
+        return Err(value_error(format!("{what}: found {} numbers, expected at most {most}", found.len())));
+    }
+    Ok(found.iter().copied().collect())
+}
+
+/// Exactly `N` finite numbers.
 pub fn finite<const N: usize>(what: &str, numbers: &Numbers) -> PyResult<[f64; N]> {
     let found: [f64; N] = fixed(what, numbers)?;
     match found.iter().position(|value| !value.is_finite()) {
@@ -45,6 +54,13 @@ pub fn table<'py, const N: usize>(
         line.iter_mut().zip(row).for_each(|(to, from)| *to = from);
     }
     table.into_pyarray(py)
+}
+
+/// A table with as many columns as its first row has numbers.
+pub fn rows<'py, R: AsRef<[f64]>>(py: Python<'py>, rows: &[R]) -> Bound<'py, PyArray2<f64>> {
+    let columns = rows.first().map_or(0, |row| row.as_ref().len());
+    let at = |(row, column): (usize, usize)| rows[row].as_ref()[column];
+    Array2::from_shape_fn((rows.len(), columns), at).into_pyarray(py)
 }
 
 /// Poses as homogeneous matrices, n x 4 x 4.

@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, LazyLock};
 
-use hand_model::{HAND_JOINTS, Hand, RobotModel, statics};
+use hand_model::{Hand, HandVector, RobotModel, statics};
 use nalgebra::Point3;
 use numpy::ndarray::Array2;
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3};
@@ -14,8 +14,8 @@ use crate::arrays::{Numbers, finite, matrices, table, value_error};
 /// The F-TAC Hand as shipped.
 pub static HAND: LazyLock<Arc<Hand>> = LazyLock::new(|| RobotModel::ftac_gen3().hand);
 
-fn angles(q: &Numbers) -> PyResult<[f64; HAND_JOINTS]> {
-    finite("q", q)
+fn angles(q: &Numbers) -> PyResult<HandVector> {
+    finite::<15>("q", q).map(|q| q.into_iter().collect())
 }
 
 /// Names, limits and constants.
@@ -66,26 +66,26 @@ pub fn jacobian<'py>(
     link: usize,
     point: Numbers<'py>,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-    if link >= HAND_JOINTS {
-        return Err(value_error(format!("link: found {link}, expected 0 to {}", HAND_JOINTS - 1)));
+    if link >= HAND.tree.len() {
+        return Err(value_error(format!("link: found {link}, expected 0 to {}", HAND.tree.len() - 1)));
     }
     let (poses, point) = (HAND.tree.forward(&angles(&q)?), Point3::from(finite::<3>("point", &point)?));
     let jacobian = HAND.tree.jacobian(&poses, link, &point);
-    Ok(Array2::from_shape_fn((6, HAND_JOINTS), |at| jacobian[at]).into_pyarray(py))
+    Ok(Array2::from_shape_fn((6, HAND.tree.len()), |at| jacobian[at]).into_pyarray(py))
 }
 
 /// Cable that each digit takes up between 0 and q, m.
 #[pyfunction]
 pub fn excursions<'py>(py: Python<'py>, q: Numbers<'py>) -> PyResult<Bound<'py, PyArray1<f64>>> {
     let q = angles(&q)?;
-    Ok(PyArray1::from_slice(py, &HAND.transmission.cables.each_ref().map(|cable| cable.excursion(&q))))
+    Ok(PyArray1::from_iter(py, HAND.transmission.cables.iter().map(|cable| cable.excursion(&q))))
 }
 
 /// Moment arm of every cable at every joint, 5 x 15, m.
 #[pyfunction]
 pub fn moment_arms<'py>(py: Python<'py>, q: Numbers<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let q = angles(&q)?;
-    let mut arms = Array2::zeros((HAND.transmission.cables.len(), HAND_JOINTS));
+    let mut arms = Array2::zeros((HAND.transmission.cables.len(), HAND.tree.len()));
     for (cable, path) in HAND.transmission.cables.iter().enumerate() {
         for (joint, guides) in &path.joints {
             arms[(cable, *joint)] = guides.moment_arm(q[*joint]);
@@ -97,7 +97,7 @@ pub fn moment_arms<'py>(py: Python<'py>, q: Numbers<'py>) -> PyResult<Bound<'py,
 /// Joint torques of cables and springs, N m.
 #[pyfunction]
 pub fn torques<'py>(py: Python<'py>, q: Numbers<'py>, tensions: Numbers<'py>) -> PyResult<Bound<'py, PyArray1<f64>>> {
-    let torques = HAND.transmission.torques(&angles(&q)?, &finite("tensions", &tensions)?);
+    let torques = HAND.transmission.torques(&angles(&q)?, &finite::<5>("tensions", &tensions)?);
     Ok(PyArray1::from_slice(py, &torques))
 }
 

@@ -5,7 +5,7 @@
 
 use bench::environment::Scene;
 use control::Twist;
-use control::action::{Action, ArmAction, HandAction};
+use control::action::{Action, ActionLimits, ArmAction, HandAction};
 use numpy::ndarray::Array2;
 use numpy::{IntoPyArray, PyArray2, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::PyRuntimeError;
@@ -46,28 +46,28 @@ fn row(action: &Action) -> [f64; NUMBERS] {
     }
     match &action.hand {
         HandAction::Tensions { tensions, opposition } => {
-            row[9..14].copy_from_slice(tensions);
+            row[9..9 + tensions.len()].copy_from_slice(tensions);
             row[14] = *opposition;
         }
         HandAction::Spools(spools) => {
             row[8] = KINDS[1];
-            row[9..15].copy_from_slice(spools);
+            row[9..9 + spools.len()].copy_from_slice(spools);
         }
     }
     row
 }
 
-/// The action of an arm with so many joints.
-fn action(row: &[f64], joints: usize) -> Action {
+/// The action of a robot with these limits.
+fn action(row: &[f64], limits: &ActionLimits) -> Action {
     let arm = if row[0] == KINDS[1] {
-        ArmAction::Joints(row[1..=joints].iter().copied().collect())
+        ArmAction::Joints(row[1..=limits.joints.len()].iter().copied().collect())
     } else {
         ArmAction::Twist(Twist::from_column_slice(&row[1..7]))
     };
     let hand = if row[8] == KINDS[1] {
-        HandAction::Spools(std::array::from_fn(|n| row[9 + n]))
+        HandAction::Spools(row[9..9 + limits.spools.len()].iter().copied().collect())
     } else {
-        HandAction::Tensions { tensions: std::array::from_fn(|n| row[9 + n]), opposition: row[14] }
+        HandAction::Tensions { tensions: row[9..9 + limits.digits].iter().copied().collect(), opposition: row[14] }
     };
     Action { arm, hand }
 }
@@ -99,8 +99,7 @@ pub fn actions(scene: &Scene, given: &Given) -> PyResult<Vec<Action>> {
     if table.shape()[1] != NUMBERS {
         return Err(value_error(format!("pickle: found shape {:?}, expected {NUMBERS} columns", table.shape())));
     }
-    let joints = scene.limits().joints.len();
-    Ok(table.as_slice().map_err(value_error)?.chunks_exact(NUMBERS).map(|row| action(row, joints)).collect())
+    Ok(table.as_slice().map_err(value_error)?.chunks_exact(NUMBERS).map(|row| action(row, scene.limits())).collect())
 }
 
 /// An error unless the scene has come out as it was.

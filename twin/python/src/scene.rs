@@ -8,14 +8,15 @@ use bench::environment::{self, EpisodeError, Judgement, Options, PadImages, Plac
 use bench::workers;
 use control::Twist;
 use control::action::{Action, ActionError, ArmAction, HandAction};
-use hand_model::arm::{ArmVector, MOST_ARM_JOINTS};
+use hand_model::arm::MOST_ARM_JOINTS;
+use hand_model::hand::{MOST_ACTUATORS, MOST_DIGITS};
 use numpy::{IntoPyArray, PyArray1, PyArray3, PyArray4, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use world::layout::Place;
 
-use crate::arrays::{Numbers, failure, fixed, picture, pictures, pose_row, table, value_error};
+use crate::arrays::{Numbers, failure, fixed, picture, pictures, pose_row, table, up_to, value_error};
 use crate::pickled::{Given, Kept, Stepped, actions, check, keep};
 use crate::worlds::shared;
 
@@ -31,9 +32,6 @@ pub struct Scene(Mutex<Stepped<environment::Scene, SceneMade>>);
 /// A task in progress.
 #[pyclass(frozen, module = "ftac._native")]
 pub struct Episode(Mutex<Stepped<environment::Episode, EpisodeMade>>);
-
-/// Numbers of an action in a row: twist (6), tensions (5), opposition.
-const ROW: usize = 12;
 
 /// The scene, if no other thread has it.
 fn own<T>(mutex: &Mutex<T>) -> PyResult<MutexGuard<'_, T>> {
@@ -51,27 +49,19 @@ fn own<T>(mutex: &Mutex<T>) -> PyResult<MutexGuard<'_, T>> {
 /// What is asked for: `twist` or `joints`, and `tensions` with `opposition` or `spools`, in this order.
 type Asked<'py> = (Option<Numbers<'py>>, Option<Numbers<'py>>, Option<Numbers<'py>>, Option<f64>, Option<Numbers<'py>>);
 
-/// Set-points of an arm: as many as one can have at most; its limits say how many it has.
-fn arm_joints(joints: &Numbers) -> PyResult<ArmVector> {
-    let found = joints.as_slice().map_err(value_error)?;
-    if found.len() > MOST_ARM_JOINTS {
-        return Err(value_error(format!("joints: found {} numbers, expected at most {MOST_ARM_JOINTS}", found.len())));
-    }
-    Ok(found.iter().copied().collect())
-}
-
+/// How many values an action has of each kind its limits say: here it is checked that there are not more than any robot takes.
 fn action((twist, joints, tensions, opposition, spools): Asked) -> PyResult<Action> {
     let arm = match (twist, joints) {
         (Some(twist), None) => ArmAction::Twist(Twist::from(fixed::<6>("twist", &twist)?)),
-        (None, Some(joints)) => ArmAction::Joints(arm_joints(&joints)?),
+        (None, Some(joints)) => ArmAction::Joints(up_to("joints", &joints, MOST_ARM_JOINTS)?),
         (None, None) => ArmAction::Twist(Twist::zeros()),
         (Some(_), Some(_)) => return Err(value_error("found twist and joints, expected one of them at most")),
     };
     let hand = match (tensions, opposition, spools) {
         (Some(tensions), Some(opposition), None) => {
-            HandAction::Tensions { tensions: fixed("tensions", &tensions)?, opposition }
+            HandAction::Tensions { tensions: up_to("tensions", &tensions, MOST_DIGITS)?, opposition }
         }
-        (None, None, Some(spools)) => HandAction::Spools(fixed("spools", &spools)?),
+        (None, None, Some(spools)) => HandAction::Spools(up_to("spools", &spools, MOST_ACTUATORS)?),
         _ => return Err(value_error("expected either tensions and opposition, or spools")),
     };
     Ok(Action { arm, hand })
@@ -315,8 +305,9 @@ impl Episode {
     }
 
     /// Tensions (N) and opposition (rad) with which the hand begins.
-    fn grip(&self) -> PyResult<([f64; 5], f64)> {
-        Ok(own(&self.0)?.scene.grip())
+    fn grip(&self) -> PyResult<(Vec<f64>, f64)> {
+        let (tensions, opposition) = own(&self.0)?.scene.grip();
+        Ok((tensions.to_vec(), opposition))
     }
 
     fn objects(&self) -> PyResult<Vec<String>> {
@@ -364,7 +355,7 @@ pub fn restored_episode(py: Python<'_>, made: EpisodeMade, kept: Given<'_>) -> P
     Ok(restored)
 }
 
-/// A step of many episodes on `jobs` threads. Row by row: twist, tensions, opposition. If one action is refused, no episode is stepped.
+/// A step of many episodes on `jobs` threads. Row by row: twist, the tension of each digit, opposition. If one action is refused, no episode is stepped.
 #[pyfunction]
 pub fn step_all(
     py: Python<'_>,
@@ -372,17 +363,22 @@ pub fn step_all(
     actions: PyReadonlyArray2<'_, f64>,
     jobs: usize,
 ) -> PyResult<Vec<Judged>> {
-    if actions.shape() != [episodes.len(), ROW] {
-        let shape = actions.shape();
-        return Err(value_error(format!("actions: found shape {shape:?}, expected ({}, {ROW})", episodes.len())));
-    }
     let mut guards = episodes.iter().map(|episode| own(&episode.get().0)).collect::<PyResult<Vec<_>>>()?;
-    let rows = actions.as_slice().map_err(value_error)?.chunks_exact(ROW);
+    let Some(digits) = guards.first().map(|first| first.scene.scene.limits().digits) else { return Ok(Vec::new()) };
+    let length = 6 + digits + 1;
+    if actions.shape() != [guards.len(), length] {
+        let shape = actions.shape();
+        return Err(value_error(format!("actions: found shape {shape:?}, expected ({}, {length})", guards.len())));
+    }
+    let rows = actions.as_slice().map_err(value_error)?.chunks_exact(length);
     let mut work = Vec::with_capacity(guards.len());
     for (number, (guard, row)) in guards.iter_mut().zip(rows).enumerate() {
         let action = Action {
             arm: ArmAction::Twist(Twist::from_column_slice(&row[..6])),
-            hand: HandAction::Tensions { tensions: std::array::from_fn(|n| row[6 + n]), opposition: row[11] },
+            hand: HandAction::Tensions {
+                tensions: row[6..6 + digits].iter().copied().collect(),
+                opposition: row[6 + digits],
+            },
         };
         let refused = |error| value_error(format!("environment {number}: {error}"));
         guard.scene.scene.limits().check(&action).map_err(refused)?;

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use bench::environment::PadImages;
-use hand_model::RobotModel;
+use hand_model::{ActuatorVector, ArmVector, RobotModel};
 use numpy::ndarray::Array5;
 use numpy::{IntoPyArray, PyArray1};
 use pyo3::prelude::*;
@@ -11,7 +11,7 @@ use pyo3::types::PyDict;
 use session_log::frames::{Frame, frames};
 use session_log::{Reader, SessionLogError, Sizes};
 
-use crate::arrays::{table, value_error};
+use crate::arrays::{rows, value_error};
 use crate::hand::HAND;
 
 /// Most bytes of a session's images.
@@ -32,17 +32,19 @@ pub fn session(py: Python<'_>, path: PathBuf, ticks: usize, side: usize) -> PyRe
     all.set_item("task", String::from_utf8_lossy(&about.task))?;
     all.set_item("outcome", outcome.map(|text| String::from_utf8_lossy(&text).into_owned()))?;
     all.set_item("time", PyArray1::from_iter(py, frames.iter().map(|frame| frame.time)))?;
-    all.set_item("arm", table(py, frames.iter().map(|frame| frame.arm.position.into_inner())))?;
-    all.set_item("arm_velocity", table(py, frames.iter().map(|frame| frame.arm.velocity.into_inner())))?;
-    all.set_item("arm_torque", table(py, frames.iter().map(|frame| frame.arm.torque.into_inner())))?;
+    let each = |pick: fn(&Frame) -> ArmVector| frames.iter().map(pick).collect::<Vec<_>>();
+    all.set_item("arm", rows(py, &each(|frame| frame.arm.position)))?;
+    all.set_item("arm_velocity", rows(py, &each(|frame| frame.arm.velocity)))?;
+    all.set_item("arm_torque", rows(py, &each(|frame| frame.arm.torque)))?;
     let servos = |pick: fn(&hand_model::robot::ServoState) -> f64| {
-        table(py, frames.iter().map(move |frame| frame.servos.each_ref().map(pick)))
+        let of = |frame: &Frame| frame.servos.iter().map(pick).collect::<ActuatorVector>();
+        rows(py, &frames.iter().map(of).collect::<Vec<_>>())
     };
     all.set_item("servos", servos(|servo| servo.position))?;
     all.set_item("servo_velocity", servos(|servo| servo.velocity))?;
     all.set_item("servo_current", servos(|servo| servo.current))?;
-    all.set_item("arm_goal", table(py, frames.iter().map(|frame| frame.sent.arm.into_inner())))?;
-    all.set_item("servo_goal", table(py, frames.iter().map(Frame::servo_goals)))?;
+    all.set_item("arm_goal", rows(py, &each(|frame| frame.sent.arm)))?;
+    all.set_item("servo_goal", rows(py, &frames.iter().map(Frame::servo_goals).collect::<Vec<_>>()))?;
     let (count, pads) = (frames.len(), HAND.pads.len());
     let bytes = [count, pads, side, side, 3].iter().fold(1, |bytes: u64, part| bytes.saturating_mul(*part as u64));
     if bytes > MOST_BYTES {

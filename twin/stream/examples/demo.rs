@@ -49,9 +49,9 @@ fn image(depth: f64, place: [f64; 2]) -> (TactileImage, Vec<f32>) {
 fn signals(t: f64, close: f64, pads: usize, joints: [f64; 15], arm: ArmVector, off: Option<f64>) -> SignalFrame {
     let ripple = |i: usize| 0.4 * (t * 5.0 + i as f64).sin();
     SignalFrame {
-        tensions: Some(std::array::from_fn(|i| 12.0 * close + ripple(i))),
-        currents: Some(std::array::from_fn(|i| 0.2 * close + 0.02 * ripple(i))),
-        joint_angles: Some(joints),
+        tensions: Some((0..5).map(|i| 12.0 * close + ripple(i)).collect()),
+        currents: Some((0..6).map(|i| 0.2 * close + 0.02 * ripple(i)).collect()),
+        joint_angles: Some(joints.into_iter().collect()),
         arm_angles: Some(arm),
         pad_forces: Some((0..pads).map(|pad| force(close, pad)).collect()),
         pose_errors: vec![off.map(|off| PoseError { mm: 12.0 * off + 4.0 + ripple(0), deg: 17.0 * off })],

@@ -7,8 +7,8 @@ mod twin;
 use std::path::Path;
 use std::time::Duration;
 
-use hand_model::RobotModel;
 use hand_model::robot::TactileImage;
+use hand_model::{DigitVector, RobotModel};
 
 use nalgebra::{Isometry3, Point3, Vector3};
 use rerun::log::ChunkBatcherConfig;
@@ -105,7 +105,7 @@ pub struct Recorder {
     changes: Changes,
     cables: Pace,
     /// Cable tensions as they are drawn, in steps.
-    pulled: [u8; 5],
+    pulled: DigitVector<u8>,
     pages: Pace,
     now: Now,
     page: String,
@@ -160,7 +160,7 @@ impl Recorder {
             no_contacts: true,
             changes: Changes::new(robot.hand.cameras.len()),
             cables: Pace::new(settings.cable_rate),
-            pulled: [0; 5],
+            pulled: DigitVector::new(),
             pages: Pace::new(PAGE_RATE),
             now: Now::new(settings.truth),
             page: String::new(),
@@ -262,7 +262,7 @@ impl Recorder {
     /// The numbers of this moment.
     pub fn log_scalars(&mut self, frame: &SignalFrame) -> Result<(), StreamError> {
         if let Some(tensions) = frame.tensions {
-            let pulled = tensions.map(scene::tension_step);
+            let pulled: DigitVector<u8> = tensions.iter().map(|tension| scene::tension_step(*tension)).collect();
             if pulled != self.pulled && self.cables.due(CABLES + 1, self.time) {
                 self.pulled = pulled;
                 self.rec.log(entities::CABLES, &scene::cable_colors(&pulled))?;

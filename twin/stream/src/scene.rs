@@ -184,18 +184,18 @@ fn log_hand(rec: &RecordingStream, hand: &Hand) -> Result<(), StreamError> {
 }
 
 /// Both runs of each cable (palm frame), coloured by tension steps.
-pub fn cables(runs: &[Vec<Point3<f64>>], steps: &[u8; 5]) -> LineStrips3D {
+pub fn cables(runs: &[Vec<Point3<f64>>], steps: &[u8]) -> LineStrips3D {
     let strip =
         |run: &Vec<Point3<f64>>| run.iter().map(|p| <[f32; 3]>::from(p.coords.cast::<f32>())).collect::<Vec<_>>();
     LineStrips3D::new(runs.iter().map(strip)).with_radii([CABLE_RADIUS]).with_colors(colors_of_runs(steps))
 }
 
 /// The colours alone.
-pub fn cable_colors(steps: &[u8; 5]) -> LineStrips3D {
+pub fn cable_colors(steps: &[u8]) -> LineStrips3D {
     LineStrips3D::update_fields().with_colors(colors_of_runs(steps))
 }
 
-fn colors_of_runs(steps: &[u8; 5]) -> Vec<[u8; 3]> {
+fn colors_of_runs(steps: &[u8]) -> Vec<[u8; 3]> {
     steps.iter().flat_map(|step| [tension_color(f64::from(*step) / f64::from(TAUT.1 - 1)); 2]).collect()
 }
 

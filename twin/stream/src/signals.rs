@@ -1,6 +1,6 @@
 //! What is plotted: one entity for each quantity, with a line for each digit, joint or pad.
 
-use hand_model::{ArmVector, RobotModel};
+use hand_model::{ActuatorVector, ArmVector, DigitVector, HandVector, RobotModel};
 use rerun::{RecordingStream, Scalars, SeriesLines};
 
 use crate::entities;
@@ -21,11 +21,11 @@ pub struct PoseError {
 #[derive(Debug, Clone, Default)]
 pub struct SignalFrame {
     /// Cable tensions, N.
-    pub tensions: Option<[f64; 5]>,
+    pub tensions: Option<DigitVector>,
     /// Servo currents, A.
-    pub currents: Option<[f64; 6]>,
+    pub currents: Option<ActuatorVector>,
     /// Finger joint angles, rad.
-    pub joint_angles: Option<[f64; 15]>,
+    pub joint_angles: Option<HandVector>,
     /// Arm joint angles, rad.
     pub arm_angles: Option<ArmVector>,
     /// Force on each pad, N.
@@ -47,7 +47,7 @@ fn lines(names: Vec<String>, colors: Vec<[u8; 3]>) -> SeriesLines {
 /// Logs, once, names and colours of the lines.
 pub fn log_static(rec: &RecordingStream, robot: &RobotModel, objects: &[DrawnObject]) -> Result<(), StreamError> {
     let RobotModel { hand, arm, .. } = robot;
-    let digits: Vec<String> = (0..5).map(|i| digit_name(i).to_owned()).collect();
+    let digits: Vec<String> = (0..hand.cables.len()).map(|i| digit_name(i).to_owned()).collect();
     rec.log_static(entities::TENSIONS, &lines(digits.clone(), DIGIT_COLORS.to_vec()))?;
     let servos = digits.iter().cloned().chain(["opposition".to_owned()]).collect();
     rec.log_static(entities::CURRENTS, &lines(servos, DIGIT_COLORS.into_iter().chain([PALM_COLOR]).collect()))?;
@@ -72,7 +72,7 @@ pub fn log_static(rec: &RecordingStream, robot: &RobotModel, objects: &[DrawnObj
 }
 
 /// Logs what is left between a robot and its twin: loads of the cables (N), and the force on the hand (N, world axes).
-pub fn log_residuals(rec: &RecordingStream, loads: &[f64; 5], force: &[f64; 3]) -> Result<(), StreamError> {
+pub fn log_residuals(rec: &RecordingStream, loads: &[f64], force: &[f64; 3]) -> Result<(), StreamError> {
     let rounded = |values: &[f64]| Scalars::new(values.iter().map(|v| (v * 1e3).round() * 1e-3).collect::<Vec<_>>());
     rec.log(entities::TWIN_LOADS, &rounded(loads))?;
     Ok(rec.log(entities::TWIN_FORCE, &rounded(force))?)

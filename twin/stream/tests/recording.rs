@@ -88,7 +88,7 @@ fn record(path: &Path, robot: &RobotModel) {
         let force = [Vector3::z()];
         recorder.log_contacts(&[Point3::origin()], if tick > 100 { &force } else { &[] }, &[]).expect("logs");
         let frame = SignalFrame {
-            tensions: Some([t; 5]),
+            tensions: Some([t; 5].into()),
             pose_errors: vec![Some(PoseError { mm: t, deg: t })],
             ..Default::default()
         };

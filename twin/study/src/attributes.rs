@@ -185,7 +185,6 @@ fn normals(spread: &Matrix3<f64>, total: f64) -> (f64, f64, Vector3<f64>) {
 pub(crate) mod tests {
     use super::*;
     use grasping::synthesis::held::HeldContact;
-    use hand_model::HAND_JOINTS;
 
     /// A grasp with the given contacts (link, normal in the palm frame, force) at joint angles of `bend`.
     pub(crate) fn grasp(bend: f64, contacts: &[(Option<usize>, [f64; 3], f64)]) -> HeldGrasp {
@@ -193,10 +192,10 @@ pub(crate) mod tests {
             object: "thing".into(),
             chain: 0,
             palm_from_object: [0.0, 0.0, -0.04, 0.0, 0.0, 0.0, 1.0],
-            joints: [bend; HAND_JOINTS],
+            joints: [bend; 15].into_iter().collect(),
             start: [0.0, 0.0, -0.04, 0.0, 0.0, 0.0, 1.0],
-            open_joints: [0.0; HAND_JOINTS],
-            tensions: [0.0; 5],
+            open_joints: [0.0; 15].into_iter().collect(),
+            tensions: [0.0; 5].into(),
             opposition: bend,
             contacts: contacts
                 .iter()

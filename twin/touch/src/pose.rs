@@ -17,7 +17,7 @@ mod shape;
 mod system;
 mod uncertainty;
 
-use hand_model::{HAND_JOINTS, Hand};
+use hand_model::{Hand, HandVector};
 use nalgebra::{DMatrix, Isometry3, Matrix6, Point3, Vector3};
 use problem::{Evidence, Problem, State};
 use rayon::prelude::*;
@@ -44,7 +44,7 @@ pub struct PoseEstimate {
     /// By how much the residuals exceed what their standard deviations promise, at least 1.
     pub misfit: f64,
     /// Joint angles, rad: estimated for digits in contact, in free equilibrium for the others.
-    pub q: [f64; HAND_JOINTS],
+    pub q: HandVector,
     /// Covariance of the joint angles, rad2, pose integrated out.
     pub q_covariance: JointCovariance,
     /// Root mean square distance of the felt points to the object's surface, m.
@@ -137,7 +137,7 @@ pub fn loaded_posture(
     touches: &[PadTouch],
     readings: Readings,
     options: &PoseOptions,
-) -> Result<[f64; HAND_JOINTS], TouchError> {
+) -> Result<HandVector, TouchError> {
     struct Nothing;
     impl KnownShape for Nothing {
         fn signed_distance(&self, _: &Point3<f64>) -> (f64, Vector3<f64>) {

@@ -1,4 +1,4 @@
-//! Joint angles from servo readings: fifteen joints, six servos.
+//! Joint angles from servo readings: more joints than servos.
 //!
 //! Each cable's servo measures two quantities: the excursion of its digit (the cable length that the three joints have
 //! taken up) and the cable's tension. With the springs this gives four equations for three angles: excursion(q) is known,
@@ -9,25 +9,25 @@ use hand_model::digit::Digit;
 use hand_model::robot::ServoState;
 use hand_model::transmission::SPANS;
 use hand_model::transmission::friction::{CableFriction, CableLosses};
-use hand_model::{ACTUATORS, GRAVITY, HAND_JOINTS, Hand};
-use nalgebra::{SMatrix, SVector, UnitQuaternion, Vector3};
+use hand_model::{DigitVector, GRAVITY, Hand, HandVector};
+use nalgebra::{DMatrix, SMatrix, SVector, UnitQuaternion, Vector3};
 
 /// What the posture follows from, beside what the pads feel.
 #[derive(Debug, Clone, Copy)]
 pub struct Readings<'a> {
-    pub servos: &'a [ServoState; ACTUATORS],
+    pub servos: &'a [ServoState],
     /// Gravity along the palm's axes, m/s2; zero where nothing says how the palm is turned.
     pub gravity: Vector3<f64>,
 }
 
 impl<'a> Readings<'a> {
     /// Of a hand whose palm is turned as `palm`, by the arm's encoders.
-    pub fn new(servos: &'a [ServoState; ACTUATORS], palm: &UnitQuaternion<f64>) -> Self {
+    pub fn new(servos: &'a [ServoState], palm: &UnitQuaternion<f64>) -> Self {
         Self { servos, gravity: palm.inverse() * Vector3::new(0.0, 0.0, -GRAVITY) }
     }
 
     /// Of a hand that may be turned in any way.
-    pub fn weightless(servos: &'a [ServoState; ACTUATORS]) -> Self {
+    pub fn weightless(servos: &'a [ServoState]) -> Self {
         Self { servos, gravity: Vector3::zeros() }
     }
 }
@@ -36,11 +36,11 @@ impl<'a> Readings<'a> {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Posture {
     /// Joint angles, rad.
-    pub q: [f64; HAND_JOINTS],
+    pub q: HandVector,
     /// Cable tensions, N, never negative.
-    pub tensions: [f64; 5],
+    pub tensions: DigitVector,
     /// Cable excursions, m.
-    pub excursions: [f64; 5],
+    pub excursions: DigitVector,
 }
 
 /// Tension (N, never negative) of a cable whose servo is at rest.
@@ -61,20 +61,20 @@ pub fn opposition_angle(hand: &Hand, servo: &ServoState) -> f64 {
 }
 
 /// The posture of a hand that touches nothing: the spring equilibrium that takes up the measured excursions.
-pub fn free_posture(hand: &Hand, servos: &[ServoState; ACTUATORS]) -> Posture {
-    let mut q = [0.0; HAND_JOINTS];
+pub fn free_posture(hand: &Hand, servos: &[ServoState]) -> Posture {
+    let mut q = hand.open();
     q[hand.transmission.opposition_joint] = opposition_angle(hand, &servos[5]);
-    let excursions = std::array::from_fn(|cable| cable_excursion(hand, cable, &servos[cable]));
+    let excursions = hand.each_digit(|cable| cable_excursion(hand, cable, &servos[cable]));
     for (cable, &excursion) in excursions.iter().enumerate() {
         for (joint, angle) in free_digit(hand, cable, excursion) {
             q[joint] = angle;
         }
     }
-    Posture { q, tensions: std::array::from_fn(|cable| cable_tension(hand, cable, &servos[cable])), excursions }
+    Posture { q, tensions: hand.each_digit(|cable| cable_tension(hand, cable, &servos[cable])), excursions }
 }
 
 /// Covariance of all joint angles, rad2.
-pub type JointCovariance = SMatrix<f64, HAND_JOINTS, HAND_JOINTS>;
+pub type JointCovariance = DMatrix<f64>;
 
 /// Covariance of the joints on `cable` of a free digit at `excursion` (m), by their place on it: from an excursion known to `sigma`
 /// (m) and the gear's play, and from friction, which shares an excursion out among the joints in another way after closing than after
@@ -82,7 +82,7 @@ pub type JointCovariance = SMatrix<f64, HAND_JOINTS, HAND_JOINTS>;
 pub fn free_covariance(
     hand: &Hand,
     cable: usize,
-    (q, excursion): (&[f64; HAND_JOINTS], f64),
+    (q, excursion): (&[f64], f64),
     sigma: f64,
     losses: &CableLosses,
 ) -> SMatrix<f64, SPANS, SPANS> {
@@ -90,7 +90,7 @@ pub fn free_covariance(
     let mut covariance = SMatrix::zeros();
     let mut add = |spread: SVector<f64, SPANS>| covariance += spread * spread.transpose();
     // How far each joint goes with the tension that balances the springs, and with the excursion.
-    let needed = hand.transmission.tension_for(cable, q, &[0.0; HAND_JOINTS]);
+    let needed = hand.transmission.tension_for(cable, q, &hand.open());
     let (mut give, mut taken) = (SVector::zeros(), 0.0);
     for (slot, (joint, residual_slope)) in spring_residuals(hand, cable, q, needed).map(|(j, _, s)| (j, s)).enumerate()
     {
@@ -190,11 +190,12 @@ pub fn digit_of(link: Option<usize>) -> Option<Digit> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use hand_model::ActuatorVector;
     use proptest::prelude::*;
 
     /// Servo readings of a free hand in equilibrium at the given tensions.
-    fn free_servos(hand: &Hand, tensions: [f64; 5], opposition: f64) -> ([ServoState; ACTUATORS], [f64; HAND_JOINTS]) {
-        let mut q = [0.0; HAND_JOINTS];
+    fn free_servos(hand: &Hand, tensions: DigitVector, opposition: f64) -> (ActuatorVector<ServoState>, HandVector) {
+        let mut q = hand.open();
         q[0] = opposition;
         for (cable, tension) in tensions.iter().enumerate() {
             for (joint, angle) in hand.transmission.free_angles(cable, *tension, std::f64::consts::FRAC_PI_2) {
@@ -202,7 +203,7 @@ mod tests {
             }
         }
         let (radius, servo) = (hand.parameters.cable.spool_radius, hand.parameters.servo);
-        let mut servos = [ServoState::default(); ACTUATORS];
+        let mut servos = hand.each_actuator(|_| ServoState::default());
         for ((state, path), tension) in servos.iter_mut().zip(&hand.transmission.cables).zip(&tensions) {
             let stretch = tension / hand.parameters.cable.stiffness;
             state.position = (path.excursion(&q) + stretch) / radius;
@@ -217,7 +218,7 @@ mod tests {
         #[test]
         fn free_posture_is_recovered(tension in 0.0f64..9.0, opposition in 0.0f64..1.5) {
             let hand = Hand::ftac();
-            let (servos, q) = free_servos(&hand, [tension, 0.8 * tension, 0.5 * tension, 0.2 * tension, 0.0], opposition);
+            let (servos, q) = free_servos(&hand, [tension, 0.8 * tension, 0.5 * tension, 0.2 * tension, 0.0].into(), opposition);
             let posture = free_posture(&hand, &servos);
             for (joint, (found, set)) in posture.q.iter().zip(&q).enumerate() {
                 prop_assert!((found - set).abs() < 1e-4, "joint {joint}: {found} {set}");
@@ -234,7 +235,7 @@ mod tests {
     #[test]
     fn slack_cable_means_open_digit() {
         let hand = Hand::ftac();
-        let posture = free_posture(&hand, &[ServoState { position: -0.2, ..ServoState::default() }; ACTUATORS]);
+        let posture = free_posture(&hand, &[ServoState { position: -0.2, ..ServoState::default() }; 6]);
         assert!(posture.q.iter().all(|angle| angle.abs() < 1e-6), "{:?}", posture.q);
     }
 }

@@ -3,8 +3,8 @@
 
 mod shapes;
 
-use hand_model::Hand;
 use hand_model::robot::ServoState;
+use hand_model::{DigitVector, Hand};
 use nalgebra::{Isometry3, Matrix3, Point3, Translation3, UnitQuaternion, Vector3};
 use shapes::{Ball, Block, Ellipsoid};
 use touch::contacts::{ContactOptions, clear_points, find_contacts};
@@ -43,13 +43,7 @@ fn indentation(shape: &dyn KnownShape, object_from_pad: &Isometry3<f64>, surface
 }
 
 /// Posture in which springs, cable tensions and contact balance, reached by winding up the cables slowly.
-fn close(
-    hand: &Hand,
-    shape: &dyn KnownShape,
-    pose: &Isometry3<f64>,
-    tensions: &[f64; 5],
-    opposition: f64,
-) -> [f64; 15] {
+fn close(hand: &Hand, shape: &dyn KnownShape, pose: &Isometry3<f64>, tensions: &[f64], opposition: f64) -> [f64; 15] {
     let mut q = [0.0; 15];
     q[0] = opposition;
     let samples: Vec<_> = hand.pads.iter().map(|pad| (pad.surface_samples(10, 16), pad.h * pad.w / 160.0)).collect();
@@ -122,7 +116,7 @@ fn feel(
     shape: &dyn KnownShape,
     pose: &Isometry3<f64>,
     q: &[f64; 15],
-    tensions: &[f64; 5],
+    tensions: &[f64],
     noise: &mut Noise,
 ) -> (Vec<PadTouch>, [ServoState; 6]) {
     let poses = hand.pad_poses(&hand.tree.forward(q));
@@ -177,7 +171,7 @@ struct Case {
     name: &'static str,
     shape: Box<dyn KnownShape>,
     truth: Isometry3<f64>,
-    tensions: [f64; 5],
+    tensions: DigitVector,
 }
 
 fn cases() -> Vec<Case> {
@@ -186,19 +180,19 @@ fn cases() -> Vec<Case> {
             name: "ball",
             shape: Box::new(Ball(0.03)),
             truth: at(0.005, 0.0, -0.022, [0.0; 3]),
-            tensions: [8.0, 9.0, 9.0, 9.0, 0.0],
+            tensions: [8.0, 9.0, 9.0, 9.0, 0.0].into(),
         },
         Case {
             name: "box",
             shape: Box::new(Block(Vector3::new(0.045, 0.022, 0.018))),
             truth: at(0.0, 0.008, -0.006, [0.05, 0.08, 0.1]),
-            tensions: [8.0, 9.0, 9.0, 9.0, 9.0],
+            tensions: [8.0, 9.0, 9.0, 9.0, 9.0].into(),
         },
         Case {
             name: "ellipsoid",
             shape: Box::new(Ellipsoid(Vector3::new(0.042, 0.025, 0.02))),
             truth: at(0.002, 0.004, -0.01, [0.1, -0.1, 0.2]),
-            tensions: [8.0, 9.0, 9.0, 9.0, 9.0],
+            tensions: [8.0, 9.0, 9.0, 9.0, 9.0].into(),
         },
     ]
 }

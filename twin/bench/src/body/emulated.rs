@@ -7,11 +7,12 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use anyhow::{Context as _, Result};
 use control::percept::Sighted;
 use hand_model::robot::{Command, Observation, Plant, RobotBackend, Tick};
-use hand_model::{ACTUATORS, Hand, RobotModel};
+use hand_model::{Hand, RobotModel};
 use hardware_bridge::config::LimitConfig;
 use hardware_bridge::emulator::EmulatorSettings;
 use hardware_bridge::emulator::camera_board::BoardSettings;
 use hardware_bridge::emulator::lockstep::{LockstepRobot, LockstepSettings};
+use hardware_bridge::hand_bus::SERVOS;
 use hardware_bridge::safety::state::State;
 use session_log::{Packet, Session};
 use sim::SimulatedRobot;
@@ -64,7 +65,7 @@ impl Plant for SharedPlant {
 }
 
 /// Travel of every shaft of a hand, rad: the closing of all joints, and the cable's stretch.
-pub fn travel(hand: &Hand) -> [f64; ACTUATORS] {
+pub fn travel(hand: &Hand) -> [f64; SERVOS] {
     std::array::from_fn(|n| match hand.transmission.cables.get(n) {
         Some(cable) => cable.full_excursion(std::f64::consts::FRAC_PI_2) / hand.cables[n].spool_radius + STRETCH,
         None => std::f64::consts::FRAC_PI_2 * hand.servos[n].gear_ratio_opposition + STRETCH,

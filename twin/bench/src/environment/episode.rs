@@ -8,7 +8,7 @@ use std::sync::Arc;
 use control::motion::tension::against_friction;
 use control::percept::Percept;
 use hand_model::pads::IMAGE_SIZE;
-use hand_model::{Digit, Hand};
+use hand_model::{Digit, DigitVector, Hand};
 use nalgebra::Point3;
 use proving::rehearsal::{PALM, digit_bits, in_hand};
 use rand::RngExt as _;
@@ -103,7 +103,7 @@ pub struct Judgement {
 }
 
 /// How the hand is asked to pull when an episode begins: tensions (N) at the spools, and the angle (rad) of the opposition joint.
-pub type Grip = ([f64; 5], f64);
+pub type Grip = (DigitVector, f64);
 
 /// A task in progress.
 #[derive(Clone)]
@@ -228,7 +228,12 @@ fn at_rest(
     let board = board.unwrap_or_else(TactileBoard::blank);
     let robot = SimulatedRobot::new(&world.cell.robot, &scene, board);
     let seen = world.percepts(&objects, noise).into_iter().take(count).collect();
-    let begun = Begun { robot, posture: world.cell.ready, tensions: [0.0; 5], frame_delay: scene.frame_delay };
+    let begun = Begun {
+        robot,
+        posture: world.cell.ready,
+        tensions: world.cell.robot.hand.slack(),
+        frame_delay: scene.frame_delay,
+    };
     Ok(Beginning { begun, seen, images, opposition: 0.0 })
 }
 

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use control::action::{Action, ActionError, ActionLimits, Stepper, TICKS};
 use control::inverse_kinematics::{ArmKinematics, IkError, Joints};
 use control::workcell::Workcell;
-use hand_model::ACTUATORS;
+use hand_model::DigitVector;
 use hand_model::robot::{ArmState, Command, Observation, ServoState, TactileImage};
 use nalgebra::Isometry3;
 use proving::simulated_world::World;
@@ -79,7 +79,7 @@ pub(super) struct Begun {
     /// Joint set-points, rad.
     pub(super) posture: Joints,
     /// N.
-    pub(super) tensions: [f64; 5],
+    pub(super) tensions: DigitVector,
     /// From a camera's exposure to its frame, s.
     pub(super) frame_delay: f64,
 }
@@ -119,7 +119,7 @@ impl Scene {
         let board = options.images.map(|side| reduced(board.with_noise(options.seed), side)).transpose()?;
         let backgrounds = board.as_ref().map(TactileBoard::background_frames);
         let robot = SimulatedRobot::new(&world.cell.robot, &setup, board.unwrap_or_else(TactileBoard::blank));
-        let begun = Begun { robot, posture: world.cell.ready, tensions: [0.0; 5], frame_delay };
+        let begun = Begun { robot, posture: world.cell.ready, tensions: world.cell.robot.hand.slack(), frame_delay };
         let images = options.images.zip(backgrounds).map(|(side, images)| FirstImages::untouched(side, images));
         Self::begin(&world.cell, begun, images)
     }
@@ -188,7 +188,7 @@ impl Scene {
     }
 
     /// The six servos as they report.
-    pub fn servos(&self) -> &[ServoState; ACTUATORS] {
+    pub fn servos(&self) -> &[ServoState] {
         &self.observation.servos
     }
 

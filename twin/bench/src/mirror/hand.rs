@@ -4,7 +4,8 @@ use std::collections::VecDeque;
 
 use control::executive::Phase;
 use grasping::Role;
-use hand_model::GRAVITY;
+use hand_model::hand::MOST_DIGITS;
+use hand_model::{DigitVector, GRAVITY};
 use nalgebra::Vector3;
 
 use super::cables::Finding;
@@ -49,7 +50,7 @@ pub struct HandWatch {
     /// Time (s) and force (N) of the last ticks, as long as `memory`.
     past: VecDeque<(f64, Vector3<f64>)>,
     /// Tensions in them, N.
-    tensions: VecDeque<[f64; 5]>,
+    tensions: VecDeque<DigitVector>,
     /// Force on the empty hand, N.
     empty: Option<Vector3<f64>>,
     /// Weight that the hand was last felt to hold, N.
@@ -63,8 +64,8 @@ pub struct HandWatch {
     /// The object that its digits have let go, and when, s.
     dropped: Option<(usize, f64)>,
     /// Digits that carry a load, and since when they are free, s.
-    carrying: [bool; 5],
-    free_since: [Option<f64>; 5],
+    carrying: [bool; MOST_DIGITS],
+    free_since: [Option<f64>; MOST_DIGITS],
     /// What was named and lasts: named again when it has ended.
     touching: bool,
     /// When a contact was named last, s: see [`AGAIN`].
@@ -126,7 +127,7 @@ impl HandWatch {
         (self.should, self.meets) = (should, !quiet);
         let usual = self.usual();
         self.past.push_back((tick.time, force));
-        self.tensions.push_back(tick.residuals.cables.map(|cable| cable.tension));
+        self.tensions.push_back(tick.residuals.cables.iter().map(|cable| cable.tension).collect());
         while self.past.front().is_some_and(|(time, _)| *time < tick.time - limits.memory) {
             self.past.pop_front();
             self.tensions.pop_front();
@@ -228,7 +229,7 @@ impl HandWatch {
 
     /// Digits that carried something and bear no more than a free digit does.
     fn lost_digits(&mut self, limits: &HandLimits, tick: &HandTick, should: usize, quiet: bool) -> Option<Finding> {
-        let mut dropped = [false; 5];
+        let mut dropped = [false; MOST_DIGITS];
         for (n, cable) in tick.residuals.cables.iter().enumerate() {
             let load = cable.tension - cable.free;
             let free = load.abs() < (limits.free_share * cable.pulled).max(0.5);
@@ -328,6 +329,7 @@ impl HandWatch {
 mod tests {
     use hand_model::Digit;
 
+    use super::super::residuals::Cable;
     use super::*;
 
     const TICK: f64 = 1.0 / 120.0;
@@ -351,7 +353,7 @@ mod tests {
             };
             let acts = own + share(60, 30) * object + share(179, ticks) * force;
             felt = acts + limits.step.lag * (felt - acts);
-            let mut residuals = Residuals { force: felt, ..Residuals::default() };
+            let mut residuals = Residuals { force: felt, cables: [Cable::default(); 5].into() };
             residuals.cables[Digit::Ring.index()].tension = if n < 60 || n >= 180 && !grips { 0.0 } else { 2.0 };
             let tick = HandTick { time, phase, progress, residuals: &residuals, masses: [0.1, 0.2] };
             watch.see(&limits, &tick).map(|(kind, ..)| kind)

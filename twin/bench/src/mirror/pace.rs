@@ -4,7 +4,7 @@
 //! unchanged. A real one is seen when its host has the time: some milliseconds early or late, or not at all for a while. Then measurements between
 //! the last look and this one lie on the straight line between both, and the command is the one that was in force at that time.
 
-use hand_model::ACTUATORS;
+use hand_model::ActuatorVector;
 use hand_model::robot::{ArmState, Command, ServoState};
 
 /// Looks whose distance differs from a tick by less than this are even, s.
@@ -19,7 +19,7 @@ const SETTLING: usize = 30;
 pub struct Look {
     /// s.
     pub time: f64,
-    pub servos: [ServoState; ACTUATORS],
+    pub servos: ActuatorVector<ServoState>,
     pub arm: ArmState,
     pub sent: Command,
 }
@@ -97,7 +97,7 @@ fn between(last: &Look, now: &Look, at: f64) -> Look {
         torque: joints(&last.arm.torque, &now.arm.torque),
     };
     let sent = if share < 1.0 { last.sent } else { now.sent };
-    Look { time: at, servos: std::array::from_fn(servo), arm, sent }
+    Look { time: at, servos: (0..last.servos.len()).map(servo).collect(), arm, sent }
 }
 
 #[cfg(test)]
@@ -111,8 +111,8 @@ mod tests {
     /// A look at `time` (s) at servos that turn by a radian a second.
     fn look(time: f64) -> Look {
         let servo = ServoState { position: time, velocity: 1.0, ..ServoState::default() };
-        let sent = Command { arm: [time; 7].into(), servos: [ServoGoal::Current(0.0); ACTUATORS], capture: false };
-        Look { time, servos: [servo; ACTUATORS], arm: ArmState::default(), sent }
+        let sent = Command { arm: [time; 7].into(), servos: [ServoGoal::Current(0.0); 6].into(), capture: false };
+        Look { time, servos: [servo; 6].into(), arm: ArmState::default(), sent }
     }
 
     #[test]

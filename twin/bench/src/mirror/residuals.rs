@@ -3,7 +3,7 @@
 use hand_model::arm::MOST_ARM_JOINTS;
 use hand_model::load::torques;
 use hand_model::robot::ServoState;
-use hand_model::{ACTUATORS, Hand};
+use hand_model::{DigitVector, Hand};
 use nalgebra::{SMatrix, Vector3};
 
 use super::twin::Innovation;
@@ -33,7 +33,7 @@ pub struct Cable {
 /// Residuals of a tick.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Residuals {
-    pub cables: [Cable; 5],
+    pub cables: DigitVector<Cable>,
     /// Force that acts on the robot's hand and not on the twin's, world axes, N.
     pub force: Vector3<f64>,
 }
@@ -42,7 +42,7 @@ impl Residuals {
     /// Of a tick of `tick` (s) between the readings `before` and `now`, with the arm's `jacobian` at the palm (world axes).
     pub fn new(
         hand: &Hand,
-        [before, now]: [&[ServoState; ACTUATORS]; 2],
+        [before, now]: [&[ServoState]; 2],
         tick: f64,
         innovation: &Innovation,
         jacobian: &SMatrix<f64, 6, MOST_ARM_JOINTS>,
@@ -73,7 +73,7 @@ impl Residuals {
             let along = (u.transpose() * -torque).component_mul(&damped);
             (v_t.transpose() * along).fixed_rows::<3>(0).into_owned()
         });
-        Self { cables: std::array::from_fn(cable), force }
+        Self { cables: hand.each_digit(cable), force }
     }
 }
 
@@ -84,7 +84,7 @@ mod tests {
     use super::*;
 
     fn innovation() -> Innovation {
-        Innovation::default()
+        Innovation { tensions: [0.0; 5].into(), ..Innovation::default() }
     }
 
     /// At rest a cable bears what the current holds; a spool that speeds up under it bears nothing.
@@ -94,13 +94,13 @@ mod tests {
         let (servo, radius) = (&hand.servos[1], hand.cables[1].spool_radius);
         let still = ServoState { current: 0.1, ..ServoState::default() };
         let jacobian = SMatrix::<f64, 6, MOST_ARM_JOINTS>::zeros();
-        let holding = Residuals::new(&hand, [&[still; ACTUATORS]; 2], 0.01, &innovation(), &jacobian).cables[1];
+        let holding = Residuals::new(&hand, [&[still; 6]; 2], 0.01, &innovation(), &jacobian).cables[1];
         assert!((holding.tension - 0.1 * servo.torque_constant / radius).abs() < 1e-9);
         assert_eq!(holding.tension, holding.pulled);
         // Torque 0.1 A over the rotor's inertia, less what the bearings take at the mean speed.
         let faster = 0.1 * servo.torque_constant * 0.01 / (servo.rotor_inertia + 0.5 * 0.01 * servo.damping);
         let spun = ServoState { velocity: faster, ..still };
-        let states = [&[still; ACTUATORS], &[spun; ACTUATORS]];
+        let states = [&[still; 6][..], &[spun; 6][..]];
         let free = Residuals::new(&hand, states, 0.01, &innovation(), &jacobian).cables[1];
         assert!(free.tension.abs() < 1e-9, "{}", free.tension);
     }
@@ -115,7 +115,7 @@ mod tests {
             arm.tree.jacobian(&links, 6, &point).fixed_view::<6, 7>(0, 0).into_owned();
         let force = Vector3::new(3.0, -4.0, -6.0);
         let torque = -(jacobian.fixed_rows::<3>(0).transpose() * force);
-        let still = [ServoState::default(); ACTUATORS];
+        let still = hand.each_actuator(|_| ServoState::default());
         let innovation = Innovation { arm_torque: torque.iter().copied().collect(), ..innovation() };
         let found = Residuals::new(&hand, [&still; 2], 0.01, &innovation, &jacobian).force;
         assert!((found - force).norm() < 0.03 * force.norm(), "{found}");
@@ -126,7 +126,7 @@ mod tests {
     fn a_force_does_not_jump_where_the_arm_is_singular() {
         let (hand, arm) = (Hand::ftac(), Arm::gen3());
         let point = nalgebra::Point3::new(0.02, 0.0, -0.1);
-        let still = [ServoState::default(); ACTUATORS];
+        let still = hand.each_actuator(|_| ServoState::default());
         let innovation = Innovation { arm_torque: [0.1, -0.3, 0.2, 0.4, -0.1, 0.2, 0.05].into(), ..innovation() };
         let force = |elbow: f64| {
             let mut at = Arm::gen3().home;

@@ -2,7 +2,6 @@
 
 use control::executive::{Executive, Phase};
 use control::perception::Felt;
-use hand_model::ACTUATORS;
 use hand_model::robot::{ArmState, Command, ServoState, TactileFrame};
 
 /// One tick, without any truth: nothing in it can be had from a simulator alone.
@@ -11,7 +10,7 @@ pub struct Seen<'a> {
     /// Time after the tick, s.
     pub time: f64,
     /// The servos as measured before the command was sent.
-    pub servos: &'a [ServoState; ACTUATORS],
+    pub servos: &'a [ServoState],
     /// The arm as measured before the command was sent.
     pub arm: &'a ArmState,
     /// The newest image of each camera, whenever it was taken.

@@ -11,7 +11,7 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 
 use hand_model::robot::{ArmState, Command, ServoState};
-use hand_model::{ACTUATORS, Arm, ArmVector, Hand};
+use hand_model::{Arm, ArmVector, DigitVector, Hand};
 use nalgebra::Isometry3;
 use proving::simulated_world::World;
 use sim::tactile::TactileBoard;
@@ -21,11 +21,11 @@ use sim::{SceneSetup, SimulatedRobot};
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Innovation {
     /// Load of each cable beyond the twin's, at the spool, N: positive holds the digit open, as a contact does.
-    pub loads: [f64; 5],
+    pub loads: DigitVector,
     /// Torque on the opposition servo beyond the twin's, N m at its output.
     pub opposition: f64,
     /// Cable tensions of the twin, N.
-    pub tensions: [f64; 5],
+    pub tensions: DigitVector,
     /// Torques that the arm's joints bear less the twin's, N m.
     pub arm_torque: ArmVector,
 }
@@ -55,7 +55,7 @@ impl Twin {
     }
 
     /// Takes what was measured at the end of a tick, of a robot that is seen at uneven times if `late`; what the robot did in it that the twin did not.
-    pub fn correct(&mut self, servos: &[ServoState; ACTUATORS], arm: &ArmState, late: bool) -> Innovation {
+    pub fn correct(&mut self, servos: &[ServoState], arm: &ArmState, late: bool) -> Innovation {
         let own = self.robot.observe();
         self.torques.push_back(own.arm.torque);
         while self.torques.len() > if late { LAG } else { 1 } {
@@ -71,9 +71,9 @@ impl Twin {
             -self.hand.servos[n].rotor_inertia * faster / self.tick
         };
         let innovation = Innovation {
-            loads: std::array::from_fn(|n| torque(n) / self.hand.cables[n].spool_radius),
-            opposition: torque(ACTUATORS - 1),
-            tensions: *self.robot.tensions(),
+            loads: self.hand.each_digit(|n| torque(n) / self.hand.cables[n].spool_radius),
+            opposition: torque(self.hand.servos.len() - 1),
+            tensions: self.robot.tensions().iter().copied().collect(),
             arm_torque: self.arm.borne(&self.arm.each(|n| arm.torque[n] - given(n))),
         };
         self.robot.follow_servos(servos);

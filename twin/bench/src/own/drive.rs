@@ -78,7 +78,7 @@ pub fn drive(
     let stages =
         Stages::new(scenario.referee.palm_distance, LIFTED * bench.world.protocol().lift, scenario.protocol.hold_time);
     let cell = &bench.world.cell;
-    let stepper = Stepper::new(cell, *executive.posture(), [0.0; 5])?;
+    let stepper = Stepper::new(cell, *executive.posture(), cell.robot.hand.slack())?;
     let servos = cell.robot.hand.servo_goals(&[0.0; 5], 0.0, 0.0);
     let mut driven = Driven {
         bench,

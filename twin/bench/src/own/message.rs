@@ -4,7 +4,7 @@ use control::action::{Action, ActionLimits, ArmAction, HandAction};
 use control::policy::chosen::{Aim, Answer, Situation};
 use control::worth::Candidate;
 use hand_model::robot::{ArmState, ServoState};
-use hand_model::{ACTUATORS, Hand};
+use hand_model::{DigitVector, Hand};
 use nalgebra::Isometry3;
 use serde::Deserialize;
 use serde_json::{Value, json};
@@ -20,8 +20,8 @@ pub fn pose_row(pose: &Isometry3<f64>) -> [f64; 7] {
 }
 
 /// A row a servo: angle (rad), speed (rad/s), current (A).
-pub fn servo_rows(servos: &[ServoState; ACTUATORS]) -> [[f64; 3]; ACTUATORS] {
-    servos.map(|servo| [servo.position, servo.velocity, servo.current])
+pub fn servo_rows(servos: &[ServoState]) -> Vec<[f64; 3]> {
+    servos.iter().map(|servo| [servo.position, servo.velocity, servo.current]).collect()
 }
 
 /// A row a joint: angle (rad), speed (rad/s), torque (N m).
@@ -92,7 +92,7 @@ pub struct Observed<'a> {
     pub time: f64,
     /// Until the trial has failed, s.
     pub time_left: f64,
-    pub servos: &'a [ServoState; ACTUATORS],
+    pub servos: &'a [ServoState],
     pub arm: &'a ArmState,
     /// `world_from_palm` by the arm's encoders.
     pub palm: Isometry3<f64>,
@@ -138,7 +138,7 @@ struct Acted {
 #[serde(deny_unknown_fields)]
 struct Asked {
     twist: [f64; 6],
-    tensions: [f64; 5],
+    tensions: DigitVector,
     opposition: f64,
 }
 
@@ -167,7 +167,7 @@ mod tests {
         assert!(acted(json!({ "action": null })).unwrap().is_none());
         let row = json!({ "twist": [0, 0, 0.1, 0, 0, 0], "tensions": [1, 2, 3, 4, 5], "opposition": 0.3 });
         let action = acted(json!({ "action": row })).unwrap().unwrap();
-        assert_eq!(action.hand, HandAction::Tensions { tensions: [1.0, 2.0, 3.0, 4.0, 5.0], opposition: 0.3 });
+        assert_eq!(action.hand, HandAction::Tensions { tensions: [1.0, 2.0, 3.0, 4.0, 5.0].into(), opposition: 0.3 });
         for (answer, words) in [
             (json!({ "choice": [-1, 0, 0, 0] }), "invalid value"),
             (json!({ "choice": "left" }), "invalid type"),

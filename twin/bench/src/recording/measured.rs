@@ -43,7 +43,7 @@ impl Measured {
         }
         recorder.log_scalars(&SignalFrame {
             tensions: Some(tensions),
-            currents: Some(executive.servos().map(|servo| servo.current)),
+            currents: Some(executive.servos().iter().map(|servo| servo.current).collect()),
             joint_angles: Some(q),
             arm_angles: Some(arm),
             ..SignalFrame::default()

@@ -22,7 +22,7 @@ impl Recording {
             arm,
             palm: mirror.twin().palm(),
             hand,
-            loads: residuals.cables.map(|cable| cable.tension - cable.free),
+            loads: residuals.cables.iter().map(|cable| cable.tension - cable.free).collect(),
             force: residuals.force.into(),
             object,
         })?;

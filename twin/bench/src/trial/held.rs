@@ -2,7 +2,7 @@
 
 use anyhow::Result;
 use control::perception::Expected;
-use hand_model::ACTUATORS;
+use hand_model::ActuatorVector;
 use hand_model::robot::ServoState;
 use nalgebra::{Isometry3, UnitQuaternion};
 use proving::rehearsal::in_hand;
@@ -22,7 +22,7 @@ pub struct HeldGrasp {
     pub trial: usize,
     pub object: String,
     /// Position (rad) and current (A) of each servo.
-    servos: [[f64; 2]; ACTUATORS],
+    servos: ActuatorVector<[f64; 2]>,
     /// How the palm is turned in the world, by the arm's encoders.
     turned: UnitQuaternion<f64>,
     /// Where the plan has the object.
@@ -39,12 +39,13 @@ pub struct HeldGrasp {
 
 impl HeldGrasp {
     /// What the servos report.
-    pub fn servos(&self) -> [ServoState; ACTUATORS] {
-        self.servos.map(|[position, current]| ServoState { position, current, ..ServoState::default() })
+    pub fn servos(&self) -> ActuatorVector<ServoState> {
+        let state = |&[position, current]: &[f64; 2]| ServoState { position, current, ..ServoState::default() };
+        self.servos.iter().map(state).collect()
     }
 
     /// What its posture follows from, given [`Self::servos`].
-    pub fn readings<'a>(&self, servos: &'a [ServoState; ACTUATORS]) -> Readings<'a> {
+    pub fn readings<'a>(&self, servos: &'a [ServoState]) -> Readings<'a> {
         Readings::new(servos, &self.turned)
     }
 }
@@ -62,7 +63,7 @@ impl Bench {
             combination,
             trial,
             object: start.objects[0].name.clone(),
-            servos: snapshot.executive.servos().map(|servo| [servo.position, servo.current]),
+            servos: snapshot.executive.servos().iter().map(|servo| [servo.position, servo.current]).collect(),
             turned: snapshot.executive.palm().rotation,
             expected: Expected::of(first, percept, second).palm_from_object,
             truth: palm * truth.objects[0],

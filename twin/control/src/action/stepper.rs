@@ -1,7 +1,7 @@
 //! Actions turned into set-points, tick by tick.
 
-use hand_model::ACTUATORS;
 use hand_model::robot::ServoGoal;
+use hand_model::{ActuatorVector, DigitVector};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 
 use super::{Action, ActionError, ActionLimits, ArmAction, HandAction};
@@ -22,7 +22,7 @@ enum Reference {
 }
 
 /// What a tick asks of arm (rad) and servos.
-pub type Goals = (Joints, [ServoGoal; ACTUATORS]);
+pub type Goals = (Joints, ActuatorVector<ServoGoal>);
 
 /// Carries actions out. A clone goes its own way from the same bits.
 #[derive(Debug, Clone)]
@@ -30,12 +30,12 @@ pub struct Stepper {
     cell: Workcell,
     limits: ActionLimits,
     reference: Reference,
-    tensions: [f64; 5],
+    tensions: DigitVector,
 }
 
 impl Stepper {
     /// Of a robot whose arm's set-points are `posture` (rad), and whose cables are pulled with `tensions` (N).
-    pub fn new(cell: &Workcell, posture: Joints, tensions: [f64; 5]) -> Result<Self, IkError> {
+    pub fn new(cell: &Workcell, posture: Joints, tensions: DigitVector) -> Result<Self, IkError> {
         let reference = Reference::Palm(Box::new(cell.arm_servo(posture)?));
         Ok(Self { cell: cell.clone(), limits: ActionLimits::of(cell), reference, tensions })
     }
@@ -80,10 +80,11 @@ impl Stepper {
     }
 
     /// Goals of a tick when `part` of the step is over and the tensions were `before` it, N.
-    fn servo_goals(&self, action: &HandAction, before: &[f64; 5], part: f64) -> [ServoGoal; ACTUATORS] {
+    fn servo_goals(&self, action: &HandAction, before: &[f64], part: f64) -> ActuatorVector<ServoGoal> {
         match action {
             HandAction::Tensions { tensions, opposition } => {
-                let now = std::array::from_fn(|n| before[n] + part * (tensions[n] - before[n]));
+                let now: DigitVector =
+                    tensions.iter().zip(before).map(|(tension, before)| before + part * (tension - before)).collect();
                 ActionLimits::tension_goals(&self.cell, &now, *opposition)
             }
             HandAction::Spools(angles) => self.limits.spool_goals(angles),

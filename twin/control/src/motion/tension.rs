@@ -5,7 +5,7 @@ use std::f64::consts::FRAC_PI_2;
 use grasping::Grasp;
 use hand_model::robot::{ServoGoal, ServoState};
 use hand_model::transmission::friction::CableFriction;
-use hand_model::{ACTUATORS, Digit, Hand};
+use hand_model::{ActuatorVector, Digit, DigitVector, Hand};
 use touch::posture::cable_excursion;
 
 /// Current limit of the opposition servo, A.
@@ -13,23 +13,18 @@ const OPPOSITION_CURRENT: f64 = 0.6;
 /// Rate limit of a cable's tension, N/s.
 const TENSION_RATE: f64 = 80.0;
 
-/// Servo goals for five cable tensions (N) and the angle of the opposition joint (rad).
-pub(super) fn servo_goals(hand: &Hand, tension: &[f64; 5], opposition: f64) -> [ServoGoal; ACTUATORS] {
+/// Servo goals for cable tensions (N) and the angle of the opposition joint (rad).
+pub(super) fn servo_goals(hand: &Hand, tension: &[f64], opposition: f64) -> ActuatorVector<ServoGoal> {
     hand.servo_goals(tension, opposition, OPPOSITION_CURRENT)
 }
 
 /// What servos are to pull (N) for the joints of closing digits to feel the tensions `wanted` (N): more by what the guides take
 /// up to the middle joint of a digit whose joints share its measured excursion alike.
-pub fn against_friction(
-    hand: &Hand,
-    friction: &CableFriction,
-    servos: &[ServoState; ACTUATORS],
-    wanted: &[f64; 5],
-) -> [f64; 5] {
+pub fn against_friction(hand: &Hand, friction: &CableFriction, servos: &[ServoState], wanted: &[f64]) -> DigitVector {
     if friction.coefficient == 0.0 {
-        return *wanted;
+        return wanted.iter().copied().collect();
     }
-    std::array::from_fn(|cable| {
+    hand.each_digit(|cable| {
         let full = hand.transmission.cables[cable].full_excursion(FRAC_PI_2);
         let angle = FRAC_PI_2 * (cable_excursion(hand, cable, &servos[cable]) / full).clamp(0.0, 1.0);
         // All of the first joint's turn is behind the guide before the second joint, and half of the second's own.
@@ -39,7 +34,7 @@ pub fn against_friction(
 }
 
 /// Moves the tensions `now` towards `wanted` (N) for one tick (s), within [`TENSION_RATE`].
-pub fn approach_tension(now: &mut [f64; 5], wanted: &[f64; 5], tick: f64) {
+pub fn approach_tension(now: &mut DigitVector, wanted: &[f64], tick: f64) {
     for (now, wanted) in now.iter_mut().zip(wanted) {
         *now += (wanted - *now).clamp(-TENSION_RATE * tick, TENSION_RATE * tick);
     }
@@ -61,16 +56,16 @@ mod tests {
         let hand = Hand::ftac();
         let friction = hand.parameters.cable.friction;
         let (digit, angle, wanted) = (Digit::Index.index(), 0.8, [10.0; 5]);
-        let q = [angle; hand_model::HAND_JOINTS];
+        let q = hand.each_joint(|_| angle);
         let path = &hand.transmission.cables[digit];
         let radius = hand.parameters.cable.spool_radius;
-        let mut servos = [ServoState::default(); ACTUATORS];
+        let mut servos = hand.each_actuator(|_| ServoState::default());
         servos[digit].position = path.excursion(&q) / radius;
         let pulled = against_friction(&hand, &friction, &servos, &wanted);
         let felt = path.span_tensions(&q, pulled[digit], &friction, &[1.0; 3])[1];
         assert!((felt - 10.0).abs() < 0.2, "{felt} of {pulled:?}");
-        let open = against_friction(&hand, &friction, &[ServoState::default(); ACTUATORS], &wanted);
+        let open = against_friction(&hand, &friction, &hand.each_actuator(|_| ServoState::default()), &wanted);
         assert!((open[0] / 10.0 - (friction.coefficient * friction.routing).exp()).abs() < 1e-12);
-        assert_eq!(against_friction(&hand, &CableFriction::NONE, &servos, &wanted), wanted);
+        assert_eq!(against_friction(&hand, &CableFriction::NONE, &servos, &wanted)[..], wanted);
     }
 }

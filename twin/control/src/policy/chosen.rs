@@ -5,7 +5,6 @@
 //! the trial. The first object is taken as planned. A chooser that fails, or answers what cannot be, ends its trial with the reason in the record.
 
 use grasping::Grasp;
-use hand_model::ACTUATORS;
 use hand_model::robot::{ArmState, ServoState, TactileFrame};
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use touch::InHand;
@@ -33,7 +32,7 @@ pub struct Situation<'a> {
     pub time_left: f64,
     /// Tries at the second object so far.
     pub tries: u32,
-    pub servos: &'a [ServoState; ACTUATORS],
+    pub servos: &'a [ServoState],
     pub arm: &'a ArmState,
     /// `world_from_palm` as commanded.
     pub palm: Isometry3<f64>,

@@ -27,7 +27,7 @@ fn with_bar_at(x: f64) -> (bool, f64) {
         name: "bar",
         solids: &bar,
         pose: Isometry3::translation(x, 0.09, -0.02),
-        joints: vec![0.0; hand_model::HAND_JOINTS],
+        joints: vec![0.0; 15],
         digits,
         sigma: 0.001,
     };
@@ -104,7 +104,7 @@ fn with_twin(rehearsals: [fn(&Vector3<f64>) -> TryOutcome; 2], twin: Option<&dyn
         name: "bar",
         solids: &bar,
         pose: Isometry3::translation(-0.10, 0.09, -0.02),
-        joints: vec![0.0; hand_model::HAND_JOINTS],
+        joints: vec![0.0; 15],
         digits: Role::First.digits(),
         sigma: 0.001,
     };

@@ -6,7 +6,6 @@ use control::policy::touch::Touch;
 use control::policy::{Injected, Knowledge, Policy, Step};
 use control::sensing::Senses;
 use grasping::Role;
-use hand_model::robot::Observation;
 use nalgebra::Isometry3;
 use world::Sensing;
 
@@ -131,7 +130,7 @@ fn touch_puts_down_the_second_object_when_the_first_is_lost() {
     assert_eq!(touch.decide(&mut executive, &mut eyes, 0.0).expect("decided"), Step::Play(Phase::Decide));
     assert_eq!((executive.phase(), eyes.asked), (Phase::PutDown, [0, 1]));
     while executive.phase() == Phase::PutDown {
-        executive.tick(&Observation::default()).expect("a command");
+        executive.tick(&still()).expect("a command");
     }
     touch.perceive(&executive, in_hand(true, true)).expect("perceived");
     assert_eq!(touch.decide(&mut executive, &mut eyes, 0.0).expect("decided"), Step::Play(Phase::Decide));
@@ -142,7 +141,7 @@ fn touch_puts_down_the_second_object_when_the_first_is_lost() {
 fn aside(executive: &mut Executive) {
     assert_eq!(executive.phase(), Phase::StepAside);
     while executive.phase() == Phase::StepAside {
-        executive.tick(&Observation::default()).expect("a command");
+        executive.tick(&still()).expect("a command");
     }
     assert_eq!(executive.phase(), Phase::Decide);
 }

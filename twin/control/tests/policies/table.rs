@@ -14,7 +14,7 @@ use control::workcell::Workcell;
 use control::worth::Candidate;
 use grasping::{Grasp, Repertoire, Role};
 use hand_model::pads::IMAGE_SIZE;
-use hand_model::robot::{Observation, TactileImage};
+use hand_model::robot::{Observation, ServoState, TactileImage};
 use hand_model::transmission::friction::CableFriction;
 use hand_model::{Arm, RobotModel};
 use nalgebra::{Isometry3, Translation3};
@@ -26,6 +26,11 @@ pub const TICK: f64 = 0.02;
 pub const FIRST: &str = "cube_45";
 pub const SECOND: &str = "golf_ball";
 pub const TIME_LIMIT: f64 = 120.0;
+
+/// Of a robot that has not moved.
+pub fn still() -> Observation {
+    Observation { servos: [ServoState::default(); 6].into(), ..Observation::default() }
+}
 
 pub fn grasp(id: u32, object: &str, role: Role, center: [f64; 3], score: f64) -> Grasp {
     let mut close_tension = [0.0; 5];
@@ -40,8 +45,8 @@ pub fn grasp(id: u32, object: &str, role: Role, center: [f64; 3], score: f64) ->
         pitch: 0.0,
         roll: 0.0,
         center,
-        pre_tension: [0.0; 5],
-        close_tension,
+        pre_tension: [0.0; 5].into(),
+        close_tension: close_tension.into(),
         opposition: 0.5,
         raise: 0.0,
         thumb_delay: 0.0,
@@ -170,7 +175,7 @@ pub fn run_until(executive: &mut Executive, phase: Phase) {
         if executive.phase() >= phase {
             return;
         }
-        executive.tick(&Observation::default()).expect("a command");
+        executive.tick(&still()).expect("a command");
     }
     panic!("{phase} is not reached");
 }

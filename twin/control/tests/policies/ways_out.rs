@@ -9,7 +9,6 @@ use control::policy::{Knowledge, Policy, Recovery, Step};
 use control::sensing::Senses;
 use control::worth::{Candidate, Sequence};
 use grasping::Role;
-use hand_model::robot::Observation;
 use nalgebra::Vector3;
 use world::Sensing;
 
@@ -46,7 +45,7 @@ fn with_contacts_after_the_plan(others: Option<TryOutcome>, recovery: Recovery, 
     let told = touch.story().take_announcements().join("; ");
     if executive.phase() == Phase::PutDown {
         while executive.phase() == Phase::PutDown {
-            executive.tick(&Observation::default()).expect("a command");
+            executive.tick(&still()).expect("a command");
         }
         touch.perceive(&executive, in_hand(false, false)).expect("perceived");
         touch.decide(&mut executive, &mut eyes, time).expect("decided");

@@ -8,7 +8,7 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use hand_model::{Digit, HAND_JOINTS};
+use hand_model::{Digit, HandVector};
 use serde::{Deserialize, Serialize};
 
 use super::grasp_file::GraspFileError;
@@ -61,15 +61,19 @@ pub struct Collection {
 /// Link (-1 is the palm), point, normal, force.
 type ContactRow = (i64, [i64; 3], [i64; 3], i64);
 
+/// Joints and digits of the F-TAC Hand, whose grasps a collection holds.
+const JOINTS: usize = 15;
+const DIGITS: usize = 5;
+
 /// Chain; palm_from_object; joints; start; open joints; tensions; opposition; contacts; approach; room; margin, penetration and, where the
 /// file has them, mass, friction, payload; moved; energy.
 type Row = (
     u64,
     [i64; 7],
-    [i64; HAND_JOINTS],
+    [i64; JOINTS],
     [i64; 7],
-    [i64; HAND_JOINTS],
-    [i64; 5],
+    [i64; JOINTS],
+    [i64; DIGITS],
     i64,
     Vec<ContactRow>,
     [i64; 3],
@@ -79,8 +83,10 @@ type Row = (
     i64,
 );
 
-fn steps<const N: usize>(values: &[f64; N], per_unit: f64) -> [i64; N] {
-    values.map(|x| (x * per_unit).round() as i64)
+/// # Panics
+/// If there are not `N` values.
+fn steps<const N: usize>(values: &[f64], per_unit: f64) -> [i64; N] {
+    std::array::from_fn(|n| (values[n] * per_unit).round() as i64)
 }
 
 fn values<const N: usize>(steps: &[i64; N], per_unit: f64) -> [f64; N] {
@@ -121,9 +127,9 @@ fn grasp(object: &str, row: Row) -> Result<HeldGrasp, String> {
     let mut contacts = Vec::with_capacity(rows.len());
     for (n, (link, point, normal, force)) in rows.into_iter().enumerate() {
         let link = match usize::try_from(link) {
-            Ok(link) if link < HAND_JOINTS => Some(link),
+            Ok(link) if link < JOINTS => Some(link),
             Err(_) if link == -1 => None,
-            _ => return Err(format!("contacts[{n}].link: found {link}, expected -1 to {}", HAND_JOINTS - 1)),
+            _ => return Err(format!("contacts[{n}].link: found {link}, expected -1 to {}", JOINTS - 1)),
         };
         contacts.push(HeldContact {
             link,
@@ -156,10 +162,10 @@ fn grasp(object: &str, row: Row) -> Result<HeldGrasp, String> {
         object: object.into(),
         chain,
         palm_from_object: values(&pose, per_unit::POSE),
-        joints: values(&joints, per_unit::ANGLE),
+        joints: HandVector::from_iter(values(&joints, per_unit::ANGLE)),
         start: values(&start, per_unit::POSE),
-        open_joints: values(&open, per_unit::ANGLE),
-        tensions: values(&tensions, per_unit::FORCE),
+        open_joints: HandVector::from_iter(values(&open, per_unit::ANGLE)),
+        tensions: values(&tensions, per_unit::FORCE).into(),
         opposition: opposition as f64 / per_unit::ANGLE,
         digits: digits.collect(),
         palm: touches(None),

@@ -7,7 +7,7 @@
 
 use std::collections::BTreeMap;
 
-use hand_model::{Digit, HAND_JOINTS};
+use hand_model::Digit;
 use nalgebra::{DMatrix, Vector3};
 use serde::Serialize;
 
@@ -122,12 +122,11 @@ pub fn describe<'a>(grasps: impl IntoIterator<Item = &'a HeldGrasp>) -> Diversit
 
 /// Cumulative shares of the joint angles' variance, largest component first; empty without variance.
 fn explained(grasps: &[&HeldGrasp]) -> Vec<f64> {
-    let table = DMatrix::from_fn(grasps.len(), HAND_JOINTS, |row, joint| grasps[row].joints[joint]);
-    if grasps.is_empty() {
-        return Vec::new();
-    }
+    let Some(first) = grasps.first() else { return Vec::new() };
+    let joints = first.joints.len();
+    let table = DMatrix::from_fn(grasps.len(), joints, |row, joint| grasps[row].joints[joint]);
     let mean = table.row_mean();
-    let centered = DMatrix::from_fn(grasps.len(), HAND_JOINTS, |row, joint| table[(row, joint)] - mean[joint]);
+    let centered = DMatrix::from_fn(grasps.len(), joints, |row, joint| table[(row, joint)] - mean[joint]);
     let mut values: Vec<f64> =
         (centered.transpose() * &centered).symmetric_eigenvalues().iter().map(|value| value.max(0.0)).collect();
     values.sort_by(|a, b| b.total_cmp(a));

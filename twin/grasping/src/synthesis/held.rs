@@ -5,7 +5,7 @@
 //! uses, the approach direction, the clearance of the free digits, and the wrench margin.
 //! In files lengths are rounded to 0.01 mm, angles to 1e-4 rad, forces to 1 mN. [`AnyHeld`] is the same for a hand from files.
 
-use hand_model::{Digit, HAND_JOINTS};
+use hand_model::{Digit, DigitVector, HandVector};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -57,13 +57,13 @@ pub struct HeldGrasp {
     /// `palm_from_object` when closed: x, y, z, then the quaternion's i, j, k, w.
     pub palm_from_object: [f64; 7],
     /// Joint angles when closed.
-    pub joints: [f64; HAND_JOINTS],
+    pub joints: HandVector,
     /// `palm_from_object` and joint angles with the hand open, before it closes.
     pub start: [f64; 7],
     /// See `start`.
-    pub open_joints: [f64; HAND_JOINTS],
-    /// Tensions of the five cables when closed.
-    pub tensions: [f64; 5],
+    pub open_joints: HandVector,
+    /// Tension of each digit's cable when closed.
+    pub tensions: DigitVector,
     /// Angle of the thumb's opposition.
     pub opposition: f64,
     pub contacts: Vec<HeldContact>,
@@ -241,10 +241,10 @@ pub(super) mod tests {
                 Translation3::new(0.012_345_678, 0.0, -0.04),
                 UnitQuaternion::from_euler_angles(0.1, 0.2, 0.3),
             )),
-            joints: [0.123_456_789; HAND_JOINTS],
+            joints: HandVector::from_iter([0.123_456_789; 15]),
             start: pose_to_array(&Isometry3::identity()),
-            open_joints: [0.1; HAND_JOINTS],
-            tensions: [10.0, 20.0, 0.0, 0.0, 0.0],
+            open_joints: HandVector::from_iter([0.1; 15]),
+            tensions: [10.0, 20.0, 0.0, 0.0, 0.0].into(),
             opposition: 1.2,
             contacts: vec![HeldContact { link: Some(2), point: [0.01; 3], normal: [0.0, 0.0, 1.0], force: 1.5 }],
             digits: vec![Digit::Thumb],

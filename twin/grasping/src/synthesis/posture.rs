@@ -4,7 +4,7 @@
 //! curve with the same mean angle. From there a digit *opens* along its curve until it is clear of the object. This is
 //! the posture in which the hand approaches; increasing the tension closes it.
 
-use hand_model::{Digit, HAND_JOINTS, Hand};
+use hand_model::{Digit, DigitVector, Hand, HandVector};
 use nalgebra::Vector3;
 
 use super::field::DistanceField;
@@ -24,11 +24,11 @@ const RETREATS: usize = 12;
 #[derive(Debug, Clone, PartialEq)]
 pub struct FreePosture {
     /// Cable tensions, N.
-    pub tensions: [f64; 5],
+    pub tensions: DigitVector,
     /// Opposition angle, rad.
     pub opposition: f64,
     /// Resulting joint angles, rad.
-    pub joints: [f64; HAND_JOINTS],
+    pub joints: HandVector,
 }
 
 /// Tension at which the mean angle of a free cable's joints is `mean` (rad), by bisection: the angle increases with tension.
@@ -60,9 +60,9 @@ fn mean_angle(hand: &Hand, cable: usize, joints: &[f64]) -> f64 {
 pub fn project(hand: &Hand, joints: &[f64]) -> FreePosture {
     let drive = hand.transmission.opposition_joint;
     let opposition = joints[drive].clamp(hand.tree.joints[drive].lower, hand.tree.joints[drive].upper);
-    let mut posture = FreePosture { tensions: [0.0; 5], opposition, joints: [0.0; HAND_JOINTS] };
+    let mut posture = FreePosture { tensions: hand.slack(), opposition, joints: hand.open() };
     posture.joints[drive] = opposition;
-    for cable in 0..5 {
+    for cable in 0..hand.cables.len() {
         set_mean(hand, &mut posture, cable, mean_angle(hand, cable, joints));
     }
     posture
@@ -161,7 +161,7 @@ mod tests {
     proptest! {
         /// A free posture is its own projection.
         #[test]
-        fn projecting_twice_changes_nothing(joints in proptest::collection::vec(0.0..1.4_f64, HAND_JOINTS)) {
+        fn projecting_twice_changes_nothing(joints in proptest::collection::vec(0.0..1.4_f64, 15)) {
             let hand = Hand::ftac();
             let once = project(&hand, &joints);
             let twice = project(&hand, &once.joints);
@@ -182,8 +182,7 @@ mod tests {
         let surface = HandSurface::new(&hand, 1000);
         let field = ball(0.03);
         let mut frames = Frames::new(&hand.tree);
-        let state =
-            HandState { object_from_palm: Isometry3::translation(0.0, 0.0, 0.035), joints: vec![0.9; HAND_JOINTS] };
+        let state = HandState { object_from_palm: Isometry3::translation(0.0, 0.0, 0.035), joints: vec![0.9; 15] };
         frames.place(&state);
         let deepest = |frames: &Frames| {
             (0..16).map(|link| clearance(frames, &surface, &field, link).0).fold(f64::INFINITY, f64::min)

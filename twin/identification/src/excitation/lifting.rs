@@ -4,7 +4,7 @@ use control::motion::CLOSING_TIME;
 use control::motion::tension::{against_friction, approach_tension, closing_tension};
 use grasping::Grasp;
 use hand_model::robot::{ArmState, RobotBackend};
-use hand_model::{ArmVector, RobotModel};
+use hand_model::{ArmVector, DigitVector, RobotModel};
 
 use super::{Means, Player};
 use crate::arm_load::{bears, force_on_palm};
@@ -126,7 +126,7 @@ impl<R: RobotBackend> Player<'_, R> {
         goes_on: &mut impl FnMut(&mut R) -> bool,
     ) -> Ended {
         let Some((begin, on)) = way.approach.split_first() else { return Ended::OutOfReach };
-        let (grasp, mut pull) = (&way.grasp, [0.0; 5]);
+        let (grasp, mut pull) = (&way.grasp, own.hand.slack());
         let begun = self.go(begin, goes_on);
         // Digits take the shape in which they come to the object.
         if !begun || !self.pull_for(means, grasp, &mut pull, -CLOSING_TIME, goes_on) {
@@ -156,13 +156,13 @@ impl<R: RobotBackend> Player<'_, R> {
         &mut self,
         means: &Means,
         grasp: &Grasp,
-        pull: &mut [f64; 5],
+        pull: &mut DigitVector,
         mut time: f64,
         goes_on: &mut impl FnMut(&mut R) -> bool,
     ) -> bool {
         let (tick, end) = (self.robot.tick_length(), time + CLOSING_TIME);
         while time < end {
-            let wanted: [f64; 5] = std::array::from_fn(|digit| {
+            let wanted = means.robot.hand.each_digit(|digit| {
                 if time < 0.0 { grasp.pre_tension[digit] } else { closing_tension(grasp, digit, time) }
             });
             let wanted = against_friction(&means.robot.hand, &means.friction, &self.servos, &wanted);

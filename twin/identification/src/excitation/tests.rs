@@ -1,6 +1,6 @@
 use std::path::Path;
 
-use hand_model::robot::{Observation, Readings, Tick};
+use hand_model::robot::{Observation, Readings, ServoState, Tick};
 use hand_model::{Arm, RobotModel};
 
 use super::*;
@@ -28,7 +28,8 @@ impl RobotBackend for Limited {
             return Err(RobotError::Lost("nobody answers".to_owned()));
         }
         let arm = ArmState { position: self.sent, ..ArmState::default() };
-        Ok(Observation { time: self.time, arm, ..Observation::default() }.into())
+        let servos = [ServoState::default(); 6].into();
+        Ok(Observation { time: self.time, servos, arm, ..Observation::default() }.into())
     }
 
     fn send(&mut self, command: &Command) -> Result<Command, RobotError> {

@@ -5,7 +5,6 @@ use std::f64::consts::PI;
 use anyhow::{Result, anyhow};
 use control::arm_clearance::ArmBodies;
 use control::inverse_kinematics::Joints;
-use hand_model::HAND_JOINTS;
 use hand_model::robot::Command;
 use proving::simulated_world::World;
 use rand::{RngExt, SeedableRng};
@@ -37,7 +36,7 @@ fn potential(world: &World, q: &Joints, load: f64) -> f64 {
     let kinematics = world.cell.kinematics();
     let links = kinematics.link_poses(q);
     let palm = kinematics.palm_pose(q);
-    let fingers = world.cell.robot.hand.tree.forward(&[0.0; HAND_JOINTS]);
+    let fingers = world.cell.robot.hand.tree.forward(&world.cell.robot.hand.open());
     let arm: f64 = links.iter().zip(&world.cell.robot.arm.masses).map(|(pose, m)| m.mass * (pose * m.com).z).sum();
     let hand: f64 =
         fingers.iter().zip(&world.cell.robot.hand.masses).map(|(pose, m)| m.mass * (palm * pose * m.com).z).sum();

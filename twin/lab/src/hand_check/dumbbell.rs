@@ -9,7 +9,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::Result;
-use hand_model::Hand;
+use hand_model::{DigitVector, Hand};
 use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
 use rayon::prelude::*;
 use report::picture::{Picture, View, save, tile};
@@ -54,16 +54,16 @@ pub fn prop() -> Prop {
 }
 
 /// Tensions of the grip, N.
-pub fn tensions() -> [f64; 5] {
+pub fn tensions() -> DigitVector {
     fingers(TENSION)
 }
 
-fn fingers(tension: f64) -> [f64; 5] {
-    [0.0, tension, tension, tension, tension]
+fn fingers(tension: f64) -> DigitVector {
+    [0.0, tension, tension, tension, tension].into()
 }
 
 /// Tensions (N), each with its time (s), from when the bar is let go of until the weight comes.
-pub fn gripping() -> Vec<([f64; 5], f64)> {
+pub fn gripping() -> Vec<(DigitVector, f64)> {
     let beats = std::iter::repeat_n([(fingers(HARD), BEAT), (tensions(), BEAT)], TIMES).flatten();
     std::iter::once((tensions(), REST)).chain(beats).collect()
 }

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::Result;
-use hand_model::Hand;
+use hand_model::{DigitVector, Hand};
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use serde::Serialize;
 use sim::engine::EngineSettings;
@@ -43,9 +43,9 @@ struct Scene {
     name: &'static str,
     prop: Prop,
     place: Isometry3<f64>,
-    tensions: [f64; 5],
+    tensions: DigitVector,
     /// Tensions with their times once the prop is let go of, before its weight comes, N and s.
-    gripping: Vec<([f64; 5], f64)>,
+    gripping: Vec<(DigitVector, f64)>,
     opposition: f64,
     gravity: Vector3<f64>,
 }
@@ -60,8 +60,8 @@ fn scenes(hand: &Hand) -> Vec<Scene> {
             name: "cylinder 300 g",
             prop: Prop::new("cylinder", Shape::Cylinder { radius: 0.025, half_height: 0.06 }, 0.3, 0.8),
             place: place(-0.005, 0.025),
-            tensions: [20.0; 5],
-            gripping: vec![([20.0; 5], 1.0)],
+            tensions: [20.0; 5].into(),
+            gripping: vec![([20.0; 5].into(), 1.0)],
             opposition: 1.0,
             gravity: down,
         },
@@ -69,8 +69,8 @@ fn scenes(hand: &Hand) -> Vec<Scene> {
             name: "ball 60 g",
             prop: Prop::new("ball", Shape::Sphere { radius: 0.03 }, 0.06, 0.8),
             place: place(0.0, 0.03),
-            tensions: [15.0; 5],
-            gripping: vec![([15.0; 5], 1.0)],
+            tensions: [15.0; 5].into(),
+            gripping: vec![([15.0; 5].into(), 1.0)],
             opposition: 1.1,
             gravity: down,
         },

@@ -65,7 +65,7 @@ fn lines(path: &Path3, mark: &str) -> Vec<(String, Vec<[f64; 2]>)> {
 /// A block below the finger's `phalanx` that it meets at about 20 deg of flexion of its joint.
 fn block(hand: &Hand, phalanx: usize) -> (Prop, Isometry3<f64>) {
     let link = DIGIT.joints()[phalanx];
-    let mut q = [0.0; 15];
+    let mut q = hand.open();
     q[link] = 20f64.to_radians();
     if phalanx == 1 {
         // Where the proximal phalanx is when the middle one has flexed so far.

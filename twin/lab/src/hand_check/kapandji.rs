@@ -12,7 +12,7 @@ use std::sync::Arc;
 
 use anyhow::Result;
 use hand_model::statics::{self, Slid};
-use hand_model::{Digit, HAND_JOINTS, Hand};
+use hand_model::{Digit, DigitVector, Hand, HandVector};
 use image::RgbImage;
 use nalgebra::Point3;
 use rand::{RngExt, SeedableRng};
@@ -85,8 +85,8 @@ impl CommandResult {
     }
 }
 
-fn tensions(target: &Target, command: &Command) -> [f64; 5] {
-    let mut tensions = [0.0; 5];
+fn tensions(target: &Target, command: &Command) -> DigitVector {
+    let mut tensions = DigitVector::from([0.0; 5]);
     tensions[0] = command.thumb;
     if let Some(link) = target.link {
         tensions[link / 3] = command.finger;
@@ -117,7 +117,7 @@ fn run(hand: &Arc<Hand>, target: &Target, tip: &[Point3<f64>], command: Command)
     stand.run(&tension_goals(hand, &first, turned), FIRST);
     if command.harder != [1.0, 1.0] {
         let factor = |cable: usize| command.harder[usize::from(cable > 0)];
-        let hard = std::array::from_fn(|cable| all[cable] * factor(cable));
+        let hard = hand.each_digit(|cable| all[cable] * factor(cable));
         stand.run(&tension_goals(hand, &hard, command.opposition), HARD);
     }
     stand.run(&tension_goals(hand, &all, command.opposition), REST);
@@ -131,7 +131,7 @@ fn run(hand: &Arc<Hand>, target: &Target, tip: &[Point3<f64>], command: Command)
 }
 
 /// Joint angles (rad) that a command leads to where nothing is in the way.
-fn expected(hand: &Hand, target: &Target, command: &Command) -> [f64; HAND_JOINTS] {
+fn expected(hand: &Hand, target: &Target, command: &Command) -> HandVector {
     let opposition = command.opposition.min(std::f64::consts::FRAC_PI_2);
     let [mut thumb, finger] = command.harder.map(|harder| {
         let state = if harder > TURNED { -1.0 } else { 1.0 };

@@ -7,9 +7,9 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::{Context, Result};
-use hand_model::robot::{Command, ServoGoal};
+use hand_model::robot::Command;
 use hand_model::transmission::friction::CableFriction;
-use hand_model::{Hand, RobotModel};
+use hand_model::{DigitVector, Hand, RobotModel};
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use platform::data::write_whole;
 use serde_json::{Value, json};
@@ -40,7 +40,7 @@ const SHORTER: [u32; 5] = [1, 2, 4, 8, 16];
 #[derive(Clone)]
 struct Phase {
     seconds: f64,
-    tensions: [f64; 5],
+    tensions: DigitVector,
     opposition: f64,
 }
 
@@ -61,8 +61,8 @@ impl StandTest {
     /// All digits close on `prop` at a tension (N) with the thumb opposed (rad).
     fn closing(name: &'static str, prop: Prop, place: Isometry3<f64>, tension: f64, opposition: f64) -> Self {
         let phases = vec![
-            Phase { seconds: 0.6, tensions: [0.0; 5], opposition },
-            Phase { seconds: 2.4, tensions: [tension; 5], opposition },
+            Phase { seconds: 0.6, tensions: [0.0; 5].into(), opposition },
+            Phase { seconds: 2.4, tensions: [tension; 5].into(), opposition },
         ];
         Self { name, prop: Some((prop, place)), phases, gripping: Vec::new(), gravity: Vector3::zeros(), let_go: false }
     }
@@ -70,7 +70,7 @@ impl StandTest {
     /// The same, let go of after another second and held against gravity out of the palm.
     fn holding(name: &'static str, prop: Prop, place: Isometry3<f64>, tension: f64, opposition: f64) -> Self {
         Self {
-            gripping: vec![Phase { seconds: 1.0, tensions: [tension; 5], opposition }],
+            gripping: vec![Phase { seconds: 1.0, tensions: [tension; 5].into(), opposition }],
             gravity: Vector3::new(0.0, 0.0, -9.81),
             let_go: true,
             ..Self::closing(name, prop, place, tension, opposition)
@@ -103,9 +103,9 @@ fn stand_tests(hand: &Hand, friction: f64) -> Vec<StandTest> {
             name: "free",
             prop: None,
             phases: vec![
-                Phase { seconds: 1.5, tensions: [2.0, 3.0, 4.0, 5.0, 6.0], opposition: 0.4 },
-                Phase { seconds: 1.5, tensions: [5.0, 7.0, 3.0, 8.0, 1.0], opposition: 0.9 },
-                Phase { seconds: 1.5, tensions: [0.0; 5], opposition: 0.0 },
+                Phase { seconds: 1.5, tensions: [2.0, 3.0, 4.0, 5.0, 6.0].into(), opposition: 0.4 },
+                Phase { seconds: 1.5, tensions: [5.0, 7.0, 3.0, 8.0, 1.0].into(), opposition: 0.9 },
+                Phase { seconds: 1.5, tensions: [0.0; 5].into(), opposition: 0.0 },
             ],
             gripping: Vec::new(),
             gravity: Vector3::new(0.0, 0.0, -9.81),
@@ -254,7 +254,7 @@ fn whole(robot: &RobotModel, folder: &Path) -> Result<Value> {
     };
     let mut robot = SimulatedRobot::new(robot, &setup, TactileBoard::blank());
     let tensions = [4.0; 5];
-    let servos: [ServoGoal; 6] = tension_goals(hand, &tensions, 0.5);
+    let servos = tension_goals(hand, &tensions, 0.5);
     let clock = Instant::now();
     let mut ticks = 0;
     while robot.observe().time < 3.0 {

@@ -217,7 +217,6 @@ fn largest(held: f64, directions: [usize; 6], holds: impl Fn(usize, f64) -> bool
 mod tests {
     use super::*;
     use grasping::synthesis::posture::project;
-    use hand_model::HAND_JOINTS;
     use sim::hand_scene::{HandScene, Pull};
     use std::sync::Arc;
 
@@ -297,9 +296,9 @@ mod tests {
         let hand = Arc::new(Hand::ftac());
         let subject = Subject::named("ball").expect("the ball");
         let away = Isometry3::translation(0.0, 0.0, -0.5);
-        let scene = HandScene::new(&hand, &subject.model, &away, &[0.0; HAND_JOINTS]);
-        let pull = Pull { tensions: [0.0; 5], opposition: 0.0 };
-        let open = project(&hand, &[0.0; HAND_JOINTS]);
+        let scene = HandScene::new(&hand, &subject.model, &away, &hand.open());
+        let pull = Pull { tensions: hand.slack(), opposition: 0.0 };
+        let open = project(&hand, &hand.open());
         let closed = Closed { scene, pull, open, start: away, moved: (0.0, 0.0), touches: Vec::new() };
         let hold = hold(&closed, 0.1);
         assert!(!hold.held && hold.shares[0] > 1.0 && hold.shares[1..] == [0.0; 5], "{hold:?}");

@@ -13,7 +13,7 @@ use grasping::synthesis::chain::Sample;
 use grasping::synthesis::frames::Frames;
 use grasping::synthesis::posture::{FreePosture, open_clear};
 use grasping::synthesis::surface::HandSurface;
-use hand_model::{Digit, Hand};
+use hand_model::{Digit, DigitVector, Hand};
 use nalgebra::{Isometry3, Vector3};
 use rand::{Rng, RngExt};
 use rand_distr::StandardNormal;
@@ -87,7 +87,7 @@ pub enum NotClosed {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Aim {
     /// What each digit pulls with, N; the others hold their open posture.
-    pub tensions: [Option<f64>; 5],
+    pub tensions: DigitVector<Option<f64>>,
     /// Displacement of the hand from the sample: m, rad.
     pub offset: [f64; 6],
 }
@@ -95,7 +95,10 @@ pub struct Aim {
 impl Aim {
     /// Every digit with a contact point pulls alike, where the sample is.
     pub fn plain(used: &[Digit]) -> Self {
-        Self { tensions: Digit::ALL.map(|digit| used.contains(&digit).then_some(CLOSE_TENSION)), offset: [0.0; 6] }
+        Self {
+            tensions: Digit::ALL.map(|digit| used.contains(&digit).then_some(CLOSE_TENSION)).into(),
+            offset: [0.0; 6],
+        }
     }
 
     /// Random tensions, now and then a helper, a small offset.
@@ -107,7 +110,7 @@ impl Aim {
         });
         let offset =
             std::array::from_fn(|n| if n < 3 { OFFSET.0 } else { OFFSET.1 } * rng.sample::<f64, _>(StandardNormal));
-        Self { tensions, offset }
+        Self { tensions: tensions.into(), offset }
     }
 }
 
@@ -135,7 +138,7 @@ pub fn close(
     let state = sample.state.moved(&by);
     let opened = open_clear(hand, surface, &subject.field, frames, &state).ok_or(NotClosed::Blocked)?;
     let start = opened.state.object_from_palm.inverse();
-    let after = std::array::from_fn(|n| aim.tensions[n].unwrap_or(opened.open.tensions[n]));
+    let after = hand.each_digit(|n| aim.tensions[n].unwrap_or(opened.open.tensions[n]));
     pull(hand, subject, &start, opened.open, &after)
 }
 
@@ -145,7 +148,7 @@ pub fn pull(
     subject: &Subject,
     start: &Isometry3<f64>,
     open: FreePosture,
-    after: &[f64; 5],
+    after: &[f64],
 ) -> Result<Closed, NotClosed> {
     let mut scene = HandScene::new(hand, &subject.model, start, &open.joints);
     let before = open.tensions;
@@ -155,7 +158,7 @@ pub fn pull(
     let mut pull = Pull { tensions: before, opposition: open.opposition };
     for step in 0..rise + damped + free {
         let part = (step as f64 / rise as f64).min(1.0);
-        pull.tensions = std::array::from_fn(|n| before[n] + part * (after[n] - before[n]));
+        pull.tensions = hand.each_digit(|n| before[n] + part * (after[n] - before[n]));
         if step == rise + damped {
             scene.set_object_damping(0.0);
         }

@@ -81,7 +81,7 @@ fn row(checked: &Checked) -> Row {
 /// The negative controls on a closed grasp of an object of `mass` (kg): whether it holds without tension, and with little friction.
 pub(super) fn controls(closed: &Closed, mass: f64) -> [bool; 2] {
     let mut slack = closed.clone();
-    slack.pull.tensions = [0.0; 5];
+    slack.pull.tensions.iter_mut().for_each(|tension| *tension = 0.0);
     let mut slippery = closed.clone();
     slippery.scene.set_friction(SLIPPERY);
     [checks::hold(&slack, mass).held, checks::hold(&slippery, mass).held]

@@ -26,7 +26,7 @@ use super::subject::verified_for;
 pub fn write(hand: &Hand, object: &ObjectModel, grasp: &HeldGrasp, folder: &Path) -> Result<[PathBuf; 2]> {
     let load = verified_for(grasp);
     let props = [(Prop::new("object", object.shape.clone(), load.0, load.1), pose_from_array(&grasp.start))];
-    let open = Pull { tensions: [0.0; 5], opposition: grasp.opposition };
+    let open = Pull { tensions: grasp.tensions.iter().map(|_| 0.0).collect(), opposition: grasp.opposition };
     let dt = EngineSettings::default().dt;
     let start = Some((grasp.open_joints, open));
     let scene = mjcf::write(&Scene { hand, arm: None, props: &props, start, gravity: Vector3::zeros(), dt });

@@ -197,7 +197,7 @@ impl Synthesizer {
             object: self.subject.model.name.clone(),
             chain,
             palm_from_object: pose_to_array(&palm_from_object),
-            joints: *closed.scene.angles(),
+            joints: closed.scene.angles().iter().copied().collect(),
             start: pose_to_array(&closed.start),
             open_joints: closed.open.joints,
             tensions: closed.pull.tensions,

@@ -1,5 +1,6 @@
 //! The twin of a mirror: a ghost of the robot, what is left between the two, and the object that is believed to be in its hand.
 
+use hand_model::DigitVector;
 use nalgebra::{Isometry3, Matrix3};
 use rerun::Clear;
 
@@ -17,7 +18,7 @@ pub struct TwinFrame<'a> {
     /// `world_from_link` of the hand's links.
     pub hand: &'a [Isometry3<f64>],
     /// Load of each cable beyond the twin's, N.
-    pub loads: [f64; 5],
+    pub loads: DigitVector,
     /// Force on the hand beyond the twin's, N, world axes.
     pub force: [f64; 3],
     /// Name of the object that is believed to be in the hand, `world_from_object`, and the covariance of its place (m2) along its axes.

@@ -4,7 +4,7 @@
 //! pressed pads by addition.
 
 use hand_model::transmission::CablePath;
-use hand_model::{HAND_JOINTS, Hand};
+use hand_model::{Hand, HandVector};
 use nalgebra::{DVector, Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 
 use super::evidence::{ClearSpot, FeltPoint, LinkPatch, OwnContact, PressedPad, obstructed};
@@ -37,7 +37,7 @@ pub(super) enum Evidence {
 #[derive(Debug, Clone)]
 pub(super) struct State {
     pub pose: Isometry3<f64>,
-    pub q: [f64; HAND_JOINTS],
+    pub q: HandVector,
     /// Offset of the object outwards from the measured heights of each pressed pad, m.
     pub lift: Vec<f64>,
 }
@@ -58,7 +58,7 @@ pub(super) struct Problem<'a> {
     /// Links with a blind pad.
     pub(super) blind: Vec<usize>,
     /// Column of every joint; `None` where the joint is not estimated.
-    pub(super) column: [Option<usize>; HAND_JOINTS],
+    pub(super) column: HandVector<Option<usize>>,
     pub(super) columns: usize,
     /// Joints from the palm to each link.
     pub(super) chains: Vec<Vec<usize>>,
@@ -69,8 +69,8 @@ pub(super) struct Problem<'a> {
     /// Gravity in the palm's frame, m/s2.
     pub(super) gravity: Vector3<f64>,
     /// Torque of the digit's own weight about each joint, N m.
-    pub(super) weight: [f64; HAND_JOINTS],
-    pub(super) torque_sigma: [f64; HAND_JOINTS],
+    pub(super) weight: HandVector,
+    pub(super) torque_sigma: HandVector,
     /// Standard deviation of a cable's excursion, m.
     pub(super) excursion_sigma: f64,
 }
@@ -105,7 +105,7 @@ impl<'a> Problem<'a> {
         let posture = free_posture(hand, readings.servos);
         cables.sort_unstable();
         cables.dedup();
-        let mut column = [None; HAND_JOINTS];
+        let mut column = hand.each_joint(|_| None);
         let mut columns = 6;
         for &cable in &cables {
             for (joint, _) in &hand.transmission.cables[cable].joints {
@@ -124,7 +124,7 @@ impl<'a> Problem<'a> {
             reach.sort_unstable();
             reach
         });
-        let (reach, torque_sigma): (Vec<Vec<usize>>, _) = (reach.collect(), [options.sigma_torque; HAND_JOINTS]);
+        let (reach, torque_sigma): (Vec<Vec<usize>>, _) = (reach.collect(), hand.each_joint(|_| options.sigma_torque));
         let pressed_reach = links.iter().enumerate().map(|(n, link)| {
             let of_link = &reach[link.unwrap_or(chains.len())];
             of_link.iter().copied().chain([columns + n]).collect()
@@ -148,7 +148,7 @@ impl<'a> Problem<'a> {
             reach,
             pressed_reach,
             gravity: readings.gravity,
-            weight: [0.0; HAND_JOINTS],
+            weight: hand.each_joint(|_| 0.0),
             torque_sigma,
             excursion_sigma: excursion_sigma(hand, options.sigma_excursion, &options.cables),
         };
@@ -197,7 +197,7 @@ impl<'a> Problem<'a> {
     }
 
     /// Sets what the digits' weight has of each joint's torque balance, and the balance's standard deviation, from the torques at `q`.
-    pub fn settle_torques(&mut self, q: &[f64; HAND_JOINTS]) {
+    pub fn settle_torques(&mut self, q: &[f64]) {
         let kinematics = Kinematics::new(self.hand, &self.chains, q);
         for (joint, rubbing) in self.friction_sigmas(q).into_iter().enumerate() {
             let torque = self.contact_torque(&kinematics, joint).abs();
@@ -211,7 +211,7 @@ impl<'a> Problem<'a> {
     }
 
     /// Torque of a joint's cable at `q`, N m.
-    fn cable_torque(&self, joint: usize, q: &[f64; HAND_JOINTS]) -> f64 {
+    fn cable_torque(&self, joint: usize, q: &[f64]) -> f64 {
         let cables = self.hand.transmission.cables.iter().zip(&self.posture.tensions);
         let of_cable = |(path, tension): (&CablePath, &f64)| {
             let guides = path.joints.iter().find(|(crossed, _)| *crossed == joint);
@@ -239,8 +239,8 @@ impl<'a> Problem<'a> {
     }
 
     /// What friction in the guides leaves open of each joint's torque at `q`: standard deviations, N m.
-    fn friction_sigmas(&self, q: &[f64; HAND_JOINTS]) -> [f64; HAND_JOINTS] {
-        let mut sigmas = [0.0; HAND_JOINTS];
+    fn friction_sigmas(&self, q: &[f64]) -> HandVector {
+        let mut sigmas = self.hand.each_joint(|_| 0.0);
         for (cable, path) in self.hand.transmission.cables.iter().enumerate() {
             let of_cable = friction_sigmas(self.hand, cable, q, self.posture.tensions[cable], &self.options.cables);
             for ((joint, _), sigma) in path.joints.iter().zip(of_cable) {
@@ -323,8 +323,8 @@ impl<'a> Problem<'a> {
 
 #[cfg(test)]
 mod tests {
+    use hand_model::GRAVITY;
     use hand_model::robot::ServoState;
-    use hand_model::{ACTUATORS, GRAVITY};
 
     use super::*;
     use crate::posture::Readings;
@@ -340,19 +340,19 @@ mod tests {
     #[test]
     fn weight_does_the_work_that_the_links_lose() {
         let (hand, options) = (Hand::ftac(), PoseOptions::default());
-        let servos = [ServoState::default(); ACTUATORS];
+        let servos = hand.each_actuator(|_| ServoState::default());
         let turned = UnitQuaternion::from_euler_angles(0.4, -0.7, 0.2);
         let prior = PosePrior::weak(Isometry3::identity());
         let readings = Readings::new(&servos, &turned);
         let (hand, prior, options) = (&hand, &prior, &options);
         let mut problem = Problem::new(&PoseInputs { hand, touches: &[], readings, prior, shape: &Far, options });
-        let q = std::array::from_fn(|joint| 0.1 + 0.03 * joint as f64);
+        let q = hand.each_joint(|joint| 0.1 + 0.03 * joint as f64);
         problem.settle_torques(&q);
         let energy = |q: &[f64]| -> f64 {
             let heights = hand.tree.forward(q).into_iter().zip(&hand.masses);
             heights.map(|(link, body)| body.mass * GRAVITY * (turned * (link * body.com)).z).sum()
         };
-        for joint in 0..HAND_JOINTS {
+        for joint in 0..hand.tree.len() {
             let [above, below] = [1e-4, -1e-4].map(|by| {
                 let mut q = q;
                 q[joint] += by;

@@ -369,7 +369,7 @@ mod tests {
                 shape: &shape,
                 options: &options,
             });
-            let mut state = State { q: [bend; 15], ..problem.start(pose) };
+            let mut state = State { q: hand.each_joint(|_| bend), ..problem.start(pose) };
             state.lift[..2].fill(lift);
             for evidence in [Evidence::Soft, Evidence::Middle, Evidence::All] {
                 let (_, gradient) = problem.linearise(&state, evidence);

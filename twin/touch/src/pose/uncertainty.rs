@@ -80,12 +80,12 @@ fn inverse_hessian(problem: &Problem, state: &State) -> Option<DMatrix<f64>> {
 pub(super) fn joint_covariance(problem: &Problem, state: &State) -> Option<JointCovariance> {
     let inverse = inverse_hessian(problem, state)?;
     let options = problem.options();
-    let mut covariance = JointCovariance::zeros();
+    let mut covariance = JointCovariance::zeros(problem.posture.q.len(), problem.posture.q.len());
     for (cable, path) in problem.hand.transmission.cables.iter().enumerate() {
         if problem.cables.contains(&cable) {
             continue;
         }
-        let posture = (&problem.posture.q, problem.posture.excursions[cable]);
+        let posture = (&problem.posture.q[..], problem.posture.excursions[cable]);
         let own = free_covariance(problem.hand, cable, posture, options.sigma_excursion, &options.cables);
         for (a, (joint_a, _)) in path.joints.iter().enumerate() {
             for (b, (joint_b, _)) in path.joints.iter().enumerate() {

@@ -4,6 +4,7 @@ mod door;
 mod mishap;
 mod truth;
 
+use hardware_bridge::hand_bus::SERVOS;
 use std::f64::consts::PI;
 use std::fs::OpenOptions;
 use std::io::Write as _;
@@ -18,8 +19,8 @@ use bench::emulated_table::{EmulatedTable, Wish};
 use clap::Args;
 use fault_injection::STANDS;
 use fault_injection::plant::Breakable;
+use hand_model::RobotModel;
 use hand_model::robot::Plant;
-use hand_model::{ACTUATORS, RobotModel};
 use hardware_bridge::calibration::{HandCalibration, ServoCalibration};
 use hardware_bridge::config::{ArmConfig, BridgeConfig, CameraConfig, LimitConfig, ServoConfig};
 use hardware_bridge::emulator::servo::EmulatedServo;
@@ -143,8 +144,8 @@ pub fn run(terminal: &Terminal, args: &EmulateArgs) -> Result<Option<String>> {
     }
     let mut breakable = None;
     let (mut table, mut plant): (Option<EmulatedTable>, Box<dyn Plant + Send>) =
-        (None, Box::new(SpringHand::new([TRAVEL; ACTUATORS], robot.hand.cameras.len())));
-    let (mut travel, mut usual) = ([TRAVEL; ACTUATORS], EmulatorSettings::default());
+        (None, Box::new(SpringHand::new([TRAVEL; SERVOS], robot.hand.cameras.len())));
+    let (mut travel, mut usual) = ([TRAVEL; SERVOS], EmulatorSettings::default());
     if !args.springs {
         let wish = if args.balls { Wish::Balls } else { Wish::Combination(args.combo) };
         let standing = EmulatedTable::new(&robot, wish, (args.mount, args.individual), terminal.seed)?;
@@ -283,7 +284,7 @@ fn stopped(hand: &EmulatedHand, arm: Option<&Emulator>) -> bool {
         let tripped = arm.events.iter().any(|event| event.what == EventKind::Watchdog);
         tripped && arm.motion.velocity.iter().all(|speed| speed.abs() <= STANDS)
     });
-    hand.watchdog_trips().len() == ACTUATORS && arm_stopped
+    hand.watchdog_trips().len() == SERVOS && arm_stopped
 }
 
 /// How the devices were stopped by their own watchdogs, if they were.
@@ -338,7 +339,7 @@ fn tell_running(terminal: &Terminal, dir: &Path, line: &str) -> Result<Option<St
 }
 
 /// What homing would have found on `robot`.
-fn calibration(robot: &RobotModel, zeros: &[i64], travel: &[f64; ACTUATORS], firmware: u8) -> HandCalibration {
+fn calibration(robot: &RobotModel, zeros: &[i64], travel: &[f64; SERVOS], firmware: u8) -> HandCalibration {
     let servos = std::array::from_fn(|n| ServoCalibration {
         id: n as u8 + 1,
         model: xc330::MODEL,

@@ -8,10 +8,11 @@ use bench::body::arm_link::arm_link;
 use bench::body::operator::agreed;
 use clap::Args;
 use control::outage::Outage;
+use hand_model::Hand;
 use hand_model::robot::{Command, Observation, RobotBackend, RobotError, ServoGoal};
-use hand_model::{ACTUATORS, Hand};
 use hardware_bridge::calibration::HandCalibration;
 use hardware_bridge::config::BridgeConfig;
+use hardware_bridge::hand_bus::SERVOS;
 use hardware_bridge::hardware_robot::HardwareRobot;
 use hardware_bridge::safety::state::State;
 use hardware_bridge::servo_cycle::DryLines;
@@ -53,7 +54,7 @@ pub struct ExerciseArgs {
 /// What the exercise saw.
 #[derive(Default)]
 struct Seen {
-    furthest: [f64; ACTUATORS],
+    furthest: [f64; SERVOS],
     latest: f64,
     ticks: u64,
     images: u64,
@@ -129,7 +130,7 @@ fn move_once(robot: &mut HardwareRobot, args: &ExerciseArgs, seen: &mut Seen) ->
         };
         let capture = args.images && !asked_for_images && elapsed > 0.4 * MOTION;
         asked_for_images |= capture;
-        outage.sent(robot.send(&Command { arm: observation.arm.position, servos: [goal; ACTUATORS], capture }))?;
+        outage.sent(robot.send(&Command { arm: observation.arm.position, servos: [goal; SERVOS].into(), capture }))?;
         seen.latest = seen.latest.max(robot.wait_for_tick().lateness);
         seen.ticks += 1;
         if matches!(robot.state(), State::Hold(_) | State::Fault(_) | State::Release { .. } | State::Connected) {
@@ -145,7 +146,7 @@ fn note(seen: &mut Seen, observation: &Observation) {
     seen.images += observation.tactile.len() as u64;
 }
 
-fn tell(terminal: &Terminal, robot: &HardwareRobot, hand: &Hand, seen: &Seen, travel: &[f64; ACTUATORS]) {
+fn tell(terminal: &Terminal, robot: &HardwareRobot, hand: &Hand, seen: &Seen, travel: &[f64; SERVOS]) {
     let report = robot.report();
     let ms = |share| report.bus.round_trip(share).map(|seconds| 1e3 * seconds);
     if terminal.json {

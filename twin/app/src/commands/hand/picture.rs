@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};
-use hand_model::{HAND_JOINTS, Hand};
+use hand_model::{Hand, HandVector};
 use image::RgbImage;
 use nalgebra::Point3;
 use report::picture::{self, Picture, View};
@@ -116,7 +116,7 @@ fn legend(sheet: &mut RgbImage, hand: &Hand) {
 }
 
 /// Joint angles (rad) of a posture by its name or in degrees.
-fn angles(hand: &Hand, pose: &str) -> Result<[f64; HAND_JOINTS]> {
+fn angles(hand: &Hand, pose: &str) -> Result<HandVector> {
     let named: Option<[[f64; 3]; 5]> = match pose {
         "open" => Some([[0.0; 3]; 5]),
         "relaxed" => {
@@ -135,9 +135,9 @@ fn angles(hand: &Hand, pose: &str) -> Result<[f64; HAND_JOINTS]> {
     };
     let degrees: Vec<f64> = match named {
         Some(digits) => digits.concat(),
-        None => numbers(pose)?,
+        None => numbers(hand, pose)?,
     };
-    let mut angles = [0.0; HAND_JOINTS];
+    let mut angles = hand.open();
     for ((angle, degrees), joint) in angles.iter_mut().zip(&degrees).zip(&hand.tree.joints) {
         let (low, high) = (joint.lower.to_degrees(), joint.upper.to_degrees());
         if !(low - 1e-9..=high + 1e-9).contains(degrees) {
@@ -148,16 +148,18 @@ fn angles(hand: &Hand, pose: &str) -> Result<[f64; HAND_JOINTS]> {
     Ok(angles)
 }
 
-/// Fifteen angles from one, five or fifteen numbers.
-fn numbers(pose: &str) -> Result<Vec<f64>> {
-    let expected = "open, relaxed, fist, pinch, point, or 1, 5 or 15 angles in degrees with commas between";
+/// An angle for each joint from one number, one for each digit, or one for each joint.
+fn numbers(hand: &Hand, pose: &str) -> Result<Vec<f64>> {
+    let (digits, joints) = (hand.cables.len(), hand.tree.len());
+    let expected =
+        format!("open, relaxed, fist, pinch, point, or 1, {digits} or {joints} angles in degrees with commas between");
     let Ok(given) = pose.split(',').map(|word| word.trim().parse::<f64>()).collect::<Result<Vec<f64>, _>>() else {
         bail!("--pose: found `{pose}`, expected {expected}");
     };
     match given.len() {
-        1 => Ok(vec![given[0]; HAND_JOINTS]),
-        5 => Ok(given.iter().flat_map(|angle| [*angle; 3]).collect()),
-        HAND_JOINTS => Ok(given),
+        1 => Ok(vec![given[0]; joints]),
+        count if count == digits => Ok(given.iter().flat_map(|angle| [*angle; 3]).collect()),
+        count if count == joints => Ok(given),
         other => bail!("--pose: found {other} angles, expected {expected}"),
     }
 }

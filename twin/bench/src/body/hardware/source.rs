@@ -1,5 +1,6 @@
 //! Where real robots come from: connected and checked first, then laid out by the operator, then with torque on.
 
+use hardware_bridge::hand_bus::SERVOS;
 use std::path::PathBuf;
 use std::sync::mpsc::Sender;
 use std::time::{Duration, Instant};
@@ -7,7 +8,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context as _, Result, bail};
 use control::outage::Outage;
 use hand_model::robot::{Command, RobotBackend, ServoGoal};
-use hand_model::{ACTUATORS, ArmVector, RobotModel};
+use hand_model::{ArmVector, RobotModel};
 use hardware_bridge::config::BridgeConfig;
 use hardware_bridge::config::secrets::without_secrets;
 use hardware_bridge::hardware_robot::HardwareRobot;
@@ -239,7 +240,7 @@ fn go_to(hardware: &mut Hardware, posture: &[f64]) -> Result<()> {
         for (goal, to) in goal.iter_mut().zip(posture) {
             *goal += (to - *goal).clamp(-step, step);
         }
-        let command = Command { arm: goal, servos: [ServoGoal::Current(0.0); ACTUATORS], capture: false };
+        let command = Command { arm: goal, servos: [ServoGoal::Current(0.0); SERVOS].into(), capture: false };
         let sent = outage.sent(hardware.robot.send(&command));
         hardware.robot.wait_for_tick();
         if let Some(why) = hardware.stopped() {

@@ -1,12 +1,13 @@
 //! The real robot's questions, on emulated devices in real time.
 
+use hardware_bridge::hand_bus::SERVOS;
 use std::fs::File;
 use std::io::{PipeWriter, Write as _};
 use std::os::fd::OwnedFd;
 use std::time::Instant;
 
+use hand_model::RobotModel;
 use hand_model::robot::{Command, Readings, RobotBackend as _, ServoGoal};
-use hand_model::{ACTUATORS, RobotModel};
 use hardware_bridge::calibration::{HandCalibration, ServoCalibration};
 use hardware_bridge::config::BridgeConfig;
 use hardware_bridge::emulator::spring_hand::SpringHand;
@@ -35,7 +36,7 @@ fn bench() -> Bench {
     let settings = EmulatorSettings::default();
     let zeros: Vec<i64> = settings.servos.iter().map(|servo| servo.zero()).collect();
     let model = RobotModel::ftac_gen3();
-    let plant = SpringHand::new([TRAVEL; ACTUATORS], model.hand.cameras.len());
+    let plant = SpringHand::new([TRAVEL; SERVOS], model.hand.cameras.len());
     let hand = EmulatedHand::start(Box::new(plant), settings, &model).expect("starts");
     let folder = tempfile::tempdir().expect("a folder");
     let text = format!(
@@ -78,9 +79,9 @@ fn bench() -> Bench {
     let mut hardware = Hardware { robot, places, names, pause: 60.0, interrupt, eyes: None, operator };
     until("it runs", || {
         let seen = hardware.robot.observe().and_then(Readings::complete).expect("observed");
-        let servos = [ServoGoal::Current(0.0); ACTUATORS];
+        let servos = [ServoGoal::Current(0.0); SERVOS];
         // What a busy machine does not send in time is sent in the next round.
-        let _ = hardware.robot.send(&Command { arm: seen.arm.position, servos, capture: false });
+        let _ = hardware.robot.send(&Command { arm: seen.arm.position, servos: servos.into(), capture: false });
         hardware.robot.state() == State::Running
     });
     Bench { hardware, answers, arm, _hand: hand, _folder: folder }

@@ -18,7 +18,7 @@ fn options(task: Task) -> Options {
 }
 
 fn action(twist: [f64; 6], tension: f64) -> Action {
-    let hand = HandAction::Tensions { tensions: [tension; 5], opposition: 0.4 };
+    let hand = HandAction::Tensions { tensions: [tension; 5].into(), opposition: 0.4 };
     Action { arm: ArmAction::Twist(Twist::from(twist)), hand }
 }
 

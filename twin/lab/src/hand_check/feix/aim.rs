@@ -53,5 +53,5 @@ fn at_palm(hand: &Hand, kind: &GraspType, rng: &mut ChaCha8Rng) -> Attempt {
     if !kind.digits.contains(&Digit::Thumb) && rng.random_bool(0.5) {
         tensions[0] = 0.0;
     }
-    Attempt::new(&Isometry3::from_parts(at.into(), rotation), tensions, opposition(kind, rng))
+    Attempt::new(&Isometry3::from_parts(at.into(), rotation), tensions.into(), opposition(kind, rng))
 }

@@ -1,5 +1,6 @@
 //! One attempt at a grasp type: where the object is put and how the digits close; how attempts are drawn and varied.
 
+use hand_model::DigitVector;
 use nalgebra::{Isometry3, Matrix3, Rotation3, UnitQuaternion, Vector3};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -21,9 +22,9 @@ pub struct Attempt {
     /// Its rotation vector, palm frame, rad.
     pub rotation: [f64; 3],
     /// Cable tensions before the object is put there, N: the hand's shape then.
-    pub before: [f64; 5],
+    pub before: DigitVector,
     /// Cable tensions that close on it, N.
-    pub tensions: [f64; 5],
+    pub tensions: DigitVector,
     /// Opposition command, rad.
     pub opposition: f64,
     /// Whether the servos, once closed, keep their angle instead of their current.
@@ -32,9 +33,9 @@ pub struct Attempt {
 
 impl Attempt {
     /// Closing from the open hand, pulling on.
-    pub fn new(place: &Isometry3<f64>, tensions: [f64; 5], opposition: f64) -> Self {
+    pub fn new(place: &Isometry3<f64>, tensions: DigitVector, opposition: f64) -> Self {
         let (position, rotation) = (place.translation.vector.into(), place.rotation.scaled_axis().into());
-        Self { position, rotation, before: [0.0; 5], tensions, opposition, locked: false }
+        Self { position, rotation, before: [0.0; 5].into(), tensions, opposition, locked: false }
     }
 
     /// `palm_from_object`.
@@ -79,9 +80,12 @@ pub fn vary(attempt: &Attempt, step: f64, rng: &mut ChaCha8Rng) -> Attempt {
         next.rotation = turned.scaled_axis().into();
     }
     if what != 1 {
-        next.tensions =
-            next.tensions.map(|tension| (tension * (step * within(rng, (-0.35, 0.35))).exp()).min(STRONGEST));
-        next.before = next.before.map(|tension| tension * (step * within(rng, (-0.2, 0.2))).exp());
+        next.tensions = next
+            .tensions
+            .iter()
+            .map(|tension| (tension * (step * within(rng, (-0.35, 0.35))).exp()).min(STRONGEST))
+            .collect();
+        next.before = next.before.iter().map(|tension| tension * (step * within(rng, (-0.2, 0.2))).exp()).collect();
         next.opposition = (next.opposition + 0.12 * step * rng.random_range(-1.0..1.0)).clamp(0.0, ABDUCTED.1);
     }
     next

@@ -2,7 +2,7 @@
 
 use hand_model::hand::CoverShape;
 use hand_model::statics::{self, Slid};
-use hand_model::{HAND_JOINTS, Hand};
+use hand_model::{Hand, HandVector};
 use nalgebra::{Isometry3, Point3};
 use sim::stand::Prop;
 
@@ -16,7 +16,7 @@ const ELEMENT: f64 = 0.008;
 /// The five digits' postures; joints beside the five cables' stand at 0. Besides, points of the hand's skin.
 pub struct Curls {
     /// Rows of the table.
-    postures: Vec<[f64; HAND_JOINTS]>,
+    postures: Vec<HandVector>,
     /// Points of each link's skin, link frame, and of the palm's, m.
     skin: Vec<Vec<Point3<f64>>>,
     palm: Vec<Point3<f64>>,
@@ -48,8 +48,8 @@ impl Curls {
     }
 
     /// Joint angles (rad) at cable `tensions` (N) with the opposition joint at `opposition` (rad).
-    pub fn posture(&self, hand: &Hand, tensions: &[f64; 5], opposition: f64) -> [f64; HAND_JOINTS] {
-        let mut angles = [0.0; HAND_JOINTS];
+    pub fn posture(&self, hand: &Hand, tensions: &[f64], opposition: f64) -> HandVector {
+        let mut angles = hand.open();
         for (path, tension) in hand.transmission.cables.iter().zip(tensions) {
             let at = place(*tension);
             let low = (at as usize).min(LOOKED_AT - 2);

@@ -5,7 +5,7 @@
 //! lie on one line, for a slab in one plane, and thumb and fingers look at each other; no other skin is inside the
 //! object. The posture with the least misfit is looked for among random commands, and improved by random steps.
 
-use hand_model::{Digit, Hand};
+use hand_model::{Digit, DigitVector, Hand};
 use nalgebra::{Isometry3, Matrix3, Point3, UnitQuaternion, Vector3};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -69,7 +69,7 @@ impl Flank {
 #[derive(Debug, Clone)]
 struct Guess {
     opposition: f64,
-    tensions: [f64; 5],
+    tensions: DigitVector,
     parts: Vec<(Digit, Part)>,
 }
 
@@ -112,7 +112,7 @@ impl Guess {
                 std::iter::once(thumb).chain(pads).collect()
             }
         };
-        Self { opposition: opposition(kind, rng), tensions, parts }
+        Self { opposition: opposition(kind, rng), tensions: tensions.into(), parts }
     }
 
     /// A neighbour, `step` away.
@@ -251,7 +251,7 @@ pub fn propose(hand: &Hand, curls: &Curls, kind: &GraspType, rng: &mut ChaCha8Rn
     for digit in kind.helpers {
         strong[digit.index()] = strong[Digit::Index.index()];
     }
-    let mut attempt = Attempt::new(&place, strong, best.opposition);
+    let mut attempt = Attempt::new(&place, strong.into(), best.opposition);
     if kind.digits[0] != Digit::Thumb {
         // One finger presses by its springs alone and would be pushed out of the way; cables that are held do not give.
         attempt.locked = true;

@@ -6,7 +6,7 @@
 use std::cmp::Ordering;
 use std::sync::Arc;
 
-use hand_model::{HAND_JOINTS, Hand};
+use hand_model::{Hand, HandVector};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -102,7 +102,7 @@ fn outside(
 ) -> Attempt {
     let mut attempt = draw(rng);
     for _ in 1..DRAWS {
-        let angles: [f64; HAND_JOINTS] = curls.posture(hand, &attempt.before, attempt.opposition);
+        let angles: HandVector = curls.posture(hand, &attempt.before, attempt.opposition);
         if curls.buried(&hand.tree.forward(&angles), &kind.prop, &attempt.place()) <= BURIED {
             break;
         }

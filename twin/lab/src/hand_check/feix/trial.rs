@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use hand_model::robot::ServoGoal;
-use hand_model::{ACTUATORS, Digit, HAND_JOINTS, Hand};
+use hand_model::{ActuatorVector, Digit, Hand, HandVector};
 use nalgebra::{Isometry3, Point3, Vector3};
 use sim::engine::EngineSettings;
 use sim::stand::{HandStand, tension_goals};
@@ -52,7 +52,7 @@ pub struct Trial {
     /// Directions of gravity in which the object is lost; none are tried where the posture is not of the type.
     pub lost: Vec<&'static str>,
     /// Joint angles after settling, rad.
-    pub angles: [f64; HAND_JOINTS],
+    pub angles: HandVector,
     /// `palm_from_object` after settling.
     pub place: Isometry3<f64>,
     /// Where the hand touches the object then, palm frame, m.
@@ -120,7 +120,7 @@ pub fn run(hand: &Arc<Hand>, kind: &GraspType, attempt: &Attempt, enough: f64) -
 
 /// Whether the object stays under gravity along `way`, and the cost: what it moves over [`STAYS`], or 1 and the share of
 /// the time that was left when it was lost.
-fn pull(mut stand: HandStand, goals: &[ServoGoal; ACTUATORS], way: &Vector3<f64>) -> (bool, f64) {
+fn pull(mut stand: HandStand, goals: &[ServoGoal], way: &Vector3<f64>) -> (bool, f64) {
     let from = stand.pose(0).translation.vector;
     stand.set_gravity(&(way * 9.81));
     let mut moved = 0.0;
@@ -136,7 +136,7 @@ fn pull(mut stand: HandStand, goals: &[ServoGoal; ACTUATORS], way: &Vector3<f64>
 }
 
 /// The servos that pull a cable keep the angle they stand at instead of their current.
-fn lock(stand: &HandStand, mut goals: [ServoGoal; ACTUATORS]) -> [ServoGoal; ACTUATORS] {
+fn lock(stand: &HandStand, mut goals: ActuatorVector<ServoGoal>) -> ActuatorVector<ServoGoal> {
     let current_limit = stand.hand().parameters.servo.current_limit;
     for (goal, servo) in goals.iter_mut().zip(stand.servos()) {
         if matches!(goal, ServoGoal::Current(current) if *current > 0.0) {
@@ -236,7 +236,7 @@ mod tests {
         let across = nalgebra::UnitQuaternion::from_axis_angle(&Vector3::y_axis(), std::f64::consts::FRAC_PI_2);
         let place = Isometry3::from_parts(Vector3::new(0.003, 0.0, skin - kind.half - 1e-3).into(), across);
         let fingers = [0.0, tension, tension, tension, tension];
-        (kind, Attempt::new(&place, fingers, 0.0))
+        (kind, Attempt::new(&place, fingers.into(), 0.0))
     }
 
     /// Four fingers around a rod at the palm keep it in the palm; open, each is said to be off, and by how much.

@@ -3,7 +3,7 @@
 //!
 //! Random postures within the joints' limits, the best of which are improved by random steps that shrink.
 
-use hand_model::{Digit, HAND_JOINTS, Hand};
+use hand_model::{Digit, Hand, HandVector};
 use nalgebra::Point3;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -35,12 +35,11 @@ pub struct Reach {
 pub fn reach(hand: &Hand, target: &Target, tip: &[Point3<f64>], rng: &mut ChaCha8Rng) -> Reach {
     let mut joints = Digit::Thumb.joints().to_vec();
     joints.extend(target.link.into_iter().flat_map(|link| Digit::ALL[link / 3].joints()));
-    let away = |angles: &[f64; HAND_JOINTS]| distance(target, tip, &hand.tree.forward(angles));
-    let clear =
-        |angles: &[f64; HAND_JOINTS]| away(angles) + PENALTY * (self_penetration_at(hand, angles) - OVERLAP).max(0.0);
-    let mut looks: Vec<(f64, [f64; HAND_JOINTS])> = (0..LOOKS)
+    let away = |angles: &[f64]| distance(target, tip, &hand.tree.forward(angles));
+    let clear = |angles: &[f64]| away(angles) + PENALTY * (self_penetration_at(hand, angles) - OVERLAP).max(0.0);
+    let mut looks: Vec<(f64, HandVector)> = (0..LOOKS)
         .map(|_| {
-            let mut angles = [0.0; HAND_JOINTS];
+            let mut angles = hand.open();
             for &joint in &joints {
                 angles[joint] = rng.random_range(hand.tree.joints[joint].lower..hand.tree.joints[joint].upper);
             }
@@ -61,8 +60,8 @@ pub fn reach(hand: &Hand, target: &Target, tip: &[Point3<f64>], rng: &mut ChaCha
 fn improve(
     hand: &Hand,
     joints: &[usize],
-    starts: &[(f64, [f64; HAND_JOINTS])],
-    cost: impl Fn(&[f64; HAND_JOINTS]) -> f64,
+    starts: &[(f64, HandVector)],
+    cost: impl Fn(&[f64]) -> f64,
     rng: &mut ChaCha8Rng,
 ) -> f64 {
     let mut least = f64::INFINITY;
@@ -103,7 +102,7 @@ mod tests {
     fn known_points() {
         let hand = Hand::ftac();
         let tip = thumb_tip(&hand);
-        let mut angles = [0.0; HAND_JOINTS];
+        let mut angles = hand.open();
         for (joint, angle) in Digit::Thumb.joints().into_iter().zip([0.9, 0.4, 0.3]) {
             angles[joint] = angle;
         }
