@@ -1,8 +1,9 @@
-//! Digits and phalanges, in the order used everywhere: thumb, index, middle, ring, little; proximal to distal.
+//! Digits and phalanges, in the order used everywhere: thumb, index, middle, ring, little; proximal to distal. A hand with fewer digits
+//! has the first of them: the jaws of a gripper are a thumb and an index finger.
 
 use serde::{Deserialize, Serialize};
 
-/// One of the five digits. The discriminant is also the index of the digit's cable actuator.
+/// A digit. The discriminant is also the index of its actuator.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Digit {
@@ -22,13 +23,13 @@ impl Digit {
     /// All digits in order.
     pub const ALL: [Digit; 5] = [Digit::Thumb, Digit::Index, Digit::Middle, Digit::Ring, Digit::Little];
 
-    /// Index 0..5, which is also the index of the digit's cable.
+    /// Index among the digits, which is also that of its actuator.
     pub fn index(self) -> usize {
         self as usize
     }
 
-    /// Indices of the digit's three joints in the hand's joint vector, proximal first.
-    pub fn joints(self) -> [usize; 3] {
+    /// Joints of the digit in the F-TAC Hand, proximal first. Of any hand: [`crate::Hand::links`].
+    pub fn ftac_joints(self) -> [usize; 3] {
         let first = 3 * self.index();
         [first, first + 1, first + 2]
     }

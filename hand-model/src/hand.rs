@@ -5,6 +5,7 @@ use std::path::Path;
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use tinyvec::ArrayVec;
 
+use crate::digit::Digit;
 use crate::kinematics::{Joint, JointKind, Tree, pose_from_xyz_rpy};
 use crate::pads::{Camera, Pad};
 use crate::parameters::{Cable, Cover, Gel, HandParameters, Handedness, JointParameters, PadParameters, Servo};
@@ -128,6 +129,8 @@ pub struct Hand {
     pub parameters: HandParameters,
     /// 15 joints: thumb, index, middle, ring, little, proximal first. The root is the palm.
     pub tree: Tree,
+    /// Links of each digit.
+    chains: Vec<Vec<usize>>,
     /// The palm's cover.
     pub palm_cover: CoverShape,
     /// A cover for each of the 15 links.
@@ -160,6 +163,22 @@ impl Hand {
     /// Builds a hand from a parameter file's text; `path` is used in errors.
     pub fn parse(text: &str, path: &Path) -> Result<Self, DataError> {
         Ok(Self::build(HandParameters::parse(text, path)?))
+    }
+
+    /// The hand's digits.
+    pub fn digits(&self) -> &'static [Digit] {
+        &Digit::ALL[..self.cables.len()]
+    }
+
+    /// Links of a digit from the palm outwards, which are also its joints; none of a digit that the hand lacks.
+    pub fn links(&self, digit: Digit) -> &[usize] {
+        self.chains.get(digit.index()).map_or(&[], Vec::as_slice)
+    }
+
+    /// The digit that `link` is of; none is the palm.
+    pub fn digit_of(&self, link: Option<usize>) -> Option<Digit> {
+        let chain = self.chains.iter().position(|chain| link.is_some_and(|link| chain.contains(&link)))?;
+        Digit::ALL.get(chain).copied()
     }
 
     /// `value` of each joint's index.
@@ -246,6 +265,7 @@ impl Hand {
         let (pads, cameras) = build_pads(&parameters);
         let palm_body = box_mass(parameters.palm.mass, &parameters.palm.cover, Some(parameters.palm.com));
         Self {
+            chains: chains(&joints),
             tree: Tree { joints },
             palm_cover: CoverShape::of(&parameters.palm.cover),
             covers: parameters.joint.iter().map(|joint| CoverShape::of(&joint.cover)).collect(),
@@ -288,6 +308,18 @@ impl Hand {
     pub fn pad(&self, name: &str) -> Option<usize> {
         self.pads.iter().position(|pad| pad.name == name)
     }
+}
+
+/// Joints that hang together, in the order of the first of each.
+fn chains(joints: &[Joint]) -> Vec<Vec<usize>> {
+    let mut chains: Vec<Vec<usize>> = Vec::new();
+    for (n, joint) in joints.iter().enumerate() {
+        match chains.iter_mut().find(|chain| joint.parent.is_some_and(|parent| chain.contains(&parent))) {
+            Some(chain) => chain.push(n),
+            None => chains.push(vec![n]),
+        }
+    }
+    chains
 }
 
 /// Mass properties of a uniform box of the cover's size.

@@ -114,8 +114,8 @@ pub fn against(
     let mut angles = hand.open();
     angles[hand.transmission.opposition_joint] = opposition;
     let mut pushes = Vec::new();
-    for digit in Digit::ALL {
-        let skin = digit.joints().map(|link| hand.covers[link].skin(ELEMENT));
+    for &digit in hand.digits() {
+        let skin = skin_of(hand, digit);
         let problem = Problem { hand, digit, skin, foundation, obstacle: &obstacle };
         let full = tensions[digit.index()];
         for step in 1..=LOAD_STEPS {
@@ -140,10 +140,16 @@ pub fn against(
     Ok(Equilibrium { angles, pushes })
 }
 
+/// The skin of each link of a digit.
+fn skin_of(hand: &Hand, digit: Digit) -> Vec<Vec<SkinElement>> {
+    hand.links(digit).iter().map(|link| hand.covers[*link].skin(ELEMENT)).collect()
+}
+
 struct Problem<'a, F> {
     hand: &'a Hand,
     digit: Digit,
-    skin: [Vec<SkinElement>; 3],
+    /// Of each of the digit's links.
+    skin: Vec<Vec<SkinElement>>,
     foundation: f64,
     obstacle: &'a F,
 }
@@ -187,7 +193,7 @@ impl<F: Fn(&Point3<f64>) -> (f64, Vector3<f64>)> Problem<'_, F> {
         mut found: impl FnMut(usize, Point3<f64>, Vector3<f64>, f64, f64, &[nalgebra::Isometry3<f64>]),
     ) {
         let poses = self.hand.tree.forward(angles);
-        for (link, skin) in self.digit.joints().into_iter().zip(&self.skin) {
+        for (&link, skin) in self.hand.links(self.digit).iter().zip(&self.skin) {
             let center = poses[link] * self.hand.covers[link].link_from_cover * Point3::origin();
             if (self.obstacle)(&center).0 > self.hand.covers[link].half.norm() {
                 continue;
@@ -316,7 +322,7 @@ mod tests {
             let hand = Hand::ftac();
             let digit = Digit::Middle;
             let wall = |p: &Point3<f64>| (p.z + 0.01, Vector3::z());
-            let skin = digit.joints().map(|link| hand.covers[link].skin(ELEMENT));
+            let skin = skin_of(&hand, digit);
             let problem = Problem { hand: &hand, digit, skin, foundation: 1e8, obstacle: &wall };
             let mut angles = hand.open();
             angles[6..9].copy_from_slice(&q);

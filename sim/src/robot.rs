@@ -12,6 +12,7 @@ mod set_points;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
+use hand_model::hand::MOST_HAND_JOINTS;
 use hand_model::robot::{ArmState, Command, Observation, Tick};
 use hand_model::{Arm, ArmVector, Digit, Hand, RobotModel};
 use nalgebra::{Isometry3, Translation3, Vector3};
@@ -205,7 +206,7 @@ impl SimulatedRobot {
                 if other == self.table {
                     self.on_table[index] = true;
                 } else if let Some(cover) = self.body.covers.iter().position(|c| *c == other) {
-                    self.touched_by[index] |= if cover == 0 { 1 << 15 } else { 1 << (cover - 1) };
+                    self.touched_by[index] |= if cover == 0 { 1 << MOST_HAND_JOINTS } else { 1 << (cover - 1) };
                 } else if let Some(second) = self.objects.iter().position(|(_, _, c)| *c == other)
                     && index < second
                     && !self.object_pairs.contains(&(index, second))

@@ -78,6 +78,8 @@ impl Truth {
 
 #[cfg(test)]
 mod tests {
+    use hand_model::hand::MOST_HAND_JOINTS;
+
     use super::*;
     use world::holding::{GRIPPED, LIFTED};
 
@@ -86,7 +88,7 @@ mod tests {
         Truth {
             objects: vec![Isometry3::translation(0.5, 0.0, 0.15)],
             palm: Isometry3::translation(0.5, 0.0, 0.2),
-            touched_by: vec![1 << 15],
+            touched_by: vec![1 << MOST_HAND_JOINTS],
             on_table: vec![false],
             ..Truth::default()
         }

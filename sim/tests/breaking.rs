@@ -74,7 +74,7 @@ fn others_as_in(sound: &SimulatedRobot, broken: &SimulatedRobot, n: usize) {
     for digit in Digit::ALL.iter().filter(|digit| digit.index() != n) {
         let at = digit.index();
         assert!((broken.tensions[at] - sound.tensions[at]).abs() < 0.02 * sound.tensions[at], "{digit:?}");
-        for joint in digit.joints() {
+        for joint in digit.ftac_joints() {
             assert!((broken.hand[joint] - sound.hand[joint]).abs() < 0.01, "joint {joint}");
         }
     }
@@ -89,7 +89,7 @@ fn a_broken_cable_pulls_no_more() {
     robot.break_cable(ring);
     pull(&mut robot, 1.0);
     pull(&mut sound, 1.0);
-    let bent = |robot: &SimulatedRobot| Digit::Ring.joints().map(|joint| robot.truth().hand[joint]);
+    let bent = |robot: &SimulatedRobot| Digit::Ring.ftac_joints().map(|joint| robot.truth().hand[joint]);
     assert_eq!(robot.truth().tensions[ring], 0.0);
     for (open, before) in bent(&robot).iter().zip(bent(&sound)) {
         // Weight alone bends a slack finger a little.
@@ -139,7 +139,7 @@ fn a_weak_servo_pulls_its_share() {
 fn a_stuck_joint_stays_where_it_is() {
     let mut sound = scene(Arm::gen3().home, |_| TactileBoard::blank());
     pull(&mut sound, 0.3);
-    let [mcp, pip, dip] = Digit::Middle.joints();
+    let [mcp, pip, dip] = Digit::Middle.ftac_joints();
     let mut robot = sound.clone();
     let before = sound.truth().hand;
     robot.stick_joint(pip);

@@ -99,7 +99,7 @@ fn closing_and_opening_follow_their_static_paths() {
             let expected = statics::free_sliding(&hand, &now, 0.0, &Slid { friction, state });
             let other = statics::free_sliding(&hand, &now, 0.0, &Slid { friction, state: -state });
             let found = stand.angles();
-            for joint in digit.joints() {
+            for joint in digit.ftac_joints() {
                 farthest = farthest.max((found[joint] - expected[joint]).abs().to_degrees());
                 widest = widest.max((expected[joint] - other[joint]).abs().to_degrees());
             }

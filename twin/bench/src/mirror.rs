@@ -26,7 +26,7 @@ use std::sync::Arc;
 
 use control::inverse_kinematics::ArmKinematics;
 use hand_model::robot::{ArmState, ServoState};
-use hand_model::{ActuatorVector, Arm, ArmVector, Digit, Hand};
+use hand_model::{ActuatorVector, Arm, ArmVector, Hand};
 use nalgebra::Isometry3;
 use proving::simulated_world::World;
 
@@ -179,7 +179,7 @@ impl Mirror {
 
     fn look_at_cables(&mut self, time: f64) {
         let outside = self.handle.outside(&self.limits.hand);
-        for digit in Digit::ALL {
+        for digit in self.hand.digits() {
             let n = digit.index();
             let finding = self.cables[n].see(&self.limits.cable, time, &self.residuals.cables[n], outside);
             if let Some(finding) = finding {

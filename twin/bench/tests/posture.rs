@@ -6,7 +6,6 @@ use nalgebra::Isometry3;
 use scenarios::Scenario;
 use scenarios::effects::Effects;
 use touch::PadTouch;
-use touch::posture::digit_of;
 
 /// Of so many combinations the first grasp is felt.
 const HOLDS: usize = 60;
@@ -40,7 +39,7 @@ fn joint_angles_are_as_uncertain_as_they_say() {
         let estimate =
             bench.pipeline.estimate_pose(&touches, grasp.readings(&grasp.servos()), &prior, known).expect("a pose");
         for digit in Digit::ALL {
-            let touched = |touch: &PadTouch| touch.touched() && digit_of(hand.pads[touch.pad].link) == Some(digit);
+            let touched = |touch: &PadTouch| touch.touched() && hand.digit_of(hand.pads[touch.pad].link) == Some(digit);
             if !touches.iter().any(touched) {
                 continue;
             }

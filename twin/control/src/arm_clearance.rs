@@ -4,7 +4,7 @@
 //! joint connects are not compared, nor the wrist with the palm it carries, nor what overlaps in the home posture already: there
 //! the capsules are wider than the links.
 
-use hand_model::{Digit, Hand};
+use hand_model::Hand;
 use nalgebra::{Isometry3, Point3, Vector3};
 use parry3d_f64::math::Vector;
 use parry3d_f64::shape::SharedShape;
@@ -48,7 +48,7 @@ impl ArmBodies {
                 Solid::new(name, SharedShape::segment(Vector::ZERO, tip), Isometry3::identity()).grown(arm.radii[n])
             })
             .collect();
-        let hand = hand_solids(hand, &vec![0.0; hand.tree.len()], &Digit::ALL, true);
+        let hand = hand_solids(hand, &hand.open(), hand.digits(), true);
         let among = (0..links.len()).flat_map(|first| (first + 2..links.len()).map(move |second| (first, second)));
         let with_hand =
             (0..hand.len()).flat_map(|body| (0..links.len().saturating_sub(WRIST)).map(move |link| (body, link)));

@@ -98,7 +98,8 @@ impl Carrier {
 
     /// Digits that keep holding what they have.
     pub fn holding(&self) -> Vec<Digit> {
-        Digit::ALL.into_iter().filter(|digit| self.kept[digit.index()] > 0.0).collect()
+        let kept = Digit::ALL.into_iter().zip(&self.kept).filter(|(_, tension)| **tension > 0.0);
+        kept.map(|(digit, _)| digit).collect()
     }
 
     /// Leaves [`CarryPhase::Decide`] to take what is seen at `percept` with `grasp`, beside what is held.
@@ -112,7 +113,7 @@ impl Carrier {
 
     /// Digits other than `holding` open again: they have nothing.
     pub fn keep_only(&mut self, holding: &[Digit]) {
-        for digit in Digit::ALL {
+        for digit in self.motion.hand().digits() {
             if !holding.contains(&digit) {
                 self.kept[digit.index()] = 0.0;
             }

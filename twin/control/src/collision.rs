@@ -78,16 +78,15 @@ impl Solid {
     }
 }
 
-/// The covers of `digits` at 15 joint angles (rad), in the palm frame, and the palm's own if `palm`. Names are those of the
+/// The covers of `digits` at `joint_angles` (rad), in the palm frame, and the palm's own if `palm`. Names are those of the
 /// links (`index_2`), and `palm`.
 ///
 /// # Panics
 /// If `joint_angles` has another length than the hand has joints.
 pub fn hand_solids(hand: &Hand, joint_angles: &[f64], digits: &[Digit], palm: bool) -> Vec<Solid> {
     let links = hand.tree.forward(joint_angles);
-    let fingers = hand.tree.joints.iter().enumerate().filter(|(_, joint)| {
-        digits.iter().any(|digit| joint.name.strip_prefix(digit.name()).is_some_and(|rest| rest.starts_with('_')))
-    });
+    let of_digits = |link: usize| hand.digit_of(Some(link)).is_some_and(|digit| digits.contains(&digit));
+    let fingers = hand.tree.joints.iter().enumerate().filter(|(link, _)| of_digits(*link));
     palm.then(|| Solid::cover("palm", &hand.palm_cover, &Isometry3::identity()))
         .into_iter()
         .chain(fingers.map(|(i, joint)| Solid::cover(joint.name.clone(), &hand.covers[i], &links[i])))

@@ -8,7 +8,6 @@ use grasping::Grasp;
 use hand_model::robot::ServoState;
 use hand_model::{Digit, Hand};
 use touch::PadTouch;
-use touch::posture::digit_of;
 
 use crate::perception::blocked;
 use crate::worth;
@@ -145,7 +144,7 @@ pub fn listed(digits: &[Digit]) -> String {
 /// closes against fingers, so that only they tell whether it holds something; alone it holds nothing.
 pub fn feeling(hand: &Hand, touches: &[PadTouch], servos: &[ServoState], pulled: &[Digit]) -> Vec<Digit> {
     let felt = |digit: Digit| {
-        let of = |touch: &&PadTouch| digit_of(hand.pads[touch.pad].link) == Some(digit);
+        let of = |touch: &&PadTouch| hand.digit_of(hand.pads[touch.pad].link) == Some(digit);
         touches.iter().filter(of).any(|touch| touch.touched() || touch.blind)
     };
     let holds = |digit: Digit| digit != Digit::Thumb && (felt(digit) || blocked(hand, servos, digit));
@@ -239,7 +238,7 @@ mod tests {
     fn only_digits_that_close_and_are_stopped_hold() {
         let hand = Hand::ftac();
         let closed = servos(&hand, [1.0; 5]);
-        let pad = hand.pads.iter().position(|pad| digit_of(pad.link) == Some(Digit::Ring)).unwrap();
+        let pad = hand.pads.iter().position(|pad| hand.digit_of(pad.link) == Some(Digit::Ring)).unwrap();
         let blind = [PadTouch { pad, blind: true, ..PadTouch::default() }];
         assert_eq!(feeling(&hand, &blind, &closed, &[Digit::Ring, Digit::Little]), [Digit::Ring]);
         assert!(feeling(&hand, &blind, &closed, &[Digit::Little]).is_empty());

@@ -8,7 +8,7 @@ use hand_model::robot::ServoState;
 use hand_model::{Digit, Hand};
 use nalgebra::{Isometry3, Point3, Vector3};
 use touch::pose::loaded_posture;
-use touch::posture::{cable_excursion, cable_tension, digit_of};
+use touch::posture::{cable_excursion, cable_tension};
 use touch::{CameraFault, InHand, KnownShape, PadTouch, Perceived, PoseEstimate, PosePrior, TouchError};
 use world::geometry::{DistanceGrid, Shape};
 use world::objects::ObjectModel;
@@ -109,12 +109,13 @@ impl Grip {
         held: Option<&[f64]>,
         on_first: &[usize],
     ) -> Self {
-        let of =
-            |digit: Option<Digit>| touches.iter().filter(move |touch| digit_of(hand.pads[touch.pad].link) == digit);
+        let of = |digit: Option<Digit>| {
+            touches.iter().filter(move |touch| hand.digit_of(hand.pads[touch.pad].link) == digit)
+        };
         let feels = |digit: Option<Digit>| of(digit).any(PadTouch::touched);
         let feels_second =
             |digit: Digit| of(Some(digit)).any(|touch| touch.touched() && !on_first.contains(&touch.pad));
-        let rests = |digit: Digit| on_first.iter().any(|pad| digit_of(hand.pads[*pad].link) == Some(digit));
+        let rests = |digit: Digit| on_first.iter().any(|pad| hand.digit_of(hand.pads[*pad].link) == Some(digit));
         let expected = |digit: Digit| {
             held.map(|joints| hand.transmission.cables[digit.index()].excursion(joints) / full_excursion(hand, digit))
         };
@@ -255,10 +256,10 @@ pub(crate) mod tests {
         let hand = Hand::ftac();
         let held = |middle: f64| {
             let mut joints = hand.open();
-            for joint in Digit::Index.joints() {
+            for joint in Digit::Index.ftac_joints() {
                 joints[joint] = 0.6;
             }
-            for joint in Digit::Middle.joints() {
+            for joint in Digit::Middle.ftac_joints() {
                 joints[joint] = middle;
             }
             joints

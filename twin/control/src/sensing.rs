@@ -6,7 +6,6 @@ use std::sync::Arc;
 use hand_model::pads::IMAGE_SIZE;
 use hand_model::robot::{TactileFrame, TactileImage};
 use hand_model::{Digit, Hand};
-use touch::posture::digit_of;
 use touch::{Perceived, PoseOptions, TouchError, TouchPipeline};
 use world::Sensing;
 
@@ -62,7 +61,7 @@ impl<'a> Senses<'a> {
         match self.sensing {
             Sensing::ServosOnly => false,
             Sensing::PalmOnly => link.is_none(),
-            Sensing::Fingertips => Digit::ALL.iter().any(|digit| link == digit.joints().last().copied()),
+            Sensing::Fingertips => hand.digits().iter().any(|digit| link == hand.links(*digit).last().copied()),
             Sensing::QuarterOfPads => pad.is_multiple_of(EVERY),
             _ => true,
         }
@@ -88,7 +87,7 @@ impl<'a> Senses<'a> {
 
 /// Whether a pad is on one of `digits`.
 pub fn is_on(hand: &Hand, pad: usize, digits: &[Digit]) -> bool {
-    digit_of(hand.pads[pad].link).is_some_and(|digit| digits.contains(&digit))
+    hand.digit_of(hand.pads[pad].link).is_some_and(|digit| digits.contains(&digit))
 }
 
 /// The image with every block of [`BLOCK`] x [`BLOCK`] pixels at its mean; one of another size stays as it is, to be refused.

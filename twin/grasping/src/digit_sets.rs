@@ -14,7 +14,7 @@ pub fn propose_with(hand: &Hand, digits: &[Digit], object: &str, radius: f64, id
     let mut uniform = |low: f64, high: f64| rng.random_range(low..high);
     let deg = std::f64::consts::PI / 180.0;
     let fingers: Vec<Digit> = digits.iter().copied().filter(|digit| *digit != Digit::Thumb).collect();
-    let column = |digit: &Digit| hand.tree.joints[digit.joints()[0]].origin.translation.x;
+    let column = |digit: &Digit| hand.tree.joints[hand.links(*digit)[0]].origin.translation.x;
     let middle = fingers.iter().map(column).sum::<f64>() / fingers.len().max(1) as f64;
     let opposed = fingers.len() < digits.len();
     let (mut pre, mut close) = (hand.slack(), hand.slack());

@@ -60,7 +60,8 @@ pub struct Grasp {
 impl Grasp {
     /// The digits that close: those whose cables are pulled.
     pub fn digits(&self) -> Vec<Digit> {
-        Digit::ALL.into_iter().filter(|digit| self.close_tension[digit.index()] > 0.0).collect()
+        let pulled = Digit::ALL.into_iter().zip(&self.close_tension).filter(|(_, tension)| **tension > 0.0);
+        pulled.map(|(digit, _)| digit).collect()
     }
 
     /// Rotation `world_from_palm` for an object whose yaw is `object_yaw`.

@@ -225,7 +225,7 @@ pub fn reach(
             let palm = arm.tool_pose(&shown) * hand.palm_from_flange.inverse();
             let links = hand.tree.forward(&joints);
             Digit::ALL.map(|digit| {
-                let [.., last] = digit.joints();
+                let [.., last] = digit.ftac_joints();
                 palm * links[last] * fingertip(hand, last)
             })
         });
@@ -316,7 +316,7 @@ fn note(
         None => vec![own.transmission.opposition_joint],
     };
     let digit = Digit::ALL.get(motion.actuator).copied().unwrap_or(Digit::Thumb);
-    let [.., last] = digit.joints();
+    let [.., last] = digit.ftac_joints();
     for (shown, (angle, truth)) in play(own, losses, motion).iter().zip(motion.measured().iter().zip(angles)).step_by(6)
     {
         differences.servos.push(shown.servo - angle);

@@ -10,7 +10,8 @@ use control::executive::{Executive, Phase};
 use control::motion::Protocol;
 use control::odds::TryOutcome;
 use grasping::Grasp;
-use hand_model::{ArmVector, Digit};
+use hand_model::hand::MOST_HAND_JOINTS;
+use hand_model::{ArmVector, Digit, Hand};
 use nalgebra::Isometry3;
 use scenarios::noise::{ExecutionNoise, NoiseLevels, PerceptionNoise, TrialNoise, trial_rng};
 use sim::robot::{SimulatedRobot, Truth};
@@ -160,10 +161,11 @@ struct SecondWatch {
 
 impl SecondWatch {
     fn new(executive: &Executive) -> Self {
+        let hand = executive.hand();
         let first_digits = executive.first().0.role.digits();
-        let free = Digit::ALL.into_iter().filter(|digit| !first_digits.contains(digit));
-        let free = free.map(|digit| digit_bits(&[digit])).collect();
-        Self { holding: digit_bits(first_digits), free, gripped: false, collided: false }
+        let free = hand.digits().iter().filter(|digit| !first_digits.contains(digit));
+        let free = free.map(|digit| digit_bits(hand, &[*digit])).collect();
+        Self { holding: digit_bits(hand, first_digits), free, gripped: false, collided: false }
     }
 
     /// Plays up to `phase`, or to a collision.
@@ -298,11 +300,11 @@ pub fn narrow_errors(count: usize) -> Vec<TrialNoise> {
 }
 
 /// Bit of the palm in [`Truth::touched_by`].
-pub const PALM: u32 = 1 << 15;
+pub const PALM: u32 = 1 << MOST_HAND_JOINTS;
 
 /// Bits of the links of `digits` in [`Truth::touched_by`].
-pub fn digit_bits(digits: &[Digit]) -> u32 {
-    digits.iter().flat_map(|digit| digit.joints()).fold(0, |bits, link| bits | 1 << link)
+pub fn digit_bits(hand: &Hand, digits: &[Digit]) -> u32 {
+    digits.iter().flat_map(|digit| hand.links(*digit)).fold(0, |bits, link| bits | 1 << link)
 }
 
 fn hold_outcome(before: &Truth, after: &Truth, index: usize) -> HoldOutcome {

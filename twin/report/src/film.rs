@@ -69,8 +69,9 @@ impl Stage<'_> {
             let (vertices, triangles, normals) = model.shape.triangles();
             picture.triangles(pose, &vertices, &triangles, &normals, model.color.map(f64::from));
         }
-        picture
-            .hand_at(self.hand, (&frame.palm, &frame.links), |pad| stream::scene::link_color(pad.link).map(f64::from));
+        picture.hand_at(self.hand, (&frame.palm, &frame.links), |pad| {
+            stream::scene::link_color(self.hand, pad.link).map(f64::from)
+        });
         picture.finish("")
     }
 

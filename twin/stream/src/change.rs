@@ -59,7 +59,7 @@ impl Changes {
 
     /// Colours (RGBA) of the points of a pad's sheet.
     pub fn colors(&self, hand: &Hand, pad: &Pad) -> Vec<u32> {
-        let base = link_color(pad.link).map(|part| f32::from(part) * IDLE);
+        let base = link_color(hand, pad.link).map(|part| f32::from(part) * IDLE);
         let [columns, rows] = [pad.w, pad.h].map(|size| pad_points(size, pad.edge_radius));
         let points = rows.iter().flat_map(|y| columns.iter().map(move |x| (*x, *y)));
         points

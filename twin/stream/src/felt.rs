@@ -58,7 +58,7 @@ pub fn write(targets: &[Target], hand: &Hand, scene: &FeltScene) -> Result<(), S
     }
     let at = |p: &Point3<f64>| <[f32; 3]>::from(p.coords.cast::<f32>());
     let places = || scene.points.iter().map(|(_, point, _)| at(point));
-    let colors = || scene.points.iter().map(|(link, _, _)| link_color(*link));
+    let colors = || scene.points.iter().map(|(link, _, _)| link_color(hand, *link));
     let cloud = Points3D::new(places()).with_radii([0.0011f32]).with_colors(colors());
     rec.log_static(format!("{}/felt", entities::GALLERY), &cloud)?;
     let normals = scene.points.iter().map(|(_, _, normal)| <[f32; 3]>::from(normal.cast::<f32>() * NORMAL));

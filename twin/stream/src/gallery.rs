@@ -136,7 +136,7 @@ impl Gallery<'_> {
         rec.log_static(name.as_str(), &transform(&grasp.palm_from_object))?;
         rec.log_static(name.as_str(), &drawn(&object.mesh(), object.color, VEIL.0))?;
         let at = |contact: &ShownContact| <[f32; 3]>::from(contact.point.coords.cast::<f32>());
-        let color = |contact: &ShownContact| link_color(contact.link);
+        let color = |contact: &ShownContact| link_color(hand, contact.link);
         let points = Points3D::new(grasp.contacts.iter().map(at)).with_radii([0.0018f32]);
         rec.log_static(format!("{root}/contacts"), &points.with_colors(grasp.contacts.iter().map(color)))?;
         let forces = grasp.contacts.iter().map(|contact| {

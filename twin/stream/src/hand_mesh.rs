@@ -59,7 +59,7 @@ pub fn parts(hand: &Hand, steps: u32) -> Vec<Part> {
     for (link, shape) in hand.covers.iter().enumerate() {
         parts.push(Part { link: Some(link), material: Material::Cover, mesh: cover(shape) });
         // The cover of the thumb's first link lies beside its axis.
-        if link != Digit::Thumb.joints()[0] {
+        if link != hand.links(Digit::Thumb)[0] {
             parts.push(Part { link: Some(link), material: Material::Knuckle, mesh: knuckle(shape, steps) });
         }
     }

@@ -33,8 +33,8 @@ pub const DIGIT_COLORS: [[u8; 3]; 5] = [[230, 85, 80], [240, 160, 50], [105, 185
 pub const PALM_COLOR: [u8; 3] = [170, 170, 170];
 
 /// Colour of a hand link, by its digit; `None` is the palm.
-pub fn link_color(link: Option<usize>) -> [u8; 3] {
-    link.map_or(PALM_COLOR, |link| DIGIT_COLORS.get(link / 3).copied().unwrap_or(PALM_COLOR))
+pub fn link_color(hand: &Hand, link: Option<usize>) -> [u8; 3] {
+    hand.digit_of(link).map_or(PALM_COLOR, |digit| DIGIT_COLORS[digit.index()])
 }
 
 /// Name of the digit whose colour is given by `index`.
@@ -163,7 +163,7 @@ pub(crate) fn log_hand_at(rec: &RecordingStream, root: &str, hand: &Hand, angles
     log_parts(rec, hand, path)?;
     rec.log_static(format!("{root}/cables"), &cables(&hand_mesh::cables(hand, &links), &[0; 5]))?;
     for pad in &hand.pads {
-        let mesh = drawn(&hand_mesh::pad_sheet(pad), link_color(pad.link), 255);
+        let mesh = drawn(&hand_mesh::pad_sheet(pad), link_color(hand, pad.link), 255);
         let pose = transform(&pad.link_from_pad);
         let both: [&dyn AsComponents; 2] = [&mesh, &pose];
         rec.log_static(format!("{}/{}", path(pad.link), pad.name), &both)?;

@@ -52,13 +52,17 @@ pub fn log_static(rec: &RecordingStream, robot: &RobotModel, objects: &[DrawnObj
     let servos = digits.iter().cloned().chain(["opposition".to_owned()]).collect();
     rec.log_static(entities::CURRENTS, &lines(servos, DIGIT_COLORS.into_iter().chain([PALM_COLOR]).collect()))?;
     let joints = hand.tree.joints.iter().map(|joint| joint.name.replace('_', " ")).collect();
-    let colors = (0..hand.tree.len()).map(|i| shade(link_color(Some(i)), i % 3)).collect();
+    let along = |link: Option<usize>| {
+        let chain = hand.digit_of(link).map(|digit| hand.links(digit));
+        chain.and_then(|chain| chain.iter().position(|own| link == Some(*own))).unwrap_or(0)
+    };
+    let colors = (0..hand.tree.len()).map(|i| shade(link_color(hand, Some(i)), along(Some(i)))).collect();
     rec.log_static(entities::JOINT_ANGLES, &lines(joints, colors))?;
     let palette = |i: usize| DIGIT_COLORS.get(i).copied().unwrap_or(shade(PALM_COLOR, i % 2));
     let arm_joints = arm.tree.joints.iter().map(|joint| joint.name.replace('_', " ")).collect();
     rec.log_static(entities::ARM_ANGLES, &lines(arm_joints, (0..arm.tree.len()).map(palette).collect()))?;
     let pads = hand.pads.iter().map(|pad| pad.name.replace('_', " ")).collect();
-    let colors = hand.pads.iter().map(|pad| shade(link_color(pad.link), pad.link.map_or(0, |link| link % 3))).collect();
+    let colors = hand.pads.iter().map(|pad| shade(link_color(hand, pad.link), along(pad.link))).collect();
     rec.log_static(entities::PAD_FORCES, &lines(pads, colors))?;
     rec.log_static(entities::TWIN_LOADS, &lines(digits, DIGIT_COLORS.to_vec()))?;
     let axes = ["x", "y", "z"].map(|axis| format!("{axis} (N)")).to_vec();

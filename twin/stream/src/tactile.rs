@@ -87,7 +87,7 @@ pub fn log_cells(
         rec.log(entities::change(&camera.name), &placed(x, y, size / change_side as f32))?;
         centers.push([x + 0.5 * size, y + 0.5 * size]);
         halves.push([0.5 * size + 2.0; 2]);
-        colors.push(link_color(hand.pads[camera.pad].link));
+        colors.push(link_color(hand, hand.pads[camera.pad].link));
         if active(index) {
             // A name hangs below its point.
             labelled.push([x + 0.5 * size, y + size - 14.0]);

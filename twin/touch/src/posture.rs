@@ -5,7 +5,6 @@
 //! and at every joint K q = r(q) T + contact torque. Without contact they determine the posture; with contact the touch
 //! is needed too (see [`crate::pose`]).
 
-use hand_model::digit::Digit;
 use hand_model::robot::ServoState;
 use hand_model::transmission::SPANS;
 use hand_model::transmission::friction::{CableFriction, CableLosses};
@@ -180,11 +179,6 @@ pub fn friction_sigmas(hand: &Hand, cable: usize, q: &[f64], tension: f64, losse
 pub fn excursion_sigma(hand: &Hand, sigma: f64, losses: &CableLosses) -> f64 {
     let radius = hand.cables.iter().map(|cable| cable.spool_radius).fold(0.0, f64::max);
     sigma.hypot(0.5 * losses.backlash * radius)
-}
-
-/// The digit whose chain holds `link`; `None` for the palm.
-pub fn digit_of(link: Option<usize>) -> Option<Digit> {
-    link.and_then(|link| Digit::ALL.get(link / 3).copied())
 }
 
 #[cfg(test)]

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use control::motion::tension::against_friction;
 use control::percept::Percept;
 use hand_model::pads::IMAGE_SIZE;
-use hand_model::{Digit, DigitVector, Hand};
+use hand_model::{DigitVector, Hand};
 use nalgebra::Point3;
 use proving::rehearsal::{PALM, digit_bits, in_hand};
 use rand::RngExt as _;
@@ -164,7 +164,8 @@ impl Episode {
         self.held_since = if all { self.held_since.or(Some(truth.time)) } else { None };
         // Half a tick of tolerance: times are sums of ticks.
         let success = self.held_since.is_some_and(|since| truth.time - since > HOLD - 0.004);
-        let before = std::mem::replace(&mut self.progress, progress(&truth, &self.objects));
+        let before =
+            std::mem::replace(&mut self.progress, progress(&self.scene.cell.robot.hand, &truth, &self.objects));
         let on_hand = |height: f64| height.is_finite() && height >= FALLEN;
         let lost = !truth.objects.iter().all(|pose| on_hand(pose.translation.z));
         Judgement { held, progress: self.progress, gained: self.progress - before, success, lost }
@@ -172,13 +173,13 @@ impl Episode {
 }
 
 /// Mean progress over the objects.
-fn progress(truth: &Truth, objects: &[Arc<ObjectModel>]) -> f64 {
+fn progress(hand: &Hand, truth: &Truth, objects: &[Arc<ObjectModel>]) -> f64 {
     let [near, touch, lift] = SHARES;
     let middle = truth.palm * Point3::from(GRASP);
     let of = |(index, object): (usize, &Arc<ObjectModel>)| {
         let at = truth.objects[index].translation.vector;
         let touched = truth.touched_by[index];
-        let digits = Digit::ALL.iter().map(|digit| digit_bits(&[*digit])).chain([PALM]);
+        let digits = hand.digits().iter().map(|digit| digit_bits(hand, &[*digit])).chain([PALM]);
         let touching = digits.filter(|bits| touched & bits != 0).count() as f64;
         let raised = if touched == 0 { 0.0 } else { ((at.z - object.rest_height()) / LIFT).clamp(0.0, 1.0) };
         near * (1.0 - ((at - middle.coords).norm() / NEAR).tanh())

@@ -61,7 +61,7 @@ pub struct SceneOptions {
 /// A robot at a table with objects. A clone goes its own way from the same bits.
 #[derive(Clone)]
 pub struct Scene {
-    cell: Workcell,
+    pub(super) cell: Workcell,
     kinematics: ArmKinematics,
     stepper: Stepper,
     robot: SimulatedRobot,
@@ -187,7 +187,7 @@ impl Scene {
         self.observation.time
     }
 
-    /// The six servos as they report.
+    /// The servos as they report.
     pub fn servos(&self) -> &[ServoState] {
         &self.observation.servos
     }

@@ -242,7 +242,7 @@ fn attempt(site: &Site, base: &Base, ball: usize, grasp: &Grasp, keeps: Option<&
     if !had.iter().all(|one| in_hand(&truth, *one)) {
         return Ok(Came::Touched);
     }
-    let touching = |digit: &Digit| truth.touched_by[ball] & digit_bits(&[*digit]) != 0;
+    let touching = |digit: &Digit| truth.touched_by[ball] & digit_bits(&site.world.cell.robot.hand, &[*digit]) != 0;
     let keeps: Vec<Digit> = match keeps {
         Some(keeps) => keeps.clone(),
         None => grasp.digits().into_iter().filter(touching).collect(),

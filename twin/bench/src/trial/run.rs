@@ -7,7 +7,7 @@ use control::executive::{Executive, Phase};
 use control::outage::Outage;
 use control::perception::{Felt, Grip};
 use control::policy::{Choice, Injected};
-use hand_model::Digit;
+use hand_model::Hand;
 use hand_model::robot::{Command, Observation, RobotBackend, RobotError};
 use proving::rehearsal::{PALM, Snapshot, digit_bits, in_hand};
 use scenarios::FailureCause;
@@ -165,11 +165,14 @@ impl Run {
         let activity = if captures { Activity::Images } else { Activity::Physics };
         profile.on(activity, || robot.wait_for_tick());
         profile.on(Activity::Referee, || {
-            let truth = robot.truth();
+            let (truth, hand) = (robot.truth(), executive.hand());
             if let Some(truth) = &truth {
                 referee.see(&match stages {
-                    Some(stages) => staged(truth, stages),
-                    None => scene(truth, executive.phase(), digit_bits(executive.first().0.role.digits())),
+                    Some(stages) => staged(hand, truth, stages),
+                    None => {
+                        let holding = digit_bits(hand, executive.first().0.role.digits());
+                        scene(hand, truth, executive.phase(), holding)
+                    }
                 });
                 disturber.see(truth);
                 history.see(truth);
@@ -266,15 +269,16 @@ impl Run {
 }
 
 /// The referee's view of a scene whose phases are read from it. The digits that hold the first object are those that touch it.
-fn staged(truth: &Truth, stages: &mut Stages) -> SceneTruth {
-    let holding = Digit::ALL.iter().map(|digit| digit_bits(&[*digit])).filter(|bits| truth.touched_by[0] & bits != 0);
+fn staged(hand: &Hand, truth: &Truth, stages: &mut Stages) -> SceneTruth {
+    let holding =
+        hand.digits().iter().map(|digit| digit_bits(hand, &[*digit])).filter(|bits| truth.touched_by[0] & bits != 0);
     let holding = holding.fold(0, |all, bits| all | bits);
-    let phase = stages.see(&scene(truth, stages.phase(), holding));
-    scene(truth, phase, holding)
+    let phase = stages.see(&scene(hand, truth, stages.phase(), holding));
+    scene(hand, truth, phase, holding)
 }
 
 /// The referee's view of the scene.
-fn scene(truth: &Truth, phase: Phase, holding: u32) -> SceneTruth {
+fn scene(hand: &Hand, truth: &Truth, phase: Phase, holding: u32) -> SceneTruth {
     let holds = phase >= Phase::LiftFirst;
     let count = |object: usize| truth.touched_by[object].count_ones() as usize;
     SceneTruth {
@@ -283,7 +287,7 @@ fn scene(truth: &Truth, phase: Phase, holding: u32) -> SceneTruth {
         first_touches_second: !truth.object_pairs.is_empty(),
         holding_digits_touch_second: holds && truth.touched_by[1] & holding != 0,
         palm_touches_second: truth.touched_by[1] & PALM != 0,
-        free_digits_on_second: digits_on(truth.touched_by[1] & !holding),
+        free_digits_on_second: digits_on(hand, truth.touched_by[1] & !holding),
         on_second: on_second(truth, holding),
         hand_contacts: [count(0), count(1)],
         on_table: [truth.on_table[0], truth.on_table[1]],
@@ -293,8 +297,8 @@ fn scene(truth: &Truth, phase: Phase, holding: u32) -> SceneTruth {
 }
 
 /// How many digits have a link among `links` (bits as in [`Truth::touched_by`]).
-fn digits_on(links: u32) -> usize {
-    Digit::ALL.iter().filter(|digit| links & digit_bits(&[**digit]) != 0).count()
+fn digits_on(hand: &Hand, links: u32) -> usize {
+    hand.digits().iter().filter(|digit| links & digit_bits(hand, &[**digit]) != 0).count()
 }
 
 /// What presses on the second object at the end of the tick.
@@ -318,6 +322,8 @@ fn on_second(truth: &Truth, holding: u32) -> Vec<Touch> {
 mod tests {
     use nalgebra::Isometry3;
 
+    use hand_model::Digit;
+
     use super::*;
 
     fn truth(touched_by: [u32; 2]) -> Truth {
@@ -333,15 +339,16 @@ mod tests {
     /// other links do not.
     #[test]
     fn the_referee_tells_holding_digits_from_free_ones() {
-        let holding = digit_bits(&[Digit::Ring, Digit::Little]);
-        let ring = 1 << Digit::Ring.joints()[2];
-        let index = 1 << Digit::Index.joints()[2];
-        let seen = |touched: u32, phase: Phase| scene(&truth([holding, touched]), phase, holding);
+        let hand = Hand::ftac();
+        let holding = digit_bits(&hand, &[Digit::Ring, Digit::Little]);
+        let ring = 1 << Digit::Ring.ftac_joints()[2];
+        let index = 1 << Digit::Index.ftac_joints()[2];
+        let seen = |touched: u32, phase: Phase| scene(&hand, &truth([holding, touched]), phase, holding);
         assert!(seen(ring, Phase::ApproachSecond).holding_digits_touch_second);
         assert!(!seen(ring, Phase::ApproachFirst).holding_digits_touch_second);
         assert!(!seen(index, Phase::GraspSecond).holding_digits_touch_second);
         assert_eq!(seen(index, Phase::GraspSecond).free_digits_on_second, 1);
-        assert_eq!(seen(index | 1 << Digit::Thumb.joints()[1], Phase::GraspSecond).free_digits_on_second, 2);
+        assert_eq!(seen(index | 1 << Digit::Thumb.ftac_joints()[1], Phase::GraspSecond).free_digits_on_second, 2);
         assert_eq!(seen(ring, Phase::GraspSecond).free_digits_on_second, 0);
         let palm = seen(PALM, Phase::GraspSecond);
         assert!(palm.palm_touches_second && palm.free_digits_on_second == 0 && !palm.holding_digits_touch_second);
@@ -349,10 +356,11 @@ mod tests {
 
     #[test]
     fn the_referee_counts_links_and_sees_who_lies_on_the_table() {
-        let seen = scene(&truth([0b101, 0]), Phase::LiftFirst, 0);
+        let hand = Hand::ftac();
+        let seen = scene(&hand, &truth([0b101, 0]), Phase::LiftFirst, 0);
         assert_eq!((seen.hand_contacts, seen.on_table), ([2, 0], [false, true]));
         assert!(!seen.first_touches_second);
         let pair = Truth { object_pairs: vec![(0, 1)], ..truth([0, 0]) };
-        assert!(scene(&pair, Phase::LiftFirst, 0).first_touches_second);
+        assert!(scene(&hand, &pair, Phase::LiftFirst, 0).first_touches_second);
     }
 }

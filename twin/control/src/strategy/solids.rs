@@ -84,6 +84,6 @@ pub(super) fn held_solids(hand: &Hand, held: &Held, (pose, joints): (&Isometry3<
 
 /// The rest of the hand: its palm and the digits that hold nothing, in the palm frame.
 pub(super) fn free_solids(hand: &Hand, held: &Held) -> Vec<Solid> {
-    let free: Vec<Digit> = Digit::ALL.into_iter().filter(|digit| !held.digits.contains(digit)).collect();
+    let free: Vec<Digit> = hand.digits().iter().copied().filter(|digit| !held.digits.contains(digit)).collect();
     hand_solids(hand, &held.joints, &free, true)
 }

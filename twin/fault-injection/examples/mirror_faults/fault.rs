@@ -58,7 +58,7 @@ impl Fault {
         drawn.extend(slipped.map(|n| (1, PlantFault::Slip(n, slip))));
         drawn.extend(weak.map(|n| (2, PlantFault::Weak(n, share))));
         // The thumb's first joint is turned by a servo of its own.
-        let joint_of = |n: usize| Digit::ALL[n].joints()[if n == 0 { joint.max(1) } else { joint }];
+        let joint_of = |n: usize| Digit::ALL[n].ftac_joints()[if n == 0 { joint.max(1) } else { joint }];
         drawn.extend(stuck.map(|n| (3, PlantFault::Stick(joint_of(n)))));
         let phase = executive.phase();
         let lifted = phase > Phase::LiftFirst || phase == Phase::LiftFirst && executive.progress() > 0.4;

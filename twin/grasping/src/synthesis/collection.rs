@@ -157,7 +157,7 @@ fn grasp(object: &str, row: Row) -> Result<HeldGrasp, String> {
         _ => return Err(format!("checks: found {} numbers, expected 2 or 5", checks.len())),
     };
     let touches = |link: Option<usize>| contacts.iter().any(|contact| contact.link == link);
-    let digits = Digit::ALL.into_iter().filter(|digit| digit.joints().into_iter().any(|link| touches(Some(link))));
+    let digits = Digit::ALL.into_iter().filter(|digit| digit.ftac_joints().into_iter().any(|link| touches(Some(link))));
     Ok(HeldGrasp {
         object: object.into(),
         chain,

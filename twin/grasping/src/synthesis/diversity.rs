@@ -48,7 +48,7 @@ pub fn pressing(grasp: &HeldGrasp) -> Option<Vector3<f64>> {
         let own = grasp.contacts.iter().filter(|contact| of(contact.link));
         own.map(|contact| Vector3::from(contact.normal) * contact.force).sum()
     };
-    let thumb = sum(&|link| link.is_some_and(|link| Digit::Thumb.joints().contains(&link)));
+    let thumb = sum(&|link| link.is_some_and(|link| Digit::Thumb.ftac_joints().contains(&link)));
     let palm = sum(&|link| link.is_none());
     if thumb.norm() >= palm.norm() { thumb } else { palm }.try_normalize(1e-9)
 }

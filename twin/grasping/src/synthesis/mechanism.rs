@@ -139,7 +139,7 @@ mod tests {
         assert_eq!((mechanism.lines.len(), mechanism.limits.len()), (5, 15));
         for (cable, line) in mechanism.lines.iter().enumerate() {
             let digit = hand_model::Digit::ALL[cable];
-            assert!(line.joints.iter().all(|joint| digit.joints().contains(joint)), "{line:?}");
+            assert!(line.joints.iter().all(|joint| hand.links(digit).contains(joint)), "{line:?}");
             assert!(line.share.iter().all(|share| *share > 0.0), "{line:?}");
             for tension in [2.0, 10.0] {
                 let mut free = [0.0; 15];

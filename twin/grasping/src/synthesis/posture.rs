@@ -4,7 +4,7 @@
 //! curve with the same mean angle. From there a digit *opens* along its curve until it is clear of the object. This is
 //! the posture in which the hand approaches; increasing the tension closes it.
 
-use hand_model::{Digit, DigitVector, Hand, HandVector};
+use hand_model::{DigitVector, Hand, HandVector};
 use nalgebra::Vector3;
 
 use super::field::DistanceField;
@@ -125,9 +125,9 @@ pub fn open_clear(
         state.object_from_palm.translation.vector += normal * (0.3e-3 - depth);
     }
     let mut open = aimed.clone();
-    for digit in Digit::ALL {
+    for digit in hand.digits() {
         let cable = digit.index();
-        let links = digit.joints().map(|joint| joint + 1);
+        let links: Vec<usize> = hand.links(*digit).iter().map(|joint| joint + 1).collect();
         let mut mean = mean_angle(hand, cable, &open.joints);
         loop {
             state.joints.copy_from_slice(&open.joints);

@@ -84,7 +84,7 @@ pub fn rows(hand: &Arc<Hand>, out: Option<&Path>) -> Result<Vec<Row>> {
     .with(json!({ "forces_n": by_phalanx, "sum_over_current_a_n": curve, "phalanges_touching": touching }));
     if let Some(folder) = out {
         let caption = |digit: Digit| {
-            let [a, b, c] = digit.joints().map(|joint| forces[joint]);
+            let [a, b, c] = digit.ftac_joints().map(|joint| forces[joint]);
             format!("{:7} {a:5.1} {b:5.1} {c:5.1} N", digit.name())
         };
         let lines: Vec<String> = Digit::ALL.into_iter().map(caption).collect();

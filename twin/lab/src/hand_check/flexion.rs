@@ -52,7 +52,7 @@ fn pull(hand: &Arc<Hand>, block: Option<(Prop, Isometry3<f64>)>) -> (Path3, Hand
         stand.run(&tension_goals(hand, &tensions, 0.0), PULL / steps as f64);
         // What the cable carries, which trails what the servo is asked for while it moves.
         path.tension.push(stand.tensions()[DIGIT.index()]);
-        path.angles.push(DIGIT.joints().map(|joint| stand.angles()[joint].to_degrees()));
+        path.angles.push(DIGIT.ftac_joints().map(|joint| stand.angles()[joint].to_degrees()));
     }
     (path, stand)
 }
@@ -64,7 +64,7 @@ fn lines(path: &Path3, mark: &str) -> Vec<(String, Vec<[f64; 2]>)> {
 
 /// A block below the finger's `phalanx` that it meets at about 20 deg of flexion of its joint.
 fn block(hand: &Hand, phalanx: usize) -> (Prop, Isometry3<f64>) {
-    let link = DIGIT.joints()[phalanx];
+    let link = DIGIT.ftac_joints()[phalanx];
     let mut q = hand.open();
     q[link] = 20f64.to_radians();
     if phalanx == 1 {
@@ -113,7 +113,7 @@ fn free_row(hand: &Hand, free: &Path3) -> Row {
         let mut tensions = [0.0; 5];
         tensions[DIGIT.index()] = *tension;
         let still = statics::free_sliding(hand, &tensions, 0.0, &closing);
-        for (joint, angle) in DIGIT.joints().into_iter().zip(angles) {
+        for (joint, angle) in DIGIT.ftac_joints().into_iter().zip(angles) {
             difference = difference.max((still[joint].to_degrees() - angle).abs());
         }
     }

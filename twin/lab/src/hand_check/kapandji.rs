@@ -138,7 +138,7 @@ fn expected(hand: &Hand, target: &Target, command: &Command) -> HandVector {
         let slid = Slid { friction: hand.parameters.cable.friction, state };
         statics::free_sliding(hand, &tensions(target, command), opposition, &slid)
     });
-    thumb[Digit::Thumb.joints().len()..].copy_from_slice(&finger[Digit::Thumb.joints().len()..]);
+    thumb[Digit::Thumb.ftac_joints().len()..].copy_from_slice(&finger[Digit::Thumb.ftac_joints().len()..]);
     thumb
 }
 

@@ -145,7 +145,7 @@ fn masked(repertoire: &Repertoire, digits: &[Digit]) -> Repertoire {
 fn slackened(grasp: &Grasp, digits: &[Digit], pull: f64, number: u32) -> Grasp {
     let lost = grasp.role.digits().iter().any(|digit| digits.contains(digit));
     let mut other = Grasp { id: grasp.id + number, ..grasp.clone() };
-    for digit in Digit::ALL {
+    for digit in Digit::ALL.into_iter().take(grasp.close_tension.len()) {
         let n = digit.index();
         if digits.contains(&digit) {
             (other.pre_tension[n], other.close_tension[n]) = (0.0, 0.0);

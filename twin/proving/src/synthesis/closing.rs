@@ -119,7 +119,7 @@ pub fn digits(surface: &HandSurface, contacts: &[usize]) -> Vec<Digit> {
     Digit::ALL
         .into_iter()
         .filter(|digit| {
-            contacts.iter().any(|c| digit.joints().iter().any(|joint| joint + 1 == surface.candidates[*c].link))
+            contacts.iter().any(|c| digit.ftac_joints().iter().any(|joint| joint + 1 == surface.candidates[*c].link))
         })
         .collect()
 }

@@ -183,9 +183,9 @@ impl Synthesizer {
         let closed = &checked.closed;
         let palm_from_object = closed.scene.object();
         let touching = |digit: &Digit| {
-            closed.touches.iter().any(|touch| touch.link.is_some_and(|link| digit.joints().contains(&link)))
+            closed.touches.iter().any(|touch| touch.link.is_some_and(|link| self.hand.links(*digit).contains(&link)))
         };
-        let (digits, free): (Vec<Digit>, Vec<Digit>) = Digit::ALL.into_iter().partition(touching);
+        let (digits, free): (Vec<Digit>, Vec<Digit>) = self.hand.digits().iter().copied().partition(touching);
         let facing = palm_from_object.inverse_transform_vector(&-Vector3::z());
         let contacts = closed.touches.iter().map(|touch| HeldContact {
             link: touch.link,
@@ -220,7 +220,7 @@ impl Synthesizer {
     fn room(&self, closed: &Closed, free: &[Digit]) -> Option<f64> {
         let object_from_palm = closed.scene.object().inverse();
         let links = self.hand.tree.forward(closed.scene.angles());
-        let distances = free.iter().flat_map(|digit| digit.joints()).flat_map(|link| {
+        let distances = free.iter().flat_map(|digit| self.hand.links(*digit)).flat_map(|&link| {
             let object_from_link = object_from_palm * links[link];
             let field = &self.subject.field;
             let points = &self.surface.links[link + 1].points;

@@ -88,7 +88,7 @@ fn grasp_picture(hand: &Hand, model: &ObjectModel, kind: &Kind<'_>) -> RgbImage 
     picture.triangles(&shown.palm_from_object, &vertices, &triangles, &normals, color);
     for contact in &shown.contacts {
         let cone = friction_cone(contact, friction(kind));
-        let color = stream::scene::link_color(contact.link).map(f64::from);
+        let color = stream::scene::link_color(hand, contact.link).map(f64::from);
         let tips: Vec<Point3<f64>> = cone.vertices.iter().map(|v| Point3::from(*v).cast()).collect();
         picture.veil(&tips, &cone.triangles, color, CONE_COVERS);
         picture.dot(&contact.point, 1.5e-3, color);

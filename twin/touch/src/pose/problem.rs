@@ -11,7 +11,7 @@ use super::evidence::{ClearSpot, FeltPoint, LinkPatch, OwnContact, PressedPad, o
 use super::inputs::{PoseInputs, PoseOptions, PosePrior};
 use super::shape::KnownShape;
 use super::system::{Kinematics, evenly};
-use crate::posture::{Posture, digit_of, excursion_sigma, free_posture, friction_sigmas};
+use crate::posture::{Posture, excursion_sigma, free_posture, friction_sigmas};
 
 /// Torque that a contact on a blind pad may have about a joint, N m.
 const UNFELT_TORQUE: f64 = 0.2;
@@ -95,7 +95,7 @@ impl<'a> Problem<'a> {
                 links.push(pad.link);
             }
             if !touch.patches.is_empty() || touch.blind {
-                cables.extend(digit_of(pad.link).map(|digit| digit.index()));
+                cables.extend(hand.digit_of(pad.link).map(|digit| digit.index()));
             }
             blind.extend(pad.link.filter(|_| touch.blind));
             if options.use_clear && !touch.clear.is_empty() {
@@ -115,7 +115,7 @@ impl<'a> Problem<'a> {
         }
         // An obstructed digit without measured contact is not where a free one would be: its free points are not used.
         clear.retain(|pad| {
-            let digit = digit_of(pad.link).map(|digit| digit.index());
+            let digit = hand.digit_of(pad.link).map(|digit| digit.index());
             digit.is_none_or(|digit| cables.contains(&digit) || !obstructed(hand, &posture, digit))
         });
         let chains: Vec<Vec<usize>> = (0..hand.tree.len()).map(|link| hand.tree.chain(link)).collect();

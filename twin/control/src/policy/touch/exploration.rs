@@ -124,7 +124,7 @@ impl Touch<'_> {
 pub(super) fn empty(hand: &Hand) -> Held<'static> {
     let digits = Role::First.digits();
     let mut joints = vec![0.0; hand.tree.joints.len()];
-    for joint in digits.iter().flat_map(|digit| digit.joints()) {
+    for &joint in digits.iter().flat_map(|digit| hand.links(*digit)) {
         joints[joint] = hand.tree.joints[joint].upper;
     }
     Held { name: "nothing", solids: &[], pose: Isometry3::identity(), joints, digits, sigma: 0.0 }

@@ -1,7 +1,6 @@
 //! How the first object is taken: with the grasp that is worth most together with the second grasps that can follow it.
 
 use grasping::{Grasp, Role};
-use hand_model::Digit;
 use nalgebra::{Matrix3, Vector3};
 use world::attempt::Attempt;
 
@@ -103,7 +102,7 @@ impl Touch<'_> {
     ) -> Result<Option<(Grasp, PosePath)>, PolicyError> {
         candidates.sort_by(|a, b| b.worth.total_cmp(&a.worth));
         let hand = executive.hand();
-        let moving = hand_solids(hand, &exploration::empty(hand).joints, &Digit::ALL, true);
+        let moving = hand_solids(hand, &exploration::empty(hand).joints, hand.digits(), true);
         let [first, second] = &self.solids;
         let second = placed(second, &executive.second().1.pose());
         let both = [placed(first, &seen.pose()), second.clone()].concat();

@@ -35,7 +35,7 @@ fn at_palm(hand: &Hand, kind: &GraspType, rng: &mut ChaCha8Rng) -> Attempt {
     let depth = skin - height - within(rng, (2e-4, 3e-3));
     let at = if along_index {
         // Its line passes under the index finger between the first and the last joint; how far it is pushed through is free.
-        let knuckle = hand.tree.joints[Digit::Index.joints()[0]].origin.translation.vector;
+        let knuckle = hand.tree.joints[Digit::Index.ftac_joints()[0]].origin.translation.vector;
         let under = Vector3::new(knuckle.x, knuckle.y + within(rng, (0.0, 0.07)), depth);
         under - across * within(rng, (0.02, 0.07))
     } else {

@@ -149,7 +149,7 @@ impl Guess {
     fn skin(&self, hand: &Hand, links: &[Isometry3<f64>]) -> Vec<Skin> {
         let touch = |(digit, part): &(Digit, Part)| {
             let phalanx = if let Part::Flank(flank) = part { flank.phalanx } else { 2 };
-            let link = digit.joints()[phalanx];
+            let link = digit.ftac_joints()[phalanx];
             let cover = &hand.covers[link];
             let inner = cover.half.add_scalar(-cover.radius);
             // The middle of the rounding, and the way out of it.
@@ -328,7 +328,7 @@ mod tests {
             let links = guess.links(&hand, &curls, kind);
             for ((digit, part), skin) in guess.parts.iter().zip(guess.skin(&hand, &links)) {
                 let phalanx = if let Part::Flank(flank) = part { flank.phalanx } else { 2 };
-                let link = digit.joints()[phalanx];
+                let link = digit.ftac_joints()[phalanx];
                 let cover = hand.covers[link];
                 let at = (links[link] * cover.link_from_cover).inverse() * Point3::from(skin.at);
                 let core = at.coords.zip_map(&cover.half.add_scalar(-cover.radius), |a, b| a.clamp(-b, b));

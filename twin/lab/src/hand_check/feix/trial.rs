@@ -97,8 +97,8 @@ pub fn run(hand: &Arc<Hand>, kind: &GraspType, attempt: &Attempt, enough: f64) -
     let contacts = stand.contacts().iter().map(|contact| contact.point).collect();
     let mut lost = Vec::new();
     let away = |digit: &Digit| match kind.extended.contains(digit) {
-        true => gap(&stand, &digit.joints()[1..]) + BEND * (bent(&stand, *digit) - STRETCHED).max(0.0),
-        false => gap(&stand, &digit.joints()),
+        true => gap(&stand, &digit.ftac_joints()[1..]) + BEND * (bent(&stand, *digit) - STRETCHED).max(0.0),
+        false => gap(&stand, &digit.ftac_joints()),
     };
     let missing: f64 = kind.digits.iter().map(away).sum();
     let mut cost = FAULT * faults.len() as f64 + (missing / MISSING).min(FAULT - 1.0);
@@ -148,7 +148,7 @@ fn lock(stand: &HandStand, mut goals: ActuatorVector<ServoGoal>) -> ActuatorVect
 
 /// How far the two last joints of a digit are bent together, rad.
 fn bent(stand: &HandStand, digit: Digit) -> f64 {
-    let [_, middle, last] = digit.joints();
+    let [_, middle, last] = digit.ftac_joints();
     stand.angles()[middle] + stand.angles()[last]
 }
 
@@ -177,7 +177,7 @@ fn faults(kind: &GraspType, stand: &HandStand) -> Vec<String> {
     }
     let mut faults = Vec::new();
     for digit in kind.extended {
-        let (bent, [_, middle, last]) = (bent(stand, *digit), digit.joints());
+        let (bent, [_, middle, last]) = (bent(stand, *digit), digit.ftac_joints());
         if bent > STRETCHED {
             faults.push(format!("{} is bent by {:.0} deg", digit.name(), bent.to_degrees()));
         }
@@ -189,7 +189,11 @@ fn faults(kind: &GraspType, stand: &HandStand) -> Vec<String> {
         let touches = forces[digit.index()] > TOUCH;
         let named = kind.digits.contains(&digit);
         if named && !touches {
-            faults.push(format!("{} does not touch, {:.1} mm off", digit.name(), gap(stand, &digit.joints()) * 1e3));
+            faults.push(format!(
+                "{} does not touch, {:.1} mm off",
+                digit.name(),
+                gap(stand, &digit.ftac_joints()) * 1e3
+            ));
         }
         if !named && touches && !kind.helpers.contains(&digit) {
             faults.push(format!("{} touches", digit.name()));

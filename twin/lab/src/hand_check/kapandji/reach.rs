@@ -33,8 +33,8 @@ pub struct Reach {
 
 /// Searches both. Joints that neither belong to the thumb nor to the target's finger stay at 0.
 pub fn reach(hand: &Hand, target: &Target, tip: &[Point3<f64>], rng: &mut ChaCha8Rng) -> Reach {
-    let mut joints = Digit::Thumb.joints().to_vec();
-    joints.extend(target.link.into_iter().flat_map(|link| Digit::ALL[link / 3].joints()));
+    let mut joints = Digit::Thumb.ftac_joints().to_vec();
+    joints.extend(target.link.into_iter().flat_map(|link| Digit::ALL[link / 3].ftac_joints()));
     let away = |angles: &[f64]| distance(target, tip, &hand.tree.forward(angles));
     let clear = |angles: &[f64]| away(angles) + PENALTY * (self_penetration_at(hand, angles) - OVERLAP).max(0.0);
     let mut looks: Vec<(f64, HandVector)> = (0..LOOKS)
@@ -103,10 +103,10 @@ mod tests {
         let hand = Hand::ftac();
         let tip = thumb_tip(&hand);
         let mut angles = hand.open();
-        for (joint, angle) in Digit::Thumb.joints().into_iter().zip([0.9, 0.4, 0.3]) {
+        for (joint, angle) in Digit::Thumb.ftac_joints().into_iter().zip([0.9, 0.4, 0.3]) {
             angles[joint] = angle;
         }
-        let link = hand.tree.forward(&angles)[Digit::Thumb.joints()[2]];
+        let link = hand.tree.forward(&angles)[Digit::Thumb.ftac_joints()[2]];
         let mut rng = ChaCha8Rng::seed_from_u64(3);
         let near = reach(&hand, &target(link * tip[0]), &tip, &mut rng);
         assert!(near.any < 1e-3 && near.clear < 1.5e-3, "{near:?}");

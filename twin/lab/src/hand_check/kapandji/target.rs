@@ -41,9 +41,9 @@ pub fn targets(hand: &Hand) -> Vec<Target> {
         cover.link_from_cover * Point3::from(Vector3::new(inner.x, inner.y, 0.0) + edge)
     };
     let palmar = |link: usize| hand.covers[link].link_from_cover.translation.y + hand.covers[link].half.y;
-    let [i1, i2] = [Digit::Index.joints()[1], Digit::Index.joints()[2]];
-    let [l0, l1, l2] = Digit::Little.joints();
-    let mcp = |digit: Digit| hand.tree.joints[digit.joints()[0]].origin.translation.vector;
+    let [i1, i2] = [Digit::Index.ftac_joints()[1], Digit::Index.ftac_joints()[2]];
+    let [l0, l1, l2] = Digit::Little.ftac_joints();
+    let mcp = |digit: Digit| hand.tree.joints[digit.ftac_joints()[0]].origin.translation.vector;
     let palm = &hand.palm_cover;
     let (skin, end) =
         (palm.link_from_cover.translation.z - palm.half.z, palm.link_from_cover.translation.y + palm.half.y);
@@ -65,8 +65,8 @@ pub fn targets(hand: &Hand) -> Vec<Target> {
         on("side of index, second phalanx", i1, side(i1)),
         on("side of index, third phalanx", i2, side(i2)),
         on("tip of index", i2, tip(i2)),
-        on("tip of middle", Digit::Middle.joints()[2], tip(Digit::Middle.joints()[2])),
-        on("tip of ring", Digit::Ring.joints()[2], tip(Digit::Ring.joints()[2])),
+        on("tip of middle", Digit::Middle.ftac_joints()[2], tip(Digit::Middle.ftac_joints()[2])),
+        on("tip of ring", Digit::Ring.ftac_joints()[2], tip(Digit::Ring.ftac_joints()[2])),
         on("tip of little", l2, tip(l2)),
         on("DIP crease of little", l1, Point3::new(dip - DIP_CREASE, palmar(l1), 0.0)),
         on("PIP crease of little", l0, Point3::new(pip - PIP_CREASE, 0.5 * (palmar(l0) + palmar(l1)), 0.0)),
@@ -77,7 +77,7 @@ pub fn targets(hand: &Hand) -> Vec<Target> {
 
 /// The thumb's tip: the distal half of its last link's skin, palmar side and end, link frame.
 pub fn thumb_tip(hand: &Hand) -> Vec<Point3<f64>> {
-    let cover = &hand.covers[Digit::Thumb.joints()[2]];
+    let cover = &hand.covers[Digit::Thumb.ftac_joints()[2]];
     let middle = cover.link_from_cover.translation.x;
     let on_pad = |n: &Vector3<f64>| n.y >= 0.25 || n.x >= 0.5;
     cover
@@ -97,7 +97,7 @@ pub fn nearest(target: &Target, tip: &[Point3<f64>], links: &[Isometry3<f64>]) -
     let carrier = target.link.map_or(Isometry3::identity(), |link| links[link]);
     let mut best = (f64::INFINITY, Point3::origin());
     for place in target.points.iter().map(|point| carrier * point) {
-        let local = links[Digit::Thumb.joints()[2]].inverse_transform_point(&place);
+        let local = links[Digit::Thumb.ftac_joints()[2]].inverse_transform_point(&place);
         let distance = tip.iter().map(|point| (point - local).norm()).fold(f64::INFINITY, f64::min);
         if distance < best.0 {
             best = (distance, place);
