@@ -8,10 +8,12 @@ use tinyvec::ArrayVec;
 use crate::digit::Digit;
 use crate::kinematics::{Joint, JointKind, Tree, pose_from_xyz_rpy};
 use crate::pads::{Camera, Pad};
-use crate::parameters::{Cable, Cover, Gel, HandParameters, Handedness, JointParameters, PadParameters, Servo};
+use crate::parameters::{
+    Cable, Cover, Follows, Gel, HandParameters, Handedness, JointParameters, PadParameters, Servo,
+};
 use crate::robot::ServoGoal;
 use crate::transmission::friction::CableFriction;
-use crate::transmission::{CablePath, Guides, Transmission};
+use crate::transmission::{CablePath, Crossing, Follower, Guides, Lever, Transmission};
 use platform::data::DataError;
 
 /// Joints that a hand has at most.
@@ -127,17 +129,17 @@ pub struct MassProperties {
 pub struct Hand {
     /// The parameters it was built from.
     pub parameters: HandParameters,
-    /// 15 joints: thumb, index, middle, ring, little, proximal first. The root is the palm.
+    /// Joints digit by digit, proximal first. The root is the palm.
     pub tree: Tree,
     /// Links of each digit.
     chains: Vec<Vec<usize>>,
     /// The palm's cover.
     pub palm_cover: CoverShape,
-    /// A cover for each of the 15 links.
+    /// The cover of each link.
     pub covers: Vec<CoverShape>,
     /// Mass of the palm with the servo pack.
     pub palm_mass: MassProperties,
-    /// Mass of each of the 15 links.
+    /// Mass of each link.
     pub masses: Vec<MassProperties>,
     /// The arm's tool frame in the palm frame.
     pub palm_from_flange: Isometry3<f64>,
@@ -242,26 +244,31 @@ impl Hand {
             .map(|joint| Joint {
                 name: joint.name.clone(),
                 parent: index(&joint.parent),
-                kind: JointKind::Turn,
+                kind: if joint.slide { JointKind::Slide } else { JointKind::Turn },
                 origin: pose_from_xyz_rpy(joint.xyz, joint.rpy),
                 axis: Vector3::z_axis(),
                 lower: joint.lower,
                 upper: joint.upper,
             })
             .collect();
-        let guides = |joint: &JointParameters| Guides {
-            before: joint.guide_before.unwrap_or_default(),
-            after: joint.guide_after.unwrap_or_default(),
+        let lever = |joint: &JointParameters| match (joint.guide_before, joint.guide_after) {
+            (Some(before), Some(after)) => Lever::Guides(Guides { before, after }),
+            _ => Lever::Constant(joint.arm.unwrap_or_default()),
         };
-        let paths = (0..MOST_DIGITS).map(|actuator| CablePath {
-            joints: parameters.actuator[actuator]
-                .cable
-                .iter()
-                .filter_map(|name| index(name))
-                .map(|joint| (joint, guides(&parameters.joint[joint])))
-                .collect(),
+        let crossing = |joint: usize| {
+            let own = &parameters.joint[joint];
+            Crossing { joint, lever: lever(own), range: [own.lower, own.upper] }
+        };
+        let pulling = parameters.actuator.iter().filter(|actuator| actuator.drives.is_none());
+        let cables: Vec<CablePath> = pulling
+            .map(|own| CablePath { joints: own.cable.iter().filter_map(|name| index(name)).map(crossing).collect() })
+            .collect();
+        let opposition = parameters.actuator.iter().find_map(|actuator| actuator.drives.as_deref()).and_then(index);
+        let followers = parameters.joint.iter().enumerate().filter_map(|(joint, own)| {
+            let Follows { joint: leader, multiplier } = own.follows.as_ref()?;
+            Some(Follower { joint, leader: index(leader)?, multiplier: *multiplier })
         });
-        let opposition_joint = parameters.actuator[5].drives.as_deref().and_then(index).unwrap_or(0);
+        let followers = followers.collect();
         let (pads, cameras) = build_pads(&parameters);
         let palm_body = box_mass(parameters.palm.mass, &parameters.palm.cover, Some(parameters.palm.com));
         Self {
@@ -282,16 +289,27 @@ impl Hand {
             ),
             pads,
             cameras,
+            cables: vec![parameters.cable; cables.len()],
             transmission: Transmission {
-                cables: paths.collect(),
-                opposition_joint,
+                cables,
+                opposition,
+                followers,
                 springs: parameters.joint.iter().map(|joint| joint.spring).collect(),
                 rests: parameters.joint.iter().map(|_| 0.0).collect(),
             },
-            servos: vec![parameters.servo; MOST_ACTUATORS],
-            cables: vec![parameters.cable; MOST_DIGITS],
+            servos: vec![parameters.servo; parameters.actuator.len()],
             parameters,
         }
+    }
+
+    /// Damping of a joint, N m s/rad or N s/m.
+    pub fn joint_damping(&self, joint: usize) -> f64 {
+        self.parameters.joint[joint].damping.unwrap_or(self.parameters.joint_defaults.damping)
+    }
+
+    /// Inertia of a joint's drive, kg m2 or kg.
+    pub fn joint_armature(&self, joint: usize) -> f64 {
+        self.parameters.joint[joint].armature.unwrap_or(self.parameters.joint_defaults.armature)
     }
 
     /// The elastomer of the pads.

@@ -5,17 +5,22 @@ use std::path::Path;
 use nalgebra::{Point3, Vector3};
 use serde::Deserialize;
 
-use crate::hand::{CoverShape, MOST_ACTUATORS};
+use crate::digit::Digit;
+use crate::hand::{CoverShape, MOST_DIGITS, MOST_HAND_JOINTS};
 use crate::transmission::SPANS;
 use crate::transmission::friction::CableFriction;
 use platform::data::{DataError, parse_toml};
 
 /// Farthest that a pad's centre may be from the surface of its link's cover, m.
 const OFF_COVER: f64 = 3e-3;
+/// The link that is the root of all digits.
+const PALM: &str = "palm";
+/// Largest constant moment arm, m; of a slide, largest force over tension.
+const LARGEST_ARM: [f64; 2] = [0.1, 10.0];
 /// Sizes of a pad, m.
 const PAD_SIZES: std::ops::RangeInclusive<f64> = 0.005..=0.1;
 
-/// The whole of `ftac_hand.toml`. Field names are those of the file, which documents them.
+/// The whole of a hand's parameter file such as `ftac_hand.toml`. Field names are those of the file, which documents them.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[allow(missing_docs)]
@@ -137,6 +142,29 @@ pub struct JointParameters {
     pub spring: f64,
     pub guide_before: Option<[f64; 2]>,
     pub guide_after: Option<[f64; 2]>,
+    /// Constant moment arm of the cable, m; of a joint that slides, force over tension. In the place of guides.
+    pub arm: Option<f64>,
+    /// The joint slides along its z axis; it turns about it otherwise.
+    #[serde(default)]
+    pub slide: bool,
+    pub follows: Option<Follows>,
+    /// In the place of `joint_defaults`.
+    pub damping: Option<f64>,
+    pub armature: Option<f64>,
+}
+
+/// The joint that another follows, and by how much.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[allow(missing_docs)]
+pub struct Follows {
+    pub joint: String,
+    #[serde(default = "one")]
+    pub multiplier: f64,
+}
+
+fn one() -> f64 {
+    1.0
 }
 
 #[derive(Debug, Clone, Deserialize)]
@@ -209,7 +237,12 @@ impl HandParameters {
             cover(&mut joint.cover);
             joint.guide_before.iter_mut().chain(&mut joint.guide_after).for_each(|guide| scaled(guide));
             joint.mass *= factor.powi(3);
-            joint.spring *= factor;
+            if joint.slide {
+                (joint.lower, joint.upper) = (joint.lower * factor, joint.upper * factor);
+            } else {
+                joint.arm = joint.arm.map(|arm| arm * factor);
+                joint.spring *= factor;
+            }
         }
         for configuration in self.configuration.values_mut() {
             configuration.h *= factor;
@@ -223,11 +256,9 @@ impl HandParameters {
         if self.version != 1 {
             return fault("version", self.version.to_string(), "1");
         }
-        if self.joint.len() != 15 {
-            return fault("joint", format!("{} joints", self.joint.len()), "15 joints");
-        }
-        if self.actuator.len() != MOST_ACTUATORS {
-            return fault("actuator", format!("{} actuators", self.actuator.len()), "6 actuators");
+        if !(1..=MOST_HAND_JOINTS).contains(&self.joint.len()) {
+            let expected = format!("1 to {MOST_HAND_JOINTS} joints");
+            return fault("joint", format!("{} joints", self.joint.len()), &expected);
         }
         if self.pad.is_empty() {
             return fault("pad", "none".into(), "at least one pad");
@@ -236,14 +267,12 @@ impl HandParameters {
             configuration.check(letter, path)?;
         }
         self.check_cable(path)?;
-        let mut links = vec!["palm"];
+        let mut links = vec![PALM];
         for joint in &self.joint {
             joint.check(&links, path)?;
             links.push(&joint.name);
         }
-        for actuator in &self.actuator {
-            self.check_actuator(actuator, path)?;
-        }
+        self.check_actuators(path)?;
         let mut names = std::collections::BTreeSet::new();
         for pad in &self.pad {
             if !names.insert(&pad.name) {
@@ -277,7 +306,43 @@ impl HandParameters {
         Ok(())
     }
 
-    /// The cable or shaft of an actuator: the joints that it names exist, and those that a cable crosses have guides.
+    /// An actuator for each digit, named and ordered as digits are and pulling on joints of its own alone, then at most one that
+    /// drives the opposition.
+    fn check_actuators(&self, path: &Path) -> Result<(), DataError> {
+        let (pulling, driving): (Vec<_>, Vec<_>) = self.actuator.iter().partition(|own| own.drives.is_none());
+        let fault = |field: String, found: String, expected: &str| Err(DataError::field(path, field, found, expected));
+        if !(1..=MOST_DIGITS).contains(&pulling.len()) || driving.len() > 1 {
+            let found = format!("{} with a cable, {} that drive a joint", pulling.len(), driving.len());
+            return fault("actuator".into(), found, "1 to 5 with a cable and at most one that drives a joint");
+        }
+        if self.actuator[..pulling.len()].iter().any(|own| own.drives.is_some()) {
+            return fault("actuator".into(), "one that drives a joint before others".into(), "it behind all others");
+        }
+        let roots: Vec<usize> = (0..self.joint.len()).filter(|n| self.joint[*n].parent == PALM).collect();
+        if roots.len() != pulling.len() {
+            let found = format!("{} digits, by the joints whose parent is the palm", roots.len());
+            return fault("actuator".into(), found, &format!("{}, one for each cable", pulling.len()));
+        }
+        for (n, (own, digit)) in pulling.iter().zip(Digit::ALL).enumerate() {
+            if own.name != digit.name() {
+                return fault(format!("actuator[{n}].name"), format!("`{}`", own.name), &format!("`{}`", digit.name()));
+            }
+            self.check_actuator(own, path)?;
+            let last = roots.get(n + 1).copied().unwrap_or(self.joint.len());
+            let chain = &self.joint[roots[n]..last];
+            if let Some(other) = own.cable.iter().find(|name| !chain.iter().any(|joint| joint.name == **name)) {
+                let field = format!("actuator[{}].cable", own.name);
+                return fault(
+                    field,
+                    format!("`{other}`"),
+                    &format!("joints of digit {} in the order of [[joint]]", n + 1),
+                );
+            }
+        }
+        driving.iter().try_for_each(|own| self.check_actuator(own, path))
+    }
+
+    /// The cable or shaft of an actuator: the joints that it names exist, and those that a cable crosses have guides or an arm.
     fn check_actuator(&self, actuator: &ActuatorParameters, path: &Path) -> Result<(), DataError> {
         let field = || format!("actuator[{}].cable", actuator.name);
         if actuator.cable.len() > SPANS {
@@ -295,12 +360,13 @@ impl HandParameters {
             let Some(joint) = self.joint.iter().find(|joint| &joint.name == name) else {
                 return Err(DataError::field(path, field(), format!("`{name}`"), "the name of a joint"));
             };
-            if actuator.drives.is_none() && (joint.guide_before.is_none() || joint.guide_after.is_none()) {
+            let guides = [joint.guide_before, joint.guide_after].iter().flatten().count();
+            if actuator.drives.is_none() && !matches!((guides, joint.arm), (2, None) | (0, Some(_))) {
                 return Err(DataError::field(
                     path,
-                    format!("joint[{name}].guide_before/guide_after"),
-                    "none",
-                    "two guide points, because a cable crosses this joint",
+                    format!("joint[{name}].guide_before/guide_after/arm"),
+                    format!("{guides} guide points and {} arm", if joint.arm.is_some() { "an" } else { "no" }),
+                    "two guide points or an arm, because a cable crosses this joint",
                 ));
             }
         }
@@ -380,7 +446,27 @@ impl JointParameters {
             return fault("lower", self.lower.to_string(), "less than `upper`");
         }
         if self.spring.is_nan() || self.spring <= 0.0 {
-            return fault("spring", self.spring.to_string(), "a positive stiffness in N m/rad");
+            return fault("spring", self.spring.to_string(), "a positive stiffness in N m/rad, of a slide in N/m");
+        }
+        for (field, value) in [("damping", self.damping), ("armature", self.armature)] {
+            if let Some(found) = value.filter(|value| !(value.is_finite() && *value > 0.0)) {
+                return fault(field, found.to_string(), "a positive number");
+            }
+        }
+        let most = LARGEST_ARM[usize::from(self.slide)];
+        if let Some(arm) = self.arm.filter(|arm| !(*arm > 0.0 && *arm <= most)) {
+            return fault("arm", arm.to_string(), &format!("a positive number of at most {most}"));
+        }
+        if self.slide && (self.guide_before.is_some() || self.guide_after.is_some()) {
+            return fault("slide", "guides".into(), "an arm: a cable between guides turns its joint");
+        }
+        if let Some(follows) = &self.follows {
+            if !links.contains(&follows.joint.as_str()) || follows.joint == PALM {
+                return fault("follows.joint", format!("`{}`", follows.joint), "a joint defined above");
+            }
+            if !(follows.multiplier.is_finite() && follows.multiplier != 0.0) {
+                return fault("follows.multiplier", follows.multiplier.to_string(), "a number that is not 0");
+            }
         }
         Ok(())
     }

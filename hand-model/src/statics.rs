@@ -13,8 +13,8 @@
 use nalgebra::{DMatrix, DVector, Point3, Vector3};
 
 use crate::hand::{Hand, SkinElement};
-use crate::transmission::SPANS;
 use crate::transmission::friction::CableFriction;
+use crate::transmission::{Crossing, SPANS};
 use crate::{Digit, HandVector};
 
 /// Size of a skin element's side, m.
@@ -89,11 +89,12 @@ pub fn free(hand: &Hand, tensions: &[f64], opposition: f64) -> HandVector {
 /// As [`free`], for cables that rub in their guides.
 pub fn free_sliding(hand: &Hand, tensions: &[f64], opposition: f64, slid: &Slid) -> HandVector {
     let mut angles = hand.open();
-    angles[hand.transmission.opposition_joint] = opposition;
+    if let Some(joint) = hand.transmission.opposition {
+        angles[joint] = opposition;
+    }
     for (cable, tension) in tensions.iter().enumerate() {
-        let upper = std::f64::consts::FRAC_PI_2;
         let friction = hand.guides(cable, &slid.friction);
-        let found = hand.transmission.free_angles_sliding(cable, *tension, upper, &friction, slid.state);
+        let found = hand.transmission.free_angles_sliding(cable, *tension, &friction, slid.state);
         for (joint, angle) in found {
             angles[joint] = angle.clamp(hand.tree.joints[joint].lower, hand.tree.joints[joint].upper);
         }
@@ -112,7 +113,9 @@ pub fn against(
     obstacle: impl Fn(&Point3<f64>) -> (f64, Vector3<f64>),
 ) -> Result<Equilibrium, NoEquilibrium> {
     let mut angles = hand.open();
-    angles[hand.transmission.opposition_joint] = opposition;
+    if let Some(joint) = hand.transmission.opposition {
+        angles[joint] = opposition;
+    }
     let mut pushes = Vec::new();
     for &digit in hand.digits() {
         let skin = skin_of(hand, digit);
@@ -156,7 +159,7 @@ struct Problem<'a, F> {
 
 impl<F: Fn(&Point3<f64>) -> (f64, Vector3<f64>)> Problem<'_, F> {
     fn joints(&self) -> Vec<usize> {
-        self.hand.transmission.cables[self.digit.index()].joints.iter().map(|(joint, _)| *joint).collect()
+        self.hand.transmission.cables[self.digit.index()].joints.iter().map(|crossing| crossing.joint).collect()
     }
 
     /// Energy (J), its gradient (N m) and a positive approximation of its Hessian (N m/rad) over the cable's joints.
@@ -164,13 +167,13 @@ impl<F: Fn(&Point3<f64>) -> (f64, Vector3<f64>)> Problem<'_, F> {
         let path = &self.hand.transmission.cables[self.digit.index()];
         let n = path.joints.len();
         let (mut energy, mut gradient, mut hessian) = (0.0, DVector::zeros(n), DMatrix::zeros(n, n));
-        for (row, (joint, guides)) in path.joints.iter().enumerate() {
+        for (row, Crossing { joint, lever, .. }) in path.joints.iter().enumerate() {
             let (q, k) = (angles[*joint], self.hand.transmission.springs[*joint]);
             let (tension, turn) = (spans[row], q - self.hand.transmission.rests[*joint]);
-            energy += 0.5 * k * turn * turn - tension * guides.excursion(q);
-            gradient[row] = k * turn - tension * guides.moment_arm(q);
+            energy += 0.5 * k * turn * turn - tension * lever.excursion(q);
+            gradient[row] = k * turn - tension * lever.moment_arm(q);
             let h = 1e-5;
-            let slope = (guides.moment_arm(q + h) - guides.moment_arm(q - h)) / (2.0 * h);
+            let slope = (lever.moment_arm(q + h) - lever.moment_arm(q - h)) / (2.0 * h);
             hessian[(row, row)] = (k - tension * slope).max(0.1 * k);
         }
         self.each_pressed(angles, |link, at, outward, depth, stiffness, poses| {
@@ -178,7 +181,7 @@ impl<F: Fn(&Point3<f64>) -> (f64, Vector3<f64>)> Problem<'_, F> {
             let jacobian = self.hand.tree.jacobian(poses, link, &poses[link].inverse_transform_point(&at));
             let lever: DVector<f64> = DVector::from_iterator(
                 n,
-                path.joints.iter().map(|(joint, _)| outward.dot(&jacobian.fixed_view::<3, 1>(0, *joint))),
+                path.joints.iter().map(|own| outward.dot(&jacobian.fixed_view::<3, 1>(0, own.joint))),
             );
             gradient -= &lever * (stiffness * depth);
             hessian += &lever * lever.transpose() * stiffness;

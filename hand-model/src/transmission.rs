@@ -1,5 +1,10 @@
-//! The cable transmission: what one cable does to the three joints of its digit.
+//! The transmission: what the actuator of a digit does to the joints that it pulls.
 //!
+//! It pulls through a cable over torsion springs. The cable may cross a joint between two guides, as in the F-TAC Hand, or
+//! act on it at a constant moment arm ([`Lever`]): on a pulley, through the motor of a joint whose controller is a spring, or,
+//! on a joint that slides, along it.
+//!
+//! # Guides
 //! A cable runs along both sides of the phalanges (the paper's Methods, hand fabrication; its finger schematic has joint
 //! stiffness K_n, angle theta_n and cable force F). At each joint it spans from a guide point on the link before to one on the
 //! link after. The free length between the two is l(q) = |R(q) b - a|, so the joint takes up an **excursion** l(0) - l(q) and
@@ -63,30 +68,75 @@ impl Guides {
     }
 }
 
-/// One cable: the joints it crosses, by index in the hand's joint vector.
+/// How a cable acts on a joint that it crosses.
+#[derive(Debug, Clone, Copy)]
+pub enum Lever {
+    /// In a straight line between two guide points.
+    Guides(Guides),
+    /// At the same moment arm (m) in any posture; of a joint that slides, force over tension.
+    Constant(f64),
+}
+
+impl Lever {
+    /// Torque (N m) per tension (N), m; of a slide, force per tension.
+    pub fn moment_arm(&self, q: f64) -> f64 {
+        match self {
+            Self::Guides(guides) => guides.moment_arm(q),
+            Self::Constant(arm) => *arm,
+        }
+    }
+
+    /// Cable taken up between 0 and `q`, m.
+    pub fn excursion(&self, q: f64) -> f64 {
+        match self {
+            Self::Guides(guides) => guides.excursion(q),
+            Self::Constant(arm) => arm * q,
+        }
+    }
+
+    /// Turns (rad) of the cable before and after the joint; none where no guide rubs.
+    pub fn wraps(&self, q: f64) -> [f64; 2] {
+        match self {
+            Self::Guides(guides) => guides.wraps(q),
+            Self::Constant(_) => [0.0, 0.0],
+        }
+    }
+}
+
+/// A joint that a cable crosses.
+#[derive(Debug, Clone, Copy)]
+pub struct Crossing {
+    /// Index in the hand's joint vector.
+    pub joint: usize,
+    pub lever: Lever,
+    /// Limits of the joint, rad or m.
+    pub range: [f64; 2],
+}
+
+/// One cable.
 #[derive(Debug, Clone)]
 pub struct CablePath {
-    /// (joint, guides), proximal first.
-    pub joints: Vec<(usize, Guides)>,
+    /// The joints that it crosses, proximal first.
+    pub joints: Vec<Crossing>,
 }
 
 impl CablePath {
-    /// Cable taken up between q = 0 and `q` (all 15 joint angles, rad), m.
+    /// Cable taken up between q = 0 and `q` (of all joints, rad or m), m.
     pub fn excursion(&self, q: &[f64]) -> f64 {
-        self.joints.iter().map(|(joint, guides)| guides.excursion(q[*joint])).sum()
+        self.joints.iter().map(|Crossing { joint, lever, .. }| lever.excursion(q[*joint])).sum()
     }
 
     /// Rate of the excursion, m/s.
     pub fn excursion_rate(&self, q: &[f64], qd: &[f64]) -> f64 {
-        self.joints.iter().map(|(joint, guides)| guides.moment_arm(q[*joint]) * qd[*joint]).sum()
+        self.joints.iter().map(|Crossing { joint, lever, .. }| lever.moment_arm(q[*joint]) * qd[*joint]).sum()
     }
 
     /// How fast the cable slides over the guides before each span, m/s: as fast as all spans from there on shorten.
     pub fn sliding(&self, q: &[f64], qd: &[f64]) -> [f64; SPANS] {
         let mut speeds = [0.0; SPANS];
         let mut sum = 0.0;
-        for (n, (joint, guides)) in self.joints.iter().enumerate().rev() {
-            sum += guides.moment_arm(q[*joint]) * qd[*joint];
+        for (n, Crossing { joint, lever, .. }) in self.joints.iter().enumerate().rev() {
+            sum += lever.moment_arm(q[*joint]) * qd[*joint];
             speeds[n] = sum;
         }
         speeds
@@ -96,8 +146,8 @@ impl CablePath {
     pub fn wraps(&self, q: &[f64], friction: &CableFriction) -> [f64; SPANS] {
         let mut wraps = [0.0; SPANS];
         let mut turned = friction.routing;
-        for (wrap, (joint, guides)) in wraps.iter_mut().zip(&self.joints) {
-            let [before, after] = guides.wraps(q[*joint]);
+        for (wrap, Crossing { joint, lever, .. }) in wraps.iter_mut().zip(&self.joints) {
+            let [before, after] = lever.wraps(q[*joint]);
             *wrap = turned + before;
             turned = *wrap + after;
         }
@@ -114,8 +164,8 @@ impl CablePath {
     ) -> [f64; SPANS] {
         let mut spans = [0.0; SPANS];
         let (mut carried, mut turned) = (tension, friction.routing);
-        for (n, (joint, guides)) in self.joints.iter().enumerate() {
-            let [before, after] = guides.wraps(q[*joint]);
+        for (n, Crossing { joint, lever, .. }) in self.joints.iter().enumerate() {
+            let [before, after] = lever.wraps(q[*joint]);
             carried *= friction.ratio(states[n], turned + before);
             spans[n] = carried;
             turned = after;
@@ -123,20 +173,31 @@ impl CablePath {
         spans
     }
 
-    /// Excursion with every crossed joint at `angle`, m.
-    pub fn full_excursion(&self, angle: f64) -> f64 {
-        self.joints.iter().map(|(_, guides)| guides.excursion(angle)).sum()
+    /// Excursion of a closed digit, every crossed joint at its upper limit, m.
+    pub fn full_excursion(&self) -> f64 {
+        self.joints.iter().map(|crossing| crossing.lever.excursion(crossing.range[1])).sum()
     }
 }
 
-/// The whole transmission: five cables, the opposition drive and the springs.
+/// A joint that a mechanism makes follow another: q = multiplier * q_leader.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Follower {
+    pub joint: usize,
+    pub leader: usize,
+    /// Motion over the leader's.
+    pub multiplier: f64,
+}
+
+/// The whole transmission: a cable for each digit, the opposition drive and the springs.
 #[derive(Debug, Clone)]
 pub struct Transmission {
     /// Of each digit.
     pub cables: Vec<CablePath>,
-    /// Joint that the last actuator turns.
-    pub opposition_joint: usize,
-    /// Torsion spring of each joint, N m/rad.
+    /// Joint of the thumb's opposition, which the last actuator turns; none in a hand without it.
+    pub opposition: Option<usize>,
+    /// Joints that follow others.
+    pub followers: Vec<Follower>,
+    /// Spring of each joint, N m/rad or N/m.
     pub springs: HandVector,
     /// Angle at which each spring is at rest, rad: 0 as drawn, negative where it presses the open joint on its stop.
     pub rests: HandVector,
@@ -157,8 +218,8 @@ impl Transmission {
     pub fn span_torques(&self, q: &[f64], spans: impl Iterator<Item = [f64; SPANS]>) -> HandVector {
         let mut torques: HandVector = q.iter().enumerate().map(|(joint, q)| -self.spring_torque(joint, *q)).collect();
         for (cable, tensions) in self.cables.iter().zip(spans) {
-            for ((joint, guides), tension) in cable.joints.iter().zip(tensions) {
-                torques[*joint] += guides.moment_arm(q[*joint]) * tension;
+            for (Crossing { joint, lever, .. }, tension) in cable.joints.iter().zip(tensions) {
+                torques[*joint] += lever.moment_arm(q[*joint]) * tension;
             }
         }
         torques
@@ -167,17 +228,17 @@ impl Transmission {
     /// Tension (N) that best explains `torque` on the joints of `cable` at `q` (least squares over its moment arms).
     pub fn tension_for(&self, cable: usize, q: &[f64], torque: &[f64]) -> f64 {
         let (mut num, mut den) = (0.0, 0.0);
-        for (joint, guides) in &self.cables[cable].joints {
-            let r = guides.moment_arm(q[*joint]);
+        for Crossing { joint, lever, .. } in &self.cables[cable].joints {
+            let r = lever.moment_arm(q[*joint]);
             num += r * (torque[*joint] + self.spring_torque(*joint, q[*joint]));
             den += r * r;
         }
         num / den
     }
 
-    /// Angles (rad) of the joints on `cable` in static equilibrium at `tension` (N) without contact, within [0, `upper`].
-    pub fn free_angles(&self, cable: usize, tension: f64, upper: f64) -> Vec<(usize, f64)> {
-        self.free_angles_sliding(cable, tension, upper, &CableFriction::NONE, 0.0)
+    /// Coordinates (rad or m) of the joints on `cable` in static equilibrium at `tension` (N) without contact, within their limits.
+    pub fn free_angles(&self, cable: usize, tension: f64) -> Vec<(usize, f64)> {
+        self.free_angles_sliding(cable, tension, &CableFriction::NONE, 0.0)
     }
 
     /// As [`Self::free_angles`], with all guides in the same `state` of friction: 1 after closing, -1 after opening.
@@ -185,19 +246,18 @@ impl Transmission {
         &self,
         cable: usize,
         tension: f64,
-        upper: f64,
         friction: &CableFriction,
         state: f64,
     ) -> Vec<(usize, f64)> {
         let (mut carried, mut turned) = (tension, friction.routing);
         let mut angles = Vec::with_capacity(SPANS);
-        for (joint, guides) in &self.cables[cable].joints {
-            let span = |q: f64| carried * friction.ratio(state, turned + guides.wraps(q)[0]);
+        for Crossing { joint, lever, range: [lower, upper] } in &self.cables[cable].joints {
+            let span = |q: f64| carried * friction.ratio(state, turned + lever.wraps(q)[0]);
             // K q - r(q) T is increasing wherever springs dominate the growth of r: bisect, which never diverges.
-            let residual = |q: f64| self.spring_torque(*joint, q) - guides.moment_arm(q) * span(q);
-            let (mut low, mut high) = (0.0, upper);
-            let angle = if residual(upper) <= 0.0 {
-                upper
+            let residual = |q: f64| self.spring_torque(*joint, q) - lever.moment_arm(q) * span(q);
+            let (mut low, mut high) = (*lower, *upper);
+            let angle = if residual(high) <= 0.0 {
+                high
             } else {
                 for _ in 0..60 {
                     let middle = 0.5 * (low + high);
@@ -206,7 +266,7 @@ impl Transmission {
                 0.5 * (low + high)
             };
             carried = span(angle);
-            turned = guides.wraps(angle)[1];
+            turned = lever.wraps(angle)[1];
             angles.push((*joint, angle));
         }
         angles
@@ -224,10 +284,10 @@ mod tests {
         #[test]
         fn moment_arm_is_derivative_of_excursion(q in 0.01f64..1.55, cable in 0usize..5) {
             let hand = Hand::ftac();
-            for (_, guides) in &hand.transmission.cables[cable].joints {
+            for Crossing { lever, .. } in &hand.transmission.cables[cable].joints {
                 let h = 1e-6;
-                let difference = (guides.excursion(q + h) - guides.excursion(q - h)) / (2.0 * h);
-                prop_assert!((difference - guides.moment_arm(q)).abs() < 1e-9);
+                let difference = (lever.excursion(q + h) - lever.excursion(q - h)) / (2.0 * h);
+                prop_assert!((difference - lever.moment_arm(q)).abs() < 1e-9);
             }
         }
 
@@ -251,7 +311,7 @@ mod tests {
             let (state, qd) = if closing { (1.0, qd) } else { (-1.0, qd.iter().map(|v| -v).collect()) };
             let spans = path.span_tensions(&q, tension, &friction, &[state; SPANS]);
             let given = tension * path.excursion_rate(&q, &qd);
-            let got: f64 = path.joints.iter().zip(spans).map(|((j, g), t)| g.moment_arm(q[*j]) * t * qd[*j]).sum();
+            let got: f64 = path.joints.iter().zip(spans).map(|(c, t)| c.lever.moment_arm(q[c.joint]) * t * qd[c.joint]).sum();
             let sliding = path.sliding(&q, &qd);
             let taken: f64 = (0..path.joints.len()).map(|n| (if n == 0 { tension } else { spans[n - 1] } - spans[n]) * sliding[n]).sum();
             prop_assert!(taken >= 0.0);
@@ -262,7 +322,7 @@ mod tests {
         #[test]
         fn turns_add_up_to_the_joint_angle(q in 0.0f64..1.57) {
             let hand = Hand::ftac();
-            let [before, after] = hand.transmission.cables[1].joints[0].1.wraps(q);
+            let [before, after] = hand.transmission.cables[1].joints[0].lever.wraps(q);
             prop_assert!((before + after - q).abs() < 1e-12 && (before - after).abs() < 1e-12);
         }
 
@@ -281,7 +341,7 @@ mod tests {
     fn mean_moment_arms() {
         let hand = Hand::ftac();
         let mean: Vec<f64> =
-            hand.transmission.cables[1].joints.iter().map(|(_, g)| g.excursion(FRAC_PI_2) / FRAC_PI_2).collect();
+            hand.transmission.cables[1].joints.iter().map(|own| own.lever.excursion(FRAC_PI_2) / FRAC_PI_2).collect();
         for (got, want) in mean.iter().zip([0.009, 0.0075, 0.006]) {
             assert!((got - want).abs() < 0.0008, "{mean:?}");
         }
@@ -291,7 +351,7 @@ mod tests {
     #[test]
     fn free_equilibrium() {
         let hand = Hand::ftac();
-        for (joint, q) in hand.transmission.free_angles(1, 4.0, 1.57) {
+        for (joint, q) in hand.transmission.free_angles(1, 4.0) {
             let mut angles = [0.0; 15];
             angles[joint] = q;
             let mut tensions = [0.0; 5];

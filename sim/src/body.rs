@@ -6,6 +6,8 @@
 
 use hand_model::arm::WristCapsule;
 use hand_model::hand::{CoverShape, MassProperties};
+use hand_model::kinematics::JointKind;
+use hand_model::transmission::Follower;
 use hand_model::{Arm, ArmVector, GRAVITY, Hand, HandVector};
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 use plant::ArmDefects;
@@ -29,6 +31,9 @@ pub mod groups {
 pub(crate) const HINGE: usize = 3;
 pub(crate) const SLIDE: usize = 0;
 
+/// More than a joint slides in a step, m.
+pub(crate) const SLIDE_SLACK: f64 = 0.01;
+
 /// Handles of the multibody.
 #[derive(Clone)]
 pub struct RobotBody {
@@ -38,6 +43,8 @@ pub struct RobotBody {
     pub covers: Vec<ColliderHandle>,
     /// The arm's wrist capsules.
     pub wrist: Vec<ColliderHandle>,
+    /// Of the hand's joints.
+    kinds: Vec<JointKind>,
     /// As gravity compensation knows them.
     masses: Vec<MassProperties>,
     arm_joints: usize,
@@ -68,6 +75,45 @@ pub struct ArmGoal {
 /// The palm in the arm's last link, where it really is.
 pub fn last_from_palm(arm: &Arm, hand: &Hand, defects: &ArmDefects) -> Isometry3<f64> {
     arm.last_from_tool * defects.mount() * hand.palm_from_flange.inverse()
+}
+
+/// A joint of this kind.
+pub(crate) fn joint_of(kind: JointKind) -> fn(&Isometry3<f64>, &Vector3<f64>, [f64; 2]) -> GenericJoint {
+    match kind {
+        JointKind::Turn => revolute,
+        JointKind::Slide => prismatic,
+    }
+}
+
+/// Index of a joint's degree of freedom among its six coordinates: the turn about its x, or the motion along it.
+pub(crate) fn coordinate(kind: JointKind) -> usize {
+    match kind {
+        JointKind::Turn => HINGE,
+        JointKind::Slide => SLIDE,
+    }
+}
+
+/// Makes one joint of a multibody follow another: q = `multiplier` q_leader + `offset`.
+pub(crate) fn couple(
+    engine: &mut Engine,
+    (leader, leader_kind): (MultibodyJointHandle, JointKind),
+    (joint, kind): (MultibodyJointHandle, JointKind),
+    [multiplier, offset]: [f64; 2],
+) {
+    let link = |handle| engine.multibodies.get(handle).map(|(_, link)| link);
+    let (Some(link1), Some(link2)) = (link(leader), link(joint)) else { return };
+    if let Some((multibody, _)) = engine.multibodies.get_mut(joint) {
+        multibody.add_dof_coupling(MultibodyDofCoupling {
+            link1,
+            dof1: 0,
+            axis1: coordinate(leader_kind),
+            link2,
+            dof2: 0,
+            axis2: coordinate(kind),
+            coeff: multiplier,
+            offset,
+        });
+    }
 }
 
 pub(crate) fn revolute(origin: &Isometry3<f64>, axis: &Vector3<f64>, limits: [f64; 2]) -> GenericJoint {
@@ -188,24 +234,20 @@ impl RobotBody {
                 Some(parent) => (hand_links[parent], joint.origin),
                 None => (palm_link, last_from_palm * joint.origin),
             };
-            joints.extend(engine.multibodies.insert(
-                parent,
-                body,
-                revolute(&origin, &joint.axis, [joint.lower, joint.upper]),
-                true,
-            ));
+            let own = joint_of(joint.kind)(&origin, &joint.axis, [joint.lower, joint.upper]);
+            joints.extend(engine.multibodies.insert(parent, body, own, true));
             covers.push(engine.colliders.insert_with_parent(cover_collider(&hand.covers[i]), body, &mut engine.bodies));
             hand_links.push(body);
             masses.push(hand.masses[i]);
         }
         links.extend(&hand_links);
-        let mut robot = Self { links, joints, arm_joints: arm.joints(), covers, wrist, masses };
+        let kinds = hand.tree.joints.iter().map(|joint| joint.kind).collect();
+        let mut robot = Self { links, joints, arm_joints: arm.joints(), covers, wrist, kinds, masses };
         robot.initialise(engine, arm, hand, (arm_q, hand_q));
         robot
     }
 
     fn initialise(&mut self, engine: &mut Engine, arm: &Arm, hand: &Hand, (arm_q, hand_q): (&[f64], &[f64])) {
-        let defaults = hand.parameters.joint_defaults;
         let bodies = &engine.bodies;
         let Some((multibody, _)) = engine.multibodies.get_mut(self.joints[0]) else { return };
         multibody.set_self_contacts_enabled(true);
@@ -215,14 +257,18 @@ impl RobotBody {
             multibody.damping_mut()[i] = *damping;
             multibody.armature_mut()[i] = arm.armature;
         }
-        for i in arm.joints()..arm.joints() + hand.tree.len() {
-            multibody.damping_mut()[i] = defaults.damping;
-            multibody.armature_mut()[i] = defaults.armature;
+        for joint in 0..hand.tree.len() {
+            multibody.damping_mut()[arm.joints() + joint] = hand.joint_damping(joint);
+            multibody.armature_mut()[arm.joints() + joint] = hand.joint_armature(joint);
         }
         let displacement = [arm_q, &hand_q[..]].concat();
         multibody.apply_displacements(&displacement);
         multibody.forward_kinematics(bodies, false);
         multibody.update_rigid_bodies(&mut engine.bodies, true);
+        for Follower { joint, leader, multiplier } in &hand.transmission.followers {
+            let [led, leading] = [joint, leader].map(|own| (self.joints[arm.joints() + own], self.kinds[*own]));
+            couple(engine, leading, led, [*multiplier, 0.0]);
+        }
     }
 
     /// Joint angles and speeds as they are.
@@ -238,12 +284,12 @@ impl RobotBody {
         for (i, handle) in self.joints.iter().enumerate() {
             let Some((_, link)) = engine.multibodies.get(*handle) else { continue };
             let Some(link) = multibody.link(link) else { continue };
-            let angle = link.joint.coords()[3];
+            let at = |axis: usize| link.joint.coords()[axis];
             if i < self.arm_joints {
-                state.arm[i] = angle;
+                state.arm[i] = at(HINGE);
                 state.arm_speed[i] = speeds[i];
             } else {
-                state.hand[i - self.arm_joints] = angle;
+                state.hand[i - self.arm_joints] = at(coordinate(self.kinds[i - self.arm_joints]));
                 state.hand_speed[i - self.arm_joints] = speeds[i];
             }
         }
@@ -298,9 +344,19 @@ impl RobotBody {
         })
     }
 
-    /// Sets a finger joint's torque for the next step, with an implicit stiffness.
+    /// Sets a finger joint's torque (N m), of a slide its force (N), for the next step, with an implicit stiffness.
     pub fn drive_finger(&self, engine: &mut Engine, state: &JointState, joint: usize, torque: f64, stiffness: f64) {
-        self.set_torque(engine, self.arm_joints + joint, state.hand[joint], torque, stiffness);
+        let index = self.arm_joints + joint;
+        match self.kinds[joint] {
+            JointKind::Turn => self.set_torque(engine, index, state.hand[joint], torque, stiffness),
+            JointKind::Slide => {
+                if let Some((multibody, link)) = engine.multibodies.get_mut(self.joints[index])
+                    && let Some(link) = multibody.link_mut(link)
+                {
+                    load_slide(&mut link.joint, state.hand[joint], torque, stiffness, SLIDE_SLACK);
+                }
+            }
+        }
     }
 
     fn set_torque(&self, engine: &mut Engine, index: usize, angle: f64, torque: f64, stiffness: f64) {

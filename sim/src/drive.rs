@@ -1,8 +1,8 @@
 //! Servos on the cable transmission: from servo goals to the torque and the implicit stiffness of every finger joint.
 
 use hand_model::robot::{ServoGoal, ServoState};
-use hand_model::transmission::SPANS;
 use hand_model::transmission::friction::{CableFriction, CableLosses};
+use hand_model::transmission::{Crossing, SPANS};
 use hand_model::{ActuatorVector, DigitVector, Hand, HandVector};
 
 use crate::servo::ServoModel;
@@ -102,13 +102,15 @@ impl HandDrive {
         let mut stiffness = transmission.springs;
         for ((path, tension), cable) in transmission.cables.iter().zip(&self.tensions).zip(&hand.cables) {
             if *tension > 0.0 {
-                for (joint, guides) in &path.joints {
-                    stiffness[*joint] += cable.stiffness * guides.moment_arm(q[*joint]).powi(2);
+                for Crossing { joint, lever, .. } in &path.joints {
+                    stiffness[*joint] += cable.stiffness * lever.moment_arm(q[*joint]).powi(2);
                 }
             }
         }
         let mut efforts = hand.each_joint(|joint| JointEffort { torque: torques[joint], stiffness: stiffness[joint] });
-        efforts[transmission.opposition_joint] = self.step_opposition(hand, q, dt);
+        if let Some(joint) = transmission.opposition {
+            efforts[joint] = self.step_opposition(hand, (joint, q[joint]), dt);
+        }
         efforts
     }
 
@@ -127,16 +129,15 @@ impl HandDrive {
         })
     }
 
-    /// The sixth servo turns the thumb's CMC joint through a stiff shaft.
-    fn step_opposition(&mut self, hand: &Hand, q: &[f64], dt: f64) -> JointEffort {
-        let joint = hand.transmission.opposition_joint;
+    /// The last servo turns the thumb's CMC joint, which is at `q` (rad), through a stiff shaft.
+    fn step_opposition(&mut self, hand: &Hand, (joint, q): (usize, f64), dt: f64) -> JointEffort {
         let last = self.servos.len() - 1;
         let ratio = hand.servos[last].gear_ratio_opposition;
         let servo = &mut self.servos[last];
-        let twist = servo.beyond_play(servo.angle / ratio - q[joint], ratio);
+        let twist = servo.beyond_play(servo.angle / ratio - q, ratio);
         let torque = OPPOSITION_STIFFNESS * twist;
         servo.step_shaft(torque / ratio, dt);
-        let spring = hand.transmission.spring_torque(joint, q[joint]);
+        let spring = hand.transmission.spring_torque(joint, q);
         JointEffort { torque: torque - spring, stiffness: OPPOSITION_STIFFNESS }
     }
 }

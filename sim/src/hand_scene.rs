@@ -104,7 +104,6 @@ impl HandScene {
 
     /// Sets up every digit's degrees of freedom at its starting angles.
     fn settle_freedom(&mut self, angles: &[f64]) {
-        let defaults = self.hand.parameters.joint_defaults;
         let mut first = 0;
         while first < angles.len() {
             let bodies = &self.engine.bodies;
@@ -114,8 +113,8 @@ impl HandScene {
             multibody.forward_kinematics(bodies, true);
             let count = multibody.ndofs();
             for n in 0..count {
-                multibody.damping_mut()[n] = defaults.damping;
-                multibody.armature_mut()[n] = defaults.armature;
+                multibody.damping_mut()[n] = self.hand.joint_damping(first + n);
+                multibody.armature_mut()[n] = self.hand.joint_armature(first + n);
             }
             multibody.apply_displacements(&angles[first..first + count]);
             multibody.forward_kinematics(bodies, false);
@@ -142,8 +141,9 @@ impl HandScene {
         let torques = transmission.torques(&self.angles, &pull.tensions);
         let slack = self.engine.limit_slack();
         for (joint, free) in torques.into_iter().enumerate() {
-            let (torque, stiffness) = if joint == transmission.opposition_joint {
-                let limit = self.hand.servos[5].stall_torque * self.hand.servos[5].gear_ratio_opposition;
+            let (torque, stiffness) = if transmission.opposition == Some(joint) {
+                let servo = &self.hand.servos[self.hand.cables.len()];
+                let limit = servo.stall_torque * servo.gear_ratio_opposition;
                 let servo = (OPPOSITION_STIFFNESS * (pull.opposition - self.angles[joint])).clamp(-limit, limit);
                 (servo - transmission.spring_torque(joint, self.angles[joint]), OPPOSITION_STIFFNESS)
             } else {
@@ -230,7 +230,7 @@ mod tests {
         for _ in 0..1500 {
             scene.step(&pull, &Vector3::zeros());
         }
-        for (joint, expected) in hand.transmission.free_angles(1, 3.0, 1.57) {
+        for (joint, expected) in hand.transmission.free_angles(1, 3.0) {
             assert!((scene.angles()[joint] - expected).abs() < 0.01, "{joint}: {} {expected}", scene.angles()[joint]);
         }
         for joint in [6, 7, 8] {

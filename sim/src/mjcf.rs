@@ -10,7 +10,8 @@ mod any;
 use std::fmt::Write as _;
 
 use hand_model::hand::{CoverShape, MassProperties};
-use hand_model::kinematics::Joint;
+use hand_model::kinematics::{Joint, JointKind};
+use hand_model::transmission::{Crossing, Lever};
 use hand_model::{Arm, ArmVector, Hand, HandVector};
 use nalgebra::{Isometry3, Point3, Vector3};
 use plant::ArmDefects;
@@ -178,8 +179,9 @@ fn finger_link(out: &mut String, hand: &Hand, link: usize) {
     inertial(out, &hand.masses[link]);
     let _ = writeln!(
         out,
-        "<joint name=\"{}\" type=\"hinge\" axis=\"{}\" range=\"{:.9} {:.9}\" damping=\"{}\" armature=\"{}\" stiffness=\"{}\"/>",
+        "<joint name=\"{}\" type=\"{}\" axis=\"{}\" range=\"{:.9} {:.9}\" damping=\"{}\" armature=\"{}\" stiffness=\"{}\"/>",
         joint.name,
+        if joint.kind == JointKind::Slide { "slide" } else { "hinge" },
         triple(&joint.axis),
         joint.lower,
         joint.upper,
@@ -189,7 +191,8 @@ fn finger_link(out: &mut String, hand: &Hand, link: usize) {
     );
     let _ = writeln!(out, "<geom name=\"{0}\" type=\"mesh\" mesh=\"{0}\"/>", joint.name);
     for path in &hand.transmission.cables {
-        for (_, guides) in path.joints.iter().filter(|(index, _)| *index == link) {
+        for crossing in path.joints.iter().filter(|crossing| crossing.joint == link) {
+            let Lever::Guides(guides) = crossing.lever else { continue };
             let _ = writeln!(
                 out,
                 "<site name=\"{}_after\" pos=\"{} {} 0\"/>",
@@ -209,9 +212,9 @@ fn finger_link(out: &mut String, hand: &Hand, link: usize) {
 /// Guide points on `link` before the joints of its children.
 fn guides_before(out: &mut String, hand: &Hand, link: Option<usize>) {
     for path in &hand.transmission.cables {
-        for (index, guides) in &path.joints {
+        for Crossing { joint: index, lever, .. } in &path.joints {
             let joint = &hand.tree.joints[*index];
-            if joint.parent == link {
+            if let (Lever::Guides(guides), true) = (lever, joint.parent == link) {
                 let at = joint.origin * Point3::new(guides.before[0], guides.before[1], 0.0);
                 let _ = writeln!(out, "<site name=\"{}_before\" pos=\"{}\"/>", joint.name, triple(&at.coords));
             }
@@ -290,12 +293,20 @@ fn contacts(hand: &Hand) -> String {
 fn tendons(hand: &Hand) -> String {
     let mut out = String::from("  <tendon>\n");
     for (actuator, path) in hand.parameters.actuator.iter().zip(&hand.transmission.cables) {
-        let _ = writeln!(out, "    <spatial name=\"{}\">", actuator.name);
-        for (joint, _) in &path.joints {
+        let fixed = path.joints.iter().any(|crossing| matches!(crossing.lever, Lever::Constant(_)));
+        // The length of a tendon of constant arms grows with its joints, that of a spatial one is the cable's own.
+        let kind = if fixed { "fixed" } else { "spatial" };
+        let _ = writeln!(out, "    <{kind} name=\"{}\">", actuator.name);
+        for Crossing { joint, lever, .. } in &path.joints {
             let name = &hand.tree.joints[*joint].name;
-            let _ = writeln!(out, "      <site site=\"{name}_before\"/><site site=\"{name}_after\"/>");
+            let _ = match lever {
+                Lever::Guides(_) => {
+                    writeln!(out, "      <site site=\"{name}_before\"/><site site=\"{name}_after\"/>")
+                }
+                Lever::Constant(arm) => writeln!(out, "      <joint joint=\"{name}\" coef=\"-{arm}\"/>"),
+            };
         }
-        out += "    </spatial>\n";
+        let _ = writeln!(out, "    </{kind}>");
     }
     out + "  </tendon>\n"
 }
@@ -305,8 +316,10 @@ fn actuators(hand: &Hand, arm: Option<&Arm>) -> String {
     for actuator in hand.parameters.actuator.iter().take(hand.transmission.cables.len()) {
         let _ = writeln!(out, "    <motor name=\"{0}\" tendon=\"{0}\" gear=\"-1\"/>", actuator.name);
     }
-    let thumb = &hand.tree.joints[hand.transmission.opposition_joint].name;
-    let _ = writeln!(out, "    <position name=\"opposition\" joint=\"{thumb}\" kp=\"{OPPOSITION_STIFFNESS}\"/>");
+    if let Some(joint) = hand.transmission.opposition {
+        let thumb = &hand.tree.joints[joint].name;
+        let _ = writeln!(out, "    <position name=\"opposition\" joint=\"{thumb}\" kp=\"{OPPOSITION_STIFFNESS}\"/>");
+    }
     if let Some(arm) = arm {
         for (i, joint) in arm.tree.joints.iter().enumerate() {
             let _ = writeln!(
@@ -380,7 +393,7 @@ mod tests {
         let hand = Hand::ftac();
         let scene = Scene { hand: &hand, arm: None, props: &[], start: None, gravity: Vector3::zeros(), dt: 0.004 };
         let text = write(&scene);
-        for (joint, _) in hand.transmission.cables.iter().flat_map(|path| &path.joints) {
+        for Crossing { joint, .. } in hand.transmission.cables.iter().flat_map(|path| &path.joints) {
             for end in ["before", "after"] {
                 let name = format!("{}_{end}", hand.tree.joints[*joint].name);
                 assert_eq!(text.matches(&format!("site name=\"{name}\"")).count(), 1, "{name}");

@@ -1,5 +1,6 @@
 //! Friction in the guides of the simulated finger against the capstan's equation.
 
+use hand_model::transmission::Crossing;
 use std::sync::Arc;
 
 use hand_model::transmission::SPANS;
@@ -29,11 +30,11 @@ fn a_finger_s_springs_feel_the_capstan_s_tension() {
     for ((q, tension), sign) in [(run(0.0, 5.0, 3.0), -1.0), (run(5.0, 3.0, 3.0), 1.0)] {
         let mut turned = cable.friction.routing;
         let mut least: f64 = 1.0;
-        for (joint, guides) in path.joints.iter().take(SPANS) {
-            let [before, after] = guides.wraps(q[*joint]);
+        for Crossing { joint, lever, .. } in path.joints.iter().take(SPANS) {
+            let [before, after] = lever.wraps(q[*joint]);
             let expected = (sign * cable.friction.coefficient * (turned + before)).exp();
             turned += before + after;
-            let felt = hand.transmission.springs[*joint] * q[*joint] / guides.moment_arm(q[*joint]);
+            let felt = hand.transmission.springs[*joint] * q[*joint] / lever.moment_arm(q[*joint]);
             println!("joint {joint} at {:.3}: {:.4} of the tension, expected {expected:.4}", q[*joint], felt / tension);
             assert!((felt / tension / expected - 1.0).abs() < 0.02, "joint {joint}: {felt} of {tension}");
             least = least.min(expected.min(1.0 / expected));

@@ -91,7 +91,7 @@ struct Postures {
     tables: Vec<Vec<(f64, [f64; 3])>>,
     joints: Vec<Vec<usize>>,
     /// Joint that the last servo turns, and the gear between the two.
-    opposition: (usize, f64),
+    opposition: Option<(usize, f64)>,
     open: HandVector,
 }
 
@@ -106,7 +106,7 @@ impl Postures {
             let at = |n: u32| {
                 let share = f64::from(n) / f64::from(Self::TENSIONS.0);
                 let tension = Self::TENSIONS.1 * share * share;
-                let angles = transmission.free_angles(cable, tension, std::f64::consts::FRAC_PI_2);
+                let angles = transmission.free_angles(cable, tension);
                 let mut q = hand.open();
                 angles.iter().for_each(|(joint, angle)| q[*joint] = *angle);
                 let wound = transmission.cables[cable].excursion(&q) + tension / own.stiffness;
@@ -115,8 +115,9 @@ impl Postures {
             };
             (0..=Self::TENSIONS.0).map(at).collect()
         };
-        let joints = transmission.cables.iter().map(|cable| cable.joints.iter().map(|(joint, _)| *joint).collect());
-        let opposition = (transmission.opposition_joint, hand.servos[SERVOS - 1].gear_ratio_opposition);
+        let joints =
+            transmission.cables.iter().map(|cable| cable.joints.iter().map(|crossing| crossing.joint).collect());
+        let opposition = transmission.opposition.map(|joint| (joint, hand.servos[SERVOS - 1].gear_ratio_opposition));
         Self {
             tables: (0..transmission.cables.len()).map(table).collect(),
             joints: joints.collect(),
@@ -127,7 +128,9 @@ impl Postures {
 
     fn of(&self, servos: &[f64; SERVOS]) -> HandVector {
         let mut q = self.open;
-        q[self.opposition.0] = (servos[SERVOS - 1] / self.opposition.1).clamp(0.0, std::f64::consts::FRAC_PI_2);
+        if let Some((joint, gear)) = self.opposition {
+            q[joint] = (servos[SERVOS - 1] / gear).clamp(0.0, std::f64::consts::FRAC_PI_2);
+        }
         for ((table, joints), servo) in self.tables.iter().zip(&self.joints).zip(servos) {
             let next = table.partition_point(|(angle, _)| angle < servo).clamp(1, table.len() - 1);
             let ((low, from), (high, to)) = (table[next - 1], table[next]);

@@ -8,17 +8,13 @@ use nalgebra::{Isometry3, Vector3};
 use rapier3d_f64::parry::bounding_volume::BoundingVolume as _;
 use rapier3d_f64::parry::query;
 use rapier3d_f64::prelude::{
-    ColliderBuilder, ColliderHandle, MultibodyDofCoupling, MultibodyJointHandle, Pose, RigidBodyBuilder,
-    RigidBodyHandle, Shape,
+    ColliderBuilder, ColliderHandle, MultibodyJointHandle, Pose, RigidBodyBuilder, RigidBodyHandle, Shape,
 };
 
-use crate::body::{HINGE, SLIDE, link_body, load_hinge, load_slide, prismatic, revolute};
+use crate::body::{SLIDE_SLACK, coordinate, couple, joint_of, link_body, load_hinge, load_slide};
 use crate::convert;
 use crate::drive::JointEffort;
 use crate::engine::{Engine, EngineSettings};
-
-/// More than a joint slides in a step, m.
-const SLIDE_SLACK: f64 = 0.01;
 
 /// What a linkage is made of; damping and armature hold for every joint but those that [`Linkage::set_feel`] changes.
 #[derive(Debug, Clone, Copy)]
@@ -64,11 +60,7 @@ impl Linkage {
         for (i, joint) in tree.joints.iter().enumerate() {
             let body = engine.bodies.insert(link_body(&poses[i], &masses[i]));
             let parent = joint.parent.map_or(root, |parent| links[parent]);
-            let make = match joint.kind {
-                JointKind::Turn => revolute,
-                JointKind::Slide => prismatic,
-            };
-            let joint = make(&joint.origin, &joint.axis, [joint.lower, joint.upper]);
+            let joint = joint_of(joint.kind)(&joint.origin, &joint.axis, [joint.lower, joint.upper]);
             joints.extend(engine.multibodies.insert(parent, body, joint, true));
             links.push(body);
         }
@@ -126,21 +118,8 @@ impl Linkage {
 
     /// Makes `joint` follow `leader`: q = multiplier * q_leader + offset.
     pub fn couple(&mut self, leader: usize, joint: usize, multiplier: f64, offset: f64) {
-        let link = |index: usize| self.engine.multibodies.get(self.joints[index]).map(|(_, link)| link);
-        let (Some(link1), Some(link2)) = (link(leader), link(joint)) else { return };
-        let (axis1, axis2) = (axis(self.kinds[leader]), axis(self.kinds[joint]));
-        if let Some((multibody, _)) = self.engine.multibodies.get_mut(self.joints[joint]) {
-            multibody.add_dof_coupling(MultibodyDofCoupling {
-                link1,
-                dof1: 0,
-                axis1,
-                link2,
-                dof2: 0,
-                axis2,
-                coeff: multiplier,
-                offset,
-            });
-        }
+        let [leading, led] = [leader, joint].map(|own| (self.joints[own], self.kinds[own]));
+        couple(&mut self.engine, leading, led, [multiplier, offset]);
     }
 
     /// One physics step under these efforts, one a joint.
@@ -168,7 +147,7 @@ impl Linkage {
         for (i, handle) in self.joints.iter().enumerate() {
             let Some((_, link)) = self.engine.multibodies.get(*handle) else { continue };
             let Some(link) = multibody.link(link) else { continue };
-            self.angles[i] = link.joint.coords()[axis(self.kinds[i])];
+            self.angles[i] = link.joint.coords()[coordinate(self.kinds[i])];
             self.speeds[i] = speeds[i];
         }
     }
@@ -236,14 +215,6 @@ impl Linkage {
         };
         let shape = |handle: ColliderHandle| self.engine.colliders[handle].shape();
         overlap(&pose(a), shape(a), &pose(b), shape(b))
-    }
-}
-
-/// The one degree of freedom of a joint among its six: the turn about its x, or the motion along it.
-fn axis(kind: JointKind) -> usize {
-    match kind {
-        JointKind::Turn => HINGE,
-        JointKind::Slide => SLIDE,
     }
 }
 

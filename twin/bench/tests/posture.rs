@@ -1,6 +1,7 @@
 //! Joint angles of simulated holds with cables that rub and gears with play.
 
 use bench::builtin::make_bench;
+use hand_model::transmission::Crossing;
 use hand_model::{Digit, RobotModel};
 use nalgebra::Isometry3;
 use scenarios::Scenario;
@@ -43,7 +44,7 @@ fn joint_angles_are_as_uncertain_as_they_say() {
             if !touches.iter().any(touched) {
                 continue;
             }
-            for (joint, _) in &hand.transmission.cables[digit.index()].joints {
+            for Crossing { joint, .. } in &hand.transmission.cables[digit.index()].joints {
                 let sigma = estimate.q_covariance[(*joint, *joint)].sqrt();
                 tally.inside += u32::from((estimate.q[*joint] - grasp.joints[*joint]).abs() < REGION * sigma);
                 tally.count += 1;

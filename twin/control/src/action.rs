@@ -3,8 +3,6 @@
 //! A step is a twentieth of a second. An action out of its limits is refused, with the place and the limits in the error: it is not cut to fit.
 //! [`Stepper`] turns actions into what arm and servos are asked for in every tick.
 
-use std::f64::consts::FRAC_PI_2;
-
 use hand_model::robot::ServoGoal;
 use hand_model::{ActuatorVector, ArmVector, DigitVector};
 
@@ -93,7 +91,10 @@ impl ActionLimits {
     /// Of the robot in this cell.
     pub fn of(cell: &Workcell) -> Self {
         let (hand, PathLimits { speed, turn_speed, .. }) = (&cell.robot.hand, PathLimits::default());
-        let thumb = &hand.tree.joints[hand.transmission.opposition_joint];
+        let opposition = hand.transmission.opposition.map_or([0.0; 2], |joint| {
+            let thumb = &hand.tree.joints[joint];
+            [thumb.lower, thumb.upper]
+        });
         let tension = most_tension(hand);
         Self {
             speed,
@@ -103,13 +104,13 @@ impl ActionLimits {
                 [joint.lower.max(-ENDLESS), joint.upper.min(ENDLESS)]
             }),
             tension,
-            opposition: [thumb.lower, thumb.upper],
+            opposition,
             spools: hand.each_actuator(|n| match hand.transmission.cables.get(n) {
                 Some(path) => {
                     let stretch = tension / hand.cables[n].stiffness;
-                    [0.0, (path.full_excursion(FRAC_PI_2) + stretch) / hand.cables[n].spool_radius]
+                    [0.0, (path.full_excursion() + stretch) / hand.cables[n].spool_radius]
                 }
-                None => [thumb.lower, thumb.upper].map(|angle| angle * hand.servos[n].gear_ratio_opposition),
+                None => opposition.map(|angle| angle * hand.servos[n].gear_ratio_opposition),
             }),
             current: hand.servos.iter().map(|servo| servo.current_limit).fold(f64::INFINITY, f64::min),
             digits: hand.cables.len(),

@@ -1,6 +1,5 @@
 //! From tactile images to what is held: which objects are in the hand, and where the first one sits in it.
 
-use std::f64::consts::FRAC_PI_2;
 use std::sync::{Arc, OnceLock};
 
 use grasping::{Grasp, Role};
@@ -155,7 +154,7 @@ fn closure(hand: &Hand, servos: &[ServoState], digit: Digit) -> f64 {
 }
 
 fn full_excursion(hand: &Hand, digit: Digit) -> f64 {
-    hand.transmission.cables[digit.index()].full_excursion(FRAC_PI_2)
+    hand.transmission.cables[digit.index()].full_excursion()
 }
 
 /// The plan of the two grasps, as far as perception needs it.
@@ -221,7 +220,7 @@ pub(crate) mod tests {
     fn pulled(hand: &Hand, share: [f64; 5], tension: f64) -> ActuatorVector<ServoState> {
         let cable = &hand.parameters.cable;
         hand.each_actuator(|n| {
-            let full = hand.transmission.cables.get(n).map_or(0.0, |cable| cable.full_excursion(FRAC_PI_2));
+            let full = hand.transmission.cables.get(n).map_or(0.0, |cable| cable.full_excursion());
             let wound = share.get(n).unwrap_or(&0.0) * full + tension / cable.stiffness;
             let current = tension * cable.spool_radius / hand.parameters.servo.torque_constant;
             ServoState { position: wound / cable.spool_radius, velocity: 0.0, current, temperature: 25.0 }

@@ -312,8 +312,8 @@ fn note(
     differences: &mut Differences,
 ) {
     let joints: Vec<usize> = match own.transmission.cables.get(motion.actuator) {
-        Some(path) => path.joints.iter().map(|(joint, _)| *joint).collect(),
-        None => vec![own.transmission.opposition_joint],
+        Some(path) => path.joints.iter().map(|crossing| crossing.joint).collect(),
+        None => own.transmission.opposition.into_iter().collect(),
     };
     let digit = Digit::ALL.get(motion.actuator).copied().unwrap_or(Digit::Thumb);
     let [.., last] = digit.ftac_joints();

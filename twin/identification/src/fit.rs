@@ -72,8 +72,8 @@ pub struct Fit {
 /// Everything about `actuator` that a free motion may show.
 fn searched(individual: &RobotIndividual, hand: &Hand, actuator: usize) -> Vec<usize> {
     let joints: Vec<usize> = match hand.transmission.cables.get(actuator) {
-        Some(path) => path.joints.iter().map(|(joint, _)| *joint).collect(),
-        None => vec![hand.transmission.opposition_joint],
+        Some(path) => path.joints.iter().map(|crossing| crossing.joint).collect(),
+        None => hand.transmission.opposition.into_iter().collect(),
     };
     let own = |quantity| individual.place(quantity, actuator);
     let of_joints = |quantity| joints.iter().filter_map(move |joint| individual.place(quantity, *joint));
@@ -93,7 +93,7 @@ fn unsearched(individual: &RobotIndividual, hand: &Hand, actuator: usize) -> Vec
     let cables = &hand.transmission.cables;
     // What the opposition turns is the thumb.
     let last = cables.get(actuator).unwrap_or(&cables[0]).joints.last();
-    let carried = last.map_or_else(Vec::new, |(joint, _)| hand.tree.chain(*joint));
+    let carried = last.map_or_else(Vec::new, |crossing| hand.tree.chain(crossing.joint));
     let moves = |parameter: &Parameter| match parameter.quantity {
         Quantity::ArmEncoder | Quantity::MountTurn => true,
         Quantity::JointZero => carried.contains(&parameter.index),

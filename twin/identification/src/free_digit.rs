@@ -7,6 +7,7 @@
 use hand_model::Hand;
 use hand_model::hand::MOST_DIGITS;
 use hand_model::robot::ServoGoal;
+use hand_model::transmission::Crossing;
 use hand_model::transmission::SPANS;
 use hand_model::transmission::friction::CableLosses;
 use nalgebra::Point3;
@@ -68,12 +69,12 @@ impl<'a> FreeDigit<'a> {
     fn at_rest(hand: &'a Hand, losses: CableLosses, motion: &FreeMotion) -> Self {
         let n = motion.actuator;
         let joints: Vec<usize> = match hand.transmission.cables.get(n) {
-            Some(path) => path.joints.iter().map(|(joint, _)| *joint).collect(),
-            None => vec![hand.transmission.opposition_joint],
+            Some(path) => path.joints.iter().map(|crossing| crossing.joint).collect(),
+            None => hand.transmission.opposition.into_iter().collect(),
         };
         let last = match n {
             // What the opposition carries is the whole thumb.
-            OPPOSITION => hand.transmission.cables[0].joints.last().map_or(joints[0], |(joint, _)| *joint),
+            OPPOSITION => hand.transmission.cables[0].joints.last().map_or(joints[0], |crossing| crossing.joint),
             _ => joints[joints.len() - 1],
         };
         let links = hand.tree.chain(last);
@@ -105,7 +106,7 @@ impl<'a> FreeDigit<'a> {
 
     /// Lets tick `n` of the motion pass.
     fn tick(&mut self, motion: &FreeMotion, n: usize) {
-        let turning = (self.actuator != OPPOSITION && self.chain.links[0] == self.hand.transmission.opposition_joint)
+        let turning = (self.actuator != OPPOSITION && Some(self.chain.links[0]) == self.hand.transmission.opposition)
             .then(|| self.turned_thumb(motion, n));
         let dt = motion.tick / STEPS as f64;
         for _ in 0..STEPS {
@@ -133,11 +134,11 @@ impl<'a> FreeDigit<'a> {
         let (path, cable) = (&hand.transmission.cables[n], &hand.cables[n]);
         let (mut excursion, mut rate) = (0.0, 0.0);
         let mut arms = [0.0; SPANS];
-        for (slot, (_, guides)) in path.joints.iter().enumerate() {
+        for (slot, Crossing { lever, .. }) in path.joints.iter().enumerate() {
             let place = self.moved[slot];
             let q = self.chain.angles[place];
-            arms[slot] = guides.moment_arm(q);
-            excursion += guides.excursion(q);
+            arms[slot] = lever.moment_arm(q);
+            excursion += lever.excursion(q);
             rate += arms[slot] * self.chain.speeds[place];
         }
         let tension = self.servo.step_cable(cable, excursion, rate, dt);
@@ -149,9 +150,9 @@ impl<'a> FreeDigit<'a> {
         }
         let (mut carried, mut turned) = (tension, friction.routing);
         let mut drives = self.springs();
-        for (slot, (joint, guides)) in path.joints.iter().enumerate() {
+        for (slot, Crossing { joint, lever, .. }) in path.joints.iter().enumerate() {
             let q = self.chain.angles[self.moved[slot]];
-            let [before, after] = guides.wraps(q);
+            let [before, after] = lever.wraps(q);
             carried *= friction.ratio(self.slides[slot], turned + before);
             turned = after;
             let taut = if tension > 0.0 { cable.stiffness * arms[slot] * arms[slot] } else { 0.0 };
@@ -163,7 +164,7 @@ impl<'a> FreeDigit<'a> {
 
     /// What moves each of the thumb's joints while the opposition turns on its shaft: the others hang on their springs, their cable is slack.
     fn turn(&mut self, dt: f64) -> [Drive; MOST_LINKS] {
-        let joint = self.hand.transmission.opposition_joint;
+        let joint = self.chain.links[self.moved[0]];
         let (q, ratio) = (self.chain.angles[self.moved[0]], self.hand.servos[OPPOSITION].gear_ratio_opposition);
         let twist = self.servo.beyond_play(self.servo.angle / ratio - q, ratio);
         let torque = OPPOSITION_STIFFNESS * twist;

@@ -4,6 +4,7 @@
 //! touches say the same place: calibration by a single endpoint constraint (Meggiolaro, Scriffignano and Dubowsky 2000), here with a
 //! sensor that says where the end touches. Least squares over encoders, mount, stops and the ball's place, each with its prior.
 
+use crate::free_digit::OPPOSITION;
 use control::inverse_kinematics::Joints;
 use hand_model::{Hand, RobotModel};
 use least_squares::{Options, Problem, forward_differences};
@@ -66,7 +67,7 @@ impl Touch {
         let links = hand.tree.forward(&hand.open());
         let place = links[link] * pad.link_from_pad;
         let (point, push) = (place * self.center, place * Vector3::z() * -force);
-        hand.tree.chain(link).into_iter().filter(|joint| *joint != hand.transmission.opposition_joint).all(|joint| {
+        hand.tree.chain(link).into_iter().filter(|joint| Some(*joint) != hand.transmission.opposition).all(|joint| {
             let axis = links[joint].rotation * hand.tree.joints[joint].axis.into_inner();
             let opening = -axis.dot(&(point - links[joint] * Point3::origin()).cross(&push));
             opening > hand.transmission.springs[joint] * CLOSED + WEIGHT
@@ -110,7 +111,9 @@ fn felt_at(robot: &RobotModel, touch: &Touch) -> (Point3<f64>, Isometry3<f64>) {
     let RobotModel { hand, arm, .. } = robot;
     let pad = &hand.pads[hand.cameras[touch.camera].pad];
     let mut joints = hand.open();
-    joints[hand.transmission.opposition_joint] = (touch.opposition / hand.servos[5].gear_ratio_opposition).max(0.0);
+    if let Some(joint) = hand.transmission.opposition {
+        joints[joint] = (touch.opposition / hand.servos[OPPOSITION].gear_ratio_opposition).max(0.0);
+    }
     let palm = arm.tool_pose(&touch.arm) * hand.palm_from_flange.inverse();
     let link = pad.link.map_or_else(Isometry3::identity, |link| hand.tree.forward(&joints)[link]);
     let pose = palm * link * pad.link_from_pad;

@@ -1,5 +1,6 @@
 //! The hand: kinematics, Jacobians, pads, transmission.
 
+use hand_model::transmission::Crossing;
 use std::sync::{Arc, LazyLock};
 
 use hand_model::{Hand, HandVector, RobotModel, statics};
@@ -87,8 +88,8 @@ pub fn moment_arms<'py>(py: Python<'py>, q: Numbers<'py>) -> PyResult<Bound<'py,
     let q = angles(&q)?;
     let mut arms = Array2::zeros((HAND.transmission.cables.len(), HAND.tree.len()));
     for (cable, path) in HAND.transmission.cables.iter().enumerate() {
-        for (joint, guides) in &path.joints {
-            arms[(cable, *joint)] = guides.moment_arm(q[*joint]);
+        for Crossing { joint, lever, .. } in &path.joints {
+            arms[(cable, *joint)] = lever.moment_arm(q[*joint]);
         }
     }
     Ok(arms.into_pyarray(py))

@@ -3,6 +3,7 @@
 use std::f64::consts::FRAC_PI_2;
 
 use hand_model::hand::CoverShape;
+use hand_model::transmission::{Crossing, Lever};
 use hand_model::{Digit, Hand};
 use nalgebra::{Isometry3, Point3, Vector3};
 
@@ -135,7 +136,8 @@ pub fn cables(hand: &Hand, links: &[Isometry3<f64>]) -> Vec<Vec<Point3<f64>>> {
     for cable in &hand.transmission.cables {
         for side in [-1.0, 1.0] {
             let mut run = Vec::new();
-            for (joint, guides) in &cable.joints {
+            for Crossing { joint, lever, .. } in &cable.joints {
+                let Lever::Guides(guides) = lever else { continue };
                 let z = side * (hand.covers[*joint].half.z + BESIDE);
                 let at = |[x, y]: [f64; 2]| Point3::new(x, y, z);
                 run.push(parent(*joint) * joints[*joint].origin * at(guides.before));

@@ -153,7 +153,7 @@ impl Attributes {
             share(sides.iter().sum(), by_fingers),
             share(sides[1], digits[1]),
             share(sides[2], digits[2]),
-            grasp.joints[hand.transmission.opposition_joint],
+            hand.transmission.opposition.map_or(0.0, |joint| grasp.joints[joint]),
             mean(&touching),
             if others.is_empty() { 0.0 } else { mean(&others) - bend(1) },
             direction.z,

@@ -6,8 +6,8 @@
 //! is needed too (see [`crate::pose`]).
 
 use hand_model::robot::ServoState;
-use hand_model::transmission::SPANS;
 use hand_model::transmission::friction::{CableFriction, CableLosses};
+use hand_model::transmission::{Crossing, SPANS};
 use hand_model::{DigitVector, GRAVITY, Hand, HandVector};
 use nalgebra::{DMatrix, SMatrix, SVector, UnitQuaternion, Vector3};
 
@@ -53,16 +53,20 @@ pub fn cable_excursion(hand: &Hand, cable: usize, servo: &ServoState) -> f64 {
     servo.position * own.spool_radius - cable_tension(hand, cable, servo) / own.stiffness
 }
 
-/// Angle (rad) of the opposition joint, within its limits.
-pub fn opposition_angle(hand: &Hand, servo: &ServoState) -> f64 {
-    let joint = &hand.tree.joints[hand.transmission.opposition_joint];
-    (servo.position / hand.servos[5].gear_ratio_opposition).clamp(joint.lower, joint.upper)
+/// The opposition joint and its angle (rad), within its limits; none in a hand without it.
+fn opposition(hand: &Hand, servos: &[ServoState]) -> Option<(usize, f64)> {
+    let joint = hand.transmission.opposition?;
+    let (limits, last) = (&hand.tree.joints[joint], hand.cables.len());
+    let angle = servos[last].position / hand.servos[last].gear_ratio_opposition;
+    Some((joint, angle.clamp(limits.lower, limits.upper)))
 }
 
 /// The posture of a hand that touches nothing: the spring equilibrium that takes up the measured excursions.
 pub fn free_posture(hand: &Hand, servos: &[ServoState]) -> Posture {
     let mut q = hand.open();
-    q[hand.transmission.opposition_joint] = opposition_angle(hand, &servos[5]);
+    if let Some((joint, angle)) = opposition(hand, servos) {
+        q[joint] = angle;
+    }
     let excursions = hand.each_digit(|cable| cable_excursion(hand, cable, &servos[cable]));
     for (cable, &excursion) in excursions.iter().enumerate() {
         for (joint, angle) in free_digit(hand, cable, excursion) {
@@ -93,7 +97,7 @@ pub fn free_covariance(
     let (mut give, mut taken) = (SVector::zeros(), 0.0);
     for (slot, (joint, residual_slope)) in spring_residuals(hand, cable, q, needed).map(|(j, _, s)| (j, s)).enumerate()
     {
-        let arm = path.joints[slot].1.moment_arm(q[joint]);
+        let arm = path.joints[slot].lever.moment_arm(q[joint]);
         give[slot] = arm / residual_slope;
         taken += arm * give[slot];
     }
@@ -121,31 +125,29 @@ pub fn free_digit_sliding(
     state: f64,
 ) -> Vec<(usize, f64)> {
     let friction = &hand.guides(cable, friction);
-    let angles =
-        |tension: f64, upper: f64| hand.transmission.free_angles_sliding(cable, tension, upper, friction, state);
+    let angles = |tension: f64| hand.transmission.free_angles_sliding(cable, tension, friction, state);
     let path = &hand.transmission.cables[cable];
-    let upper = path.joints.iter().map(|(joint, _)| hand.tree.joints[*joint].upper).fold(f64::INFINITY, f64::min);
     let taken_up = |angles: &[(usize, f64)]| -> f64 {
-        path.joints.iter().zip(angles).map(|((_, guides), (_, angle))| guides.excursion(*angle)).sum()
+        path.joints.iter().zip(angles).map(|(crossing, (_, angle))| crossing.lever.excursion(*angle)).sum()
     };
     // Excursion increases with tension: bisect for the tension that a free digit would need.
     let (mut low, mut high) = (0.0, 1.0);
-    while taken_up(&angles(high, upper)) < excursion && high < 1e3 {
+    while taken_up(&angles(high)) < excursion && high < 1e3 {
         high *= 2.0;
     }
     for _ in 0..40 {
         let middle = 0.5 * (low + high);
-        if taken_up(&angles(middle, upper)) < excursion { low = middle } else { high = middle }
+        if taken_up(&angles(middle)) < excursion { low = middle } else { high = middle }
     }
-    angles(0.5 * (low + high), upper)
+    angles(0.5 * (low + high))
 }
 
 /// Excursion residual (m) of `cable` at joint angles `q`, and its derivative (the moment arms) for each joint it crosses.
 pub fn excursion_residual(hand: &Hand, cable: usize, q: &[f64], excursion: f64) -> (f64, [(usize, f64); 3]) {
     let path = &hand.transmission.cables[cable];
     let mut derivative = [(usize::MAX, 0.0); 3];
-    for (slot, (joint, guides)) in derivative.iter_mut().zip(&path.joints) {
-        *slot = (*joint, guides.moment_arm(q[*joint]));
+    for (slot, Crossing { joint, lever, .. }) in derivative.iter_mut().zip(&path.joints) {
+        *slot = (*joint, lever.moment_arm(q[*joint]));
     }
     (path.excursion(q) - excursion, derivative)
 }
@@ -153,12 +155,12 @@ pub fn excursion_residual(hand: &Hand, cable: usize, q: &[f64], excursion: f64) 
 /// Equilibrium residual K q - r(q) T (N m) of every joint on `cable`, as (joint, residual, derivative by its own angle). In
 /// equilibrium it equals the contact torque.
 pub fn spring_residuals(hand: &Hand, cable: usize, q: &[f64], tension: f64) -> impl Iterator<Item = (usize, f64, f64)> {
-    hand.transmission.cables[cable].joints.iter().map(move |(joint, guides)| {
+    hand.transmission.cables[cable].joints.iter().map(move |Crossing { joint, lever, .. }| {
         const STEP: f64 = 1e-5;
         let (torque, spring) = (hand.transmission.spring_torque(*joint, q[*joint]), hand.transmission.springs[*joint]);
         let angle = q[*joint];
-        let slope = (guides.moment_arm(angle + STEP) - guides.moment_arm(angle - STEP)) / (2.0 * STEP);
-        (*joint, torque - guides.moment_arm(angle) * tension, spring - slope * tension)
+        let slope = (lever.moment_arm(angle + STEP) - lever.moment_arm(angle - STEP)) / (2.0 * STEP);
+        (*joint, torque - lever.moment_arm(angle) * tension, spring - slope * tension)
     })
 }
 
@@ -169,8 +171,8 @@ pub fn friction_sigmas(hand: &Hand, cable: usize, q: &[f64], tension: f64, losse
     let path = &hand.transmission.cables[cable];
     let friction = hand.guides(cable, &losses.friction);
     let mut sigmas = path.wraps(q, &friction);
-    for (sigma, (joint, guides)) in sigmas.iter_mut().zip(&path.joints) {
-        *sigma = guides.moment_arm(q[*joint]).abs() * tension * (friction.coefficient * *sigma).sinh();
+    for (sigma, Crossing { joint, lever, .. }) in sigmas.iter_mut().zip(&path.joints) {
+        *sigma = lever.moment_arm(q[*joint]).abs() * tension * (friction.coefficient * *sigma).sinh();
     }
     sigmas
 }
@@ -192,7 +194,7 @@ mod tests {
         let mut q = hand.open();
         q[0] = opposition;
         for (cable, tension) in tensions.iter().enumerate() {
-            for (joint, angle) in hand.transmission.free_angles(cable, *tension, std::f64::consts::FRAC_PI_2) {
+            for (joint, angle) in hand.transmission.free_angles(cable, *tension) {
                 q[joint] = angle;
             }
         }

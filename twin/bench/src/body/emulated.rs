@@ -67,7 +67,7 @@ impl Plant for SharedPlant {
 /// Travel of every shaft of a hand, rad: the closing of all joints, and the cable's stretch.
 pub fn travel(hand: &Hand) -> [f64; SERVOS] {
     std::array::from_fn(|n| match hand.transmission.cables.get(n) {
-        Some(cable) => cable.full_excursion(std::f64::consts::FRAC_PI_2) / hand.cables[n].spool_radius + STRETCH,
+        Some(cable) => cable.full_excursion() / hand.cables[n].spool_radius + STRETCH,
         None => std::f64::consts::FRAC_PI_2 * hand.servos[n].gear_ratio_opposition + STRETCH,
     })
 }

@@ -25,7 +25,7 @@ pub fn against_friction(hand: &Hand, friction: &CableFriction, servos: &[ServoSt
         return wanted.iter().copied().collect();
     }
     hand.each_digit(|cable| {
-        let full = hand.transmission.cables[cable].full_excursion(FRAC_PI_2);
+        let full = hand.transmission.cables[cable].full_excursion();
         let angle = FRAC_PI_2 * (cable_excursion(hand, cable, &servos[cable]) / full).clamp(0.0, 1.0);
         // All of the first joint's turn is behind the guide before the second joint, and half of the second's own.
         let friction = hand.guides(cable, friction);

@@ -33,7 +33,7 @@ impl Mechanism {
     /// Of the F-TAC Hand: the free posture at a medium tension gives the direction in which a cable moves its joints.
     pub fn of(hand: &Hand) -> Self {
         let lines = (0..hand.transmission.cables.len()).map(|cable| {
-            let angles = hand.transmission.free_angles(cable, 5.0, std::f64::consts::FRAC_PI_2);
+            let angles = hand.transmission.free_angles(cable, 5.0);
             let mean = angles.iter().map(|(_, q)| q).sum::<f64>() / angles.len() as f64;
             ActuatorLine {
                 joints: angles.iter().map(|(joint, _)| *joint).collect(),
@@ -143,7 +143,7 @@ mod tests {
             assert!(line.share.iter().all(|share| *share > 0.0), "{line:?}");
             for tension in [2.0, 10.0] {
                 let mut free = [0.0; 15];
-                for (joint, angle) in hand.transmission.free_angles(cable, tension, std::f64::consts::FRAC_PI_2) {
+                for (joint, angle) in hand.transmission.free_angles(cable, tension) {
                     free[joint] = angle;
                 }
                 let mut on_line = free;

@@ -34,7 +34,7 @@ pub struct FreePosture {
 /// Tension at which the mean angle of a free cable's joints is `mean` (rad), by bisection: the angle increases with tension.
 fn tension_for_mean(hand: &Hand, cable: usize, mean: f64) -> f64 {
     let at = |tension: f64| {
-        let angles = hand.transmission.free_angles(cable, tension, std::f64::consts::FRAC_PI_2);
+        let angles = hand.transmission.free_angles(cable, tension);
         angles.iter().map(|(_, q)| q).sum::<f64>() / angles.len() as f64
     };
     let (mut low, mut high) = (0.0, FULL_TENSION);
@@ -53,15 +53,18 @@ fn tension_for_mean(hand: &Hand, cable: usize, mean: f64) -> f64 {
 
 fn mean_angle(hand: &Hand, cable: usize, joints: &[f64]) -> f64 {
     let path = &hand.transmission.cables[cable].joints;
-    path.iter().map(|(joint, _)| joints[*joint]).sum::<f64>() / path.len() as f64
+    path.iter().map(|crossing| joints[crossing.joint]).sum::<f64>() / path.len() as f64
 }
 
 /// The free posture with the same opposition angle and the same mean angle of each digit as `joints`.
 pub fn project(hand: &Hand, joints: &[f64]) -> FreePosture {
-    let drive = hand.transmission.opposition_joint;
-    let opposition = joints[drive].clamp(hand.tree.joints[drive].lower, hand.tree.joints[drive].upper);
+    let drive = hand.transmission.opposition;
+    let opposition =
+        drive.map_or(0.0, |drive| joints[drive].clamp(hand.tree.joints[drive].lower, hand.tree.joints[drive].upper));
     let mut posture = FreePosture { tensions: hand.slack(), opposition, joints: hand.open() };
-    posture.joints[drive] = opposition;
+    if let Some(drive) = drive {
+        posture.joints[drive] = opposition;
+    }
     for cable in 0..hand.cables.len() {
         set_mean(hand, &mut posture, cable, mean_angle(hand, cable, joints));
     }
@@ -70,7 +73,7 @@ pub fn project(hand: &Hand, joints: &[f64]) -> FreePosture {
 
 fn set_mean(hand: &Hand, posture: &mut FreePosture, cable: usize, mean: f64) {
     posture.tensions[cable] = tension_for_mean(hand, cable, mean);
-    let angles = hand.transmission.free_angles(cable, posture.tensions[cable], std::f64::consts::FRAC_PI_2);
+    let angles = hand.transmission.free_angles(cable, posture.tensions[cable]);
     for (joint, angle) in angles {
         posture.joints[joint] = angle;
     }
@@ -111,7 +114,7 @@ pub fn open_clear(
     let aimed = project(hand, &state.joints);
     let mut state = HandState { object_from_palm: state.object_from_palm, joints: aimed.joints.to_vec() };
     // The palm and the thumb's first link are not moved by cables: the whole hand retreats.
-    let fixed = [0, hand.transmission.opposition_joint + 1];
+    let fixed: Vec<usize> = std::iter::once(0).chain(hand.transmission.opposition.map(|joint| joint + 1)).collect();
     for retreat in 0.. {
         frames.place(&state);
         let (depth, normal) =
@@ -132,7 +135,7 @@ pub fn open_clear(
         loop {
             state.joints.copy_from_slice(&open.joints);
             frames.place(&state);
-            let moved = links.iter().filter(|link| **link != fixed[1]);
+            let moved = links.iter().filter(|link| !fixed.contains(link));
             let least = moved.map(|link| clearance(frames, surface, field, *link).0).fold(f64::INFINITY, f64::min);
             if least >= CLEAR {
                 break;

@@ -31,7 +31,7 @@ pub fn rows(hand: &Hand) -> Vec<Row> {
         (joint.lower.to_degrees().abs() < 1e-6) && (joint.upper.to_degrees() - 90.0).abs() < 1e-6
     };
     let full = hand.tree.joints.iter().filter(|joint| range(joint)).count();
-    let thumb = &hand.tree.joints[hand.transmission.opposition_joint];
+    let thumb = &hand.tree.joints[hand_model::Digit::Thumb.ftac_joints()[0]];
     let pip = poses[1] * hand.tree.joints[1].axis.into_inner();
     let cmc = poses[0] * thumb.axis.into_inner();
     let tilt = (cmc.dot(&pip).abs().acos()).to_degrees();

@@ -1,5 +1,6 @@
 //! The evidence of the pads in the frames of the links that carry them, with its standard deviations and weights.
 
+use hand_model::transmission::Crossing;
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
@@ -160,8 +161,8 @@ fn trust(normal: &Vector3<f64>) -> f64 {
 /// Whether something keeps a digit from closing as far as its cable tension would.
 pub(super) fn obstructed(hand: &Hand, posture: &Posture, cable: usize) -> bool {
     let path = &hand.transmission.cables[cable];
-    let joints = path.joints.iter().map(|(joint, guides)| {
-        let arm = guides.moment_arm(posture.q[*joint]);
+    let joints = path.joints.iter().map(|Crossing { joint, lever, .. }| {
+        let arm = lever.moment_arm(posture.q[*joint]);
         (hand.transmission.spring_torque(*joint, posture.q[*joint]), arm)
     });
     // The tension that balances the springs of a free digit, weighted by the joints' moment arms.

@@ -108,8 +108,8 @@ impl<'a> Problem<'a> {
         let mut column = hand.each_joint(|_| None);
         let mut columns = 6;
         for &cable in &cables {
-            for (joint, _) in &hand.transmission.cables[cable].joints {
-                column[*joint] = Some(columns);
+            for crossing in &hand.transmission.cables[cable].joints {
+                column[crossing.joint] = Some(columns);
                 columns += 1;
             }
         }
@@ -214,8 +214,8 @@ impl<'a> Problem<'a> {
     fn cable_torque(&self, joint: usize, q: &[f64]) -> f64 {
         let cables = self.hand.transmission.cables.iter().zip(&self.posture.tensions);
         let of_cable = |(path, tension): (&CablePath, &f64)| {
-            let guides = path.joints.iter().find(|(crossed, _)| *crossed == joint);
-            guides.map_or(0.0, |(_, guides)| guides.moment_arm(q[joint]) * tension)
+            let crossing = path.joints.iter().find(|crossing| crossing.joint == joint);
+            crossing.map_or(0.0, |crossing| crossing.lever.moment_arm(q[joint]) * tension)
         };
         cables.map(of_cable).sum()
     }
@@ -243,8 +243,8 @@ impl<'a> Problem<'a> {
         let mut sigmas = self.hand.each_joint(|_| 0.0);
         for (cable, path) in self.hand.transmission.cables.iter().enumerate() {
             let of_cable = friction_sigmas(self.hand, cable, q, self.posture.tensions[cable], &self.options.cables);
-            for ((joint, _), sigma) in path.joints.iter().zip(of_cable) {
-                sigmas[*joint] = sigma;
+            for (crossing, sigma) in path.joints.iter().zip(of_cable) {
+                sigmas[crossing.joint] = sigma;
             }
         }
         sigmas

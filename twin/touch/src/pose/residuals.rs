@@ -79,7 +79,7 @@ impl Problem<'_> {
         let (options, column) = (self.options, &self.column);
         for &cable in &self.cables {
             // A cable's joints are all estimated: their columns are those of the outermost joint's link.
-            let outermost = self.hand.transmission.cables[cable].joints.last().map(|(joint, _)| *joint);
+            let outermost = self.hand.transmission.cables[cable].joints.last().map(|crossing| crossing.joint);
             let columns = self.reach(outermost);
             let (residual, derivative) = excursion_residual(self.hand, cable, &state.q, self.posture.excursions[cable]);
             let scale = 1.0 / self.excursion_sigma;

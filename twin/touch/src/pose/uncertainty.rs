@@ -1,5 +1,6 @@
 //! Uncertainty of an estimate: its covariance, alternative poses, and axes that the evidence does not constrain.
 
+use hand_model::transmission::Crossing;
 use nalgebra::{DMatrix, Isometry3, Matrix3, Matrix6, Vector3, Vector6};
 
 use super::problem::{Evidence, Problem, State};
@@ -87,8 +88,8 @@ pub(super) fn joint_covariance(problem: &Problem, state: &State) -> Option<Joint
         }
         let posture = (&problem.posture.q[..], problem.posture.excursions[cable]);
         let own = free_covariance(problem.hand, cable, posture, options.sigma_excursion, &options.cables);
-        for (a, (joint_a, _)) in path.joints.iter().enumerate() {
-            for (b, (joint_b, _)) in path.joints.iter().enumerate() {
+        for (a, Crossing { joint: joint_a, .. }) in path.joints.iter().enumerate() {
+            for (b, Crossing { joint: joint_b, .. }) in path.joints.iter().enumerate() {
                 covariance[(*joint_a, *joint_b)] = own[(a, b)];
             }
         }

@@ -2,6 +2,7 @@
 
 use hand_model::hand::CoverShape;
 use hand_model::statics::{self, Slid};
+use hand_model::transmission::Crossing;
 use hand_model::{Hand, HandVector};
 use nalgebra::{Isometry3, Point3};
 use sim::stand::Prop;
@@ -54,12 +55,12 @@ impl Curls {
             let at = place(*tension);
             let low = (at as usize).min(LOOKED_AT - 2);
             let part = at - low as f64;
-            for (joint, _) in &path.joints {
+            for Crossing { joint, .. } in &path.joints {
                 let [a, b] = [low, low + 1].map(|n| self.postures[n][*joint]);
                 angles[*joint] = a + (b - a) * part;
             }
         }
-        angles[hand.transmission.opposition_joint] = opposition;
+        angles[hand_model::Digit::Thumb.ftac_joints()[0]] = opposition;
         angles
     }
 }

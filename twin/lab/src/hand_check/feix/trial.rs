@@ -216,7 +216,7 @@ fn faults(kind: &GraspType, stand: &HandStand) -> Vec<String> {
         }
         _ => {}
     }
-    let opposed = stand.angles()[stand.hand().transmission.opposition_joint];
+    let opposed = stand.angles()[Digit::Thumb.ftac_joints()[0]];
     if kind.digits.contains(&Digit::Thumb) || kind.helpers.contains(&Digit::Thumb) {
         if kind.abducted && opposed < ABDUCTED {
             faults.push("the thumb is not abducted".into());
