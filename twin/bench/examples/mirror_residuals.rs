@@ -14,7 +14,6 @@ use bench::body::Body;
 use bench::builtin::{hide_plant, make_scenes};
 use bench::mirror::twin::Twin;
 use bench::trial::setup::Setup;
-use control::executive::Phase;
 use hand_model::{HAND_JOINTS, RobotModel};
 use nalgebra::Vector3;
 use scenarios::Scenario;
@@ -58,7 +57,6 @@ fn main() -> anyhow::Result<()> {
     }
     let (setup, _) = Setup::noisy(&bench, combination, trial)?;
     let start = setup.begin(&bench, None, true)?;
-    let second = start.grasps.second.first().context("no grasp of the second object")?.grasp.clone();
     let mut played = start.run.snapshot;
     let Body::Simulated(robot) = &mut played.robot else { bail!("the body is not the simulated one") };
     let executive = &mut played.executive;
@@ -67,17 +65,13 @@ fn main() -> anyhow::Result<()> {
     let mut twin: Option<Twin> = None;
     let mut struck: Option<f64> = None;
     let (mut spent, mut ticks) = (Duration::ZERO, 0u32);
-    while executive.phase() < Phase::Done {
-        match executive.phase() {
-            Phase::Decide => executive.decide(second.clone())?,
-            Phase::Confirm => executive.confirm()?,
-            _ => {}
-        }
+    while !executive.phase().is_done() {
+        executive.go_on()?;
         let seen = robot.observe();
         let command = executive.tick(&seen)?;
         let sent = robot.send(&command);
         let name = executive.phase().name();
-        if struck.is_none() && name == phase && executive.progress() >= progress {
+        if struck.is_none() && name == *phase && executive.motion().progress() >= progress {
             strike(robot, fault)?;
             struck = Some(seen.time);
         }

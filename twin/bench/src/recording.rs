@@ -214,7 +214,7 @@ impl Watcher for Recording {
         let phase = moment.executive.phase();
         if self.phase != Some(phase) {
             self.phase = Some(phase);
-            recorder.log_phase(phase.name())?;
+            recorder.log_phase(&phase.name())?;
         }
         let felt = self.beliefs.see(recorder, &names[0], phase, moment.felt)?;
         let mut errors = vec![None, None];
@@ -236,13 +236,15 @@ impl Watcher for Recording {
             self.beliefs.weighs(recorder, &names[0], choice)?;
         }
         let executive = moment.executive;
-        self.shown.log(recorder, executive.newest_images())?;
+        self.shown.log(recorder, executive.motion().newest_images())?;
         match truth {
             // Where the policy itself moves the robot, the executive asks for nothing.
             Some(truth) if self.condition == Condition::Own && self.begins_otherwise => {
-                log_signals(recorder, truth, executive.servos(), &executive.arm().position, errors)
+                log_signals(recorder, truth, executive.motion().servos(), &executive.motion().arm().position, errors)
             }
-            Some(truth) => log_signals(recorder, truth, executive.servos(), executive.posture(), errors),
+            Some(truth) => {
+                log_signals(recorder, truth, executive.motion().servos(), executive.motion().posture(), errors)
+            }
             None => self.measured.log(recorder, &names, executive, felt),
         }
     }

@@ -6,7 +6,7 @@
 mod file;
 
 use anyhow::{Context as _, Result, bail};
-use control::executive::{Executive, Phase};
+use control::executive::{Executive, Phase, Skill, Target};
 use control::guarded::Guarded;
 use control::outage::Outage;
 use control::palpation::located;
@@ -102,11 +102,9 @@ impl<'a> Registrar<'a> {
     /// About to touch the first ball, with the arm in its ready posture.
     fn executive(&self, tick: f64) -> Result<Executive> {
         let cell = &self.world.cell;
-        let start = (self.grasp.clone(), self.percept(&self.middle(0), 0.0));
+        let start = Target { grasp: self.grasp.clone(), percept: self.percept(&self.middle(0), 0.0) };
         let (servo, protocol) = (cell.arm_servo(cell.ready)?, self.world.protocol());
-        let mut executive = Executive::new(cell.robot.hand.clone(), servo, protocol, start.clone(), start, tick)?;
-        executive.wait_to_begin()?;
-        Ok(executive)
+        Ok(Executive::new(cell.robot.hand.clone(), servo, protocol, vec![start], tick)?)
     }
 
     /// A ball at `middle`, to be touched with the hand turned by `heading` (rad).
@@ -120,7 +118,7 @@ impl<'a> Registrar<'a> {
     pub fn dry_run(&self) -> Result<Vec<Vec<Option<f64>>>> {
         let mut executive = self.executive(1.0 / 120.0)?;
         let mut time = |mark: usize, heading: f64| {
-            executive.see_first(self.percept(&self.middle(mark), heading));
+            executive.see(0, self.percept(&self.middle(mark), heading));
             let touching = executive.rehearsed_touches(0, &self.ball.model.shape).next();
             touching.map(|touching| touching.way.duration() + touching.onto.duration())
         };
@@ -200,14 +198,14 @@ impl<'a> Registrar<'a> {
     ) -> Result<TouchPipeline> {
         let mut left = (FIRST_IMAGES / body.tick_length()) as u64;
         let mut outage = Outage::default();
-        while executive.newest_images().len() < executive.hand().cameras.len() {
+        while executive.motion().newest_images().len() < executive.motion().hand().cameras.len() {
             tick(body, executive, &mut outage)?;
             left = left.saturating_sub(1);
             if left == 0 {
                 break;
             }
         }
-        Ok(pipeline.with_backgrounds(backgrounds(executive.newest_images(), pipeline.backgrounds().len())?)?)
+        Ok(pipeline.with_backgrounds(backgrounds(executive.motion().newest_images(), pipeline.backgrounds().len())?)?)
     }
 
     /// Where a ball is that is expected at `expected`, by touch: in the world as the arm's nominal base has it, m, with covariance, m2.
@@ -221,24 +219,24 @@ impl<'a> Registrar<'a> {
         round: usize,
     ) -> Result<Option<(Point3<f64>, nalgebra::Matrix3<f64>)>> {
         let percept = self.percept(expected, heading);
-        executive.see_first(percept);
+        executive.see(0, percept);
         let touching = executive.rehearsed_touches(0, &self.ball.model.shape).next();
         let touching = touching.with_context(|| format!("the arm does not reach a ball at {expected:.3}"))?;
-        let hand = executive.hand().clone();
+        let hand = executive.motion().hand().clone();
         let guarded = Guarded::new(touching.onto, &hand, Role::Second.digits(), |pad| senses.uses(&hand, pad));
-        executive.touch(0, touching.way, guarded);
-        play(body, executive, Phase::LocateFirst)?;
+        executive.palpate(0, touching.way, guarded);
+        play(body, executive, Phase::decide(Skill::Palpate, 0))?;
         let kinematics = self.world.cell.kinematics();
         // By the encoders, not as commanded.
-        let palm = kinematics.palm_pose(&executive.arm().position);
+        let palm = kinematics.palm_pose(&executive.motion().arm().position);
         let prior = PosePrior {
             palm_from_object: palm.inverse() * percept.pose(),
             sigma_translation: self.sigma(round),
             sigma_rotation: TURNED,
         };
-        let found = located(senses, &executive.look(), &self.ball, &prior, None)?;
-        executive.step_aside()?;
-        play(body, executive, Phase::Decide)?;
+        let found = located(senses, &executive.motion().look(), &self.ball, &prior, None)?;
+        executive.step_aside(0)?;
+        play(body, executive, Phase::decide(Skill::StepAside, 0))?;
         Ok(found.map(|found| {
             let turn = palm.rotation.to_rotation_matrix().into_inner();
             let covariance = turn * found.covariance.fixed_view::<3, 3>(0, 0) * turn.transpose();

@@ -1,21 +1,21 @@
-//! The executive: runs a two-object trial tick by tick on whatever body it is given.
+//! The executor: carries out a queue of skills, each on one of the objects of a list, tick by tick on whatever robot it is given.
 //!
-//! It sees what a robot measures and nothing else. Every phase is one palm path of the shared [`Motion`]. After each lift tactile
-//! images are taken, and the executive waits for a policy: in [`Phase::Decide`] for how to take the second object
-//! ([`Executive::decide`]), in [`Phase::Confirm`] for the order to carry both away ([`Executive::confirm`]), and in both for another try
-//! of a grasp that failed. A last look ends the hold: what is lost by then can be tried again from [`Phase::Done`]. Cloning it,
-//! together with a clone of a simulated body, branches a trial.
+//! It sees what a robot measures and nothing else. Every skill is one palm path of its [`Motion`], or a few. Taking an object is an
+//! approach, a grasp, a lift and a look; a palpation may come before, and what is held is carried, held still and verified, or laid down.
+//! When the queue is empty the executor waits for a policy ([`Phase::waits`]) to begin what comes next: [`Executive::take`],
+//! [`Executive::palpate`], [`Executive::carry_aside`], [`Executive::deliver`], [`Executive::put_down`], [`Executive::step_aside`]. How many objects
+//! there are, and in which order they are taken, is the policy's list. Cloning it, together with a clone of a simulated robot, branches a trial.
 
-use std::ops::Deref;
+use std::collections::VecDeque;
 use std::sync::Arc;
 
 use grasping::Grasp;
-use hand_model::Hand;
 use hand_model::robot::{Command, Observation, TactileFrame};
+use hand_model::{Digit, Hand};
 use nalgebra::{Isometry3, Translation3, Vector3};
 
 use world::geometry::Shape;
-pub use world::phase::Phase;
+pub use world::phase::{Phase, Skill, Stage};
 
 use crate::guarded::{self, Guarded};
 use crate::inverse_kinematics::ArmServo;
@@ -33,18 +33,35 @@ const UNTOUCHED: f64 = 0.4;
 /// Share of the rise from a touch, and of the whole approach at most, in which the digits that touched keep still: closing for the
 /// grasp at once they would drag the object along.
 const LEAVING: (f64, f64) = (0.9, 0.5);
-/// How far the palm may rise before it goes to the second object, so that what it holds passes above, m.
+/// How far the palm may rise before it goes to an object beside others, so that what it holds passes above, m.
 const RISES: [f64; 3] = [0.0, 0.05, 0.1];
+/// How far the palm goes down to release what was delivered, as a share of the lift.
+const LOWERING: f64 = 0.6;
 
-/// Runs one trial; see the module's page.
+/// An object to take: with which grasp, and where it is seen.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Target {
+    /// Its tensions are those that hold the object once it is taken.
+    pub grasp: Grasp,
+    /// Where the grasp aims.
+    pub percept: Percept,
+}
+
+/// Runs one task; see the module's page.
 #[derive(Clone)]
 pub struct Executive {
     motion: Motion,
     protocol: Protocol,
-    first: (Grasp, Percept),
-    second: (Grasp, Percept),
+    /// The objects in the order in which they are taken.
+    targets: Vec<Target>,
+    /// What follows the present skill without a decision.
+    queue: VecDeque<Phase>,
     phase: Phase,
-    /// Time on the path of [`Phase::PutDown`] at which the digits open, s.
+    /// The digits of so many targets keep what they have.
+    held: usize,
+    /// Of the thumb, rad.
+    opposition: f64,
+    /// Time on the path of a laying down at which the digits open, s.
     open_from: f64,
     /// When images were last asked for between looks, s.
     last_images: f64,
@@ -53,51 +70,34 @@ pub struct Executive {
     slip: Option<SlipWatch>,
     /// How an object is touched at present.
     guarded: Option<Guarded>,
-    /// Height from which the hand is still rising that has just touched an object, m.
+    /// Start height of the retreat after a palpation, m.
     left_from: Option<f64>,
 }
 
-/// What moves: posture, palm, images and servo readings.
-impl Deref for Executive {
-    type Target = Motion;
-
-    fn deref(&self) -> &Motion {
-        &self.motion
-    }
-}
-
 impl Executive {
-    /// An executive about to approach the first object with an arm at rest in `servo`'s posture.
+    /// An executor that waits to begin, with its arm at rest in `servo`'s posture; `tick` s is the length of a tick.
     pub fn new(
         hand: Arc<Hand>,
         servo: ArmServo,
         protocol: Protocol,
-        first: (Grasp, Percept),
-        second: (Grasp, Percept),
+        targets: Vec<Target>,
         tick: f64,
     ) -> Result<Self, MotionError> {
-        let mut executive = Self {
+        Ok(Self {
             motion: Motion::new(hand, servo, tick)?,
             protocol,
-            first,
-            second,
-            phase: Phase::ApproachFirst,
+            targets,
+            queue: VecDeque::new(),
+            phase: Phase::decide(Skill::Begin, 0),
+            held: 0,
+            opposition: 0.0,
             open_from: f64::INFINITY,
             last_images: f64::NEG_INFINITY,
             watch: Watch::default(),
             slip: None,
             guarded: None,
             left_from: None,
-        };
-        executive.enter(Phase::ApproachFirst)?;
-        Ok(executive)
-    }
-
-    /// Before anything has moved: waits in [`Phase::Begin`] for a policy that does not begin with the approach.
-    pub fn wait_to_begin(&mut self) -> Result<(), MotionError> {
-        self.phase = Phase::Begin;
-        self.motion.begin(self.motion.stop(0.0)?);
-        Ok(())
+        })
     }
 
     /// The present phase.
@@ -105,14 +105,28 @@ impl Executive {
         self.phase
     }
 
-    /// The first grasp and its percept.
-    pub fn first(&self) -> &(Grasp, Percept) {
-        &self.first
+    /// What moves: posture, palm, images and servo readings.
+    pub fn motion(&self) -> &Motion {
+        &self.motion
     }
 
-    /// The second grasp as planned at present, with the percept it aims at.
-    pub fn second(&self) -> &(Grasp, Percept) {
-        &self.second
+    /// The objects to take, in order, as they are planned at present.
+    pub fn targets(&self) -> &[Target] {
+        &self.targets
+    }
+
+    /// Object `object` of the list.
+    ///
+    /// # Panics
+    /// If the list has no such object.
+    pub fn target(&self, object: usize) -> &Target {
+        &self.targets[object]
+    }
+
+    /// Digits that keep what they have.
+    pub fn holding(&self) -> Vec<Digit> {
+        let kept = self.kept(self.held);
+        Digit::ALL.into_iter().filter(|digit| kept[digit.index()] > 0.0).collect()
     }
 
     /// Asks for images every `period` (s) throughout, for a recording, or as often as the link brings them where that is less often; nothing is
@@ -145,14 +159,13 @@ impl Executive {
 
     /// How far the palm rises before it goes anywhere else, m: fingers that touch an object leave it upwards.
     fn rise(&self) -> f64 {
-        if matches!(self.phase, Phase::LocateFirst | Phase::LocateSecond) { palpation::RISE } else { 0.0 }
+        if self.has_touched() { palpation::RISE } else { 0.0 }
     }
 
-    /// The ways in which the arm can touch the first or second `object` of this `shape` where it is seen, the usual one first.
+    /// The ways in which the arm can touch `object` of this `shape` where it is seen, the usual one first.
     pub fn rehearsed_touches(&self, object: usize, shape: &Shape) -> impl Iterator<Item = Touching> {
-        let (motion, limits, (grasp, seen)) =
-            (&self.motion, &self.protocol.limits, [&self.first, &self.second][object]);
-        let onto = palpation::touches(motion.hand(), grasp.yaw + seen.yaw, (shape, seen)).into_iter();
+        let (motion, limits, Target { grasp, percept }) = (&self.motion, &self.protocol.limits, self.target(object));
+        let onto = palpation::touches(motion.hand(), grasp.yaw + percept.yaw, (shape, percept)).into_iter();
         onto.filter_map(move |onto| {
             let there = onto.start();
             let way = motion.rehearsed(limits, |limits| [palpation::way(limits, &motion.end(), &there)])?;
@@ -160,19 +173,47 @@ impl Executive {
         })
     }
 
-    /// Leaves [`Phase::Decide`] with `second` as the grasp to use, or [`Phase::Confirm`] or [`Phase::Done`] to try the second object
-    /// again with it; the first one is held.
-    pub fn decide(&mut self, second: Grasp) -> Result<(), MotionError> {
-        self.second.0 = second;
-        self.enter(Phase::ApproachSecond)
+    /// `object` is now seen at `percept`.
+    pub fn see(&mut self, object: usize, percept: Percept) {
+        self.targets[object].percept = percept;
     }
 
-    /// The same by `path`, with the second object taken to be at `percept`.
-    pub fn take_second(&mut self, grasp: Grasp, percept: Percept, path: PosePath) -> Result<(), MotionError> {
-        self.see_second(percept);
-        self.decide(grasp)?;
-        self.redirect(path);
+    /// Takes `object` of the list as it is planned, beside those before it, which are held.
+    pub fn take_planned(&mut self, object: usize) -> Result<(), MotionError> {
+        let Target { grasp, percept } = self.target(object);
+        let path = self.motion.approach(&self.protocol.limits, grasp, percept)?;
+        self.held = object;
+        self.start(Phase::run(Skill::Approach, object), path);
+        self.queue.extend([Skill::Grasp, Skill::Lift, Skill::Look].map(|skill| Phase::run(skill, object)));
         Ok(())
+    }
+
+    /// Takes `object` of the list with another `grasp` than the planned one.
+    pub fn take_with(&mut self, object: usize, grasp: Grasp) -> Result<(), MotionError> {
+        self.targets[object].grasp = grasp;
+        self.take_planned(object)
+    }
+
+    /// At a decision, goes on as planned: takes the next object of the list, or carries everything aside. Elsewhere nothing changes.
+    pub fn go_on(&mut self) -> Result<(), MotionError> {
+        let Phase { skill, object, .. } = self.phase;
+        match skill {
+            _ if !self.phase.waits() => Ok(()),
+            Skill::Begin => self.take_planned(0),
+            Skill::Look if object + 1 < self.targets.len() => self.take_planned(object + 1),
+            Skill::Look => self.carry_aside(),
+            _ => Ok(()),
+        }
+    }
+
+    /// Takes `target` as object `object` of the list, which grows by one at most.
+    pub fn take(&mut self, object: usize, target: Target) -> Result<(), MotionError> {
+        if object == self.targets.len() {
+            self.targets.push(target);
+        } else {
+            self.targets[object] = target;
+        }
+        self.take_planned(object)
     }
 
     /// Takes `path` instead of the straight approach that has just begun.
@@ -180,30 +221,58 @@ impl Executive {
         self.motion.redirect(path);
     }
 
-    /// Leaves [`Phase::Confirm`]: both objects are taken to be in the hand and carried away.
-    pub fn confirm(&mut self) -> Result<(), MotionError> {
-        self.enter(Phase::Carry)
+    /// Touches `object` before it is grasped: along `way`, then on as `guarded` says.
+    pub fn palpate(&mut self, object: usize, way: PosePath, guarded: Guarded) {
+        self.guarded = Some(guarded);
+        // Of an empty hand, the digits of the first grasp close out of the way.
+        self.held = object.max(1);
+        self.start(Phase::palpate(object, Stage::Reach), way);
     }
 
-    /// Tries the first object again with `grasp`, seen anew at `percept`; the hand is empty.
-    pub fn retry_first(&mut self, grasp: Grasp, percept: Percept) -> Result<(), MotionError> {
-        self.first = (grasp, percept);
-        self.enter(Phase::ApproachFirst)
+    /// Carries everything that is held to the side by the protocol's distance, holds it for its time and verifies it.
+    pub fn carry_aside(&mut self) -> Result<(), MotionError> {
+        let aside = self.motion.end().translation.vector + Vector3::y() * self.protocol.carry;
+        self.carry(aside, &[Skill::Hold, Skill::Verify])
     }
 
-    /// The first object is now seen at `percept`.
-    pub fn see_first(&mut self, percept: Percept) {
-        self.first.1 = percept;
+    /// Brings the palm over (x, y), m, holds what it has for the protocol's time, and releases everything there.
+    pub fn deliver(&mut self, [x, y]: [f64; 2]) -> Result<(), MotionError> {
+        let there = Vector3::new(x, y, self.motion.end().translation.z);
+        self.carry(there, &[Skill::Hold, Skill::PutDown])
     }
 
-    /// The second object is now seen at `percept`.
-    pub fn see_second(&mut self, percept: Percept) {
-        self.second.1 = percept;
+    fn carry(&mut self, there: Vector3<f64>, then: &[Skill]) -> Result<(), MotionError> {
+        let there = Isometry3::from_parts(Translation3::from(there), self.motion.end().rotation);
+        let path = self.motion.straight(&self.protocol.limits, there)?;
+        self.start(Phase::run(Skill::Carry, 0), path);
+        self.queue.extend(then.iter().map(|skill| Phase::run(*skill, 0)));
+        Ok(())
     }
 
-    /// Puts down what is held, opens the hand and rises again; [`Phase::Decide`] follows.
+    /// Lays everything down where it was lifted, opens the hand and rises again.
     pub fn put_down(&mut self) -> Result<(), MotionError> {
-        self.enter(Phase::PutDown)
+        let (path, open_from) = self.motion.put_down(&self.protocol.limits, self.protocol.lift)?;
+        self.open_from = open_from;
+        self.held = self.targets.len();
+        self.start(Phase::run(Skill::PutDown, 0), path);
+        Ok(())
+    }
+
+    /// Moves the hand with what it holds out of the detector's view, to look for `object`.
+    pub fn step_aside(&mut self, object: usize) -> Result<(), MotionError> {
+        let path = self.motion.home(&self.protocol.limits)?;
+        self.held = object.max(1);
+        self.start(Phase::run(Skill::StepAside, 0), path);
+        Ok(())
+    }
+
+    /// Digits other than `holding` open: they have nothing.
+    pub fn keep_only(&mut self, holding: &[Digit]) {
+        for target in &mut self.targets[..self.held] {
+            for digit in Digit::ALL.into_iter().filter(|digit| !holding.contains(digit)) {
+                target.grasp.close_tension[digit.index()] = 0.0;
+            }
+        }
     }
 
     /// From now on slip while carrying is answered with tension; images are taken for that.
@@ -211,106 +280,89 @@ impl Executive {
         self.slip = Some(SlipWatch::default());
     }
 
-    /// Leaves a decision to touch the first or second `object` before it is grasped: along `way`, then on as `guarded` says;
-    /// [`Phase::LocateFirst`] or [`Phase::LocateSecond`] follows.
-    pub fn touch(&mut self, object: usize, way: PosePath, guarded: Guarded) {
-        self.guarded = Some(guarded);
-        self.phase = [Phase::ReachFirst, Phase::ReachSecond][object];
-        self.motion.begin(way);
-    }
-
     /// How often either object was felt to slip so far.
     pub fn slips(&self) -> [u32; 2] {
         self.slip.as_ref().map_or([0; 2], SlipWatch::steps)
     }
 
-    /// Moves the hand with what it holds out of the eyes' way; [`Phase::Decide`] follows.
-    pub fn step_aside(&mut self) -> Result<(), MotionError> {
-        self.enter(Phase::StepAside)
+    /// Begins a skill at a decision: nothing follows it so far.
+    fn start(&mut self, phase: Phase, path: PosePath) {
+        self.queue.clear();
+        self.enter(phase, path);
     }
 
-    fn enter(&mut self, phase: Phase) -> Result<(), MotionError> {
-        let touched = matches!(self.phase, Phase::LocateFirst | Phase::LocateSecond);
-        self.left_from = touched.then(|| self.motion.end().translation.z);
-        let (motion, limits) = (&self.motion, &self.protocol.limits);
-        let path = match phase {
-            Phase::ApproachFirst => motion.approach(limits, &self.first.0, &self.first.1)?,
-            Phase::ApproachSecond => motion.approach(limits, &self.second.0, &self.second.1)?,
-            Phase::GraspFirst => motion.close(self.first.0.raise)?,
-            Phase::GraspSecond => motion.close(self.second.0.raise)?,
-            Phase::LiftFirst | Phase::LiftSecond => motion.lift(limits, self.protocol.lift)?,
-            Phase::ReachFirst | Phase::ReachSecond => motion.wait()?,
-            Phase::TouchFirst | Phase::TouchSecond => match &self.guarded {
-                Some(guarded) => guarded.path().clone(),
-                None => motion.wait()?,
-            },
-            Phase::FeelFirst | Phase::FeelSecond => motion.stop(palpation::SETTLING)?,
-            Phase::Look | Phase::Check | Phase::Verify => motion.rest(LOOK_TIME)?,
-            Phase::PutDown => {
-                let (path, open_from) = motion.put_down(limits, self.protocol.lift)?;
-                self.open_from = open_from;
-                path
-            }
-            Phase::StepAside => motion.home(limits)?,
-            Phase::Carry => {
-                let here = motion.end();
-                let aside = here.translation.vector + Vector3::y() * self.protocol.carry;
-                motion.straight(limits, Isometry3::from_parts(Translation3::from(aside), here.rotation))?
-            }
-            Phase::Hold => motion.rest(self.protocol.hold)?,
-            Phase::Begin | Phase::Decide | Phase::LocateFirst | Phase::LocateSecond | Phase::Confirm | Phase::Done => {
-                motion.wait()?
-            }
-        };
+    fn enter(&mut self, phase: Phase, path: PosePath) {
+        self.left_from = self.has_touched().then(|| self.motion.end().translation.z);
         self.phase = phase;
         if self.is_looking() {
             self.motion.begin_look();
         }
         self.motion.begin(path);
+    }
+
+    /// Goes on to the next phase when the present one is over, if no decision is needed.
+    fn advance(&mut self) -> Result<(), MotionError> {
+        let touched = |guarded: &Guarded| self.is_touching() && guarded.is_over(self.motion.clock());
+        let over = self.motion.is_over() || self.guarded.as_ref().is_some_and(touched);
+        if !over || self.phase.waits() || self.is_looking() && !self.motion.has_looked() {
+            return Ok(());
+        }
+        let Phase { skill, object, stage } = self.phase;
+        let next = match (skill, stage) {
+            (Skill::Palpate, Stage::Reach) => Phase::palpate(object, Stage::Touch),
+            (Skill::Palpate, Stage::Touch) => Phase::palpate(object, Stage::Feel),
+            _ => self.queue.pop_front().unwrap_or(Phase::decide(skill, object)),
+        };
+        let path = self.path_of(next)?;
+        match next.skill {
+            Skill::Lift => self.held = object + 1,
+            // What is delivered is released on the way down.
+            Skill::PutDown if !next.waits() => {
+                (self.opposition, self.held, self.open_from) = (self.target(self.held - 1).grasp.opposition, 0, 0.0);
+            }
+            Skill::PutDown => self.held = self.held.min(1),
+            _ => {}
+        }
+        self.enter(next, path);
         Ok(())
     }
 
-    fn next_phase(&self) -> Option<Phase> {
-        let touched = |guarded: &Guarded| self.is_touching() && guarded.is_over(self.motion.clock());
-        if !self.motion.is_over() && !self.guarded.as_ref().is_some_and(touched) {
-            return None;
-        }
-        let after_look = |phase: Phase| self.motion.has_looked().then_some(phase);
-        match self.phase {
-            Phase::ApproachFirst => Some(Phase::GraspFirst),
-            Phase::GraspFirst => Some(Phase::LiftFirst),
-            Phase::LiftFirst => Some(Phase::Look),
-            Phase::Look => after_look(Phase::Decide),
-            Phase::Check => after_look(Phase::Confirm),
-            Phase::PutDown | Phase::StepAside => Some(Phase::Decide),
-            Phase::ReachFirst => Some(Phase::TouchFirst),
-            Phase::TouchFirst => Some(Phase::FeelFirst),
-            Phase::FeelFirst => after_look(Phase::LocateFirst),
-            Phase::ReachSecond => Some(Phase::TouchSecond),
-            Phase::TouchSecond => Some(Phase::FeelSecond),
-            Phase::FeelSecond => after_look(Phase::LocateSecond),
-            Phase::ApproachSecond => Some(Phase::GraspSecond),
-            Phase::GraspSecond => Some(Phase::LiftSecond),
-            Phase::LiftSecond => Some(Phase::Check),
-            Phase::Carry => Some(Phase::Hold),
-            Phase::Hold => Some(Phase::Verify),
-            Phase::Verify => after_look(Phase::Done),
-            Phase::Begin | Phase::Decide | Phase::LocateFirst | Phase::LocateSecond | Phase::Confirm | Phase::Done => {
-                None
-            }
-        }
+    /// The palm's path in a phase that follows another without a decision, or waits for one.
+    fn path_of(&self, phase: Phase) -> Result<PosePath, MotionError> {
+        let (motion, Protocol { limits, lift, hold, .. }) = (&self.motion, &self.protocol);
+        Ok(match (phase.skill, phase.stage) {
+            (Skill::Palpate, Stage::Touch) => match &self.guarded {
+                Some(guarded) => guarded.path().clone(),
+                None => motion.wait()?,
+            },
+            (Skill::Palpate, Stage::Feel) => motion.stop(palpation::SETTLING)?,
+            (Skill::Grasp, Stage::Run) => motion.close(self.target(phase.object).grasp.raise)?,
+            (Skill::Lift, Stage::Run) => motion.lift(limits, *lift)?,
+            (Skill::Look | Skill::Verify, Stage::Run) => motion.rest(LOOK_TIME)?,
+            (Skill::Hold, Stage::Run) => motion.rest(*hold)?,
+            (Skill::PutDown, Stage::Run) => motion.put_down(limits, LOWERING * lift)?.0,
+            _ => motion.wait()?,
+        })
     }
 
     fn is_looking(&self) -> bool {
-        matches!(self.phase, Phase::Look | Phase::FeelFirst | Phase::FeelSecond | Phase::Check | Phase::Verify)
+        match self.phase.stage {
+            Stage::Run => matches!(self.phase.skill, Skill::Look | Skill::Verify),
+            stage => stage == Stage::Feel,
+        }
     }
 
     fn is_reaching(&self) -> bool {
-        matches!(self.phase, Phase::ReachFirst | Phase::ReachSecond)
+        self.phase.stage == Stage::Reach
     }
 
     fn is_touching(&self) -> bool {
-        matches!(self.phase, Phase::TouchFirst | Phase::TouchSecond)
+        self.phase.stage == Stage::Touch
+    }
+
+    /// Whether an object has just been palpated.
+    fn has_touched(&self) -> bool {
+        self.phase.skill == Skill::Palpate && self.phase.waits()
     }
 
     /// Notes when the hand has risen from an object that it touched.
@@ -322,7 +374,7 @@ impl Executive {
     }
 
     fn is_carrying(&self) -> bool {
-        matches!(self.phase, Phase::Carry | Phase::Hold | Phase::Verify)
+        self.phase.carries() && !self.phase.waits()
     }
 
     /// Takes what was measured in a tick in which somebody else commands.
@@ -338,18 +390,12 @@ impl Executive {
         if let Some(guarded) = self.guarded.as_mut().filter(|_| reaching || touching) {
             guarded.see(&images, touching.then_some(self.motion.clock()));
         }
-        if let Some(next) = self.next_phase() {
-            self.enter(next)?;
-        }
+        self.advance()?;
         self.leave();
         let arm = self.motion.follow()?;
         let wanted = self.held_tension(observation, &images);
         let wanted = against_friction(self.motion.hand(), &self.protocol.friction, &observation.servos, &wanted);
-        let opposition = match self.phase {
-            Phase::PutDown => self.second.0.opposition,
-            phase if phase < Phase::ApproachSecond => self.first.0.opposition,
-            _ => self.second.0.opposition,
-        };
+        self.oppose();
         let mut capture = self.is_looking() && self.motion.captures_look();
         let unknown = |guarded: &Guarded| self.motion.progress() > UNTOUCHED && !guarded.knows_untouched();
         let period = match self.phase {
@@ -363,7 +409,7 @@ impl Executive {
             capture = true;
         }
         capture = self.watch.captures(observation, capture, period.is_none());
-        Ok(self.motion.command(arm, &wanted, opposition, capture))
+        Ok(self.motion.command(arm, &wanted, self.opposition, capture))
     }
 
     /// Tensions wanted at present, with what the reaction to slip adds, N.
@@ -372,7 +418,7 @@ impl Executive {
         let (hand, tick) = (self.motion.hand(), self.motion.tick_length());
         let Some(watch) = &mut self.slip else { return plan };
         if !carrying {
-            if self.phase < Phase::Carry {
+            if !self.phase.carries() {
                 watch.begin();
             }
             return plan;
@@ -381,39 +427,42 @@ impl Executive {
         watch.tick(hand, &observation.servos, images, &plan, most, tick)
     }
 
+    /// The thumb opposes as the grasp wants that is under way, or was last: one that holds something stays as it is.
+    fn oppose(&mut self) {
+        let current = match self.phase.skill {
+            Skill::Begin => Some(0),
+            Skill::Approach | Skill::Grasp => Some(self.phase.object),
+            _ => self.held.checked_sub(1),
+        };
+        let Some((current, target)) = current.and_then(|n| Some((n, self.targets.get(n)?))) else { return };
+        if self.kept(current)[Digit::Thumb.index()] == 0.0 {
+            self.opposition = target.grasp.opposition;
+        }
+    }
+
+    /// Tensions with which the digits keep the first `held` objects, N.
+    fn kept(&self, held: usize) -> [f64; 5] {
+        let mut kept = [0.0_f64; 5];
+        for target in &self.targets[..held] {
+            for (kept, close) in kept.iter_mut().zip(target.grasp.close_tension) {
+                *kept = kept.max(close);
+            }
+        }
+        kept
+    }
+
     /// Tensions that the grasps want in the present phase, N.
     pub fn wanted_tensions(&self) -> [f64; 5] {
-        let (first, second) = (&self.first.0, &self.second.0);
-        let closing = |grasp: &Grasp, digit: usize| closing_tension(grasp, digit, self.motion.clock());
-        let leaving = self.left_from.is_some();
-        std::array::from_fn(|digit| match self.phase {
-            Phase::ApproachFirst | Phase::ApproachSecond if leaving => {
-                first.close_tension[digit].max(palpation::TENSION[digit])
-            }
-            Phase::ApproachFirst => first.pre_tension[digit],
-            Phase::GraspFirst => closing(first, digit),
-            Phase::Begin => 0.0,
-            Phase::StepAside | Phase::LiftFirst | Phase::Look | Phase::Decide => first.close_tension[digit],
-            // Of an empty hand, ring and little finger close out of the way.
-            Phase::ReachFirst
-            | Phase::TouchFirst
-            | Phase::FeelFirst
-            | Phase::LocateFirst
-            | Phase::ReachSecond
-            | Phase::TouchSecond
-            | Phase::FeelSecond
-            | Phase::LocateSecond => first.close_tension[digit].max(palpation::TENSION[digit]),
-            Phase::ApproachSecond => first.close_tension[digit].max(second.pre_tension[digit]),
-            Phase::GraspSecond => first.close_tension[digit].max(closing(second, digit)),
-            Phase::PutDown if self.motion.clock() >= self.open_from => 0.0,
-            Phase::PutDown
-            | Phase::LiftSecond
-            | Phase::Check
-            | Phase::Confirm
-            | Phase::Carry
-            | Phase::Hold
-            | Phase::Verify
-            | Phase::Done => first.close_tension[digit].max(second.close_tension[digit]),
+        let Phase { skill, object, stage } = self.phase;
+        let leaves = skill == Skill::Approach && self.left_from.is_some();
+        let kept = self.kept(if leaves { object.max(1) } else { self.held });
+        std::array::from_fn(|digit| match skill {
+            Skill::Approach if leaves => kept[digit].max(palpation::TENSION[digit]),
+            Skill::Palpate => kept[digit].max(palpation::TENSION[digit]),
+            Skill::Approach => kept[digit].max(self.target(object).grasp.pre_tension[digit]),
+            Skill::Grasp => kept[digit].max(closing_tension(&self.target(object).grasp, digit, self.motion.clock())),
+            Skill::PutDown if stage == Stage::Run && self.motion.clock() >= self.open_from => 0.0,
+            _ => kept[digit],
         })
     }
 }

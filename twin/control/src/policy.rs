@@ -21,7 +21,7 @@ use nalgebra::Isometry3;
 use world::attempt::Attempt;
 use world::objects::{ObjectModel, ObjectSet};
 
-use crate::executive::{Executive, Phase};
+use crate::executive::Executive;
 use crate::foresight::Foresees;
 use crate::motion::MotionError;
 use crate::percept::{Eyes, EyesError};
@@ -94,8 +94,8 @@ pub struct Injected {
 /// How a trial goes on after a decision.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Step {
-    /// Play until this phase.
-    Play(Phase),
+    /// Play until the next decision.
+    Play,
     /// The trial is over.
     Finish,
     /// The trial is given up: no grasp is in reach.
@@ -200,8 +200,7 @@ pub enum PolicyError {
     NoPlan(String),
 }
 
-/// A policy of the two-object trial. It is asked in [`Phase::Begin`] if the executive waits there, in [`Phase::Decide`], [`Phase::Confirm`] and [`Phase::Done`]: first it perceives,
-/// then it decides.
+/// A policy of the two-object trial. It is asked whenever the executor waits: first it perceives, then it decides.
 pub trait Policy {
     /// Takes in what the last look measured.
     fn perceive(&mut self, executive: &Executive, injected: Option<Injected>) -> Result<(), PolicyError>;

@@ -142,7 +142,7 @@ struct Aiming<'a> {
 impl<'a> Aiming<'a> {
     /// `candidate` sent `aim` beside what is seen.
     fn at(situation: &Situation, candidate: &'a Candidate, aim: Vector3<f64>) -> Self {
-        let heading = candidate.grasp.yaw + situation.executive.second().1.yaw;
+        let heading = candidate.grasp.yaw + situation.executive.target(1).percept.yaw;
         let (rehearsed, all) = (candidate.rehearsed.clone(), situation.all.clone());
         let aimed = Aimed { rehearsed, all, heading, aim };
         let odds = candidate_odds(candidate, &aimed, (situation.belief, situation.looks));

@@ -130,7 +130,7 @@ pub(super) mod phase {
     use crate::PHASES;
 
     pub fn serialize<S: Serializer>(phase: &Phase, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.serialize_str(phase.name())
+        serializer.serialize_str(&phase.name())
     }
 
     pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Phase, D::Error> {
@@ -165,12 +165,14 @@ mod phases {
 
 #[cfg(test)]
 mod tests {
+    use control::executive::Skill;
+
     use super::*;
 
     fn outcome(round: usize) -> Outcome {
         Outcome {
             kind: Kind::Overload,
-            phase: Phase::LiftFirst,
+            phase: Phase::run(Skill::Lift, 0),
             round,
             state: "hold".to_owned(),
             as_expected: true,
@@ -197,7 +199,7 @@ mod tests {
             seed: 3,
             rounds: 2,
             kinds: vec![Kind::Overload],
-            phases: vec![Phase::LiftFirst],
+            phases: vec![Phase::run(Skill::Lift, 0)],
             mirror: false,
         };
         let mut ledger = Ledger::create(folder.path(), &request).expect("new");

@@ -14,7 +14,7 @@ use bench::mirror::seen::Seen;
 use bench::recording::Recording;
 use bench::trial::{Bench, Moment, Watcher as _};
 use bench::workers;
-use control::executive::{Executive, Phase};
+use control::executive::{Executive, Phase, Skill};
 use hand_model::robot::{Command, RobotBackend};
 use hardware_bridge::emulator::lockstep::LockstepRobot;
 use hardware_bridge::safety::state::State;
@@ -57,18 +57,18 @@ const IMAGES: f64 = 0.2;
 pub const NAMED_WITHIN: f64 = 0.5;
 /// Phases with a beginning and an end.
 pub const PHASES: [Phase; 12] = [
-    Phase::ApproachFirst,
-    Phase::GraspFirst,
-    Phase::LiftFirst,
-    Phase::Look,
-    Phase::ApproachSecond,
-    Phase::GraspSecond,
-    Phase::LiftSecond,
-    Phase::Check,
-    Phase::Carry,
-    Phase::Hold,
-    Phase::Verify,
-    Phase::PutDown,
+    Phase::run(Skill::Approach, 0),
+    Phase::run(Skill::Grasp, 0),
+    Phase::run(Skill::Lift, 0),
+    Phase::run(Skill::Look, 0),
+    Phase::run(Skill::Approach, 1),
+    Phase::run(Skill::Grasp, 1),
+    Phase::run(Skill::Lift, 1),
+    Phase::run(Skill::Look, 1),
+    Phase::run(Skill::Carry, 0),
+    Phase::run(Skill::Hold, 0),
+    Phase::run(Skill::Verify, 0),
+    Phase::run(Skill::PutDown, 0),
 ];
 
 /// What came of one injection.

@@ -167,7 +167,7 @@ pub fn drive(
     until: Phase,
     mut watch: impl FnMut(&SimulatedRobot, &Executive),
 ) -> Result<()> {
-    while executive.phase() < until {
+    while executive.phase() != until {
         tick(robot, executive)?;
         watch(robot, executive);
     }

@@ -60,7 +60,7 @@ impl SceneTwin {
         let level = Translation3::from(Vector3::z() * above);
         let aside = Translation3::from(Vector3::z() * ASIDE);
         let objects = vec![
-            ObjectPlacement { model: first, pose: level * executive.palm() * draw.held },
+            ObjectPlacement { model: first, pose: level * executive.motion().palm() * draw.held },
             ObjectPlacement { model: second, pose: aside * target },
         ];
         let base = level * self.world.cell.world_from_base;
@@ -68,10 +68,10 @@ impl SceneTwin {
             objects,
             cables: self.world.known_cable_losses(),
             gel: self.world.scenario.effects.gel,
-            ..SceneSetup::ideal(base, executive.arm().position)
+            ..SceneSetup::ideal(base, executive.motion().arm().position)
         };
         let cell = &self.world.cell;
-        let servos = executive.servos().map(|servo| servo.position);
+        let servos = executive.motion().servos().map(|servo| servo.position);
         let joints = std::array::from_fn(|joint| scene.joints.get(joint).copied().unwrap_or(0.0));
         let posture = HandPosture { joints, servos };
         let mut robot = SimulatedRobot::in_posture(&cell.robot, &setup, &posture, self.board.clone());

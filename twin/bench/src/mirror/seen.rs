@@ -33,13 +33,13 @@ impl<'a> Seen<'a> {
     pub fn of(executive: &'a Executive, time: f64, sent: &'a Command, felt: Option<&'a Felt>) -> Self {
         Self {
             time,
-            servos: executive.servos(),
-            arm: executive.arm(),
-            images: executive.newest_images(),
+            servos: executive.motion().servos(),
+            arm: executive.motion().arm(),
+            images: executive.motion().newest_images(),
             sent,
             phase: executive.phase(),
-            progress: executive.progress(),
-            objects: [executive.first(), executive.second()].map(|(grasp, _)| grasp.object.as_str()),
+            progress: executive.motion().progress(),
+            objects: [0, 1].map(|object| executive.target(object).grasp.object.as_str()),
             felt,
         }
     }

@@ -78,16 +78,16 @@ pub fn drive(
     let stages =
         Stages::new(scenario.referee.palm_distance, LIFTED * bench.world.protocol().lift, scenario.protocol.hold_time);
     let cell = &bench.world.cell;
-    let stepper = Stepper::new(cell, *executive.posture(), [0.0; 5])?;
+    let stepper = Stepper::new(cell, *executive.motion().posture(), [0.0; 5])?;
     let servos = cell.robot.hand.servo_goals(&[0.0; 5], 0.0, 0.0);
     let mut driven = Driven {
         bench,
         stepper,
         stages,
         kinematics: cell.kinematics(),
-        last: Command { arm: *executive.posture(), servos, capture: false },
+        last: Command { arm: *executive.motion().posture(), servos, capture: false },
         camera: side.map(|side| Camera::new(bench, start, side)).transpose()?,
-        seen: [executive.first().1.pose(), executive.second().1.pose()],
+        seen: [executive.target(0).percept.pose(), executive.target(1).percept.pose()],
         run: start.run.clone(),
     };
     let untouched = driven.camera.as_ref().map(Camera::array);
@@ -138,7 +138,8 @@ impl Camera {
 
 impl Driven<'_> {
     fn play(&mut self, host: &mut dyn Host, with: &Play, watcher: &mut dyn Watcher) -> Result<End> {
-        let (tick, limit) = (self.run.snapshot.executive.tick_length(), self.bench.world.scenario.protocol.time_limit);
+        let (tick, limit) =
+            (self.run.snapshot.executive.motion().tick_length(), self.bench.world.scenario.protocol.time_limit);
         self.observe()?;
         loop {
             let time = self.run.snapshot.robot.time();
@@ -183,9 +184,9 @@ impl Driven<'_> {
         let observed = Observed {
             time,
             time_left: limit - time,
-            servos: executive.servos(),
-            arm: executive.arm(),
-            palm: self.kinematics.palm_pose(&executive.arm().position),
+            servos: executive.motion().servos(),
+            arm: executive.motion().arm(),
+            palm: self.kinematics.palm_pose(&executive.motion().arm().position),
             seen: self.seen,
         };
         let tactile = self.camera.as_ref().map(Camera::array);

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use anyhow::Result;
-use control::executive::{Executive, Phase};
+use control::executive::Executive;
 use control::inverse_kinematics::ArmKinematics;
 use control::perception::Felt;
 use control::workcell::Workcell;
@@ -34,16 +34,16 @@ impl Measured {
         executive: &Executive,
         felt: Option<&Felt>,
     ) -> Result<()> {
-        let arm = executive.arm().position;
+        let arm = executive.motion().arm().position;
         let palm = self.kinematics.palm_pose(&arm);
-        let Posture { q, tensions, .. } = free_posture(&self.hand, executive.servos());
+        let Posture { q, tensions, .. } = free_posture(&self.hand, executive.motion().servos());
         recorder.log_robot(&self.kinematics.link_poses(&arm), &palm, &self.hand.tree.forward(&q))?;
         for (name, pose) in names.iter().zip(self.believed(executive, &palm, felt)) {
             recorder.log_estimate(name, Some(&pose))?;
         }
         recorder.log_scalars(&SignalFrame {
             tensions: Some(tensions),
-            currents: Some(executive.servos().map(|servo| servo.current)),
+            currents: Some(executive.motion().servos().map(|servo| servo.current)),
             joint_angles: Some(q),
             arm_angles: Some(arm),
             ..SignalFrame::default()
@@ -53,10 +53,9 @@ impl Measured {
 
     /// `world_from_object` of both: where it was seen, and from its lift on with the palm.
     fn believed(&mut self, executive: &Executive, palm: &Isometry3<f64>, felt: Option<&Felt>) -> [Isometry3<f64>; 2] {
-        let lifted = [Phase::LiftFirst, Phase::LiftSecond];
-        let seen = [executive.first().1.pose(), executive.second().1.pose()];
+        let seen = [executive.target(0).percept.pose(), executive.target(1).percept.pose()];
         std::array::from_fn(|n| {
-            if executive.phase() < lifted[n] {
+            if !executive.phase().lifts(n) {
                 self.carried[n] = None;
                 return seen[n];
             }

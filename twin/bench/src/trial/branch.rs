@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::Result;
-use control::executive::Phase;
+use control::executive::{Phase, Skill, Stage};
 use control::perception::Felt;
 use control::policy::{Policy, Step};
 use proving::rehearsal::{Snapshot, in_hand};
@@ -84,10 +84,10 @@ pub fn play(start: &Start, policy: &mut dyn Policy, with: Play, watcher: &mut dy
 /// The first grasp as it was planned, unless the policy began, and what the policy attempted.
 fn tries(start: &Start, attempts: Vec<Attempt>, run: &Run, id: TrialId) -> Vec<TryRecord> {
     let executive = &start.run.snapshot.executive;
-    let grasp = executive.first().0.id;
+    let grasp = executive.target(0).grasp.id;
     let first = Attempt { object: 0, grasp, why: "as planned".to_owned(), ..Attempt::default() };
     let verdicts = run.referee.tries();
-    let planned = (executive.phase() != Phase::Begin).then_some(first);
+    let planned = (executive.phase().skill != Skill::Begin).then_some(first);
     let all = planned.into_iter().chain(attempts).enumerate();
     all.map(|(number, attempt)| TryRecord::new(id, number, &attempt, verdicts.get(number))).collect()
 }
@@ -109,7 +109,7 @@ fn decide_and_play(
             break;
         }
         if policy.deliberates() && with.decision_time > 0.0 && played.run.snapshot.robot.branches() {
-            let felt = policy.felt().filter(|_| phase > Phase::Decide);
+            let felt = policy.felt().filter(|_| phase.begins(1));
             played.run.wait(with.decision_time, felt, Some(condition), watcher)?;
         }
         let (before, begun) = (policy.story().decisions, Instant::now());
@@ -117,7 +117,7 @@ fn decide_and_play(
         let step = decide(&mut played.run, &start.objects, policy, &mut with)?;
         if let Some(waiting) = waiting {
             let decided = std::mem::replace(&mut played.run.snapshot.executive, waiting);
-            let felt = policy.felt().filter(|_| phase > Phase::Decide);
+            let felt = policy.felt().filter(|_| phase.begins(1));
             played.run.wait(begun.elapsed().as_secs_f64(), felt, Some(condition), watcher)?;
             played.run.snapshot.executive = decided;
         }
@@ -125,8 +125,9 @@ fn decide_and_play(
             played.slowest_ms = played.slowest_ms.max(begun.elapsed().as_secs_f64() * 1e3);
         }
         // The hold is felt before the second object is taken, or touched first.
-        let felt_hold = policy.story().decisions > before || step == Step::Play(Phase::LocateSecond);
-        if phase == Phase::Decide && felt_hold {
+        let next = played.run.snapshot.executive.phase();
+        let felt_hold = policy.story().decisions > before || next == Phase::palpate(1, Stage::Reach);
+        if phase.waits() && phase.lifts(0) && !phase.begins(1) && felt_hold {
             played.at_estimate = played.run.snapshot.robot.truth();
         }
         for text in policy.story().take_announcements() {
@@ -135,8 +136,8 @@ fn decide_and_play(
         if let Some(choice) = policy.story().take_choice() {
             played.run.tell((None, Some(&choice)), policy.felt(), condition, watcher)?;
         }
-        let until = match step {
-            Step::Play(until) => until,
+        match step {
+            Step::Play => {}
             Step::Finish => break,
             Step::GiveUp => {
                 played.run.referee.give_up(FailureCause::Unreachable);
@@ -154,9 +155,9 @@ fn decide_and_play(
                 played.run.referee.give_up(FailureCause::NotSeen);
                 break;
             }
-        };
-        let felt = policy.felt().filter(|_| until > Phase::Decide);
-        played.run.play(until, felt, Some(condition), watcher)?;
+        }
+        let felt = policy.felt().filter(|_| next.begins(1));
+        played.run.play(Phase::waits, felt, Some(condition), watcher)?;
     }
     Ok(played)
 }

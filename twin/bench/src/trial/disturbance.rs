@@ -37,7 +37,7 @@ enum Change {
 impl Interval {
     fn advance(&mut self, moment: &Moment, executive: &Executive, time: f64) -> Change {
         match *self {
-            Self::Ahead if executive.phase() == moment.phase && executive.progress() >= moment.at => {
+            Self::Ahead if executive.phase() == moment.phase && executive.motion().progress() >= moment.at => {
                 *self = Self::Since(time);
                 Change::Begins
             }

@@ -78,15 +78,15 @@ impl Run {
         })
     }
 
-    /// Plays until `until`, while referee and watcher look on.
+    /// Plays until the phase is one of `until`, while referee and watcher look on.
     pub fn play(
         &mut self,
-        until: Phase,
+        until: impl Fn(Phase) -> bool,
         felt: Option<&Felt>,
         condition: Option<Condition>,
         watcher: &mut dyn Watcher,
     ) -> Result<()> {
-        self.play_while(|executive, _| executive.phase() < until, felt, condition, watcher)?;
+        self.play_while(|executive, _| !until(executive.phase()), felt, condition, watcher)?;
         // What comes next is to be decided first.
         self.snapshot.robot.pause();
         Ok(())
@@ -101,7 +101,7 @@ impl Run {
         watcher: &mut dyn Watcher,
     ) -> Result<()> {
         // Half a tick of tolerance: times are sums of ticks.
-        let end = self.snapshot.robot.time() + time - 0.5 * self.snapshot.executive.tick_length();
+        let end = self.snapshot.robot.time() + time - 0.5 * self.snapshot.executive.motion().tick_length();
         self.play_while(|_, now| now < end, felt, condition, watcher)
     }
 
@@ -169,7 +169,7 @@ impl Run {
             if let Some(truth) = &truth {
                 referee.see(&match stages {
                     Some(stages) => staged(truth, stages),
-                    None => scene(truth, executive.phase(), digit_bits(executive.first().0.role.digits())),
+                    None => scene(truth, executive.phase(), digit_bits(executive.target(0).grasp.role.digits())),
                 });
                 disturber.see(truth);
                 history.see(truth);
@@ -189,7 +189,7 @@ impl Run {
         })?;
         // The last tick of a recording may also be the last of a trial.
         if self.fault.is_none()
-            && let Some(why) = robot.stopped().filter(|_| executive.phase() < Phase::Done)
+            && let Some(why) = robot.stopped().filter(|_| !executive.phase().is_done())
         {
             self.stop(&why)?;
         }
@@ -275,7 +275,7 @@ fn staged(truth: &Truth, stages: &mut Stages) -> SceneTruth {
 
 /// The referee's view of the scene.
 fn scene(truth: &Truth, phase: Phase, holding: u32) -> SceneTruth {
-    let holds = phase >= Phase::LiftFirst;
+    let holds = phase.lifts(0);
     let count = |object: usize| truth.touched_by[object].count_ones() as usize;
     SceneTruth {
         time: truth.time,
@@ -316,6 +316,7 @@ fn on_second(truth: &Truth, holding: u32) -> Vec<Touch> {
 
 #[cfg(test)]
 mod tests {
+    use control::executive::Skill;
     use nalgebra::Isometry3;
 
     use super::*;
@@ -337,22 +338,22 @@ mod tests {
         let ring = 1 << Digit::Ring.joints()[2];
         let index = 1 << Digit::Index.joints()[2];
         let seen = |touched: u32, phase: Phase| scene(&truth([holding, touched]), phase, holding);
-        assert!(seen(ring, Phase::ApproachSecond).holding_digits_touch_second);
-        assert!(!seen(ring, Phase::ApproachFirst).holding_digits_touch_second);
-        assert!(!seen(index, Phase::GraspSecond).holding_digits_touch_second);
-        assert_eq!(seen(index, Phase::GraspSecond).free_digits_on_second, 1);
-        assert_eq!(seen(index | 1 << Digit::Thumb.joints()[1], Phase::GraspSecond).free_digits_on_second, 2);
-        assert_eq!(seen(ring, Phase::GraspSecond).free_digits_on_second, 0);
-        let palm = seen(PALM, Phase::GraspSecond);
+        assert!(seen(ring, Phase::run(Skill::Approach, 1)).holding_digits_touch_second);
+        assert!(!seen(ring, Phase::run(Skill::Approach, 0)).holding_digits_touch_second);
+        assert!(!seen(index, Phase::run(Skill::Grasp, 1)).holding_digits_touch_second);
+        assert_eq!(seen(index, Phase::run(Skill::Grasp, 1)).free_digits_on_second, 1);
+        assert_eq!(seen(index | 1 << Digit::Thumb.joints()[1], Phase::run(Skill::Grasp, 1)).free_digits_on_second, 2);
+        assert_eq!(seen(ring, Phase::run(Skill::Grasp, 1)).free_digits_on_second, 0);
+        let palm = seen(PALM, Phase::run(Skill::Grasp, 1));
         assert!(palm.palm_touches_second && palm.free_digits_on_second == 0 && !palm.holding_digits_touch_second);
     }
 
     #[test]
     fn the_referee_counts_links_and_sees_who_lies_on_the_table() {
-        let seen = scene(&truth([0b101, 0]), Phase::LiftFirst, 0);
+        let seen = scene(&truth([0b101, 0]), Phase::run(Skill::Lift, 0), 0);
         assert_eq!((seen.hand_contacts, seen.on_table), ([2, 0], [false, true]));
         assert!(!seen.first_touches_second);
         let pair = Truth { object_pairs: vec![(0, 1)], ..truth([0, 0]) };
-        assert!(scene(&pair, Phase::LiftFirst, 0).first_touches_second);
+        assert!(scene(&pair, Phase::run(Skill::Lift, 0), 0).first_touches_second);
     }
 }

@@ -61,7 +61,7 @@ pub struct Setup<'a> {
 /// A trial after its first grasp, or about to begin.
 #[derive(Clone)]
 pub struct Start {
-    /// Body, controller and referee in [`Phase::Decide`] or [`Phase::Begin`].
+    /// Body, controller and referee, where the controller waits for a decision.
     pub run: Run,
     /// The two objects as the controller knows them.
     pub objects: [Arc<ObjectModel>; 2],
@@ -100,10 +100,10 @@ impl Start {
             self.sighted[object] = sighted.sigma;
             anyhow::Ok(Percept::of(known, &sighted.pose))
         };
-        let [first, second] = [seen(0)?, seen(1)?];
-        executive.see_second(second);
-        let grasp = executive.first().0.clone();
-        Ok(executive.retry_first(grasp, first)?)
+        for object in 0..2 {
+            executive.see(object, seen(object)?);
+        }
+        Ok(())
     }
 }
 
@@ -251,14 +251,13 @@ impl<'a> Setup<'a> {
     pub fn at_rest(&self, bench: &Bench, source: Source, watcher: &mut dyn Watcher) -> Result<Start> {
         let start = self.begin(bench, source, watcher.active())?;
         finish_on_error(start, |run| {
-            run.snapshot.executive.wait_to_begin()?;
             if run.snapshot.robot.branches() {
                 return Ok(None);
             }
             let (time, most) = FIRST_IMAGES;
             for _ in 0..most {
                 run.wait(time, None, None, watcher)?;
-                if run.snapshot.executive.newest_images().len() >= bench.world.cell.robot.hand.cameras.len() {
+                if run.snapshot.executive.motion().newest_images().len() >= bench.world.cell.robot.hand.cameras.len() {
                     break;
                 }
             }
@@ -272,12 +271,13 @@ impl<'a> Setup<'a> {
         let sees = condition.and_then(Means::of).is_some_and(Means::see_images);
         let start = self.begin(bench, source, watcher.active())?;
         finish_on_error(start, |run| {
+            run.snapshot.executive.take_planned(0)?;
             let mut own = None;
             if !run.snapshot.robot.branches() {
-                run.play(Phase::GraspFirst, None, None, watcher)?;
+                run.play(|phase| phase.closes(0), None, None, watcher)?;
                 own = sees.then(|| own_backgrounds(run, &bench.pipeline)).transpose()?;
             }
-            run.play(Phase::Decide, None, None, watcher)?;
+            run.play(Phase::waits, None, None, watcher)?;
             Ok(own)
         })
     }
@@ -327,7 +327,10 @@ pub fn draw(bench: &Bench, combination: usize, trial: usize) -> Result<(TrialNoi
 
 /// Perception with the backgrounds that the body has shown.
 fn own_backgrounds(run: &Run, pipeline: &TouchPipeline) -> Result<TouchPipeline> {
-    Ok(pipeline.with_backgrounds(backgrounds(run.snapshot.executive.newest_images(), pipeline.backgrounds().len())?)?)
+    Ok(pipeline.with_backgrounds(backgrounds(
+        run.snapshot.executive.motion().newest_images(),
+        pipeline.backgrounds().len(),
+    )?)?)
 }
 
 /// One image of each of so many cameras, of untouched pads.

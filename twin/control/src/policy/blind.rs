@@ -4,7 +4,7 @@ use grasping::Grasp;
 use world::attempt::Attempt;
 
 use super::{Injected, Policy, PolicyError, Step, Story};
-use crate::executive::{Executive, Phase};
+use crate::executive::{Executive, Skill};
 use crate::percept::Eyes;
 use crate::perception::Felt;
 
@@ -28,19 +28,20 @@ impl Policy for Blind {
     }
 
     fn decide(&mut self, executive: &mut Executive, _: &mut dyn Eyes, _: f64) -> Result<Step, PolicyError> {
-        match executive.phase() {
-            Phase::Decide => Ok(match executive.decide(self.second.clone()) {
+        let phase = executive.phase();
+        match phase.skill {
+            Skill::Look if phase.object == 0 => Ok(match executive.take_with(1, self.second.clone()) {
                 Ok(()) => {
                     let (grasp, why) = (self.second.id, "as planned, unseen".to_owned());
                     self.story.attempts.push(Attempt { object: 1, grasp, why, ..Attempt::default() });
                     self.story.announcements.push("the plan is carried out unseen".to_owned());
-                    Step::Play(Phase::Confirm)
+                    Step::Play
                 }
                 Err(_) => Step::GiveUp,
             }),
-            Phase::Confirm => {
-                executive.confirm()?;
-                Ok(Step::Play(Phase::Done))
+            Skill::Look => {
+                executive.carry_aside()?;
+                Ok(Step::Play)
             }
             _ => Ok(Step::Finish),
         }

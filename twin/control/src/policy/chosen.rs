@@ -12,7 +12,7 @@ use touch::InHand;
 use world::attempt::Attempt;
 
 use super::{Injected, Knowledge, Policy, PolicyError, Step, Story};
-use crate::executive::{Executive, Phase};
+use crate::executive::{Executive, Phase, Target};
 use crate::percept::{Eyes, Percept};
 use crate::perception::{Expected, Felt, Grip, feel, grip, trusted};
 use crate::sensing::Senses;
@@ -25,7 +25,7 @@ const FARTHEST: (f64, f64) = (0.1, std::f64::consts::PI);
 
 /// What a chooser knows when it is asked.
 pub struct Situation<'a> {
-    /// [`Phase::Decide`]: the first object should be in the hand. [`Phase::Confirm`]: the second one has been tried and lifted.
+    /// The decision after a look at the first object, which should be in the hand, or at the second one, which has been tried and lifted.
     pub phase: Phase,
     /// The robot's clock, s.
     pub time: f64,
@@ -108,20 +108,20 @@ impl<'a> Chosen<'a> {
 
     /// What the chooser says; why that cannot be, in words.
     fn ask(&mut self, executive: &Executive, time: f64, sees_second: bool) -> Result<Answer, String> {
-        let look = executive.look();
+        let look = executive.motion().look();
         let situation = Situation {
             phase: executive.phase(),
             time,
             time_left: self.knowledge.time_limit - time,
             tries: self.tries,
-            servos: executive.servos(),
-            arm: executive.arm(),
-            palm: executive.palm(),
+            servos: executive.motion().servos(),
+            arm: executive.motion().arm(),
+            palm: executive.motion().palm(),
             images: look.images,
             objects: self.knowledge.objects.each_ref().map(|object| object.name.as_str()),
-            seen: [executive.first().1, executive.second().1],
+            seen: [executive.target(0).percept, executive.target(1).percept],
             sees_second,
-            first: &executive.first().0,
+            first: &executive.target(0).grasp,
             candidates: &self.knowledge.second,
             felt: self.felt.as_ref(),
             grip: self.grip,
@@ -144,7 +144,7 @@ impl<'a> Chosen<'a> {
     /// Takes the second object with a candidate, aimed beside where it is seen.
     fn take(&mut self, executive: &mut Executive, candidate: usize, aim: Aim) -> Result<Step, PolicyError> {
         let grasp = self.knowledge.second[candidate].grasp.clone();
-        let seen = executive.second().1;
+        let seen = executive.target(1).percept;
         let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), aim.yaw);
         let beside = Percept {
             position: seen.position + Vector3::new(aim.x, aim.y, 0.0),
@@ -164,21 +164,21 @@ impl<'a> Chosen<'a> {
         self.story.switched |= candidate > 0;
         self.story.aimed |= aim != Aim::default();
         let (id, why) = (grasp.id, "as chosen".to_owned());
-        executive.see_second(beside);
-        executive.decide(grasp)?;
+        executive.take(1, Target { grasp, percept: beside })?;
         executive.redirect(path);
         self.story.attempts.push(Attempt { object: 1, grasp: id, why, ..Attempt::default() });
         self.story.tell(format!("grasp {id} was chosen"));
-        Ok(Step::Play(Phase::Confirm))
+        Ok(Step::Play)
     }
 }
 
 impl Policy for Chosen<'_> {
     fn perceive(&mut self, executive: &Executive, injected: Option<Injected>) -> Result<(), PolicyError> {
-        let ((first, percept), (second, _)) = (executive.first(), executive.second());
+        let [Target { grasp: first, percept }, Target { grasp: second, .. }] =
+            [0, 1].map(|object| executive.target(object));
         let expected = Expected::of(first, percept, second);
-        if executive.phase() == Phase::Decide {
-            let mut felt = feel(&self.senses, &executive.look(), self.knowledge.known[0], &expected)?;
+        if !executive.phase().has_lifted(1) {
+            let mut felt = feel(&self.senses, &executive.motion().look(), self.knowledge.known[0], &expected)?;
             if let Some(injected) = injected {
                 felt.estimate.palm_from_object = injected.palm_from_object;
                 felt.grip = injected.grip;
@@ -194,27 +194,27 @@ impl Policy for Chosen<'_> {
         let both: Vec<InHand> = std::iter::once(first).chain(second).collect();
         self.grip = match injected {
             Some(injected) => injected.grip,
-            None => grip(&self.senses, &executive.look(), &expected, &both)?,
+            None => grip(&self.senses, &executive.motion().look(), &expected, &both)?,
         };
         Ok(())
     }
 
     fn decide(&mut self, executive: &mut Executive, eyes: &mut dyn Eyes, time: f64) -> Result<Step, PolicyError> {
         let phase = executive.phase();
-        if phase == Phase::Done {
+        if phase.is_done() {
             return Ok(Step::Finish);
         }
         let seen = eyes.look(1)?.map(|seen| Percept::of(&self.knowledge.objects[1], &seen.pose));
         if let Some(seen) = seen {
-            executive.see_second(seen);
+            executive.see(1, seen);
         }
         let late = time + TRY_TIME > self.knowledge.time_limit;
         let answer = if late { Ok(Answer::Keep) } else { self.ask(executive, time, seen.is_some()) };
         match answer {
             Ok(Answer::Take { candidate, aim }) => self.take(executive, candidate, aim),
-            Ok(Answer::Keep) if phase == Phase::Confirm => {
-                executive.confirm()?;
-                Ok(Step::Play(Phase::Done))
+            Ok(Answer::Keep) if phase.has_lifted(1) => {
+                executive.carry_aside()?;
+                Ok(Step::Play)
             }
             Ok(Answer::Keep) => {
                 self.story.tell("the second object is left alone".to_owned());

@@ -19,7 +19,7 @@ use world::attempt::Attempt;
 use super::reach::{Wanted, within_reach};
 use super::{Choice, Injected, Knowledge, Policy, PolicyError, Reordered, Step, Story, Uncertainty};
 use crate::collision::Solid;
-use crate::executive::{Executive, Phase};
+use crate::executive::{Executive, Skill, Target};
 use crate::odds::{Aimed, Belief};
 use crate::percept::{Eyes, Looked, Percept};
 use crate::perception::{Expected, Felt, Grip, feel, grip, trusted};
@@ -123,8 +123,8 @@ impl<'a> Touch<'a> {
     fn mark_down(&mut self, next: Next, executive: &Executive) {
         let (object, failed) = match next {
             Next::GoOn => return,
-            Next::FirstAgain | Next::StartOver => (0, executive.first().0.id),
-            Next::SecondAgain => (1, executive.second().0.id),
+            Next::FirstAgain | Next::StartOver => (0, executive.target(0).grasp.id),
+            Next::SecondAgain => (1, executive.target(1).grasp.id),
         };
         *self.failures[object].entry(failed).or_default() += 1;
         if next != Next::StartOver {
@@ -155,7 +155,7 @@ impl<'a> Touch<'a> {
         let seen = self.see(1, eyes)?;
         self.second_is_hidden = seen.is_none();
         if let Some(seen) = seen {
-            executive.see_second(seen);
+            executive.see(1, seen);
             (self.looks, self.located) = (1, None);
         }
         Ok(())
@@ -164,9 +164,9 @@ impl<'a> Touch<'a> {
     /// Looks once more at the second object, which nothing has moved: its place is the mean of all looks that agree.
     fn see_better(&mut self, executive: &mut Executive, eyes: &mut dyn Eyes) -> Result<(), PolicyError> {
         let Some(seen) = self.see(1, eyes)?.filter(|_| self.knowledge.recovery.new_look) else { return Ok(()) };
-        let known = Looked { mean: executive.second().1, looks: self.looks };
+        let known = Looked { mean: executive.target(1).percept, looks: self.looks };
         let Looked { mean, looks } = known.again(seen, self.uncertainty(1).fresh_look());
-        executive.see_second(mean);
+        executive.see(1, mean);
         self.looks = looks;
         Ok(())
     }
@@ -179,9 +179,9 @@ impl<'a> Touch<'a> {
             return Ok(Step::NotSeen);
         }
         self.story.tell(format!("{name} is hidden: the hand steps aside to look again"));
-        executive.step_aside()?;
+        executive.step_aside(index)?;
         self.sought = Some(index);
-        Ok(Step::Play(Phase::Decide))
+        Ok(Step::Play)
     }
 
     fn within_reach(&self, role: Role, executive: &Executive, seen: &Percept) -> Vec<Candidate> {
@@ -209,14 +209,14 @@ impl<'a> Touch<'a> {
             solids: &self.solids[0],
             pose: felt.estimate.palm_from_object,
             joints: felt.estimate.q.to_vec(),
-            digits: executive.first().0.role.digits(),
+            digits: executive.target(0).grasp.role.digits(),
             sigma: felt.estimate.sigma().0.min(MOST_SIGMA),
         }
     }
 
     /// Decides how to take the second object, and begins.
     fn take_second(&mut self, executive: &mut Executive) -> Result<Step, PolicyError> {
-        let seen = executive.second().1;
+        let seen = executive.target(1).percept;
         let mut within = self.within_reach(Role::Second, executive, &seen);
         self.story.decisions += 1;
         loop {
@@ -240,10 +240,11 @@ impl<'a> Touch<'a> {
             self.story.switched |= decision.switched;
             // What failed at an object that was touched tells nothing of where the eyes see things.
             self.tried = self.located.is_none().then_some(decision.aimed);
-            executive.take_second(decision.grasp, beside, path)?;
+            executive.take(1, Target { grasp: decision.grasp, percept: beside })?;
+            executive.redirect(path);
             self.story.attempts.push(attempt);
             self.story.tell(decision.reason);
-            return Ok(Step::Play(Phase::Confirm));
+            return Ok(Step::Play);
         }
     }
 
@@ -283,7 +284,7 @@ impl<'a> Touch<'a> {
     fn way_out(&mut self, executive: &mut Executive, decision: &Decision) -> Result<Step, PolicyError> {
         let Assessment { held, risk, utility, .. } = decision.chosen;
         let odds = format!("the best grasp holds with {held:.2} and touches with {risk:.2}");
-        let present = executive.first().0.id;
+        let present = executive.target(0).grasp.id;
         let otherwise = self.otherwise(present).filter(|worth| *worth > SWITCH_GAIN * utility);
         if otherwise.is_none() || self.is_late() || !self.knowledge.recovery.retry {
             self.story.tell(format!("declined: {odds}"));
@@ -294,7 +295,7 @@ impl<'a> Touch<'a> {
         *self.failures[0].entry(present).or_default() += 1;
         executive.put_down()?;
         self.emptied = true;
-        Ok(Step::Play(Phase::Decide))
+        Ok(Step::Play)
     }
 
     fn give_up(&mut self, index: usize, seen: &Percept) -> Step {
@@ -329,19 +330,19 @@ impl Policy for Touch<'_> {
         if self.emptied || self.sought.is_some() {
             return Ok(());
         }
-        self.seen.get_or_insert([executive.first().1, executive.second().1]);
-        if executive.phase() == Phase::Begin {
+        self.seen.get_or_insert([executive.target(0).percept, executive.target(1).percept]);
+        if executive.phase().skill == Skill::Begin {
             return Ok(());
         }
-        let ((first, percept), (second, _)) = (executive.first(), executive.second());
+        let [Target { grasp: first, percept }, Target { grasp: second, .. }] =
+            [0, 1].map(|object| executive.target(object));
         let expected = Expected::of(first, percept, second);
-        match executive.phase() {
-            Phase::LocateFirst => return self.perceive_touch(0, executive, &expected),
-            Phase::LocateSecond => return self.perceive_touch(1, executive, &expected),
-            _ => {}
+        let phase = executive.phase();
+        if phase.skill == Skill::Palpate {
+            return self.perceive_touch(phase.object, executive, &expected);
         }
-        if executive.phase() == Phase::Decide {
-            let mut felt = feel(&self.senses, &executive.look(), self.knowledge.known[0], &expected)?;
+        if !phase.has_lifted(1) {
+            let mut felt = feel(&self.senses, &executive.motion().look(), self.knowledge.known[0], &expected)?;
             if let Some(injected) = injected {
                 felt.estimate.palm_from_object = injected.palm_from_object;
                 felt.estimate.covariance.fill(0.0);
@@ -353,7 +354,7 @@ impl Policy for Touch<'_> {
         } else {
             self.grip = match injected {
                 Some(injected) => injected.grip,
-                None => grip(&self.senses, &executive.look(), &expected, &self.in_hand(&expected, second))?,
+                None => grip(&self.senses, &executive.motion().look(), &expected, &self.in_hand(&expected, second))?,
             };
         }
         Ok(())
@@ -370,13 +371,13 @@ impl Policy for Touch<'_> {
             None => {}
         }
         let phase = executive.phase();
-        match phase {
-            Phase::Begin => return self.touch_or_take(0, executive),
-            Phase::LocateFirst => {
+        match (phase.skill, phase.object) {
+            (Skill::Begin, _) => return self.touch_or_take(0, executive),
+            (Skill::Palpate, 0) => {
                 self.locate_first(executive);
                 return self.take_first(executive);
             }
-            Phase::LocateSecond => {
+            (Skill::Palpate, _) => {
                 self.locate_second(executive);
                 return self.take_second(executive);
             }
@@ -384,14 +385,14 @@ impl Policy for Touch<'_> {
         }
         let next =
             if self.is_late() || !self.knowledge.recovery.retry { Next::GoOn } else { Next::after(phase, self.grip) };
-        if let (Some(tried), Phase::Confirm, Next::SecondAgain) = (self.tried.take(), phase, next) {
+        if let (Some(tried), Skill::Look, Next::SecondAgain) = (self.tried.take(), phase.skill, next) {
             self.belief.failed(&tried, self.looks);
         }
-        match (phase, next) {
-            (Phase::Done, Next::GoOn) => return Ok(Step::Finish),
-            (Phase::Confirm, Next::GoOn) => {
-                executive.confirm()?;
-                return Ok(Step::Play(Phase::Done));
+        match (phase.skill, next) {
+            (Skill::Verify, Next::GoOn) => return Ok(Step::Finish),
+            (Skill::Look, Next::GoOn) if phase.object == 1 => {
+                executive.carry_aside()?;
+                return Ok(Step::Play);
             }
             (_, Next::GoOn) => self.in_a_row = 0,
             _ => {
@@ -405,7 +406,7 @@ impl Policy for Touch<'_> {
             Next::StartOver => {
                 executive.put_down()?;
                 self.emptied = true;
-                Ok(Step::Play(Phase::Decide))
+                Ok(Step::Play)
             }
             Next::SecondAgain => self.second_again(executive, eyes, false),
             Next::GoOn if self.second_is_hidden => self.second_again(executive, eyes, false),

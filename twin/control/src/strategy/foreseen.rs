@@ -7,7 +7,7 @@ use world::objects::ObjectModel;
 
 use super::passage::Scene;
 use super::{Aiming, Assessment, Considered, Situation, StrategyError, Weighed, utility};
-use crate::executive::Executive;
+use crate::executive::{Executive, Target};
 use crate::foresight::{self, Foreseen, Foresees, Imagined, PAIRS, Unknown};
 use crate::odds::Odds;
 use crate::percept::Percept;
@@ -44,7 +44,7 @@ impl Foresight<'_> {
         let executive = situation.executive;
         let draws = foresight::draws(&Unknown {
             held: (situation.held.pose, self.covariance),
-            target: executive.second().1,
+            target: executive.target(1).percept,
             belief: situation.belief,
             looks: situation.looks,
         });
@@ -140,10 +140,11 @@ fn play(executive: &Executive, twin: &dyn Imagined, one: &mut Considered, least:
 
 /// The executive on its way to try `one`; none if the arm does not get there.
 fn going(executive: &Executive, one: &Considered) -> Result<Option<Executive>, StrategyError> {
-    let (seen, grasp) = (executive.second().1, &one.aiming.candidate.grasp);
+    let (seen, grasp) = (executive.target(1).percept, &one.aiming.candidate.grasp);
     let beside = Percept { position: seen.position + one.aiming.aimed.aim, ..seen };
     let Some(path) = executive.rehearsed_approach(&one.passage.stops, grasp, &beside) else { return Ok(None) };
     let mut going = executive.clone();
-    going.take_second(grasp.clone(), beside, path)?;
+    going.take(1, Target { grasp: grasp.clone(), percept: beside })?;
+    going.redirect(path);
     Ok(Some(going))
 }

@@ -109,7 +109,7 @@ impl<'a> Scene<'a> {
         candidate: &Candidate,
         aim: &Vector3<f64>,
     ) -> Result<Passage, StrategyError> {
-        let (percept, grasp) = (executive.second().1, &candidate.grasp);
+        let (percept, grasp) = (executive.target(1).percept, &candidate.grasp);
         let beside = Percept { position: percept.position + aim, ..percept };
         let risk = |clearance: f64| normal_cdf(-clearance / self.sigma);
         let (there, stops) = self.way(executive, grasp, (&percept, &beside))?;

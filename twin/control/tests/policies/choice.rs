@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use control::executive::{Executive, Phase};
+use control::executive::Executive;
 use control::foresight::{Foresees, Imagined, Scene, Twin, TwinError};
 use control::odds::{Belief, Rehearsed, TryOutcome};
 use control::policy::Uncertainty;
@@ -19,7 +19,7 @@ use crate::table::*;
 fn with_bar_at(x: f64) -> (bool, f64) {
     let table = Table::new();
     let mut executive = table.executive();
-    run_until(&mut executive, Phase::Decide);
+    run_until(&mut executive, DECIDE);
     let bar = bar();
     let digits = Role::First.digits();
     let [bar, target] = [&bar, &*table.objects[1]].map(object_solids);
@@ -88,7 +88,7 @@ impl Twin for Touches {
 
 impl Imagined for Touches {
     fn play(&self, going: &Executive, draws: Range<usize>) -> Result<Vec<Option<TryOutcome>>, TwinError> {
-        let outcome = if going.second().0.id == self.0 { TryOutcome::Contact } else { TryOutcome::Held };
+        let outcome = if going.target(1).grasp.id == self.0 { TryOutcome::Contact } else { TryOutcome::Held };
         Ok(vec![Some(outcome); draws.len()])
     }
 }
@@ -97,7 +97,7 @@ impl Imagined for Touches {
 fn with_twin(rehearsals: [fn(&Vector3<f64>) -> TryOutcome; 2], twin: Option<&dyn Twin>) -> Decision {
     let table = Table::new();
     let mut executive = table.executive();
-    run_until(&mut executive, Phase::Decide);
+    run_until(&mut executive, DECIDE);
     let bar = bar();
     let [bar, target] = [&bar, &*table.objects[1]].map(object_solids);
     let held = Held {

@@ -6,7 +6,6 @@ mod retries;
 mod table;
 mod ways_out;
 
-use control::executive::Phase;
 use control::percept::Percept;
 use control::policy::blind::Blind;
 use control::policy::{Policy, Step};
@@ -20,11 +19,7 @@ fn blind_carries_out_the_plan_and_never_looks() {
     let mut executive = table.executive();
     let mut eyes = Watchful::new(&table);
     let mut blind = Blind::new(table.second()[0].grasp.clone());
-    for (phase, then) in [
-        (Phase::Decide, Step::Play(Phase::Confirm)),
-        (Phase::Confirm, Step::Play(Phase::Done)),
-        (Phase::Done, Step::Finish),
-    ] {
+    for (phase, then) in [(DECIDE, Step::Play), (CONFIRM, Step::Play), (DONE, Step::Finish)] {
         run_until(&mut executive, phase);
         blind.perceive(&executive, in_hand(false, false)).expect("nothing to perceive");
         assert_eq!(blind.decide(&mut executive, &mut eyes, 0.0).expect("decided"), then);

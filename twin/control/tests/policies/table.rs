@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use control::executive::{Executive, Phase};
+use control::executive::{Executive, Phase, Skill, Stage, Target};
 use control::motion::Protocol;
 use control::percept::{Eyes, EyesError, Percept, Sighted};
 use control::perception::{Grip, KnownObject};
@@ -26,6 +26,20 @@ pub const TICK: f64 = 0.02;
 pub const FIRST: &str = "cube_45";
 pub const SECOND: &str = "golf_ball";
 pub const TIME_LIMIT: f64 = 120.0;
+
+/// The executor's phases in a trial of two objects.
+pub const REACH_FIRST: Phase = Phase::palpate(0, Stage::Reach);
+pub const LOCATE_FIRST: Phase = Phase::decide(Skill::Palpate, 0);
+pub const APPROACH_FIRST: Phase = Phase::run(Skill::Approach, 0);
+pub const GRASP_FIRST: Phase = Phase::run(Skill::Grasp, 0);
+pub const DECIDE: Phase = Phase::decide(Skill::Look, 0);
+pub const REACH_SECOND: Phase = Phase::palpate(1, Stage::Reach);
+pub const LOCATE_SECOND: Phase = Phase::decide(Skill::Palpate, 1);
+pub const APPROACH_SECOND: Phase = Phase::run(Skill::Approach, 1);
+pub const CONFIRM: Phase = Phase::decide(Skill::Look, 1);
+pub const DONE: Phase = Phase::decide(Skill::Verify, 0);
+pub const PUT_DOWN: Phase = Phase::run(Skill::PutDown, 0);
+pub const STEP_ASIDE: Phase = Phase::run(Skill::StepAside, 0);
 
 pub fn grasp(id: u32, object: &str, role: Role, center: [f64; 3], score: f64) -> Grasp {
     let mut close_tension = [0.0; 5];
@@ -102,14 +116,22 @@ impl Table {
             .collect()
     }
 
+    /// An executor on its way to the first object.
     pub fn executive(&self) -> Executive {
+        let mut executive = self.waiting();
+        executive.go_on().expect("a path");
+        executive
+    }
+
+    /// An executor that waits to begin.
+    pub fn waiting(&self) -> Executive {
         let first = self.repertoire.of(FIRST, Role::First).next().expect("a first grasp").clone();
         let servo = self.cell.arm_servo(self.cell.ready).expect("at rest");
         let (limits, friction) = (PathLimits::default(), CableFriction::NONE);
         let protocol = Protocol { lift: 0.12, carry: 0.1, hold: 0.5, limits, friction };
-        let grasps = [(first, self.percept(0)), (self.second()[0].grasp.clone(), self.percept(1))];
-        let [first, second] = grasps;
-        Executive::new(self.cell.robot.hand.clone(), servo, protocol, first, second, TICK).expect("a path")
+        let grasps = [first, self.second()[0].grasp.clone()].into_iter().enumerate();
+        let targets = grasps.map(|(n, grasp)| Target { grasp, percept: self.percept(n) }).collect();
+        Executive::new(self.cell.robot.hand.clone(), servo, protocol, targets, TICK).expect("at rest")
     }
 
     pub fn knowledge(&self) -> Knowledge<'_> {
@@ -167,12 +189,19 @@ impl Eyes for Watchful<'_> {
 /// Ticks until `phase`, without any image: looks end by their time limit.
 pub fn run_until(executive: &mut Executive, phase: Phase) {
     for _ in 0..100_000 {
-        if executive.phase() >= phase {
+        if executive.phase() == phase {
             return;
         }
         executive.tick(&Observation::default()).expect("a command");
     }
     panic!("{phase} is not reached");
+}
+
+/// Ticks until the next decision.
+pub fn run_on(executive: &mut Executive) {
+    while !executive.phase().waits() {
+        executive.tick(&Observation::default()).expect("a command");
+    }
 }
 
 pub fn in_hand(first: bool, second: bool) -> Option<Injected> {

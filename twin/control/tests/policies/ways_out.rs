@@ -40,17 +40,17 @@ fn with_contacts_after_the_plan(others: Option<TryOutcome>, recovery: Recovery, 
     };
     let senses = Senses::new(&table.pipeline, Sensing::TruePose).expect("made");
     let mut touch = Touch::new(knowledge, senses, planned);
-    run_until(&mut executive, Phase::Decide);
+    run_until(&mut executive, DECIDE);
     touch.perceive(&executive, in_hand(true, false)).expect("perceived");
     let step = touch.decide(&mut executive, &mut eyes, time).expect("decided");
     let told = touch.story().take_announcements().join("; ");
-    if executive.phase() == Phase::PutDown {
-        while executive.phase() == Phase::PutDown {
+    if executive.phase() == PUT_DOWN {
+        while executive.phase() == PUT_DOWN {
             executive.tick(&Observation::default()).expect("a command");
         }
         touch.perceive(&executive, in_hand(false, false)).expect("perceived");
         touch.decide(&mut executive, &mut eyes, time).expect("decided");
-        assert_eq!(executive.first().0.id, other.id, "it is taken with the other grasp");
+        assert_eq!(executive.target(0).grasp.id, other.id, "it is taken with the other grasp");
     }
     (step, executive.phase(), told)
 }
@@ -59,7 +59,7 @@ fn with_contacts_after_the_plan(others: Option<TryOutcome>, recovery: Recovery, 
 #[test]
 fn the_first_object_is_put_down_and_taken_otherwise() {
     let (step, phase, told) = with_contacts_after_the_plan(Some(TryOutcome::Held), Recovery::FULL, 0.0);
-    assert_eq!((step, phase), (Step::Play(Phase::Decide), Phase::ApproachFirst), "{told}");
+    assert_eq!((step, phase), (Step::Play, APPROACH_FIRST), "{told}");
     assert!(told.contains("put down"), "{told}");
 }
 
@@ -75,7 +75,7 @@ fn a_likely_contact_is_declined() {
         (Some(TryOutcome::Held), once, 0.0),
     ] {
         let (step, phase, told) = with_contacts_after_the_plan(others, recovery, time);
-        assert_eq!((step, phase), (Step::Decline, Phase::Decide), "{others:?}: {told}");
+        assert_eq!((step, phase), (Step::Decline, DECIDE), "{others:?}: {told}");
         assert!(told.contains("declined"), "{told}");
     }
 }

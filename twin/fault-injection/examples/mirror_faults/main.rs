@@ -19,7 +19,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Result, bail};
 use bench::body::Body;
 use bench::builtin::{hide_plant, make_bench, robot_of};
 use bench::mirror::Mirror;
@@ -27,8 +27,7 @@ use bench::mirror::divergence::Divergence;
 use bench::mirror::seen::Seen;
 use bench::trial::Bench;
 use bench::trial::setup::Setup;
-use control::executive::{Executive, Phase};
-use grasping::Grasp;
+use control::executive::Executive;
 use hand_model::Hand;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
@@ -52,18 +51,13 @@ struct Play {
     executive: Executive,
     mirror: Option<Mirror>,
     happened: Happened,
-    second: Grasp,
     spent: (u32, Duration),
 }
 
 impl Play {
     /// One tick, with what a fault does in it.
     fn tick(&mut self, bench: &Bench, fault: Option<&Fault>) -> Result<()> {
-        match self.executive.phase() {
-            Phase::Decide => self.executive.decide(self.second.clone())?,
-            Phase::Confirm => self.executive.confirm()?,
-            _ => {}
-        }
+        self.executive.go_on()?;
         let seen = self.robot.observe();
         let command = self.executive.tick(&seen)?;
         let sent = self.robot.send(&command);
@@ -89,7 +83,7 @@ impl Play {
     }
 
     fn is_over(&self) -> bool {
-        self.executive.phase() >= Phase::Done
+        self.executive.phase().is_done()
     }
 }
 
@@ -152,18 +146,17 @@ fn trial(
 ) -> Result<Play> {
     let (setup, _) = Setup::noisy(bench, combination, 0)?;
     let start = setup.begin(bench, None, true)?;
-    let second = start.grasps.second.first().context("no grasp of the second object")?.grasp.clone();
     let snapshot = start.run.snapshot;
     let Body::Simulated(robot) = snapshot.robot else { bail!("the body is not the simulated one") };
     let (executive, happened) = (snapshot.executive, Happened::default());
-    let mut play = Play { robot, executive, mirror: None, happened, second, spent: Default::default() };
+    let mut play = Play { robot, executive, mirror: None, happened, spent: Default::default() };
     let mut times: Vec<f64> = (0..moments).map(|_| rng.random_range(APART.1..TRIAL)).collect();
     times.sort_by(f64::total_cmp);
     times.dedup_by(|later, earlier| *later - *earlier < APART.0);
     let mut times = times.into_iter().peekable();
     while !play.is_over() {
         if times.next_if(|time| play.robot.time() >= *time).is_some() {
-            let (phase, progress) = (play.executive.phase().name(), play.executive.progress());
+            let (phase, progress) = (play.executive.phase().name(), play.executive.motion().progress());
             let label = format!("{combination} at {:.2} s ({phase} {progress:.2})", play.robot.time());
             strike(bench, &play, rng, &label, tallies)?;
         }

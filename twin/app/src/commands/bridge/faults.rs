@@ -109,7 +109,7 @@ fn request(args: &FaultArgs, seed: u64) -> anyhow::Result<Request> {
         let names: Vec<&str> = ALL.iter().map(|kind| kind.name()).collect();
         bail!("--only, --rounds: found no fault to inject, expected some of: {}", names.join(", "));
     }
-    let wanted = |phase: &Phase| args.phase.as_ref().is_none_or(|only| phase.name().contains(only));
+    let wanted = |phase: &Phase| args.phase.as_ref().is_none_or(|only| phase.name().contains(only.as_str()));
     let phases: Vec<Phase> = PHASES.into_iter().filter(wanted).collect();
     if phases.is_empty() {
         let names = PHASES.map(Phase::name);

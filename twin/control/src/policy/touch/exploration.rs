@@ -6,7 +6,7 @@ use nalgebra::{Isometry3, Matrix3};
 use touch::{InHand, PosePrior};
 
 use super::Touch;
-use crate::executive::{Executive, Phase};
+use crate::executive::Executive;
 use crate::guarded::Guarded;
 use crate::odds::Belief;
 use crate::palpation::{self, Touching, located};
@@ -35,10 +35,10 @@ impl Touch<'_> {
         };
         let name = &self.knowledge.objects[object].name;
         self.story.tell(format!("{name} is touched from above to find out where it is"));
-        let hand = executive.hand().clone();
+        let hand = executive.motion().hand().clone();
         let guarded = Guarded::new(onto, &hand, Role::Second.digits(), |pad| self.senses.uses(&hand, pad));
-        executive.touch(object, way, guarded);
-        Ok(Step::Play([Phase::LocateFirst, Phase::LocateSecond][object]))
+        executive.palpate(object, way, guarded);
+        Ok(Step::Play)
     }
 
     /// How an object would be touched; `None` if there is nothing to touch it with, or the arm does not get there.
@@ -46,13 +46,13 @@ impl Touch<'_> {
         if !explores(&self.knowledge, &self.senses, self.expected_error(object)) {
             return Ok(None);
         }
-        let hand = executive.hand();
+        let hand = executive.motion().hand();
         let held = match (object, &self.felt) {
             (0, _) => empty(hand),
             (_, Some(felt)) => self.held(executive, felt),
             (_, None) => return Ok(None),
         };
-        let (_, seen) = [executive.first(), executive.second()][object];
+        let seen = &executive.target(object).percept;
         let ways = executive.rehearsed_touches(object, &self.knowledge.objects[object].shape);
         Ok(clearest(hand, &held, (&self.solids[object], seen), ways)?)
     }
@@ -69,31 +69,35 @@ impl Touch<'_> {
         executive: &Executive,
         expected: &Expected,
     ) -> Result<(), PolicyError> {
-        let (_, seen) = [executive.first(), executive.second()][object];
+        let seen = &executive.target(object).percept;
         let prior = PosePrior {
-            palm_from_object: executive.palm().inverse() * seen.pose(),
+            palm_from_object: executive.motion().palm().inverse() * seen.pose(),
             sigma_translation: self.expected_error(object),
             sigma_rotation: TURNED,
         };
         let held = self.felt.as_ref().map_or(expected.palm_from_object, |felt| felt.estimate.palm_from_object);
         let held = (object == 1).then(|| InHand { shape: self.knowledge.known[0], prior: trusted(held) });
-        self.touched = located(&self.senses, &executive.look(), self.knowledge.known[object], &prior, held)?;
+        self.touched = located(&self.senses, &executive.motion().look(), self.knowledge.known[object], &prior, held)?;
         Ok(())
     }
 
     /// Takes in what the touch of the first object told.
     pub(super) fn locate_first(&mut self, executive: &mut Executive) {
-        let Some((found, _)) = self.found(executive.palm(), &executive.first().1, (0, 1)) else { return };
-        executive.see_first(found);
+        let Some((found, _)) = self.found(executive.motion().palm(), &executive.target(0).percept, (0, 1)) else {
+            return;
+        };
+        executive.see(0, found);
         self.first_located = true;
     }
 
     /// Takes in what the touch of the second object told.
     pub(super) fn locate_second(&mut self, executive: &mut Executive) {
-        let Some((found, covariance)) = self.found(executive.palm(), &executive.second().1, (1, self.looks)) else {
+        let Some((found, covariance)) =
+            self.found(executive.motion().palm(), &executive.target(1).percept, (1, self.looks))
+        else {
             return;
         };
-        executive.see_second(found);
+        executive.see(1, found);
         self.located = Belief::located(&covariance);
         self.looks = 1;
     }

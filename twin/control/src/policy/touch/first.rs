@@ -8,7 +8,7 @@ use world::attempt::Attempt;
 use super::exploration::explores;
 use super::{Touch, exploration};
 use crate::collision::{clearance_along, hand_solids};
-use crate::executive::{Executive, Phase};
+use crate::executive::{Executive, Target};
 use crate::odds::Belief;
 use crate::palpation;
 use crate::percept::{Eyes, Percept};
@@ -39,7 +39,7 @@ pub(in crate::policy) fn candidates(knowledge: &Knowledge, senses: &Senses, plan
 impl Touch<'_> {
     /// The first grasp in use as it was rehearsed, and the second grasps to choose from after it.
     pub(super) fn following(&self, executive: &Executive) -> (&Grasp, &[Candidate]) {
-        let present = executive.first().0.id;
+        let present = executive.target(0).grasp.id;
         match self.knowledge.others.iter().find(|other| other.first.id == present) {
             Some(other) => (&other.first, &other.second),
             None => (&self.first[0].grasp, &self.knowledge.second),
@@ -68,14 +68,14 @@ impl Touch<'_> {
         let seen = self.see(0, eyes)?;
         self.see_second(executive, eyes)?;
         let Some(seen) = seen else { return self.seek(0, executive, aside) };
-        executive.see_first(seen);
+        executive.see(0, seen);
         self.first_located = false;
         self.touch_or_take(0, executive)
     }
 
     /// Takes the first object where it is seen or was felt.
     pub(super) fn take_first(&mut self, executive: &mut Executive) -> Result<Step, PolicyError> {
-        let seen = executive.first().1;
+        let seen = executive.target(0).percept;
         let aim = if self.first_located { Vector3::zeros() } else { self.aim };
         let seen = Percept { position: seen.position + aim, ..seen };
         let candidates = self.within_reach(Role::First, executive, &seen);
@@ -84,13 +84,13 @@ impl Touch<'_> {
         };
         let why = self.story.reasons.last().cloned().unwrap_or_default();
         let attempt = Attempt { object: 0, grasp: grasp.id, why, ..Attempt::default() };
-        if let Err(error) = executive.retry_first(grasp, seen) {
+        if let Err(error) = executive.take(0, Target { grasp, percept: seen }) {
             self.story.reasons.push(error.to_string());
             return Ok(Step::GiveUp);
         }
         executive.redirect(path);
         self.story.attempts.push(attempt);
-        Ok(Step::Play(Phase::Decide))
+        Ok(Step::Play)
     }
 
     /// The best of `candidates` that the arm gets to from where it is without coming near the second object, and how; where each comes
@@ -102,10 +102,10 @@ impl Touch<'_> {
         seen: &Percept,
     ) -> Result<Option<(Grasp, PosePath)>, PolicyError> {
         candidates.sort_by(|a, b| b.worth.total_cmp(&a.worth));
-        let hand = executive.hand();
+        let hand = executive.motion().hand();
         let moving = hand_solids(hand, &exploration::empty(hand).joints, &Digit::ALL, true);
         let [first, second] = &self.solids;
-        let second = placed(second, &executive.second().1.pose());
+        let second = placed(second, &executive.target(1).percept.pose());
         let both = [placed(first, &seen.pose()), second.clone()].concat();
         let mut best: Option<(f64, Grasp, PosePath)> = None;
         for candidate in &candidates {
