@@ -2,13 +2,13 @@
 //!
 //! A policy sees what a robot measures and what its [`Eyes`] report. It is asked at the decisions of a trial, acts on the
 //! [`Executive`], and answers how far to play. [`blind`] carries out the plan, [`touch`] adapts to what is felt, [`chosen`] asks
-//! somebody else, [`order`] says which object is taken first, [`carry`] decides what a transport takes next; [`reach`] finds the grasps that the arm can carry out. No type here can name the scene's truth:
+//! somebody else, [`order`] says which object is taken first, [`pick_sequence`] decides what a transport takes next; [`reach`] finds the grasps that the arm can carry out. No type here can name the scene's truth:
 //! the true-pose ablation is an [`Injected`] estimate that comes from outside.
 
 pub mod blind;
-pub mod carry;
 pub mod chosen;
 pub mod order;
+pub mod pick_sequence;
 pub mod reach;
 pub mod touch;
 pub mod uncertainty;
