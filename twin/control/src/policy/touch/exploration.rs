@@ -3,9 +3,9 @@
 use grasping::Role;
 use hand_model::Hand;
 use nalgebra::{Isometry3, Matrix3};
-use touch::{InHand, PosePrior};
+use touch::{InHand, PoseEstimate, PosePrior};
 
-use super::Touch;
+use super::{State, Touch};
 use crate::executive::Executive;
 use crate::guarded::Guarded;
 use crate::odds::Belief;
@@ -38,6 +38,7 @@ impl Touch<'_> {
         let hand = executive.motion().hand().clone();
         let guarded = Guarded::new(onto, &hand, Role::Second.digits(), |pad| self.senses.uses(&hand, pad));
         executive.palpate(object, way, guarded);
+        self.state = State::Palpates { object, found: None };
         Ok(Step::Play)
     }
 
@@ -59,7 +60,7 @@ impl Touch<'_> {
 
     /// Standard deviation of where the hand goes beside an object that only the eyes have found, each axis, m.
     fn expected_error(&self, object: usize) -> f64 {
-        self.uncertainty(object).target(if object == 0 { 1 } else { self.looks })
+        self.uncertainty(object).target(if object == 0 { 1 } else { self.second.looks })
     }
 
     /// Where an object is in the hand that has just touched it.
@@ -77,13 +78,15 @@ impl Touch<'_> {
         };
         let held = self.felt.as_ref().map_or(expected.palm_from_object, |felt| felt.estimate.palm_from_object);
         let held = (object == 1).then(|| InHand { shape: self.knowledge.known[0], prior: trusted(held) });
-        self.touched = located(&self.senses, &executive.motion().look(), self.knowledge.known[object], &prior, held)?;
+        let found = located(&self.senses, &executive.motion().look(), self.knowledge.known[object], &prior, held)?;
+        self.state = State::Palpates { object, found };
         Ok(())
     }
 
     /// Takes in what the touch of the first object told.
-    pub(super) fn locate_first(&mut self, executive: &mut Executive) {
-        let Some((found, _)) = self.found(executive.motion().palm(), &executive.target(0).percept, (0, 1)) else {
+    pub(super) fn locate_first(&mut self, executive: &mut Executive, found: Option<PoseEstimate>) {
+        let Some((found, _)) = self.found(found, executive.motion().palm(), &executive.target(0).percept, (0, 1))
+        else {
             return;
         };
         executive.see(0, found);
@@ -91,25 +94,26 @@ impl Touch<'_> {
     }
 
     /// Takes in what the touch of the second object told.
-    pub(super) fn locate_second(&mut self, executive: &mut Executive) {
+    pub(super) fn locate_second(&mut self, executive: &mut Executive, found: Option<PoseEstimate>) {
         let Some((found, covariance)) =
-            self.found(executive.motion().palm(), &executive.target(1).percept, (1, self.looks))
+            self.found(found, executive.motion().palm(), &executive.target(1).percept, (1, self.second.looks))
         else {
             return;
         };
         executive.see(1, found);
-        self.located = Belief::located(&covariance);
-        self.looks = 1;
+        self.second.located = Belief::located(&covariance);
+        self.second.looks = 1;
     }
 
-    /// Where the touched `object` is that was `seen` in so many `looks`, and the covariance of its place, m2; in the world.
+    /// Where the touched `object` is that was `found` in the hand, and `seen` in so many `looks`, and the covariance of its place, m2; in the world.
     fn found(
         &mut self,
+        found: Option<PoseEstimate>,
         palm: Isometry3<f64>,
         seen: &Percept,
         (object, looks): (usize, u32),
     ) -> Option<(Percept, Matrix3<f64>)> {
-        let Some(estimate) = self.touched.take() else {
+        let Some(estimate) = found else {
             self.story.tell("nothing was felt there".to_owned());
             return None;
         };

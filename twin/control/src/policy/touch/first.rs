@@ -6,7 +6,7 @@ use nalgebra::{Matrix3, Vector3};
 use world::attempt::Attempt;
 
 use super::exploration::explores;
-use super::{Touch, exploration};
+use super::{State, Touch, exploration};
 use crate::collision::{clearance_along, hand_solids};
 use crate::executive::{Executive, Target};
 use crate::odds::Belief;
@@ -89,6 +89,7 @@ impl Touch<'_> {
             return Ok(Step::GiveUp);
         }
         executive.redirect(path);
+        self.state = State::Takes { object: 0, aimed: None };
         self.story.attempts.push(attempt);
         Ok(Step::Play)
     }
