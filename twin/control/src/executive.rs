@@ -6,23 +6,24 @@
 //! [`Executive::palpate`], [`Executive::carry_aside`], [`Executive::deliver`], [`Executive::put_down`], [`Executive::step_aside`]. How many objects
 //! there are, and in which order they are taken, is the policy's list. Cloning it, together with a clone of a simulated robot, branches a trial.
 
+mod grip;
+mod paths;
+
 use std::collections::VecDeque;
 use std::sync::Arc;
 
 use grasping::Grasp;
-use hand_model::robot::{Command, Observation, TactileFrame};
-use hand_model::{Digit, Hand};
+use hand_model::Hand;
+use hand_model::robot::{Command, Observation};
 use nalgebra::{Isometry3, Translation3, Vector3};
 
-use world::geometry::Shape;
 pub use world::phase::{Phase, Skill, Stage};
 
 use crate::guarded::{self, Guarded};
 use crate::inverse_kinematics::ArmServo;
-use crate::motion::approach::in_parts;
-use crate::motion::tension::{against_friction, closing_tension};
+use crate::motion::tension::against_friction;
 use crate::motion::{LOOK_TIME, Motion, MotionError, Protocol};
-use crate::palpation::{self, Touching};
+use crate::palpation;
 use crate::percept::Percept;
 use crate::slip::{self, SlipWatch};
 use crate::trajectory::PosePath;
@@ -33,8 +34,6 @@ const UNTOUCHED: f64 = 0.4;
 /// Share of the rise from a touch, and of the whole approach at most, in which the digits that touched keep still: closing for the
 /// grasp at once they would drag the object along.
 const LEAVING: (f64, f64) = (0.9, 0.5);
-/// How far the palm may rise before it goes to an object beside others, so that what it holds passes above, m.
-const RISES: [f64; 3] = [0.0, 0.05, 0.1];
 /// How far the palm goes down to release what was delivered, as a share of the lift.
 const LOWERING: f64 = 0.6;
 
@@ -123,54 +122,10 @@ impl Executive {
         &self.targets[object]
     }
 
-    /// Digits that keep what they have.
-    pub fn holding(&self) -> Vec<Digit> {
-        let kept = self.kept(self.held);
-        Digit::ALL.into_iter().filter(|digit| kept[digit.index()] > 0.0).collect()
-    }
-
     /// Asks for images every `period` (s) throughout, for a recording, or as often as the link brings them where that is less often; nothing is
     /// decided by them.
     pub fn watch_images(&mut self, period: f64) {
         self.watch.begin(period);
-    }
-
-    /// The stops of the ways from the present palm pose to another, before the approach pose: the shortest way, then higher ones.
-    pub fn ways(&self) -> impl Iterator<Item = Vec<Isometry3<f64>>> {
-        RISES.iter().map(|rise| self.motion.stops(self.rise() + rise))
-    }
-
-    /// The path by way of `stops` that takes an object with `grasp` where it is seen at `percept`: to the approach pose, and from
-    /// there to where the digits close.
-    pub fn path_to(
-        &self,
-        stops: &[Isometry3<f64>],
-        grasp: &Grasp,
-        percept: &Percept,
-    ) -> Result<[PosePath; 2], MotionError> {
-        Ok(in_parts(&self.protocol.limits, stops, grasp, percept)?)
-    }
-
-    /// A path by way of `stops` that the arm can follow to where `grasp` closes on what is seen at `percept`; see
-    /// [`Motion::rehearsed_approach`].
-    pub fn rehearsed_approach(&self, stops: &[Isometry3<f64>], grasp: &Grasp, percept: &Percept) -> Option<PosePath> {
-        self.motion.rehearsed_approach(&self.protocol.limits, grasp, percept, stops)
-    }
-
-    /// How far the palm rises before it goes anywhere else, m: fingers that touch an object leave it upwards.
-    fn rise(&self) -> f64 {
-        if self.has_touched() { palpation::RISE } else { 0.0 }
-    }
-
-    /// The ways in which the arm can touch `object` of this `shape` where it is seen, the usual one first.
-    pub fn rehearsed_touches(&self, object: usize, shape: &Shape) -> impl Iterator<Item = Touching> {
-        let (motion, limits, Target { grasp, percept }) = (&self.motion, &self.protocol.limits, self.target(object));
-        let onto = palpation::touches(motion.hand(), grasp.yaw + percept.yaw, (shape, percept)).into_iter();
-        onto.filter_map(move |onto| {
-            let there = onto.start();
-            let way = motion.rehearsed(limits, |limits| [palpation::way(limits, &motion.end(), &there)])?;
-            Some(Touching { way, onto })
-        })
     }
 
     /// `object` is now seen at `percept`.
@@ -264,25 +219,6 @@ impl Executive {
         self.held = object.max(1);
         self.start(Phase::run(Skill::StepAside, 0), path);
         Ok(())
-    }
-
-    /// Digits other than `holding` open: they have nothing.
-    pub fn keep_only(&mut self, holding: &[Digit]) {
-        for target in &mut self.targets[..self.held] {
-            for digit in Digit::ALL.into_iter().filter(|digit| !holding.contains(digit)) {
-                target.grasp.close_tension[digit.index()] = 0.0;
-            }
-        }
-    }
-
-    /// From now on slip while carrying is answered with tension; images are taken for that.
-    pub fn react_to_slip(&mut self) {
-        self.slip = Some(SlipWatch::default());
-    }
-
-    /// How often either object was felt to slip so far.
-    pub fn slips(&self) -> [u32; 2] {
-        self.slip.as_ref().map_or([0; 2], SlipWatch::steps)
     }
 
     /// Begins a skill at a decision: nothing follows it so far.
@@ -410,59 +346,5 @@ impl Executive {
         }
         capture = self.watch.captures(observation, capture, period.is_none());
         Ok(self.motion.command(arm, &wanted, self.opposition, capture))
-    }
-
-    /// Tensions wanted at present, with what the reaction to slip adds, N.
-    fn held_tension(&mut self, observation: &Observation, images: &[TactileFrame]) -> [f64; 5] {
-        let (plan, carrying) = (self.wanted_tensions(), self.is_carrying());
-        let (hand, tick) = (self.motion.hand(), self.motion.tick_length());
-        let Some(watch) = &mut self.slip else { return plan };
-        if !carrying {
-            if !self.phase.carries() {
-                watch.begin();
-            }
-            return plan;
-        }
-        let most = slip::most_tension(hand);
-        watch.tick(hand, &observation.servos, images, &plan, most, tick)
-    }
-
-    /// The thumb opposes as the grasp wants that is under way, or was last: one that holds something stays as it is.
-    fn oppose(&mut self) {
-        let current = match self.phase.skill {
-            Skill::Begin => Some(0),
-            Skill::Approach | Skill::Grasp => Some(self.phase.object),
-            _ => self.held.checked_sub(1),
-        };
-        let Some((current, target)) = current.and_then(|n| Some((n, self.targets.get(n)?))) else { return };
-        if self.kept(current)[Digit::Thumb.index()] == 0.0 {
-            self.opposition = target.grasp.opposition;
-        }
-    }
-
-    /// Tensions with which the digits keep the first `held` objects, N.
-    fn kept(&self, held: usize) -> [f64; 5] {
-        let mut kept = [0.0_f64; 5];
-        for target in &self.targets[..held] {
-            for (kept, close) in kept.iter_mut().zip(target.grasp.close_tension) {
-                *kept = kept.max(close);
-            }
-        }
-        kept
-    }
-
-    /// Tensions that the grasps want in the present phase, N.
-    pub fn wanted_tensions(&self) -> [f64; 5] {
-        let Phase { skill, object, stage } = self.phase;
-        let leaves = skill == Skill::Approach && self.left_from.is_some();
-        let kept = self.kept(if leaves { object.max(1) } else { self.held });
-        std::array::from_fn(|digit| match skill {
-            Skill::Approach if leaves => kept[digit].max(palpation::TENSION[digit]),
-            Skill::Palpate => kept[digit].max(palpation::TENSION[digit]),
-            Skill::Approach => kept[digit].max(self.target(object).grasp.pre_tension[digit]),
-            Skill::Grasp => kept[digit].max(closing_tension(&self.target(object).grasp, digit, self.motion.clock())),
-            Skill::PutDown if stage == Stage::Run && self.motion.clock() >= self.open_from => 0.0,
-            _ => kept[digit],
-        })
     }
 }

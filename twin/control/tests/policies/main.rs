@@ -2,6 +2,7 @@
 
 mod choice;
 mod chosen;
+mod lists;
 mod retries;
 mod table;
 mod ways_out;

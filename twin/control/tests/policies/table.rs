@@ -126,11 +126,15 @@ impl Table {
     /// An executor that waits to begin.
     pub fn waiting(&self) -> Executive {
         let first = self.repertoire.of(FIRST, Role::First).next().expect("a first grasp").clone();
+        let grasps = [first, self.second()[0].grasp.clone()].into_iter().enumerate();
+        self.with_list(grasps.map(|(n, grasp)| Target { grasp, percept: self.percept(n) }).collect())
+    }
+
+    /// The same with any list of objects.
+    pub fn with_list(&self, targets: Vec<Target>) -> Executive {
         let servo = self.cell.arm_servo(self.cell.ready).expect("at rest");
         let (limits, friction) = (PathLimits::default(), CableFriction::NONE);
         let protocol = Protocol { lift: 0.12, carry: 0.1, hold: 0.5, limits, friction };
-        let grasps = [first, self.second()[0].grasp.clone()].into_iter().enumerate();
-        let targets = grasps.map(|(n, grasp)| Target { grasp, percept: self.percept(n) }).collect();
         Executive::new(self.cell.robot.hand.clone(), servo, protocol, targets, TICK).expect("at rest")
     }
 
