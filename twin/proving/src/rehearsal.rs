@@ -161,7 +161,7 @@ struct SecondWatch {
 
 impl SecondWatch {
     fn new(executive: &Executive) -> Self {
-        let first_digits = executive.target(0).grasp.role.digits();
+        let first_digits = &executive.target(0).grasp.digits;
         let free = Digit::ALL.into_iter().filter(|digit| !first_digits.contains(digit));
         let free = free.map(|digit| digit_bits(&[digit])).collect();
         Self { holding: digit_bits(first_digits), free, gripped: false, collided: false }

@@ -244,7 +244,7 @@ fn attempt(site: &Site, base: &Base, ball: usize, grasp: &Grasp, keeps: Option<&
     let touching = |digit: &Digit| truth.touched_by[ball] & digit_bits(&[*digit]) != 0;
     let keeps: Vec<Digit> = match keeps {
         Some(keeps) => keeps.clone(),
-        None => grasp.digits().into_iter().filter(touching).collect(),
+        None => grasp.digits.iter().copied().filter(touching).collect(),
     };
     if keeps.is_empty() {
         return Ok(Came::Lifted);

@@ -68,9 +68,9 @@ pub fn of_repertoire(world: &World, repertoire: &Repertoire) -> Result<Vec<Picku
             continue;
         }
         for grasp in grasps {
-            let beside = if grasp.role == Role::First { Vec::new() } else { Role::First.digits().to_vec() };
+            let beside = if grasp.digits == Role::First.digits() { Vec::new() } else { Role::First.digits().to_vec() };
             let diameter = 2.0 * model.shape.bounding_radius();
-            skills.push(Pickup { diameter, beside, keeps: grasp.role.digits().to_vec(), grasp: grasp.clone() });
+            skills.push(Pickup { diameter, beside, keeps: grasp.digits.clone(), grasp: grasp.clone() });
         }
     }
     Ok(skills)
@@ -108,7 +108,7 @@ mod tests {
     #[test]
     fn the_builtin_file_is_good() {
         for skill in SkillFile::builtin().unwrap().skills {
-            let closing = skill.grasp.digits();
+            let closing = &skill.grasp.digits;
             assert!(!skill.keeps.is_empty() && skill.keeps.iter().all(|digit| closing.contains(digit)));
             assert!(skill.beside.iter().all(|digit| !closing.contains(digit)));
             assert!((0.0..=1.0).contains(&skill.grasp.score));

@@ -169,7 +169,7 @@ impl Run {
             if let Some(truth) = &truth {
                 referee.see(&match stages {
                     Some(stages) => staged(truth, stages),
-                    None => scene(truth, executive.phase(), digit_bits(executive.target(0).grasp.role.digits())),
+                    None => scene(truth, executive.phase(), digit_bits(&executive.target(0).grasp.digits)),
                 });
                 disturber.see(truth);
                 history.see(truth);

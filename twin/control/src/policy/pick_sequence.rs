@@ -228,7 +228,7 @@ impl<'a> PickSequence<'a> {
         let grasp = Grasp { yaw: pickup.grasp.yaw + turn, ..pickup.grasp.clone() };
         // A digit that is felt to have nothing may still keep an object from rolling out: it opens where it is needed, no earlier.
         let holding = self.holding();
-        let needed = |digit: &Digit| pickup.grasp.digits().contains(digit) && !holding.contains(digit);
+        let needed = |digit: &Digit| pickup.grasp.digits.contains(digit) && !holding.contains(digit);
         let kept: Vec<Digit> = executive.holding().into_iter().filter(|digit| !needed(digit)).collect();
         executive.keep_only(&kept);
         self.in_list += 1;
@@ -248,7 +248,7 @@ impl<'a> PickSequence<'a> {
         let Perceived { touches, .. } = self.senses.perceive(&look)?;
         let hand = self.senses.pipeline().hand();
         let feels = |digits: &[Digit]| feeling(hand, &touches, look.readings.servos, digits);
-        let new = feels(&pickup.grasp.digits());
+        let new = feels(&pickup.grasp.digits);
         let items = self.task.items;
         let name = &items[pick.object].name;
         if new.is_empty() {
@@ -271,7 +271,7 @@ impl<'a> PickSequence<'a> {
         self.had.retain(|had| !had.digits.is_empty());
         self.left.sort_unstable();
         if new.is_empty() {
-            let closed = pickup.grasp.digits();
+            let closed = &pickup.grasp.digits;
             let kept: Vec<Digit> = executive.holding().into_iter().filter(|digit| !closed.contains(digit)).collect();
             executive.keep_only(&kept);
         } else {

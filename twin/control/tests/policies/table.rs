@@ -49,7 +49,7 @@ pub fn grasp(id: u32, object: &str, role: Role, center: [f64; 3], score: f64) ->
     Grasp {
         id,
         object: object.into(),
-        role,
+        digits: role.digits().to_vec(),
         yaw: 0.0,
         pitch: 0.0,
         roll: 0.0,

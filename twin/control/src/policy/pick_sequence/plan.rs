@@ -85,7 +85,7 @@ fn distinct(pickups: &[Pickup], thing: &Ready, holding: &[Digit]) -> Vec<Pick> {
     let mut picks: Vec<Pick> = Vec::new();
     for &(number, failures) in &thing.pickups {
         let pickup = &pickups[number];
-        if pickup.grasp.digits().iter().any(|digit| holding.contains(digit)) {
+        if pickup.grasp.digits.iter().any(|digit| holding.contains(digit)) {
             continue;
         }
         let proven = pickup.beside.len() == holding.len() && pickup.beside.iter().all(|digit| holding.contains(digit));
@@ -126,11 +126,11 @@ pub fn why_not(
     if now.picks.first().is_some_and(|pick| pick.object == was.object) {
         return None;
     }
-    let needs = pickups[was.pickup].grasp.digits();
+    let needs = &pickups[was.pickup].grasp.digits;
     let taken: Vec<Digit> = needs.iter().copied().filter(|digit| holding.contains(digit)).collect();
     let because = match taken.as_slice() {
         [] => "is worth less now".to_owned(),
-        taken => format!("needs {}, of which {} holds something already", listed(&needs), listed(taken)),
+        taken => format!("needs {}, of which {} holds something already", listed(needs), listed(taken)),
     };
     Some(format!("{} as planned {because}", names[was.object]))
 }
@@ -162,7 +162,6 @@ pub fn feeling(hand: &Hand, touches: &[PadTouch], servos: &[ServoState; ACTUATOR
 mod tests {
     use super::*;
     use crate::perception::tests::servos;
-    use grasping::Role;
     fn pickup(object: &str, digits: &[Digit], beside: &[Digit], score: f64) -> Pickup {
         let mut close_tension = [0.0; 5];
         for digit in digits {
@@ -171,7 +170,7 @@ mod tests {
         let grasp = Grasp {
             id: 0,
             object: object.into(),
-            role: Role::First,
+            digits: digits.to_vec(),
             yaw: 0.0,
             pitch: 0.0,
             roll: 0.0,

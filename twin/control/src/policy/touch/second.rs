@@ -46,13 +46,13 @@ impl Touch<'_> {
     }
 
     /// What is in the hand.
-    pub(super) fn held(&self, executive: &Executive, felt: &Felt) -> Held<'_> {
+    pub(super) fn held<'h>(&'h self, executive: &'h Executive, felt: &Felt) -> Held<'h> {
         Held {
             name: &self.knowledge.objects[0].name,
             solids: &self.solids[0],
             pose: felt.estimate.palm_from_object,
             joints: felt.estimate.q.to_vec(),
-            digits: executive.target(0).grasp.role.digits(),
+            digits: &executive.target(0).grasp.digits,
             sigma: felt.estimate.sigma().0.min(MOST_SIGMA),
         }
     }
