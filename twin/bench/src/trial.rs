@@ -210,14 +210,14 @@ impl Bench {
         watcher: &mut dyn Watcher,
     ) -> Result<TrialOutcome> {
         let TrialId { combination, trial, .. } = options.id;
-        let executive = &start.run.snapshot.executive;
+        let executor = &start.run.snapshot.executor;
         let limits = ActionLimits::of(&self.world.cell);
         let reset = message::reset(&Info {
             combination,
             trial,
             seed: trial_rng(self.seed ^ OWN, combination, trial).random(),
             objects: start.objects.each_ref().map(|object| object.name.as_str()),
-            yaws: [executive.target(0).percept.yaw, executive.target(1).percept.yaw],
+            yaws: [executor.target(0).percept.yaw, executor.target(1).percept.yaw],
             limits: &limits,
         });
         if guest.level == Level::Act {
@@ -279,7 +279,7 @@ impl Bench {
     /// The policy `touch` of a trial, with this `knowledge`.
     fn touch_policy<'a>(&'a self, start: &'a Start, knowledge: Knowledge<'a>, means: Means) -> Result<Touch<'a>> {
         let senses = Senses::new(start.pipeline.as_ref().unwrap_or(&self.pipeline), means.sensing)?;
-        let first = &start.run.snapshot.executive.target(0).grasp;
+        let first = &start.run.snapshot.executor.target(0).grasp;
         Ok(Touch::new(knowledge, senses, first))
     }
 

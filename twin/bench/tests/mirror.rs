@@ -12,7 +12,7 @@ use bench::mirror::twin::Twin;
 use bench::mirror::watch::Mirroring;
 use bench::trial::filming::All;
 use bench::trial::{Moment, Watcher};
-use control::executive::{Phase, Skill};
+use control::executor::{Phase, Skill};
 use hand_model::pads::IMAGE_SIZE;
 use hand_model::robot::{Command, ServoGoal, TactileFrame, TactileImage};
 use hand_model::{Arm, Digit, RobotModel};

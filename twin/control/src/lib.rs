@@ -1,7 +1,7 @@
 //! The brain: everything that moves the robot, interprets what it feels and decides what comes next.
 //!
 //! - **Motion.** [`trajectory`] makes palm paths within Cartesian limits, [`inverse_kinematics`] turns palm poses into joint set-points
-//!   within the arm's, [`motion`] follows one path after another with cables and cameras. [`executive`] carries out a queue of skills
+//!   within the arm's, [`motion`] follows one path after another with cables and cameras. [`executor`] carries out a queue of skills
 //!   on it, for any number of objects; [`action`] carries out what a policy asks for step by step; [`outage`] says how long it holds for a robot that fails. [`guarded`] stops where a pad feels something,
 //!   [`slip`] answers slip while carrying; `watch` takes the images of a recording, by which nothing is decided.
 //! - **Perception.** A [`look`] is all that perception takes. [`perception`] says what is in the hand and where, [`sensing`] what an
@@ -17,7 +17,7 @@
 pub mod action;
 pub mod arm_clearance;
 pub mod collision;
-pub mod executive;
+pub mod executor;
 pub mod foresight;
 pub mod guarded;
 pub mod inverse_kinematics;

@@ -1,7 +1,7 @@
 //! Policies: everything that decides, retries, aims and gives up.
 //!
 //! A policy sees what a robot measures and what its [`Eyes`] report. It is asked at the decisions of a trial, acts on the
-//! [`Executive`], and answers how far to play. [`blind`] carries out the plan, [`touch`] adapts to what is felt, [`chosen`] asks
+//! [`Executor`], and answers how far to play. [`blind`] carries out the plan, [`touch`] adapts to what is felt, [`chosen`] asks
 //! somebody else, [`order`] says which object is taken first, [`pick_sequence`] decides what a transport takes next; [`reach`] finds the grasps that the arm can carry out. No type here can name the scene's truth:
 //! the true-pose ablation is an [`Injected`] estimate that comes from outside.
 
@@ -21,7 +21,7 @@ use nalgebra::Isometry3;
 use world::attempt::Attempt;
 use world::objects::{ObjectModel, ObjectSet};
 
-use crate::executive::Executive;
+use crate::executor::Executor;
 use crate::foresight::Foresees;
 use crate::motion::MotionError;
 use crate::percept::{Eyes, EyesError};
@@ -203,9 +203,9 @@ pub enum PolicyError {
 /// A policy of the two-object trial. It is asked whenever the executor waits: first it perceives, then it decides.
 pub trait Policy {
     /// Takes in what the last look measured.
-    fn perceive(&mut self, executive: &Executive, injected: Option<Injected>) -> Result<(), PolicyError>;
-    /// Decides at `time` (s, the robot's clock) and acts on the executive.
-    fn decide(&mut self, executive: &mut Executive, eyes: &mut dyn Eyes, time: f64) -> Result<Step, PolicyError>;
+    fn perceive(&mut self, executor: &Executor, injected: Option<Injected>) -> Result<(), PolicyError>;
+    /// Decides at `time` (s, the robot's clock) and acts on the executor.
+    fn decide(&mut self, executor: &mut Executor, eyes: &mut dyn Eyes, time: f64) -> Result<Step, PolicyError>;
     /// What it did so far.
     fn story(&mut self) -> &mut Story;
     /// What was felt of the first object at the last decision.

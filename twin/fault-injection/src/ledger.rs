@@ -6,7 +6,7 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, bail};
-use control::executive::Phase;
+use control::executor::Phase;
 use hand_model::RobotSources;
 use serde::{Deserialize, Serialize};
 
@@ -124,7 +124,7 @@ fn lock(folder: &Path) -> Result<File> {
 
 /// A phase by its name.
 pub(super) mod phase {
-    use control::executive::Phase;
+    use control::executor::Phase;
     use serde::{Deserialize as _, Deserializer, Serializer, de};
 
     use crate::PHASES;
@@ -145,7 +145,7 @@ pub(super) mod phase {
 
 /// Phases by their names.
 mod phases {
-    use control::executive::Phase;
+    use control::executor::Phase;
     use serde::{Deserialize as _, Deserializer, Serializer, de};
 
     use super::phase::named;
@@ -165,7 +165,7 @@ mod phases {
 
 #[cfg(test)]
 mod tests {
-    use control::executive::Skill;
+    use control::executor::Skill;
 
     use super::*;
 

@@ -4,7 +4,7 @@ use anyhow::Result;
 use bench::mirror::Mirror;
 use bench::mirror::seen::Seen;
 use bench::trial::Bench;
-use control::executive::Phase;
+use control::executor::Phase;
 use proving::rehearsal::Snapshot;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
@@ -23,9 +23,9 @@ impl Watched {
     /// At the beginning of the ideal run of a combination.
     fn start(bench: &Bench, combination: usize, mirrored: bool) -> Result<Self> {
         let mut snapshot = bench.ideal_start(combination)?;
-        snapshot.executive.take_planned(0)?;
+        snapshot.executor.take_planned(0)?;
         let mirror = if mirrored {
-            snapshot.executive.watch_images(IMAGES);
+            snapshot.executor.watch_images(IMAGES);
             Some(Mirror::new(&bench.world, &bench.world.cell.ready)?)
         } else {
             None
@@ -34,16 +34,16 @@ impl Watched {
     }
 
     fn tick(&mut self) -> Result<()> {
-        let Self { snapshot: Snapshot { robot, executive }, mirror } = self;
-        let sent = tick(robot, executive)?;
+        let Self { snapshot: Snapshot { robot, executor }, mirror } = self;
+        let sent = tick(robot, executor)?;
         if let (Some(mirror), Some(sent)) = (mirror, &sent) {
-            mirror.see(&Seen::of(executive, robot.time(), sent, None));
+            mirror.see(&Seen::of(executor, robot.time(), sent, None));
         }
         Ok(())
     }
 
     fn phase(&self) -> Phase {
-        self.snapshot.executive.phase()
+        self.snapshot.executor.phase()
     }
 }
 
@@ -92,7 +92,7 @@ impl Counts {
 fn play((bench, combination, mirrored): (&Bench, usize, bool), see: &mut impl FnMut(&Watched)) -> Result<()> {
     let mut watched = Watched::start(bench, combination, mirrored)?;
     while !watched.phase().is_done() {
-        watched.snapshot.executive.go_on()?;
+        watched.snapshot.executor.go_on()?;
         watched.tick()?;
         see(&watched);
     }
@@ -105,7 +105,7 @@ fn put_down((bench, combination, mirrored): (&Bench, usize, bool), see: &mut imp
     while !watched.phase().waits() {
         watched.tick()?;
     }
-    watched.snapshot.executive.put_down()?;
+    watched.snapshot.executor.put_down()?;
     while !watched.phase().waits() {
         watched.tick()?;
         if !watched.phase().waits() {

@@ -200,7 +200,7 @@ fn carry(terminal: &Terminal, args: &TransportArgs, site: &Site) -> Outcome {
                     policy,
                 )?;
                 let record =
-                    site.play(trial, policy, &mut |truth, executive, note| recorded.see(truth, executive, note))?;
+                    site.play(trial, policy, &mut |truth, executor, note| recorded.see(truth, executor, note))?;
                 recorded.finish(&record)?;
                 record
             }

@@ -1,6 +1,6 @@
 //! What a mirror believes of the object in the hand: where it was felt, moved with the twin's palm, less certain with time.
 
-use control::executive::Phase;
+use control::executor::Phase;
 use control::perception::Felt;
 use nalgebra::{Isometry3, Matrix6};
 

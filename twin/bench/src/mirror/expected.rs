@@ -1,6 +1,6 @@
 //! Expected contact state and number of held objects per phase.
 
-use control::executive::{Phase, Skill, Stage};
+use control::executor::{Phase, Skill, Stage};
 
 use super::limits::HandLimits;
 

@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use control::executive::{Phase, Skill};
+use control::executor::{Phase, Skill};
 use grasping::Role;
 use hand_model::GRAVITY;
 use nalgebra::Vector3;

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use anyhow::Result;
-use control::executive::{Executive, Skill};
+use control::executor::{Executor, Skill};
 use control::motion::Protocol;
 use control::percept::{Eyes, EyesError, Sighted};
 use control::policy::Step;
@@ -67,7 +67,7 @@ pub struct Site {
 }
 
 /// Sees every tick of a transport; the words say what has just been decided or done.
-pub type Witness<'a> = &'a mut dyn FnMut(&Truth, &Executive, Option<&str>) -> Result<()>;
+pub type Witness<'a> = &'a mut dyn FnMut(&Truth, &Executor, Option<&str>) -> Result<()>;
 
 /// A transport in progress.
 struct Progress<'a> {
@@ -124,19 +124,19 @@ impl Site {
             },
         };
         loop {
-            let Snapshot { robot, executive } = &mut progress.branch;
+            let Snapshot { robot, executor } = &mut progress.branch;
             let mut eyes = NoisyEyes { robot, noise: &self.transport.noise, rng: &mut rng };
-            let step = sequence.decide(executive, &mut eyes)?;
+            let step = sequence.decide(executor, &mut eyes)?;
             progress.tell(sequence.take_reasons());
             progress.record.picks = sequence.picks();
             if step != Step::Play {
                 return Ok(progress.record);
             }
-            if progress.branch.executive.phase().carries() {
+            if progress.branch.executor.phase().carries() {
                 progress.deliver(witness)?;
             } else {
                 progress.play_on(witness)?;
-                sequence.perceive(&mut progress.branch.executive)?;
+                sequence.perceive(&mut progress.branch.executor)?;
                 progress.tell(sequence.take_reasons());
             }
         }
@@ -201,14 +201,14 @@ impl Progress<'_> {
         let Self { site, branch, pushed, held, note, record, .. } = self;
         let count = site.transport.ball.len();
         let first = record.picks == 1;
-        play(branch, |robot, executive| {
+        play(branch, |robot, executor| {
             if let Some(push) = site.transport.push.as_ref().filter(|_| first) {
                 let skill = match push.stage {
                     PushStage::Approach => Skill::Approach,
                     PushStage::Close => Skill::Grasp,
                     PushStage::Lift => Skill::Lift,
                 };
-                let due = executive.phase().skill == skill && executive.motion().progress() >= push.at;
+                let due = executor.phase().skill == skill && executor.motion().progress() >= push.at;
                 if due && pushed.is_none() {
                     *pushed = Some(robot.time());
                     let text = format!("push of {:.2} N on {}", Vector3::from(push.force).norm(), push.ball);
@@ -221,10 +221,10 @@ impl Progress<'_> {
                 }
             }
             let truth = robot.truth();
-            if executive.phase().skill == Skill::Hold {
+            if executor.phase().skill == Skill::Hold {
                 *held = (0..count).filter(|ball| in_hand(&truth, *ball)).collect();
             }
-            witness(&truth, executive, note.take().as_deref())?;
+            witness(&truth, executor, note.take().as_deref())?;
             Ok(true)
         })?;
         Ok(())

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use anyhow::Result;
-use control::executive::{Executive, Phase};
+use control::executor::{Executor, Phase};
 use control::policy::pick_sequence::PickMode;
 use sim::robot::Truth;
 use stream::recorder::{Recorder, Settings, Target};
@@ -46,17 +46,17 @@ impl Recorded {
     }
 
     /// Records a tick; `note` says what has just been decided or done.
-    pub fn see(&mut self, truth: &Truth, executive: &Executive, note: Option<&str>) -> Result<()> {
+    pub fn see(&mut self, truth: &Truth, executor: &Executor, note: Option<&str>) -> Result<()> {
         let recorder = &mut self.recorder;
         log_scene(recorder, truth, &self.names)?;
-        if self.phase != Some(executive.phase()) {
-            self.phase = Some(executive.phase());
-            recorder.log_phase(&executive.phase().name())?;
+        if self.phase != Some(executor.phase()) {
+            self.phase = Some(executor.phase());
+            recorder.log_phase(&executor.phase().name())?;
         }
         if let Some(note) = note {
             recorder.log_text(Level::Info, note)?;
         }
-        let motion = executive.motion();
+        let motion = executor.motion();
         self.shown.log(recorder, motion.newest_images())?;
         log_signals(recorder, truth, motion.servos(), motion.posture(), Vec::new())
     }

@@ -7,7 +7,7 @@
 use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
-use control::executive::{Skill, Target};
+use control::executor::{Skill, Target};
 use control::percept::Percept;
 use control::policy::pick_sequence::plan::Pickup;
 use grasping::Grasp;
@@ -228,9 +228,9 @@ fn attempt(site: &Site, base: &Base, ball: usize, grasp: &Grasp, keeps: Option<&
         return Ok(Came::OutOfReach);
     }
     let mut branch = base.branch.clone();
-    branch.executive.take(base.had.len(), Target { grasp: grasp.clone(), percept })?;
-    let reached = play(&mut branch, |robot, executive| {
-        let lifts = executive.phase().skill == Skill::Lift && executive.motion().progress() < 0.1;
+    branch.executor.take(base.had.len(), Target { grasp: grasp.clone(), percept })?;
+    let reached = play(&mut branch, |robot, executor| {
+        let lifts = executor.phase().skill == Skill::Lift && executor.motion().progress() < 0.1;
         Ok(!lifts || robot.truth().touched_by[ball] > 0)
     })?;
     if !reached {
@@ -249,10 +249,10 @@ fn attempt(site: &Site, base: &Base, ball: usize, grasp: &Grasp, keeps: Option<&
     if keeps.is_empty() {
         return Ok(Came::Lifted);
     }
-    branch.executive.keep_only(&[&base.holding[..], &keeps].concat());
+    branch.executor.keep_only(&[&base.holding[..], &keeps].concat());
     let hold = branch.clone();
-    branch.executive.deliver([site.transport.goal.x, site.transport.goal.y])?;
-    play(&mut branch, |_, executive| Ok(executive.phase().skill != Skill::PutDown))?;
+    branch.executor.deliver([site.transport.goal.x, site.transport.goal.y])?;
+    play(&mut branch, |_, executor| Ok(executor.phase().skill != Skill::PutDown))?;
     let last = branch.robot.truth();
     let inside = |truth: &Truth, one: usize| (truth.palm.inverse() * truth.objects[one]).translation.vector;
     let stays = |one: &usize| in_hand(&last, *one) && (inside(&last, *one) - inside(&truth, *one)).norm() < SLIP_LIMIT;

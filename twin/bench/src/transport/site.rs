@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use anyhow::Result;
-use control::executive::Executive;
+use control::executor::Executor;
 use control::motion::Protocol;
 use nalgebra::Isometry3;
 use proving::rehearsal::Snapshot;
@@ -29,18 +29,18 @@ pub fn begin(
     };
     let robot = SimulatedRobot::new(&world.cell.robot, &scene, board);
     let (hand, servo) = (world.cell.robot.hand.clone(), world.cell.arm_servo(world.cell.ready)?);
-    let executive = Executive::new(hand, servo, protocol, Vec::new(), robot.tick_length())?;
-    Ok(Snapshot { robot, executive })
+    let executor = Executor::new(hand, servo, protocol, Vec::new(), robot.tick_length())?;
+    Ok(Snapshot { robot, executor })
 }
 
 /// Plays on to the next decision, or until `watch`, which sees every tick, says `false`: whether it came to the decision.
 pub fn play(
-    Snapshot { robot, executive }: &mut Snapshot,
-    mut watch: impl FnMut(&mut SimulatedRobot, &Executive) -> Result<bool>,
+    Snapshot { robot, executor }: &mut Snapshot,
+    mut watch: impl FnMut(&mut SimulatedRobot, &Executor) -> Result<bool>,
 ) -> Result<bool> {
-    while !executive.phase().waits() {
-        tick(robot, executive)?;
-        if !watch(robot, executive)? {
+    while !executor.phase().waits() {
+        tick(robot, executor)?;
+        if !watch(robot, executor)? {
             return Ok(false);
         }
     }

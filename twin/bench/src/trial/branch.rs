@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::Result;
-use control::executive::{Phase, Skill, Stage};
+use control::executor::{Phase, Skill, Stage};
 use control::perception::Felt;
 use control::policy::{Policy, Step};
 use proving::rehearsal::{Snapshot, in_hand};
@@ -83,11 +83,11 @@ pub fn play(start: &Start, policy: &mut dyn Policy, with: Play, watcher: &mut dy
 
 /// The first grasp as it was planned, unless the policy began, and what the policy attempted.
 fn tries(start: &Start, attempts: Vec<Attempt>, run: &Run, id: TrialId) -> Vec<TryRecord> {
-    let executive = &start.run.snapshot.executive;
-    let grasp = executive.target(0).grasp.id;
+    let executor = &start.run.snapshot.executor;
+    let grasp = executor.target(0).grasp.id;
     let first = Attempt { object: 0, grasp, why: "as planned".to_owned(), ..Attempt::default() };
     let verdicts = run.referee.tries();
-    let planned = (executive.phase().skill != Skill::Begin).then_some(first);
+    let planned = (executor.phase().skill != Skill::Begin).then_some(first);
     let all = planned.into_iter().chain(attempts).enumerate();
     all.map(|(number, attempt)| TryRecord::new(id, number, &attempt, verdicts.get(number))).collect()
 }
@@ -103,7 +103,7 @@ fn decide_and_play(
     let condition = with.id.condition;
     let mut played = Played { run, slowest_ms: 0.0, at_estimate: None };
     loop {
-        let phase = played.run.snapshot.executive.phase();
+        let phase = played.run.snapshot.executor.phase();
         if let Some(why) = &played.run.fault {
             policy.story().reasons.push(why.clone());
             break;
@@ -113,19 +113,19 @@ fn decide_and_play(
             played.run.wait(with.decision_time, felt, Some(condition), watcher)?;
         }
         let (before, begun) = (policy.story().decisions, Instant::now());
-        let waiting = (with.pace == Pace::Wall).then(|| played.run.snapshot.executive.clone());
+        let waiting = (with.pace == Pace::Wall).then(|| played.run.snapshot.executor.clone());
         let step = decide(&mut played.run, &start.objects, policy, &mut with)?;
         if let Some(waiting) = waiting {
-            let decided = std::mem::replace(&mut played.run.snapshot.executive, waiting);
+            let decided = std::mem::replace(&mut played.run.snapshot.executor, waiting);
             let felt = policy.felt().filter(|_| phase.begins(1));
             played.run.wait(begun.elapsed().as_secs_f64(), felt, Some(condition), watcher)?;
-            played.run.snapshot.executive = decided;
+            played.run.snapshot.executor = decided;
         }
         if policy.story().decisions > before {
             played.slowest_ms = played.slowest_ms.max(begun.elapsed().as_secs_f64() * 1e3);
         }
         // The hold is felt before the second object is taken, or touched first.
-        let next = played.run.snapshot.executive.phase();
+        let next = played.run.snapshot.executor.phase();
         let felt_hold = policy.story().decisions > before || next == Phase::palpate(1, Stage::Reach);
         if phase.waits() && phase.lifts(0) && !phase.begins(1) && felt_hold {
             played.at_estimate = played.run.snapshot.robot.truth();
@@ -172,12 +172,12 @@ pub fn foretold_risk(start: &Start, policy: &mut dyn Policy, mut with: Play) -> 
 /// One decision: perceive, then decide.
 fn decide(run: &mut Run, objects: &[Arc<ObjectModel>; 2], policy: &mut dyn Policy, with: &mut Play) -> Result<Step> {
     let injected = if with.inject_truth { run.true_state() } else { None };
-    let Run { snapshot: Snapshot { robot, executive }, disturber, history, profile, .. } = run;
-    profile.on(Activity::Perception, || policy.perceive(executive, injected))?;
+    let Run { snapshot: Snapshot { robot, executor }, disturber, history, profile, .. } = run;
+    profile.on(Activity::Perception, || policy.perceive(executor, injected))?;
     let time = robot.time();
     let Play { noise, library, looks, .. } = with;
     let mut eyes = NoisyEyes { robot, disturber, noise, looks, objects, library, history };
-    Ok(profile.on(Activity::Choice, || policy.decide(executive, &mut eyes, time))?)
+    Ok(profile.on(Activity::Choice, || policy.decide(executor, &mut eyes, time))?)
 }
 
 /// What the referee knows about the estimate, for the record only.

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use anyhow::{Result, bail};
-use control::executive::{Executive, Phase};
+use control::executor::{Executor, Phase};
 use control::outage::Outage;
 use control::perception::{Felt, Grip};
 use control::policy::{Choice, Injected};
@@ -86,13 +86,13 @@ impl Run {
         condition: Option<Condition>,
         watcher: &mut dyn Watcher,
     ) -> Result<()> {
-        self.play_while(|executive, _| !until(executive.phase()), felt, condition, watcher)?;
+        self.play_while(|executor, _| !until(executor.phase()), felt, condition, watcher)?;
         // What comes next is to be decided first.
         self.snapshot.robot.pause();
         Ok(())
     }
 
-    /// Lets `time` s pass while the executive waits for a decision.
+    /// Lets `time` s pass while the executor waits for a decision.
     pub fn wait(
         &mut self,
         time: f64,
@@ -101,23 +101,23 @@ impl Run {
         watcher: &mut dyn Watcher,
     ) -> Result<()> {
         // Half a tick of tolerance: times are sums of ticks.
-        let end = self.snapshot.robot.time() + time - 0.5 * self.snapshot.executive.motion().tick_length();
+        let end = self.snapshot.robot.time() + time - 0.5 * self.snapshot.executor.motion().tick_length();
         self.play_while(|_, now| now < end, felt, condition, watcher)
     }
 
-    /// Plays as long as `on` says so of the executive and the time (s).
+    /// Plays as long as `on` says so of the executor and the time (s).
     fn play_while(
         &mut self,
-        on: impl Fn(&Executive, f64) -> bool,
+        on: impl Fn(&Executor, f64) -> bool,
         felt: Option<&Felt>,
         condition: Option<Condition>,
         watcher: &mut dyn Watcher,
     ) -> Result<()> {
-        while self.fault.is_none() && on(&self.snapshot.executive, self.snapshot.robot.time()) {
+        while self.fault.is_none() && on(&self.snapshot.executor, self.snapshot.robot.time()) {
             match self.observe()? {
                 Some(observation) => {
-                    let executive = &mut self.snapshot.executive;
-                    let command = self.profile.on(Activity::Control, || executive.tick(&observation))?;
+                    let executor = &mut self.snapshot.executor;
+                    let command = self.profile.on(Activity::Control, || executor.tick(&observation))?;
                     self.carry_out(&command, None, (felt, condition), watcher)?;
                 }
                 None => self.pass(None, false, None, (felt, condition), watcher)?,
@@ -132,7 +132,7 @@ impl Run {
         self.unless_lost(seen)
     }
 
-    /// One tick with `command`, while referee and watcher look on: what was sent, after limits, if anything was. The executive says what phase it
+    /// One tick with `command`, while referee and watcher look on: what was sent, after limits, if anything was. The executor says what phase it
     /// is, or `stages` where it does not command.
     pub fn carry_out(
         &mut self,
@@ -156,10 +156,10 @@ impl Run {
         (felt, condition): (Option<&Felt>, Option<Condition>),
         watcher: &mut dyn Watcher,
     ) -> Result<()> {
-        let Self { snapshot: Snapshot { robot, executive }, referee, disturber, history, profile, .. } = self;
+        let Self { snapshot: Snapshot { robot, executor }, referee, disturber, history, profile, .. } = self;
         let reversed = self.reversed;
         let note = match robot {
-            Body::Simulated(robot) => disturber.act(robot, executive),
+            Body::Simulated(robot) => disturber.act(robot, executor),
             Body::Single(_) => None,
         };
         let activity = if captures { Activity::Images } else { Activity::Physics };
@@ -169,7 +169,7 @@ impl Run {
             if let Some(truth) = &truth {
                 referee.see(&match stages {
                     Some(stages) => staged(truth, stages),
-                    None => scene(truth, executive.phase(), digit_bits(&executive.target(0).grasp.digits)),
+                    None => scene(truth, executor.phase(), digit_bits(&executor.target(0).grasp.digits)),
                 });
                 disturber.see(truth);
                 history.see(truth);
@@ -178,7 +178,7 @@ impl Run {
             watcher.see(&Moment {
                 time,
                 truth: truth.as_ref(),
-                executive,
+                executor,
                 sent,
                 felt,
                 condition,
@@ -189,7 +189,7 @@ impl Run {
         })?;
         // The last tick of a recording may also be the last of a trial.
         if self.fault.is_none()
-            && let Some(why) = robot.stopped().filter(|_| !executive.phase().is_done())
+            && let Some(why) = robot.stopped().filter(|_| !executor.phase().is_done())
         {
             self.stop(&why)?;
         }
@@ -208,8 +208,8 @@ impl Run {
 
     /// The trial ends here: as failed, or as none.
     fn stop(&mut self, why: &str) -> Result<()> {
-        let Snapshot { robot, executive } = &self.snapshot;
-        let why = format!("{why} (phase: {})", executive.phase().name());
+        let Snapshot { robot, executor } = &self.snapshot;
+        let why = format!("{why} (phase: {})", executor.phase().name());
         if !self.outlasts_faults || !robot.is_written() {
             bail!(Stopped(why));
         }
@@ -220,7 +220,7 @@ impl Run {
 
     /// How often the reaction to slip pulled harder, in words.
     pub fn slips(&self) -> Option<String> {
-        let [first, second] = self.snapshot.executive.slips();
+        let [first, second] = self.snapshot.executor.slips();
         (first + second > 0).then(|| {
             format!(
                 "while carrying, slip was felt {first} times in the first grip and {second} in the second: held harder"
@@ -236,7 +236,7 @@ impl Run {
         condition: Condition,
         watcher: &mut dyn Watcher,
     ) -> Result<()> {
-        let Snapshot { robot, executive } = &self.snapshot;
+        let Snapshot { robot, executor } = &self.snapshot;
         if !watcher.active() {
             return Ok(());
         }
@@ -245,7 +245,7 @@ impl Run {
         watcher.see(&Moment {
             time,
             truth: truth.as_ref(),
-            executive,
+            executor,
             sent: None,
             felt,
             condition,
@@ -316,7 +316,7 @@ fn on_second(truth: &Truth, holding: u32) -> Vec<Touch> {
 
 #[cfg(test)]
 mod tests {
-    use control::executive::Skill;
+    use control::executor::Skill;
     use nalgebra::Isometry3;
 
     use super::*;

@@ -12,7 +12,7 @@ use serde::Serialize;
 use self::plan::{Pick, PickPlan, Pickup, Ready, feeling, in_words, listed, plan, why_not};
 use super::reach::TURNS;
 use super::{PolicyError, Step};
-use crate::executive::{Executive, Target};
+use crate::executor::{Executor, Target};
 use crate::percept::{Eyes, Percept};
 use crate::sensing::Senses;
 use crate::workcell::Workcell;
@@ -142,16 +142,16 @@ impl<'a> PickSequence<'a> {
     }
 
     /// Decides what comes next and begins it: a pick, or the delivery of everything that is held.
-    pub fn decide(&mut self, executive: &mut Executive, eyes: &mut dyn Eyes) -> Result<Step, PolicyError> {
+    pub fn decide(&mut self, executor: &mut Executor, eyes: &mut dyn Eyes) -> Result<Step, PolicyError> {
         let next = if self.picks < self.task.tries { self.next_pick(eyes)? } else { None };
         if let Some((pick, percept)) = next {
-            self.take(executive, pick, &percept)?;
+            self.take(executor, pick, &percept)?;
             return Ok(Step::Play);
         }
         if self.had.is_empty() {
             return Ok(Step::Finish);
         }
-        executive.deliver(self.task.goal)?;
+        executor.deliver(self.task.goal)?;
         self.had.clear();
         self.planned.clear();
         self.in_list = 0;
@@ -220,7 +220,7 @@ impl<'a> PickSequence<'a> {
         });
     }
 
-    fn take(&mut self, executive: &mut Executive, pick: Pick, percept: &Percept) -> Result<(), PolicyError> {
+    fn take(&mut self, executor: &mut Executor, pick: Pick, percept: &Percept) -> Result<(), PolicyError> {
         self.picks += 1;
         self.picking = Some(pick);
         let pickup = &self.task.pickups[pick.pickup];
@@ -229,14 +229,14 @@ impl<'a> PickSequence<'a> {
         // A digit that is felt to have nothing may still keep an object from rolling out: it opens where it is needed, no earlier.
         let holding = self.holding();
         let needed = |digit: &Digit| pickup.grasp.digits.contains(digit) && !holding.contains(digit);
-        let kept: Vec<Digit> = executive.holding().into_iter().filter(|digit| !needed(digit)).collect();
-        executive.keep_only(&kept);
+        let kept: Vec<Digit> = executor.holding().into_iter().filter(|digit| !needed(digit)).collect();
+        executor.keep_only(&kept);
         self.in_list += 1;
-        Ok(executive.take(self.in_list - 1, Target { grasp, percept: *percept })?)
+        Ok(executor.take(self.in_list - 1, Target { grasp, percept: *percept })?)
     }
 
     /// After a pick was played: what is in the hand now.
-    pub fn perceive(&mut self, executive: &mut Executive) -> Result<(), PolicyError> {
+    pub fn perceive(&mut self, executor: &mut Executor) -> Result<(), PolicyError> {
         let Some(pick) = self.picking.take() else { return Ok(()) };
         let pickup = &self.task.pickups[pick.pickup];
         if self.mode == PickMode::Blind {
@@ -244,7 +244,7 @@ impl<'a> PickSequence<'a> {
             self.had.push(Had { object: pick.object, digits: pickup.keeps.clone() });
             return Ok(());
         }
-        let look = executive.motion().look();
+        let look = executor.motion().look();
         let Perceived { touches, .. } = self.senses.perceive(&look)?;
         let hand = self.senses.pipeline().hand();
         let feels = |digits: &[Digit]| feeling(hand, &touches, look.readings.servos, digits);
@@ -272,8 +272,8 @@ impl<'a> PickSequence<'a> {
         self.left.sort_unstable();
         if new.is_empty() {
             let closed = &pickup.grasp.digits;
-            let kept: Vec<Digit> = executive.holding().into_iter().filter(|digit| !closed.contains(digit)).collect();
-            executive.keep_only(&kept);
+            let kept: Vec<Digit> = executor.holding().into_iter().filter(|digit| !closed.contains(digit)).collect();
+            executor.keep_only(&kept);
         } else {
             self.had.push(Had { object: pick.object, digits: new });
         }

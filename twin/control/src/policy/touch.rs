@@ -22,7 +22,7 @@ use touch::{InHand, PoseEstimate};
 use super::reach::{Wanted, within_reach};
 use super::{Injected, Knowledge, Policy, PolicyError, Reordered, Step, Story, Uncertainty};
 use crate::collision::Solid;
-use crate::executive::{Executive, Skill, Target};
+use crate::executor::{Executor, Skill, Target};
 use crate::odds::{Aimed, Belief};
 use crate::percept::{Eyes, Percept};
 use crate::perception::{Expected, Felt, Grip, feel, grip, trusted};
@@ -136,11 +136,11 @@ impl<'a> Touch<'a> {
     }
 
     /// A grasp that just failed is worth less for the rest of the trial, and the next one aims elsewhere.
-    fn mark_down(&mut self, next: Next, executive: &Executive) {
+    fn mark_down(&mut self, next: Next, executor: &Executor) {
         let (object, failed) = match next {
             Next::GoOn => return,
-            Next::FirstAgain | Next::StartOver => (0, executive.target(0).grasp.id),
-            Next::SecondAgain => (1, executive.target(1).grasp.id),
+            Next::FirstAgain | Next::StartOver => (0, executor.target(0).grasp.id),
+            Next::SecondAgain => (1, executor.target(1).grasp.id),
         };
         *self.failures[object].entry(failed).or_default() += 1;
         if next != Next::StartOver {
@@ -167,38 +167,33 @@ impl<'a> Touch<'a> {
     }
 
     /// An object that is needed now is hidden: the hand steps aside once, or, where it has done so, the trial is given up.
-    fn seek(&mut self, index: usize, executive: &mut Executive, aside: bool) -> Result<Step, PolicyError> {
+    fn seek(&mut self, index: usize, executor: &mut Executor, aside: bool) -> Result<Step, PolicyError> {
         let name = &self.knowledge.objects[index].name;
         if aside {
             self.story.reasons.push(format!("{name} is nowhere to be seen"));
             return Ok(Step::NotSeen);
         }
         self.story.tell(format!("{name} is hidden: the hand steps aside to look again"));
-        executive.step_aside(index)?;
+        executor.step_aside(index)?;
         self.state = State::StepsAside { sought: index };
         Ok(Step::Play)
     }
 
-    fn within_reach(&self, role: Role, executive: &Executive, seen: &Percept) -> Vec<Candidate> {
+    fn within_reach(&self, role: Role, executor: &Executor, seen: &Percept) -> Vec<Candidate> {
         let index = usize::from(role == Role::Second);
-        let candidates = [&self.first, self.following(executive).1][index];
+        let candidates = [&self.first, self.following(executor).1][index];
         let (object, failures) = (&*self.knowledge.objects[index], &self.failures[index]);
         within_reach(&self.knowledge, &Wanted { object, role, candidates, failures }, seen)
     }
 
     /// Goes on by what the look at the hand has told after what was done in the state `looked`.
-    fn after_look(
-        &mut self,
-        executive: &mut Executive,
-        eyes: &mut dyn Eyes,
-        looked: State,
-    ) -> Result<Step, PolicyError> {
+    fn after_look(&mut self, executor: &mut Executor, eyes: &mut dyn Eyes, looked: State) -> Result<Step, PolicyError> {
         let tries = !self.is_late() && self.knowledge.recovery.retry;
-        let next = if tries { Next::after(executive.phase(), self.grip) } else { Next::GoOn };
+        let next = if tries { Next::after(executor.phase(), self.grip) } else { Next::GoOn };
         match (looked, next) {
             (State::Carries, Next::GoOn) => return Ok(Step::Finish),
             (State::Takes { object: 1, .. }, Next::GoOn) => {
-                executive.carry_aside()?;
+                executor.carry_aside()?;
                 self.state = State::Carries;
                 return Ok(Step::Play);
             }
@@ -212,23 +207,23 @@ impl<'a> Touch<'a> {
             _ => {
                 self.story.retries += 1;
                 self.story.tell(next.reason().to_owned());
-                self.mark_down(next, executive);
+                self.mark_down(next, executor);
             }
         }
         match next {
-            Next::FirstAgain => self.first_again(executive, eyes, false),
-            Next::StartOver => self.lay_down(executive),
-            Next::SecondAgain => self.second_again(executive, eyes, false),
-            Next::GoOn if self.second.hidden => self.second_again(executive, eyes, false),
+            Next::FirstAgain => self.first_again(executor, eyes, false),
+            Next::StartOver => self.lay_down(executor),
+            Next::SecondAgain => self.second_again(executor, eyes, false),
+            Next::GoOn if self.second.hidden => self.second_again(executor, eyes, false),
             Next::GoOn => {
-                self.see_better(executive, eyes)?;
-                self.touch_or_take(1, executive)
+                self.see_better(executor, eyes)?;
+                self.touch_or_take(1, executor)
             }
         }
     }
 
-    fn lay_down(&mut self, executive: &mut Executive) -> Result<Step, PolicyError> {
-        executive.put_down()?;
+    fn lay_down(&mut self, executor: &mut Executor) -> Result<Step, PolicyError> {
+        executor.put_down()?;
         self.state = State::LaysDown;
         Ok(Step::Play)
     }
@@ -251,22 +246,22 @@ impl<'a> Touch<'a> {
 }
 
 impl Policy for Touch<'_> {
-    fn perceive(&mut self, executive: &Executive, injected: Option<Injected>) -> Result<(), PolicyError> {
+    fn perceive(&mut self, executor: &Executor, injected: Option<Injected>) -> Result<(), PolicyError> {
         if matches!(self.state, State::LaysDown | State::StepsAside { .. }) {
             return Ok(());
         }
-        self.seen.get_or_insert([executive.target(0).percept, executive.target(1).percept]);
-        if executive.phase().skill == Skill::Begin {
+        self.seen.get_or_insert([executor.target(0).percept, executor.target(1).percept]);
+        if executor.phase().skill == Skill::Begin {
             return Ok(());
         }
         let [Target { grasp: first, percept }, Target { grasp: second, .. }] =
-            [0, 1].map(|object| executive.target(object));
+            [0, 1].map(|object| executor.target(object));
         let expected = Expected::of(first, percept, second);
         if let State::Palpates { object, .. } = self.state {
-            return self.perceive_touch(object, executive, &expected);
+            return self.perceive_touch(object, executor, &expected);
         }
         if matches!(self.state, State::Start | State::Takes { object: 0, .. }) {
-            let mut felt = feel(&self.senses, &executive.motion().look(), self.knowledge.known[0], &expected)?;
+            let mut felt = feel(&self.senses, &executor.motion().look(), self.knowledge.known[0], &expected)?;
             if let Some(injected) = injected {
                 felt.estimate.palm_from_object = injected.palm_from_object;
                 felt.estimate.covariance.fill(0.0);
@@ -278,28 +273,28 @@ impl Policy for Touch<'_> {
         } else {
             self.grip = match injected {
                 Some(injected) => injected.grip,
-                None => grip(&self.senses, &executive.motion().look(), &expected, &self.in_hand(&expected, second))?,
+                None => grip(&self.senses, &executor.motion().look(), &expected, &self.in_hand(&expected, second))?,
             };
         }
         Ok(())
     }
 
-    fn decide(&mut self, executive: &mut Executive, eyes: &mut dyn Eyes, time: f64) -> Result<Step, PolicyError> {
+    fn decide(&mut self, executor: &mut Executor, eyes: &mut dyn Eyes, time: f64) -> Result<Step, PolicyError> {
         self.time = time;
         match std::mem::replace(&mut self.state, State::Start) {
-            State::Start if executive.phase().skill == Skill::Begin => self.touch_or_take(0, executive),
-            looked @ (State::Start | State::Takes { .. } | State::Carries) => self.after_look(executive, eyes, looked),
+            State::Start if executor.phase().skill == Skill::Begin => self.touch_or_take(0, executor),
+            looked @ (State::Start | State::Takes { .. } | State::Carries) => self.after_look(executor, eyes, looked),
             State::Palpates { object: 0, found } => {
-                self.locate_first(executive, found);
-                self.take_first(executive)
+                self.locate_first(executor, found);
+                self.take_first(executor)
             }
             State::Palpates { found, .. } => {
-                self.locate_second(executive, found);
-                self.take_second(executive)
+                self.locate_second(executor, found);
+                self.take_second(executor)
             }
-            State::LaysDown => self.first_again(executive, eyes, false),
-            State::StepsAside { sought: 0 } => self.first_again(executive, eyes, true),
-            State::StepsAside { .. } => self.second_again(executive, eyes, true),
+            State::LaysDown => self.first_again(executor, eyes, false),
+            State::StepsAside { sought: 0 } => self.first_again(executor, eyes, true),
+            State::StepsAside { .. } => self.second_again(executor, eyes, true),
         }
     }
 

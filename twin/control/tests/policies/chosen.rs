@@ -1,6 +1,6 @@
 //! The policy that asks somebody else.
 
-use control::executive::Phase;
+use control::executor::Phase;
 use control::policy::chosen::{Aim, Answer, Chooser, ChooserError, Chosen, Situation};
 use control::policy::{Policy, Step};
 use control::sensing::Senses;
@@ -36,15 +36,15 @@ fn take(candidate: usize) -> Result<Answer, &'static str> {
 /// Plays a trial whose decisions come at `time`, until it ends; with what was tried and told.
 fn played(told: &mut Told, time: f64) -> (Step, Vec<u32>, Vec<String>) {
     let table = Table::new();
-    let (mut executive, mut eyes) = (table.executive(), Watchful::new(&table));
+    let (mut executor, mut eyes) = (table.executor(), Watchful::new(&table));
     let senses = Senses::new(&table.pipeline, Sensing::TruePose).expect("made");
     let mut chosen = Chosen::new(table.knowledge(), senses, told);
-    run_until(&mut executive, DECIDE);
+    run_until(&mut executor, DECIDE);
     loop {
-        let second = executive.phase().has_lifted(1);
-        chosen.perceive(&executive, in_hand(true, second)).expect("perceived");
-        match chosen.decide(&mut executive, &mut eyes, time).expect("decided") {
-            Step::Play => run_on(&mut executive),
+        let second = executor.phase().has_lifted(1);
+        chosen.perceive(&executor, in_hand(true, second)).expect("perceived");
+        match chosen.decide(&mut executor, &mut eyes, time).expect("decided") {
+            Step::Play => run_on(&mut executor),
             end => {
                 let story = chosen.story();
                 return (end, story.attempts.iter().map(|attempt| attempt.grasp).collect(), story.reasons.clone());

@@ -1,6 +1,6 @@
 //! One, two and three objects are lists for the same executor.
 
-use control::executive::{Executive, Phase, Skill, Target};
+use control::executor::{Executor, Phase, Skill, Target};
 use grasping::Role;
 use hand_model::Digit;
 
@@ -25,12 +25,12 @@ fn pull(digits: &[Digit], tension: f64) -> [f64; 5] {
 fn a_list_of_any_length_is_carried_out() {
     let table = Table::new();
     for count in 1..=SETS.len() {
-        let mut executive = table.with_list(SETS[..count].iter().map(|digits| target(&table, digits)).collect());
-        let mut phases = vec![executive.phase()];
-        while !executive.phase().is_done() {
-            executive.go_on().expect("a path");
-            let phase = executive.phase();
-            let wanted = executive.wanted_tensions();
+        let mut executor = table.with_list(SETS[..count].iter().map(|digits| target(&table, digits)).collect());
+        let mut phases = vec![executor.phase()];
+        while !executor.phase().is_done() {
+            executor.go_on().expect("a path");
+            let phase = executor.phase();
+            let wanted = executor.wanted_tensions();
             let kept: Vec<Digit> = SETS[..count]
                 .iter()
                 .enumerate()
@@ -38,7 +38,7 @@ fn a_list_of_any_length_is_carried_out() {
                 .flat_map(|(_, set)| set.iter().copied())
                 .collect();
             assert_eq!(
-                executive.holding(),
+                executor.holding(),
                 Digit::ALL.into_iter().filter(|digit| kept.contains(digit)).collect::<Vec<_>>(),
                 "{phase}"
             );
@@ -49,9 +49,9 @@ fn a_list_of_any_length_is_carried_out() {
             if phases.last() != Some(&phase) {
                 phases.push(phase);
             }
-            step(&mut executive);
-            if phases.last() != Some(&executive.phase()) {
-                phases.push(executive.phase());
+            step(&mut executor);
+            if phases.last() != Some(&executor.phase()) {
+                phases.push(executor.phase());
             }
         }
         let expected = Phase::of_trial(count).into_iter().filter(|phase| phase.skill != Skill::Palpate);
@@ -63,28 +63,28 @@ fn a_list_of_any_length_is_carried_out() {
 #[test]
 fn a_delivery_empties_the_hand() {
     let table = Table::new();
-    let mut executive = table.with_list(Vec::new());
+    let mut executor = table.with_list(Vec::new());
     for digits in &SETS[..2] {
-        let object = executive.targets().len();
-        executive.take(object, target(&table, digits)).expect("a path");
-        run_on(&mut executive);
+        let object = executor.targets().len();
+        executor.take(object, target(&table, digits)).expect("a path");
+        run_on(&mut executor);
     }
-    assert_eq!(executive.holding(), [Digit::Ring, Digit::Little]);
-    executive.keep_only(&[Digit::Ring]);
-    assert_eq!((executive.holding(), executive.wanted_tensions()), (vec![Digit::Ring], pull(&[Digit::Ring], 10.0)));
-    executive.deliver([0.6, 0.05]).expect("a path");
-    run_until(&mut executive, Phase::run(Skill::Hold, 0));
-    let over = executive.motion().palm().translation.vector;
+    assert_eq!(executor.holding(), [Digit::Ring, Digit::Little]);
+    executor.keep_only(&[Digit::Ring]);
+    assert_eq!((executor.holding(), executor.wanted_tensions()), (vec![Digit::Ring], pull(&[Digit::Ring], 10.0)));
+    executor.deliver([0.6, 0.05]).expect("a path");
+    run_until(&mut executor, Phase::run(Skill::Hold, 0));
+    let over = executor.motion().palm().translation.vector;
     assert!((over.xy() - nalgebra::Vector2::new(0.6, 0.05)).norm() < 1e-9, "{over}");
-    assert_eq!(executive.holding(), [Digit::Ring]);
-    run_on(&mut executive);
-    assert_eq!(executive.phase(), Phase::decide(Skill::PutDown, 0));
-    assert!(executive.holding().is_empty());
-    executive.take(0, target(&table, SETS[2])).expect("a path");
-    run_on(&mut executive);
-    assert_eq!(executive.holding(), SETS[2]);
+    assert_eq!(executor.holding(), [Digit::Ring]);
+    run_on(&mut executor);
+    assert_eq!(executor.phase(), Phase::decide(Skill::PutDown, 0));
+    assert!(executor.holding().is_empty());
+    executor.take(0, target(&table, SETS[2])).expect("a path");
+    run_on(&mut executor);
+    assert_eq!(executor.holding(), SETS[2]);
 }
 
-fn step(executive: &mut Executive) {
-    executive.tick(&hand_model::robot::Observation::default()).expect("a command");
+fn step(executor: &mut Executor) {
+    executor.tick(&hand_model::robot::Observation::default()).expect("a command");
 }

@@ -1,6 +1,6 @@
 //! What the policy `touch` does as objects are held, lost, seen and hidden.
 
-use control::executive::{Executive, Phase, Skill};
+use control::executor::{Executor, Phase, Skill};
 use control::percept::Percept;
 use control::policy::touch::Touch;
 use control::policy::{Injected, Knowledge, Policy, Step};
@@ -16,7 +16,7 @@ use crate::table::*;
 #[test]
 fn touch_goes_on_while_everything_is_in_the_hand() {
     let table = Table::new();
-    let mut executive = table.executive();
+    let mut executor = table.executor();
     let mut eyes = Watchful::new(&table);
     let mut touch = table.touch();
     for (phase, grip, then) in [
@@ -24,9 +24,9 @@ fn touch_goes_on_while_everything_is_in_the_hand() {
         (CONFIRM, in_hand(true, true), Step::Play),
         (DONE, in_hand(true, true), Step::Finish),
     ] {
-        run_until(&mut executive, phase);
-        touch.perceive(&executive, grip).expect("perceived");
-        assert_eq!(touch.decide(&mut executive, &mut eyes, 0.0).expect("decided"), then);
+        run_until(&mut executor, phase);
+        touch.perceive(&executor, grip).expect("perceived");
+        assert_eq!(touch.decide(&mut executor, &mut eyes, 0.0).expect("decided"), then);
     }
     assert_eq!((eyes.asked, touch.story().retries, touch.story().decisions), ([0, 1], 0, 1));
     let felt = touch.felt().expect("felt").estimate.palm_from_object;
@@ -37,31 +37,31 @@ fn touch_goes_on_while_everything_is_in_the_hand() {
 #[test]
 fn touch_feels_for_the_second_object_first() {
     let table = Table::new();
-    let mut executive = table.executive();
+    let mut executor = table.executor();
     let mut eyes = Watchful::new(&table);
     let first = table.repertoire.of(FIRST, Role::First).next().expect("a first grasp");
     let touch_with = |sensing: Sensing| {
         let senses = Senses::new(&table.pipeline, sensing).expect("made");
         Touch::new(Knowledge { explores: true, ..table.knowledge() }, senses, first)
     };
-    run_until(&mut executive, DECIDE);
+    run_until(&mut executor, DECIDE);
     // The held cube is out of the way of the fingers.
     let palm_from_object = Isometry3::translation(-0.03, -0.04, -0.03);
     let behind = in_hand(true, false).map(|injected| Injected { palm_from_object, ..injected });
     for (sensing, then) in
         [(Sensing::ServosOnly, (Step::Play, APPROACH_SECOND)), (Sensing::TruePose, (Step::Play, REACH_SECOND))]
     {
-        let (mut touch, mut executive) = (touch_with(sensing), executive.clone());
-        touch.perceive(&executive, behind).expect("perceived");
-        let step = touch.decide(&mut executive, &mut eyes, 0.0).expect("decided");
-        assert_eq!((step, executive.phase()), then, "{sensing:?}");
-        if executive.phase() == REACH_SECOND {
-            let seen = executive.target(1).percept;
-            run_until(&mut executive, LOCATE_SECOND);
-            touch.perceive(&executive, None).expect("perceived");
-            let step = touch.decide(&mut executive, &mut eyes, 0.0).expect("decided");
-            assert_eq!((step, executive.phase()), (Step::Play, APPROACH_SECOND));
-            assert_eq!(executive.target(1).percept, seen);
+        let (mut touch, mut executor) = (touch_with(sensing), executor.clone());
+        touch.perceive(&executor, behind).expect("perceived");
+        let step = touch.decide(&mut executor, &mut eyes, 0.0).expect("decided");
+        assert_eq!((step, executor.phase()), then, "{sensing:?}");
+        if executor.phase() == REACH_SECOND {
+            let seen = executor.target(1).percept;
+            run_until(&mut executor, LOCATE_SECOND);
+            touch.perceive(&executor, None).expect("perceived");
+            let step = touch.decide(&mut executor, &mut eyes, 0.0).expect("decided");
+            assert_eq!((step, executor.phase()), (Step::Play, APPROACH_SECOND));
+            assert_eq!(executor.target(1).percept, seen);
             assert!(touch.story().reasons.iter().any(|reason| reason.contains("nothing was felt")));
         }
     }
@@ -79,20 +79,20 @@ fn touch_feels_for_the_first_object_too() {
     {
         let senses = Senses::new(&table.pipeline, sensing).expect("made");
         let mut touch = Touch::new(Knowledge { explores: true, ..table.knowledge() }, senses, first);
-        let mut executive = table.waiting();
-        touch.perceive(&executive, None).expect("perceived");
-        let step = touch.decide(&mut executive, &mut eyes, 0.0).expect("decided");
-        assert_eq!((step, executive.phase()), then, "{sensing:?}");
-        assert_eq!(executive.target(0).grasp.id, first.id);
-        if executive.phase() == REACH_FIRST {
-            run_until(&mut executive, LOCATE_FIRST);
-            let (height, still) = (executive.motion().end().translation.z, executive.wanted_tensions());
-            touch.perceive(&executive, None).expect("perceived");
-            let step = touch.decide(&mut executive, &mut eyes, 0.0).expect("decided");
-            assert_eq!((step, executive.phase()), (Step::Play, APPROACH_FIRST));
-            assert_eq!(executive.wanted_tensions(), still);
-            run_until(&mut executive, GRASP_FIRST);
-            assert!(executive.wanted_tensions() != still && executive.motion().end().translation.z < height + 0.1);
+        let mut executor = table.waiting();
+        touch.perceive(&executor, None).expect("perceived");
+        let step = touch.decide(&mut executor, &mut eyes, 0.0).expect("decided");
+        assert_eq!((step, executor.phase()), then, "{sensing:?}");
+        assert_eq!(executor.target(0).grasp.id, first.id);
+        if executor.phase() == REACH_FIRST {
+            run_until(&mut executor, LOCATE_FIRST);
+            let (height, still) = (executor.motion().end().translation.z, executor.wanted_tensions());
+            touch.perceive(&executor, None).expect("perceived");
+            let step = touch.decide(&mut executor, &mut eyes, 0.0).expect("decided");
+            assert_eq!((step, executor.phase()), (Step::Play, APPROACH_FIRST));
+            assert_eq!(executor.wanted_tensions(), still);
+            run_until(&mut executor, GRASP_FIRST);
+            assert!(executor.wanted_tensions() != still && executor.motion().end().translation.z < height + 0.1);
         }
     }
 }
@@ -101,15 +101,15 @@ fn touch_feels_for_the_first_object_too() {
 #[test]
 fn touch_tries_again_what_is_missing() {
     let table = Table::new();
-    let mut executive = table.executive();
+    let mut executor = table.executor();
     let mut eyes = Watchful::new(&table);
     let mut touch = table.touch();
-    run_until(&mut executive, DECIDE);
-    touch.perceive(&executive, in_hand(false, false)).expect("perceived");
-    assert_eq!(touch.decide(&mut executive, &mut eyes, 0.0).expect("decided"), Step::Play);
-    assert_eq!((executive.phase(), eyes.asked), (APPROACH_FIRST, [1, 1]));
+    run_until(&mut executor, DECIDE);
+    touch.perceive(&executor, in_hand(false, false)).expect("perceived");
+    assert_eq!(touch.decide(&mut executor, &mut eyes, 0.0).expect("decided"), Step::Play);
+    assert_eq!((executor.phase(), eyes.asked), (APPROACH_FIRST, [1, 1]));
     // 1.0 halved by its failure is less than 0.9 x 0.9 of the grasp that was not planned.
-    assert_eq!((executive.target(0).grasp.id, touch.story().retries), (1, 1));
+    assert_eq!((executor.target(0).grasp.id, touch.story().retries), (1, 1));
     assert!(!touch.story().is_as_planned() && touch.story().take_announcements().len() == 1);
 }
 
@@ -117,57 +117,57 @@ fn touch_tries_again_what_is_missing() {
 #[test]
 fn touch_puts_down_the_second_object_when_the_first_is_lost() {
     let table = Table::new();
-    let mut executive = table.executive();
+    let mut executor = table.executor();
     let mut eyes = Watchful::new(&table);
     let mut touch = table.touch();
-    run_until(&mut executive, DECIDE);
-    touch.perceive(&executive, in_hand(true, false)).expect("perceived");
-    touch.decide(&mut executive, &mut eyes, 0.0).expect("decided");
-    run_until(&mut executive, CONFIRM);
-    touch.perceive(&executive, in_hand(false, true)).expect("perceived");
-    assert_eq!(touch.decide(&mut executive, &mut eyes, 0.0).expect("decided"), Step::Play);
-    assert_eq!((executive.phase(), eyes.asked), (PUT_DOWN, [0, 1]));
-    while executive.phase() == PUT_DOWN {
-        executive.tick(&Observation::default()).expect("a command");
+    run_until(&mut executor, DECIDE);
+    touch.perceive(&executor, in_hand(true, false)).expect("perceived");
+    touch.decide(&mut executor, &mut eyes, 0.0).expect("decided");
+    run_until(&mut executor, CONFIRM);
+    touch.perceive(&executor, in_hand(false, true)).expect("perceived");
+    assert_eq!(touch.decide(&mut executor, &mut eyes, 0.0).expect("decided"), Step::Play);
+    assert_eq!((executor.phase(), eyes.asked), (PUT_DOWN, [0, 1]));
+    while executor.phase() == PUT_DOWN {
+        executor.tick(&Observation::default()).expect("a command");
     }
-    touch.perceive(&executive, in_hand(true, true)).expect("perceived");
-    assert_eq!(touch.decide(&mut executive, &mut eyes, 0.0).expect("decided"), Step::Play);
-    assert_eq!((executive.phase(), eyes.asked), (APPROACH_FIRST, [1, 2]));
+    touch.perceive(&executor, in_hand(true, true)).expect("perceived");
+    assert_eq!(touch.decide(&mut executor, &mut eyes, 0.0).expect("decided"), Step::Play);
+    assert_eq!((executor.phase(), eyes.asked), (APPROACH_FIRST, [1, 2]));
 }
 
 /// Plays the way aside to the decision after it.
-fn aside(executive: &mut Executive) {
-    assert_eq!(executive.phase(), STEP_ASIDE);
-    while executive.phase() == STEP_ASIDE {
-        executive.tick(&Observation::default()).expect("a command");
+fn aside(executor: &mut Executor) {
+    assert_eq!(executor.phase(), STEP_ASIDE);
+    while executor.phase() == STEP_ASIDE {
+        executor.tick(&Observation::default()).expect("a command");
     }
-    assert_eq!(executive.phase(), Phase::decide(Skill::StepAside, 0));
+    assert_eq!(executor.phase(), Phase::decide(Skill::StepAside, 0));
 }
 
 /// What is needed and hidden is looked for from aside; what comes later is looked for when its turn comes.
 #[test]
 fn touch_steps_aside_to_see_what_it_needs() {
     let table = Table::new();
-    let mut executive = table.executive();
+    let mut executor = table.executor();
     let mut eyes = Watchful { hidden: [1, 3], ..Watchful::new(&table) };
     let mut touch = table.touch();
-    run_until(&mut executive, DECIDE);
-    touch.perceive(&executive, in_hand(false, false)).expect("perceived");
-    let mut decide = |executive: &mut Executive, touch: &mut Touch, grip: Option<Injected>| {
-        touch.perceive(executive, grip).expect("perceived");
-        touch.decide(executive, &mut eyes, 0.0).expect("decided")
+    run_until(&mut executor, DECIDE);
+    touch.perceive(&executor, in_hand(false, false)).expect("perceived");
+    let mut decide = |executor: &mut Executor, touch: &mut Touch, grip: Option<Injected>| {
+        touch.perceive(executor, grip).expect("perceived");
+        touch.decide(executor, &mut eyes, 0.0).expect("decided")
     };
-    assert_eq!(decide(&mut executive, &mut touch, in_hand(false, false)), Step::Play);
-    let last = executive.target(1).percept;
-    aside(&mut executive);
+    assert_eq!(decide(&mut executor, &mut touch, in_hand(false, false)), Step::Play);
+    let last = executor.target(1).percept;
+    aside(&mut executor);
     // The grip of a moment ago stands: nothing is felt on the way aside.
-    assert_eq!(decide(&mut executive, &mut touch, None), Step::Play);
-    assert_eq!((executive.phase(), executive.target(1).percept), (APPROACH_FIRST, last));
-    run_until(&mut executive, DECIDE);
-    assert_eq!(decide(&mut executive, &mut touch, in_hand(true, false)), Step::Play);
-    aside(&mut executive);
-    assert_eq!(decide(&mut executive, &mut touch, None), Step::Play);
-    assert_eq!((executive.phase(), touch.story().retries), (APPROACH_SECOND, 1));
+    assert_eq!(decide(&mut executor, &mut touch, None), Step::Play);
+    assert_eq!((executor.phase(), executor.target(1).percept), (APPROACH_FIRST, last));
+    run_until(&mut executor, DECIDE);
+    assert_eq!(decide(&mut executor, &mut touch, in_hand(true, false)), Step::Play);
+    aside(&mut executor);
+    assert_eq!(decide(&mut executor, &mut touch, None), Step::Play);
+    assert_eq!((executor.phase(), touch.story().retries), (APPROACH_SECOND, 1));
     assert_eq!((eyes.asked, eyes.hidden), ([2, 4], [0, 0]));
 }
 
@@ -176,20 +176,20 @@ fn touch_steps_aside_to_see_what_it_needs() {
 fn touch_gives_up_what_is_nowhere_to_be_seen() {
     for (phase, grip, missing) in [(DECIDE, in_hand(false, false), FIRST), (CONFIRM, in_hand(true, false), SECOND)] {
         let table = Table::new();
-        let mut executive = table.executive();
+        let mut executor = table.executor();
         let mut eyes = Watchful { hidden: [9, 9], ..Watchful::new(&table) };
         let mut touch = table.touch();
-        run_until(&mut executive, DECIDE);
+        run_until(&mut executor, DECIDE);
         if phase == CONFIRM {
-            touch.perceive(&executive, in_hand(true, false)).expect("perceived");
-            touch.decide(&mut executive, &mut eyes, 0.0).expect("decided");
-            run_until(&mut executive, CONFIRM);
+            touch.perceive(&executor, in_hand(true, false)).expect("perceived");
+            touch.decide(&mut executor, &mut eyes, 0.0).expect("decided");
+            run_until(&mut executor, CONFIRM);
         }
-        touch.perceive(&executive, grip).expect("perceived");
-        assert_eq!(touch.decide(&mut executive, &mut eyes, 0.0).expect("decided"), Step::Play);
-        aside(&mut executive);
-        touch.perceive(&executive, None).expect("perceived");
-        assert_eq!(touch.decide(&mut executive, &mut eyes, 0.0).expect("decided"), Step::NotSeen);
+        touch.perceive(&executor, grip).expect("perceived");
+        assert_eq!(touch.decide(&mut executor, &mut eyes, 0.0).expect("decided"), Step::Play);
+        aside(&mut executor);
+        touch.perceive(&executor, None).expect("perceived");
+        assert_eq!(touch.decide(&mut executor, &mut eyes, 0.0).expect("decided"), Step::NotSeen);
         let reason = touch.story().reasons.last().expect("a reason").clone();
         assert_eq!(reason, format!("{missing} is nowhere to be seen"));
     }
@@ -199,12 +199,12 @@ fn touch_gives_up_what_is_nowhere_to_be_seen() {
 #[test]
 fn touch_begins_no_try_that_cannot_end_in_time() {
     let table = Table::new();
-    let mut executive = table.executive();
+    let mut executor = table.executor();
     let mut eyes = Watchful::new(&table);
     let mut touch = table.touch();
-    run_until(&mut executive, DECIDE);
-    touch.perceive(&executive, in_hand(false, false)).expect("perceived");
-    let step = touch.decide(&mut executive, &mut eyes, TIME_LIMIT - 1.0).expect("decided");
+    run_until(&mut executor, DECIDE);
+    touch.perceive(&executor, in_hand(false, false)).expect("perceived");
+    let step = touch.decide(&mut executor, &mut eyes, TIME_LIMIT - 1.0).expect("decided");
     assert_eq!((step, touch.story().retries), (Step::Play, 0));
 }
 
@@ -212,15 +212,15 @@ fn touch_begins_no_try_that_cannot_end_in_time() {
 #[test]
 fn touch_gives_up_what_is_out_of_reach() {
     let table = Table::new();
-    let mut executive = table.executive();
+    let mut executor = table.executor();
     let far = Percept { position: [3.0, 0.0, 0.02].into(), ..table.percept(1) };
-    executive.see(1, far);
+    executor.see(1, far);
     // It is not seen better.
     let mut eyes = Watchful { hidden: [0, 1], ..Watchful::new(&table) };
     let mut touch = table.touch();
-    run_until(&mut executive, DECIDE);
-    touch.perceive(&executive, in_hand(true, false)).expect("perceived");
-    assert_eq!(touch.decide(&mut executive, &mut eyes, 0.0).expect("decided"), Step::GiveUp);
+    run_until(&mut executor, DECIDE);
+    touch.perceive(&executor, in_hand(true, false)).expect("perceived");
+    assert_eq!(touch.decide(&mut executor, &mut eyes, 0.0).expect("decided"), Step::GiveUp);
     let reason = touch.story().reasons.last().expect("a reason").clone();
     assert!(reason.contains(SECOND) && reason.contains("3.00"), "{reason}");
 }

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use control::executive::{Executive, Phase, Skill, Stage, Target};
+use control::executor::{Executor, Phase, Skill, Stage, Target};
 use control::motion::Protocol;
 use control::percept::{Eyes, EyesError, Percept, Sighted};
 use control::perception::{Grip, KnownObject};
@@ -117,25 +117,25 @@ impl Table {
     }
 
     /// An executor on its way to the first object.
-    pub fn executive(&self) -> Executive {
-        let mut executive = self.waiting();
-        executive.go_on().expect("a path");
-        executive
+    pub fn executor(&self) -> Executor {
+        let mut executor = self.waiting();
+        executor.go_on().expect("a path");
+        executor
     }
 
     /// An executor that waits to begin.
-    pub fn waiting(&self) -> Executive {
+    pub fn waiting(&self) -> Executor {
         let first = self.repertoire.of(FIRST, Role::First).next().expect("a first grasp").clone();
         let grasps = [first, self.second()[0].grasp.clone()].into_iter().enumerate();
         self.with_list(grasps.map(|(n, grasp)| Target { grasp, percept: self.percept(n) }).collect())
     }
 
     /// The same with any list of objects.
-    pub fn with_list(&self, targets: Vec<Target>) -> Executive {
+    pub fn with_list(&self, targets: Vec<Target>) -> Executor {
         let servo = self.cell.arm_servo(self.cell.ready).expect("at rest");
         let (limits, friction) = (PathLimits::default(), CableFriction::NONE);
         let protocol = Protocol { lift: 0.12, carry: 0.1, hold: 0.5, limits, friction };
-        Executive::new(self.cell.robot.hand.clone(), servo, protocol, targets, TICK).expect("at rest")
+        Executor::new(self.cell.robot.hand.clone(), servo, protocol, targets, TICK).expect("at rest")
     }
 
     pub fn knowledge(&self) -> Knowledge<'_> {
@@ -191,20 +191,20 @@ impl Eyes for Watchful<'_> {
 }
 
 /// Ticks until `phase`, without any image: looks end by their time limit.
-pub fn run_until(executive: &mut Executive, phase: Phase) {
+pub fn run_until(executor: &mut Executor, phase: Phase) {
     for _ in 0..100_000 {
-        if executive.phase() == phase {
+        if executor.phase() == phase {
             return;
         }
-        executive.tick(&Observation::default()).expect("a command");
+        executor.tick(&Observation::default()).expect("a command");
     }
     panic!("{phase} is not reached");
 }
 
 /// Ticks until the next decision.
-pub fn run_on(executive: &mut Executive) {
-    while !executive.phase().waits() {
-        executive.tick(&Observation::default()).expect("a command");
+pub fn run_on(executor: &mut Executor) {
+    while !executor.phase().waits() {
+        executor.tick(&Observation::default()).expect("a command");
     }
 }
 

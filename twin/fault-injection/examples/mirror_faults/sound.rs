@@ -6,7 +6,7 @@ use anyhow::{Result, bail};
 use bench::mirror::watch::Mirroring;
 use bench::trial::filming::All;
 use bench::trial::{Moment, Watcher};
-use control::executive::Phase;
+use control::executor::Phase;
 use scenarios::record::{Condition, TrialRecord};
 
 use crate::happened::Happened;
@@ -35,8 +35,8 @@ impl Watcher for Truths {
             None => &mut self.shared,
             Some(_) => self.branch.get_or_insert_with(|| self.shared.clone()),
         };
-        happened.see(truth, moment.executive.phase());
-        self.phases.push((moment.condition, moment.time, moment.executive.phase()));
+        happened.see(truth, moment.executor.phase());
+        self.phases.push((moment.condition, moment.time, moment.executor.phase()));
         Ok(())
     }
 

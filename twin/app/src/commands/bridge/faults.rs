@@ -6,7 +6,7 @@ use anyhow::{Context as _, bail};
 use bench::body::operator::Interrupt;
 use bench::builtin::make_bench;
 use clap::Args;
-use control::executive::Phase;
+use control::executor::Phase;
 use fault_injection::kind::{ALL, Kind};
 use fault_injection::ledger::{Ledger, Request};
 use fault_injection::{Matrix, PHASES, inject_all};

@@ -4,7 +4,7 @@ use grasping::Role;
 use world::attempt::Attempt;
 
 use super::{MOST_SIGMA, State, Touch};
-use crate::executive::{Executive, Target};
+use crate::executor::{Executor, Target};
 use crate::odds::Belief;
 use crate::percept::{Eyes, Looked, Percept};
 use crate::perception::Felt;
@@ -14,22 +14,22 @@ use crate::worth::{Candidate, SWITCH_GAIN};
 
 impl Touch<'_> {
     /// Looks at the second object anew; the executor keeps the last percept while it is hidden.
-    pub(super) fn see_second(&mut self, executive: &mut Executive, eyes: &mut dyn Eyes) -> Result<(), PolicyError> {
+    pub(super) fn see_second(&mut self, executor: &mut Executor, eyes: &mut dyn Eyes) -> Result<(), PolicyError> {
         let seen = self.see(1, eyes)?;
         self.second.hidden = seen.is_none();
         if let Some(seen) = seen {
-            executive.see(1, seen);
+            executor.see(1, seen);
             (self.second.looks, self.second.located) = (1, None);
         }
         Ok(())
     }
 
     /// Looks once more at the second object, which nothing has moved: its place is the mean of all looks that agree.
-    pub(super) fn see_better(&mut self, executive: &mut Executive, eyes: &mut dyn Eyes) -> Result<(), PolicyError> {
+    pub(super) fn see_better(&mut self, executor: &mut Executor, eyes: &mut dyn Eyes) -> Result<(), PolicyError> {
         let Some(seen) = self.see(1, eyes)?.filter(|_| self.knowledge.recovery.new_look) else { return Ok(()) };
-        let known = Looked { mean: executive.target(1).percept, looks: self.second.looks };
+        let known = Looked { mean: executor.target(1).percept, looks: self.second.looks };
         let Looked { mean, looks } = known.again(seen, self.uncertainty(1).fresh_look());
-        executive.see(1, mean);
+        executor.see(1, mean);
         self.second.looks = looks;
         Ok(())
     }
@@ -37,54 +37,54 @@ impl Touch<'_> {
     /// Looks at the second object and takes it; `aside`: the hand is out of the way already.
     pub(super) fn second_again(
         &mut self,
-        executive: &mut Executive,
+        executor: &mut Executor,
         eyes: &mut dyn Eyes,
         aside: bool,
     ) -> Result<Step, PolicyError> {
-        self.see_second(executive, eyes)?;
-        if self.second.hidden { self.seek(1, executive, aside) } else { self.touch_or_take(1, executive) }
+        self.see_second(executor, eyes)?;
+        if self.second.hidden { self.seek(1, executor, aside) } else { self.touch_or_take(1, executor) }
     }
 
     /// What is in the hand.
-    pub(super) fn held<'h>(&'h self, executive: &'h Executive, felt: &Felt) -> Held<'h> {
+    pub(super) fn held<'h>(&'h self, executor: &'h Executor, felt: &Felt) -> Held<'h> {
         Held {
             name: &self.knowledge.objects[0].name,
             solids: &self.solids[0],
             pose: felt.estimate.palm_from_object,
             joints: felt.estimate.q.to_vec(),
-            digits: &executive.target(0).grasp.digits,
+            digits: &executor.target(0).grasp.digits,
             sigma: felt.estimate.sigma().0.min(MOST_SIGMA),
         }
     }
 
     /// Decides how to take the second object, and begins.
-    pub(super) fn take_second(&mut self, executive: &mut Executive) -> Result<Step, PolicyError> {
-        let seen = executive.target(1).percept;
-        let mut within = self.within_reach(Role::Second, executive, &seen);
+    pub(super) fn take_second(&mut self, executor: &mut Executor) -> Result<Step, PolicyError> {
+        let seen = executor.target(1).percept;
+        let mut within = self.within_reach(Role::Second, executor, &seen);
         self.story.decisions += 1;
         loop {
             let Some(felt) = self.felt.as_ref().filter(|_| !within.is_empty()) else {
                 return Ok(self.give_up(1, &seen));
             };
-            let decision = self.choose(executive, &within, felt)?;
+            let decision = self.choose(executor, &within, felt)?;
             self.story.risk.get_or_insert(decision.plan.risk);
             let declined = decision.chosen.held < decision.chosen.risk;
             self.story.choice = Some(Choice::of(&decision, declined));
             if declined {
-                return self.way_out(executive, &decision);
+                return self.way_out(executor, &decision);
             }
             let attempt = attempt(&decision, felt);
             let beside = Percept { position: seen.position + decision.aim, ..seen };
             self.story.aimed |= self.seen.is_none_or(|[_, first_look]| beside != first_look);
-            let Some(path) = executive.rehearsed_approach(&decision.way, &decision.grasp, &beside) else {
+            let Some(path) = executor.rehearsed_approach(&decision.way, &decision.grasp, &beside) else {
                 within.retain(|candidate| candidate.grasp.id != decision.grasp.id);
                 continue;
             };
             self.story.switched |= decision.switched;
             // What failed at an object that was touched tells nothing of where the eyes see things.
             let aimed = self.second.located.is_none().then_some(decision.aimed);
-            executive.take(1, Target { grasp: decision.grasp, percept: beside })?;
-            executive.redirect(path);
+            executor.take(1, Target { grasp: decision.grasp, percept: beside })?;
+            executor.redirect(path);
             self.state = State::Takes { object: 1, aimed };
             self.story.attempts.push(attempt);
             self.story.tell(decision.reason);
@@ -93,13 +93,13 @@ impl Touch<'_> {
     }
 
     /// The grasp for the second object, given what is felt of the first.
-    fn choose(&self, executive: &Executive, candidates: &[Candidate], felt: &Felt) -> Result<Decision, PolicyError> {
+    fn choose(&self, executor: &Executor, candidates: &[Candidate], felt: &Felt) -> Result<Decision, PolicyError> {
         let second = &self.knowledge.objects[1];
-        let held = self.held(executive, felt);
-        let (first, _) = self.following(executive);
+        let held = self.held(executor, felt);
+        let (first, _) = self.following(executor);
         let uncertainty = self.uncertainty(1);
         let situation = Situation {
-            executive,
+            executor,
             hand: &self.knowledge.cell.robot.hand,
             held: &held,
             rehearsed: first.held.zip(first.held_joints.as_deref()),
@@ -120,10 +120,10 @@ impl Touch<'_> {
 
     /// What is done where a contact is likelier than a hold: the first object is put down and taken otherwise, if that promises
     /// more, else the second one is left alone.
-    fn way_out(&mut self, executive: &mut Executive, decision: &Decision) -> Result<Step, PolicyError> {
+    fn way_out(&mut self, executor: &mut Executor, decision: &Decision) -> Result<Step, PolicyError> {
         let Assessment { held, risk, utility, .. } = decision.chosen;
         let odds = format!("the best grasp holds with {held:.2} and touches with {risk:.2}");
-        let present = executive.target(0).grasp.id;
+        let present = executor.target(0).grasp.id;
         let otherwise = self.otherwise(present).filter(|worth| *worth > SWITCH_GAIN * utility);
         if otherwise.is_none() || self.is_late() || !self.knowledge.recovery.retry {
             self.story.tell(format!("declined: {odds}"));
@@ -132,7 +132,7 @@ impl Touch<'_> {
         self.story.tell(format!("{odds}: the first object is put down and taken otherwise"));
         self.story.retries += 1;
         *self.failures[0].entry(present).or_default() += 1;
-        self.lay_down(executive)
+        self.lay_down(executor)
     }
 }
 

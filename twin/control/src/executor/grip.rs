@@ -3,12 +3,12 @@
 use hand_model::Digit;
 use hand_model::robot::{Observation, TactileFrame};
 
-use super::{Executive, Phase, Skill, Stage};
+use super::{Executor, Phase, Skill, Stage};
 use crate::motion::tension::closing_tension;
 use crate::palpation;
 use crate::slip::{self, SlipWatch};
 
-impl Executive {
+impl Executor {
     /// Digits that keep what they have.
     pub fn holding(&self) -> Vec<Digit> {
         let kept = self.kept(self.held);

@@ -4,7 +4,7 @@ use grasping::Grasp;
 use nalgebra::Isometry3;
 use world::geometry::Shape;
 
-use super::{Executive, Target};
+use super::{Executor, Target};
 use crate::motion::MotionError;
 use crate::motion::approach::in_parts;
 use crate::palpation::{self, Touching};
@@ -14,7 +14,7 @@ use crate::trajectory::PosePath;
 /// How far the palm may rise before it goes to an object beside others, so that what it holds passes above, m.
 const RISES: [f64; 3] = [0.0, 0.05, 0.1];
 
-impl Executive {
+impl Executor {
     /// The stops of the ways from the present palm pose to another, before the approach pose: the shortest way, then higher ones.
     pub fn ways(&self) -> impl Iterator<Item = Vec<Isometry3<f64>>> {
         RISES.iter().map(|rise| self.motion.stops(self.rise() + rise))

@@ -2,8 +2,8 @@
 //!
 //! It sees what a robot measures and nothing else. Every skill is one palm path of its [`Motion`], or a few. Taking an object is an
 //! approach, a grasp, a lift and a look; a palpation may come before, and what is held is carried, held still and verified, or laid down.
-//! When the queue is empty the executor waits for a policy ([`Phase::waits`]) to begin what comes next: [`Executive::take`],
-//! [`Executive::palpate`], [`Executive::carry_aside`], [`Executive::deliver`], [`Executive::put_down`], [`Executive::step_aside`]. How many objects
+//! When the queue is empty the executor waits for a policy ([`Phase::waits`]) to begin what comes next: [`Executor::take`],
+//! [`Executor::palpate`], [`Executor::carry_aside`], [`Executor::deliver`], [`Executor::put_down`], [`Executor::step_aside`]. How many objects
 //! there are, and in which order they are taken, is the policy's list. Cloning it, together with a clone of a simulated robot, branches a trial.
 
 mod grip;
@@ -48,7 +48,7 @@ pub struct Target {
 
 /// Runs one task; see the module's page.
 #[derive(Clone)]
-pub struct Executive {
+pub struct Executor {
     motion: Motion,
     protocol: Protocol,
     /// The objects in the order in which they are taken.
@@ -73,7 +73,7 @@ pub struct Executive {
     left_from: Option<f64>,
 }
 
-impl Executive {
+impl Executor {
     /// An executor that waits to begin, with its arm at rest in `servo`'s posture; `tick` s is the length of a tick.
     pub fn new(
         hand: Arc<Hand>,
