@@ -9,7 +9,7 @@ use nalgebra::Vector3;
 use plant::Blindness;
 use serde::{Deserialize, Serialize};
 
-use world::phase::Phase;
+use world::phase::{Phase, Skill};
 
 /// One of the two objects.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -284,8 +284,10 @@ fn check_moment(kind: &str, moment: &Moment) -> Result<(), Fault> {
     check_range(&format!("disturbance.{kind}.at"), moment.at, [0.0, 1.0])?;
     check_range(&format!("disturbance.{kind}.duration"), moment.duration, [0.01, 30.0])?;
     // These last as long as a decision does: they have no parts.
-    if matches!(moment.phase, Phase::Decide | Phase::Confirm | Phase::Done) {
-        return fault(&format!("disturbance.{kind}.phase"), &moment.phase.name(), "a phase in which the robot acts");
+    let phase = moment.phase;
+    if phase.waits() && !matches!(phase.skill, Skill::Begin | Skill::Palpate) || phase.object > 1 {
+        let expected = "a phase in which the robot acts, in a trial with two objects";
+        return fault(&format!("disturbance.{kind}.phase"), &phase.name(), expected);
     }
     Ok(())
 }

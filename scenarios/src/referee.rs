@@ -1,7 +1,7 @@
 //! Judges a trial from ground truth, which only the simulator has; on hardware the operator is asked instead.
 //!
 //! # Rules
-//! - **Contact** (unwanted): before the second grasp has closed (up to the end of [`Phase::GraspSecond`]), the held first object
+//! - **Contact** (unwanted): before the second grasp has closed (up to the end of its [`Skill::Grasp`]), the held first object
 //!   or a digit holding it touches the second object; or the palm does before two free digits have it (once they have, they may
 //!   draw it against the palm); or the second object moves by more than `knock_distance` before
 //!   its grasp begins without a free digit having touched it (a blow shorter than the referee's sampling). Two objects that both
@@ -19,7 +19,7 @@ use nalgebra::{Isometry3, Point3};
 use serde::{Deserialize, Serialize};
 
 use world::holding::{HoldingRule, Support};
-use world::phase::Phase;
+use world::phase::{Phase, Skill};
 
 /// Thresholds.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -267,22 +267,23 @@ impl Referee {
 
     /// Takes the scene after one physics step or control tick, in order of time. The first one is taken before anything moves.
     pub fn see(&mut self, truth: &SceneTruth) {
-        if truth.phase == Phase::Done {
+        if truth.phase.is_done() {
             return;
         }
         self.note_try(truth);
         self.watch_second(truth);
         // What counts is the end of the lift, or, if that was skipped, the first sight after it.
-        for (object, lift) in [(0, Phase::LiftFirst), (1, Phase::LiftSecond)] {
-            let skipped = truth.phase > lift && self.last.as_ref().is_none_or(|last| last.phase < lift);
-            if truth.phase == lift || skipped {
+        for object in 0..2 {
+            let skipped =
+                truth.phase.has_lifted(object) && self.last.as_ref().is_none_or(|last| !last.phase.lifts(object));
+            if truth.phase == Phase::run(Skill::Lift, object) || skipped {
                 self.picked[object] = self.in_hand(truth, object);
                 if let Some(last) = self.tries.last_mut().filter(|last| last.object == object) {
                     last.picked = Some(self.picked[object]);
                 }
             }
         }
-        if truth.phase < Phase::Carry {
+        if !truth.phase.carries() {
             // What was carried and lost is tried again: the carry and the hold that count are the last ones.
             (self.carry_start, self.hold_start, self.slipped) = (None, None, false);
         } else {
@@ -290,7 +291,7 @@ impl Referee {
             let start = *self.carry_start.get_or_insert(now);
             self.slipped |= (0..2).any(|object| (now[object] - start[object]).norm() > self.rules.slip);
         }
-        if truth.phase == Phase::Hold {
+        if truth.phase.skill == Skill::Hold {
             self.hold_start.get_or_insert(truth.time);
         }
         self.last = Some(truth.clone());
@@ -315,13 +316,8 @@ impl Referee {
 
     /// A try begins when an approach does.
     fn note_try(&mut self, truth: &SceneTruth) {
-        let object = match truth.phase {
-            Phase::ApproachFirst => Some(0),
-            Phase::ApproachSecond => Some(1),
-            _ => None,
-        };
-        let begins = self.last.as_ref().is_none_or(|last| last.phase != truth.phase);
-        if let Some(object) = object.filter(|_| begins) {
+        let Phase { skill, object, .. } = truth.phase;
+        if skill == Skill::Approach && self.last.as_ref().is_none_or(|last| last.phase != truth.phase) {
             // What still rolls after an earlier try has not been knocked: its place counts from when it rests.
             self.second_start = self.last.as_ref().filter(|_| self.second_rests).map(second_at);
             (self.free_touch, self.gripped) = (false, false);
@@ -340,14 +336,13 @@ impl Referee {
             self.second_start.get_or_insert(now);
         }
         let start = self.second_start.unwrap_or(now);
-        if truth.phase > Phase::GraspSecond {
+        if truth.phase.lifts(1) {
             return;
         }
         self.free_touch |= truth.free_digits_on_second > 0;
         self.gripped |= truth.free_digits_on_second >= 2;
         let palm_touches = truth.palm_touches_second && !self.gripped;
-        let knocked =
-            truth.phase < Phase::GraspSecond && !self.free_touch && (now - start).norm() > self.rules.knock_distance;
+        let knocked = !truth.phase.closes(1) && !self.free_touch && (now - start).norm() > self.rules.knock_distance;
         let lies = |object: usize| truth.on_table[object] || truth.hand_contacts[object] == 0;
         let held_touches = truth.first_touches_second && !lies(0) && lies(1);
         let with = match (held_touches, truth.holding_digits_touch_second, palm_touches, knocked) {
@@ -392,17 +387,16 @@ impl Referee {
         };
         let held = [0, 1].map(|object| self.in_hand(last, object));
         let lost = [0, 1].map(|object| self.picked[object] && !held[object]);
-        let after = |lift: Phase| last.phase > lift;
         let seen = match (lost, self.picked) {
             ([true, true], _) => Some(FailureCause::BothDropped),
             ([true, _], _) => Some(FailureCause::FirstDropped),
-            (_, [false, _]) if after(Phase::LiftFirst) => Some(FailureCause::FirstNotPicked),
+            (_, [false, _]) if last.phase.has_lifted(0) => Some(FailureCause::FirstNotPicked),
             ([_, true], _) => Some(FailureCause::SecondDropped),
-            (_, [_, false]) if after(Phase::LiftSecond) => Some(FailureCause::SecondNotPicked),
+            (_, [_, false]) if last.phase.has_lifted(1) => Some(FailureCause::SecondNotPicked),
             _ => None,
         };
         // A touch of the table as the lift begins must not pass for a drop: before Look nothing can have been dropped.
-        let seen = if after(Phase::LiftFirst) { seen } else { None };
+        let seen = seen.filter(|_| last.phase.has_lifted(0));
         if seen.is_some() || self.given_up.is_some() {
             return seen.or(self.given_up);
         }

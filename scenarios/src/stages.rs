@@ -5,7 +5,7 @@
 
 use crate::referee::{SceneTruth, distance_in_palm};
 use world::holding::{HoldingRule, Support};
-use world::phase::Phase;
+use world::phase::{Phase, Skill};
 
 /// Follows one trial.
 #[derive(Debug, Clone)]
@@ -25,10 +25,10 @@ pub struct Stages {
 impl Stages {
     /// Objects count as lifted from `lift` (m) on, and both must be held for `hold` (s) within `reach` (m) of the palm.
     pub fn new(reach: f64, lift: f64, hold: f64) -> Self {
-        Self { reach, lift, hold, phase: Phase::ApproachFirst, rest: None, held_since: None }
+        Self { reach, lift, hold, phase: Phase::run(Skill::Approach, 0), rest: None, held_since: None }
     }
 
-    /// The present phase: [`Phase::ApproachFirst`], [`Phase::ApproachSecond`] or [`Phase::Hold`].
+    /// The present phase: an approach to an object, or the hold.
     pub fn phase(&self) -> Phase {
         self.phase
     }
@@ -47,12 +47,13 @@ impl Stages {
         };
         let held = [0, 1].map(|object| in_hand(object, f64::NEG_INFINITY));
         let lifted = [0, 1].map(|object| in_hand(object, rest[object] + self.lift));
-        self.phase = match (self.phase, held, lifted) {
-            (Phase::Hold, [true, true], _) | (_, _, [true, true]) => Phase::Hold,
-            (Phase::ApproachFirst, _, [false, _]) | (_, [false, _], _) => Phase::ApproachFirst,
-            _ => Phase::ApproachSecond,
+        self.phase = match (self.phase.skill, held, lifted) {
+            (Skill::Hold, [true, true], _) | (_, _, [true, true]) => Phase::run(Skill::Hold, 0),
+            (Skill::Approach, _, [false, _]) if self.phase.object == 0 => Phase::run(Skill::Approach, 0),
+            (_, [false, _], _) => Phase::run(Skill::Approach, 0),
+            _ => Phase::run(Skill::Approach, 1),
         };
-        self.held_since = (self.phase == Phase::Hold).then(|| self.held_since.unwrap_or(truth.time));
+        self.held_since = (self.phase.skill == Skill::Hold).then(|| self.held_since.unwrap_or(truth.time));
         self.phase
     }
 
@@ -74,7 +75,7 @@ mod tests {
     fn scene(time: f64, heights: [f64; 2], touched: [bool; 2]) -> SceneTruth {
         SceneTruth {
             time,
-            phase: Phase::Begin,
+            phase: Phase::decide(Skill::Begin, 0),
             first_touches_second: false,
             holding_digits_touch_second: false,
             palm_touches_second: false,
@@ -91,21 +92,21 @@ mod tests {
     fn phases_follow_what_is_lifted_held_and_lost() {
         let mut stages = Stages::new(0.16, 0.05, 1.0);
         let mut see = |time, heights, touched| (stages.see(&scene(time, heights, touched)), stages.is_done(time));
-        assert_eq!(see(0.0, [0.03, 0.03], [false; 2]), (Phase::ApproachFirst, false));
+        assert_eq!(see(0.0, [0.03, 0.03], [false; 2]), (Phase::run(Skill::Approach, 0), false));
         // Touched, raised a little, and raised.
-        assert_eq!(see(1.0, [0.03, 0.03], [true, false]).0, Phase::ApproachFirst);
-        assert_eq!(see(2.0, [0.05, 0.03], [true, false]).0, Phase::ApproachFirst);
-        assert_eq!(see(3.0, [0.09, 0.03], [true, false]).0, Phase::ApproachSecond);
+        assert_eq!(see(1.0, [0.03, 0.03], [true, false]).0, Phase::run(Skill::Approach, 0));
+        assert_eq!(see(2.0, [0.05, 0.03], [true, false]).0, Phase::run(Skill::Approach, 0));
+        assert_eq!(see(3.0, [0.09, 0.03], [true, false]).0, Phase::run(Skill::Approach, 1));
         // A second grasp goes down again with what is held.
-        assert_eq!(see(4.0, [0.05, 0.03], [true, true]).0, Phase::ApproachSecond);
-        assert_eq!(see(5.0, [0.09, 0.09], [true, true]), (Phase::Hold, false));
-        assert_eq!(see(5.5, [0.07, 0.07], [true, true]), (Phase::Hold, false));
+        assert_eq!(see(4.0, [0.05, 0.03], [true, true]).0, Phase::run(Skill::Approach, 1));
+        assert_eq!(see(5.0, [0.09, 0.09], [true, true]), (Phase::run(Skill::Hold, 0), false));
+        assert_eq!(see(5.5, [0.07, 0.07], [true, true]), (Phase::run(Skill::Hold, 0), false));
         // The second one is lost, regained, and held for a whole second.
-        assert_eq!(see(5.7, [0.09, 0.06], [true, false]).0, Phase::ApproachSecond);
-        assert_eq!(see(6.0, [0.09, 0.09], [true, true]), (Phase::Hold, false));
-        assert_eq!(see(6.9, [0.09, 0.09], [true, true]), (Phase::Hold, false));
-        assert_eq!(see(7.0, [0.09, 0.09], [true, true]), (Phase::Hold, true));
-        assert_eq!(see(8.0, [0.03, 0.09], [true, true]), (Phase::ApproachFirst, false));
+        assert_eq!(see(5.7, [0.09, 0.06], [true, false]).0, Phase::run(Skill::Approach, 1));
+        assert_eq!(see(6.0, [0.09, 0.09], [true, true]), (Phase::run(Skill::Hold, 0), false));
+        assert_eq!(see(6.9, [0.09, 0.09], [true, true]), (Phase::run(Skill::Hold, 0), false));
+        assert_eq!(see(7.0, [0.09, 0.09], [true, true]), (Phase::run(Skill::Hold, 0), true));
+        assert_eq!(see(8.0, [0.03, 0.09], [true, true]), (Phase::run(Skill::Approach, 0), false));
     }
 
     /// A referee who goes by these phases finds a trial won in which both are taken and held, and one lost whose hold breaks off.
@@ -142,6 +143,6 @@ mod tests {
         stages.see(&scene(0.0, [0.03, 0.03], [false; 2]));
         let mut far = scene(1.0, [0.2, 0.03], [true, false]);
         far.world_from_palm.translation.vector += Vector3::new(0.2, 0.0, 0.0);
-        assert_eq!(stages.see(&far), Phase::ApproachFirst);
+        assert_eq!(stages.see(&far), Phase::run(Skill::Approach, 0));
     }
 }

@@ -121,14 +121,14 @@ mod tests {
 
     use super::*;
     use crate::referee::ContactWith;
-    use world::phase::Phase;
+    use world::phase::{Phase, Skill};
 
     #[test]
     fn a_try_is_a_row_with_its_contact() {
         let contact = Contact {
             with: ContactWith::HoldingDigits,
             by: Some(Toucher::Link(11)),
-            phase: Phase::GraspSecond,
+            phase: Phase::run(Skill::Grasp, 1),
             time: 9.5,
             point: Some(Point3::new(0.6, -0.1, 0.05)),
             force: 2.5,

@@ -59,8 +59,13 @@ fn errors_name_line_and_field() {
     assert!(unknown.contains("unknown field `durration`, expected one of"), "{unknown}");
     let kind = error("[disturbance.earthquake]\nforce = 1\n");
     assert!(kind.contains("mine.toml:4:") && kind.contains("earthquake") && kind.contains("`push`"), "{kind}");
-    let phase = error(&push.replace("grasp_first", "grasp_third"));
-    assert!(phase.starts_with("mine.toml:7:") && phase.contains("grasp_third"), "{phase}");
+    let phase = error(&push.replace("grasp_first", "grasp_tenth"));
+    assert!(phase.starts_with("mine.toml:7:") && phase.contains("grasp_tenth"), "{phase}");
+    let third = error(&push.replace("grasp_first", "grasp_third"));
+    assert!(
+        third.contains("disturbance.push.phase: found \"grasp third\"") && third.contains("two objects"),
+        "{third}"
+    );
     let timeless = error(&push.replace("grasp_first", "decide"));
     assert!(timeless.contains("disturbance.push.phase: found \"decide\", expected a phase"), "{timeless}");
     let late = error(&push.replace("at = 0.5", "at = 50"));

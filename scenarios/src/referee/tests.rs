@@ -6,8 +6,7 @@ const TICK: f64 = 1.0 / 240.0;
 
 /// The scene of a perfect trial in `phase`.
 fn perfect(phase: Phase, time: f64) -> SceneTruth {
-    let first_up = phase >= Phase::LiftFirst;
-    let second_up = phase >= Phase::LiftSecond;
+    let [first_up, second_up] = [0, 1].map(|object| phase.lifts(object));
     let palm = Isometry3::translation(0.5, 0.0, if first_up { 0.3 } else { 0.1 });
     let in_palm = |up: bool, y: f64| {
         if up { palm * Isometry3::translation(0.0, y, -0.05) } else { Isometry3::translation(0.5, y, 0.02) }
@@ -18,13 +17,19 @@ fn perfect(phase: Phase, time: f64) -> SceneTruth {
         first_touches_second: false,
         holding_digits_touch_second: false,
         palm_touches_second: false,
-        free_digits_on_second: 2 * usize::from(phase >= Phase::GraspSecond),
+        free_digits_on_second: 2 * usize::from(phase.closes(1)),
         on_second: Vec::new(),
-        hand_contacts: [usize::from(phase >= Phase::GraspFirst) * 3, usize::from(phase >= Phase::GraspSecond) * 3],
+        hand_contacts: [0, 1].map(|object| usize::from(phase.closes(object)) * 3),
         on_table: [!first_up, !second_up],
         world_from_object: [in_palm(first_up, 0.04), in_palm(second_up, -0.06)],
         world_from_palm: palm,
     }
+}
+
+/// The phases of a trial in which something has to be laid down and looked for at the beginning.
+fn phases() -> Vec<Phase> {
+    let aside = [Skill::PutDown, Skill::StepAside].map(|skill| Phase::run(skill, 0));
+    aside.into_iter().chain(Phase::of_trial(2)).collect()
 }
 
 /// How long each phase takes, s.
@@ -34,7 +39,7 @@ const PHASE_TIME: f64 = 4.0;
 fn run(change: impl Fn(&mut SceneTruth)) -> Verdict {
     let mut referee = Referee::new(RULES, LIMITS);
     let mut time = 0.0;
-    for phase in Phase::ALL {
+    for phase in phases() {
         for _ in 0..(PHASE_TIME / TICK).round() as usize {
             let mut truth = perfect(phase, time);
             change(&mut truth);
@@ -51,6 +56,11 @@ fn cause(change: impl Fn(&mut SceneTruth)) -> Option<FailureCause> {
     verdict.cause
 }
 
+/// Whether the approach to the second object has begun.
+fn approached(truth: &SceneTruth) -> bool {
+    truth.phase.begins(1) && truth.phase.skill != Skill::Palpate
+}
+
 fn fall(truth: &mut SceneTruth, object: usize) {
     truth.hand_contacts[object] = 0;
     truth.on_table[object] = true;
@@ -64,32 +74,32 @@ fn a_perfect_trial_succeeds_without_contact() {
 
 #[test]
 fn touch_by_the_held_object_is_a_contact_until_the_grasp_has_closed() {
-    for phase in Phase::ALL {
+    for phase in phases() {
         let verdict = run(|truth| truth.first_touches_second = truth.phase == phase);
-        assert_eq!(verdict.contact, (Phase::LiftFirst..=Phase::GraspSecond).contains(&phase), "{phase}");
+        assert_eq!(verdict.contact, phase.lifts(0) && !phase.lifts(1), "{phase}");
         assert!(verdict.success);
     }
-    let verdict = run(|truth| truth.first_touches_second = truth.phase >= Phase::ApproachSecond);
+    let verdict = run(|truth| truth.first_touches_second = approached(truth));
     assert_eq!(verdict.first_contact.map(|contact| contact.with), Some(ContactWith::HeldObject));
-    let before = Phase::ALL.iter().filter(|phase| **phase < Phase::ApproachSecond).count();
+    let before = phases().iter().position(|phase| *phase == Phase::run(Skill::Approach, 1)).expect("an approach");
     assert!((verdict.first_contact.unwrap().time - PHASE_TIME * before as f64).abs() < 1e-6);
 }
 
 #[test]
 fn touch_by_a_holding_digit_is_a_contact_by_a_free_one_not() {
-    let holding = run(|truth| truth.holding_digits_touch_second = truth.phase == Phase::GraspSecond);
+    let holding = run(|truth| truth.holding_digits_touch_second = truth.phase == Phase::run(Skill::Grasp, 1));
     assert_eq!(holding.first_contact.map(|contact| contact.with), Some(ContactWith::HoldingDigits));
-    assert!(!run(|truth| truth.free_digits_on_second = usize::from(truth.phase >= Phase::ApproachSecond)).contact);
+    assert!(!run(|truth| truth.free_digits_on_second = usize::from(approached(truth))).contact);
 }
 
 /// The palm may not push the object, but two digits may draw it against the palm.
 #[test]
 fn the_palm_counts_until_two_digits_have_the_object() {
-    let pushed = run(|truth| truth.palm_touches_second = truth.phase == Phase::ApproachSecond);
+    let pushed = run(|truth| truth.palm_touches_second = truth.phase == Phase::run(Skill::Approach, 1));
     assert_eq!(pushed.first_contact.map(|contact| contact.with), Some(ContactWith::Palm));
-    assert!(!run(|truth| truth.palm_touches_second = truth.phase == Phase::GraspSecond).contact);
+    assert!(!run(|truth| truth.palm_touches_second = truth.phase == Phase::run(Skill::Grasp, 1)).contact);
     let one_digit = run(|truth| {
-        truth.palm_touches_second = truth.phase == Phase::GraspSecond;
+        truth.palm_touches_second = truth.phase == Phase::run(Skill::Grasp, 1);
         truth.free_digits_on_second = 1;
     });
     assert!(one_digit.contact);
@@ -98,7 +108,7 @@ fn the_palm_counts_until_two_digits_have_the_object() {
 /// What lies on the table beside the second object, or hangs in the hand with it, may touch it.
 #[test]
 fn loose_objects_and_objects_in_the_hand_may_touch_each_other() {
-    let touching = |truth: &mut SceneTruth| truth.first_touches_second = truth.phase == Phase::ApproachSecond;
+    let touching = |truth: &mut SceneTruth| truth.first_touches_second = truth.phase == Phase::run(Skill::Approach, 1);
     assert!(run(touching).contact);
     let dropped = |truth: &mut SceneTruth| {
         touching(truth);
@@ -118,7 +128,7 @@ fn the_time_limit_is_judged() {
     let late = |limit: f64| {
         let mut referee = Referee::new(RULES, Limits { trial: limit, ..LIMITS });
         let mut time = 0.0;
-        for phase in Phase::ALL {
+        for phase in phases() {
             for _ in 0..(PHASE_TIME / TICK).round() as usize {
                 referee.see(&perfect(phase, time));
                 time += TICK;
@@ -134,11 +144,11 @@ fn the_time_limit_is_judged() {
 fn tries_are_told_apart() {
     let mut referee = Referee::new(RULES, LIMITS);
     let mut time = 0.0;
-    let again = [Phase::ApproachSecond, Phase::GraspSecond, Phase::LiftSecond];
-    for (n, phase) in Phase::ALL.into_iter().filter(|phase| *phase <= Phase::Confirm).chain(again).enumerate() {
+    let again = [Phase::run(Skill::Approach, 1), Phase::run(Skill::Grasp, 1), Phase::run(Skill::Lift, 1)];
+    for (n, phase) in phases().into_iter().filter(|phase| !phase.carries()).chain(again).enumerate() {
         for step in 0..240 {
             let mut truth = perfect(phase, time);
-            if n > 20 && phase == Phase::ApproachSecond {
+            if n > 20 && phase == Phase::run(Skill::Approach, 1) {
                 truth.holding_digits_touch_second = true;
                 let force = f64::from(step);
                 truth.on_second = vec![Touch { by: Toucher::Link(13), holding: true, point: Point3::origin(), force }];
@@ -154,13 +164,16 @@ fn tries_are_told_apart() {
     );
     assert!(tries[0].contact.is_none() && tries[1].contact.is_none() && tries[0].ended < tries[1].begun);
     let contact = tries[2].contact.unwrap();
-    assert_eq!((contact.by, contact.force, contact.phase), (Some(Toucher::Link(13)), 239.0, Phase::ApproachSecond));
+    assert_eq!(
+        (contact.by, contact.force, contact.phase),
+        (Some(Toucher::Link(13)), 239.0, Phase::run(Skill::Approach, 1))
+    );
 }
 
 #[test]
 fn a_blow_too_short_to_be_seen_is_a_contact() {
     let push = |truth: &mut SceneTruth, by: f64| {
-        if (Phase::ApproachSecond..=Phase::GraspSecond).contains(&truth.phase) {
+        if approached(truth) && !truth.phase.lifts(1) {
             truth.world_from_object[1].translation.x += by;
         }
     };
@@ -168,26 +181,31 @@ fn a_blow_too_short_to_be_seen_is_a_contact() {
     assert!(!run(|truth| push(truth, 0.005)).contact);
     let by_free_digit = run(|truth| {
         push(truth, 0.02);
-        truth.free_digits_on_second = usize::from(truth.phase >= Phase::ApproachSecond);
+        truth.free_digits_on_second = usize::from(approached(truth));
     });
     assert!(!by_free_digit.contact);
 }
 
+/// Whether the hold has begun.
+fn holds(phase: Phase) -> bool {
+    phase.carries() && phase.skill != Skill::Carry
+}
+
 #[test]
 fn failures_are_told_apart() {
-    let drop = |object: usize, from: Phase| {
+    let drop = |object: usize, from: fn(Phase) -> bool| {
         cause(move |truth| {
-            if truth.phase >= from {
+            if from(truth.phase) {
                 fall(truth, object);
             }
         })
     };
-    assert_eq!(drop(0, Phase::GraspFirst), Some(FailureCause::FirstNotPicked));
-    assert_eq!(drop(0, Phase::Carry), Some(FailureCause::FirstDropped));
-    assert_eq!(drop(1, Phase::GraspSecond), Some(FailureCause::SecondNotPicked));
-    assert_eq!(drop(1, Phase::Hold), Some(FailureCause::SecondDropped));
+    assert_eq!(drop(0, |phase| phase.closes(0)), Some(FailureCause::FirstNotPicked));
+    assert_eq!(drop(0, Phase::carries), Some(FailureCause::FirstDropped));
+    assert_eq!(drop(1, |phase| phase.closes(1)), Some(FailureCause::SecondNotPicked));
+    assert_eq!(drop(1, holds), Some(FailureCause::SecondDropped));
     let both = cause(|truth| {
-        if truth.phase >= Phase::Carry {
+        if truth.phase.carries() {
             fall(truth, 0);
             fall(truth, 1);
         }
@@ -197,10 +215,10 @@ fn failures_are_told_apart() {
 
 #[test]
 fn an_object_lost_while_it_is_lifted_was_not_picked() {
-    let before = Phase::ALL.iter().filter(|phase| **phase < Phase::LiftSecond).count();
+    let before = phases().iter().position(|phase| phase.lifts(1)).expect("a lift");
     let middle = PHASE_TIME * (before as f64 + 0.5);
     let late = cause(|truth| {
-        if truth.phase > Phase::LiftSecond || (truth.phase == Phase::LiftSecond && truth.time > middle) {
+        if truth.phase.has_lifted(1) || (truth.phase.lifts(1) && truth.time > middle) {
             fall(truth, 1);
         }
     });
@@ -211,7 +229,7 @@ fn an_object_lost_while_it_is_lifted_was_not_picked() {
 fn each_part_of_in_the_hand_counts() {
     let end = |change: fn(&mut SceneTruth)| {
         cause(move |truth| {
-            if truth.phase >= Phase::Hold {
+            if holds(truth.phase) {
                 change(truth)
             }
         })
@@ -228,7 +246,7 @@ fn the_hold_must_be_whole_and_giving_up_has_its_cause() {
     let mut referee = Referee::new(RULES, LIMITS);
     assert_eq!(referee.verdict().cause, Some(FailureCause::NotFinished));
     let mut time = 0.0;
-    for phase in Phase::ALL {
+    for phase in phases() {
         for _ in 0..240 {
             referee.see(&perfect(phase, time));
             time += TICK;
@@ -236,7 +254,7 @@ fn the_hold_must_be_whole_and_giving_up_has_its_cause() {
     }
     assert_eq!(referee.verdict().cause, Some(FailureCause::NotFinished));
     let mut early = Referee::new(RULES, LIMITS);
-    early.see(&perfect(Phase::ApproachFirst, 0.0));
+    early.see(&perfect(Phase::run(Skill::Approach, 0), 0.0));
     early.give_up(FailureCause::Unreachable);
     early.give_up(FailureCause::RobotFault);
     assert_eq!(early.verdict().cause, Some(FailureCause::Unreachable));
@@ -247,30 +265,21 @@ fn a_trial_that_carries_again_is_judged_by_its_last_carry() {
     let mut referee = Referee::new(RULES, LIMITS);
     let mut time = 0.0;
     // Without the exploratory motions, to end in time.
-    let explores = |phase: &Phase| {
-        (Phase::Begin..=Phase::LocateFirst).contains(phase)
-            || (Phase::ReachSecond..=Phase::LocateSecond).contains(phase)
-    };
-    let phases = || Phase::ALL.into_iter().filter(|phase| !explores(phase));
-    let first = phases().filter(|phase| *phase <= Phase::Carry).map(|phase| (phase, true));
+    let explores = |phase: &Phase| matches!(phase.skill, Skill::Begin | Skill::Palpate);
+    let phases = || phases().into_iter().filter(|phase| !explores(phase));
+    let first = phases().filter(|phase| !holds(*phase)).map(|phase| (phase, true));
     for (phase, slips) in first.chain(phases().map(|phase| (phase, false))) {
         for step in 0..960 {
             let mut truth = perfect(phase, time);
-            if slips && phase == Phase::Carry && step > 480 {
+            if slips && phase == Phase::run(Skill::Carry, 0) && step > 480 {
                 truth.world_from_object[1].translation.y -= 0.06;
             }
             referee.see(&truth);
             time += TICK;
         }
-        if slips && phase == Phase::Carry {
+        if slips && phase == Phase::run(Skill::Carry, 0) {
             assert!(!referee.verdict().success);
         }
     }
     assert_eq!(referee.verdict().cause, None);
-}
-
-#[test]
-fn phases_are_in_order_and_have_names() {
-    assert!(Phase::ALL.windows(2).all(|pair| pair[0] < pair[1]));
-    assert_eq!(Phase::GraspSecond.to_string(), "grasp second");
 }

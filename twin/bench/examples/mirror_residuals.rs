@@ -14,7 +14,6 @@ use bench::body::Body;
 use bench::builtin::{hide_plant, make_scenes};
 use bench::mirror::twin::Twin;
 use bench::trial::setup::Setup;
-use control::executive::Phase;
 use hand_model::RobotModel;
 use nalgebra::Vector3;
 use scenarios::Scenario;
@@ -58,26 +57,21 @@ fn main() -> anyhow::Result<()> {
     }
     let (setup, _) = Setup::noisy(&bench, combination, trial)?;
     let start = setup.begin(&bench, None, true)?;
-    let second = start.grasps.second.first().context("no grasp of the second object")?.grasp.clone();
     let mut played = start.run.snapshot;
     let Body::Simulated(robot) = &mut played.robot else { bail!("the body is not the simulated one") };
-    let executive = &mut played.executive;
+    let executor = &mut played.executor;
     let mut out = BufWriter::new(File::create(file).with_context(|| file.clone())?);
     writeln!(out, "time_s,phase,struck,loads_n,opposition_nm,twin_tensions_n,arm_torques_nm,servos_rad")?;
     let mut twin: Option<Twin> = None;
     let mut struck: Option<f64> = None;
     let (mut spent, mut ticks) = (Duration::ZERO, 0u32);
-    while executive.phase() < Phase::Done {
-        match executive.phase() {
-            Phase::Decide => executive.decide(second.clone())?,
-            Phase::Confirm => executive.confirm()?,
-            _ => {}
-        }
+    while !executor.phase().is_done() {
+        executor.go_on()?;
         let seen = robot.observe();
-        let command = executive.tick(&seen)?;
+        let command = executor.tick(&seen)?;
         let sent = robot.send(&command);
-        let name = executive.phase().name();
-        if struck.is_none() && name == phase && executive.progress() >= progress {
+        let name = executor.phase().name();
+        if struck.is_none() && name == *phase && executor.motion().progress() >= progress {
             strike(robot, fault)?;
             struck = Some(seen.time);
         }

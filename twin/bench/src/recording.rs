@@ -9,7 +9,7 @@ use std::sync::Arc;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use anyhow::Result;
-use control::executive::Phase;
+use control::executor::Phase;
 use hand_model::ArmVector;
 use hand_model::robot::{ServoState, TactileFrame, TactileImage};
 use nalgebra::{Isometry3, Vector3};
@@ -211,10 +211,10 @@ impl Watcher for Recording {
             Some(truth) => log_scene(recorder, truth, &names)?,
             None => recorder.set_time(moment.time),
         }
-        let phase = moment.executive.phase();
+        let phase = moment.executor.phase();
         if self.phase != Some(phase) {
             self.phase = Some(phase);
-            recorder.log_phase(phase.name())?;
+            recorder.log_phase(&phase.name())?;
         }
         let felt = self.beliefs.see(recorder, &names[0], phase, moment.felt)?;
         let mut errors = vec![None, None];
@@ -235,15 +235,17 @@ impl Watcher for Recording {
         if let Some(choice) = moment.choice {
             self.beliefs.weighs(recorder, &names[0], choice)?;
         }
-        let executive = moment.executive;
-        self.shown.log(recorder, executive.newest_images())?;
+        let executor = moment.executor;
+        self.shown.log(recorder, executor.motion().newest_images())?;
         match truth {
-            // Where the policy itself moves the robot, the executive asks for nothing.
+            // Where the policy itself moves the robot, the executor asks for nothing.
             Some(truth) if self.condition == Condition::Own && self.begins_otherwise => {
-                log_signals(recorder, truth, executive.servos(), &executive.arm().position, errors)
+                log_signals(recorder, truth, executor.motion().servos(), &executor.motion().arm().position, errors)
             }
-            Some(truth) => log_signals(recorder, truth, executive.servos(), executive.posture(), errors),
-            None => self.measured.log(recorder, &names, executive, felt),
+            Some(truth) => {
+                log_signals(recorder, truth, executor.motion().servos(), executor.motion().posture(), errors)
+            }
+            None => self.measured.log(recorder, &names, executor, felt),
         }
     }
 

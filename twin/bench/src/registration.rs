@@ -6,7 +6,7 @@
 mod file;
 
 use anyhow::{Context as _, Result, bail};
-use control::executive::{Executive, Phase};
+use control::executor::{Executor, Phase, Skill, Target};
 use control::guarded::Guarded;
 use control::outage::Outage;
 use control::palpation::located;
@@ -100,13 +100,11 @@ impl<'a> Registrar<'a> {
     }
 
     /// About to touch the first ball, with the arm in its ready posture.
-    fn executive(&self, tick: f64) -> Result<Executive> {
+    fn executor(&self, tick: f64) -> Result<Executor> {
         let cell = &self.world.cell;
-        let start = (self.grasp.clone(), self.percept(&self.middle(0), 0.0));
+        let start = Target { grasp: self.grasp.clone(), percept: self.percept(&self.middle(0), 0.0) };
         let (servo, protocol) = (cell.arm_servo(cell.ready)?, self.world.protocol());
-        let mut executive = Executive::new(cell.robot.hand.clone(), servo, protocol, start.clone(), start, tick)?;
-        executive.wait_to_begin()?;
-        Ok(executive)
+        Ok(Executor::new(cell.robot.hand.clone(), servo, protocol, vec![start], tick)?)
     }
 
     /// A ball at `middle`, to be touched with the hand turned by `heading` (rad).
@@ -118,10 +116,10 @@ impl<'a> Registrar<'a> {
 
     /// Which touches the arm can carry out with the base where it is taken to be, mark by mark and heading by heading.
     pub fn dry_run(&self) -> Result<Vec<Vec<Option<f64>>>> {
-        let mut executive = self.executive(1.0 / 120.0)?;
+        let mut executor = self.executor(1.0 / 120.0)?;
         let mut time = |mark: usize, heading: f64| {
-            executive.see_first(self.percept(&self.middle(mark), heading));
-            let touching = executive.rehearsed_touches(0, &self.ball.model.shape).next();
+            executor.see(0, self.percept(&self.middle(mark), heading));
+            let touching = executor.rehearsed_touches(0, &self.ball.model.shape).next();
             touching.map(|touching| touching.way.duration() + touching.onto.duration())
         };
         let headings = &self.plan.headings;
@@ -138,9 +136,9 @@ impl<'a> Registrar<'a> {
         pipeline: &TouchPipeline,
         tell: &mut dyn FnMut(Step),
     ) -> Result<(Registration, Vec<Touched>)> {
-        let mut executive = self.executive(body.tick_length())?;
-        executive.watch_images(FIRST_IMAGES);
-        let pipeline = self.untouched(body, &mut executive, pipeline)?;
+        let mut executor = self.executor(body.tick_length())?;
+        executor.watch_images(FIRST_IMAGES);
+        let pipeline = self.untouched(body, &mut executor, pipeline)?;
         let senses = Senses::new(&pipeline, Sensing::Full)?;
         // Where the table is for the arm as it knows itself.
         let mut cell_from_world = Isometry3::identity();
@@ -152,7 +150,7 @@ impl<'a> Registrar<'a> {
                 // Images that come late on a busy computer can miss a touch.
                 for _ in 0..TRIES {
                     tell(Step::Touching(mark, round));
-                    felt = self.touch(body, &mut executive, &senses, &expected, *heading, round)?;
+                    felt = self.touch(body, &mut executor, &senses, &expected, *heading, round)?;
                     if felt.is_some() {
                         break;
                     }
@@ -195,50 +193,50 @@ impl<'a> Registrar<'a> {
     fn untouched(
         &self,
         body: &mut dyn TrialBody,
-        executive: &mut Executive,
+        executor: &mut Executor,
         pipeline: &TouchPipeline,
     ) -> Result<TouchPipeline> {
         let mut left = (FIRST_IMAGES / body.tick_length()) as u64;
         let mut outage = Outage::default();
-        while executive.newest_images().len() < executive.hand().cameras.len() {
-            tick(body, executive, &mut outage)?;
+        while executor.motion().newest_images().len() < executor.motion().hand().cameras.len() {
+            tick(body, executor, &mut outage)?;
             left = left.saturating_sub(1);
             if left == 0 {
                 break;
             }
         }
-        Ok(pipeline.with_backgrounds(backgrounds(executive.newest_images(), pipeline.backgrounds().len())?)?)
+        Ok(pipeline.with_backgrounds(backgrounds(executor.motion().newest_images(), pipeline.backgrounds().len())?)?)
     }
 
     /// Where a ball is that is expected at `expected`, by touch: in the world as the arm's nominal base has it, m, with covariance, m2.
     fn touch(
         &self,
         body: &mut dyn TrialBody,
-        executive: &mut Executive,
+        executor: &mut Executor,
         senses: &Senses,
         expected: &Point3<f64>,
         heading: f64,
         round: usize,
     ) -> Result<Option<(Point3<f64>, nalgebra::Matrix3<f64>)>> {
         let percept = self.percept(expected, heading);
-        executive.see_first(percept);
-        let touching = executive.rehearsed_touches(0, &self.ball.model.shape).next();
+        executor.see(0, percept);
+        let touching = executor.rehearsed_touches(0, &self.ball.model.shape).next();
         let touching = touching.with_context(|| format!("the arm does not reach a ball at {expected:.3}"))?;
-        let hand = executive.hand().clone();
+        let hand = executor.motion().hand().clone();
         let guarded = Guarded::new(touching.onto, &hand, Role::Second.digits(), |pad| senses.uses(&hand, pad));
-        executive.touch(0, touching.way, guarded);
-        play(body, executive, Phase::LocateFirst)?;
+        executor.palpate(0, touching.way, guarded);
+        play(body, executor, Phase::decide(Skill::Palpate, 0))?;
         let kinematics = self.world.cell.kinematics();
         // By the encoders, not as commanded.
-        let palm = kinematics.palm_pose(&executive.arm().position);
+        let palm = kinematics.palm_pose(&executor.motion().arm().position);
         let prior = PosePrior {
             palm_from_object: palm.inverse() * percept.pose(),
             sigma_translation: self.sigma(round),
             sigma_rotation: TURNED,
         };
-        let found = located(senses, &executive.look(), &self.ball, &prior, None)?;
-        executive.step_aside()?;
-        play(body, executive, Phase::Decide)?;
+        let found = located(senses, &executor.motion().look(), &self.ball, &prior, None)?;
+        executor.step_aside(0)?;
+        play(body, executor, Phase::decide(Skill::StepAside, 0))?;
         Ok(found.map(|found| {
             let turn = palm.rotation.to_rotation_matrix().into_inner();
             let covariance = turn * found.covariance.fixed_view::<3, 3>(0, 0) * turn.transpose();
@@ -248,14 +246,14 @@ impl<'a> Registrar<'a> {
 }
 
 /// Plays until `phase`.
-fn play(body: &mut dyn TrialBody, executive: &mut Executive, phase: Phase) -> Result<()> {
+fn play(body: &mut dyn TrialBody, executor: &mut Executor, phase: Phase) -> Result<()> {
     let mut left = (LONGEST / body.tick_length()) as u64;
     let mut outage = Outage::default();
-    while executive.phase() != phase {
-        tick(body, executive, &mut outage)?;
+    while executor.phase() != phase {
+        tick(body, executor, &mut outage)?;
         left = left.saturating_sub(1);
         if left == 0 {
-            bail!("the hand does not get on: found it {}, expected {}", executive.phase().name(), phase.name());
+            bail!("the hand does not get on: found it {}, expected {}", executor.phase().name(), phase.name());
         }
     }
     // What comes next is to be thought about first.
@@ -263,10 +261,10 @@ fn play(body: &mut dyn TrialBody, executive: &mut Executive, phase: Phase) -> Re
     Ok(())
 }
 
-fn tick(body: &mut dyn TrialBody, executive: &mut Executive, outage: &mut Outage) -> Result<()> {
+fn tick(body: &mut dyn TrialBody, executor: &mut Executor, outage: &mut Outage) -> Result<()> {
     let failed = match outage.observed(body.observe()) {
         Ok(Some(observation)) => {
-            let command = executive.tick(&observation)?;
+            let command = executor.tick(&observation)?;
             outage.sent(body.send(&command)).err()
         }
         Ok(None) => None,
@@ -274,7 +272,7 @@ fn tick(body: &mut dyn TrialBody, executive: &mut Executive, outage: &mut Outage
     };
     body.wait_for_tick();
     match body.stopped() {
-        Some(why) => bail!(Stopped(format!("{why} (phase: {})", executive.phase().name()))),
+        Some(why) => bail!(Stopped(format!("{why} (phase: {})", executor.phase().name()))),
         None => failed.map_or(Ok(()), |error| bail!(Stopped(error.to_string()))),
     }
 }

@@ -25,7 +25,6 @@ use control::policy::chosen::Chosen;
 use control::policy::touch::Touch;
 use control::policy::{Knowledge, Recovery, order};
 use control::sensing::Senses;
-use grasping::Grasp;
 use proving::plan::PlannedGrasps;
 use proving::rehearsal::{Snapshot, TrialStart};
 use rand::RngExt as _;
@@ -151,22 +150,21 @@ impl Bench {
         Ok(results)
     }
 
-    /// Body and controller about to begin the ideal run of a combination, and its planned second grasp.
-    pub fn ideal_start(&self, combination: usize) -> Result<(Snapshot, Grasp)> {
+    /// Body and controller about to begin the ideal run of a combination.
+    pub fn ideal_start(&self, combination: usize) -> Result<Snapshot> {
         let PlannedGrasps { first, second, .. } = self.plans.plans[combination].grasps(&self.repertoire)?;
-        let (world, second) = (&self.world, second[0].grasp.clone());
+        let world = &self.world;
         let board = self.board.with_noise(0);
         let plan = &self.plans.plans[combination];
         let objects = [world.object(&plan.first)?, world.object(&plan.second)?];
         let (protocol, arm) = (world.protocol(), world.cell.ready);
-        let start = TrialStart { protocol, grasps: [&first, &second], noise: &TrialNoise::none(), arm };
-        let snapshot = Snapshot::at_start(world, &start, &objects, board)?;
-        Ok((snapshot, second))
+        let start = TrialStart { protocol, grasps: [&first, &second[0].grasp], noise: &TrialNoise::none(), arm };
+        Snapshot::at_start(world, &start, &objects, board)
     }
 
     /// The simulated robot about to begin the ideal run of a combination.
     pub fn scene(&self, combination: usize) -> Result<SimulatedRobot> {
-        Ok(self.ideal_start(combination)?.0.robot)
+        Ok(self.ideal_start(combination)?.robot)
     }
 
     /// How a branch is played.
@@ -212,14 +210,14 @@ impl Bench {
         watcher: &mut dyn Watcher,
     ) -> Result<TrialOutcome> {
         let TrialId { combination, trial, .. } = options.id;
-        let executive = &start.run.snapshot.executive;
+        let executor = &start.run.snapshot.executor;
         let limits = ActionLimits::of(&self.world.cell);
         let reset = message::reset(&Info {
             combination,
             trial,
             seed: trial_rng(self.seed ^ OWN, combination, trial).random(),
             objects: start.objects.each_ref().map(|object| object.name.as_str()),
-            yaws: [executive.first().1.yaw, executive.second().1.yaw],
+            yaws: [executor.target(0).percept.yaw, executor.target(1).percept.yaw],
             limits: &limits,
         });
         if guest.level == Level::Act {
@@ -281,7 +279,7 @@ impl Bench {
     /// The policy `touch` of a trial, with this `knowledge`.
     fn touch_policy<'a>(&'a self, start: &'a Start, knowledge: Knowledge<'a>, means: Means) -> Result<Touch<'a>> {
         let senses = Senses::new(start.pipeline.as_ref().unwrap_or(&self.pipeline), means.sensing)?;
-        let first = &start.run.snapshot.executive.first().0;
+        let first = &start.run.snapshot.executor.target(0).grasp;
         Ok(Touch::new(knowledge, senses, first))
     }
 

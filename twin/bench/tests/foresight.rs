@@ -1,7 +1,7 @@
 //! The twin of a scene, built from what is believed, does what the scene does.
 
 use bench::builtin::make_scenes;
-use control::executive::Phase;
+use control::executor::{Phase, Skill};
 use control::foresight::{Draw, Scene, Twin};
 use control::odds::TryOutcome;
 use hand_model::RobotModel;
@@ -20,9 +20,10 @@ fn the_planned_grasp_holds_in_the_twin_where_the_target_is() {
     let mut world = bench.world.clone();
     world.scenario.effects.objects = None;
     for combination in 0..3 {
-        let (mut snapshot, second) = bench.ideal_start(combination).expect("a start");
-        drive(&mut snapshot.robot, &mut snapshot.executive, Phase::Decide, |_, _| {}).expect("a hold");
-        let (truth, executive) = (snapshot.robot.truth(), &snapshot.executive);
+        let mut snapshot = bench.ideal_start(combination).expect("a start");
+        snapshot.executor.go_on().expect("a path");
+        drive(&mut snapshot.robot, &mut snapshot.executor, Phase::decide(Skill::Look, 0), |_, _| {}).expect("a hold");
+        let (truth, executor) = (snapshot.robot.truth(), &snapshot.executor);
         let plan = &bench.plans.plans[combination];
         let objects = [&plan.first, &plan.second].map(|name| bench.world.object(name).expect("known"));
         let held = truth.palm.inverse() * truth.objects[0];
@@ -34,9 +35,9 @@ fn the_planned_grasp_holds_in_the_twin_where_the_target_is() {
         ];
         let twin = SceneTwin::new(world.clone(), bench.board.clone());
         let imagined =
-            twin.imagine(&Scene { executive, objects: &objects, joints: &truth.hand, draws: &draws }).expect("a scene");
-        let mut going = executive.clone();
-        going.decide(second).expect("a path");
+            twin.imagine(&Scene { executor, objects: &objects, joints: &truth.hand, draws: &draws }).expect("a scene");
+        let mut going = executor.clone();
+        going.go_on().expect("a path");
         let outcomes = imagined.play(&going, 0..3).expect("played");
         assert_eq!(outcomes[0], Some(TryOutcome::Held), "{} and {}", plan.first, plan.second);
         assert_ne!(outcomes[1], Some(TryOutcome::Held), "{} and {}", plan.first, plan.second);

@@ -12,7 +12,7 @@ use bench::mirror::twin::Twin;
 use bench::mirror::watch::Mirroring;
 use bench::trial::filming::All;
 use bench::trial::{Moment, Watcher};
-use control::executive::Phase;
+use control::executor::{Phase, Skill};
 use hand_model::pads::IMAGE_SIZE;
 use hand_model::robot::{Command, ServoGoal, TactileFrame, TactileImage};
 use hand_model::{Arm, Digit, DigitVector, RobotModel};
@@ -114,7 +114,7 @@ fn named(strike: impl FnOnce(&mut SimulatedRobot), press: impl Fn(&mut Simulated
             arm: &seen.arm,
             images: &[],
             sent: &sent,
-            phase: Phase::ApproachFirst,
+            phase: Phase::run(Skill::Approach, 0),
             progress: 0.5 * robot.time() / END,
             objects: ["golf_ball", "can_66"],
             felt: None,
@@ -207,7 +207,7 @@ fn named_in_real_time(strike: impl FnOnce(&mut SimulatedRobot), frozen: Option<u
             arm: &seen.arm,
             images: &known,
             sent: &sent,
-            phase: Phase::ApproachFirst,
+            phase: Phase::run(Skill::Approach, 0),
             progress: 0.5 * time / END,
             objects: ["golf_ball", "can_66"],
             felt: None,

@@ -30,8 +30,8 @@ fn the_other_order_leaves_everything_where_it_is() {
         let (there, mut here) = (objects(&planned), objects(&other));
         here.reverse();
         assert_eq!(there, here, "{}", ordered.plan.first);
-        let (planned, other) = (&planned.run.snapshot.executive, &other.run.snapshot.executive);
-        assert_eq!((planned.first().1, planned.second().1), (other.second().1, other.first().1));
+        let (planned, other) = (&planned.run.snapshot.executor, &other.run.snapshot.executor);
+        assert_eq!([0, 1].map(|n| planned.target(n).percept), [1, 0].map(|n| other.target(n).percept));
         let blind_pads = Some(BlindPads { pads: vec!["ring_distal".to_owned()], frames: Blindness::Black });
         let disturbances = Disturbances { blind_pads, ..Disturbances::default() };
         let disturbed = Setup { disturbances, ..setup };

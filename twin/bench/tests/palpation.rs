@@ -1,7 +1,7 @@
 //! An object that is not where it is seen is found by touching it, in physics and from rendered images.
 
 use bench::builtin::make_bench;
-use control::executive::Phase;
+use control::executor::{Phase, Skill, Target};
 use control::guarded::Guarded;
 use control::palpation::located;
 use control::percept::Percept;
@@ -29,27 +29,29 @@ fn an_object_is_where_it_is_felt() {
     for (combination, side) in
         COMBINATIONS.into_iter().flat_map(|combination| [(combination, -1.0), (combination, 1.0)])
     {
-        let (mut trial, second) = bench.ideal_start(combination).expect("a trial");
-        let (robot, executive) = (&mut trial.robot, &mut trial.executive);
-        drive(robot, executive, Phase::Decide, |_, _| {}).expect("the first grasp");
-        let (first, seen_first) = executive.first().clone();
+        let mut trial = bench.ideal_start(combination).expect("a trial");
+        let (robot, executor) = (&mut trial.robot, &mut trial.executor);
+        executor.go_on().expect("a path");
+        drive(robot, executor, Phase::decide(Skill::Look, 0), |_, _| {}).expect("the first grasp");
+        let Target { grasp: first, percept: seen_first } = executor.target(0).clone();
+        let second = executor.target(1).grasp.clone();
         let known = [&first.object, &second.object].map(|name| &bench.known[name]);
         let expected = Expected::of(&first, &seen_first, &second);
-        let felt = feel(&senses, &executive.look(), known[0], &expected).expect("felt");
+        let felt = feel(&senses, &executor.motion().look(), known[0], &expected).expect("felt");
 
-        let seen = executive.second().1;
+        let seen = executor.target(1).percept;
         let lateral = second.palm_rotation(seen.yaw) * Vector3::x() * OFF * side;
-        executive.see_second(Percept { position: seen.position + lateral, ..seen });
-        let touching = executive.rehearsed_touches(1, &known[1].model.shape).next().expect("within reach");
+        executor.see(1, Percept { position: seen.position + lateral, ..seen });
+        let touching = executor.rehearsed_touches(1, &known[1].model.shape).next().expect("within reach");
         let guarded = Guarded::new(touching.onto, hand, Role::Second.digits(), |_| true);
-        executive.touch(1, touching.way, guarded);
-        drive(robot, executive, Phase::LocateSecond, |_, _| {}).expect("the touch");
+        executor.palpate(1, touching.way, guarded);
+        drive(robot, executor, Phase::decide(Skill::Palpate, 1), |_, _| {}).expect("the touch");
 
-        let seen = executive.second().1.pose();
-        let palm_from_object = executive.palm().inverse() * seen;
+        let seen = executor.target(1).percept.pose();
+        let palm_from_object = executor.motion().palm().inverse() * seen;
         let prior = PosePrior { palm_from_object, sigma_translation: 0.01, sigma_rotation: 0.08 };
         let held = InHand { shape: known[0], prior: trusted(felt.estimate.palm_from_object) };
-        let found = located(&senses, &executive.look(), known[1], &prior, Some(held)).expect("perceived");
+        let found = located(&senses, &executor.motion().look(), known[1], &prior, Some(held)).expect("perceived");
         let estimate = found.unwrap_or_else(|| panic!("combination {combination}: nothing is felt"));
         let truth = robot.truth();
         let real = (truth.palm.inverse() * truth.objects[1]).translation.vector;

@@ -15,7 +15,7 @@ use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use world::objects::ObjectModel;
 
-use crate::executive::Executive;
+use crate::executor::Executor;
 use crate::odds::{Belief, Odds, TryOutcome};
 use crate::percept::Percept;
 
@@ -42,7 +42,7 @@ pub struct Draw {
 /// The scene as it is believed to be.
 pub struct Scene<'a> {
     /// In a decision, with the first object in the hand.
-    pub executive: &'a Executive,
+    pub executor: &'a Executor,
     /// The held object and the target.
     pub objects: &'a [Arc<ObjectModel>; 2],
     /// Angles of the finger joints as felt, rad.
@@ -66,7 +66,7 @@ pub trait Twin: Sync {
 pub trait Imagined {
     /// How `going`, which is about to approach the second object, ends under each of these draws; `None` where the draw's hold of the
     /// first object is none in the twin.
-    fn play(&self, going: &Executive, draws: Range<usize>) -> Result<Vec<Option<TryOutcome>>, TwinError>;
+    fn play(&self, going: &Executor, draws: Range<usize>) -> Result<Vec<Option<TryOutcome>>, TwinError>;
 }
 
 /// How a policy plays second grasps before it chooses one.

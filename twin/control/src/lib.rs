@@ -1,28 +1,26 @@
 //! The brain: everything that moves the robot, interprets what it feels and decides what comes next.
 //!
 //! - **Motion.** [`trajectory`] makes palm paths within Cartesian limits, [`inverse_kinematics`] turns palm poses into joint set-points
-//!   within the arm's, [`motion`] follows one path after another with cables and cameras. [`executive`] runs a two-object trial
-//!   on it and [`carrier`] a transport; [`action`] carries out what a policy asks for step by step; [`outage`] says how long it holds for a robot that fails. [`guarded`] stops where a pad feels something,
+//!   within the arm's, [`motion`] follows one path after another with cables and cameras. [`executor`] carries out a queue of skills
+//!   on it, for any number of objects; [`action`] carries out what a policy asks for step by step; [`outage`] says how long it holds for a robot that fails. [`guarded`] stops where a pad feels something,
 //!   [`slip`] answers slip while carrying; `watch` takes the images of a recording, by which nothing is decided.
 //! - **Perception.** A [`look`] is all that perception takes. [`perception`] says what is in the hand and where, [`sensing`] what an
 //!   ablation leaves of the senses. [`percept`] is how objects on the table are reported, [`palpation`] how one is touched to find out
 //!   where it is. [`registration`] finds where the arm stands from known points that were touched.
 //! - **Decision.** [`collision`] and [`arm_clearance`] measure distances along a planned motion, [`odds`] says what rehearsals under
 //!   errors make of an aim, [`foresight`] what a twin of the scene does, [`strategy`] chooses a grasp and its aim by them. [`recovery`] says what follows a failed one, [`stand_in`]
-//!   finds grasps for what fell over, [`load`] plans a transport, and [`worth`] holds the factors by which grasps are ranked.
+//!   finds grasps for what fell over, and [`worth`] holds the factors by which grasps are ranked.
 //!   [`policy`] puts it together.
 //!
 //! [`workcell`] is the robot as the controller knows it. This crate never knows the simulator, the bridge or the scene's truth.
 
 pub mod action;
 pub mod arm_clearance;
-pub mod carrier;
 pub mod collision;
-pub mod executive;
+pub mod executor;
 pub mod foresight;
 pub mod guarded;
 pub mod inverse_kinematics;
-pub mod load;
 pub mod look;
 pub mod motion;
 pub mod odds;

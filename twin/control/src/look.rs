@@ -3,7 +3,7 @@
 use hand_model::robot::TactileFrame;
 use touch::Readings;
 
-/// Measurements of one look. No executive, no plan: whoever moves the hand can be felt with.
+/// Measurements of one look. No executor, no plan: whoever moves the hand can be felt with.
 #[derive(Debug, Clone, Copy)]
 pub struct Look<'a> {
     /// Images of the look, at most one a camera.

@@ -1,6 +1,6 @@
-//! The motion that every executive shares: the arm's servo follows a palm path, cables pull, tactile images are collected.
+//! The motion that every executor shares: the arm's servo follows a palm path, cables pull, tactile images are collected.
 //!
-//! An executive decides which path comes next and which tensions are wanted; [`Motion`] carries that out tick by tick.
+//! An executor decides which path comes next and which tensions are wanted; [`Motion`] carries that out tick by tick.
 //! [`approach`] makes the paths to a grasp, [`tension`] the tensions over time.
 
 pub mod approach;
@@ -40,7 +40,7 @@ const SPEEDS: [f64; 2] = [1.0, 0.5];
 /// Tick of a path's rehearsal by the arm servo and the time it may settle at the end, s: coarser than the real ones.
 const REHEARSAL: (f64, f64) = (1.0 / 40.0, 0.1);
 
-/// Distances, times and limits of an executive's motions.
+/// Distances, times and limits of an executor's motions.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Protocol {
     /// How far objects are lifted, m.
@@ -196,7 +196,7 @@ impl Motion {
         PosePath::new(vec![(0.0, self.palm()), (time, self.palm())])
     }
 
-    /// No motion at all: the executive waits for a decision.
+    /// No motion at all: the executor waits for a decision.
     pub fn wait(&self) -> Result<PosePath, PathError> {
         PosePath::new(vec![(0.0, self.end())])
     }

@@ -1,14 +1,14 @@
 //! Policies: everything that decides, retries, aims and gives up.
 //!
 //! A policy sees what a robot measures and what its [`Eyes`] report. It is asked at the decisions of a trial, acts on the
-//! [`Executive`], and answers how far to play. [`blind`] carries out the plan, [`touch`] adapts to what is felt, [`chosen`] asks
-//! somebody else, [`order`] says which object is taken first, [`carry`] decides what a transport takes next; [`reach`] finds the grasps that the arm can carry out. No type here can name the scene's truth:
+//! [`Executor`], and answers how far to play. [`blind`] carries out the plan, [`touch`] adapts to what is felt, [`chosen`] asks
+//! somebody else, [`order`] says which object is taken first, [`pick_sequence`] decides what a transport takes next; [`reach`] finds the grasps that the arm can carry out. No type here can name the scene's truth:
 //! the true-pose ablation is an [`Injected`] estimate that comes from outside.
 
 pub mod blind;
-pub mod carry;
 pub mod chosen;
 pub mod order;
+pub mod pick_sequence;
 pub mod reach;
 pub mod touch;
 pub mod uncertainty;
@@ -21,7 +21,7 @@ use nalgebra::Isometry3;
 use world::attempt::Attempt;
 use world::objects::{ObjectModel, ObjectSet};
 
-use crate::executive::{Executive, Phase};
+use crate::executor::Executor;
 use crate::foresight::Foresees;
 use crate::motion::MotionError;
 use crate::percept::{Eyes, EyesError};
@@ -94,8 +94,8 @@ pub struct Injected {
 /// How a trial goes on after a decision.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Step {
-    /// Play until this phase.
-    Play(Phase),
+    /// Play until the next decision.
+    Play,
     /// The trial is over.
     Finish,
     /// The trial is given up: no grasp is in reach.
@@ -200,13 +200,12 @@ pub enum PolicyError {
     NoPlan(String),
 }
 
-/// A policy of the two-object trial. It is asked in [`Phase::Begin`] if the executive waits there, in [`Phase::Decide`], [`Phase::Confirm`] and [`Phase::Done`]: first it perceives,
-/// then it decides.
+/// A policy of the two-object trial. It is asked whenever the executor waits: first it perceives, then it decides.
 pub trait Policy {
     /// Takes in what the last look measured.
-    fn perceive(&mut self, executive: &Executive, injected: Option<Injected>) -> Result<(), PolicyError>;
-    /// Decides at `time` (s, the robot's clock) and acts on the executive.
-    fn decide(&mut self, executive: &mut Executive, eyes: &mut dyn Eyes, time: f64) -> Result<Step, PolicyError>;
+    fn perceive(&mut self, executor: &Executor, injected: Option<Injected>) -> Result<(), PolicyError>;
+    /// Decides at `time` (s, the robot's clock) and acts on the executor.
+    fn decide(&mut self, executor: &mut Executor, eyes: &mut dyn Eyes, time: f64) -> Result<Step, PolicyError>;
     /// What it did so far.
     fn story(&mut self) -> &mut Story;
     /// What was felt of the first object at the last decision.

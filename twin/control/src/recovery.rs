@@ -42,11 +42,11 @@ pub enum Next {
 }
 
 impl Next {
-    /// After the look that ends in `phase`: [`Phase::Decide`], [`Phase::Confirm`] or [`Phase::Done`].
+    /// After the look that ends in `phase`.
     pub fn after(phase: Phase, grip: Grip) -> Self {
-        match (phase, grip.first, grip.second) {
-            (Phase::Confirm | Phase::Done, true, false) => Self::SecondAgain,
-            (Phase::Confirm | Phase::Done, false, true) => Self::StartOver,
+        match (phase.has_lifted(1), grip.first, grip.second) {
+            (true, true, false) => Self::SecondAgain,
+            (true, false, true) => Self::StartOver,
             (_, false, _) => Self::FirstAgain,
             _ => Self::GoOn,
         }
@@ -67,6 +67,8 @@ impl Next {
 
 #[cfg(test)]
 mod tests {
+    use world::phase::Skill;
+
     use super::*;
 
     /// Nothing at first, then fourteen different directions of the same length, then the same again.
@@ -83,15 +85,17 @@ mod tests {
     #[test]
     fn every_case() {
         let grip = |first, second| Grip { first, second };
-        assert_eq!(Next::after(Phase::Decide, grip(true, false)), Next::GoOn);
-        assert_eq!(Next::after(Phase::Decide, grip(false, false)), Next::FirstAgain);
-        assert_eq!(Next::after(Phase::Confirm, grip(true, true)), Next::GoOn);
-        assert_eq!(Next::after(Phase::Confirm, grip(true, false)), Next::SecondAgain);
-        assert_eq!(Next::after(Phase::Confirm, grip(false, false)), Next::FirstAgain);
-        assert_eq!(Next::after(Phase::Confirm, grip(false, true)), Next::StartOver);
-        assert_eq!(Next::after(Phase::Done, grip(true, true)), Next::GoOn);
-        assert_eq!(Next::after(Phase::Done, grip(true, false)), Next::SecondAgain);
-        assert_eq!(Next::after(Phase::Done, grip(false, true)), Next::StartOver);
-        assert_eq!(Next::after(Phase::Done, grip(false, false)), Next::FirstAgain);
+        let [decide, confirm] = [0, 1].map(|object| Phase::decide(Skill::Look, object));
+        let done = Phase::decide(Skill::Verify, 0);
+        assert_eq!(Next::after(decide, grip(true, false)), Next::GoOn);
+        assert_eq!(Next::after(decide, grip(false, false)), Next::FirstAgain);
+        assert_eq!(Next::after(confirm, grip(true, true)), Next::GoOn);
+        assert_eq!(Next::after(confirm, grip(true, false)), Next::SecondAgain);
+        assert_eq!(Next::after(confirm, grip(false, false)), Next::FirstAgain);
+        assert_eq!(Next::after(confirm, grip(false, true)), Next::StartOver);
+        assert_eq!(Next::after(done, grip(true, true)), Next::GoOn);
+        assert_eq!(Next::after(done, grip(true, false)), Next::SecondAgain);
+        assert_eq!(Next::after(done, grip(false, true)), Next::StartOver);
+        assert_eq!(Next::after(done, grip(false, false)), Next::FirstAgain);
     }
 }

@@ -111,7 +111,7 @@ mod tests {
         Grasp {
             id,
             object: object.into(),
-            role: Role::Second,
+            digits: Role::Second.digits().to_vec(),
             yaw: 0.0,
             pitch: 0.2,
             roll: -0.3,

@@ -20,7 +20,7 @@ use hand_model::Hand;
 use nalgebra::{Isometry3, Vector3};
 
 use crate::collision::{CollisionError, Solid};
-use crate::executive::Executive;
+use crate::executor::Executor;
 use crate::foresight::{Foreseen, TwinError};
 use crate::motion::MotionError;
 use crate::odds::{Aimed, Belief, Odds, Rehearsed, aim_beside};
@@ -110,7 +110,7 @@ pub enum StrategyError {
 /// What a choice depends on.
 pub struct Situation<'a> {
     /// Where the palm is, and where the target is seen.
-    pub executive: &'a Executive,
+    pub executor: &'a Executor,
     pub hand: &'a Hand,
     /// What it holds.
     pub held: &'a Held<'a>,
@@ -142,7 +142,7 @@ struct Aiming<'a> {
 impl<'a> Aiming<'a> {
     /// `candidate` sent `aim` beside what is seen.
     fn at(situation: &Situation, candidate: &'a Candidate, aim: Vector3<f64>) -> Self {
-        let heading = candidate.grasp.yaw + situation.executive.second().1.yaw;
+        let heading = candidate.grasp.yaw + situation.executor.target(1).percept.yaw;
         let (rehearsed, all) = (candidate.rehearsed.clone(), situation.all.clone());
         let aimed = Aimed { rehearsed, all, heading, aim };
         let odds = candidate_odds(candidate, &aimed, (situation.belief, situation.looks));
@@ -173,8 +173,8 @@ impl<'a> Aiming<'a> {
     }
 
     /// With how it goes there.
-    fn assess(&self, executive: &Executive, scene: &Scene) -> Result<(Assessment, Passage), StrategyError> {
-        let passage = scene.passage(executive, self.candidate, &self.aimed.aim)?;
+    fn assess(&self, executor: &Executor, scene: &Scene) -> Result<(Assessment, Passage), StrategyError> {
+        let passage = scene.passage(executor, self.candidate, &self.aimed.aim)?;
         let (clearance, free) = (passage.clearance, 1.0 - passage.contact);
         let odds = Odds { held: self.odds.held * free, contact: 1.0 - (1.0 - self.odds.contact) * free };
         Ok((Assessment { clearance, risk: odds.contact, held: odds.held, utility: utility(&odds) }, passage))
@@ -238,7 +238,7 @@ pub fn choose(situation: &Situation, candidates: &[Candidate]) -> Result<Option<
     let Some(planned) = candidates.first() else { return Ok(None) };
     let scene = Scene::new(situation);
     let aiming = Aiming::at(situation, planned, Vector3::zeros());
-    let (assessment, passage) = aiming.assess(situation.executive, &scene)?;
+    let (assessment, passage) = aiming.assess(situation.executor, &scene)?;
     let mut plan = Considered { place: 0, aiming, assessment, passage, foreseen: None };
     let mut options: Vec<Aiming> = candidates.iter().map(|candidate| Aiming::best(situation, candidate)).collect();
     options.sort_by(|a, b| utility(&b.odds).total_cmp(&utility(&a.odds)));
@@ -246,7 +246,7 @@ pub fn choose(situation: &Situation, candidates: &[Candidate]) -> Result<Option<
     weighed.extend(options.iter().map(|option| option.weighed(None, false)));
     let other = match &situation.foresight {
         Some(foresight) => foresight.best(situation, &scene, &mut plan, options, &mut weighed)?,
-        None => best_by_odds(situation.executive, &scene, &plan, options, &mut weighed)?,
+        None => best_by_odds(situation.executor, &scene, &plan, options, &mut weighed)?,
     };
     let plan_assessment = plan.assessment;
     let (chosen, rejected) = match other {
@@ -286,7 +286,7 @@ pub fn choose(situation: &Situation, candidates: &[Candidate]) -> Result<Option<
 /// The best of `options`, ranked by their odds, if it is worth clearly more than the `plan`. What is in the way only takes away from an
 /// option's worth: those that cannot win are not looked at.
 fn best_by_odds<'a>(
-    executive: &Executive,
+    executor: &Executor,
     scene: &Scene,
     plan: &Considered,
     options: Vec<Aiming<'a>>,
@@ -299,7 +299,7 @@ fn best_by_odds<'a>(
         if utility(&aiming.odds) <= least {
             break;
         }
-        let (assessment, passage) = aiming.assess(executive, scene)?;
+        let (assessment, passage) = aiming.assess(executor, scene)?;
         weighed[n + 1] = aiming.weighed(Some(&assessment), false);
         if assessment.utility > least {
             best = Some(Considered { place: n + 1, aiming, assessment, passage, foreseen: None });

@@ -17,7 +17,7 @@ pub const UNREHEARSED: f64 = 0.9;
 pub const STAND_IN: f64 = 0.5;
 /// A pick that was not proven with these digits occupied.
 pub const UNPROVEN_BESIDE: f64 = 0.5;
-/// A load plan continues only with picks worth at least this much: a failed one may lose what is held.
+/// A pick sequence continues only with picks worth at least this much: a failed one may lose what is held.
 pub const LEAST: f64 = 0.25;
 /// A candidate replaces the plan only if it is worth this many times as much.
 pub const SWITCH_GAIN: f64 = 1.05;

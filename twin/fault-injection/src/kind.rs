@@ -2,7 +2,7 @@
 
 use anyhow::Result;
 use bench::mirror::divergence::Kind as Divergence;
-use control::executive::Executive;
+use control::executor::Executor;
 use hand_model::robot::{Command, Readings, RobotBackend, ServoGoal};
 use hardware_bridge::emulator::Plug;
 use hardware_bridge::emulator::faults::{Chances, Event};
@@ -202,7 +202,7 @@ impl Kind {
     }
 
     /// One tick afterwards; the command that was sent, if the controller took part in it.
-    pub fn drive(self, recorder: &mut Recorder<LockstepRobot>, executive: &mut Executive) -> Result<Option<Command>> {
+    pub fn drive(self, recorder: &mut Recorder<LockstepRobot>, executor: &mut Executor) -> Result<Option<Command>> {
         match self {
             // Past the recorder, which died with the host.
             Self::HostKilled => {
@@ -214,23 +214,23 @@ impl Kind {
             }
             Self::NotANumber => {
                 if let Ok(observation) = recorder.observe().and_then(Readings::complete) {
-                    let mut command = executive.tick(&observation)?;
+                    let mut command = executor.tick(&observation)?;
                     command.servos[0] = ServoGoal::Current(f64::NAN);
                     // Whatever is refused is what the fault is about.
                     let _ = recorder.send(&command);
                 }
                 recorder.wait_for_tick();
             }
-            _ => return tick(recorder, executive),
+            _ => return tick(recorder, executor),
         }
         Ok(None)
     }
 }
 
-/// Plays one tick of `robot` under `executive`, which holds where the robot fails; the command that was sent.
-pub(super) fn tick(robot: &mut impl RobotBackend, executive: &mut Executive) -> Result<Option<Command>> {
+/// Plays one tick of `robot` under `executor`, which holds where the robot fails; the command that was sent.
+pub(super) fn tick(robot: &mut impl RobotBackend, executor: &mut Executor) -> Result<Option<Command>> {
     let sent = match robot.observe().and_then(Readings::complete) {
-        Ok(observation) => robot.send(&executive.tick(&observation)?).ok(),
+        Ok(observation) => robot.send(&executor.tick(&observation)?).ok(),
         Err(_) => None,
     };
     robot.wait_for_tick();

@@ -6,7 +6,7 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, bail};
-use control::executive::Phase;
+use control::executor::Phase;
 use hand_model::RobotSources;
 use serde::{Deserialize, Serialize};
 
@@ -124,13 +124,13 @@ fn lock(folder: &Path) -> Result<File> {
 
 /// A phase by its name.
 pub(super) mod phase {
-    use control::executive::Phase;
+    use control::executor::Phase;
     use serde::{Deserialize as _, Deserializer, Serializer, de};
 
     use crate::PHASES;
 
     pub fn serialize<S: Serializer>(phase: &Phase, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.serialize_str(phase.name())
+        serializer.serialize_str(&phase.name())
     }
 
     pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Phase, D::Error> {
@@ -145,7 +145,7 @@ pub(super) mod phase {
 
 /// Phases by their names.
 mod phases {
-    use control::executive::Phase;
+    use control::executor::Phase;
     use serde::{Deserialize as _, Deserializer, Serializer, de};
 
     use super::phase::named;
@@ -165,12 +165,14 @@ mod phases {
 
 #[cfg(test)]
 mod tests {
+    use control::executor::Skill;
+
     use super::*;
 
     fn outcome(round: usize) -> Outcome {
         Outcome {
             kind: Kind::Overload,
-            phase: Phase::LiftFirst,
+            phase: Phase::run(Skill::Lift, 0),
             round,
             state: "hold".to_owned(),
             as_expected: true,
@@ -197,7 +199,7 @@ mod tests {
             seed: 3,
             rounds: 2,
             kinds: vec![Kind::Overload],
-            phases: vec![Phase::LiftFirst],
+            phases: vec![Phase::run(Skill::Lift, 0)],
             mirror: false,
         };
         let mut ledger = Ledger::create(folder.path(), &request).expect("new");

@@ -14,7 +14,7 @@ use bench::mirror::seen::Seen;
 use bench::recording::Recording;
 use bench::trial::{Bench, Moment, Watcher as _};
 use bench::workers;
-use control::executive::{Executive, Phase};
+use control::executor::{Executor, Phase, Skill};
 use hand_model::robot::{Command, RobotBackend};
 use hardware_bridge::emulator::lockstep::LockstepRobot;
 use hardware_bridge::safety::state::State;
@@ -57,18 +57,18 @@ const IMAGES: f64 = 0.2;
 pub const NAMED_WITHIN: f64 = 0.5;
 /// Phases with a beginning and an end.
 pub const PHASES: [Phase; 12] = [
-    Phase::ApproachFirst,
-    Phase::GraspFirst,
-    Phase::LiftFirst,
-    Phase::Look,
-    Phase::ApproachSecond,
-    Phase::GraspSecond,
-    Phase::LiftSecond,
-    Phase::Check,
-    Phase::Carry,
-    Phase::Hold,
-    Phase::Verify,
-    Phase::PutDown,
+    Phase::run(Skill::Approach, 0),
+    Phase::run(Skill::Grasp, 0),
+    Phase::run(Skill::Lift, 0),
+    Phase::run(Skill::Look, 0),
+    Phase::run(Skill::Approach, 1),
+    Phase::run(Skill::Grasp, 1),
+    Phase::run(Skill::Lift, 1),
+    Phase::run(Skill::Look, 1),
+    Phase::run(Skill::Carry, 0),
+    Phase::run(Skill::Hold, 0),
+    Phase::run(Skill::Verify, 0),
+    Phase::run(Skill::PutDown, 0),
 ];
 
 /// What came of one injection.
@@ -194,7 +194,7 @@ pub fn inject_all(
 /// One injection: a copy of body and controller at a moment of a trial, with the emulated devices around it.
 struct Experiment {
     kind: Kind,
-    executive: Executive,
+    executor: Executor,
     recorder: Recorder<LockstepRobot>,
     plant: SharedPlant,
     watch: Watch,
@@ -226,12 +226,12 @@ struct Stop {
 impl Experiment {
     /// Plays [`BEFORE`] ticks through the bridge; the recording goes to `file`.
     fn begin(world: &World, kind: Kind, moment: &Watched, file: &Path, seed: u64) -> Result<Self> {
-        let Watched { snapshot: Snapshot { robot, mut executive }, mut mirror } = moment.clone();
+        let Watched { snapshot: Snapshot { robot, mut executor }, mut mirror } = moment.clone();
         let model = &world.cell.robot;
         let plant = SharedPlant::new(robot);
         if mirror.is_some() {
             // The devices' clock begins anew.
-            executive.watch_images(IMAGES);
+            executor.watch_images(IMAGES);
         }
         let robot = LockstepRobot::start(Box::new(plant.clone()), settings(&model.hand, seed), model, None)?;
         let session =
@@ -240,10 +240,10 @@ impl Experiment {
         let mut watch = Watch::new(travel(&model.hand), &model.arm);
         let before = before(mirror.is_some());
         for _ in 0..before {
-            let sent = tick(&mut recorder, &mut executive)?;
+            let sent = tick(&mut recorder, &mut executor)?;
             watch.see(recorder.robot());
             if let (Some(mirror), Some(sent)) = (&mut mirror, &sent) {
-                mirror.see(&Seen::of(&executive, plant.lock().time(), sent, None));
+                mirror.see(&Seen::of(&executor, plant.lock().time(), sent, None));
             }
         }
         if recorder.robot().state() != State::Running {
@@ -251,7 +251,7 @@ impl Experiment {
         }
         Ok(Self {
             kind,
-            executive,
+            executor,
             recorder,
             plant,
             watch,
@@ -292,7 +292,7 @@ impl Experiment {
     }
 
     fn tick(&mut self) -> Result<()> {
-        let sent = self.kind.drive(&mut self.recorder, &mut self.executive)?;
+        let sent = self.kind.drive(&mut self.recorder, &mut self.executor)?;
         self.alive = self.alive && !self.kind.kills_the_host();
         self.ticks += u64::from(self.alive);
         self.watch.see(self.recorder.robot());
@@ -303,12 +303,12 @@ impl Experiment {
             // A state is told once.
             let note = (self.told != state).then(|| state.to_string());
             self.told = state;
-            let (executive, condition) = (&self.executive, Some(Condition::Ideal));
+            let (executor, condition) = (&self.executor, Some(Condition::Ideal));
             let note = note.as_deref();
             watcher.see(&Moment {
                 time,
                 truth: None,
-                executive,
+                executor,
                 sent: None,
                 felt: None,
                 condition,
@@ -327,7 +327,7 @@ impl Experiment {
         }
         let (Some(mirror), Some(sent), None) = (&mut self.mirror, sent, self.held_at) else { return };
         let time = self.plant.lock().time();
-        self.named.extend_from_slice(mirror.see(&Seen::of(&self.executive, time, sent, None)));
+        self.named.extend_from_slice(mirror.see(&Seen::of(&self.executor, time, sent, None)));
     }
 
     /// What the mirror came to of a fault that struck at `since` (s).

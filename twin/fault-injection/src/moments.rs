@@ -1,13 +1,10 @@
 //! Body, controller and mirror at drawn moments of a trial without noise, from which faults are injected.
 
-use std::collections::BTreeMap;
-
 use anyhow::Result;
 use bench::mirror::Mirror;
 use bench::mirror::seen::Seen;
 use bench::trial::Bench;
-use control::executive::Phase;
-use grasping::Grasp;
+use control::executor::Phase;
 use proving::rehearsal::Snapshot;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
@@ -23,51 +20,52 @@ pub struct Watched {
 }
 
 impl Watched {
-    /// About to begin the ideal run of a combination, and the grasp of the second object.
-    fn start(bench: &Bench, combination: usize, mirrored: bool) -> Result<(Self, Grasp)> {
-        let (mut snapshot, second) = bench.ideal_start(combination)?;
+    /// At the beginning of the ideal run of a combination.
+    fn start(bench: &Bench, combination: usize, mirrored: bool) -> Result<Self> {
+        let mut snapshot = bench.ideal_start(combination)?;
+        snapshot.executor.take_planned(0)?;
         let mirror = if mirrored {
-            snapshot.executive.watch_images(IMAGES);
+            snapshot.executor.watch_images(IMAGES);
             Some(Mirror::new(&bench.world, &bench.world.cell.ready)?)
         } else {
             None
         };
-        Ok((Self { snapshot, mirror }, second))
+        Ok(Self { snapshot, mirror })
     }
 
     fn tick(&mut self) -> Result<()> {
-        let Self { snapshot: Snapshot { robot, executive }, mirror } = self;
-        let sent = tick(robot, executive)?;
+        let Self { snapshot: Snapshot { robot, executor }, mirror } = self;
+        let sent = tick(robot, executor)?;
         if let (Some(mirror), Some(sent)) = (mirror, &sent) {
-            mirror.see(&Seen::of(executive, robot.time(), sent, None));
+            mirror.see(&Seen::of(executor, robot.time(), sent, None));
         }
         Ok(())
     }
 
     fn phase(&self) -> Phase {
-        self.snapshot.executive.phase()
+        self.snapshot.executor.phase()
     }
 }
 
 /// Body, controller and mirror in each phase of a combination's ideal run, at a drawn moment.
 pub fn moments(bench: &Bench, combination: usize, seed: u64, mirrored: bool) -> Result<Vec<(Phase, Watched)>> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let mut lengths: BTreeMap<Phase, usize> = BTreeMap::new();
-    let mut count = |watched: &Watched| *lengths.entry(watched.phase()).or_default() += 1;
-    play((bench, combination, false), &mut count)?;
+    let mut lengths = Counts::default();
+    let mut count = |watched: &Watched| *lengths.of(watched.phase()) += 1;
     put_down((bench, combination, false), &mut count)?;
+    play((bench, combination, false), &mut count)?;
     let before = before(mirrored);
     // Not in the last ticks: the fault shall strike in the phase.
-    let drawn: BTreeMap<Phase, usize> = lengths
-        .into_iter()
-        .map(|(phase, length)| (phase, rng.random_range(1..=length.saturating_sub(before + 5).max(1))))
-        .collect();
-    let (mut moments, mut counts) = (Vec::new(), BTreeMap::<Phase, usize>::new());
+    let mut drawn = lengths;
+    for (_, length) in &mut drawn.0 {
+        *length = rng.random_range(1..=length.saturating_sub(before + 5).max(1));
+    }
+    let (mut moments, mut counts) = (Vec::new(), Counts::default());
     let mut take = |watched: &Watched| {
         let phase = watched.phase();
-        let count = counts.entry(phase).or_default();
+        let count = counts.of(phase);
         *count += 1;
-        if PHASES.contains(&phase) && drawn.get(&phase) == Some(count) {
+        if PHASES.contains(&phase) && drawn.of(phase) == count {
             moments.push((phase, watched.clone()));
         }
     };
@@ -76,15 +74,25 @@ pub fn moments(bench: &Bench, combination: usize, seed: u64, mirrored: bool) -> 
     Ok(moments)
 }
 
+/// Ticks of each phase, in the order in which phases were come to.
+#[derive(Default)]
+struct Counts(Vec<(Phase, usize)>);
+
+impl Counts {
+    fn of(&mut self, phase: Phase) -> &mut usize {
+        let known = self.0.iter().position(|(known, _)| *known == phase).unwrap_or_else(|| {
+            self.0.push((phase, 0));
+            self.0.len() - 1
+        });
+        &mut self.0[known].1
+    }
+}
+
 /// Plays the ideal run of a combination in simulation, mirrored or not; `see` is shown every tick.
 fn play((bench, combination, mirrored): (&Bench, usize, bool), see: &mut impl FnMut(&Watched)) -> Result<()> {
-    let (mut watched, second) = Watched::start(bench, combination, mirrored)?;
-    while watched.phase() < Phase::Done {
-        match watched.phase() {
-            Phase::Decide => watched.snapshot.executive.decide(second.clone())?,
-            Phase::Confirm => watched.snapshot.executive.confirm()?,
-            _ => {}
-        }
+    let mut watched = Watched::start(bench, combination, mirrored)?;
+    while !watched.phase().is_done() {
+        watched.snapshot.executor.go_on()?;
         watched.tick()?;
         see(&watched);
     }
@@ -93,14 +101,14 @@ fn play((bench, combination, mirrored): (&Bench, usize, bool), see: &mut impl Fn
 
 /// Plays to the decision and lays the first object down again, as touch does when it has lost its hold; `see` is shown the laying down.
 fn put_down((bench, combination, mirrored): (&Bench, usize, bool), see: &mut impl FnMut(&Watched)) -> Result<()> {
-    let (mut watched, _) = Watched::start(bench, combination, mirrored)?;
-    while watched.phase() < Phase::Decide {
+    let mut watched = Watched::start(bench, combination, mirrored)?;
+    while !watched.phase().waits() {
         watched.tick()?;
     }
-    watched.snapshot.executive.put_down()?;
-    while watched.phase() == Phase::PutDown {
+    watched.snapshot.executor.put_down()?;
+    while !watched.phase().waits() {
         watched.tick()?;
-        if watched.phase() == Phase::PutDown {
+        if !watched.phase().waits() {
             see(&watched);
         }
     }

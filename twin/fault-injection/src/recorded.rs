@@ -3,7 +3,7 @@
 use anyhow::Result;
 use bench::body::Task;
 use bench::recording::{Began, Recording};
-use control::executive::Phase;
+use control::executor::Phase;
 use scenarios::record::Condition;
 use stream::recorder::Target;
 

@@ -6,7 +6,7 @@
 use hand_model::{Digit, Hand};
 use rand::{Rng, RngExt};
 
-use crate::grasp::{Grasp, Role};
+use crate::grasp::Grasp;
 use crate::sampler::{PALM_FACE, WRIST};
 
 /// A random grasp of a ball of `radius` (m) called `object` with `digits`.
@@ -30,7 +30,7 @@ pub fn propose_with(hand: &Hand, digits: &[Digit], object: &str, radius: f64, id
     Grasp {
         id,
         object: object.to_owned(),
-        role: if opposed { Role::Second } else { Role::First },
+        digits: Digit::ALL.into_iter().filter(|digit| digits.contains(digit)).collect(),
         yaw: 0.0,
         pitch: deg * pitch,
         roll: deg * roll,

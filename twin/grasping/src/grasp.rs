@@ -4,7 +4,7 @@ use hand_model::{Digit, DigitVector};
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
-/// Role of a grasp in a two-object trial.
+/// Place of an object in a two-object trial, which decides the digits that take it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Role {
@@ -26,11 +26,13 @@ impl Role {
 
 /// A grasp. Angles in rad, lengths in m, tensions in N.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(from = "GraspFields")]
 pub struct Grasp {
     /// Number within the repertoire.
     pub id: u32,
     pub object: String,
-    pub role: Role,
+    /// Those that close, in the order of [`Digit::ALL`].
+    pub digits: Vec<Digit>,
     /// Rotation of the hand about the vertical, relative to the object's yaw.
     pub yaw: f64,
     /// Positive with the fingers down.
@@ -57,13 +59,54 @@ pub struct Grasp {
     pub score: f64,
 }
 
-impl Grasp {
-    /// The digits that close: those whose cables are pulled.
-    pub fn digits(&self) -> Vec<Digit> {
-        let pulled = Digit::ALL.into_iter().zip(&self.close_tension).filter(|(_, tension)| **tension > 0.0);
-        pulled.map(|(digit, _)| digit).collect()
-    }
+/// A grasp as files have it: where they do not name its digits, those whose cables are pulled close.
+#[derive(Deserialize)]
+struct GraspFields {
+    id: u32,
+    object: String,
+    digits: Option<Vec<Digit>>,
+    yaw: f64,
+    pitch: f64,
+    roll: f64,
+    center: [f64; 3],
+    pre_tension: DigitVector,
+    close_tension: DigitVector,
+    opposition: f64,
+    raise: f64,
+    thumb_delay: f64,
+    held: Option<Isometry3<f64>>,
+    held_joints: Option<Vec<f64>>,
+    score: f64,
+}
 
+impl From<GraspFields> for Grasp {
+    fn from(fields: GraspFields) -> Self {
+        let GraspFields { id, object, digits, yaw, pitch, roll, center, pre_tension, close_tension, .. } = fields;
+        let GraspFields { opposition, raise, thumb_delay, held, held_joints, score, .. } = fields;
+        let pulled = Digit::ALL.into_iter().zip(&close_tension).filter(|(_, tension)| **tension > 0.0);
+        let pulled = pulled.map(|(digit, _)| digit).collect();
+        let digits = digits.unwrap_or(pulled);
+        Self {
+            id,
+            object,
+            digits,
+            yaw,
+            pitch,
+            roll,
+            center,
+            pre_tension,
+            close_tension,
+            opposition,
+            raise,
+            thumb_delay,
+            held,
+            held_joints,
+            score,
+        }
+    }
+}
+
+impl Grasp {
     /// Rotation `world_from_palm` for an object whose yaw is `object_yaw`.
     pub fn palm_rotation(&self, object_yaw: f64) -> UnitQuaternion<f64> {
         palm_rotation(self.yaw + object_yaw, self.pitch, self.roll)
@@ -108,7 +151,7 @@ mod tests {
         Grasp {
             id: 0,
             object: "ball".into(),
-            role: Role::First,
+            digits: Role::First.digits().to_vec(),
             yaw: 0.3,
             pitch: 0.2,
             roll: -0.9,
@@ -122,6 +165,18 @@ mod tests {
             held_joints: None,
             score: 0.0,
         }
+    }
+
+    /// A file that does not name the digits of a grasp means those that it pulls.
+    #[test]
+    fn digits_are_named_or_pulled() {
+        let mut pulling = grasp();
+        pulling.close_tension[Digit::Little.index()] = 12.0;
+        let named = serde_json::to_value(&pulling).expect("JSON");
+        assert_eq!(serde_json::from_value::<Grasp>(named.clone()).expect("a grasp"), pulling);
+        let mut unnamed = named;
+        unnamed.as_object_mut().expect("fields").remove("digits");
+        assert_eq!(serde_json::from_value::<Grasp>(unnamed).expect("a grasp").digits, [Digit::Little]);
     }
 
     #[test]

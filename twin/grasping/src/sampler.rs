@@ -94,7 +94,7 @@ pub fn propose(hand: HandForm, object: &ObjectExtent, role: Role, id: u32, rng: 
     Grasp {
         id,
         object: object.name.clone(),
-        role,
+        digits: role.digits().to_vec(),
         yaw,
         pitch,
         roll: side * roll,

@@ -1,6 +1,6 @@
 //! The outcomes of the fault matrix, summed by fault, as rows and as text.
 
-use std::collections::BTreeSet;
+use std::collections::HashSet;
 
 use fault_injection::kind::{Expected, Kind, Teller};
 use fault_injection::{Mirrored, NAMED_WITHIN, Outcome as FaultOutcome};
@@ -26,7 +26,7 @@ impl FaultTable {
             rows: kinds.iter().map(|kind| row(*kind, outcomes)).collect(),
             wrong: outcomes.iter().filter_map(complaint).collect(),
             injected: outcomes.len(),
-            phases: outcomes.iter().map(|outcome| outcome.phase).collect::<BTreeSet<_>>().len(),
+            phases: outcomes.iter().map(|outcome| outcome.phase).collect::<HashSet<_>>().len(),
             checked: outcomes.iter().map(|outcome| outcome.checked).sum(),
             mirrored: outcomes.iter().any(|outcome| outcome.mirrored.is_some()),
         }

@@ -29,6 +29,7 @@ mod tests {
     use std::collections::BTreeSet;
 
     use grasping::Role;
+    use hand_model::Digit;
 
     use super::*;
 
@@ -68,12 +69,12 @@ mod tests {
         }
     }
 
-    /// A number names one grasp of an object and role: a plan that names it cannot mean another.
+    /// A number names one grasp of an object and set of digits: a plan that names it cannot mean another.
     #[test]
     fn numbers_of_grasps_are_unique() {
         let repertoire = repertoire().unwrap();
         for (object, grasps) in &repertoire.grasps {
-            let numbers: BTreeSet<(u8, u32)> = grasps.iter().map(|grasp| (grasp.role as u8, grasp.id)).collect();
+            let numbers: BTreeSet<(&[Digit], u32)> = grasps.iter().map(|grasp| (&grasp.digits[..], grasp.id)).collect();
             assert_eq!(numbers.len(), grasps.len(), "{object}");
             assert!(grasps.iter().all(|grasp| grasp.object == *object), "{object}");
         }

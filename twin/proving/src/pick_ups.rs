@@ -184,7 +184,7 @@ pub fn generate(
                 Role::Second => search.find_second(name, &reference)?,
             };
             if let Some(list) = repertoire.grasps.get_mut(name) {
-                list.retain(|grasp| grasp.role != role);
+                list.retain(|grasp| grasp.digits != role.digits());
             }
             for grasp in grasps {
                 repertoire.insert(grasp);

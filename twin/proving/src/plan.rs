@@ -161,7 +161,7 @@ impl Plan {
         let find = |object: &str, role: Role, id: u32| {
             repertoire
                 .of(object, role)
-                .chain(self.variations.iter().filter(|grasp| grasp.object == object && grasp.role == role))
+                .chain(self.variations.iter().filter(|grasp| grasp.object == object && grasp.digits == role.digits()))
                 .find(|grasp| grasp.id == id)
                 .cloned()
                 .with_context(|| format!("the plan names grasp {id} of {object}, which the repertoire lacks"))

@@ -6,7 +6,7 @@
 use std::sync::{Arc, LazyLock};
 
 use anyhow::Result;
-use control::executive::{Executive, Phase};
+use control::executor::{Executor, Phase, Skill, Target};
 use control::motion::Protocol;
 use control::odds::TryOutcome;
 use grasping::Grasp;
@@ -43,7 +43,7 @@ pub struct Snapshot<R = SimulatedRobot> {
     /// The body.
     pub robot: R,
     /// The controller.
-    pub executive: Executive,
+    pub executor: Executor,
 }
 
 /// What a trial begins with, beside the world and the tactile sensors.
@@ -72,10 +72,10 @@ impl Snapshot {
         let seen = world.percepts(objects, noise);
         let robot = SimulatedRobot::new(world.body(), &world.scene(objects, start, noise), board);
         let tick = hand_model::robot::RobotBackend::tick_length(&robot);
-        let [first, second] = std::array::from_fn(|n| (grasps[n].clone(), seen[n]));
-        let executive =
-            Executive::new(world.cell.robot.hand.clone(), world.cell.arm_servo(start)?, protocol, first, second, tick)?;
-        Ok(Self { robot, executive })
+        let targets = grasps.into_iter().zip(seen).map(|(grasp, percept)| Target { grasp: grasp.clone(), percept });
+        let servo = world.cell.arm_servo(start)?;
+        let executor = Executor::new(world.cell.robot.hand.clone(), servo, protocol, targets.collect(), tick)?;
+        Ok(Self { robot, executor })
     }
 }
 
@@ -138,13 +138,14 @@ pub fn rehearse_first(
     let arm = if start == StartPosture::Near { near } else { world.cell.ready };
     let start = TrialStart { protocol, grasps, noise, arm };
     let mut snapshot = Snapshot::at_start(world, &start, &objects, board.clone())?;
-    drive(&mut snapshot.robot, &mut snapshot.executive, Phase::LiftFirst, |_, _| {})?;
+    snapshot.executor.take_planned(0)?;
+    drive(&mut snapshot.robot, &mut snapshot.executor, Phase::run(Skill::Lift, 0), |_, _| {})?;
     if snapshot.robot.truth().touched_by[0] == 0 {
         return Ok(None);
     }
-    drive(&mut snapshot.robot, &mut snapshot.executive, Phase::Look, |_, _| {})?;
+    drive(&mut snapshot.robot, &mut snapshot.executor, Phase::run(Skill::Look, 0), |_, _| {})?;
     let before = snapshot.robot.truth();
-    drive(&mut snapshot.robot, &mut snapshot.executive, Phase::Decide, |_, _| {})?;
+    drive(&mut snapshot.robot, &mut snapshot.executor, Phase::decide(Skill::Look, 0), |_, _| {})?;
     let after = snapshot.robot.truth();
     let outcome = hold_outcome(&before, &after, 0);
     Ok(outcome.held.then_some((snapshot, outcome)))
@@ -160,22 +161,22 @@ struct SecondWatch {
 }
 
 impl SecondWatch {
-    fn new(executive: &Executive) -> Self {
-        let hand = executive.hand();
-        let first_digits = executive.first().0.role.digits();
+    fn new(executor: &Executor) -> Self {
+        let hand = executor.motion().hand();
+        let first_digits = &executor.target(0).grasp.digits;
         let free = hand.digits().iter().filter(|digit| !first_digits.contains(digit));
         let free = free.map(|digit| digit_bits(hand, &[*digit])).collect();
         Self { holding: digit_bits(hand, first_digits), free, gripped: false, collided: false }
     }
 
     /// Plays up to `phase`, or to a collision.
-    fn drive(&mut self, robot: &mut SimulatedRobot, executive: &mut Executive, phase: Phase) -> Result<()> {
-        while executive.phase() < phase && !self.collided {
-            tick(robot, executive)?;
+    fn drive(&mut self, robot: &mut SimulatedRobot, executor: &mut Executor, phase: Phase) -> Result<()> {
+        while executor.phase() != phase && !self.collided {
+            tick(robot, executor)?;
             // The palm may touch what two free digits have.
             self.gripped |= self.free.iter().filter(|digit| robot.touches(1, **digit)).count() >= 2;
             let unwanted = if self.gripped { self.holding } else { self.holding | PALM };
-            self.collided = executive.phase() < Phase::LiftSecond && robot.touches(1, unwanted);
+            self.collided = !executor.phase().lifts(1) && robot.touches(1, unwanted);
         }
         Ok(())
     }
@@ -184,26 +185,31 @@ impl SecondWatch {
 /// From a hold of the first object, plays the rest of the trial with `second`. Returns whether there was a collision before the
 /// digits had closed, and how the hold went. A trial that can no longer succeed is not played to the end.
 pub fn rehearse_second(snapshot: &Snapshot, second: &Grasp) -> Result<(bool, HoldOutcome)> {
-    let Snapshot { mut robot, mut executive } = snapshot.clone();
-    executive.decide(second.clone())?;
-    let mut watch = SecondWatch::new(&executive);
-    for phase in [Phase::GraspSecond, Phase::LiftSecond, Phase::Confirm, Phase::Hold] {
-        watch.drive(&mut robot, &mut executive, phase)?;
+    let Snapshot { mut robot, mut executor } = snapshot.clone();
+    executor.take_with(1, second.clone())?;
+    let mut watch = SecondWatch::new(&executor);
+    for phase in [
+        Phase::run(Skill::Grasp, 1),
+        Phase::run(Skill::Lift, 1),
+        Phase::decide(Skill::Look, 1),
+        Phase::run(Skill::Hold, 0),
+    ] {
+        watch.drive(&mut robot, &mut executor, phase)?;
         let truth = robot.truth();
-        let lost = match phase {
-            Phase::LiftSecond => truth.touched_by[1] == 0,
-            Phase::Confirm | Phase::Hold => !in_hand(&truth, 1),
+        let lost = match phase.skill {
+            Skill::Lift => truth.touched_by[1] == 0,
+            Skill::Look | Skill::Hold => !in_hand(&truth, 1),
             _ => false,
         };
         if watch.collided || lost {
             return Ok((watch.collided, HoldOutcome { held: false, ..hold_outcome(&truth, &truth, 1) }));
         }
-        if phase == Phase::Confirm {
-            executive.confirm()?;
+        if phase.skill == Skill::Look {
+            executor.carry_aside()?;
         }
     }
     let before = robot.truth();
-    drive(&mut robot, &mut executive, Phase::Done, |_, _| {})?;
+    drive(&mut robot, &mut executor, Phase::decide(Skill::Verify, 0), |_, _| {})?;
     let after = robot.truth();
     let mut outcome = hold_outcome(&before, &after, 1);
     outcome.held &= in_hand(&after, 0);
@@ -212,33 +218,33 @@ pub fn rehearse_second(snapshot: &Snapshot, second: &Grasp) -> Result<(bool, Hol
 
 /// From a hold of the first object, plays one try of `second` up to the end of its lift.
 pub fn try_second(snapshot: &Snapshot, second: &Grasp) -> Result<TryOutcome> {
-    let Snapshot { mut robot, mut executive } = snapshot.clone();
-    executive.decide(second.clone())?;
-    play_try(&mut robot, &mut executive)
+    let Snapshot { mut robot, mut executor } = snapshot.clone();
+    executor.take_with(1, second.clone())?;
+    play_try(&mut robot, &mut executor)
 }
 
-/// Plays a try at the second object, which `executive` is about to approach, until both are carried.
-pub fn play_try_and_carry(mut robot: SimulatedRobot, mut executive: Executive) -> Result<TryOutcome> {
-    let lifted = play_try(&mut robot, &mut executive)?;
+/// Plays a try at the second object, which `executor` is about to approach, until both are carried.
+pub fn play_try_and_carry(mut robot: SimulatedRobot, mut executor: Executor) -> Result<TryOutcome> {
+    let lifted = play_try(&mut robot, &mut executor)?;
     if lifted != TryOutcome::Held {
         return Ok(lifted);
     }
-    drive(&mut robot, &mut executive, Phase::Confirm, |_, _| {})?;
-    executive.confirm()?;
-    drive(&mut robot, &mut executive, Phase::Hold, |_, _| {})?;
+    drive(&mut robot, &mut executor, Phase::decide(Skill::Look, 1), |_, _| {})?;
+    executor.carry_aside()?;
+    drive(&mut robot, &mut executor, Phase::run(Skill::Hold, 0), |_, _| {})?;
     let truth = robot.truth();
     Ok(if in_hand(&truth, 0) && in_hand(&truth, 1) { TryOutcome::Held } else { TryOutcome::Missed })
 }
 
-/// Plays a try at the second object, which `executive` is about to approach, up to the end of its lift.
-fn play_try(robot: &mut SimulatedRobot, executive: &mut Executive) -> Result<TryOutcome> {
-    let mut watch = SecondWatch::new(executive);
-    for phase in [Phase::GraspSecond, Phase::LiftSecond, Phase::Check] {
-        watch.drive(robot, executive, phase)?;
+/// Plays a try at the second object, which `executor` is about to approach, up to the end of its lift.
+fn play_try(robot: &mut SimulatedRobot, executor: &mut Executor) -> Result<TryOutcome> {
+    let mut watch = SecondWatch::new(executor);
+    for phase in [Phase::run(Skill::Grasp, 1), Phase::run(Skill::Lift, 1), Phase::run(Skill::Look, 1)] {
+        watch.drive(robot, executor, phase)?;
         if watch.collided {
             return Ok(TryOutcome::Contact);
         }
-        if phase == Phase::LiftSecond && robot.truth().touched_by[1] == 0 {
+        if phase.skill == Skill::Lift && robot.truth().touched_by[1] == 0 {
             return Ok(TryOutcome::Missed);
         }
     }

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use anyhow::{Context, Result, anyhow, bail};
-use control::executive::{Executive, Phase};
+use control::executor::{Executor, Phase};
 use control::inverse_kinematics::Joints;
 use control::motion::Protocol;
 use control::percept::Percept;
@@ -134,7 +134,7 @@ impl World {
         })
     }
 
-    /// Distances and times of a trial for the executive.
+    /// Distances and times of a trial for the executor.
     pub fn protocol(&self) -> Protocol {
         let p = &self.scenario.protocol;
         Protocol {
@@ -160,23 +160,23 @@ impl World {
     }
 }
 
-/// Drives `robot` with `executive` until `phase` is reached; `watch` sees every tick.
+/// Drives `robot` with `executor` until `phase` is reached; `watch` sees every tick.
 pub fn drive(
     robot: &mut SimulatedRobot,
-    executive: &mut Executive,
+    executor: &mut Executor,
     until: Phase,
-    mut watch: impl FnMut(&SimulatedRobot, &Executive),
+    mut watch: impl FnMut(&SimulatedRobot, &Executor),
 ) -> Result<()> {
-    while executive.phase() < until {
-        tick(robot, executive)?;
-        watch(robot, executive);
+    while executor.phase() != until {
+        tick(robot, executor)?;
+        watch(robot, executor);
     }
     Ok(())
 }
 
-/// One tick of `robot` as `executive` commands it.
-pub fn tick(robot: &mut SimulatedRobot, executive: &mut Executive) -> Result<()> {
-    let command = executive.tick(&robot.observe())?;
+/// One tick of `robot` as `executor` commands it.
+pub fn tick(robot: &mut SimulatedRobot, executor: &mut Executor) -> Result<()> {
+    let command = executor.tick(&robot.observe())?;
     robot.send(&command);
     robot.wait_for_tick();
     Ok(())

@@ -9,7 +9,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use anyhow::{Context as _, Result};
-use control::executive::Executive;
+use control::executor::Executor;
 use control::foresight::{Draw, Imagined, Scene, Twin, TwinError};
 use control::odds::TryOutcome;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
@@ -55,12 +55,12 @@ impl SceneTwin {
     fn hold(&self, scene: &Scene, number: usize, draw: &Draw) -> Result<Option<SimulatedRobot>> {
         let [first, second] = self.objects(scene.objects, number)?;
         let (target, above) = standing(&second, &draw.target);
-        let mut executive = scene.executive.clone();
-        executive.watch_images(f64::INFINITY);
+        let mut executor = scene.executor.clone();
+        executor.watch_images(f64::INFINITY);
         let level = Translation3::from(Vector3::z() * above);
         let aside = Translation3::from(Vector3::z() * ASIDE);
         let objects = vec![
-            ObjectPlacement { model: first, pose: level * executive.palm() * draw.held },
+            ObjectPlacement { model: first, pose: level * executor.motion().palm() * draw.held },
             ObjectPlacement { model: second, pose: aside * target },
         ];
         let base = level * self.world.cell.world_from_base;
@@ -68,18 +68,18 @@ impl SceneTwin {
             objects,
             cables: self.world.known_cable_losses(),
             gel: self.world.scenario.effects.gel,
-            ..SceneSetup::ideal(base, executive.arm().position)
+            ..SceneSetup::ideal(base, executor.motion().arm().position)
         };
         let cell = &self.world.cell;
-        let servos = executive.servos().iter().map(|servo| servo.position).collect();
+        let servos = executor.motion().servos().iter().map(|servo| servo.position).collect();
         let joints = cell.robot.hand.each_joint(|joint| scene.joints.get(joint).copied().unwrap_or(0.0));
         let posture = HandPosture { joints, servos };
         let mut robot = SimulatedRobot::in_posture(&cell.robot, &setup, &posture, self.board.clone());
         robot.fasten(0);
         robot.fasten(1);
-        play(&mut robot, &mut executive, PRESSING.0)?;
+        play(&mut robot, &mut executor, PRESSING.0)?;
         robot.release(0);
-        play(&mut robot, &mut executive, PRESSING.1)?;
+        play(&mut robot, &mut executor, PRESSING.1)?;
         if !in_grip(&robot.truth(), 0) {
             return Ok(None);
         }
@@ -101,10 +101,10 @@ fn standing(object: &ObjectModel, pose: &Isometry3<f64>) -> (Isometry3<f64>, f64
     (Isometry3::from_parts(Translation3::new(at.x, at.y, height), rotation), height - at.z)
 }
 
-/// `executive` waits for `time` s.
-fn play(robot: &mut SimulatedRobot, executive: &mut Executive, time: f64) -> Result<()> {
+/// `executor` waits for `time` s.
+fn play(robot: &mut SimulatedRobot, executor: &mut Executor, time: f64) -> Result<()> {
     for _ in 0..(time / robot.tick_length()).round() as usize {
-        tick(robot, executive)?;
+        tick(robot, executor)?;
     }
     Ok(())
 }
@@ -124,7 +124,7 @@ impl Twin for SceneTwin {
 }
 
 impl Imagined for Holds {
-    fn play(&self, going: &Executive, draws: Range<usize>) -> Result<Vec<Option<TryOutcome>>, TwinError> {
+    fn play(&self, going: &Executor, draws: Range<usize>) -> Result<Vec<Option<TryOutcome>>, TwinError> {
         let mut going = going.clone();
         going.watch_images(f64::INFINITY);
         let one = |robot: &Option<SimulatedRobot>| {

@@ -4,13 +4,14 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use bench::builtin::{HAND_UNIT, know_hand, simulated_touch};
-use bench::transport::play::{Nobody, Policy, Site, TransportRecord};
+use bench::transport::play::{Site, TransportRecord};
 use bench::transport::recorded::Recorded;
 use bench::transport::rehearse::{Searched, Wanted, WantedText};
 use bench::transport::skills::{SkillFile, for_sizes, of_repertoire};
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use control::load::listed;
+use control::policy::pick_sequence::PickMode;
+use control::policy::pick_sequence::plan::listed;
 use hand_model::RobotModel;
 use proving::simulated_world::World;
 use rayon::prelude::*;
@@ -35,7 +36,7 @@ pub struct TransportArgs {
     pub trials: usize,
     /// Policies to run; default: one by one, blind and touch.
     #[arg(long, value_delimiter = ',', value_parser = policies())]
-    pub policy: Vec<Policy>,
+    pub policy: Vec<PickMode>,
     /// Skills beside the built-in ones, from --rehearse.
     #[arg(long)]
     pub skills: Option<PathBuf>,
@@ -57,8 +58,8 @@ pub struct TransportArgs {
 }
 
 /// Policies by their names.
-fn policies() -> impl TypedValueParser<Value = Policy> {
-    PossibleValuesParser::new(Policy::ALL.map(Policy::argument)).try_map(|name| name.parse::<Policy>())
+fn policies() -> impl TypedValueParser<Value = PickMode> {
+    PossibleValuesParser::new(PickMode::ALL.map(PickMode::argument)).try_map(|name| name.parse::<PickMode>())
 }
 
 /// Runs the command.
@@ -182,14 +183,14 @@ fn row(site: &Site, pick: &Searched) -> serde_json::Value {
 }
 
 fn carry(terminal: &Terminal, args: &TransportArgs, site: &Site) -> Outcome {
-    let policies = if args.policy.is_empty() { Policy::ALL.to_vec() } else { args.policy.clone() };
+    let policies = if args.policy.is_empty() { PickMode::ALL.to_vec() } else { args.policy.clone() };
     if let Some(folder) = &args.out {
         std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
     }
-    let units: Vec<(Policy, usize)> =
+    let units: Vec<(PickMode, usize)> =
         policies.iter().flat_map(|policy| (0..args.trials).map(move |trial| (*policy, trial))).collect();
     let bar = progress::bar(units.len() as u64, "trials", terminal.quiet);
-    let one = |&(policy, trial): &(Policy, usize)| -> Result<TransportRecord> {
+    let one = |&(policy, trial): &(PickMode, usize)| -> Result<TransportRecord> {
         let record = match args.out.as_ref().filter(|_| trial == 0) {
             Some(folder) => {
                 let mut recorded = Recorded::open(
@@ -198,11 +199,12 @@ fn carry(terminal: &Terminal, args: &TransportArgs, site: &Site) -> Outcome {
                     trial,
                     policy,
                 )?;
-                let record = site.play(trial, policy, &mut recorded)?;
+                let record =
+                    site.play(trial, policy, &mut |truth, executor, note| recorded.see(truth, executor, note))?;
                 recorded.finish(&record)?;
                 record
             }
-            None => site.play(trial, policy, &mut Nobody)?,
+            None => site.play(trial, policy, &mut |_, _, _| Ok(()))?,
         };
         bar.inc(1);
         Ok(record)
@@ -228,7 +230,7 @@ fn carry(terminal: &Terminal, args: &TransportArgs, site: &Site) -> Outcome {
     let carried = |policy| rows.iter().find(|row| row.policy == policy).map(|row| row.objects_per_trip);
     // Of few transports policies are not compared.
     let enough = args.trials >= FEWEST_SAMPLES;
-    Ok(match (carried(Policy::Touch), carried(Policy::OneByOne)) {
+    Ok(match (carried(PickMode::Touch), carried(PickMode::OneByOne)) {
         (Some(touch), Some(single)) if enough && touch <= single => {
             Some(format!("{touch:.2} objects a trip together, {single:.2} one by one"))
         }
@@ -267,7 +269,7 @@ fn print(terminal: &Terminal, site: &Site, rows: &[Row], records: &[TransportRec
 /// What a policy came to.
 #[derive(Debug, Clone, serde::Serialize)]
 struct Row {
-    policy: Policy,
+    policy: PickMode,
     transports: usize,
     /// Share of all balls that came to the goal in the hand.
     delivered: f64,
@@ -281,7 +283,7 @@ struct Row {
 }
 
 impl Row {
-    fn of(policy: Policy, records: &[TransportRecord]) -> Self {
+    fn of(policy: PickMode, records: &[TransportRecord]) -> Self {
         let own: Vec<&TransportRecord> = records.iter().filter(|record| record.policy == policy).collect();
         let trips: Vec<usize> = own.iter().flat_map(|record| record.carried.iter().copied()).collect();
         let objects: usize = trips.iter().sum();
@@ -305,7 +307,7 @@ impl Row {
 mod tests {
     use super::*;
 
-    fn record(policy: Policy, carried: &[usize], seconds: f64) -> TransportRecord {
+    fn record(policy: PickMode, carried: &[usize], seconds: f64) -> TransportRecord {
         TransportRecord {
             policy,
             trial: 0,
@@ -322,14 +324,14 @@ mod tests {
     #[test]
     fn rows_add_up() {
         let records = [
-            record(Policy::Touch, &[2, 1], 30.0),
-            record(Policy::Touch, &[2, 2], 26.0),
-            record(Policy::OneByOne, &[], 0.0),
+            record(PickMode::Touch, &[2, 1], 30.0),
+            record(PickMode::Touch, &[2, 2], 26.0),
+            record(PickMode::OneByOne, &[], 0.0),
         ];
-        let touch = Row::of(Policy::Touch, &records);
+        let touch = Row::of(PickMode::Touch, &records);
         assert_eq!((touch.objects_per_trip, touch.most_per_trip, touch.delivered), (1.75, 2, 0.875));
         assert_eq!((touch.seconds_per_object, touch.cm3_per_trip), (Some(8.0), 70.0));
-        let single = Row::of(Policy::OneByOne, &records);
+        let single = Row::of(PickMode::OneByOne, &records);
         assert_eq!((single.objects_per_trip, single.seconds_per_object), (0.0, None));
     }
 }

@@ -265,12 +265,12 @@ fn after_first_grasp(
         if !in_hand(&robot.truth(), 0) {
             continue;
         }
-        let executive = snapshot.executive;
+        let executor = snapshot.executor;
         let hand: &Hand = &bench.world.cell.robot.hand;
         let friction = bench.world.protocol().friction;
-        let tensions = against_friction(hand, &friction, executive.servos(), &executive.wanted_tensions());
+        let tensions = against_friction(hand, &friction, executor.motion().servos(), &executor.wanted_tensions());
         let mut now = bench.board.backgrounds();
-        for frame in executive.newest_images() {
+        for frame in executor.motion().newest_images() {
             now[frame.camera] = frame.image.clone();
         }
         let images =
@@ -278,10 +278,10 @@ fn after_first_grasp(
         if let Some(side) = side.filter(|side| *side != IMAGE_SIZE) {
             robot.reduce_images(side).map_err(|_| SceneError::from(ImageSizeError(side)))?;
         }
-        let seen = vec![executive.first().1, executive.second().1];
+        let seen = vec![executor.target(0).percept, executor.target(1).percept];
         let frame_delay = bench.world.scenario.effects.time.map_or(0.0, |time| time.frame);
-        let begun = Begun { robot: *robot, posture: *executive.posture(), tensions, frame_delay };
-        return Ok(Beginning { begun, seen, images, opposition: executive.first().0.opposition });
+        let begun = Begun { robot: *robot, posture: *executor.motion().posture(), tensions, frame_delay };
+        return Ok(Beginning { begun, seen, images, opposition: executor.target(0).grasp.opposition });
     }
     Err(EpisodeError::NoFirstGrasp(combination))
 }

@@ -1,6 +1,6 @@
 //! What a mirror believes of the object in the hand: where it was felt, moved with the twin's palm, less certain with time.
 
-use control::executive::Phase;
+use control::executor::Phase;
 use control::perception::Felt;
 use nalgebra::{Isometry3, Matrix6};
 
@@ -33,7 +33,7 @@ impl Believes {
     pub fn see(&mut self, time: f64, phase: Phase, felt: Option<&Felt>) {
         let past = (time - self.time).max(0.0);
         self.time = time;
-        let felt = felt.filter(|felt| felt.grip.first && phase >= Phase::LiftFirst);
+        let felt = felt.filter(|felt| felt.grip.first && phase.lifts(0));
         let known = felt.map(|felt| (felt.estimate.cost, felt.estimate.patches));
         if known != self.known {
             self.known = known;

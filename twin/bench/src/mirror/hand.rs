@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use control::executive::Phase;
+use control::executor::{Phase, Skill};
 use grasping::Role;
 use hand_model::hand::MOST_DIGITS;
 use hand_model::{DigitVector, GRAVITY};
@@ -139,7 +139,7 @@ impl HandWatch {
             .or_else(|| self.lost_digits(limits, tick, should, quiet))
             .or_else(|| self.stepped(all, tick, should, quiet))
             .or_else(|| self.payload(limits, tick, &moved, (should, quiet)));
-        let early = tick.phase < Phase::LiftFirst && tick.progress < limits.empty[0];
+        let early = !tick.phase.lifts(0) && tick.progress < limits.empty[0];
         if should == 0 && quiet && early && !self.touching && moved.norm() < limits.empty[1] {
             // The empty hand's own: what the arm's model leaves out.
             let before = *self.empty.get_or_insert(force);
@@ -251,7 +251,7 @@ impl HandWatch {
         };
         let dropped = [Role::First, Role::Second].into_iter().take(should).position(gone);
         // Digits of the first object change their hold while the second one is raised.
-        let moves = tick.phase == Phase::LiftSecond && !quiet;
+        let moves = tick.phase == Phase::run(Skill::Lift, 1) && !quiet;
         self.dropped = dropped.filter(|_| !moves).map(|object| (object, tick.time)).or(self.dropped);
         let (object, since) = self.dropped?;
         let single = tick.masses.get(object)? * GRAVITY;
@@ -283,7 +283,7 @@ impl HandWatch {
         let pushed_up = self.empty.is_some_and(|empty| step.before.z > empty.z + PUSHED_UP);
         if step.weight < 0.0 {
             // What the hand meets as it arrives pushes it up.
-            let arrives = !quiet && !matches!(tick.phase, Phase::GraspSecond | Phase::LiftFirst | Phase::LiftSecond);
+            let arrives = !quiet && tick.phase.skill != Skill::Lift && tick.phase != Phase::run(Skill::Grasp, 1);
             let most = limits.step.most * GRAVITY * expected + self.more;
             if self.lost >= should || arrives || pushed_up || -step.weight > most {
                 return None;
@@ -310,10 +310,7 @@ impl HandWatch {
         let weight = self.weighs(&tick.residuals.force).filter(|_| quiet && should > 0 && !self.touching)?;
         let expected = tick.masses[..should].iter().sum::<f64>();
         // Weighed where it was raised: elsewhere the arm's own errors are others. What pushes pushes sideways, too.
-        let raised = matches!(
-            tick.phase,
-            Phase::LiftFirst | Phase::Look | Phase::Decide | Phase::LiftSecond | Phase::Check | Phase::Confirm
-        );
+        let raised = matches!(tick.phase.skill, Skill::Lift | Skill::Look);
         let more = raised && weight - GRAVITY * expected > limits.payload && moved.xy().norm() < PUSH;
         let lasts = lasts(&mut self.payload_since, more, tick.time, limits.payload_time);
         // A weight comes and stays; what touches the hand pushes harder and harder.
@@ -346,10 +343,10 @@ mod tests {
             let time = n as f64 * TICK;
             let share = |from: usize, ticks: usize| (n.saturating_sub(from) as f64 / ticks as f64).min(1.0);
             let (phase, progress) = match n {
-                0..60 => (Phase::ApproachFirst, 0.3),
-                60..120 => (Phase::LiftFirst, share(60, 60)),
-                120..180 => (Phase::Look, 0.3),
-                _ => (Phase::Decide, 0.3),
+                0..60 => (Phase::run(Skill::Approach, 0), 0.3),
+                60..120 => (Phase::run(Skill::Lift, 0), share(60, 60)),
+                120..180 => (Phase::run(Skill::Look, 0), 0.3),
+                _ => (Phase::decide(Skill::Look, 0), 0.3),
             };
             let acts = own + share(60, 30) * object + share(179, ticks) * force;
             felt = acts + limits.step.lag * (felt - acts);

@@ -1,6 +1,6 @@
 //! What a mirror is told of a tick: measurements, the command that was sent, and what the controller believes.
 
-use control::executive::{Executive, Phase};
+use control::executor::{Executor, Phase};
 use control::perception::Felt;
 use hand_model::robot::{ArmState, Command, ServoState, TactileFrame};
 
@@ -28,17 +28,17 @@ pub struct Seen<'a> {
 }
 
 impl<'a> Seen<'a> {
-    /// A tick of `executive` that ended at `time` (s), in which `sent` was sent.
-    pub fn of(executive: &'a Executive, time: f64, sent: &'a Command, felt: Option<&'a Felt>) -> Self {
+    /// A tick of `executor` that ended at `time` (s), in which `sent` was sent.
+    pub fn of(executor: &'a Executor, time: f64, sent: &'a Command, felt: Option<&'a Felt>) -> Self {
         Self {
             time,
-            servos: executive.servos(),
-            arm: executive.arm(),
-            images: executive.newest_images(),
+            servos: executor.motion().servos(),
+            arm: executor.motion().arm(),
+            images: executor.motion().newest_images(),
             sent,
-            phase: executive.phase(),
-            progress: executive.progress(),
-            objects: [executive.first(), executive.second()].map(|(grasp, _)| grasp.object.as_str()),
+            phase: executor.phase(),
+            progress: executor.motion().progress(),
+            objects: [0, 1].map(|object| executor.target(object).grasp.object.as_str()),
             felt,
         }
     }

@@ -74,20 +74,20 @@ pub fn drive(
 ) -> Result<TrialOutcome> {
     watcher.branch(with.id.condition)?;
     let scenario = &bench.world.scenario;
-    let executive = &start.run.snapshot.executive;
+    let executor = &start.run.snapshot.executor;
     let stages =
         Stages::new(scenario.referee.palm_distance, LIFTED * bench.world.protocol().lift, scenario.protocol.hold_time);
     let cell = &bench.world.cell;
-    let stepper = Stepper::new(cell, *executive.posture(), cell.robot.hand.slack())?;
+    let stepper = Stepper::new(cell, *executor.motion().posture(), cell.robot.hand.slack())?;
     let servos = cell.robot.hand.servo_goals(&[0.0; 5], 0.0, 0.0);
     let mut driven = Driven {
         bench,
         stepper,
         stages,
         kinematics: cell.kinematics(),
-        last: Command { arm: *executive.posture(), servos, capture: false },
+        last: Command { arm: *executor.motion().posture(), servos, capture: false },
         camera: side.map(|side| Camera::new(bench, start, side)).transpose()?,
-        seen: [executive.first().1.pose(), executive.second().1.pose()],
+        seen: [executor.target(0).percept.pose(), executor.target(1).percept.pose()],
         run: start.run.clone(),
     };
     let untouched = driven.camera.as_ref().map(Camera::array);
@@ -138,7 +138,8 @@ impl Camera {
 
 impl Driven<'_> {
     fn play(&mut self, host: &mut dyn Host, with: &Play, watcher: &mut dyn Watcher) -> Result<End> {
-        let (tick, limit) = (self.run.snapshot.executive.tick_length(), self.bench.world.scenario.protocol.time_limit);
+        let (tick, limit) =
+            (self.run.snapshot.executor.motion().tick_length(), self.bench.world.scenario.protocol.time_limit);
         self.observe()?;
         loop {
             let time = self.run.snapshot.robot.time();
@@ -179,13 +180,13 @@ impl Driven<'_> {
     }
     /// What the policy wants done next.
     fn ask(&mut self, host: &mut dyn Host, time: f64, limit: f64) -> Result<Option<Action>, HostError> {
-        let executive = &self.run.snapshot.executive;
+        let executor = &self.run.snapshot.executor;
         let observed = Observed {
             time,
             time_left: limit - time,
-            servos: executive.servos(),
-            arm: executive.arm(),
-            palm: self.kinematics.palm_pose(&executive.arm().position),
+            servos: executor.motion().servos(),
+            arm: executor.motion().arm(),
+            palm: self.kinematics.palm_pose(&executor.motion().arm().position),
             seen: self.seen,
         };
         let tactile = self.camera.as_ref().map(Camera::array);
@@ -195,7 +196,7 @@ impl Driven<'_> {
     /// Takes in what is measured. A robot that cannot observe leaves the policy with what was measured last.
     fn observe(&mut self) -> Result<()> {
         let Some(observation) = self.run.observe()? else { return Ok(()) };
-        self.run.snapshot.executive.attend(&observation);
+        self.run.snapshot.executor.attend(&observation);
         if let Some(camera) = &mut self.camera
             && !observation.tactile.is_empty()
         {

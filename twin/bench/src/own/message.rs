@@ -8,7 +8,6 @@ use hand_model::{DigitVector, Hand};
 use nalgebra::Isometry3;
 use serde::Deserialize;
 use serde_json::{Value, json};
-use world::phase::Phase;
 
 use super::host::HostError;
 
@@ -66,7 +65,7 @@ pub fn choose(hand: &Hand, situation: &Situation) -> Value {
         "cameras": situation.images.iter().map(|frame| camera(frame.camera)).collect::<Vec<_>>(),
         "untouched": hand.cameras.iter().map(|camera| &camera.name).collect::<Vec<_>>(),
         "situation": {
-            "phase": if situation.phase == Phase::Decide { "decide" } else { "confirm" },
+            "phase": if situation.phase.has_lifted(1) { "confirm" } else { "decide" },
             "time": situation.time,
             "time_left": situation.time_left,
             "tries": situation.tries,

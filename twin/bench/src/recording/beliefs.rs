@@ -9,14 +9,14 @@ use stream::now::Weighed;
 use stream::recorder::Recorder;
 use world::phase::Phase;
 
-/// Which phases a belief about the object in the hand lasts through: from its grasp until it is put down or taken anew.
+/// Phases through which a belief about the object in the hand lasts: from its lift until it is put down or taken anew.
 fn holds(phase: Phase) -> bool {
-    phase >= Phase::LiftFirst
+    phase.lifts(0)
 }
 
-/// Which phases a decision is about.
+/// Phases that a decision is about.
 fn decides(phase: Phase) -> bool {
-    (Phase::Decide..=Phase::LiftSecond).contains(&phase)
+    phase.waits() && phase.has_lifted(0) && !phase.carries() || phase.begins(1) && !phase.has_lifted(1)
 }
 
 /// What was recorded last.
@@ -91,15 +91,23 @@ impl Beliefs {
 
 #[cfg(test)]
 mod tests {
+    use world::phase::{Skill, Stage};
+
     use super::*;
 
     /// With the hand open, and while an object is put down or taken anew, nothing is believed to be in it.
     #[test]
     fn beliefs_last_while_something_is_held() {
-        for phase in [Phase::PutDown, Phase::StepAside, Phase::Begin, Phase::LocateFirst, Phase::ApproachFirst] {
+        for phase in [
+            Phase::run(Skill::PutDown, 0),
+            Phase::run(Skill::StepAside, 0),
+            Phase::decide(Skill::Begin, 0),
+            Phase::palpate(0, Stage::Decide),
+            Phase::run(Skill::Approach, 0),
+        ] {
             assert!(!holds(phase) && !decides(phase), "{}", phase.name());
         }
-        assert!(holds(Phase::Carry) && !decides(Phase::Carry));
-        assert!(holds(Phase::ApproachSecond) && decides(Phase::ApproachSecond));
+        assert!(holds(Phase::run(Skill::Carry, 0)) && !decides(Phase::run(Skill::Carry, 0)));
+        assert!(holds(Phase::run(Skill::Approach, 1)) && decides(Phase::run(Skill::Approach, 1)));
     }
 }

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use anyhow::Result;
-use control::executive::{Executive, Phase};
+use control::executor::Executor;
 use control::inverse_kinematics::ArmKinematics;
 use control::perception::Felt;
 use control::workcell::Workcell;
@@ -31,19 +31,19 @@ impl Measured {
         &mut self,
         recorder: &mut Recorder,
         names: &[String; 2],
-        executive: &Executive,
+        executor: &Executor,
         felt: Option<&Felt>,
     ) -> Result<()> {
-        let arm = executive.arm().position;
+        let arm = executor.motion().arm().position;
         let palm = self.kinematics.palm_pose(&arm);
-        let Posture { q, tensions, .. } = free_posture(&self.hand, executive.servos());
+        let Posture { q, tensions, .. } = free_posture(&self.hand, executor.motion().servos());
         recorder.log_robot(&self.kinematics.link_poses(&arm), &palm, &self.hand.tree.forward(&q))?;
-        for (name, pose) in names.iter().zip(self.believed(executive, &palm, felt)) {
+        for (name, pose) in names.iter().zip(self.believed(executor, &palm, felt)) {
             recorder.log_estimate(name, Some(&pose))?;
         }
         recorder.log_scalars(&SignalFrame {
             tensions: Some(tensions),
-            currents: Some(executive.servos().iter().map(|servo| servo.current).collect()),
+            currents: Some(executor.motion().servos().iter().map(|servo| servo.current).collect()),
             joint_angles: Some(q),
             arm_angles: Some(arm),
             ..SignalFrame::default()
@@ -52,11 +52,10 @@ impl Measured {
     }
 
     /// `world_from_object` of both: where it was seen, and from its lift on with the palm.
-    fn believed(&mut self, executive: &Executive, palm: &Isometry3<f64>, felt: Option<&Felt>) -> [Isometry3<f64>; 2] {
-        let lifted = [Phase::LiftFirst, Phase::LiftSecond];
-        let seen = [executive.first().1.pose(), executive.second().1.pose()];
+    fn believed(&mut self, executor: &Executor, palm: &Isometry3<f64>, felt: Option<&Felt>) -> [Isometry3<f64>; 2] {
+        let seen = [executor.target(0).percept.pose(), executor.target(1).percept.pose()];
         std::array::from_fn(|n| {
-            if executive.phase() < lifted[n] {
+            if !executor.phase().lifts(n) {
                 self.carried[n] = None;
                 return seen[n];
             }

@@ -3,85 +3,33 @@
 use std::sync::Arc;
 
 use anyhow::Result;
-use control::carrier::CarryPhase;
-use control::load::Skill;
+use control::executor::{Executor, Skill};
 use control::motion::Protocol;
 use control::percept::{Eyes, EyesError, Sighted};
-use control::policy::carry::{Cargo, Carry, CarryStep, Carrying, Knowledge};
+use control::policy::Step;
+use control::policy::pick_sequence::plan::Pickup;
+use control::policy::pick_sequence::{Item, PickMode, PickSequence, PickTask};
 use control::sensing::Senses;
 use nalgebra::Vector3;
+use proving::rehearsal::Snapshot;
 use proving::simulated_world::World;
 use rand_chacha::ChaCha8Rng;
 use scenarios::noise::{NoiseLevels, TrialNoise, trial_rng};
 use scenarios::transport::{Ball, PushStage, Transport};
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use sim::SimulatedRobot;
 use sim::robot::Truth;
 use sim::tactile::TactileBoard;
 use touch::TouchPipeline;
 use world::Sensing;
 
-use super::site::{Branch, in_hand};
-
-/// How the load is chosen.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Policy {
-    /// One object a trip, with touch: what carrying together is compared to.
-    OneByOne,
-    /// As many as fit, all as planned, unfelt.
-    Blind,
-    /// As many as fit, by what is felt after each pick.
-    Touch,
-}
-
-impl std::str::FromStr for Policy {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let known = || Self::ALL.map(Self::argument).join(", ");
-        let policy = Self::ALL.into_iter().find(|policy| policy.argument() == text);
-        policy.ok_or_else(|| format!("found `{text}`, expected one of {}", known()))
-    }
-}
-
-impl Policy {
-    /// As the controller knows it.
-    fn carrying(self) -> Carrying {
-        match self {
-            Self::OneByOne => Carrying::OneByOne,
-            Self::Blind => Carrying::Blind,
-            Self::Touch => Carrying::Touch,
-        }
-    }
-
-    /// As the command line writes it.
-    pub fn argument(self) -> &'static str {
-        match self {
-            Self::OneByOne => "one-by-one",
-            Self::Blind => "blind",
-            Self::Touch => "touch",
-        }
-    }
-
-    /// All, the baseline first.
-    pub const ALL: [Self; 3] = [Self::OneByOne, Self::Blind, Self::Touch];
-
-    /// In words.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::OneByOne => "one by one",
-            Self::Blind => "blind",
-            Self::Touch => "touch",
-        }
-    }
-}
+use super::site::{begin, in_hand, play};
 
 /// What came of a transport.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct TransportRecord {
     /// How it was done.
-    pub policy: Policy,
+    pub policy: PickMode,
     /// Number of the transport.
     pub trial: usize,
     /// Balls that were to be carried.
@@ -107,7 +55,7 @@ pub struct Site {
     /// What is to be carried.
     pub transport: Transport,
     /// Skills, each with the number of the ball's size that it is for.
-    pub skills: Vec<Skill>,
+    pub skills: Vec<Pickup>,
     /// For each ball, the skills that suit it.
     pub suited: Vec<Vec<usize>>,
     /// The hand unit's cameras.
@@ -118,25 +66,13 @@ pub struct Site {
     pub seed: u64,
 }
 
-/// Sees every tick of a transport.
-pub trait Witness {
-    /// One tick; the note says what has just been decided or done.
-    fn see(&mut self, truth: &Truth, branch: &control::carrier::Carrier, note: Option<&str>) -> Result<()>;
-}
-
-/// Sees nothing.
-pub struct Nobody;
-
-impl Witness for Nobody {
-    fn see(&mut self, _: &Truth, _: &control::carrier::Carrier, _: Option<&str>) -> Result<()> {
-        Ok(())
-    }
-}
+/// Sees every tick of a transport; the words say what has just been decided or done.
+pub type Witness<'a> = &'a mut dyn FnMut(&Truth, &Executor, Option<&str>) -> Result<()>;
 
 /// A transport in progress.
 struct Progress<'a> {
     site: &'a Site,
-    branch: Branch,
+    branch: Snapshot,
     /// Balls truly in the hand at the newest tick of a hold.
     held: Vec<usize>,
     /// Since when the push has been acting, s.
@@ -154,24 +90,24 @@ impl Site {
     }
 
     /// One transport. Its errors depend on seed and trial alone, so that every policy meets the same arm.
-    pub fn play(&self, trial: usize, policy: Policy, witness: &mut dyn Witness) -> Result<TransportRecord> {
+    pub fn play(&self, trial: usize, policy: PickMode, witness: Witness) -> Result<TransportRecord> {
         let mut rng = trial_rng(self.seed, 0, trial);
         let noise = TrialNoise::draw(&self.transport.noise, &mut rng);
         let board = self.board.with_noise(rand::RngExt::random(&mut rng));
         let balls: Vec<_> = self.transport.ball.iter().map(|ball| (Arc::new(ball.model()), ball.pose())).collect();
-        let cargo = self.cargo();
+        let items = self.items();
         let goal = self.transport.goal;
-        let knowledge = Knowledge {
+        let task = PickTask {
             cell: &self.world.cell,
-            skills: &self.skills,
-            cargo: &cargo,
+            pickups: &self.skills,
+            items: &items,
             goal: [goal.x, goal.y],
             tries: self.transport.protocol.tries * balls.len(),
         };
-        let mut carry = Carry::new(knowledge, policy.carrying(), Senses::new(&self.pipeline, Sensing::Full)?);
+        let mut sequence = PickSequence::new(task, policy, Senses::new(&self.pipeline, Sensing::Full)?);
         let mut progress = Progress {
             site: self,
-            branch: Branch::begin(&self.world, self.protocol(), &balls, &noise, board)?,
+            branch: begin(&self.world, self.protocol(), &balls, &noise, board)?,
             held: Vec::new(),
             pushed: None,
             note: None,
@@ -188,32 +124,33 @@ impl Site {
             },
         };
         loop {
-            let Branch { robot, carrier } = &mut progress.branch;
+            let Snapshot { robot, executor } = &mut progress.branch;
             let mut eyes = NoisyEyes { robot, noise: &self.transport.noise, rng: &mut rng };
-            let step = carry.decide(carrier, &mut eyes)?;
-            progress.tell(carry.take_reasons());
-            progress.record.picks = carry.picks();
-            match step {
-                CarryStep::Finish => return Ok(progress.record),
-                CarryStep::Pick => {
-                    progress.play_on(witness)?;
-                    carry.perceive(&mut progress.branch.carrier)?;
-                    progress.tell(carry.take_reasons());
-                }
-                CarryStep::Deliver => progress.deliver(witness)?,
+            let step = sequence.decide(executor, &mut eyes)?;
+            progress.tell(sequence.take_reasons());
+            progress.record.picks = sequence.picks();
+            if step != Step::Play {
+                return Ok(progress.record);
+            }
+            if progress.branch.executor.phase().carries() {
+                progress.deliver(witness)?;
+            } else {
+                progress.play_on(witness)?;
+                sequence.perceive(&mut progress.branch.executor)?;
+                progress.tell(sequence.take_reasons());
             }
         }
     }
 
     /// The balls as the policy knows them.
-    fn cargo(&self) -> Vec<Cargo> {
+    fn items(&self) -> Vec<Item> {
         let balls = self.transport.ball.iter().zip(&self.suited);
-        let cargo = |(ball, skills): (&Ball, &Vec<usize>)| Cargo {
+        let item = |(ball, pickups): (&Ball, &Vec<usize>)| Item {
             name: ball.name.clone(),
             volume: ball.volume(),
-            skills: skills.clone(),
+            pickups: pickups.clone(),
         };
-        balls.map(cargo).collect()
+        balls.map(item).collect()
     }
 }
 
@@ -243,7 +180,7 @@ impl Progress<'_> {
     }
 
     /// Plays the way to the goal and notes what arrives there in the hand.
-    fn deliver(&mut self, witness: &mut dyn Witness) -> Result<()> {
+    fn deliver(&mut self, witness: Witness) -> Result<()> {
         self.held.clear();
         self.play_on(witness)?;
         let balls = &self.site.transport.ball;
@@ -260,18 +197,18 @@ impl Progress<'_> {
     }
 
     /// Plays on to the next decision: the push happens, what is in the hand over the goal is noted, the witness looks on.
-    fn play_on(&mut self, witness: &mut dyn Witness) -> Result<()> {
+    fn play_on(&mut self, witness: Witness) -> Result<()> {
         let Self { site, branch, pushed, held, note, record, .. } = self;
         let count = site.transport.ball.len();
         let first = record.picks == 1;
-        branch.play(|robot, carrier| {
+        play(branch, |robot, executor| {
             if let Some(push) = site.transport.push.as_ref().filter(|_| first) {
-                let phase = match push.stage {
-                    PushStage::Approach => CarryPhase::Approach,
-                    PushStage::Close => CarryPhase::Close,
-                    PushStage::Lift => CarryPhase::Lift,
+                let skill = match push.stage {
+                    PushStage::Approach => Skill::Approach,
+                    PushStage::Close => Skill::Grasp,
+                    PushStage::Lift => Skill::Lift,
                 };
-                let due = carrier.phase() == phase && carrier.progress() >= push.at;
+                let due = executor.phase().skill == skill && executor.motion().progress() >= push.at;
                 if due && pushed.is_none() {
                     *pushed = Some(robot.time());
                     let text = format!("push of {:.2} N on {}", Vector3::from(push.force).norm(), push.ball);
@@ -284,10 +221,10 @@ impl Progress<'_> {
                 }
             }
             let truth = robot.truth();
-            if carrier.phase() == CarryPhase::Hold {
+            if executor.phase().skill == Skill::Hold {
                 *held = (0..count).filter(|ball| in_hand(&truth, *ball)).collect();
             }
-            witness.see(&truth, carrier, note.take().as_deref())?;
+            witness(&truth, executor, note.take().as_deref())?;
             Ok(true)
         })?;
         Ok(())

@@ -3,25 +3,26 @@
 use std::path::Path;
 
 use anyhow::Result;
-use control::carrier::{Carrier, CarryPhase};
+use control::executor::{Executor, Phase};
+use control::policy::pick_sequence::PickMode;
 use sim::robot::Truth;
 use stream::recorder::{Recorder, Settings, Target};
 use stream::{DrawnObject, Level, TrialProperties};
 
-use super::play::{Policy, Site, TransportRecord, Witness};
+use super::play::{Site, TransportRecord};
 use crate::recording::{Shown, drawn, log_scene, log_signals};
 
 /// Records one transport.
 pub struct Recorded {
     recorder: Recorder,
     names: Vec<String>,
-    phase: Option<CarryPhase>,
+    phase: Option<Phase>,
     shown: Shown,
 }
 
 impl Recorded {
     /// Opens `file` for transport `trial` under `policy`.
-    pub fn open(file: &Path, site: &Site, trial: usize, policy: Policy) -> Result<Self> {
+    pub fn open(file: &Path, site: &Site, trial: usize, policy: PickMode) -> Result<Self> {
         let drawn: Vec<DrawnObject> = site.transport.ball.iter().map(|ball| drawn(&ball.model(), &ball.name)).collect();
         let targets = [Target::File(file.to_owned())];
         let mut recorder = Recorder::open(&targets, Settings::default(), &site.world.cell.robot, &drawn)?;
@@ -43,20 +44,20 @@ impl Recorded {
         self.recorder.finish()?;
         Ok(())
     }
-}
 
-impl Witness for Recorded {
-    fn see(&mut self, truth: &Truth, carrier: &Carrier, note: Option<&str>) -> Result<()> {
+    /// Records a tick; `note` says what has just been decided or done.
+    pub fn see(&mut self, truth: &Truth, executor: &Executor, note: Option<&str>) -> Result<()> {
         let recorder = &mut self.recorder;
         log_scene(recorder, truth, &self.names)?;
-        if self.phase != Some(carrier.phase()) {
-            self.phase = Some(carrier.phase());
-            recorder.log_phase(carrier.phase().name())?;
+        if self.phase != Some(executor.phase()) {
+            self.phase = Some(executor.phase());
+            recorder.log_phase(&executor.phase().name())?;
         }
         if let Some(note) = note {
             recorder.log_text(Level::Info, note)?;
         }
-        self.shown.log(recorder, carrier.newest_images())?;
-        log_signals(recorder, truth, carrier.servos(), carrier.posture(), Vec::new())
+        let motion = executor.motion();
+        self.shown.log(recorder, motion.newest_images())?;
+        log_signals(recorder, truth, motion.servos(), motion.posture(), Vec::new())
     }
 }

@@ -7,13 +7,14 @@
 use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
-use control::carrier::CarryPhase;
+use control::executor::{Skill, Target};
 use control::percept::Percept;
+use control::policy::pick_sequence::plan::Pickup;
 use grasping::Grasp;
 use grasping::digit_sets::propose_with;
 use grasping::sampler::vary;
 use hand_model::Digit;
-use proving::rehearsal::{digit_bits, misaimed, proving_errors};
+use proving::rehearsal::{Snapshot, digit_bits, misaimed, proving_errors};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
@@ -22,8 +23,7 @@ use sim::robot::Truth;
 use sim::tactile::TactileBoard;
 
 use super::play::Site;
-use super::site::{Branch, in_hand};
-use super::skills::Proven;
+use super::site::{begin, in_hand, play};
 
 /// Draws of the expected noise under which a pick is proven, after a try without any.
 const ERRORS: usize = 5;
@@ -59,19 +59,19 @@ pub struct Searched {
     /// Those that still held everything over the goal.
     pub held: usize,
     /// The best of them, most robust first.
-    pub skills: Vec<Proven>,
+    pub skills: Vec<Pickup>,
 }
 
 /// A hold: where the next pick begins.
 #[derive(Clone)]
 struct Base {
-    branch: Branch,
+    branch: Snapshot,
     had: Vec<usize>,
     holding: Vec<Digit>,
 }
 
 /// What holds, and the hold that it gives.
-type Found = (Proven, Base);
+type Found = (Pickup, Base);
 
 /// How far a try came.
 enum Came {
@@ -79,7 +79,7 @@ enum Came {
     Nothing,
     Touched,
     Lifted,
-    Held(Box<(Branch, Vec<Digit>, Truth)>),
+    Held(Box<(Snapshot, Vec<Digit>, Truth)>),
 }
 
 impl std::str::FromStr for WantedText {
@@ -118,7 +118,7 @@ impl WantedText {
 /// Searches the picks of a sequence one after the other with `n` proposals each; ends where nothing holds.
 pub fn rehearse(site: &Site, sequence: &[Wanted], n: u32, quiet: bool) -> Result<Vec<Searched>> {
     let balls: Vec<_> = site.transport.ball.iter().map(|ball| (Arc::new(ball.model()), ball.pose())).collect();
-    let empty = Branch::begin(&site.world, site.protocol(), &balls, &TrialNoise::none(), TactileBoard::blank())?;
+    let empty = begin(&site.world, site.protocol(), &balls, &TrialNoise::none(), TactileBoard::blank())?;
     let mut bases = vec![Base { branch: empty, had: Vec::new(), holding: Vec::new() }];
     let mut all = Vec::new();
     for (k, wanted) in sequence.iter().enumerate() {
@@ -136,7 +136,7 @@ pub fn rehearse(site: &Site, sequence: &[Wanted], n: u32, quiet: bool) -> Result
             found.extend(search(site, &bases, wanted, (n..n + n / 2).map(vary).collect(), &mut searched)?);
         }
         // Of what mostly holds, the one that leaves more digits free is worth more to the next pick.
-        let rank = |skill: &Proven| (skill.grasp.score < LIKELY, skill.keeps.len());
+        let rank = |skill: &Pickup| (skill.grasp.score < LIKELY, skill.keeps.len());
         found.sort_by(|(a, _), (b, _)| {
             rank(a).cmp(&rank(b)).then(b.grasp.score.total_cmp(&a.grasp.score)).then(a.grasp.id.cmp(&b.grasp.id))
         });
@@ -186,7 +186,7 @@ fn search(
             held_joints: Some(truth.hand.clone()),
             ..grasp
         };
-        let proven = Proven {
+        let proven = Pickup {
             diameter: site.transport.ball[wanted.ball].diameter,
             beside: base.holding.clone(),
             keeps: keeps.clone(),
@@ -228,11 +228,10 @@ fn attempt(site: &Site, base: &Base, ball: usize, grasp: &Grasp, keeps: Option<&
         return Ok(Came::OutOfReach);
     }
     let mut branch = base.branch.clone();
-    branch.carrier.take(grasp.clone(), &percept)?;
-    let reached = branch.play(|robot, carrier| {
-        let missed =
-            carrier.phase() == CarryPhase::Lift && carrier.progress() < 0.1 && robot.truth().touched_by[ball] == 0;
-        Ok(!missed)
+    branch.executor.take(base.had.len(), Target { grasp: grasp.clone(), percept })?;
+    let reached = play(&mut branch, |robot, executor| {
+        let lifts = executor.phase().skill == Skill::Lift && executor.motion().progress() < 0.1;
+        Ok(!lifts || robot.truth().touched_by[ball] > 0)
     })?;
     if !reached {
         return Ok(Came::Nothing);
@@ -245,15 +244,15 @@ fn attempt(site: &Site, base: &Base, ball: usize, grasp: &Grasp, keeps: Option<&
     let touching = |digit: &Digit| truth.touched_by[ball] & digit_bits(&site.world.cell.robot.hand, &[*digit]) != 0;
     let keeps: Vec<Digit> = match keeps {
         Some(keeps) => keeps.clone(),
-        None => grasp.digits().into_iter().filter(touching).collect(),
+        None => grasp.digits.iter().copied().filter(touching).collect(),
     };
     if keeps.is_empty() {
         return Ok(Came::Lifted);
     }
-    branch.carrier.keep_only(&[&base.holding[..], &keeps].concat());
+    branch.executor.keep_only(&[&base.holding[..], &keeps].concat());
     let hold = branch.clone();
-    branch.carrier.deliver([site.transport.goal.x, site.transport.goal.y])?;
-    branch.play(|_, carrier| Ok(carrier.phase() != CarryPhase::Release))?;
+    branch.executor.deliver([site.transport.goal.x, site.transport.goal.y])?;
+    play(&mut branch, |_, executor| Ok(executor.phase().skill != Skill::PutDown))?;
     let last = branch.robot.truth();
     let inside = |truth: &Truth, one: usize| (truth.palm.inverse() * truth.objects[one]).translation.vector;
     let stays = |one: &usize| in_hand(&last, *one) && (inside(&last, *one) - inside(&truth, *one)).norm() < SLIP_LIMIT;

@@ -6,9 +6,8 @@
 use std::path::Path;
 
 use anyhow::{Context, Result, bail};
-use control::load::Skill;
-use grasping::{Grasp, Repertoire, Role};
-use hand_model::Digit;
+use control::policy::pick_sequence::plan::Pickup;
+use grasping::{Repertoire, Role};
 use proving::ball_sizes::resized;
 use proving::simulated_world::World;
 use serde::{Deserialize, Serialize};
@@ -22,31 +21,18 @@ const ALIKE: f64 = 0.16;
 /// ... and count less there.
 const RESIZED_WORTH: f64 = 0.8;
 
-/// A skill and the ball it was proven with.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Proven {
-    /// m.
-    pub diameter: f64,
-    /// Digits that held something then.
-    pub beside: Vec<Digit>,
-    /// Digits that have the ball.
-    pub keeps: Vec<Digit>,
-    /// The grasp; its score is the share of tries under errors that held.
-    pub grasp: Grasp,
-}
-
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SkillFile {
     /// Format version.
     pub version: u32,
     /// The command that made it.
     pub command: String,
-    pub skills: Vec<Proven>,
+    pub skills: Vec<Pickup>,
 }
 
 impl SkillFile {
     /// A file of `skills`.
-    pub fn new(command: String, skills: Vec<Proven>) -> Self {
+    pub fn new(command: String, skills: Vec<Pickup>) -> Self {
         Self { version: VERSION, command, skills }
     }
 
@@ -74,7 +60,7 @@ impl SkillFile {
 }
 
 /// The balls' grasps of the benchmark's repertoire as skills: ring and little finger first, then thumb, index and middle finger.
-pub fn of_repertoire(world: &World, repertoire: &Repertoire) -> Result<Vec<Proven>> {
+pub fn of_repertoire(world: &World, repertoire: &Repertoire) -> Result<Vec<Pickup>> {
     let mut skills = Vec::new();
     for (name, grasps) in &repertoire.grasps {
         let model = world.object(name)?;
@@ -82,19 +68,19 @@ pub fn of_repertoire(world: &World, repertoire: &Repertoire) -> Result<Vec<Prove
             continue;
         }
         for grasp in grasps {
-            let beside = if grasp.role == Role::First { Vec::new() } else { Role::First.digits().to_vec() };
+            let beside = if grasp.digits == Role::First.digits() { Vec::new() } else { Role::First.digits().to_vec() };
             let diameter = 2.0 * model.shape.bounding_radius();
-            skills.push(Proven { diameter, beside, keeps: grasp.role.digits().to_vec(), grasp: grasp.clone() });
+            skills.push(Pickup { diameter, beside, keeps: grasp.digits.clone(), grasp: grasp.clone() });
         }
     }
     Ok(skills)
 }
 
 /// The skills for balls of each of `diameters` (m), with the number of the diameter that each is for.
-pub fn for_sizes(proven: &[Proven], diameters: &[f64]) -> Vec<(usize, Skill)> {
+pub fn for_sizes(proven: &[Pickup], diameters: &[f64]) -> Vec<(usize, Pickup)> {
     let mut skills = Vec::new();
     for (n, &diameter) in diameters.iter().enumerate() {
-        let apart = |skill: &&Proven| (skill.diameter - diameter).abs();
+        let apart = |skill: &&Pickup| (skill.diameter - diameter).abs();
         let same = proven.iter().any(|skill| apart(&skill) < SAME);
         let within = if same { SAME } else { ALIKE * diameter };
         for skill in proven.iter().filter(|skill| apart(skill) < within) {
@@ -102,7 +88,7 @@ pub fn for_sizes(proven: &[Proven], diameters: &[f64]) -> Vec<(usize, Skill)> {
             if !same {
                 grasp.score *= RESIZED_WORTH;
             }
-            skills.push((n, Skill { grasp, beside: skill.beside.clone(), keeps: skill.keeps.clone() }));
+            skills.push((n, Pickup { grasp, ..skill.clone() }));
         }
     }
     skills
@@ -122,7 +108,7 @@ mod tests {
     #[test]
     fn the_builtin_file_is_good() {
         for skill in SkillFile::builtin().unwrap().skills {
-            let closing = skill.grasp.digits();
+            let closing = &skill.grasp.digits;
             assert!(!skill.keeps.is_empty() && skill.keeps.iter().all(|digit| closing.contains(digit)));
             assert!(skill.beside.iter().all(|digit| !closing.contains(digit)));
             assert!((0.0..=1.0).contains(&skill.grasp.score));

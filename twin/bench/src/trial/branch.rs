@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::Result;
-use control::executive::Phase;
+use control::executor::{Phase, Skill, Stage};
 use control::perception::Felt;
 use control::policy::{Policy, Step};
 use proving::rehearsal::{Snapshot, in_hand};
@@ -83,11 +83,11 @@ pub fn play(start: &Start, policy: &mut dyn Policy, with: Play, watcher: &mut dy
 
 /// The first grasp as it was planned, unless the policy began, and what the policy attempted.
 fn tries(start: &Start, attempts: Vec<Attempt>, run: &Run, id: TrialId) -> Vec<TryRecord> {
-    let executive = &start.run.snapshot.executive;
-    let grasp = executive.first().0.id;
+    let executor = &start.run.snapshot.executor;
+    let grasp = executor.target(0).grasp.id;
     let first = Attempt { object: 0, grasp, why: "as planned".to_owned(), ..Attempt::default() };
     let verdicts = run.referee.tries();
-    let planned = (executive.phase() != Phase::Begin).then_some(first);
+    let planned = (executor.phase().skill != Skill::Begin).then_some(first);
     let all = planned.into_iter().chain(attempts).enumerate();
     all.map(|(number, attempt)| TryRecord::new(id, number, &attempt, verdicts.get(number))).collect()
 }
@@ -103,30 +103,31 @@ fn decide_and_play(
     let condition = with.id.condition;
     let mut played = Played { run, slowest_ms: 0.0, at_estimate: None };
     loop {
-        let phase = played.run.snapshot.executive.phase();
+        let phase = played.run.snapshot.executor.phase();
         if let Some(why) = &played.run.fault {
             policy.story().reasons.push(why.clone());
             break;
         }
         if policy.deliberates() && with.decision_time > 0.0 && played.run.snapshot.robot.branches() {
-            let felt = policy.felt().filter(|_| phase > Phase::Decide);
+            let felt = policy.felt().filter(|_| phase.begins(1));
             played.run.wait(with.decision_time, felt, Some(condition), watcher)?;
         }
         let (before, begun) = (policy.story().decisions, Instant::now());
-        let waiting = (with.pace == Pace::Wall).then(|| played.run.snapshot.executive.clone());
+        let waiting = (with.pace == Pace::Wall).then(|| played.run.snapshot.executor.clone());
         let step = decide(&mut played.run, &start.objects, policy, &mut with)?;
         if let Some(waiting) = waiting {
-            let decided = std::mem::replace(&mut played.run.snapshot.executive, waiting);
-            let felt = policy.felt().filter(|_| phase > Phase::Decide);
+            let decided = std::mem::replace(&mut played.run.snapshot.executor, waiting);
+            let felt = policy.felt().filter(|_| phase.begins(1));
             played.run.wait(begun.elapsed().as_secs_f64(), felt, Some(condition), watcher)?;
-            played.run.snapshot.executive = decided;
+            played.run.snapshot.executor = decided;
         }
         if policy.story().decisions > before {
             played.slowest_ms = played.slowest_ms.max(begun.elapsed().as_secs_f64() * 1e3);
         }
         // The hold is felt before the second object is taken, or touched first.
-        let felt_hold = policy.story().decisions > before || step == Step::Play(Phase::LocateSecond);
-        if phase == Phase::Decide && felt_hold {
+        let next = played.run.snapshot.executor.phase();
+        let felt_hold = policy.story().decisions > before || next == Phase::palpate(1, Stage::Reach);
+        if phase.waits() && phase.lifts(0) && !phase.begins(1) && felt_hold {
             played.at_estimate = played.run.snapshot.robot.truth();
         }
         for text in policy.story().take_announcements() {
@@ -135,8 +136,8 @@ fn decide_and_play(
         if let Some(choice) = policy.story().take_choice() {
             played.run.tell((None, Some(&choice)), policy.felt(), condition, watcher)?;
         }
-        let until = match step {
-            Step::Play(until) => until,
+        match step {
+            Step::Play => {}
             Step::Finish => break,
             Step::GiveUp => {
                 played.run.referee.give_up(FailureCause::Unreachable);
@@ -154,9 +155,9 @@ fn decide_and_play(
                 played.run.referee.give_up(FailureCause::NotSeen);
                 break;
             }
-        };
-        let felt = policy.felt().filter(|_| until > Phase::Decide);
-        played.run.play(until, felt, Some(condition), watcher)?;
+        }
+        let felt = policy.felt().filter(|_| next.begins(1));
+        played.run.play(Phase::waits, felt, Some(condition), watcher)?;
     }
     Ok(played)
 }
@@ -171,12 +172,12 @@ pub fn foretold_risk(start: &Start, policy: &mut dyn Policy, mut with: Play) -> 
 /// One decision: perceive, then decide.
 fn decide(run: &mut Run, objects: &[Arc<ObjectModel>; 2], policy: &mut dyn Policy, with: &mut Play) -> Result<Step> {
     let injected = if with.inject_truth { run.true_state() } else { None };
-    let Run { snapshot: Snapshot { robot, executive }, disturber, history, profile, .. } = run;
-    profile.on(Activity::Perception, || policy.perceive(executive, injected))?;
+    let Run { snapshot: Snapshot { robot, executor }, disturber, history, profile, .. } = run;
+    profile.on(Activity::Perception, || policy.perceive(executor, injected))?;
     let time = robot.time();
     let Play { noise, library, looks, .. } = with;
     let mut eyes = NoisyEyes { robot, disturber, noise, looks, objects, library, history };
-    Ok(profile.on(Activity::Choice, || policy.decide(executive, &mut eyes, time))?)
+    Ok(profile.on(Activity::Choice, || policy.decide(executor, &mut eyes, time))?)
 }
 
 /// What the referee knows about the estimate, for the record only.

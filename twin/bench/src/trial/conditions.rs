@@ -127,7 +127,7 @@ impl Branches<'_> {
             (false, None) => Start::clone(start),
         };
         if bench.world.scenario.disturbance.slip.is_some_and(|slip| slip.reaction) {
-            start.run.snapshot.executive.react_to_slip();
+            start.run.snapshot.executor.react_to_slip();
         }
         bench.touch(&start, options, means, watcher)
     }

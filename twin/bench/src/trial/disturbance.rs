@@ -6,7 +6,7 @@
 use std::sync::Arc;
 
 use anyhow::Result;
-use control::executive::Executive;
+use control::executor::Executor;
 use nalgebra::Vector3;
 use scenarios::disturbance::{Disturbances, Moment, Target, Which};
 use scenarios::noise::{ObjectNoise, TrialNoise};
@@ -35,9 +35,9 @@ enum Change {
 }
 
 impl Interval {
-    fn advance(&mut self, moment: &Moment, executive: &Executive, time: f64) -> Change {
+    fn advance(&mut self, moment: &Moment, executor: &Executor, time: f64) -> Change {
         match *self {
-            Self::Ahead if executive.phase() == moment.phase && executive.progress() >= moment.at => {
+            Self::Ahead if executor.phase() == moment.phase && executor.motion().progress() >= moment.at => {
                 *self = Self::Since(time);
                 Change::Begins
             }
@@ -93,7 +93,7 @@ impl Disturber {
     }
 
     /// What happens in the coming tick; the words if it begins now.
-    pub fn act(&mut self, robot: &mut SimulatedRobot, executive: &Executive) -> Option<String> {
+    pub fn act(&mut self, robot: &mut SimulatedRobot, executor: &Executor) -> Option<String> {
         let time = robot.time();
         let mut began = None;
         let name = |target: Target| match target {
@@ -102,7 +102,7 @@ impl Disturber {
             Target::Hand => "hand",
         };
         if let Some(push) = &self.what.push {
-            let change = self.push.advance(&push.moment(), executive, time);
+            let change = self.push.advance(&push.moment(), executor, time);
             if matches!(change, Change::Begins | Change::Lasts) {
                 robot.pull(push.on.object(), Vector3::from(push.force));
             }
@@ -112,7 +112,7 @@ impl Disturber {
             }
         }
         if let Some(slip) = &self.what.slip {
-            let change = self.slip.advance(&slip.moment(), executive, time);
+            let change = self.slip.advance(&slip.moment(), executor, time);
             let object = slip.object.index();
             match change {
                 Change::Begins => robot.set_friction(object, slip.friction),

@@ -46,7 +46,7 @@ impl Watcher for Filming {
             }
             self.film.frames.push(Frame {
                 time: moment.time,
-                phase: moment.executive.phase().name().to_owned(),
+                phase: moment.executor.phase().to_string(),
                 arm: truth.arm_links.clone(),
                 palm: truth.palm,
                 links: truth.hand_links.iter().map(|link| inverse * link).collect(),

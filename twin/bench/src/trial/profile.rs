@@ -10,7 +10,7 @@ pub enum Activity {
     Physics,
     /// Ticks that end with tactile images: their rendering, mostly.
     Images,
-    /// The executive: paths, inverse kinematics, tensions.
+    /// The executor: paths, inverse kinematics, tensions.
     Control,
     /// The referee's view of the scene and the recording.
     Referee,

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use anyhow::{Result, bail};
-use control::executive::{Executive, Phase};
+use control::executor::{Executor, Phase};
 use control::outage::Outage;
 use control::perception::{Felt, Grip};
 use control::policy::{Choice, Injected};
@@ -78,21 +78,21 @@ impl Run {
         })
     }
 
-    /// Plays until `until`, while referee and watcher look on.
+    /// Plays until the phase is one of `until`, while referee and watcher look on.
     pub fn play(
         &mut self,
-        until: Phase,
+        until: impl Fn(Phase) -> bool,
         felt: Option<&Felt>,
         condition: Option<Condition>,
         watcher: &mut dyn Watcher,
     ) -> Result<()> {
-        self.play_while(|executive, _| executive.phase() < until, felt, condition, watcher)?;
+        self.play_while(|executor, _| !until(executor.phase()), felt, condition, watcher)?;
         // What comes next is to be decided first.
         self.snapshot.robot.pause();
         Ok(())
     }
 
-    /// Lets `time` s pass while the executive waits for a decision.
+    /// Lets `time` s pass while the executor waits for a decision.
     pub fn wait(
         &mut self,
         time: f64,
@@ -101,23 +101,23 @@ impl Run {
         watcher: &mut dyn Watcher,
     ) -> Result<()> {
         // Half a tick of tolerance: times are sums of ticks.
-        let end = self.snapshot.robot.time() + time - 0.5 * self.snapshot.executive.tick_length();
+        let end = self.snapshot.robot.time() + time - 0.5 * self.snapshot.executor.motion().tick_length();
         self.play_while(|_, now| now < end, felt, condition, watcher)
     }
 
-    /// Plays as long as `on` says so of the executive and the time (s).
+    /// Plays as long as `on` says so of the executor and the time (s).
     fn play_while(
         &mut self,
-        on: impl Fn(&Executive, f64) -> bool,
+        on: impl Fn(&Executor, f64) -> bool,
         felt: Option<&Felt>,
         condition: Option<Condition>,
         watcher: &mut dyn Watcher,
     ) -> Result<()> {
-        while self.fault.is_none() && on(&self.snapshot.executive, self.snapshot.robot.time()) {
+        while self.fault.is_none() && on(&self.snapshot.executor, self.snapshot.robot.time()) {
             match self.observe()? {
                 Some(observation) => {
-                    let executive = &mut self.snapshot.executive;
-                    let command = self.profile.on(Activity::Control, || executive.tick(&observation))?;
+                    let executor = &mut self.snapshot.executor;
+                    let command = self.profile.on(Activity::Control, || executor.tick(&observation))?;
                     self.carry_out(&command, None, (felt, condition), watcher)?;
                 }
                 None => self.pass(None, false, None, (felt, condition), watcher)?,
@@ -132,7 +132,7 @@ impl Run {
         self.unless_lost(seen)
     }
 
-    /// One tick with `command`, while referee and watcher look on: what was sent, after limits, if anything was. The executive says what phase it
+    /// One tick with `command`, while referee and watcher look on: what was sent, after limits, if anything was. The executor says what phase it
     /// is, or `stages` where it does not command.
     pub fn carry_out(
         &mut self,
@@ -156,22 +156,22 @@ impl Run {
         (felt, condition): (Option<&Felt>, Option<Condition>),
         watcher: &mut dyn Watcher,
     ) -> Result<()> {
-        let Self { snapshot: Snapshot { robot, executive }, referee, disturber, history, profile, .. } = self;
+        let Self { snapshot: Snapshot { robot, executor }, referee, disturber, history, profile, .. } = self;
         let reversed = self.reversed;
         let note = match robot {
-            Body::Simulated(robot) => disturber.act(robot, executive),
+            Body::Simulated(robot) => disturber.act(robot, executor),
             Body::Single(_) => None,
         };
         let activity = if captures { Activity::Images } else { Activity::Physics };
         profile.on(activity, || robot.wait_for_tick());
         profile.on(Activity::Referee, || {
-            let (truth, hand) = (robot.truth(), executive.hand());
+            let (truth, hand) = (robot.truth(), executor.motion().hand());
             if let Some(truth) = &truth {
                 referee.see(&match stages {
                     Some(stages) => staged(hand, truth, stages),
                     None => {
-                        let holding = digit_bits(hand, executive.first().0.role.digits());
-                        scene(hand, truth, executive.phase(), holding)
+                        let holding = digit_bits(hand, &executor.target(0).grasp.digits);
+                        scene(hand, truth, executor.phase(), holding)
                     }
                 });
                 disturber.see(truth);
@@ -181,7 +181,7 @@ impl Run {
             watcher.see(&Moment {
                 time,
                 truth: truth.as_ref(),
-                executive,
+                executor,
                 sent,
                 felt,
                 condition,
@@ -192,7 +192,7 @@ impl Run {
         })?;
         // The last tick of a recording may also be the last of a trial.
         if self.fault.is_none()
-            && let Some(why) = robot.stopped().filter(|_| executive.phase() < Phase::Done)
+            && let Some(why) = robot.stopped().filter(|_| !executor.phase().is_done())
         {
             self.stop(&why)?;
         }
@@ -211,8 +211,8 @@ impl Run {
 
     /// The trial ends here: as failed, or as none.
     fn stop(&mut self, why: &str) -> Result<()> {
-        let Snapshot { robot, executive } = &self.snapshot;
-        let why = format!("{why} (phase: {})", executive.phase().name());
+        let Snapshot { robot, executor } = &self.snapshot;
+        let why = format!("{why} (phase: {})", executor.phase().name());
         if !self.outlasts_faults || !robot.is_written() {
             bail!(Stopped(why));
         }
@@ -223,7 +223,7 @@ impl Run {
 
     /// How often the reaction to slip pulled harder, in words.
     pub fn slips(&self) -> Option<String> {
-        let [first, second] = self.snapshot.executive.slips();
+        let [first, second] = self.snapshot.executor.slips();
         (first + second > 0).then(|| {
             format!(
                 "while carrying, slip was felt {first} times in the first grip and {second} in the second: held harder"
@@ -239,7 +239,7 @@ impl Run {
         condition: Condition,
         watcher: &mut dyn Watcher,
     ) -> Result<()> {
-        let Snapshot { robot, executive } = &self.snapshot;
+        let Snapshot { robot, executor } = &self.snapshot;
         if !watcher.active() {
             return Ok(());
         }
@@ -248,7 +248,7 @@ impl Run {
         watcher.see(&Moment {
             time,
             truth: truth.as_ref(),
-            executive,
+            executor,
             sent: None,
             felt,
             condition,
@@ -279,7 +279,7 @@ fn staged(hand: &Hand, truth: &Truth, stages: &mut Stages) -> SceneTruth {
 
 /// The referee's view of the scene.
 fn scene(hand: &Hand, truth: &Truth, phase: Phase, holding: u32) -> SceneTruth {
-    let holds = phase >= Phase::LiftFirst;
+    let holds = phase.lifts(0);
     let count = |object: usize| truth.touched_by[object].count_ones() as usize;
     SceneTruth {
         time: truth.time,
@@ -320,6 +320,7 @@ fn on_second(truth: &Truth, holding: u32) -> Vec<Touch> {
 
 #[cfg(test)]
 mod tests {
+    use control::executor::Skill;
     use nalgebra::Isometry3;
 
     use hand_model::Digit;
@@ -344,23 +345,26 @@ mod tests {
         let ring = 1 << Digit::Ring.ftac_joints()[2];
         let index = 1 << Digit::Index.ftac_joints()[2];
         let seen = |touched: u32, phase: Phase| scene(&hand, &truth([holding, touched]), phase, holding);
-        assert!(seen(ring, Phase::ApproachSecond).holding_digits_touch_second);
-        assert!(!seen(ring, Phase::ApproachFirst).holding_digits_touch_second);
-        assert!(!seen(index, Phase::GraspSecond).holding_digits_touch_second);
-        assert_eq!(seen(index, Phase::GraspSecond).free_digits_on_second, 1);
-        assert_eq!(seen(index | 1 << Digit::Thumb.ftac_joints()[1], Phase::GraspSecond).free_digits_on_second, 2);
-        assert_eq!(seen(ring, Phase::GraspSecond).free_digits_on_second, 0);
-        let palm = seen(PALM, Phase::GraspSecond);
+        assert!(seen(ring, Phase::run(Skill::Approach, 1)).holding_digits_touch_second);
+        assert!(!seen(ring, Phase::run(Skill::Approach, 0)).holding_digits_touch_second);
+        assert!(!seen(index, Phase::run(Skill::Grasp, 1)).holding_digits_touch_second);
+        assert_eq!(seen(index, Phase::run(Skill::Grasp, 1)).free_digits_on_second, 1);
+        assert_eq!(
+            seen(index | 1 << Digit::Thumb.ftac_joints()[1], Phase::run(Skill::Grasp, 1)).free_digits_on_second,
+            2
+        );
+        assert_eq!(seen(ring, Phase::run(Skill::Grasp, 1)).free_digits_on_second, 0);
+        let palm = seen(PALM, Phase::run(Skill::Grasp, 1));
         assert!(palm.palm_touches_second && palm.free_digits_on_second == 0 && !palm.holding_digits_touch_second);
     }
 
     #[test]
     fn the_referee_counts_links_and_sees_who_lies_on_the_table() {
         let hand = Hand::ftac();
-        let seen = scene(&hand, &truth([0b101, 0]), Phase::LiftFirst, 0);
+        let seen = scene(&hand, &truth([0b101, 0]), Phase::run(Skill::Lift, 0), 0);
         assert_eq!((seen.hand_contacts, seen.on_table), ([2, 0], [false, true]));
         assert!(!seen.first_touches_second);
         let pair = Truth { object_pairs: vec![(0, 1)], ..truth([0, 0]) };
-        assert!(scene(&hand, &pair, Phase::LiftFirst, 0).first_touches_second);
+        assert!(scene(&hand, &pair, Phase::run(Skill::Lift, 0), 0).first_touches_second);
     }
 }

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use anyhow::{Context as _, Result};
-use control::executive::Phase;
+use control::executor::Phase;
 use control::outage::Outage;
 use control::percept::Percept;
 use control::perception::KnownObject;
@@ -61,7 +61,7 @@ pub struct Setup<'a> {
 /// A trial after its first grasp, or about to begin.
 #[derive(Clone)]
 pub struct Start {
-    /// Body, controller and referee in [`Phase::Decide`] or [`Phase::Begin`].
+    /// Body, controller and referee, where the controller waits for a decision.
     pub run: Run,
     /// The two objects as the controller knows them.
     pub objects: [Arc<ObjectModel>; 2],
@@ -90,7 +90,7 @@ impl Start {
     }
 
     fn look(&mut self) -> Result<()> {
-        let Snapshot { robot, executive } = &mut self.run.snapshot;
+        let Snapshot { robot, executor } = &mut self.run.snapshot;
         let mut seen = |object: usize| {
             let known = &self.objects[object];
             let glance = Glance { object, noise: ObjectNoise::default(), then: None, camera: None };
@@ -100,10 +100,10 @@ impl Start {
             self.sighted[object] = sighted.sigma;
             anyhow::Ok(Percept::of(known, &sighted.pose))
         };
-        let [first, second] = [seen(0)?, seen(1)?];
-        executive.see_second(second);
-        let grasp = executive.first().0.clone();
-        Ok(executive.retry_first(grasp, first)?)
+        for object in 0..2 {
+            executor.see(object, seen(object)?);
+        }
+        Ok(())
     }
 }
 
@@ -209,7 +209,7 @@ impl<'a> Setup<'a> {
         let period = if in_reality.is_some() && !mirrored { REAL_WATCH_PERIOD } else { WATCH_PERIOD };
         let noise = disturber.first_percepts(&self.noise);
         let start = TrialStart { protocol: world.protocol(), grasps, noise: &noise, arm: world.cell.ready };
-        let Snapshot { mut robot, executive } = Snapshot::at_start(world, &start, &real, board)?;
+        let Snapshot { mut robot, executor } = Snapshot::at_start(world, &start, &real, board)?;
         disturber.prepare(&mut robot);
         let robot = match source {
             None => Body::Simulated(Box::new(robot)),
@@ -219,11 +219,11 @@ impl<'a> Setup<'a> {
                 Body::open(source, &TrialSetup { task, objects: named }, robot, env!("CARGO_PKG_VERSION"))?
             }
         };
-        let mut snapshot = Snapshot { robot, executive };
+        let mut snapshot = Snapshot { robot, executor };
         if watched || mirrored {
-            snapshot.executive.watch_images(period);
+            snapshot.executor.watch_images(period);
         } else if !snapshot.robot.branches() {
-            snapshot.executive.watch_images(ONCE);
+            snapshot.executor.watch_images(ONCE);
         }
         let protocol = &world.scenario.protocol;
         let limits = Limits { hold: protocol.hold_time, trial: protocol.time_limit };
@@ -251,14 +251,13 @@ impl<'a> Setup<'a> {
     pub fn at_rest(&self, bench: &Bench, source: Source, watcher: &mut dyn Watcher) -> Result<Start> {
         let start = self.begin(bench, source, watcher.active())?;
         finish_on_error(start, |run| {
-            run.snapshot.executive.wait_to_begin()?;
             if run.snapshot.robot.branches() {
                 return Ok(None);
             }
             let (time, most) = FIRST_IMAGES;
             for _ in 0..most {
                 run.wait(time, None, None, watcher)?;
-                if run.snapshot.executive.newest_images().len() >= bench.world.cell.robot.hand.cameras.len() {
+                if run.snapshot.executor.motion().newest_images().len() >= bench.world.cell.robot.hand.cameras.len() {
                     break;
                 }
             }
@@ -272,12 +271,13 @@ impl<'a> Setup<'a> {
         let sees = condition.and_then(Means::of).is_some_and(Means::see_images);
         let start = self.begin(bench, source, watcher.active())?;
         finish_on_error(start, |run| {
+            run.snapshot.executor.take_planned(0)?;
             let mut own = None;
             if !run.snapshot.robot.branches() {
-                run.play(Phase::GraspFirst, None, None, watcher)?;
+                run.play(|phase| phase.closes(0), None, None, watcher)?;
                 own = sees.then(|| own_backgrounds(run, &bench.pipeline)).transpose()?;
             }
-            run.play(Phase::Decide, None, None, watcher)?;
+            run.play(Phase::waits, None, None, watcher)?;
             Ok(own)
         })
     }
@@ -327,7 +327,8 @@ pub fn draw(bench: &Bench, combination: usize, trial: usize) -> Result<(TrialNoi
 
 /// Perception with the backgrounds that the body has shown.
 fn own_backgrounds(run: &Run, pipeline: &TouchPipeline) -> Result<TouchPipeline> {
-    Ok(pipeline.with_backgrounds(backgrounds(run.snapshot.executive.newest_images(), pipeline.backgrounds().len())?)?)
+    Ok(pipeline
+        .with_backgrounds(backgrounds(run.snapshot.executor.motion().newest_images(), pipeline.backgrounds().len())?)?)
 }
 
 /// One image of each of so many cameras, of untouched pads.

@@ -1,7 +1,7 @@
 //! Watchers: whoever records a trial sees every tick of it.
 
 use anyhow::Result;
-use control::executive::Executive;
+use control::executor::Executor;
 use control::perception::Felt;
 use control::policy::Choice;
 use hand_model::robot::Command;
@@ -15,7 +15,7 @@ pub struct Moment<'a> {
     /// The body's truth, where somebody knows it.
     pub truth: Option<&'a Truth>,
     /// The controller.
-    pub executive: &'a Executive,
+    pub executor: &'a Executor,
     /// What was sent in this tick, after limits; `None` where no tick passed.
     pub sent: Option<&'a Command>,
     /// What was felt, once it was.

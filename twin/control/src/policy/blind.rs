@@ -4,7 +4,7 @@ use grasping::Grasp;
 use world::attempt::Attempt;
 
 use super::{Injected, Policy, PolicyError, Step, Story};
-use crate::executive::{Executive, Phase};
+use crate::executor::{Executor, Skill};
 use crate::percept::Eyes;
 use crate::perception::Felt;
 
@@ -23,24 +23,25 @@ impl Blind {
 }
 
 impl Policy for Blind {
-    fn perceive(&mut self, _: &Executive, _: Option<Injected>) -> Result<(), PolicyError> {
+    fn perceive(&mut self, _: &Executor, _: Option<Injected>) -> Result<(), PolicyError> {
         Ok(())
     }
 
-    fn decide(&mut self, executive: &mut Executive, _: &mut dyn Eyes, _: f64) -> Result<Step, PolicyError> {
-        match executive.phase() {
-            Phase::Decide => Ok(match executive.decide(self.second.clone()) {
+    fn decide(&mut self, executor: &mut Executor, _: &mut dyn Eyes, _: f64) -> Result<Step, PolicyError> {
+        let phase = executor.phase();
+        match phase.skill {
+            Skill::Look if phase.object == 0 => Ok(match executor.take_with(1, self.second.clone()) {
                 Ok(()) => {
                     let (grasp, why) = (self.second.id, "as planned, unseen".to_owned());
                     self.story.attempts.push(Attempt { object: 1, grasp, why, ..Attempt::default() });
                     self.story.announcements.push("the plan is carried out unseen".to_owned());
-                    Step::Play(Phase::Confirm)
+                    Step::Play
                 }
                 Err(_) => Step::GiveUp,
             }),
-            Phase::Confirm => {
-                executive.confirm()?;
-                Ok(Step::Play(Phase::Done))
+            Skill::Look => {
+                executor.carry_aside()?;
+                Ok(Step::Play)
             }
             _ => Ok(Step::Finish),
         }

@@ -11,7 +11,7 @@ use touch::InHand;
 use world::attempt::Attempt;
 
 use super::{Injected, Knowledge, Policy, PolicyError, Step, Story};
-use crate::executive::{Executive, Phase};
+use crate::executor::{Executor, Phase, Target};
 use crate::percept::{Eyes, Percept};
 use crate::perception::{Expected, Felt, Grip, feel, grip, trusted};
 use crate::sensing::Senses;
@@ -24,7 +24,7 @@ const FARTHEST: (f64, f64) = (0.1, std::f64::consts::PI);
 
 /// What a chooser knows when it is asked.
 pub struct Situation<'a> {
-    /// [`Phase::Decide`]: the first object should be in the hand. [`Phase::Confirm`]: the second one has been tried and lifted.
+    /// The decision after a look at the first object, which should be in the hand, or at the second one, which has been tried and lifted.
     pub phase: Phase,
     /// The robot's clock, s.
     pub time: f64,
@@ -106,21 +106,21 @@ impl<'a> Chosen<'a> {
     }
 
     /// What the chooser says; why that cannot be, in words.
-    fn ask(&mut self, executive: &Executive, time: f64, sees_second: bool) -> Result<Answer, String> {
-        let look = executive.look();
+    fn ask(&mut self, executor: &Executor, time: f64, sees_second: bool) -> Result<Answer, String> {
+        let look = executor.motion().look();
         let situation = Situation {
-            phase: executive.phase(),
+            phase: executor.phase(),
             time,
             time_left: self.knowledge.time_limit - time,
             tries: self.tries,
-            servos: executive.servos(),
-            arm: executive.arm(),
-            palm: executive.palm(),
+            servos: executor.motion().servos(),
+            arm: executor.motion().arm(),
+            palm: executor.motion().palm(),
             images: look.images,
             objects: self.knowledge.objects.each_ref().map(|object| object.name.as_str()),
-            seen: [executive.first().1, executive.second().1],
+            seen: [executor.target(0).percept, executor.target(1).percept],
             sees_second,
-            first: &executive.first().0,
+            first: &executor.target(0).grasp,
             candidates: &self.knowledge.second,
             felt: self.felt.as_ref(),
             grip: self.grip,
@@ -141,17 +141,17 @@ impl<'a> Chosen<'a> {
     }
 
     /// Takes the second object with a candidate, aimed beside where it is seen.
-    fn take(&mut self, executive: &mut Executive, candidate: usize, aim: Aim) -> Result<Step, PolicyError> {
+    fn take(&mut self, executor: &mut Executor, candidate: usize, aim: Aim) -> Result<Step, PolicyError> {
         let grasp = self.knowledge.second[candidate].grasp.clone();
-        let seen = executive.second().1;
+        let seen = executor.target(1).percept;
         let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), aim.yaw);
         let beside = Percept {
             position: seen.position + Vector3::new(aim.x, aim.y, 0.0),
             rotation: turn * seen.rotation,
             yaw: seen.yaw + aim.yaw,
         };
-        let ways: Vec<_> = executive.ways().collect();
-        let path = ways.iter().find_map(|stops| executive.rehearsed_approach(stops, &grasp, &beside));
+        let ways: Vec<_> = executor.ways().collect();
+        let path = ways.iter().find_map(|stops| executor.rehearsed_approach(stops, &grasp, &beside));
         let Some(path) = path else {
             let at = beside.position;
             self.story.tell(format!("grasp {} is out of reach at ({:.2}, {:.2}) m", grasp.id, at.x, at.y));
@@ -163,21 +163,21 @@ impl<'a> Chosen<'a> {
         self.story.switched |= candidate > 0;
         self.story.aimed |= aim != Aim::default();
         let (id, why) = (grasp.id, "as chosen".to_owned());
-        executive.see_second(beside);
-        executive.decide(grasp)?;
-        executive.redirect(path);
+        executor.take(1, Target { grasp, percept: beside })?;
+        executor.redirect(path);
         self.story.attempts.push(Attempt { object: 1, grasp: id, why, ..Attempt::default() });
         self.story.tell(format!("grasp {id} was chosen"));
-        Ok(Step::Play(Phase::Confirm))
+        Ok(Step::Play)
     }
 }
 
 impl Policy for Chosen<'_> {
-    fn perceive(&mut self, executive: &Executive, injected: Option<Injected>) -> Result<(), PolicyError> {
-        let ((first, percept), (second, _)) = (executive.first(), executive.second());
+    fn perceive(&mut self, executor: &Executor, injected: Option<Injected>) -> Result<(), PolicyError> {
+        let [Target { grasp: first, percept }, Target { grasp: second, .. }] =
+            [0, 1].map(|object| executor.target(object));
         let expected = Expected::of(first, percept, second);
-        if executive.phase() == Phase::Decide {
-            let mut felt = feel(&self.senses, &executive.look(), self.knowledge.known[0], &expected)?;
+        if !executor.phase().has_lifted(1) {
+            let mut felt = feel(&self.senses, &executor.motion().look(), self.knowledge.known[0], &expected)?;
             if let Some(injected) = injected {
                 felt.estimate.palm_from_object = injected.palm_from_object;
                 felt.grip = injected.grip;
@@ -193,27 +193,27 @@ impl Policy for Chosen<'_> {
         let both: Vec<InHand> = std::iter::once(first).chain(second).collect();
         self.grip = match injected {
             Some(injected) => injected.grip,
-            None => grip(&self.senses, &executive.look(), &expected, &both)?,
+            None => grip(&self.senses, &executor.motion().look(), &expected, &both)?,
         };
         Ok(())
     }
 
-    fn decide(&mut self, executive: &mut Executive, eyes: &mut dyn Eyes, time: f64) -> Result<Step, PolicyError> {
-        let phase = executive.phase();
-        if phase == Phase::Done {
+    fn decide(&mut self, executor: &mut Executor, eyes: &mut dyn Eyes, time: f64) -> Result<Step, PolicyError> {
+        let phase = executor.phase();
+        if phase.is_done() {
             return Ok(Step::Finish);
         }
         let seen = eyes.look(1)?.map(|seen| Percept::of(&self.knowledge.objects[1], &seen.pose));
         if let Some(seen) = seen {
-            executive.see_second(seen);
+            executor.see(1, seen);
         }
         let late = time + TRY_TIME > self.knowledge.time_limit;
-        let answer = if late { Ok(Answer::Keep) } else { self.ask(executive, time, seen.is_some()) };
+        let answer = if late { Ok(Answer::Keep) } else { self.ask(executor, time, seen.is_some()) };
         match answer {
-            Ok(Answer::Take { candidate, aim }) => self.take(executive, candidate, aim),
-            Ok(Answer::Keep) if phase == Phase::Confirm => {
-                executive.confirm()?;
-                Ok(Step::Play(Phase::Done))
+            Ok(Answer::Take { candidate, aim }) => self.take(executor, candidate, aim),
+            Ok(Answer::Keep) if phase.has_lifted(1) => {
+                executor.carry_aside()?;
+                Ok(Step::Play)
             }
             Ok(Answer::Keep) => {
                 self.story.tell("the second object is left alone".to_owned());

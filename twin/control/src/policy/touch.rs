@@ -4,34 +4,65 @@
 //! [`crate::strategy`] chooses the grasp of the second object given the pose of the first as felt. What failed is tried again where
 //! the eyes see it now. Where they do not see what is to be taken, the hand steps aside and they look once more; what only comes
 //! later is taken to be where it was seen last, and looked for when its turn comes. Before an object is taken it is touched
-//! ([`exploration`]): where the first one sits in the hand decides how well the second one can be taken.
+//! ([`exploration`]): where the first one sits in the hand decides how well the second one can be taken. [`first`] and [`second`] take them.
+//!
+//! Each decision leads from one [`State`] to another: `Start -> Palpates(0) -> Takes(0) -> Palpates(1) -> Takes(1) -> Carries` where all goes
+//! well. What is lost leads back to a palpation or to `LaysDown`, what is hidden to `StepsAside`; a decision that begins nothing ends the trial.
 
 mod exploration;
 pub(super) mod first;
+mod second;
 
 use std::collections::BTreeMap;
 
 use grasping::{Grasp, Role};
 use nalgebra::Vector3;
 use touch::{InHand, PoseEstimate};
-use world::attempt::Attempt;
 
 use super::reach::{Wanted, within_reach};
-use super::{Choice, Injected, Knowledge, Policy, PolicyError, Reordered, Step, Story, Uncertainty};
+use super::{Injected, Knowledge, Policy, PolicyError, Reordered, Step, Story, Uncertainty};
 use crate::collision::Solid;
-use crate::executive::{Executive, Phase};
+use crate::executor::{Executor, Skill, Target};
 use crate::odds::{Aimed, Belief};
-use crate::percept::{Eyes, Looked, Percept};
+use crate::percept::{Eyes, Percept};
 use crate::perception::{Expected, Felt, Grip, feel, grip, trusted};
 use crate::recovery::{Next, probe};
 use crate::sensing::Senses;
-use crate::strategy::{Assessment, Decision, Foresight, Held, Situation, choose, object_solids, rehearsals};
-use crate::worth::{Candidate, SWITCH_GAIN};
+use crate::strategy::object_solids;
+use crate::worth::Candidate;
 
 /// Time that a trial needs from a new try of the first object to its end, s: none begins later.
 const TRY_TIME: f64 = 14.0;
 /// The felt pose's standard deviation counts up to this, m.
 const MOST_SIGMA: f64 = 0.01;
+
+/// What the executor is doing until the next decision.
+enum State {
+    /// It waits to begin, or takes the first object as planned.
+    Start,
+    /// It touches an object; where that is in the hand, if it was felt.
+    Palpates { object: usize, found: Option<PoseEstimate> },
+    /// It takes an object; the aim, if only the detector said where the object is.
+    Takes { object: usize, aimed: Option<Aimed> },
+    /// It carries both objects.
+    Carries,
+    /// It lays everything down. The first object comes next, without a look at the hand.
+    LaysDown,
+    /// It moves out of the detector's view, to look for an object.
+    StepsAside { sought: usize },
+}
+
+/// Where the second object is taken to be.
+struct SecondSeen {
+    /// What is known about the error of the aim where only the detector has found it.
+    belief: Belief,
+    /// Looks that its place is the mean of.
+    looks: u32,
+    /// What is known about its place since it was touched where it stands.
+    located: Option<Belief>,
+    /// Whether it was hidden when it was last looked for.
+    hidden: bool,
+}
 
 /// What the policy knows while a trial goes on.
 pub struct Touch<'a> {
@@ -42,6 +73,7 @@ pub struct Touch<'a> {
     /// Grasps of the first object, the planned one first; a worth counts the second grasps that can follow.
     first: Vec<Candidate>,
     story: Story,
+    state: State,
     /// The robot's clock at the present decision, s.
     time: f64,
     /// How often each grasp of the first and of the second object, by its number, has failed.
@@ -52,28 +84,13 @@ pub struct Touch<'a> {
     seen: Option<[Percept; 2]>,
     /// Offset of the aim from what is seen, m, where no rehearsal says better: kept while it works.
     aim: Vector3<f64>,
-    /// What is known about the error of the aim at the second object.
-    belief: Belief,
-    /// The last try at the second object, if only the eyes said where it is.
-    tried: Option<Aimed>,
     /// What the latest look at either object states of its own error, m.
     sighted: [Option<f64>; 2],
-    /// Looks that the second object's place is the mean of.
-    looks: u32,
-    /// What is known about it since the second object was touched where it stands.
-    located: Option<Belief>,
     /// The first object was touched where it stands.
     first_located: bool,
+    second: SecondSeen,
     felt: Option<Felt>,
     grip: Grip,
-    /// The hand has been emptied: the first object comes next, without a look.
-    emptied: bool,
-    /// Where an object is in the hand that has just touched it, if it was felt.
-    touched: Option<PoseEstimate>,
-    /// The hand has stepped aside so that the eyes find this object.
-    sought: Option<usize>,
-    /// The second object was hidden when it was last looked for.
-    second_is_hidden: bool,
 }
 
 impl<'a> Touch<'a> {
@@ -87,12 +104,15 @@ impl<'a> Touch<'a> {
         Self {
             solids: [0, 1].map(|object| object_solids(&knowledge.objects[object])),
             first: first::candidates(&knowledge, &senses, first),
+            state: State::Start,
             time: 0.0,
-            belief: Belief::new(&knowledge.uncertainty.stated(knowledge.sighted[1])),
+            second: SecondSeen {
+                belief: Belief::new(&knowledge.uncertainty.stated(knowledge.sighted[1])),
+                looks: 1,
+                located: None,
+                hidden: false,
+            },
             sighted: knowledge.sighted,
-            tried: None,
-            looks: 1,
-            located: None,
             first_located: false,
             knowledge,
             senses,
@@ -103,10 +123,6 @@ impl<'a> Touch<'a> {
             aim: Vector3::zeros(),
             felt: None,
             grip: Grip { first: false, second: false },
-            emptied: false,
-            touched: None,
-            sought: None,
-            second_is_hidden: false,
         }
     }
 
@@ -120,11 +136,11 @@ impl<'a> Touch<'a> {
     }
 
     /// A grasp that just failed is worth less for the rest of the trial, and the next one aims elsewhere.
-    fn mark_down(&mut self, next: Next, executive: &Executive) {
+    fn mark_down(&mut self, next: Next, executor: &Executor) {
         let (object, failed) = match next {
             Next::GoOn => return,
-            Next::FirstAgain | Next::StartOver => (0, executive.first().0.id),
-            Next::SecondAgain => (1, executive.second().0.id),
+            Next::FirstAgain | Next::StartOver => (0, executor.target(0).grasp.id),
+            Next::SecondAgain => (1, executor.target(1).grasp.id),
         };
         *self.failures[object].entry(failed).or_default() += 1;
         if next != Next::StartOver {
@@ -150,151 +166,71 @@ impl<'a> Touch<'a> {
         self.knowledge.uncertainty.stated(self.sighted[object])
     }
 
-    /// The same for the second object; the executive keeps the last percept while it is hidden.
-    fn see_second(&mut self, executive: &mut Executive, eyes: &mut dyn Eyes) -> Result<(), PolicyError> {
-        let seen = self.see(1, eyes)?;
-        self.second_is_hidden = seen.is_none();
-        if let Some(seen) = seen {
-            executive.see_second(seen);
-            (self.looks, self.located) = (1, None);
-        }
-        Ok(())
-    }
-
-    /// Looks once more at the second object, which nothing has moved: its place is the mean of all looks that agree.
-    fn see_better(&mut self, executive: &mut Executive, eyes: &mut dyn Eyes) -> Result<(), PolicyError> {
-        let Some(seen) = self.see(1, eyes)?.filter(|_| self.knowledge.recovery.new_look) else { return Ok(()) };
-        let known = Looked { mean: executive.second().1, looks: self.looks };
-        let Looked { mean, looks } = known.again(seen, self.uncertainty(1).fresh_look());
-        executive.see_second(mean);
-        self.looks = looks;
-        Ok(())
-    }
-
     /// An object that is needed now is hidden: the hand steps aside once, or, where it has done so, the trial is given up.
-    fn seek(&mut self, index: usize, executive: &mut Executive, aside: bool) -> Result<Step, PolicyError> {
+    fn seek(&mut self, index: usize, executor: &mut Executor, aside: bool) -> Result<Step, PolicyError> {
         let name = &self.knowledge.objects[index].name;
         if aside {
             self.story.reasons.push(format!("{name} is nowhere to be seen"));
             return Ok(Step::NotSeen);
         }
         self.story.tell(format!("{name} is hidden: the hand steps aside to look again"));
-        executive.step_aside()?;
-        self.sought = Some(index);
-        Ok(Step::Play(Phase::Decide))
+        executor.step_aside(index)?;
+        self.state = State::StepsAside { sought: index };
+        Ok(Step::Play)
     }
 
-    fn within_reach(&self, role: Role, executive: &Executive, seen: &Percept) -> Vec<Candidate> {
+    fn within_reach(&self, role: Role, executor: &Executor, seen: &Percept) -> Vec<Candidate> {
         let index = usize::from(role == Role::Second);
-        let candidates = [&self.first, self.following(executive).1][index];
+        let candidates = [&self.first, self.following(executor).1][index];
         let (object, failures) = (&*self.knowledge.objects[index], &self.failures[index]);
         within_reach(&self.knowledge, &Wanted { object, role, candidates, failures }, seen)
     }
 
-    /// Looks at the second object and takes it; `aside`: the hand is out of the way already.
-    fn second_again(
-        &mut self,
-        executive: &mut Executive,
-        eyes: &mut dyn Eyes,
-        aside: bool,
-    ) -> Result<Step, PolicyError> {
-        self.see_second(executive, eyes)?;
-        if self.second_is_hidden { self.seek(1, executive, aside) } else { self.touch_or_take(1, executive) }
-    }
-
-    /// What is in the hand.
-    fn held(&self, executive: &Executive, felt: &Felt) -> Held<'_> {
-        Held {
-            name: &self.knowledge.objects[0].name,
-            solids: &self.solids[0],
-            pose: felt.estimate.palm_from_object,
-            joints: felt.estimate.q.to_vec(),
-            digits: executive.first().0.role.digits(),
-            sigma: felt.estimate.sigma().0.min(MOST_SIGMA),
-        }
-    }
-
-    /// Decides how to take the second object, and begins.
-    fn take_second(&mut self, executive: &mut Executive) -> Result<Step, PolicyError> {
-        let seen = executive.second().1;
-        let mut within = self.within_reach(Role::Second, executive, &seen);
-        self.story.decisions += 1;
-        loop {
-            let Some(felt) = self.felt.as_ref().filter(|_| !within.is_empty()) else {
-                return Ok(self.give_up(1, &seen));
-            };
-            let decision = self.choose(executive, &within, felt)?;
-            self.story.risk.get_or_insert(decision.plan.risk);
-            let declined = decision.chosen.held < decision.chosen.risk;
-            self.story.choice = Some(Choice::of(&decision, declined));
-            if declined {
-                return self.way_out(executive, &decision);
+    /// Goes on by what the look at the hand has told after what was done in the state `looked`.
+    fn after_look(&mut self, executor: &mut Executor, eyes: &mut dyn Eyes, looked: State) -> Result<Step, PolicyError> {
+        let tries = !self.is_late() && self.knowledge.recovery.retry;
+        let next = if tries { Next::after(executor.phase(), self.grip) } else { Next::GoOn };
+        match (looked, next) {
+            (State::Carries, Next::GoOn) => return Ok(Step::Finish),
+            (State::Takes { object: 1, .. }, Next::GoOn) => {
+                executor.carry_aside()?;
+                self.state = State::Carries;
+                return Ok(Step::Play);
             }
-            let attempt = attempt(&decision, felt);
-            let beside = Percept { position: seen.position + decision.aim, ..seen };
-            self.story.aimed |= self.seen.is_none_or(|[_, first_look]| beside != first_look);
-            let Some(path) = executive.rehearsed_approach(&decision.way, &decision.grasp, &beside) else {
-                within.retain(|candidate| candidate.grasp.id != decision.grasp.id);
-                continue;
-            };
-            self.story.switched |= decision.switched;
-            // What failed at an object that was touched tells nothing of where the eyes see things.
-            self.tried = self.located.is_none().then_some(decision.aimed);
-            executive.take_second(decision.grasp, beside, path)?;
-            self.story.attempts.push(attempt);
-            self.story.tell(decision.reason);
-            return Ok(Step::Play(Phase::Confirm));
+            (State::Takes { aimed: Some(aimed), .. }, Next::SecondAgain) => {
+                self.second.belief.failed(&aimed, self.second.looks);
+            }
+            _ => {}
+        }
+        match next {
+            Next::GoOn => self.in_a_row = 0,
+            _ => {
+                self.story.retries += 1;
+                self.story.tell(next.reason().to_owned());
+                self.mark_down(next, executor);
+            }
+        }
+        match next {
+            Next::FirstAgain => self.first_again(executor, eyes, false),
+            Next::StartOver => self.lay_down(executor),
+            Next::SecondAgain => self.second_again(executor, eyes, false),
+            Next::GoOn if self.second.hidden => self.second_again(executor, eyes, false),
+            Next::GoOn => {
+                self.see_better(executor, eyes)?;
+                self.touch_or_take(1, executor)
+            }
         }
     }
 
-    /// The grasp for the second object, given what is felt of the first.
-    fn choose(&self, executive: &Executive, candidates: &[Candidate], felt: &Felt) -> Result<Decision, PolicyError> {
-        let second = &self.knowledge.objects[1];
-        let held = self.held(executive, felt);
-        let (first, _) = self.following(executive);
-        let uncertainty = self.uncertainty(1);
-        let situation = Situation {
-            executive,
-            hand: &self.knowledge.cell.robot.hand,
-            held: &held,
-            rehearsed: first.held.zip(first.held_joints.as_deref()),
-            target: &self.solids[1],
-            target_sigma: self.located.as_ref().map_or(uncertainty.arm.hypot(uncertainty.eyes), Belief::sigma),
-            all: rehearsals(candidates),
-            belief: self.located.as_ref().unwrap_or(&self.belief),
-            looks: self.looks,
-            probe: self.aim,
-            foresight: self.knowledge.foresees.map(|foresees| Foresight {
-                foresees,
-                objects: &self.knowledge.objects,
-                covariance: &felt.estimate.covariance,
-            }),
-        };
-        choose(&situation, candidates)?.ok_or_else(|| PolicyError::NoPlan(second.name.clone()))
+    fn lay_down(&mut self, executor: &mut Executor) -> Result<Step, PolicyError> {
+        executor.put_down()?;
+        self.state = State::LaysDown;
+        Ok(Step::Play)
     }
 
     /// Whether no try begins any more.
     fn is_late(&self) -> bool {
         self.time + TRY_TIME > self.knowledge.time_limit
-    }
-
-    /// What is done where a contact is likelier than a hold: the first object is put down and taken otherwise, if that promises
-    /// more, else the second one is left alone.
-    fn way_out(&mut self, executive: &mut Executive, decision: &Decision) -> Result<Step, PolicyError> {
-        let Assessment { held, risk, utility, .. } = decision.chosen;
-        let odds = format!("the best grasp holds with {held:.2} and touches with {risk:.2}");
-        let present = executive.first().0.id;
-        let otherwise = self.otherwise(present).filter(|worth| *worth > SWITCH_GAIN * utility);
-        if otherwise.is_none() || self.is_late() || !self.knowledge.recovery.retry {
-            self.story.tell(format!("declined: {odds}"));
-            return Ok(Step::Decline);
-        }
-        self.story.tell(format!("{odds}: the first object is put down and taken otherwise"));
-        self.story.retries += 1;
-        *self.failures[0].entry(present).or_default() += 1;
-        executive.put_down()?;
-        self.emptied = true;
-        Ok(Step::Play(Phase::Decide))
     }
 
     fn give_up(&mut self, index: usize, seen: &Percept) -> Step {
@@ -309,39 +245,23 @@ impl<'a> Touch<'a> {
     }
 }
 
-/// A try at the second object, as decided.
-fn attempt(decision: &Decision, felt: &Felt) -> Attempt {
-    let (pose, covariance) = (felt.estimate.palm_from_object, &felt.estimate.covariance);
-    let (at, turn) = (pose.translation.vector, pose.rotation.scaled_axis());
-    Attempt {
-        object: 1,
-        grasp: decision.grasp.id,
-        why: decision.reason.clone(),
-        clearance: Some(decision.chosen.clearance),
-        risk: Some(decision.chosen.risk),
-        felt: Some([at.x, at.y, at.z, turn.x, turn.y, turn.z]),
-        covariance: Some(std::array::from_fn(|n| covariance[(n / 6, n % 6)])),
-    }
-}
-
 impl Policy for Touch<'_> {
-    fn perceive(&mut self, executive: &Executive, injected: Option<Injected>) -> Result<(), PolicyError> {
-        if self.emptied || self.sought.is_some() {
+    fn perceive(&mut self, executor: &Executor, injected: Option<Injected>) -> Result<(), PolicyError> {
+        if matches!(self.state, State::LaysDown | State::StepsAside { .. }) {
             return Ok(());
         }
-        self.seen.get_or_insert([executive.first().1, executive.second().1]);
-        if executive.phase() == Phase::Begin {
+        self.seen.get_or_insert([executor.target(0).percept, executor.target(1).percept]);
+        if executor.phase().skill == Skill::Begin {
             return Ok(());
         }
-        let ((first, percept), (second, _)) = (executive.first(), executive.second());
+        let [Target { grasp: first, percept }, Target { grasp: second, .. }] =
+            [0, 1].map(|object| executor.target(object));
         let expected = Expected::of(first, percept, second);
-        match executive.phase() {
-            Phase::LocateFirst => return self.perceive_touch(0, executive, &expected),
-            Phase::LocateSecond => return self.perceive_touch(1, executive, &expected),
-            _ => {}
+        if let State::Palpates { object, .. } = self.state {
+            return self.perceive_touch(object, executor, &expected);
         }
-        if executive.phase() == Phase::Decide {
-            let mut felt = feel(&self.senses, &executive.look(), self.knowledge.known[0], &expected)?;
+        if matches!(self.state, State::Start | State::Takes { object: 0, .. }) {
+            let mut felt = feel(&self.senses, &executor.motion().look(), self.knowledge.known[0], &expected)?;
             if let Some(injected) = injected {
                 felt.estimate.palm_from_object = injected.palm_from_object;
                 felt.estimate.covariance.fill(0.0);
@@ -353,66 +273,28 @@ impl Policy for Touch<'_> {
         } else {
             self.grip = match injected {
                 Some(injected) => injected.grip,
-                None => grip(&self.senses, &executive.look(), &expected, &self.in_hand(&expected, second))?,
+                None => grip(&self.senses, &executor.motion().look(), &expected, &self.in_hand(&expected, second))?,
             };
         }
         Ok(())
     }
 
-    fn decide(&mut self, executive: &mut Executive, eyes: &mut dyn Eyes, time: f64) -> Result<Step, PolicyError> {
+    fn decide(&mut self, executor: &mut Executor, eyes: &mut dyn Eyes, time: f64) -> Result<Step, PolicyError> {
         self.time = time;
-        if std::mem::take(&mut self.emptied) {
-            return self.first_again(executive, eyes, false);
-        }
-        match self.sought.take() {
-            Some(0) => return self.first_again(executive, eyes, true),
-            Some(_) => return self.second_again(executive, eyes, true),
-            None => {}
-        }
-        let phase = executive.phase();
-        match phase {
-            Phase::Begin => return self.touch_or_take(0, executive),
-            Phase::LocateFirst => {
-                self.locate_first(executive);
-                return self.take_first(executive);
+        match std::mem::replace(&mut self.state, State::Start) {
+            State::Start if executor.phase().skill == Skill::Begin => self.touch_or_take(0, executor),
+            looked @ (State::Start | State::Takes { .. } | State::Carries) => self.after_look(executor, eyes, looked),
+            State::Palpates { object: 0, found } => {
+                self.locate_first(executor, found);
+                self.take_first(executor)
             }
-            Phase::LocateSecond => {
-                self.locate_second(executive);
-                return self.take_second(executive);
+            State::Palpates { found, .. } => {
+                self.locate_second(executor, found);
+                self.take_second(executor)
             }
-            _ => {}
-        }
-        let next =
-            if self.is_late() || !self.knowledge.recovery.retry { Next::GoOn } else { Next::after(phase, self.grip) };
-        if let (Some(tried), Phase::Confirm, Next::SecondAgain) = (self.tried.take(), phase, next) {
-            self.belief.failed(&tried, self.looks);
-        }
-        match (phase, next) {
-            (Phase::Done, Next::GoOn) => return Ok(Step::Finish),
-            (Phase::Confirm, Next::GoOn) => {
-                executive.confirm()?;
-                return Ok(Step::Play(Phase::Done));
-            }
-            (_, Next::GoOn) => self.in_a_row = 0,
-            _ => {
-                self.story.retries += 1;
-                self.story.tell(next.reason().to_owned());
-                self.mark_down(next, executive);
-            }
-        }
-        match next {
-            Next::FirstAgain => self.first_again(executive, eyes, false),
-            Next::StartOver => {
-                executive.put_down()?;
-                self.emptied = true;
-                Ok(Step::Play(Phase::Decide))
-            }
-            Next::SecondAgain => self.second_again(executive, eyes, false),
-            Next::GoOn if self.second_is_hidden => self.second_again(executive, eyes, false),
-            Next::GoOn => {
-                self.see_better(executive, eyes)?;
-                self.touch_or_take(1, executive)
-            }
+            State::LaysDown => self.first_again(executor, eyes, false),
+            State::StepsAside { sought: 0 } => self.first_again(executor, eyes, true),
+            State::StepsAside { .. } => self.second_again(executor, eyes, true),
         }
     }
 

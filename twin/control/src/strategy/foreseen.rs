@@ -7,7 +7,7 @@ use world::objects::ObjectModel;
 
 use super::passage::Scene;
 use super::{Aiming, Assessment, Considered, Situation, StrategyError, Weighed, utility};
-use crate::executive::Executive;
+use crate::executor::{Executor, Target};
 use crate::foresight::{self, Foreseen, Foresees, Imagined, PAIRS, Unknown};
 use crate::odds::Odds;
 use crate::percept::Percept;
@@ -41,38 +41,38 @@ impl Foresight<'_> {
         options: Vec<Aiming<'a>>,
         weighed: &mut Vec<Weighed>,
     ) -> Result<Option<Considered<'a>>, StrategyError> {
-        let executive = situation.executive;
+        let executor = situation.executor;
         let draws = foresight::draws(&Unknown {
             held: (situation.held.pose, self.covariance),
-            target: executive.second().1,
+            target: executor.target(1).percept,
             belief: situation.belief,
             looks: situation.looks,
         });
         let (objects, joints) = (self.objects, &situation.held.joints[..]);
-        let imagined = self.foresees.twin.imagine(&foresight::Scene { executive, objects, joints, draws: &draws })?;
+        let imagined = self.foresees.twin.imagine(&foresight::Scene { executor, objects, joints, draws: &draws })?;
         let imagined = imagined.as_ref();
         let others = options.into_iter().enumerate().filter(|(_, aiming)| !aiming.is(&plan.aiming));
         let others: Vec<_> = others.take(self.foresees.others).collect();
         let mut best: Option<Considered> = None;
         for (n, aiming) in others {
             if plan.foreseen.is_none() && utility(&aiming.odds) <= SWITCH_GAIN * plan.assessment.utility {
-                play(executive, imagined, plan, worth(best.as_ref()))?;
+                play(executor, imagined, plan, worth(best.as_ref()))?;
             }
             let played = plan.foreseen.map_or(f64::NEG_INFINITY, |_| plan.assessment.utility);
             let utmost = worth(best.as_ref()).max(played);
             if utmost >= GOOD {
                 break;
             }
-            let (assessment, passage) = aiming.assess(executive, scene)?;
+            let (assessment, passage) = aiming.assess(executor, scene)?;
             let mut one = Considered { place: n + 1, aiming, assessment, passage, foreseen: None };
-            play(executive, imagined, &mut one, utmost)?;
+            play(executor, imagined, &mut one, utmost)?;
             weighed[n + 1] = one.aiming.weighed(Some(&one.assessment), false);
             if one.assessment.utility > worth(best.as_ref()) {
                 best = Some(one);
             }
         }
         if plan.foreseen.is_none() && worth(best.as_ref()) < GOOD {
-            play(executive, imagined, plan, worth(best.as_ref()))?;
+            play(executor, imagined, plan, worth(best.as_ref()))?;
         }
         weighed[0] = plan.aiming.weighed(Some(&plan.assessment), true);
         if self.foresees.others > 0 {
@@ -100,11 +100,11 @@ impl Foresight<'_> {
             }
             for step in [Vector3::x(), -Vector3::x(), Vector3::y(), -Vector3::y(), Vector3::z(), -Vector3::z()] {
                 let aiming = Aiming::at(situation, candidate, aim + STEP * step);
-                let (assessment, passage) = aiming.assess(situation.executive, scene)?;
+                let (assessment, passage) = aiming.assess(situation.executor, scene)?;
                 let place = weighed.len();
                 let mut one = Considered { place, aiming, assessment, passage, foreseen: None };
                 let least = worth(best.as_ref()).max(utmost);
-                play(situation.executive, twin, &mut one, least)?;
+                play(situation.executor, twin, &mut one, least)?;
                 weighed.push(one.aiming.weighed(Some(&one.assessment), false));
                 if one.foreseen.is_some() && one.assessment.utility > least {
                     *best = Some(one);
@@ -122,8 +122,8 @@ fn worth(one: Option<&Considered>) -> f64 {
 
 /// Plays `one` under half of the draws, and under the others if it can still be worth more than `least`. If the arm finds no way, it keeps
 /// its odds.
-fn play(executive: &Executive, twin: &dyn Imagined, one: &mut Considered, least: f64) -> Result<(), StrategyError> {
-    let Some(going) = going(executive, one)? else { return Ok(()) };
+fn play(executor: &Executor, twin: &dyn Imagined, one: &mut Considered, least: f64) -> Result<(), StrategyError> {
+    let Some(going) = going(executor, one)? else { return Ok(()) };
     let odds = Odds { held: one.assessment.held, contact: one.assessment.risk };
     let mut foreseen = Foreseen::default();
     for (draws, left) in [(0..PAIRS, 2 * PAIRS), (PAIRS..2 * PAIRS, PAIRS)] {
@@ -138,12 +138,13 @@ fn play(executive: &Executive, twin: &dyn Imagined, one: &mut Considered, least:
     Ok(())
 }
 
-/// The executive on its way to try `one`; none if the arm does not get there.
-fn going(executive: &Executive, one: &Considered) -> Result<Option<Executive>, StrategyError> {
-    let (seen, grasp) = (executive.second().1, &one.aiming.candidate.grasp);
+/// The executor on its way to try `one`; none if the arm does not get there.
+fn going(executor: &Executor, one: &Considered) -> Result<Option<Executor>, StrategyError> {
+    let (seen, grasp) = (executor.target(1).percept, &one.aiming.candidate.grasp);
     let beside = Percept { position: seen.position + one.aiming.aimed.aim, ..seen };
-    let Some(path) = executive.rehearsed_approach(&one.passage.stops, grasp, &beside) else { return Ok(None) };
-    let mut going = executive.clone();
-    going.take_second(grasp.clone(), beside, path)?;
+    let Some(path) = executor.rehearsed_approach(&one.passage.stops, grasp, &beside) else { return Ok(None) };
+    let mut going = executor.clone();
+    going.take(1, Target { grasp: grasp.clone(), percept: beside })?;
+    going.redirect(path);
     Ok(Some(going))
 }

@@ -7,7 +7,7 @@ use super::solids::{free_solids, held_solids, placed};
 use super::ways::{clear_enough, clearance_after};
 use super::{Situation, StrategyError};
 use crate::collision::{Solid, clearance_along, clearance_at};
-use crate::executive::Executive;
+use crate::executor::Executor;
 use crate::percept::Percept;
 use crate::trajectory::PosePath;
 use crate::worth::Candidate;
@@ -58,14 +58,14 @@ impl<'a> Scene<'a> {
     /// that do so the first, else the one that does best. With its smallest distance, m.
     fn way(
         &self,
-        executive: &Executive,
+        executor: &Executor,
         grasp: &Grasp,
         (percept, beside): (&Percept, &Percept),
     ) -> Result<(f64, Vec<Isometry3<f64>>), StrategyError> {
         let fixed = placed(self.target, &percept.pose());
-        let best = clear_enough(executive.ways(), FAR * self.sigma, |stops| {
+        let best = clear_enough(executor.ways(), FAR * self.sigma, |stops| {
             clearance_after(stops, &self.whole, &fixed, |stops| {
-                let [way, _] = executive.path_to(stops, grasp, beside)?;
+                let [way, _] = executor.path_to(stops, grasp, beside)?;
                 Ok(way)
             })
         })?;
@@ -105,15 +105,15 @@ impl<'a> Scene<'a> {
     /// How the hold as felt gets to the target and takes it with `candidate`, aimed `aim` beside what is seen.
     pub(super) fn passage(
         &self,
-        executive: &Executive,
+        executor: &Executor,
         candidate: &Candidate,
         aim: &Vector3<f64>,
     ) -> Result<Passage, StrategyError> {
-        let (percept, grasp) = (executive.second().1, &candidate.grasp);
+        let (percept, grasp) = (executor.target(1).percept, &candidate.grasp);
         let beside = Percept { position: percept.position + aim, ..percept };
         let risk = |clearance: f64| normal_cdf(-clearance / self.sigma);
-        let (there, stops) = self.way(executive, grasp, (&percept, &beside))?;
-        let [first, last] = executive.path_to(&stops, grasp, &beside)?;
+        let (there, stops) = self.way(executor, grasp, (&percept, &beside))?;
+        let [first, last] = executor.path_to(&stops, grasp, &beside)?;
         let (taking, palm) = self.clearance(&self.moving, &last, grasp, &percept)?;
         let contact = if taking > FAR * self.sigma {
             0.0

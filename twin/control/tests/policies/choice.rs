@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use control::executive::{Executive, Phase};
+use control::executor::Executor;
 use control::foresight::{Foresees, Imagined, Scene, Twin, TwinError};
 use control::odds::{Belief, Rehearsed, TryOutcome};
 use control::policy::Uncertainty;
@@ -18,8 +18,8 @@ use crate::table::*;
 /// The choice with a bar of 16 mm x 16 mm x 120 mm, along the palm's normal, held at `x` (m, palm frame).
 fn with_bar_at(x: f64) -> (bool, f64) {
     let table = Table::new();
-    let mut executive = table.executive();
-    run_until(&mut executive, Phase::Decide);
+    let mut executor = table.executor();
+    run_until(&mut executor, DECIDE);
     let bar = bar();
     let digits = Role::First.digits();
     let [bar, target] = [&bar, &*table.objects[1]].map(object_solids);
@@ -34,7 +34,7 @@ fn with_bar_at(x: f64) -> (bool, f64) {
     let hand = &table.cell.robot.hand;
     let belief = Belief::new(&Uncertainty::standard());
     let situation = Situation {
-        executive: &executive,
+        executor: &executor,
         hand,
         held: &held,
         rehearsed: None,
@@ -87,8 +87,8 @@ impl Twin for Touches {
 }
 
 impl Imagined for Touches {
-    fn play(&self, going: &Executive, draws: Range<usize>) -> Result<Vec<Option<TryOutcome>>, TwinError> {
-        let outcome = if going.second().0.id == self.0 { TryOutcome::Contact } else { TryOutcome::Held };
+    fn play(&self, going: &Executor, draws: Range<usize>) -> Result<Vec<Option<TryOutcome>>, TwinError> {
+        let outcome = if going.target(1).grasp.id == self.0 { TryOutcome::Contact } else { TryOutcome::Held };
         Ok(vec![Some(outcome); draws.len()])
     }
 }
@@ -96,8 +96,8 @@ impl Imagined for Touches {
 /// The same for one who plays it in a twin first.
 fn with_twin(rehearsals: [fn(&Vector3<f64>) -> TryOutcome; 2], twin: Option<&dyn Twin>) -> Decision {
     let table = Table::new();
-    let mut executive = table.executive();
-    run_until(&mut executive, Phase::Decide);
+    let mut executor = table.executor();
+    run_until(&mut executor, DECIDE);
     let bar = bar();
     let [bar, target] = [&bar, &*table.objects[1]].map(object_solids);
     let held = Held {
@@ -111,7 +111,7 @@ fn with_twin(rehearsals: [fn(&Vector3<f64>) -> TryOutcome; 2], twin: Option<&dyn
     let belief = Belief::new(&Uncertainty::standard());
     let covariance = nalgebra::Matrix6::zeros();
     let situation = Situation {
-        executive: &executive,
+        executor: &executor,
         hand: &table.cell.robot.hand,
         held: &held,
         rehearsed: None,

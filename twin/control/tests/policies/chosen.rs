@@ -1,6 +1,6 @@
 //! The policy that asks somebody else.
 
-use control::executive::Phase;
+use control::executor::Phase;
 use control::policy::chosen::{Aim, Answer, Chooser, ChooserError, Chosen, Situation};
 use control::policy::{Policy, Step};
 use control::sensing::Senses;
@@ -36,15 +36,15 @@ fn take(candidate: usize) -> Result<Answer, &'static str> {
 /// Plays a trial whose decisions come at `time`, until it ends; with what was tried and told.
 fn played(told: &mut Told, time: f64) -> (Step, Vec<u32>, Vec<String>) {
     let table = Table::new();
-    let (mut executive, mut eyes) = (table.executive(), Watchful::new(&table));
+    let (mut executor, mut eyes) = (table.executor(), Watchful::new(&table));
     let senses = Senses::new(&table.pipeline, Sensing::TruePose).expect("made");
     let mut chosen = Chosen::new(table.knowledge(), senses, told);
-    run_until(&mut executive, Phase::Decide);
+    run_until(&mut executor, DECIDE);
     loop {
-        let second = executive.phase() > Phase::Decide;
-        chosen.perceive(&executive, in_hand(true, second)).expect("perceived");
-        match chosen.decide(&mut executive, &mut eyes, time).expect("decided") {
-            Step::Play(phase) => run_until(&mut executive, phase),
+        let second = executor.phase().has_lifted(1);
+        chosen.perceive(&executor, in_hand(true, second)).expect("perceived");
+        match chosen.decide(&mut executor, &mut eyes, time).expect("decided") {
+            Step::Play => run_on(&mut executor),
             end => {
                 let story = chosen.story();
                 return (end, story.attempts.iter().map(|attempt| attempt.grasp).collect(), story.reasons.clone());
@@ -58,10 +58,7 @@ fn what_is_chosen_is_tried_until_it_is_kept() {
     let mut told = Told::new([take(1), take(0), Ok(Answer::Keep)]);
     let (end, tried, _) = played(&mut told, 0.0);
     assert_eq!((end, tried), (Step::Finish, vec![1, 0]));
-    assert_eq!(
-        told.tries,
-        [(Phase::Decide, 0, true, false), (Phase::Confirm, 1, true, true), (Phase::Confirm, 2, true, true)]
-    );
+    assert_eq!(told.tries, [(DECIDE, 0, true, false), (CONFIRM, 1, true, true), (CONFIRM, 2, true, true)]);
 }
 
 #[test]

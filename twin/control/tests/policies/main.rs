@@ -2,11 +2,11 @@
 
 mod choice;
 mod chosen;
+mod lists;
 mod retries;
 mod table;
 mod ways_out;
 
-use control::executive::Phase;
 use control::percept::Percept;
 use control::policy::blind::Blind;
 use control::policy::{Policy, Step};
@@ -17,17 +17,13 @@ use self::table::*;
 #[test]
 fn blind_carries_out_the_plan_and_never_looks() {
     let table = Table::new();
-    let mut executive = table.executive();
+    let mut executor = table.executor();
     let mut eyes = Watchful::new(&table);
     let mut blind = Blind::new(table.second()[0].grasp.clone());
-    for (phase, then) in [
-        (Phase::Decide, Step::Play(Phase::Confirm)),
-        (Phase::Confirm, Step::Play(Phase::Done)),
-        (Phase::Done, Step::Finish),
-    ] {
-        run_until(&mut executive, phase);
-        blind.perceive(&executive, in_hand(false, false)).expect("nothing to perceive");
-        assert_eq!(blind.decide(&mut executive, &mut eyes, 0.0).expect("decided"), then);
+    for (phase, then) in [(DECIDE, Step::Play), (CONFIRM, Step::Play), (DONE, Step::Finish)] {
+        run_until(&mut executor, phase);
+        blind.perceive(&executor, in_hand(false, false)).expect("nothing to perceive");
+        assert_eq!(blind.decide(&mut executor, &mut eyes, 0.0).expect("decided"), then);
     }
     assert_eq!(eyes.asked, [0, 0]);
     assert!(blind.story().is_as_planned() && blind.story().reasons.is_empty());

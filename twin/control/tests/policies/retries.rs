@@ -1,6 +1,6 @@
 //! What the policy `touch` does as objects are held, lost, seen and hidden.
 
-use control::executive::{Executive, Phase};
+use control::executor::{Executor, Phase, Skill};
 use control::percept::Percept;
 use control::policy::touch::Touch;
 use control::policy::{Injected, Knowledge, Policy, Step};
@@ -15,17 +15,17 @@ use crate::table::*;
 #[test]
 fn touch_goes_on_while_everything_is_in_the_hand() {
     let table = Table::new();
-    let mut executive = table.executive();
+    let mut executor = table.executor();
     let mut eyes = Watchful::new(&table);
     let mut touch = table.touch();
     for (phase, grip, then) in [
-        (Phase::Decide, in_hand(true, false), Step::Play(Phase::Confirm)),
-        (Phase::Confirm, in_hand(true, true), Step::Play(Phase::Done)),
-        (Phase::Done, in_hand(true, true), Step::Finish),
+        (DECIDE, in_hand(true, false), Step::Play),
+        (CONFIRM, in_hand(true, true), Step::Play),
+        (DONE, in_hand(true, true), Step::Finish),
     ] {
-        run_until(&mut executive, phase);
-        touch.perceive(&executive, grip).expect("perceived");
-        assert_eq!(touch.decide(&mut executive, &mut eyes, 0.0).expect("decided"), then);
+        run_until(&mut executor, phase);
+        touch.perceive(&executor, grip).expect("perceived");
+        assert_eq!(touch.decide(&mut executor, &mut eyes, 0.0).expect("decided"), then);
     }
     assert_eq!((eyes.asked, touch.story().retries, touch.story().decisions), ([0, 1], 0, 1));
     let felt = touch.felt().expect("felt").estimate.palm_from_object;
@@ -36,32 +36,31 @@ fn touch_goes_on_while_everything_is_in_the_hand() {
 #[test]
 fn touch_feels_for_the_second_object_first() {
     let table = Table::new();
-    let mut executive = table.executive();
+    let mut executor = table.executor();
     let mut eyes = Watchful::new(&table);
     let first = table.repertoire.of(FIRST, Role::First).next().expect("a first grasp");
     let touch_with = |sensing: Sensing| {
         let senses = Senses::new(&table.pipeline, sensing).expect("made");
         Touch::new(Knowledge { explores: true, ..table.knowledge() }, senses, first)
     };
-    run_until(&mut executive, Phase::Decide);
+    run_until(&mut executor, DECIDE);
     // The held cube is out of the way of the fingers.
     let palm_from_object = Isometry3::translation(-0.03, -0.04, -0.03);
     let behind = in_hand(true, false).map(|injected| Injected { palm_from_object, ..injected });
-    for (sensing, then) in [
-        (Sensing::ServosOnly, (Step::Play(Phase::Confirm), Phase::ApproachSecond)),
-        (Sensing::TruePose, (Step::Play(Phase::LocateSecond), Phase::ReachSecond)),
-    ] {
-        let (mut touch, mut executive) = (touch_with(sensing), executive.clone());
-        touch.perceive(&executive, behind).expect("perceived");
-        let step = touch.decide(&mut executive, &mut eyes, 0.0).expect("decided");
-        assert_eq!((step, executive.phase()), then, "{sensing:?}");
-        if executive.phase() == Phase::ReachSecond {
-            let seen = executive.second().1;
-            run_until(&mut executive, Phase::LocateSecond);
-            touch.perceive(&executive, None).expect("perceived");
-            let step = touch.decide(&mut executive, &mut eyes, 0.0).expect("decided");
-            assert_eq!((step, executive.phase()), (Step::Play(Phase::Confirm), Phase::ApproachSecond));
-            assert_eq!(executive.second().1, seen);
+    for (sensing, then) in
+        [(Sensing::ServosOnly, (Step::Play, APPROACH_SECOND)), (Sensing::TruePose, (Step::Play, REACH_SECOND))]
+    {
+        let (mut touch, mut executor) = (touch_with(sensing), executor.clone());
+        touch.perceive(&executor, behind).expect("perceived");
+        let step = touch.decide(&mut executor, &mut eyes, 0.0).expect("decided");
+        assert_eq!((step, executor.phase()), then, "{sensing:?}");
+        if executor.phase() == REACH_SECOND {
+            let seen = executor.target(1).percept;
+            run_until(&mut executor, LOCATE_SECOND);
+            touch.perceive(&executor, None).expect("perceived");
+            let step = touch.decide(&mut executor, &mut eyes, 0.0).expect("decided");
+            assert_eq!((step, executor.phase()), (Step::Play, APPROACH_SECOND));
+            assert_eq!(executor.target(1).percept, seen);
             assert!(touch.story().reasons.iter().any(|reason| reason.contains("nothing was felt")));
         }
     }
@@ -74,27 +73,25 @@ fn touch_feels_for_the_first_object_too() {
     let table = Table::new();
     let mut eyes = Watchful::new(&table);
     let first = table.repertoire.of(FIRST, Role::First).next().expect("a first grasp");
-    for (sensing, then) in [
-        (Sensing::ServosOnly, (Step::Play(Phase::Decide), Phase::ApproachFirst)),
-        (Sensing::Full, (Step::Play(Phase::LocateFirst), Phase::ReachFirst)),
-    ] {
+    for (sensing, then) in
+        [(Sensing::ServosOnly, (Step::Play, APPROACH_FIRST)), (Sensing::Full, (Step::Play, REACH_FIRST))]
+    {
         let senses = Senses::new(&table.pipeline, sensing).expect("made");
         let mut touch = Touch::new(Knowledge { explores: true, ..table.knowledge() }, senses, first);
-        let mut executive = table.executive();
-        executive.wait_to_begin().expect("at rest");
-        touch.perceive(&executive, None).expect("perceived");
-        let step = touch.decide(&mut executive, &mut eyes, 0.0).expect("decided");
-        assert_eq!((step, executive.phase()), then, "{sensing:?}");
-        assert_eq!(executive.first().0.id, first.id);
-        if executive.phase() == Phase::ReachFirst {
-            run_until(&mut executive, Phase::LocateFirst);
-            let (height, still) = (executive.end().translation.z, executive.wanted_tensions());
-            touch.perceive(&executive, None).expect("perceived");
-            let step = touch.decide(&mut executive, &mut eyes, 0.0).expect("decided");
-            assert_eq!((step, executive.phase()), (Step::Play(Phase::Decide), Phase::ApproachFirst));
-            assert_eq!(executive.wanted_tensions(), still);
-            run_until(&mut executive, Phase::GraspFirst);
-            assert!(executive.wanted_tensions() != still && executive.end().translation.z < height + 0.1);
+        let mut executor = table.waiting();
+        touch.perceive(&executor, None).expect("perceived");
+        let step = touch.decide(&mut executor, &mut eyes, 0.0).expect("decided");
+        assert_eq!((step, executor.phase()), then, "{sensing:?}");
+        assert_eq!(executor.target(0).grasp.id, first.id);
+        if executor.phase() == REACH_FIRST {
+            run_until(&mut executor, LOCATE_FIRST);
+            let (height, still) = (executor.motion().end().translation.z, executor.wanted_tensions());
+            touch.perceive(&executor, None).expect("perceived");
+            let step = touch.decide(&mut executor, &mut eyes, 0.0).expect("decided");
+            assert_eq!((step, executor.phase()), (Step::Play, APPROACH_FIRST));
+            assert_eq!(executor.wanted_tensions(), still);
+            run_until(&mut executor, GRASP_FIRST);
+            assert!(executor.wanted_tensions() != still && executor.motion().end().translation.z < height + 0.1);
         }
     }
 }
@@ -103,15 +100,15 @@ fn touch_feels_for_the_first_object_too() {
 #[test]
 fn touch_tries_again_what_is_missing() {
     let table = Table::new();
-    let mut executive = table.executive();
+    let mut executor = table.executor();
     let mut eyes = Watchful::new(&table);
     let mut touch = table.touch();
-    run_until(&mut executive, Phase::Decide);
-    touch.perceive(&executive, in_hand(false, false)).expect("perceived");
-    assert_eq!(touch.decide(&mut executive, &mut eyes, 0.0).expect("decided"), Step::Play(Phase::Decide));
-    assert_eq!((executive.phase(), eyes.asked), (Phase::ApproachFirst, [1, 1]));
+    run_until(&mut executor, DECIDE);
+    touch.perceive(&executor, in_hand(false, false)).expect("perceived");
+    assert_eq!(touch.decide(&mut executor, &mut eyes, 0.0).expect("decided"), Step::Play);
+    assert_eq!((executor.phase(), eyes.asked), (APPROACH_FIRST, [1, 1]));
     // 1.0 halved by its failure is less than 0.9 x 0.9 of the grasp that was not planned.
-    assert_eq!((executive.first().0.id, touch.story().retries), (1, 1));
+    assert_eq!((executor.target(0).grasp.id, touch.story().retries), (1, 1));
     assert!(!touch.story().is_as_planned() && touch.story().take_announcements().len() == 1);
 }
 
@@ -119,81 +116,79 @@ fn touch_tries_again_what_is_missing() {
 #[test]
 fn touch_puts_down_the_second_object_when_the_first_is_lost() {
     let table = Table::new();
-    let mut executive = table.executive();
+    let mut executor = table.executor();
     let mut eyes = Watchful::new(&table);
     let mut touch = table.touch();
-    run_until(&mut executive, Phase::Decide);
-    touch.perceive(&executive, in_hand(true, false)).expect("perceived");
-    touch.decide(&mut executive, &mut eyes, 0.0).expect("decided");
-    run_until(&mut executive, Phase::Confirm);
-    touch.perceive(&executive, in_hand(false, true)).expect("perceived");
-    assert_eq!(touch.decide(&mut executive, &mut eyes, 0.0).expect("decided"), Step::Play(Phase::Decide));
-    assert_eq!((executive.phase(), eyes.asked), (Phase::PutDown, [0, 1]));
-    while executive.phase() == Phase::PutDown {
-        executive.tick(&still()).expect("a command");
+    run_until(&mut executor, DECIDE);
+    touch.perceive(&executor, in_hand(true, false)).expect("perceived");
+    touch.decide(&mut executor, &mut eyes, 0.0).expect("decided");
+    run_until(&mut executor, CONFIRM);
+    touch.perceive(&executor, in_hand(false, true)).expect("perceived");
+    assert_eq!(touch.decide(&mut executor, &mut eyes, 0.0).expect("decided"), Step::Play);
+    assert_eq!((executor.phase(), eyes.asked), (PUT_DOWN, [0, 1]));
+    while executor.phase() == PUT_DOWN {
+        executor.tick(&still()).expect("a command");
     }
-    touch.perceive(&executive, in_hand(true, true)).expect("perceived");
-    assert_eq!(touch.decide(&mut executive, &mut eyes, 0.0).expect("decided"), Step::Play(Phase::Decide));
-    assert_eq!((executive.phase(), eyes.asked), (Phase::ApproachFirst, [1, 2]));
+    touch.perceive(&executor, in_hand(true, true)).expect("perceived");
+    assert_eq!(touch.decide(&mut executor, &mut eyes, 0.0).expect("decided"), Step::Play);
+    assert_eq!((executor.phase(), eyes.asked), (APPROACH_FIRST, [1, 2]));
 }
 
 /// Plays the way aside to the decision after it.
-fn aside(executive: &mut Executive) {
-    assert_eq!(executive.phase(), Phase::StepAside);
-    while executive.phase() == Phase::StepAside {
-        executive.tick(&still()).expect("a command");
+fn aside(executor: &mut Executor) {
+    assert_eq!(executor.phase(), STEP_ASIDE);
+    while executor.phase() == STEP_ASIDE {
+        executor.tick(&still()).expect("a command");
     }
-    assert_eq!(executive.phase(), Phase::Decide);
+    assert_eq!(executor.phase(), Phase::decide(Skill::StepAside, 0));
 }
 
 /// What is needed and hidden is looked for from aside; what comes later is looked for when its turn comes.
 #[test]
 fn touch_steps_aside_to_see_what_it_needs() {
     let table = Table::new();
-    let mut executive = table.executive();
+    let mut executor = table.executor();
     let mut eyes = Watchful { hidden: [1, 3], ..Watchful::new(&table) };
     let mut touch = table.touch();
-    run_until(&mut executive, Phase::Decide);
-    touch.perceive(&executive, in_hand(false, false)).expect("perceived");
-    let mut decide = |executive: &mut Executive, touch: &mut Touch, grip: Option<Injected>| {
-        touch.perceive(executive, grip).expect("perceived");
-        touch.decide(executive, &mut eyes, 0.0).expect("decided")
+    run_until(&mut executor, DECIDE);
+    touch.perceive(&executor, in_hand(false, false)).expect("perceived");
+    let mut decide = |executor: &mut Executor, touch: &mut Touch, grip: Option<Injected>| {
+        touch.perceive(executor, grip).expect("perceived");
+        touch.decide(executor, &mut eyes, 0.0).expect("decided")
     };
-    assert_eq!(decide(&mut executive, &mut touch, in_hand(false, false)), Step::Play(Phase::Decide));
-    let last = executive.second().1;
-    aside(&mut executive);
+    assert_eq!(decide(&mut executor, &mut touch, in_hand(false, false)), Step::Play);
+    let last = executor.target(1).percept;
+    aside(&mut executor);
     // The grip of a moment ago stands: nothing is felt on the way aside.
-    assert_eq!(decide(&mut executive, &mut touch, None), Step::Play(Phase::Decide));
-    assert_eq!((executive.phase(), executive.second().1), (Phase::ApproachFirst, last));
-    run_until(&mut executive, Phase::Decide);
-    assert_eq!(decide(&mut executive, &mut touch, in_hand(true, false)), Step::Play(Phase::Decide));
-    aside(&mut executive);
-    assert_eq!(decide(&mut executive, &mut touch, None), Step::Play(Phase::Confirm));
-    assert_eq!((executive.phase(), touch.story().retries), (Phase::ApproachSecond, 1));
+    assert_eq!(decide(&mut executor, &mut touch, None), Step::Play);
+    assert_eq!((executor.phase(), executor.target(1).percept), (APPROACH_FIRST, last));
+    run_until(&mut executor, DECIDE);
+    assert_eq!(decide(&mut executor, &mut touch, in_hand(true, false)), Step::Play);
+    aside(&mut executor);
+    assert_eq!(decide(&mut executor, &mut touch, None), Step::Play);
+    assert_eq!((executor.phase(), touch.story().retries), (APPROACH_SECOND, 1));
     assert_eq!((eyes.asked, eyes.hidden), ([2, 4], [0, 0]));
 }
 
 /// What is not seen from aside either is nowhere: the trial is given up, and the reason says what is missing.
 #[test]
 fn touch_gives_up_what_is_nowhere_to_be_seen() {
-    for (phase, grip, missing) in
-        [(Phase::Decide, in_hand(false, false), FIRST), (Phase::Confirm, in_hand(true, false), SECOND)]
-    {
+    for (phase, grip, missing) in [(DECIDE, in_hand(false, false), FIRST), (CONFIRM, in_hand(true, false), SECOND)] {
         let table = Table::new();
-        let mut executive = table.executive();
+        let mut executor = table.executor();
         let mut eyes = Watchful { hidden: [9, 9], ..Watchful::new(&table) };
         let mut touch = table.touch();
-        run_until(&mut executive, Phase::Decide);
-        if phase == Phase::Confirm {
-            touch.perceive(&executive, in_hand(true, false)).expect("perceived");
-            touch.decide(&mut executive, &mut eyes, 0.0).expect("decided");
-            run_until(&mut executive, Phase::Confirm);
+        run_until(&mut executor, DECIDE);
+        if phase == CONFIRM {
+            touch.perceive(&executor, in_hand(true, false)).expect("perceived");
+            touch.decide(&mut executor, &mut eyes, 0.0).expect("decided");
+            run_until(&mut executor, CONFIRM);
         }
-        touch.perceive(&executive, grip).expect("perceived");
-        assert_eq!(touch.decide(&mut executive, &mut eyes, 0.0).expect("decided"), Step::Play(Phase::Decide));
-        aside(&mut executive);
-        touch.perceive(&executive, None).expect("perceived");
-        assert_eq!(touch.decide(&mut executive, &mut eyes, 0.0).expect("decided"), Step::NotSeen);
+        touch.perceive(&executor, grip).expect("perceived");
+        assert_eq!(touch.decide(&mut executor, &mut eyes, 0.0).expect("decided"), Step::Play);
+        aside(&mut executor);
+        touch.perceive(&executor, None).expect("perceived");
+        assert_eq!(touch.decide(&mut executor, &mut eyes, 0.0).expect("decided"), Step::NotSeen);
         let reason = touch.story().reasons.last().expect("a reason").clone();
         assert_eq!(reason, format!("{missing} is nowhere to be seen"));
     }
@@ -203,28 +198,28 @@ fn touch_gives_up_what_is_nowhere_to_be_seen() {
 #[test]
 fn touch_begins_no_try_that_cannot_end_in_time() {
     let table = Table::new();
-    let mut executive = table.executive();
+    let mut executor = table.executor();
     let mut eyes = Watchful::new(&table);
     let mut touch = table.touch();
-    run_until(&mut executive, Phase::Decide);
-    touch.perceive(&executive, in_hand(false, false)).expect("perceived");
-    let step = touch.decide(&mut executive, &mut eyes, TIME_LIMIT - 1.0).expect("decided");
-    assert_eq!((step, touch.story().retries), (Step::Play(Phase::Confirm), 0));
+    run_until(&mut executor, DECIDE);
+    touch.perceive(&executor, in_hand(false, false)).expect("perceived");
+    let step = touch.decide(&mut executor, &mut eyes, TIME_LIMIT - 1.0).expect("decided");
+    assert_eq!((step, touch.story().retries), (Step::Play, 0));
 }
 
 /// A target that no turn brings within reach ends the trial, and the reason says where it is.
 #[test]
 fn touch_gives_up_what_is_out_of_reach() {
     let table = Table::new();
-    let mut executive = table.executive();
+    let mut executor = table.executor();
     let far = Percept { position: [3.0, 0.0, 0.02].into(), ..table.percept(1) };
-    executive.see_second(far);
+    executor.see(1, far);
     // It is not seen better.
     let mut eyes = Watchful { hidden: [0, 1], ..Watchful::new(&table) };
     let mut touch = table.touch();
-    run_until(&mut executive, Phase::Decide);
-    touch.perceive(&executive, in_hand(true, false)).expect("perceived");
-    assert_eq!(touch.decide(&mut executive, &mut eyes, 0.0).expect("decided"), Step::GiveUp);
+    run_until(&mut executor, DECIDE);
+    touch.perceive(&executor, in_hand(true, false)).expect("perceived");
+    assert_eq!(touch.decide(&mut executor, &mut eyes, 0.0).expect("decided"), Step::GiveUp);
     let reason = touch.story().reasons.last().expect("a reason").clone();
     assert!(reason.contains(SECOND) && reason.contains("3.00"), "{reason}");
 }

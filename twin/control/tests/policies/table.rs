@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use control::executive::{Executive, Phase};
+use control::executor::{Executor, Phase, Skill, Stage, Target};
 use control::motion::Protocol;
 use control::percept::{Eyes, EyesError, Percept, Sighted};
 use control::perception::{Grip, KnownObject};
@@ -32,6 +32,20 @@ pub fn still() -> Observation {
     Observation { servos: [ServoState::default(); 6].into(), ..Observation::default() }
 }
 
+/// The executor's phases in a trial of two objects.
+pub const REACH_FIRST: Phase = Phase::palpate(0, Stage::Reach);
+pub const LOCATE_FIRST: Phase = Phase::decide(Skill::Palpate, 0);
+pub const APPROACH_FIRST: Phase = Phase::run(Skill::Approach, 0);
+pub const GRASP_FIRST: Phase = Phase::run(Skill::Grasp, 0);
+pub const DECIDE: Phase = Phase::decide(Skill::Look, 0);
+pub const REACH_SECOND: Phase = Phase::palpate(1, Stage::Reach);
+pub const LOCATE_SECOND: Phase = Phase::decide(Skill::Palpate, 1);
+pub const APPROACH_SECOND: Phase = Phase::run(Skill::Approach, 1);
+pub const CONFIRM: Phase = Phase::decide(Skill::Look, 1);
+pub const DONE: Phase = Phase::decide(Skill::Verify, 0);
+pub const PUT_DOWN: Phase = Phase::run(Skill::PutDown, 0);
+pub const STEP_ASIDE: Phase = Phase::run(Skill::StepAside, 0);
+
 pub fn grasp(id: u32, object: &str, role: Role, center: [f64; 3], score: f64) -> Grasp {
     let mut close_tension = [0.0; 5];
     for digit in role.digits() {
@@ -40,7 +54,7 @@ pub fn grasp(id: u32, object: &str, role: Role, center: [f64; 3], score: f64) ->
     Grasp {
         id,
         object: object.into(),
-        role,
+        digits: role.digits().to_vec(),
         yaw: 0.0,
         pitch: 0.0,
         roll: 0.0,
@@ -107,14 +121,26 @@ impl Table {
             .collect()
     }
 
-    pub fn executive(&self) -> Executive {
+    /// An executor on its way to the first object.
+    pub fn executor(&self) -> Executor {
+        let mut executor = self.waiting();
+        executor.go_on().expect("a path");
+        executor
+    }
+
+    /// An executor that waits to begin.
+    pub fn waiting(&self) -> Executor {
         let first = self.repertoire.of(FIRST, Role::First).next().expect("a first grasp").clone();
+        let grasps = [first, self.second()[0].grasp.clone()].into_iter().enumerate();
+        self.with_list(grasps.map(|(n, grasp)| Target { grasp, percept: self.percept(n) }).collect())
+    }
+
+    /// The same with any list of objects.
+    pub fn with_list(&self, targets: Vec<Target>) -> Executor {
         let servo = self.cell.arm_servo(self.cell.ready).expect("at rest");
         let (limits, friction) = (PathLimits::default(), CableFriction::NONE);
         let protocol = Protocol { lift: 0.12, carry: 0.1, hold: 0.5, limits, friction };
-        let grasps = [(first, self.percept(0)), (self.second()[0].grasp.clone(), self.percept(1))];
-        let [first, second] = grasps;
-        Executive::new(self.cell.robot.hand.clone(), servo, protocol, first, second, TICK).expect("a path")
+        Executor::new(self.cell.robot.hand.clone(), servo, protocol, targets, TICK).expect("at rest")
     }
 
     pub fn knowledge(&self) -> Knowledge<'_> {
@@ -170,14 +196,21 @@ impl Eyes for Watchful<'_> {
 }
 
 /// Ticks until `phase`, without any image: looks end by their time limit.
-pub fn run_until(executive: &mut Executive, phase: Phase) {
+pub fn run_until(executor: &mut Executor, phase: Phase) {
     for _ in 0..100_000 {
-        if executive.phase() >= phase {
+        if executor.phase() == phase {
             return;
         }
-        executive.tick(&still()).expect("a command");
+        executor.tick(&still()).expect("a command");
     }
     panic!("{phase} is not reached");
+}
+
+/// Ticks until the next decision.
+pub fn run_on(executor: &mut Executor) {
+    while !executor.phase().waits() {
+        executor.tick(&still()).expect("a command");
+    }
 }
 
 pub fn in_hand(first: bool, second: bool) -> Option<Injected> {

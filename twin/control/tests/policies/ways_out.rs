@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use control::executive::Phase;
+use control::executor::Phase;
 use control::odds::{Rehearsed, TryOutcome};
 use control::policy::touch::Touch;
 use control::policy::{Knowledge, Policy, Recovery, Step};
@@ -26,7 +26,7 @@ fn rehearsed(table: &Table, outcome: TryOutcome) -> Vec<Candidate> {
 /// after the other one.
 fn with_contacts_after_the_plan(others: Option<TryOutcome>, recovery: Recovery, time: f64) -> (Step, Phase, String) {
     let table = Table::new();
-    let mut executive = table.executive();
+    let mut executor = table.executor();
     let mut eyes = Watchful::new(&table);
     let mut grasps = table.repertoire.of(FIRST, Role::First);
     let [planned, other] = [(); 2].map(|()| grasps.next().expect("two first grasps"));
@@ -39,26 +39,26 @@ fn with_contacts_after_the_plan(others: Option<TryOutcome>, recovery: Recovery, 
     };
     let senses = Senses::new(&table.pipeline, Sensing::TruePose).expect("made");
     let mut touch = Touch::new(knowledge, senses, planned);
-    run_until(&mut executive, Phase::Decide);
-    touch.perceive(&executive, in_hand(true, false)).expect("perceived");
-    let step = touch.decide(&mut executive, &mut eyes, time).expect("decided");
+    run_until(&mut executor, DECIDE);
+    touch.perceive(&executor, in_hand(true, false)).expect("perceived");
+    let step = touch.decide(&mut executor, &mut eyes, time).expect("decided");
     let told = touch.story().take_announcements().join("; ");
-    if executive.phase() == Phase::PutDown {
-        while executive.phase() == Phase::PutDown {
-            executive.tick(&still()).expect("a command");
+    if executor.phase() == PUT_DOWN {
+        while executor.phase() == PUT_DOWN {
+            executor.tick(&still()).expect("a command");
         }
-        touch.perceive(&executive, in_hand(false, false)).expect("perceived");
-        touch.decide(&mut executive, &mut eyes, time).expect("decided");
-        assert_eq!(executive.first().0.id, other.id, "it is taken with the other grasp");
+        touch.perceive(&executor, in_hand(false, false)).expect("perceived");
+        touch.decide(&mut executor, &mut eyes, time).expect("decided");
+        assert_eq!(executor.target(0).grasp.id, other.id, "it is taken with the other grasp");
     }
-    (step, executive.phase(), told)
+    (step, executor.phase(), told)
 }
 
 /// Where another first grasp was rehearsed and the second object can be taken after it, the first one is put down and taken so.
 #[test]
 fn the_first_object_is_put_down_and_taken_otherwise() {
     let (step, phase, told) = with_contacts_after_the_plan(Some(TryOutcome::Held), Recovery::FULL, 0.0);
-    assert_eq!((step, phase), (Step::Play(Phase::Decide), Phase::ApproachFirst), "{told}");
+    assert_eq!((step, phase), (Step::Play, APPROACH_FIRST), "{told}");
     assert!(told.contains("put down"), "{told}");
 }
 
@@ -74,7 +74,7 @@ fn a_likely_contact_is_declined() {
         (Some(TryOutcome::Held), once, 0.0),
     ] {
         let (step, phase, told) = with_contacts_after_the_plan(others, recovery, time);
-        assert_eq!((step, phase), (Step::Decline, Phase::Decide), "{others:?}: {told}");
+        assert_eq!((step, phase), (Step::Decline, DECIDE), "{others:?}: {told}");
         assert!(told.contains("declined"), "{told}");
     }
 }

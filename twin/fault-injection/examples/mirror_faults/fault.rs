@@ -2,7 +2,7 @@
 
 use bench::mirror::divergence::{Divergence, Kind};
 use bench::mirror::residuals::Residuals;
-use control::executive::{Executive, Phase};
+use control::executor::Executor;
 use fault_injection::plant::PlantFault;
 use hand_model::{Digit, Hand};
 use nalgebra::Vector3;
@@ -39,7 +39,7 @@ impl Fault {
     pub fn draw(
         rng: &mut ChaCha8Rng,
         hand: &Hand,
-        (robot, executive): (&SimulatedRobot, &Executive),
+        (robot, executor): (&SimulatedRobot, &Executor),
         residuals: &Residuals,
     ) -> Vec<(usize, Self)> {
         let mut drawn = Vec::new();
@@ -60,8 +60,8 @@ impl Fault {
         // The thumb's first joint is turned by a servo of its own.
         let joint_of = |n: usize| Digit::ALL[n].ftac_joints()[if n == 0 { joint.max(1) } else { joint }];
         drawn.extend(stuck.map(|n| (3, PlantFault::Stick(joint_of(n)))));
-        let phase = executive.phase();
-        let lifted = phase > Phase::LiftFirst || phase == Phase::LiftFirst && executive.progress() > 0.4;
+        let phase = executor.phase();
+        let lifted = phase.has_lifted(0) || phase.lifts(0) && executor.motion().progress() > 0.4;
         if lifted && in_hand(&robot.truth(), 0) {
             drawn.extend([(4, PlantFault::Heavy(0, more)), (5, PlantFault::Snatch(0))]);
         }

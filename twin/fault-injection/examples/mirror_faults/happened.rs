@@ -1,7 +1,7 @@
 //! What really happened, by the scene's truth: for judging what was named, and nothing else.
 
 use bench::mirror::divergence::{Divergence, Kind};
-use control::executive::Phase;
+use control::executor::Phase;
 use proving::rehearsal::in_hand;
 use sim::robot::Truth;
 
@@ -27,8 +27,8 @@ impl Happened {
         }
         self.held = held;
         let touched = |n: usize| truth.touched_by.get(n).is_some_and(|by| *by != 0);
-        let missing = |n: usize, lift: Phase| phase > lift && !held[n] || phase == lift && !touched(n);
-        if missing(0, Phase::LiftFirst) || missing(1, Phase::LiftSecond) {
+        let missing = |n: usize| if phase.has_lifted(n) { !held[n] } else { phase.lifts(n) && !touched(n) };
+        if missing(0) || missing(1) {
             self.missing.push(truth.time);
         }
         // Contact with table, floor, or an object that is not in the hand, or of one that is with another.

@@ -19,7 +19,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Result, bail};
 use bench::body::Body;
 use bench::builtin::{hide_plant, make_bench, robot_of};
 use bench::mirror::Mirror;
@@ -27,8 +27,7 @@ use bench::mirror::divergence::Divergence;
 use bench::mirror::seen::Seen;
 use bench::trial::Bench;
 use bench::trial::setup::Setup;
-use control::executive::{Executive, Phase};
-use grasping::Grasp;
+use control::executor::Executor;
 use hand_model::Hand;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
@@ -49,31 +48,26 @@ const TRIAL: f64 = 12.0;
 #[derive(Clone)]
 struct Play {
     robot: Box<SimulatedRobot>,
-    executive: Executive,
+    executor: Executor,
     mirror: Option<Mirror>,
     happened: Happened,
-    second: Grasp,
     spent: (u32, Duration),
 }
 
 impl Play {
     /// One tick, with what a fault does in it.
     fn tick(&mut self, bench: &Bench, fault: Option<&Fault>) -> Result<()> {
-        match self.executive.phase() {
-            Phase::Decide => self.executive.decide(self.second.clone())?,
-            Phase::Confirm => self.executive.confirm()?,
-            _ => {}
-        }
+        self.executor.go_on()?;
         let seen = self.robot.observe();
-        let command = self.executive.tick(&seen)?;
+        let command = self.executor.tick(&seen)?;
         let sent = self.robot.send(&command);
         if let Some(fault) = fault {
             fault.press(&mut self.robot);
         }
         self.robot.wait_for_tick();
-        self.happened.see(&self.robot.truth(), self.executive.phase());
+        self.happened.see(&self.robot.truth(), self.executor.phase());
         let begun = Instant::now();
-        let seen = Seen::of(&self.executive, self.robot.time(), &sent, None);
+        let seen = Seen::of(&self.executor, self.robot.time(), &sent, None);
         let mirror = match &mut self.mirror {
             Some(mirror) => mirror,
             none => none.insert(Mirror::new(&bench.world, &seen.arm.position)?),
@@ -89,7 +83,7 @@ impl Play {
     }
 
     fn is_over(&self) -> bool {
-        self.executive.phase() >= Phase::Done
+        self.executor.phase().is_done()
     }
 }
 
@@ -116,7 +110,7 @@ fn strike(bench: &Bench, play: &Play, rng: &mut ChaCha8Rng, label: &str, tallies
     if sound.is_over() {
         return Ok(());
     }
-    for (kind, fault) in Fault::draw(rng, hand, (&play.robot, &play.executive), residuals) {
+    for (kind, fault) in Fault::draw(rng, hand, (&play.robot, &play.executor), residuals) {
         let mut branch = play.clone();
         fault.strike(&mut branch.robot, hand);
         while branch.robot.time() < end && !branch.is_over() {
@@ -152,18 +146,17 @@ fn trial(
 ) -> Result<Play> {
     let (setup, _) = Setup::noisy(bench, combination, 0)?;
     let start = setup.begin(bench, None, true)?;
-    let second = start.grasps.second.first().context("no grasp of the second object")?.grasp.clone();
     let snapshot = start.run.snapshot;
     let Body::Simulated(robot) = snapshot.robot else { bail!("the body is not the simulated one") };
-    let (executive, happened) = (snapshot.executive, Happened::default());
-    let mut play = Play { robot, executive, mirror: None, happened, second, spent: Default::default() };
+    let (executor, happened) = (snapshot.executor, Happened::default());
+    let mut play = Play { robot, executor, mirror: None, happened, spent: Default::default() };
     let mut times: Vec<f64> = (0..moments).map(|_| rng.random_range(APART.1..TRIAL)).collect();
     times.sort_by(f64::total_cmp);
     times.dedup_by(|later, earlier| *later - *earlier < APART.0);
     let mut times = times.into_iter().peekable();
     while !play.is_over() {
         if times.next_if(|time| play.robot.time() >= *time).is_some() {
-            let (phase, progress) = (play.executive.phase().name(), play.executive.progress());
+            let (phase, progress) = (play.executor.phase().name(), play.executor.motion().progress());
             let label = format!("{combination} at {:.2} s ({phase} {progress:.2})", play.robot.time());
             strike(bench, &play, rng, &label, tallies)?;
         }

@@ -6,6 +6,7 @@ use anyhow::{Result, bail};
 use bench::mirror::watch::Mirroring;
 use bench::trial::filming::All;
 use bench::trial::{Moment, Watcher};
+use control::executor::Phase;
 use scenarios::record::{Condition, TrialRecord};
 
 use crate::happened::Happened;
@@ -16,7 +17,7 @@ struct Truths {
     shared: Happened,
     branch: Option<Happened>,
     all: BTreeMap<Condition, Happened>,
-    phases: Vec<(Option<Condition>, f64, &'static str)>,
+    phases: Vec<(Option<Condition>, f64, Phase)>,
     seconds: f64,
     last: f64,
 }
@@ -34,8 +35,8 @@ impl Watcher for Truths {
             None => &mut self.shared,
             Some(_) => self.branch.get_or_insert_with(|| self.shared.clone()),
         };
-        happened.see(truth, moment.executive.phase());
-        self.phases.push((moment.condition, moment.time, moment.executive.phase().name()));
+        happened.see(truth, moment.executor.phase());
+        self.phases.push((moment.condition, moment.time, moment.executor.phase()));
         Ok(())
     }
 
@@ -76,11 +77,11 @@ pub fn main(arguments: &[String]) -> Result<()> {
         for named in mirroring.finish(Condition::Blind) {
             let right = truths.all.get(&named.condition).is_some_and(|happened| happened.justifies(&named.divergence));
             let rightly = if right { "rightly" } else { "wrongly" };
-            let at = |(condition, time, _): &&(Option<Condition>, f64, &str)| {
+            let at = |(condition, time, _): &&(Option<Condition>, f64, Phase)| {
                 condition.is_none_or(|condition| condition == named.condition)
                     && (time - named.divergence.time).abs() < 1e-6
             };
-            let phase = truths.phases.iter().rev().find(at).map_or("", |(.., phase)| phase);
+            let phase = truths.phases.iter().rev().find(at).map(|(.., phase)| phase.name()).unwrap_or_default();
             println!("{combination}/{trial} {} ({phase}): {}, {rightly}", named.condition, named.divergence);
             wrongly += u32::from(!right);
         }

@@ -45,7 +45,7 @@ pub fn plan_without(world: &World, repertoire: &Repertoire, plans: &Plans, digit
         plans.plans.par_iter().map(|plan| plan_one(world, &slack, plan, digits, &board)).collect();
     let mut without = Without { repertoire: slack.clone(), plans: plans.clone(), impossible: Default::default() };
     for list in without.repertoire.grasps.values_mut() {
-        list.retain(|grasp| grasp.role == Role::Second);
+        list.retain(|grasp| grasp.digits == Role::Second.digits());
     }
     for (n, made) in made.into_iter().enumerate() {
         let (proven, plan) = made?;
@@ -127,10 +127,10 @@ fn prove(
 fn masked(repertoire: &Repertoire, digits: &[Digit]) -> Repertoire {
     let mut masked = Repertoire { grasps: Default::default(), ..repertoire.clone() };
     for grasp in repertoire.grasps.values().flatten() {
-        let left = grasp.role.digits().iter().filter(|digit| !digits.contains(digit)).count();
-        let lost = grasp.role.digits().len() - left;
-        // One digit of three has nothing to close against; one of ring and little has the palm.
-        let enough = if grasp.role == Role::First { 1 } else { 2 };
+        let left = grasp.digits.iter().filter(|digit| !digits.contains(digit)).count();
+        let lost = grasp.digits.len() - left;
+        // One digit beside a thumb has nothing to close against; where no thumb closes, the palm is there.
+        let enough = if grasp.digits.contains(&Digit::Thumb) { 2 } else { 1 };
         if left < enough {
             continue;
         }
@@ -143,7 +143,7 @@ fn masked(repertoire: &Repertoire, digits: &[Digit]) -> Repertoire {
 }
 
 fn slackened(grasp: &Grasp, digits: &[Digit], pull: f64, number: u32) -> Grasp {
-    let lost = grasp.role.digits().iter().any(|digit| digits.contains(digit));
+    let lost = grasp.digits.iter().any(|digit| digits.contains(digit));
     let mut other = Grasp { id: grasp.id + number, ..grasp.clone() };
     for digit in Digit::ALL.into_iter().take(grasp.close_tension.len()) {
         let n = digit.index();

@@ -22,14 +22,14 @@ Array = NDArray[np.float64]
 class PickUp(NamedTuple):
     """How an object of the benchmark is picked up: angles in rad, lengths in m, tensions in N.
 
-    ``role`` is ``first`` (ring and little finger against the palm) or ``second`` (thumb, index and middle finger). ``yaw`` turns the hand about the vertical
+    ``digits`` are those that close, such as ring and little finger against the palm. ``yaw`` turns the hand about the vertical
     from the object's own, ``pitch`` is positive with the fingers down, ``roll`` negative with the ulnar edge down. ``center`` (3,) is where the object's
     centre is in the palm frame when the digits close; ``raise_`` is how far the hand rises meanwhile. ``score`` is the share of rehearsals that held.
     """
 
     object: str
     id: int
-    role: str
+    digits: tuple[str, ...]
     yaw: float
     pitch: float
     roll: float
@@ -107,8 +107,8 @@ def generate(
 def pick_up(grasp: dict[str, Any]) -> PickUp:
     """A pick-up from the fields of its file."""
     arrays: dict[str, Any] = {name: np.array(grasp[name]) for name in ("center", "pre_tension", "close_tension")}
-    same = ("object", "id", "role", "yaw", "pitch", "roll", "opposition", "thumb_delay", "score")
-    return PickUp(raise_=grasp["raise"], **arrays, **{name: grasp[name] for name in same})
+    same = ("object", "id", "yaw", "pitch", "roll", "opposition", "thumb_delay", "score")
+    return PickUp(digits=tuple(grasp["digits"]), raise_=grasp["raise"], **arrays, **{name: grasp[name] for name in same})
 
 
 def _held(grasp: dict[str, Any]) -> Held:

@@ -6,7 +6,7 @@ use anyhow::{Context as _, bail};
 use bench::body::operator::Interrupt;
 use bench::builtin::make_bench;
 use clap::Args;
-use control::executive::Phase;
+use control::executor::Phase;
 use fault_injection::kind::{ALL, Kind};
 use fault_injection::ledger::{Ledger, Request};
 use fault_injection::{Matrix, PHASES, inject_all};
@@ -109,7 +109,7 @@ fn request(args: &FaultArgs, seed: u64) -> anyhow::Result<Request> {
         let names: Vec<&str> = ALL.iter().map(|kind| kind.name()).collect();
         bail!("--only, --rounds: found no fault to inject, expected some of: {}", names.join(", "));
     }
-    let wanted = |phase: &Phase| args.phase.as_ref().is_none_or(|only| phase.name().contains(only));
+    let wanted = |phase: &Phase| args.phase.as_ref().is_none_or(|only| phase.name().contains(only.as_str()));
     let phases: Vec<Phase> = PHASES.into_iter().filter(wanted).collect();
     if phases.is_empty() {
         let names = PHASES.map(Phase::name);

@@ -3,10 +3,10 @@
 use grasping::Role;
 use hand_model::Hand;
 use nalgebra::{Isometry3, Matrix3};
-use touch::{InHand, PosePrior};
+use touch::{InHand, PoseEstimate, PosePrior};
 
-use super::Touch;
-use crate::executive::{Executive, Phase};
+use super::{State, Touch};
+use crate::executor::Executor;
 use crate::guarded::Guarded;
 use crate::odds::Belief;
 use crate::palpation::{self, Touching, located};
@@ -29,83 +29,90 @@ pub(super) fn explores(knowledge: &Knowledge, senses: &Senses, sigma: f64) -> bo
 
 impl Touch<'_> {
     /// Touches the first or second `object` to find out where it is, if that is possible; else takes it.
-    pub(super) fn touch_or_take(&mut self, object: usize, executive: &mut Executive) -> Result<Step, PolicyError> {
-        let Some(Touching { way, onto }) = self.exploration(object, executive)? else {
-            return if object == 0 { self.take_first(executive) } else { self.take_second(executive) };
+    pub(super) fn touch_or_take(&mut self, object: usize, executor: &mut Executor) -> Result<Step, PolicyError> {
+        let Some(Touching { way, onto }) = self.exploration(object, executor)? else {
+            return if object == 0 { self.take_first(executor) } else { self.take_second(executor) };
         };
         let name = &self.knowledge.objects[object].name;
         self.story.tell(format!("{name} is touched from above to find out where it is"));
-        let hand = executive.hand().clone();
+        let hand = executor.motion().hand().clone();
         let guarded = Guarded::new(onto, &hand, Role::Second.digits(), |pad| self.senses.uses(&hand, pad));
-        executive.touch(object, way, guarded);
-        Ok(Step::Play([Phase::LocateFirst, Phase::LocateSecond][object]))
+        executor.palpate(object, way, guarded);
+        self.state = State::Palpates { object, found: None };
+        Ok(Step::Play)
     }
 
     /// How an object would be touched; `None` if there is nothing to touch it with, or the arm does not get there.
-    fn exploration(&self, object: usize, executive: &Executive) -> Result<Option<Touching>, PolicyError> {
+    fn exploration(&self, object: usize, executor: &Executor) -> Result<Option<Touching>, PolicyError> {
         if !explores(&self.knowledge, &self.senses, self.expected_error(object)) {
             return Ok(None);
         }
-        let hand = executive.hand();
+        let hand = executor.motion().hand();
         let held = match (object, &self.felt) {
             (0, _) => empty(hand),
-            (_, Some(felt)) => self.held(executive, felt),
+            (_, Some(felt)) => self.held(executor, felt),
             (_, None) => return Ok(None),
         };
-        let (_, seen) = [executive.first(), executive.second()][object];
-        let ways = executive.rehearsed_touches(object, &self.knowledge.objects[object].shape);
+        let seen = &executor.target(object).percept;
+        let ways = executor.rehearsed_touches(object, &self.knowledge.objects[object].shape);
         Ok(clearest(hand, &held, (&self.solids[object], seen), ways)?)
     }
 
     /// Standard deviation of where the hand goes beside an object that only the eyes have found, each axis, m.
     fn expected_error(&self, object: usize) -> f64 {
-        self.uncertainty(object).target(if object == 0 { 1 } else { self.looks })
+        self.uncertainty(object).target(if object == 0 { 1 } else { self.second.looks })
     }
 
     /// Where an object is in the hand that has just touched it.
     pub(super) fn perceive_touch(
         &mut self,
         object: usize,
-        executive: &Executive,
+        executor: &Executor,
         expected: &Expected,
     ) -> Result<(), PolicyError> {
-        let (_, seen) = [executive.first(), executive.second()][object];
+        let seen = &executor.target(object).percept;
         let prior = PosePrior {
-            palm_from_object: executive.palm().inverse() * seen.pose(),
+            palm_from_object: executor.motion().palm().inverse() * seen.pose(),
             sigma_translation: self.expected_error(object),
             sigma_rotation: TURNED,
         };
         let held = self.felt.as_ref().map_or(expected.palm_from_object, |felt| felt.estimate.palm_from_object);
         let held = (object == 1).then(|| InHand { shape: self.knowledge.known[0], prior: trusted(held) });
-        self.touched = located(&self.senses, &executive.look(), self.knowledge.known[object], &prior, held)?;
+        let found = located(&self.senses, &executor.motion().look(), self.knowledge.known[object], &prior, held)?;
+        self.state = State::Palpates { object, found };
         Ok(())
     }
 
     /// Takes in what the touch of the first object told.
-    pub(super) fn locate_first(&mut self, executive: &mut Executive) {
-        let Some((found, _)) = self.found(executive.palm(), &executive.first().1, (0, 1)) else { return };
-        executive.see_first(found);
+    pub(super) fn locate_first(&mut self, executor: &mut Executor, found: Option<PoseEstimate>) {
+        let Some((found, _)) = self.found(found, executor.motion().palm(), &executor.target(0).percept, (0, 1)) else {
+            return;
+        };
+        executor.see(0, found);
         self.first_located = true;
     }
 
     /// Takes in what the touch of the second object told.
-    pub(super) fn locate_second(&mut self, executive: &mut Executive) {
-        let Some((found, covariance)) = self.found(executive.palm(), &executive.second().1, (1, self.looks)) else {
+    pub(super) fn locate_second(&mut self, executor: &mut Executor, found: Option<PoseEstimate>) {
+        let Some((found, covariance)) =
+            self.found(found, executor.motion().palm(), &executor.target(1).percept, (1, self.second.looks))
+        else {
             return;
         };
-        executive.see_second(found);
-        self.located = Belief::located(&covariance);
-        self.looks = 1;
+        executor.see(1, found);
+        self.second.located = Belief::located(&covariance);
+        self.second.looks = 1;
     }
 
-    /// Where the touched `object` is that was `seen` in so many `looks`, and the covariance of its place, m2; in the world.
+    /// Where the touched `object` is that was `found` in the hand, and `seen` in so many `looks`, and the covariance of its place, m2; in the world.
     fn found(
         &mut self,
+        found: Option<PoseEstimate>,
         palm: Isometry3<f64>,
         seen: &Percept,
         (object, looks): (usize, u32),
     ) -> Option<(Percept, Matrix3<f64>)> {
-        let Some(estimate) = self.touched.take() else {
+        let Some(estimate) = found else {
             self.story.tell("nothing was felt there".to_owned());
             return None;
         };

@@ -5,9 +5,9 @@ use nalgebra::{Matrix3, Vector3};
 use world::attempt::Attempt;
 
 use super::exploration::explores;
-use super::{Touch, exploration};
+use super::{State, Touch, exploration};
 use crate::collision::{clearance_along, hand_solids};
-use crate::executive::{Executive, Phase};
+use crate::executor::{Executor, Target};
 use crate::odds::Belief;
 use crate::palpation;
 use crate::percept::{Eyes, Percept};
@@ -37,8 +37,8 @@ pub(in crate::policy) fn candidates(knowledge: &Knowledge, senses: &Senses, plan
 
 impl Touch<'_> {
     /// The first grasp in use as it was rehearsed, and the second grasps to choose from after it.
-    pub(super) fn following(&self, executive: &Executive) -> (&Grasp, &[Candidate]) {
-        let present = executive.first().0.id;
+    pub(super) fn following(&self, executor: &Executor) -> (&Grasp, &[Candidate]) {
+        let present = executor.target(0).grasp.id;
         match self.knowledge.others.iter().find(|other| other.first.id == present) {
             Some(other) => (&other.first, &other.second),
             None => (&self.first[0].grasp, &self.knowledge.second),
@@ -60,64 +60,64 @@ impl Touch<'_> {
     /// Looks at both objects and takes the first one again; `aside`: the hand is out of the way already.
     pub(super) fn first_again(
         &mut self,
-        executive: &mut Executive,
+        executor: &mut Executor,
         eyes: &mut dyn Eyes,
         aside: bool,
     ) -> Result<Step, PolicyError> {
         let seen = self.see(0, eyes)?;
-        self.see_second(executive, eyes)?;
-        let Some(seen) = seen else { return self.seek(0, executive, aside) };
-        executive.see_first(seen);
+        self.see_second(executor, eyes)?;
+        let Some(seen) = seen else { return self.seek(0, executor, aside) };
+        executor.see(0, seen);
         self.first_located = false;
-        self.touch_or_take(0, executive)
+        self.touch_or_take(0, executor)
     }
 
     /// Takes the first object where it is seen or was felt.
-    pub(super) fn take_first(&mut self, executive: &mut Executive) -> Result<Step, PolicyError> {
-        let seen = executive.first().1;
+    pub(super) fn take_first(&mut self, executor: &mut Executor) -> Result<Step, PolicyError> {
+        let seen = executor.target(0).percept;
         let aim = if self.first_located { Vector3::zeros() } else { self.aim };
         let seen = Percept { position: seen.position + aim, ..seen };
-        let candidates = self.within_reach(Role::First, executive, &seen);
-        let Some((grasp, path)) = self.best_approach(executive, candidates, &seen)? else {
+        let candidates = self.within_reach(Role::First, executor, &seen);
+        let Some((grasp, path)) = self.best_approach(executor, candidates, &seen)? else {
             return Ok(self.give_up(0, &seen));
         };
         let why = self.story.reasons.last().cloned().unwrap_or_default();
         let attempt = Attempt { object: 0, grasp: grasp.id, why, ..Attempt::default() };
-        if let Err(error) = executive.retry_first(grasp, seen) {
+        if let Err(error) = executor.take(0, Target { grasp, percept: seen }) {
             self.story.reasons.push(error.to_string());
             return Ok(Step::GiveUp);
         }
-        executive.redirect(path);
+        executor.redirect(path);
+        self.state = State::Takes { object: 0, aimed: None };
         self.story.attempts.push(attempt);
-        Ok(Step::Play(Phase::Decide))
+        Ok(Step::Play)
     }
 
     /// The best of `candidates` that the arm gets to from where it is without coming near the second object, and how; where each comes
     /// near, the one that does so least.
     fn best_approach(
         &self,
-        executive: &Executive,
+        executor: &Executor,
         mut candidates: Vec<Candidate>,
         seen: &Percept,
     ) -> Result<Option<(Grasp, PosePath)>, PolicyError> {
         candidates.sort_by(|a, b| b.worth.total_cmp(&a.worth));
-        let hand = executive.hand();
+        let hand = executor.motion().hand();
         let moving = hand_solids(hand, &exploration::empty(hand).joints, hand.digits(), true);
         let [first, second] = &self.solids;
-        let second = placed(second, &executive.second().1.pose());
+        let second = placed(second, &executor.target(1).percept.pose());
         let both = [placed(first, &seen.pose()), second.clone()].concat();
         let mut best: Option<(f64, Grasp, PosePath)> = None;
         for candidate in &candidates {
             for grasp in turned(&self.knowledge, &candidate.grasp, seen, &self.knowledge.objects[0]) {
-                let path = |stops: &[_]| executive.path_to(stops, &grasp, seen);
-                let (there, stops) =
-                    clear_stops(&moving, &both, executive.ways(), |stops| Ok(path(stops)?[0].clone()))?;
+                let path = |stops: &[_]| executor.path_to(stops, &grasp, seen);
+                let (there, stops) = clear_stops(&moving, &both, executor.ways(), |stops| Ok(path(stops)?[0].clone()))?;
                 let onto = clearance_along(&path(&stops)?[1], &moving, &second, 2000).map_err(StrategyError::from)?;
                 let clearance = onto.map_or(there, |onto| there.min(onto.min_distance));
                 if best.as_ref().is_some_and(|(most, ..)| clearance <= *most) {
                     continue;
                 }
-                let Some(path) = executive.rehearsed_approach(&stops, &grasp, seen) else { continue };
+                let Some(path) = executor.rehearsed_approach(&stops, &grasp, seen) else { continue };
                 best = Some((clearance, grasp, path));
                 if clearance > CLEAR {
                     return Ok(best.map(|(_, grasp, path)| (grasp, path)));

@@ -1,12 +1,13 @@
-//! The load: which objects to take into the hand, in which order and with which digits, so that as much as possible is carried.
+//! The plan of a pick sequence: which objects to take into the hand, in which order and with which digits, so that as much as possible is carried.
 //!
-//! Every [`Skill`] closes digits that are still free and keeps those that hold; the others open again. A plan's worth is the sum over its picks of the object's volume times the
+//! Every [`Pickup`] closes digits that are still free and keeps those that hold; the others open again. A plan's worth is the sum over its picks of the object's volume times the
 //! probability that this pick and all before it hold; the best plan is found by trying every order, which is quick because a
 //! hand has five digits. After each pick touch says which digits hold something, and what follows is planned anew.
 
 use grasping::Grasp;
 use hand_model::robot::ServoState;
 use hand_model::{Digit, Hand};
+use serde::{Deserialize, Serialize};
 use touch::PadTouch;
 
 use crate::perception::blocked;
@@ -15,15 +16,17 @@ use crate::worth;
 /// In cubic centimetres.
 const TO_CM3: f64 = 1e6;
 
-/// A way to pick something up while other digits hold something.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Skill {
-    /// The grasp; its object is the kind of thing it is for, its score the share of tries that held.
-    pub grasp: Grasp,
+/// A way to pick up a ball while other digits hold something.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Pickup {
+    /// Of the ball that it was proven with, m.
+    pub diameter: f64,
     /// Digits that held something when it was proven.
     pub beside: Vec<Digit>,
-    /// Of the digits that close, those that have the object then.
+    /// Of the digits that close, those that have the ball then.
     pub keeps: Vec<Digit>,
+    /// The grasp; its object is the kind of thing it is for, its score the share of tries under errors that held.
+    pub grasp: Grasp,
 }
 
 /// Something that stands ready to be taken.
@@ -33,8 +36,8 @@ pub struct Ready {
     pub object: usize,
     /// m3.
     pub volume: f64,
-    /// Numbers of the skills that suit it and are within the arm's reach, with how often each has failed.
-    pub skills: Vec<(usize, i32)>,
+    /// Numbers of the pickups that suit it and are within the arm's reach, with how often each has failed.
+    pub pickups: Vec<(usize, i32)>,
 }
 
 /// One pick of a plan.
@@ -42,56 +45,56 @@ pub struct Ready {
 pub struct Pick {
     /// Number of the object.
     pub object: usize,
-    /// Number of the skill.
-    pub skill: usize,
+    /// Number of the pickup.
+    pub pickup: usize,
     /// Probability that it holds, given that those before it do.
     pub score: f64,
 }
 
 /// What to take, in order.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct LoadPlan {
+pub struct PickPlan {
     pub picks: Vec<Pick>,
     /// Expected volume, m3.
     pub volume: f64,
 }
 
 /// The plan worth most for a hand whose digits `holding` are taken, of at most `most` picks.
-pub fn plan(skills: &[Skill], ready: &[Ready], holding: &[Digit], most: usize) -> LoadPlan {
+pub fn plan(pickups: &[Pickup], ready: &[Ready], holding: &[Digit], most: usize) -> PickPlan {
     if most == 0 {
-        return LoadPlan::default();
+        return PickPlan::default();
     }
-    let mut best = LoadPlan::default();
+    let mut best = PickPlan::default();
     for thing in ready {
-        for pick in distinct(skills, thing, holding) {
-            let digits = &skills[pick.skill].keeps;
+        for pick in distinct(pickups, thing, holding) {
+            let digits = &pickups[pick.pickup].keeps;
             let rest: Vec<Ready> = ready.iter().filter(|other| other.object != thing.object).cloned().collect();
-            let then = plan(skills, &rest, &[holding, digits].concat(), most - 1);
+            let then = plan(pickups, &rest, &[holding, digits].concat(), most - 1);
             let volume = pick.score * (thing.volume + then.volume);
             if volume > best.volume {
-                best = LoadPlan { picks: std::iter::once(pick).chain(then.picks).collect(), volume };
+                best = PickPlan { picks: std::iter::once(pick).chain(then.picks).collect(), volume };
             }
         }
     }
     best
 }
 
-/// The best skill for `thing` for each set of free digits that will hold it.
-fn distinct(skills: &[Skill], thing: &Ready, holding: &[Digit]) -> Vec<Pick> {
+/// The best pickup for `thing` for each set of free digits that will hold it.
+fn distinct(pickups: &[Pickup], thing: &Ready, holding: &[Digit]) -> Vec<Pick> {
     let mut picks: Vec<Pick> = Vec::new();
-    for &(number, failures) in &thing.skills {
-        let skill = &skills[number];
-        if skill.grasp.digits().iter().any(|digit| holding.contains(digit)) {
+    for &(number, failures) in &thing.pickups {
+        let pickup = &pickups[number];
+        if pickup.grasp.digits.iter().any(|digit| holding.contains(digit)) {
             continue;
         }
-        let proven = skill.beside.len() == holding.len() && skill.beside.iter().all(|digit| holding.contains(digit));
+        let proven = pickup.beside.len() == holding.len() && pickup.beside.iter().all(|digit| holding.contains(digit));
         let score =
-            skill.grasp.score * if proven { 1.0 } else { worth::UNPROVEN_BESIDE } * worth::FAILED.powi(failures);
+            pickup.grasp.score * if proven { 1.0 } else { worth::UNPROVEN_BESIDE } * worth::FAILED.powi(failures);
         if score < worth::LEAST {
             continue;
         }
-        let pick = Pick { object: thing.object, skill: number, score };
-        match picks.iter_mut().find(|other| skills[other.skill].keeps == skill.keeps) {
+        let pick = Pick { object: thing.object, pickup: number, score };
+        match picks.iter_mut().find(|other| pickups[other.pickup].keeps == pickup.keeps) {
             Some(other) if other.score < score => *other = pick,
             Some(_) => {}
             None => picks.push(pick),
@@ -101,9 +104,9 @@ fn distinct(skills: &[Skill], thing: &Ready, holding: &[Digit]) -> Vec<Pick> {
 }
 
 /// The plan in words; `names` are those of all objects.
-pub fn in_words(plan: &LoadPlan, skills: &[Skill], names: &[String]) -> String {
+pub fn in_words(plan: &PickPlan, pickups: &[Pickup], names: &[String]) -> String {
     let one = |pick: &Pick| {
-        let digits = listed(&skills[pick.skill].keeps);
+        let digits = listed(&pickups[pick.pickup].keeps);
         format!("{} with {digits} (holds {:.2} of times)", names[pick.object], pick.score)
     };
     let picks: Vec<String> = plan.picks.iter().map(one).collect();
@@ -113,8 +116,8 @@ pub fn in_words(plan: &LoadPlan, skills: &[Skill], names: &[String]) -> String {
 /// Why `planned`, which was to go on with digits that are held now, is given up for `now`; `None` where it stands.
 pub fn why_not(
     planned: &[Pick],
-    now: &LoadPlan,
-    skills: &[Skill],
+    now: &PickPlan,
+    pickups: &[Pickup],
     holding: &[Digit],
     names: &[String],
 ) -> Option<String> {
@@ -122,11 +125,11 @@ pub fn why_not(
     if now.picks.first().is_some_and(|pick| pick.object == was.object) {
         return None;
     }
-    let needs = skills[was.skill].grasp.digits();
+    let needs = &pickups[was.pickup].grasp.digits;
     let taken: Vec<Digit> = needs.iter().copied().filter(|digit| holding.contains(digit)).collect();
     let because = match taken.as_slice() {
         [] => "is worth less now".to_owned(),
-        taken => format!("needs {}, of which {} holds something already", listed(&needs), listed(taken)),
+        taken => format!("needs {}, of which {} holds something already", listed(needs), listed(taken)),
     };
     Some(format!("{} as planned {because}", names[was.object]))
 }
@@ -158,8 +161,7 @@ pub fn feeling(hand: &Hand, touches: &[PadTouch], servos: &[ServoState], pulled:
 mod tests {
     use super::*;
     use crate::perception::tests::servos;
-    use grasping::Role;
-    fn skill(object: &str, digits: &[Digit], beside: &[Digit], score: f64) -> Skill {
+    fn pickup(object: &str, digits: &[Digit], beside: &[Digit], score: f64) -> Pickup {
         let mut close_tension = [0.0; 5];
         for digit in digits {
             close_tension[digit.index()] = 10.0;
@@ -167,7 +169,7 @@ mod tests {
         let grasp = Grasp {
             id: 0,
             object: object.into(),
-            role: Role::First,
+            digits: digits.to_vec(),
             yaw: 0.0,
             pitch: 0.0,
             roll: 0.0,
@@ -181,7 +183,7 @@ mod tests {
             held_joints: None,
             score,
         };
-        Skill { grasp, beside: beside.to_vec(), keeps: digits.to_vec() }
+        Pickup { diameter: 0.04, beside: beside.to_vec(), keeps: digits.to_vec(), grasp }
     }
 
     const REST: [Digit; 4] = [Digit::Thumb, Digit::Index, Digit::Middle, Digit::Ring];
@@ -189,48 +191,48 @@ mod tests {
 
     /// The paper's story: golf ball with the little finger, softball with the rest; with another finger on the golf ball the
     /// softball's grasp is out, and a smaller ball is taken.
-    fn story() -> (Vec<Skill>, Vec<Ready>, Vec<String>) {
-        let skills = vec![
-            skill("golf", &[Digit::Little], &[], 0.9),
-            skill("soft", &REST, &[Digit::Little], 0.8),
-            skill("yoga", &THREE, &[Digit::Ring], 0.9),
+    fn story() -> (Vec<Pickup>, Vec<Ready>, Vec<String>) {
+        let pickups = vec![
+            pickup("golf", &[Digit::Little], &[], 0.9),
+            pickup("soft", &REST, &[Digit::Little], 0.8),
+            pickup("yoga", &THREE, &[Digit::Ring], 0.9),
         ];
-        let ready = |object: usize, volume: f64| Ready { object, volume, skills: vec![(object, 0)] };
+        let ready = |object: usize, volume: f64| Ready { object, volume, pickups: vec![(object, 0)] };
         let names = ["golf", "soft", "yoga"].map(str::to_owned).to_vec();
-        (skills, vec![ready(0, 40e-6), ready(1, 480e-6), ready(2, 180e-6)], names)
+        (pickups, vec![ready(0, 40e-6), ready(1, 480e-6), ready(2, 180e-6)], names)
     }
 
     #[test]
     fn the_largest_load_is_planned() {
-        let (skills, ready, names) = story();
-        let best = plan(&skills, &ready, &[], 2);
+        let (pickups, ready, names) = story();
+        let best = plan(&pickups, &ready, &[], 2);
         assert_eq!(best.picks.iter().map(|pick| pick.object).collect::<Vec<_>>(), [0, 1]);
         assert!((best.volume - 0.9 * (40e-6 + 0.8 * 480e-6)).abs() < 1e-12);
-        assert!(in_words(&best, &skills, &names).starts_with("golf with little (holds 0.90 of times), then soft"));
-        assert_eq!(plan(&skills, &ready, &[], 0), LoadPlan::default());
+        assert!(in_words(&best, &pickups, &names).starts_with("golf with little (holds 0.90 of times), then soft"));
+        assert_eq!(plan(&pickups, &ready, &[], 0), PickPlan::default());
     }
 
     #[test]
     fn another_object_where_a_digit_is_taken() {
-        let (skills, ready, names) = story();
-        let planned = plan(&skills, &ready, &[], 2);
-        let now = plan(&skills, &ready[1..], &[Digit::Ring], 2);
+        let (pickups, ready, names) = story();
+        let planned = plan(&pickups, &ready, &[], 2);
+        let now = plan(&pickups, &ready[1..], &[Digit::Ring], 2);
         assert_eq!(now.picks.iter().map(|pick| pick.object).collect::<Vec<_>>(), [2]);
-        let why = why_not(&planned.picks[1..], &now, &skills, &[Digit::Ring], &names).unwrap();
+        let why = why_not(&planned.picks[1..], &now, &pickups, &[Digit::Ring], &names).unwrap();
         assert_eq!(why, "soft as planned needs thumb+index+middle+ring, of which ring holds something already");
         // With the little finger on it everything stays as it was.
-        let as_planned = plan(&skills, &ready[1..], &[Digit::Little], 2);
-        assert!(why_not(&planned.picks[1..], &as_planned, &skills, &[Digit::Little], &names).is_none());
+        let as_planned = plan(&pickups, &ready[1..], &[Digit::Little], 2);
+        assert!(why_not(&planned.picks[1..], &as_planned, &pickups, &[Digit::Little], &names).is_none());
     }
 
     /// What has failed or was never tried beside these digits counts less, and what is unlikely is not tried at all.
     #[test]
     fn doubts_count() {
-        let (skills, mut ready, _) = story();
-        ready[2].skills = vec![(2, 1)];
-        assert!((plan(&skills, &ready[2..], &[Digit::Ring], 1).volume - 0.45 * 180e-6).abs() < 1e-12);
-        ready[2].skills = vec![(2, 2)];
-        assert!(plan(&skills, &ready[2..], &[Digit::Ring], 1).picks.is_empty());
+        let (pickups, mut ready, _) = story();
+        ready[2].pickups = vec![(2, 1)];
+        assert!((plan(&pickups, &ready[2..], &[Digit::Ring], 1).volume - 0.45 * 180e-6).abs() < 1e-12);
+        ready[2].pickups = vec![(2, 2)];
+        assert!(plan(&pickups, &ready[2..], &[Digit::Ring], 1).picks.is_empty());
     }
 
     /// A pad that cannot tell, or a finger that is stopped, holds; a thumb holds with fingers only, and what does not close nothing.

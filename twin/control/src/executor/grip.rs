@@ -1,0 +1,91 @@
+//! The executor's grip: what the digits hold, and how hard they pull.
+
+use hand_model::robot::{Observation, TactileFrame};
+use hand_model::{Digit, DigitVector};
+
+use super::{Executor, Phase, Skill, Stage};
+use crate::motion::tension::closing_tension;
+use crate::palpation;
+use crate::slip::{self, SlipWatch};
+
+impl Executor {
+    /// Digits that keep what they have.
+    pub fn holding(&self) -> Vec<Digit> {
+        let kept = self.kept(self.held);
+        let kept = Digit::ALL.into_iter().zip(&kept).filter(|(_, tension)| **tension > 0.0);
+        kept.map(|(digit, _)| digit).collect()
+    }
+
+    /// Digits other than `holding` open: they have nothing.
+    pub fn keep_only(&mut self, holding: &[Digit]) {
+        for target in &mut self.targets[..self.held] {
+            for digit in self.motion.hand().digits().iter().filter(|digit| !holding.contains(digit)) {
+                target.grasp.close_tension[digit.index()] = 0.0;
+            }
+        }
+    }
+
+    /// From now on slip while carrying is answered with tension; images are taken for that.
+    pub fn react_to_slip(&mut self) {
+        self.slip = Some(SlipWatch::default());
+    }
+
+    /// How often either object was felt to slip so far.
+    pub fn slips(&self) -> [u32; 2] {
+        self.slip.as_ref().map_or([0; 2], SlipWatch::steps)
+    }
+
+    /// Tensions wanted at present, with what the reaction to slip adds, N.
+    pub(super) fn held_tension(&mut self, observation: &Observation, images: &[TactileFrame]) -> DigitVector {
+        let (plan, carrying) = (self.wanted_tensions(), self.is_carrying());
+        let (hand, tick) = (self.motion.hand(), self.motion.tick_length());
+        let Some(watch) = &mut self.slip else { return plan };
+        if !carrying {
+            if !self.phase.carries() {
+                watch.begin();
+            }
+            return plan;
+        }
+        let most = slip::most_tension(hand);
+        watch.tick(hand, &observation.servos, images, &plan, most, tick)
+    }
+
+    /// The thumb opposes as the grasp wants that is under way, or was last: one that holds something stays as it is.
+    pub(super) fn oppose(&mut self) {
+        let current = match self.phase.skill {
+            Skill::Begin => Some(0),
+            Skill::Approach | Skill::Grasp => Some(self.phase.object),
+            _ => self.held.checked_sub(1),
+        };
+        let Some((current, target)) = current.and_then(|n| Some((n, self.targets.get(n)?))) else { return };
+        if self.kept(current)[Digit::Thumb.index()] == 0.0 {
+            self.opposition = target.grasp.opposition;
+        }
+    }
+
+    /// Tensions with which the digits keep the first `held` objects, N.
+    fn kept(&self, held: usize) -> DigitVector {
+        let mut kept = self.motion.hand().slack();
+        for target in &self.targets[..held] {
+            for (kept, close) in kept.iter_mut().zip(target.grasp.close_tension) {
+                *kept = kept.max(close);
+            }
+        }
+        kept
+    }
+
+    /// Tensions that the grasps want in the present phase, N.
+    pub fn wanted_tensions(&self) -> DigitVector {
+        let Phase { skill, object, stage } = self.phase;
+        let leaves = skill == Skill::Approach && self.left_from.is_some();
+        let kept = self.kept(if leaves { object.max(1) } else { self.held });
+        self.motion.hand().each_digit(|digit| match skill {
+            Skill::Approach if leaves => kept[digit].max(palpation::TENSION[digit]),
+            Skill::Palpate => kept[digit].max(palpation::TENSION[digit]),
+            Skill::Approach => kept[digit].max(self.target(object).grasp.pre_tension[digit]),
+            Skill::Grasp => kept[digit].max(closing_tension(&self.target(object).grasp, digit, self.motion.clock())),
+            Skill::PutDown if stage == Stage::Run && self.motion.clock() >= self.open_from => 0.0,
+            _ => kept[digit],
+        })
+    }
+}
