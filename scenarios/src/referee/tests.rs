@@ -56,7 +56,7 @@ fn cause(change: impl Fn(&mut SceneTruth)) -> Option<FailureCause> {
     verdict.cause
 }
 
-/// Whether the approach to the second object has begun.
+/// True from the approach to the second object on.
 fn approached(truth: &SceneTruth) -> bool {
     truth.phase.begins(1) && truth.phase.skill != Skill::Palpate
 }
@@ -186,7 +186,7 @@ fn a_blow_too_short_to_be_seen_is_a_contact() {
     assert!(!by_free_digit.contact);
 }
 
-/// Whether the hold has begun.
+/// True from the hold on.
 fn holds(phase: Phase) -> bool {
     phase.carries() && phase.skill != Skill::Carry
 }

@@ -32,7 +32,7 @@ pub enum Skill {
     StepAside,
 }
 
-/// How far a skill has come.
+/// Part of a skill.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Stage {
     /// On the way to where a palpation begins.
@@ -47,14 +47,14 @@ pub enum Stage {
     Decide,
 }
 
-/// What the executor does at a moment.
+/// The executor's state at a moment.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Phase {
-    /// What is done.
+    /// The motion under way, or the last one.
     pub skill: Skill,
     /// Index of the object in the order in which objects are taken; 0 for the skills that are about all that is held.
     pub object: usize,
-    /// How far it has come.
+    /// Its part.
     pub stage: Stage,
 }
 
@@ -74,17 +74,17 @@ impl Phase {
         Self { skill: Skill::Palpate, object, stage }
     }
 
-    /// Whether the executor waits for a decision.
+    /// True while the executor waits for a decision.
     pub fn waits(self) -> bool {
         self.stage == Stage::Decide
     }
 
-    /// Whether the task is over.
+    /// True once the task is over.
     pub fn is_done(self) -> bool {
         self == Self::decide(Skill::Verify, 0)
     }
 
-    /// Whether the hand goes to `object`, or has gone there and what it took has not been laid down.
+    /// True from the moment the hand goes to `object` until what it took is laid down.
     pub fn begins(self, object: usize) -> bool {
         match self.skill {
             Skill::Palpate | Skill::Approach | Skill::Grasp | Skill::Lift | Skill::Look => self.object >= object,
@@ -117,7 +117,7 @@ impl Phase {
         self.lifts(object) && self != Self::run(Skill::Lift, object)
     }
 
-    /// Whether everything is carried, or was.
+    /// True from the moment everything is carried to the end of the task.
     pub fn carries(self) -> bool {
         matches!(self.skill, Skill::Carry | Skill::Hold | Skill::Verify)
     }
@@ -168,7 +168,7 @@ impl Phase {
         all
     }
 
-    /// The phase with this name, with or without underscores, of a trial with at most [`ORDINALS`] objects.
+    /// The phase with this name, with or without underscores, of a trial with at most eight objects.
     pub fn named(name: &str) -> Option<Self> {
         let words = name.replace('_', " ");
         let aside = [Skill::PutDown, Skill::StepAside].map(|skill| Self::run(skill, 0));
@@ -209,7 +209,7 @@ impl<'de> Deserialize<'de> for Phase {
 mod tests {
     use super::*;
 
-    /// What files of two-object trials contain.
+    /// The names in files of two-object trials.
     #[test]
     fn a_trial_of_two_objects_goes_by_these_names() {
         let names: Vec<String> = Phase::of_trial(2).iter().map(Phase::to_string).collect();

@@ -34,7 +34,7 @@ const UNTOUCHED: f64 = 0.4;
 /// Share of the rise from a touch, and of the whole approach at most, in which the digits that touched keep still: closing for the
 /// grasp at once they would drag the object along.
 const LEAVING: (f64, f64) = (0.9, 0.5);
-/// How far the palm goes down to release what was delivered, as a share of the lift.
+/// Lowering of the palm that releases what was delivered, as a share of the lift.
 const LOWERING: f64 = 0.6;
 
 /// An object to take: with which grasp, and where it is seen.
@@ -42,7 +42,7 @@ const LOWERING: f64 = 0.6;
 pub struct Target {
     /// Its tensions are those that hold the object once it is taken.
     pub grasp: Grasp,
-    /// Where the grasp aims.
+    /// The pose that the grasp aims at.
     pub percept: Percept,
 }
 
@@ -53,7 +53,7 @@ pub struct Executor {
     protocol: Protocol,
     /// The objects in the order in which they are taken.
     targets: Vec<Target>,
-    /// What follows the present skill without a decision.
+    /// Skills that follow the present one without a decision.
     queue: VecDeque<Phase>,
     phase: Phase,
     /// The digits of so many targets keep what they have.
@@ -67,7 +67,7 @@ pub struct Executor {
     /// Images that nothing is decided by.
     watch: Watch,
     slip: Option<SlipWatch>,
-    /// How an object is touched at present.
+    /// The guarded motion of a palpation.
     guarded: Option<Guarded>,
     /// Start height of the retreat after a palpation, m.
     left_from: Option<f64>,
@@ -104,7 +104,7 @@ impl Executor {
         self.phase
     }
 
-    /// What moves: posture, palm, images and servo readings.
+    /// Posture, palm, images and servo readings.
     pub fn motion(&self) -> &Motion {
         &self.motion
     }
@@ -296,7 +296,7 @@ impl Executor {
         self.phase.stage == Stage::Touch
     }
 
-    /// Whether an object has just been palpated.
+    /// True at the decision after a palpation.
     fn has_touched(&self) -> bool {
         self.phase.skill == Skill::Palpate && self.phase.waits()
     }

@@ -30,7 +30,7 @@ impl Executor {
         self.slip = Some(SlipWatch::default());
     }
 
-    /// How often either object was felt to slip so far.
+    /// Slips felt of either object so far.
     pub fn slips(&self) -> [u32; 2] {
         self.slip.as_ref().map_or([0; 2], SlipWatch::steps)
     }

@@ -11,7 +11,7 @@ use crate::palpation::{self, Touching};
 use crate::percept::Percept;
 use crate::trajectory::PosePath;
 
-/// How far the palm may rise before it goes to an object beside others, so that what it holds passes above, m.
+/// Rises of the palm before it goes to an object beside others, so that what it holds passes above, m.
 const RISES: [f64; 3] = [0.0, 0.05, 0.1];
 
 impl Executor {
@@ -37,7 +37,7 @@ impl Executor {
         self.motion.rehearsed_approach(&self.protocol.limits, grasp, percept, stops)
     }
 
-    /// How far the palm rises before it goes anywhere else, m: fingers that touch an object leave it upwards.
+    /// Rise of the palm before it goes anywhere else, m: fingers that touch an object leave it upwards.
     fn rise(&self) -> f64 {
         if self.has_touched() { palpation::RISE } else { 0.0 }
     }

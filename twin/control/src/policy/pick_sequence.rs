@@ -17,7 +17,7 @@ use crate::percept::{Eyes, Percept};
 use crate::sensing::Senses;
 use crate::workcell::Workcell;
 
-/// How objects are chosen.
+/// Rule by which objects are chosen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PickMode {
@@ -72,14 +72,14 @@ pub struct Item {
     pub pickups: Vec<usize>,
 }
 
-/// What the policy knows before a transport begins.
+/// Knowledge of the policy before a transport begins.
 #[derive(Clone, Copy)]
 pub struct PickTask<'a> {
     /// Hand and arm.
     pub cell: &'a Workcell,
-    /// What the hand can do.
+    /// Ways to pick up a ball.
     pub pickups: &'a [Pickup],
-    /// What is to be carried.
+    /// The objects to carry.
     pub items: &'a [Item],
     /// Over which place it is released, m.
     pub goal: [f64; 2],

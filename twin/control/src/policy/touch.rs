@@ -4,9 +4,9 @@
 //! [`crate::strategy`] chooses the grasp of the second object given the pose of the first as felt. What failed is tried again where
 //! the eyes see it now. Where they do not see what is to be taken, the hand steps aside and they look once more; what only comes
 //! later is taken to be where it was seen last, and looked for when its turn comes. Before an object is taken it is touched
-//! ([`exploration`]): where the first one sits in the hand decides how well the second one can be taken. [`first`] and [`second`] take them.
+//! (`exploration`): where the first one sits in the hand decides how well the second one can be taken. `first` and `second` take them.
 //!
-//! Each decision leads from one [`State`] to another: `Start -> Palpates(0) -> Takes(0) -> Palpates(1) -> Takes(1) -> Carries` where all goes
+//! Each decision leads from one `State` to another: `Start -> Palpates(0) -> Takes(0) -> Palpates(1) -> Takes(1) -> Carries` where all goes
 //! well. What is lost leads back to a palpation or to `LaysDown`, what is hidden to `StepsAside`; a decision that begins nothing ends the trial.
 
 mod exploration;
@@ -36,12 +36,12 @@ const TRY_TIME: f64 = 14.0;
 /// The felt pose's standard deviation counts up to this, m.
 const MOST_SIGMA: f64 = 0.01;
 
-/// What the executor is doing until the next decision.
+/// The executor's work until the next decision.
 enum State {
     /// It waits to begin, or takes the first object as planned.
     Start,
     /// It touches an object; where that is in the hand, if it was felt.
-    Palpates { object: usize, found: Option<PoseEstimate> },
+    Palpates { object: usize, found: Option<Box<PoseEstimate>> },
     /// It takes an object; the aim, if only the detector said where the object is.
     Takes { object: usize, aimed: Option<Aimed> },
     /// It carries both objects.
@@ -52,15 +52,15 @@ enum State {
     StepsAside { sought: usize },
 }
 
-/// Where the second object is taken to be.
+/// Belief about the second object's place.
 struct SecondSeen {
-    /// What is known about the error of the aim where only the detector has found it.
+    /// Error of the aim where only the detector has found it.
     belief: Belief,
     /// Looks that its place is the mean of.
     looks: u32,
-    /// What is known about its place since it was touched where it stands.
+    /// Error of its place since it was touched where it stands.
     located: Option<Belief>,
-    /// Whether it was hidden when it was last looked for.
+    /// It was hidden when it was last looked for.
     hidden: bool,
 }
 

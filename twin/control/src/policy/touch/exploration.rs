@@ -79,12 +79,12 @@ impl Touch<'_> {
         let held = self.felt.as_ref().map_or(expected.palm_from_object, |felt| felt.estimate.palm_from_object);
         let held = (object == 1).then(|| InHand { shape: self.knowledge.known[0], prior: trusted(held) });
         let found = located(&self.senses, &executor.motion().look(), self.knowledge.known[object], &prior, held)?;
-        self.state = State::Palpates { object, found };
+        self.state = State::Palpates { object, found: found.map(Box::new) };
         Ok(())
     }
 
     /// Takes in what the touch of the first object told.
-    pub(super) fn locate_first(&mut self, executor: &mut Executor, found: Option<PoseEstimate>) {
+    pub(super) fn locate_first(&mut self, executor: &mut Executor, found: Option<Box<PoseEstimate>>) {
         let Some((found, _)) = self.found(found, executor.motion().palm(), &executor.target(0).percept, (0, 1)) else {
             return;
         };
@@ -93,7 +93,7 @@ impl Touch<'_> {
     }
 
     /// Takes in what the touch of the second object told.
-    pub(super) fn locate_second(&mut self, executor: &mut Executor, found: Option<PoseEstimate>) {
+    pub(super) fn locate_second(&mut self, executor: &mut Executor, found: Option<Box<PoseEstimate>>) {
         let Some((found, covariance)) =
             self.found(found, executor.motion().palm(), &executor.target(1).percept, (1, self.second.looks))
         else {
@@ -107,7 +107,7 @@ impl Touch<'_> {
     /// Where the touched `object` is that was `found` in the hand, and `seen` in so many `looks`, and the covariance of its place, m2; in the world.
     fn found(
         &mut self,
-        found: Option<PoseEstimate>,
+        found: Option<Box<PoseEstimate>>,
         palm: Isometry3<f64>,
         seen: &Percept,
         (object, looks): (usize, u32),
