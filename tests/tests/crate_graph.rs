@@ -183,7 +183,7 @@ fn members_know_only_whom_they_may() {
         ),
         (
             "lab",
-            "fault-injection statistics platform hand-model world scenarios sim optics touch control proving bench report stream progress",
+            "statistics platform hand-model world scenarios sim optics touch control proving bench report stream progress",
         ),
         ("sweep", "statistics hand-model platform scenarios control bench report progress"),
         ("guide", "hand-model scenarios optics touch grasping control study"),

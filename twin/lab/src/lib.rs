@@ -2,11 +2,10 @@
 //!
 //! [`hand_check`] and [`arm_check`] make the rows of `ftac hand check` and `ftac arm check`; [`closing`] closes any hand on a
 //! ball. [`optics`] calibrates and evaluates tactile images; [`touch`] trains and evaluates photometric stereo and in-hand
-//! poses. [`fault_table`] sums the outcomes of injected faults. Results come as values, as JSON and as text; nothing here prints.
+//! poses. Results come as values, as JSON and as text; nothing here prints.
 
 pub mod arm_check;
 pub mod closing;
-pub mod fault_table;
 pub mod hand_check;
 pub mod optics;
 pub mod touch;

@@ -2,9 +2,10 @@
 
 use std::collections::BTreeSet;
 
-use fault_injection::kind::{Expected, Kind, Teller};
-use fault_injection::{Mirrored, NAMED_WITHIN, Outcome as FaultOutcome};
 use serde_json::{Value, json};
+
+use crate::kind::{Expected, Kind, Teller};
+use crate::{Mirrored, NAMED_WITHIN, Outcome as FaultOutcome};
 
 /// All outcomes, summed by fault.
 pub struct FaultTable {
