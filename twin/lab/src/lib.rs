@@ -1,11 +1,10 @@
 //! Measures the body against the paper and against other engines, and its sensors against known presses.
 //!
 //! [`hand_check`] and [`arm_check`] make the rows of `ftac hand check` and `ftac arm check`; [`closing`] closes any hand on a
-//! ball. [`optics`] calibrates and evaluates tactile images; [`touch`] trains and evaluates photometric stereo and in-hand
+//! ball. [`touch`] trains and evaluates photometric stereo and in-hand
 //! poses. Results come as values, as JSON and as text; nothing here prints.
 
 pub mod arm_check;
 pub mod closing;
 pub mod hand_check;
-pub mod optics;
 pub mod touch;

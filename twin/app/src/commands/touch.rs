@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use bench::builtin::CALIBRATION_UNIT;
 use clap::Subcommand;
 use hand_model::Hand;
-use lab::touch::calibration;
+use sensor_calibration::pad_calibration;
 
 use self::eval::EvalArgs;
 use self::train_network::TrainNetworkArgs;
@@ -52,7 +52,7 @@ pub fn run(terminal: &Terminal, command: &TouchCommand) -> Outcome {
 }
 
 fn touch_train(terminal: &Terminal, presses: usize, out: &Path, hand: &Hand) -> Outcome {
-    let (calibration, error) = calibration::train(hand, CALIBRATION_UNIT, presses, terminal.seed)?;
+    let (calibration, error) = pad_calibration::train(hand, CALIBRATION_UNIT, presses, terminal.seed)?;
     calibration.write(out)?;
     if terminal.json {
         println!(

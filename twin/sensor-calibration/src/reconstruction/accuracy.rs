@@ -10,7 +10,7 @@ use touch::AngularError;
 
 use super::known_ball::{KnownBall, KnownPresses};
 use super::surface::{GridSurface, Reconstructor};
-use crate::optics::grid::Grid;
+use crate::grid::Grid;
 
 /// Width of a class of slopes in which errors of normals are counted, degrees.
 const CLASS_DEG: f64 = 10.0;

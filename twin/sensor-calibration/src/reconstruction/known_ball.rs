@@ -7,7 +7,7 @@ use hand_model::robot::TactileImage;
 use optics::calibration::{BallPress, CalibratedSensor, PressFolder};
 use touch::CalibrationPress;
 
-use crate::optics::grid::Grid;
+use crate::grid::Grid;
 
 /// The part of a ball that lies in the gel.
 #[derive(Debug, Clone, Copy)]

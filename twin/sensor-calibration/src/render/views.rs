@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result};
 use nalgebra::Vector3;
 
-use crate::optics::{exr, npy};
+use crate::{exr, npy};
 
 /// What one camera sees, row-major.
 pub(super) struct Views {

@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 
 use super::ply;
 use super::surface::Surface;
-use crate::optics::{exr, npy};
+use crate::{exr, npy};
 
 /// Indentation of one level of the 16-bit height image, m.
 pub const LEVEL: f32 = 1e-7;

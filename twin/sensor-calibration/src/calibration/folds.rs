@@ -5,8 +5,8 @@ use optics::calibration::{Assumptions, BallFit, CalibratedSensor, Effort, HeldOu
 use optics::calibration::{Similarity, Views};
 use rayon::prelude::*;
 
-use crate::optics::reconstruction::Photometry;
-use crate::optics::reconstruction::accuracy::{Accuracy, Errors};
+use crate::reconstruction::Photometry;
+use crate::reconstruction::accuracy::{Accuracy, Errors};
 
 /// Which presses are held out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -9,7 +9,7 @@ use sim::tactile::TactileBoard;
 use touch::calibration::AngularError;
 use touch::{CalibrationPress, PhotometricCalibration};
 
-use crate::touch::shapes::{Place, Relief, ball, press_into};
+use crate::pressed_shapes::{Place, Relief, ball, press_into};
 
 /// Radii of the calibration balls, m.
 const BALL_RADII: [f64; 3] = [0.004, 0.010, 0.022];

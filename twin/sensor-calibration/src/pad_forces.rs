@@ -3,14 +3,13 @@
 use std::sync::Arc;
 
 use anyhow::Result;
-use bench::builtin::calibration_of;
-use hand_model::{Hand, RobotModel};
+use hand_model::Hand;
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use serde::Serialize;
 use sim::engine::EngineSettings;
 use sim::stand::{HandStand, Prop, tension_goals};
 use sim::tactile::TactileBoard;
-use touch::TouchPipeline;
+use touch::{PhotometricCalibration, TouchPipeline};
 use world::Shape;
 
 /// Cable tensions of the grips, N.
@@ -65,11 +64,10 @@ struct Grips {
     touch: TouchPipeline,
 }
 
-/// Grips every object at every tension.
-pub fn grip_all(robot: &RobotModel) -> Result<Vec<PadForce>> {
-    let hand = robot.hand.clone();
+/// Grips every object at every tension, and feels it by `calibration`.
+pub fn grip_all(hand: &Arc<Hand>, calibration: PhotometricCalibration) -> Result<Vec<PadForce>> {
+    let hand = hand.clone();
     let board = TactileBoard::unit(&hand, UNIT);
-    let calibration = calibration_of(robot)?;
     let touch = TouchPipeline::new(&hand, calibration, board.backgrounds())?;
     let grips = Grips { hand, board, touch };
     let block = Shape::Cuboid { half: Vector3::new(0.02, 0.02, 0.05), radius: 0.002 };

@@ -11,9 +11,9 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 use touch::CalibrationPress;
 
-use super::shapes::{Place, Relief};
-use crate::optics::grid::Grid;
-use crate::optics::reconstruction::known_ball::KnownBall;
+use crate::grid::Grid;
+use crate::pressed_shapes::{Place, Relief};
+use crate::reconstruction::known_ball::KnownBall;
 
 /// Stands for "the only sensor there is" where a pad's configuration is asked for.
 pub const CONFIGURATION: char = 'a';

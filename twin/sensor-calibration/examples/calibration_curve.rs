@@ -1,12 +1,12 @@
 //! Error of a calibration by number of presses, as in recordings/log/own-sensor.md: odd presses of a folder are held out, and of the even
 //! ones 3, 6, 12, 24 ... are learned from, evenly chosen.
-//! `cargo run --release -p lab --example calibration_curve -- FOLDER BALL_DIAMETER_MM PIXEL_MM`.
+//! `cargo run --release -p sensor-calibration --example calibration_curve -- FOLDER BALL_DIAMETER_MM PIXEL_MM`.
 
 use std::path::PathBuf;
 
 use anyhow::{Context, Result};
-use lab::optics::calibration::folds::{self, Fold};
 use optics::calibration::{Assumptions, Effort, PressFolder, press_checks};
+use sensor_calibration::calibration::folds::{self, Fold};
 
 fn main() -> Result<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();

@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 
 use super::CalibrationRun;
 use super::scale::PixelSource;
-use crate::optics::reconstruction::{Accuracy, Method};
+use crate::reconstruction::{Accuracy, Method};
 
 impl CalibrationRun {
     /// Everything found, but for the time it took.

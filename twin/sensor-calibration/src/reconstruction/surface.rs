@@ -14,7 +14,7 @@ use touch::{Gradients, StereoOptions};
 
 use super::photometry::{CONFIGURATION, Method, Photometry};
 use super::touched::{border_share, touched};
-use crate::optics::grid::Grid;
+use crate::grid::Grid;
 
 /// Largest drift of a channel's brightness between background and image that is compensated, as a share.
 const MOST_DRIFT: f32 = 0.15;

@@ -81,7 +81,7 @@ fn change(photo: &Photo, background: &Photo) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::optics::video::avi;
+    use crate::video::avi;
 
     /// A film of an untouched gel and three presses that come and go.
     #[test]

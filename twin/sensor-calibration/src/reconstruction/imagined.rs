@@ -7,8 +7,8 @@ use anyhow::Result;
 use optics::calibration::{CalibratedSensor, SensorCalibration};
 use touch::CalibrationPress;
 
-use crate::touch::real::Likeness;
-use crate::touch::shapes::{Relief, ball, each, seen};
+use crate::pressed_shapes::{Relief, ball, each, seen};
+use crate::real_presses::Likeness;
 
 /// Radii of balls that are pressed beside the shapes, over that of the calibration's ball, and how often each is drawn against a
 /// shape.

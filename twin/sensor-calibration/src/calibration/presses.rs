@@ -8,7 +8,7 @@ use optics::calibration::{Lens, PressFolder, ReadOptions, press_checks};
 
 use super::scale::{self, PixelSize, PixelSource};
 use super::sheet::Tile;
-use crate::optics::video;
+use crate::video;
 
 /// Folder of pictures of a checkerboard inside a folder of presses.
 pub const CHECKERBOARDS: &str = "checkerboards";

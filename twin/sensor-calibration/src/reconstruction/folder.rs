@@ -7,7 +7,7 @@ use std::time::SystemTime;
 use anyhow::{Result, bail};
 use optics::calibration::image_files::{is_image, take_background, visible_files};
 
-use crate::optics::video::is_video;
+use crate::video::is_video;
 
 /// Images and videos of a folder, and the image of the untouched gel in it.
 #[derive(Debug, Clone, Default, PartialEq)]

@@ -21,7 +21,7 @@ use super::known_ball::{KnownBall, KnownPresses};
 use super::learning::{LabelledPixel, PASSES, train};
 use super::range::{Range, drift_free};
 use super::surface::Reconstructor;
-use crate::optics::grid::Grid;
+use crate::grid::Grid;
 
 /// Stands for "the only sensor there is" where a pad's configuration is asked for.
 pub const CONFIGURATION: char = 'a';

@@ -9,7 +9,7 @@ use touch::colour_change::whole_change;
 use touch::{CalibrationPress, PIXELS};
 
 use super::known_ball::{KnownBall, KnownPresses};
-use crate::optics::grid::Grid;
+use crate::grid::Grid;
 
 /// Side of a cell of relative colour changes.
 const CELL: f32 = 0.06;
