@@ -168,7 +168,7 @@ fn members_know_only_whom_they_may() {
         ("stream", "platform hand-model"),
         ("progress", ""),
         ("proving", "statistics platform hand-model world plant scenarios sim grasping control progress"),
-        ("report", "statistics platform hand-model world plant scenarios sim grasping study proving stream"),
+        ("report", "statistics platform hand-model world plant scenarios sim grasping proving stream"),
         ("object-detector", "world scenarios control progress"),
         (
             "fault-injection",
@@ -185,7 +185,7 @@ fn members_know_only_whom_they_may() {
         ("sensor-calibration", "platform hand-model world sim optics touch report"),
         (
             "lab",
-            "statistics platform hand-model world scenarios sim optics touch control proving bench report stream progress sensor-calibration",
+            "statistics platform hand-model world scenarios sim optics touch grasping control study proving bench report stream progress sensor-calibration",
         ),
         ("sweep", "statistics hand-model platform scenarios control bench report progress"),
         ("guide", "hand-model scenarios optics touch grasping control study"),

@@ -7,4 +7,6 @@
 pub mod arm_check;
 pub mod closing;
 pub mod hand_check;
+pub mod lab_book;
+pub mod study_pages;
 pub mod touch;

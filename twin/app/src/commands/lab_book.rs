@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use anyhow::{Context as _, Result};
+use lab::lab_book::command::Check;
+use lab::lab_book::{page, table};
 use platform::data::write_whole;
-use report::lab_book::command::Check;
-use report::lab_book::{page, table};
 
 use crate::terminal::{Outcome, Terminal};
 
@@ -42,7 +42,7 @@ mod tests {
 
     use super::*;
     use crate::cli::parse_arguments;
-    use report::lab_book::error::FieldError;
+    use lab::lab_book::error::FieldError;
 
     fn root() -> PathBuf {
         // Of this run and not of the build, which another checkout may have made.

@@ -10,11 +10,11 @@ use anyhow::{Context, Result, ensure};
 use clap::Args;
 use hand_model::RobotModel;
 use indicatif::ProgressStyle;
+use lab::study_pages;
 use platform::data::write_whole;
 use proving::synthesis::hands::{self, Cell, ComparedHand};
 use proving::synthesis::search;
 use proving::synthesis::synthesizer::Request;
-use report::study_pages;
 use world::objects::ObjectSet;
 
 use crate::commands::object_name::object_name;

@@ -4,9 +4,9 @@ use std::path::PathBuf;
 
 use anyhow::ensure;
 use clap::Args;
+use lab::study_pages::annotation;
+use lab::study_pages::scene::Scene;
 use platform::data::write_whole;
-use report::study_pages::annotation;
-use report::study_pages::scene::Scene;
 use serde_json::json;
 
 use super::source::{GraspsArgs, Source, writable};

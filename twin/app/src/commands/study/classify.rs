@@ -5,8 +5,8 @@ use std::path::PathBuf;
 
 use anyhow::{Context, Result, bail};
 use clap::Args;
+use lab::study_pages::types;
 use platform::data::write_whole;
-use report::study_pages::types;
 use study::classification::Classification;
 use study::explanation;
 use study::labels::Labels;

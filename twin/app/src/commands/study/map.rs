@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use anyhow::{Context, Result, ensure};
 use clap::Args;
+use lab::study_pages;
 use platform::data::write_whole;
-use report::study_pages;
 use study::grasp_map::{GraspMaps, MapSettings, check_both_classes, contact_maps};
 
 use super::source::{GraspsArgs, Source};

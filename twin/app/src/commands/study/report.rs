@@ -6,11 +6,11 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail};
 use hand_model::RobotModel;
 use lab::hand_check::figures;
+use lab::study_pages::comparison::{Line, Parts, Sensing, lines};
+use lab::study_pages::overview;
 use optics::Foundation;
 use optics::foundation::{probe_response, sensitivity};
 use platform::data::write_whole;
-use report::study_pages::comparison::{Line, Parts, Sensing, lines};
-use report::study_pages::overview;
 use serde_json::{Value, json};
 use study::sensors::array;
 

@@ -2,10 +2,9 @@
 
 use std::fmt::Write as _;
 
+use report::html::escape;
 use study::landscape::disconnectivity::Tree;
 use study::taxonomy::Category;
-
-use crate::html::escape;
 
 /// A leaf: one basin.
 #[derive(Debug, Clone)]

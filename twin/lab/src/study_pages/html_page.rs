@@ -1,8 +1,7 @@
 //! The frame of a page that needs nothing else: style, program and data in one file, no server, no network.
 
+use report::html::escape;
 use serde::Serialize;
-
-use crate::html::escape;
 
 const STYLE: &str = include_str!("../../data/study/style.css");
 const VIEWER: &str = include_str!("../../data/study/viewer.js");

@@ -1,11 +1,11 @@
 //! A picture with grasps shown in 3D: an element with `data-grasp` (and a caption in `data-text`) shows its grasp under
 //! the mouse; a canvas with it shows the grasp permanently and can be rotated.
 
+use report::html::escape;
 use serde::Serialize;
 
 use super::html_page::{embedded, whole};
 use super::scene::Scene;
-use crate::html::escape;
 
 const SCRIPT: &str = include_str!("../../data/study/hover.js");
 

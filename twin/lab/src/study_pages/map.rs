@@ -7,6 +7,7 @@ use std::sync::Arc;
 use anyhow::Result;
 use hand_model::Hand;
 use platform::data::write_whole;
+use report::html::escape;
 use study::classification::{Classification, ClassifiedGrasp};
 use study::grasp_map::GraspMap;
 use study::taxonomy::Category;
@@ -15,7 +16,6 @@ use world::objects::ObjectModel;
 use super::hover;
 use super::scene::Scene;
 use super::tree::color;
-use crate::html::escape;
 
 /// One grasp on the map.
 #[derive(Debug, Clone)]

@@ -5,6 +5,7 @@ use std::path::Path;
 use anyhow::Result;
 use grasping::synthesis::collection::Collection;
 use grasping::synthesis::held::pose_from_array;
+use grasping::synthesis::kind::{HandKind, hand_kinds};
 use hand_model::Hand;
 use image::RgbImage;
 use nalgebra::{Point3, UnitVector3, Vector3};
@@ -13,7 +14,6 @@ use proving::synthesis::grasp_file::GraspFile;
 use proving::synthesis::parts::table;
 use proving::synthesis::subject::verified_for;
 use stream::gallery::{ShownContact, ShownGrasp, ShownHand, friction_cone};
-use study::kinds::{Kind, kinds};
 use world::objects::ObjectModel;
 
 use crate::html::escape;
@@ -32,7 +32,7 @@ const COLUMNS: usize = 6;
 const CONE_COVERS: f64 = 0.55;
 
 /// A kind's best grasp as it is drawn, with its figures in words.
-pub fn shown(kind: &Kind<'_>) -> ShownGrasp {
+pub fn shown(kind: &HandKind<'_>) -> ShownGrasp {
     let grasp = kind.best;
     let digits: Vec<&str> = grasp.digits.iter().map(|digit| digit.name()).collect();
     let room = grasp.room.map_or("none, all digits touch".into(), |room| format!("{:.0} mm to the object", 1e3 * room));
@@ -72,12 +72,12 @@ fn object_picture(model: &ObjectModel, line: &str) -> RgbImage {
 }
 
 /// Friction for which a kind's grasp was verified.
-pub fn friction(kind: &Kind<'_>) -> f64 {
+pub fn friction(kind: &HandKind<'_>) -> f64 {
     verified_for(kind.best).1
 }
 
 /// A picture of a grasp: hand, object, contact points and cones.
-fn grasp_picture(hand: &Hand, model: &ObjectModel, kind: &Kind<'_>) -> RgbImage {
+fn grasp_picture(hand: &Hand, model: &ObjectModel, kind: &HandKind<'_>) -> RgbImage {
     let shown = shown(kind);
     // Between object and palm, and a little higher: the caption takes the top.
     let center = Point3::from(shown.palm_from_object.translation.vector * 0.5 + Vector3::y() * 0.02);
@@ -116,7 +116,7 @@ pub fn write(file: &GraspFile, collection: &Collection, only: Option<&str>, hand
                 entry.grasps.len()
             ),
         ));
-        let kinds = kinds(&entry.grasps);
+        let kinds = hand_kinds(&entry.grasps);
         let pictures: Vec<RgbImage> =
             kinds.iter().take(2 * COLUMNS).map(|kind| grasp_picture(hand, model, kind)).collect();
         best.extend(pictures.first().cloned());
@@ -166,7 +166,7 @@ mod tests {
             let entry = collection.of(name).unwrap_or_else(|| panic!("grasps of {name}"));
             assert_eq!(entry.summary.kept, entry.grasps.len());
             assert!(entry.summary.short.is_some() || entry.grasps.len() == entry.summary.wanted, "{name}");
-            assert!(kinds(&entry.grasps).len() > 3, "{name}");
+            assert!(hand_kinds(&entry.grasps).len() > 3, "{name}");
         }
         let good = |grasp: &HeldGrasp| {
             grasp.margin >= 1.0 && grasp.penetration <= 1e-3 && (grasp.palm || grasp.digits.len() >= 2)

@@ -2,11 +2,11 @@
 
 use std::path::Path;
 
+use report::html::{Column, Table, escape, number, whole_page};
 use serde_json::Value;
 use study::sensors::OTHERS;
 
 use super::comparison::{Line, Sensing};
-use crate::html::{Column, Table, escape, number, whole_page};
 
 /// The page. Pictures and the pages of the parts are taken from `folder` as far as they are there; `hands` is `hands.json`.
 pub fn page(folder: &Path, lines: &[Line], hands: Option<&Value>, sensing: &Sensing) -> String {

@@ -5,14 +5,15 @@ use std::path::Path;
 use anyhow::Result;
 use grasping::synthesis::held::{pose_from_array, values};
 use image::RgbImage;
-use nalgebra::{Point3, UnitVector3, Vector3};
+use nalgebra::{Isometry3, Point3, UnitVector3, Vector3};
 use proving::synthesis::any::describe::Described;
 use proving::synthesis::any::kinds::AnyKind;
+use sim::engine::EngineSettings;
+use sim::stand::AnyStand;
 use stream::gallery::{ShownContact, ShownGrasp, ShownHand};
 use stream::mesh::Mesh;
 use world::objects::ObjectModel;
 
-use super::hands::{CONTACT, DOT, draw, skin};
 use crate::picture::{Picture, View, save, tile};
 
 /// Side of a picture, pixels.
@@ -21,6 +22,25 @@ const SIZE: u32 = 260;
 const MARGIN: f64 = 0.95;
 /// Characters of a caption's line.
 const LINE: usize = 30;
+/// Colours of the hand and of contact points.
+const STEEL: [f64; 3] = [176.0, 182.0, 192.0];
+pub const CONTACT: [f64; 3] = [200.0, 30.0, 60.0];
+/// Radius of a contact point, m.
+pub const DOT: f64 = 2.5e-3;
+
+/// The hand's collision shapes at joint angles (rad), three points a triangle, palm frame.
+pub fn skin(hand: &Described, joints: &[f64]) -> Vec<[Point3<f64>; 3]> {
+    let stand = AnyStand::at(&hand.body, EngineSettings::default(), joints);
+    stand.triangles().into_iter().map(|triangle| triangle.map(|point| hand.palm_from_root * point)).collect()
+}
+
+/// Draws the hand's triangles.
+pub fn draw(picture: &mut Picture, skin: &[[Point3<f64>; 3]]) {
+    for [a, b, c] in skin {
+        let Some(normal) = (b - a).cross(&(c - a)).try_normalize(1e-15) else { continue };
+        picture.triangles(&Isometry3::identity(), &[*a, *b, *c], &[[0, 1, 2]], &[normal; 3], STEEL);
+    }
+}
 
 /// A sheet of the kinds of one object: a row a kind, seen onto the palm, from the side and along the fingers.
 pub fn sheet(hand: &Described, model: &ObjectModel, kinds: &[AnyKind<'_>], path: &Path) -> Result<()> {

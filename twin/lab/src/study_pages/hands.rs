@@ -5,22 +5,14 @@ use std::path::Path;
 use anyhow::{Context, Result};
 use grasping::synthesis::held::pose_from_array;
 use image::RgbImage;
-use nalgebra::{Isometry3, Point3, Vector3};
-use proving::synthesis::any::describe::Described;
+use nalgebra::{Point3, Vector3};
 use proving::synthesis::hands::{BestGrasp, Cell, ComparedHand};
-use sim::engine::EngineSettings;
-use sim::stand::AnyStand;
+use report::other_hand::{CONTACT, DOT, draw, skin};
+use report::picture::{Picture, View, save, tile};
 use world::objects::{ObjectModel, ObjectSet};
-
-use crate::picture::{Picture, View, save, tile};
 
 /// Side of a picture, pixels.
 const SIZE: u32 = 230;
-/// Colours of other hands and of contact points.
-const STEEL: [f64; 3] = [176.0, 182.0, 192.0];
-pub(super) const CONTACT: [f64; 3] = [200.0, 30.0, 60.0];
-/// Radius of a contact point, m.
-pub(super) const DOT: f64 = 2.5e-3;
 /// Width of a picture, as a multiple of what is drawn, and how far of it that moves down to leave room for the caption.
 const MARGIN: f64 = 1.35;
 const CAPTION: f64 = 0.07;
@@ -59,20 +51,6 @@ fn picture(hand: &ComparedHand, model: &ObjectModel, cell: &Cell) -> RgbImage {
     picture.triangles(&pose_from_array(&best.palm_from_object), &vertices, &triangles, &normals, color);
     best.contacts.iter().for_each(|point| picture.dot(&Point3::from(*point), DOT, CONTACT));
     picture.finish(&format!("{caption}, {:.1} N", best.margin))
-}
-
-/// Another hand's collision shapes at joint angles (rad), three points a triangle, palm frame.
-pub(super) fn skin(hand: &Described, joints: &[f64]) -> Vec<[Point3<f64>; 3]> {
-    let stand = AnyStand::at(&hand.body, EngineSettings::default(), joints);
-    stand.triangles().into_iter().map(|triangle| triangle.map(|point| hand.palm_from_root * point)).collect()
-}
-
-/// Draws another hand's triangles.
-pub(super) fn draw(picture: &mut Picture, skin: &[[Point3<f64>; 3]]) {
-    for [a, b, c] in skin {
-        let Some(normal) = (b - a).cross(&(c - a)).try_normalize(1e-15) else { continue };
-        picture.triangles(&Isometry3::identity(), &[*a, *b, *c], &[[0, 1, 2]], &[normal; 3], STEEL);
-    }
 }
 
 /// Onto the palm, around hand and object; of our hand around the palm's middle and the object.

@@ -7,6 +7,7 @@ use anyhow::Result;
 use hand_model::Hand;
 use image::RgbImage;
 use platform::data::write_whole;
+use report::plot::Plot;
 use study::classification::ClassifiedGrasp;
 use study::landscape::basins::MappedGrasps;
 use world::objects::ObjectModel;
@@ -14,7 +15,6 @@ use world::objects::ObjectModel;
 use super::hover;
 use super::scene::Scene;
 use super::tree::{self, Leaf};
-use crate::plot::Plot;
 
 /// Basins that the page shows below the tree.
 const LARGEST: usize = 12;
@@ -59,7 +59,7 @@ pub fn write(folder: &Path, (hand, objects): (&Hand, &[Arc<ObjectModel>]), found
     let title = format!("{} basins of {} grasps", basins.len(), found.minima.len());
     let drawing = tree::svg(found.tree, &leaves, &title);
     write_whole(&folder.join("landscape.svg"), drawing.as_bytes())?;
-    crate::picture::save(&growth(&found.growth()), &folder.join("growth.png"))?;
+    report::picture::save(&growth(&found.growth()), &folder.join("growth.png"))?;
     let mut largest: Vec<usize> = (0..leaves.len()).collect();
     largest.sort_by_key(|n| (std::cmp::Reverse(leaves[*n].members), *n));
     largest.truncate(LARGEST);

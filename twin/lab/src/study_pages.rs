@@ -1,8 +1,7 @@
 //! Pages and figures of the grasp study.
 //!
 //! [`overview`] is the page of the whole study, the paper beside this project; its rows are in [`comparison`]. [`types`] draws the
-//! types by object, [`map`] the map of grasps, [`landscape`] the basins as a [`tree`], [`hands`] several hands on the same objects, and
-//! [`gallery`] the best grasps of each object, [`other_hand`] those of another hand.
+//! types by object, [`map`] the map of grasps, [`landscape`] the basins as a [`tree`], and [`hands`] several hands on the same objects.
 //!
 //! On some pages grasps can be turned in 3D: [`scene`] is what such a page knows of hand, objects and grasps, and
 //! `data/study/viewer.js` draws it with a depth buffer of its own, so that it looks the same in every browser and needs no graphics
@@ -10,13 +9,11 @@
 
 pub mod annotation;
 pub mod comparison;
-pub mod gallery;
 pub mod hands;
 pub mod hover;
 mod html_page;
 pub mod landscape;
 pub mod map;
-pub mod other_hand;
 pub mod overview;
 pub mod scene;
 pub mod tree;

@@ -2,10 +2,9 @@
 
 use std::fmt::Write as _;
 
+use report::html::escape;
 use study::rules::Distribution;
 use study::taxonomy::{Category, Taxonomy};
-
-use crate::html::escape;
 
 /// Shades of a category's colour: power red, intermediate yellow, precision green, as in the paper.
 pub fn color(taxonomy: &Taxonomy, kind: usize) -> String {

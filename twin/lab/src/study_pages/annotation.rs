@@ -3,13 +3,13 @@
 //! Labels stay in the browser until they are exported as the JSON that [`study::labels`] reads. Nothing on the page says what the
 //! rules think: that would make the agreement between people and rules worthless.
 
+use report::html::escape;
 use serde::Serialize;
 use study::labels::VERSION;
 use study::taxonomy::Taxonomy;
 
 use super::html_page::{embedded, whole};
 use super::scene::Scene;
-use crate::html::escape;
 
 const SCRIPT: &str = include_str!("../../data/study/annotate.js");
 const EXAMPLES: &str = include_str!("../../data/study/examples.json");
