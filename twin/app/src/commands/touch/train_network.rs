@@ -6,11 +6,11 @@ use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};
 use hand_model::RobotModel;
 use indicatif::ProgressStyle;
+use lab::touch::network_training::{Schedule, Training};
 use lab::touch::training::{TrainingSet, TrainingSource, loss_curves, resume};
 use platform::data::write_whole;
 use serde_json::json;
 use touch::network::Kind;
-use touch::network::train::{Schedule, Training};
 
 use crate::commands::robot::RobotArgs;
 use crate::terminal::{Outcome, Terminal};

@@ -1,4 +1,4 @@
-//! Training: gradients by burn, Adam, a learning rate that halves every few epochs, and a state that can be saved and
+//! Training of the network of photometric stereo: gradients by burn, Adam, a learning rate that halves every few epochs, and a state that can be saved and
 //! resumed.
 
 use burn::optim::{Adam, AdamConfig, AdamState, AdaptiveMomentumState, Optimizer};
@@ -10,13 +10,27 @@ use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
+use touch::network::{Kind, LayerShape};
+use touch::{Network, TouchError};
 
 use super::samples::{Batch, Sample};
-use super::{Kind, LayerShape, Network};
-use crate::error::TouchError;
 
 /// Square of an error of about 0.2 degrees, below which the loss is quadratic.
 const SOFT: f32 = 1e-5;
+
+/// An error of a training.
+#[derive(Debug, thiserror::Error)]
+pub enum TrainingError {
+    /// A saved training has another schedule.
+    #[error("schedule of the saved training: found {found}, expected {expected}")]
+    Schedule { found: String, expected: String },
+    /// Weights that make no network.
+    #[error(transparent)]
+    Network(#[from] TouchError),
+    /// A value is infinite or not a number.
+    #[error("{0} is not finite")]
+    NotFinite(&'static str),
+}
 
 /// How to train.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -75,12 +89,13 @@ impl Training {
     }
 
     /// An error if the schedule differs from `schedule` in anything but the number of epochs, or the parameters are invalid.
-    pub fn check(&self, schedule: &Schedule) -> Result<(), TouchError> {
+    pub fn check(&self, schedule: &Schedule) -> Result<(), TrainingError> {
         let same = Schedule { epochs: schedule.epochs, ..self.schedule.clone() };
         if same != *schedule {
-            return Err(TouchError::Schedule { found: format!("{same:?}"), expected: format!("{schedule:?}") });
+            return Err(TrainingError::Schedule { found: format!("{same:?}"), expected: format!("{schedule:?}") });
         }
-        self.network(String::new()).map(|_| ())
+        self.network(String::new())?;
+        Ok(())
     }
 
     pub fn done(&self) -> bool {
@@ -88,7 +103,12 @@ impl Training {
     }
 
     /// One pass over `samples`; the loss on `held_out` is recorded. `step` is called after every step.
-    pub fn epoch(&mut self, samples: &[Sample], held_out: &[Sample], mut step: impl FnMut()) -> Result<(), TouchError> {
+    pub fn epoch(
+        &mut self,
+        samples: &[Sample],
+        held_out: &[Sample],
+        mut step: impl FnMut(),
+    ) -> Result<(), TrainingError> {
         let epoch = self.losses.len();
         let mut rng = ChaCha8Rng::seed_from_u64(self.schedule.seed);
         rng.set_stream(1 + epoch as u64);
@@ -110,7 +130,7 @@ impl Training {
     }
 
     /// Mean loss on samples.
-    pub fn loss(&self, samples: &[Sample]) -> Result<f64, TouchError> {
+    pub fn loss(&self, samples: &[Sample]) -> Result<f64, TrainingError> {
         let device = Device::flex();
         let (mut sum, mut count) = (0.0, 0);
         for chosen in samples.chunks(self.schedule.batch) {
@@ -124,26 +144,26 @@ impl Training {
         Ok(sum / count.max(1) as f64)
     }
 
-    fn step(&mut self, adam: &Adam, rate: f64, batch: &Batch) -> Result<f64, TouchError> {
+    fn step(&mut self, adam: &Adam, rate: f64, batch: &Batch) -> Result<f64, TrainingError> {
         let (plain, tracked) = (Device::flex(), Device::flex().autodiff());
         let leaves: Vec<Tensor<1>> =
             self.parameters.iter().map(|p| tensor(&p.values, &tracked).require_grad()).collect();
         let loss = loss(&leaves, batch, self.schedule.kind, &tracked);
         let mut gradients = loss.backward();
         for (parameter, leaf) in self.parameters.iter_mut().zip(&leaves) {
-            let gradient = leaf.grad_remove(&mut gradients).ok_or(TouchError::NotFinite("a gradient"))?;
+            let gradient = leaf.grad_remove(&mut gradients).ok_or(TrainingError::NotFinite("a gradient"))?;
             let [first, second] = &parameter.moments;
             let moments = AdaptiveMomentumState::new(self.steps, tensor(first, &plain), tensor(second, &plain));
             let values = tensor(&parameter.values, &plain);
             let (values, state) = adam.step(rate, values, gradient, Some(AdamState::new(moments)));
-            let momentum = state.ok_or(TouchError::NotFinite("Adam's state"))?.momentum;
+            let momentum = state.ok_or(TrainingError::NotFinite("Adam's state"))?.momentum;
             parameter.values = numbers(values)?;
             parameter.moments = [numbers(momentum.moment_1)?, numbers(momentum.moment_2)?];
         }
         self.steps += 1;
         let loss = scalar(loss)?;
         if !loss.is_finite() {
-            return Err(TouchError::NotFinite("the training's loss"));
+            return Err(TrainingError::NotFinite("the training's loss"));
         }
         Ok(f64::from(loss))
     }
@@ -159,12 +179,12 @@ fn tensor(values: &[f32], device: &Device) -> Tensor<1> {
     Tensor::from_data(TensorData::new(values.to_vec(), [values.len()]), device)
 }
 
-fn numbers(tensor: Tensor<1>) -> Result<Vec<f32>, TouchError> {
-    tensor.into_data().try_into_vec().map_err(|_| TouchError::NotFinite("a tensor"))
+fn numbers(tensor: Tensor<1>) -> Result<Vec<f32>, TrainingError> {
+    tensor.into_data().try_into_vec().map_err(|_| TrainingError::NotFinite("a tensor"))
 }
 
-fn scalar(loss: Tensor<1>) -> Result<f32, TouchError> {
-    numbers(loss)?.first().copied().ok_or(TouchError::NotFinite("the loss"))
+fn scalar(loss: Tensor<1>) -> Result<f32, TrainingError> {
+    numbers(loss)?.first().copied().ok_or(TrainingError::NotFinite("the loss"))
 }
 
 /// Output of the layers for planes by sample, plane, row, column.
@@ -215,7 +235,7 @@ fn loss(parameters: &[Tensor<1>], batch: &Batch, kind: Kind, device: &Device) ->
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::network::convolution::Planes;
+    use touch::network::convolution::Planes;
 
     fn schedule(kind: Kind) -> Schedule {
         Schedule { kind, epochs: 2, batch: 4, rate: 0.01, halving: 5, seed: 3 }

@@ -2,10 +2,10 @@
 
 use hand_model::pads::IMAGE_SIZE as N;
 use rand::{Rng, RngExt};
-
-use super::{Kind, Sight, model_normals};
-use crate::calibration::{CalibrationPress, PhotometricModel, slope};
-use crate::colour_change::{Change, Region, colour_change};
+use touch::calibration::slope;
+use touch::colour_change::{Region, whole_change};
+use touch::network::{Kind, Sight, model_normals};
+use touch::{CalibrationPress, PhotometricModel};
 
 /// Side of a square, pixels.
 pub const SIDE: usize = 48;
@@ -46,7 +46,7 @@ pub fn cut(
     if touched.is_empty() {
         return Vec::new();
     }
-    let change = colour_change(&press.image, &press.background, Change::WHOLE);
+    let change = whole_change(&press.image, &press.background);
     let begin = |at: usize| at.saturating_sub(SIDE / 2).clamp(1, N - 1 - SIDE);
     (0..count)
         .map(|_| {
