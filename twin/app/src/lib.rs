@@ -21,6 +21,7 @@ macro_rules! println {
 mod cli;
 mod commands;
 mod log_file;
+mod options;
 mod terminal;
 
 use std::ffi::OsString;

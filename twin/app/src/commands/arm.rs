@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use clap::Subcommand;
 use lab::arm_check;
 
-use super::robot::RobotArgs;
 use super::rows::show_rows;
+use crate::options::robot::RobotArgs;
 use crate::terminal::{Outcome, Terminal};
 
 /// `arm` commands.

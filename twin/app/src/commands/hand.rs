@@ -13,9 +13,9 @@ use lab::hand_check as check;
 
 use self::close::CloseArgs;
 use self::picture::PictureArgs;
-use super::own_hand;
-use super::robot::RobotArgs;
 use super::rows::show_rows;
+use crate::options::own_hand;
+use crate::options::robot::RobotArgs;
 use crate::terminal::{Outcome, Terminal};
 
 /// `hand` commands.

@@ -12,7 +12,7 @@ use sensor_calibration::pad_calibration;
 
 use self::eval::EvalArgs;
 use self::train_network::TrainNetworkArgs;
-use super::robot::{RobotArgs, individual_of};
+use crate::options::robot::{RobotArgs, individual_of};
 use crate::terminal::{Outcome, Terminal};
 
 /// `touch` commands.

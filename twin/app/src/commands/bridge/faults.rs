@@ -15,7 +15,7 @@ use hand_model::RobotModel;
 use hardware_bridge::kortex_link::expect_gen3;
 use scenarios::Scenario;
 
-use crate::commands::robot::RobotArgs;
+use crate::options::robot::RobotArgs;
 use crate::terminal::Terminal;
 
 /// Outcomes of another program are not mixed with this one's.

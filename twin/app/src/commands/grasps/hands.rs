@@ -17,8 +17,8 @@ use proving::synthesis::search;
 use proving::synthesis::synthesizer::Request;
 use world::objects::ObjectSet;
 
-use crate::commands::object_name::object_name;
-use crate::commands::own_hand;
+use crate::options::object_name::object_name;
+use crate::options::own_hand;
 use crate::terminal::{Made, Outcome, Terminal};
 
 /// Arguments of `grasps hands`.

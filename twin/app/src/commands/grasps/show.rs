@@ -18,7 +18,7 @@ use serde_json::{Value, json};
 use stream::Target;
 use stream::gallery::{self, ShownGrasp};
 
-use crate::commands::object_name::object_name;
+use crate::options::object_name::object_name;
 use crate::terminal::{Outcome, Terminal};
 
 /// Arguments of `grasps show`.

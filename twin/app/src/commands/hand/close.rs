@@ -10,7 +10,7 @@ use lab::closing::BallGrip;
 use nalgebra::Point3;
 use world::geometry::LINK_MESHES;
 
-use crate::commands::own_hand;
+use crate::options::own_hand;
 use crate::terminal::{Outcome, Terminal};
 
 /// Arguments of `hand close`.

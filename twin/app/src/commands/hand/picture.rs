@@ -9,7 +9,7 @@ use image::RgbImage;
 use nalgebra::Point3;
 use report::picture::{self, Picture, View};
 
-use crate::commands::robot::RobotArgs;
+use crate::options::robot::RobotArgs;
 use crate::terminal::{Outcome, Terminal};
 
 /// Arguments of `hand picture`.

@@ -11,7 +11,7 @@ use sensor_calibration::{evaluation, pad_forces};
 use serde_json::{Map, Value, json};
 
 use super::sensor_option::SensorOption;
-use crate::commands::robot::RobotArgs;
+use crate::options::robot::RobotArgs;
 use crate::terminal::{Outcome, Terminal};
 
 /// Arguments of `optics eval`.

@@ -13,7 +13,7 @@ use serde_json::json;
 use world::geometry::Mesh;
 
 use super::sensor_option::SensorOption;
-use crate::commands::robot::{RobotArgs, individual_of};
+use crate::options::robot::{RobotArgs, individual_of};
 use crate::terminal::{Outcome, Terminal};
 
 /// How deep a mesh is pressed into a real sensor unless told otherwise, mm.

@@ -15,7 +15,7 @@ use super::map::{self, MapArgs};
 use super::report;
 use super::source::{GraspsArgs, Source};
 use crate::commands::grasps::hands::{self, HandsArgs};
-use crate::commands::own_hand;
+use crate::options::own_hand;
 use crate::terminal::{Made, Outcome, Terminal};
 
 /// Arguments of `study`.

@@ -22,7 +22,7 @@ use study::landscape::exploration;
 use study::landscape::grasps::{GraspLandscape, GraspState};
 
 use super::source::{GraspsArgs, Source};
-use crate::commands::object_name::object_name;
+use crate::options::object_name::object_name;
 use crate::terminal::{Made, Outcome, Terminal};
 
 /// Arguments of `grasps landscape`.

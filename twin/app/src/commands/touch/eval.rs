@@ -14,7 +14,7 @@ use lab::touch::pictures;
 use lab::touch::poses::feel;
 use scenarios::Scenario;
 
-use crate::commands::robot::{RobotArgs, individual_of, pads};
+use crate::options::robot::{RobotArgs, individual_of, pads};
 use crate::terminal::{Outcome, Terminal};
 
 /// Arguments of `touch eval`.

@@ -12,7 +12,7 @@ use platform::data::write_whole;
 use serde_json::json;
 use touch::network::Kind;
 
-use crate::commands::robot::RobotArgs;
+use crate::options::robot::RobotArgs;
 use crate::terminal::{Outcome, Terminal};
 
 /// What a network looks like.

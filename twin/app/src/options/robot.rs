@@ -10,7 +10,7 @@ use hand_model::RobotModel;
 use plant::identified::IdentifiedRobot;
 use scenarios::record::Condition;
 
-use super::body::Body;
+use crate::options::body::Body;
 
 /// Which robot it is.
 #[derive(Debug, Clone, Default, Args)]
