@@ -103,6 +103,7 @@ fn policies_live_behind_the_wall() {
         "twin/fault-injection/src",
         "twin/object-detector/src",
         "twin/proving/src",
+        "twin/sensor-calibration/src",
         "twin/lab/src",
         "twin/app/src",
         "sim/src",
@@ -139,8 +140,46 @@ fn only_one_crate_names_each_engine() {
     let graph = Graph::read();
     assert_eq!(graph.users("rerun"), ["stream"]);
     assert_eq!(graph.users("rapier3d-f64"), ["sim"]);
-    assert_eq!(graph.users("clap"), ["ftac"]);
+    assert_eq!(graph.users("clap"), ["ftac", "ftac-lab"]);
+    assert_eq!(graph.users("burn"), ["ftac-lab"]);
+    assert_eq!(graph.users("linfa"), ["study"]);
     assert_eq!(graph.users("parquet"), ["sweep"]);
+}
+
+/// What only validation, grasp analysis and training need is in `ftac-lab` alone.
+#[test]
+fn what_people_run_carries_no_training() {
+    let graph = Graph::read();
+    for program in ["ftac", "ftac-python"] {
+        let reach = graph.reach(program);
+        for heavy in ["burn", "linfa", "study", "ftac-lab"] {
+            assert!(!reach.contains(heavy), "{program} reaches {heavy}");
+        }
+    }
+}
+
+/// `cargo run` and `cargo test` share one build: every package of a program has the same features in a build of the whole workspace. A
+/// feature that is missing belongs into `workspace-hack`.
+#[test]
+fn a_program_alone_is_built_of_the_workspaces_parts() {
+    let packages = |arguments: &[&str]| -> BTreeSet<String> {
+        let output = Command::new(env!("CARGO"))
+            .args(["tree", "--locked", "--offline", "--prefix", "none", "--format", "{p} [{f}]"])
+            .args(arguments)
+            .env_remove("CARGO_RESOLVER_FEATURE_UNIFICATION")
+            .current_dir(e2e::root())
+            .output()
+            .expect("cargo tree runs");
+        assert!(output.status.success(), "{}", e2e::stderr(&output));
+        let text = String::from_utf8_lossy(&output.stdout);
+        text.lines().map(|line| line.trim_end_matches(" (*)").to_owned()).filter(|line| !line.is_empty()).collect()
+    };
+    let whole = packages(&["--workspace"]);
+    for program in ["ftac", "ftac-lab", "ftac-python"] {
+        let alone = packages(&["-e", "normal,build", "-p", program]);
+        let other: Vec<&String> = alone.difference(&whole).collect();
+        assert!(alone.len() > 100 && other.is_empty(), "{program} has {other:?}");
+    }
 }
 
 /// Design, section 1: "Arrows, and no others".
@@ -167,7 +206,7 @@ fn members_know_only_whom_they_may() {
         ("stream", "platform hand-model"),
         ("progress", ""),
         ("proving", "statistics platform hand-model world plant scenarios sim grasping control progress"),
-        ("report", "statistics platform hand-model world plant scenarios sim grasping study proving stream"),
+        ("report", "statistics platform hand-model world plant scenarios sim grasping proving stream"),
         ("object-detector", "world scenarios control progress"),
         (
             "fault-injection",
@@ -181,15 +220,17 @@ fn members_know_only_whom_they_may() {
             "identification",
             "statistics platform least-squares hand-model world plant scenarios sim optics touch grasping control session-log",
         ),
+        ("sensor-calibration", "platform hand-model world sim optics touch report"),
         (
-            "lab",
-            "fault-injection statistics platform hand-model world scenarios sim optics touch control proving bench report stream progress",
+            "ftac-lab",
+            "ftac statistics platform hand-model world scenarios sim optics touch grasping control study proving bench report stream progress sensor-calibration",
         ),
         ("sweep", "statistics hand-model platform scenarios control bench report progress"),
+        ("workspace-hack", ""),
         ("guide", "hand-model scenarios optics touch grasping control study"),
         (
             "ftac",
-            "object-detector fault-injection statistics platform hand-model world plant scenarios sim optics touch grasping control study hardware-bridge kortex session-log proving bench identification lab report stream sweep progress",
+            "object-detector fault-injection statistics platform hand-model world plant scenarios sim optics touch grasping control hardware-bridge kortex session-log proving bench identification sensor-calibration report stream sweep progress workspace-hack",
         ),
         ("ftac-python", "ftac hand-model world scenarios sim optics touch grasping control session-log proving bench"),
         ("e2e", ""),
@@ -208,7 +249,8 @@ fn members_know_only_whom_they_may() {
         assert!(!graph.reach("stream").contains(stranger), "stream reaches {stranger}");
     }
     // The Python package is a door onto the libraries and brings the program: nobody knows it, and nobody else knows Python.
-    assert_eq!(graph.users("ftac"), ["ftac-python"]);
+    assert_eq!(graph.users("ftac"), ["ftac-lab", "ftac-python"]);
+    assert_eq!(graph.users("ftac-lab"), Vec::<&str>::new());
     assert_eq!(graph.users("ftac-python"), Vec::<&str>::new());
     assert_eq!(graph.users("pyo3"), ["ftac-python"]);
     for stranger in ["clap", "rapier3d-f64", "rerun"] {

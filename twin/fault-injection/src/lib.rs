@@ -37,6 +37,7 @@ pub mod ledger;
 mod moments;
 pub mod plant;
 mod recorded;
+pub mod table;
 mod watch;
 
 /// Waited for an answer of the servos from the fault on, s of real time: what comes at all comes sooner.

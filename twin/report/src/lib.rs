@@ -1,7 +1,8 @@
 //! The report of a benchmark: `report.html`, one self-contained page, and its figures as files.
 //!
 //! It is made from the records and their summary alone, so `ftac report` can make it again at any time. [`picture`] draws the
-//! hand, [`plot`] line plots; both are used by the checks too.
+//! hand, [`plot`] line plots; both are used by the checks too. [`grasp_gallery`] shows the best grasps of each object, [`other_hand`] those of
+//! another hand.
 
 mod ablation;
 mod comparisons;
@@ -10,10 +11,11 @@ mod failures;
 pub mod figure;
 pub mod film;
 mod findings;
+pub mod grasp_gallery;
 mod heat_map;
 pub mod html;
 pub mod identified;
-pub mod lab_book;
+pub mod other_hand;
 mod page;
 mod paper;
 pub mod picture;
@@ -21,7 +23,6 @@ pub mod pictures;
 pub mod plot;
 mod prediction;
 pub mod run;
-pub mod study_pages;
 pub mod style;
 #[cfg(test)]
 mod tests;

@@ -4,13 +4,13 @@
 //! are data) decide on its type, and [`classification`] holds the decisions on a whole set of grasps. [`summary`] counts them,
 //! [`explanation`] gives the reasons for one of them, and [`labels`] and [`raters`] compare them with the types that people give.
 //!
-//! *Which grasps are alike?* [`kinds`] sorts grasps by digits and opposition. [`contact_map`] measures how near each part of the hand is to the object, [`embedding`] lays the maps
+//! *Which grasps are alike?* [`contact_map`] measures how near each part of the hand is to the object, [`embedding`] lays the maps
 //! out in the plane, [`boundary`] separates power from precision grasps, and [`grasp_map`] does all three for a set of grasps.
 //!
 //! *How are grasps connected?* [`landscape`] maps the energy by attraction and diffusion: basins, barriers, and their tree.
 //!
 //! [`sensors`] sets the paper's comparison of tactile arrays beside the model's own figures. Nothing here knows the simulator or
-//! the meshes of objects: grasps come in as they were held, objects as distances and points. Pages and figures are drawn by `report`.
+//! the meshes of objects: grasps come in as they were held, objects as distances and points. Pages and figures are drawn by `lab`.
 
 pub mod attributes;
 pub mod boundary;
@@ -19,7 +19,6 @@ pub mod contact_map;
 pub mod embedding;
 pub mod explanation;
 pub mod grasp_map;
-pub mod kinds;
 pub mod labels;
 pub mod landscape;
 pub mod raters;

@@ -282,7 +282,7 @@ impl PhotometricModel {
 }
 
 /// Central-difference gradient of an indentation map at pixel `i` (not on the border), pad frame.
-pub(crate) fn slope(indentation: &[f32], i: usize, (dx, dy): (f64, f64)) -> (f64, f64) {
+pub fn slope(indentation: &[f32], i: usize, (dx, dy): (f64, f64)) -> (f64, f64) {
     (
         f64::from(indentation[i + 1] - indentation[i - 1]) / (2.0 * dx),
         f64::from(indentation[i - N] - indentation[i + N]) / (2.0 * dy),

@@ -22,14 +22,6 @@ pub enum TouchError {
         /// Parser message or found value.
         message: String,
     },
-    /// A saved training has another schedule.
-    #[error("schedule of the saved training: found {found}, expected {expected}")]
-    Schedule {
-        /// Schedule of the saved training.
-        found: String,
-        /// Requested schedule.
-        expected: String,
-    },
     /// There is no photometric model for a sensor configuration.
     #[error("no photometric model for sensor configuration `{0}`: calibrate it first")]
     Uncalibrated(char),

@@ -9,14 +9,10 @@
 //! 7 planes --3x3/2--> 12 --3x3/2--> 20 --3x3--> 20 --1x1--> 12, enlarged, + 12 --3x3--> 12 --1x1--> 2 x (2 x 2) --> 2 planes
 //! ```
 //! The per-pixel perceptron (colour change, position and configuration in, normal out) is the usual baseline. Every
-//! hidden layer is followed by a rectifier. Inference is plain arithmetic on the CPU; training is in `network::train`,
-//! behind the feature `train`.
+//! hidden layer is followed by a rectifier. Inference is plain arithmetic on the CPU; networks are
+//! trained elsewhere.
 
-mod convolution;
-#[cfg(feature = "train")]
-pub mod samples;
-#[cfg(feature = "train")]
-pub mod train;
+pub mod convolution;
 
 use std::path::Path;
 
@@ -62,7 +58,7 @@ impl Kind {
     }
 
     /// Side of the square of pixels that one position of the last layer predicts.
-    fn fold(self) -> usize {
+    pub fn fold(self) -> usize {
         match self {
             Self::EncoderDecoder => 2,
             Self::PerPixel => 1,
@@ -209,7 +205,8 @@ impl PreparedNetwork {
         normals
     }
 
-    fn output(&self, planes: &Planes) -> Planes {
+    /// Planes of the last layer for planes of inputs.
+    pub fn output(&self, planes: &Planes) -> Planes {
         match (self.kind, self.layers.as_slice()) {
             (Kind::EncoderDecoder, [down, further, middle, up, decode, last]) => {
                 let half = down.run(planes, 2, true);
@@ -230,7 +227,7 @@ impl PreparedNetwork {
 }
 
 /// The photometric model's normals in `region`, row-major.
-pub(crate) fn model_normals(change: &[[f32; 3]], model: &PhotometricModel, region: Region) -> Vec<[f32; 2]> {
+pub fn model_normals(change: &[[f32; 3]], model: &PhotometricModel, region: Region) -> Vec<[f32; 2]> {
     let mut normals = Vec::new();
     for row in region.row_begin..region.row_end {
         let line = &change[row * N + region.column_begin..row * N + region.column_end];
@@ -240,7 +237,7 @@ pub(crate) fn model_normals(change: &[[f32; 3]], model: &PhotometricModel, regio
 }
 
 /// The inputs of a network in a region of an image.
-pub(crate) struct Sight<'a> {
+pub struct Sight<'a> {
     /// Relative colour change of the whole image.
     pub change: &'a [[f32; 3]],
     /// The photometric model's normals in the region.

@@ -20,10 +20,10 @@ use scenarios::record::Condition;
 
 pub use self::merge::report;
 use self::tell::{shortfall, tell};
-use super::body::{Body, PlaceArgs, check_body, source};
-use super::robot::{RobotArgs, individual, pads, say_whose_pads};
-use super::scenario::ScenarioArgs;
-use super::tactile_backend::TactileBackend;
+use crate::options::body::{Body, PlaceArgs, check_body, source};
+use crate::options::robot::{RobotArgs, individual, pads, say_whose_pads};
+use crate::options::scenario::ScenarioArgs;
+use crate::options::tactile_backend::TactileBackend;
 use crate::terminal::{Outcome, Terminal};
 
 /// Arguments of `bench`.

@@ -20,7 +20,7 @@ use std::path::PathBuf;
 use clap::Subcommand;
 
 use self::shared::ConfigArg;
-use super::robot::RobotArgs;
+use crate::options::robot::RobotArgs;
 use crate::terminal::{Outcome, Terminal};
 
 /// `bridge` commands.

@@ -7,8 +7,8 @@ use bench::builtin::{COMBINATIONS, make_scenes};
 use clap::Args;
 use serde_json::json;
 
-use super::robot::RobotArgs;
-use super::scenario::ScenarioArgs;
+use crate::options::robot::RobotArgs;
+use crate::options::scenario::ScenarioArgs;
 use crate::terminal::{Made, Outcome, Terminal};
 
 /// Arguments of `combos`.

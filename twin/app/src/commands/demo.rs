@@ -14,7 +14,7 @@ use scenarios::{Condition, Scenario, TrialRecord};
 use stream::Target;
 use stream::viewer;
 
-use super::robot::RobotArgs;
+use crate::options::robot::RobotArgs;
 use crate::terminal::{Outcome, Terminal};
 
 /// Frames a second, and their size in pixels.

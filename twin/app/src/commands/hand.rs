@@ -1,183 +1,204 @@
-//! `ftac hand`: checks of the body, closing of any hand, pictures, scenes for a second engine.
+//! `ftac hand`: the hand in any posture, drawn without a screen.
 
-mod close;
-mod inspect;
-mod picture;
+use std::ffi::OsString;
+use std::path::PathBuf;
 
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use anyhow::{Result, bail};
+use clap::{Args, Subcommand, ValueEnum};
+use hand_model::{Hand, HandVector};
+use image::RgbImage;
+use nalgebra::Point3;
+use report::picture::{self, Picture, View};
 
-use clap::{Args, Subcommand};
-use hand_model::Hand;
-use lab::hand_check as check;
-
-use self::close::CloseArgs;
-use self::picture::PictureArgs;
-use super::own_hand;
-use super::robot::RobotArgs;
-use super::rows::show_rows;
+use crate::lab::arguments::hand::HandLabCommand;
+use crate::lab::hand_over::hand_over;
+use crate::options::robot::RobotArgs;
 use crate::terminal::{Outcome, Terminal};
 
 /// `hand` commands.
 #[derive(Debug, Subcommand)]
 pub enum HandCommand {
-    /// Check the body's figures against the paper's, in physics where they are about motion.
-    Check(CheckArgs),
-    /// Close any hand on a ball: a URDF and a file that says what pulls on its joints.
-    Close(CloseArgs),
+    #[command(flatten)]
+    Lab(HandLabCommand),
     /// Draw the hand in any posture, without a screen.
     Picture(PictureArgs),
-    /// Write scenes for a second engine, with the commands and what ours made of them.
-    Export {
-        /// Folder for the MJCF files and scenes.json.
-        #[arg(long)]
-        mjcf: PathBuf,
-        /// Friction coefficient of ball, cylinder and box, 0 to 2.
-        #[arg(long, default_value_t = 0.8)]
-        friction: f64,
-        #[command(flatten)]
-        robot: RobotArgs,
-        /// Also close the digits on each prop with steps up to 16 times shorter, to see where both engines' postures go; takes a minute.
-        #[arg(long)]
-        refine: bool,
-    },
 }
 
-/// Arguments of `hand check`.
+/// Runs a command, one of `ftac-lab` with the process's `arguments`.
+pub fn run(terminal: &Terminal, command: &HandCommand, arguments: &[OsString]) -> Outcome {
+    match command {
+        HandCommand::Picture(args) => picture(terminal, args),
+        HandCommand::Lab(_) => Err(hand_over(arguments)),
+    }
+}
+
+/// Arguments of `hand picture`.
 #[derive(Debug, Args)]
-pub struct CheckArgs {
+pub struct PictureArgs {
+    /// The posture: open, relaxed, fist, pinch, point, or angles in degrees: one for all joints, one a digit (thumb to little), or one
+    /// for each of the 15 joints (thumb to little, proximal first).
+    #[arg(long, default_value = "relaxed", allow_hyphen_values = true)]
+    pub pose: String,
+    /// Where it is seen from; several are drawn side by side.
+    #[arg(long, value_enum, value_delimiter = ',', default_value = "palm")]
+    pub view: Vec<Side>,
+    /// What colours the pads.
+    #[arg(long, value_enum, default_value_t = Color::Configuration)]
+    pub color: Color,
     #[command(flatten)]
     pub robot: RobotArgs,
-    /// Only read this URDF, of any hand, and say what it holds and what is taken otherwise than it says.
-    #[arg(long, alias = "hand", value_name = "URDF")]
-    pub urdf: Option<PathBuf>,
-    /// With what pulls on that hand's joints (TOML): also where its fingers close and may touch.
-    #[arg(long, alias = "transmission", requires = "urdf")]
-    pub pulls: Option<PathBuf>,
-    /// Folder of the public model of this hand (holds urdf/f_tac_hand.urdf; from https://github.com/Taccel-Simulator/Taccel), to compare joint
-    /// frames with; default: ../shared/data/hands/ftac_public, and where that is missing the row is left out.
+    /// Width and height of each view, pixels.
+    #[arg(long, default_value_t = 900, value_parser = clap::value_parser!(u32).range(64..=4000))]
+    pub size: u32,
+    /// Leave out the legend.
     #[arg(long)]
-    pub public_model: Option<PathBuf>,
-    /// Try the 33 grasp types of Feix instead.
-    #[arg(long, conflicts_with = "engine")]
-    pub grasps: bool,
-    /// Only these of the 33, by number.
-    #[arg(long, value_delimiter = ',', requires = "grasps", value_parser = clap::value_parser!(u8).range(1..=33))]
-    pub types: Vec<u8>,
-    /// Attempts at each grasp type at most; the first that holds is kept.
-    #[arg(long, default_value_t = 3000, value_parser = clap::value_parser!(u32).range(1..))]
-    pub tries: u32,
-    /// Search the Kapandji test's points, or the grasp types, with so many seeds, from --seed on.
-    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1000))]
-    pub seeds: u32,
-    /// Sweep the engine's settings instead: slip, overlap, jitter and cost over time step and iterations.
+    pub plain: bool,
+    /// The picture (PNG).
     #[arg(long)]
-    pub engine: bool,
-    /// Folder for pictures and check.json.
-    #[arg(long)]
-    pub out: Option<PathBuf>,
+    pub out: PathBuf,
 }
 
-/// Runs a command.
-pub fn run(terminal: &Terminal, command: &HandCommand) -> Outcome {
-    match command {
-        HandCommand::Check(args) => hand_check(terminal, args),
-        HandCommand::Close(args) => close::run(terminal, args),
-        HandCommand::Picture(args) => picture::run(terminal, args),
-        HandCommand::Export { mjcf, friction, robot, refine } => {
-            if !(0.0..=2.0).contains(friction) {
-                anyhow::bail!("--friction: found {friction}, expected 0 to 2");
-            }
-            check::second_engine::export(&robot.model()?, mjcf, *friction, *refine)?;
-            let text = format!(
-                "{0}: scenes.json and its MJCF files; `python3 tests/mujoco/compare.py {0}` runs them\n",
-                mjcf.display()
-            );
-            terminal.print(&serde_json::json!({ "folder": mjcf }), &text)?;
-            Ok(None)
+/// Where the hand is seen from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Side {
+    /// Onto the palm.
+    Palm,
+    /// Onto the back.
+    Back,
+    /// From the thumb's side.
+    Thumb,
+    /// From before the fingertips.
+    Tips,
+}
+
+impl Side {
+    fn view(self) -> View {
+        let center = Point3::new(0.01, -0.005, 0.0);
+        match self {
+            Self::Palm => View::palm().at(center, 0.25),
+            Self::Back => View::back().at(center, 0.25),
+            Self::Thumb => View::thumb_side().at(center, 0.25),
+            Self::Tips => View::tips().at(Point3::new(0.01, -0.03, -0.02), 0.19),
         }
     }
 }
 
-/// `ftac hand check`, and what its options ask for instead.
-fn hand_check(terminal: &Terminal, args: &CheckArgs) -> Outcome {
-    own_hand::say_renamed();
-    if let Some(path) = &args.urdf {
-        return inspect::run(terminal, path, args.pulls.as_deref());
-    }
+/// What colours the pads.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Color {
+    /// The sensor's configuration, a to f.
+    Configuration,
+    /// The digit, as in recordings.
+    Digit,
+}
+
+/// Draws the hand.
+fn picture(terminal: &Terminal, args: &PictureArgs) -> Outcome {
     let hand = args.robot.model()?.hand;
-    if args.engine {
-        let found = check::engine::sweep(&hand)?;
-        if terminal.json {
-            println!("{}", serde_json::json!({ "sweep": found }));
-        } else {
-            print!("{}", check::engine::table(&found));
-        }
-        return Ok(None);
+    let angles = angles(&hand, &args.pose)?;
+    let pictures: Vec<RgbImage> = args.view.iter().map(|side| draw(&hand, &angles, *side, args)).collect();
+    let mut sheet = picture::tile(&pictures, pictures.len());
+    if !args.plain && args.color == Color::Configuration {
+        legend(&mut sheet, &hand);
     }
-    if args.grasps {
-        return hand_grasps(terminal, args, &hand);
-    }
-    let public_model = public_model(args.public_model.as_deref())?;
-    let options = check::CheckOptions {
-        public_model: public_model.as_deref(),
-        out: args.out.as_deref(),
-        seed: terminal.seed,
-        seeds: args.seeds.into(),
-    };
-    let rows = check::run(&hand, &options)?;
-    show_rows(terminal, &rows, args.out.as_deref())
-}
-
-/// Where the public model lies beside a checkout.
-const PUBLIC_MODEL: &str = "../shared/data/hands/ftac_public";
-
-/// The folder of the public model: the one that is named, or the one beside a checkout, if there is one.
-fn public_model(named: Option<&Path>) -> anyhow::Result<Option<PathBuf>> {
-    let folder = named.unwrap_or(Path::new(PUBLIC_MODEL));
-    match (folder.join(check::public_model::FILE).is_file(), named) {
-        (true, _) => Ok(Some(folder.to_owned())),
-        (false, Some(named)) => anyhow::bail!(
-            "--public-model {}: found no {} in it, expected it, from {}",
-            named.display(),
-            check::public_model::FILE,
-            check::public_model::SOURCE
-        ),
-        (false, None) => {
-            eprintln!(
-                "left out: joint frames beside the public model of this hand, which is not at {PUBLIC_MODEL}; it comes from {}, and \
-                 --public-model FOLDER names it",
-                check::public_model::SOURCE
-            );
-            Ok(None)
-        }
-    }
-}
-
-fn hand_grasps(terminal: &Terminal, args: &CheckArgs, hand: &Arc<Hand>) -> Outcome {
-    let numbers: Vec<usize> = args.types.iter().map(|number| usize::from(*number)).collect();
-    let seeds = (terminal.seed, args.seeds.into());
-    let types = if numbers.is_empty() { check::feix::types::all().len() } else { numbers.len() };
-    let bar = progress::bar(types as u64 * seeds.1, "types", terminal.quiet || terminal.json);
-    let done = || bar.inc(1);
-    let (over_seeds, results) = check::feix::seeds::over_seeds(hand, seeds, args.tries as usize, &numbers, done);
-    bar.finish_and_clear();
-    let text = serde_json::json!({
-        "seed": terminal.seed, "seeds": args.seeds, "tries": args.tries, "types": results, "over_seeds": over_seeds,
-    });
-    if let Some(folder) = &args.out {
-        check::feix::draw(hand, &results, folder)?;
-        platform::data::write_whole(&folder.join("grasps.json"), serde_json::to_string_pretty(&text)?.as_bytes())?;
-    }
+    picture::save(&sheet, &args.out)?;
+    let degrees: Vec<f64> = angles.iter().map(|angle| (angle.to_degrees() * 10.0).round() / 10.0).collect();
     if terminal.json {
-        println!("{text}");
+        println!("{}", serde_json::json!({ "picture": args.out, "angles_deg": degrees }));
     } else {
-        print!("{}", check::feix::table(&results));
-        if args.seeds > 1 {
-            print!("{}", check::feix::seeds::table(&over_seeds));
+        println!("{}: {} by {} pixels", args.out.display(), sheet.width(), sheet.height());
+    }
+    Ok(None)
+}
+
+fn draw(hand: &Hand, angles: &[f64], side: Side, args: &PictureArgs) -> RgbImage {
+    let mut picture = Picture::new(args.size, side.view());
+    picture.hand_with(hand, angles, |pad| match args.color {
+        Color::Configuration => picture::configuration_color(pad),
+        Color::Digit => stream::scene::link_color(hand, pad.link).map(f64::from),
+    });
+    picture.finish("")
+}
+
+/// The configurations with their sizes, in the upper left corner.
+fn legend(sheet: &mut RgbImage, hand: &Hand) {
+    let scale = (sheet.height() / 450).max(1);
+    for (n, (letter, configuration)) in hand.parameters.configuration.iter().enumerate() {
+        let Some(pad) = hand.pads.iter().find(|pad| letter.starts_with(pad.configuration)) else { continue };
+        let count = hand.pads.iter().filter(|other| other.configuration == pad.configuration).count();
+        let (w, h) = (configuration.w * 1e3, configuration.h * 1e3);
+        let top = i64::from(scale) * (8 + 12 * n as i64);
+        let color = picture::configuration_color(pad).map(|part| part as u8);
+        picture::swatch(sheet, (i64::from(scale) * 8, top), 8 * scale, color);
+        let line = format!("{letter}  {h:.0} x {w:.0} mm  {count} pad{}", if count == 1 { "" } else { "s" });
+        picture::large_text(sheet, (i64::from(scale) * 22, top), scale, &line);
+    }
+}
+
+/// Joint angles (rad) of a posture by its name or in degrees.
+fn angles(hand: &Hand, pose: &str) -> Result<HandVector> {
+    let named: Option<[[f64; 3]; 5]> = match pose {
+        "open" => Some([[0.0; 3]; 5]),
+        "relaxed" => {
+            Some([[35.0, 12.0, 10.0], [18.0, 20.0, 12.0], [22.0, 24.0, 14.0], [26.0, 28.0, 16.0], [30.0, 32.0, 18.0]])
+        }
+        "fist" => {
+            Some([[80.0, 40.0, 55.0], [85.0, 88.0, 60.0], [85.0, 88.0, 60.0], [85.0, 88.0, 60.0], [85.0, 88.0, 60.0]])
+        }
+        "pinch" => {
+            Some([[78.0, 30.0, 22.0], [48.0, 42.0, 26.0], [50.0, 44.0, 26.0], [20.0, 22.0, 12.0], [14.0, 16.0, 10.0]])
+        }
+        "point" => {
+            Some([[70.0, 45.0, 50.0], [4.0, 4.0, 2.0], [85.0, 88.0, 60.0], [85.0, 88.0, 60.0], [85.0, 88.0, 60.0]])
+        }
+        _ => None,
+    };
+    let degrees: Vec<f64> = match named {
+        Some(digits) => digits.concat(),
+        None => numbers(hand, pose)?,
+    };
+    let mut angles = hand.open();
+    for ((angle, degrees), joint) in angles.iter_mut().zip(&degrees).zip(&hand.tree.joints) {
+        let (low, high) = (joint.lower.to_degrees(), joint.upper.to_degrees());
+        if !(low - 1e-9..=high + 1e-9).contains(degrees) {
+            bail!("--pose: found {degrees} degrees for {}, expected {low:.0} to {high:.0}", joint.name);
+        }
+        *angle = degrees.to_radians();
+    }
+    Ok(angles)
+}
+
+/// An angle for each joint from one number, one for each digit, or one for each joint.
+fn numbers(hand: &Hand, pose: &str) -> Result<Vec<f64>> {
+    let (digits, joints) = (hand.cables.len(), hand.tree.len());
+    let expected =
+        format!("open, relaxed, fist, pinch, point, or 1, {digits} or {joints} angles in degrees with commas between");
+    let Ok(given) = pose.split(',').map(|word| word.trim().parse::<f64>()).collect::<Result<Vec<f64>, _>>() else {
+        bail!("--pose: found `{pose}`, expected {expected}");
+    };
+    match given.len() {
+        1 => Ok(vec![given[0]; joints]),
+        count if count == digits => Ok(given.iter().flat_map(|angle| [*angle; 3]).collect()),
+        count if count == joints => Ok(given),
+        other => bail!("--pose: found {other} angles, expected {expected}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn postures_have_names_or_numbers() {
+        let hand = Hand::ftac();
+        for name in ["open", "relaxed", "fist", "pinch", "point"] {
+            assert!(angles(&hand, name).is_ok(), "{name}");
+        }
+        let digits = angles(&hand, "0,10,20,30,90").expect("five");
+        assert!((digits[5] - 10f64.to_radians()).abs() < 1e-12 && (digits[14] - 90f64.to_radians()).abs() < 1e-12);
+        for (pose, found) in [("claw", "`claw`"), ("1,2", "2 angles"), ("0,0,0,0,120", "120 degrees for little_1")] {
+            let error = angles(&hand, pose).expect_err(pose).to_string();
+            assert!(error.contains(found), "{error}");
         }
     }
-    let held = over_seeds.iter().filter(|kind| kind.held == kind.seeds).count();
-    let seeds = if args.seeds > 1 { " with every seed" } else { "" };
-    Ok((held < results.len()).then(|| format!("{held} of {} grasp types are held{seeds}", results.len())))
 }

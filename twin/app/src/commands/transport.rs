@@ -22,7 +22,7 @@ use serde_json::json;
 use sim::tactile::TactileBoard;
 use statistics::FEWEST_SAMPLES;
 
-use super::body::Body;
+use crate::options::body::Body;
 use crate::terminal::{Outcome, Terminal};
 
 /// Arguments of `transport`.

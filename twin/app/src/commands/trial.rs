@@ -13,10 +13,10 @@ use clap::{Args, ValueEnum};
 use scenarios::record::Condition;
 use scenarios::record::TrialRecord;
 
-use super::body::{Body, PlaceArgs, check_body, source};
-use super::robot::{RobotArgs, individual, pads, say_whose_pads};
-use super::scenario::ScenarioArgs;
-use super::tactile_backend::TactileBackend;
+use crate::options::body::{Body, PlaceArgs, check_body, source};
+use crate::options::robot::{RobotArgs, individual, pads, say_whose_pads};
+use crate::options::scenario::ScenarioArgs;
+use crate::options::tactile_backend::TactileBackend;
 use crate::terminal::{Outcome, Terminal};
 
 /// Arguments of `trial`.

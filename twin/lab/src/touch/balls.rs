@@ -6,10 +6,9 @@ use nalgebra::Point3;
 use optics::{Sensor, press};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use sensor_calibration::pressed_shapes::ball;
 use sim::tactile::TactileBoard;
 use touch::BallPress;
-
-use super::shapes::ball;
 
 /// Where a pad is pressed, as shares of the camera's view from its middle.
 pub const PLACES: [[f64; 2]; 5] = [[0.0, 0.0], [0.3, 0.0], [-0.3, 0.0], [0.0, 0.3], [0.0, -0.3]];

@@ -4,20 +4,20 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use crate::touch::networks::{Method, Networks};
 use anyhow::{Context, Result};
 use hand_model::pads::IMAGE_SIZE as N;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
+use sensor_calibration::pressed_shapes::{Place, UNSEEN, each, named, press_into};
+use sensor_calibration::real_presses::{CONFIGURATION, RealPresses};
 use serde::Serialize;
 use touch::calibration::{angle, contact_pixels};
 use touch::photometric_stereo::gradients;
 use touch::{AngularError, CalibrationPress, Gradients, Network, PhotometricModel, StereoOptions, TouchPipeline};
 
 use super::images::Eyes;
-use super::real::{CONFIGURATION, RealPresses};
-use super::shapes::{Place, UNSEEN, each, named, press_into};
+use crate::touch::networks::{Method, Networks};
 
 /// Presses of each unseen shape, and samples drawn from each press: 4 x 36 x 324 = 46,656.
 const PRESSES: usize = 36;

@@ -4,6 +4,7 @@ use anyhow::Result;
 use hand_model::Hand;
 use nalgebra::Vector3;
 use optics::SensorModel;
+use sensor_calibration::pad_calibration::presses;
 use sim::tactile::TactileBoard;
 use touch::ball_press::{OwnCalibrationReport, calibrate, locate};
 use touch::calibration::{angle, contact_pixels};
@@ -11,7 +12,6 @@ use touch::photometric_stereo::gradients;
 use touch::{AngularError, BallPress, CalibrationPress, PhotometricCalibration, StereoOptions, TouchError};
 
 use super::balls::{KnownBall, session};
-use super::calibration::presses;
 
 /// Presses of each camera in a laboratory, and held out.
 const LABORATORY: usize = 20;

@@ -9,13 +9,13 @@ use hand_model::RobotModel;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use report::plot::Plot;
+use sensor_calibration::pressed_shapes::{drawn_press, each, seen};
+use sensor_calibration::real_presses::{CONFIGURATION, Likeness, RealPresses};
 use sim::tactile::TactileBoard;
-use touch::network::samples::{Sample, cut};
-use touch::network::train::{Schedule, Training};
 use touch::{CalibrationPress, PhotometricModel};
 
-use super::real::{CONFIGURATION, Likeness, RealPresses};
-use super::shapes::{drawn_press, each, seen};
+use super::network_training::{Schedule, Training};
+use super::samples::{Sample, cut};
 
 /// The first of the hand units that networks learn from, and how many there are.
 const UNITS: (u64, u64) = (100, 6);

@@ -7,7 +7,7 @@ const LANES: usize = 8;
 
 /// Planes of numbers, row-major, each with a border of one zero on every side.
 #[derive(Debug, Clone)]
-pub(super) struct Planes {
+pub struct Planes {
     count: usize,
     height: usize,
     width: usize,

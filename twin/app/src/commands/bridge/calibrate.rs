@@ -15,7 +15,7 @@ use hardware_bridge::servo_bus::ServoBus;
 use hardware_bridge::xc330::{self, hardware_error};
 
 use super::shared::{ConfigArg, actuator_names, shown};
-use crate::commands::robot::{RobotArgs, individual_of};
+use crate::options::robot::{RobotArgs, individual_of};
 use crate::terminal::Terminal;
 
 /// A travel that differs by this share from the drawing's is doubted.

@@ -20,7 +20,7 @@ use hardware_bridge::servo_bus::{BusError, ServoBus};
 use hardware_bridge::setup::{self, Finding};
 
 use super::shared::{ConfigArg, actuator_names, shown, tell};
-use crate::commands::robot::RobotArgs;
+use crate::options::robot::RobotArgs;
 use crate::terminal::Terminal;
 
 /// Cycles measured.

@@ -38,7 +38,7 @@ use self::door::Door;
 use self::mishap::Mishap;
 use self::truth::TruthView;
 use super::shared::shown;
-use crate::commands::robot::RobotArgs;
+use crate::options::robot::RobotArgs;
 use crate::terminal::Terminal;
 
 /// Name of the socket on which a running emulator is told things.

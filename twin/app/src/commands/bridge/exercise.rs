@@ -18,7 +18,7 @@ use hardware_bridge::safety::state::State;
 use hardware_bridge::servo_cycle::DryLines;
 
 use super::shared::actuator_names;
-use crate::commands::robot::RobotArgs;
+use crate::options::robot::RobotArgs;
 use crate::terminal::Terminal;
 
 /// Waited for the first measurements to pass the checks.

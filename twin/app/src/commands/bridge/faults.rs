@@ -9,13 +9,13 @@ use clap::Args;
 use control::executor::Phase;
 use fault_injection::kind::{ALL, Kind};
 use fault_injection::ledger::{Ledger, Request};
+use fault_injection::table::FaultTable;
 use fault_injection::{Matrix, PHASES, inject_all};
 use hand_model::RobotModel;
 use hardware_bridge::kortex_link::expect_gen3;
-use lab::fault_table::FaultTable;
 use scenarios::Scenario;
 
-use crate::commands::robot::RobotArgs;
+use crate::options::robot::RobotArgs;
 use crate::terminal::Terminal;
 
 /// Outcomes of another program are not mixed with this one's.

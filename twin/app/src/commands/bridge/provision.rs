@@ -7,7 +7,7 @@ use hardware_bridge::servo_bus::latency_timer::{self, LatencyTimer};
 use hardware_bridge::setup;
 
 use super::shared::{ConfigArg, actuator_names};
-use crate::commands::robot::RobotArgs;
+use crate::options::robot::RobotArgs;
 use crate::terminal::Terminal;
 
 pub fn run(terminal: &Terminal, actuator: &str, robot: &RobotArgs, config: &ConfigArg) -> Result<Option<String>> {

@@ -10,7 +10,7 @@ use hardware_bridge::setup::Finding;
 use hardware_bridge::xc330::hardware_error;
 
 use super::shared::{ConfigArg, actuator_names, expect_no_robot, print_table, rows, shortfall};
-use crate::commands::robot::RobotArgs;
+use crate::options::robot::RobotArgs;
 use crate::terminal::Terminal;
 
 /// Arguments of `bridge reboot`.

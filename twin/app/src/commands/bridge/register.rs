@@ -16,8 +16,8 @@ use scenarios::Scenario;
 use scenarios::record::Condition;
 
 use super::shared::shown;
-use crate::commands::robot::{RobotArgs, individual_of};
-use crate::commands::scenario::ScenarioArgs;
+use crate::options::robot::{RobotArgs, individual_of};
+use crate::options::scenario::ScenarioArgs;
 use crate::terminal::Terminal;
 
 /// Arguments of `bridge register`.

@@ -14,7 +14,7 @@ use scenarios::noise::TrialNoise;
 use world::objects::ObjectModel;
 
 use super::shared::shown;
-use crate::commands::robot::RobotArgs;
+use crate::options::robot::RobotArgs;
 use crate::terminal::Terminal;
 
 /// A3 lying, mm: the long side along the world's y axis.

@@ -16,7 +16,7 @@ use proving::synthesis::synthesizer::Request;
 use serde::Serialize;
 use world::objects::ObjectSet;
 
-use crate::commands::object_name::object_name;
+use crate::options::object_name::object_name;
 use crate::terminal::{Outcome, Terminal};
 
 /// Arguments of `grasps collection`.

@@ -11,7 +11,7 @@ use proving::synthesis::grasp_file::{GraspFile, Grasps};
 use serde_json::json;
 use world::objects::ObjectModel;
 
-use crate::commands::object_name::object_name;
+use crate::options::object_name::object_name;
 use crate::terminal::{Outcome, Terminal};
 
 /// Arguments of `grasps export`.

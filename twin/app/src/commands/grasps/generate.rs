@@ -16,8 +16,8 @@ use proving::synthesis::size::Opening;
 use proving::synthesis::subject::{Subject, TEST_FRICTION};
 use proving::synthesis::synthesizer::{Request, Synthesizer};
 
-use crate::commands::object_name::object_name;
-use crate::commands::own_hand;
+use crate::options::object_name::object_name;
+use crate::options::own_hand;
 use crate::terminal::{Outcome, Terminal};
 
 /// What a hand may hold, from a feather on, kg; materials, kg/m3; friction coefficients.

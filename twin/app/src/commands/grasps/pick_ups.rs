@@ -15,8 +15,8 @@ use scenarios::Scenario;
 use serde_json::{Value, json};
 use sim::tactile::TactileBoard;
 
-use crate::commands::object_name::object_name;
-use crate::commands::robot::RobotArgs;
+use crate::options::object_name::object_name;
+use crate::options::robot::RobotArgs;
 use crate::terminal::{Outcome, Terminal};
 
 /// Arguments of `grasps pick-ups`.

@@ -7,18 +7,18 @@ use bench::recording::drawn;
 use clap::Args;
 use grasping::synthesis::collection::Collection;
 use grasping::synthesis::diversity;
+use grasping::synthesis::kind::{self, hand_kinds};
 use hand_model::RobotModel;
 use proving::synthesis::any::kinds::{self as any_kinds, AnyKind};
 use proving::synthesis::grasp_file::{GraspFile, Grasps, OtherGrasps};
 use proving::synthesis::parts::table;
 use proving::synthesis::subject::TEST_FRICTION;
-use report::study_pages;
+use report::{grasp_gallery, other_hand};
 use serde_json::{Value, json};
 use stream::Target;
 use stream::gallery::{self, ShownGrasp};
-use study::kinds::{self, kinds};
 
-use crate::commands::object_name::object_name;
+use crate::options::object_name::object_name;
 use crate::terminal::{Outcome, Terminal};
 
 /// Arguments of `grasps show`.
@@ -55,16 +55,16 @@ fn ours(terminal: &Terminal, args: &ShowArgs, file: &GraspFile, collection: &Col
     known(object, &collection.objects.iter().map(|entry| entry.summary.object.as_str()).collect::<Vec<_>>())?;
     if let Some(folder) = &args.report {
         std::fs::create_dir_all(folder).with_context(|| format!("--report {}", folder.display()))?;
-        study_pages::gallery::write(file, collection, object, &RobotModel::ftac_gen3().hand, folder)?;
+        grasp_gallery::write(file, collection, object, &RobotModel::ftac_gen3().hand, folder)?;
         eprintln!("{}: grasps.html with its pictures", folder.display());
     }
-    let own = object.and_then(|name| collection.of(name)).map(|entry| kinds(&entry.grasps));
-    let text = own.as_ref().map_or_else(|| table(collection), |own| kinds::table(own));
+    let own = object.and_then(|name| collection.of(name)).map(|entry| hand_kinds(&entry.grasps));
+    let text = own.as_ref().map_or_else(|| table(collection), |own| kind::table(own));
     terminal.print(&described(collection, object), &text)?;
     if let (Some(name), Some(own), None) = (object, own, &args.report) {
-        let shown: Vec<ShownGrasp> = own.iter().take(args.kinds).map(study_pages::gallery::shown).collect();
+        let shown: Vec<ShownGrasp> = own.iter().take(args.kinds).map(grasp_gallery::shown).collect();
         // All grasps of a file come from one search.
-        let friction = own.first().map_or(TEST_FRICTION, study_pages::gallery::friction);
+        let friction = own.first().map_or(TEST_FRICTION, grasp_gallery::friction);
         record(terminal, args, file, name, friction, &shown)?;
     }
     Ok(None)
@@ -83,7 +83,7 @@ fn another(terminal: &Terminal, args: &ShowArgs, file: &GraspFile, other: &Other
         for (name, kinds) in &all {
             let sheet = folder.join(format!("{name}.png"));
             let shown = &kinds[..kinds.len().min(args.kinds)];
-            study_pages::other_hand::sheet(&other.hand, &*file.model(name)?, shown, &sheet)?;
+            other_hand::sheet(&other.hand, &*file.model(name)?, shown, &sheet)?;
             eprintln!("{}", sheet.display());
         }
     }
@@ -94,7 +94,7 @@ fn another(terminal: &Terminal, args: &ShowArgs, file: &GraspFile, other: &Other
     terminal.print(&json!({ "hand": hand, "objects": objects }), &text)?;
     if let (Some(_), [(name, kinds)], None) = (object, &all[..], &args.report) {
         let shown: Vec<ShownGrasp> =
-            kinds.iter().take(args.kinds).map(|kind| study_pages::other_hand::shown(&other.hand, kind)).collect();
+            kinds.iter().take(args.kinds).map(|kind| other_hand::shown(&other.hand, kind)).collect();
         let friction = kinds.first().map_or(TEST_FRICTION, |kind| kind.best.proof.friction);
         record(terminal, args, file, name, friction, &shown)?;
     }
@@ -113,7 +113,7 @@ fn known(object: Option<&str>, names: &[&str]) -> Result<()> {
 fn described(collection: &Collection, only: Option<&str>) -> Value {
     let entries = collection.objects.iter().filter(|entry| only.is_none_or(|name| name == entry.summary.object));
     let objects = entries.map(|entry| {
-        let kinds = kinds(&entry.grasps);
+        let kinds = hand_kinds(&entry.grasps);
         json!({"object": entry.summary.object, "diversity": diversity::describe(&entry.grasps), "kinds": kinds})
     });
     json!({ "objects": objects.collect::<Vec<_>>() })

@@ -7,9 +7,9 @@ use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
 use image::RgbImage;
 use indicatif::ProgressStyle;
-use lab::optics::calibration::presses::{CHECKERBOARDS, CheckedPresses, PressSource};
-use lab::optics::calibration::scale::PixelSource;
-use lab::optics::calibration::{CalibrationRun, FitOptions, Split, sheet};
+use sensor_calibration::calibration::presses::{CHECKERBOARDS, CheckedPresses, PressSource};
+use sensor_calibration::calibration::scale::PixelSource;
+use sensor_calibration::calibration::{CalibrationRun, FitOptions, Split, sheet};
 
 use crate::terminal::{Outcome, Terminal};
 

@@ -4,13 +4,14 @@
 use std::path::PathBuf;
 
 use anyhow::{Context, bail};
+use bench::builtin::calibration_of;
 use clap::Args;
-use lab::optics::calibration::figures::accuracy_table;
-use lab::optics::{evaluation, pad_forces};
+use sensor_calibration::calibration::figures::accuracy_table;
+use sensor_calibration::{evaluation, pad_forces};
 use serde_json::{Map, Value, json};
 
 use super::sensor_option::SensorOption;
-use crate::commands::robot::RobotArgs;
+use crate::options::robot::RobotArgs;
 use crate::terminal::{Outcome, Terminal};
 
 /// Arguments of `optics eval`.
@@ -62,7 +63,7 @@ pub fn eval(terminal: &Terminal, args: &EvalArgs) -> Outcome {
         result.insert("force".into(), serde_json::to_value(rows)?);
     }
     if args.pads {
-        let rows = pad_forces::grip_all(&robot)?;
+        let rows = pad_forces::grip_all(&robot.hand, calibration_of(&robot)?)?;
         let all = pad_forces::agreement(&rows).context("--pads: no pad is loaded")?;
         tell(&pad_forces::table(&rows, &all));
         result.insert("pads".into(), json!({"rows": rows, "agreement": all}));

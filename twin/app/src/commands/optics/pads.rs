@@ -7,7 +7,7 @@ use clap::Args;
 use optics::pads::PadOptics;
 use serde_json::json;
 
-use crate::commands::robot::{RobotArgs, individual_of};
+use crate::options::robot::{RobotArgs, individual_of};
 use crate::terminal::Outcome;
 use crate::terminal::Terminal;
 

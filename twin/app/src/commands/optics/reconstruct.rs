@@ -5,14 +5,14 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
-use lab::optics::reconstruction::folder::{self, Arrivals, Inputs};
-use lab::optics::reconstruction::output;
-use lab::optics::reconstruction::photometry::untouched;
-use lab::optics::reconstruction::{Method, Photometry, Reconstructor};
-use lab::optics::video;
 use optics::calibration::image_files::EXPECTED;
 use optics::calibration::{CalibratedSensor, Photo, press_checks};
 use platform::file::write_whole;
+use sensor_calibration::reconstruction::folder::{self, Arrivals, Inputs};
+use sensor_calibration::reconstruction::output;
+use sensor_calibration::reconstruction::photometry::untouched;
+use sensor_calibration::reconstruction::{Method, Photometry, Reconstructor};
+use sensor_calibration::video;
 use serde_json::{Value, json};
 
 use crate::terminal::{Outcome, Terminal};

@@ -5,15 +5,15 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
 use hand_model::Hand;
-use lab::optics::render::{MeshPose, PadView, SensorSource, real_sensor};
-use lab::optics::shape_sheet::shape_sheet;
 use optics::Cover;
 use optics::calibration::CalibratedSensor;
+use sensor_calibration::render::{MeshPose, PadView, SensorSource, real_sensor};
+use sensor_calibration::shape_sheet::shape_sheet;
 use serde_json::json;
 use world::geometry::Mesh;
 
 use super::sensor_option::SensorOption;
-use crate::commands::robot::{RobotArgs, individual_of};
+use crate::options::robot::{RobotArgs, individual_of};
 use crate::terminal::{Outcome, Terminal};
 
 /// How deep a mesh is pressed into a real sensor unless told otherwise, mm.

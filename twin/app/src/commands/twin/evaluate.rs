@@ -15,7 +15,7 @@ use serde::Serialize;
 use statistics::FEWEST_SAMPLES;
 
 use super::Drawing;
-use crate::commands::robot::RobotArgs;
+use crate::options::robot::RobotArgs;
 use crate::terminal::{Outcome, Terminal};
 
 /// Goals of the evaluation: share of parameters in their intervals, the median error of a joint, rad, ...

@@ -25,8 +25,8 @@ use serde::{Deserialize, Serialize};
 use session_log::{Recorder, Session, Writer};
 
 use super::Drawing;
-use crate::commands::body::{Body, check_body};
-use crate::commands::robot::RobotArgs;
+use crate::options::body::{Body, check_body};
+use crate::options::robot::RobotArgs;
 use crate::terminal::{Outcome, Terminal};
 
 /// Waited for the first measurements to pass the checks.

@@ -11,8 +11,8 @@ use touch::ball_press::OwnCalibrationReport;
 use touch::{PhotometricCalibration, TouchError};
 
 use super::Drawing;
-use crate::commands::robot::RobotArgs;
 use crate::commands::sessions::sessions_in;
+use crate::options::robot::RobotArgs;
 use crate::terminal::{Outcome, Terminal};
 
 /// A servo that the twin leaves unexplained by more than this (rad, root mean square) is not the drawing's.

@@ -1,0 +1,66 @@
+//! Which robot a command is about, and whose pads it feels with.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, Result};
+use bench::builtin::parse_pads;
+use bench::trial::Means;
+use clap::Args;
+use hand_model::RobotModel;
+use plant::identified::IdentifiedRobot;
+use scenarios::record::Condition;
+
+use crate::options::body::Body;
+
+/// Which robot it is.
+#[derive(Debug, Clone, Default, Args)]
+pub struct RobotArgs {
+    /// The robot: a file with its arm, hand and pads; default: the F-TAC Hand on a Gen3.
+    #[arg(long, value_name = "FILE")]
+    pub robot_model: Option<PathBuf>,
+}
+
+impl RobotArgs {
+    /// The robot.
+    pub fn model(&self) -> Result<RobotModel> {
+        let Some(path) = &self.robot_model else { return Ok(RobotModel::ftac_gen3()) };
+        RobotModel::read(path).context("--robot-model")
+    }
+}
+
+/// The text of the file that `--individual` names, once it is known to be good of the robot `nominal`, and the name for errors.
+pub fn individual(path: Option<&Path>, nominal: &RobotModel) -> Result<(Option<String>, PathBuf)> {
+    let text = identified(path, nominal)?.map(|(text, _)| text);
+    Ok((text, PathBuf::from("--individual")))
+}
+
+/// The file that `--individual` names: its text, and the robot that it describes.
+fn identified(path: Option<&Path>, nominal: &RobotModel) -> Result<Option<(String, IdentifiedRobot)>> {
+    let Some(path) = path else { return Ok(None) };
+    let text = platform::data::read_text(path).context("--individual")?;
+    let own = IdentifiedRobot::parse(&text, path, nominal).context("--individual")?;
+    Ok(Some((text, own)))
+}
+
+/// The robot that `--individual` names, one of those built like `nominal`; `nominal` itself where it names none.
+pub fn individual_of(path: Option<&Path>, nominal: &RobotModel) -> Result<RobotModel> {
+    Ok(identified(path, nominal)?.map_or_else(|| nominal.clone(), |(_, own)| own.individual.robot(nominal)))
+}
+
+/// The text of the file that `--pads` names, once it is known to be a calibration of every pad of the robot.
+pub fn pads(path: Option<&Path>, robot: &RobotModel) -> Result<Option<String>> {
+    let Some(path) = path else { return Ok(None) };
+    let text = platform::data::read_text(path).context("--pads")?;
+    parse_pads(&robot.hand, &text, path).context("--pads")?;
+    Ok(Some(text))
+}
+
+/// Says that a real hand is felt with as if its pads were those of the drawing, where images are looked at and no `pads` are its own.
+pub fn say_whose_pads(robot: Body, conditions: &[Condition], pads: Option<&str>) {
+    let sees = |condition: &Condition| Means::of(*condition).is_some_and(Means::see_images);
+    if robot == Body::Hardware && pads.is_none() && conditions.iter().any(sees) {
+        eprintln!(
+            "warning: touch uses the designed pads' calibration, and takes objects to sink in as its scenario says: this hand's own pads have none (--pads)"
+        );
+    }
+}

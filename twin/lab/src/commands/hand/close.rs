@@ -1,0 +1,70 @@
+//! `ftac hand close`: a hand read from files closes on a ball.
+
+use std::sync::Arc;
+
+use anyhow::{Result, bail};
+use ftac::lab::arguments::hand::CloseArgs;
+use ftac::options::own_hand;
+use ftac::terminal::{Outcome, Terminal};
+use hand_model::any_hand::AnyHand;
+use lab::closing::BallGrip;
+use nalgebra::Point3;
+use world::geometry::LINK_MESHES;
+
+/// Closes the hand, prints what it feels and draws it.
+pub fn run(terminal: &Terminal, args: &CloseArgs) -> Outcome {
+    let hand = Arc::new(AnyHand::read(&args.urdf, &args.pulls, LINK_MESHES)?);
+    own_hand::say_renamed();
+    let asked = tensions(&hand, &args.tensions)?;
+    let (tensions, above) = hand.within_efforts(&asked);
+    for n in above {
+        eprintln!(
+            "note: {}: {} N asked for, {:.1} N taken: {}",
+            hand.pulls[n].name,
+            asked[n],
+            tensions[n],
+            hand.pulls[n].most.as_ref().map_or("the efforts of its joints", |(_, by)| by)
+        );
+    }
+    let (at, radius) = ball(args)?;
+    for note in &hand.notes {
+        eprintln!("note: {note}");
+    }
+    let grip = BallGrip::close(hand, &tensions, &at, radius);
+    if let Some(path) = &args.out {
+        grip.draw(path)?;
+    }
+    if terminal.json {
+        println!("{}", grip.to_json());
+    } else {
+        print!("{}", grip.table());
+    }
+    Ok(grip.shortfall())
+}
+
+fn tensions(hand: &AnyHand, given: &[f64]) -> Result<Vec<f64>> {
+    let names: Vec<&str> = hand.pulls.iter().map(|pull| pull.name.as_str()).collect();
+    let all = match given {
+        [one] => vec![*one; names.len()],
+        several => several.to_vec(),
+    };
+    if all.len() != names.len() {
+        bail!("--tensions: found {} values, expected 1 or {} ({})", all.len(), names.len(), names.join(", "));
+    }
+    if let Some(bad) = all.iter().find(|tension| !(tension.is_finite() && **tension >= 0.0)) {
+        bail!("--tensions: found {bad}, expected tensions of 0 N or more");
+    }
+    Ok(all)
+}
+
+fn ball(args: &CloseArgs) -> Result<(Point3<f64>, f64)> {
+    let [x, y, z] = args.at[..] else { bail!("--at: found {} values, expected x,y,z in m", args.at.len()) };
+    if !(x.is_finite() && y.is_finite() && z.is_finite()) {
+        bail!("--at: found {x},{y},{z}, expected finite numbers in m");
+    }
+    let diameter = args.ball_diameter_mm;
+    if !(1.0..=1000.0).contains(&diameter) {
+        bail!("--ball-diameter-mm: found {diameter}, expected 1 to 1000");
+    }
+    Ok((Point3::new(x, y, z), 0.5e-3 * diameter))
+}

@@ -1,0 +1,99 @@
+//! `ftac hand check --urdf`: what a hand's files hold, and what was taken otherwise than they say.
+
+use std::path::Path;
+
+use ftac::terminal::{Outcome, Terminal};
+use hand_model::any_hand::AnyHand;
+use hand_model::kinematics::{Joint, JointKind};
+use hand_model::{RobotModel, urdf};
+use proving::synthesis::any::describe;
+use serde_json::{Value, json};
+use world::geometry::LINK_MESHES;
+
+/// Reads a hand's URDF, and its pulls file if there is one, and says what they hold.
+pub fn run(terminal: &Terminal, path: &Path, pulls: Option<&Path>) -> Outcome {
+    let ours: Vec<String> =
+        RobotModel::ftac_gen3().hand.tree.joints.iter().map(|joint| format!("{}_joint", joint.name)).collect();
+    let frames = urdf::read_frames(path, &[])?;
+    if pulls.is_none() && frames.joints.iter().any(|joint| ours.contains(&joint.name)) {
+        // Our own hand's, which has to have all of its joints.
+        let names: Vec<&str> = ours.iter().map(String::as_str).collect();
+        let tree = urdf::read_tree(path, &names)?;
+        let text = format!("{}: {} joints, all of the hand's joints are there\n", path.display(), tree.len());
+        terminal.print(&json!({ "urdf": path, "joints": tree.len() }), &text)?;
+        return Ok(None);
+    }
+    let (hand, notes) = match pulls {
+        Some(pulls) => {
+            let described = describe::read(path, pulls)?;
+            ((*described.hand).clone(), described.notes)
+        }
+        None => {
+            let hand = AnyHand::read_unpulled(path, LINK_MESHES)?;
+            let notes = hand.notes.clone();
+            (hand, notes)
+        }
+    };
+    terminal.print(&answer(&hand, &notes), &text(&hand, &notes))?;
+    let warnings = notes.iter().filter(|note| note.starts_with("WARNING")).count();
+    Ok((warnings > 0).then(|| format!("{warnings} warnings")))
+}
+
+/// The joint that a joint follows, and how.
+fn leader(hand: &AnyHand, joint: usize) -> Option<String> {
+    let follower = hand.followers.iter().find(|follower| follower.joint == joint)?;
+    Some(format!("{} times {}", hand.tree.joints[follower.leader].name, follower.multiplier))
+}
+
+fn answer(hand: &AnyHand, notes: &[String]) -> Value {
+    let joints = hand.tree.joints.iter().enumerate().map(|(n, joint)| {
+        let finite = |limit: f64| limit.is_finite().then_some(limit);
+        json!({
+            "name": joint.name,
+            "kind": match joint.kind { JointKind::Turn => "turns", JointKind::Slide => "slides" },
+            "unit": joint.kind.unit(), "lower": finite(joint.lower), "upper": finite(joint.upper),
+            "effort": hand.efforts[n], "follows": leader(hand, n), "mass_kg": hand.masses[n].mass,
+            "shapes": hand.solids.iter().filter(|solid| solid.link == Some(n)).count(),
+        })
+    });
+    let pulls = hand.pulls.iter().map(|pull| {
+        json!({ "name": pull.name, "joints": pull.arms.len(), "most_tension_n": pull.most.as_ref().map(|(most, _)| most) })
+    });
+    json!({
+        "hand": hand.name, "joints": joints.collect::<Vec<_>>(), "actuators": pulls.collect::<Vec<_>>(),
+        "shapes_of_the_root": hand.solids.iter().filter(|solid| solid.link.is_none()).count(),
+        "links_without_shape": hand.bare, "notes": notes,
+    })
+}
+
+fn range(joint: &Joint) -> String {
+    if !(joint.lower.is_finite() && joint.upper.is_finite()) {
+        return "without limits".into();
+    }
+    match joint.kind {
+        JointKind::Turn => format!("{:.0} to {:.0} deg", joint.lower.to_degrees(), joint.upper.to_degrees()),
+        JointKind::Slide => format!("{:.1} to {:.1} mm", 1e3 * joint.lower, 1e3 * joint.upper),
+    }
+}
+
+fn text(hand: &AnyHand, notes: &[String]) -> String {
+    let mut text = format!("{}: {} moving joints, {} actuators\n", hand.name, hand.tree.len(), hand.pulls.len());
+    let width = hand.tree.joints.iter().map(|joint| joint.name.chars().count()).fold(5, usize::max);
+    text +=
+        &format!("{:width$} {:>18} {:>12} {:>9} {:>6}  follows\n", "joint", "range", "effort", "its link", "shapes");
+    for (n, joint) in hand.tree.joints.iter().enumerate() {
+        let effort = hand.efforts[n].map_or("-".into(), |effort| format!("{effort} {}", joint.kind.effort_unit()));
+        let shapes = hand.solids.iter().filter(|solid| solid.link == Some(n)).count();
+        text += &format!(
+            "{:width$} {:>18} {effort:>12} {:>7.1} g {shapes:>6}  {}\n",
+            joint.name,
+            range(joint),
+            1e3 * hand.masses[n].mass,
+            leader(hand, n).unwrap_or_default()
+        );
+    }
+    for note in notes {
+        text += &format!("{note}\n");
+    }
+    text
+}

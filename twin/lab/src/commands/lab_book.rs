@@ -1,0 +1,130 @@
+//! `ftac report --lab-book`: checks the figures and writes the page made from them.
+
+use std::path::Path;
+
+use anyhow::{Context as _, Result};
+use ftac::terminal::{Outcome, Terminal};
+use lab::lab_book::command::Check;
+use lab::lab_book::{page, table};
+use platform::data::write_whole;
+
+/// Whether `ftac` takes these arguments; the error says why not.
+pub type Parse = dyn Fn(&[&str]) -> Result<(), String>;
+
+/// Where the page goes unless `--out` says otherwise.
+const PAGE: &str = "BENCHMARKS.md";
+
+/// Makes the page from `figures` in the folder of the workspace, which is the one ftac is started in.
+pub fn run(terminal: &Terminal, figures: &Path, out: Option<&Path>, parse: &Parse) -> Outcome {
+    let (page, count) = checked_page(figures, Path::new("."), parse)?;
+    let out = out.unwrap_or(Path::new(PAGE));
+    write_whole(out, page.as_bytes())?;
+    if terminal.json {
+        println!("{}", serde_json::json!({"page": out, "figures": count}));
+    } else {
+        println!("{}: {count} figures", out.display());
+    }
+    Ok(None)
+}
+
+/// The page and the number of figures on it; commands are seen from `root`.
+fn checked_page(figures: &Path, root: &Path, parse: &Parse) -> Result<(String, usize)> {
+    let text = std::fs::read_to_string(figures).with_context(|| figures.display().to_string())?;
+    let rows = table::parse(figures, &text)?;
+    Check::new(root, parse)?.all(figures, &rows)?;
+    Ok((page::page(&rows), rows.len()))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::PathBuf;
+
+    use super::*;
+    use ftac::cli::parse_arguments;
+    use lab::lab_book::error::FieldError;
+
+    fn root() -> PathBuf {
+        // Of this run and not of the build, which another checkout may have made.
+        PathBuf::from(std::env::var_os("CARGO_MANIFEST_DIR").expect("set by cargo")).join("../..")
+    }
+
+    fn check(command: &str) -> Result<(), FieldError> {
+        let file = Path::new("figures.csv");
+        let text = format!("{}\na.b,1,,,,,,,2 cores,yes,{command},,Group,figure,,,\n", table::COLUMNS.join(","));
+        let rows = table::parse(file, &text).unwrap();
+        Check::new(&root(), &parse_arguments).unwrap().all(file, &rows)
+    }
+
+    #[test]
+    fn commands_that_can_be_run_again_are_taken() {
+        for command in [
+            "ftac bench --combos 6 --trials 2 --noise-scale 1.2",
+            "ftac --seed 2 touch eval --combos 60",
+            "ftac hand export --mjcf DIR; python3 tests/mujoco/compare.py DIR",
+            "cargo run --release -- bench --record none",
+            "cargo run --release -p kortex --example arm_cycle -- 10",
+            "cargo test --release -p sim --test statics rod -- --nocapture",
+            "cargo test --release --workspace",
+            "cargo bench -p optics --features gpu",
+            "cargo test --release --manifest-path hardware-bridge/other-hosts/Cargo.toml",
+        ] {
+            check(command).unwrap_or_else(|error| panic!("{command}: {error}"));
+        }
+    }
+
+    #[test]
+    fn commands_that_cannot_be_run_again_are_refused() {
+        for command in [
+            "ftac",
+            "ftac benchmark",
+            "ftac bench --combinations 6",
+            "ftac bench --noise-scale much",
+            "ftac trial",
+            "ftac bench; ftac bench --combinations 6",
+            "bench",
+            "the same run",
+            "make all",
+            "cargo build --release",
+            "cargo test -p no-such-package",
+            "cargo test -p",
+            "cargo test --relase -p sim",
+            "cargo test -p sim --test no_such_test",
+            "cargo test -p sim --test statics -p no-such-package",
+            "cargo run --release -- benchmark",
+            "cargo run --release -p hardware-bridge --example no_such_example",
+            "cargo test --manifest-path no/such/Cargo.toml",
+            "python3 tests/mujoco/no_such_script.py",
+            "python3 Cargo.toml",
+            "python3 -m pip",
+        ] {
+            let error = check(command).expect_err(command);
+            assert_eq!((error.line, error.field), (2, "command"), "{error}");
+        }
+    }
+
+    #[test]
+    fn benchmarks_md_is_what_the_checked_in_figures_make() {
+        let (page, count) = checked_page(&root().join("recordings/figures.csv"), &root(), &parse_arguments).unwrap();
+        assert!(count >= 40, "only {count} figures");
+        let checked_in = std::fs::read_to_string(root().join(PAGE)).unwrap();
+        assert!(page == checked_in, "{PAGE} is out of date: run `ftac report --lab-book`");
+    }
+
+    #[test]
+    fn no_line_of_the_page_is_too_long_to_read() {
+        let (page, _) = checked_page(&root().join("recordings/figures.csv"), &root(), &parse_arguments).unwrap();
+        for line in page.lines() {
+            assert!(line.chars().count() <= 300, "{} characters: {line}", line.chars().count());
+        }
+    }
+
+    #[test]
+    fn the_page_is_refused_with_the_place_of_the_mistake() {
+        let folder = tempfile::tempdir().unwrap();
+        let figures = folder.path().join("figures.csv");
+        let row = "bench.wall,440,s,,,,1,,2 cores,yes,ftac bench --quick,,Benchmark,wall time,,600,";
+        std::fs::write(&figures, format!("{}\n{row}\n", table::COLUMNS.join(","))).unwrap();
+        let error = checked_page(&figures, &root(), &parse_arguments).unwrap_err().to_string();
+        assert!(error.contains("figures.csv:2: command: found `ftac bench --quick`"), "{error}");
+    }
+}

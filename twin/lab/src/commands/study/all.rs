@@ -1,0 +1,99 @@
+//! `ftac study`: every part of the grasp study in order, and the page that sets them beside the paper.
+//!
+//! Types and maps are made again each time; landscape and hands keep journals in the folder and go on from them.
+
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, Result};
+use clap::Args;
+use ftac::lab::arguments::grasps::{ClassifyArgs, HandsArgs, LandscapeArgs, MapArgs};
+use ftac::lab::arguments::study::StudyArgs;
+use ftac::options::own_hand;
+use ftac::terminal::{Made, Outcome, Terminal};
+use indicatif::HumanDuration;
+
+use super::source::Source;
+use super::{classify, hands, landscape, map, report};
+
+/// A part of the study.
+struct Part {
+    name: &'static str,
+    /// Time of two idle cores for it, s: quick and full.
+    expected: [f64; 2],
+    make: fn(&Terminal, &StudyArgs, PathBuf) -> Result<Made>,
+}
+
+/// In their order. The times are of the built-in grasps and our hand alone; they only weigh the parts against each other.
+const PARTS: [Part; 4] = [
+    Part { name: "types of grasps", expected: [1.0, 1.0], make: types },
+    Part { name: "contact maps", expected: [30.0, 30.0], make: maps },
+    Part { name: "energy landscape", expected: [60.0, 2500.0], make: basins },
+    Part { name: "hands compared", expected: [60.0, 200.0], make: compared },
+];
+
+/// `ftac study`.
+pub fn run(terminal: &Terminal, args: &StudyArgs) -> Outcome {
+    own_hand::say_renamed();
+    let standard = if args.full { "recordings/study-full" } else { "recordings/study" };
+    let out = args.out.clone().unwrap_or_else(|| standard.into());
+    // What would fail at the end fails at once.
+    hands::compared(&hands_args(args, out.clone())?)?;
+    std::fs::create_dir_all(&out).with_context(|| format!("--out {}", out.display()))?;
+    let expected = |part: &Part| part.expected[usize::from(args.full)];
+    let began = Instant::now();
+    let mut shortfalls = Vec::new();
+    for (n, part) in PARTS.iter().enumerate() {
+        let (before, left): (f64, f64) = (PARTS[..n].iter().map(expected).sum(), PARTS[n..].iter().map(expected).sum());
+        // A slower or busier machine shows in the parts that are done.
+        let pace = if n == 0 { 1.0 } else { began.elapsed().as_secs_f64() / before };
+        if !terminal.quiet {
+            let left = HumanDuration(Duration::from_secs_f64(pace * left));
+            eprintln!("part {} of {}: {}; about {left:#} left", n + 1, PARTS.len(), part.name);
+        }
+        let made = (part.make)(terminal, args, out.clone()).with_context(|| part.name)?;
+        if !terminal.json && !terminal.quiet {
+            println!("{}", made.text);
+        }
+        shortfalls.extend(made.shortfall);
+    }
+    shortfalls.extend(report::of_folders(terminal, &[out])?);
+    Ok((!shortfalls.is_empty()).then(|| shortfalls.join("; ")))
+}
+
+fn types(_: &Terminal, args: &StudyArgs, out: PathBuf) -> Result<Made> {
+    let grasps = args.grasps.clone();
+    classify::make(&ClassifyArgs { grasps, explain: None, labels: Vec::new(), out: Some(out) })
+}
+
+fn maps(terminal: &Terminal, args: &StudyArgs, out: PathBuf) -> Result<Made> {
+    let grasps = args.grasps.clone();
+    map::make(terminal, &MapArgs { grasps, out, ..standard()? })
+}
+
+fn basins(terminal: &Terminal, args: &StudyArgs, out: PathBuf) -> Result<Made> {
+    let standard: LandscapeArgs = standard()?;
+    let each = if args.full { standard.each } else { 24 };
+    let sweep = args.full.then_some(24);
+    let (grasps, out) = (args.grasps.clone(), out.join("landscape"));
+    // Of the paper's objects those of which there are grasps.
+    let known = Source::read(&grasps.paths)?.classification.objects;
+    let objects = standard.objects.into_iter().filter(|object| known.contains(object)).collect();
+    landscape::make(terminal, &LandscapeArgs { grasps, objects, each, sweep, out, ..standard })
+}
+
+fn compared(terminal: &Terminal, args: &StudyArgs, out: PathBuf) -> Result<Made> {
+    hands::make(terminal, &hands_args(args, out)?)
+}
+
+fn hands_args(args: &StudyArgs, out: PathBuf) -> Result<HandsArgs> {
+    let standard: HandsArgs = standard()?;
+    let n = if args.full { standard.n } else { 4 };
+    Ok(HandsArgs { hand: args.hand.clone(), pulls: args.pulls.clone(), n, out, ..standard })
+}
+
+/// What a command is told where nothing is said.
+fn standard<A: Args>() -> Result<A> {
+    let command = A::augment_args(clap::Command::new("ftac"));
+    Ok(A::from_arg_matches(&command.try_get_matches_from(["ftac"])?)?)
+}

@@ -1,0 +1,30 @@
+//! `ftac grasps annotate`: the page on which people give grasps their types.
+
+use anyhow::ensure;
+use ftac::lab::arguments::grasps::AnnotateArgs;
+use ftac::terminal::{Outcome, Terminal};
+use lab::study_pages::annotation;
+use lab::study_pages::scene::Scene;
+use platform::data::write_whole;
+use serde_json::json;
+
+use super::source::{Source, writable};
+
+/// `ftac grasps annotate`.
+pub fn run(terminal: &Terminal, args: &AnnotateArgs) -> Outcome {
+    writable(&args.out)?;
+    let Source { hand, objects, classification } = Source::read(&args.grasps.paths)?;
+    let all = classification.grasps.len();
+    let count = args.n.unwrap_or(all).min(all);
+    ensure!(count > 0, "--n: found 0, expected at least 1");
+    let scene = Scene::of(&hand, &objects, (0..count).map(|n| &classification.grasps[n * all / count]));
+    let title = format!("{count} of {all} grasps, {} objects", objects.len());
+    let page = annotation::page(&classification.taxonomy, &scene, &title)?;
+    write_whole(&args.out, page.as_bytes())?;
+    let megabytes = page.len() as f64 / 1e6;
+    terminal.print(
+        &json!({ "page": args.out, "grasps": count, "bytes": page.len() }),
+        &format!("{count} grasps, {megabytes:.1} MB: open {} in a browser\n", args.out.display()),
+    )?;
+    Ok(None)
+}

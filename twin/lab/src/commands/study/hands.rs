@@ -1,0 +1,84 @@
+//! `ftac grasps hands`: several hands on the same objects, by the same search and the same checks: rates side by side, a grasp of
+//! each as a picture.
+//!
+//! Our own hand is the first column; others come as URDF with what pulls on them. The same command goes on after the last hand and
+//! object that were done.
+
+use anyhow::{Context, Result, ensure};
+use ftac::lab::arguments::grasps::HandsArgs;
+use ftac::options::own_hand;
+use ftac::terminal::{Made, Outcome, Terminal};
+use hand_model::RobotModel;
+use indicatif::ProgressStyle;
+use lab::study_pages;
+use platform::data::write_whole;
+use proving::synthesis::hands::{self, Cell, ComparedHand};
+use proving::synthesis::search;
+use proving::synthesis::synthesizer::Request;
+use world::objects::ObjectSet;
+
+/// `ftac grasps hands`.
+pub fn run(terminal: &Terminal, args: &HandsArgs) -> Outcome {
+    own_hand::say_renamed();
+    terminal.finish(make(terminal, args)?)
+}
+
+/// The comparison.
+pub fn make(terminal: &Terminal, args: &HandsArgs) -> Result<Made> {
+    let request = request(terminal, args)?;
+    let hands = compared(args)?;
+    let folder = args.out.join("hands");
+    std::fs::create_dir_all(&folder).with_context(|| format!("--out {}", folder.display()))?;
+    let bar = terminal.progress();
+    bar.set_length((hands.len() * args.objects.len()) as u64);
+    bar.set_style(ProgressStyle::with_template("{bar:30} {pos}/{len} {msg} [{elapsed} < {eta}]")?);
+    let mut cells = Vec::new();
+    for hand in &hands {
+        for object in &args.objects {
+            bar.set_message(progress::printable(&format!("{} on {object}", hand.name())).into_owned());
+            cells.push(Cell::resume(hand, object, &request, &folder)?);
+            bar.inc(1);
+        }
+    }
+    bar.finish_and_clear();
+    study_pages::hands::write(&hands, &cells, &args.out.join("hands.png"))?;
+    let answer = hands::json(&cells);
+    write_whole(&args.out.join("hands.json"), serde_json::to_string_pretty(&answer)?.as_bytes())?;
+    let table = hands::table(&hands, &args.objects, &cells);
+    let nothing = hands.iter().find(|hand| hands::total(&cells, hand.name()).count == 0);
+    Ok(Made {
+        json: answer,
+        text: format!("{table}{}/hands.png, hands.json\n", args.out.display()),
+        shortfall: nothing.map(|hand| format!("no grasp of {} was verified on any object", hand.name())),
+    })
+}
+
+/// What every hand is asked on every object.
+fn request(terminal: &Terminal, args: &HandsArgs) -> Result<Request> {
+    let contacts = search::parse_contacts(&args.contacts)?;
+    let (chains, closings) = (args.n, args.closings);
+    ensure!(
+        chains > 0 && closings > 0,
+        "--n and --closings: found {chains} and {closings}, expected at least 1 of each"
+    );
+    let (urdfs, pulls) = (args.hand.len(), args.pulls.len());
+    ensure!(urdfs == pulls, "--pulls: found {pulls} for {urdfs} --urdf, expected one for each, in the same order");
+    let set = ObjectSet::repertoire();
+    for (n, name) in args.objects.iter().enumerate() {
+        ensure!(set.get(name).is_some(), "--objects: found `{name}`, expected one of {}", set.names().join(", "));
+        ensure!(!args.objects[..n].contains(name), "--objects: found `{name}` twice, expected each once");
+    }
+    Ok(Request { chains, enough: usize::MAX, contacts, closings, seed: terminal.seed, table: false })
+}
+
+/// Our hand and those of the arguments.
+pub fn compared(args: &HandsArgs) -> Result<Vec<ComparedHand>> {
+    let mut hands = vec![ComparedHand::Ours(RobotModel::ftac_gen3().hand)];
+    for (urdf, pulls) in args.hand.iter().zip(&args.pulls) {
+        let hand = ComparedHand::read(urdf, pulls)?;
+        let known = hands.iter().any(|other| other.name() == hand.name());
+        ensure!(!known, "--urdf {}: found the name `{}` twice, expected each once", urdf.display(), hand.name());
+        hands.push(hand);
+    }
+    Ok(hands)
+}

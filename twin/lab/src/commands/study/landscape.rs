@@ -1,0 +1,101 @@
+//! `ftac grasps landscape`: the energy landscape of several objects' grasps by attraction and diffusion, as a tree.
+//!
+//! Every verified grasp cools to its local minimum; the pull is calibrated to the metastability threshold of pairs of minima;
+//! minima are sorted into basins and barriers measured. All of it is journalled, so that the same command goes on after an
+//! interruption.
+
+use anyhow::{Context, Result, bail, ensure};
+use ftac::lab::arguments::grasps::LandscapeArgs;
+use ftac::terminal::{Made, Outcome, Terminal};
+use grasping::synthesis::energy::{GraspEnergy, Weights};
+use grasping::synthesis::surface::HandSurface;
+use lab::study_pages;
+use platform::data::write_whole;
+use proving::synthesis::subject::Subject;
+use study::classification::Classification;
+use study::landscape::attraction::Attraction;
+use study::landscape::basins::{self, MappedGrasps};
+use study::landscape::calibration::{Calibration, Question, STRONGEST};
+use study::landscape::disconnectivity::tree;
+use study::landscape::exploration;
+use study::landscape::grasps::{GraspLandscape, GraspState};
+
+use super::source::Source;
+
+/// Points on the hand's surface: coarser than for synthesis, whose energy this is.
+const SURFACE_POINTS: usize = 1000;
+
+/// `ftac grasps landscape`.
+pub fn run(terminal: &Terminal, args: &LandscapeArgs) -> Outcome {
+    terminal.finish(make(terminal, args)?)
+}
+
+/// The tree of basins and barriers.
+pub fn make(terminal: &Terminal, args: &LandscapeArgs) -> Result<Made> {
+    let positive = |x: f64| x.is_finite() && x > 0.0;
+    ensure!(
+        args.each > 0 && positive(args.temperature) && args.pull.is_none_or(positive),
+        "--each, --temperature, --pull: found {}, {}, {:?}, expected positive numbers",
+        args.each,
+        args.temperature,
+        args.pull
+    );
+    let source = Source::read(&args.grasps.paths)?;
+    let classification = &source.classification;
+    let chosen = choose(classification, args)?;
+    std::fs::create_dir_all(&args.out).with_context(|| format!("--out {}", args.out.display()))?;
+    let progress = terminal.progress();
+    let subjects = args.objects.iter().map(|name| Subject::named(name)).collect::<Result<Vec<_>>>()?;
+    let surface = HandSurface::new(&source.hand, SURFACE_POINTS);
+    let energies = subjects
+        .iter()
+        .map(|subject| GraspEnergy::new(&source.hand, &surface, &subject.field, Weights::default(), None))
+        .collect();
+    let landscape = GraspLandscape::new(&source.hand, energies);
+    let minima = exploration::minima(&landscape, classification, &chosen, args.temperature, terminal.seed);
+    ensure!(
+        minima.len() >= 2,
+        "--objects: found {} grasps with two links that touch, expected at least 2",
+        minima.len()
+    );
+    let states: Vec<GraspState> = minima.iter().map(|minimum| minimum.state.clone()).collect();
+    let subject = format!("{} from {} grasps, temperature {}", args.objects.join(","), minima.len(), args.temperature);
+    let attraction = exploration::attraction(STRONGEST, args.temperature);
+    let calibration = match args.pull {
+        Some(_) => Calibration::none(&subject),
+        None => {
+            let question = Question { subject: &subject, attraction, seed: terminal.seed };
+            Calibration::resume(&landscape, &states, &question, &args.out.join("calibration.json"), &progress)?
+        }
+    };
+    let Some(pull) = args.pull.or(calibration.pull()) else {
+        bail!("--pull: no chain arrived in the calibration even at {STRONGEST}; give a pull");
+    };
+    let plan = exploration::plan(Attraction { pull, ..attraction }, terminal.seed, subject);
+    let map = exploration::explore(&landscape, &states, plan.clone(), &args.out.join("journal.jsonl"), &progress)?;
+    let few = |n: usize| &states[..n.clamp(2, states.len())];
+    let sweep = args.sweep.map(|n| exploration::sweep(&landscape, few(n), &plan, &progress)).transpose()?;
+    let energies: Vec<f64> = map.basins.iter().map(|basin| basin.energy).collect();
+    let tree = tree(&energies, &map.edges());
+    let found = MappedGrasps { classification, minima: &minima, map: &map, tree: &tree };
+    let answer = found.json(&calibration, sweep);
+    study_pages::landscape::write(&args.out, (&source.hand, &source.objects), &found)?;
+    write_whole(&args.out.join("landscape.json"), serde_json::to_string_pretty(&answer)?.as_bytes())?;
+    let files = format!("{}/landscape.html, landscape.svg, growth.png, landscape.json", args.out.display());
+    let text = format!("{}{files}\n", basins::text(&answer));
+    Ok(Made { json: answer, text, shortfall: None })
+}
+
+/// (place of the object on the command line, grasp), the objects taking turns.
+fn choose(classification: &Classification, args: &LandscapeArgs) -> Result<Vec<(usize, usize)>> {
+    let mut by_object = Vec::new();
+    for (n, name) in args.objects.iter().enumerate() {
+        let is_of = |k: &usize| classification.object(&classification.grasps[*k]) == name;
+        let own: Vec<usize> = (0..classification.grasps.len()).filter(is_of).take(args.each).collect();
+        let known = classification.objects.join(", ");
+        ensure!(!own.is_empty(), "--objects: found no grasp of `{name}`, expected some of {known}");
+        ensure!(!args.objects[..n].contains(name), "--objects: found `{name}` twice, expected each once");
+        by_object.push(own);
+    }
+    Ok(exploration::in_turn(&by_object))
+}

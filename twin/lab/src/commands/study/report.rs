@@ -1,0 +1,86 @@
+//! `ftac report --study`: everything the study found on one page, beside the paper: the paper's figure, ours, the difference, and
+//! why.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail};
+use ftac::terminal::{Outcome, Terminal};
+use hand_model::RobotModel;
+use lab::hand_check::figures;
+use lab::study_pages::comparison::{Line, Parts, Sensing, lines};
+use lab::study_pages::overview;
+use optics::Foundation;
+use optics::foundation::{probe_response, sensitivity};
+use platform::data::write_whole;
+use serde_json::{Value, json};
+use study::sensors::array;
+
+/// A part of the study that a command leaves in the folder.
+fn part(folder: &Path, file: &str) -> Result<Option<Value>> {
+    let path = folder.join(file);
+    match std::fs::read_to_string(&path) {
+        Ok(text) => Ok(Some(serde_json::from_str(&text).with_context(|| path.display().to_string())?)),
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(error).with_context(|| path.display().to_string()),
+    }
+}
+
+/// The study in the folder that is named, or in the usual one.
+pub fn of_folders(terminal: &Terminal, folders: &[PathBuf]) -> Outcome {
+    match folders {
+        [] => run(terminal, Path::new("recordings/study")),
+        [folder] => run(terminal, folder),
+        _ => bail!("--study: found {} folders, expected one", folders.len()),
+    }
+}
+
+/// `ftac report --study`.
+fn run(terminal: &Terminal, folder: &Path) -> Outcome {
+    if !folder.is_dir() {
+        bail!(
+            "{}: found no such folder; expected what `ftac grasps classify --out {0}`, `map` and `landscape` leave",
+            folder.display()
+        );
+    }
+    let parts = Parts {
+        classes: part(folder, "classes.json")?,
+        map: part(folder, "map.json")?,
+        landscape: part(folder, "landscape/landscape.json")?,
+        hands: part(folder, "hands.json")?,
+    };
+    let sensing = sensing()?;
+    let lines = lines(&parts, &sensing);
+    let missing: Vec<&str> = [
+        (parts.classes.is_none(), "grasps classify"),
+        (parts.map.is_none(), "grasps map"),
+        (parts.landscape.is_none(), "grasps landscape"),
+        (parts.hands.is_none(), "grasps hands"),
+    ]
+    .into_iter()
+    .filter_map(|(missing, command)| missing.then_some(command))
+    .collect();
+    let page = overview::page(folder, &lines, parts.hands.as_ref(), &sensing);
+    write_whole(&folder.join("study.html"), page.as_bytes())?;
+    let row = |line: &Line| {
+        let Line { what, theirs, ours, difference, why } = line;
+        let value = json!({ "what": what, "paper": theirs, "ours": ours, "difference": difference, "why": why });
+        (value, format!("{what:48} {theirs:>18} {ours:>36} {difference:>13}  {why}\n"))
+    };
+    let (rows, text): (Vec<Value>, Vec<String>) = lines.iter().map(row).unzip();
+    terminal.print(
+        &json!({ "rows": rows, "sensors": sensing.array, "missing": missing }),
+        &format!("{}{}/study.html\n", text.concat(), folder.display()),
+    )?;
+    Ok((!missing.is_empty()).then(|| format!("parts are missing: run `ftac {}`", missing.join("`, `ftac "))))
+}
+
+/// What the hand's tactile sensors come to.
+fn sensing() -> Result<Sensing> {
+    let hand = RobotModel::ftac_gen3().hand;
+    let gel = Foundation::paper(hand.gel().thickness);
+    Ok(Sensing {
+        array: array(&hand),
+        coverage: figures::coverage(&hand, None)?.ours,
+        response: sensitivity(&probe_response(&gel, 160.0, 161), 50.0).per_kpa,
+    })
+}

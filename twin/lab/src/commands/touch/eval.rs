@@ -1,0 +1,85 @@
+//! `ftac touch eval`: how accurate touch is, from images to poses, and how long it takes.
+
+use std::path::Path;
+
+use anyhow::{Result, bail};
+use bench::builtin::{HAND_UNIT, make_bench, read_pads_by};
+use ftac::lab::arguments::touch::EvalArgs;
+use ftac::options::robot::{individual_of, pads};
+use ftac::terminal::{Outcome, Terminal};
+use lab::touch::evaluation::{TouchEvaluation, json, table, under_changes};
+use lab::touch::grasps::{Played, grasps};
+use lab::touch::images::{Change, Eyes};
+use lab::touch::networks::Networks;
+use lab::touch::normals::{RealSource, real};
+use lab::touch::pictures;
+use lab::touch::poses::feel;
+use scenarios::Scenario;
+
+/// Where the presses of the GelSight that the program's networks know lie beside a checkout, their ball and pixel size (mm).
+const REAL: (&str, f64, f64) = ("../shared/data/real-gelsight/taxim_gelsight", 4.0, 0.0295);
+/// Where they come from.
+const REAL_SOURCE: &str = "the Python package taxim 1.4.1 (https://pypi.org/project/taxim)";
+
+/// Feels the grasps, measures, prints.
+pub fn eval(terminal: &Terminal, args: &EvalArgs) -> Outcome {
+    let quiet = terminal.quiet || terminal.json;
+    let scenario = Scenario::benchmark();
+    if args.combos == 0 || args.trials == 0 || args.combos > scenario.combinations() {
+        bail!(
+            "--combos and --trials: found {} and {}, expected 1 to {} and at least 1",
+            args.combos,
+            args.trials,
+            scenario.combinations()
+        );
+    }
+    let own = individual_of(args.individual.as_deref(), &args.robot.model()?)?;
+    let networks = args.networks.as_deref().map_or_else(Networks::builtin, Networks::read)?;
+    let source = real_source(args)?;
+    let real = source.map(|source| real(&source, &networks).map(|rows| (source, rows))).transpose()?;
+    let pads = pads(args.pads.as_deref(), &own)?;
+    let mut bench = make_bench(&own, scenario, args.combos, terminal.seed, quiet)?;
+    read_pads_by(&mut bench, pads.as_deref(), Path::new("--pads"))?;
+    let played = Played { combos: args.combos, trials: args.trials, seed: terminal.seed };
+    let grasps = grasps(&bench, played, args.grasps.as_deref(), quiet)?;
+    let bar = progress::bar(grasps.len() as u64, "felt", quiet);
+    let eyes = Eyes::new(&bench.world.cell.robot.hand, HAND_UNIT, &Change::NONE)?
+        .drifting(bench.world.scenario.effects.pads, terminal.seed);
+    let felt = feel(&bench, &eyes, &bench.pipeline, &grasps, || bar.inc(1))?;
+    bar.finish_and_clear();
+    if let Some(folder) = &args.out {
+        let objects = pictures::write(&bench, &eyes, &grasps, folder)?;
+        if !quiet {
+            eprintln!("{}: recordings and sheets of {objects} objects; see one with `ftac view`", folder.display());
+        }
+    }
+    let changed = under_changes(&bench, &networks, &grasps, args.changed)?;
+    let found = TouchEvaluation { felt, changed, real };
+    if terminal.json {
+        println!("{}", json::to_json(&found, terminal.seed)?);
+    } else {
+        print!("{}", table::to_text(&found));
+    }
+    Ok(found.shortfall())
+}
+
+/// The real presses that were named, else the known ones if they are at hand.
+fn real_source(args: &EvalArgs) -> Result<Option<RealSource>> {
+    let (Some(folder), Some(ball_diameter_mm), Some(pixel_mm)) = (&args.real, args.ball_diameter_mm, args.pixel_mm)
+    else {
+        let (folder, ball_diameter_mm, pixel_mm) = REAL;
+        let known = RealSource { folder: folder.into(), ball_diameter_mm, pixel_mm };
+        if known.folder.is_dir() {
+            return Ok(Some(known));
+        }
+        eprintln!(
+            "left out: a real GelSight, whose presses are not at {folder}; they come from {REAL_SOURCE}, and --real FOLDER names them or those \
+             of another sensor"
+        );
+        return Ok(None);
+    };
+    if !(pixel_mm > 0.0 && pixel_mm.is_finite()) {
+        bail!("--pixel-mm: found {pixel_mm}, expected a positive number");
+    }
+    Ok(Some(RealSource { folder: folder.clone(), ball_diameter_mm, pixel_mm }))
+}

@@ -1,0 +1,73 @@
+//! The picture sheet: a row a hand, a column an object, in each place the held grasp with the largest wrench margin.
+
+use std::path::Path;
+
+use anyhow::{Context, Result};
+use grasping::synthesis::held::pose_from_array;
+use image::RgbImage;
+use nalgebra::{Point3, Vector3};
+use proving::synthesis::hands::{BestGrasp, Cell, ComparedHand};
+use report::other_hand::{CONTACT, DOT, draw, skin};
+use report::picture::{Picture, View, save, tile};
+use world::objects::{ObjectModel, ObjectSet};
+
+/// Side of a picture, pixels.
+const SIZE: u32 = 230;
+/// Width of a picture, as a multiple of what is drawn, and how far of it that moves down to leave room for the caption.
+const MARGIN: f64 = 1.35;
+const CAPTION: f64 = 0.07;
+/// Two corners around our hand: x and y in the palm frame, m.
+const OUR_SPAN: [[f64; 2]; 2] = [[-0.06, -0.10], [0.07, 0.10]];
+
+/// Draws the sheet; `cells` are in the order of `hands`.
+pub fn write(hands: &[ComparedHand], cells: &[Cell], path: &Path) -> Result<()> {
+    let set = ObjectSet::repertoire();
+    let mut pictures = Vec::new();
+    for cell in cells {
+        let hand = hands.iter().find(|hand| hand.name() == cell.asked.hand).context("a cell of no hand")?;
+        let model = set.get(&cell.asked.object).context("a cell of no object")?;
+        pictures.push(picture(hand, model, cell));
+    }
+    save(&tile(&pictures, cells.len() / hands.len()), path)
+}
+
+fn picture(hand: &ComparedHand, model: &ObjectModel, cell: &Cell) -> RgbImage {
+    let of = cell.rate();
+    let caption = format!("{}\n{}\n{} of {}", cell.asked.hand, cell.asked.object, of.count, of.of);
+    let Some(best) = &cell.best else {
+        return Picture::new(SIZE, View::palm()).finish(&format!("{caption}\nno grasp held"));
+    };
+    let skin = match hand {
+        ComparedHand::Ours(_) => Vec::new(),
+        ComparedHand::Any { hand, .. } => skin(hand, &best.joints),
+    };
+    let mut picture = Picture::new(SIZE, view(&skin, model, best));
+    match hand {
+        ComparedHand::Ours(hand) => picture.hand(hand, &best.joints),
+        ComparedHand::Any { .. } => draw(&mut picture, &skin),
+    }
+    let (vertices, triangles, normals) = model.shape.triangles();
+    let color = model.color.map(f64::from);
+    picture.triangles(&pose_from_array(&best.palm_from_object), &vertices, &triangles, &normals, color);
+    best.contacts.iter().for_each(|point| picture.dot(&Point3::from(*point), DOT, CONTACT));
+    picture.finish(&format!("{caption}, {:.1} N", best.margin))
+}
+
+/// Onto the palm, around hand and object; of our hand around the palm's middle and the object.
+fn view(skin: &[[Point3<f64>; 3]], model: &ObjectModel, best: &BestGrasp) -> View {
+    let palm_from_object = pose_from_array(&best.palm_from_object);
+    let (a, b) = model.shape.aabb();
+    let corner = |n: usize, axis: usize| if n >> axis & 1 == 1 { b[axis] } else { a[axis] };
+    let corners = (0..8).map(|n| palm_from_object * Point3::new(corner(n, 0), corner(n, 1), corner(n, 2)));
+    let ours = OUR_SPAN.map(|[x, y]| Point3::new(x, y, 0.0));
+    let hand: Vec<Point3<f64>> = if skin.is_empty() { ours.to_vec() } else { skin.iter().flatten().copied().collect() };
+    let (low, high) = hand
+        .into_iter()
+        .chain(corners)
+        .fold((Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY)), |(low, high), point| {
+            (low.inf(&point.coords), high.sup(&point.coords))
+        });
+    let (size, middle) = (high - low, 0.5 * (low + high));
+    let width = MARGIN * size.x.max(size.y);
+    View::palm().at(Point3::from(middle + Vector3::y() * CAPTION * width), width)
+}

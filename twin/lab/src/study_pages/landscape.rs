@@ -1,0 +1,77 @@
+//! The energy landscape as a picture, and as a page on which each basin shows a grasp.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use anyhow::Result;
+use hand_model::Hand;
+use image::RgbImage;
+use platform::data::write_whole;
+use report::plot::Plot;
+use study::classification::ClassifiedGrasp;
+use study::landscape::basins::MappedGrasps;
+use world::objects::ObjectModel;
+
+use super::hover;
+use super::scene::Scene;
+use super::tree::{self, Leaf};
+
+/// Basins that the page shows below the tree.
+const LARGEST: usize = 12;
+
+/// Below the heading of the count.
+const COUNT: &str = "The count grows with the grasps that are sorted, so it is one of this many grasps and not of the landscape. The \
+                     paper reports 79 basins over six objects and does not say of how many grasps.";
+/// Basins in the paper.
+const PAPER: f64 = 79.0;
+
+/// Basins after the first grasps, beside the paper's count.
+fn growth(counts: &[(usize, usize)]) -> RgbImage {
+    let most = counts.last().map_or(1.0, |last| last.0 as f64);
+    let ours = counts.iter().map(|(grasps, basins)| [*grasps as f64, *basins as f64]).collect();
+    Plot {
+        title: "Basins found".into(),
+        x: "grasps sorted".into(),
+        y: "basins".into(),
+        lines: vec![("this study".into(), ours), ("paper: 79".into(), vec![[0.0, PAPER], [most, PAPER]])],
+    }
+    .draw()
+}
+
+/// Writes `landscape.svg`, `growth.png` and `landscape.html` into `folder`. `objects` are in the order of the classification.
+pub fn write(folder: &Path, (hand, objects): (&Hand, &[Arc<ObjectModel>]), found: &MappedGrasps<'_>) -> Result<()> {
+    let basins = &found.map.basins;
+    let shown: Vec<&ClassifiedGrasp> = basins.iter().map(|basin| found.lowest(basin)).collect();
+    let leaves: Vec<Leaf> = basins
+        .iter()
+        .enumerate()
+        .map(|(n, basin)| {
+            let (members, category) = (basin.members.len(), found.majority(basin));
+            let text = format!(
+                "basin {n}: {members} grasps, mostly {}; shown {} ({})",
+                category.name(),
+                shown[n].id,
+                found.classification.type_name(shown[n])
+            );
+            Leaf { members, category, grasp: n, text }
+        })
+        .collect();
+    let title = format!("{} basins of {} grasps", basins.len(), found.minima.len());
+    let drawing = tree::svg(found.tree, &leaves, &title);
+    write_whole(&folder.join("landscape.svg"), drawing.as_bytes())?;
+    report::picture::save(&growth(&found.growth()), &folder.join("growth.png"))?;
+    let mut largest: Vec<usize> = (0..leaves.len()).collect();
+    largest.sort_by_key(|n| (std::cmp::Reverse(leaves[*n].members), *n));
+    largest.truncate(LARGEST);
+    let gallery: Vec<(usize, String)> = largest.iter().map(|n| (*n, leaves[*n].text.clone())).collect();
+    let introduction = "Circles are basins: as large as they have grasps, coloured by the broad type of most of them, at the height \
+                        of their lowest energy. Bars join basins at the energy over which one leads to the other. Point at a \
+                        circle to see a grasp of it. Below: the largest basins.";
+    let body = format!(
+        "<div style=\"overflow-x:auto\">{drawing}</div>\n<h2>How many basins there are</h2>\n<p>{COUNT}</p>\n\
+         <img src=\"growth.png\" alt=\"basins over grasps\" style=\"max-width:100%\">\n<h2>The largest basins</h2>\n{}",
+        hover::gallery(&gallery)
+    );
+    let page = hover::page(&title, introduction, &body, &Scene::of(hand, objects, shown))?;
+    Ok(write_whole(&folder.join("landscape.html"), page.as_bytes())?)
+}

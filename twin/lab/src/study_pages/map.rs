@@ -1,0 +1,121 @@
+//! A map of grasps as SVG: one dot per grasp, coloured by broad type, over the two sides of the boundary.
+
+use std::fmt::Write as _;
+use std::path::Path;
+use std::sync::Arc;
+
+use anyhow::Result;
+use hand_model::Hand;
+use platform::data::write_whole;
+use report::html::escape;
+use study::classification::{Classification, ClassifiedGrasp};
+use study::grasp_map::GraspMap;
+use study::taxonomy::Category;
+use world::objects::ObjectModel;
+
+use super::hover;
+use super::scene::Scene;
+use super::tree::color;
+
+/// One grasp on the map.
+#[derive(Debug, Clone)]
+pub struct Dot {
+    /// Coordinates on the map.
+    pub at: [f64; 2],
+    pub category: Category,
+    /// Index in the scene.
+    pub grasp: usize,
+    /// Caption.
+    pub text: String,
+}
+
+const SIZE: f64 = 720.0;
+const TOP: f64 = 56.0;
+/// Cells of the boundary's shading along each side.
+const CELLS: usize = 90;
+
+/// The drawing; `power` is true for coordinates on the power side of the boundary.
+pub fn svg(dots: &[Dot], power: impl Fn([f64; 2]) -> bool, title: &str) -> String {
+    let reach = dots.iter().flat_map(|dot| dot.at).fold(1e-9, |most: f64, x| most.max(x.abs())) * 1.06;
+    let place = |at: [f64; 2]| [0.5 * SIZE * (1.0 + at[0] / reach), TOP + 0.5 * SIZE * (1.0 - at[1] / reach)];
+    let mut svg = format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {SIZE} {0}\" font-family=\"system-ui,Arial,sans-serif\" \
+         font-size=\"12\"><rect width=\"{SIZE}\" height=\"{0}\" fill=\"#fff\"/>\n<text x=\"8\" y=\"20\" font-size=\"15\" \
+         font-weight=\"600\">{1}</text>\n",
+        SIZE + TOP + 8.0,
+        escape(title)
+    );
+    let cell = SIZE / CELLS as f64;
+    for row in 0..CELLS {
+        // Consecutive cells of one side become one rectangle.
+        let side = |column: usize| {
+            let at = |k: usize| 2.0 * (k as f64 + 0.5) / CELLS as f64 - 1.0;
+            power([reach * at(column), -reach * at(row)])
+        };
+        let mut start = 0;
+        while start < CELLS {
+            let own = side(start);
+            let end = (start + 1..CELLS).find(|column| side(*column) != own).unwrap_or(CELLS);
+            let fill = if own { "#f8e5e2" } else { "#e2f1e8" };
+            let _ = write!(
+                svg,
+                "<rect x=\"{:.1}\" y=\"{:.1}\" width=\"{:.1}\" height=\"{:.1}\" fill=\"{fill}\"/>",
+                start as f64 * cell,
+                TOP + row as f64 * cell,
+                (end - start) as f64 * cell + 0.3,
+                cell + 0.3
+            );
+            start = end;
+        }
+    }
+    for dot in dots {
+        let [x, y] = place(dot.at);
+        let _ = writeln!(
+            svg,
+            "<circle data-grasp=\"{}\" data-text=\"{1}\" cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"4\" fill=\"{2}\" fill-opacity=\".85\" \
+             stroke=\"#fff\" stroke-width=\".6\"><title>{1}</title></circle>",
+            dot.grasp,
+            escape(&dot.text),
+            color(dot.category)
+        );
+    }
+    for (k, category) in Category::ALL.into_iter().enumerate() {
+        let (at, count) = (14.0 + 150.0 * k as f64, dots.iter().filter(|dot| dot.category == category).count());
+        let (fill, name) = (color(category), category.name());
+        let _ = writeln!(
+            svg,
+            "<circle cx=\"{at}\" cy=\"40\" r=\"6\" fill=\"{fill}\"/><text x=\"{}\" y=\"44\">{name} {count}</text>",
+            at + 11.0
+        );
+    }
+    svg += "</svg>\n";
+    svg
+}
+
+/// Writes `map.svg` and `map.html`, where grasps appear in 3D under the mouse, into `folder`. `objects` are in the order of the
+/// classification.
+pub fn write(
+    folder: &Path,
+    (hand, objects): (&Hand, &[Arc<ObjectModel>]),
+    classification: &Classification,
+    map: &GraspMap,
+) -> Result<()> {
+    let grasps: Vec<&ClassifiedGrasp> = map.sampled.iter().map(|n| &classification.grasps[*n]).collect();
+    let dots: Vec<Dot> = grasps
+        .iter()
+        .enumerate()
+        .map(|(n, grasp)| {
+            let doubt = if grasp.decision.ambiguous { " (ambiguous)" } else { "" };
+            let text = format!("{}: {}{doubt}", grasp.id, classification.type_name(grasp));
+            Dot { at: map.places[n], category: classification.category(grasp), grasp: n, text }
+        })
+        .collect();
+    let title = format!("Contact maps of {} grasps", dots.len());
+    let picture = svg(&dots, |at| map.boundary.power(&at), &title);
+    write_whole(&folder.join("map.svg"), picture.as_bytes())?;
+    let scene = Scene::of(hand, objects, grasps);
+    let introduction = "Each dot is a grasp; near ones touch with the same parts of the hand. Shading: the side of the boundary \
+                        between power and precision. Point at a dot to see the grasp.";
+    let page = hover::page(&title, introduction, &format!("<div style=\"max-width:900px\">{picture}</div>"), &scene)?;
+    Ok(write_whole(&folder.join("map.html"), page.as_bytes())?)
+}

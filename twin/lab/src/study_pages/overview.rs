@@ -1,0 +1,145 @@
+//! The page of the whole grasp study: the paper's figure, ours, the difference and the reason, then what each part found.
+
+use std::path::Path;
+
+use report::html::{Column, Table, escape, number, whole_page};
+use serde_json::Value;
+use study::sensors::OTHERS;
+
+use super::comparison::{Line, Sensing};
+
+/// The page. Pictures and the pages of the parts are taken from `folder` as far as they are there; `hands` is `hands.json`.
+pub fn page(folder: &Path, lines: &[Line], hands: Option<&Value>, sensing: &Sensing) -> String {
+    let words = Column::Words;
+    let mut table = Table::new(
+        "The paper beside this project",
+        &[("figure", words), ("paper", words), ("ours", words), ("difference", words), ("why", words)],
+    );
+    lines.iter().for_each(|line| table.row(&[line.what, line.theirs, &line.ours, &line.difference, &line.why]));
+    let mut body = table.finish();
+    let picture = |file: &str| std::fs::read_to_string(folder.join(file)).ok();
+    for (title, caption, file, more) in [
+        (
+            "Grasp types by object",
+            "How many verified grasps of each object have which of the paper's 19 types, given by written rules.",
+            "types.svg",
+            None,
+        ),
+        (
+            "Energy landscape",
+            "Grasps that lead to one another without climbing share a basin, a circle as large as it has grasps and as high as its \
+             lowest energy. A bar joins two basins at the energy over which one leads to the other.",
+            "landscape/landscape.svg",
+            Some("landscape/landscape.html"),
+        ),
+        (
+            "Contact maps",
+            "Each point is a grasp, placed by where it touches the hand: near points touch alike. The line separates power from \
+             precision grasps.",
+            "map.svg",
+            Some("map.html"),
+        ),
+    ] {
+        if let Some(svg) = picture(file) {
+            body += &format!(
+                "<h2>{}</h2>\n<p>{}</p>\n<figure style=\"overflow-x:auto\">{svg}</figure>\n",
+                escape(title),
+                escape(caption)
+            );
+            if let Some(page) = more.filter(|page| folder.join(page).exists()) {
+                body += &format!("<p><a href=\"{page}\">{page}</a>: with grasps in 3D under the mouse.</p>\n");
+            }
+        }
+    }
+    if folder.join("landscape/growth.png").exists() {
+        body +=
+            "<figure><img src=\"landscape/growth.png\" alt=\"basins over grasps\" style=\"max-width:100%\"></figure>\n";
+        body += "<p>The number of basins grows with the grasps that are sorted; the paper does not say of how many grasps its 79 are.</p>\n";
+    }
+    body += &hand_table(folder, hands);
+    body += &sensor_tables(sensing);
+    let about = "<p class=\"byline\">What the paper reports on grasps, made again from this project's own verified grasps.</p>\n";
+    whole_page("The grasp study", &(about.to_owned() + &body))
+}
+
+/// Success by object and hand, as `hands.json` has it, and its picture sheet.
+fn hand_table(folder: &Path, hands: Option<&Value>) -> String {
+    let mut html = "<h2>Other hands</h2>\n".to_owned();
+    let Some(rows) = hands.and_then(|hands| hands["rows"].as_array()) else {
+        return html + "<p>Not made: <code>ftac grasps hands</code> leaves it in this folder.</p>\n";
+    };
+    let distinct = |key: &str| {
+        let mut found: Vec<&str> = Vec::new();
+        for name in rows.iter().filter_map(|row| row[key].as_str()) {
+            if !found.contains(&name) {
+                found.push(name);
+            }
+        }
+        found
+    };
+    let (names, objects) = (distinct("hand"), distinct("object"));
+    let mut head = vec![("object", Column::Words)];
+    head.extend(names.iter().map(|name| (*name, Column::Words)));
+    let mut table = Table::new("Grasps that pass all three checks, of chains, with Wilson 95 % intervals", &head);
+    let cell = |row: &Value| {
+        let percent = |key: &str| row[key].as_f64().map_or("-".into(), |x| format!("{:.0}", 100.0 * x));
+        format!("{} of {} [{}, {}] %", row["verified"], row["of"], percent("low"), percent("high"))
+    };
+    for object in objects {
+        let of = |name: &&str| rows.iter().find(|row| row["hand"] == **name && row["object"] == object).map(cell);
+        let mut cells = vec![object.to_owned()];
+        cells.extend(names.iter().map(|name| of(name).unwrap_or_else(|| "-".into())));
+        table.row(&cells);
+    }
+    html += &table.finish();
+    html += "<p>The paper shows pictures for its hands on eight objects that it does not name, and no rates: there is nothing to set \
+             beside these figures. The objects here are eight of this project's 23.</p>\n";
+    if folder.join("hands.png").exists() {
+        html += "<figure><img src=\"hands.png\" alt=\"a held grasp of each hand on each object\" style=\"max-width:100%\"></figure>\n";
+    }
+    html
+}
+
+fn sensor_tables(sensing: &Sensing) -> String {
+    let Sensing { array: sensors, coverage, response } = sensing;
+    let words = Column::Words;
+    let heads = ["system", "sensing area", "resolution", "transduction", "wiring", "sensitivity, 1/kPa"];
+    let mut table = Table::new(
+        "Tactile arrays: the paper's table, our row computed from the model",
+        &heads.map(|head| (head, words)),
+    );
+    OTHERS.iter().for_each(|row| table.row(row));
+    table.row(&[
+        "this model".to_owned(),
+        format!("{} pads, {:.0} cm2, {coverage}", sensors.pads, sensors.area_cm2),
+        format!("{:.0} taxels/cm2, {} a hand", sensors.taxels_per_cm2, sensors.taxels),
+        "vision-based".to_owned(),
+        "per sensor".to_owned(),
+        format!("{response:.2}"),
+    ]);
+    let mut html = format!("<h2>Sensors</h2>\n{}", table.finish());
+    let numbers = Column::Numbers;
+    let mut table = Table::new(
+        "The six configurations, from the model",
+        &[
+            ("configuration", words),
+            ("pads", numbers),
+            ("cameras a pad", numbers),
+            ("height, mm", numbers),
+            ("width, mm", numbers),
+            ("taxels/cm2", numbers),
+        ],
+    );
+    for own in &sensors.configurations {
+        table.row(&[
+            own.letter.to_string(),
+            own.pads.to_string(),
+            own.cameras.to_string(),
+            number(own.size_mm[0], 0),
+            number(own.size_mm[1], 0),
+            number(own.taxels_per_cm2, 0),
+        ]);
+    }
+    html += &table.finish();
+    html
+}

@@ -1,0 +1,134 @@
+//! The presses to calibrate with: read, rectified, and checked as far as seconds allow.
+
+use std::path::Path;
+
+use anyhow::{Context, Result, bail};
+use optics::calibration::zhang::{self, LensFit};
+use optics::calibration::{Lens, PressFolder, ReadOptions, press_checks};
+
+use super::scale::{self, PixelSize, PixelSource};
+use super::sheet::Tile;
+use crate::video;
+
+/// Folder of pictures of a checkerboard inside a folder of presses.
+pub const CHECKERBOARDS: &str = "checkerboards";
+/// Fewest presses to learn from and to judge by.
+const FEWEST: usize = 4;
+/// Least share of the images that must be usable: else more is wrong than single presses.
+const MOST: f64 = 0.5;
+
+/// Presses with what tells the size of a pixel.
+pub struct CheckedPresses {
+    /// Presses in line with the others; what is not is left out with a reason.
+    pub(super) folder: PressFolder,
+    pub(super) lens: Option<Lens>,
+    pub(super) checkerboards: Option<LensFit>,
+    pub(super) source: PixelSource,
+    /// The size that the source tells, if it does.
+    pub(super) measured: Option<PixelSize>,
+    pub(super) shallow: bool,
+}
+
+/// Where presses come from, and what is known of them.
+#[derive(Debug, Clone, Copy)]
+pub struct PressSource<'a> {
+    /// Folder of images, or a video.
+    pub path: &'a Path,
+    /// Diameter of the ball where the labels do not say it, m.
+    pub diameter: f64,
+    pub ignore_labels: bool,
+    /// Image of the untouched gel, if it is not called `background`.
+    pub background: Option<&'a Path>,
+    /// The camera's lens, if the images are not rectified.
+    pub lens: Option<&'a Path>,
+    /// What tells the size of a pixel.
+    pub pixel: PixelSource,
+    /// Whether all presses may be shallow.
+    pub shallow: bool,
+}
+
+/// Reads the presses of a folder or a video.
+pub fn read(path: &Path, diameter: f64, ignore_labels: bool, background: Option<&Path>) -> Result<PressFolder> {
+    if path.is_file() && video::is_video(path) {
+        return video::read_presses(path, diameter, background);
+    }
+    Ok(PressFolder::read_with(path, &ReadOptions { diameter, ignore_labels, background })?)
+}
+
+impl CheckedPresses {
+    /// Reads, rectifies with the lens or with the one fitted to the folder's checkerboards, and leaves out what is out of line. An
+    /// error if too little remains, or if the ball's diameter or the size of a pixel cannot be right. `show` is called with the presses
+    /// before the first of these errors.
+    pub fn read(source: &PressSource<'_>, show: impl Fn(&[Tile]) -> Result<()>) -> Result<Self> {
+        let mut folder = read(source.path, source.diameter, source.ignore_labels, source.background)?;
+        let lens = source.lens.map(Lens::read).transpose().context("--lens")?;
+        let boards = source.path.join(CHECKERBOARDS);
+        let checkerboards = if boards.exists() {
+            Some(zhang::read(&boards, [folder.background.width, folder.background.height])?)
+        } else {
+            None
+        };
+        let lens = lens.or(checkerboards.as_ref().map(|fit| fit.lens));
+        let mut pixel = source.pixel;
+        if let Some(lens) = &lens {
+            folder = folder.rectified(lens).context("the camera's lens")?;
+            if let PixelSource::Ruler { ends, .. } = &mut pixel {
+                *ends = ends.map(|end| lens.rectified(end));
+            }
+        }
+        let measured = pixel.measured(folder.background.width)?;
+        let reasons = press_checks::out_of_line(&folder);
+        folder.leave_out(reasons);
+        let impossible = measured.map_or(Ok(()), |PixelSize { size, .. }| {
+            scale::leave_out_impossible(&mut folder, size, false)
+                .and_then(|()| scale::check_depth(&folder, size, source.shallow))
+        });
+        let checked = Self { folder, lens, checkerboards, source: pixel, measured, shallow: source.shallow };
+        show(&checked.tiles())?;
+        impossible?;
+        checked.enough()?;
+        Ok(checked)
+    }
+
+    /// What is left out, and why.
+    pub fn left_out(&self) -> impl Iterator<Item = (&str, &str)> {
+        self.folder.left_out.iter().map(|image| (image.name.as_str(), image.reason.as_str()))
+    }
+
+    /// Presses that are in line.
+    pub fn count(&self) -> usize {
+        self.folder.presses.len()
+    }
+
+    /// Images of single lamps.
+    pub fn lamps(&self) -> usize {
+        self.folder.lamps.len()
+    }
+
+    /// An error if too few presses remain. Rows of the label file whose image is not there say nothing of the images that are.
+    pub(super) fn enough(&self) -> Result<()> {
+        let kept = self.folder.presses.len();
+        let left = self.folder.left_out.iter().filter(|left| !left.missing).count();
+        let total = kept + left;
+        if kept >= FEWEST && kept as f64 >= MOST * total as f64 {
+            return Ok(());
+        }
+        let reasons = self.folder.left_out.iter().take(6).map(|image| format!("\n{}: {}", image.name, image.reason));
+        let reasons: String = reasons.collect();
+        if kept < FEWEST {
+            bail!("found {kept} presses that can be used, of {total}; expected at least {FEWEST}{reasons}");
+        }
+        bail!(
+            "found {left} of {total} presses out of line; expected less than half: more is wrong than they are{reasons}"
+        )
+    }
+
+    /// The presses as they were read, with their circles; what is left out with the reason.
+    fn tiles(&self) -> Vec<Tile> {
+        let used =
+            self.folder.presses.iter().map(|press| Tile::press(press, format!("r {:.0} px", press.radius), true));
+        let mut tiles: Vec<Tile> = used.chain(self.folder.left_out.iter().flat_map(Tile::left_out)).collect();
+        tiles.sort_by(|a, b| a.name.cmp(&b.name));
+        tiles
+    }
+}

@@ -1,0 +1,44 @@
+//! `ftac touch train`: the calibration a lab makes with a ball on an XYZ stage, made with the simulated sensors: balls of
+//! known diameter pressed at known places into one *other* hand unit than the one that runs the trials.
+
+use anyhow::{Context, Result};
+use hand_model::Hand;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use sim::tactile::TactileBoard;
+use touch::calibration::AngularError;
+use touch::{CalibrationPress, PhotometricCalibration};
+
+use crate::pressed_shapes::{Place, Relief, ball, press_into};
+
+/// Radii of the calibration balls, m.
+const BALL_RADII: [f64; 3] = [0.004, 0.010, 0.022];
+
+/// Presses of balls at random places of every camera.
+pub fn presses(hand: &Hand, board: &TactileBoard, per_camera: usize, seed: u64) -> Result<Vec<CalibrationPress>> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut presses = Vec::new();
+    for (index, camera) in hand.cameras.iter().enumerate() {
+        let sensor = &board.sensors()[index];
+        for n in 0..per_camera {
+            let radius = BALL_RADII[n % BALL_RADII.len()];
+            let at =
+                [rng.random_range(-0.38..0.38) * camera.w, camera.center_y + rng.random_range(-0.38..0.38) * camera.h];
+            let force = rng.random_range(0.5..4.0);
+            let relief: Relief = Box::new(move |x, y| ball(radius, x, y));
+            let place = Place { at, turn: 0.0 };
+            presses.push(press_into(hand, (index, sensor), (&relief, &place), force, &mut rng)?);
+        }
+    }
+    Ok(presses)
+}
+
+/// Fits a calibration on `per_camera` presses a camera of unit `serial` and evaluates it on as many of another unit.
+pub fn train(hand: &Hand, serial: u64, per_camera: usize, seed: u64) -> Result<(PhotometricCalibration, AngularError)> {
+    let calibration =
+        PhotometricCalibration::fit(hand, &presses(hand, &TactileBoard::unit(hand, serial), per_camera, seed)?)
+            .context("fitting the photometric model")?;
+    let held_out = presses(hand, &TactileBoard::unit(hand, serial + 1), per_camera.div_ceil(2), seed + 1)?;
+    let error = calibration.evaluate(hand, &held_out).context("evaluating the photometric model")?;
+    Ok((calibration, error))
+}

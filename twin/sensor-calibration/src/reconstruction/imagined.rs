@@ -1,0 +1,48 @@
+//! Presses into a sensor as its fitted model of image formation imagines them.
+//!
+//! A dozen presses of one ball show few slopes at few places. What the model renders of other shapes, sizes and places is the prior of
+//! what is learned from the presses.
+
+use anyhow::Result;
+use optics::calibration::{CalibratedSensor, SensorCalibration};
+use touch::CalibrationPress;
+
+use crate::pressed_shapes::{Relief, ball, each, seen};
+use crate::real_presses::Likeness;
+
+/// Radii of balls that are pressed beside the shapes, over that of the calibration's ball, and how often each is drawn against a
+/// shape.
+const BALLS: [f64; 4] = [0.4, 0.7, 1.0, 1.6];
+const OFTEN: usize = 6;
+
+/// Columns that a rendered image has at least: the pads' grid has fewer.
+const COLUMNS: usize = 320;
+
+/// The sensor with pixels so many times as large that its images still have [`COLUMNS`].
+fn coarser(sensor: &CalibratedSensor) -> Result<(CalibratedSensor, usize)> {
+    let (width, height) = sensor.size();
+    let times = (width / COLUMNS).max(1);
+    let (columns, rows) = (width / times, height / times);
+    let mean = |at: usize| {
+        let (channel, column, row) = (at % 3, at / 3 % columns * times, at / 3 / columns * times);
+        let pixels = (0..times * times).map(|k| (row + k / times) * width + column + k % times);
+        pixels.map(|pixel| sensor.background()[3 * pixel + channel]).sum::<f32>() / (times * times) as f32
+    };
+    let background = (0..3 * columns * rows).map(mean).collect();
+    let calibration = sensor.calibration();
+    let pixel_mm = calibration.pixel_mm * times as f64;
+    let file = SensorCalibration { columns, rows, pixel_mm, ..calibration.clone() };
+    Ok((CalibratedSensor::new(file, background)?, times))
+}
+
+/// `count` presses into the sensor; `radius` is that of the calibration's ball, m.
+pub fn presses(sensor: &CalibratedSensor, radius: f64, count: usize, seed: u64) -> Result<Vec<CalibrationPress>> {
+    let (sensor, times) = coarser(sensor)?;
+    // A pixel that stands for several has less noise.
+    let noise = sensor.model().noise / times as f64;
+    let likeness = Likeness::of(sensor);
+    let balls = BALLS.iter().flat_map(|share| std::iter::repeat_n(share * radius, OFTEN));
+    let balls = balls.map(|radius| Box::new(move |x, y| ball(radius, x, y)) as Relief);
+    let reliefs: Vec<Relief> = seen().into_iter().chain(balls).collect();
+    each(count, |n| likeness.press(&reliefs, n, noise, seed))
+}

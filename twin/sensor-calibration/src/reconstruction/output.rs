@@ -1,0 +1,90 @@
+//! Files of a reconstructed surface.
+
+use std::io::Cursor;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result};
+use image::{ImageBuffer, ImageFormat, Luma, Rgb};
+use platform::file::write_whole;
+use serde_json::{Value, json};
+
+use super::ply;
+use super::surface::Surface;
+use crate::{exr, npy};
+
+/// Indentation of one level of the 16-bit height image, m.
+pub const LEVEL: f32 = 1e-7;
+
+/// Level of a pixel in contact whose colours or slopes no press of the calibration had; 255 is known, 0 no contact.
+pub const BEYOND: u8 = 128;
+
+/// Writes the surface found in the image `name` into `folder`: height (NPY, EXR: m; PNG: 16 bits of [`LEVEL`]), normals (NPY, EXR,
+/// PNG) with their expected error (NPY, degrees), contact mask (PNG), where it is known (PNG) and the points in contact (PLY). Heights
+/// outside the contact are not known: NaN, 0 in the PNG. Returns the files.
+pub fn write(surface: &Surface, folder: &Path, name: &str) -> Result<Vec<PathBuf>> {
+    let (width, height) = (surface.width, surface.height);
+    let mut files = Vec::new();
+    let mut at = |ending: &str| {
+        let path = folder.join(format!("{name}.{ending}"));
+        files.push(path.clone());
+        path
+    };
+    let normals: Vec<f32> = (0..width * height).flat_map(|i| surface.normal(i)).collect();
+    let channel = |c: usize| normals.iter().skip(c).step_by(3).copied().collect::<Vec<f32>>();
+    npy::write(&at("height.npy"), &surface.depth, &[height, width])?;
+    exr::write(&at("height.exr"), width, &[("Y", surface.depth.clone())])?;
+    npy::write(&at("normals.npy"), &normals, &[height, width, 3])?;
+    exr::write(&at("normals.exr"), width, &[("R", channel(0)), ("G", channel(1)), ("B", channel(2))])?;
+    npy::write(&at("normals-error.npy"), &surface.normal_error, &[height, width])?;
+    let levels = surface.depth.iter().map(|depth| (depth / LEVEL).round().clamp(0.0, 65535.0) as u16).collect();
+    save(&at("height.png"), ImageBuffer::<Luma<u16>, Vec<u16>>::from_raw(width as u32, height as u32, levels))?;
+    let colors = normals.iter().map(|part| (127.5 * (1.0 + part)).round() as u8).collect();
+    save(&at("normals.png"), ImageBuffer::<Rgb<u8>, Vec<u8>>::from_raw(width as u32, height as u32, colors))?;
+    let mask = surface.contact.iter().map(|inside| if *inside { 255 } else { 0 }).collect();
+    save(&at("contact.png"), ImageBuffer::<Luma<u8>, Vec<u8>>::from_raw(width as u32, height as u32, mask))?;
+    let known = surface.contact.iter().zip(&surface.beyond).map(|(inside, beyond)| match (inside, beyond) {
+        (false, _) => 0,
+        (true, true) => BEYOND,
+        (true, false) => 255,
+    });
+    save(&at("known.png"), ImageBuffer::<Luma<u8>, Vec<u8>>::from_raw(width as u32, height as u32, known.collect()))?;
+    let cloud = at("ply");
+    write_whole(&cloud, &ply::contact_points(surface)).with_context(|| cloud.display().to_string())?;
+    Ok(files)
+}
+
+fn save<P>(path: &Path, image: Option<ImageBuffer<P, Vec<P::Subpixel>>>) -> Result<()>
+where
+    P: image::PixelWithColorType,
+    [P::Subpixel]: image::EncodableLayout,
+{
+    let image = image.context("an image of the wrong size")?;
+    let mut bytes = Cursor::new(Vec::new());
+    image.write_to(&mut bytes, ImageFormat::Png).with_context(|| path.display().to_string())?;
+    write_whole(path, bytes.get_ref()).with_context(|| path.display().to_string())
+}
+
+/// The figures of an image: `None` is an untouched gel.
+pub fn summary(name: &str, surface: Option<&Surface>) -> Value {
+    match surface {
+        None => json!({"image": name, "touched": false}),
+        Some(surface) => json!({
+            "image": name,
+            "touched": true,
+            "depth_mm": surface.deepest.map(|depth| 1e3 * depth),
+            "depth_error_mm": surface.depth_error.map(|error| 1e3 * error),
+            "beyond_calibration": surface.beyond_share(),
+            "notes": surface.notes,
+            "contact_mm2": 1e6 * surface.area(),
+            "normal_error_deg": mean_error(surface),
+        }),
+    }
+}
+
+/// Root mean square of the normals' expected errors inside the contact, degrees.
+pub fn mean_error(surface: &Surface) -> f64 {
+    let inside = surface.normal_error.iter().zip(&surface.contact).filter(|(_, inside)| **inside);
+    let (sum, count) =
+        inside.fold((0.0, 0.0), |(sum, count), (error, _)| (sum + f64::from(*error).powi(2), count + 1.0));
+    (sum / f64::max(count, 1.0)).sqrt()
+}
