@@ -1,6 +1,6 @@
 //! End-to-end tests of `ftac`: they run the built program as a user would and look at what it prints and leaves behind.
 //!
-//! This library holds only what all of them need: the program, built once, and a run of it. What a run prints with `--json` is held
+//! This library holds only what all of them need: the program and `ftac-lab` beside it, built once, and a run of it. What a run prints with `--json` is held
 //! against the schema that the program gives for it.
 
 mod schema;
@@ -19,21 +19,23 @@ pub fn root() -> &'static Path {
     })
 }
 
-/// The release build of `ftac`, built first if it is not up to date: Cargo builds no other package's binary for a test.
+/// The release build of `ftac`, with `ftac-lab` beside it, built first where they are not up to date: Cargo builds no other package's binary for
+/// a test.
 ///
 /// # Panics
-/// If it cannot be built; without it no test here can say anything.
+/// If they cannot be built; without them no test here can say anything.
 pub fn binary() -> &'static Path {
     static BINARY: OnceLock<PathBuf> = OnceLock::new();
     BINARY.get_or_init(|| {
         let mut build = Command::new(env!("CARGO"));
         build
-            .args(["build", "--release", "--quiet", "--package", "ftac", "--bin", "ftac", "--target-dir"])
+            .args(["build", "--release", "--quiet"])
+            .args(["--package", "ftac", "--bin", "ftac", "--package", "ftac-lab", "--bin", "ftac-lab", "--target-dir"])
             .arg(target_dir())
             .current_dir(root());
         forget_package(&mut build);
         let built = build.status();
-        assert!(built.as_ref().is_ok_and(|status| status.success()), "ftac does not build: {built:?}");
+        assert!(built.as_ref().is_ok_and(|status| status.success()), "ftac and ftac-lab do not build: {built:?}");
         target_dir().join("release/ftac")
     })
 }

@@ -140,8 +140,22 @@ fn only_one_crate_names_each_engine() {
     let graph = Graph::read();
     assert_eq!(graph.users("rerun"), ["stream"]);
     assert_eq!(graph.users("rapier3d-f64"), ["sim"]);
-    assert_eq!(graph.users("clap"), ["ftac"]);
+    assert_eq!(graph.users("clap"), ["ftac", "ftac-lab"]);
+    assert_eq!(graph.users("burn"), ["ftac-lab"]);
+    assert_eq!(graph.users("linfa"), ["study"]);
     assert_eq!(graph.users("parquet"), ["sweep"]);
+}
+
+/// What only validation, grasp analysis and training need is in `ftac-lab` alone.
+#[test]
+fn what_people_run_carries_no_training() {
+    let graph = Graph::read();
+    for program in ["ftac", "ftac-python"] {
+        let reach = graph.reach(program);
+        for heavy in ["burn", "linfa", "study", "ftac-lab"] {
+            assert!(!reach.contains(heavy), "{program} reaches {heavy}");
+        }
+    }
 }
 
 /// Design, section 1: "Arrows, and no others".
@@ -184,14 +198,14 @@ fn members_know_only_whom_they_may() {
         ),
         ("sensor-calibration", "platform hand-model world sim optics touch report"),
         (
-            "lab",
-            "statistics platform hand-model world scenarios sim optics touch grasping control study proving bench report stream progress sensor-calibration",
+            "ftac-lab",
+            "ftac statistics platform hand-model world scenarios sim optics touch grasping control study proving bench report stream progress sensor-calibration",
         ),
         ("sweep", "statistics hand-model platform scenarios control bench report progress"),
         ("guide", "hand-model scenarios optics touch grasping control study"),
         (
             "ftac",
-            "object-detector fault-injection statistics platform hand-model world plant scenarios sim optics touch grasping control study hardware-bridge kortex session-log proving bench identification lab sensor-calibration report stream sweep progress",
+            "object-detector fault-injection statistics platform hand-model world plant scenarios sim optics touch grasping control hardware-bridge kortex session-log proving bench identification sensor-calibration report stream sweep progress",
         ),
         ("ftac-python", "ftac hand-model world scenarios sim optics touch grasping control session-log proving bench"),
         ("e2e", ""),
@@ -210,7 +224,8 @@ fn members_know_only_whom_they_may() {
         assert!(!graph.reach("stream").contains(stranger), "stream reaches {stranger}");
     }
     // The Python package is a door onto the libraries and brings the program: nobody knows it, and nobody else knows Python.
-    assert_eq!(graph.users("ftac"), ["ftac-python"]);
+    assert_eq!(graph.users("ftac"), ["ftac-lab", "ftac-python"]);
+    assert_eq!(graph.users("ftac-lab"), Vec::<&str>::new());
     assert_eq!(graph.users("ftac-python"), Vec::<&str>::new());
     assert_eq!(graph.users("pyo3"), ["ftac-python"]);
     for stranger in ["clap", "rapier3d-f64", "rerun"] {

@@ -3,11 +3,9 @@
 use std::ffi::OsString;
 use std::path::PathBuf;
 
-use clap::error::ErrorKind;
-use clap::{Command as Described, CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
+use clap::{Command as Described, CommandFactory as _, Parser, Subcommand};
 use clap_complete::Shell;
 
-use crate::commands::arm::ArmCommand;
 use crate::commands::bench::BenchArgs;
 use crate::commands::bridge::BridgeCommand;
 use crate::commands::combos::CombosArgs;
@@ -16,16 +14,20 @@ use crate::commands::export::ExportCommand;
 use crate::commands::grasps::GraspsCommand;
 use crate::commands::hand::HandCommand;
 use crate::commands::optics::OpticsCommand;
-use crate::commands::study::all::StudyArgs;
 use crate::commands::sweep::SweepCommand;
 use crate::commands::touch::TouchCommand;
 use crate::commands::transport::TransportArgs;
 use crate::commands::trial::TrialArgs;
 use crate::commands::twin::TwinCommand;
 use crate::commands::{
-    arm, bench, bridge, combos, demo, export, grasps, hand, lab_book, optics, replay, schema, shell, study, sweep,
-    touch, transport, trial, twin, view,
+    bench, bridge, combos, demo, export, grasps, hand, optics, replay, report, schema, shell, sweep, touch, transport,
+    trial, twin, view,
 };
+use crate::front::CommandLine;
+use crate::lab::arguments::arm::ArmCommand;
+use crate::lab::arguments::report::ReportArgs;
+use crate::lab::arguments::study::StudyArgs;
+use crate::lab::hand_over::hand_over;
 use crate::terminal::{Outcome, Terminal};
 
 /// Digital twin of the F-TAC Hand on a Kinova Gen3 arm.
@@ -73,28 +75,7 @@ pub enum Command {
     #[command(subcommand)]
     Export(ExportCommand),
     /// Build report.html, trials.csv and summary.json again from result folders; several shards become one. Of a sweep: curves and contrasts.
-    Report {
-        /// Result folders.
-        #[arg(required_unless_present_any = ["study", "lab_book"])]
-        folders: Vec<PathBuf>,
-        /// The grasp study instead: one page from what `grasps classify`, `map`, `landscape` and `hands` left in the folder (default:
-        /// recordings/study).
-        #[arg(long, conflicts_with = "out")]
-        study: bool,
-        /// The lab book instead: BENCHMARKS.md from a table of figures (default: recordings/figures.csv). Refuses figures whose command
-        /// cannot be run again; run it in the folder of the workspace.
-        #[arg(
-            long,
-            value_name = "FIGURES",
-            num_args = 0..=1,
-            default_missing_value = "recordings/figures.csv",
-            conflicts_with_all = ["study", "folders"]
-        )]
-        lab_book: Option<PathBuf>,
-        /// Where the merged result goes (needed with several folders), or the page of --lab-book.
-        #[arg(long)]
-        out: Option<PathBuf>,
-    },
+    Report(ReportArgs),
     /// Make the whole grasp study and its page: types, contact maps, energy landscape, hands compared. An interrupted run goes on.
     Study(StudyArgs),
     /// The hand itself.
@@ -162,7 +143,7 @@ pub fn described() -> Described {
 }
 
 /// An option's value may begin with a minus: what is wrong with a negative number the command says itself.
-fn with_negative_numbers(command: Described) -> Described {
+pub fn with_negative_numbers(command: Described) -> Described {
     let command = command.mut_args(|argument| match argument.get_action().takes_values() {
         true => argument.allow_negative_numbers(true),
         false => argument,
@@ -170,75 +151,54 @@ fn with_negative_numbers(command: Described) -> Described {
     command.mut_subcommands(with_negative_numbers)
 }
 
-/// What `arguments` ask for.
-pub fn parse(arguments: &[OsString]) -> Result<Cli, clap::Error> {
-    Cli::from_arg_matches(&described().try_get_matches_from(arguments)?)
-}
-
-/// Whether `arguments` that cannot be understood ask for JSON.
-pub fn wants_json(arguments: &[OsString]) -> bool {
-    arguments.iter().take_while(|argument| *argument != "--").any(|argument| argument == "--json")
-}
-
-/// What an error says before it says how the command is used.
-pub fn first_words(error: &clap::Error) -> String {
-    if error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
-        return "found no command, expected one; see --help".to_owned();
+impl CommandLine for Cli {
+    fn described() -> Described {
+        described()
     }
-    let text = error.render().to_string();
-    let lines = text.lines().take_while(|line| !line.starts_with("Usage:") && !line.starts_with("For more"));
-    let words: Vec<&str> = lines.map(str::trim).filter(|line| !line.is_empty()).collect();
-    words.join("; ").replace(":; ", ": ").trim_start_matches("error: ").to_owned()
-}
 
-/// Whether the command is about real devices, or stands for them: these are kept in a log.
-pub fn moves_devices(cli: &Cli) -> bool {
-    match &cli.command {
-        Command::Bridge(_) => true,
-        Command::Trial(args) => args.config.is_some(),
-        Command::Bench(args) => args.config.is_some(),
-        Command::Twin(TwinCommand::Excite(args)) => args.config.is_some(),
-        _ => false,
+    fn terminal(&self) -> &Terminal {
+        &self.terminal
     }
-}
 
-/// Runs what the command line asks for.
-pub fn run(cli: &Cli) -> Outcome {
-    let terminal = &cli.terminal;
-    match &cli.command {
-        Command::Demo(args) => demo::run(terminal, args),
-        Command::Bench(args) => bench::benchmark(terminal, args),
-        Command::Combos(args) => combos::run(terminal, args),
-        Command::Sweep(command) => sweep::run(terminal, command),
-        Command::Trial(args) => trial::trial(terminal, args),
-        Command::Replay { recording, against: None } => replay::command(terminal, recording),
-        Command::Replay { recording, against: Some(other) } => replay::against(terminal, recording, other),
-        Command::Transport(args) => transport::run(terminal, args),
-        Command::View { path } => view::run(terminal, path),
-        Command::Export(command) => export::run(terminal, command),
-        Command::Report { folders, study: true, .. } => study::report::of_folders(terminal, folders),
-        Command::Report { lab_book: Some(figures), out, .. } => {
-            lab_book::run(terminal, figures, out.as_deref(), &parse_arguments)
+    fn moves_devices(&self) -> bool {
+        match &self.command {
+            Command::Bridge(_) => true,
+            Command::Trial(args) => args.config.is_some(),
+            Command::Bench(args) => args.config.is_some(),
+            Command::Twin(TwinCommand::Excite(args)) => args.config.is_some(),
+            _ => false,
         }
-        Command::Report { folders, out, .. } if folders.len() == 1 && ::sweep::folder::Folder::is_at(&folders[0]) => {
-            sweep::report(terminal, &folders[0], out.as_deref())
+    }
+
+    fn obey(&self, arguments: &[OsString]) -> Outcome {
+        let terminal = &self.terminal;
+        match &self.command {
+            Command::Demo(args) => demo::run(terminal, args),
+            Command::Bench(args) => bench::benchmark(terminal, args),
+            Command::Combos(args) => combos::run(terminal, args),
+            Command::Sweep(command) => sweep::run(terminal, command),
+            Command::Trial(args) => trial::trial(terminal, args),
+            Command::Replay { recording, against: None } => replay::command(terminal, recording),
+            Command::Replay { recording, against: Some(other) } => replay::against(terminal, recording, other),
+            Command::Transport(args) => transport::run(terminal, args),
+            Command::View { path } => view::run(terminal, path),
+            Command::Export(command) => export::run(terminal, command),
+            Command::Report(args) => report::run(terminal, args, arguments),
+            Command::Hand(command) => hand::run(terminal, command, arguments),
+            Command::Grasps(command) => grasps::run(terminal, command, arguments),
+            Command::Touch(command) => touch::run(terminal, command, arguments),
+            Command::Study(_) | Command::Arm(_) => Err(hand_over(arguments)),
+            Command::Optics(command) => optics::run(terminal, command),
+            Command::Bridge(command) => bridge::run(terminal, command),
+            Command::Twin(command) => twin::run(terminal, command),
+            Command::Completions { shell } => shell::completions(*shell),
+            Command::Man { out } => shell::manual(out),
+            Command::Schema { command } => schema::run(terminal, command),
         }
-        Command::Report { folders, out, .. } => bench::report(terminal, folders, out.as_deref()),
-        Command::Study(args) => study::all::run(terminal, args),
-        Command::Hand(command) => hand::run(terminal, command),
-        Command::Arm(command) => arm::run(terminal, command),
-        Command::Grasps(command) => grasps::run(terminal, command),
-        Command::Touch(command) => touch::run(terminal, command),
-        Command::Optics(command) => optics::run(terminal, command),
-        Command::Bridge(command) => bridge::run(terminal, command),
-        Command::Twin(command) => twin::run(terminal, command),
-        Command::Completions { shell } => shell::completions(*shell),
-        Command::Man { out } => shell::manual(out),
-        Command::Schema { command } => schema::run(terminal, command),
     }
 }
 
-/// Whether `ftac` takes these arguments; the error is the first line of what it says otherwise.
+/// Checks that `ftac` takes these arguments; the error is the first line of what it says otherwise.
 pub fn parse_arguments(arguments: &[&str]) -> Result<(), String> {
     match described().try_get_matches_from(std::iter::once("ftac").chain(arguments.iter().copied())) {
         Ok(_) => Ok(()),

@@ -1,6 +1,5 @@
 //! What each command does. Each module holds its command's arguments, wires the libraries and prints.
 
-pub mod arm;
 pub mod bench;
 pub mod bridge;
 pub mod combos;
@@ -8,14 +7,12 @@ pub mod demo;
 pub mod export;
 pub mod grasps;
 pub mod hand;
-pub mod lab_book;
 pub mod optics;
 pub mod replay;
-mod rows;
+pub mod report;
 pub mod schema;
 mod sessions;
 pub mod shell;
-pub mod study;
 pub mod sweep;
 pub mod touch;
 pub mod transport;

@@ -21,6 +21,11 @@ pub fn write_to_stdout(text: &str) {
     }
 }
 
+/// Writes text to stdout, made printable.
+pub fn write_printable(text: &str) {
+    write_to_stdout(&progress::printable(text));
+}
+
 /// Why stdout was not written to its end, with what is left of it written now. That nobody reads it any more is no fault: `ftac schema | head -1`.
 pub fn stdout_fault() -> Option<io::Error> {
     let mut fault = STDOUT_FAULT.lock().ok()?;

@@ -1,6 +1,6 @@
 //! How cost grows: with objects in the scene, pads and pixels rendered, candidates judged, scenes on threads.
 //!
-//!     cargo bench -p lab --bench growth -- DIR
+//!     cargo bench -p ftac-lab --bench growth -- DIR
 //!
 //! Each cost is the median of [`REPEATS`] runs with the range beside it; the exponent is the slope of a straight line through the logarithms, of
 //! all counts and of the upper half of them, where what a run costs anyway weighs less. Tables go to stdout, one picture each to DIR.

@@ -1,183 +1,29 @@
-//! `ftac hand`: checks of the body, closing of any hand, pictures, scenes for a second engine.
+//! `ftac hand`: pictures of the hand; checks and closings are those of `ftac-lab`.
 
-mod close;
-mod inspect;
 mod picture;
 
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::ffi::OsString;
 
-use clap::{Args, Subcommand};
-use hand_model::Hand;
-use lab::hand_check as check;
+use clap::Subcommand;
 
-use self::close::CloseArgs;
 use self::picture::PictureArgs;
-use super::rows::show_rows;
-use crate::options::own_hand;
-use crate::options::robot::RobotArgs;
+use crate::lab::arguments::hand::HandLabCommand;
+use crate::lab::hand_over::hand_over;
 use crate::terminal::{Outcome, Terminal};
 
 /// `hand` commands.
 #[derive(Debug, Subcommand)]
 pub enum HandCommand {
-    /// Check the body's figures against the paper's, in physics where they are about motion.
-    Check(CheckArgs),
-    /// Close any hand on a ball: a URDF and a file that says what pulls on its joints.
-    Close(CloseArgs),
+    #[command(flatten)]
+    Lab(HandLabCommand),
     /// Draw the hand in any posture, without a screen.
     Picture(PictureArgs),
-    /// Write scenes for a second engine, with the commands and what ours made of them.
-    Export {
-        /// Folder for the MJCF files and scenes.json.
-        #[arg(long)]
-        mjcf: PathBuf,
-        /// Friction coefficient of ball, cylinder and box, 0 to 2.
-        #[arg(long, default_value_t = 0.8)]
-        friction: f64,
-        #[command(flatten)]
-        robot: RobotArgs,
-        /// Also close the digits on each prop with steps up to 16 times shorter, to see where both engines' postures go; takes a minute.
-        #[arg(long)]
-        refine: bool,
-    },
 }
 
-/// Arguments of `hand check`.
-#[derive(Debug, Args)]
-pub struct CheckArgs {
-    #[command(flatten)]
-    pub robot: RobotArgs,
-    /// Only read this URDF, of any hand, and say what it holds and what is taken otherwise than it says.
-    #[arg(long, alias = "hand", value_name = "URDF")]
-    pub urdf: Option<PathBuf>,
-    /// With what pulls on that hand's joints (TOML): also where its fingers close and may touch.
-    #[arg(long, alias = "transmission", requires = "urdf")]
-    pub pulls: Option<PathBuf>,
-    /// Folder of the public model of this hand (holds urdf/f_tac_hand.urdf; from https://github.com/Taccel-Simulator/Taccel), to compare joint
-    /// frames with; default: ../shared/data/hands/ftac_public, and where that is missing the row is left out.
-    #[arg(long)]
-    pub public_model: Option<PathBuf>,
-    /// Try the 33 grasp types of Feix instead.
-    #[arg(long, conflicts_with = "engine")]
-    pub grasps: bool,
-    /// Only these of the 33, by number.
-    #[arg(long, value_delimiter = ',', requires = "grasps", value_parser = clap::value_parser!(u8).range(1..=33))]
-    pub types: Vec<u8>,
-    /// Attempts at each grasp type at most; the first that holds is kept.
-    #[arg(long, default_value_t = 3000, value_parser = clap::value_parser!(u32).range(1..))]
-    pub tries: u32,
-    /// Search the Kapandji test's points, or the grasp types, with so many seeds, from --seed on.
-    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1000))]
-    pub seeds: u32,
-    /// Sweep the engine's settings instead: slip, overlap, jitter and cost over time step and iterations.
-    #[arg(long)]
-    pub engine: bool,
-    /// Folder for pictures and check.json.
-    #[arg(long)]
-    pub out: Option<PathBuf>,
-}
-
-/// Runs a command.
-pub fn run(terminal: &Terminal, command: &HandCommand) -> Outcome {
+/// Runs a command, one of `ftac-lab` with the process's `arguments`.
+pub fn run(terminal: &Terminal, command: &HandCommand, arguments: &[OsString]) -> Outcome {
     match command {
-        HandCommand::Check(args) => hand_check(terminal, args),
-        HandCommand::Close(args) => close::run(terminal, args),
         HandCommand::Picture(args) => picture::run(terminal, args),
-        HandCommand::Export { mjcf, friction, robot, refine } => {
-            if !(0.0..=2.0).contains(friction) {
-                anyhow::bail!("--friction: found {friction}, expected 0 to 2");
-            }
-            check::second_engine::export(&robot.model()?, mjcf, *friction, *refine)?;
-            let text = format!(
-                "{0}: scenes.json and its MJCF files; `python3 tests/mujoco/compare.py {0}` runs them\n",
-                mjcf.display()
-            );
-            terminal.print(&serde_json::json!({ "folder": mjcf }), &text)?;
-            Ok(None)
-        }
+        HandCommand::Lab(_) => Err(hand_over(arguments)),
     }
-}
-
-/// `ftac hand check`, and what its options ask for instead.
-fn hand_check(terminal: &Terminal, args: &CheckArgs) -> Outcome {
-    own_hand::say_renamed();
-    if let Some(path) = &args.urdf {
-        return inspect::run(terminal, path, args.pulls.as_deref());
-    }
-    let hand = args.robot.model()?.hand;
-    if args.engine {
-        let found = check::engine::sweep(&hand)?;
-        if terminal.json {
-            println!("{}", serde_json::json!({ "sweep": found }));
-        } else {
-            print!("{}", check::engine::table(&found));
-        }
-        return Ok(None);
-    }
-    if args.grasps {
-        return hand_grasps(terminal, args, &hand);
-    }
-    let public_model = public_model(args.public_model.as_deref())?;
-    let options = check::CheckOptions {
-        public_model: public_model.as_deref(),
-        out: args.out.as_deref(),
-        seed: terminal.seed,
-        seeds: args.seeds.into(),
-    };
-    let rows = check::run(&hand, &options)?;
-    show_rows(terminal, &rows, args.out.as_deref())
-}
-
-/// Where the public model lies beside a checkout.
-const PUBLIC_MODEL: &str = "../shared/data/hands/ftac_public";
-
-/// The folder of the public model: the one that is named, or the one beside a checkout, if there is one.
-fn public_model(named: Option<&Path>) -> anyhow::Result<Option<PathBuf>> {
-    let folder = named.unwrap_or(Path::new(PUBLIC_MODEL));
-    match (folder.join(check::public_model::FILE).is_file(), named) {
-        (true, _) => Ok(Some(folder.to_owned())),
-        (false, Some(named)) => anyhow::bail!(
-            "--public-model {}: found no {} in it, expected it, from {}",
-            named.display(),
-            check::public_model::FILE,
-            check::public_model::SOURCE
-        ),
-        (false, None) => {
-            eprintln!(
-                "left out: joint frames beside the public model of this hand, which is not at {PUBLIC_MODEL}; it comes from {}, and \
-                 --public-model FOLDER names it",
-                check::public_model::SOURCE
-            );
-            Ok(None)
-        }
-    }
-}
-
-fn hand_grasps(terminal: &Terminal, args: &CheckArgs, hand: &Arc<Hand>) -> Outcome {
-    let numbers: Vec<usize> = args.types.iter().map(|number| usize::from(*number)).collect();
-    let seeds = (terminal.seed, args.seeds.into());
-    let types = if numbers.is_empty() { check::feix::types::all().len() } else { numbers.len() };
-    let bar = progress::bar(types as u64 * seeds.1, "types", terminal.quiet || terminal.json);
-    let done = || bar.inc(1);
-    let (over_seeds, results) = check::feix::seeds::over_seeds(hand, seeds, args.tries as usize, &numbers, done);
-    bar.finish_and_clear();
-    let text = serde_json::json!({
-        "seed": terminal.seed, "seeds": args.seeds, "tries": args.tries, "types": results, "over_seeds": over_seeds,
-    });
-    if let Some(folder) = &args.out {
-        check::feix::draw(hand, &results, folder)?;
-        platform::data::write_whole(&folder.join("grasps.json"), serde_json::to_string_pretty(&text)?.as_bytes())?;
-    }
-    if terminal.json {
-        println!("{text}");
-    } else {
-        print!("{}", check::feix::table(&results));
-        if args.seeds > 1 {
-            print!("{}", check::feix::seeds::table(&over_seeds));
-        }
-    }
-    let held = over_seeds.iter().filter(|kind| kind.held == kind.seeds).count();
-    let seeds = if args.seeds > 1 { " with every seed" } else { "" };
-    Ok((held < results.len()).then(|| format!("{held} of {} grasp types are held{seeds}", results.len())))
 }

@@ -43,7 +43,7 @@ pub fn command(terminal: &Terminal, path: &Path) -> Result<Option<String>> {
         }
         // One that cannot be replayed does not keep the others from it.
         let (row, shortfall) = one(terminal, session).unwrap_or_else(|error| {
-            let words = crate::words(&error);
+            let words = crate::front::words(&error);
             eprintln!("{words}");
             (json!({ "error": words }), Some(words))
         });

@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 use crate::terminal::{Outcome, Terminal};
 
 /// A schema for each command, and one for what every command prints when it fails.
-const SCHEMAS: &str = include_str!("../../data/json-output.json");
+pub const SCHEMAS: &str = include_str!("../../data/json-output.json");
 
 /// Prints the schema of a command's output, or those of all commands.
 pub fn run(terminal: &Terminal, command: &[String]) -> Outcome {

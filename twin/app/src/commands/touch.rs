@@ -1,8 +1,6 @@
-//! `ftac touch`: photometric stereo is trained, and touch is measured from images to poses.
+//! `ftac touch`: photometric stereo is calibrated.
 
-mod eval;
-mod train_network;
-
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
 use bench::builtin::CALIBRATION_UNIT;
@@ -10,8 +8,8 @@ use clap::Subcommand;
 use hand_model::Hand;
 use sensor_calibration::pad_calibration;
 
-use self::eval::EvalArgs;
-use self::train_network::TrainNetworkArgs;
+use crate::lab::arguments::touch::TouchLabCommand;
+use crate::lab::hand_over::hand_over;
 use crate::options::robot::{RobotArgs, individual_of};
 use crate::terminal::{Outcome, Terminal};
 
@@ -33,21 +31,18 @@ pub enum TouchCommand {
         #[command(flatten)]
         robot: RobotArgs,
     },
-    /// Train the network of photometric stereo on rendered presses of known shapes.
-    TrainNetwork(TrainNetworkArgs),
-    /// Measure touch on simulated grasps and presses.
-    Eval(EvalArgs),
+    #[command(flatten)]
+    Lab(TouchLabCommand),
 }
 
-/// Runs a command.
-pub fn run(terminal: &Terminal, command: &TouchCommand) -> Outcome {
+/// Runs a command, one of `ftac-lab` with the process's `arguments`.
+pub fn run(terminal: &Terminal, command: &TouchCommand, arguments: &[OsString]) -> Outcome {
     match command {
         TouchCommand::Train { presses, out, individual, robot } => {
             let hand = individual_of(individual.as_deref(), &robot.model()?)?.hand;
             touch_train(terminal, *presses, out, &hand)
         }
-        TouchCommand::TrainNetwork(args) => train_network::train_network(terminal, args),
-        TouchCommand::Eval(args) => eval::eval(terminal, args),
+        TouchCommand::Lab(_) => Err(hand_over(arguments)),
     }
 }
 

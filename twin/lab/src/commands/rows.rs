@@ -2,9 +2,8 @@
 
 use std::path::Path;
 
+use ftac::terminal::{Outcome, Terminal};
 use lab::hand_check as check;
-
-use crate::terminal::{Outcome, Terminal};
 
 /// Prints the rows of a check and keeps them in `folder`.
 pub fn show_rows(terminal: &Terminal, rows: &[check::Row], folder: Option<&Path>) -> Outcome {

@@ -1,10 +1,12 @@
 //! `ftac touch eval`: how accurate touch is, from images to poses, and how long it takes.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use anyhow::{Result, bail};
 use bench::builtin::{HAND_UNIT, make_bench, read_pads_by};
-use clap::Args;
+use ftac::lab::arguments::touch::EvalArgs;
+use ftac::options::robot::{individual_of, pads};
+use ftac::terminal::{Outcome, Terminal};
 use lab::touch::evaluation::{TouchEvaluation, json, table, under_changes};
 use lab::touch::grasps::{Played, grasps};
 use lab::touch::images::{Change, Eyes};
@@ -13,53 +15,6 @@ use lab::touch::normals::{RealSource, real};
 use lab::touch::pictures;
 use lab::touch::poses::feel;
 use scenarios::Scenario;
-
-use crate::options::robot::{RobotArgs, individual_of, pads};
-use crate::terminal::{Outcome, Terminal};
-
-/// Arguments of `touch eval`.
-#[derive(Debug, Args)]
-pub struct EvalArgs {
-    /// Combinations whose first grasps are felt.
-    #[arg(long, default_value_t = 60)]
-    pub combos: usize,
-    /// Trials of each combination.
-    #[arg(long, default_value_t = 10)]
-    pub trials: usize,
-    /// Keep the simulated grasps in this file, and use them again from there.
-    #[arg(long)]
-    pub grasps: Option<PathBuf>,
-    /// Grasps that are felt again under each change of the optics that touch was not trained on; 0 leaves them out.
-    #[arg(long, default_value_t = 120)]
-    pub changed: usize,
-    /// Measure the networks in this folder instead of those that come with the program.
-    #[arg(long)]
-    pub networks: Option<PathBuf>,
-    /// Presses of a ball into a real GelSight, as `optics calibrate` reads them; default: those of the Python package taxim, if they lie at
-    /// ../shared/data/real-gelsight/taxim_gelsight. The networks that come with the program learned from that sensor; `optics calibrate` measures
-    /// those that it trains for another.
-    #[arg(long, requires = "ball_diameter_mm", requires = "pixel_mm")]
-    pub real: Option<PathBuf>,
-    /// Diameter of that ball, mm (where the labels do not say it).
-    #[arg(long, requires = "real")]
-    pub ball_diameter_mm: Option<f64>,
-    /// Size of a pixel of those images on the gel, mm.
-    #[arg(long, requires = "real")]
-    pub pixel_mm: Option<f64>,
-    /// Robot of `ftac twin identify`: hand, cables, servos and arm are its, for the body as for perception; its pads' calibration is the
-    /// designed one. Grasps kept by --grasps are those of another robot.
-    #[arg(long, conflicts_with = "grasps")]
-    pub individual: Option<PathBuf>,
-    #[command(flatten)]
-    pub robot: RobotArgs,
-    /// Calibration of the pads by which grasps are felt: a file of `ftac touch train`, or of the hand's own pads; default: the designed
-    /// pads'.
-    #[arg(long, value_name = "FILE")]
-    pub pads: Option<PathBuf>,
-    /// Folder for a recording and a sheet of images of the first grasp of each object.
-    #[arg(long)]
-    pub out: Option<PathBuf>,
-}
 
 /// Where the presses of the GelSight that the program's networks know lie beside a checkout, their ball and pixel size (mm).
 const REAL: (&str, f64, f64) = ("../shared/data/real-gelsight/taxim_gelsight", 4.0, 0.0295);

@@ -1,40 +1,15 @@
 //! `ftac hand close`: a hand read from files closes on a ball.
 
-use std::path::PathBuf;
 use std::sync::Arc;
 
 use anyhow::{Result, bail};
-use clap::Args;
+use ftac::lab::arguments::hand::CloseArgs;
+use ftac::options::own_hand;
+use ftac::terminal::{Outcome, Terminal};
 use hand_model::any_hand::AnyHand;
 use lab::closing::BallGrip;
 use nalgebra::Point3;
 use world::geometry::LINK_MESHES;
-
-use crate::options::own_hand;
-use crate::terminal::{Outcome, Terminal};
-
-/// Arguments of `hand close`.
-#[derive(Debug, Args)]
-pub struct CloseArgs {
-    /// The hand: URDF with collision boxes, spheres, cylinders, capsules or meshes (OBJ, STL, PLY, glTF, COLLADA).
-    #[arg(long, alias = "hand", value_name = "URDF")]
-    pub urdf: PathBuf,
-    /// What pulls on its joints (TOML; hand-model/data/hands has some to start from).
-    #[arg(long, alias = "transmission")]
-    pub pulls: PathBuf,
-    /// Where the ball's centre is held while the hand closes, in the root link's frame, m: x,y,z.
-    #[arg(long, required = true, value_delimiter = ',', allow_hyphen_values = true)]
-    pub at: Vec<f64>,
-    /// The ball's diameter, mm.
-    #[arg(long, default_value_t = 60.0)]
-    pub ball_diameter_mm: f64,
-    /// Tension of each actuator, N: one for all, or one each in the file's order.
-    #[arg(long, value_delimiter = ',', default_value = "12", allow_hyphen_values = true)]
-    pub tensions: Vec<f64>,
-    /// Picture to write (PNG).
-    #[arg(long)]
-    pub out: Option<PathBuf>,
-}
 
 /// Closes the hand, prints what it feels and draws it.
 pub fn run(terminal: &Terminal, args: &CloseArgs) -> Outcome {

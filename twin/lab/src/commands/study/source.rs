@@ -4,7 +4,6 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
-use clap::Args;
 use grasping::synthesis::collection::Collection;
 use grasping::synthesis::held::HeldGrasp;
 use hand_model::{Hand, RobotModel};
@@ -12,15 +11,6 @@ use proving::synthesis::grasp_file;
 use study::attributes::ObjectForm;
 use study::classification::Classification;
 use world::objects::{ObjectModel, ObjectSet};
-
-/// Where the grasps come from.
-#[derive(Debug, Clone, Args)]
-pub struct GraspsArgs {
-    /// Verified grasps: a file of `grasps collection` or `generate`, or a folder of such files (repeatable); default: the
-    /// built-in collection.
-    #[arg(long = "grasps", value_name = "PATH")]
-    pub paths: Vec<PathBuf>,
-}
 
 /// Points on an object's surface from which its form is read.
 const FORM_POINTS: usize = 1500;

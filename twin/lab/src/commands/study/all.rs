@@ -7,36 +7,14 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
 use clap::Args;
+use ftac::lab::arguments::grasps::{ClassifyArgs, HandsArgs, LandscapeArgs, MapArgs};
+use ftac::lab::arguments::study::StudyArgs;
+use ftac::options::own_hand;
+use ftac::terminal::{Made, Outcome, Terminal};
 use indicatif::HumanDuration;
 
-use super::classify::{self, ClassifyArgs};
-use super::landscape::{self, LandscapeArgs};
-use super::map::{self, MapArgs};
-use super::report;
-use super::source::{GraspsArgs, Source};
-use crate::commands::grasps::hands::{self, HandsArgs};
-use crate::options::own_hand;
-use crate::terminal::{Made, Outcome, Terminal};
-
-/// Arguments of `study`.
-#[derive(Debug, Args)]
-pub struct StudyArgs {
-    #[command(flatten)]
-    pub grasps: GraspsArgs,
-    /// Full size instead of a quick look: 150 grasps of each object in the landscape and its sweep, 12 chains for each hand and object.
-    #[arg(long)]
-    pub full: bool,
-    /// Another hand beside ours: its URDF (repeatable).
-    #[arg(long = "urdf", alias = "hand", value_name = "URDF")]
-    pub hand: Vec<PathBuf>,
-    /// What pulls on that hand's joints, TOML: one for each --urdf, in the same order.
-    #[arg(long, alias = "transmission")]
-    pub pulls: Vec<PathBuf>,
-    /// Folder for study.html and all parts; the same command goes on from it [default: recordings/study, with --full
-    /// recordings/study-full].
-    #[arg(long)]
-    pub out: Option<PathBuf>,
-}
+use super::source::Source;
+use super::{classify, hands, landscape, map, report};
 
 /// A part of the study.
 struct Part {

@@ -4,7 +4,8 @@ use std::collections::BTreeSet;
 use std::path::PathBuf;
 
 use anyhow::{Context, Result, bail};
-use clap::Args;
+use ftac::lab::arguments::grasps::ClassifyArgs;
+use ftac::terminal::{Made, Outcome, Terminal};
 use lab::study_pages::types;
 use platform::data::write_whole;
 use study::classification::Classification;
@@ -13,24 +14,7 @@ use study::labels::Labels;
 use study::raters::{RaterPair, agreements};
 use study::summary::Summary;
 
-use super::source::{GraspsArgs, Source};
-use crate::terminal::{Made, Outcome, Terminal};
-
-/// Arguments of `grasps classify`.
-#[derive(Debug, Args)]
-pub struct ClassifyArgs {
-    #[command(flatten)]
-    pub grasps: GraspsArgs,
-    /// Say why this grasp (`object/chain`) has its type, condition by condition.
-    #[arg(long)]
-    pub explain: Option<String>,
-    /// Labels exported by the annotation page: agreement with the rules, and between annotators (repeatable).
-    #[arg(long)]
-    pub labels: Vec<PathBuf>,
-    /// Folder for types.svg and classes.json.
-    #[arg(long)]
-    pub out: Option<PathBuf>,
-}
+use super::source::Source;
 
 /// `ftac grasps classify`.
 pub fn run(terminal: &Terminal, args: &ClassifyArgs) -> Outcome {

@@ -1,31 +1,13 @@
 //! `ftac grasps map`: contact maps of all grasps on one sheet, and the boundary between power and precision.
 
-use std::path::PathBuf;
-
 use anyhow::{Context, Result, ensure};
-use clap::Args;
+use ftac::lab::arguments::grasps::MapArgs;
+use ftac::terminal::{Made, Outcome, Terminal};
 use lab::study_pages;
 use platform::data::write_whole;
 use study::grasp_map::{GraspMaps, MapSettings, check_both_classes, contact_maps};
 
-use super::source::{GraspsArgs, Source};
-use crate::terminal::{Made, Outcome, Terminal};
-
-/// Arguments of `grasps map`.
-#[derive(Debug, Args)]
-pub struct MapArgs {
-    #[command(flatten)]
-    pub grasps: GraspsArgs,
-    /// Grasps on the map at most, by farthest-point sampling.
-    #[arg(long, default_value_t = 1000)]
-    pub n: usize,
-    /// Maps from so many seeds, for the figures' stability; the first is drawn.
-    #[arg(long, default_value_t = 5)]
-    pub seeds: u64,
-    /// Folder for map.html, map.svg and map.json.
-    #[arg(long, default_value = "recordings/study")]
-    pub out: PathBuf,
-}
+use super::source::Source;
 
 /// `ftac grasps map`.
 pub fn run(terminal: &Terminal, args: &MapArgs) -> Outcome {

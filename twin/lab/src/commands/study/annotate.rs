@@ -1,29 +1,14 @@
 //! `ftac grasps annotate`: the page on which people give grasps their types.
 
-use std::path::PathBuf;
-
 use anyhow::ensure;
-use clap::Args;
+use ftac::lab::arguments::grasps::AnnotateArgs;
+use ftac::terminal::{Outcome, Terminal};
 use lab::study_pages::annotation;
 use lab::study_pages::scene::Scene;
 use platform::data::write_whole;
 use serde_json::json;
 
-use super::source::{GraspsArgs, Source, writable};
-use crate::terminal::{Outcome, Terminal};
-
-/// Arguments of `grasps annotate`.
-#[derive(Debug, Args)]
-pub struct AnnotateArgs {
-    #[command(flatten)]
-    pub grasps: GraspsArgs,
-    /// Grasps on the page at most, taken evenly from all; default: all.
-    #[arg(long)]
-    pub n: Option<usize>,
-    /// The page to write.
-    #[arg(long)]
-    pub out: PathBuf,
-}
+use super::source::{Source, writable};
 
 /// `ftac grasps annotate`.
 pub fn run(terminal: &Terminal, args: &AnnotateArgs) -> Outcome {

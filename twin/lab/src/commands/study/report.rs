@@ -4,6 +4,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
+use ftac::terminal::{Outcome, Terminal};
 use hand_model::RobotModel;
 use lab::hand_check::figures;
 use lab::study_pages::comparison::{Line, Parts, Sensing, lines};
@@ -13,8 +14,6 @@ use optics::foundation::{probe_response, sensitivity};
 use platform::data::write_whole;
 use serde_json::{Value, json};
 use study::sensors::array;
-
-use crate::terminal::{Outcome, Terminal};
 
 /// A part of the study that a command leaves in the folder.
 fn part(folder: &Path, file: &str) -> Result<Option<Value>> {

@@ -1,9 +1,10 @@
 //! `ftac touch train-network`: the network of photometric stereo learns from rendered (or real) presses.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use anyhow::{Result, bail};
-use clap::{Args, ValueEnum};
+use ftac::lab::arguments::touch::{KindArg, TrainNetworkArgs};
+use ftac::terminal::{Outcome, Terminal};
 use hand_model::RobotModel;
 use indicatif::ProgressStyle;
 use lab::touch::network_training::{Schedule, Training};
@@ -11,61 +12,6 @@ use lab::touch::training::{TrainingSet, TrainingSource, loss_curves, resume};
 use platform::data::write_whole;
 use serde_json::json;
 use touch::network::Kind;
-
-use crate::options::robot::RobotArgs;
-use crate::terminal::{Outcome, Terminal};
-
-/// What a network looks like.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum KindArg {
-    /// Sees each pixel with its surroundings.
-    EncoderDecoder,
-    /// Sees each pixel alone: the customary baseline.
-    PerPixel,
-}
-
-/// Arguments of `touch train-network`.
-#[derive(Debug, Args)]
-pub struct TrainNetworkArgs {
-    /// The network file (JSON) to write; the training's state goes beside it after each epoch, its loss curves at the end.
-    #[arg(long)]
-    pub out: PathBuf,
-    /// What the network looks like.
-    #[arg(long, value_enum, default_value_t = KindArg::EncoderDecoder)]
-    pub kind: KindArg,
-    /// Presses to render.
-    #[arg(long, default_value_t = 720)]
-    pub presses: usize,
-    /// Squares of 48 pixels cut from each press.
-    #[arg(long, default_value_t = 10)]
-    pub crops: usize,
-    /// Passes over all squares.
-    #[arg(long, default_value_t = 20)]
-    pub epochs: usize,
-    /// Squares a step.
-    #[arg(long, default_value_t = 128)]
-    pub batch: usize,
-    /// Learning rate at the start; it is halved every five epochs.
-    #[arg(long, default_value_t = 0.01)]
-    pub rate: f64,
-    /// Go on from the state beside --out.
-    #[arg(long)]
-    pub resume: bool,
-    /// Learn for a real sensor that `optics calibrate` described in this file, from renders of it, not for the hand's pads.
-    #[arg(long)]
-    pub sensor: Option<PathBuf>,
-    /// Learn for a real sensor from the even-numbered of these presses of a ball.
-    #[arg(long, conflicts_with = "sensor", requires = "ball_diameter_mm", requires = "pixel_mm")]
-    pub folder: Option<PathBuf>,
-    /// Diameter of that ball, mm.
-    #[arg(long)]
-    pub ball_diameter_mm: Option<f64>,
-    /// Size of a pixel of those presses' images, mm.
-    #[arg(long)]
-    pub pixel_mm: Option<f64>,
-    #[command(flatten)]
-    pub robot: RobotArgs,
-}
 
 /// Renders or reads the presses, trains, and writes the network.
 pub fn train_network(terminal: &Terminal, args: &TrainNetworkArgs) -> Outcome {

@@ -2,14 +2,13 @@
 
 use std::path::Path;
 
+use ftac::terminal::{Outcome, Terminal};
 use hand_model::any_hand::AnyHand;
 use hand_model::kinematics::{Joint, JointKind};
 use hand_model::{RobotModel, urdf};
 use proving::synthesis::any::describe;
 use serde_json::{Value, json};
 use world::geometry::LINK_MESHES;
-
-use crate::terminal::{Outcome, Terminal};
 
 /// Reads a hand's URDF, and its pulls file if there is one, and says what they hold.
 pub fn run(terminal: &Terminal, path: &Path, pulls: Option<&Path>) -> Outcome {

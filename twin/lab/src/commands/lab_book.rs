@@ -3,11 +3,10 @@
 use std::path::Path;
 
 use anyhow::{Context as _, Result};
+use ftac::terminal::{Outcome, Terminal};
 use lab::lab_book::command::Check;
 use lab::lab_book::{page, table};
 use platform::data::write_whole;
-
-use crate::terminal::{Outcome, Terminal};
 
 /// Whether `ftac` takes these arguments; the error says why not.
 pub type Parse = dyn Fn(&[&str]) -> Result<(), String>;
@@ -41,7 +40,7 @@ mod tests {
     use std::path::PathBuf;
 
     use super::*;
-    use crate::cli::parse_arguments;
+    use ftac::cli::parse_arguments;
     use lab::lab_book::error::FieldError;
 
     fn root() -> PathBuf {

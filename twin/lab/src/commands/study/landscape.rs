@@ -4,10 +4,9 @@
 //! minima are sorted into basins and barriers measured. All of it is journalled, so that the same command goes on after an
 //! interruption.
 
-use std::path::PathBuf;
-
 use anyhow::{Context, Result, bail, ensure};
-use clap::Args;
+use ftac::lab::arguments::grasps::LandscapeArgs;
+use ftac::terminal::{Made, Outcome, Terminal};
 use grasping::synthesis::energy::{GraspEnergy, Weights};
 use grasping::synthesis::surface::HandSurface;
 use lab::study_pages;
@@ -21,34 +20,7 @@ use study::landscape::disconnectivity::tree;
 use study::landscape::exploration;
 use study::landscape::grasps::{GraspLandscape, GraspState};
 
-use super::source::{GraspsArgs, Source};
-use crate::options::object_name::object_name;
-use crate::terminal::{Made, Outcome, Terminal};
-
-/// Arguments of `grasps landscape`.
-#[derive(Debug, Args)]
-pub struct LandscapeArgs {
-    #[command(flatten)]
-    pub grasps: GraspsArgs,
-    /// Objects, separated by commas; default: the paper's six.
-    #[arg(long, value_delimiter = ',', value_parser = object_name, default_value = "pawn,vase,multimeter,board_eraser,coffee_bottle,coke_can")]
-    pub objects: Vec<String>,
-    /// Grasps of each object at most.
-    #[arg(long, default_value_t = 150)]
-    pub each: usize,
-    /// Temperature of the chains, in units of the energy.
-    #[arg(long, default_value_t = 0.1)]
-    pub temperature: f64,
-    /// Pull (alpha); default: calibrated to the metastability threshold.
-    #[arg(long)]
-    pub pull: Option<f64>,
-    /// Count basins over temperature, pull and seeds as well, on so many minima.
-    #[arg(long)]
-    pub sweep: Option<usize>,
-    /// Folder for landscape.html, landscape.svg, landscape.json and the journal; the same command goes on from it.
-    #[arg(long, default_value = "recordings/study/landscape")]
-    pub out: PathBuf,
-}
+use super::source::Source;
 
 /// Points on the hand's surface: coarser than for synthesis, whose energy this is.
 const SURFACE_POINTS: usize = 1000;

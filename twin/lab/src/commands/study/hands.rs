@@ -4,10 +4,10 @@
 //! Our own hand is the first column; others come as URDF with what pulls on them. The same command goes on after the last hand and
 //! object that were done.
 
-use std::path::PathBuf;
-
 use anyhow::{Context, Result, ensure};
-use clap::Args;
+use ftac::lab::arguments::grasps::HandsArgs;
+use ftac::options::own_hand;
+use ftac::terminal::{Made, Outcome, Terminal};
 use hand_model::RobotModel;
 use indicatif::ProgressStyle;
 use lab::study_pages;
@@ -16,41 +16,6 @@ use proving::synthesis::hands::{self, Cell, ComparedHand};
 use proving::synthesis::search;
 use proving::synthesis::synthesizer::Request;
 use world::objects::ObjectSet;
-
-use crate::options::object_name::object_name;
-use crate::options::own_hand;
-use crate::terminal::{Made, Outcome, Terminal};
-
-/// Arguments of `grasps hands`.
-#[derive(Debug, Args)]
-pub struct HandsArgs {
-    /// Another hand beside ours: its URDF (repeatable).
-    #[arg(long = "urdf", alias = "hand", value_name = "URDF")]
-    pub hand: Vec<PathBuf>,
-    /// What pulls on that hand's joints, TOML: one for each --urdf, in the same order.
-    #[arg(long, alias = "transmission")]
-    pub pulls: Vec<PathBuf>,
-    /// Objects, separated by commas.
-    #[arg(
-        long,
-        value_delimiter = ',',
-        value_parser = object_name,
-        default_value = "golf_ball,tennis_ball,box_50,can_66,pawn,vase,coke_can,multimeter"
-    )]
-    pub objects: Vec<String>,
-    /// Chains for each hand and object, each of which may leave one grasp.
-    #[arg(long, default_value_t = 12)]
-    pub n: u64,
-    /// Contact points of a sample: a number, or a range taken in turn, such as 2-5.
-    #[arg(long, default_value = "4")]
-    pub contacts: String,
-    /// Closings tried on each chain's posture until one is verified.
-    #[arg(long, default_value_t = 8)]
-    pub closings: usize,
-    /// Folder for hands.json, hands.png and the cells; the same command goes on from it.
-    #[arg(long, default_value = "recordings/study")]
-    pub out: PathBuf,
-}
 
 /// `ftac grasps hands`.
 pub fn run(terminal: &Terminal, args: &HandsArgs) -> Outcome {

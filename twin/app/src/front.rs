@@ -1,0 +1,154 @@
+//! From a command line to an exit code, alike in both programs.
+//!
+//! Exit codes: 0 done and good, 1 ran but the result falls short (named on stderr), 2 bad usage or bad input, 130 interrupted with Ctrl-C:
+//! what is finished is kept.
+
+use std::ffi::OsString;
+use std::io::{IsTerminal as _, Write as _};
+
+use clap::FromArgMatches;
+use clap::error::ErrorKind;
+
+use crate::terminal::{Outcome, Terminal};
+use crate::{commands, log_file, terminal};
+
+/// A program's command line.
+pub trait CommandLine: FromArgMatches {
+    /// The program's commands and options.
+    fn described() -> clap::Command;
+    /// Options of every command.
+    fn terminal(&self) -> &Terminal;
+    /// True of commands about real devices, or what stands for them: these are kept in a log.
+    fn moves_devices(&self) -> bool;
+    /// Runs the command; `arguments` are the process's, its name first.
+    fn obey(&self, arguments: &[OsString]) -> Outcome;
+}
+
+/// Runs the command line `arguments`, of which the first is the program's name, and returns the exit code.
+pub fn run<C: CommandLine>(arguments: impl IntoIterator<Item = OsString>) -> u8 {
+    let arguments: Vec<OsString> = arguments.into_iter().collect();
+    let parsed = C::described().try_get_matches_from(&arguments).and_then(|matches| C::from_arg_matches(&matches));
+    let code = match parsed {
+        Ok(command_line) => obey(&command_line, &arguments),
+        Err(error) => misunderstood(&error, wants_json(&arguments)),
+    };
+    match terminal::stdout_fault() {
+        None => code,
+        Some(fault) => {
+            eprintln!("ftac: stdout: {fault}");
+            USAGE
+        }
+    }
+}
+
+/// Exit code of bad usage and bad input.
+const USAGE: u8 = 2;
+
+/// Prints what the command line's error, or its help, says.
+fn misunderstood(error: &clap::Error, json: bool) -> u8 {
+    // In colour where somebody looks.
+    let text = |coloured: bool| {
+        let text = error.render();
+        if coloured { text.ansi().to_string() } else { text.to_string() }
+    };
+    if !error.use_stderr() {
+        // The program's own words, and its colours.
+        terminal::write_to_stdout(&text(std::io::stdout().is_terminal()));
+        return 0;
+    }
+    if std::io::stderr().is_terminal() {
+        let _ = writeln!(std::io::stderr(), "{}", text(true).trim_end());
+    } else {
+        eprintln!("{}", text(false).trim_end());
+    }
+    if json {
+        println!("{}", serde_json::json!({ "error": first_words(error), "code": USAGE }));
+    }
+    USAGE
+}
+
+/// True if `arguments` that cannot be understood ask for JSON.
+fn wants_json(arguments: &[OsString]) -> bool {
+    arguments.iter().take_while(|argument| *argument != "--").any(|argument| argument == "--json")
+}
+
+/// The error's own words, without how the command is used.
+fn first_words(error: &clap::Error) -> String {
+    if error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
+        return "found no command, expected one; see --help".to_owned();
+    }
+    let text = error.render().to_string();
+    let lines = text.lines().take_while(|line| !line.starts_with("Usage:") && !line.starts_with("For more"));
+    let words: Vec<&str> = lines.map(str::trim).filter(|line| !line.is_empty()).collect();
+    words.join("; ").replace(":; ", ": ").trim_start_matches("error: ").to_owned()
+}
+
+fn obey(command_line: &impl CommandLine, arguments: &[OsString]) -> u8 {
+    let log = command_line.moves_devices().then(log_file::Entry::begin).flatten();
+    let end = |code: u8, message: &str| log.map(|entry| entry.end(code, message));
+    let (code, message) = match command_line.obey(arguments) {
+        Ok(shortfall) => {
+            let unseen = || stream::viewer::lost().map(|why| format!("the viewer was lost: {why}"));
+            let Some(shortfall) = shortfall.or_else(unseen) else {
+                end(0, "");
+                return 0;
+            };
+            // The result has been printed.
+            eprintln!("ftac: falls short: {shortfall}");
+            end(1, &shortfall);
+            return 1;
+        }
+        // The robot stopped in mid-trial, or nothing of one's own can be played: it ran, and fell short.
+        Err(error)
+            if caused_by::<bench::body::Stopped>(&error) || caused_by::<proving::preparation::NotPlayable>(&error) =>
+        {
+            (1, format!("falls short: {}", words(&error)))
+        }
+        Err(error)
+            if caused_by::<bench::run::Interrupted>(&error)
+                || caused_by::<bench::own::Interrupted>(&error)
+                || caused_by::<fault_injection::Interrupted>(&error)
+                || caused_by::<sweep::work::Interrupted>(&error)
+                || caused_by::<commands::twin::excite::Interrupted>(&error) =>
+        {
+            (130, words(&error))
+        }
+        Err(error) => (USAGE, words(&error)),
+    };
+    eprintln!("ftac: {message}");
+    end(code, &message);
+    if command_line.terminal().json {
+        println!("{}", serde_json::json!({ "error": message, "code": code }));
+    }
+    code
+}
+
+/// The error and its causes, each once: many errors have their cause in their own words.
+pub fn words(error: &anyhow::Error) -> String {
+    error.chain().fold(String::new(), |said, cause| {
+        let cause = cause.to_string();
+        match (said.is_empty(), said.contains(&cause)) {
+            (true, _) => cause,
+            (false, true) => said,
+            (false, false) => said + ": " + &cause,
+        }
+    })
+}
+
+fn caused_by<E: std::error::Error + Send + Sync + 'static>(error: &anyhow::Error) -> bool {
+    error.chain().any(|cause| cause.is::<E>())
+}
+
+#[cfg(test)]
+mod tests {
+    use anyhow::Context as _;
+
+    #[test]
+    fn causes_are_said_once() {
+        let cause = std::io::Error::other("no such file");
+        let error = anyhow::Error::from(cause).context("/dev/nope: no such file");
+        assert_eq!(super::words(&error), "/dev/nope: no such file");
+        let error = Err::<(), _>(std::io::Error::other("no such file")).context("--config").expect_err("an error");
+        assert_eq!(super::words(&error), "--config: no such file");
+    }
+}

@@ -1,0 +1,8 @@
+//! Arguments of the commands that `ftac-lab` runs: `ftac` lists, completes and checks them, too.
+
+pub mod arm;
+pub mod grasps;
+pub mod hand;
+pub mod report;
+pub mod study;
+pub mod touch;

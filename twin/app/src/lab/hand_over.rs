@@ -1,0 +1,96 @@
+//! Hands a command over to `ftac-lab`, which takes the place of this process.
+
+use std::env;
+use std::ffi::OsString;
+use std::os::unix::process::CommandExt as _;
+use std::path::{Path, PathBuf};
+use std::process::Stdio;
+
+use anyhow::{Context as _, Error, Result, bail};
+use platform::child;
+
+use super::identity::{FLAG, identity};
+
+/// Name of the program and of its package.
+const PROGRAM: &str = "ftac-lab";
+/// Builds it, in a checkout.
+const BUILD: &str = "cargo build --release -p ftac-lab";
+
+/// Runs `ftac-lab` with this process's `arguments` (the first is the program's name) in the place of this process. It returns only where that
+/// is not possible: there is none, it is another version, or it does not start.
+pub fn hand_over(arguments: &[OsString]) -> Error {
+    let beside = env::current_exe().ok().and_then(|program| Some(program.parent()?.to_owned()));
+    let path = env::var_os("PATH").unwrap_or_default();
+    match program(beside.as_deref(), env::split_paths(&path)) {
+        Ok(program) => {
+            let error = child::command(&program).args(arguments.iter().skip(1)).exec();
+            Error::new(error).context(program.display().to_string())
+        }
+        Err(error) => error,
+    }
+}
+
+/// The `ftac-lab` of this build: in the folder `beside` this program, else on the search path.
+fn program(beside: Option<&Path>, path: impl Iterator<Item = PathBuf>) -> Result<PathBuf> {
+    // An empty or relative entry would depend on where the command is started.
+    let folders = beside.map(Path::to_owned).into_iter().chain(path.filter(|folder| folder.is_absolute()));
+    let Some(program) = folders.map(|folder| folder.join(PROGRAM)).find(|program| program.is_file()) else {
+        bail!(
+            "found no `{PROGRAM}`, which runs this command, beside this program{} or on the PATH; `{BUILD}` in a checkout builds it",
+            beside.map_or_else(String::new, |folder| format!(" in {}", folder.display()))
+        );
+    };
+    expect_same_build(&program)?;
+    Ok(program)
+}
+
+/// Refuses a program whose identity is another one.
+fn expect_same_build(program: &Path) -> Result<()> {
+    let name = || program.display().to_string();
+    let output = child::command(program).arg(FLAG).stdin(Stdio::null()).output().with_context(name)?;
+    let found = String::from_utf8_lossy(&output.stdout);
+    let (found, expected) = (found.trim(), identity());
+    if found != expected {
+        bail!(
+            "{}: identity: found {found:?}, expected {expected:?}; `{BUILD}` in a checkout builds the matching one",
+            name()
+        );
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+    use std::process::Command;
+
+    use super::*;
+
+    fn place(folder: &Path, identity: &str) {
+        fs::create_dir_all(folder).expect("a folder");
+        let program = folder.join(PROGRAM);
+        // Written by another process: one that this process has open cannot be run, and another test's child may keep it open.
+        let script = format!("#!/bin/sh\necho '{identity}'\n");
+        let write = "printf %s \"$1\" > \"$0\" && chmod +x \"$0\"";
+        let written = Command::new("sh").args(["-c", write]).arg(&program).arg(script).status();
+        assert!(written.expect("sh runs").success());
+    }
+
+    /// A neighbour comes before the search path, and one of another version ends the search.
+    #[test]
+    fn a_neighbour_comes_first_and_another_version_is_refused() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let (beside, path) = (folder.path().join("beside"), folder.path().join("path"));
+        let find = || program(Some(&beside), [PathBuf::new(), path.clone()].into_iter());
+        fs::create_dir(&beside).expect("a folder");
+        let missing = find().expect_err("there is none").to_string();
+        assert!(missing.contains(BUILD) && missing.contains(&beside.display().to_string()), "{missing}");
+        place(&path, &identity());
+        assert_eq!(find().expect("on the path"), path.join(PROGRAM));
+        place(&beside, &identity());
+        assert_eq!(find().expect("beside"), beside.join(PROGRAM));
+        place(&beside, "0.0.1 0123456789abcdef");
+        let stale = find().expect_err("another version").to_string();
+        assert!(stale.contains("0.0.1 0123456789abcdef") && stale.contains(BUILD), "{stale}");
+    }
+}

@@ -1,0 +1,26 @@
+//! Identity of a build: `ftac` runs only an `ftac-lab` that has the same commands, options and output.
+
+use clap::Command;
+
+use crate::cli::described;
+use crate::commands::schema::SCHEMAS;
+
+/// The option by which a program prints its identity.
+pub const FLAG: &str = "--identity";
+
+/// Digits of the digest.
+const DIGITS: usize = 16;
+
+/// Version of the package, and a digest of the help of every command and of the schemas of what they print.
+pub fn identity() -> String {
+    let mut command = described();
+    command.build();
+    let mut text = SCHEMAS.to_owned();
+    add_help(&mut command, &mut text);
+    format!("{} {}", env!("CARGO_PKG_VERSION"), &platform::digest::sha256(text.as_bytes())[..DIGITS])
+}
+
+fn add_help(command: &mut Command, text: &mut String) {
+    *text += &command.render_long_help().to_string();
+    command.get_subcommands_mut().for_each(|command| add_help(command, text));
+}

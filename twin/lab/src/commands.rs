@@ -1,0 +1,10 @@
+//! The program's commands: each wires the libraries and prints. Their arguments are in `ftac::lab::arguments`.
+
+pub mod arm;
+pub mod grasps;
+pub mod hand;
+mod lab_book;
+pub mod report;
+mod rows;
+pub mod study;
+pub mod touch;

@@ -1,0 +1,118 @@
+//! `ftac hand`: checks of the body, closing of any hand, scenes for a second engine.
+
+mod close;
+mod inspect;
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use ftac::lab::arguments::hand::{CheckArgs, HandLabCommand};
+use ftac::options::own_hand;
+use ftac::terminal::{Outcome, Terminal};
+use hand_model::Hand;
+use lab::hand_check as check;
+
+use super::rows::show_rows;
+
+/// Runs a command.
+pub fn run(terminal: &Terminal, command: &HandLabCommand) -> Outcome {
+    match command {
+        HandLabCommand::Check(args) => hand_check(terminal, args),
+        HandLabCommand::Close(args) => close::run(terminal, args),
+        HandLabCommand::Export { mjcf, friction, robot, refine } => {
+            if !(0.0..=2.0).contains(friction) {
+                anyhow::bail!("--friction: found {friction}, expected 0 to 2");
+            }
+            check::second_engine::export(&robot.model()?, mjcf, *friction, *refine)?;
+            let text = format!(
+                "{0}: scenes.json and its MJCF files; `python3 tests/mujoco/compare.py {0}` runs them\n",
+                mjcf.display()
+            );
+            terminal.print(&serde_json::json!({ "folder": mjcf }), &text)?;
+            Ok(None)
+        }
+    }
+}
+
+/// `ftac hand check`, and what its options ask for instead.
+fn hand_check(terminal: &Terminal, args: &CheckArgs) -> Outcome {
+    own_hand::say_renamed();
+    if let Some(path) = &args.urdf {
+        return inspect::run(terminal, path, args.pulls.as_deref());
+    }
+    let hand = args.robot.model()?.hand;
+    if args.engine {
+        let found = check::engine::sweep(&hand)?;
+        if terminal.json {
+            println!("{}", serde_json::json!({ "sweep": found }));
+        } else {
+            print!("{}", check::engine::table(&found));
+        }
+        return Ok(None);
+    }
+    if args.grasps {
+        return hand_grasps(terminal, args, &hand);
+    }
+    let public_model = public_model(args.public_model.as_deref())?;
+    let options = check::CheckOptions {
+        public_model: public_model.as_deref(),
+        out: args.out.as_deref(),
+        seed: terminal.seed,
+        seeds: args.seeds.into(),
+    };
+    let rows = check::run(&hand, &options)?;
+    show_rows(terminal, &rows, args.out.as_deref())
+}
+
+/// Where the public model lies beside a checkout.
+const PUBLIC_MODEL: &str = "../shared/data/hands/ftac_public";
+
+/// The folder of the public model: the one that is named, or the one beside a checkout, if there is one.
+fn public_model(named: Option<&Path>) -> anyhow::Result<Option<PathBuf>> {
+    let folder = named.unwrap_or(Path::new(PUBLIC_MODEL));
+    match (folder.join(check::public_model::FILE).is_file(), named) {
+        (true, _) => Ok(Some(folder.to_owned())),
+        (false, Some(named)) => anyhow::bail!(
+            "--public-model {}: found no {} in it, expected it, from {}",
+            named.display(),
+            check::public_model::FILE,
+            check::public_model::SOURCE
+        ),
+        (false, None) => {
+            eprintln!(
+                "left out: joint frames beside the public model of this hand, which is not at {PUBLIC_MODEL}; it comes from {}, and \
+                 --public-model FOLDER names it",
+                check::public_model::SOURCE
+            );
+            Ok(None)
+        }
+    }
+}
+
+fn hand_grasps(terminal: &Terminal, args: &CheckArgs, hand: &Arc<Hand>) -> Outcome {
+    let numbers: Vec<usize> = args.types.iter().map(|number| usize::from(*number)).collect();
+    let seeds = (terminal.seed, args.seeds.into());
+    let types = if numbers.is_empty() { check::feix::types::all().len() } else { numbers.len() };
+    let bar = progress::bar(types as u64 * seeds.1, "types", terminal.quiet || terminal.json);
+    let done = || bar.inc(1);
+    let (over_seeds, results) = check::feix::seeds::over_seeds(hand, seeds, args.tries as usize, &numbers, done);
+    bar.finish_and_clear();
+    let text = serde_json::json!({
+        "seed": terminal.seed, "seeds": args.seeds, "tries": args.tries, "types": results, "over_seeds": over_seeds,
+    });
+    if let Some(folder) = &args.out {
+        check::feix::draw(hand, &results, folder)?;
+        platform::data::write_whole(&folder.join("grasps.json"), serde_json::to_string_pretty(&text)?.as_bytes())?;
+    }
+    if terminal.json {
+        println!("{text}");
+    } else {
+        print!("{}", check::feix::table(&results));
+        if args.seeds > 1 {
+            print!("{}", check::feix::seeds::table(&over_seeds));
+        }
+    }
+    let held = over_seeds.iter().filter(|kind| kind.held == kind.seeds).count();
+    let seeds = if args.seeds > 1 { " with every seed" } else { "" };
+    Ok((held < results.len()).then(|| format!("{held} of {} grasp types are held{seeds}", results.len())))
+}

@@ -1,0 +1,15 @@
+//! `ftac touch`: the network of photometric stereo is trained, and touch is measured from images to poses.
+
+mod eval;
+mod train_network;
+
+use ftac::lab::arguments::touch::TouchLabCommand;
+use ftac::terminal::{Outcome, Terminal};
+
+/// Runs a command.
+pub fn run(terminal: &Terminal, command: &TouchLabCommand) -> Outcome {
+    match command {
+        TouchLabCommand::TrainNetwork(args) => train_network::train_network(terminal, args),
+        TouchLabCommand::Eval(args) => eval::eval(terminal, args),
+    }
+}
