@@ -158,6 +158,30 @@ fn what_people_run_carries_no_training() {
     }
 }
 
+/// `cargo run` and `cargo test` share one build: every package of a program has the same features in a build of the whole workspace. A
+/// feature that is missing belongs into `workspace-hack`.
+#[test]
+fn a_program_alone_is_built_of_the_workspaces_parts() {
+    let packages = |arguments: &[&str]| -> BTreeSet<String> {
+        let output = Command::new(env!("CARGO"))
+            .args(["tree", "--locked", "--offline", "--prefix", "none", "--format", "{p} [{f}]"])
+            .args(arguments)
+            .env_remove("CARGO_RESOLVER_FEATURE_UNIFICATION")
+            .current_dir(e2e::root())
+            .output()
+            .expect("cargo tree runs");
+        assert!(output.status.success(), "{}", e2e::stderr(&output));
+        let text = String::from_utf8_lossy(&output.stdout);
+        text.lines().map(|line| line.trim_end_matches(" (*)").to_owned()).filter(|line| !line.is_empty()).collect()
+    };
+    let whole = packages(&["--workspace"]);
+    for program in ["ftac", "ftac-lab", "ftac-python"] {
+        let alone = packages(&["-e", "normal,build", "-p", program]);
+        let other: Vec<&String> = alone.difference(&whole).collect();
+        assert!(alone.len() > 100 && other.is_empty(), "{program} has {other:?}");
+    }
+}
+
 /// Design, section 1: "Arrows, and no others".
 #[test]
 fn members_know_only_whom_they_may() {
@@ -202,10 +226,11 @@ fn members_know_only_whom_they_may() {
             "ftac statistics platform hand-model world scenarios sim optics touch grasping control study proving bench report stream progress sensor-calibration",
         ),
         ("sweep", "statistics hand-model platform scenarios control bench report progress"),
+        ("workspace-hack", ""),
         ("guide", "hand-model scenarios optics touch grasping control study"),
         (
             "ftac",
-            "object-detector fault-injection statistics platform hand-model world plant scenarios sim optics touch grasping control hardware-bridge kortex session-log proving bench identification sensor-calibration report stream sweep progress",
+            "object-detector fault-injection statistics platform hand-model world plant scenarios sim optics touch grasping control hardware-bridge kortex session-log proving bench identification sensor-calibration report stream sweep progress workspace-hack",
         ),
         ("ftac-python", "ftac hand-model world scenarios sim optics touch grasping control session-log proving bench"),
         ("e2e", ""),
