@@ -32,7 +32,7 @@ impl Executor {
     }
 
     /// A path by way of `stops` that the arm can follow to where `grasp` closes on what is seen at `percept`; see
-    /// [`Motion::rehearsed_approach`].
+    /// [`crate::motion::Motion::rehearsed_approach`].
     pub fn rehearsed_approach(&self, stops: &[Isometry3<f64>], grasp: &Grasp, percept: &Percept) -> Option<PosePath> {
         self.motion.rehearsed_approach(&self.protocol.limits, grasp, percept, stops)
     }
