@@ -223,7 +223,8 @@ impl<'a> Registrar<'a> {
         let touching = executor.rehearsed_touches(0, &self.ball.model.shape).next();
         let touching = touching.with_context(|| format!("the arm does not reach a ball at {expected:.3}"))?;
         let hand = executor.motion().hand().clone();
-        let guarded = Guarded::new(touching.onto, &hand, Role::Second.digits(), |pad| senses.uses(&hand, pad));
+        let guarded =
+            Guarded::new(touching.onto, &hand, Role::Second.digits(hand.digits().len()), |pad| senses.uses(&hand, pad));
         executor.palpate(0, touching.way, guarded);
         play(body, executor, Phase::decide(Skill::Palpate, 0))?;
         let kinematics = self.world.cell.kinematics();

@@ -43,7 +43,7 @@ fn an_object_is_where_it_is_felt() {
         let lateral = second.palm_rotation(seen.yaw) * Vector3::x() * OFF * side;
         executor.see(1, Percept { position: seen.position + lateral, ..seen });
         let touching = executor.rehearsed_touches(1, &known[1].model.shape).next().expect("within reach");
-        let guarded = Guarded::new(touching.onto, hand, Role::Second.digits(), |_| true);
+        let guarded = Guarded::new(touching.onto, hand, Role::Second.digits(5), |_| true);
         executor.palpate(1, touching.way, guarded);
         drive(robot, executor, Phase::decide(Skill::Palpate, 1), |_, _| {}).expect("the touch");
 

@@ -106,7 +106,7 @@ pub fn located(
     let mut touches = senses.perceive(look)?.touches;
     let objects: Vec<InHand> = first.into_iter().chain([InHand { shape, prior: *prior }]).collect();
     pipeline.mark_own(&mut touches, look.readings, &objects)?;
-    touches.retain(|touch| is_on(pipeline.hand(), touch.pad, Role::Second.digits()));
+    touches.retain(|touch| is_on(pipeline.hand(), touch.pad, Role::Second.digits(pipeline.hand().digits().len())));
     if touches.iter().all(|touch| touch.of_objects().next().is_none()) {
         return Ok(None);
     }

@@ -129,11 +129,15 @@ impl Grip {
         };
         // A closed thumb lies where ring and little finger close: then only what pads feel counts, or a digit with a blind one.
         let thumb = cable_tension(hand, Digit::Thumb.index(), &servos[Digit::Thumb.index()]) > PULLED;
-        let first = Role::First.digits();
+        let first = Role::First.digits(hand.digits().len());
         let blind = |digit: Digit| of(Some(digit)).any(|touch| touch.blind);
         let holds = |digit: &&Digit| feels(Some(**digit)) || blind(**digit) && blocked(**digit);
         let holding = first.iter().filter(holds).count();
-        let taking = Role::Second.digits().iter().filter(|digit| takes_part(**digit) && feels_second(**digit)).count();
+        let taking = Role::Second
+            .digits(hand.digits().len())
+            .iter()
+            .filter(|digit| takes_part(**digit) && feels_second(**digit))
+            .count();
         Self {
             first: holding + usize::from(feels(None)) >= 2 || !thumb && first.iter().any(|digit| blocked(*digit)),
             second: taking >= 2 || stopped(Digit::Index) || stopped(Digit::Middle),
@@ -206,7 +210,7 @@ fn pads_on(hand: &Hand, q: &[f64], first: &InHand) -> Vec<usize> {
     let pads = hand.pad_poses(&hand.tree.forward(q));
     let on_it = |pad: &usize| {
         let middle = object_from_palm * pads[*pad] * Point3::origin();
-        is_on(hand, *pad, Role::Second.digits()) && first.shape.signed_distance(&middle).0 < ON_IT
+        is_on(hand, *pad, Role::Second.digits(hand.digits().len())) && first.shape.signed_distance(&middle).0 < ON_IT
     };
     (0..pads.len()).filter(on_it).collect()
 }

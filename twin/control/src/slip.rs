@@ -86,7 +86,7 @@ impl SlipWatch {
         let seen = self.seen(hand, arrived);
         let mut tension: DigitVector = plan.iter().copied().collect();
         for (role, grip) in [Role::First, Role::Second].into_iter().zip(&mut self.grips) {
-            let slips = grip.tick(role.digits(), &cables, seen[role as usize], dt);
+            let slips = grip.tick(role.digits(hand.digits().len()), &cables, seen[role as usize], dt);
             if slips {
                 // What the pads show from now on is the new state of things.
                 let of_role = |camera: usize| role_of(hand, camera) == role;
@@ -96,7 +96,7 @@ impl SlipWatch {
                     }
                 }
             }
-            for digit in role.digits() {
+            for digit in role.digits(hand.digits().len()) {
                 let planned = plan[digit.index()];
                 tension[digit.index()] = (planned * (1.0 + grip.added)).min(most).max(planned);
             }
@@ -147,7 +147,7 @@ impl GripWatch {
 /// Whose pads a camera looks through: the palm's belong to the first grip, which leans on it.
 fn role_of(hand: &Hand, camera: usize) -> Role {
     let pad = hand.cameras[camera].pad;
-    if is_on(hand, pad, Role::Second.digits()) { Role::Second } else { Role::First }
+    if is_on(hand, pad, Role::Second.digits(hand.digits().len())) { Role::Second } else { Role::First }
 }
 
 /// Mean difference of two pictures, grey levels.

@@ -111,7 +111,7 @@ mod tests {
         Grasp {
             id,
             object: object.into(),
-            digits: Role::Second.digits().to_vec(),
+            digits: Role::Second.digits(5).to_vec(),
             yaw: 0.0,
             pitch: 0.2,
             roll: -0.3,

@@ -8,19 +8,20 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Role {
-    /// Ring and little finger against the palm; thumb, index and middle stay free.
+    /// Ring and little finger against the palm, or the ring finger alone of a hand with four digits; thumb, index and middle stay free.
     First,
-    /// Thumb, index and middle finger, while ring and little hold something.
+    /// Thumb, index and middle finger, while the others hold something; thumb and index finger of a gripper.
     Second,
 }
 
 impl Role {
-    /// Digits that close.
-    pub fn digits(self) -> &'static [Digit] {
-        match self {
+    /// Digits that close, of a hand with `count` of them; none where it has too few to take something in this place.
+    pub fn digits(self, count: usize) -> &'static [Digit] {
+        let all: &[Digit] = match self {
             Role::First => &[Digit::Ring, Digit::Little],
             Role::Second => &[Digit::Thumb, Digit::Index, Digit::Middle],
-        }
+        };
+        &all[..all.iter().filter(|digit| digit.index() < count).count()]
     }
 }
 
@@ -151,7 +152,7 @@ mod tests {
         Grasp {
             id: 0,
             object: "ball".into(),
-            digits: Role::First.digits().to_vec(),
+            digits: Role::First.digits(5).to_vec(),
             yaw: 0.3,
             pitch: 0.2,
             roll: -0.9,

@@ -120,7 +120,11 @@ impl Repertoire {
 
     /// Grasps of `object` for `role`, best first.
     pub fn of(&self, object: &str, role: Role) -> impl Iterator<Item = &Grasp> {
-        self.grasps.get(object).into_iter().flatten().filter(move |grasp| grasp.digits == role.digits())
+        self.grasps
+            .get(object)
+            .into_iter()
+            .flatten()
+            .filter(move |grasp| grasp.digits == role.digits(grasp.close_tension.len()))
     }
 
     /// Adds a grasp and keeps its object's list ranked by score (ties: by number).
@@ -139,7 +143,7 @@ mod tests {
         Grasp {
             id,
             object: object.into(),
-            digits: role.digits().to_vec(),
+            digits: role.digits(5).to_vec(),
             yaw: 0.1,
             pitch: 0.2,
             roll: -0.9,

@@ -34,6 +34,8 @@ pub struct HandForm {
     side: f64,
     /// Its size over that of the F-TAC Hand.
     scale: f64,
+    /// How many digits it has.
+    digits: usize,
 }
 
 impl HandForm {
@@ -42,17 +44,18 @@ impl HandForm {
             Handedness::Left => 1.0,
             Handedness::Right => -1.0,
         };
-        Self { side, scale: -hand.parameters.palm.flange_xyz[1] / WRIST }
+        Self { side, scale: -hand.parameters.palm.flange_xyz[1] / WRIST, digits: hand.digits().len() }
     }
 }
 
 /// A random proposal for a hand.
 pub fn propose(hand: HandForm, object: &ObjectExtent, role: Role, id: u32, rng: &mut impl Rng) -> Grasp {
-    let HandForm { side, scale } = hand;
+    let HandForm { side, scale, digits } = hand;
     let mut uniform = |low: f64, high: f64| rng.random_range(low..high);
     let deg = std::f64::consts::PI / 180.0;
     let radius = 0.5 * (object.half.z + 0.5 * (object.half.x + object.half.y));
-    let (mut pre, mut close) = (DigitVector::from([0.0; 5]), DigitVector::from([0.0; 5]));
+    let slack: DigitVector = (0..digits).map(|_| 0.0).collect();
+    let (mut pre, mut close) = (slack, slack);
     let (yaw, pitch, roll, along, across, gap, opposition, raise, delay);
     match role {
         Role::First => {
@@ -66,7 +69,7 @@ pub fn propose(hand: HandForm, object: &ObjectExtent, role: Role, id: u32, rng: 
             delay = 0.0;
             let tension = uniform(12.0, 24.0);
             let before = uniform(1.0, 3.5);
-            for digit in [Digit::Ring, Digit::Little] {
+            for digit in role.digits(digits) {
                 pre[digit.index()] = before;
                 close[digit.index()] = tension;
             }
@@ -82,7 +85,7 @@ pub fn propose(hand: HandForm, object: &ObjectExtent, role: Role, id: u32, rng: 
             delay = uniform(-0.25, 0.18);
             let (fingers, thumb) = (uniform(14.0, 40.0), uniform(12.0, 36.0));
             let (before, before_thumb) = (uniform(1.5, 4.0), uniform(1.5, 4.0));
-            for digit in [Digit::Index, Digit::Middle] {
+            for digit in &role.digits(digits)[1..] {
                 pre[digit.index()] = before;
                 close[digit.index()] = fingers;
             }
@@ -94,7 +97,7 @@ pub fn propose(hand: HandForm, object: &ObjectExtent, role: Role, id: u32, rng: 
     Grasp {
         id,
         object: object.name.clone(),
-        digits: role.digits().to_vec(),
+        digits: role.digits(digits).to_vec(),
         yaw,
         pitch,
         roll: side * roll,
@@ -153,7 +156,7 @@ mod tests {
     fn a_right_hand_mirrors_proposals() {
         let object = ObjectExtent { name: "ball".into(), half: Vector3::repeat(0.02), yaw_matters: true };
         let left = HandForm::of(&Hand::ftac());
-        assert_eq!(left, HandForm { side: 1.0, scale: 1.0 });
+        assert_eq!(left, HandForm { side: 1.0, scale: 1.0, digits: 5 });
         let draw = |form| propose(form, &object, Role::First, 1, &mut ChaCha8Rng::seed_from_u64(5));
         let (one, other) = (draw(left), draw(HandForm { side: -1.0, ..left }));
         let mirrored = one.palm_rotation(0.0) * Vector3::from(one.center);
@@ -169,7 +172,7 @@ mod tests {
         for role in [Role::First, Role::Second] {
             let grasp = propose(HandForm::of(&Hand::ftac()), &object, role, 0, &mut rng);
             for digit in Digit::ALL {
-                assert_eq!(grasp.close_tension[digit.index()] > 0.0, role.digits().contains(&digit));
+                assert_eq!(grasp.close_tension[digit.index()] > 0.0, role.digits(5).contains(&digit));
             }
         }
     }

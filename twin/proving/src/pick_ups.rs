@@ -184,7 +184,7 @@ pub fn generate(
                 Role::Second => search.find_second(name, &reference)?,
             };
             if let Some(list) = repertoire.grasps.get_mut(name) {
-                list.retain(|grasp| grasp.digits != role.digits());
+                list.retain(|grasp| grasp.digits != role.digits(grasp.close_tension.len()));
             }
             for grasp in grasps {
                 repertoire.insert(grasp);

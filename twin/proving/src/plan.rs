@@ -158,14 +158,17 @@ impl Plan {
 
     /// The grasps behind the numbers.
     pub fn grasps(&self, repertoire: &Repertoire) -> Result<PlannedGrasps> {
-        let find = |object: &str, role: Role, id: u32| {
-            repertoire
-                .of(object, role)
-                .chain(self.variations.iter().filter(|grasp| grasp.object == object && grasp.digits == role.digits()))
-                .find(|grasp| grasp.id == id)
-                .cloned()
-                .with_context(|| format!("the plan names grasp {id} of {object}, which the repertoire lacks"))
-        };
+        let find =
+            |object: &str, role: Role, id: u32| {
+                repertoire
+                    .of(object, role)
+                    .chain(self.variations.iter().filter(|grasp| {
+                        grasp.object == object && grasp.digits == role.digits(grasp.close_tension.len())
+                    }))
+                    .find(|grasp| grasp.id == id)
+                    .cloned()
+                    .with_context(|| format!("the plan names grasp {id} of {object}, which the repertoire lacks"))
+            };
         let candidate = |grasp: Grasp, worth: f64, outcomes: Option<&Outcomes>| {
             let rehearsed = outcomes.map(|outcomes| outcomes.rehearsed(&grasp)).transpose()?.unwrap_or_default();
             Ok(Candidate { rehearsed: rehearsed.into(), ..Candidate::new(grasp, worth) })

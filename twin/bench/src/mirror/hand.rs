@@ -184,7 +184,8 @@ impl HandWatch {
             let (least, most) = all.fold((f64::MAX, f64::MIN), |(a, b), tension| (a.min(tension), b.max(tension)));
             most - least > least_change
         };
-        let digits = [Role::First, Role::Second].into_iter().take(should).flat_map(|role| role.digits());
+        let count = self.tensions.back().map_or(0, |tensions| tensions.len());
+        let digits = [Role::First, Role::Second].into_iter().take(should).flat_map(|role| role.digits(count));
         digits.map(|digit| digit.index()).any(changed)
     }
 
@@ -246,7 +247,7 @@ impl HandWatch {
         }
         // An object is gone when the last of the digits that have it bears nothing.
         let gone = |role: Role| {
-            let digits = role.digits().iter().map(|digit| digit.index());
+            let digits = role.digits(tick.residuals.cables.len()).iter().map(|digit| digit.index());
             digits.clone().any(|n| dropped[n]) && !digits.clone().any(|n| self.carrying[n])
         };
         let dropped = [Role::First, Role::Second].into_iter().take(should).position(gone);

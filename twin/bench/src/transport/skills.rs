@@ -68,7 +68,8 @@ pub fn of_repertoire(world: &World, repertoire: &Repertoire) -> Result<Vec<Picku
             continue;
         }
         for grasp in grasps {
-            let beside = if grasp.digits == Role::First.digits() { Vec::new() } else { Role::First.digits().to_vec() };
+            let first = Role::First.digits(grasp.close_tension.len());
+            let beside = if grasp.digits == first { Vec::new() } else { first.to_vec() };
             let diameter = 2.0 * model.shape.bounding_radius();
             skills.push(Pickup { diameter, beside, keeps: grasp.digits.clone(), grasp: grasp.clone() });
         }

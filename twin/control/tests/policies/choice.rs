@@ -21,7 +21,7 @@ fn with_bar_at(x: f64) -> (bool, f64) {
     let mut executor = table.executor();
     run_until(&mut executor, DECIDE);
     let bar = bar();
-    let digits = Role::First.digits();
+    let digits = Role::First.digits(5);
     let [bar, target] = [&bar, &*table.objects[1]].map(object_solids);
     let held = Held {
         name: "bar",
@@ -105,7 +105,7 @@ fn with_twin(rehearsals: [fn(&Vector3<f64>) -> TryOutcome; 2], twin: Option<&dyn
         solids: &bar,
         pose: Isometry3::translation(-0.10, 0.09, -0.02),
         joints: vec![0.0; 15],
-        digits: Role::First.digits(),
+        digits: Role::First.digits(5),
         sigma: 0.001,
     };
     let belief = Belief::new(&Uncertainty::standard());

@@ -48,13 +48,13 @@ pub const STEP_ASIDE: Phase = Phase::run(Skill::StepAside, 0);
 
 pub fn grasp(id: u32, object: &str, role: Role, center: [f64; 3], score: f64) -> Grasp {
     let mut close_tension = [0.0; 5];
-    for digit in role.digits() {
+    for digit in role.digits(5) {
         close_tension[digit.index()] = 10.0;
     }
     Grasp {
         id,
         object: object.into(),
-        digits: role.digits().to_vec(),
+        digits: role.digits(5).to_vec(),
         yaw: 0.0,
         pitch: 0.0,
         roll: 0.0,

@@ -45,7 +45,7 @@ pub fn plan_without(world: &World, repertoire: &Repertoire, plans: &Plans, digit
         plans.plans.par_iter().map(|plan| plan_one(world, &slack, plan, digits, &board)).collect();
     let mut without = Without { repertoire: slack.clone(), plans: plans.clone(), impossible: Default::default() };
     for list in without.repertoire.grasps.values_mut() {
-        list.retain(|grasp| grasp.digits == Role::Second.digits());
+        list.retain(|grasp| grasp.digits == Role::Second.digits(grasp.close_tension.len()));
     }
     for (n, made) in made.into_iter().enumerate() {
         let (proven, plan) = made?;

@@ -36,7 +36,8 @@ impl Touch<'_> {
         let name = &self.knowledge.objects[object].name;
         self.story.tell(format!("{name} is touched from above to find out where it is"));
         let hand = executor.motion().hand().clone();
-        let guarded = Guarded::new(onto, &hand, Role::Second.digits(), |pad| self.senses.uses(&hand, pad));
+        let guarded =
+            Guarded::new(onto, &hand, Role::Second.digits(hand.digits().len()), |pad| self.senses.uses(&hand, pad));
         executor.palpate(object, way, guarded);
         self.state = State::Palpates { object, found: None };
         Ok(Step::Play)
@@ -129,7 +130,7 @@ impl Touch<'_> {
 
 /// An empty hand whose ring and little finger are closed.
 pub(super) fn empty(hand: &Hand) -> Held<'static> {
-    let digits = Role::First.digits();
+    let digits = Role::First.digits(hand.digits().len());
     let mut joints = vec![0.0; hand.tree.joints.len()];
     for &joint in digits.iter().flat_map(|digit| hand.links(*digit)) {
         joints[joint] = hand.tree.joints[joint].upper;
