@@ -21,9 +21,9 @@ use crate::calibration::HandCalibration;
 use crate::cameras::{Cameras, CamerasError};
 use crate::clock::Clock;
 use crate::config::{BridgeConfig, ConfigError};
+use crate::driven::expect_driven;
 use crate::hand_bus::HandBus;
 use crate::hand_bus::SERVOS;
-use crate::kortex_link::expect_gen3;
 use crate::lock::lock;
 use crate::real_time::run_ahead;
 use crate::remote::door::{Fulfil, RemoteDoor};
@@ -118,7 +118,7 @@ impl HardwareRobot {
         robot: &RobotModel,
         dry: Option<DryLines>,
     ) -> Result<Self, ConnectError> {
-        expect_gen3(robot)?;
+        expect_driven(robot)?;
         let calibration = HandCalibration::read(&config.calibration)?;
         let clock = Clock::wall();
         let hand = open_hand(config, &calibration, robot)?;

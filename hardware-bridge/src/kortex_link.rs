@@ -3,7 +3,6 @@
 use std::sync::mpsc::Sender;
 use std::time::{Duration, Instant};
 
-use hand_model::RobotModel;
 use hand_model::arm::Arm as ArmModel;
 use hand_model::robot::ArmState;
 use kortex::joints::JOINTS;
@@ -13,7 +12,6 @@ use kortex::safety_bank::{self, Report};
 use kortex::servo_loop::{Pacing, ServoLoop};
 use kortex::servoing::{Limits, fault_of};
 use kortex::{Arm, KortexError, Motion};
-use platform::data::DataError;
 use session_log::Packet;
 
 use crate::arm_link::{ArmLink, ArmLinkError};
@@ -28,23 +26,7 @@ pub fn limits(arm: &ArmModel) -> Limits {
     Limits::at_1_khz(lower, upper, speed)
 }
 
-/// Name of the arm's model that the bridge and its emulators drive.
-const GEN3: &str = "gen3";
-
-/// Refuses robots with another arm than a Gen3.
-///
-/// # Errors
-/// [`DataError`] that names the robot's file.
-pub fn expect_gen3(robot: &RobotModel) -> Result<(), DataError> {
-    if robot.arm.name == GEN3 && robot.arm.joints() == JOINTS {
-        return Ok(());
-    }
-    let expected =
-        "`gen3`: the hardware bridge and its emulated devices drive no other arm; `--robot sim` plays this one";
-    Err(DataError::field(robot.file(), "arm", format!("`{}`", robot.arm.name), expected))
-}
-
-/// The joints of a Gen3; [`expect_gen3`] has refused other arms.
+/// The joints of a Gen3; [`expect_driven`](crate::driven::expect_driven) has refused other arms.
 pub fn of_gen3(joints: &[f64]) -> [f64; JOINTS] {
     std::array::from_fn(|joint| joints[joint])
 }

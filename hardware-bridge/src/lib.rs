@@ -23,6 +23,7 @@ pub mod calibration;
 pub mod cameras;
 pub mod clock;
 pub mod config;
+pub mod driven;
 #[cfg(feature = "emulator")]
 pub mod emulator;
 mod exclusive;

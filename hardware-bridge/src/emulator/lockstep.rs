@@ -23,9 +23,9 @@ use crate::calibration::{HandCalibration, ServoCalibration};
 use crate::cameras::Cameras;
 use crate::clock::Clock;
 use crate::config::{ArmConfig, BridgeConfig, CameraConfig, LimitConfig, ServoConfig};
+use crate::driven::expect_driven;
 use crate::hand_bus::SERVOS;
 use crate::hardware_robot::{ConnectError, newest, open_hand, sent_as, servo_cycle};
-use crate::kortex_link::expect_gen3;
 use crate::lock::lock;
 use crate::safety::state::State;
 use crate::safety::supervisor::CheckFailed;
@@ -90,7 +90,7 @@ impl LockstepRobot {
         robot: &RobotModel,
         packets: Option<&Sender<Packet>>,
     ) -> Result<Self, LockstepError> {
-        expect_gen3(robot).map_err(ConnectError::from)?;
+        expect_driven(robot).map_err(ConnectError::from)?;
         let clock = Clock::emulated();
         let tick = plant.tick_length();
         let (seed, zeros) = (settings.devices.seed, settings.devices.servos.clone());

@@ -13,7 +13,7 @@ use bench::trial::Means;
 use clap::{Args, ValueEnum};
 use hand_model::RobotModel;
 use hardware_bridge::config::BridgeConfig;
-use hardware_bridge::kortex_link::expect_gen3;
+use hardware_bridge::driven::expect_driven;
 use object_detector::measurement::Checks;
 use object_detector::{Vision, VisionSource};
 use proving::simulated_world::World;
@@ -47,7 +47,7 @@ impl Body {
     pub fn expect(self, robot: &RobotModel) -> Result<()> {
         match self {
             Self::Sim => Ok(()),
-            Self::Hardware | Self::Emulated | Self::Rounded => Ok(expect_gen3(robot)?),
+            Self::Hardware | Self::Emulated | Self::Rounded => Ok(expect_driven(robot)?),
         }
     }
 

@@ -9,14 +9,15 @@ use hand_model::{ArmVector, RobotModel};
 use hardware_bridge::arm_link::{ArmLink, LoopbackArm};
 use hardware_bridge::config::secrets::Password;
 use hardware_bridge::config::{ArmConfig, BridgeConfig};
-use hardware_bridge::kortex_link::{KortexLink, expect_gen3, of_gen3};
+use hardware_bridge::driven::expect_driven;
+use hardware_bridge::kortex_link::{KortexLink, of_gen3};
 use kortex::link::LinkError;
 use kortex::refusal::Reason;
 use kortex::{Address, Credentials, KortexError, Timeouts};
 
 /// The client of the configured arm of `robot`, connected. `near` is the posture it is expected in, rad.
 pub fn arm_link(config: &BridgeConfig, robot: &RobotModel, near: ArmVector) -> Result<Box<dyn ArmLink>> {
-    expect_gen3(robot)?;
+    expect_driven(robot)?;
     Ok(match connect(config, near)? {
         None => Box::new(LoopbackArm::at(near)),
         Some(arm) => {

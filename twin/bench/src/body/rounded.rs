@@ -10,8 +10,8 @@ use anyhow::{Result, anyhow};
 use control::percept::Sighted;
 use hand_model::RobotModel;
 use hand_model::robot::RobotBackend;
+use hardware_bridge::driven::expect_driven;
 use hardware_bridge::emulator::direct::DirectRobot;
-use hardware_bridge::kortex_link::expect_gen3;
 use hardware_bridge::safety::state::State;
 use session_log::Session;
 use sim::SimulatedRobot;
@@ -60,7 +60,7 @@ pub struct RoundedSource {
 
 impl BodySource for RoundedSource {
     fn open(&mut self, setup: &TrialSetup, scene: SimulatedRobot) -> Result<Box<dyn TrialBody>> {
-        expect_gen3(&self.robot)?;
+        expect_driven(&self.robot)?;
         let plant = SharedPlant::new(scene);
         let settings = settings(&self.robot.hand, setup.task.seed);
         let robot =

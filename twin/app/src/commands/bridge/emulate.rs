@@ -23,10 +23,10 @@ use hand_model::RobotModel;
 use hand_model::robot::Plant;
 use hardware_bridge::calibration::{HandCalibration, ServoCalibration};
 use hardware_bridge::config::{ArmConfig, BridgeConfig, CameraConfig, LimitConfig, ServoConfig};
+use hardware_bridge::driven::expect_driven;
 use hardware_bridge::emulator::servo::EmulatedServo;
 use hardware_bridge::emulator::spring_hand::SpringHand;
 use hardware_bridge::emulator::{EmulatedHand, EmulatorSettings};
-use hardware_bridge::kortex_link::expect_gen3;
 use hardware_bridge::xc330;
 use kortex::Credentials;
 use kortex::emulator::{Emulator, EventKind, Pace, Settings, Status};
@@ -137,7 +137,7 @@ pub fn run(terminal: &Terminal, args: &EmulateArgs) -> Result<Option<String>> {
         return tell_running(terminal, &args.dir, line);
     }
     let robot = args.robot.model()?;
-    expect_gen3(&robot)?;
+    expect_driven(&robot)?;
     let (mishaps, faults) = mishap::mishaps(&args.faults, &robot.hand)?;
     if args.springs && mishaps.iter().any(|(_, mishap)| matches!(mishap, Mishap::Plant(_))) {
         bail!(NO_PLANT);

@@ -12,7 +12,7 @@ use fault_injection::ledger::{Ledger, Request};
 use fault_injection::table::FaultTable;
 use fault_injection::{Matrix, PHASES, inject_all};
 use hand_model::RobotModel;
-use hardware_bridge::kortex_link::expect_gen3;
+use hardware_bridge::driven::expect_driven;
 use scenarios::Scenario;
 
 use crate::options::robot::RobotArgs;
@@ -116,7 +116,7 @@ fn request(args: &FaultArgs, seed: u64) -> anyhow::Result<Request> {
         bail!("--phase: found no phase to inject into, expected part of one of: {}", names.join(", "));
     }
     let robot = args.robot.model()?;
-    expect_gen3(&robot)?;
+    expect_driven(&robot)?;
     let robot_model = robot.sources;
     Ok(Request {
         program: PROGRAM.to_owned(),

@@ -3,8 +3,8 @@
 use anyhow::{Context as _, Result, anyhow, bail};
 use bench::body::emulated::{SharedPlant, settings};
 use clap::Args;
+use hardware_bridge::driven::expect_driven;
 use hardware_bridge::emulator::direct::DirectRobot;
-use hardware_bridge::kortex_link::expect_gen3;
 use identification::evaluation::{Coverage, compare, coverage, median, reach};
 use identification::excitation::{ExcitationError, Progress, play};
 use identification::identify;
@@ -159,7 +159,7 @@ const BEND: f64 = 0.4;
 fn evaluate(drawing: &Drawing, number: u64, seed: u64) -> Result<Row> {
     let Drawing { robot: nominal, losses, .. } = drawing;
     let hand = &nominal.hand;
-    expect_gen3(nominal)?;
+    expect_driven(nominal)?;
     let truth = RobotIndividual::draw(nominal, number);
     let script = drawing.script(None)?;
     let plant = SharedPlant::new(drawing.plant(number, seed, &script)?);

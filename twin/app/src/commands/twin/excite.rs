@@ -12,10 +12,10 @@ use hand_model::robot::{Command, Readings, RobotBackend, RobotError, Tick};
 use hand_model::{Hand, RobotModel, RobotSources};
 use hardware_bridge::config::BridgeConfig;
 use hardware_bridge::config::secrets::without_secrets;
+use hardware_bridge::driven::expect_driven;
 use hardware_bridge::emulator::direct::DirectRobot;
 use hardware_bridge::emulator::lockstep::LockstepRobot;
 use hardware_bridge::hardware_robot::HardwareRobot;
-use hardware_bridge::kortex_link::expect_gen3;
 use hardware_bridge::safety::state::State;
 use identification::Script;
 use identification::excitation::{Progress, Task, described, play};
@@ -302,7 +302,7 @@ fn open(terminal: &Terminal, args: &ExciteArgs, drawing: &Drawing, script: &Scri
         let path = args.config.as_deref().context("--config")?;
         return real(path, args.yes, script, &drawing.robot);
     }
-    expect_gen3(&drawing.robot)?;
+    expect_driven(&drawing.robot)?;
     let individual = RobotIndividual::draw(&drawing.robot, args.individual);
     let model = &drawing.robot;
     let robot = drawing.plant(args.individual, terminal.seed, script)?;

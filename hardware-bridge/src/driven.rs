@@ -1,0 +1,35 @@
+//! The robots that the bridge and its emulated devices drive.
+
+use hand_model::RobotModel;
+use platform::data::DataError;
+
+use crate::hand_bus::SERVOS;
+use kortex::joints::JOINTS;
+
+/// Name of the arm's model that the bridge and its emulators drive.
+const GEN3: &str = "gen3";
+
+/// Refuses robots with another arm than a Gen3, or with a hand of other actuators than the F-TAC Hand's.
+///
+/// # Errors
+/// [`DataError`] that names the robot's file.
+pub fn expect_driven(robot: &RobotModel) -> Result<(), DataError> {
+    let refused = |field: &str, found: String, expected: &str| {
+        let expected = format!(
+            "{expected}: the hardware bridge and its emulated devices drive no other; `--robot sim` plays this one"
+        );
+        Err(DataError::field(robot.file(), field, found, expected))
+    };
+    if robot.arm.name != GEN3 || robot.arm.joints() != JOINTS {
+        return refused("arm", format!("`{}`", robot.arm.name), "`gen3`");
+    }
+    let (servos, opposition) = (robot.hand.servos.len(), robot.hand.transmission.opposition);
+    if servos != SERVOS || opposition.is_none() {
+        return refused(
+            "hand",
+            format!("{servos} actuators"),
+            &format!("{SERVOS}, the last of which opposes the thumb"),
+        );
+    }
+    Ok(())
+}
