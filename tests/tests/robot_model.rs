@@ -170,6 +170,26 @@ fn a_repertoire_of_another_robot_is_refused() {
     assert!(stderr(&plan).contains("--repertoire: found none, expected grasps of ftac_right"), "{}", stderr(&plan));
 }
 
+/// A gripper has no digits to hold one object while others take the next: a benchmark of pairs is refused before any search.
+#[test]
+fn two_objects_are_refused_for_a_gripper() {
+    let folder = tempdir().expect("a folder");
+    let robot = folder.path().join("gripper.toml");
+    fs::copy(shipped("franka_hand.toml"), folder.path().join("franka_hand.toml")).expect("copied");
+    let pads = folder.path().join("pads.json");
+    let described =
+        PLAIN.replace("[hand]", "calibration = \"pads.json\"\n[hand]").replace("\"ftac\"", "\"franka_hand.toml\"");
+    fs::write(&robot, described).expect("written");
+    let trained = run(&["touch", "train", "--robot-model", text(&robot), "--presses", "6", "--out", text(&pads)]);
+    assert_eq!(trained.status.code(), Some(0), "{}", stderr(&trained));
+    let out = folder.path().join("out");
+    let played = ftac(&["bench", "--robot-model", text(&robot), "--combos", "1", "--trials", "1", "--out", text(&out)])
+        .output()
+        .expect("runs");
+    assert_eq!(played.status.code(), Some(2), "{}", stderr(&played));
+    assert!(stderr(&played).contains("gripper.toml: hand: found 2 digits, expected 4 or 5"), "{}", stderr(&played));
+}
+
 /// Each robot that comes with the sources can be drawn, and a press into a pad of its own is rendered.
 #[test]
 fn robots_that_come_with_the_sources_are_whole() {
@@ -182,6 +202,7 @@ fn robots_that_come_with_the_sources_are_whole() {
         ("ftac_85", "thumb_distal"),
         ("ftac_115", "palm_ulnar"),
         ("ftac_more_pads", "ring_middle_back"),
+        ("allegro_gen3", "thumb_distal"),
     ] {
         let file = shipped(&format!("{robot}.toml"));
         let picture = folder.path().join(format!("{robot}.png"));
