@@ -12,7 +12,7 @@ use std::collections::BTreeSet;
 use std::sync::Once;
 use std::time::Instant;
 
-use anyhow::Result;
+use anyhow::{Result, ensure};
 use grasping::{Grasp, Repertoire, Role};
 use scenarios::Scenario;
 use scenarios::combination::{Combination, draw_combinations};
@@ -55,7 +55,14 @@ pub fn prepare(world: &World, count: usize, seed: u64, cache: &Cache, quiet: boo
             eprintln!("{line}");
         }
     };
-    let builtin = crate::builtin::fits(&world.cell.robot)?;
+    let robot = &world.cell.robot;
+    let digits = robot.hand.digits().len();
+    ensure!(
+        [Role::First, Role::Second].iter().all(|role| !role.digits(digits).is_empty()),
+        "{}: hand: found {digits} digits, expected 4 or 5: thumb, index and middle finger take the second object while the others hold the first",
+        robot.file().display()
+    );
+    let builtin = crate::builtin::fits(robot)?;
     let mut repertoire = if builtin { crate::builtin::repertoire()? } else { Repertoire::default() };
     repertoire.seed = SEED;
     let mut notes = left_out::notes(world);
@@ -72,7 +79,7 @@ pub fn prepare(world: &World, count: usize, seed: u64, cache: &Cache, quiet: boo
     let begun = Instant::now();
     for (n, (object, role)) in own.iter().enumerate() {
         let grasps = pick_up(world, &repertoire, (object, *role), &own[n + 1..], cache, quiet)?;
-        let line = found(object, *role, grasps.len());
+        let line = found(object, (*role, digits), grasps.len());
         say(&format!("{:3} of {}  {line}  {:5.1} min", n + 1, own.len(), begun.elapsed().as_secs_f64() / 60.0));
         if grasps.is_empty() {
             notes.push(line);
@@ -124,10 +131,16 @@ fn pace(world: &World, repertoire: &Repertoire, board: &TactileBoard, pairs: &[C
 }
 
 /// What was found of an object in a role, in words.
-fn found(object: &ObjectModel, role: Role, count: usize) -> String {
-    let (order, digits) = match role {
-        Role::First => ("first", "ring and little finger"),
-        Role::Second => ("second", "thumb, index and middle finger"),
+fn found(object: &ObjectModel, (role, digits): (Role, usize), count: usize) -> String {
+    let order = match role {
+        Role::First => "first",
+        Role::Second => "second",
+    };
+    let names: Vec<&str> = role.digits(digits).iter().map(|digit| digit.name()).collect();
+    let digits = match names.split_last() {
+        Some((last, [])) => format!("{last} finger"),
+        Some((last, others)) => format!("{} and {last} finger", others.join(", ")),
+        None => "no digit".to_owned(),
     };
     if count > 0 {
         return format!("{}: {count} grasps by {digits}", object.name);
