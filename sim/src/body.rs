@@ -39,7 +39,7 @@ pub(crate) const SLIDE_SLACK: f64 = 0.01;
 pub struct RobotBody {
     links: Vec<RigidBodyHandle>,
     joints: Vec<MultibodyJointHandle>,
-    /// Palm cover, then the 15 link covers.
+    /// Palm cover, then those of the links.
     pub covers: Vec<ColliderHandle>,
     /// The arm's wrist capsules.
     pub wrist: Vec<ColliderHandle>,

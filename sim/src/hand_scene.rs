@@ -1,7 +1,7 @@
 //! The hand alone, its palm fixed in space, with one floating object: the scene in which a grasp is closed and tested.
 //!
 //! World axes are the palm's. Without an arm the five digits do not feel each other's inertia, so each is a multibody of three
-//! joints on the fixed palm; that costs a fraction of one body of fifteen. Cables pull with given tensions (servos in current
+//! joints on the fixed palm; that costs a fraction of one body of all joints. Cables pull with given tensions (servos in current
 //! control at rest), the opposition servo holds its angle. There is no gravity: the protocol's forces are applied instead.
 
 use std::sync::Arc;
@@ -34,7 +34,7 @@ pub struct Pull {
 /// A contact between hand and object.
 #[derive(Debug, Clone, Copy)]
 pub struct Touch {
-    /// Hand link (0..15), `None` for the palm.
+    /// Hand link, `None` for the palm.
     pub link: Option<usize>,
     /// Palm frame, m.
     pub point: Point3<f64>,
@@ -76,7 +76,7 @@ impl HandScene {
         let poses = hand.tree.forward(&hand.open());
         for (i, joint) in hand.tree.joints.iter().enumerate() {
             let body = engine.bodies.insert(link_body(&poses[i], &hand.masses[i]));
-            // A root for each digit: digits that share one become one multibody of fifteen joints.
+            // A root for each digit: digits that share one become one multibody of all joints.
             let parent = match joint.parent {
                 Some(parent) => links[parent],
                 None => engine.bodies.insert(RigidBodyBuilder::fixed()),

@@ -2,7 +2,7 @@
 //!
 //! The world frame is the palm frame; which way is down is a choice. What is put into the hand can be held in place (fixed)
 //! while the digits close and let go of afterwards. [`Linkage`] is the mechanism alone, for any tree of revolute joints whose
-//! efforts come from outside; [`HandStand`] is the F-TAC Hand on it, driven by its six servos,
+//! efforts come from outside; [`HandStand`] is a hand on it, driven by its servos,
 //! [`AnyStand`] a hand read from files.
 
 mod any;
@@ -130,7 +130,7 @@ impl HandStand {
         self.drive.states()
     }
 
-    /// `palm_from_link` of the 15 links.
+    /// `palm_from_link` of all links.
     pub fn links(&self) -> Vec<Isometry3<f64>> {
         self.linkage.links()
     }

@@ -9,7 +9,7 @@ use world::holding::Support;
 pub struct HandContact {
     /// Object index.
     pub object: usize,
-    /// Hand link (0..15) or `None` for the palm.
+    /// Hand link or `None` for the palm.
     pub link: Option<usize>,
     /// World point, m.
     pub point: nalgebra::Point3<f64>,

@@ -34,14 +34,14 @@ pub enum ArmAction {
 /// What the hand's servos are asked to do during one step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum HandAction {
-    /// Pull the five cables, and turn the thumb's opposition joint.
+    /// Pull the cables, and turn the thumb's opposition joint.
     Tensions {
         /// At the spools, N: thumb, index, middle, ring, little. Reached evenly over the step.
         tensions: DigitVector,
         /// rad.
         opposition: f64,
     },
-    /// Turn the six servos to these output angles, rad: a larger one winds more cable.
+    /// Turn the servos to these output angles, rad: a larger one winds more cable.
     Spools(ActuatorVector),
 }
 

@@ -5,7 +5,7 @@
 //! it pixel by pixel, and [`network`] with each pixel's surroundings. [`poisson`] integrates slopes to a height map.
 //! [`contacts`] finds contact patches in it, and [`slip`] their motion; [`pad_touch`] is the result for one pad.
 //! [`own_hand`] tells what the hand feels of itself from what it feels of objects.
-//! [`posture`] estimates fifteen joint angles from six servos. [`pose`] registers patches, untouched pads and servo
+//! [`posture`] estimates joint angles from fewer servos. [`pose`] registers patches, untouched pads and servo
 //! readings to the known shape of the object. [`pipeline`] runs all of it for the 18 cameras of the hand.
 //!
 //! [`ball_press`] finds a ball of known radius that is pressed into a pad.

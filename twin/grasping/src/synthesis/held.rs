@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(from = "ContactRow", into = "ContactRow")]
 pub struct HeldContact {
-    /// Link (0..15 in joint order), `None` for the palm.
+    /// Link in joint order, `None` for the palm.
     pub link: Option<usize>,
     /// m.
     pub point: [f64; 3],

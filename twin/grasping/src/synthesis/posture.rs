@@ -1,4 +1,4 @@
-//! From a sampled posture to one that cables and springs can hold: the sampler moves 15 joints, the hand has 6 actuators.
+//! From a sampled posture to one that cables and springs can hold: the sampler moves joints, of which a hand has more than actuators.
 //!
 //! A cable at a given tension holds its joints, free of contact, on a curve; a posture is projected to the point of the
 //! curve with the same mean angle. From there a digit *opens* along its curve until it is clear of the object. This is
