@@ -261,7 +261,7 @@ impl RobotBody {
             multibody.damping_mut()[arm.joints() + joint] = hand.joint_damping(joint);
             multibody.armature_mut()[arm.joints() + joint] = hand.joint_armature(joint);
         }
-        let displacement = [arm_q, &hand_q[..]].concat();
+        let displacement = [arm_q, hand_q].concat();
         multibody.apply_displacements(&displacement);
         multibody.forward_kinematics(bodies, false);
         multibody.update_rigid_bodies(&mut engine.bodies, true);

@@ -245,7 +245,7 @@ fn release_fades_and_ends_without_torque() {
 /// Anything a controller, a device or an operator may do.
 #[derive(Debug, Clone)]
 enum Move {
-    Ask(Command),
+    Ask(Box<Command>),
     Disturb(usize, f64),
     Silence(usize),
     Alert(usize),
@@ -269,10 +269,10 @@ fn servo_goal() -> impl Strategy<Value = ServoGoal> {
 fn moves() -> impl Strategy<Value = Move> {
     prop_oneof![
         12 => (prop::array::uniform7(number()), prop::array::uniform6(servo_goal()))
-            .prop_map(|(arm, servos)| Move::Ask(Command { arm: ArmVector::from(arm), servos: servos.into(), capture: false })),
+            .prop_map(|(arm, servos)| Move::Ask(Box::new(Command { arm: ArmVector::from(arm), servos: servos.into(), capture: false }))),
         12 => (-3.0..8.0_f64, 0.0..0.7_f64).prop_map(|(angle, current)| {
             let servos = [ServoGoal::Position { angle, current_limit: current }; SERVOS];
-            Move::Ask(Command { arm: [angle; 7].into(), servos: servos.into(), capture: false })
+            Move::Ask(Box::new(Command { arm: [angle; 7].into(), servos: servos.into(), capture: false }))
         }),
         2 => (0..SERVOS, number()).prop_map(|(n, angle)| Move::Disturb(n, angle)),
         1 => (0..SERVOS).prop_map(Move::Silence),
@@ -299,7 +299,7 @@ proptest! {
         for one in moves {
             let mut measured = fine(now);
             match one {
-                Move::Ask(asked) => (command, spoken) = (asked, now),
+                Move::Ask(asked) => (command, spoken) = (*asked, now),
                 Move::Disturb(n, angle) => measured.servos[n].as_mut().expect("there").state.position = angle,
                 Move::Silence(n) => measured.servos[n] = None,
                 Move::Alert(n) => measured.servos[n].as_mut().expect("there").alert = true,

@@ -154,7 +154,6 @@ pub fn identify(
     }
     let sources = distinct.values().map(|trace| trace.source.clone()).collect();
     let robot = IdentifiedRobot::new(robot, estimates, covariances, sources);
-    let fits = fits.try_into().unwrap_or_else(|_| unreachable!("a fit for each actuator"));
     Ok(Identification { robot, fits, kinematics, gains })
 }
 
