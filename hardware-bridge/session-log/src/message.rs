@@ -501,8 +501,10 @@ pub(super) mod tests {
         let read = |camera, bytes| {
             let frame =
                 TactileFrame { camera: Some(camera), time: Some(0.0), sequence: Some(0), rgb: Some(vec![0; bytes]) };
+            let servos = [ServoState::default(); 6].into();
+            let readings = robot::Readings::from(robot::Observation { servos, ..Default::default() });
             let observation =
-                Observation { tactile: vec![frame], ..Observation::new(&Default::default(), &mut LastImages::new()) };
+                Observation { tactile: vec![frame], ..Observation::new(&readings, &mut LastImages::new()) };
             observation.read(&mut LastImages::new(), Sizes::of(&RobotModel::ftac_gen3())).map(|_| ())
         };
         assert_eq!(read(17, 172_800), Ok(()));

@@ -124,7 +124,13 @@ mod tests {
     fn description_fits_the_messages() {
         let image = std::sync::Arc::new(robot::TactileImage { rgb: vec![7; 6] });
         let frame = robot::TactileFrame { camera: 2, time: 0.5, sequence: 4, image };
-        let mut observation = robot::Observation { time: 1.5, sequence: 9, tactile: vec![frame], ..Default::default() };
+        let mut observation = robot::Observation {
+            time: 1.5,
+            sequence: 9,
+            servos: [robot::ServoState::default(); 6].into(),
+            tactile: vec![frame],
+            ..Default::default()
+        };
         observation.servos[5].temperature = 41.0;
         observation.arm.torque = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, -0.0].into();
         let torque = observation.arm.torque;

@@ -22,7 +22,8 @@ pub struct Toy {
 impl Toy {
     pub fn new() -> Self {
         let image = Arc::new(TactileImage { rgb: vec![0; 48] });
-        let observation = Observation { arm: ArmState::still([0.0; 7].into()), ..Observation::default() };
+        let (servos, arm) = ([ServoState::default(); 6].into(), ArmState::still([0.0; 7].into()));
+        let observation = Observation { servos, arm, ..Observation::default() };
         Self { observation, goal: None, captures: 0, image, failing: 0..0 }
     }
 
