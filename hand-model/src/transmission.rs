@@ -68,7 +68,7 @@ impl Guides {
     }
 }
 
-/// How a cable acts on a joint that it crosses.
+/// Action of a cable on a joint that it crosses.
 #[derive(Debug, Clone, Copy)]
 pub enum Lever {
     /// In a straight line between two guide points.

@@ -22,7 +22,7 @@ use crate::scene::{ObjectPlacement, insert_object};
 /// Collision group of the palm's cover.
 const PALM: Group = Group::GROUP_5;
 
-/// What the hand is told: tensions of the cables (N) and the opposition angle (rad).
+/// Command of the hand: tensions of the cables (N) and the opposition angle (rad).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pull {
     /// N.

@@ -1,4 +1,4 @@
-//! What a hand's parameter file must be, so that errors name field, found and expected.
+//! Checks of a hand's parameter file: each error names field, found and expected.
 
 use std::path::Path;
 

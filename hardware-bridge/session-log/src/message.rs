@@ -190,7 +190,7 @@ fn list<const N: usize, T: Copy>(field: &'static str, values: &[T]) -> Result<[T
     values.try_into().map_err(|_| (field, format!("{} numbers", values.len()), format!("{N} numbers")))
 }
 
-/// How many servos every list of an observation or a command is for.
+/// Length of every list of servos in an observation or a command.
 #[derive(Debug, Clone, Copy)]
 struct Servos(usize);
 
