@@ -36,6 +36,7 @@ pub mod recorder;
 pub mod replay;
 pub mod ros2;
 pub mod schema;
+mod sizes;
 pub mod tap;
 pub mod writer;
 

@@ -6,11 +6,10 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use hand_model::arm::MOST_ARM_JOINTS;
-use hand_model::hand::MOST_ACTUATORS;
 use hand_model::pads::IMAGE_SIZE;
 use hand_model::robot::{self, ArmState, Reading, ServoGoal, ServoState, TactileImage};
-use hand_model::{ActuatorVector, ArmVector, RobotModel};
+
+pub use crate::sizes::{Sizes, Wrong};
 
 /// [`robot::Readings`].
 #[derive(Clone, PartialEq, prost::Message)]
@@ -141,66 +140,14 @@ impl Seen {
     }
 }
 
-/// Sizes that messages must have.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Sizes {
-    /// Those of a robot with so many cameras, whose images are all of one size, arm joints and servos.
-    Of { cameras: usize, arm_joints: usize, servos: usize },
-    /// Those of any robot; images are not checked.
-    Any,
-}
-
-impl Sizes {
-    /// Those of `robot`.
-    pub fn of(robot: &RobotModel) -> Self {
-        let (cameras, arm_joints) = (robot.hand.cameras.len(), robot.arm.joints());
-        Self::Of { cameras, arm_joints, servos: robot.hand.servos.len() }
-    }
-
-    /// The robot's servos, or `found` of them in a session of any robot.
-    fn servos(self, found: usize) -> Servos {
-        match self {
-            Self::Of { servos, .. } => Servos(servos),
-            Self::Any => Servos(found.min(MOST_ACTUATORS)),
-        }
-    }
-
-    fn arm(self, field: &'static str, values: &[f64]) -> Result<ArmVector, Wrong> {
-        let (fits, expected) = match self {
-            Self::Of { arm_joints, .. } => (values.len() == arm_joints, arm_joints.to_string()),
-            Self::Any => ((1..=MOST_ARM_JOINTS).contains(&values.len()), format!("1 to {MOST_ARM_JOINTS}")),
-        };
-        if !fits {
-            return Err((field, format!("{} numbers", values.len()), format!("{expected} numbers")));
-        }
-        Ok(values.iter().copied().collect())
-    }
-}
-
 /// Pixels of an image of a tactile hand's camera.
 const PIXELS: usize = IMAGE_SIZE * IMAGE_SIZE;
 
 /// The last image of every camera: what a frame without pixels stands for.
 pub type LastImages = BTreeMap<usize, Arc<TactileImage>>;
 
-/// A field that is not as it should be: name, what is there, what should be.
-pub type Wrong = (&'static str, String, String);
-
 fn list<const N: usize, T: Copy>(field: &'static str, values: &[T]) -> Result<[T; N], Wrong> {
     values.try_into().map_err(|_| (field, format!("{} numbers", values.len()), format!("{N} numbers")))
-}
-
-/// Length of every list of servos in an observation or a command.
-#[derive(Debug, Clone, Copy)]
-struct Servos(usize);
-
-impl Servos {
-    fn list<T: Copy + Default>(self, field: &'static str, values: &[T]) -> Result<ActuatorVector<T>, Wrong> {
-        if values.len() != self.0 {
-            return Err((field, format!("{} numbers", values.len()), format!("{} numbers", self.0)));
-        }
-        Ok(values.iter().copied().collect())
-    }
 }
 
 fn given<T>(field: &'static str, value: Option<T>) -> Result<T, Wrong> {
@@ -375,6 +322,8 @@ pub fn bits(command: &robot::Command) -> Vec<(String, u64)> {
 
 #[cfg(test)]
 pub(super) mod tests {
+    use hand_model::RobotModel;
+
     use super::*;
     use proptest::prelude::*;
     use prost::Message;

@@ -1,0 +1,57 @@
+//! Sizes of the robot that a session is of, and checks of messages against them.
+
+use hand_model::arm::MOST_ARM_JOINTS;
+use hand_model::hand::MOST_ACTUATORS;
+use hand_model::{ActuatorVector, ArmVector, RobotModel};
+
+/// A field that is not as it should be: name, what is there, what should be.
+pub type Wrong = (&'static str, String, String);
+
+/// Sizes that messages must have.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Sizes {
+    /// Those of a robot with so many cameras, whose images are all of one size, arm joints and servos.
+    Of { cameras: usize, arm_joints: usize, servos: usize },
+    /// Those of any robot; images are not checked.
+    Any,
+}
+
+impl Sizes {
+    /// Those of `robot`.
+    pub fn of(robot: &RobotModel) -> Self {
+        let (cameras, arm_joints) = (robot.hand.cameras.len(), robot.arm.joints());
+        Self::Of { cameras, arm_joints, servos: robot.hand.servos.len() }
+    }
+
+    /// The robot's servos, or `found` of them in a session of any robot.
+    pub(crate) fn servos(self, found: usize) -> Servos {
+        match self {
+            Self::Of { servos, .. } => Servos(servos),
+            Self::Any => Servos(found.min(MOST_ACTUATORS)),
+        }
+    }
+
+    pub(crate) fn arm(self, field: &'static str, values: &[f64]) -> Result<ArmVector, Wrong> {
+        let (fits, expected) = match self {
+            Self::Of { arm_joints, .. } => (values.len() == arm_joints, arm_joints.to_string()),
+            Self::Any => ((1..=MOST_ARM_JOINTS).contains(&values.len()), format!("1 to {MOST_ARM_JOINTS}")),
+        };
+        if !fits {
+            return Err((field, format!("{} numbers", values.len()), format!("{expected} numbers")));
+        }
+        Ok(values.iter().copied().collect())
+    }
+}
+
+/// Length of every list of servos in an observation or a command.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Servos(usize);
+
+impl Servos {
+    pub(crate) fn list<T: Copy + Default>(self, field: &'static str, values: &[T]) -> Result<ActuatorVector<T>, Wrong> {
+        if values.len() != self.0 {
+            return Err((field, format!("{} numbers", values.len()), format!("{} numbers", self.0)));
+        }
+        Ok(values.iter().copied().collect())
+    }
+}
