@@ -1,10 +1,8 @@
 //! Every fault in every phase of a grasp: which state follows, and that no servo lets go but the one that failed.
 
-mod common;
-
 use std::process::Command as Process;
 
-use common::{Bench, armed, bench, command, drive, patiently};
+use crate::common::{Bench, armed, bench, command, drive, patiently};
 use hand_model::robot::{RobotBackend, ServoGoal};
 use hardware_bridge::config::BridgeConfig;
 use hardware_bridge::emulator::faults::{Chances, Event};
@@ -38,8 +36,8 @@ const GRIP: ServoGoal = ServoGoal::Current(0.09);
 fn reach(robot: &mut HardwareRobot, phase: Phase) {
     match phase {
         Phase::Armed => {}
-        Phase::Closing => drive(robot, GRIP, |robot| common::observed(robot).servos[0].position > 0.5),
-        Phase::Gripping => drive(robot, GRIP, |robot| common::closed(robot, 2.0)),
+        Phase::Closing => drive(robot, GRIP, |robot| crate::common::observed(robot).servos[0].position > 0.5),
+        Phase::Gripping => drive(robot, GRIP, |robot| crate::common::closed(robot, 2.0)),
     }
 }
 
@@ -55,7 +53,7 @@ fn inject(bench: &Bench, robot: &mut HardwareRobot, fault: Fault, phase: Phase) 
         if phase != Phase::Armed && fault != Fault::ControllerSilent || fault == Fault::NotANumber {
             let goal = if fault == Fault::NotANumber { ServoGoal::Current(f64::NAN) } else { GRIP };
             // A cycle that waits for lost answers may not send in time.
-            common::send(robot, &command(goal));
+            crate::common::send(robot, &command(goal));
         }
         robot.wait_for_tick();
         matches!(robot.state(), State::Hold(_) | State::Fault(_))
@@ -110,7 +108,7 @@ fn every_fault(phase: Phase) {
         let state = inject(&bench, &mut robot, fault, phase);
         assert!(expected(fault, state), "{fault:?} while {phase:?}: {state}");
         if phase == Phase::Gripping && fault != Fault::Device(Event::Voltage(0.0)) {
-            common::plant_time(&bench.hand, 0.2);
+            crate::common::plant_time(&bench.hand, 0.2);
             for (n, (shaft, before)) in bench.hand.shafts().iter().zip(before).enumerate() {
                 let hit = n == 2 && matches!(fault, Fault::Device(_));
                 assert!(hit || shaft.position > before.position - 0.15, "{fault:?}: {n} lost its grip: {shaft:?}");
@@ -138,7 +136,7 @@ fn while_gripping() {
 #[test]
 fn no_arming_with_an_alarm() {
     let bench = bench(&[]);
-    let robot = common::connected(&bench);
+    let robot = crate::common::connected(&bench);
     bench.hand.inject(Event::Overheat(5));
     let hot = || robot.check().is_err_and(|error| error.0 == CheckFailed::Alarm(Cause::ServoAlert(4)).to_string());
     patiently("the alert is seen", hot);
@@ -173,13 +171,13 @@ fn frozen_and_killed_hosts() {
 #[ignore = "run by frozen_and_killed_hosts in a process of its own"]
 fn host_process() {
     let Ok(file) = std::env::var("FTAC_BRIDGE_TOML") else { return };
-    let config = common::forgiving(BridgeConfig::read(file.as_ref()).expect("a configuration"));
+    let config = crate::common::forgiving(BridgeConfig::read(file.as_ref()).expect("a configuration"));
     let arm = Box::new(hardware_bridge::arm_link::LoopbackArm::at([0.0; 7].into()));
     let mut robot = HardwareRobot::connect(&config, arm, &hand_model::RobotModel::ftac_gen3(), None).expect("connects");
     patiently("the checks pass", || robot.check().is_ok());
     robot.arm().expect("arms");
     loop {
-        common::send(&mut robot, &command(ServoGoal::Current(0.05)));
+        crate::common::send(&mut robot, &command(ServoGoal::Current(0.05)));
         robot.wait_for_tick();
     }
 }

@@ -1,12 +1,10 @@
 //! The robot on emulated devices: bring-up, driving, and the two stops.
 
-mod common;
-
 use hardware_bridge::hand_bus::SERVOS;
 use std::path::Path;
 use std::sync::{Arc, Mutex};
 
-use common::{TRAVEL, armed, bench, closed, command, connect, drive, observed, patiently, started};
+use crate::common::{TRAVEL, armed, bench, closed, command, connect, drive, observed, patiently, started};
 use hand_model::RobotModel;
 use hand_model::robot::{Command, RobotBackend, ServoGoal, TactileFrame};
 use hardware_bridge::arm_link::LoopbackArm;
@@ -57,7 +55,7 @@ fn hold_and_release_from_another_terminal() {
     assert!(said.text.ends_with("of 6 servos answer"), "{said:?}");
     assert!(said.of.contains("bridge.toml, process "), "{said:?}");
     for _ in 0..60 {
-        common::send(&mut robot, &command(ServoGoal::Position { angle: 0.0, current_limit: 0.3 }));
+        crate::common::send(&mut robot, &command(ServoGoal::Position { angle: 0.0, current_limit: 0.3 }));
         robot.wait_for_tick();
     }
     assert!(closed(&mut robot, 2.0), "{:?}", bench.hand.shafts());
@@ -112,7 +110,7 @@ fn an_announced_pause_is_no_silence() {
         observed(&mut robot).time > paused + 1.5 * watchdog
     });
     assert_eq!(robot.state(), State::Running);
-    common::send(&mut robot, &command(ServoGoal::Current(0.09)));
+    crate::common::send(&mut robot, &command(ServoGoal::Current(0.09)));
     patiently("the silence is noticed", || robot.state() != State::Running);
     assert!(matches!(robot.state(), State::Hold(Cause::HostSilent(_))), "{:?}", robot.state());
     assert!(closed(&mut robot, 2.0), "{:?}", bench.hand.shafts());
@@ -126,7 +124,7 @@ fn dropping_the_robot_keeps_hold() {
     let mut robot = armed(&bench);
     drive(&mut robot, ServoGoal::Current(0.09), |robot| closed(robot, 2.0));
     drop(robot);
-    common::plant_time(&bench.hand, 1.5);
+    crate::common::plant_time(&bench.hand, 1.5);
     assert!(bench.hand.shafts().iter().all(|shaft| shaft.position > 1.8), "{:?}", bench.hand.shafts());
 }
 
@@ -192,7 +190,7 @@ fn images(robot: &mut HardwareRobot, captures: usize) -> Vec<TactileFrame> {
     let (cameras, mut all) = (robot.tactile().expect("cameras").cameras().len() as u64, Vec::new());
     for _ in 0..captures {
         let before = arrived(robot);
-        common::send(robot, &Command { capture: true, ..command(ServoGoal::Current(0.0)) });
+        crate::common::send(robot, &Command { capture: true, ..command(ServoGoal::Current(0.0)) });
         patiently("an image of every camera", || arrived(robot) == before + cameras);
         all.extend(observed(robot).tactile);
     }
@@ -203,7 +201,7 @@ fn images(robot: &mut HardwareRobot, captures: usize) -> Vec<TactileFrame> {
 #[test]
 fn tactile_images() {
     let bench = bench(&["jpeg=0.1"]);
-    let mut robot = common::connected(&bench);
+    let mut robot = crate::common::connected(&bench);
     let uncertainty = |robot: &HardwareRobot| robot.tactile().and_then(TactileLink::clock_uncertainty);
     patiently("the board says its time", || uncertainty(&robot).is_some());
     // Before the first cycle no servo was read, and nothing is observed.
@@ -231,7 +229,7 @@ fn tactile_images() {
 #[test]
 fn a_frozen_camera_is_noticed() {
     let bench = bench(&[]);
-    let mut robot = common::connected(&bench);
+    let mut robot = crate::common::connected(&bench);
     bench.hand.inject(Event::Freeze(7));
     images(&mut robot, 6);
     let frozen: Vec<bool> = robot.tactile().expect("cameras").cameras().iter().map(|camera| camera.frozen()).collect();

@@ -1,12 +1,10 @@
 //! Long runs on the emulated devices in real time. Run them alone on an idle machine, for example before a release:
-//! `cargo test --release -p hardware-bridge --test soak -- --ignored --nocapture`.
-
-mod common;
+//! `cargo test --release -p hardware-bridge --test integration soak -- --ignored --nocapture`.
 
 use hardware_bridge::hand_bus::SERVOS;
 use std::time::{Duration, Instant};
 
-use common::{Bench, bench, forgiving, patiently};
+use crate::common::{Bench, bench, forgiving, patiently};
 use hand_model::RobotModel;
 use hand_model::robot::{Command, RobotBackend, ServoGoal};
 use hardware_bridge::hardware_robot::HardwareRobot;
@@ -40,7 +38,7 @@ fn fifteen_minutes_on_emulated_devices() {
     robot.arm().expect("arms");
 
     let begun = Instant::now();
-    let home = common::observed(&mut robot).arm.position;
+    let home = crate::common::observed(&mut robot).arm.position;
     let mut told = 0;
     while begun.elapsed() < LENGTH {
         let elapsed = begun.elapsed().as_secs_f64();
@@ -51,7 +49,7 @@ fn fifteen_minutes_on_emulated_devices() {
         }
         if spell % 2 == 1 {
             robot.pause(10.0);
-            common::observed(&mut robot);
+            crate::common::observed(&mut robot);
             std::thread::sleep(Duration::from_millis(50));
         } else {
             // 0.1 rad at 0.1 Hz: far below the joints' top speeds.
@@ -59,7 +57,7 @@ fn fifteen_minutes_on_emulated_devices() {
             let goal = home.iter().map(|angle| angle + 0.1 * phase.sin()).collect();
             let current = 0.06 + 0.03 * phase.sin();
             let servos = [ServoGoal::Current(current); SERVOS];
-            common::send(&mut robot, &Command { arm: goal, servos: servos.into(), capture: false });
+            crate::common::send(&mut robot, &Command { arm: goal, servos: servos.into(), capture: false });
             robot.wait_for_tick();
         }
         let state = robot.state();

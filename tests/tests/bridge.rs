@@ -2,15 +2,13 @@
 //!
 //! Emulated devices in lock-step depend on no clock. Those in real time run with `--patient`, and the tests wait for events, not for seconds.
 
-mod devices;
-
 use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-use devices::{Devices, json, text, wait_for_trial};
+use crate::devices::{Devices, json, text, wait_for_trial};
 use e2e::{ftac, run, stderr};
 use serde_json::Value;
 use tempfile::tempdir;

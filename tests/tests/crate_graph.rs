@@ -257,3 +257,21 @@ fn members_know_only_whom_they_may() {
         assert!(!graph.direct("ftac-python").contains(stranger), "ftac-python knows {stranger}");
     }
 }
+
+/// Cargo looks for tests of these packages in one program only, so a file that the program does not name would never run.
+#[test]
+fn every_file_of_tests_is_in_its_program() {
+    for folder in ["tests/tests", "sim/tests", "twin/bench/tests", "hardware-bridge/tests"] {
+        let folder = e2e::root().join(folder);
+        let program = std::fs::read_to_string(folder.join("main.rs")).expect("a program of tests");
+        let listed: BTreeSet<&str> =
+            program.lines().filter_map(|line| line.strip_prefix("mod ")?.strip_suffix(';')).collect();
+        for file in std::fs::read_dir(&folder).expect("a folder of tests") {
+            let path = file.expect("an entry").path();
+            let name = path.file_stem().and_then(|stem| stem.to_str()).expect("UTF-8");
+            if path.extension().is_some_and(|extension| extension == "rs") && name != "main" {
+                assert!(listed.contains(name), "{} is not in main.rs", path.display());
+            }
+        }
+    }
+}

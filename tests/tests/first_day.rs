@@ -1,13 +1,11 @@
 //! The first day with a hand, on emulated devices in real time: bring-up from cold, and the first trial without cameras, watched.
 
-mod devices;
-
 use std::fs;
 use std::io::{BufRead as _, BufReader, Write};
 use std::path::Path;
 use std::process::Stdio;
 
-use devices::{Devices, json, text};
+use crate::devices::{Devices, json, text};
 use e2e::{ftac, run, stderr};
 use serde_json::Value;
 use tempfile::tempdir;

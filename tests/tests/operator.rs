@@ -1,7 +1,5 @@
 //! What an operator can do and see beside a trial, on emulated devices: faults of the arm told apart and cleared, Ctrl-C, secrets, locks, room on disk.
 
-mod devices;
-
 use std::fs::{self, Permissions};
 use std::io::{BufRead, BufReader, Read, Write};
 use std::os::unix::fs::PermissionsExt as _;
@@ -9,7 +7,7 @@ use std::path::Path;
 use std::process::{Command, Output, Stdio};
 use std::time::Duration;
 
-use devices::{Devices, json, text, wait_for_trial};
+use crate::devices::{Devices, json, text, wait_for_trial};
 use e2e::{ftac, run, stderr};
 use serde_json::Value;
 use tempfile::tempdir;

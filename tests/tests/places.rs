@@ -1,15 +1,13 @@
 //! How a robot knows where things are: objects from a vision system, the arm's base from registration, devices in the wrong place, and an emulated
 //! table that a script rearranges.
 
-mod devices;
-
 use std::fs;
 use std::io::Write as _;
 use std::net::TcpListener;
 use std::path::Path;
 use std::process::{Command, Output};
 
-use devices::{Devices, json, text};
+use crate::devices::{Devices, json, text};
 use e2e::{run, stderr};
 use serde_json::Value;
 use tempfile::tempdir;

@@ -282,7 +282,7 @@ fn a_sweep_survives_a_lost_node_a_killed_worker_and_a_full_disk() {
 
 /// The sweep of the file `FTAC_SWEEP` has the same digest on two nodes as on this machine; both wall times are printed. It takes as long as the
 /// sweep does, twice:
-/// `FTAC_SWEEP=FILE cargo test --release --workspace --test slurm -- --ignored --nocapture`.
+/// `FTAC_SWEEP=FILE cargo test --release -p e2e slurm -- --ignored --nocapture`.
 #[test]
 #[ignore = "takes as long as the sweep that it is given"]
 fn a_sweep_of_ones_own_is_the_same_on_two_nodes() {

@@ -1,7 +1,5 @@
 //! `ftac bridge stop` as an operator in another terminal uses it: by the stop socket alone, and told what was read back.
 
-mod devices;
-
 use std::fs;
 use std::io::{Read as _, Write as _};
 use std::os::unix::net::UnixStream;
@@ -9,7 +7,7 @@ use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
 use std::time::Duration;
 
-use devices::{Devices, json, text};
+use crate::devices::{Devices, json, text};
 use e2e::{ftac, stderr};
 use tempfile::tempdir;
 

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use e2e::stderr;
 
-use crate::made_sensor::{calibrate, made, press, some_presses, text};
+use super::made_sensor::{calibrate, made, press, some_presses, text};
 
 const GOOD: [&str; 4] = ["--ball-diameter-mm", "4", "--pixel-mm", "0.08"];
 

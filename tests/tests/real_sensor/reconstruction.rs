@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use e2e::{ftac, run, stderr};
 
-use crate::made_sensor::{COLUMNS, PIXEL, ROWS, ball, made, press, text};
+use super::made_sensor::{COLUMNS, PIXEL, ROWS, ball, made, press, text};
 
 /// Presses of another ball, deeper and shallower ones, are reconstructed to their known depth with what the first ball taught.
 #[test]

@@ -2,7 +2,7 @@
 
 use e2e::{run, stderr};
 
-use crate::made_sensor::{made, text};
+use super::made_sensor::{made, text};
 
 #[test]
 fn the_former_name_of_the_sensors_option_is_taken_with_a_notice() {

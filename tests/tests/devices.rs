@@ -1,7 +1,5 @@
 //! Emulated devices in real time, for tests of the hardware bridge.
 
-#![allow(dead_code, reason = "each test file uses its own part")]
-
 use std::fs;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::path::{Path, PathBuf};

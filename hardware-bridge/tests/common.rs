@@ -1,7 +1,5 @@
 //! An emulated hand, calibrated, and a robot on it.
 
-#![allow(dead_code, reason = "each test file uses its own part")]
-
 use hardware_bridge::hand_bus::SERVOS;
 use std::time::{Duration, Instant};
 

@@ -1,0 +1,13 @@
+//! Tests of the scene's physics in one program, which is linked once.
+
+mod any_hand;
+mod arm_defects;
+mod beside_the_table;
+mod breaking;
+mod cables;
+mod other_arms;
+mod outside;
+mod own_contact;
+mod rest;
+mod stand;
+mod statics;

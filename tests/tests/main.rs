@@ -1,0 +1,31 @@
+//! End-to-end tests in one program: they share its build, and those that wait leave the cores to the others.
+
+mod any_hand;
+mod bad_input;
+mod bench_small;
+mod bridge;
+mod crate_graph;
+mod devices;
+mod disturbances;
+mod first_day;
+mod grasps;
+mod guide;
+mod hand_over;
+mod interrupted;
+mod operator;
+mod optics;
+mod own_objects;
+mod pads;
+mod pictures;
+mod places;
+mod python;
+mod real_sensor;
+mod robot_model;
+mod slurm;
+mod stop;
+mod study;
+mod sweep;
+mod terminal;
+mod transport;
+mod twin;
+mod view;
