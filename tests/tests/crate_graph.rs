@@ -99,7 +99,13 @@ fn policies_live_behind_the_wall() {
     let is_policy = |(_, text): &(PathBuf, String)| text.contains("impl Policy for");
     assert!(rust_files(&e2e::root().join("twin/control/src")).iter().any(is_policy), "control has no policy");
     let elsewhere = [
+        "twin/robot-backends/src",
+        "twin/fault-detection/src",
+        "twin/external-policy/src",
         "twin/bench/src",
+        "twin/registration/src",
+        "twin/learning-environment/src",
+        "twin/transport/src",
         "twin/fault-injection/src",
         "twin/object-detector/src",
         "twin/proving/src",
@@ -210,11 +216,20 @@ fn members_know_only_whom_they_may() {
         ("object-detector", "world scenarios control progress"),
         (
             "fault-injection",
-            "platform hand-model plant scenarios sim grasping control hardware-bridge kortex session-log proving stream bench",
+            "platform hand-model plant scenarios sim grasping control hardware-bridge kortex session-log proving stream bench robot-backends fault-detection",
         ),
         (
+            "robot-backends",
+            "object-detector platform hand-model world plant scenarios sim control hardware-bridge kortex session-log proving progress",
+        ),
+        ("fault-detection", "hand-model world scenarios sim grasping control proving"),
+        ("external-policy", "platform hand-model control progress"),
+        ("registration", "platform hand-model world scenarios sim touch grasping control proving robot-backends"),
+        ("learning-environment", "hand-model world scenarios sim control proving report bench robot-backends"),
+        ("transport", "platform hand-model world scenarios sim touch grasping control proving stream bench progress"),
+        (
             "bench",
-            "object-detector statistics platform hand-model world plant scenarios sim optics touch grasping control hardware-bridge kortex session-log proving stream report progress",
+            "robot-backends fault-detection external-policy platform hand-model world plant scenarios sim optics touch grasping control proving stream report progress",
         ),
         (
             "identification",
@@ -225,14 +240,17 @@ fn members_know_only_whom_they_may() {
             "ftac-lab",
             "ftac statistics platform hand-model world scenarios sim optics touch grasping control study proving bench report stream progress sensor-calibration",
         ),
-        ("sweep", "statistics hand-model platform scenarios control bench report progress"),
+        ("sweep", "statistics hand-model platform scenarios control robot-backends bench report progress"),
         ("workspace-hack", ""),
         ("guide", "hand-model scenarios optics touch grasping control study"),
         (
             "ftac",
-            "object-detector fault-injection statistics platform hand-model world plant scenarios sim optics touch grasping control hardware-bridge kortex session-log proving bench identification sensor-calibration report stream sweep progress workspace-hack",
+            "object-detector robot-backends fault-detection external-policy registration transport fault-injection statistics platform hand-model world plant scenarios sim optics touch grasping control hardware-bridge kortex session-log proving bench identification sensor-calibration report stream sweep progress workspace-hack",
         ),
-        ("ftac-python", "ftac hand-model world scenarios sim optics touch grasping control session-log proving bench"),
+        (
+            "ftac-python",
+            "ftac hand-model world scenarios sim optics touch control session-log proving external-policy learning-environment bench",
+        ),
         ("e2e", ""),
     ];
     let known: BTreeSet<&str> = allowed.iter().map(|(member, _)| *member).collect();

@@ -100,13 +100,14 @@ fn obey(command_line: &impl CommandLine, arguments: &[OsString]) -> u8 {
         }
         // The robot stopped in mid-trial, or nothing of one's own can be played: it ran, and fell short.
         Err(error)
-            if caused_by::<bench::body::Stopped>(&error) || caused_by::<proving::preparation::NotPlayable>(&error) =>
+            if caused_by::<robot_backends::Stopped>(&error)
+                || caused_by::<proving::preparation::NotPlayable>(&error) =>
         {
             (1, format!("falls short: {}", words(&error)))
         }
         Err(error)
             if caused_by::<bench::run::Interrupted>(&error)
-                || caused_by::<bench::own::Interrupted>(&error)
+                || caused_by::<external_policy::Interrupted>(&error)
                 || caused_by::<fault_injection::Interrupted>(&error)
                 || caused_by::<sweep::work::Interrupted>(&error)
                 || caused_by::<commands::twin::excite::Interrupted>(&error) =>

@@ -10,12 +10,12 @@ use std::io::{BufWriter, Write};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail, ensure};
-use bench::body::Body;
 use bench::builtin::{hide_plant, make_scenes};
-use bench::mirror::twin::Twin;
 use bench::trial::setup::Setup;
+use fault_detection::twin::Twin;
 use hand_model::RobotModel;
 use nalgebra::Vector3;
+use robot_backends::Body;
 use scenarios::Scenario;
 use sim::SimulatedRobot;
 

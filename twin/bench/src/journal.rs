@@ -16,11 +16,11 @@ use scenarios::tries::TryRecord;
 use scenarios::{Ablation, Scenario};
 use serde::{Deserialize, Serialize};
 
-use crate::body::{Places, Task};
 use crate::builtin::robot_of;
-use crate::mirror::divergence::Named;
-use crate::own::Source;
 use crate::provenance::Provenance;
+use external_policy::Source;
+use fault_detection::divergence::Named;
+use robot_backends::{Places, Task};
 
 /// Which trials are recorded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]

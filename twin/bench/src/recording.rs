@@ -21,8 +21,8 @@ use world::objects::ObjectModel;
 
 use self::beliefs::Beliefs;
 use self::measured::Measured;
-use crate::body::Task;
 use crate::trial::{Bench, Moment, Watcher};
+use robot_backends::Task;
 
 /// `object` as it is drawn, under `name`.
 pub fn drawn(object: &ObjectModel, name: &str) -> DrawnObject {

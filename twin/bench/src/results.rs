@@ -9,11 +9,11 @@ use scenarios::summary::{RunInfo, Summary, summarise};
 use scenarios::tries::{TryRecord, write_tries};
 
 use crate::journal::{Entry, RunRequest, Unit};
-use crate::mirror::divergence::write_table;
-use crate::own::Pace;
 use crate::provenance::Provenance;
 use crate::run::units;
 use crate::trial::profile::Activity;
+use external_policy::Pace;
+use fault_detection::divergence::write_table;
 
 /// Combinations and trials of the whole benchmark.
 const WHOLE: (usize, usize) = (60, 10);

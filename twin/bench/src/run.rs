@@ -12,14 +12,14 @@ use report::film::{self, Film};
 use scenarios::record::{Condition, TrialRecord};
 use scenarios::summary::Summary;
 
-use crate::body::BodySource;
-use crate::body::operator::Interrupt;
+use crate::fault_watch;
 use crate::journal::{Entry, Journal, Record, RunRequest, Unit};
-use crate::mirror::watch;
 use crate::recording::{Began, Recording};
 use crate::trial::filming::{self, All, Filming};
 use crate::trial::{Bench, TrialResults, Watcher};
 use crate::{results, workers};
+use progress::interrupt::Interrupt;
+use robot_backends::BodySource;
 
 /// How to run.
 #[derive(Clone, Copy)]
@@ -118,7 +118,7 @@ fn beside(
     play: impl FnOnce(&mut dyn Watcher) -> Result<TrialResults>,
 ) -> Result<TrialResults> {
     let (results, named) =
-        watch::beside(bench, recording, (request.mirrors, request.robot == "hardware", condition), play);
+        fault_watch::beside(bench, recording, (request.mirrors, request.robot == "hardware", condition), play);
     Ok(TrialResults { divergences: named.unwrap_or_default(), ..results? })
 }
 

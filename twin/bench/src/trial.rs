@@ -8,6 +8,7 @@
 pub mod branch;
 mod conditions;
 mod disturbance;
+mod driven;
 pub mod eyes;
 pub mod filming;
 pub mod held;
@@ -45,10 +46,10 @@ pub use self::held::HeldGrasp;
 use self::setup::{Known, Setup, Start};
 pub use self::shared::Bench;
 pub use self::watcher::{Moment, NoWatcher, Watcher};
-use crate::body::{BodySource, Task};
-use crate::own::chooser::HostChooser;
-use crate::own::message::{self, Info};
-use crate::own::{Guest, Host, Level, Pace, drive};
+use external_policy::chooser::HostChooser;
+use external_policy::message::{self, Info};
+use external_policy::{Guest, Host, Level, Pace};
+use robot_backends::{BodySource, Task};
 
 /// Tells the seeds that the user's own policies get from those of the trials.
 const OWN: u64 = 0x6f77_6e5f_706f_6c69;
@@ -221,7 +222,7 @@ impl Bench {
             limits: &limits,
         });
         if guest.level == Level::Act {
-            return drive(self, start, (host, &reset, guest.images), &options, watcher);
+            return driven::drive(self, start, (host, &reset, guest.images), &options, watcher);
         }
         let means = Means { sensing: Sensing::Full, recovery: Recovery::FULL, explores: false };
         let pipeline = start.pipeline.as_ref().unwrap_or(&self.pipeline);

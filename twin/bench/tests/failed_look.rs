@@ -4,12 +4,12 @@ use hand_model::RobotModel;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
-use bench::body::replayed::ReplaySource;
-use bench::body::{BodySource, Glance, LookFailed, Task, TrialBody, TrialSetup};
 use bench::builtin::make_bench;
 use bench::trial::NoWatcher;
 use control::percept::Sighted;
 use hand_model::robot::RobotBackend;
+use robot_backends::replayed::ReplaySource;
+use robot_backends::{BodySource, Glance, LookFailed, Task, TrialBody, TrialSetup};
 use scenarios::Scenario;
 use scenarios::record::Condition;
 use session_log::{Reader, Replay, Session, Sizes};

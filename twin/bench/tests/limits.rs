@@ -1,11 +1,11 @@
 //! Trials on the rounded robot, whose commands and measurements pass the supervisor: none of them is stopped by what it presses, where it goes or how its
 //! set-points move.
 
-use bench::body::Task;
-use bench::body::rounded::RoundedSource;
 use bench::builtin::make_bench;
 use bench::trial::NoWatcher;
 use hand_model::RobotModel;
+use robot_backends::Task;
+use robot_backends::rounded::RoundedSource;
 use scenarios::record::Condition;
 use scenarios::{FailureCause, Scenario};
 

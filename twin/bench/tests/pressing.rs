@@ -1,12 +1,12 @@
 //! What the arm presses under a controller that goes on downwards, with the supervisor's limits and without.
 
-use bench::body::emulated::{SharedPlant, settings};
 use hand_model::robot::{Command, RobotBackend as _, ServoGoal};
 use hand_model::{Arm, ArmVector, Hand, RobotModel};
 use hardware_bridge::config::{ArmLimitConfig, LimitConfig, SpaceConfig};
 use hardware_bridge::emulator::direct::DirectRobot;
 use hardware_bridge::safety::state::{Cause, State};
 use nalgebra::{Isometry3, Point3, Vector3, Vector6};
+use robot_backends::emulated::{SharedPlant, settings};
 use sim::tactile::TactileBoard;
 use sim::{SceneSetup, SimulatedRobot};
 

@@ -5,11 +5,11 @@ use std::ops::Range;
 use std::path::PathBuf;
 
 use anyhow::Result;
-use bench::body::{BodySource, Glance, Stopped, Task, TrialBody, TrialSetup};
 use bench::builtin::make_bench;
 use bench::trial::{Bench, NoWatcher};
 use control::percept::Sighted;
 use hand_model::robot::{Command, Readings, RobotBackend, RobotError, Tick};
+use robot_backends::{BodySource, Glance, Stopped, Task, TrialBody, TrialSetup};
 use scenarios::record::{Condition, TrialRecord};
 use scenarios::{FailureCause, Scenario};
 use session_log::Session;

@@ -2,7 +2,7 @@
 //!
 //! - **Motion.** [`trajectory`] makes palm paths within Cartesian limits, [`inverse_kinematics`] turns palm poses into joint set-points
 //!   within the arm's, [`motion`] follows one path after another with cables and cameras. [`executor`] carries out a queue of skills
-//!   on it, for any number of objects; [`action`] carries out what a policy asks for step by step; [`outage`] says how long it holds for a robot that fails. [`guarded`] stops where a pad feels something,
+//!   on it, for any number of objects; [`action`] carries out what a policy asks for step by step, with [`pad_images`] of one size; [`outage`] says how long it holds for a robot that fails. [`guarded`] stops where a pad feels something,
 //!   [`slip`] answers slip while carrying; `watch` takes the images of a recording, by which nothing is decided.
 //! - **Perception.** A [`look`] is all that perception takes. [`perception`] says what is in the hand and where, [`sensing`] what an
 //!   ablation leaves of the senses. [`percept`] is how objects on the table are reported, [`palpation`] how one is touched to find out
@@ -25,6 +25,7 @@ pub mod look;
 pub mod motion;
 pub mod odds;
 pub mod outage;
+pub mod pad_images;
 pub mod palpation;
 pub mod percept;
 pub mod perception;

@@ -1,8 +1,8 @@
 //! What can break, how it is made to, and what must come of it.
 
 use anyhow::Result;
-use bench::mirror::divergence::Kind as Divergence;
 use control::executor::Executor;
+use fault_detection::divergence::Kind as Divergence;
 use hand_model::robot::{Command, Readings, RobotBackend, ServoGoal};
 use hardware_bridge::emulator::Plug;
 use hardware_bridge::emulator::faults::{Chances, Event};

@@ -1,10 +1,10 @@
 //! Body, controller and mirror at drawn moments of a trial without noise, from which faults are injected.
 
 use anyhow::Result;
-use bench::mirror::Mirror;
-use bench::mirror::seen::Seen;
 use bench::trial::Bench;
 use control::executor::Phase;
+use fault_detection::Mirror;
+use fault_detection::seen::Seen;
 use proving::rehearsal::Snapshot;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;

@@ -3,11 +3,11 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use bench::body::emulated::SharedPlant;
 use hand_model::robot::{Command, Observation, Plant, Tick};
 use hand_model::{Digit, Hand};
 use nalgebra::{Isometry3, Vector3};
 use plant::Blindness;
+use robot_backends::emulated::SharedPlant;
 use sim::SimulatedRobot;
 
 /// Where an object goes that is snatched: beside the table's middle, m.

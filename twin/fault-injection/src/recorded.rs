@@ -1,9 +1,9 @@
 //! Injections for the viewer.
 
 use anyhow::Result;
-use bench::body::Task;
 use bench::recording::{Began, Recording};
 use control::executor::Phase;
+use robot_backends::Task;
 use scenarios::record::Condition;
 use stream::recorder::Target;
 

@@ -1,6 +1,7 @@
 //! Progress of long work: a bar that is drawn in place on a terminal, and a line now and then where stderr goes into a log; and text of others as a
-//! terminal may have it ([`printable`]).
+//! terminal may have it ([`printable`]). [`interrupt`] notes Ctrl-C.
 
+pub mod interrupt;
 mod printable;
 
 use std::io::{self, IsTerminal as _, Write};

@@ -1,6 +1,6 @@
 //! Between numpy arrays and the libraries' types.
 
-pub use bench::own::message::pose_row;
+pub use external_policy::message::pose_row;
 use nalgebra::Isometry3;
 use numpy::ndarray::{Array2, Array3, Array4};
 use numpy::{IntoPyArray, PyArray2, PyArray3, PyArray4, PyReadonlyArray1, PyUntypedArrayMethods};

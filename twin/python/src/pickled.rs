@@ -3,9 +3,9 @@
 //! The simulator's state is not written: the same beginning and the same actions give the same bits, so that unpickling steps anew. It is refused by
 //! another version of the package, and where it does not come out as it was.
 
-use bench::environment::Scene;
 use control::Twist;
 use control::action::{Action, ActionLimits, ArmAction, HandAction};
+use learning_environment::Scene;
 use numpy::ndarray::Array2;
 use numpy::{IntoPyArray, PyArray2, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::PyRuntimeError;

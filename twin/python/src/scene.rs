@@ -4,12 +4,12 @@
 
 use std::sync::{Mutex, MutexGuard, TryLockError};
 
-use bench::environment::{self, EpisodeError, Judgement, Options, PadImages, Placed, SceneOptions, Task};
 use bench::workers;
 use control::Twist;
 use control::action::{Action, ActionError, ArmAction, HandAction};
 use hand_model::arm::MOST_ARM_JOINTS;
 use hand_model::hand::{MOST_ACTUATORS, MOST_DIGITS};
+use learning_environment::{EpisodeError, Judgement, Options, PadImages, Placed, SceneOptions, Task};
 use numpy::{IntoPyArray, PyArray1, PyArray3, PyArray4, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
@@ -27,11 +27,11 @@ type EpisodeMade = (String, Option<usize>, Option<usize>, u64, bool, Option<Stri
 
 /// A robot at a table with objects.
 #[pyclass(frozen, module = "ftac._native")]
-pub struct Scene(Mutex<Stepped<environment::Scene, SceneMade>>);
+pub struct Scene(Mutex<Stepped<learning_environment::Scene, SceneMade>>);
 
 /// A task in progress.
 #[pyclass(frozen, module = "ftac._native")]
-pub struct Episode(Mutex<Stepped<environment::Episode, EpisodeMade>>);
+pub struct Episode(Mutex<Stepped<learning_environment::Episode, EpisodeMade>>);
 
 /// The scene, if no other thread has it.
 fn own<T>(mutex: &Mutex<T>) -> PyResult<MutexGuard<'_, T>> {
@@ -68,7 +68,7 @@ fn action((twist, joints, tensions, opposition, spools): Asked) -> PyResult<Acti
 }
 
 /// What the robot measures.
-fn observation<'py>(py: Python<'py>, scene: &environment::Scene) -> PyResult<Bound<'py, PyDict>> {
+fn observation<'py>(py: Python<'py>, scene: &learning_environment::Scene) -> PyResult<Bound<'py, PyDict>> {
     let measured = PyDict::new(py);
     measured.set_item("time", scene.time())?;
     let servos = scene.servos().iter().map(|servo| [servo.position, servo.velocity, servo.current]);
@@ -93,7 +93,7 @@ fn times(images: &PadImages) -> Vec<f64> {
 }
 
 /// The scene as it is.
-fn truth<'py>(py: Python<'py>, scene: &environment::Scene) -> PyResult<Bound<'py, PyDict>> {
+fn truth<'py>(py: Python<'py>, scene: &learning_environment::Scene) -> PyResult<Bound<'py, PyDict>> {
     let truth = scene.truth();
     let all = PyDict::new(py);
     all.set_item("time", truth.time)?;
@@ -114,7 +114,7 @@ fn truth<'py>(py: Python<'py>, scene: &environment::Scene) -> PyResult<Bound<'py
 }
 
 /// Limits of the actions.
-fn limits<'py>(py: Python<'py>, scene: &environment::Scene) -> PyResult<Bound<'py, PyDict>> {
+fn limits<'py>(py: Python<'py>, scene: &learning_environment::Scene) -> PyResult<Bound<'py, PyDict>> {
     let limits = scene.limits();
     let all = PyDict::new(py);
     all.set_item("speed", limits.speed)?;
@@ -141,7 +141,7 @@ impl Scene {
         let bench = shared(py, reality, robot.as_deref())?;
         let placed = objects.iter().cloned().map(|(name, x, y, yaw)| Placed { name, place: Place { x, y, yaw } });
         let (placed, options) = (placed.collect::<Vec<_>>(), SceneOptions { images, seed });
-        let scene = py.detach(|| environment::Scene::new(&bench.world, &bench.board, &placed, options));
+        let scene = py.detach(|| learning_environment::Scene::new(&bench.world, &bench.board, &placed, options));
         let (scene, made) = (scene.map_err(value_error)?, (objects, images, seed, reality, robot));
         Ok(Self(Mutex::new(Stepped { scene, made, actions: Vec::new() })))
     }
@@ -213,7 +213,7 @@ fn native<'py>(py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyAny>> {
     py.import("ftac._native")?.getattr(name)
 }
 
-fn drawn<'py>(py: Python<'py>, scene: &environment::Scene, side: u32) -> PyResult<Bound<'py, PyArray3<u8>>> {
+fn drawn<'py>(py: Python<'py>, scene: &learning_environment::Scene, side: u32) -> PyResult<Bound<'py, PyArray3<u8>>> {
     let rgb = py.detach(|| scene.picture(side)).map_err(value_error)?;
     picture(py, side as usize, rgb)
 }
@@ -258,7 +258,7 @@ impl Episode {
         }
         let options = Options { task: kind, images, combination };
         let made = (task.to_owned(), images, combination, seed, reality, robot);
-        match py.detach(|| environment::Episode::begin(&bench, options, seed)) {
+        match py.detach(|| learning_environment::Episode::begin(&bench, options, seed)) {
             Ok(scene) => Ok(Self(Mutex::new(Stepped { scene, made, actions: Vec::new() }))),
             Err(EpisodeError::Setup(error)) => Err(failure(&error)),
             Err(error) => Err(value_error(error)),
@@ -333,7 +333,10 @@ impl Episode {
 }
 
 /// A step of an episode, and how it stands after it.
-fn asked_of(stepped: &mut Stepped<environment::Episode, EpisodeMade>, action: Action) -> Result<Judged, ActionError> {
+fn asked_of(
+    stepped: &mut Stepped<learning_environment::Episode, EpisodeMade>,
+    action: Action,
+) -> Result<Judged, ActionError> {
     stepped.scene.scene.step(&action)?;
     stepped.actions.push(action);
     Ok(judged(stepped.scene.judge()))

@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
-use bench::environment::PadImages;
 use hand_model::{ActuatorVector, ArmVector, RobotModel};
+use learning_environment::PadImages;
 use numpy::ndarray::Array5;
 use numpy::{IntoPyArray, PyArray1};
 use pyo3::prelude::*;
@@ -61,7 +61,7 @@ pub fn session(py: Python<'_>, path: PathBuf, ticks: usize, side: usize) -> PyRe
 }
 
 /// Every frame's newest picture of every pad; black before the first has come.
-fn pictures(frames: Vec<Frame>, side: usize) -> Result<Vec<u8>, bench::environment::ImageSizeError> {
+fn pictures(frames: Vec<Frame>, side: usize) -> Result<Vec<u8>, learning_environment::ImageSizeError> {
     let mut images = PadImages::new(&HAND, side)?;
     let mut rgb = Vec::with_capacity(frames.len() * images.rgb().len());
     for frame in frames {

@@ -4,9 +4,9 @@
 //! but the answers. An exception of the policy fails its trial, with the traceback in the record; an interrupt ends the call.
 
 use bench::builtin::make_bench;
-use bench::own::host::Array;
-use bench::own::{Guest, Host, HostError, Pace};
 use bench::trial::{Bench, NoWatcher, TrialOutcome};
+use external_policy::host::Array;
+use external_policy::{Guest, Host, HostError, Pace};
 use hand_model::RobotModel;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;

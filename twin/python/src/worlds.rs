@@ -4,9 +4,9 @@ use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use bench::builtin::make_playground;
-use bench::environment::episode::EPISODES;
 use bench::trial::Bench;
 use hand_model::{RobotModel, RobotSources};
+use learning_environment::episode::EPISODES;
 use pyo3::prelude::*;
 use scenarios::Scenario;
 use scenarios::effects::Effects;

@@ -7,11 +7,11 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use anyhow::{Context as _, Result, bail};
-use bench::body::Places;
 use bench::journal::{Record, RunRequest, Unit as TrialUnit};
 use bench::run;
 use platform::data::DataError;
 use platform::digest::sha256;
+use robot_backends::Places;
 use scenarios::{Ablation, Condition};
 use serde::{Deserialize, Serialize};
 

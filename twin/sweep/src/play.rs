@@ -5,13 +5,13 @@ use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
 use anyhow::{Context as _, Result, anyhow};
-use bench::body::BodySource;
-use bench::body::emulated::EmulatedSource;
-use bench::body::rounded::RoundedSource;
 use bench::builtin::{expect_errors, make_bench};
 use bench::journal::{Record, RunRequest};
 use bench::run::{Options, run_unit};
 use bench::trial::Bench;
+use robot_backends::BodySource;
+use robot_backends::emulated::EmulatedSource;
+use robot_backends::rounded::RoundedSource;
 
 use crate::columns;
 use crate::plan::{Plan, Unit};

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, Result, anyhow, bail};
-use bench::body::operator::Interrupt;
+use progress::interrupt::Interrupt;
 
 use crate::claim::Claims;
 use crate::columns::Which;

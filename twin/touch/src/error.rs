@@ -22,6 +22,9 @@ pub enum TouchError {
         /// Parser message or found value.
         message: String,
     },
+    /// Untouched pads are shown by no image of this camera.
+    #[error("camera {0}: found no image of its untouched pad, expected one before anything was touched")]
+    NoBackground(usize),
     /// There is no photometric model for a sensor configuration.
     #[error("no photometric model for sensor configuration `{0}`: calibrate it first")]
     Uncalibrated(char),

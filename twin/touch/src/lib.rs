@@ -42,7 +42,7 @@ pub use network::{Network, PreparedNetwork};
 pub use own_hand::{InHand, OwnHandOptions};
 pub use pad_touch::{HeightMap, PadTouch};
 pub use photometric_stereo::Gradients;
-pub use pipeline::{Perceived, TouchPipeline};
+pub use pipeline::{Perceived, TouchPipeline, backgrounds};
 pub use pose::{KnownShape, PoseEstimate, PoseInputs, PoseOptions, PosePrior, costs_from_pose, estimate_pose};
 pub use posture::{Posture, Readings};
 pub use slip::Slip;

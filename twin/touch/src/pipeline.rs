@@ -26,6 +26,15 @@ const CLEAR: (usize, usize) = (4, 6);
 /// The same on a pad that is touched elsewhere: its free points show where the object ends.
 const CLEAR_BESIDE: (usize, usize) = (10, 14);
 
+/// One image of each of so many cameras, of untouched pads.
+pub fn backgrounds(frames: &[TactileFrame], cameras: usize) -> Result<Vec<Arc<TactileImage>>, TouchError> {
+    let image = |camera: usize| {
+        let frame = frames.iter().rev().find(|frame| frame.camera == camera);
+        frame.map(|frame| frame.image.clone()).ok_or(TouchError::NoBackground(camera))
+    };
+    (0..cameras).map(image).collect()
+}
+
 /// What the pads feel, and the cameras that are left out.
 #[derive(Debug, Clone, Default)]
 pub struct Perceived {

@@ -3,13 +3,13 @@
 use std::path::PathBuf;
 
 use anyhow::{Context as _, Result, bail};
-use bench::body::Task;
 use bench::builtin::make_bench;
 use bench::recording::{Began, Recording};
 use bench::trial::filming::{self, All, Filming};
 use clap::Args;
 use nalgebra::Point3;
 use report::film::{self, Film, Stage};
+use robot_backends::Task;
 use scenarios::{Condition, Scenario, TrialRecord};
 use stream::Target;
 use stream::viewer;

@@ -4,14 +4,14 @@ use std::path::{Path, PathBuf};
 use std::process::Stdio;
 
 use anyhow::{Context as _, Result, bail};
-use bench::body::Stopped;
-use bench::body::Task;
-use bench::body::replayed::{ReplaySource, check};
-use bench::own::python;
 use bench::recording::{Began, Recording};
 use clap::Subcommand;
+use external_policy::python;
 use hand_model::RobotModel;
 use hand_model::kinematics::Tree;
+use robot_backends::Stopped;
+use robot_backends::Task;
+use robot_backends::replayed::{ReplaySource, check};
 use session_log::ros2::{self, Names};
 use session_log::{Event, Reader, Replay, Sizes};
 use stream::Target;

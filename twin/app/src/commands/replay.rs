@@ -3,11 +3,11 @@
 use std::path::Path;
 
 use anyhow::{Context as _, Result, bail};
-use bench::body::replayed::{ReplaySource, check};
-use bench::body::{LookFailed, Stopped, Task};
 use bench::builtin::{expect_errors, make_bench, read_pads_by, robot_of};
 use bench::trial::{Bench, NoWatcher};
 use hand_model::RobotModel;
+use robot_backends::replayed::{ReplaySource, check};
+use robot_backends::{LookFailed, Stopped, Task};
 use scenarios::Scenario;
 use scenarios::record::{Condition, TrialRecord};
 use serde_json::{Value, json};

@@ -4,10 +4,6 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use bench::builtin::{HAND_UNIT, know_hand, simulated_touch};
-use bench::transport::play::{Site, TransportRecord};
-use bench::transport::recorded::Recorded;
-use bench::transport::rehearse::{Searched, Wanted, WantedText};
-use bench::transport::skills::{SkillFile, for_sizes, of_repertoire};
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use control::policy::pick_sequence::PickMode;
@@ -21,6 +17,10 @@ use scenarios::transport::Transport;
 use serde_json::json;
 use sim::tactile::TactileBoard;
 use statistics::FEWEST_SAMPLES;
+use transport::play::{Site, TransportRecord};
+use transport::recorded::Recorded;
+use transport::rehearse::{Searched, Wanted, WantedText};
+use transport::skills::{SkillFile, for_sizes, of_repertoire};
 
 use crate::options::body::Body;
 use crate::terminal::{Outcome, Terminal};
@@ -129,7 +129,7 @@ fn read_skills(path: &Path) -> Result<SkillFile> {
 fn search(terminal: &Terminal, args: &TransportArgs, site: &Site, file: &Path) -> Outcome {
     let sequence: Vec<Wanted> = args.pick.iter().map(|pick| pick.in_site(site)).collect::<Result<_>>()?;
     let mut skills = if file.exists() { read_skills(file).context("--rehearse")?.skills } else { Vec::new() };
-    let searched = bench::transport::rehearse::rehearse(site, &sequence, args.n, terminal.quiet)?;
+    let searched = transport::rehearse::rehearse(site, &sequence, args.n, terminal.quiet)?;
     for pick in &searched {
         // Numbers are unique in a file.
         for skill in &pick.skills {

@@ -3,13 +3,13 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
-use bench::body::Task;
 use bench::builtin::{COMBINATIONS, expect_errors, make_bench, read_pads_by, robot_of};
-use bench::mirror::divergence::Divergence;
-use bench::mirror::watch::beside;
+use bench::fault_watch::beside;
 use bench::recording::Recording;
 use bench::trial::Watcher;
 use clap::{Args, ValueEnum};
+use fault_detection::divergence::Divergence;
+use robot_backends::Task;
 use scenarios::record::Condition;
 use scenarios::record::TrialRecord;
 

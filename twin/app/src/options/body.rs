@@ -3,12 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, bail};
-use bench::body::emulated::{EmulatedSource, SimulatedSource};
-use bench::body::hardware::HardwareSource;
-use bench::body::rounded::RoundedSource;
-use bench::body::{BodySource, Places, numbers};
 use bench::recording::Began;
-use bench::registration::RegistrationFile;
 use bench::trial::Means;
 use clap::{Args, ValueEnum};
 use hand_model::RobotModel;
@@ -17,6 +12,11 @@ use hardware_bridge::driven::expect_driven;
 use object_detector::measurement::Checks;
 use object_detector::{Vision, VisionSource};
 use proving::simulated_world::World;
+use registration::RegistrationFile;
+use robot_backends::emulated::{EmulatedSource, SimulatedSource};
+use robot_backends::hardware::HardwareSource;
+use robot_backends::rounded::RoundedSource;
+use robot_backends::{BodySource, Places, numbers};
 use scenarios::record::Condition;
 
 /// Which body runs the trials.

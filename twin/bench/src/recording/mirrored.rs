@@ -5,7 +5,7 @@ use stream::Level;
 use stream::recorder::TwinFrame;
 
 use super::Recording;
-use crate::mirror::Mirror;
+use fault_detection::Mirror;
 
 impl Recording {
     /// Records the twin at the moment that was seen last, and what was named in it, in words.

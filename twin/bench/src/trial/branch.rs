@@ -21,7 +21,7 @@ use super::profile::Activity;
 use super::run::Run;
 use super::setup::Start;
 use super::watcher::Watcher;
-use crate::own::Pace;
+use external_policy::Pace;
 
 /// What is kept of a trial under one condition.
 #[derive(Debug, Clone)]

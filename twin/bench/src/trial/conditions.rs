@@ -12,7 +12,7 @@ use super::eyes::Looks;
 use super::setup::{Setup, Start};
 use super::shared::Bench;
 use super::watcher::Watcher;
-use crate::mirror::divergence::Named;
+use fault_detection::divergence::Named;
 
 /// What the policy `touch` may use.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

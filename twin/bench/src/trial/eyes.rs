@@ -12,7 +12,7 @@ use sim::robot::Truth;
 use world::objects::{ObjectModel, ObjectSet};
 
 use super::disturbance::Disturber;
-use crate::body::{Body, Glance};
+use robot_backends::{Body, Glance};
 
 /// A time just short of a tick, s: what is as old as the latency has arrived.
 const JUST: f64 = 1e-9;

@@ -20,7 +20,7 @@ use super::disturbance::Disturber;
 use super::eyes::History;
 use super::profile::{Activity, Profile};
 use super::watcher::{Moment, Watcher};
-use crate::body::{Body, Stopped};
+use robot_backends::{Body, Stopped};
 
 /// A trial in progress; a clone on a simulated body is a branch.
 #[derive(Clone)]

@@ -9,7 +9,6 @@ use control::percept::Percept;
 use control::perception::KnownObject;
 use control::policy::Reordered;
 use grasping::Repertoire;
-use hand_model::robot::{TactileFrame, TactileImage};
 use proving::ball_sizes;
 use proving::plan::{Plan, PlannedGrasps, Plans};
 use proving::rehearsal::{Snapshot, TrialStart};
@@ -19,7 +18,7 @@ use scenarios::noise::{ObjectNoise, TrialNoise, draw_shifts, trial_rng};
 use scenarios::referee::{Limits, Referee};
 use scenarios::sight::Sight;
 use sim::tactile::Drift;
-use touch::TouchPipeline;
+use touch::{TouchPipeline, backgrounds};
 use world::objects::ObjectModel;
 
 use super::conditions::Means;
@@ -28,7 +27,7 @@ use super::eyes::{History, Looks};
 use super::run::Run;
 use super::shared::Bench;
 use super::watcher::Watcher;
-use crate::body::{Body, BodySource, Glance, Task, TrialSetup};
+use robot_backends::{Body, BodySource, Glance, Task, TrialSetup};
 
 /// How often a watched trial takes tactile images, s.
 const WATCH_PERIOD: f64 = 0.2;
@@ -329,15 +328,4 @@ pub fn draw(bench: &Bench, combination: usize, trial: usize) -> Result<(TrialNoi
 fn own_backgrounds(run: &Run, pipeline: &TouchPipeline) -> Result<TouchPipeline> {
     Ok(pipeline
         .with_backgrounds(backgrounds(run.snapshot.executor.motion().newest_images(), pipeline.backgrounds().len())?)?)
-}
-
-/// One image of each of so many cameras, of untouched pads.
-pub fn backgrounds(frames: &[TactileFrame], cameras: usize) -> Result<Vec<Arc<TactileImage>>> {
-    let image = |camera: usize| {
-        let frame = frames.iter().rev().find(|frame| frame.camera == camera);
-        frame.map(|frame| frame.image.clone()).with_context(|| {
-            format!("camera {camera}: found no image of its untouched pad, expected one before anything was touched")
-        })
-    };
-    (0..cameras).map(image).collect()
 }

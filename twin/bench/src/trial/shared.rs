@@ -18,7 +18,7 @@ use touch::TouchPipeline;
 
 use super::conditions::Means;
 use super::profile::Profile;
-use crate::own::{Level, Own};
+use external_policy::{Level, Own};
 
 /// Robot, objects, grasps and plans of a benchmark.
 pub struct Bench {

@@ -1,8 +1,8 @@
 //! Faults of the plant, how they are drawn, and what must be named for each.
 
-use bench::mirror::divergence::{Divergence, Kind};
-use bench::mirror::residuals::Residuals;
 use control::executor::Executor;
+use fault_detection::divergence::{Divergence, Kind};
+use fault_detection::residuals::Residuals;
 use fault_injection::plant::PlantFault;
 use hand_model::{Digit, Hand};
 use nalgebra::Vector3;

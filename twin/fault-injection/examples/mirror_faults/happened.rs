@@ -1,7 +1,7 @@
 //! What really happened, by the scene's truth: for judging what was named, and nothing else.
 
-use bench::mirror::divergence::{Divergence, Kind};
 use control::executor::Phase;
+use fault_detection::divergence::{Divergence, Kind};
 use proving::rehearsal::in_hand;
 use sim::robot::Truth;
 

@@ -20,17 +20,17 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use anyhow::{Result, bail};
-use bench::body::Body;
 use bench::builtin::{hide_plant, make_bench, robot_of};
-use bench::mirror::Mirror;
-use bench::mirror::divergence::Divergence;
-use bench::mirror::seen::Seen;
 use bench::trial::Bench;
 use bench::trial::setup::Setup;
 use control::executor::Executor;
+use fault_detection::Mirror;
+use fault_detection::divergence::Divergence;
+use fault_detection::seen::Seen;
 use hand_model::Hand;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
+use robot_backends::Body;
 use scenarios::Scenario;
 use sim::SimulatedRobot;
 

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use anyhow::{Result, bail};
-use bench::mirror::watch::Mirroring;
+use bench::fault_watch::Mirroring;
 use bench::trial::filming::All;
 use bench::trial::{Moment, Watcher};
 use control::executor::Phase;

@@ -3,8 +3,6 @@
 use std::path::PathBuf;
 
 use anyhow::{Context, Result, bail};
-use bench::body::emulated::travel;
-use bench::body::operator::{Interrupt, agreed};
 use clap::Args;
 use hand_model::Hand;
 use hardware_bridge::calibration::{HandCalibration, ServoCalibration, Unfinished};
@@ -13,6 +11,9 @@ use hardware_bridge::homing::{HomingSettings, feel, store};
 use hardware_bridge::reboot::error_status;
 use hardware_bridge::servo_bus::ServoBus;
 use hardware_bridge::xc330::{self, hardware_error};
+use progress::interrupt::Interrupt;
+use robot_backends::emulated::travel;
+use robot_backends::operator::agreed;
 
 use super::shared::{ConfigArg, actuator_names, shown};
 use crate::options::robot::{RobotArgs, individual_of};

@@ -3,11 +3,11 @@
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, Result, bail};
-use bench::body::arm_link::connect;
-use bench::body::operator::agreed_while;
 use clap::Args;
 use hand_model::Arm;
 use kortex::message::ArmState;
+use robot_backends::arm_link::connect;
+use robot_backends::operator::agreed_while;
 
 use super::shared::{ConfigArg, expect_no_robot};
 use crate::terminal::Terminal;

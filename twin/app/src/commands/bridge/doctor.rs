@@ -4,7 +4,6 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use anyhow::{Result, anyhow};
-use bench::body::arm_link::arm_link;
 use clap::Args;
 use hand_model::{Hand, RobotModel};
 use hardware_bridge::arm_link::ArmLinkError;
@@ -18,6 +17,7 @@ use hardware_bridge::remote::places::{self, Folder};
 use hardware_bridge::servo_bus::latency_timer::{self, LatencyTimer};
 use hardware_bridge::servo_bus::{BusError, ServoBus};
 use hardware_bridge::setup::{self, Finding};
+use robot_backends::arm_link::arm_link;
 
 use super::shared::{ConfigArg, actuator_names, shown, tell};
 use crate::options::robot::RobotArgs;

@@ -1,6 +1,7 @@
 //! `ftac bridge emulate`: the devices without the hardware, in real time, moved by the simulated robot.
 
 mod door;
+mod emulated_table;
 mod mishap;
 mod truth;
 
@@ -12,10 +13,8 @@ use std::os::unix::fs::OpenOptionsExt as _;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+use self::emulated_table::{EmulatedTable, Wish};
 use anyhow::{Context, Result, bail};
-use bench::body::emulated::{CAMERA, settings};
-use bench::body::operator::Interrupt;
-use bench::emulated_table::{EmulatedTable, Wish};
 use clap::Args;
 use fault_injection::STANDS;
 use fault_injection::plant::Breakable;
@@ -33,6 +32,8 @@ use kortex::emulator::{Emulator, EventKind, Pace, Settings, Status};
 use kortex::joints::JOINTS;
 use object_detector::Address;
 use object_detector::camera::{Camera, CameraSettings};
+use progress::interrupt::Interrupt;
+use robot_backends::emulated::{CAMERA, settings};
 
 use self::door::Door;
 use self::mishap::Mishap;

@@ -4,8 +4,6 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use anyhow::{Result, bail};
-use bench::body::arm_link::arm_link;
-use bench::body::operator::agreed;
 use clap::Args;
 use control::outage::Outage;
 use hand_model::Hand;
@@ -16,6 +14,8 @@ use hardware_bridge::hand_bus::SERVOS;
 use hardware_bridge::hardware_robot::HardwareRobot;
 use hardware_bridge::safety::state::State;
 use hardware_bridge::servo_cycle::DryLines;
+use robot_backends::arm_link::arm_link;
+use robot_backends::operator::agreed;
 
 use super::shared::actuator_names;
 use crate::options::robot::RobotArgs;

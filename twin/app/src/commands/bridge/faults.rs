@@ -3,7 +3,6 @@
 use std::path::PathBuf;
 
 use anyhow::{Context as _, bail};
-use bench::body::operator::Interrupt;
 use bench::builtin::make_bench;
 use clap::Args;
 use control::executor::Phase;
@@ -13,6 +12,7 @@ use fault_injection::table::FaultTable;
 use fault_injection::{Matrix, PHASES, inject_all};
 use hand_model::RobotModel;
 use hardware_bridge::driven::expect_driven;
+use progress::interrupt::Interrupt;
 use scenarios::Scenario;
 
 use crate::options::robot::RobotArgs;

@@ -1,13 +1,13 @@
 //! `ftac bridge reboot`: the way out of a servo's shutdown.
 
 use anyhow::{Result, bail};
-use bench::body::operator::agreed;
 use clap::Args;
 use hardware_bridge::calibration::HandCalibration;
 use hardware_bridge::reboot::{check, error_status, reboot};
 use hardware_bridge::servo_bus::ServoBus;
 use hardware_bridge::setup::Finding;
 use hardware_bridge::xc330::hardware_error;
+use robot_backends::operator::agreed;
 
 use super::shared::{ConfigArg, actuator_names, expect_no_robot, print_table, rows, shortfall};
 use crate::options::robot::RobotArgs;

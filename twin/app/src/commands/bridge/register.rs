@@ -3,15 +3,15 @@
 use std::path::PathBuf;
 
 use anyhow::{Context as _, Result, bail};
-use bench::body::emulated::EmulatedSource;
-use bench::body::hardware::HardwareSource;
-use bench::body::operator::agreed_while;
-use bench::body::{BodySource as _, Stopped, Task, TrialBody, TrialSetup};
 use bench::builtin::make_scenes;
-use bench::registration::{Plan, Registrar, RegistrationFile, Step, error, hidden_mount};
 use clap::Args;
 use hand_model::RobotModel;
 use nalgebra::Isometry3;
+use registration::{Plan, Registrar, RegistrationFile, Step, error, hidden_mount};
+use robot_backends::emulated::EmulatedSource;
+use robot_backends::hardware::HardwareSource;
+use robot_backends::operator::agreed_while;
+use robot_backends::{BodySource as _, Stopped, Task, TrialBody, TrialSetup};
 use scenarios::Scenario;
 use scenarios::record::Condition;
 

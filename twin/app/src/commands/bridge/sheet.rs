@@ -5,10 +5,10 @@ use std::sync::Arc;
 
 use anyhow::{Result, bail};
 use bench::builtin::{make_bench, make_scenes};
-use bench::registration::{Plan, Registrar};
 use clap::Args;
 use hand_model::RobotModel;
 use nalgebra::{Isometry3, Point3};
+use registration::{Plan, Registrar};
 use scenarios::Scenario;
 use scenarios::noise::TrialNoise;
 use world::objects::ObjectModel;

@@ -1,7 +1,6 @@
 //! `ftac twin evaluate`: identified robots beside the truth, over individuals whose parameters were drawn and hidden.
 
 use anyhow::{Context as _, Result, anyhow, bail};
-use bench::body::emulated::{SharedPlant, settings};
 use clap::Args;
 use hardware_bridge::driven::expect_driven;
 use hardware_bridge::emulator::direct::DirectRobot;
@@ -11,6 +10,7 @@ use identification::identify;
 use identification::trace::Kept;
 use plant::RobotIndividual;
 use rayon::prelude::*;
+use robot_backends::emulated::{SharedPlant, settings};
 use serde::Serialize;
 use statistics::FEWEST_SAMPLES;
 

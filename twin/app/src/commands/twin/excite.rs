@@ -4,9 +4,6 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, Result, bail};
-use bench::body::arm_link::arm_link;
-use bench::body::emulated::{SharedPlant, settings};
-use bench::body::operator::{Interrupt, agreed};
 use clap::Args;
 use hand_model::robot::{Command, Readings, RobotBackend, RobotError, Tick};
 use hand_model::{Hand, RobotModel, RobotSources};
@@ -21,6 +18,10 @@ use identification::Script;
 use identification::excitation::{Progress, Task, described, play};
 use identification::touches::Thinned;
 use plant::RobotIndividual;
+use progress::interrupt::Interrupt;
+use robot_backends::arm_link::arm_link;
+use robot_backends::emulated::{SharedPlant, settings};
+use robot_backends::operator::agreed;
 use serde::{Deserialize, Serialize};
 use session_log::{Recorder, Session, Writer};
 

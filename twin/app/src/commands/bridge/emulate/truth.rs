@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use super::emulated_table::EmulatedTable;
 use anyhow::Result;
-use bench::emulated_table::EmulatedTable;
 use bench::recording::{drawn, log_scene};
 use stream::recorder::{Recorder, Settings, Target};
 

@@ -1,0 +1,181 @@
+//! The cameras' frames as one picture a pad, all of one size.
+
+use std::sync::Arc;
+
+use hand_model::Hand;
+use hand_model::pads::IMAGE_SIZE;
+use hand_model::robot::{TactileFrame, TactileImage};
+
+use crate::action::TICKS;
+
+/// Smallest side of a picture, pixels.
+pub const LEAST_SIDE: usize = 8;
+
+/// A size that pictures cannot have.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("side of the tactile images: found {0} pixels, expected {LEAST_SIDE} to {IMAGE_SIZE}")]
+pub struct ImageSizeError(pub usize);
+
+/// Tick of a step, from 1, whose images arrive within the step if they take `delay` s.
+pub fn capture_at(delay: f64, tick: f64) -> usize {
+    // Times are sums of ticks: a thousandth of one is no tick.
+    let under_way = (delay / tick - 1e-3).ceil().max(0.0) as usize;
+    TICKS.saturating_sub(under_way).max(1)
+}
+
+/// The newest picture of every pad. A pixel is the mean of those of the cameras that it covers; the two cameras of a pad show its halves.
+#[derive(Debug, Clone)]
+pub struct PadImages {
+    side: usize,
+    newest: Vec<Option<Arc<TactileImage>>>,
+    rgb: Vec<u8>,
+    times: Vec<Option<f64>>,
+}
+
+impl PadImages {
+    /// Black pictures of `side` x `side` pixels.
+    pub fn new(hand: &Hand, side: usize) -> Result<Self, ImageSizeError> {
+        if !(LEAST_SIDE..=IMAGE_SIZE).contains(&side) {
+            return Err(ImageSizeError(side));
+        }
+        let pads = hand.pads.len();
+        Ok(Self {
+            side,
+            newest: vec![None; hand.cameras.len()],
+            rgb: vec![0; pads * side * side * 3],
+            times: vec![None; pads],
+        })
+    }
+
+    /// Pixels along a side.
+    pub fn side(&self) -> usize {
+        self.side
+    }
+
+    /// Pads x rows x columns x RGB; row 0 is the distal edge.
+    pub fn rgb(&self) -> &[u8] {
+        &self.rgb
+    }
+
+    /// When each pad's picture was taken, s; `None`: before the scene began.
+    pub fn times(&self) -> &[Option<f64>] {
+        &self.times
+    }
+
+    /// Shows untouched pads: an image a camera.
+    pub fn show_backgrounds(&mut self, hand: &Hand, images: Vec<Arc<TactileImage>>) {
+        for (newest, image) in self.newest.iter_mut().zip(images) {
+            *newest = Some(image);
+        }
+        for pad in 0..hand.pads.len() {
+            self.draw(hand, pad);
+        }
+    }
+
+    /// Shows what has arrived.
+    pub fn show(&mut self, hand: &Hand, frames: Vec<TactileFrame>) {
+        let mut changed = vec![false; hand.pads.len()];
+        for frame in frames {
+            let Some(newest) = self.newest.get_mut(frame.camera) else { continue };
+            let pad = hand.cameras[frame.camera].pad;
+            self.times[pad] = Some(frame.time);
+            let same = newest.as_ref().is_some_and(|known| Arc::ptr_eq(known, &frame.image));
+            changed[pad] |= !same;
+            *newest = Some(frame.image);
+        }
+        for pad in (0..changed.len()).filter(|pad| changed[*pad]) {
+            self.draw(hand, pad);
+        }
+    }
+
+    /// Makes a pad's picture from its cameras' newest images, from the distal one to the proximal one, once there is one of the same size of each.
+    fn draw(&mut self, hand: &Hand, pad: usize) {
+        let images: Option<Vec<&TactileImage>> =
+            hand.pads[pad].cameras.iter().rev().map(|camera| self.newest[*camera].as_deref()).collect();
+        let same_size = |images: &Vec<&TactileImage>| images.iter().all(|image| image.rgb.len() == images[0].rgb.len());
+        let Some(images) = images.filter(same_size) else { return };
+        let size = self.side * self.side * 3;
+        shrink(&images, self.side, &mut self.rgb[pad * size..(pad + 1) * size]);
+    }
+}
+
+/// `images`, all of one size, one below the other, as a picture of `side` x `side` pixels.
+fn shrink(images: &[&TactileImage], side: usize, picture: &mut [u8]) {
+    let size = images.first().map_or(0, |image| (image.rgb.len() / 3).isqrt());
+    if let ([image], true) = (images, size == side) {
+        picture.copy_from_slice(&image.rgb);
+        return;
+    }
+    let rows = images.len() * size;
+    let span = |at: usize, whole: usize| at * whole / side..(at + 1) * whole / side;
+    let columns: Vec<_> = (0..side).map(|column| span(column, size)).collect();
+    // Rows first: whole rows add up many values at a time.
+    let mut sums = vec![0_u32; 3 * size];
+    for (at, line) in picture.chunks_exact_mut(3 * side).enumerate() {
+        sums.fill(0);
+        let covered = span(at, rows);
+        for row in covered.clone() {
+            let start = 3 * size * (row % size);
+            let values = &images[row / size].rgb[start..start + 3 * size];
+            sums.iter_mut().zip(values).for_each(|(sum, value)| *sum += u32::from(*value));
+        }
+        for (grey, columns) in line.chunks_exact_mut(3).zip(&columns) {
+            let count = (covered.len() * columns.len()) as u32;
+            let mut total = [count / 2; 3];
+            for sum in sums[3 * columns.start..3 * columns.end].chunks_exact(3) {
+                total.iter_mut().zip(sum).for_each(|(total, sum)| *total += sum);
+            }
+            // A mean of bytes is a byte.
+            grey.iter_mut().zip(total).for_each(|(grey, total)| *grey = (total / count) as u8);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn image(value: impl Fn(usize, usize, usize) -> u8) -> Arc<TactileImage> {
+        let pixels = (0..IMAGE_SIZE).flat_map(|row| (0..IMAGE_SIZE).map(move |column| (row, column)));
+        let rgb = pixels.flat_map(|(row, column)| [0, 1, 2].map(|channel| value(row, column, channel))).collect();
+        Arc::new(TactileImage { rgb })
+    }
+
+    #[test]
+    fn full_size_passes_unchanged_and_a_smaller_one_is_the_mean() {
+        let original = image(|row, column, channel| ((row * 7 + column * 3) % 200 + channel) as u8);
+        let mut full = vec![0; 3 * IMAGE_SIZE * IMAGE_SIZE];
+        shrink(&[&original], IMAGE_SIZE, &mut full);
+        assert_eq!(full, original.rgb);
+        let mut small = vec![0; 3 * 64 * 64];
+        shrink(&[&original], 64, &mut small);
+        let mean = |values: &[u8]| values.iter().map(|value| f64::from(*value)).sum::<f64>() / values.len() as f64;
+        assert!((mean(&small) - mean(&full)).abs() < 0.6);
+    }
+
+    /// The camera at the fingers' side of the palm's ulnar pad is above the other one.
+    #[test]
+    fn two_cameras_show_the_halves_of_a_pad() {
+        let hand = Hand::ftac();
+        let pad = hand.pads.iter().position(|pad| pad.cameras.len() == 2).unwrap();
+        let mut images = PadImages::new(&hand, 9).unwrap();
+        let grey = |camera: usize| {
+            let distal = hand.cameras[camera].center_y > 0.0;
+            let value = if distal { 200 } else { 40 };
+            TactileFrame { camera, time: 0.5, sequence: 1, image: image(move |_, _, _| value) }
+        };
+        images.show(&hand, hand.pads[pad].cameras.iter().map(|camera| grey(*camera)).collect());
+        let picture = &images.rgb()[pad * 243..(pad + 1) * 243];
+        assert_eq!((picture[0], picture[242]), (200, 40));
+        assert!(picture[4 * 27] > 40 && picture[4 * 27] < 200, "the middle row shows both");
+        assert_eq!((images.times()[pad], images.times()[pad + 1]), (Some(0.5), None));
+    }
+
+    #[test]
+    fn other_sizes_are_refused() {
+        let hand = Hand::ftac();
+        assert_eq!(PadImages::new(&hand, 7).unwrap_err(), ImageSizeError(7));
+        let error = PadImages::new(&hand, 241).unwrap_err().to_string();
+        assert_eq!(error, "side of the tactile images: found 241 pixels, expected 8 to 240");
+    }
+}

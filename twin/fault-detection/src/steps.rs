@@ -1,0 +1,82 @@
+//! Steps of the force on the hand: weight that comes or goes does so within two ticks and stays, while contact grows and moves sideways.
+
+use std::collections::VecDeque;
+
+use nalgebra::Vector3;
+
+use super::limits::StepLimits;
+
+/// Ticks that a step takes to show, the newest included, and for which the force rests before.
+const SHOWING: usize = 3;
+const RESTING: usize = 12;
+/// Ticks of the force at rest whose mean a step begins at.
+const BASE: usize = 3;
+/// Ticks for which a step has to stay where contact is expected, beyond those in which it shows.
+pub const STAYING: usize = 2;
+
+/// A step that has just shown.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Step {
+    /// N, positive where weight has come.
+    pub weight: f64,
+    /// The force on the hand before, N.
+    pub before: Vector3<f64>,
+}
+
+/// The force itself at each of the newest ticks, N, oldest first: the arm's torques follow it with a lag.
+fn applied(past: &VecDeque<(f64, Vector3<f64>)>, count: usize, lag: f64) -> Option<Vec<Vector3<f64>>> {
+    let from = past.len().checked_sub(count + 1)?;
+    let felt: Vec<Vector3<f64>> = past.range(from..).map(|(_, force)| *force).collect();
+    Some(felt.windows(2).map(|pair| (pair[1] - lag * pair[0]) / (1.0 - lag)).collect())
+}
+
+/// The step that shows in the newest of `past` (times in s, forces in N) and has stayed for `stays` ticks since, by the limits for where contact is
+/// `expected` or not.
+pub fn step(past: &VecDeque<(f64, Vector3<f64>)>, limits: &StepLimits, expected: bool, stays: usize) -> Option<Step> {
+    let forces = applied(past, RESTING + SHOWING + stays, limits.lag)?;
+    let (rest, after) = forces.split_at(RESTING);
+    let base = rest[RESTING - BASE..].iter().sum::<Vector3<f64>>() / BASE as f64;
+    let which = usize::from(expected);
+    // In the first of the ticks it may have been at any moment.
+    let shown = &after[1..];
+    let weights: Vec<f64> = shown.iter().map(|force| base.z - force.z).collect();
+    let weight = weights[0];
+    let size = weights.iter().map(|weight| weight.abs()).fold(f64::INFINITY, f64::min);
+    let most = weights.iter().map(|weight| weight.abs()).fold(0.0, f64::max);
+    let one_way = weights.iter().all(|other| other * weight > 0.0);
+    let sideways = shown.iter().map(|force| (force - base).xy().norm()).fold(0.0, f64::max);
+    let moved = rest.iter().map(|force| (force - base).xy().norm().max((force - base).z.abs())).fold(0.0, f64::max);
+    let even = most < limits.even[which] * size;
+    let clear = one_way && even && sideways < limits.level[which] * size && moved < limits.rest[which] * size;
+    (clear && size > limits.least).then_some(Step { weight, before: base })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::limits::Limits;
+
+    /// The weight of the step that shows after `force` (N) came within `ticks`, felt with the arm's lag.
+    fn shown(force: Vector3<f64>, ticks: usize) -> Option<f64> {
+        let limits = Limits::standard().expect("the limits").step;
+        let (mut past, mut felt) = (VecDeque::new(), Vector3::zeros());
+        for n in 0..30 {
+            let acts = force * (n as f64 / ticks as f64 - 20.0 / ticks as f64).clamp(0.0, 1.0);
+            felt = acts + limits.lag * (felt - acts);
+            past.push_back((n as f64 / 120.0, felt));
+            if let Some(step) = step(&past, &limits, false, STAYING) {
+                return Some(step.weight);
+            }
+        }
+        None
+    }
+
+    #[test]
+    fn what_comes_at_once_and_straight_down_is_a_weight() {
+        let weight = shown(Vector3::new(0.0, 0.0, -2.0), 1).expect("a step");
+        assert!((weight - 2.0).abs() < 1e-9, "{weight}");
+        assert_eq!(shown(Vector3::new(0.0, 0.0, -2.0), 8), None, "grows");
+        assert_eq!(shown(Vector3::new(2.5, 0.0, -2.0), 1), None, "goes sideways");
+        assert_eq!(shown(Vector3::new(0.0, 0.0, -0.5), 1), None, "too little");
+    }
+}

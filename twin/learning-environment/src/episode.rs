@@ -1,0 +1,290 @@
+//! Tasks with objects of the benchmark: how an episode begins, and how it is judged after every step.
+//!
+//! An episode is a trial of the benchmark under another seed: the same combinations, spread of places, errors of arm and vision, and effects. Its
+//! seed decides everything that is random in it, its combination too where none is asked for.
+
+use std::sync::Arc;
+
+use control::motion::tension::against_friction;
+use control::percept::Percept;
+use hand_model::pads::IMAGE_SIZE;
+use hand_model::{DigitVector, Hand};
+use nalgebra::Point3;
+use proving::rehearsal::{PALM, digit_bits, in_hand};
+use rand::RngExt as _;
+use scenarios::noise::trial_rng;
+use sim::SimulatedRobot;
+use sim::robot::Truth;
+use sim::tactile::TactileBoard;
+use world::objects::ObjectModel;
+
+use super::scene::{Begun, FirstImages, Scene, SceneError, reduced};
+use bench::trial::setup::Setup;
+use bench::trial::{Bench, NoWatcher};
+use control::pad_images::ImageSizeError;
+use robot_backends::Body;
+
+/// Seed of the bench that episodes are drawn from: no benchmark's trials have it.
+pub const EPISODES: u64 = 0x6570_6973_6f64_6573;
+/// How long the task's objects must be held without a break, s.
+pub const HOLD: f64 = 1.0;
+/// An object below this height has left the table, m.
+const FALLEN: f64 = -0.05;
+/// The palm's middle in its frame, m: what is grasped lies a few centimetres before it.
+const GRASP: [f64; 3] = [0.0, 0.0, -0.03];
+/// Distance over which the reward for being near falls off, m.
+const NEAR: f64 = 0.1;
+/// Height that counts as fully lifted, m.
+const LIFT: f64 = 0.1;
+/// Shares of being near, touching and lifting in an object's progress.
+const SHARES: [f64; 3] = [0.3, 0.2, 0.5];
+/// Digits and palm, as many as count as a full touch.
+const FULL_TOUCH: f64 = 3.0;
+/// First grasps that are tried until one holds.
+const MOST_GRASPS: u64 = 64;
+
+/// What is to be done.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Task {
+    /// One object, alone on the table, is to be lifted.
+    PickOne,
+    /// The first object is in the hand as the built-in controller grasped it; the second is to be lifted too.
+    PickSecond,
+    /// Two objects on the table are to be lifted together.
+    PickTwo,
+}
+
+impl Task {
+    /// Objects in the scene, all of which are to be held.
+    pub fn objects(self) -> usize {
+        if self == Self::PickOne { 1 } else { 2 }
+    }
+}
+
+/// How episodes are made.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Options {
+    pub task: Task,
+    /// Side of the tactile images, pixels; without it there are none.
+    pub images: Option<usize>,
+    /// Number of the combination; without it each episode draws its own.
+    pub combination: Option<usize>,
+}
+
+/// Why an episode does not begin.
+#[derive(Debug, thiserror::Error)]
+pub enum EpisodeError {
+    /// There is no such combination.
+    #[error("combination: found {found}, expected 0 to {most}")]
+    Combination { found: usize, most: usize },
+    /// No first grasp of the combination holds under the errors drawn.
+    #[error("combination {0}: {MOST_GRASPS} first grasps in a row do not hold their object")]
+    NoFirstGrasp(usize),
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// The trial cannot be set up.
+    #[error("{0:#}")]
+    Setup(#[from] anyhow::Error),
+}
+
+/// How an episode stands after a step. It is judged by the truth, as a referee judges: a reward may train a policy, and is no measurement.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Judgement {
+    /// Whether each object is in the hand, and lifted.
+    pub held: Vec<bool>,
+    /// How far the task is done, 0 to 1: near, touched, lifted, averaged over its objects.
+    pub progress: f64,
+    /// How much of that came with this step.
+    pub gained: f64,
+    /// All objects have been held for [`HOLD`].
+    pub success: bool,
+    /// An object has left the table, or no step can be simulated any more.
+    pub lost: bool,
+}
+
+/// How the hand is asked to pull when an episode begins: tensions (N) at the spools, and the angle (rad) of the opposition joint.
+pub type Grip = (DigitVector, f64);
+
+/// A task in progress.
+#[derive(Clone)]
+pub struct Episode {
+    pub scene: Scene,
+    objects: Vec<Arc<ObjectModel>>,
+    seen: Vec<Percept>,
+    combination: usize,
+    grip: Grip,
+    held_since: Option<f64>,
+    progress: f64,
+}
+
+impl Episode {
+    /// The episode of a `seed`.
+    pub fn begin(bench: &Bench, options: Options, seed: u64) -> Result<Self, EpisodeError> {
+        let combination = draw_combination(bench, options.combination, seed)?;
+        let seed = seed as usize;
+        let Beginning { begun, seen, images, opposition } = match options.task {
+            Task::PickSecond => after_first_grasp(bench, combination, seed, options.images)?,
+            task => at_rest(bench, combination, seed, (task.objects(), options.images))?,
+        };
+        let plan = &bench.plans.plans[combination];
+        let objects = [&plan.first, &plan.second].into_iter().take(options.task.objects());
+        let objects = objects.map(|name| bench.world.object(name)).collect::<Result<_, _>>()?;
+        let grip = (begun.tensions, opposition);
+        let scene = Scene::begin(&bench.world.cell, begun, images)?;
+        let mut episode = Self { scene, objects, seen, combination, grip, held_since: None, progress: 0.0 };
+        episode.progress = episode.judge().progress;
+        Ok(episode)
+    }
+
+    /// Names of the objects, in the order of the combination.
+    pub fn objects(&self) -> impl Iterator<Item = &str> {
+        self.objects.iter().map(|object| object.name.as_str())
+    }
+
+    /// Each object as vision reported it at the beginning, with its error.
+    pub fn seen(&self) -> &[Percept] {
+        &self.seen
+    }
+
+    /// How the hand is asked to pull at the beginning: what holds the first object, if one is held.
+    pub fn grip(&self) -> Grip {
+        self.grip
+    }
+
+    /// Number of the combination.
+    pub fn combination(&self) -> usize {
+        self.combination
+    }
+
+    /// Judges the scene after a step.
+    pub fn judge(&mut self) -> Judgement {
+        let truth = self.scene.truth();
+        let held: Vec<bool> = (0..self.objects.len()).map(|index| in_hand(&truth, index)).collect();
+        let all = held.iter().all(|held| *held);
+        self.held_since = if all { self.held_since.or(Some(truth.time)) } else { None };
+        // Half a tick of tolerance: times are sums of ticks.
+        let success = self.held_since.is_some_and(|since| truth.time - since > HOLD - 0.004);
+        let before =
+            std::mem::replace(&mut self.progress, progress(&self.scene.cell.robot.hand, &truth, &self.objects));
+        let on_hand = |height: f64| height.is_finite() && height >= FALLEN;
+        let lost = !truth.objects.iter().all(|pose| on_hand(pose.translation.z));
+        Judgement { held, progress: self.progress, gained: self.progress - before, success, lost }
+    }
+}
+
+/// Mean progress over the objects.
+fn progress(hand: &Hand, truth: &Truth, objects: &[Arc<ObjectModel>]) -> f64 {
+    let [near, touch, lift] = SHARES;
+    let middle = truth.palm * Point3::from(GRASP);
+    let of = |(index, object): (usize, &Arc<ObjectModel>)| {
+        let at = truth.objects[index].translation.vector;
+        let touched = truth.touched_by[index];
+        let digits = hand.digits().iter().map(|digit| digit_bits(hand, &[*digit])).chain([PALM]);
+        let touching = digits.filter(|bits| touched & bits != 0).count() as f64;
+        let raised = if touched == 0 { 0.0 } else { ((at.z - object.rest_height()) / LIFT).clamp(0.0, 1.0) };
+        near * (1.0 - ((at - middle.coords).norm() / NEAR).tanh())
+            + touch * (touching / FULL_TOUCH).min(1.0)
+            + lift * raised
+    };
+    let sum: f64 = objects.iter().enumerate().map(of).sum();
+    sum / objects.len() as f64
+}
+
+fn draw_combination(bench: &Bench, asked: Option<usize>, seed: u64) -> Result<usize, EpisodeError> {
+    let count = bench.plans.plans.len();
+    match asked {
+        Some(found) if found >= count => Err(EpisodeError::Combination { found, most: count.saturating_sub(1) }),
+        Some(combination) => Ok(combination),
+        None => Ok(trial_rng(EPISODES, 0, seed as usize).random_range(0..count)),
+    }
+}
+
+/// What an episode begins with.
+struct Beginning {
+    begun: Begun,
+    seen: Vec<Percept>,
+    images: Option<FirstImages>,
+    /// rad.
+    opposition: f64,
+}
+
+/// The combination's first `count` objects on the table, and the arm ready.
+fn at_rest(
+    bench: &Bench,
+    combination: usize,
+    trial: usize,
+    (count, side): (usize, Option<usize>),
+) -> Result<Beginning, EpisodeError> {
+    let world = &bench.world;
+    let (setup, _) = Setup::noisy(bench, combination, trial)?;
+    let noise = &setup.noise;
+    let [one, other] = &noise.individuals;
+    let objects = [one.of(&world.object(&setup.plan.first)?), other.of(&world.object(&setup.plan.second)?)];
+    let [first, second] = objects.map(|object| object.map_err(anyhow::Error::from));
+    let objects = [first?, second?];
+    let mut scene = world.scene(&objects, world.cell.ready, noise);
+    scene.objects.truncate(count);
+    let board = side.map(|side| board_of(bench, &setup, side)).transpose()?;
+    let images = side.zip(board.as_ref()).map(|(side, board)| FirstImages::untouched(side, board.background_frames()));
+    let board = board.unwrap_or_else(TactileBoard::blank);
+    let robot = SimulatedRobot::new(&world.cell.robot, &scene, board);
+    let seen = world.percepts(&objects, noise).into_iter().take(count).collect();
+    let begun = Begun {
+        robot,
+        posture: world.cell.ready,
+        tensions: world.cell.robot.hand.slack(),
+        frame_delay: scene.frame_delay,
+    };
+    Ok(Beginning { begun, seen, images, opposition: 0.0 })
+}
+
+/// The cameras of a trial, whose frames are as large as the pictures.
+fn board_of(bench: &Bench, setup: &Setup, side: usize) -> Result<TactileBoard, SceneError> {
+    let mut board = bench.board.with_noise(setup.camera_noise);
+    if let Some(drift) = &setup.drift {
+        board = board.drifting(drift.clone());
+    }
+    Ok(reduced(board, side)?)
+}
+
+/// The first object in the hand, by the first of the trials from `trial` on whose first grasp holds.
+fn after_first_grasp(
+    bench: &Bench,
+    combination: usize,
+    trial: usize,
+    side: Option<usize>,
+) -> Result<Beginning, EpisodeError> {
+    for attempt in 0..MOST_GRASPS {
+        // Far from the numbers of other episodes.
+        let trial = trial ^ (attempt << 48) as usize;
+        let (setup, _) = Setup::noisy(bench, combination, trial)?;
+        let untouched = side.map(|side| board_of(bench, &setup, side)).transpose()?;
+        let start = setup.first_grasp(bench, None, &mut NoWatcher)?;
+        let snapshot = start.run.snapshot;
+        let Body::Simulated(mut robot) = snapshot.robot else { continue };
+        if !in_hand(&robot.truth(), 0) {
+            continue;
+        }
+        let executor = snapshot.executor;
+        let hand: &Hand = &bench.world.cell.robot.hand;
+        let friction = bench.world.protocol().friction;
+        let tensions = against_friction(hand, &friction, executor.motion().servos(), &executor.wanted_tensions());
+        let mut now = bench.board.backgrounds();
+        for frame in executor.motion().newest_images() {
+            now[frame.camera] = frame.image.clone();
+        }
+        let images =
+            side.zip(untouched).map(|(side, board)| FirstImages { side, untouched: board.background_frames(), now });
+        if let Some(side) = side.filter(|side| *side != IMAGE_SIZE) {
+            robot.reduce_images(side).map_err(|_| SceneError::from(ImageSizeError(side)))?;
+        }
+        let seen = vec![executor.target(0).percept, executor.target(1).percept];
+        let frame_delay = bench.world.scenario.effects.time.map_or(0.0, |time| time.frame);
+        let begun = Begun { robot: *robot, posture: *executor.motion().posture(), tensions, frame_delay };
+        return Ok(Beginning { begun, seen, images, opposition: executor.target(0).grasp.opposition });
+    }
+    Err(EpisodeError::NoFirstGrasp(combination))
+}
+
+#[cfg(test)]
+mod tests;

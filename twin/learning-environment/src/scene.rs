@@ -1,0 +1,254 @@
+//! A scene in steps of a twentieth of a second: actions in, measurements out.
+
+use std::sync::Arc;
+
+use control::action::{Action, ActionError, ActionLimits, Stepper, TICKS};
+use control::inverse_kinematics::{ArmKinematics, IkError, Joints};
+use control::workcell::Workcell;
+use hand_model::DigitVector;
+use hand_model::pads::IMAGE_SIZE;
+use hand_model::robot::{ArmState, Command, Observation, ServoState, TactileImage};
+use nalgebra::Isometry3;
+use proving::simulated_world::World;
+use scenarios::noise::TrialNoise;
+use sim::robot::Truth;
+use sim::tactile::TactileBoard;
+use sim::{ObjectPlacement, SceneSetup, SimulatedRobot};
+use world::layout::Place;
+use world::objects::ObjectModel;
+
+use control::pad_images::{ImageSizeError, PadImages, capture_at};
+
+/// Most objects in a scene.
+pub const MOST_OBJECTS: usize = 16;
+/// Farthest place of an object from the arm's base along x and y, m.
+const FARTHEST: f64 = 1.5;
+
+/// Why there is no such scene.
+#[derive(Debug, thiserror::Error)]
+pub enum SceneError {
+    /// No object has this name.
+    #[error("no object is called `{name}`; known are: {known}")]
+    Object { name: String, known: String },
+    /// An object's place is not a place on the table.
+    #[error("object `{name}`, {axis}: found {found}, expected {expected}")]
+    Place { name: String, axis: &'static str, found: f64, expected: String },
+    /// Too many objects.
+    #[error("objects: found {0}, expected {MOST_OBJECTS} at most")]
+    Count(usize),
+    #[error(transparent)]
+    Images(#[from] ImageSizeError),
+    #[error(transparent)]
+    Arm(#[from] IkError),
+}
+
+/// An object and where it stands.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Placed {
+    /// Name of an object of the world.
+    pub name: String,
+    pub place: Place,
+}
+
+/// How a scene is made.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct SceneOptions {
+    /// Side of the tactile images, pixels; without it there are none.
+    pub images: Option<usize>,
+    /// Seed of the cameras' noise.
+    pub seed: u64,
+}
+
+/// A robot at a table with objects. A clone goes its own way from the same bits.
+#[derive(Clone)]
+pub struct Scene {
+    pub(super) cell: Workcell,
+    kinematics: ArmKinematics,
+    stepper: Stepper,
+    robot: SimulatedRobot,
+    images: Option<PadImages>,
+    /// The same of the untouched pads.
+    untouched: Option<PadImages>,
+    /// Tick of a step in which images are asked for: the last from which they arrive within the step.
+    capture_at: usize,
+    observation: Observation,
+}
+
+/// A robot about to be stepped, and what it was last asked for.
+pub(super) struct Begun {
+    pub(super) robot: SimulatedRobot,
+    /// Joint set-points, rad.
+    pub(super) posture: Joints,
+    /// N.
+    pub(super) tensions: DigitVector,
+    /// From a camera's exposure to its frame, s.
+    pub(super) frame_delay: f64,
+}
+
+/// Tactile images to begin with.
+pub(super) struct FirstImages {
+    /// Of a pad's picture, pixels.
+    pub(super) side: usize,
+    /// One a camera, of the untouched pads.
+    pub(super) untouched: Vec<Arc<TactileImage>>,
+    /// One a camera, as the pads are now.
+    pub(super) now: Vec<Arc<TactileImage>>,
+}
+
+impl FirstImages {
+    /// Of pads that nothing touches.
+    pub(super) fn untouched(side: usize, images: Vec<Arc<TactileImage>>) -> Self {
+        Self { side, untouched: images.clone(), now: images }
+    }
+}
+
+impl Scene {
+    /// Objects in their places, the arm in the posture in which trials begin, the hand open: a robot without errors, with the effects of
+    /// the world's scenario on pads, gel, cables, floor and time.
+    pub fn new(
+        world: &World,
+        board: &TactileBoard,
+        objects: &[Placed],
+        options: SceneOptions,
+    ) -> Result<Self, SceneError> {
+        if objects.len() > MOST_OBJECTS {
+            return Err(SceneError::Count(objects.len()));
+        }
+        let objects = objects.iter().map(|placed| placement(world, placed)).collect::<Result<_, _>>()?;
+        let setup = SceneSetup { objects, ..world.bare_scene(world.cell.ready, &TrialNoise::none()) };
+        let frame_delay = setup.frame_delay;
+        let board = options.images.map(|side| reduced(board.with_noise(options.seed), side)).transpose()?;
+        let backgrounds = board.as_ref().map(TactileBoard::background_frames);
+        let robot = SimulatedRobot::new(&world.cell.robot, &setup, board.unwrap_or_else(TactileBoard::blank));
+        let begun = Begun { robot, posture: world.cell.ready, tensions: world.cell.robot.hand.slack(), frame_delay };
+        let images = options.images.zip(backgrounds).map(|(side, images)| FirstImages::untouched(side, images));
+        Self::begin(&world.cell, begun, images)
+    }
+
+    /// Goes on with a robot as it is.
+    pub(super) fn begin(cell: &Workcell, begun: Begun, images: Option<FirstImages>) -> Result<Self, SceneError> {
+        let Begun { mut robot, posture, tensions, frame_delay } = begun;
+        let (untouched, images) = images
+            .map(|FirstImages { side, untouched, now }| {
+                let shown = |of: Vec<Arc<TactileImage>>| {
+                    let mut images = PadImages::new(&cell.robot.hand, side)?;
+                    images.show_backgrounds(&cell.robot.hand, of);
+                    Ok::<_, ImageSizeError>(images)
+                };
+                Ok::<_, ImageSizeError>((shown(untouched)?, shown(now)?))
+            })
+            .transpose()?
+            .unzip();
+        let capture_at = capture_at(frame_delay, robot.tick_length());
+        let observation = robot.observe();
+        Ok(Self {
+            kinematics: cell.kinematics(),
+            stepper: Stepper::new(cell, posture, tensions)?,
+            cell: cell.clone(),
+            robot,
+            images,
+            untouched,
+            capture_at,
+            observation,
+        })
+    }
+
+    /// Carries out `action` for a step. An error leaves the scene as it was.
+    pub fn step(&mut self, action: &Action) -> Result<(), ActionError> {
+        for (n, (arm, servos)) in self.stepper.step(action, self.robot.tick_length())?.into_iter().enumerate() {
+            let capture = self.images.is_some() && n + 1 == self.capture_at;
+            let sent = self.robot.send(&Command { arm, servos, capture });
+            self.robot.wait_for_tick();
+            self.stepper.sent(sent.arm);
+        }
+        self.observe();
+        Ok(())
+    }
+
+    fn observe(&mut self) {
+        let mut observation = self.robot.observe();
+        if let Some(images) = &mut self.images {
+            images.show(&self.cell.robot.hand, std::mem::take(&mut observation.tactile));
+        }
+        self.observation = observation;
+    }
+
+    /// Limits of the actions.
+    pub fn limits(&self) -> &ActionLimits {
+        self.stepper.limits()
+    }
+
+    /// Length of a step, s.
+    pub fn step_length(&self) -> f64 {
+        TICKS as f64 * self.robot.tick_length()
+    }
+
+    /// Time since the robot was started, s.
+    pub fn time(&self) -> f64 {
+        self.observation.time
+    }
+
+    /// The servos as they report.
+    pub fn servos(&self) -> &[ServoState] {
+        &self.observation.servos
+    }
+
+    /// The arm as it reports.
+    pub fn arm(&self) -> &ArmState {
+        &self.observation.arm
+    }
+
+    /// `world_from_palm` by the arm's encoders and its nominal dimensions.
+    pub fn palm(&self) -> Isometry3<f64> {
+        self.kinematics.palm_pose(&self.observation.arm.position)
+    }
+
+    /// The newest tactile images, if the scene has any.
+    pub fn images(&self) -> Option<&PadImages> {
+        self.images.as_ref()
+    }
+
+    /// The images of the pads before anything touched them, if the scene has any: what touch compares with.
+    pub fn untouched(&self) -> Option<&PadImages> {
+        self.untouched.as_ref()
+    }
+
+    /// The scene as it is: for whoever judges or records, and for no policy.
+    pub fn truth(&self) -> Truth {
+        self.robot.truth()
+    }
+
+    /// The objects as they really are, in order.
+    pub(super) fn models(&self) -> impl Iterator<Item = &Arc<ObjectModel>> {
+        self.robot.models()
+    }
+
+    pub fn cell(&self) -> &Workcell {
+        &self.cell
+    }
+}
+
+fn placement(world: &World, placed: &Placed) -> Result<ObjectPlacement, SceneError> {
+    let Placed { name, place } = placed;
+    let model = world
+        .objects
+        .get(name)
+        .cloned()
+        .ok_or_else(|| SceneError::Object { name: name.clone(), known: world.objects.names().join(", ") })?;
+    let error = |axis, found, expected: String| SceneError::Place { name: name.clone(), axis, found, expected };
+    for (axis, found) in [("x", place.x), ("y", place.y)] {
+        if found.is_nan() || found.abs() > FARTHEST {
+            return Err(error(axis, found, format!("{} to {FARTHEST} m", -FARTHEST)));
+        }
+    }
+    if !place.yaw.is_finite() {
+        return Err(error("yaw", place.yaw, "a finite angle in rad".to_owned()));
+    }
+    Ok(ObjectPlacement { pose: place.pose(&model), model })
+}
+
+/// A board whose frames are as large as the pictures: where they are smaller than what the cameras send, forming all pixels to add
+/// them up would take nearly all of a step.
+pub(crate) fn reduced(board: TactileBoard, side: usize) -> Result<TactileBoard, ImageSizeError> {
+    if side == IMAGE_SIZE { Ok(board) } else { board.reduced(side).map_err(|_| ImageSizeError(side)) }
+}

@@ -1,0 +1,61 @@
+//! Ctrl-C as a wish to end in order.
+
+use std::io;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, OnceLock};
+
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use signal_hook::flag;
+
+/// While one is alive, the first Ctrl-C (or SIGTERM, or the end of the terminal) is noted instead of ending the program; the second one ends it.
+pub struct Interrupt {
+    flags: &'static Flags,
+}
+
+/// Those of all that catch: there is one operator.
+static FLAGS: OnceLock<Flags> = OnceLock::new();
+
+#[derive(Debug)]
+struct Flags {
+    happened: Arc<AtomicBool>,
+    /// Whether the next signal ends the program, as it does by default.
+    deadly: Arc<AtomicBool>,
+}
+
+impl Interrupt {
+    /// From now on. There is one operator: a second one at the same time is the same.
+    pub fn catch() -> io::Result<Self> {
+        let flags = match FLAGS.get() {
+            Some(flags) => flags,
+            None => {
+                let new = Flags { happened: Arc::default(), deadly: Arc::new(AtomicBool::new(true)) };
+                for signal in [SIGINT, SIGTERM, SIGHUP] {
+                    // In this order: what is deadly is decided before the signal is noted.
+                    flag::register_conditional_default(signal, new.deadly.clone())?;
+                    flag::register(signal, new.deadly.clone())?;
+                    flag::register(signal, new.happened.clone())?;
+                }
+                FLAGS.get_or_init(|| new)
+            }
+        };
+        flags.happened.store(false, Ordering::SeqCst);
+        flags.deadly.store(false, Ordering::SeqCst);
+        Ok(Self { flags })
+    }
+
+    /// Whether the operator wants to end.
+    pub fn happened(&self) -> bool {
+        self.flags.happened.load(Ordering::SeqCst)
+    }
+}
+
+/// Whether the operator has wanted to end since somebody last began to catch that wish.
+pub fn is_interrupted() -> bool {
+    FLAGS.get().is_some_and(|flags| flags.happened.load(Ordering::SeqCst))
+}
+
+impl Drop for Interrupt {
+    fn drop(&mut self) {
+        self.flags.deadly.store(true, Ordering::SeqCst);
+    }
+}

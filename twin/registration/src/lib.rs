@@ -1,0 +1,281 @@
+//! Where the arm's base stands on the table: the hand touches balls on known marks, and [`control::registration`] fits the base to them.
+//!
+//! A pad that comes down on the flat table tells the table's height under it and nothing else. A ball tells all three coordinates of its
+//! middle, by the same guarded motion and the same registration of touches with which `touch` finds an object before it takes it.
+
+mod file;
+
+use anyhow::{Context as _, Result, bail};
+use control::executor::{Executor, Phase, Skill, Target};
+use control::guarded::Guarded;
+use control::outage::Outage;
+use control::palpation::located;
+use control::percept::Percept;
+use control::perception::KnownObject;
+use control::registration::{Registration, Touched, register};
+use control::sensing::Senses;
+use grasping::{Grasp, Repertoire, Role};
+use hand_model::robot::RobotBackend as _;
+use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
+use proving::simulated_world::World;
+use scenarios::noise::TrialNoise;
+use sim::tactile::TactileBoard;
+use sim::{ObjectPlacement, SimulatedRobot};
+use touch::{PosePrior, TouchPipeline};
+use world::Sensing;
+
+use robot_backends::{Stopped, TrialBody};
+use touch::backgrounds;
+
+pub use file::RegistrationFile;
+pub use robot_backends::mount::{Plan, hidden_mount};
+
+/// Standard deviation of the turn of the ball in the hand, rad: all its turns are alike.
+const TURNED: f64 = 0.08;
+/// The untouched pads are asked for so long, s.
+const FIRST_IMAGES: f64 = 5.0;
+/// How often a ball is touched that is not felt.
+const TRIES: usize = 3;
+/// No part of the way takes longer, s.
+const LONGEST: f64 = 60.0;
+
+/// What a step of the registration came to, for whoever watches.
+pub enum Step<'a> {
+    /// About to touch the ball on this mark (from 0) for this time (from 0).
+    Touching(usize, usize),
+    /// It was felt so far beside where it was expected, m, world.
+    Felt(&'a Vector3<f64>),
+    /// Nothing was felt that can be it.
+    Nothing,
+}
+
+/// A hand that goes from ball to ball.
+pub struct Registrar<'a> {
+    world: &'a World,
+    plan: &'a Plan,
+    ball: KnownObject,
+    radius: f64,
+    grasp: Grasp,
+}
+
+impl<'a> Registrar<'a> {
+    /// With the ball of `plan`; the posture of the fingers that do not touch is that of a grasp of `repertoire`.
+    pub fn new(world: &'a World, plan: &'a Plan, repertoire: &Repertoire) -> Result<Self> {
+        let model = world.object(&plan.object)?;
+        let world::geometry::Shape::Sphere { radius } = model.shape else {
+            bail!("registration.toml: object: found {}, expected a ball", plan.object);
+        };
+        let grasp = repertoire.of(&plan.object, Role::First).next();
+        let grasp = grasp.with_context(|| format!("no grasp of {} is known", plan.object))?.clone();
+        Ok(Self { world, plan, ball: KnownObject::new(model), radius, grasp })
+    }
+
+    /// The middle of the ball on a mark, m, world.
+    pub fn middle(&self, mark: usize) -> Point3<f64> {
+        let [x, y] = self.plan.marks[mark];
+        Point3::new(x, y, self.radius)
+    }
+
+    /// Balls on all marks.
+    pub fn placements(&self) -> Vec<ObjectPlacement> {
+        let placement = |mark: usize| ObjectPlacement {
+            model: self.ball.model.clone(),
+            pose: Isometry3::from_parts(Translation3::from(self.middle(mark).coords), self.ball.model.rest),
+        };
+        (0..self.plan.marks.len()).map(placement).collect()
+    }
+
+    /// The simulated robot before balls on all marks that cannot roll, its base at `world_from_base`.
+    pub fn scene(&self, world_from_base: &Isometry3<f64>, board: TactileBoard) -> SimulatedRobot {
+        let setup = self.world.bare_scene(self.world.cell.ready, &TrialNoise::none());
+        let setup = sim::SceneSetup { world_from_base: *world_from_base, objects: self.placements(), ..setup };
+        let cell = &self.world.cell;
+        let mut robot = SimulatedRobot::new(&cell.robot, &setup, board);
+        (0..self.plan.marks.len()).for_each(|object| robot.fasten(object));
+        robot
+    }
+
+    /// About to touch the first ball, with the arm in its ready posture.
+    fn executor(&self, tick: f64) -> Result<Executor> {
+        let cell = &self.world.cell;
+        let start = Target { grasp: self.grasp.clone(), percept: self.percept(&self.middle(0), 0.0) };
+        let (servo, protocol) = (cell.arm_servo(cell.ready)?, self.world.protocol());
+        Ok(Executor::new(cell.robot.hand.clone(), servo, protocol, vec![start], tick)?)
+    }
+
+    /// A ball at `middle`, to be touched with the hand turned by `heading` (rad).
+    fn percept(&self, middle: &Point3<f64>, heading: f64) -> Percept {
+        let ball =
+            Percept::of_ball(&Isometry3::from_parts(Translation3::from(middle.coords), UnitQuaternion::identity()));
+        Percept { yaw: heading - self.grasp.yaw, ..ball }
+    }
+
+    /// Which touches the arm can carry out with the base where it is taken to be, mark by mark and heading by heading.
+    pub fn dry_run(&self) -> Result<Vec<Vec<Option<f64>>>> {
+        let mut executor = self.executor(1.0 / 120.0)?;
+        let mut time = |mark: usize, heading: f64| {
+            executor.see(0, self.percept(&self.middle(mark), heading));
+            let touching = executor.rehearsed_touches(0, &self.ball.model.shape).next();
+            touching.map(|touching| touching.way.duration() + touching.onto.duration())
+        };
+        let headings = &self.plan.headings;
+        Ok((0..self.plan.marks.len())
+            .map(|mark| headings.iter().map(|heading| time(mark, *heading)).collect())
+            .collect())
+    }
+
+    /// Touches every ball once with each heading, and fits the base to them. The hand is back where it began at the end; where it was
+    /// stopped it stands where it is.
+    pub fn run(
+        &self,
+        body: &mut dyn TrialBody,
+        pipeline: &TouchPipeline,
+        tell: &mut dyn FnMut(Step),
+    ) -> Result<(Registration, Vec<Touched>)> {
+        let mut executor = self.executor(body.tick_length())?;
+        executor.watch_images(FIRST_IMAGES);
+        let pipeline = self.untouched(body, &mut executor, pipeline)?;
+        let senses = Senses::new(&pipeline, Sensing::Full)?;
+        // Where the table is for the arm as it knows itself.
+        let mut cell_from_world = Isometry3::identity();
+        let mut points = Vec::new();
+        for (round, heading) in self.plan.headings.iter().enumerate() {
+            for mark in 0..self.plan.marks.len() {
+                let expected = cell_from_world * self.middle(mark);
+                let mut felt = None;
+                // Images that come late on a busy computer can miss a touch.
+                for _ in 0..TRIES {
+                    tell(Step::Touching(mark, round));
+                    felt = self.touch(body, &mut executor, &senses, &expected, *heading, round)?;
+                    if felt.is_some() {
+                        break;
+                    }
+                    tell(Step::Nothing);
+                }
+                let found = felt.with_context(|| {
+                    format!(
+                        "mark {}: found nothing that feels like a {} within {:.0} mm, expected it on its mark",
+                        mark + 1,
+                        self.plan.object,
+                        1e3 * self.reach(round)
+                    )
+                })?;
+                let base_from_world = self.world.cell.world_from_base.inverse();
+                let turn = base_from_world.rotation.to_rotation_matrix().into_inner();
+                tell(Step::Felt(&(found.0 - expected)));
+                points.push(Touched {
+                    known: self.middle(mark),
+                    felt: base_from_world * found.0,
+                    covariance: turn * found.1 * turn.transpose(),
+                });
+            }
+            // What was felt so far says where the next round finds the balls.
+            let fitted = register(&points, f64::INFINITY)?;
+            cell_from_world = self.world.cell.world_from_base * fitted.world_from_base.inverse();
+        }
+        Ok((register(&points, self.plan.most_residual)?, points))
+    }
+
+    /// How far beside its expected place a ball is still taken for itself, m.
+    fn sigma(&self, round: usize) -> f64 {
+        if round == 0 { self.plan.expected } else { 0.5 * self.plan.expected }
+    }
+
+    fn reach(&self, round: usize) -> f64 {
+        4.0 * self.sigma(round)
+    }
+
+    /// Perception with the pads as they are before anything was touched.
+    fn untouched(
+        &self,
+        body: &mut dyn TrialBody,
+        executor: &mut Executor,
+        pipeline: &TouchPipeline,
+    ) -> Result<TouchPipeline> {
+        let mut left = (FIRST_IMAGES / body.tick_length()) as u64;
+        let mut outage = Outage::default();
+        while executor.motion().newest_images().len() < executor.motion().hand().cameras.len() {
+            tick(body, executor, &mut outage)?;
+            left = left.saturating_sub(1);
+            if left == 0 {
+                break;
+            }
+        }
+        Ok(pipeline.with_backgrounds(backgrounds(executor.motion().newest_images(), pipeline.backgrounds().len())?)?)
+    }
+
+    /// Where a ball is that is expected at `expected`, by touch: in the world as the arm's nominal base has it, m, with covariance, m2.
+    fn touch(
+        &self,
+        body: &mut dyn TrialBody,
+        executor: &mut Executor,
+        senses: &Senses,
+        expected: &Point3<f64>,
+        heading: f64,
+        round: usize,
+    ) -> Result<Option<(Point3<f64>, nalgebra::Matrix3<f64>)>> {
+        let percept = self.percept(expected, heading);
+        executor.see(0, percept);
+        let touching = executor.rehearsed_touches(0, &self.ball.model.shape).next();
+        let touching = touching.with_context(|| format!("the arm does not reach a ball at {expected:.3}"))?;
+        let hand = executor.motion().hand().clone();
+        let guarded =
+            Guarded::new(touching.onto, &hand, Role::Second.digits(hand.digits().len()), |pad| senses.uses(&hand, pad));
+        executor.palpate(0, touching.way, guarded);
+        play(body, executor, Phase::decide(Skill::Palpate, 0))?;
+        let kinematics = self.world.cell.kinematics();
+        // By the encoders, not as commanded.
+        let palm = kinematics.palm_pose(&executor.motion().arm().position);
+        let prior = PosePrior {
+            palm_from_object: palm.inverse() * percept.pose(),
+            sigma_translation: self.sigma(round),
+            sigma_rotation: TURNED,
+        };
+        let found = located(senses, &executor.motion().look(), &self.ball, &prior, None)?;
+        executor.step_aside(0)?;
+        play(body, executor, Phase::decide(Skill::StepAside, 0))?;
+        Ok(found.map(|found| {
+            let turn = palm.rotation.to_rotation_matrix().into_inner();
+            let covariance = turn * found.covariance.fixed_view::<3, 3>(0, 0) * turn.transpose();
+            (palm * Point3::from(found.palm_from_object.translation.vector), covariance)
+        }))
+    }
+}
+
+/// Plays until `phase`.
+fn play(body: &mut dyn TrialBody, executor: &mut Executor, phase: Phase) -> Result<()> {
+    let mut left = (LONGEST / body.tick_length()) as u64;
+    let mut outage = Outage::default();
+    while executor.phase() != phase {
+        tick(body, executor, &mut outage)?;
+        left = left.saturating_sub(1);
+        if left == 0 {
+            bail!("the hand does not get on: found it {}, expected {}", executor.phase().name(), phase.name());
+        }
+    }
+    // What comes next is to be thought about first.
+    body.pause();
+    Ok(())
+}
+
+fn tick(body: &mut dyn TrialBody, executor: &mut Executor, outage: &mut Outage) -> Result<()> {
+    let failed = match outage.observed(body.observe()) {
+        Ok(Some(observation)) => {
+            let command = executor.tick(&observation)?;
+            outage.sent(body.send(&command)).err()
+        }
+        Ok(None) => None,
+        Err(error) => Some(error),
+    };
+    body.wait_for_tick();
+    match body.stopped() {
+        Some(why) => bail!(Stopped(format!("{why} (phase: {})", executor.phase().name()))),
+        None => failed.map_or(Ok(()), |error| bail!(Stopped(error.to_string()))),
+    }
+}
+
+/// How far `found` is from `truth`: of the place of `middle`, m, and of the rotation, rad. For whoever judges.
+pub fn error(found: &Isometry3<f64>, truth: &Isometry3<f64>, middle: &Point3<f64>) -> (f64, f64) {
+    let base = truth.inverse() * middle;
+    ((found * base - middle).norm(), found.rotation.angle_to(&truth.rotation))
+}

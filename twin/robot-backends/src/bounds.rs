@@ -1,0 +1,99 @@
+//! How much a session's task may ask for: no more than there can be.
+//!
+//! Others may have written the file. A count in it is the length of work to come.
+
+use std::path::Path;
+
+use platform::data::DataError;
+use scenarios::Scenario;
+
+use crate::{Places, Task};
+
+/// Most trials of a combination.
+pub const MOST_TRIALS: usize = 100_000;
+/// How far the norm of a quaternion may be from 1.
+const NORM: f64 = 1e-6;
+
+impl Task {
+    /// The task that the session at `path` carries, and its scenario.
+    pub fn parse(text: &[u8], path: &Path) -> Result<(Self, Scenario), DataError> {
+        let task: Self = serde_json::from_slice(text).map_err(|error| {
+            let expected = "a trial recorded by `ftac trial --session` or `ftac bench`";
+            DataError::field(path, "task", format!("no trial ({error})"), expected)
+        })?;
+        let scenario = Scenario::parse(&task.scenario, path)?;
+        task.check(&scenario, path)?;
+        Ok((task, scenario))
+    }
+
+    fn check(&self, scenario: &Scenario, path: &Path) -> Result<(), DataError> {
+        combinations(self.combos, scenario, path)?;
+        if self.combination >= self.combos {
+            let expected = format!("0 to {}", self.combos - 1);
+            return Err(DataError::field(path, "combination", self.combination, expected));
+        }
+        if self.trial >= MOST_TRIALS {
+            return Err(DataError::field(path, "trial", self.trial, format!("0 to {}", MOST_TRIALS - 1)));
+        }
+        self.places.check(path)
+    }
+}
+
+impl Places {
+    /// Checks what the file at `path` says.
+    pub fn check(&self, path: &Path) -> Result<(), DataError> {
+        let Some(base) = &self.base else { return Ok(()) };
+        let norm = base[3..].iter().map(|part| part * part).sum::<f64>().sqrt();
+        if base.iter().all(|number| number.is_finite()) && (norm - 1.0).abs() < NORM {
+            return Ok(());
+        }
+        Err(DataError::field(path, "base", format!("{base:?}"), "a place (m) and a quaternion of norm 1"))
+    }
+}
+
+/// Checks the number of combinations that the file at `path` asks for.
+pub fn combinations(found: usize, scenario: &Scenario, path: &Path) -> Result<(), DataError> {
+    let most = scenario.combinations();
+    let good = (1..=most).contains(&found);
+    if good {
+        Ok(())
+    } else {
+        Err(DataError::field(path, "combos", found, format!("1 to {most}, the scenario's pairs")))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    fn task(changes: &serde_json::Value) -> Result<Task, DataError> {
+        let mut task = json!({
+            "robot": "emulated", "seed": 1, "combination": 0, "trial": 0, "condition": "touch", "watched": false, "combos": 60,
+            "scenario": scenarios::scenario::BENCHMARK,
+        });
+        for (name, value) in changes.as_object().expect("changes") {
+            task[name] = value.clone();
+        }
+        Task::parse(task.to_string().as_bytes(), Path::new("trial.mcap")).map(|(task, _)| task)
+    }
+
+    #[test]
+    fn a_session_asks_for_no_more_than_there_is() {
+        assert_eq!(task(&json!({})).expect("a task").combos, 60);
+        let scenario = "version = 1\nname = \"theirs\"\nextends = \"benchmark\"\nobjects = [\"/etc/shadow\"]\n";
+        for (changes, words) in [
+            (json!({ "combos": 1_000_000_000_000_u64 }), "trial.mcap: combos: found 1000000000000, expected 1 to "),
+            (json!({ "combos": 0 }), "combos: found 0, expected 1 to "),
+            (json!({ "combination": 60 }), "combination: found 60, expected 0 to 59"),
+            (json!({ "trial": u64::MAX }), "trial: found 18446744073709551615, expected 0 to 99999"),
+            (json!({ "base": [0, 0, 0, 0, 0, 0, 0] }), "base: found [0.0, "),
+            (json!({ "scenario": scenario }), "trial.mcap: objects[0]: found \"/etc/shadow\", expected no file"),
+            (json!({ "robot": 7 }), "trial.mcap: task: found no trial (invalid type: integer `7`"),
+        ] {
+            let error = task(&changes).expect_err("refused").to_string();
+            assert!(error.contains(words), "{error}");
+        }
+    }
+}

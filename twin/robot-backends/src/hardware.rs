@@ -1,0 +1,247 @@
+//! The real robot: what it needs of its operator, before, during and after a trial.
+
+use std::time::Duration;
+
+use anyhow::{Result, bail};
+use control::percept::Sighted;
+use hand_model::robot::RobotBackend;
+use hardware_bridge::hardware_robot::HardwareRobot;
+use hardware_bridge::safety::state::{Cause, State};
+use nalgebra::Isometry3;
+use scenarios::referee::{FailureCause, Verdict};
+use sim::robot::Truth;
+
+use super::operator::Operator;
+use super::{Glance, TrialBody};
+use object_detector::{VisionError, VisionLink, shown};
+use progress::interrupt::Interrupt;
+
+mod source;
+
+pub use self::source::{Checked, HardwareSource};
+
+/// Waited for the first measurements to pass the checks.
+const PATIENCE: Duration = Duration::from_secs(5);
+/// Longest wait for an operator who was asked something, s; after that the robot holds.
+const OPERATOR: f64 = 600.0;
+/// A program that stood still so recently may be to blame for what came then.
+const RECENTLY: Duration = Duration::from_secs(5);
+
+/// The real robot, with what it needs of its operator.
+pub struct Hardware {
+    robot: HardwareRobot,
+    places: [Isometry3<f64>; 2],
+    names: [String; 2],
+    /// Longest time to think, s.
+    pause: f64,
+    /// From torque on to the end.
+    interrupt: Interrupt,
+    eyes: Option<VisionLink>,
+    operator: Operator,
+}
+
+impl Hardware {
+    /// What the operator answers in mid-trial, while the robot stands still. A robot that stops meanwhile ends the
+    /// question and the trial.
+    fn ask(&mut self, question: &str) -> Result<String> {
+        self.robot.pause(OPERATOR);
+        match self.operator.ask_until(question, || Ok(self.stopped().is_some()))? {
+            Some(answer) => Ok(answer),
+            None => bail!(super::Stopped(self.stopped().unwrap_or_default())),
+        }
+    }
+
+    /// What the operator answers once the trial is played. A robot that is lost meanwhile has not kept the objects to the
+    /// end; one that holds because its operator takes long has.
+    fn ask_for_verdict(&mut self, question: &str) -> Result<String> {
+        self.robot.pause(OPERATOR);
+        let waited = |state: State| matches!(state, State::Hold(Cause::HostSilent(_)));
+        let lost = || self.stopped().filter(|_| !waited(self.robot.state()));
+        match self.operator.ask_until(question, || Ok(lost().is_some()))? {
+            Some(answer) => Ok(answer),
+            None => {
+                let why = self.stopped().unwrap_or_default();
+                bail!(super::Stopped(format!(
+                    "{why}; this was while the verdict was asked for, and the trial has none"
+                )))
+            }
+        }
+    }
+
+    /// Asks for the verdict until the answer is yes or no.
+    fn yes(&mut self, question: &str) -> Result<bool> {
+        loop {
+            match self.ask_for_verdict(question)?.as_str() {
+                "yes" | "y" => return Ok(true),
+                "no" | "n" => return Ok(false),
+                _ => {}
+            }
+        }
+    }
+
+    /// What went wrong, by number.
+    fn why_not(&mut self) -> Result<FailureCause> {
+        use FailureCause::{
+            BothDropped, FirstDropped, FirstNotPicked, SecondDropped, SecondNotPicked, Slipped, Unreachable,
+        };
+        let causes = [FirstNotPicked, FirstDropped, SecondNotPicked, SecondDropped, BothDropped, Slipped, Unreachable];
+        let list: Vec<String> = (1..).zip(&causes).map(|(n, cause)| format!("{n} {cause}")).collect();
+        loop {
+            let answer = self.ask_for_verdict(&format!("Why not? [{}]", list.join(", ")))?;
+            if let Some(cause) = answer.parse::<usize>().ok().and_then(|n| causes.get(n.wrapping_sub(1))) {
+                return Ok(*cause);
+            }
+        }
+    }
+}
+
+impl TrialBody for Hardware {
+    fn robot(&self) -> &dyn RobotBackend {
+        &self.robot
+    }
+
+    fn robot_mut(&mut self) -> &mut dyn RobotBackend {
+        &mut self.robot
+    }
+
+    fn truth(&self) -> Option<Truth> {
+        None
+    }
+
+    /// A vision system looks, or nobody but the operator, who puts the object where it belongs.
+    fn look(&mut self, glance: &Glance) -> Result<Option<Sighted>> {
+        let object = glance.object;
+        if let Some(eyes) = &mut self.eyes {
+            self.robot.pause(OPERATOR);
+            let interrupt = &self.interrupt;
+            let seen = eyes.look(&self.names[object], || interrupt.happened());
+            self.pause();
+            return match seen {
+                Err(VisionError::Stopped(_)) => bail!(super::Stopped(self.stopped().unwrap_or_default())),
+                seen => Ok(seen?),
+            };
+        }
+        let place = self.places[object];
+        let question = format!(
+            "Is {} at {}? Put it there if it can be reached safely, and press Enter.",
+            self.names[object],
+            shown(&place)
+        );
+        self.ask(&question)?;
+        // With the answer the controller goes on thinking.
+        self.pause();
+        Ok(Some(place.into()))
+    }
+
+    fn hold(&mut self) {
+        // A robot that cannot hold says why by its state.
+        let _ = self.robot.hold();
+    }
+
+    fn pause(&mut self) {
+        self.robot.pause(self.pause);
+    }
+
+    fn stopped(&self) -> Option<String> {
+        if self.interrupt.happened() && matches!(self.robot.state(), State::Running | State::Armed) {
+            // A robot that cannot hold says why by its state.
+            let _ = self.robot.hold();
+        }
+        let state = self.robot.state();
+        if matches!(state, State::Running | State::Armed) {
+            return None;
+        }
+        let report = self.robot.report();
+        let own_words = match (state, report.arm_error) {
+            (State::Fault(Cause::ArmFault(_)), Some(words)) => format!(" ({words})"),
+            _ => String::new(),
+        };
+        let frozen = match (state, report.frozen) {
+            (State::Hold(Cause::Frozen(_)) | State::Fault(Cause::Frozen(_)), _) => String::new(),
+            (_, Some((at, gap))) if at.elapsed() < RECENTLY => format!(
+                "; before that this program stood still for {:.0} ms: was it stopped, or the computer suspended or overloaded?",
+                1e3 * gap
+            ),
+            _ => String::new(),
+        };
+        Some(format!("{state}{own_words}{frozen}"))
+    }
+
+    fn judge(&mut self) -> Result<Option<Verdict>> {
+        let contact = self.yes(
+            "Did the held object, the fingers that hold it, or the palm touch the second one before it was grasped? [yes/no]",
+        )?;
+        let success = self.yes("Were both objects in the hand to the end? [yes/no]")?;
+        let cause = match success {
+            true => None,
+            false => Some(self.why_not()?),
+        };
+        Ok(Some(Verdict { contact, first_contact: None, success, cause }))
+    }
+
+    fn statistics(&self) -> Option<serde_json::Value> {
+        let report = self.robot.report();
+        let ms = |seconds: f64| 1e3 * seconds;
+        let mm = |metres: f64| 1e3 * metres;
+        // How near to the supervisor's limits the robot came: what owners set their own by.
+        let pressed = report.margins.pressed.map(|most| {
+            serde_json::json!({"torque_nm": most.torque, "residual_nm": most.residual, "longest_above_ms": ms(most.longest)})
+        });
+        let room = report.margins.room.map(|least| {
+            serde_json::json!({"table_mm": mm(least.table), "sides_mm": mm(least.sides), "clearance_mm": mm(least.clearance)})
+        });
+        Some(serde_json::json!({
+            "pressed": pressed,
+            "room": room,
+            "cycles": report.cycles,
+            "late_cycles": report.late,
+            "longest_gap_ms": ms(report.longest_gap),
+            "longest_silence_ms": ms(report.longest_silence),
+            "last_standstill_ms": report.frozen.map(|(_, gap)| ms(gap)),
+            "not_run_ahead": report.behind,
+            "missing_answers": report.bus.missing,
+            "round_trip_ms": {"p50": report.bus.round_trip(0.5).map(ms), "p99": report.bus.round_trip(0.99).map(ms)},
+        }))
+    }
+
+    /// The hand opens only when somebody says so.
+    fn leave(&mut self, why: Option<&str>) -> Result<()> {
+        if let Some(why) = why {
+            eprintln!("STOPPED: {why}");
+            eprintln!("The hand keeps hold of what it holds, as far as its servos answer; {}.", self.robot.standing());
+        }
+        let report = self.robot.report();
+        let silence = 1e3 * report.longest_silence;
+        eprintln!(
+            "{} servo cycles, {} late; no command for {silence:.0} ms at the longest",
+            report.cycles, report.late
+        );
+        let mut told = why.is_some();
+        let question = "Hold your hands under the objects; `release` opens the hand, anything else leaves it holding.";
+        if why.is_none() {
+            self.robot.pause(OPERATOR);
+        }
+        let answer = self
+            .operator
+            .ask_until(question, || {
+                // Said when it happens, once: it changes what the operator holds hands under.
+                if !told && let State::Fault(cause) = self.robot.state() {
+                    told = true;
+                    eprint!("\nSTOPPED meanwhile: fault: {cause}; the trial was over. {question} ");
+                }
+                Ok(false)
+            })?
+            .unwrap_or_default();
+        if answer != "release" {
+            eprintln!("left holding; switch the servos' supply off to open the hand");
+            return Ok(());
+        }
+        // Until the torque was read back.
+        let off = self.robot.release()?;
+        eprintln!("released: {off}");
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests;

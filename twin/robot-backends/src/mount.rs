@@ -1,0 +1,60 @@
+//! Where an emulated robot's base is hidden, and the balls by which it is found.
+
+use std::path::Path;
+
+use nalgebra::{Isometry3, Vector3};
+use platform::data::{DataError, parse_toml};
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution as _, Normal};
+use scenarios::noise::trial_rng;
+use serde::Deserialize;
+
+/// What is touched.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Plan {
+    /// Name of the ball.
+    pub object: String,
+    /// Where balls lie, x and y, m, world.
+    pub marks: Vec<[f64; 2]>,
+    /// Turns of the hand about the vertical with which each is touched, rad.
+    pub headings: Vec<f64>,
+    /// Standard deviation of a mark's place for the arm before it is registered, each axis, m.
+    pub expected: f64,
+    /// How far a ball may stay from its mark after the fit, m.
+    pub most_residual: f64,
+    /// What an emulated robot's hidden mount is drawn from.
+    pub hidden: Hidden,
+}
+
+/// Standard deviations of a mount that was made by eye and ruler.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Hidden {
+    /// m.
+    pub position: [f64; 3],
+    /// Rotation vector, rad.
+    pub rotation: [f64; 3],
+}
+
+impl Plan {
+    /// The one that comes with the program.
+    pub fn standard() -> Result<Self, DataError> {
+        let path = Path::new("registration.toml");
+        let plan: Self = parse_toml(include_str!("../data/registration.toml"), path)?;
+        if plan.marks.len() < 3 || plan.headings.is_empty() {
+            return Err(DataError::field(path, "marks", plan.marks.len(), "three or more, and a heading"));
+        }
+        Ok(plan)
+    }
+}
+
+/// Where a hidden base stands: drawn, and known to the emulator and to whoever judges alone.
+pub fn hidden_mount(plan: &Plan, seed: u64) -> Isometry3<f64> {
+    let mut rng: ChaCha8Rng = trial_rng(seed, usize::MAX, 0);
+    let mut draw = |sigma: [f64; 3]| {
+        Vector3::from(sigma).map(|sigma| Normal::new(0.0, sigma).map_or(0.0, |normal| normal.sample(&mut rng)))
+    };
+    let (position, rotation) = (draw(plan.hidden.position), draw(plan.hidden.rotation));
+    Isometry3::new(position, rotation)
+}

@@ -1,0 +1,63 @@
+//! A transport in Rerun: robot, balls, contacts, tactile images, and what was decided, in words.
+
+use std::path::Path;
+
+use anyhow::Result;
+use control::executor::{Executor, Phase};
+use control::policy::pick_sequence::PickMode;
+use sim::robot::Truth;
+use stream::recorder::{Recorder, Settings, Target};
+use stream::{DrawnObject, Level, TrialProperties};
+
+use super::play::{Site, TransportRecord};
+use bench::recording::{Shown, drawn, log_scene, log_signals};
+
+/// Records one transport.
+pub struct Recorded {
+    recorder: Recorder,
+    names: Vec<String>,
+    phase: Option<Phase>,
+    shown: Shown,
+}
+
+impl Recorded {
+    /// Opens `file` for transport `trial` under `policy`.
+    pub fn open(file: &Path, site: &Site, trial: usize, policy: PickMode) -> Result<Self> {
+        let drawn: Vec<DrawnObject> = site.transport.ball.iter().map(|ball| drawn(&ball.model(), &ball.name)).collect();
+        let targets = [Target::File(file.to_owned())];
+        let mut recorder = Recorder::open(&targets, Settings::default(), &site.world.cell.robot, &drawn)?;
+        recorder.log_properties(&TrialProperties {
+            combination: site.transport.name.clone(),
+            trial: trial as u64,
+            condition: policy.name().to_owned(),
+            robot: "sim".to_owned(),
+            seed: site.seed,
+        })?;
+        let names = site.transport.ball.iter().map(|ball| ball.name.clone()).collect();
+        Ok(Self { recorder, names, phase: None, shown: Shown::default() })
+    }
+
+    /// Writes the outcome and what is left.
+    pub fn finish(mut self, record: &TransportRecord) -> Result<()> {
+        let last = record.story.last().map_or("nothing was carried", String::as_str);
+        self.recorder.log_outcome(&format!("{}: {:?} objects a trip; {last}", record.policy.name(), record.carried))?;
+        self.recorder.finish()?;
+        Ok(())
+    }
+
+    /// Records a tick; `note` says what has just been decided or done.
+    pub fn see(&mut self, truth: &Truth, executor: &Executor, note: Option<&str>) -> Result<()> {
+        let recorder = &mut self.recorder;
+        log_scene(recorder, truth, &self.names)?;
+        if self.phase != Some(executor.phase()) {
+            self.phase = Some(executor.phase());
+            recorder.log_phase(&executor.phase().name())?;
+        }
+        if let Some(note) = note {
+            recorder.log_text(Level::Info, note)?;
+        }
+        let motion = executor.motion();
+        self.shown.log(recorder, motion.newest_images())?;
+        log_signals(recorder, truth, motion.servos(), motion.posture(), Vec::new())
+    }
+}
