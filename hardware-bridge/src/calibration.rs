@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use crate::config::ConfigError;
-use crate::hand_bus::SERVOS;
+use crate::driven::SERVOS;
 use crate::tactile_link::frame::digest;
 
 /// Version of this format.

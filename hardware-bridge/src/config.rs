@@ -40,7 +40,7 @@ use kortex::arm::{TCP_PORT, UDP_PORT};
 use kortex::joints::JOINTS;
 use serde::{Deserialize, Serialize};
 
-use crate::hand_bus::SERVOS;
+use crate::driven::SERVOS;
 use crate::safety::limits::Limits;
 use crate::servo_bus::BusSettings;
 use crate::xc330;

@@ -3,9 +3,10 @@
 use hand_model::RobotModel;
 use platform::data::DataError;
 
-use crate::hand_bus::SERVOS;
 use kortex::joints::JOINTS;
 
+/// Servos on the bus: those of the F-TAC Hand, in the order of its actuators.
+pub const SERVOS: usize = 6;
 /// Name of the arm's model that the bridge and its emulators drive.
 const GEN3: &str = "gen3";
 

@@ -42,7 +42,7 @@ use servo_chain::{Answer, ServoChain};
 
 use crate::calibration::HandCalibration;
 use crate::clock::Clock;
-use crate::hand_bus::SERVOS;
+use crate::driven::SERVOS;
 use crate::lock::lock;
 use crate::protocol2::Decoder;
 

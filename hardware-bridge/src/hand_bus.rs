@@ -1,5 +1,6 @@
 //! The six servos as one hand: angles from the open mark, goals, torque, watchdog, audit.
 
+use crate::driven::SERVOS;
 use hand_model::Digit;
 use hand_model::robot::ServoState;
 
@@ -14,8 +15,6 @@ use crate::xc330::{self, PRESENT_BLOCK_LONG, Register};
 /// From torque enable to bus watchdog: what an audit reads.
 const AUDIT_START: u16 = xc330::TORQUE_ENABLE.address;
 const AUDIT_LENGTH: u16 = xc330::BUS_WATCHDOG.address + 1 - AUDIT_START;
-/// Servos on the bus: those of the F-TAC Hand, in the order of its actuators.
-pub const SERVOS: usize = 6;
 /// Times to ask a servo that does not answer.
 const TRIES: usize = 2;
 

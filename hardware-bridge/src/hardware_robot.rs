@@ -21,9 +21,9 @@ use crate::calibration::HandCalibration;
 use crate::cameras::{Cameras, CamerasError};
 use crate::clock::Clock;
 use crate::config::{BridgeConfig, ConfigError};
+use crate::driven::SERVOS;
 use crate::driven::expect_driven;
 use crate::hand_bus::HandBus;
-use crate::hand_bus::SERVOS;
 use crate::lock::lock;
 use crate::real_time::run_ahead;
 use crate::remote::door::{Fulfil, RemoteDoor};
@@ -34,15 +34,13 @@ use crate::safety::set_points::TICK;
 use crate::safety::state::State;
 use crate::safety::supervisor::{SafeCommand, Supervisor};
 use crate::servo_bus::{BusError, ServoBus};
-use crate::servo_cycle::{Board, CycleReport, DryLines, Order, ServoCycle, Shared};
+use crate::servo_cycle::{Board, CycleReport, DryLines, Order, ServoCycle, Shared, give};
 use crate::setup;
 use crate::tactile_link::TactileLink;
 use crate::wishes;
 
 /// Cycles between two audits of one servo each.
 const AUDIT_EVERY: u64 = 5;
-/// Longest wait for the answer to an order.
-const ORDER_TIMEOUT: Duration = Duration::from_secs(3);
 /// Longest wait for the cycle that uses a command: a few cycles, or their time-outs on a bus that is being lost.
 const SEND_TIMEOUT: Duration = Duration::from_millis(50);
 
@@ -302,13 +300,6 @@ pub(crate) fn servo_cycle(
         lost_at: Instant::now(),
         dry_told: 0.0,
     }
-}
-
-/// Gives an order to the servo cycle and waits for the answer.
-pub(crate) fn give(shared: &Shared, order: Order) -> Result<String, String> {
-    let (answer, answered) = mpsc::channel();
-    lock(&shared.board).orders.push_back((order, answer));
-    answered.recv_timeout(ORDER_TIMEOUT).unwrap_or_else(|_| Err("the servo cycle does not answer".into()))
 }
 
 impl RobotBackend for HardwareRobot {

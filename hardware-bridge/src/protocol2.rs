@@ -14,6 +14,7 @@
 pub mod bulk;
 pub mod crc;
 pub mod decoder;
+pub mod error;
 pub mod fast_sync;
 pub mod instruction;
 pub mod packet;

@@ -20,7 +20,7 @@ use statistics::BusStatistics;
 use timing::LineTiming;
 
 use crate::exclusive;
-use crate::protocol2::instruction::InstructionError;
+use crate::protocol2::error::InstructionError;
 use crate::protocol2::{
     BROADCAST, Decoder, Instruction, Packet, ReplyError, Status, StreamError, fast_sync, sync_read_replies,
 };

@@ -7,7 +7,7 @@
 use std::collections::VecDeque;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::Sender;
+use std::sync::mpsc::{self, Sender};
 use std::sync::{Arc, Condvar, Mutex};
 use std::time::{Duration, Instant};
 
@@ -16,8 +16,8 @@ use session_log::Tap;
 
 use crate::arm_link::ArmLink;
 use crate::clock::Clock;
+use crate::driven::SERVOS;
 use crate::hand_bus::HandBus;
-use crate::hand_bus::SERVOS;
 use crate::lock::lock;
 use crate::remote::Wish;
 use crate::safety::checks::Measured;
@@ -26,6 +26,8 @@ use crate::safety::supervisor::{Asked, Margins, SafeCommand, Step, Supervisor};
 use crate::servo_bus::statistics::BusStatistics;
 use crate::servo_bus::{BusSettings, ServoBus};
 
+/// Longest wait for the answer to an order.
+const ORDER_TIMEOUT: Duration = Duration::from_secs(3);
 /// Interval between attempts to reopen a lost port.
 const REOPEN: Duration = Duration::from_millis(500);
 /// Interval between lines of a dry run, s.
@@ -89,6 +91,13 @@ pub(crate) struct Shared {
     pub board: Mutex<Board>,
     pub cycled: Condvar,
     pub stop: AtomicBool,
+}
+
+/// Gives an order to the servo cycle and waits for the answer.
+pub(crate) fn give(shared: &Shared, order: Order) -> Result<String, String> {
+    let (answer, answered) = mpsc::channel();
+    lock(&shared.board).orders.push_back((order, answer));
+    answered.recv_timeout(ORDER_TIMEOUT).unwrap_or_else(|_| Err("the servo cycle does not answer".into()))
 }
 
 /// Where lines of a dry run go.

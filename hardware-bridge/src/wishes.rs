@@ -3,11 +3,11 @@
 use std::time::{Duration, Instant};
 
 use crate::clock::Clock;
-use crate::hand_bus::SERVOS;
-use crate::hardware_robot::give;
+use crate::driven::SERVOS;
 use crate::lock::lock;
 use crate::remote::Wish;
 use crate::safety::state::State;
+use crate::servo_cycle::give;
 use crate::servo_cycle::{Board, Order, Shared};
 
 /// A joint of the arm that is slower stands, rad/s.

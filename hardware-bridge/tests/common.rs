@@ -1,6 +1,6 @@
 //! An emulated hand, calibrated, and a robot on it.
 
-use hardware_bridge::hand_bus::SERVOS;
+use hardware_bridge::driven::SERVOS;
 use std::time::{Duration, Instant};
 
 use hand_model::RobotModel;

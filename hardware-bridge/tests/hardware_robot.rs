@@ -1,6 +1,6 @@
 //! The robot on emulated devices: bring-up, driving, and the two stops.
 
-use hardware_bridge::hand_bus::SERVOS;
+use hardware_bridge::driven::SERVOS;
 use std::path::Path;
 use std::sync::{Arc, Mutex};
 

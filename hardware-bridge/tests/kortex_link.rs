@@ -1,6 +1,6 @@
 //! The Gen3 behind the bridge: its links on record, and a network that fails.
 
-use hardware_bridge::hand_bus::SERVOS;
+use hardware_bridge::driven::SERVOS;
 use std::sync::mpsc;
 use std::time::{Duration, Instant};
 

@@ -1,6 +1,6 @@
 //! The bus master against six emulated servos, through a pseudo-terminal. The servos' time passes by steps alone.
 
-use hardware_bridge::hand_bus::SERVOS;
+use hardware_bridge::driven::SERVOS;
 use std::time::Duration;
 
 use hand_model::RobotModel;

@@ -1,7 +1,7 @@
 //! Long runs on the emulated devices in real time. Run them alone on an idle machine, for example before a release:
 //! `cargo test --release -p hardware-bridge --test integration soak -- --ignored --nocapture`.
 
-use hardware_bridge::hand_bus::SERVOS;
+use hardware_bridge::driven::SERVOS;
 use std::time::{Duration, Instant};
 
 use crate::common::{Bench, bench, forgiving, patiently};

@@ -3,8 +3,8 @@
 use nalgebra::{Point3, Vector3};
 use rapier3d_f64::prelude::*;
 
-use crate::convert;
 use crate::engine::Engine;
+use crate::loaded_contacts::loaded;
 
 /// One contact point of a collider.
 #[derive(Debug, Clone, Copy)]
@@ -17,29 +17,6 @@ pub struct ContactPoint {
     pub normal: Vector3<f64>,
     /// Normal force, N.
     pub force: f64,
-}
-
-/// A contact point that bears load.
-pub(crate) struct Loaded<'a> {
-    /// World position, m.
-    pub middle: Vector3<f64>,
-    /// Unit normal out of the pair's first collider, world.
-    pub normal: Vector3<f64>,
-    /// What the solver found, N s.
-    pub data: &'a ContactData,
-}
-
-/// The contact points of a pair that bear load.
-pub(crate) fn loaded<'a>(pair: &'a ContactPair, bodies: &'a RigidBodySet) -> impl Iterator<Item = Loaded<'a>> {
-    pair.solver_manifolds().iter().flat_map(move |manifold| {
-        let normal = convert::to_vector(manifold.data.normal);
-        manifold.data.solver_contacts.iter().filter_map(move |contact| {
-            let point = manifold.points.get(contact.contact_indices()[0] as usize)?;
-            let (a, b) = manifold.data.solver_contact_world_points(contact, bodies);
-            let middle = (convert::to_vector(a) + convert::to_vector(b)) * 0.5;
-            (point.data.impulse > 0.0).then_some(Loaded { middle, normal, data: &point.data })
-        })
-    })
 }
 
 /// All loaded contact points of `collider`.

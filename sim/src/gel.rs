@@ -17,8 +17,8 @@ use rapier3d_f64::prelude::*;
 use world::geometry::Shape;
 use world::objects::ObjectModel;
 
-use crate::contacts::loaded;
 use crate::convert;
+use crate::loaded_contacts::loaded;
 use crate::press_curve::{Gap, PressCurve, Surface};
 
 /// A curve is good as long as the object is turned by less than this against the cover (rad) ...

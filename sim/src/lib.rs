@@ -20,6 +20,7 @@ pub mod engine;
 pub mod gel;
 pub mod hand_scene;
 pub mod hull;
+mod loaded_contacts;
 pub mod mjcf;
 pub mod play;
 mod press_curve;

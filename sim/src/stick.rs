@@ -10,8 +10,8 @@ use nalgebra::{Isometry3, Point3, Vector3};
 use rapier3d_f64::prelude::*;
 use world::physics::Sticking as Limits;
 
-use crate::contacts::loaded;
 use crate::convert;
+use crate::loaded_contacts::loaded;
 
 /// A contact between two colliders.
 #[derive(Debug, Clone)]

@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 use crate::call;
 use crate::degrees::{self, Turns};
 use crate::error::KortexError;
-use crate::frame::Frame;
+use crate::frame::{Frame, is_younger};
 use crate::joints::{JOINTS, Motion};
 use crate::link::UdpLink;
 use crate::message::cyclic::{ActuatorCommand, ActuatorFeedback, Command, Feedback as WireFeedback, SERVO_ENABLE};
@@ -254,21 +254,5 @@ impl Cyclic {
                 joints: joints.map(|joint| banks(joint.warning_bank_a, joint.warning_bank_b)),
             },
         })
-    }
-}
-
-/// Whether message number `a` was given out after `b`; numbers wrap at 65,536.
-pub(super) fn is_younger(a: u16, b: u16) -> bool {
-    a != b && a.wrapping_sub(b) < 0x8000
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn younger_across_the_wrap() {
-        assert!(is_younger(2, 1) && is_younger(0, 65_535) && is_younger(5, 65_530));
-        assert!(!is_younger(1, 1) && !is_younger(65_535, 0) && !is_younger(1, 2));
     }
 }

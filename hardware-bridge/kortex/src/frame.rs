@@ -187,9 +187,20 @@ impl Frame {
     }
 }
 
+/// Whether message number `a` was given out after `b`; numbers wrap at 65,536.
+pub(crate) fn is_younger(a: u16, b: u16) -> bool {
+    a != b && a.wrapping_sub(b) < 0x8000
+}
+
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
+
+    #[test]
+    fn younger_across_the_wrap() {
+        assert!(is_younger(2, 1) && is_younger(0, 65_535) && is_younger(5, 65_530));
+        assert!(!is_younger(1, 1) && !is_younger(65_535, 0) && !is_younger(1, 2));
+    }
     use crate::call;
     use proptest::prelude::*;
 

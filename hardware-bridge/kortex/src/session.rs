@@ -13,8 +13,8 @@ use std::time::{Duration, Instant};
 use prost::Message;
 
 use crate::call::{self, Call};
-use crate::cyclic::is_younger;
 use crate::error::KortexError;
+use crate::frame::is_younger;
 use crate::frame::{Frame, Header, Kind};
 use crate::link::Link;
 use crate::message::Empty;

@@ -1,6 +1,6 @@
 //! Other people's clients on our emulated servos, and other people's encoders against ours.
 
-use hardware_bridge::hand_bus::SERVOS;
+use hardware_bridge::driven::SERVOS;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::{Command, Output};

@@ -4,7 +4,7 @@ use hand_model::{Arm, ArmVector};
 use kortex::joints::JOINTS;
 use serde::{Deserialize, Serialize};
 
-use crate::hand_bus::SERVOS;
+use crate::driven::SERVOS;
 use crate::safety::limits::{ArmLimits, Limits, ServoLimits, Watchdogs};
 use crate::safety::pressing::PressLimits;
 use crate::safety::set_points::Motion;

@@ -13,7 +13,7 @@ use super::camera_board::CameraBoard;
 use super::direct_arm::DirectArm;
 use super::lockstep::{LockstepSettings, calibrated};
 use super::servo::EmulatedServo;
-use crate::hand_bus::SERVOS;
+use crate::driven::SERVOS;
 use crate::hand_bus::reading;
 use crate::hardware_robot::sent_as;
 use crate::kortex_link::of_gen3;

@@ -3,7 +3,7 @@
 //! It is a [`Plant`] and can replace the simulated one. Each servo winds against a spring between two hard stops; without
 //! current the spring unwinds it to the open mark.
 
-use crate::hand_bus::SERVOS;
+use crate::driven::SERVOS;
 use std::sync::Arc;
 
 use hand_model::pads::IMAGE_SIZE;

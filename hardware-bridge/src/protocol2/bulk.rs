@@ -1,6 +1,6 @@
 //! Parameters of the bulk instructions: other registers of every servo in one packet.
 
-use super::instruction::InstructionError;
+use super::error::InstructionError;
 
 /// What one servo is asked for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -1,7 +1,8 @@
 //! Instructions from the host to the servos.
 
 use super::bulk::{self, BulkRead, BulkWrite};
-use super::packet::{BROADCAST, Packet, PacketError};
+use super::error::InstructionError;
+use super::packet::{BROADCAST, Packet};
 
 /// The instructions that the bridge uses or the emulated servos understand.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -66,38 +67,6 @@ pub enum Instruction {
     FastBulkRead(Vec<BulkRead>),
     /// Writes of other registers in every servo. Not answered.
     BulkWrite(Vec<BulkWrite>),
-}
-
-/// An instruction that cannot be sent or understood.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub enum InstructionError {
-    /// It does not fit a packet.
-    #[error(transparent)]
-    Packet(#[from] PacketError),
-    /// A sync write with data of different lengths, or a bulk write that is too long.
-    #[error("write to servo {id}: found {found} bytes, expected {expected}")]
-    DataLength {
-        /// Whose data.
-        id: u8,
-        /// Its length.
-        found: usize,
-        /// That of all.
-        expected: usize,
-    },
-    /// A bulk instruction that names a servo twice.
-    #[error("bulk instruction: servo {id} is named twice")]
-    Repeated { id: u8 },
-    /// A code not known here.
-    #[error("instruction: found {0:#04x}, expected one of 01 02 03 04 05 08 82 83 8a 92 93 9a")]
-    Unknown(u8),
-    /// Parameters that do not fit the instruction.
-    #[error("instruction {instruction:#04x}: found {found} parameters, which do not fit it")]
-    Parameters {
-        /// Its code.
-        instruction: u8,
-        /// Number of parameters.
-        found: usize,
-    },
 }
 
 const PING: u8 = 0x01;

@@ -3,7 +3,7 @@
 //! Arm links are the tubes of [`hand_model::Arm::tube_ends`]. Links of the hand are their covers: rounded boxes for heights and extents, which are exact, and
 //! capsules that enclose them for distances. Digits stand as their servos' angles say, as if they touched nothing.
 
-use crate::hand_bus::SERVOS;
+use crate::driven::SERVOS;
 use std::fmt;
 
 use hand_model::digit::Digit;
@@ -240,6 +240,21 @@ impl Placed<'_> {
             }
         }
         nearest
+    }
+}
+
+/// A side of the workspace.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Side {
+    /// 0 to 2: x, y, z.
+    pub axis: usize,
+    pub upper: bool,
+}
+
+impl fmt::Display for Side {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let axis = ["x", "y", "z"].get(self.axis).unwrap_or(&"?");
+        write!(f, "limits.space.{}, {axis}", if self.upper { "high" } else { "low" })
     }
 }
 

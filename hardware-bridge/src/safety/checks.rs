@@ -1,6 +1,6 @@
 //! Checks of measurements against the limits.
 
-use crate::hand_bus::SERVOS;
+use crate::driven::SERVOS;
 use hand_model::robot::{ArmState, Command, Reading, Readings, ServoGoal, ServoState, TactileFrame};
 
 use super::limits::Limits;

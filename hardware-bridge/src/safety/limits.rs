@@ -3,7 +3,7 @@
 //! Speed is limited relative to the previous *command*, not to the measured state: a measurement that lags would let a limited command creep past
 //! its limit.
 
-use crate::hand_bus::SERVOS;
+use crate::driven::SERVOS;
 use hand_model::robot::ServoGoal;
 use hand_model::{Arm, ArmVector};
 

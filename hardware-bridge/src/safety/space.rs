@@ -1,12 +1,11 @@
 //! Where arm and hand may be: over the table, inside the workspace, clear of each other.
 
-use crate::hand_bus::SERVOS;
-use std::fmt;
+use crate::driven::SERVOS;
 
 use hand_model::RobotModel;
 use nalgebra::Vector3;
 
-use super::bodies::{Bodies, Body};
+use super::bodies::{Bodies, Body, Side};
 use super::state::Cause;
 
 /// Where arm and hand may be, in the frame of the arm's base, m.
@@ -21,21 +20,6 @@ pub struct SpaceLimits {
     pub high: [f64; 3],
     /// Least distance of parts of the robot from each other.
     pub clearance: f64,
-}
-
-/// A side of the workspace.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Side {
-    /// 0 to 2: x, y, z.
-    pub axis: usize,
-    pub upper: bool,
-}
-
-impl fmt::Display for Side {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let axis = ["x", "y", "z"].get(self.axis).unwrap_or(&"?");
-        write!(f, "limits.space.{}, {axis}", if self.upper { "high" } else { "low" })
-    }
 }
 
 /// How near to its bounds the robot has been sent.

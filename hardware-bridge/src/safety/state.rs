@@ -4,8 +4,7 @@ use std::fmt;
 
 use hand_model::Digit;
 
-use super::bodies::Body;
-use super::space::Side;
+use super::bodies::{Body, Side};
 
 /// Where the robot is between being a box of parts and running.
 #[derive(Debug, Clone, Copy, PartialEq)]

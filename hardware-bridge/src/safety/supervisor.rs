@@ -1,6 +1,6 @@
 //! The supervisor: in each cycle it turns the requested command and the measurements into the command that may be sent.
 
-use crate::hand_bus::SERVOS;
+use crate::driven::SERVOS;
 use hand_model::robot::{Command, ServoGoal};
 use hand_model::{ArmVector, RobotModel};
 

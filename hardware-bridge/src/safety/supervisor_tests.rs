@@ -1,4 +1,4 @@
-use crate::hand_bus::SERVOS;
+use crate::driven::SERVOS;
 use hand_model::load::LoadModel;
 use hand_model::robot::ArmState;
 use hand_model::{Arm, ArmVector};

@@ -297,3 +297,15 @@ impl Journal {
         Ok(())
     }
 }
+/// Units of a request, in order.
+pub fn units(request: &RunRequest) -> Vec<Unit> {
+    let (shard, of) = request.shard;
+    let ideal = request.conditions.contains(&Condition::Ideal).then_some(None);
+    let trials = if request.noisy().is_empty() { 0 } else { request.trials };
+    (0..request.combos)
+        .filter(|combination| combination % of == shard - 1)
+        .flat_map(|combination| {
+            ideal.into_iter().chain((0..trials).map(Some)).map(move |trial| Unit { combination, trial })
+        })
+        .collect()
+}

@@ -8,9 +8,8 @@ use scenarios::record::{AblatedTrial, Condition, TrialId, TrialRecord, write_abl
 use scenarios::summary::{RunInfo, Summary, summarise};
 use scenarios::tries::{TryRecord, write_tries};
 
-use crate::journal::{Entry, RunRequest, Unit};
+use crate::journal::{Entry, RunRequest, Unit, units};
 use crate::provenance::Provenance;
-use crate::run::units;
 use crate::trial::profile::Activity;
 use external_policy::Pace;
 use fault_detection::divergence::write_table;

@@ -13,7 +13,7 @@ use scenarios::record::{Condition, TrialRecord};
 use scenarios::summary::Summary;
 
 use crate::fault_watch;
-use crate::journal::{Entry, Journal, Record, RunRequest, Unit};
+use crate::journal::{Entry, Journal, Record, RunRequest, Unit, units};
 use crate::recording::{Began, Recording};
 use crate::trial::filming::{self, All, Filming};
 use crate::trial::{Bench, TrialResults, Watcher};
@@ -38,19 +38,6 @@ pub struct Options<'a> {
 
 /// The body whose trials are real.
 const HARDWARE: &str = "hardware";
-
-/// Units of a request, in order.
-pub fn units(request: &RunRequest) -> Vec<Unit> {
-    let (shard, of) = request.shard;
-    let ideal = request.conditions.contains(&Condition::Ideal).then_some(None);
-    let trials = if request.noisy().is_empty() { 0 } else { request.trials };
-    (0..request.combos)
-        .filter(|combination| combination % of == shard - 1)
-        .flat_map(|combination| {
-            ideal.into_iter().chain((0..trials).map(Some)).map(move |trial| Unit { combination, trial })
-        })
-        .collect()
-}
 
 fn recorded(record: Record, unit: Unit) -> bool {
     match record {

@@ -12,6 +12,7 @@ mod driven;
 pub mod eyes;
 pub mod filming;
 pub mod held;
+mod means;
 pub mod profile;
 pub mod run;
 pub mod setup;
@@ -41,8 +42,9 @@ use self::eyes::Looks;
 
 pub use self::branch::TrialOutcome;
 use self::conditions::Branches;
-pub use self::conditions::{Means, TrialResults};
+pub use self::conditions::TrialResults;
 pub use self::held::HeldGrasp;
+pub use self::means::Means;
 use self::setup::{Known, Setup, Start};
 pub use self::shared::Bench;
 pub use self::watcher::{Moment, NoWatcher, Watcher};

@@ -14,6 +14,9 @@ pub mod message;
 pub mod pool;
 pub mod process;
 pub mod python;
+pub mod source;
 
 pub use host::{Guest, Host, HostError, Level};
-pub use pool::{Interrupted, Own, Pace, Source};
+pub use pool::Own;
+pub use process::Interrupted;
+pub use source::{Pace, Source};

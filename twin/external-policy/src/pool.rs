@@ -1,108 +1,12 @@
-//! The user's policy of a run, and the processes that answer for it.
+//! The processes that answer for the user's policy of a run.
 
-use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
-use anyhow::{Context as _, Result, bail};
-use platform::digest::sha256;
-use platform::file::{LARGEST, read_regular};
-use serde::{Deserialize, Serialize};
-use serde_json::Value;
+use anyhow::{Result, bail};
 
 use super::host::{Guest, Host};
-use super::process::Process;
-
-/// What passes while a policy thinks.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Pace {
-    /// No simulated time: results repeat.
-    #[default]
-    Stand,
-    /// As much simulated time as on the wall: results depend on the computer.
-    Wall,
-}
-
-/// Where a policy comes from.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Source {
-    pub file: PathBuf,
-    pub class: String,
-    /// Of the file, SHA-256, hexadecimal: a run that goes on goes on with the same policy.
-    pub sha256: String,
-    #[serde(default)]
-    pub pace: Pace,
-    /// What the class is made with, by name.
-    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
-    pub arguments: BTreeMap<String, Value>,
-    /// How long it may take for an answer, s.
-    #[serde(default = "timeout", skip_serializing_if = "is_usual")]
-    pub timeout: u32,
-}
-
-/// How long a policy may take for an answer unless something else is asked for, s.
-pub const TIMEOUT: u32 = 60;
-
-fn timeout() -> u32 {
-    TIMEOUT
-}
-
-fn is_usual(timeout: &u32) -> bool {
-    *timeout == TIMEOUT
-}
-
-impl Source {
-    /// What `FILE.py:CLASS` names, made with `arguments`, each `KEY=VALUE`.
-    pub fn parse(text: &str, arguments: &[String], pace: Pace) -> Result<Self> {
-        let parts = text.rsplit_once(':').filter(|(file, class)| !file.is_empty() && !class.is_empty());
-        let Some((file, class)) = parts else {
-            bail!("--policy: found `{text}`, expected FILE.py:CLASS, such as my_policy.py:MyPolicy");
-        };
-        let file = PathBuf::from(file);
-        let mut by_name = BTreeMap::new();
-        for text in arguments {
-            let (name, value) = argument(text)?;
-            if by_name.insert(name.clone(), value).is_some() {
-                bail!("--policy-arg: found {name} twice, expected every name once");
-            }
-        }
-        let (sha256, class) = (digest(&file)?, class.to_owned());
-        Ok(Self { sha256, file, class, pace, arguments: by_name, timeout: TIMEOUT })
-    }
-
-    /// Whether the file is still what it was.
-    pub fn check(&self) -> Result<()> {
-        let found = digest(&self.file)?;
-        if found != self.sha256 {
-            bail!(
-                "--policy {}: found a file of SHA-256 {found}, expected {}, with which the run began",
-                self.file.display(),
-                self.sha256
-            );
-        }
-        Ok(())
-    }
-}
-
-/// `KEY=VALUE`: a value that is JSON is what it says, any other is text.
-fn argument(text: &str) -> Result<(String, Value)> {
-    let named = |name: &str| {
-        let begins = |letter: char| letter.is_alphabetic() || letter == '_';
-        name.starts_with(begins) && name.chars().all(|letter| letter.is_alphanumeric() || letter == '_')
-    };
-    match text.split_once('=').filter(|(name, _)| named(name)) {
-        Some((name, value)) => {
-            Ok((name.to_owned(), serde_json::from_str(value).unwrap_or_else(|_| Value::String(value.to_owned()))))
-        }
-        None => bail!("--policy-arg: found `{text}`, expected KEY=VALUE, such as weights=mine.pt or gain=0.5"),
-    }
-}
-
-fn digest(file: &Path) -> Result<String> {
-    let bytes = read_regular(file, LARGEST).with_context(|| format!("--policy: cannot read {}", file.display()))?;
-    Ok(sha256(&bytes))
-}
+use super::process::{Interrupted, Process};
+use super::source::Source;
 
 /// The user's policy, and its processes that wait: one for every thread that plays.
 pub struct Own {
@@ -136,62 +40,5 @@ impl Own {
             self.waiting.lock().unwrap_or_else(PoisonError::into_inner).push(process);
         }
         played
-    }
-}
-
-/// The operator wanted to end while a policy thought.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-#[error("interrupted while the policy thought: this trial is left out, what is finished is kept")]
-pub struct Interrupted;
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_policy_is_named_by_file_and_class_and_stays_what_it_is() {
-        let folder = tempfile::tempdir().unwrap();
-        let file = folder.path().join("a:b.py");
-        std::fs::write(&file, "class Mine: ...").unwrap();
-        let source = Source::parse(&format!("{}:Mine", file.display()), &[], Pace::Stand).unwrap();
-        assert_eq!((source.file.as_path(), source.class.as_str()), (file.as_path(), "Mine"));
-        source.check().unwrap();
-        std::fs::write(&file, "class Mine: pass").unwrap();
-        let words = source.check().unwrap_err().to_string();
-        assert!(words.contains("with which the run began") && words.contains(&source.sha256), "{words}");
-        for text in ["", "mine.py", ":Mine", "mine.py:"] {
-            let words = Source::parse(text, &[], Pace::Stand).unwrap_err().to_string();
-            assert!(words.contains(&format!("found `{text}`, expected FILE.py:CLASS")), "{words}");
-        }
-        let words = format!("{:#}", Source::parse("/no/where.py:Mine", &[], Pace::Stand).unwrap_err());
-        assert!(words.contains("cannot read /no/where.py"), "{words}");
-    }
-
-    #[test]
-    fn a_policy_s_arguments_are_json_or_text() {
-        let folder = tempfile::tempdir().unwrap();
-        let file = folder.path().join("mine.py");
-        std::fs::write(&file, "class Mine: ...").unwrap();
-        let parse = |arguments: &[&str]| {
-            let arguments: Vec<String> = arguments.iter().map(|text| (*text).to_owned()).collect();
-            Source::parse(&format!("{}:Mine", file.display()), &arguments, Pace::Stand)
-        };
-        let source = parse(&["gain=0.5", "weights=a=b.pt", "deep=true", "name=\"7\"", "empty="]).unwrap();
-        let expected = serde_json::json!({ "gain": 0.5, "weights": "a=b.pt", "deep": true, "name": "7", "empty": "" });
-        assert_eq!(serde_json::to_value(&source.arguments).unwrap(), expected);
-        for (arguments, words) in [
-            (&["gain"][..], "found `gain`, expected KEY=VALUE"),
-            (&["=1"], "found `=1`"),
-            (&["a b=1"], "found `a b=1`"),
-            (&["gain=1", "gain=2"], "found gain twice"),
-        ] {
-            let error = parse(arguments).unwrap_err().to_string();
-            assert!(error.contains(words), "{error}");
-        }
-        // What was written before there were arguments is the same run.
-        let text = serde_json::to_string(&parse(&[]).unwrap()).unwrap();
-        assert!(!text.contains("arguments") && !text.contains("timeout"), "{text}");
-        let read: Source = serde_json::from_str(&text).unwrap();
-        assert_eq!((read.timeout, serde_json::to_string(&read).unwrap()), (TIMEOUT, text));
     }
 }

@@ -13,8 +13,8 @@ use serde_json::Value;
 
 use super::deadline::{Deadline, Ended};
 use super::host::{Array, Guest, Host, HostError};
-use super::pool::{Interrupted, Source};
 use super::python;
+use super::source::Source;
 
 /// How long a process may take to end once nobody asks it any more.
 const PATIENCE: Duration = Duration::from_millis(500);
@@ -161,3 +161,8 @@ impl Drop for Process {
         let _ = self.pipes.child.wait();
     }
 }
+
+/// The operator wanted to end while a policy thought.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("interrupted while the policy thought: this trial is left out, what is finished is kept")]
+pub struct Interrupted;

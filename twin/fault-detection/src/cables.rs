@@ -6,10 +6,8 @@ use super::divergence::Kind;
 use super::limits::CableLimits;
 use super::outside::{Outside, Pushed};
 use super::residuals::Cable;
-use super::torque::missing;
+use super::torque::{KEPT, missing};
 
-/// Ticks that are kept.
-pub const KEPT: usize = 8;
 /// A spool that meets the end of its slack rebounds from it for no longer than this, s.
 const REBOUND: f64 = 0.08;
 

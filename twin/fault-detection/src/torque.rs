@@ -1,10 +1,11 @@
 //! A servo that gives less torque than its current says: a step of the spool's torque balance within one tick.
 
-use super::cables::KEPT;
 use super::limits::CableLimits;
 use super::outside::{Outside, Pushed};
 use super::residuals::Cable;
 
+/// Ticks that are kept.
+pub const KEPT: usize = 8;
 /// By how much a servo's current may change over the ticks that are kept, of itself, where a step of its torque is looked for.
 const STEADY: f64 = 0.6;
 /// Index of the tick in which a step has shown that decays, and of one that stays.

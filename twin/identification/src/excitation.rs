@@ -3,18 +3,15 @@
 mod lifting;
 
 use control::outage::Outage;
-use grasping::Grasp;
 use hand_model::robot::{ArmState, Command, Readings, RobotBackend, RobotError, ServoGoal, ServoState};
-use hand_model::transmission::friction::CableFriction;
-use hand_model::{ActuatorVector, ArmVector, Hand, RobotModel};
-use serde::{Deserialize, Serialize};
-use touch::PhotometricCalibration;
+use hand_model::{ActuatorVector, ArmVector, Hand};
 
 use crate::ball::{Approach, Press};
+use crate::means::Means;
 use crate::pressing::Aim;
-use crate::script::{Motion, Posture, Script, Step, actuator};
+use crate::script::{Motion, Script, Step, actuator};
 use crate::touches::{PAUSE, PressImages};
-use crate::weight::Part;
+use crate::weight::{Part, Posture};
 use lifting::Ended;
 
 /// How close to a posture the arm's set-points are there, rad.
@@ -56,30 +53,6 @@ pub struct ArmHeld {
     pub since: f64,
 }
 
-/// What a session of an excitation says it is.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Task {
-    /// `excitation`.
-    pub task: String,
-    /// Name of the hand's drawing.
-    pub hand: String,
-    /// What it was moved by.
-    pub script: Script,
-    /// Index of the first step of this session.
-    pub first: usize,
-}
-
-impl Task {
-    /// Of the steps from `first` on.
-    pub fn new(hand: &Hand, script: &Script, first: usize) -> Self {
-        Self { task: NAME.to_owned(), hand: hand.parameters.name.clone(), script: script.clone(), first }
-    }
-}
-
-/// [`Task::task`] of an excitation.
-pub const NAME: &str = "excitation";
-
 /// An excitation ends early.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ExcitationError {
@@ -113,21 +86,6 @@ impl Progress {
             Self::Done(step) | Self::OutOfReach(step) | Self::NotLifted(step) | Self::Blocked(step, _) => Some(step),
         }
     }
-}
-
-/// What an excitation goes by.
-#[derive(Debug, Clone, Copy)]
-pub struct Means<'a> {
-    pub robot: &'a RobotModel,
-    /// With which the pads are read while they are pressed: that of the drawing's, as long as there is no other.
-    pub pads: &'a PhotometricCalibration,
-    pub script: &'a Script,
-    /// Of the weighed object, best first.
-    pub grasps: &'a [Grasp],
-    /// What guides take as drawn: servos pull that much harder.
-    pub friction: CableFriction,
-    /// Posture that the script's turn from, rad.
-    pub ready: ArmVector,
 }
 
 /// Plays the script's steps from `first` on, from wherever the robot stands. `heard` is told of

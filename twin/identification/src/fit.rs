@@ -45,8 +45,6 @@ const ROUNDS: usize = 4;
 const APART: f64 = 1.0;
 /// Postures of the arm closer than this in every joint are one, rad.
 const SAME_POSTURE: f64 = 0.05;
-/// Below this share of its spread a parameter's standard deviation says that the session taught something.
-pub const TAUGHT: f64 = 0.8;
 
 /// What was found of one actuator.
 #[derive(Debug, Clone, PartialEq)]

@@ -5,7 +5,6 @@
 //! was: its servo goes where the encoder showed it, so that cable, guides and gear come to the end of their hystereses at which they were.
 
 use hand_model::Hand;
-use hand_model::hand::MOST_DIGITS;
 use hand_model::robot::ServoGoal;
 use hand_model::transmission::Crossing;
 use hand_model::transmission::SPANS;
@@ -16,13 +15,12 @@ use sim::servo::ServoModel;
 
 use crate::chain::{Chain, Drive, MOST_LINKS};
 use crate::free_motion::FreeMotion;
+use crate::script::OPPOSITION;
 
 /// Steps of the twin in a tick: as many as the simulator's.
 const STEPS: usize = 2;
 /// For so long a digit comes to rest before it is led, s.
 const SETTLING: f64 = 0.8;
-/// Index of the actuator that turns the thumb of the F-TAC Hand.
-pub const OPPOSITION: usize = MOST_DIGITS;
 
 /// What the twin shows before a tick.
 #[derive(Debug, Clone, Copy, PartialEq)]

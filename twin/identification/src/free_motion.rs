@@ -4,7 +4,8 @@ use hand_model::robot::{Observation, ServoGoal};
 use hand_model::{ArmVector, GRAVITY, RobotModel};
 use nalgebra::{Isometry3, Vector3};
 
-use crate::trace::{Row, Trace};
+use crate::row::Row;
+use crate::trace::Trace;
 
 /// A motion of one actuator and what led to it, tick by tick.
 #[derive(Debug, Clone, PartialEq)]

@@ -15,11 +15,12 @@ use touch::{PhotometricCalibration, TouchError};
 
 use crate::ball::Ball;
 use crate::error::IdentificationError;
-use crate::fit::{Fit, TAUGHT, fit};
-use crate::free_digit::OPPOSITION;
+use crate::fit::{Fit, fit};
 use crate::free_motion::{FreeMotion, free_motions};
+use crate::interval::TAUGHT;
 use crate::kinematic_calibration::{KinematicCalibration, Touch, calibrate};
 use crate::pad_mechanics::{PadMechanics, Shown};
+use crate::script::OPPOSITION;
 use crate::touches::{LookTouch, deepest, look_touches};
 use crate::trace::Trace;
 use crate::weighing::{Gains, weigh};

@@ -6,6 +6,9 @@
 
 use nalgebra::{DMatrix, DVector};
 
+/// Below this share of its spread a parameter's standard deviation says that the session taught something.
+pub const TAUGHT: f64 = 0.8;
+
 /// Rows of a fit's slopes with their residuals.
 pub type Piece = Vec<(usize, f64)>;
 

@@ -4,7 +4,7 @@
 //! touches say the same place: calibration by a single endpoint constraint (Meggiolaro, Scriffignano and Dubowsky 2000), here with a
 //! sensor that says where the end touches. Least squares over encoders, mount, stops and the ball's place, each with its prior.
 
-use crate::free_digit::OPPOSITION;
+use crate::script::OPPOSITION;
 use control::inverse_kinematics::Joints;
 use hand_model::{Hand, RobotModel};
 use least_squares::{Options, Problem, forward_differences};
@@ -14,7 +14,7 @@ use plant::RobotIndividual;
 use plant::spread::Quantity;
 
 use crate::ball::Ball;
-use crate::fit::TAUGHT;
+use crate::interval::TAUGHT;
 
 /// What no model of pad and link explains of a touch, m along the pad and along its normal.
 const UNEXPLAINED: [f64; 2] = [2e-4, 1e-4];

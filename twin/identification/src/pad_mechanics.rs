@@ -15,8 +15,9 @@ use statistics::percentile;
 
 use crate::arm_load::force;
 use crate::ball::{Ball, Slide};
+use crate::row::Row;
 use crate::touches::LookTouch;
-use crate::trace::{Row, Trace};
+use crate::trace::Trace;
 
 /// Before a look that shows the pad at least so far from the ball nothing bears on it, m.
 const CLEAR: f64 = 4e-4;

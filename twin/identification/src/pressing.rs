@@ -11,8 +11,8 @@ use touch::PhotometricCalibration;
 
 use crate::arm_load::force;
 use crate::ball::{Approach, Ball, Press, approach, round, sideways};
-use crate::excitation::Means;
 use crate::kinematic_calibration::{KinematicCalibration, Touch, calibrate};
+use crate::means::Means;
 use crate::touches::{PressImages, touches};
 
 /// How far before the ball a press begins, in standard deviations of where it is felt, ...

@@ -2,24 +2,18 @@
 
 use std::path::Path;
 
-use hand_model::{ArmVector, Hand, RobotModel};
+use hand_model::hand::MOST_DIGITS;
+use hand_model::{Hand, RobotModel};
 use platform::data::{DataError, parse_toml};
 use serde::{Deserialize, Serialize};
 
 use crate::ball::{Ball, Press};
-use crate::weight::{APART, Part, Weight};
+use crate::weight::{APART, Part, Posture, Weight};
 
+/// Index of the actuator that turns the thumb of the F-TAC Hand.
+pub const OPPOSITION: usize = MOST_DIGITS;
 /// Greatest current of a motion, A: no more is needed to bend a free finger.
 const MOST_CURRENT: f64 = 0.2;
-
-/// A posture of the arm.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Posture {
-    pub name: String,
-    /// Added to the ready posture's angles, rad.
-    pub turn: ArmVector,
-}
 
 /// Winding some cables under a current that rises and falls.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -2,10 +2,8 @@
 
 use std::path::Path;
 
-use hand_model::robot::{
-    ArmState, Command, Observation, Readings, RobotBackend, RobotError, ServoGoal, ServoState, Tick,
-};
-use hand_model::{ActuatorVector, ArmVector, RobotModel};
+use hand_model::robot::{Command, Observation, Readings, RobotBackend, RobotError, ServoGoal, Tick};
+use hand_model::{ArmVector, RobotModel};
 use plant::identified::Source;
 use platform::digest::sha256;
 use session_log::reader::Event;
@@ -13,31 +11,11 @@ use session_log::{Reader, Sizes};
 
 use crate::ball::Ball;
 use crate::error::IdentificationError;
-use crate::excitation::{NAME, Task};
+use crate::row::{Row, Weighed};
 use crate::script::Script;
+use crate::task::{NAME, Task};
 use crate::touches::{Look, PressImage, PressImages};
 use crate::weighing::begin;
-use crate::weight::Weight;
-
-/// A tick: what was measured at its beginning, and what was sent then.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Row {
-    /// s.
-    pub time: f64,
-    pub servos: ActuatorVector<ServoState>,
-    pub arm: ArmState,
-    pub goals: ActuatorVector<ServoGoal>,
-}
-
-/// The weighed object of a session, and the ticks of weighing.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Weighed {
-    pub weight: Weight,
-    /// Posture that the script's turn from, rad.
-    pub ready: ArmVector,
-    /// From when the arm first stood in one of the postures.
-    pub rows: Vec<Row>,
-}
 
 /// What a session has of a robot.
 #[derive(Debug, Clone, PartialEq)]

@@ -13,9 +13,9 @@ use plant::RobotIndividual;
 use plant::spread::Quantity;
 
 use crate::arm_load::{bears, held_by_last, palm, weight as own_weight};
-use crate::fit::TAUGHT;
+use crate::interval::TAUGHT;
 use crate::kinematic_calibration::KinematicCalibration;
-use crate::trace::{Row, Weighed};
+use crate::row::{Row, Weighed};
 use crate::weight::Weight;
 
 /// The arm stands in a posture whose joints its encoders show within this, rad, ...

@@ -8,14 +8,22 @@ use std::path::Path;
 use control::inverse_kinematics::Joints;
 use control::motion::approach::APPROACH_DISTANCE;
 use grasping::Grasp;
-use hand_model::{Hand, RobotModel};
+use hand_model::{ArmVector, Hand, RobotModel};
 use nalgebra::{Isometry3, Point3, Translation3, Vector3};
 use platform::data::DataError;
 use serde::{Deserialize, Serialize};
 use world::objects::{ObjectModel, ObjectSet};
 
 use crate::ball::{covers, keeps_its_side, kinematics, points, straight};
-use crate::script::Posture;
+
+/// A posture of the arm.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Posture {
+    pub name: String,
+    /// Added to the ready posture's angles, rad.
+    pub turn: ArmVector,
+}
 
 /// Two postures of a script differ by this in some joint at least, rad: a session tells by them what is stood in.
 pub const APART: f64 = 0.05;

@@ -3,7 +3,8 @@
 use hand_model::transmission::friction::CableLosses;
 use hand_model::{Arm, RobotModel};
 use identification::evaluation::{body, compare, coverage};
-use identification::excitation::{ExcitationError, Means, play as excite};
+use identification::excitation::{ExcitationError, play as excite};
+use identification::means::Means;
 use identification::trace::{Kept, Trace};
 use identification::{Script, identify};
 use plant::RobotIndividual;

@@ -1,5 +1,6 @@
 //! What can vary in a sweep: fields of a run, and any field of its scenario.
 
+use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
 use bench::journal::RunRequest;
@@ -370,4 +371,14 @@ pub fn policies(levels: &[Level], file: &Path) -> Result<Vec<Condition>, DataErr
 /// [`names`] of ablations.
 pub fn ablations(levels: &[Level], file: &Path) -> Result<Vec<Ablation>, DataError> {
     names("ablation", levels, file)
+}
+
+/// An axis of the plan: its name and values.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PlannedAxis {
+    /// As the sweep's file writes it.
+    pub name: String,
+    /// The column that holds its value.
+    pub column: String,
+    pub levels: Vec<Level>,
 }

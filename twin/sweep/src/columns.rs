@@ -3,8 +3,7 @@
 //! A file has these columns in this order, with one `axis_...` column for each axis behind `seed`. All may be empty (null) in principle; those
 //! not said to be empty sometimes never are. The file's metadata name the version (`ftac.schema`), the unit (`ftac.unit`) and the program.
 
-use crate::axis::Level;
-use crate::plan::PlannedAxis;
+use crate::axis::{Level, PlannedAxis};
 
 /// Version of the tables. A column that is added, renamed or means something else makes a new one.
 pub const VERSION: u32 = 1;

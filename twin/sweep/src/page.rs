@@ -8,12 +8,12 @@ use platform::data::write_whole;
 use report::html::{Column, Table, counted, duration, escape, number, whole_page};
 use serde_json::json;
 
+use crate::axis::PlannedAxis;
 use crate::curve::{self, Contrast, Estimate};
 use crate::figure::{Figure, Line};
 use crate::folder::Folder;
 use crate::makespan::{Assumptions, CORES, Point, replay};
 use crate::outcomes::{Outcome, Outcomes};
-use crate::plan::PlannedAxis;
 
 /// A report that was made.
 pub struct Made {

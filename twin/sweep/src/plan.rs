@@ -7,15 +7,15 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use anyhow::{Context as _, Result, bail};
+use bench::journal;
 use bench::journal::{Record, RunRequest, Unit as TrialUnit};
-use bench::run;
 use platform::data::DataError;
 use platform::digest::sha256;
 use robot_backends::Places;
 use scenarios::{Ablation, Condition};
 use serde::{Deserialize, Serialize};
 
-use crate::axis::{self, Draft, Field, Level};
+use crate::axis::{self, Draft, Field, Level, PlannedAxis};
 use crate::columns;
 use crate::file::Sweep;
 
@@ -60,16 +60,6 @@ impl Cost {
             }
         }
     }
-}
-
-/// An axis of the plan: its name and values.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct PlannedAxis {
-    /// As the sweep's file writes it.
-    pub name: String,
-    /// The column that holds its value.
-    pub column: String,
-    pub levels: Vec<Level>,
 }
 
 /// A run: all trials of a point under one seed.
@@ -198,7 +188,7 @@ impl Plan {
 
     /// Adds a run, cut into units.
     fn cut(&mut self, mut run: Run, minutes: f64, cost: &Cost) -> Result<()> {
-        let trials = run::units(&run.request);
+        let trials = journal::units(&run.request);
         let seconds: Vec<f64> = trials.iter().map(|unit| cost.unit_s(&run.request, *unit)).collect();
         let digest = run.request.digest()?;
         let all: f64 = seconds.iter().sum();
@@ -233,7 +223,7 @@ impl Plan {
 
     /// The trials of a unit.
     pub fn trials(&self, unit: &Unit) -> Result<Vec<TrialUnit>> {
-        let all = run::units(&self.request(unit.run)?);
+        let all = journal::units(&self.request(unit.run)?);
         all.get(unit.from..unit.from + unit.count).map(<[_]>::to_vec).context("the plan's units do not fit its runs")
     }
 

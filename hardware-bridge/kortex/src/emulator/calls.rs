@@ -8,8 +8,8 @@ use super::notifications::Subscription;
 use super::peer::Peer;
 use super::plant::Drive;
 use crate::call::{self, Call};
-use crate::cyclic::is_younger;
 use crate::degrees;
+use crate::frame::is_younger;
 use crate::frame::{Frame, Header, Kind};
 use crate::joints::JOINTS;
 use crate::message::base::{

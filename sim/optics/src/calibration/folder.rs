@@ -17,11 +17,12 @@
 use std::path::Path;
 
 use crate::calibration::circle;
+use crate::calibration::diameter::check_diameter;
 use crate::calibration::image_files::{EXPECTED, images_of, take_background};
 use crate::calibration::labels::{Label, Labels};
 use crate::calibration::lens::Lens;
 use crate::calibration::photo::{Depth, Photo};
-use crate::error::{OpticsError, positive};
+use crate::error::OpticsError;
 
 /// One press of a ball.
 #[derive(Debug, Clone, PartialEq)]
@@ -284,13 +285,4 @@ fn read_lamps(folder: &Path, background: &Photo) -> Result<Vec<Photo>, OpticsErr
         lamps.push(photo);
     }
     Ok(lamps)
-}
-
-/// Balls from a pinhead to a table-tennis ball and a half: what lies beyond was given in another unit, m.
-const BALLS: std::ops::RangeInclusive<f64> = 0.5e-3..=60e-3;
-
-/// An error for a diameter (m) that no ball pressed into a fingertip sensor has.
-pub(crate) fn check_diameter(diameter: f64) -> Result<(), OpticsError> {
-    positive("ball diameter", diameter)?;
-    if BALLS.contains(&diameter) { Ok(()) } else { Err(OpticsError::BallDiameter(1e3 * diameter)) }
 }

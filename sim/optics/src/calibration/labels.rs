@@ -4,7 +4,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::calibration::folder::check_diameter;
+use crate::calibration::diameter::check_diameter;
 use crate::error::OpticsError;
 
 /// File names, in the order in which they are looked for.

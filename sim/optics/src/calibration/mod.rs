@@ -13,6 +13,7 @@ pub mod background;
 pub mod bitmap;
 pub mod checkerboard;
 pub mod circle;
+mod diameter;
 pub mod evaluation;
 pub mod file;
 pub mod fit;

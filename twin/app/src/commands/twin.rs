@@ -14,7 +14,7 @@ use hand_model::RobotModel;
 use hand_model::transmission::friction::CableLosses;
 use identification::Script;
 use identification::evaluation::{Surroundings, TrueBall, TrueWeight, excited_body};
-use identification::excitation::Means;
+use identification::means::Means;
 use plant::Gel;
 use plant::RobotIndividual;
 use proving::simulated_world::World;

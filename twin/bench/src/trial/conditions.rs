@@ -5,47 +5,14 @@ use control::policy::Recovery;
 use scenarios::Ablation;
 use scenarios::record::{AblatedTrial, Condition, TrialId, TrialRecord};
 use scenarios::tries::TryRecord;
-use world::Sensing;
 
 use super::branch::TrialOutcome;
 use super::eyes::Looks;
+use super::means::Means;
 use super::setup::{Setup, Start};
 use super::shared::Bench;
 use super::watcher::Watcher;
 use fault_detection::divergence::Named;
-
-/// What the policy `touch` may use.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Means {
-    /// Of the hand's senses.
-    pub sensing: Sensing,
-    /// Of further tries.
-    pub recovery: Recovery,
-    /// Whether it chooses the first grasp, and touches an object before it grasps it where it has pads for that.
-    pub explores: bool,
-}
-
-impl Means {
-    /// Of a condition that decides; none of those that carry out the plan.
-    pub fn of(condition: Condition) -> Option<Self> {
-        let sensing = match condition {
-            Condition::Ideal | Condition::Blind => return None,
-            Condition::Reflex => Sensing::ServosOnly,
-            Condition::Touch | Condition::Own => Sensing::Full,
-        };
-        Some(Self { sensing, recovery: Recovery::FULL, explores: condition != Condition::Own })
-    }
-
-    /// Whether these include tactile images.
-    pub fn see_images(self) -> bool {
-        self.sensing != Sensing::ServosOnly
-    }
-
-    /// Whether a trial with these may begin with anything but the planned first grasp.
-    pub fn begin_otherwise(self) -> bool {
-        self.explores
-    }
-}
 
 impl From<Ablation> for Means {
     fn from(ablation: Ablation) -> Self {

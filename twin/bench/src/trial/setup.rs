@@ -21,9 +21,9 @@ use sim::tactile::Drift;
 use touch::{TouchPipeline, backgrounds};
 use world::objects::ObjectModel;
 
-use super::conditions::Means;
 use super::disturbance::{Disturber, resized};
 use super::eyes::{History, Looks};
+use super::means::Means;
 use super::run::Run;
 use super::shared::Bench;
 use super::watcher::Watcher;

@@ -16,7 +16,7 @@ use scenarios::record::Condition;
 use sim::tactile::TactileBoard;
 use touch::TouchPipeline;
 
-use super::conditions::Means;
+use super::means::Means;
 use super::profile::Profile;
 use external_policy::{Level, Own};
 

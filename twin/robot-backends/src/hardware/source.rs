@@ -1,6 +1,6 @@
 //! Where real robots come from: connected and checked first, then laid out by the operator, then with torque on.
 
-use hardware_bridge::hand_bus::SERVOS;
+use hardware_bridge::driven::SERVOS;
 use std::path::PathBuf;
 use std::sync::mpsc::Sender;
 use std::time::{Duration, Instant};

@@ -1,6 +1,6 @@
 //! The real robot's questions, on emulated devices in real time.
 
-use hardware_bridge::hand_bus::SERVOS;
+use hardware_bridge::driven::SERVOS;
 use std::fs::File;
 use std::io::{PipeWriter, Write as _};
 use std::os::fd::OwnedFd;

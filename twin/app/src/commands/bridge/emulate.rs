@@ -5,7 +5,7 @@ mod emulated_table;
 mod mishap;
 mod truth;
 
-use hardware_bridge::hand_bus::SERVOS;
+use hardware_bridge::driven::SERVOS;
 use std::f64::consts::PI;
 use std::fs::OpenOptions;
 use std::io::Write as _;

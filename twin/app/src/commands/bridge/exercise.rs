@@ -10,7 +10,7 @@ use hand_model::Hand;
 use hand_model::robot::{Command, Observation, RobotBackend, RobotError, ServoGoal};
 use hardware_bridge::calibration::HandCalibration;
 use hardware_bridge::config::BridgeConfig;
-use hardware_bridge::hand_bus::SERVOS;
+use hardware_bridge::driven::SERVOS;
 use hardware_bridge::hardware_robot::HardwareRobot;
 use hardware_bridge::safety::state::State;
 use hardware_bridge::servo_cycle::DryLines;

@@ -1,0 +1,12 @@
+//! Diameters that a ball pressed into a fingertip sensor can have.
+
+use crate::error::{OpticsError, positive};
+
+/// Balls from a pinhead to a table-tennis ball and a half: what lies beyond was given in another unit, m.
+const BALLS: std::ops::RangeInclusive<f64> = 0.5e-3..=60e-3;
+
+/// An error for a diameter (m) that no ball pressed into a fingertip sensor has.
+pub(crate) fn check_diameter(diameter: f64) -> Result<(), OpticsError> {
+    positive("ball diameter", diameter)?;
+    if BALLS.contains(&diameter) { Ok(()) } else { Err(OpticsError::BallDiameter(1e3 * diameter)) }
+}

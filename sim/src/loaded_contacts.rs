@@ -1,0 +1,29 @@
+//! Contact points that bear load, read from a pair's manifolds.
+
+use nalgebra::Vector3;
+use rapier3d_f64::prelude::*;
+
+use crate::convert;
+
+/// A contact point that bears load.
+pub(crate) struct Loaded<'a> {
+    /// World position, m.
+    pub middle: Vector3<f64>,
+    /// Unit normal out of the pair's first collider, world.
+    pub normal: Vector3<f64>,
+    /// What the solver found, N s.
+    pub data: &'a ContactData,
+}
+
+/// The contact points of a pair that bear load.
+pub(crate) fn loaded<'a>(pair: &'a ContactPair, bodies: &'a RigidBodySet) -> impl Iterator<Item = Loaded<'a>> {
+    pair.solver_manifolds().iter().flat_map(move |manifold| {
+        let normal = convert::to_vector(manifold.data.normal);
+        manifold.data.solver_contacts.iter().filter_map(move |contact| {
+            let point = manifold.points.get(contact.contact_indices()[0] as usize)?;
+            let (a, b) = manifold.data.solver_contact_world_points(contact, bodies);
+            let middle = (convert::to_vector(a) + convert::to_vector(b)) * 0.5;
+            (point.data.impulse > 0.0).then_some(Loaded { middle, normal, data: &point.data })
+        })
+    })
+}

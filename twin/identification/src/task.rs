@@ -1,0 +1,30 @@
+//! An excitation as its session names it.
+
+use hand_model::Hand;
+use serde::{Deserialize, Serialize};
+
+use crate::script::Script;
+
+/// [`Task::task`] of an excitation.
+pub const NAME: &str = "excitation";
+
+/// What a session of an excitation says it is.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Task {
+    /// `excitation`.
+    pub task: String,
+    /// Name of the hand's drawing.
+    pub hand: String,
+    /// What it was moved by.
+    pub script: Script,
+    /// Index of the first step of this session.
+    pub first: usize,
+}
+
+impl Task {
+    /// Of the steps from `first` on.
+    pub fn new(hand: &Hand, script: &Script, first: usize) -> Self {
+        Self { task: NAME.to_owned(), hand: hand.parameters.name.clone(), script: script.clone(), first }
+    }
+}
