@@ -4,7 +4,7 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
-use crate::noise::split_mix;
+use crate::generator::split_mix;
 use crate::scenario::Scenario;
 
 /// One object or several, in the order in which they are to be picked up.

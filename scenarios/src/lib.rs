@@ -12,6 +12,7 @@ pub mod ablation;
 pub mod combination;
 pub mod disturbance;
 pub mod effects;
+pub mod generator;
 pub mod noise;
 pub mod record;
 pub mod referee;

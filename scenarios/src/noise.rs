@@ -4,7 +4,7 @@
 //! trials or the condition, so that `blind` and `touch` meet the same errors.
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector2, Vector3};
-use rand::{Rng, SeedableRng};
+use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
@@ -180,23 +180,6 @@ impl TrialNoise {
     }
 }
 
-/// The generator of one trial.
-pub fn trial_rng(seed: u64, combination: usize, trial: usize) -> ChaCha8Rng {
-    let mut state = seed;
-    for id in [combination as u64, trial as u64] {
-        state = split_mix(state ^ split_mix(id.wrapping_add(0x5851_f42d_4c95_7f2d)));
-    }
-    ChaCha8Rng::seed_from_u64(state)
-}
-
-/// One step of SplitMix64: a bijection that scatters neighbouring numbers.
-pub(crate) fn split_mix(state: u64) -> u64 {
-    let mut z = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    z ^ (z >> 31)
-}
-
 /// Evenly from (0, 1), 53 bits.
 pub(crate) fn uniform(rng: &mut ChaCha8Rng) -> f64 {
     ((rng.next_u64() >> 11) as f64 + 0.5) / (1_u64 << 53) as f64
@@ -220,6 +203,7 @@ pub fn draw_shifts(layout: &Layout, count: usize, rng: &mut ChaCha8Rng) -> [Shif
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::generator::trial_rng;
 
     fn levels() -> NoiseLevels {
         NoiseLevels {

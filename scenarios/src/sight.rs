@@ -79,7 +79,8 @@ fn mistaken(
 mod tests {
     use super::*;
     use crate::effects::Effect;
-    use crate::noise::{NoiseLevels, TrialNoise, trial_rng};
+    use crate::generator::trial_rng;
+    use crate::noise::{NoiseLevels, TrialNoise};
     use crate::scenario::Scenario;
 
     const TRIALS: usize = 4000;

@@ -26,9 +26,12 @@ mod notifications;
 mod path;
 mod peer;
 mod plant;
+mod playing;
+mod refusals;
 mod server;
 mod sessions;
 mod sockets;
+mod subscription;
 
 pub use controller::{Commands, Controller, Event, EventKind, Settings, Status};
 pub use fault_injection::Injection;

@@ -3,7 +3,8 @@
 use nalgebra::Vector3;
 
 use super::*;
-use crate::noise::{NoiseLevels, TrialNoise, trial_rng};
+use crate::generator::trial_rng;
+use crate::noise::{NoiseLevels, TrialNoise};
 use crate::scenario::Scenario;
 
 /// Share of a normal distribution's variance that is left when it is cut at three standard deviations.

@@ -12,7 +12,7 @@ use hand_model::{DigitVector, Hand};
 use nalgebra::Point3;
 use proving::rehearsal::{PALM, digit_bits, in_hand};
 use rand::RngExt as _;
-use scenarios::noise::trial_rng;
+use scenarios::generator::trial_rng;
 use sim::SimulatedRobot;
 use sim::robot::Truth;
 use sim::tactile::TactileBoard;

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution as _, Normal};
-use scenarios::noise::trial_rng;
+use scenarios::generator::trial_rng;
 
 use super::measurement::line;
 use super::stream::{Listener, Stream};

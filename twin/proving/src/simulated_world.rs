@@ -191,7 +191,8 @@ pub fn tick(robot: &mut SimulatedRobot, executor: &mut Executor) -> Result<()> {
 mod tests {
     use super::*;
     use grasping::Role;
-    use scenarios::noise::{draw_shifts, trial_rng};
+    use scenarios::generator::trial_rng;
+    use scenarios::noise::draw_shifts;
 
     /// Objects and what is seen of them are in the drawn places; the plan's noiseless run is in the nominal ones.
     #[test]

@@ -14,7 +14,7 @@ use control::foresight::{Draw, Imagined, Scene, Twin, TwinError};
 use control::odds::TryOutcome;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use rayon::prelude::*;
-use scenarios::noise::trial_rng;
+use scenarios::generator::trial_rng;
 use sim::robot::HandPosture;
 use sim::tactile::TactileBoard;
 use sim::{ObjectPlacement, SceneSetup, SimulatedRobot};

@@ -6,7 +6,7 @@ use nalgebra::{Isometry3, Vector3};
 use platform::data::{DataError, parse_toml};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution as _, Normal};
-use scenarios::noise::trial_rng;
+use scenarios::generator::trial_rng;
 use serde::Deserialize;
 
 /// What is touched.

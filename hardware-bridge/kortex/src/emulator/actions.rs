@@ -2,13 +2,14 @@
 
 use prost::Message;
 
-use super::calls::{
-    CANNOT_REACH_SO_SOON, COUNT_MISMATCH, ENTITY_NOT_FOUND, IN_LOW_LEVEL, INVALID_PARAMETER, JOINT_LIMIT, MANUAL_STOP,
-    NEGATIVE_SPEED, NO_ACTION, NOT_MOVING, No, SPEED_TOO_HIGH, TOO_LONG, UNSUPPORTED_ACTION, argument,
-};
 use super::controller::Controller;
 use super::path::{Haste, Path, TOP_SPEED, soonest};
 use super::plant::Drive;
+use super::playing::Playing;
+use super::refusals::{
+    CANNOT_REACH_SO_SOON, COUNT_MISMATCH, ENTITY_NOT_FOUND, IN_LOW_LEVEL, INVALID_PARAMETER, JOINT_LIMIT, MANUAL_STOP,
+    NEGATIVE_SPEED, NO_ACTION, NOT_MOVING, No, SPEED_TOO_HIGH, TOO_LONG, UNSUPPORTED_ACTION, argument,
+};
 use crate::call::{self, Call};
 use crate::degrees;
 use crate::frame::Frame;
@@ -33,18 +34,6 @@ const LONGEST: f64 = 100.0;
 const NEARLY_STILL: f64 = 0.01;
 /// How long an action waits for the joints after its path is over, ms.
 const SETTLING: u64 = 1000;
-
-/// The action that is carried out.
-#[derive(Debug, Clone)]
-pub(super) struct Playing {
-    handle: ActionHandle,
-    /// rad.
-    target: [f64; JOINTS],
-    haste: Haste,
-    /// None while the joints brake, and while it is paused.
-    path: Option<Path>,
-    paused: bool,
-}
 
 impl Controller {
     /// Calls about actions; `None` for another call.

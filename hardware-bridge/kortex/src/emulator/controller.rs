@@ -3,13 +3,13 @@
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-use super::actions::Playing;
-use super::calls::{IN_EMERGENCY_STOP, IN_FAULT, MANUAL_STOP};
 use super::fault_injection::{Injection, NetworkFaults};
-use super::notifications::Subscription;
 use super::peer::{Outgoing, Peer};
 use super::plant::{Drive, Plant};
+use super::playing::Playing;
+use super::refusals::{IN_EMERGENCY_STOP, IN_FAULT, MANUAL_STOP};
 use super::sessions::Sessions;
+use super::subscription::Subscription;
 use crate::frame::{Frame, Kind};
 use crate::joints::{JOINTS, Motion};
 use crate::message::ArmState;

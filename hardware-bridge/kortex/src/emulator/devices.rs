@@ -2,7 +2,7 @@
 
 use prost::Message;
 
-use super::calls::{INVALID_DEVICE, No};
+use super::refusals::{INVALID_DEVICE, No};
 use crate::call::{self, Call};
 use crate::joints::JOINTS;
 use crate::message::device::{

@@ -3,28 +3,11 @@
 use prost::Message;
 
 use super::controller::Controller;
-use super::peer::{Outgoing, Peer};
-use crate::call::{self, Call};
-use crate::frame::{Frame, Header, Kind};
+use super::peer::Outgoing;
+use crate::call;
 use crate::message::ArmState;
 use crate::message::base::{ArmStateInformation, ServoingModeInformation};
 use crate::message::device::{SafetyHandle, SafetyNotification, SafetyStatus};
-
-pub(super) struct Subscription {
-    pub topic: Call,
-    pub device: u8,
-    pub handle: u16,
-    pub peer: Peer,
-    pub session: u16,
-}
-
-impl Subscription {
-    fn notification(&self, payload: Vec<u8>) -> Outgoing {
-        let Self { topic: call, device, handle: message, session, peer } = *self;
-        let header = Header { kind: Kind::Notification, device, error: 0, sub_error: 0, session, message, call };
-        (peer, Frame { header, payload })
-    }
-}
 
 impl Controller {
     /// Notifications of what changed since the last call.

@@ -3,7 +3,7 @@
 //! A BITMAPINFOHEADER tells size and coding; rows of blue, green, red (and one byte more, of 32 bits), or of indices into a palette (of
 //! 8 bits), are padded to four bytes and begin at the bottom, unless the height is negative.
 
-use crate::calibration::photo::Photo;
+use crate::calibration::rgb_image::Photo;
 
 /// Largest side, pixels.
 const MOST_SIDE: i32 = 16_384;

@@ -28,6 +28,7 @@ pub mod press_checks;
 mod profile;
 pub mod recovery;
 pub mod relocation;
+mod rgb_image;
 pub mod samples;
 mod scene;
 pub mod sensor;

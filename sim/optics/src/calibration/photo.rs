@@ -7,16 +7,8 @@ use image::{DynamicImage, ImageFormat, ImageReader};
 use platform::file::write_whole;
 
 use crate::calibration::bitmap;
+pub use crate::calibration::rgb_image::Photo;
 use crate::error::OpticsError;
-
-/// An RGB image, row-major.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Photo {
-    pub width: usize,
-    pub height: usize,
-    /// Red, green and blue of each pixel.
-    pub rgb: Vec<u8>,
-}
 
 /// Bits of a camera's values, where a file has 16 for each.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -1,0 +1,10 @@
+//! An image in memory.
+
+/// An RGB image, row-major.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Photo {
+    pub width: usize,
+    pub height: usize,
+    /// Red, green and blue of each pixel.
+    pub rgb: Vec<u8>,
+}
