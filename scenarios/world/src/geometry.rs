@@ -24,8 +24,8 @@ mod winding;
 
 pub use grid::DistanceGrid;
 pub use link_mesh::LINK_MESHES;
-pub use mesh::{GeometryError, MAX_EXTENT, Mesh};
-pub use mesh_file::{Triangles, read_triangles, to_obj};
+pub use mesh::{GeometryError, MAX_EXTENT, Mesh, Triangles};
+pub use mesh_file::{read_triangles, to_obj};
 pub use relief::Relief;
 pub use repair::Repair;
 pub use revolution::{Profile, hull_mesh, hull_triangles, revolve};

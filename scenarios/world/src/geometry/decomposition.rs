@@ -10,8 +10,6 @@ use parry3d_f64::transformation::vhacd::{VHACD, VHACDParameters};
 use super::mesh::{Mesh, from_parry};
 use super::revolution::hull_mesh;
 
-/// How far a part may stand out of the mesh if nothing else is said, m: less than a fingertip's pad gives.
-pub(super) const TOLERANCE: f64 = 1e-3;
 /// (voxels along the mesh, concavity), coarse to fine.
 const LEVELS: [(u32, f64); 4] = [(64, 0.01), (96, 0.003), (128, 0.001), (192, 0.0003)];
 /// More parts than this slow the physics down: a finer cut is then not taken.
@@ -68,8 +66,23 @@ pub(super) fn excess(mesh: &Mesh, parts: &[Vec<Point3<f64>>]) -> f64 {
     most
 }
 
+impl Mesh {
+    /// Convex point sets that together fill the mesh: as given by its builder, itself if convex, or an approximate
+    /// decomposition, worked out at the first call: seconds for a large mesh.
+    pub fn convex_parts(&self) -> &[Vec<Point3<f64>>] {
+        let find = || {
+            if self.is_convex() {
+                return vec![self.vertices().to_vec()];
+            }
+            decompose(self, self.tolerance).0
+        };
+        self.given.as_deref().unwrap_or_else(|| self.found.get_or_init(find))
+    }
+}
+
 #[cfg(test)]
 mod tests {
+    use super::super::mesh::TOLERANCE;
     use super::*;
     use crate::geometry::Shape;
     use crate::objects::ObjectSet;

@@ -10,7 +10,11 @@ use parry3d_f64::query::{PointQueryWithLocation, Ray, RayCast};
 use parry3d_f64::shape::{TriMesh, TriMeshFlags};
 use platform::data::DataError;
 
-use super::decomposition::{TOLERANCE, decompose};
+/// Vertices (in the file's unit) and triangles.
+pub type Triangles = (Vec<Point3<f64>>, Vec<[u32; 3]>);
+
+/// How far a part may stand out of the mesh if nothing else is said, m: less than a fingertip's pad gives.
+pub(super) const TOLERANCE: f64 = 1e-3;
 
 /// The largest extent a mesh may have, m: a larger one is probably in millimetres.
 pub const MAX_EXTENT: f64 = 1.0;
@@ -87,11 +91,11 @@ pub struct Mesh {
     center: Point3<f64>,
     unit_inertia: Matrix3<f64>,
     /// Convex point sets that its builder knows to fill it.
-    given: Option<Vec<Vec<Point3<f64>>>>,
+    pub(super) given: Option<Vec<Vec<Point3<f64>>>>,
     /// Those that were worked out, where none were given.
-    found: OnceLock<Vec<Vec<Point3<f64>>>>,
+    pub(super) found: OnceLock<Vec<Vec<Point3<f64>>>>,
     /// How far convex parts may stand out, m.
-    tolerance: f64,
+    pub(super) tolerance: f64,
 }
 
 impl std::fmt::Debug for Mesh {
@@ -265,18 +269,6 @@ impl Mesh {
     /// Vertices and triangles as the decomposition takes them.
     pub(super) fn surface(&self) -> (&[Vector], &[[u32; 3]]) {
         (self.surface.vertices(), self.surface.indices())
-    }
-
-    /// Convex point sets that together fill the mesh: as given by its builder, itself if convex, or an approximate
-    /// decomposition, worked out at the first call: seconds for a large mesh.
-    pub fn convex_parts(&self) -> &[Vec<Point3<f64>>] {
-        let find = || {
-            if self.is_convex() {
-                return vec![self.vertices.clone()];
-            }
-            decompose(self, self.tolerance).0
-        };
-        self.given.as_deref().unwrap_or_else(|| self.found.get_or_init(find))
     }
 }
 

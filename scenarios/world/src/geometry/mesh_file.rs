@@ -15,12 +15,9 @@ use ply_rs_bw::parser::Parser;
 use ply_rs_bw::ply::{DefaultElement, Property};
 
 use super::collada;
-use super::mesh::{GeometryError, Mesh};
+use super::mesh::{GeometryError, Mesh, Triangles};
 use super::obj::parse_triangles;
 use super::repair::Repair;
-
-/// Vertices (in the file's unit) and triangles.
-pub type Triangles = (Vec<Point3<f64>>, Vec<[u32; 3]>);
 
 impl Mesh {
     /// Reads a mesh file of any of these kinds, in metres, and mends what is broken of it; with what was done.

@@ -5,8 +5,7 @@ use std::path::Path;
 use nalgebra::Point3;
 use platform::data::DataError;
 
-use super::mesh::{GeometryError, Mesh};
-use super::mesh_file::Triangles;
+use super::mesh::{GeometryError, Mesh, Triangles};
 
 impl Mesh {
     /// Of an OBJ file's text, in metres. Faces with more than three corners are split into fans; `path` is used in errors.

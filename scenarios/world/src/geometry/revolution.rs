@@ -5,8 +5,7 @@ use std::f64::consts::TAU;
 use nalgebra::Point3;
 use parry3d_f64::transformation::try_convex_hull;
 
-use super::mesh::{GeometryError, Mesh, from_parry, to_parry};
-use super::mesh_file::Triangles;
+use super::mesh::{GeometryError, Mesh, Triangles, from_parry, to_parry};
 
 /// How far a convex part may stand out of the surface it replaces, m.
 const PART_TOLERANCE: f64 = 2.5e-4;

@@ -4,8 +4,9 @@ use nalgebra::Point3;
 use parry3d_f64::query::PointQuery;
 use parry3d_f64::shape::TriMesh;
 
+use super::orientation;
+use super::report::{MOST_FILLED, Repair};
 use super::soup::Soup;
-use super::{MOST_FILLED, Repair, orientation};
 use crate::geometry::mesh::{Mesh, to_parry};
 use crate::geometry::tessellation::sample;
 

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use nalgebra::{Point3, Vector3};
 
-use super::Repair;
+use super::report::Repair;
 use super::soup::{Side, Soup, Union};
 use crate::geometry::mesh::Mesh;
 use crate::geometry::winding::Winding;

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use nalgebra::{Point3, Vector3};
 
-use super::Repair;
+use super::report::Repair;
 use super::soup::{Soup, Union};
 
 /// Vertices of open edges that are this share of the mesh's extent apart are the same.

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, HashMap};
 
 use nalgebra::{Point3, Vector3};
 
-use super::Repair;
+use super::report::Repair;
 
 /// Twice the area below which a triangle has none, m2; as in [`crate::geometry::Mesh::new`].
 pub const LEAST_DOUBLE_AREA: f64 = 1e-16;

@@ -3,7 +3,7 @@ use std::f64::consts::{PI, TAU};
 use nalgebra::Vector3;
 
 use super::*;
-use crate::geometry::mesh_file::Triangles;
+use crate::geometry::mesh::Triangles;
 
 /// A tumbler, m: outer radius 44 mm, walls and floor 3 mm, 60 mm high.
 fn cup() -> Triangles {
