@@ -17,16 +17,18 @@ use crate::transmission::friction::CableFriction;
 use crate::transmission::{Crossing, SPANS};
 use crate::{Digit, HandVector};
 
-/// Size of a skin element's side, m.
+/// Size of a skin element's side, m; that of a digit of which only the closure is asked for.
 const ELEMENT: f64 = 0.002;
+const COARSE_ELEMENT: f64 = 0.005;
 /// Load steps from zero to full tension.
 const LOAD_STEPS: usize = 24;
 /// Newton iterations of a load step at most.
 const ITERATIONS: usize = 200;
 /// Torque balance at which a joint is at rest, N m.
 const TOLERANCE: f64 = 1e-7;
-/// Torques farther from balance than this are no equilibrium, N m.
+/// Torques farther from balance than this are no equilibrium, N m; where only a digit's closure is asked for, a hundredth of what bends it.
 const FAILURE: f64 = 1e-4;
+const COARSE_FAILURE: f64 = 2e-3;
 /// Rounds in which the spans' tensions are found anew at most, and the change of an angle at which they stand, rad.
 const ROUNDS: usize = 30;
 const STANDS: f64 = 1e-6;
@@ -69,9 +71,7 @@ pub struct Equilibrium {
 
 /// No posture at rest was found.
 #[derive(Debug, thiserror::Error, PartialEq)]
-#[error(
-    "{digit}: no equilibrium at tension {tension} N: torque off balance by {found} N m, expected below {FAILURE} N m"
-)]
+#[error("{digit}: no equilibrium at tension {tension} N: torque off balance by {found} N m, expected below {most} N m")]
 pub struct NoEquilibrium {
     /// The digit that does not come to rest.
     pub digit: &'static str,
@@ -79,6 +79,8 @@ pub struct NoEquilibrium {
     pub tension: f64,
     /// What remains, N m.
     pub found: f64,
+    /// What may remain, N m.
+    pub most: f64,
 }
 
 /// Equilibrium without contact at cable `tensions` (N), the opposition joint at `opposition` (rad).
@@ -118,34 +120,35 @@ pub fn against(
     }
     let mut pushes = Vec::new();
     for &digit in hand.digits() {
-        let skin = skin_of(hand, digit);
-        let problem = Problem { hand, digit, skin, foundation, obstacle: &obstacle };
-        let full = tensions[digit.index()];
-        for step in 1..=LOAD_STEPS {
-            let tension = full * step as f64 / LOAD_STEPS as f64;
-            for _ in 0..ROUNDS {
-                let before = angles;
-                let path = &hand.transmission.cables[digit.index()];
-                let friction = hand.guides(digit.index(), &slid.friction);
-                let spans = path.span_tensions(&angles, tension, &friction, &[slid.state; SPANS]);
-                let rest = problem.relax(&mut angles, &spans);
-                if rest > FAILURE {
-                    return Err(NoEquilibrium { digit: digit.name(), tension, found: rest });
-                }
-                let changed = angles.iter().zip(&before).fold(0.0, |most: f64, (a, b)| most.max((a - b).abs()));
-                if slid.friction.coefficient == 0.0 || changed < STANDS {
-                    break;
-                }
-            }
-        }
+        let skin = skin_of(hand, digit, ELEMENT);
+        let problem = Problem { hand, digit, skin, foundation, obstacle: &|_, point: &Point3<f64>| obstacle(point) };
+        problem.close(&mut angles, tensions[digit.index()], slid, FAILURE)?;
         pushes.extend(problem.pushes(&angles));
     }
     Ok(Equilibrium { angles, pushes })
 }
 
-/// The skin of each link of a digit.
-fn skin_of(hand: &Hand, digit: Digit) -> Vec<Vec<SkinElement>> {
-    hand.links(digit).iter().map(|link| hand.covers[*link].skin(ELEMENT)).collect()
+/// Joint angles (rad) of a hand whose joints are at `q` (rad) after one `digit` has closed from open at its `tension` (N) against an
+/// obstacle, which may be another one for each link: signed distance and outward direction as in [`against`].
+pub fn closed(
+    hand: &Hand,
+    (digit, tension): (Digit, f64),
+    q: &[f64],
+    foundation: f64,
+    obstacle: impl Fn(usize, &Point3<f64>) -> (f64, Vector3<f64>),
+) -> Result<HandVector, NoEquilibrium> {
+    let (mut angles, open): (HandVector, _) = (q.iter().copied().collect(), hand.open());
+    for Crossing { joint, .. } in &hand.transmission.cables[digit.index()].joints {
+        angles[*joint] = open[*joint];
+    }
+    let problem = Problem { hand, digit, skin: skin_of(hand, digit, COARSE_ELEMENT), foundation, obstacle: &obstacle };
+    problem.close(&mut angles, tension, &Slid::NOTHING, COARSE_FAILURE)?;
+    Ok(angles)
+}
+
+/// The skin of each link of a digit, in elements with sides of this length, m.
+fn skin_of(hand: &Hand, digit: Digit, element: f64) -> Vec<Vec<SkinElement>> {
+    hand.links(digit).iter().map(|link| hand.covers[*link].skin(element)).collect()
 }
 
 struct Problem<'a, F> {
@@ -157,7 +160,31 @@ struct Problem<'a, F> {
     obstacle: &'a F,
 }
 
-impl<F: Fn(&Point3<f64>) -> (f64, Vector3<f64>)> Problem<'_, F> {
+impl<F: Fn(usize, &Point3<f64>) -> (f64, Vector3<f64>)> Problem<'_, F> {
+    /// Raises the digit's tension from zero to `full` (N), with the joints at `angles`, which it moves, and leaves torques off balance
+    /// by no more than `most` (N m).
+    fn close(&self, angles: &mut HandVector, full: f64, slid: &Slid, most: f64) -> Result<(), NoEquilibrium> {
+        let (hand, digit) = (self.hand, self.digit);
+        for step in 1..=LOAD_STEPS {
+            let tension = full * step as f64 / LOAD_STEPS as f64;
+            for _ in 0..ROUNDS {
+                let before = *angles;
+                let path = &hand.transmission.cables[digit.index()];
+                let friction = hand.guides(digit.index(), &slid.friction);
+                let spans = path.span_tensions(angles, tension, &friction, &[slid.state; SPANS]);
+                let rest = self.relax(angles, &spans);
+                if rest > most {
+                    return Err(NoEquilibrium { digit: digit.name(), tension, found: rest, most });
+                }
+                let changed = angles.iter().zip(&before).fold(0.0, |most: f64, (a, b)| most.max((a - b).abs()));
+                if slid.friction.coefficient == 0.0 || changed < STANDS {
+                    break;
+                }
+            }
+        }
+        Ok(())
+    }
+
     fn joints(&self) -> Vec<usize> {
         self.hand.transmission.cables[self.digit.index()].joints.iter().map(|crossing| crossing.joint).collect()
     }
@@ -198,12 +225,12 @@ impl<F: Fn(&Point3<f64>) -> (f64, Vector3<f64>)> Problem<'_, F> {
         let poses = self.hand.tree.forward(angles);
         for (&link, skin) in self.hand.links(self.digit).iter().zip(&self.skin) {
             let center = poses[link] * self.hand.covers[link].link_from_cover * Point3::origin();
-            if (self.obstacle)(&center).0 > self.hand.covers[link].half.norm() {
+            if (self.obstacle)(link, &center).0 > self.hand.covers[link].half.norm() {
                 continue;
             }
             for element in skin {
                 let at = poses[link] * element.point;
-                let (distance, outward) = (self.obstacle)(&at);
+                let (distance, outward) = (self.obstacle)(link, &at);
                 if distance < 0.0 {
                     found(link, at, outward, -distance, self.foundation * element.area, &poses);
                 }
@@ -324,8 +351,8 @@ mod tests {
         fn gradient_is_finite_difference(q in proptest::collection::vec(0.1f64..1.4, 3), tension in 0.0f64..30.0) {
             let hand = Hand::ftac();
             let digit = Digit::Middle;
-            let wall = |p: &Point3<f64>| (p.z + 0.01, Vector3::z());
-            let skin = skin_of(&hand, digit);
+            let wall = |_: usize, p: &Point3<f64>| (p.z + 0.01, Vector3::z());
+            let skin = skin_of(&hand, digit, ELEMENT);
             let problem = Problem { hand: &hand, digit, skin, foundation: 1e8, obstacle: &wall };
             let mut angles = hand.open();
             angles[6..9].copy_from_slice(&q);

@@ -3,8 +3,8 @@
 use bench::builtin::make_bench;
 use bench::trial::Bench;
 use control::look::Look;
-use control::perception::{Grip, KnownObject, trusted};
-use hand_model::robot::{Command, Observation};
+use control::perception::{Grip, KnownObject, Signs, trusted};
+use hand_model::robot::{Command, Observation, ServoState};
 use hand_model::{DigitVector, RobotModel};
 use scenarios::Scenario;
 use scenarios::effects::Effects;
@@ -47,6 +47,13 @@ fn closed_on_nothing(
     (touches, seen, robot)
 }
 
+/// What pads and cables tell of the hold.
+fn told(bench: &Bench, touches: &[PadTouch], servos: &[ServoState], held: [Option<&[f64]>; 2]) -> Grip {
+    let hand = &bench.world.cell.robot.hand;
+    let (q, sigma) = (&hand.open()[..], bench.pipeline.pose.sigma_excursion);
+    Grip::of(hand, &Signs { touches, servos, q, held, on_first: &[], sigma })
+}
+
 /// The thumb lies on the index finger and nothing is in the hand, though the plan has objects there: pads are pressed and the
 /// grip is empty.
 #[test]
@@ -71,7 +78,8 @@ fn a_thumb_on_the_index_finger_is_no_object() {
         bench.pipeline.mark_own(&mut touches, Readings::weightless(&seen.servos), &in_hand).expect("marked");
         let all = || touches.iter().flat_map(|touch| &touch.patches);
         (own, patches) = (own + all().filter(|patch| patch.own).count(), patches + all().count());
-        let grip = Grip::of(&bench.world.cell.robot.hand, &touches, &seen.servos, second.held_joints.as_deref(), &[]);
+        let joints = [first, second].map(|grasp| grasp.held_joints.as_deref());
+        let grip = told(&bench, &touches, &seen.servos, joints);
         assert!(!grip.first, "{tensions:?}, {opposition}: the hand's own contact is taken for the first object");
     }
     assert!(loaded >= 2 && patches >= 4, "something is to be told: {loaded} postures, {patches} patches");
@@ -107,7 +115,7 @@ fn a_held_object_is_felt_as_before() {
         }
         patches += touches.iter().map(|touch| touch.patches.len()).sum::<usize>();
         marked += touches.iter().flat_map(|touch| &touch.patches).filter(|patch| patch.own).count();
-        assert!(Grip::of(hand, &touches, &servos, None, &[]).first, "combination {combination}");
+        assert!(told(&bench, &touches, &servos, [None, None]).first, "combination {combination}");
     }
     assert!(held >= 4 && patches > 2 * held, "{held} {patches}");
     assert!(20 * marked <= patches, "{marked} of {patches} patches are taken for the hand's own");

@@ -4,7 +4,7 @@
 //!   within the arm's, [`motion`] follows one path after another with cables and cameras. [`executor`] carries out a queue of skills
 //!   on it, for any number of objects; [`action`] carries out what a policy asks for step by step, with [`pad_images`] of one size; [`outage`] says how long it holds for a robot that fails. [`guarded`] stops where a pad feels something,
 //!   [`slip`] answers slip while carrying; `watch` takes the images of a recording, by which nothing is decided.
-//! - **Perception.** A [`look`] is all that perception takes. [`perception`] says what is in the hand and where, [`sensing`] what an
+//! - **Perception.** A [`look`] is all that perception takes. [`perception`] says what is in the hand and where, [`closure`] what a cable tells of that, [`sensing`] what an
 //!   ablation leaves of the senses. [`percept`] is how objects on the table are reported, [`palpation`] how one is touched to find out
 //!   where it is. [`registration`] finds where the arm stands from known points that were touched.
 //! - **Decision.** [`collision`] and [`arm_clearance`] measure distances along a planned motion, [`odds`] says what rehearsals under
@@ -16,6 +16,7 @@
 
 pub mod action;
 pub mod arm_clearance;
+pub mod closure;
 pub mod collision;
 pub mod executor;
 pub mod foresight;

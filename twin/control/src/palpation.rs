@@ -6,7 +6,7 @@
 
 use grasping::Role;
 use grasping::grasp::palm_rotation;
-use hand_model::Hand;
+use hand_model::{Digit, Hand};
 use nalgebra::{Isometry3, Matrix3, Point3, Translation3, Vector3};
 use touch::{InHand, KnownShape, PoseEstimate, PosePrior, TouchError};
 use world::geometry::Shape;
@@ -18,8 +18,8 @@ use crate::perception::KnownObject;
 use crate::sensing::{Senses, is_on};
 use crate::trajectory::{PathError, PathLimits, PosePath};
 
-/// Pads that touch: those in the outer half of the stretched fingers.
-const PADS: [&str; 4] = ["index_middle", "index_distal", "middle_middle", "middle_distal"];
+/// Cosine of the largest angle between a pad that touches and the palm's face, the fingers stretched.
+const FACING: f64 = 0.5;
 /// Cables' tensions while they touch, N: a slack cable tells nothing of its digit's posture.
 pub const TENSION: [f64; 5] = [0.0, 1.0, 1.0, 0.0, 0.0];
 /// Angle of each joint of the touching fingers under that tension, rad.
@@ -54,7 +54,7 @@ pub struct Touching {
 /// The guarded motions with which the hand can touch an object of this `shape` that is seen at `percept`, the usual one
 /// first: from above, turned about the vertical by `heading` (rad).
 pub fn touches(hand: &Hand, heading: f64, (shape, percept): (&Shape, &Percept)) -> Vec<PosePath> {
-    let (middle, facing) = plate(hand);
+    let (middle, facing) = middle_of_pads(hand);
     let pose = percept.pose();
     let onto = |(pitch, beside): &(f64, f64)| {
         let rotation = palm_rotation(heading, *pitch, 0.0);
@@ -77,17 +77,39 @@ pub fn way(limits: &PathLimits, here: &Isometry3<f64>, there: &Isometry3<f64>) -
     PosePath::new(stops)
 }
 
-/// Whether a pad is one of those that touch.
-pub fn is_touching(hand: &Hand, pad: usize) -> bool {
-    PADS.contains(&hand.pads[pad].name.as_str())
+/// Pads that touch, and their places in the palm frame with the fingers stretched: those of the fingers that are free while a first object
+/// is held, beyond each finger's first link and on the palm's side of it.
+fn touching(hand: &Hand) -> impl Iterator<Item = (usize, Isometry3<f64>)> {
+    let links = hand.tree.forward(&hand.each_joint(|_| CURL));
+    let fingers = Role::Second.digits(hand.digits().len()).iter().filter(|digit| **digit != Digit::Thumb);
+    let outer: Vec<usize> = fingers.flat_map(|digit| &hand.links(*digit)[1..]).copied().collect();
+    let places = hand.pads.iter().enumerate().filter_map(move |(n, pad)| {
+        let link = pad.link.filter(|link| outer.contains(link))?;
+        Some((n, links[link] * pad.link_from_pad))
+    });
+    places.filter(|(_, place)| -(place * Vector3::z()).z > FACING)
+}
+
+/// The pads that touch, where they make one surface: nothing as wide as a pad comes between those of neighbouring fingers. None in a
+/// hand with fingers farther apart, between which a ball is felt by neither, and in one without such pads.
+pub fn plate(hand: &Hand) -> Vec<usize> {
+    let pads: Vec<_> = touching(hand).collect();
+    let apart = |(one, at): &(usize, Isometry3<f64>), (other, there): &(usize, Isometry3<f64>)| {
+        let width = 0.5 * (hand.pads[*one].w + hand.pads[*other].w);
+        (at.translation.x - there.translation.x).abs() - width > width
+    };
+    let gap = pads.iter().any(|one| pads.iter().all(|other| on_one_digit(hand, one.0, other.0) || apart(one, other)));
+    let fingers = pads.iter().any(|(pad, _)| !on_one_digit(hand, pads[0].0, *pad));
+    if fingers && gap { Vec::new() } else { pads.into_iter().map(|(pad, _)| pad).collect() }
+}
+
+fn on_one_digit(hand: &Hand, one: usize, other: usize) -> bool {
+    hand.digit_of(hand.pads[one].link) == hand.digit_of(hand.pads[other].link)
 }
 
 /// The middle of the pads that touch and the way that they face, both in the palm frame, with the fingers stretched.
-fn plate(hand: &Hand) -> (Point3<f64>, Vector3<f64>) {
-    let links = hand.tree.forward(&hand.each_joint(|_| CURL));
-    let places = hand.pads.iter().filter(|pad| PADS.contains(&pad.name.as_str()));
-    let places: Vec<_> =
-        places.map(|pad| pad.link.map_or(Isometry3::identity(), |link| links[link]) * pad.link_from_pad).collect();
+fn middle_of_pads(hand: &Hand) -> (Point3<f64>, Vector3<f64>) {
+    let places: Vec<_> = touching(hand).map(|(_, place)| place).collect();
     let middle = places.iter().map(|place| place.translation.vector).sum::<Vector3<f64>>() / places.len() as f64;
     let facing = places.iter().map(|place| place * Vector3::z()).sum::<Vector3<f64>>();
     (middle.into(), facing.normalize())
@@ -130,7 +152,25 @@ pub fn standing(off: Vector3<f64>, covariance: &Matrix3<f64>, sigmas: (f64, f64)
 
 #[cfg(test)]
 mod tests {
+    use hand_model::RobotModel;
+
     use super::*;
+
+    /// The outer pads of index and middle finger touch, of which a robot with pads on backs and sides has no more; the Allegro Hand's
+    /// fingertips are 56 mm apart, and nothing as wide as a pad may come between.
+    #[test]
+    fn pads_that_touch_make_one_surface() {
+        let robot = |file: &str| {
+            let path = std::path::Path::new("../../hand-model/data/robots").join(file);
+            RobotModel::read(&path).expect(file).hand
+        };
+        let names = |hand: &Hand| plate(hand).iter().map(|pad| hand.pads[*pad].name.clone()).collect::<Vec<_>>();
+        let outer = ["index_middle", "index_distal", "middle_middle", "middle_distal"];
+        assert_eq!(names(&Hand::ftac()), outer);
+        assert_eq!(names(&robot("ftac_more_pads.toml")), outer);
+        assert_eq!(names(&robot("ftac_right.toml")), outer);
+        assert!(plate(&robot("allegro_gen3.toml")).is_empty());
+    }
 
     /// Where the guarded motion has come as far as the object is seen, the pads' middle is on its surface and faces it.
     #[test]
@@ -140,7 +180,7 @@ mod tests {
         let percept = Percept::of_ball(&Isometry3::translation(0.6, -0.1, 0.03));
         let ways = touches(&hand, 0.3, (&shape, &percept));
         assert_eq!(ways.len(), WAYS.len());
-        let (middle, facing) = plate(&hand);
+        let (middle, facing) = middle_of_pads(&hand);
         for (onto, (_, beside)) in ways.iter().zip(WAYS) {
             let (before, beyond) = (onto.start(), onto.end());
             let share = AROUND.0 / (AROUND.0 + AROUND.1);

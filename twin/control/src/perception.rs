@@ -7,11 +7,12 @@ use hand_model::robot::ServoState;
 use hand_model::{Digit, Hand};
 use nalgebra::{Isometry3, Point3, Vector3};
 use touch::pose::loaded_posture;
-use touch::posture::{cable_excursion, cable_tension};
-use touch::{CameraFault, InHand, KnownShape, PadTouch, Perceived, PoseEstimate, PosePrior, TouchError};
+use touch::posture::{self, cable_excursion, cable_tension};
+use touch::{CameraFault, InHand, KnownShape, PadTouch, Perceived, PoseEstimate, PosePrior, TouchError, TouchPipeline};
 use world::geometry::{DistanceGrid, Shape};
 use world::objects::ObjectModel;
 
+use crate::closure::{has_pads_throughout, stops_early};
 use crate::look::Look;
 use crate::percept::Percept;
 use crate::sensing::{Senses, is_on};
@@ -80,6 +81,22 @@ pub struct Grip {
     pub second: bool,
 }
 
+/// What tells which objects are in the hand.
+#[derive(Clone, Copy)]
+pub struct Signs<'a> {
+    /// One entry a pad.
+    pub touches: &'a [PadTouch],
+    pub servos: &'a [ServoState],
+    /// Joint angles, rad.
+    pub q: &'a [f64],
+    /// Joint angles where the grasps of the two objects hold, rad, if that is known.
+    pub held: [Option<&'a [f64]>; 2],
+    /// Pads that rest on the first object.
+    pub on_first: &'a [usize],
+    /// Standard deviation of a cable's excursion, m.
+    pub sigma: f64,
+}
+
 /// A finger whose cable is taken up by less than this share of a full closing has something in its way.
 const BLOCKED_CLOSURE: f64 = 0.86;
 /// Tension from which a cable counts as pulled, N.
@@ -93,21 +110,15 @@ const LATE: f64 = 0.25;
 const ON_IT: f64 = 0.004;
 
 impl Grip {
-    /// An object counts as held when at least two of the parts that hold it feel something: ring, little and palm for the
-    /// first, thumb, index and middle finger for the second. Digits often hold with their sides, where no pad is; an object is
-    /// therefore also taken to be held when a cable says that a finger did not close.
+    /// An object counts as held when at least two of the parts that hold it feel something, or the only one that has pads: ring, little
+    /// and palm for the first, thumb, index and middle finger for the second. Digits often hold with their sides, where no pad is; an
+    /// object is therefore also taken to be held when a cable says that a finger did not close.
     ///
-    /// `held` is where the joints are (rad) when the second grasp holds, if that is known. A finger that has no part in it, or is
-    /// stopped much later, has met the thumb and not the object.
-    /// So has one that feels another part of the hand, or of which one of the pads `on_first` rests on the first object: what those
-    /// feel is not the second.
-    pub fn of(
-        hand: &Hand,
-        touches: &[PadTouch],
-        servos: &[ServoState],
-        held: Option<&[f64]>,
-        on_first: &[usize],
-    ) -> Self {
+    /// A finger that has no part in the second grasp where that holds, or is stopped much later, has met the thumb and not the object.
+    /// So has one that feels another part of the hand, or of which a pad rests on the first object: what those feel is not the second.
+    /// A finger with links that bear no pad is compared with its grasp's hold and with a closing on nothing ([`stops_early`]).
+    pub fn of(hand: &Hand, signs: &Signs) -> Self {
+        let Signs { touches, servos, q, held, on_first, sigma } = *signs;
         let of = |digit: Option<Digit>| {
             touches.iter().filter(move |touch| hand.digit_of(hand.pads[touch.pad].link) == digit)
         };
@@ -116,13 +127,24 @@ impl Grip {
             |digit: Digit| of(Some(digit)).any(|touch| touch.touched() && !on_first.contains(&touch.pad));
         let rests = |digit: Digit| on_first.iter().any(|pad| hand.digit_of(hand.pads[*pad].link) == Some(digit));
         let expected = |digit: Digit| {
-            held.map(|joints| hand.transmission.cables[digit.index()].excursion(joints) / full_excursion(hand, digit))
+            held[1]
+                .map(|joints| hand.transmission.cables[digit.index()].excursion(joints) / full_excursion(hand, digit))
         };
         let feels_itself = |digit: Digit| of(Some(digit)).any(|touch| touch.patches.iter().any(|patch| patch.own));
+        let bare = |digit: Digit| !has_pads_throughout(hand, digit);
         let blocked = |digit: Digit| blocked(hand, servos, digit) && !feels_itself(digit) && !rests(digit);
-        let takes_part =
-            |digit: Digit| digit == Digit::Thumb || expected(digit).is_none_or(|share| share < IDLE_CLOSURE);
+        let early = |object: usize, digit: Digit| {
+            let servo = &servos[digit.index()];
+            let pulled = cable_tension(hand, digit.index(), servo) > PULLED;
+            pulled && !feels_itself(digit) && !rests(digit) && stops_early(hand, (digit, servo), q, held[object], sigma)
+        };
+        let takes_part = |digit: Digit| {
+            digit == Digit::Thumb || bare(digit) || expected(digit).is_none_or(|share| share < IDLE_CLOSURE)
+        };
         let stopped = |digit: Digit| {
+            if bare(digit) {
+                return early(1, digit);
+            }
             blocked(digit)
                 && takes_part(digit)
                 && expected(digit).is_none_or(|share| closure(hand, servos, digit) < share + LATE)
@@ -131,15 +153,18 @@ impl Grip {
         let thumb = cable_tension(hand, Digit::Thumb.index(), &servos[Digit::Thumb.index()]) > PULLED;
         let first = Role::First.digits(hand.digits().len());
         let blind = |digit: Digit| of(Some(digit)).any(|touch| touch.blind);
-        let holds = |digit: &&Digit| feels(Some(**digit)) || blind(**digit) && blocked(**digit);
+        let holds = |digit: &&Digit| feels(Some(**digit)) || blind(**digit) && !bare(**digit) && blocked(**digit);
         let holding = first.iter().filter(holds).count();
+        let keeps = |digit: Digit| if bare(digit) { early(0, digit) } else { !thumb && blocked(digit) };
+        let has_pads = |digit: Option<Digit>| hand.pads.iter().any(|pad| hand.digit_of(pad.link) == digit);
+        let feeling = first.iter().filter(|digit| has_pads(Some(**digit))).count() + usize::from(has_pads(None));
         let taking = Role::Second
             .digits(hand.digits().len())
             .iter()
             .filter(|digit| takes_part(**digit) && feels_second(**digit))
             .count();
         Self {
-            first: holding + usize::from(feels(None)) >= 2 || !thumb && first.iter().any(|digit| blocked(*digit)),
+            first: holding + usize::from(feels(None)) >= feeling.clamp(1, 2) || first.iter().any(|digit| keeps(*digit)),
             second: taking >= 2 || stopped(Digit::Index) || stopped(Digit::Middle),
         }
     }
@@ -166,18 +191,16 @@ fn full_excursion(hand: &Hand, digit: Digit) -> f64 {
 pub struct Expected<'a> {
     /// Where the plan has the first object in the hand: `palm_from_object`.
     pub palm_from_object: Isometry3<f64>,
-    /// Joint angles of the second grasp where it holds, rad.
-    pub second_joints: Option<&'a [f64]>,
+    /// Joint angles of both grasps where they hold, rad.
+    pub joints: [Option<&'a [f64]>; 2],
 }
 
 impl<'a> Expected<'a> {
     /// What `first` and `second`, if there is one, expect of a trial; `percept` is where the first object was seen.
-    pub fn of(first: &Grasp, percept: &Percept, second: Option<&'a Grasp>) -> Self {
+    pub fn of(first: &'a Grasp, percept: &Percept, second: Option<&'a Grasp>) -> Self {
         let seen = || first.palm_pose(&percept.position, percept.yaw).inverse() * percept.pose();
-        Self {
-            palm_from_object: first.held.unwrap_or_else(seen),
-            second_joints: second.and_then(|second| second.held_joints.as_deref()),
-        }
+        let joints = [Some(first), second].map(|grasp| grasp.and_then(|grasp| grasp.held_joints.as_deref()));
+        Self { palm_from_object: first.held.unwrap_or_else(seen), joints }
     }
 }
 
@@ -188,7 +211,9 @@ pub fn feel(senses: &Senses, look: &Look, object: &KnownObject, expected: &Expec
     let prior = trusted(expected.palm_from_object);
     pipeline.mark_own(&mut touches, look.readings, &[InHand { shape: object, prior }])?;
     let estimate = pipeline.estimate_pose(&touches, look.readings, &prior, object)?;
-    let grip = Grip::of(pipeline.hand(), &touches, look.readings.servos, expected.second_joints, &[]);
+    let (servos, q, sigma) = (look.readings.servos, &estimate.q[..], excursion_sigma(pipeline));
+    let signs = Signs { touches: &touches, servos, q, held: expected.joints, on_first: &[], sigma };
+    let grip = Grip::of(pipeline.hand(), &signs);
     Ok(Felt { touches, faults, estimate, prior: prior.palm_from_object, grip })
 }
 
@@ -204,7 +229,14 @@ pub fn grip(senses: &Senses, look: &Look, expected: &Expected, objects: &[InHand
     let (pipeline, hand) = (senses.pipeline(), senses.pipeline().hand());
     let q = loaded_posture(hand, &touches, look.readings, &pipeline.pose)?;
     let on_first = objects.first().map_or(Vec::new(), |first| pads_on(hand, &q, first));
-    Ok(Grip::of(hand, &touches, look.readings.servos, expected.second_joints, &on_first))
+    let (servos, held, sigma) = (look.readings.servos, expected.joints, excursion_sigma(pipeline));
+    let signs = Signs { touches: &touches, servos, q: &q, held, on_first: &on_first, sigma };
+    Ok(Grip::of(hand, &signs))
+}
+
+/// Standard deviation of a measured excursion, m.
+fn excursion_sigma(pipeline: &TouchPipeline) -> f64 {
+    posture::excursion_sigma(pipeline.hand(), pipeline.pose.sigma_excursion, &pipeline.pose.cables)
 }
 
 /// Pads of free digits that are on the first object, or all but, with the joints at `q` (rad).
@@ -238,11 +270,17 @@ pub(crate) mod tests {
         pulled(hand, share, 10.0)
     }
 
+    /// What servos alone tell, with the second grasp's hold.
+    fn told(hand: &Hand, servos: &[ServoState], second: Option<&[f64]>) -> Grip {
+        let q = hand.open();
+        Grip::of(hand, &Signs { touches: &[], servos, q: &q, held: [None, second], on_first: &[], sigma: 1.5e-4 })
+    }
+
     /// A digit without power stays open; that is no object.
     #[test]
     fn a_slack_finger_holds_nothing() {
         let hand = Hand::ftac();
-        let slack = Grip::of(&hand, &[], &pulled(&hand, [0.0; 5], 0.0), None, &[]);
+        let slack = told(&hand, &pulled(&hand, [0.0; 5], 0.0), None);
         assert_eq!(slack, Grip { first: false, second: false });
     }
 
@@ -250,9 +288,9 @@ pub(crate) mod tests {
     #[test]
     fn a_blocked_finger_holds_something() {
         let hand = Hand::ftac();
-        let closed = Grip::of(&hand, &[], &servos(&hand, [1.0; 5]), None, &[]);
+        let closed = told(&hand, &servos(&hand, [1.0; 5]), None);
         assert_eq!(closed, Grip { first: false, second: false });
-        let blocked = Grip::of(&hand, &[], &servos(&hand, [1.0, 0.5, 1.0, 1.0, 1.0]), None, &[]);
+        let blocked = told(&hand, &servos(&hand, [1.0, 0.5, 1.0, 1.0, 1.0]), None);
         assert_eq!(blocked, Grip { first: false, second: true });
     }
 
@@ -271,7 +309,7 @@ pub(crate) mod tests {
             joints
         };
         let stopped = servos(&hand, [0.7, 1.0, 0.7, 1.0, 1.0]);
-        let second = |middle: f64| Grip::of(&hand, &[], &stopped, Some(&held(middle)), &[]).second;
+        let second = |middle: f64| told(&hand, &stopped, Some(&held(middle)[..])).second;
         assert!(second(1.0));
         assert!(!second(0.4) && !second(1.55));
     }

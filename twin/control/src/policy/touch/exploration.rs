@@ -19,12 +19,12 @@ use crate::strategy::{Held, clearest};
 /// Standard deviation of how an object is turned, rad.
 const TURNED: f64 = 0.08;
 
-/// Whether an object is touched before it is grasped: there is a pad for it, and it leaves less doubt about where the object is than `sigma`
+/// Whether an object is touched before it is grasped: there are pads for it that make one surface, and it leaves less doubt about where the object is than `sigma`
 /// (m, each axis), which the controller expects without.
 pub(super) fn explores(knowledge: &Knowledge, senses: &Senses, sigma: f64) -> bool {
     let hand = &knowledge.cell.robot.hand;
-    let touches = |pad: usize| palpation::is_touching(hand, pad) && senses.uses(hand, pad);
-    knowledge.explores && sigma > palpation::LEFT_OVER && (0..hand.pads.len()).any(touches)
+    let touches = |pad: &usize| senses.uses(hand, *pad);
+    knowledge.explores && sigma > palpation::LEFT_OVER && palpation::plate(hand).iter().any(touches)
 }
 
 impl Touch<'_> {
