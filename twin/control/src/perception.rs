@@ -100,7 +100,7 @@ impl Grip {
     /// `held` is where the joints are (rad) when the second grasp holds, if that is known. A finger that has no part in it, or is
     /// stopped much later, has met the thumb and not the object.
     /// So has one that feels another part of the hand, or of which one of the pads `on_first` rests on the first object: what those
-    /// feel is not the second.
+    /// feel is not the second. Jaws have nothing else to meet: one that did not close holds the first object.
     pub fn of(
         hand: &Hand,
         touches: &[PadTouch],
@@ -133,14 +133,12 @@ impl Grip {
         let blind = |digit: Digit| of(Some(digit)).any(|touch| touch.blind);
         let holds = |digit: &&Digit| feels(Some(**digit)) || blind(**digit) && blocked(**digit);
         let holding = first.iter().filter(holds).count();
-        let taking = Role::Second
-            .digits(hand.digits().len())
-            .iter()
-            .filter(|digit| takes_part(**digit) && feels_second(**digit))
-            .count();
+        let second = Role::Second.digits(hand.digits().len());
+        let taking = second.iter().filter(|digit| takes_part(**digit) && feels_second(**digit)).count();
+        let alone = !thumb || first.contains(&Digit::Thumb);
         Self {
-            first: holding + usize::from(feels(None)) >= 2 || !thumb && first.iter().any(|digit| blocked(*digit)),
-            second: taking >= 2 || stopped(Digit::Index) || stopped(Digit::Middle),
+            first: holding + usize::from(feels(None)) >= 2 || alone && first.iter().any(|digit| blocked(*digit)),
+            second: taking >= 2 || second.iter().any(|digit| *digit != Digit::Thumb && stopped(*digit)),
         }
     }
 }

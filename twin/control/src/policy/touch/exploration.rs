@@ -24,7 +24,8 @@ const TURNED: f64 = 0.08;
 pub(super) fn explores(knowledge: &Knowledge, senses: &Senses, sigma: f64) -> bool {
     let hand = &knowledge.cell.robot.hand;
     let touches = |pad: usize| palpation::is_touching(hand, pad) && senses.uses(hand, pad);
-    knowledge.explores && sigma > palpation::LEFT_OVER && (0..hand.pads.len()).any(touches)
+    // Jaws have no digit to touch with that stays free.
+    knowledge.explores && hand.jaws().is_none() && sigma > palpation::LEFT_OVER && (0..hand.pads.len()).any(touches)
 }
 
 impl Touch<'_> {
