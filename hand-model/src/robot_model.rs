@@ -355,6 +355,15 @@ mod tests {
         }
     }
 
+    /// The pitch at the start of trials is part of what grasps depend on; the level palm goes without saying.
+    #[test]
+    fn trials_may_begin_with_the_fingers_down() {
+        let down = parse(&PLAIN.replace("[hand]", "[start]\npitch = 1.5\n[hand]")).expect("valid");
+        let level = RobotModel::ftac_gen3();
+        assert_eq!((down.start_pitch, level.start_pitch), (1.5, 0.0));
+        assert_eq!(down.mechanics(), level.mechanics() + " 1.5");
+    }
+
     /// Fingertips of a scaled hand are as far from the palm's origin as the scale says, at any posture, and its weight goes with the volume.
     #[test]
     fn a_scaled_hand_is_similar() {
@@ -430,6 +439,8 @@ mod tests {
         assert!(taken.contains("hand.configuration.a: found a configuration of the parameter file"), "{taken}");
         let version = with("version = 1", "version = 7");
         assert_eq!(version, "robot.toml: version: found 7, expected 1");
+        let steep = with("[hand]", "[start]\npitch = 2.0\n[hand]");
+        assert!(steep.contains("robot.toml: start.pitch: found 2, expected -1.5708 to 1.57"), "{steep}");
         let lost = with("\"gen3\"", "\"ur5e.toml\"");
         assert!(lost.contains("arm: found ur5e.toml"), "{lost}");
         let scale = parse(&format!("{PLAIN}scale = 5.0\n")).expect_err("scale").to_string();
