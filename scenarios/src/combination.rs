@@ -1,4 +1,4 @@
-//! Pairs of objects, drawn from a scenario.
+//! Combinations of objects, drawn from a scenario.
 
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -7,45 +7,45 @@ use serde::{Deserialize, Serialize};
 use crate::noise::split_mix;
 use crate::scenario::Scenario;
 
-/// Two objects in the order in which they are to be picked up.
+/// One object or several, in the order in which they are to be picked up.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Combination {
     /// Position in the draw, from 0.
     pub id: usize,
-    /// Name of the first object.
-    pub first: String,
-    /// Name of the second object.
-    pub second: String,
+    /// Their names.
+    pub objects: Vec<String>,
 }
 
-/// The first `n` combinations of all ordered pairs (first, second), shuffled by `seed`: fewer pairs end the draw early, and a
-/// shorter draw is the beginning of a longer one. Where the scenario has objects of a user's own, pairs with them come first, until each
+/// The first `n` combinations of all that take one name of each of the scenario's lists, shuffled by `seed`: fewer ones end the draw early, and a
+/// shorter draw is the beginning of a longer one. Where the scenario has objects of a user's own, combinations with them come first, until each
 /// is in one.
 pub fn draw_combinations(scenario: &Scenario, n: usize, seed: u64) -> impl Iterator<Item = Combination> {
-    let mut pairs: Vec<(String, String)> = scenario
-        .first
-        .iter()
-        .flat_map(|first| scenario.second.iter().map(move |second| (first.clone(), second.clone())))
-        .collect();
+    let longer = |all: Vec<Vec<String>>, (_, names): (&str, &[String])| -> Vec<Vec<String>> {
+        let with = |before: &Vec<String>| {
+            let before = before.clone();
+            names.iter().map(move |name| before.iter().chain([name]).cloned().collect())
+        };
+        all.iter().flat_map(with).collect()
+    };
+    let mut all = scenario.lists().into_iter().fold(vec![Vec::new()], longer);
     let mut rng = ChaCha8Rng::seed_from_u64(split_mix(seed));
-    for last in (1..pairs.len()).rev() {
+    for last in (1..all.len()).rev() {
         let other = ((u128::from(rng.next_u64()) * (last as u128 + 1)) >> 64) as usize;
-        pairs.swap(last, other);
+        all.swap(last, other);
     }
-    let mut pairs = own_first(scenario, pairs);
-    pairs.truncate(n);
-    pairs.into_iter().enumerate().map(|(id, (first, second))| Combination { id, first, second })
+    let mut all = own_first(scenario, all);
+    all.truncate(n);
+    all.into_iter().enumerate().map(|(id, objects)| Combination { id, objects })
 }
 
-/// The pairs in their order, but for each of the scenario's own objects in turn that is in none before, the first with it to the front.
-fn own_first(scenario: &Scenario, pairs: Vec<(String, String)>) -> Vec<(String, String)> {
-    let (mut front, mut rest) = (Vec::<(String, String)>::new(), pairs);
-    let has = |(first, second): &(String, String), name: &String| first == name || second == name;
+/// The combinations in their order, but for each of the scenario's own objects in turn that is in none before, the first with it to the front.
+fn own_first(scenario: &Scenario, all: Vec<Vec<String>>) -> Vec<Vec<String>> {
+    let (mut front, mut rest) = (Vec::<Vec<String>>::new(), all);
     for object in &scenario.object {
-        if front.iter().any(|pair| has(pair, &object.name)) {
+        if front.iter().any(|objects| objects.contains(&object.name)) {
             continue;
         }
-        if let Some(place) = rest.iter().position(|pair| has(pair, &object.name)) {
+        if let Some(place) = rest.iter().position(|objects| objects.contains(&object.name)) {
             front.push(rest.remove(place));
         }
     }
@@ -71,19 +71,15 @@ mod tests {
         let own = Scenario::parse(&text, std::path::Path::new("mine.toml")).expect("a scenario");
         for seed in 0..20 {
             let drawn: Vec<_> = draw_combinations(&own, 16, seed).collect();
-            assert_eq!([&drawn[0].second, &drawn[1].second], ["my_ball", "my_other"], "seed {seed}");
-            let distinct: HashSet<_> = drawn.iter().map(|pair| (&pair.first, &pair.second)).collect();
+            assert_eq!([&drawn[0].objects[1], &drawn[1].objects[1]], ["my_ball", "my_other"], "seed {seed}");
+            let distinct: HashSet<_> = drawn.iter().map(|pair| &pair.objects).collect();
             assert_eq!(distinct.len(), 16);
             assert_eq!(drawn[..2], draw_combinations(&own, 2, seed).collect::<Vec<_>>());
             let plain = Scenario { object: Vec::new(), ..own.clone() };
-            let without: Vec<_> = draw_combinations(&plain, 16, seed).map(|pair| (pair.first, pair.second)).collect();
-            let moved =
-                |pair: &(String, String)| drawn[..2].iter().any(|own| (&own.first, &own.second) == (&pair.0, &pair.1));
-            let rest: Vec<_> = without.into_iter().filter(|pair| !moved(pair)).collect();
-            assert_eq!(
-                drawn[2..].iter().map(|pair| (pair.first.clone(), pair.second.clone())).collect::<Vec<_>>(),
-                rest
-            );
+            let without: Vec<_> = draw_combinations(&plain, 16, seed).map(|pair| pair.objects).collect();
+            let moved = |objects: &Vec<String>| drawn[..2].iter().any(|own| own.objects == *objects);
+            let rest: Vec<_> = without.into_iter().filter(|objects| !moved(objects)).collect();
+            assert_eq!(drawn[2..].iter().map(|pair| pair.objects.clone()).collect::<Vec<_>>(), rest);
         }
     }
 
@@ -93,9 +89,29 @@ mod tests {
         let long: Vec<_> = draw_combinations(&scenario, 60, 1).collect();
         let short: Vec<_> = draw_combinations(&scenario, 10, 1).collect();
         assert_eq!(long[..10], short);
-        let distinct: HashSet<_> = long.iter().map(|pair| (&pair.first, &pair.second)).collect();
+        let distinct: HashSet<_> = long.iter().map(|pair| &pair.objects).collect();
         assert_eq!(distinct.len(), 60);
         assert_ne!(short, draw_combinations(&scenario, 10, 2).collect::<Vec<_>>());
         assert_eq!(draw_combinations(&scenario, 100_000, 1).count(), scenario.combinations());
+    }
+
+    /// A combination takes one name of each list that has any, in the lists' order.
+    #[test]
+    fn a_list_of_one_two_or_three() {
+        let benchmark = Scenario::benchmark();
+        let names = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect::<Vec<_>>();
+        let one = Scenario { first: names(&["egg", "lemon"]), second: Vec::new(), ..benchmark };
+        let two = Scenario { second: names(&["pear", "gem", "egg"]), ..one.clone() };
+        let three = Scenario { third: names(&["can_66", "vase"]), ..two.clone() };
+        for (scenario, count) in [(&one, 2), (&two, 6), (&three, 12)] {
+            let drawn: Vec<_> = draw_combinations(scenario, 100, 1).collect();
+            assert_eq!((drawn.len(), scenario.combinations()), (count, count));
+            for combination in &drawn {
+                assert_eq!(combination.objects.len(), scenario.lists().len());
+                let of_lists = combination.objects.iter().zip(scenario.lists());
+                assert!(of_lists.into_iter().all(|(name, (_, names))| names.contains(name)));
+            }
+            assert_eq!(drawn.iter().map(|one| &one.objects).collect::<HashSet<_>>().len(), count);
+        }
     }
 }

@@ -9,6 +9,7 @@ use nalgebra::Vector3;
 use plant::Blindness;
 use serde::{Deserialize, Serialize};
 
+use world::layout::MOST_OBJECTS;
 use world::phase::{Phase, Skill};
 
 /// One of the two objects.
@@ -196,9 +197,21 @@ impl Disturbances {
         self.disabled_digits.as_ref().map_or(&[], |disabled| &disabled.digits)
     }
 
-    /// True size over the model's size of both objects.
-    pub fn sizes(&self) -> [f64; 2] {
-        let mut sizes = [1.0; 2];
+    /// The fields that name an object, with its index.
+    pub(crate) fn objects(&self) -> Vec<(&'static str, usize)> {
+        let all = [
+            ("push.on", self.push.as_ref().and_then(|push| push.on.object())),
+            ("slip.object", self.slip.as_ref().map(|slip| slip.object.index())),
+            ("wrong_position.object", self.wrong_position.as_ref().map(|wrong| wrong.object.index())),
+            ("wrong_size.object", self.wrong_size.as_ref().map(|wrong| wrong.object.index())),
+            ("size_sweep.object", self.size_sweep.as_ref().map(|sweep| sweep.object.index())),
+        ];
+        all.into_iter().filter_map(|(field, index)| Some((field, index?))).collect()
+    }
+
+    /// True size over the model's size of each object.
+    pub fn sizes(&self) -> [f64; MOST_OBJECTS] {
+        let mut sizes = [1.0; MOST_OBJECTS];
         if let Some(wrong) = self.wrong_size {
             sizes[wrong.object.index()] = wrong.factor;
         }

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use crate::effects::{Effect, Effects};
 use plant::draws::{gaussian, vector};
 use plant::{ArmDefects, Individual};
-use world::layout::{Layout, Shift};
+use world::layout::{Layout, MOST_OBJECTS, Shift};
 
 /// Standard deviations of the arm's constant error.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -110,14 +110,14 @@ pub struct TrialNoise {
     pub position: Vector3<f64>,
     /// Rotation vector by which the palm is turned, about its own origin, rad, world axes.
     pub rotation: Vector3<f64>,
-    /// Of the first and the second object.
-    pub objects: [ObjectNoise; 2],
-    /// Of the first and the second object, from the places that the plan was made for. Not an error: perception sees it.
-    pub shifts: [Shift; 2],
+    /// Of each object, in the order in which they are taken.
+    pub objects: [ObjectNoise; MOST_OBJECTS],
+    /// Of each object, from the place that the plan was made for. Not an error: perception sees it.
+    pub shifts: [Shift; MOST_OBJECTS],
     /// Of the arm, in the place of the constant error.
     pub arm: ArmDefects,
-    /// The first and the second object as they really are.
-    pub individuals: [Individual; 2],
+    /// The objects as they really are.
+    pub individuals: [Individual; MOST_OBJECTS],
 }
 
 impl TrialNoise {
@@ -126,27 +126,25 @@ impl TrialNoise {
         Self {
             position: Vector3::zeros(),
             rotation: Vector3::zeros(),
-            objects: [ObjectNoise::default(); 2],
-            shifts: [Shift::default(); 2],
+            objects: [ObjectNoise::default(); MOST_OBJECTS],
+            shifts: [Shift::default(); MOST_OBJECTS],
             arm: ArmDefects::default(),
-            individuals: [Individual::AS_MODELLED; 2],
+            individuals: [Individual::AS_MODELLED; MOST_OBJECTS],
         }
     }
 
-    /// Draws a trial's errors: Gaussian, cut at three standard deviations. The objects stand in their places.
-    pub fn draw(levels: &NoiseLevels, rng: &mut ChaCha8Rng) -> Self {
+    /// Draws the errors of a trial of `count` objects: Gaussian, cut at three standard deviations. The objects stand in their places.
+    pub fn draw(levels: &NoiseLevels, count: usize, rng: &mut ChaCha8Rng) -> Self {
         let NoiseLevels { execution, perception } = levels;
         let position = vector(rng, execution.position_sigma);
         let rotation = vector(rng, execution.rotation_sigma);
-        let objects = [(); 2].map(|()| {
+        let mut objects = [ObjectNoise::default(); MOST_OBJECTS];
+        for object in &mut objects[..count] {
             let [x, y] = [(); 2].map(|()| gaussian(rng) * perception.xy_sigma);
             let z = gaussian(rng) * perception.z_sigma;
-            ObjectNoise {
-                offset: Vector3::new(x, y, z),
-                yaw: gaussian(rng) * perception.yaw_sigma,
-                ..ObjectNoise::default()
-            }
-        });
+            let yaw = gaussian(rng) * perception.yaw_sigma;
+            *object = ObjectNoise { offset: Vector3::new(x, y, z), yaw, ..ObjectNoise::default() };
+        }
         Self { position, rotation, objects, ..Self::none() }
     }
 
@@ -159,7 +157,7 @@ impl TrialNoise {
         }
         if let Some(spread) = &effects.objects {
             let mut rng = Effect::Objects.stream(seed, combination, trial);
-            self.individuals = [(); 2].map(|()| spread.draw(&mut rng));
+            self.individuals = [(); MOST_OBJECTS].map(|()| spread.draw(&mut rng));
         }
         self
     }
@@ -204,15 +202,19 @@ pub(crate) fn uniform(rng: &mut ChaCha8Rng) -> f64 {
     ((rng.next_u64() >> 11) as f64 + 0.5) / (1_u64 << 53) as f64
 }
 
-/// Offsets of the objects of one trial from their places: uniform within the layout's spread. Nothing is drawn from `rng` where there is
+/// Offsets of the `count` objects of one trial from their places: uniform within the layout's spread. Nothing is drawn from `rng` where there is
 /// no spread.
-pub fn draw_shifts(layout: &Layout, rng: &mut ChaCha8Rng) -> [Shift; 2] {
+pub fn draw_shifts(layout: &Layout, count: usize, rng: &mut ChaCha8Rng) -> [Shift; MOST_OBJECTS] {
     let Layout { spread_xy, spread_yaw, .. } = *layout;
     if spread_xy == 0.0 && spread_yaw == 0.0 {
-        return [Shift::default(); 2];
+        return [Shift::default(); MOST_OBJECTS];
     }
     let mut even = |spread: f64| spread * (2.0 * uniform(rng) - 1.0);
-    [(); 2].map(|()| Shift { x: even(spread_xy), y: even(spread_xy), yaw: even(spread_yaw) })
+    let mut shifts = [Shift::default(); MOST_OBJECTS];
+    for shift in &mut shifts[..count] {
+        *shift = Shift { x: even(spread_xy), y: even(spread_xy), yaw: even(spread_yaw) };
+    }
+    shifts
 }
 
 #[cfg(test)]
@@ -228,7 +230,7 @@ mod tests {
 
     #[test]
     fn a_trial_has_the_same_bits_on_every_thread() {
-        let draw = || TrialNoise::draw(&levels(), &mut trial_rng(7, 3, 5));
+        let draw = || TrialNoise::draw(&levels(), 2, &mut trial_rng(7, 3, 5));
         let elsewhere = std::thread::spawn(draw).join().unwrap();
         assert_eq!(draw(), elsewhere);
     }
@@ -247,7 +249,8 @@ mod tests {
 
     #[test]
     fn deviations_are_as_asked() {
-        let xs: Vec<f64> = (0..4000).map(|n| TrialNoise::draw(&levels(), &mut trial_rng(1, n, 0)).position.x).collect();
+        let xs: Vec<f64> =
+            (0..4000).map(|n| TrialNoise::draw(&levels(), 2, &mut trial_rng(1, n, 0)).position.x).collect();
         let mean = xs.iter().sum::<f64>() / xs.len() as f64;
         let sd = (xs.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / xs.len() as f64).sqrt();
         assert!(mean.abs() < 3e-4 && (sd - 0.004).abs() < 2e-4, "{mean} {sd}");
@@ -258,7 +261,7 @@ mod tests {
     fn no_spread_draws_nothing() {
         let layout = Layout { spread_xy: 0.0, spread_yaw: 0.0, ..crate::Scenario::benchmark().layout };
         let (mut used, mut fresh) = (trial_rng(1, 2, 3), trial_rng(1, 2, 3));
-        assert_eq!(draw_shifts(&layout, &mut used), [Shift::default(); 2]);
+        assert_eq!(draw_shifts(&layout, 2, &mut used), [Shift::default(); MOST_OBJECTS]);
         assert_eq!(uniform(&mut used), uniform(&mut fresh));
         assert_eq!(layout.first.shifted(&Shift::default()), layout.first);
     }
@@ -269,7 +272,7 @@ mod tests {
         let set = world::ObjectSet::standard();
         let mut farthest = [0.0_f64; 3];
         for trial in 0..200 {
-            let shifts = draw_shifts(&layout, &mut trial_rng(3, 0, trial));
+            let shifts = draw_shifts(&layout, 2, &mut trial_rng(3, 0, trial));
             assert_ne!(shifts[0], shifts[1]);
             for (shift, object) in shifts.iter().zip(set.iter()) {
                 let pose = layout.first.shifted(shift).pose(object);

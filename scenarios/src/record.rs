@@ -84,8 +84,8 @@ impl std::fmt::Display for TrialId {
     }
 }
 
-/// One trial under one condition: a row of `trials.csv`, whose columns stand in this order. All but the last column are the
-/// same at every repetition.
+/// One trial under one condition: a row of `trials.csv`, whose columns stand in this order. All but
+/// `decision_ms` are the same at every repetition.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TrialRecord {
     /// [`crate::Combination::id`].
@@ -96,7 +96,7 @@ pub struct TrialRecord {
     pub condition: Condition,
     /// Name of the first object.
     pub first: String,
-    /// Name of the second object.
+    /// Name of the second object; empty in a trial of one.
     pub second: String,
     /// Whether there was an unwanted contact in any try.
     pub contact: bool,
@@ -106,7 +106,7 @@ pub struct TrialRecord {
     pub contact_s: Option<f64>,
     /// Its greatest force, N.
     pub contact_n: Option<f64>,
-    /// Whether both objects were held at the end.
+    /// Whether all objects were held at the end.
     pub success: bool,
     /// Success without any unwanted contact.
     pub clean_success: bool,
@@ -133,12 +133,24 @@ pub struct TrialRecord {
     pub sim_seconds: f64,
     /// Wall-clock time from the tactile images to the choice of a strategy, ms.
     pub decision_ms: Option<f64>,
+    /// Name of the third object. The column is there where trials have one.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub third: String,
 }
 
 impl TrialRecord {
     /// What `trials.csv` is sorted by.
     pub fn id(&self) -> TrialId {
         TrialId { combination: self.combination, trial: self.trial, condition: self.condition }
+    }
+
+    /// Names of the objects, in the order in which they were taken.
+    pub fn objects(&self) -> Vec<&str> {
+        [&self.first, &self.second, &self.third]
+            .into_iter()
+            .map(String::as_str)
+            .filter(|name| !name.is_empty())
+            .collect()
     }
 }
 
@@ -182,7 +194,8 @@ pub fn write_ablated(trials: &[AblatedTrial], to: impl Write) -> Result<(), Reco
     let mut sorted: Vec<&AblatedTrial> = trials.iter().collect();
     sorted.sort_by_key(|trial| (trial.ablation, trial.record.id()));
     let mut writer = csv::WriterBuilder::new().has_headers(false).from_writer(to);
-    writer.write_record(std::iter::once("ablation").chain(COLUMNS))?;
+    let third = sorted.iter().any(|trial| !trial.record.third.is_empty()).then_some("third");
+    writer.write_record(std::iter::once("ablation").chain(COLUMNS).chain(third))?;
     for trial in sorted {
         writer.serialize((trial.ablation, &trial.record))?;
     }
@@ -195,7 +208,7 @@ pub fn read_trials(from: impl Read) -> Result<Vec<TrialRecord>, RecordError> {
     Ok(csv::Reader::from_reader(from).into_deserialize().collect::<Result<_, _>>()?)
 }
 
-/// The header of `trials.csv`.
+/// The header of `trials.csv`, without the column `third`.
 pub const COLUMNS: [&str; 22] = [
     "combination",
     "trial",
@@ -249,6 +262,7 @@ pub(crate) mod tests {
             prior_error_mm: None,
             sim_seconds: 0.1 + 0.2,
             decision_ms: None,
+            third: String::new(),
         }
     }
 

@@ -1,15 +1,16 @@
 //! Judges a trial from ground truth, which only the simulator has; on hardware the operator is asked instead.
 //!
 //! # Rules
-//! - **Contact** (unwanted): before the second grasp has closed (up to the end of its [`Skill::Grasp`]), the held first object
-//!   or a digit holding it touches the second object; or the palm does before two free digits have it (once they have, they may
-//!   draw it against the palm); or the second object moves by more than `knock_distance` before
-//!   its grasp begins without a free digit having touched it (a blow shorter than the referee's sampling). Two objects that both
-//!   lie on the table, or both hang in the hand in a later try, may touch each other.
+//! The objects of a trial are a list, in the order in which they are taken.
+//! - **Contact** (unwanted): before the grasp of an object after the first has closed (up to the end of its [`Skill::Grasp`]), one that is held, taken
+//!   before it, or a digit holding one touches it; or the palm does before two free digits have it (once they have, they may
+//!   draw it against the palm); or it moves by more than `knock_distance` before
+//!   its grasp begins without a free digit having touched it (a blow shorter than the referee's sampling). Objects that both
+//!   lie on the table, or both hang in the hand in a later try, may touch each other. A trial of one object knows no such contact.
 //! - **In the hand** ([`world::holding`]): the object touches the hand, does not touch the table, and its origin is within
 //!   `palm_distance` of the palm's.
-//! - **Success**: at the end of the hold, which lasted its full time and ended within the time limit, both objects are in the
-//!   hand, and neither has moved relative to the palm by more than `slip` since the carry began. A trial that carries again is
+//! - **Success**: at the end of the hold, which lasted its full time and ended within the time limit, all objects are in the
+//!   hand, and none has moved relative to the palm by more than `slip` since the carry began. A trial that carries again is
 //!   judged by its last carry.
 //! - **Clean success**: success without any unwanted contact in any try.
 //!
@@ -19,6 +20,7 @@ use nalgebra::{Isometry3, Point3};
 use serde::{Deserialize, Serialize};
 
 use world::holding::{HoldingRule, Support};
+use world::layout::MOST_OBJECTS;
 use world::phase::{Phase, Skill};
 
 /// Thresholds.
@@ -33,51 +35,85 @@ pub struct RefereeRules {
     pub knock_distance: f64,
 }
 
-/// The scene as it is. Pairs are (first object, second object).
+/// The scene as it is.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SceneTruth {
     /// s since the trial began.
     pub time: f64,
     /// What the controller says it is doing.
     pub phase: Phase,
-    /// The first object touches the second.
-    pub first_touches_second: bool,
-    /// A digit that holds the first object touches the second object. Before anything is held: none does.
-    pub holding_digits_touch_second: bool,
-    /// The palm touches the second object.
-    pub palm_touches_second: bool,
-    /// How many of the other digits touch the second object.
-    pub free_digits_on_second: usize,
-    /// What presses on the second object at this moment.
-    pub on_second: Vec<Touch>,
-    /// Contacts of each object with the hand.
-    pub hand_contacts: [usize; 2],
-    /// Whether each object touches the table.
-    pub on_table: [bool; 2],
-    /// `world_from_object`.
-    pub world_from_object: [Isometry3<f64>; 2],
+    /// The objects in the order in which they are taken.
+    pub objects: Vec<ObjectTruth>,
     /// `world_from_palm`.
     pub world_from_palm: Isometry3<f64>,
 }
 
-/// What can press on the second object.
+/// One object as it is.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ObjectTruth {
+    /// Indices of the objects taken before it that touch it.
+    pub touching_objects: Vec<usize>,
+    /// A digit that holds one of those touches it. Before anything is held: none does.
+    pub holding_digits_touch: bool,
+    /// The palm touches it.
+    pub palm_touches: bool,
+    /// How many of the digits that are not for those touch it.
+    pub free_digits: usize,
+    /// What presses on it at this moment; not seen of the first object.
+    pub pressed_by: Vec<Touch>,
+    /// Contacts with the hand.
+    pub hand_contacts: usize,
+    /// Whether it touches the table.
+    pub on_table: bool,
+    /// `world_from_object`.
+    pub world_from_object: Isometry3<f64>,
+}
+
+impl ObjectTruth {
+    /// An object that touches nothing but the table.
+    pub fn standing(world_from_object: Isometry3<f64>) -> Self {
+        Self {
+            touching_objects: Vec::new(),
+            holding_digits_touch: false,
+            palm_touches: false,
+            free_digits: 0,
+            pressed_by: Vec::new(),
+            hand_contacts: 0,
+            on_table: true,
+            world_from_object,
+        }
+    }
+
+    /// True where it is not in the hand.
+    fn lies(&self) -> bool {
+        self.on_table || self.hand_contacts == 0
+    }
+
+    fn position(&self) -> Point3<f64> {
+        self.world_from_object.translation.vector.into()
+    }
+}
+
+/// What can press on an object after the first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Toucher {
     /// The first object.
     FirstObject,
+    /// The second object.
+    SecondObject,
     /// The palm.
     Palm,
     /// A link of a digit, by its number.
     Link(usize),
 }
 
-/// A loaded contact on the second object.
+/// A loaded contact on an object after the first.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Touch {
     /// What presses.
     pub by: Toucher,
-    /// Whether that is a link of a digit that holds the first object.
+    /// Whether that is a link of a digit that holds an object taken before.
     pub holding: bool,
     /// m, world.
     pub point: Point3<f64>,
@@ -89,13 +125,13 @@ pub struct Touch {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ContactWith {
-    /// The held first object touched the second.
+    /// A held object touched the one that was to be taken.
     HeldObject,
-    /// A digit holding the first object touched the second.
+    /// A digit holding an object did.
     HoldingDigits,
-    /// The palm touched the second before two free digits had it.
+    /// The palm did, before two free digits had it.
     Palm,
-    /// The second object was moved.
+    /// It was moved.
     Knocked,
 }
 
@@ -131,7 +167,7 @@ pub struct Contact {
 /// How a try went.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct TryVerdict {
-    /// The object that was to be taken: 0 or 1.
+    /// Index of the object that was to be taken.
     pub object: usize,
     /// s since the trial began.
     pub begun: f64,
@@ -155,13 +191,19 @@ pub enum FailureCause {
     SecondNotPicked,
     /// The second object was picked up and lost.
     SecondDropped,
+    /// The third object was not in the hand after its lift.
+    ThirdNotPicked,
+    /// The third object was picked up and lost.
+    ThirdDropped,
     /// Both were picked up and lost.
     BothDropped,
-    /// Both are in the hand, but one moved in it by more than the rules allow.
+    /// Of three, several were picked up and lost.
+    SeveralDropped,
+    /// All are in the hand, but one moved in it by more than the rules allow.
     Slipped,
     /// The controller found no way to reach an object.
     Unreachable,
-    /// The controller left the second object alone: a contact was likelier than a hold.
+    /// The controller left an object alone: a contact was likelier than a hold.
     Declined,
     /// An object was nowhere to be seen.
     NotSeen,
@@ -173,7 +215,7 @@ pub enum FailureCause {
     RobotFault,
     /// The trial ended before the hold was over.
     NotFinished,
-    /// Both objects were held at the end, which came after the time limit.
+    /// All objects were held at the end, which came after the time limit.
     TooLate,
 }
 
@@ -184,7 +226,10 @@ impl std::fmt::Display for FailureCause {
             Self::FirstDropped => "first dropped",
             Self::SecondNotPicked => "second not picked",
             Self::SecondDropped => "second dropped",
+            Self::ThirdNotPicked => "third not picked",
+            Self::ThirdDropped => "third dropped",
             Self::BothDropped => "both dropped",
+            Self::SeveralDropped => "several dropped",
             Self::Slipped => "slipped",
             Self::Unreachable => "unreachable",
             Self::Declined => "declined",
@@ -211,16 +256,37 @@ pub struct Verdict {
     pub cause: Option<FailureCause>,
 }
 
+/// Causes of a failure with each object: it was dropped, or not picked up.
+const OF_OBJECT: [[FailureCause; 2]; MOST_OBJECTS] = [
+    [FailureCause::FirstDropped, FailureCause::FirstNotPicked],
+    [FailureCause::SecondDropped, FailureCause::SecondNotPicked],
+    [FailureCause::ThirdDropped, FailureCause::ThirdNotPicked],
+];
+
 /// Slower than this an object rests, m/s.
 const AT_REST: f64 = 0.002;
 
 /// Times of a trial, s.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Limits {
-    /// How long both objects must be held.
+    /// How long the objects must be held.
     pub hold: f64,
     /// When the hold must be over.
     pub trial: f64,
+}
+
+/// How an object has fared.
+#[derive(Debug, Clone, Default)]
+struct Watched {
+    /// From where it counts as knocked, m, world.
+    start: Option<Point3<f64>>,
+    /// It rested at the last sight.
+    rests: bool,
+    free_touch: bool,
+    /// Two free digits have had it in this try.
+    gripped: bool,
+    /// It was in the hand when its own lift had ended.
+    picked: bool,
 }
 
 /// Watches one trial.
@@ -229,15 +295,10 @@ pub struct Referee {
     rules: RefereeRules,
     limits: Limits,
     tries: Vec<TryVerdict>,
-    second_start: Option<Point3<f64>>,
-    /// The second object rested at the last sight.
-    second_rests: bool,
-    free_touch: bool,
-    /// Two free digits have had the second object in this try.
-    gripped: bool,
-    /// Each object was in the hand when its own lift had ended.
-    picked: [bool; 2],
-    carry_start: Option<[Point3<f64>; 2]>,
+    /// The objects as far as they have been seen.
+    watched: Vec<Watched>,
+    /// Their origins in the palm frame when the carry began, m.
+    carry_start: Option<Vec<Point3<f64>>>,
     slipped: bool,
     hold_start: Option<f64>,
     /// Newest truth up to the hold's end.
@@ -252,11 +313,7 @@ impl Referee {
             rules,
             limits,
             tries: Vec::new(),
-            second_start: None,
-            second_rests: false,
-            free_touch: false,
-            gripped: false,
-            picked: [false; 2],
+            watched: Vec::new(),
             carry_start: None,
             slipped: false,
             hold_start: None,
@@ -270,16 +327,20 @@ impl Referee {
         if truth.phase.is_done() {
             return;
         }
+        self.watched.resize_with(truth.objects.len(), Watched::default);
         self.note_try(truth);
-        self.watch_second(truth);
+        for object in 1..truth.objects.len() {
+            self.watch(truth, object);
+        }
         // What counts is the end of the lift, or, if that was skipped, the first sight after it.
-        for object in 0..2 {
+        for object in 0..truth.objects.len() {
             let skipped =
                 truth.phase.has_lifted(object) && self.last.as_ref().is_none_or(|last| !last.phase.lifts(object));
             if truth.phase == Phase::run(Skill::Lift, object) || skipped {
-                self.picked[object] = self.in_hand(truth, object);
+                let picked = self.in_hand(truth, object);
+                self.watched[object].picked = picked;
                 if let Some(last) = self.tries.last_mut().filter(|last| last.object == object) {
-                    last.picked = Some(self.picked[object]);
+                    last.picked = Some(picked);
                 }
             }
         }
@@ -288,8 +349,8 @@ impl Referee {
             (self.carry_start, self.hold_start, self.slipped) = (None, None, false);
         } else {
             let now = in_palm(truth);
-            let start = *self.carry_start.get_or_insert(now);
-            self.slipped |= (0..2).any(|object| (now[object] - start[object]).norm() > self.rules.slip);
+            let start = self.carry_start.get_or_insert_with(|| now.clone());
+            self.slipped |= now.iter().zip(start).any(|(now, start)| (*now - *start).norm() > self.rules.slip);
         }
         if truth.phase.skill == Skill::Hold {
             self.hold_start.get_or_insert(truth.time);
@@ -319,8 +380,10 @@ impl Referee {
         let Phase { skill, object, .. } = truth.phase;
         if skill == Skill::Approach && self.last.as_ref().is_none_or(|last| last.phase != truth.phase) {
             // What still rolls after an earlier try has not been knocked: its place counts from when it rests.
-            self.second_start = self.last.as_ref().filter(|_| self.second_rests).map(second_at);
-            (self.free_touch, self.gripped) = (false, false);
+            for (n, watched) in self.watched.iter_mut().enumerate() {
+                watched.start = self.last.as_ref().filter(|_| watched.rests).map(|last| last.objects[n].position());
+                (watched.free_touch, watched.gripped) = (false, false);
+            }
             self.tries.push(TryVerdict { object, begun: truth.time, ended: truth.time, contact: None, picked: None });
         }
         if let Some(last) = self.tries.last_mut() {
@@ -328,24 +391,26 @@ impl Referee {
         }
     }
 
-    fn watch_second(&mut self, truth: &SceneTruth) {
-        let now = second_at(truth);
-        let last = self.last.as_ref();
-        self.second_rests = last.is_none_or(|last| (now - second_at(last)).norm() < AT_REST * (truth.time - last.time));
-        if self.second_rests {
-            self.second_start.get_or_insert(now);
+    /// Looks for what an object after the first must not meet.
+    fn watch(&mut self, truth: &SceneTruth, index: usize) {
+        let (object, last) = (&truth.objects[index], self.last.as_ref());
+        let (now, watched) = (object.position(), &mut self.watched[index]);
+        watched.rests =
+            last.is_none_or(|last| (now - last.objects[index].position()).norm() < AT_REST * (truth.time - last.time));
+        if watched.rests {
+            watched.start.get_or_insert(now);
         }
-        let start = self.second_start.unwrap_or(now);
-        if truth.phase.lifts(1) {
+        let start = watched.start.unwrap_or(now);
+        if truth.phase.lifts(index) {
             return;
         }
-        self.free_touch |= truth.free_digits_on_second > 0;
-        self.gripped |= truth.free_digits_on_second >= 2;
-        let palm_touches = truth.palm_touches_second && !self.gripped;
-        let knocked = !truth.phase.closes(1) && !self.free_touch && (now - start).norm() > self.rules.knock_distance;
-        let lies = |object: usize| truth.on_table[object] || truth.hand_contacts[object] == 0;
-        let held_touches = truth.first_touches_second && !lies(0) && lies(1);
-        let with = match (held_touches, truth.holding_digits_touch_second, palm_touches, knocked) {
+        watched.free_touch |= object.free_digits > 0;
+        watched.gripped |= object.free_digits >= 2;
+        let palm_touches = object.palm_touches && !watched.gripped;
+        let knocked =
+            !truth.phase.closes(index) && !watched.free_touch && (now - start).norm() > self.rules.knock_distance;
+        let held_touches = object.lies() && object.touching_objects.iter().any(|other| !truth.objects[*other].lies());
+        let with = match (held_touches, object.holding_digits_touch, palm_touches, knocked) {
             (true, ..) => ContactWith::HeldObject,
             (_, true, ..) => ContactWith::HoldingDigits,
             (_, _, true, _) => ContactWith::Palm,
@@ -353,13 +418,13 @@ impl Referee {
             _ => return,
         };
         let unwanted = |touch: &&Touch| match (with, touch.by) {
-            (ContactWith::HeldObject, by) => by == Toucher::FirstObject,
+            (ContactWith::HeldObject, by) => matches!(by, Toucher::FirstObject | Toucher::SecondObject),
             (ContactWith::Palm, by) => by == Toucher::Palm,
             (ContactWith::HoldingDigits, _) => touch.holding,
             (ContactWith::Knocked, _) => false,
         };
-        let force = truth.on_second.iter().filter(unwanted).map(|touch| touch.force).sum::<f64>();
-        let hardest = truth.on_second.iter().filter(unwanted).max_by(|a, b| a.force.total_cmp(&b.force));
+        let force = object.pressed_by.iter().filter(unwanted).map(|touch| touch.force).sum::<f64>();
+        let hardest = object.pressed_by.iter().filter(unwanted).max_by(|a, b| a.force.total_cmp(&b.force));
         let Some(last) = self.tries.last_mut() else { return };
         let contact = last.contact.get_or_insert(Contact {
             with,
@@ -374,10 +439,10 @@ impl Referee {
 
     fn in_hand(&self, truth: &SceneTruth, object: usize) -> bool {
         HoldingRule::within(self.rules.palm_distance).holds(&Support {
-            held: truth.hand_contacts[object] > 0,
-            on_table: truth.on_table[object],
+            held: truth.objects[object].hand_contacts > 0,
+            on_table: truth.objects[object].on_table,
             distance: distance_in_palm(truth, object),
-            height: truth.world_from_object[object].translation.z,
+            height: truth.objects[object].world_from_object.translation.z,
         })
     }
 
@@ -385,15 +450,21 @@ impl Referee {
         let Some(last) = &self.last else {
             return Some(self.given_up.unwrap_or(FailureCause::NotFinished));
         };
-        let held = [0, 1].map(|object| self.in_hand(last, object));
-        let lost = [0, 1].map(|object| self.picked[object] && !held[object]);
-        let seen = match (lost, self.picked) {
-            ([true, true], _) => Some(FailureCause::BothDropped),
-            ([true, _], _) => Some(FailureCause::FirstDropped),
-            (_, [false, _]) if last.phase.has_lifted(0) => Some(FailureCause::FirstNotPicked),
-            ([_, true], _) => Some(FailureCause::SecondDropped),
-            (_, [_, false]) if last.phase.has_lifted(1) => Some(FailureCause::SecondNotPicked),
-            _ => None,
+        let lost: Vec<bool> =
+            self.watched.iter().enumerate().map(|(n, watched)| watched.picked && !self.in_hand(last, n)).collect();
+        let seen = match lost.iter().filter(|lost| **lost).count() {
+            2 if lost.len() == 2 => Some(FailureCause::BothDropped),
+            2.. => Some(FailureCause::SeveralDropped),
+            _ => {
+                lost.iter().zip(&self.watched).zip(OF_OBJECT).enumerate().find_map(|(n, ((lost, watched), causes))| {
+                    let [dropped, not_picked] = causes;
+                    match (lost, watched.picked) {
+                        (true, _) => Some(dropped),
+                        (_, false) if last.phase.has_lifted(n) => Some(not_picked),
+                        _ => None,
+                    }
+                })
+            }
         };
         // A touch of the table as the lift begins must not pass for a drop: before Look nothing can have been dropped.
         let seen = seen.filter(|_| last.phase.has_lifted(0));
@@ -411,21 +482,14 @@ impl Referee {
     }
 }
 
-/// Where the second object is, m, world.
-fn second_at(truth: &SceneTruth) -> Point3<f64> {
-    truth.world_from_object[1].translation.vector.into()
-}
-
 /// Distance of an object's origin from the palm's, m.
 pub(crate) fn distance_in_palm(truth: &SceneTruth, object: usize) -> f64 {
-    in_palm(truth)[object].coords.norm()
+    truth.world_from_palm.inverse_transform_point(&truth.objects[object].position()).coords.norm()
 }
 
-/// Origins of both objects in the palm frame, m.
-fn in_palm(truth: &SceneTruth) -> [Point3<f64>; 2] {
-    truth
-        .world_from_object
-        .map(|pose| truth.world_from_palm.inverse_transform_point(&Point3::from(pose.translation.vector)))
+/// Origins of the objects in the palm frame, m.
+fn in_palm(truth: &SceneTruth) -> Vec<Point3<f64>> {
+    truth.objects.iter().map(|object| truth.world_from_palm.inverse_transform_point(&object.position())).collect()
 }
 
 #[cfg(test)]

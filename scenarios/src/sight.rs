@@ -104,8 +104,8 @@ mod tests {
             let object = self.library.get(name).unwrap();
             let mut rng = trial_rng(3, 0, trial);
             let mut sight = Sight::draw(self.eyes, &self.levels.perception, Effect::Eyes.stream(3, 0, trial));
-            let [first, second] = TrialNoise::draw(&self.levels, &mut rng).objects;
-            let later = TrialNoise::draw(&self.levels, &mut rng).objects[0];
+            let [first, second, _] = TrialNoise::draw(&self.levels, 2, &mut rng).objects;
+            let later = TrialNoise::draw(&self.levels, 2, &mut rng).objects[0];
             [first, second, later].map(|fresh| sight.error(&fresh, object, &self.library, &object.rest))
         }
 

@@ -1,6 +1,6 @@
 //! What a controller is doing that names no phases, read from the scene: a referee judges by it.
 //!
-//! The first object is to be taken first. Once it is in the hand and lifted the second one is approached; once both are, they are held. An
+//! The objects are to be taken in their order. Once one is in the hand and lifted the next one is approached; once all are, they are held. An
 //! object that is lost meanwhile is to be taken again.
 
 use crate::referee::{SceneTruth, distance_in_palm};
@@ -14,16 +14,16 @@ pub struct Stages {
     reach: f64,
     /// How far an object must have risen, m.
     lift: f64,
-    /// How long both must be held, s.
+    /// How long all must be held, s.
     hold: f64,
     phase: Phase,
     /// Heights at which the objects were first seen, m.
-    rest: Option<[f64; 2]>,
+    rest: Option<Vec<f64>>,
     held_since: Option<f64>,
 }
 
 impl Stages {
-    /// Objects count as lifted from `lift` (m) on, and both must be held for `hold` (s) within `reach` (m) of the palm.
+    /// Objects count as lifted from `lift` (m) on, and all must be held for `hold` (s) within `reach` (m) of the palm.
     pub fn new(reach: f64, lift: f64, hold: f64) -> Self {
         Self { reach, lift, hold, phase: Phase::run(Skill::Approach, 0), rest: None, held_since: None }
     }
@@ -35,23 +35,30 @@ impl Stages {
 
     /// Takes the scene after one tick, in order of time, and says what phase it is in; its own phase is not looked at.
     pub fn see(&mut self, truth: &SceneTruth) -> Phase {
-        let heights = truth.world_from_object.map(|pose| pose.translation.z);
-        let rest = *self.rest.get_or_insert(heights);
+        let heights: Vec<f64> = truth.objects.iter().map(|object| object.world_from_object.translation.z).collect();
+        let rest = self.rest.get_or_insert_with(|| heights.clone());
         let in_hand = |object: usize, lifted: f64| {
             HoldingRule { reach: self.reach, lifted }.holds(&Support {
-                held: truth.hand_contacts[object] > 0,
-                on_table: truth.on_table[object],
+                held: truth.objects[object].hand_contacts > 0,
+                on_table: truth.objects[object].on_table,
                 distance: distance_in_palm(truth, object),
                 height: heights[object],
             })
         };
-        let held = [0, 1].map(|object| in_hand(object, f64::NEG_INFINITY));
-        let lifted = [0, 1].map(|object| in_hand(object, rest[object] + self.lift));
-        self.phase = match (self.phase.skill, held, lifted) {
-            (Skill::Hold, [true, true], _) | (_, _, [true, true]) => Phase::run(Skill::Hold, 0),
-            (Skill::Approach, _, [false, _]) if self.phase.object == 0 => Phase::run(Skill::Approach, 0),
-            (_, [false, _], _) => Phase::run(Skill::Approach, 0),
-            _ => Phase::run(Skill::Approach, 1),
+        let count = heights.len();
+        let held = |object: &usize| in_hand(*object, f64::NEG_INFINITY);
+        let lifted = |object: &usize| in_hand(*object, rest[*object] + self.lift);
+        let holds = self.phase.skill == Skill::Hold;
+        // Of what was taken before, it counts whether it is in the hand: it hangs low while the hand goes down to the next one.
+        let taken = if holds { count } else { self.phase.object };
+        self.phase = match (0..taken).find(|object| !held(object)) {
+            None if holds || (0..count).all(|object| lifted(&object)) => Phase::run(Skill::Hold, 0),
+            Some(lost) => Phase::run(Skill::Approach, lost),
+            None if lifted(&taken) => {
+                let next = (taken..count).find(|object| !lifted(object));
+                Phase::run(Skill::Approach, next.unwrap_or(taken))
+            }
+            None => Phase::run(Skill::Approach, taken),
         };
         self.held_since = (self.phase.skill == Skill::Hold).then(|| self.held_since.unwrap_or(truth.time));
         self.phase
@@ -69,22 +76,23 @@ mod tests {
     use nalgebra::{Isometry3, Vector3};
 
     use super::*;
-    use crate::referee::{FailureCause, Limits, Referee, RefereeRules};
+    use crate::referee::{FailureCause, Limits, ObjectTruth, Referee, RefereeRules};
 
     /// A scene in which the objects are so high over the table and touched so.
-    fn scene(time: f64, heights: [f64; 2], touched: [bool; 2]) -> SceneTruth {
+    fn scene<const N: usize>(time: f64, heights: [f64; N], touched: [bool; N]) -> SceneTruth {
         SceneTruth {
             time,
             phase: Phase::decide(Skill::Begin, 0),
-            first_touches_second: false,
-            holding_digits_touch_second: false,
-            palm_touches_second: false,
-            free_digits_on_second: 0,
-            on_second: Vec::new(),
-            hand_contacts: touched.map(usize::from),
-            on_table: heights.map(|height| height < 0.031),
-            world_from_object: heights.map(|height| Isometry3::translation(0.0, 0.0, height)),
-            world_from_palm: Isometry3::translation(0.0, 0.0, heights[0].max(heights[1])),
+            objects: heights
+                .iter()
+                .zip(touched)
+                .map(|(height, touched)| ObjectTruth {
+                    hand_contacts: usize::from(touched),
+                    on_table: *height < 0.031,
+                    ..ObjectTruth::standing(Isometry3::translation(0.0, 0.0, *height))
+                })
+                .collect(),
+            world_from_palm: Isometry3::translation(0.0, 0.0, heights.into_iter().fold(0.0, f64::max)),
         }
     }
 
@@ -125,7 +133,7 @@ mod tests {
                     _ => ([0.1, 0.1], [true, true]),
                 };
                 let mut truth = scene(time, heights, touched);
-                truth.free_digits_on_second = 2 * usize::from(touched[1]);
+                truth.objects[1].free_digits = 2 * usize::from(touched[1]);
                 truth.phase = stages.see(&truth);
                 referee.see(&truth);
             }
@@ -135,6 +143,24 @@ mod tests {
         assert!(won.success && !won.contact && tries == 2, "{won:?}");
         let (lost, _) = judged(3.5);
         assert_eq!((lost.success, lost.cause), (false, Some(FailureCause::NotFinished)));
+    }
+
+    /// One object is held as soon as it is up; of three, each is gone to in its turn, and one that is lost again.
+    #[test]
+    fn a_list_of_one_or_three() {
+        let mut one = Stages::new(0.16, 0.05, 1.0);
+        assert_eq!(one.see(&scene(0.0, [0.03], [false])), Phase::run(Skill::Approach, 0));
+        assert_eq!(one.see(&scene(1.0, [0.1], [true])), Phase::run(Skill::Hold, 0));
+        assert!(one.is_done(2.0));
+        let mut three = Stages::new(0.16, 0.05, 1.0);
+        let mut see = |heights, touched| three.see(&scene(0.0, heights, touched));
+        assert_eq!(see([0.03; 3], [false; 3]), Phase::run(Skill::Approach, 0));
+        assert_eq!(see([0.1, 0.03, 0.03], [true, false, false]), Phase::run(Skill::Approach, 1));
+        assert_eq!(see([0.05, 0.03, 0.03], [true, true, false]), Phase::run(Skill::Approach, 1));
+        assert_eq!(see([0.1, 0.1, 0.03], [true, true, false]), Phase::run(Skill::Approach, 2));
+        assert_eq!(see([0.05, 0.05, 0.03], [true, true, true]), Phase::run(Skill::Approach, 2));
+        assert_eq!(see([0.1; 3], [true; 3]), Phase::run(Skill::Hold, 0));
+        assert_eq!(see([0.1, 0.03, 0.1], [true, false, true]), Phase::run(Skill::Approach, 1));
     }
 
     #[test]

@@ -7,6 +7,10 @@ use serde::{Deserialize, Serialize};
 use crate::record::{Condition, RecordError, TrialId};
 use crate::referee::{Contact, Toucher, TryVerdict};
 use world::attempt::Attempt;
+use world::layout::MOST_OBJECTS;
+
+/// Names of the objects of a trial, in the order in which they are taken.
+const ORDER: [&str; MOST_OBJECTS] = ["first", "second", "third"];
 
 /// A row of `tries.csv`, whose columns stand in this order.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -20,7 +24,7 @@ pub struct TryRecord {
     /// Number of the try within its trial, from 0.
     #[serde(rename = "try")]
     pub number: usize,
-    /// `first` or `second`.
+    /// `first`, `second` or `third`.
     pub object: String,
     /// Number of the grasp.
     pub grasp: u32,
@@ -36,7 +40,7 @@ pub struct TryRecord {
     pub covariance: String,
     /// With what the first unwanted contact was; empty where there was none.
     pub contact_with: String,
-    /// What touched: `first_object`, `palm`, or a link by its number.
+    /// What touched: `first_object`, `second_object`, `palm`, or a link by its number.
     pub contact_by: String,
     /// When, s since the trial began.
     pub contact_s: Option<f64>,
@@ -69,7 +73,7 @@ impl TryRecord {
             trial: id.trial,
             condition: id.condition,
             number,
-            object: ["first", "second"][attempt.object.min(1)].to_owned(),
+            object: ORDER[attempt.object.min(ORDER.len() - 1)].to_owned(),
             grasp: attempt.grasp,
             why: attempt.why.clone(),
             clearance_mm: attempt.clearance.map(|clearance| clearance * 1e3),
@@ -79,6 +83,7 @@ impl TryRecord {
             contact_with: of(|contact| contact.with.name().to_owned()),
             contact_by: of(|contact| match contact.by {
                 Some(Toucher::FirstObject) => "first_object".to_owned(),
+                Some(Toucher::SecondObject) => "second_object".to_owned(),
                 Some(Toucher::Palm) => "palm".to_owned(),
                 Some(Toucher::Link(link)) => link.to_string(),
                 None => String::new(),

@@ -102,7 +102,7 @@ fn sizes_go_round() {
     assert_eq!([0, 1, 2].map(|trial| sweep.diameter(trial)), [0.04, 0.05, 0.04]);
     let wrong = WrongSize { object: Which::Second, factor: 1.2 };
     let sizes = Disturbances { wrong_size: Some(wrong), ..Disturbances::default() }.sizes();
-    assert_eq!(sizes, [1.0, 1.2]);
+    assert_eq!(sizes, [1.0, 1.2, 1.0]);
     let set = ObjectSet::standard();
     for object in set.iter() {
         let larger = object.scaled(1.2).unwrap();

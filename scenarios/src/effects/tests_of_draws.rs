@@ -12,7 +12,7 @@ const TRIALS: usize = 4000;
 
 fn drawn(levels: &NoiseLevels, trial: usize) -> TrialNoise {
     static EFFECTS: std::sync::LazyLock<Effects> = std::sync::LazyLock::new(|| Scenario::benchmark().effects);
-    TrialNoise::draw(levels, &mut trial_rng(5, 0, trial)).with_effects(&EFFECTS, 5, 0, trial)
+    TrialNoise::draw(levels, 2, &mut trial_rng(5, 0, trial)).with_effects(&EFFECTS, 5, 0, trial)
 }
 
 /// Mean square of `value` over many trials, over that of a cut normal distribution about `mean`.
@@ -53,10 +53,13 @@ fn an_arm_that_errs_by_its_joints_has_no_constant_error() {
 #[test]
 fn an_effect_off_changes_nothing_else() {
     let (scenario, all) = (Scenario::benchmark(), drawn(&Scenario::benchmark().noise, 7));
-    let plain = TrialNoise::draw(&scenario.noise, &mut trial_rng(5, 0, 7));
+    let plain = TrialNoise::draw(&scenario.noise, 2, &mut trial_rng(5, 0, 7));
     let without = |effect| plain.with_effects(&scenario.effects.without(effect), 5, 0, 7);
     let no_arm = without(Effect::Arm);
     assert_eq!((no_arm.individuals, no_arm.position), (all.individuals, plain.position));
     let no_objects = without(Effect::Objects);
-    assert_eq!((no_objects.arm, no_objects.individuals), (all.arm, [Individual::AS_MODELLED; 2]));
+    assert_eq!(
+        (no_objects.arm, no_objects.individuals),
+        (all.arm, [Individual::AS_MODELLED; world::layout::MOST_OBJECTS])
+    );
 }

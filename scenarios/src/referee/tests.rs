@@ -4,24 +4,26 @@ const RULES: RefereeRules = RefereeRules { palm_distance: 0.15, slip: 0.05, knoc
 const LIMITS: Limits = Limits { hold: 3.0, trial: 120.0 };
 const TICK: f64 = 1.0 / 240.0;
 
-/// The scene of a perfect trial in `phase`.
-fn perfect(phase: Phase, time: f64) -> SceneTruth {
-    let [first_up, second_up] = [0, 1].map(|object| phase.lifts(object));
-    let palm = Isometry3::translation(0.5, 0.0, if first_up { 0.3 } else { 0.1 });
+/// The scene of a perfect trial of so many objects in `phase`.
+fn perfect(objects: usize, phase: Phase, time: f64) -> SceneTruth {
+    let palm = Isometry3::translation(0.5, 0.0, if phase.lifts(0) { 0.3 } else { 0.1 });
     let in_palm = |up: bool, y: f64| {
         if up { palm * Isometry3::translation(0.0, y, -0.05) } else { Isometry3::translation(0.5, y, 0.02) }
     };
     SceneTruth {
         time,
         phase,
-        first_touches_second: false,
-        holding_digits_touch_second: false,
-        palm_touches_second: false,
-        free_digits_on_second: 2 * usize::from(phase.closes(1)),
-        on_second: Vec::new(),
-        hand_contacts: [0, 1].map(|object| usize::from(phase.closes(object)) * 3),
-        on_table: [!first_up, !second_up],
-        world_from_object: [in_palm(first_up, 0.04), in_palm(second_up, -0.06)],
+        objects: (0..objects)
+            .map(|object| {
+                let up = phase.lifts(object);
+                ObjectTruth {
+                    free_digits: 2 * usize::from(object > 0 && phase.closes(object)),
+                    hand_contacts: 3 * usize::from(phase.closes(object)),
+                    on_table: !up,
+                    ..ObjectTruth::standing(in_palm(up, 0.04 - 0.1 * object as f64))
+                }
+            })
+            .collect(),
         world_from_palm: palm,
     }
 }
@@ -41,7 +43,7 @@ fn run(change: impl Fn(&mut SceneTruth)) -> Verdict {
     let mut time = 0.0;
     for phase in phases() {
         for _ in 0..(PHASE_TIME / TICK).round() as usize {
-            let mut truth = perfect(phase, time);
+            let mut truth = perfect(2, phase, time);
             change(&mut truth);
             referee.see(&truth);
             time += TICK;
@@ -61,10 +63,15 @@ fn approached(truth: &SceneTruth) -> bool {
     truth.phase.begins(1) && truth.phase.skill != Skill::Palpate
 }
 
+/// The first object touches the second, or does not.
+fn press(truth: &mut SceneTruth, touches: bool) {
+    truth.objects[1].touching_objects = (0..usize::from(touches)).collect();
+}
+
 fn fall(truth: &mut SceneTruth, object: usize) {
-    truth.hand_contacts[object] = 0;
-    truth.on_table[object] = true;
-    truth.world_from_object[object] = Isometry3::translation(0.5, 0.1, 0.02);
+    truth.objects[object].hand_contacts = 0;
+    truth.objects[object].on_table = true;
+    truth.objects[object].world_from_object = Isometry3::translation(0.5, 0.1, 0.02);
 }
 
 #[test]
@@ -75,11 +82,11 @@ fn a_perfect_trial_succeeds_without_contact() {
 #[test]
 fn touch_by_the_held_object_is_a_contact_until_the_grasp_has_closed() {
     for phase in phases() {
-        let verdict = run(|truth| truth.first_touches_second = truth.phase == phase);
+        let verdict = run(|truth| press(truth, truth.phase == phase));
         assert_eq!(verdict.contact, phase.lifts(0) && !phase.lifts(1), "{phase}");
         assert!(verdict.success);
     }
-    let verdict = run(|truth| truth.first_touches_second = approached(truth));
+    let verdict = run(|truth| press(truth, approached(truth)));
     assert_eq!(verdict.first_contact.map(|contact| contact.with), Some(ContactWith::HeldObject));
     let before = phases().iter().position(|phase| *phase == Phase::run(Skill::Approach, 1)).expect("an approach");
     assert!((verdict.first_contact.unwrap().time - PHASE_TIME * before as f64).abs() < 1e-6);
@@ -87,20 +94,20 @@ fn touch_by_the_held_object_is_a_contact_until_the_grasp_has_closed() {
 
 #[test]
 fn touch_by_a_holding_digit_is_a_contact_by_a_free_one_not() {
-    let holding = run(|truth| truth.holding_digits_touch_second = truth.phase == Phase::run(Skill::Grasp, 1));
+    let holding = run(|truth| truth.objects[1].holding_digits_touch = truth.phase == Phase::run(Skill::Grasp, 1));
     assert_eq!(holding.first_contact.map(|contact| contact.with), Some(ContactWith::HoldingDigits));
-    assert!(!run(|truth| truth.free_digits_on_second = usize::from(approached(truth))).contact);
+    assert!(!run(|truth| truth.objects[1].free_digits = usize::from(approached(truth))).contact);
 }
 
 /// The palm may not push the object, but two digits may draw it against the palm.
 #[test]
 fn the_palm_counts_until_two_digits_have_the_object() {
-    let pushed = run(|truth| truth.palm_touches_second = truth.phase == Phase::run(Skill::Approach, 1));
+    let pushed = run(|truth| truth.objects[1].palm_touches = truth.phase == Phase::run(Skill::Approach, 1));
     assert_eq!(pushed.first_contact.map(|contact| contact.with), Some(ContactWith::Palm));
-    assert!(!run(|truth| truth.palm_touches_second = truth.phase == Phase::run(Skill::Grasp, 1)).contact);
+    assert!(!run(|truth| truth.objects[1].palm_touches = truth.phase == Phase::run(Skill::Grasp, 1)).contact);
     let one_digit = run(|truth| {
-        truth.palm_touches_second = truth.phase == Phase::run(Skill::Grasp, 1);
-        truth.free_digits_on_second = 1;
+        truth.objects[1].palm_touches = truth.phase == Phase::run(Skill::Grasp, 1);
+        truth.objects[1].free_digits = 1;
     });
     assert!(one_digit.contact);
 }
@@ -108,16 +115,16 @@ fn the_palm_counts_until_two_digits_have_the_object() {
 /// What lies on the table beside the second object, or hangs in the hand with it, may touch it.
 #[test]
 fn loose_objects_and_objects_in_the_hand_may_touch_each_other() {
-    let touching = |truth: &mut SceneTruth| truth.first_touches_second = truth.phase == Phase::run(Skill::Approach, 1);
+    let touching = |truth: &mut SceneTruth| press(truth, truth.phase == Phase::run(Skill::Approach, 1));
     assert!(run(touching).contact);
     let dropped = |truth: &mut SceneTruth| {
         touching(truth);
-        truth.on_table[0] = true;
+        truth.objects[0].on_table = true;
     };
     assert!(!run(dropped).contact);
     let both_held = |truth: &mut SceneTruth| {
         touching(truth);
-        (truth.on_table[1], truth.hand_contacts[1]) = (false, 3);
+        (truth.objects[1].on_table, truth.objects[1].hand_contacts) = (false, 3);
     };
     assert!(!run(both_held).contact);
 }
@@ -130,7 +137,7 @@ fn the_time_limit_is_judged() {
         let mut time = 0.0;
         for phase in phases() {
             for _ in 0..(PHASE_TIME / TICK).round() as usize {
-                referee.see(&perfect(phase, time));
+                referee.see(&perfect(2, phase, time));
                 time += TICK;
             }
         }
@@ -147,11 +154,12 @@ fn tries_are_told_apart() {
     let again = [Phase::run(Skill::Approach, 1), Phase::run(Skill::Grasp, 1), Phase::run(Skill::Lift, 1)];
     for (n, phase) in phases().into_iter().filter(|phase| !phase.carries()).chain(again).enumerate() {
         for step in 0..240 {
-            let mut truth = perfect(phase, time);
+            let mut truth = perfect(2, phase, time);
             if n > 20 && phase == Phase::run(Skill::Approach, 1) {
-                truth.holding_digits_touch_second = true;
+                truth.objects[1].holding_digits_touch = true;
                 let force = f64::from(step);
-                truth.on_second = vec![Touch { by: Toucher::Link(13), holding: true, point: Point3::origin(), force }];
+                truth.objects[1].pressed_by =
+                    vec![Touch { by: Toucher::Link(13), holding: true, point: Point3::origin(), force }];
             }
             referee.see(&truth);
             time += TICK;
@@ -174,14 +182,14 @@ fn tries_are_told_apart() {
 fn a_blow_too_short_to_be_seen_is_a_contact() {
     let push = |truth: &mut SceneTruth, by: f64| {
         if approached(truth) && !truth.phase.lifts(1) {
-            truth.world_from_object[1].translation.x += by;
+            truth.objects[1].world_from_object.translation.x += by;
         }
     };
     assert_eq!(run(|truth| push(truth, 0.02)).first_contact.map(|contact| contact.with), Some(ContactWith::Knocked));
     assert!(!run(|truth| push(truth, 0.005)).contact);
     let by_free_digit = run(|truth| {
         push(truth, 0.02);
-        truth.free_digits_on_second = usize::from(approached(truth));
+        truth.objects[1].free_digits = usize::from(approached(truth));
     });
     assert!(!by_free_digit.contact);
 }
@@ -234,11 +242,11 @@ fn each_part_of_in_the_hand_counts() {
             }
         })
     };
-    assert_eq!(end(|truth| truth.hand_contacts[0] = 0), Some(FailureCause::FirstDropped));
-    assert_eq!(end(|truth| truth.on_table[1] = true), Some(FailureCause::SecondDropped));
-    assert_eq!(end(|truth| truth.world_from_object[1].translation.y -= 0.2), Some(FailureCause::SecondDropped));
-    assert_eq!(end(|truth| truth.world_from_object[1].translation.y -= 0.06), Some(FailureCause::Slipped));
-    assert_eq!(end(|truth| truth.world_from_object[1].translation.y -= 0.03), None);
+    assert_eq!(end(|truth| truth.objects[0].hand_contacts = 0), Some(FailureCause::FirstDropped));
+    assert_eq!(end(|truth| truth.objects[1].on_table = true), Some(FailureCause::SecondDropped));
+    assert_eq!(end(|truth| truth.objects[1].world_from_object.translation.y -= 0.2), Some(FailureCause::SecondDropped));
+    assert_eq!(end(|truth| truth.objects[1].world_from_object.translation.y -= 0.06), Some(FailureCause::Slipped));
+    assert_eq!(end(|truth| truth.objects[1].world_from_object.translation.y -= 0.03), None);
 }
 
 #[test]
@@ -248,13 +256,13 @@ fn the_hold_must_be_whole_and_giving_up_has_its_cause() {
     let mut time = 0.0;
     for phase in phases() {
         for _ in 0..240 {
-            referee.see(&perfect(phase, time));
+            referee.see(&perfect(2, phase, time));
             time += TICK;
         }
     }
     assert_eq!(referee.verdict().cause, Some(FailureCause::NotFinished));
     let mut early = Referee::new(RULES, LIMITS);
-    early.see(&perfect(Phase::run(Skill::Approach, 0), 0.0));
+    early.see(&perfect(2, Phase::run(Skill::Approach, 0), 0.0));
     early.give_up(FailureCause::Unreachable);
     early.give_up(FailureCause::RobotFault);
     assert_eq!(early.verdict().cause, Some(FailureCause::Unreachable));
@@ -270,9 +278,9 @@ fn a_trial_that_carries_again_is_judged_by_its_last_carry() {
     let first = phases().filter(|phase| !holds(*phase)).map(|phase| (phase, true));
     for (phase, slips) in first.chain(phases().map(|phase| (phase, false))) {
         for step in 0..960 {
-            let mut truth = perfect(phase, time);
+            let mut truth = perfect(2, phase, time);
             if slips && phase == Phase::run(Skill::Carry, 0) && step > 480 {
-                truth.world_from_object[1].translation.y -= 0.06;
+                truth.objects[1].world_from_object.translation.y -= 0.06;
             }
             referee.see(&truth);
             time += TICK;
@@ -282,4 +290,71 @@ fn a_trial_that_carries_again_is_judged_by_its_last_carry() {
         }
     }
     assert_eq!(referee.verdict().cause, None);
+}
+
+/// A trial of so many objects, each phase for as long as it takes, with the scene altered by `change`.
+fn run_list(objects: usize, change: impl Fn(&mut SceneTruth)) -> (Verdict, usize) {
+    let mut referee = Referee::new(RULES, LIMITS);
+    let mut time = 0.0;
+    for phase in Phase::of_trial(objects) {
+        for _ in 0..(3.1 / TICK).round() as usize {
+            let mut truth = perfect(objects, phase, time);
+            change(&mut truth);
+            referee.see(&truth);
+            time += TICK;
+        }
+    }
+    (referee.verdict(), referee.tries().len())
+}
+
+/// Of one object or three each is judged: it has to be picked up and stay in the hand.
+#[test]
+fn a_list_of_one_or_three_is_judged_object_by_object() {
+    for objects in [1, 3] {
+        let (verdict, tries) = run_list(objects, |_| ());
+        assert!(verdict.success && !verdict.contact && tries == objects, "{objects}: {verdict:?}");
+        for object in 0..objects {
+            let dropped = run_list(objects, |truth| {
+                if truth.phase.carries() {
+                    fall(truth, object);
+                }
+            });
+            let never = run_list(objects, |truth| {
+                if truth.phase.closes(object) {
+                    fall(truth, object);
+                }
+            });
+            assert_eq!([dropped.0.cause, never.0.cause], OF_OBJECT[object].map(Some));
+        }
+    }
+    let (lost, _) = run_list(3, |truth| {
+        if truth.phase.carries() {
+            fall(truth, 0);
+            fall(truth, 2);
+        }
+    });
+    assert_eq!(lost.cause, Some(FailureCause::SeveralDropped));
+}
+
+/// A held object that touches the third before it is grasped is an unwanted contact, whichever it is, and so is one with a digit that holds one.
+#[test]
+fn each_held_object_must_keep_off_the_next() {
+    for held in 0..2 {
+        let (verdict, _) = run_list(3, |truth| {
+            if truth.phase == Phase::run(Skill::Approach, 2) {
+                truth.objects[2].touching_objects = vec![held];
+            }
+        });
+        assert_eq!(verdict.first_contact.map(|contact| contact.with), Some(ContactWith::HeldObject), "{held}");
+    }
+    let (digit, _) =
+        run_list(3, |truth| truth.objects[2].holding_digits_touch = truth.phase == Phase::run(Skill::Approach, 2));
+    assert_eq!(digit.first_contact.map(|contact| contact.with), Some(ContactWith::HoldingDigits));
+    // The second object lies on the table until its turn: it may touch the third there.
+    let (lying, _) = run_list(3, |truth| {
+        if !truth.phase.lifts(1) {
+            truth.objects[2].touching_objects = vec![1];
+        }
+    });
+    assert!(!lying.contact);
 }

@@ -8,8 +8,10 @@ use super::definition::{Scenario, VERSION};
 use world::geometry::Shape;
 use world::objects::ObjectSet;
 
-/// Most objects that may come first, or second.
-const MOST_OBJECTS: usize = 1000;
+/// Most objects of a list.
+const MOST_NAMES: usize = 1000;
+/// Most combinations.
+const MOST_COMBINATIONS: usize = 1_000_000;
 
 impl Scenario {
     /// Checks that `set` has every object named and that all of them stand clear of each other; `path` is used in errors.
@@ -25,13 +27,20 @@ impl Scenario {
             }
             Ok::<_, DataError>(widest)
         };
-        let needed = reach("first", &self.first)? + reach("second", &self.second)?;
-        let apart = self.layout.least_distance();
+        let reaches =
+            self.lists().into_iter().map(|(field, names)| reach(field, names)).collect::<Result<Vec<_>, _>>()?;
         self.check_sweep(set, path)?;
-        if apart < needed {
-            let found = format!("places that may be {apart:.3} m apart");
-            let expected = format!("at least {needed:.3} m for the largest objects");
-            return Err(DataError::field(path, "layout", found, expected));
+        let places = self.layout.places();
+        let standing: Vec<_> = reaches.iter().zip(&places).collect();
+        for (n, (one, here)) in standing.iter().enumerate() {
+            for (other, there) in &standing[..n] {
+                let (needed, apart) = (*one + *other, self.layout.least_distance(here, there));
+                if apart < needed {
+                    let found = format!("places that may be {apart:.3} m apart");
+                    let expected = format!("at least {needed:.3} m for the largest objects");
+                    return Err(DataError::field(path, "layout", found, expected));
+                }
+            }
         }
         Ok(())
     }
@@ -39,7 +48,7 @@ impl Scenario {
     /// Only balls can have any diameter.
     fn check_sweep(&self, set: &ObjectSet, path: &Path) -> Result<(), DataError> {
         let Some(sweep) = &self.disturbance.size_sweep else { return Ok(()) };
-        let (field, names) = [("first", &self.first), ("second", &self.second)][sweep.object.index()];
+        let Some((field, names)) = self.lists().into_iter().nth(sweep.object.index()) else { return Ok(()) };
         let ball = |name: &&String| set.get(name).is_some_and(|object| matches!(object.shape, Shape::Sphere { .. }));
         match names.iter().find(|name| !ball(name)) {
             None => Ok(()),
@@ -61,21 +70,37 @@ impl Scenario {
         if let Err((field, found, expected)) = self.effects.check() {
             return Err(DataError::field(path, field, found, expected));
         }
-        for (field, names) in [("first", &self.first), ("second", &self.second)] {
+        if self.second.is_empty() && !self.third.is_empty() {
+            return Err(DataError::field(path, "second", "no object", "at least one, because third names some"));
+        }
+        if !self.third.is_empty() && self.layout.third.is_none() {
+            return Err(DataError::field(path, "layout.third", "none", "the place of the third object"));
+        }
+        let objects = self.lists().len();
+        if let Some((field, index)) = self.disturbance.objects().into_iter().find(|(_, index)| *index >= objects) {
+            let found = ["first", "second"][index];
+            let expected = format!("an object of the trial, which has {objects}");
+            return Err(DataError::field(path, format!("disturbance.{field}"), found, expected));
+        }
+        for (field, names) in self.lists() {
             if names.is_empty() {
                 return Err(DataError::field(path, field, "no object", "at least one"));
             }
-            if names.len() > MOST_OBJECTS {
+            if names.len() > MOST_NAMES {
                 return Err(DataError::field(
                     path,
                     field,
                     format!("{} names", names.len()),
-                    format!("at most {MOST_OBJECTS}"),
+                    format!("at most {MOST_NAMES}"),
                 ));
             }
             if let Some(n) = (1..names.len()).find(|&n| names[..n].contains(&names[n])) {
                 return Err(DataError::field(path, field, format!("{:?} twice", names[n]), "every name once"));
             }
+        }
+        if self.combinations() > MOST_COMBINATIONS {
+            let found = format!("{} combinations", self.combinations());
+            return Err(DataError::field(path, "first, second, third", found, format!("at most {MOST_COMBINATIONS}")));
         }
         self.check_numbers(path)?;
         self.layout.check(path)?;

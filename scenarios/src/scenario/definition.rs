@@ -49,8 +49,12 @@ pub struct Scenario {
     pub object: Vec<ObjectFile>,
     /// Objects that may come first.
     pub first: Vec<String>,
-    /// Objects that may come second.
+    /// Objects that may come second; none in a trial of one object.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub second: Vec<String>,
+    /// Objects that may come third; none in a trial of two.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub third: Vec<String>,
     /// Where they stand.
     pub layout: Layout,
     /// What goes wrong.
@@ -86,9 +90,20 @@ impl Scenario {
         Ok(set)
     }
 
-    /// Names of all objects, first and second, each once, in alphabetical order.
+    /// The fields that list the objects of a trial, in the order in which they are taken: one to three, of which a combination takes one name each.
+    pub fn lists(&self) -> Vec<(&'static str, &[String])> {
+        let all = [("first", &self.first[..]), ("second", &self.second[..]), ("third", &self.third[..])];
+        all.into_iter()
+            .enumerate()
+            .filter(|(n, (_, names))| *n == 0 || !names.is_empty())
+            .map(|(_, list)| list)
+            .collect()
+    }
+
+    /// Names of all objects of all lists, each once, in alphabetical order.
     pub fn objects(&self) -> Vec<String> {
-        let names: std::collections::BTreeSet<&String> = self.first.iter().chain(&self.second).collect();
+        let names: std::collections::BTreeSet<&String> =
+            self.lists().into_iter().flat_map(|(_, names)| names).collect();
         names.into_iter().cloned().collect()
     }
 
@@ -99,6 +114,6 @@ impl Scenario {
 
     /// How many different combinations there are.
     pub fn combinations(&self) -> usize {
-        self.first.len() * self.second.len()
+        self.lists().into_iter().map(|(_, names)| names.len()).product()
     }
 }

@@ -42,7 +42,10 @@ struct ScenarioFile {
     #[serde(default)]
     object: Vec<ObjectFile>,
     first: Option<Vec<String>>,
-    second: Option<Vec<String>>,
+    #[serde(default)]
+    second: Vec<String>,
+    #[serde(default)]
+    third: Vec<String>,
     layout: Option<Layout>,
     noise: Option<NoiseLevels>,
     start: Option<Start>,
@@ -108,14 +111,15 @@ impl ScenarioFile {
             let own = |name: &String| self.object.iter().any(|object| object.name == *name);
             given.into_iter().map(|name| if own(&name) { name } else { built_in_name(name) }).collect()
         };
-        let (first, second) = (given("first", self.first, path)?, given("second", self.second, path)?);
-        let (first, second) = (names(first), names(second));
+        let first = names(given("first", self.first, path)?);
+        let [second, third] = [self.second, self.third].map(names);
         Ok(Scenario {
             version: self.version,
             name: self.name,
             object: self.object,
             first,
             second,
+            third,
             layout: given("layout", self.layout, path)?,
             noise: given("noise", self.noise, path)?,
             start,

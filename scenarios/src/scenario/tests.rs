@@ -98,3 +98,39 @@ fn individuals_and_trials_have_the_same_arms() {
         assert!(of_quantity.map(|parameter| parameter.spread.sigma).all(|found| found == sigma));
     }
 }
+
+/// A file lists the objects of one, two or three places; what cannot be names the field.
+#[test]
+fn one_two_or_three_lists() {
+    let parse = |text: &str| {
+        Scenario::parse(&format!("version = 1\nname = \"n\"\nextends = \"benchmark\"\n{text}"), Path::new("n.toml"))
+    };
+    let error = |text: &str| parse(text).expect_err("refused").to_string();
+    let counts = |text: &str| {
+        let scenario = parse(text).expect("a scenario");
+        (scenario.lists().len(), scenario.combinations())
+    };
+    let third = "third = [\"lemon\"]\nlayout = { third = { x = 0.62, y = 0.0, yaw = 0.0 }, spread_xy = 0.0 }";
+    assert_eq!(counts("first = [\"egg\", \"gem\"]\nsecond = []"), (1, 2));
+    assert_eq!(counts("first = [\"egg\"]\nsecond = [\"pear\", \"gem\"]"), (2, 2));
+    assert_eq!(counts(&format!("first = [\"egg\"]\nsecond = [\"gem\"]\n{third}")), (3, 1));
+    assert_eq!(
+        error("second = []\nthird = [\"lemon\"]"),
+        "n.toml: second: found no object, expected at least one, because third names some"
+    );
+    assert_eq!(
+        error("third = [\"lemon\"]"),
+        "n.toml: layout.third: found none, expected the place of the third object"
+    );
+    assert_eq!(error("first = []"), "n.toml: first: found no object, expected at least one");
+    let pushed = error("second = []\n[disturbance.wrong_size]\nobject = \"second\"\nfactor = 1.1");
+    assert_eq!(
+        pushed,
+        "n.toml: disturbance.wrong_size.object: found second, expected an object of the trial, which has 1"
+    );
+    let near = error(&format!("first = [\"egg\"]\nsecond = [\"gem\"]\n{}", third.replace("y = 0.0", "y = 0.12")));
+    assert!(near.contains("layout: found places that may be 0.020 m apart"), "{near}");
+    let scenario = parse("first = [\"egg\"]\nsecond = []").expect("a scenario");
+    let text = serde_json::to_string(&scenario).expect("text");
+    assert!(!text.contains("\"second\":[") && !text.contains("third"), "{text}");
+}

@@ -133,8 +133,8 @@ impl TrialBody for SimulatedRobot {
 pub struct TrialSetup<'a> {
     /// What it is.
     pub task: &'a Task,
-    /// The two objects' names and where they belong: `world_from_object`.
-    pub objects: [(&'a str, Isometry3<f64>); 2],
+    /// The objects' names and where they belong: `world_from_object`.
+    pub objects: Vec<(&'a str, Isometry3<f64>)>,
 }
 
 /// Where bodies come from that cannot be cloned.

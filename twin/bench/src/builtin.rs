@@ -14,6 +14,7 @@ use plant::Individual;
 use plant::RobotIndividual;
 use plant::identified::IdentifiedRobot;
 use proving::cache::Cache;
+use proving::plan::Plan;
 use proving::simulated_world::World;
 use proving::{ball_sizes, preparation};
 use scenarios::Scenario;
@@ -103,10 +104,10 @@ pub fn know_hand(pipeline: &mut TouchPipeline, world: &World) {
 /// Everything that trials of a robot and a scenario's first `combos` combinations share, or of as many as can be done.
 pub fn make_bench(robot: &RobotModel, scenario: Scenario, combos: usize, seed: u64, quiet: bool) -> Result<Bench> {
     let mut bench = make_scenes(robot, scenario, combos, seed, quiet)?;
-    let names: BTreeSet<&String> = bench.plans.plans.iter().flat_map(|plan| [&plan.first, &plan.second]).collect();
+    let names: BTreeSet<&str> = bench.plans.plans.iter().flat_map(Plan::objects).collect();
     bench.known = names
         .into_iter()
-        .map(|name| Ok((name.clone(), KnownObject::new(bench.world.object(name)?))))
+        .map(|name| Ok((name.to_owned(), KnownObject::new(bench.world.object(name)?))))
         .collect::<Result<BTreeMap<_, _>>>()?;
     let disturbance = bench.world.scenario.disturbance.clone();
     if let Some(sweep) = &disturbance.size_sweep {
@@ -137,6 +138,7 @@ pub fn make_scenes(robot: &RobotModel, scenario: Scenario, combos: usize, seed: 
         && scenario.object.is_empty()
         && scenario.first == benchmark.first
         && scenario.second == benchmark.second
+        && scenario.third.is_empty()
         && planned(&scenario) == planned(&benchmark);
     let mut bench = make_playground(robot, scenario, seed)?;
     if !builtin || combos > bench.plans.plans.len() {

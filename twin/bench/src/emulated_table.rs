@@ -123,7 +123,7 @@ impl EmulatedTable {
         let Some(plan) = self.bench.plans.plans.get(combination) else {
             bail!("combination: found {combination}, expected 0 to {}", self.bench.plans.plans.len() - 1);
         };
-        let objects = [world.object(&plan.first)?, world.object(&plan.second)?];
+        let objects = world.models(&plan.objects())?;
         let places = world.places(&objects, &TrialNoise::none());
         Ok(objects.into_iter().zip(places).map(|(model, pose)| ObjectPlacement { model, pose }).collect())
     }

@@ -24,9 +24,10 @@ pub mod watch;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use control::executor::Target;
 use control::inverse_kinematics::ArmKinematics;
 use hand_model::robot::{ArmState, ServoState};
-use hand_model::{ActuatorVector, Arm, ArmVector, Hand};
+use hand_model::{ActuatorVector, Arm, ArmVector, Digit, Hand};
 use nalgebra::Isometry3;
 use proving::simulated_world::World;
 
@@ -161,13 +162,16 @@ impl Mirror {
             self.handle.see_nothing();
             return;
         }
-        let mass = |name: &str| self.masses.get(name).copied().unwrap_or(0.0);
+        let mass = |target: &Target| self.masses.get(&target.grasp.object).copied().unwrap_or(0.0);
+        let masses: Vec<f64> = seen.targets.iter().map(mass).collect();
+        let digits: Vec<&[Digit]> = seen.targets.iter().map(|target| &target.grasp.digits[..]).collect();
         let tick = HandTick {
             time: seen.time,
             phase: seen.phase,
             progress: seen.progress,
             residuals: &self.residuals,
-            masses: seen.objects.map(mass),
+            masses: &masses,
+            digits: &digits,
         };
         if let Some(finding) = self.handle.see(&self.limits, &tick) {
             if finding.0 == Kind::ObjectLost {

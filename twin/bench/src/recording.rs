@@ -108,11 +108,20 @@ impl Began {
     }
 }
 
+/// The end of a trial of so many objects that succeeded, in words.
+fn held(objects: usize) -> &'static str {
+    match objects {
+        1 => "the object held",
+        2 => "both objects held",
+        _ => "all objects held",
+    }
+}
+
 /// Records the branch of one condition, after the first grasp that it shares with others if it does.
 pub struct Recording {
     recorder: Option<Recorder>,
-    names: [String; 2],
-    objects: [Arc<ObjectModel>; 2],
+    names: Vec<String>,
+    objects: Vec<Arc<ObjectModel>>,
     condition: Condition,
     /// Whether the branch has nothing of the first grasp that others share.
     begins_otherwise: bool,
@@ -139,14 +148,15 @@ impl Recording {
     pub fn open(targets: &[Target], bench: &Bench, task: &Task, (began, truth): (Began, bool)) -> Result<Self> {
         let Task { combination, trial, condition, .. } = *task;
         let plan = &bench.plans.plans[combination];
-        let objects = [bench.world.object(&plan.first)?, bench.world.object(&plan.second)?];
-        let names = ["first", "second"].map(str::to_owned);
+        let objects = bench.world.models(&plan.objects())?;
+        let names: Vec<String> =
+            ["first", "second", "third"].map(str::to_owned).into_iter().take(objects.len()).collect();
         let drawn: Vec<DrawnObject> = objects.iter().zip(&names).map(|(object, name)| drawn(object, name)).collect();
         let truth = truth || task.robot == "sim";
         let settings = Settings { truth, ..Settings::default() };
         let mut recorder = Recorder::open(targets, settings, &bench.world.cell.robot, &drawn)?;
         recorder.log_properties(&TrialProperties {
-            combination: format!("{combination}: {} then {}", plan.first, plan.second),
+            combination: format!("{combination}: {}", plan.objects().join(" then ")),
             trial: trial as u64,
             condition: condition.name().to_owned(),
             robot: task.robot.clone(),
@@ -217,7 +227,7 @@ impl Watcher for Recording {
             recorder.log_phase(&phase.name())?;
         }
         let felt = self.beliefs.see(recorder, &names[0], phase, moment.felt)?;
-        let mut errors = vec![None, None];
+        let mut errors: Vec<Option<PoseError>> = objects.iter().map(|_| None).collect();
         if let (Some(felt), Some(truth)) = (felt, truth) {
             let estimate = felt.estimate.palm_from_object;
             recorder.log_estimate(&names[0], Some(&(truth.palm * estimate)))?;
@@ -257,7 +267,7 @@ impl Watcher for Recording {
         let text = format!(
             "{}: {}{}",
             record.condition,
-            if record.success { "both objects held" } else { "failed" },
+            if record.success { held(self.objects.len()) } else { "failed" },
             record.cause.map_or_else(String::new, |cause| format!(" ({cause})")),
         );
         recorder.log_outcome(&format!("{text}{}", if record.contact { ", contact" } else { "" }))?;

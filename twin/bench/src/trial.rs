@@ -17,7 +17,9 @@ pub mod setup;
 pub mod shared;
 pub mod watcher;
 
-use anyhow::{Context as _, Result};
+use std::sync::Arc;
+
+use anyhow::{Context as _, Result, ensure};
 use control::action::ActionLimits;
 use control::foresight::Foresees;
 use control::policy::blind::Blind;
@@ -25,7 +27,6 @@ use control::policy::chosen::Chosen;
 use control::policy::touch::Touch;
 use control::policy::{Knowledge, Recovery, order};
 use control::sensing::Senses;
-use proving::plan::PlannedGrasps;
 use proving::rehearsal::{Snapshot, TrialStart};
 use rand::RngExt as _;
 use scenarios::Ablation;
@@ -34,6 +35,8 @@ use scenarios::record::{AblatedTrial, Condition, TrialId, TrialRecord};
 use scenarios::referee::FailureCause;
 use sim::SimulatedRobot;
 use world::Sensing;
+use world::layout::MOST_OBJECTS;
+use world::objects::ObjectModel;
 
 use self::branch::{Play, foretold_risk, play};
 use self::eyes::Looks;
@@ -152,13 +155,13 @@ impl Bench {
 
     /// Body and controller about to begin the ideal run of a combination.
     pub fn ideal_start(&self, combination: usize) -> Result<Snapshot> {
-        let PlannedGrasps { first, second, .. } = self.plans.plans[combination].grasps(&self.repertoire)?;
+        let plan = &self.plans.plans[combination];
+        let grasps = plan.grasps(&self.repertoire)?;
         let world = &self.world;
         let board = self.board.with_noise(0);
-        let plan = &self.plans.plans[combination];
-        let objects = [world.object(&plan.first)?, world.object(&plan.second)?];
+        let objects = world.models(&plan.objects())?;
         let (protocol, arm) = (world.protocol(), world.cell.ready);
-        let start = TrialStart { protocol, grasps: [&first, &second[0].grasp], noise: &TrialNoise::none(), arm };
+        let start = TrialStart { protocol, grasps: &grasps.planned(), noise: &TrialNoise::none(), arm };
         Snapshot::at_start(world, &start, &objects, board)
     }
 
@@ -183,7 +186,7 @@ impl Bench {
 
     /// The branch of the policy `blind`.
     fn plan(&self, start: &Start, options: Play, watcher: &mut dyn Watcher) -> Result<TrialOutcome> {
-        play(start, &mut Blind::new(start.grasps.second[0].grasp.clone()), options, watcher)
+        play(start, &mut Blind::new(start.grasps.planned().into_iter().cloned().collect()), options, watcher)
     }
 
     /// The branch of the policy `touch`, with what `means` leaves it.
@@ -210,14 +213,19 @@ impl Bench {
         watcher: &mut dyn Watcher,
     ) -> Result<TrialOutcome> {
         let TrialId { combination, trial, .. } = options.id;
+        ensure!(
+            guest.level == Level::Act || start.objects.len() == 2,
+            "--policy: found one that chooses, in a trial of {}; expected one that acts, or a scenario with objects in first and second alone",
+            start.objects.iter().map(|object| object.name.as_str()).collect::<Vec<_>>().join(", ")
+        );
         let executor = &start.run.snapshot.executor;
         let limits = ActionLimits::of(&self.world.cell);
         let reset = message::reset(&Info {
             combination,
             trial,
             seed: trial_rng(self.seed ^ OWN, combination, trial).random(),
-            objects: start.objects.each_ref().map(|object| object.name.as_str()),
-            yaws: [executor.target(0).percept.yaw, executor.target(1).percept.yaw],
+            objects: start.objects.iter().map(|object| object.name.as_str()).collect(),
+            yaws: executor.targets().iter().map(|target| target.percept.yaw).collect(),
             limits: &limits,
         });
         if guest.level == Level::Act {
@@ -244,7 +252,7 @@ impl Bench {
     fn promise(&self, setup: &Setup, means: Means) -> Result<f64> {
         let (grasps, senses) = (setup.plan.grasps(&self.repertoire)?, Senses::new(&self.pipeline, means.sensing)?);
         let objects = setup.objects(self)?;
-        let known = Known { objects: &objects, grasps: &grasps, reordered: None, sighted: [None; 2] };
+        let known = Known { objects: &objects, grasps: &grasps, reordered: None, sighted: [None; MOST_OBJECTS] };
         let knowledge = self.knowledge(known, means)?;
         Ok(order::promise(&knowledge, &senses, &grasps.first))
     }
@@ -252,8 +260,7 @@ impl Bench {
     /// What a policy knows before a trial begins.
     fn knowledge<'a>(&'a self, trial: Known, means: Means) -> Result<Knowledge<'a>> {
         let Known { objects, grasps, reordered, sighted } = trial;
-        let known = |index: usize| {
-            let object = &objects[index];
+        let known = |object: &Arc<ObjectModel>| {
             let known = self.known.get(&object.name);
             known.inspect(|known| known.prepare()).with_context(|| format!("{} cannot be felt", object.name))
         };
@@ -261,8 +268,8 @@ impl Bench {
             cell: &self.world.cell,
             library: &self.world.objects,
             repertoire: &self.repertoire,
-            objects: objects.clone(),
-            known: [known(0)?, known(1)?],
+            objects: objects.to_vec(),
+            known: objects.iter().map(known).collect::<Result<_>>()?,
             second: grasps.second.clone(),
             fallen: grasps.fallen.clone(),
             others: grasps.others.clone(),
@@ -289,8 +296,7 @@ impl Bench {
         let mut start = setup.begin(self, None, watcher.active())?;
         start.run.referee.give_up(FailureCause::NoStrategy);
         start.run.tell((Some(why), None), None, id.condition, watcher)?;
-        let names = [start.objects[0].name.as_str(), start.objects[1].name.as_str()];
-        let record = TrialRecord { reason: why.to_owned(), ..start.run.record(names, id)? };
+        let record = TrialRecord { reason: why.to_owned(), ..start.run.record(&start.objects, id)? };
         watcher.outcome(&record)?;
         Ok(TrialOutcome { record, tries: Vec::new() })
     }

@@ -116,7 +116,7 @@ fn named(strike: impl FnOnce(&mut SimulatedRobot), press: impl Fn(&mut Simulated
             sent: &sent,
             phase: Phase::run(Skill::Approach, 0),
             progress: 0.5 * robot.time() / END,
-            objects: ["golf_ball", "can_66"],
+            targets: &[],
             felt: None,
         });
     }
@@ -209,7 +209,7 @@ fn named_in_real_time(strike: impl FnOnce(&mut SimulatedRobot), frozen: Option<u
             sent: &sent,
             phase: Phase::run(Skill::Approach, 0),
             progress: 0.5 * time / END,
-            objects: ["golf_ball", "can_66"],
+            targets: &[],
             felt: None,
         });
     }

@@ -36,7 +36,7 @@ fn an_object_is_where_it_is_felt() {
         let Target { grasp: first, percept: seen_first } = executor.target(0).clone();
         let second = executor.target(1).grasp.clone();
         let known = [&first.object, &second.object].map(|name| &bench.known[name]);
-        let expected = Expected::of(&first, &seen_first, &second);
+        let expected = Expected::of(&first, &seen_first, Some(&second));
         let felt = feel(&senses, &executor.motion().look(), known[0], &expected).expect("felt");
 
         let seen = executor.target(1).percept;

@@ -44,7 +44,7 @@ pub struct Scene<'a> {
     /// In a decision, with the first object in the hand.
     pub executor: &'a Executor,
     /// The held object and the target.
-    pub objects: &'a [Arc<ObjectModel>; 2],
+    pub objects: &'a [Arc<ObjectModel>],
     /// Angles of the finger joints as felt, rad.
     pub joints: &'a [f64],
     /// What is not known.

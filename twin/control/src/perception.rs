@@ -169,10 +169,13 @@ pub struct Expected<'a> {
 }
 
 impl<'a> Expected<'a> {
-    /// What `first` and `second` expect of a trial; `percept` is where the first object was seen.
-    pub fn of(first: &Grasp, percept: &Percept, second: &'a Grasp) -> Self {
+    /// What `first` and `second`, if there is one, expect of a trial; `percept` is where the first object was seen.
+    pub fn of(first: &Grasp, percept: &Percept, second: Option<&'a Grasp>) -> Self {
         let seen = || first.palm_pose(&percept.position, percept.yaw).inverse() * percept.pose();
-        Self { palm_from_object: first.held.unwrap_or_else(seen), second_joints: second.held_joints.as_deref() }
+        Self {
+            palm_from_object: first.held.unwrap_or_else(seen),
+            second_joints: second.and_then(|second| second.held_joints.as_deref()),
+        }
     }
 }
 

@@ -19,6 +19,7 @@ use ::touch::TouchError;
 use grasping::Repertoire;
 use nalgebra::Isometry3;
 use world::attempt::Attempt;
+use world::layout::MOST_OBJECTS;
 use world::objects::{ObjectModel, ObjectSet};
 
 use crate::executor::Executor;
@@ -42,11 +43,11 @@ pub struct Knowledge<'a> {
     pub library: &'a ObjectSet,
     /// Proven grasps.
     pub repertoire: &'a Repertoire,
-    /// The two objects of the trial, the first one first.
-    pub objects: [Arc<ObjectModel>; 2],
+    /// The objects of the trial, in the order in which they are taken.
+    pub objects: Vec<Arc<ObjectModel>>,
     /// The same, ready to be registered.
-    pub known: [&'a KnownObject; 2],
-    /// Grasps of the second object, the planned one first.
+    pub known: Vec<&'a KnownObject>,
+    /// Grasps of the second object, the planned one first; none in a trial of one.
     pub second: Vec<Candidate>,
     /// Rehearsed grasps of the second object in the ways in which it can fall over: each names its way as its object.
     pub fallen: Vec<Candidate>,
@@ -54,8 +55,8 @@ pub struct Knowledge<'a> {
     pub others: Vec<Sequence>,
     /// Errors that the controller expects of its robot.
     pub uncertainty: Uncertainty,
-    /// What the first look at either object states of its own error, m ([`crate::percept::Sighted::sigma`]).
-    pub sighted: [Option<f64>; 2],
+    /// What the first look at each object states of its own error, m ([`crate::percept::Sighted::sigma`]).
+    pub sighted: [Option<f64>; MOST_OBJECTS],
     /// Time after which a trial counts as failed, s.
     pub time_limit: f64,
     /// How it may try again.
@@ -200,7 +201,7 @@ pub enum PolicyError {
     NoPlan(String),
 }
 
-/// A policy of the two-object trial. It is asked whenever the executor waits: first it perceives, then it decides.
+/// A policy of a trial. It is asked whenever the executor waits: first it perceives, then it decides.
 pub trait Policy {
     /// Takes in what the last look measured.
     fn perceive(&mut self, executor: &Executor, injected: Option<Injected>) -> Result<(), PolicyError>;

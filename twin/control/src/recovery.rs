@@ -42,9 +42,9 @@ pub enum Next {
 }
 
 impl Next {
-    /// After the look that ends in `phase`.
-    pub fn after(phase: Phase, grip: Grip) -> Self {
-        match (phase.has_lifted(1), grip.first, grip.second) {
+    /// After the look that ends in `phase`, in a trial whose `last` object has this index: 0 or 1.
+    pub fn after(phase: Phase, grip: Grip, last: usize) -> Self {
+        match (last == 1 && phase.has_lifted(1), grip.first, grip.second) {
             (true, true, false) => Self::SecondAgain,
             (true, false, true) => Self::StartOver,
             (_, false, _) => Self::FirstAgain,
@@ -87,15 +87,15 @@ mod tests {
         let grip = |first, second| Grip { first, second };
         let [decide, confirm] = [0, 1].map(|object| Phase::decide(Skill::Look, object));
         let done = Phase::decide(Skill::Verify, 0);
-        assert_eq!(Next::after(decide, grip(true, false)), Next::GoOn);
-        assert_eq!(Next::after(decide, grip(false, false)), Next::FirstAgain);
-        assert_eq!(Next::after(confirm, grip(true, true)), Next::GoOn);
-        assert_eq!(Next::after(confirm, grip(true, false)), Next::SecondAgain);
-        assert_eq!(Next::after(confirm, grip(false, false)), Next::FirstAgain);
-        assert_eq!(Next::after(confirm, grip(false, true)), Next::StartOver);
-        assert_eq!(Next::after(done, grip(true, true)), Next::GoOn);
-        assert_eq!(Next::after(done, grip(true, false)), Next::SecondAgain);
-        assert_eq!(Next::after(done, grip(false, true)), Next::StartOver);
-        assert_eq!(Next::after(done, grip(false, false)), Next::FirstAgain);
+        assert_eq!(Next::after(decide, grip(true, false), 1), Next::GoOn);
+        assert_eq!(Next::after(decide, grip(false, false), 1), Next::FirstAgain);
+        assert_eq!(Next::after(confirm, grip(true, true), 1), Next::GoOn);
+        assert_eq!(Next::after(confirm, grip(true, false), 1), Next::SecondAgain);
+        assert_eq!(Next::after(confirm, grip(false, false), 1), Next::FirstAgain);
+        assert_eq!(Next::after(confirm, grip(false, true), 1), Next::StartOver);
+        assert_eq!(Next::after(done, grip(true, true), 1), Next::GoOn);
+        assert_eq!(Next::after(done, grip(true, false), 1), Next::SecondAgain);
+        assert_eq!(Next::after(done, grip(false, true), 1), Next::StartOver);
+        assert_eq!(Next::after(done, grip(false, false), 1), Next::FirstAgain);
     }
 }

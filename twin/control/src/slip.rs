@@ -1,13 +1,12 @@
 //! Slip while carrying: felt by the pads or by a digit that closes on, answered by tension.
 //!
-//! While both objects are carried nothing should move in the hand. Two signs say that something does: a pad's picture is no
+//! While objects are carried nothing should move in the hand. Two signs say that something does: a pad's picture is no
 //! longer the one it was, or a digit's cable is taken up further, because what the digit leant on went away. Either way all
 //! digits that hold the same object pull harder by a step, up to a limit. When nothing more is felt for a while the addition
 //! fades; it never takes away from the plan.
 
 use std::sync::Arc;
 
-use grasping::Role;
 use hand_model::robot::{ServoState, TactileFrame, TactileImage};
 use hand_model::{Digit, DigitVector, Hand};
 
@@ -35,7 +34,8 @@ const STRIDE: usize = 31;
 /// Watches carries, one after the other.
 #[derive(Debug, Clone, Default)]
 pub struct SlipWatch {
-    grips: [GripWatch; 2],
+    /// One an object.
+    grips: Vec<GripWatch>,
     pictures: Vec<Option<Arc<TactileImage>>>,
 }
 
@@ -48,6 +48,8 @@ pub fn most_tension(hand: &Hand) -> f64 {
 /// What holds one object.
 #[derive(Debug, Clone, Default)]
 struct GripWatch {
+    /// Those that hold it.
+    digits: Vec<Digit>,
     /// Additional tension, share of the plan's.
     added: f64,
     /// Steps taken.
@@ -59,17 +61,18 @@ struct GripWatch {
 }
 
 impl SlipWatch {
-    /// A carry begins, with nothing added to the plan.
-    pub fn begin(&mut self) {
-        for grip in &mut self.grips {
-            *grip = GripWatch { steps: grip.steps, ..GripWatch::default() };
-        }
+    /// A carry begins, of objects that these `digits` hold, with nothing added to the plan.
+    pub fn begin(&mut self, digits: impl Iterator<Item = Vec<Digit>>) {
+        let steps = self.steps();
+        let grip =
+            |(n, digits)| GripWatch { digits, steps: steps.get(n).copied().unwrap_or(0), ..GripWatch::default() };
+        self.grips = digits.enumerate().map(grip).collect();
         self.pictures.fill(None);
     }
 
     /// How often each object was felt to slip, in all carries.
-    pub fn steps(&self) -> [u32; 2] {
-        [self.grips[0].steps, self.grips[1].steps]
+    pub fn steps(&self) -> Vec<u32> {
+        self.grips.iter().map(|grip| grip.steps).collect()
     }
 
     /// One tick of `dt` (s): the tensions to be had (N), given the `plan`'s and the `most` that a servo can pull.
@@ -85,18 +88,17 @@ impl SlipWatch {
         let cables: DigitVector = hand.each_digit(|n| servos[n].position * hand.cables[n].spool_radius);
         let seen = self.seen(hand, arrived);
         let mut tension: DigitVector = plan.iter().copied().collect();
-        for (role, grip) in [Role::First, Role::Second].into_iter().zip(&mut self.grips) {
-            let slips = grip.tick(role.digits(hand.digits().len()), &cables, seen[role as usize], dt);
-            if slips {
+        for n in 0..self.grips.len() {
+            if self.grips[n].tick(&cables, seen[n], dt) {
                 // What the pads show from now on is the new state of things.
-                let of_role = |camera: usize| role_of(hand, camera) == role;
-                for (camera, picture) in self.pictures.iter_mut().enumerate() {
-                    if of_role(camera) {
-                        *picture = None;
+                for camera in 0..self.pictures.len() {
+                    if self.owner(hand, camera) == n {
+                        self.pictures[camera] = None;
                     }
                 }
             }
-            for digit in role.digits(hand.digits().len()) {
+            let grip = &self.grips[n];
+            for digit in &grip.digits {
                 let planned = plan[digit.index()];
                 tension[digit.index()] = (planned * (1.0 + grip.added)).min(most).max(planned);
             }
@@ -104,34 +106,39 @@ impl SlipWatch {
         tension
     }
 
-    /// Whether pads of the first and of the second grip show something else than before.
-    fn seen(&mut self, hand: &Hand, arrived: &[TactileFrame]) -> [bool; 2] {
+    /// Whether pads of each grip show something else than before.
+    fn seen(&mut self, hand: &Hand, arrived: &[TactileFrame]) -> Vec<bool> {
         self.pictures.resize(hand.cameras.len(), None);
-        let settled = [self.grips[0].calm, self.grips[1].calm].map(|calm| calm >= SETTLING);
-        let mut seen = [false; 2];
+        let mut seen = vec![false; self.grips.len()];
         for frame in arrived.iter().filter(|frame| frame.camera < hand.cameras.len()) {
-            let role = role_of(hand, frame.camera) as usize;
-            if !settled[role] {
+            let grip = self.owner(hand, frame.camera);
+            if self.grips.get(grip).is_none_or(|grip| grip.calm < SETTLING) {
                 continue;
             }
             match &self.pictures[frame.camera] {
-                Some(before) => seen[role] |= change(before, &frame.image) > PICTURE_CHANGE,
+                Some(before) => seen[grip] |= change(before, &frame.image) > PICTURE_CHANGE,
                 None => self.pictures[frame.camera] = Some(frame.image.clone()),
             }
         }
         seen
     }
+
+    /// The grip whose pads a camera looks through: the palm's belong to the first, which leans on it.
+    fn owner(&self, hand: &Hand, camera: usize) -> usize {
+        let pad = hand.cameras[camera].pad;
+        self.grips.iter().skip(1).position(|grip| is_on(hand, pad, &grip.digits)).map_or(0, |n| n + 1)
+    }
 }
 
 impl GripWatch {
     /// Whether a slip is felt; then the tension takes a step.
-    fn tick(&mut self, digits: &[Digit], cables: &[f64], seen: bool, dt: f64) -> bool {
+    fn tick(&mut self, cables: &[f64], seen: bool, dt: f64) -> bool {
         self.calm += dt;
         if self.calm < SETTLING {
             return false;
         }
         let rest = *self.rest.get_or_insert_with(|| cables.iter().copied().collect());
-        let closing = digits.iter().any(|digit| cables[digit.index()] - rest[digit.index()] > CLOSING_ON);
+        let closing = self.digits.iter().any(|digit| cables[digit.index()] - rest[digit.index()] > CLOSING_ON);
         if closing || seen {
             (self.added, self.rest, self.calm) = ((self.added + STEP).min(MOST), None, 0.0);
             self.steps += 1;
@@ -142,12 +149,6 @@ impl GripWatch {
         }
         false
     }
-}
-
-/// Whose pads a camera looks through: the palm's belong to the first grip, which leans on it.
-fn role_of(hand: &Hand, camera: usize) -> Role {
-    let pad = hand.cameras[camera].pad;
-    if is_on(hand, pad, Role::Second.digits(hand.digits().len())) { Role::Second } else { Role::First }
 }
 
 /// Mean difference of two pictures, grey levels.
@@ -174,6 +175,14 @@ mod tests {
         })
     }
 
+    /// A watch of two objects, by ring and little finger and by the others.
+    fn watching() -> SlipWatch {
+        let mut watch = SlipWatch::default();
+        let digits = [&[Digit::Ring, Digit::Little][..], &[Digit::Thumb, Digit::Index, Digit::Middle]];
+        watch.begin(digits.into_iter().map(<[Digit]>::to_vec));
+        watch
+    }
+
     /// Runs `seconds` with the ring finger's cable at `ring` (m), returns the last tensions.
     fn run(watch: &mut SlipWatch, hand: &Hand, ring: impl Fn(f64) -> f64, seconds: f64) -> DigitVector {
         let mut tension = hand.slack();
@@ -185,18 +194,18 @@ mod tests {
 
     #[test]
     fn nothing_moves_nothing_happens() {
-        let (hand, mut watch) = (Hand::ftac(), SlipWatch::default());
+        let (hand, mut watch) = (Hand::ftac(), watching());
         assert_eq!(run(&mut watch, &hand, |_| 0.02, 3.0)[..], PLAN);
-        assert_eq!(watch.steps(), [0, 0]);
+        assert_eq!(watch.steps()[..], [0, 0]);
     }
 
     /// A ring finger that closes on raises ring and little, the others stay; calm brings the plan back, and no less.
     #[test]
     fn tension_rises_on_slip_within_limits_and_falls_back() {
-        let (hand, mut watch) = (Hand::ftac(), SlipWatch::default());
+        let (hand, mut watch) = (Hand::ftac(), watching());
         let slipping = run(&mut watch, &hand, |time| 0.02 + if time < 0.3 { 0.0 } else { 0.002 }, 0.5);
         assert_eq!(slipping[..], [20.0, 20.0, 20.0, 12.5, 12.5]);
-        assert_eq!(watch.steps(), [1, 0]);
+        assert_eq!(watch.steps()[..], [1, 0]);
         let on_and_on = run(&mut watch, &hand, |time| 0.02 + 0.02 * time, 2.0);
         assert_eq!(on_and_on[3], 20.0, "twice the plan is the limit");
         let calm = run(&mut watch, &hand, |_| 0.05, 30.0);
@@ -218,12 +227,12 @@ mod tests {
             sequence: 0,
             image: image.clone(),
         };
-        let mut watch = SlipWatch::default();
+        let mut watch = watching();
         run(&mut watch, &hand, |_| 0.02, 0.3);
         let at_rest = servos(&hand, 0.02);
         for (level, steps) in [(100, 0), (101, 0), (104, 1)] {
             watch.tick(&hand, &at_rest, &[frame(&picture(level))], &PLAN, 60.0, DT);
-            assert_eq!(watch.steps(), [steps, 0], "{level}");
+            assert_eq!(watch.steps()[..], [steps, 0], "{level}");
         }
     }
 }

@@ -84,17 +84,7 @@ mod tests {
         for ball in &added {
             assert!((gap(&ball.name, id) - gap("golf_ball", id)).abs() < 1e-12, "{}", ball.name);
         }
-        let plan = Plan {
-            first: "golf_ball".into(),
-            second: "egg".into(),
-            first_grasp: id,
-            second_grasps: Vec::new(),
-            outcomes: Vec::new(),
-            variations: Vec::new(),
-            reversed: None,
-            fallen: Default::default(),
-            others: Vec::new(),
-        };
+        let plan = Plan::new(["golf_ball", "egg"], id, Vec::new());
         assert_eq!(plan_of(&plan, &sweep, 3).first, added[1].name);
     }
 }

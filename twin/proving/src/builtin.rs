@@ -65,7 +65,7 @@ mod tests {
             assert!(!candidates[0].rehearsed.is_empty(), "{}, {}: no odds of the plan", plan.first, plan.second);
         }
         for rejected in &plans.rejected {
-            assert!(!pairs.contains(&(&rejected.0, &rejected.1)), "{rejected:?} is planned and rejected");
+            assert!(!pairs.contains(&(&rejected[0], &rejected[1])), "{rejected:?} is planned and rejected");
         }
     }
 

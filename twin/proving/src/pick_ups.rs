@@ -200,7 +200,7 @@ impl Search<'_> {
         let extent = extent(&*self.world.object(name)?);
         let bystander = self.bystander(&extent);
         let attempt = |grasp: &Grasp, noise: &TrialNoise| -> Result<Option<HoldOutcome>> {
-            let outcome = self.rehearse_first([grasp, &bystander], noise)?;
+            let outcome = self.rehearse_first(&[grasp, &bystander], noise)?;
             Ok(outcome.map(|(_, outcome)| outcome).filter(|outcome| outcome.slip < SLIP_LIMIT))
         };
         self.find(&extent, Role::First, attempt)
@@ -212,7 +212,7 @@ impl Search<'_> {
         // A hold of the reference object with this object standing by.
         let mut hold: Option<Snapshot> = None;
         for first in reference {
-            hold = self.rehearse_first([first, &bystander], &TrialNoise::none())?.map(|(snapshot, _)| snapshot);
+            hold = self.rehearse_first(&[first, &bystander], &TrialNoise::none())?.map(|(snapshot, _)| snapshot);
             if hold.is_some() {
                 break;
             }
@@ -225,7 +225,7 @@ impl Search<'_> {
         self.find(&extent, Role::Second, attempt)
     }
 
-    fn rehearse_first(&self, grasps: [&Grasp; 2], noise: &TrialNoise) -> Result<Option<(Snapshot, HoldOutcome)>> {
+    fn rehearse_first(&self, grasps: &[&Grasp], noise: &TrialNoise) -> Result<Option<(Snapshot, HoldOutcome)>> {
         let protocol = self.world.rehearsal_protocol();
         let rehearsal = FirstRehearsal { protocol, start: StartPosture::Near, grasps, noise };
         rehearse_first(self.world, &rehearsal, &self.board)

@@ -1,6 +1,7 @@
-//! Plans: for each combination a first grasp and the second grasps that may follow it, rehearsed without noise.
+//! Plans: for each combination a first grasp and the second grasps that may follow it, rehearsed without noise; for a single object the grasp that
+//! holds it to the end of the trial.
 //!
-//! All ordered pairs of the scenario's objects are shuffled by the seed and rehearsed in that order. A pair becomes a combination
+//! All combinations of the scenario's objects are shuffled by the seed and rehearsed in that order. A pair becomes a combination
 //! if some first grasp can be followed by some second grasp without a collision; otherwise it is listed as rejected and the next
 //! pair takes its place. What blind and touch achieve has no part in it.
 //!
@@ -28,7 +29,7 @@ use scenarios::combination::{Combination, draw_combinations};
 use serde::{Deserialize, Serialize};
 use sim::tactile::TactileBoard;
 
-use crate::rehearsal::{FirstRehearsal, rehearse_first, rehearse_second};
+use crate::rehearsal::{FirstRehearsal, rehearse_carry, rehearse_first, rehearse_second};
 use crate::simulated_world::World;
 
 pub use self::outcomes::Outcomes;
@@ -43,7 +44,8 @@ const FAILED_WORTH: f64 = 0.3;
 pub struct Plan {
     /// First object.
     pub first: String,
-    /// Second object.
+    /// Second object; empty where there is none.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
     pub second: String,
     /// Number of the first grasp in its repertoire.
     pub first_grasp: u32,
@@ -79,12 +81,19 @@ pub struct Other {
 #[derive(Debug, Clone)]
 pub struct PlannedGrasps {
     pub first: Grasp,
-    /// The plan, then its alternatives.
+    /// The plan, then its alternatives; none for a single object.
     pub second: Vec<Candidate>,
     /// Rehearsed grasps of the second object in the ways in which it can fall over: each names its way as its object.
     pub fallen: Vec<Candidate>,
     /// Other first grasps, with the second grasps rehearsed after each.
     pub others: Vec<Sequence>,
+}
+
+impl PlannedGrasps {
+    /// The planned grasp of each object, in the order in which they are taken.
+    pub fn planned(&self) -> Vec<&Grasp> {
+        std::iter::once(&self.first).chain(self.second.first().map(|second| &second.grasp)).collect()
+    }
 }
 
 /// All plans of a scenario.
@@ -94,8 +103,8 @@ pub struct Plans {
     pub version: u32,
     /// Seed of the draw.
     pub seed: u64,
-    /// Pairs for which nothing worked without noise, in the order in which they were drawn.
-    pub rejected: Vec<(String, String)>,
+    /// Combinations for which nothing worked without noise, in the order in which they were drawn.
+    pub rejected: Vec<Vec<String>>,
     /// The combinations.
     pub plans: Vec<Plan>,
 }
@@ -115,11 +124,10 @@ impl Plans {
         Ok(plans)
     }
 
-    /// What these plans say of a pair: its plan, or that it cannot be done; none where they say nothing of it.
-    pub fn of(&self, pair: &Combination) -> Option<Option<&Plan>> {
-        let is = |first: &String, second: &String| (first, second) == (&pair.first, &pair.second);
-        let planned = self.plans.iter().find(|plan| is(&plan.first, &plan.second)).map(Some);
-        planned.or_else(|| self.rejected.iter().any(|(first, second)| is(first, second)).then_some(None))
+    /// What these plans say of a combination: its plan, or that it cannot be done; none where they say nothing of it.
+    pub fn of(&self, combination: &Combination) -> Option<Option<&Plan>> {
+        let planned = self.plans.iter().find(|plan| plan.objects() == combination.objects).map(Some);
+        planned.or_else(|| self.rejected.contains(&combination.objects).then_some(None))
     }
 
     /// Writes the file, whole or not at all.
@@ -148,6 +156,26 @@ impl Plans {
 }
 
 impl Plan {
+    /// Of these objects with these grasps, nothing of which has been tried under errors.
+    pub(crate) fn new([first, second]: [&str; 2], first_grasp: u32, second_grasps: Vec<(u32, f64)>) -> Self {
+        Self {
+            first: first.to_owned(),
+            second: second.to_owned(),
+            first_grasp,
+            second_grasps,
+            outcomes: Vec::new(),
+            fallen: BTreeMap::new(),
+            others: Vec::new(),
+            variations: Vec::new(),
+            reversed: None,
+        }
+    }
+
+    /// Names of the objects, in the order in which they are taken.
+    pub fn objects(&self) -> Vec<&str> {
+        [&self.first, &self.second].into_iter().map(String::as_str).filter(|name| !name.is_empty()).collect()
+    }
+
     /// Leaves out the variations and their outcomes.
     fn forget_variations(&mut self) {
         let gone: Vec<u32> = self.variations.drain(..).map(|grasp| grasp.id).collect();
@@ -198,15 +226,18 @@ impl Plan {
         });
         Ok(PlannedGrasps {
             others: others.collect::<Result<_>>()?,
-            first: find(&self.first, Role::First, self.first_grasp)?,
+            first: find(&self.first, Role::First, self.first_grasp).or_else(|error| match self.second.is_empty() {
+                true => find(&self.first, Role::Second, self.first_grasp),
+                false => Err(error),
+            })?,
             second: second.collect::<Result<_>>()?,
             fallen: fallen.collect::<Result<_>>()?,
         })
     }
 }
 
-/// Plans pairs of `scenario`, drawn by `seed`, until `count` combinations stand, or all pairs have been tried; `plan` gives none of a pair
-/// that cannot be done without noise. Where the scenario has objects of a user's own, pairs with each of them come first, until one of them
+/// Plans combinations of `scenario`, drawn by `seed`, until `count` stand, or all have been tried; `plan` gives none of one
+/// that cannot be done without noise. Where the scenario has objects of a user's own, those with each of them come first, until one of them
 /// can be done. Shows a progress bar unless `quiet`.
 pub fn make_plans(
     scenario: &Scenario,
@@ -225,8 +256,8 @@ pub fn make_plans(
     };
     for object in &scenario.object {
         let name = &object.name;
-        let has = |plan: &Plan| plan.first == *name || plan.second == *name;
-        let with = drawn.places(|pair| pair.first == *name || pair.second == *name);
+        let has = |plan: &Plan| plan.objects().contains(&name.as_str());
+        let with = drawn.places(|drawn| drawn.objects.contains(name));
         for batch in with.chunks(rayon::current_num_threads().max(1)) {
             if drawn.is_full() || drawn.plans.plans.iter().any(has) {
                 break;
@@ -251,7 +282,7 @@ pub fn make_plans(
     Ok(drawn.plans)
 }
 
-/// The pairs of a scenario in the order in which they are drawn, and what has come of them.
+/// The combinations of a scenario in the order in which they are drawn, and what has come of them.
 struct Drawn {
     pairs: Vec<Combination>,
     /// What came of those that were planned, by their place; several are planned at once, and some in vain.
@@ -292,23 +323,60 @@ impl Drawn {
                 self.plans.plans.push(plan);
                 bar.inc(1);
             }
-            None => self.plans.rejected.push((pair.first.clone(), pair.second.clone())),
+            None => self.plans.rejected.push(pair.objects.clone()),
         }
     }
 }
 
-/// The plan of a pair, without odds; none if nothing works without errors. `board` has cameras, as in a trial: a look ends when its
+/// The plan of a combination, without odds; none if nothing works without errors. `board` has cameras, as in a trial: a look ends when its
 /// images have come.
-pub fn plan_pair(
+pub fn plan_one(
     world: &World,
     repertoire: &Repertoire,
     board: &TactileBoard,
-    pair: &Combination,
+    combination: &Combination,
 ) -> Result<Option<Plan>> {
-    let seconds: Vec<&Grasp> = repertoire.of(&pair.second, Role::Second).collect();
+    match &combination.objects[..] {
+        [only] => plan_single(world, repertoire, board, only),
+        [first, second] => plan_pair(world, repertoire, board, [first, second]),
+        objects => bail!(
+            "{}: found {} objects, expected one or two: no plan is made of more",
+            objects.join(", "),
+            objects.len()
+        ),
+    }
+}
+
+/// The plan of an object alone: the first grasp of the repertoire's order that holds it to the end of the trial.
+fn plan_single(world: &World, repertoire: &Repertoire, board: &TactileBoard, name: &str) -> Result<Option<Plan>> {
+    let role = sole_role(world.cell.robot.hand.digits().len());
+    for grasp in repertoire.of(name, role) {
+        let grasps = [grasp];
+        let Some((hold, _)) = rehearse_first(world, &FirstRehearsal::ideal(world, &grasps), board)? else { continue };
+        if rehearse_carry(&hold)?.held {
+            return Ok(Some(Plan::new([name, ""], grasp.id, Vec::new())));
+        }
+    }
+    Ok(None)
+}
+
+/// The role whose digits take an object alone: the first, where the hand has digits for it.
+pub fn sole_role(digits: usize) -> Role {
+    if Role::First.digits(digits).is_empty() { Role::Second } else { Role::First }
+}
+
+/// The plan of two objects.
+fn plan_pair(
+    world: &World,
+    repertoire: &Repertoire,
+    board: &TactileBoard,
+    [one, other]: [&str; 2],
+) -> Result<Option<Plan>> {
+    let seconds: Vec<&Grasp> = repertoire.of(other, Role::Second).collect();
     let Some(any) = seconds.first() else { return Ok(None) };
-    for first in repertoire.of(&pair.first, Role::First) {
-        let rehearsal = FirstRehearsal::ideal(world, [first, any]);
+    for first in repertoire.of(one, Role::First) {
+        let grasps = [first, *any];
+        let rehearsal = FirstRehearsal::ideal(world, &grasps);
         let Some((hold, _)) = rehearse_first(world, &rehearsal, board)? else { continue };
         let works = |second: &Grasp| {
             let (collided, outcome) = rehearse_second(&hold, second)?;
@@ -316,17 +384,7 @@ pub fn plan_pair(
         };
         let second_grasps = ranked(&seconds, works)?;
         if !second_grasps.is_empty() {
-            return Ok(Some(Plan {
-                first: pair.first.clone(),
-                second: pair.second.clone(),
-                first_grasp: first.id,
-                second_grasps,
-                outcomes: Vec::new(),
-                fallen: BTreeMap::new(),
-                others: Vec::new(),
-                variations: Vec::new(),
-                reversed: None,
-            }));
+            return Ok(Some(Plan::new([one, other], first.id, second_grasps)));
         }
     }
     Ok(None)

@@ -58,9 +58,15 @@ pub fn prepare(world: &World, count: usize, seed: u64, cache: &Cache, quiet: boo
     let robot = &world.cell.robot;
     let digits = robot.hand.digits().len();
     ensure!(
-        [Role::First, Role::Second].iter().all(|role| !role.digits(digits).is_empty()),
+        roles(&world.scenario, digits).iter().all(|role| !role.digits(digits).is_empty()),
         "{}: hand: found {digits} digits, expected 4 or 5: thumb, index and middle finger take the second object while the others hold the first",
         robot.file().display()
+    );
+    ensure!(
+        world.scenario.third.is_empty(),
+        "{}: third: found {} objects, expected none: no plan is made of three",
+        world.scenario.name,
+        world.scenario.third.len()
     );
     let builtin = crate::builtin::fits(robot)?;
     let mut repertoire = if builtin { crate::builtin::repertoire()? } else { Repertoire::default() };
@@ -94,7 +100,7 @@ pub fn prepare(world: &World, count: usize, seed: u64, cache: &Cache, quiet: boo
     let board = TactileBoard::unit(&world.cell.robot.hand, 0);
     let mut open = Vec::new();
     for pair in draw_combinations(&world.scenario, count, seed) {
-        if decided(&pair).is_none() && !cache.has(&pair_key(world, &repertoire, &pair)?) {
+        if decided(&pair).is_none() && !cache.has(&plan_key(world, &repertoire, &pair)?) {
             open.push(pair);
         }
     }
@@ -105,7 +111,7 @@ pub fn prepare(world: &World, count: usize, seed: u64, cache: &Cache, quiet: boo
         if let Some(decided) = decided(pair) {
             return Ok(decided.cloned());
         }
-        cache.get_or(&pair_key(world, &repertoire, pair)?, |steps| {
+        cache.get_or(&plan_key(world, &repertoire, pair)?, |steps| {
             stepwise::plan(world, &repertoire, &board, pair, steps)
         })
     })?;
@@ -115,14 +121,23 @@ pub fn prepare(world: &World, count: usize, seed: u64, cache: &Cache, quiet: boo
     Ok(Prepared { repertoire, plans, notes, left_out })
 }
 
+/// The role in which each of the scenario's lists is taken by a hand with so many digits.
+fn roles(scenario: &Scenario, digits: usize) -> Vec<Role> {
+    match scenario.lists().len() {
+        1 => vec![plan::sole_role(digits)],
+        _ => vec![Role::First, Role::Second],
+    }
+}
+
 /// How long a rehearsal of the first of these pairs that has grasps takes on this machine on one thread, s; none where none has.
 fn pace(world: &World, repertoire: &Repertoire, board: &TactileBoard, pairs: &[Combination]) -> Result<Option<f64>> {
     for pair in pairs {
-        let (first, second) =
-            (repertoire.of(&pair.first, Role::First).next(), repertoire.of(&pair.second, Role::Second).next());
+        let [one, other] = &pair.objects[..] else { continue };
+        let (first, second) = (repertoire.of(one, Role::First).next(), repertoire.of(other, Role::Second).next());
         let Some((first, second)) = first.zip(second) else { continue };
         let begun = Instant::now();
-        let hold = rehearse_first(world, &FirstRehearsal::ideal(world, [first, second]), board)?;
+        let grasps = [first, second];
+        let hold = rehearse_first(world, &FirstRehearsal::ideal(world, &grasps), board)?;
         let Some((hold, _)) = hold else { continue };
         try_second(&hold, second)?;
         return Ok(Some(0.5 * begun.elapsed().as_secs_f64()));
@@ -162,12 +177,12 @@ fn searches(world: &World, builtin: bool) -> Vec<(&ObjectModel, Role)> {
     let all = scenario.objects();
     for name in all.iter().filter(|name| !builtin || own.contains(name)) {
         let Some(object) = world.objects.get(name) else { continue };
-        if scenario.first.contains(name) {
-            searches.push((&**object, Role::First));
-        }
-        if scenario.second.contains(name) {
-            searches.push((&**object, Role::Second));
-            searches.extend(world.objects.fallen_of(object).map(|fallen| (fallen, Role::Second)));
+        let lists = scenario.lists().into_iter().zip(roles(scenario, world.cell.robot.hand.digits().len()));
+        for (_, role) in lists.filter(|((_, names), _)| names.contains(name)) {
+            searches.push((&**object, role));
+            if role == Role::Second {
+                searches.extend(world.objects.fallen_of(object).map(|fallen| (fallen, Role::Second)));
+            }
         }
     }
     // Second grasps are proven beside the smallest thing that can be held: first grasps come first.
@@ -221,13 +236,14 @@ fn pick_up(
 fn known_plans(scenario: &Scenario) -> Result<Option<Plans>> {
     let benchmark = Scenario::benchmark();
     let placed = |scenario: &Scenario| (scenario.layout.first, scenario.layout.second, scenario.start);
-    (placed(scenario) == placed(&benchmark)).then(crate::builtin::plans).transpose()
+    let same = scenario.lists().len() == 2 && placed(scenario) == placed(&benchmark);
+    same.then(crate::builtin::plans).transpose()
 }
 
 /// The key of a plan: its world, its objects and all grasps that it may name.
-fn pair_key(world: &World, repertoire: &Repertoire, pair: &Combination) -> Result<Key> {
-    let mut key = ground(world, format!("{}-{}", pair.first, pair.second))?;
-    for (name, role) in [(&pair.first, Role::First), (&pair.second, Role::Second)] {
+fn plan_key(world: &World, repertoire: &Repertoire, pair: &Combination) -> Result<Key> {
+    let mut key = ground(world, pair.objects.join("-"))?;
+    for (name, role) in pair.objects.iter().zip(roles(&world.scenario, world.cell.robot.hand.digits().len())) {
         let object = world.object(name)?;
         key = key.with(&Described::of(&object))?.with(&repertoire.of(name, role).collect::<Vec<_>>())?;
         for way in world.objects.fallen_of(&object).filter(|_| role == Role::Second) {

@@ -51,8 +51,8 @@ pub struct Snapshot<R = SimulatedRobot> {
 pub struct TrialStart<'a> {
     /// Distances and times.
     pub protocol: Protocol,
-    /// The grasps that are planned.
-    pub grasps: [&'a Grasp; 2],
+    /// The grasps that are planned, one an object.
+    pub grasps: &'a [&'a Grasp],
     /// Errors of the arm and of prior perception.
     pub noise: &'a TrialNoise,
     /// Posture of the arm, rad.
@@ -65,14 +65,14 @@ impl Snapshot {
     pub fn at_start(
         world: &World,
         start: &TrialStart<'_>,
-        objects: &[Arc<ObjectModel>; 2],
+        objects: &[Arc<ObjectModel>],
         board: TactileBoard,
     ) -> Result<Self> {
         let TrialStart { protocol, grasps, noise, arm: start } = *start;
         let seen = world.percepts(objects, noise);
         let robot = SimulatedRobot::new(world.body(), &world.scene(objects, start, noise), board);
         let tick = hand_model::robot::RobotBackend::tick_length(&robot);
-        let targets = grasps.into_iter().zip(seen).map(|(grasp, percept)| Target { grasp: grasp.clone(), percept });
+        let targets = grasps.iter().zip(seen).map(|(grasp, percept)| Target { grasp: (*grasp).clone(), percept });
         let servo = world.cell.arm_servo(start)?;
         let executor = Executor::new(world.cell.robot.hand.clone(), servo, protocol, targets.collect(), tick)?;
         Ok(Self { robot, executor })
@@ -105,15 +105,15 @@ pub struct FirstRehearsal<'a> {
     pub protocol: Protocol,
     /// Where the arm is at the beginning.
     pub start: StartPosture,
-    /// The first grasp, and one of the object that stands by.
-    pub grasps: [&'a Grasp; 2],
+    /// The first grasp, and one of each object that stands by.
+    pub grasps: &'a [&'a Grasp],
     /// Errors of the arm and of prior perception.
     pub noise: &'a TrialNoise,
 }
 
 impl<'a> FirstRehearsal<'a> {
     /// The ideal run's first half.
-    pub fn ideal(world: &World, grasps: [&'a Grasp; 2]) -> Self {
+    pub fn ideal(world: &World, grasps: &'a [&'a Grasp]) -> Self {
         static NONE: LazyLock<TrialNoise> = LazyLock::new(TrialNoise::none);
         Self { protocol: world.protocol(), start: StartPosture::Ready, grasps, noise: &NONE }
     }
@@ -127,9 +127,9 @@ pub fn rehearse_first(
     board: &TactileBoard,
 ) -> Result<Option<(Snapshot, HoldOutcome)>> {
     let FirstRehearsal { protocol, start, grasps, noise } = *rehearsal;
-    let [first, second] = grasps;
-    let objects = [world.object(&first.object)?, world.object(&second.object)?];
-    let [seen, _] = world.percepts(&objects, noise);
+    let Some(first) = grasps.first() else { return Ok(None) };
+    let objects = grasps.iter().map(|grasp| world.object(&grasp.object)).collect::<Result<Vec<_>>>()?;
+    let seen = world.percepts(&objects, noise)[0];
     let target = first.palm_pose(&seen.position, seen.yaw);
     let near = first.pregrasp_pose(&target, 0.12);
     let (Ok(near), Ok(_)) = (world.posture(&near, &world.cell.ready), world.posture(&target, &world.cell.ready)) else {
@@ -180,6 +180,16 @@ impl SecondWatch {
         }
         Ok(())
     }
+}
+
+/// From a hold of the only object, plays the rest of the trial: how the hold went.
+pub fn rehearse_carry(snapshot: &Snapshot) -> Result<HoldOutcome> {
+    let Snapshot { mut robot, mut executor } = snapshot.clone();
+    executor.carry_aside()?;
+    drive(&mut robot, &mut executor, Phase::run(Skill::Hold, 0), |_, _| {})?;
+    let before = robot.truth();
+    drive(&mut robot, &mut executor, Phase::decide(Skill::Verify, 0), |_, _| {})?;
+    Ok(hold_outcome(&before, &robot.truth(), 0))
 }
 
 /// From a hold of the first object, plays the rest of the trial with `second`. Returns whether there was a collision before the
@@ -278,7 +288,7 @@ const EXPECTED_NOISE: NoiseLevels = NoiseLevels {
 /// `count` draws of the noise a planner expects: under these, the same ones for every grasp, robustness is measured.
 pub fn proving_errors(count: usize) -> Vec<TrialNoise> {
     let mut rng = trial_rng(PROVING_SEED, 0, 0);
-    (0..count).map(|_| TrialNoise::draw(&EXPECTED_NOISE, &mut rng)).collect()
+    (0..count).map(|_| TrialNoise::draw(&EXPECTED_NOISE, 2, &mut rng)).collect()
 }
 
 /// Factor of the expected noise under which the odds of second grasps are rehearsed: wide enough to hold what controllers of the
@@ -291,7 +301,7 @@ const NARROW: f64 = 0.5;
 pub fn wide_errors(count: usize) -> Vec<TrialNoise> {
     let levels = EXPECTED_NOISE.scaled(WIDE);
     let mut rng = trial_rng(PROVING_SEED, 1, 0);
-    (0..count).map(|_| TrialNoise::draw(&levels, &mut rng)).collect()
+    (0..count).map(|_| TrialNoise::draw(&levels, 2, &mut rng)).collect()
 }
 
 /// `count` draws of what is left of the noise once the object has been touched, the same ones for every grasp.
@@ -302,7 +312,7 @@ pub fn narrow_errors(count: usize) -> Vec<TrialNoise> {
         perception: PerceptionNoise { yaw_sigma: wide.perception.yaw_sigma, ..narrow.perception },
     };
     let mut rng = trial_rng(PROVING_SEED, 2, 0);
-    (0..count).map(|_| TrialNoise::draw(&levels, &mut rng)).collect()
+    (0..count).map(|_| TrialNoise::draw(&levels, 2, &mut rng)).collect()
 }
 
 /// Bit of the palm in [`Truth::touched_by`].

@@ -75,20 +75,20 @@ impl World {
             .ok_or_else(|| anyhow!("no arm posture reaches the palm at {:.3?}", palm.translation.vector.as_slice()))
     }
 
-    /// Where the two objects of a trial stand: in the layout's places, shifted as drawn for the trial.
-    pub fn places(&self, objects: &[Arc<ObjectModel>; 2], noise: &TrialNoise) -> [Isometry3<f64>; 2] {
-        let layout = &self.scenario.layout;
-        std::array::from_fn(|n| [layout.first, layout.second][n].shifted(&noise.shifts[n]).pose(&objects[n]))
+    /// Where the objects of a trial stand: in the layout's places, shifted as drawn for the trial.
+    pub fn places(&self, objects: &[Arc<ObjectModel>], noise: &TrialNoise) -> Vec<Isometry3<f64>> {
+        let places = self.scenario.layout.places().into_iter().zip(&noise.shifts);
+        places.zip(objects).map(|((place, shift), object)| place.shifted(shift).pose(object)).collect()
     }
 
     /// The objects in their places as prior perception reports them under `noise`.
-    pub fn percepts(&self, objects: &[Arc<ObjectModel>; 2], noise: &TrialNoise) -> [Percept; 2] {
-        let poses = self.places(objects, noise);
-        std::array::from_fn(|n| Percept::of(&objects[n], &noise.objects[n].perceived(&poses[n])))
+    pub fn percepts(&self, objects: &[Arc<ObjectModel>], noise: &TrialNoise) -> Vec<Percept> {
+        let poses = self.places(objects, noise).into_iter().zip(&noise.objects);
+        poses.zip(objects).map(|((pose, error), object)| Percept::of(object, &error.perceived(&pose))).collect()
     }
 
     /// The scene of a trial: objects in their places, the arm in posture `start` and off by `noise`'s errors.
-    pub fn scene(&self, objects: &[Arc<ObjectModel>; 2], start: ArmVector, noise: &TrialNoise) -> SceneSetup {
+    pub fn scene(&self, objects: &[Arc<ObjectModel>], start: ArmVector, noise: &TrialNoise) -> SceneSetup {
         SceneSetup {
             objects: objects
                 .iter()
@@ -152,6 +152,11 @@ impl World {
         Protocol { hold: 1.0, ..self.protocol() }
     }
 
+    /// Objects by name.
+    pub fn models(&self, names: &[&str]) -> Result<Vec<Arc<ObjectModel>>> {
+        names.iter().map(|name| self.object(name)).collect()
+    }
+
     /// An object by name.
     pub fn object(&self, name: &str) -> Result<Arc<ObjectModel>> {
         self.objects
@@ -196,7 +201,7 @@ mod tests {
         (scenario.layout.spread_xy, scenario.layout.spread_yaw) = (0.02, 0.3);
         let world = World::new(&RobotModel::ftac_gen3(), scenario).unwrap();
         let objects = [world.object("box_50").unwrap(), world.object("pear").unwrap()];
-        let shifts = draw_shifts(&world.scenario.layout, &mut trial_rng(1, 0, 0));
+        let shifts = draw_shifts(&world.scenario.layout, 2, &mut trial_rng(1, 0, 0));
         let noise = TrialNoise { shifts, ..TrialNoise::none() };
         let (seen, scene) = (world.percepts(&objects, &noise), world.scene(&objects, world.cell.ready, &noise));
         let nominal = world.places(&objects, &TrialNoise::none());

@@ -44,16 +44,16 @@ impl SceneTwin {
 
     /// The objects of draw `number`: as much lighter or heavier, smoother or rougher, smaller or larger than their models as the world's objects
     /// are in their spread. The same ones in every scene.
-    fn objects(&self, models: &[Arc<ObjectModel>; 2], number: usize) -> Result<[Arc<ObjectModel>; 2]> {
-        let Some(spread) = &self.world.scenario.effects.objects else { return Ok(models.clone()) };
+    fn objects(&self, models: [&Arc<ObjectModel>; 2], number: usize) -> Result<[Arc<ObjectModel>; 2]> {
+        let Some(spread) = &self.world.scenario.effects.objects else { return Ok(models.map(Arc::clone)) };
         let mut rng = trial_rng(SEED, 0, number);
-        let [first, second] = models.each_ref().map(|model| spread.draw(&mut rng).of(model));
+        let [first, second] = models.map(|model| spread.draw(&mut rng).of(model));
         Ok([first?, second?])
     }
 
     /// The robot with the first object in its hand and the second one in its place, as one draw has it; none if it is not held.
     fn hold(&self, scene: &Scene, number: usize, draw: &Draw) -> Result<Option<SimulatedRobot>> {
-        let [first, second] = self.objects(scene.objects, number)?;
+        let [first, second] = self.objects([&scene.objects[0], &scene.objects[1]], number)?;
         let (target, above) = standing(&second, &draw.target);
         let mut executor = scene.executor.clone();
         executor.watch_images(f64::INFINITY);

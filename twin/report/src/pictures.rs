@@ -56,7 +56,7 @@ pub fn section(folder: &Path, records: &[TrialRecord]) -> Result<String> {
             escape(&name.replace('_', " "))
         );
     }
-    let names: BTreeSet<&str> = records.iter().flat_map(|r| [r.first.as_str(), r.second.as_str()]).collect();
+    let names: BTreeSet<&str> = records.iter().flat_map(TrialRecord::objects).collect();
     if names.is_empty() {
         return Ok(html);
     }

@@ -51,6 +51,7 @@ pub(crate) fn made_up(combinations: usize, trials: usize) -> Vec<TrialRecord> {
                     prior_error_mm: (condition == Condition::Touch).then_some(7.5 + 0.8 * trial as f64),
                     sim_seconds: 14.2,
                     decision_ms: (condition == Condition::Touch).then_some(38.0 + 3.0 * trial as f64),
+                    third: String::new(),
                 });
             }
         }

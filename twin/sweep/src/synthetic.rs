@@ -47,6 +47,7 @@ fn record(combination: usize, trial: usize, condition: Condition, draw: u64) -> 
         prior_error_mm: None,
         sim_seconds: 14.0 + draw as f64 / 1e3,
         decision_ms: None,
+        third: String::new(),
     }
 }
 

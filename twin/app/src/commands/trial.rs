@@ -209,8 +209,11 @@ fn tell_trial(terminal: &Terminal, record: &TrialRecord, named: Option<&[Diverge
         return Ok(());
     }
     println!(
-        "{} then {}, {}: success {}, unwanted contact {}",
-        record.first, record.second, record.condition, record.success, record.contact
+        "{}, {}: success {}, unwanted contact {}",
+        record.objects().join(" then "),
+        record.condition,
+        record.success,
+        record.contact
     );
     if !record.reason.is_empty() {
         println!("{}", record.reason);

@@ -88,7 +88,7 @@ pub struct Emulated {
     robot: LockstepRobot,
     plant: SharedPlant,
     /// What looks at the objects in the place of simulated perception, and their names.
-    eyes: Option<(VisionLink, [String; 2])>,
+    eyes: Option<(VisionLink, Vec<String>)>,
     /// The camera behind them, if it comes with the robot.
     _camera: Option<Camera>,
 }
@@ -166,7 +166,7 @@ impl BodySource for EmulatedSource {
             calibration: serde_json::to_vec(robot.calibration())?,
             ..Session::default()
         });
-        let names = setup.objects.map(|(name, _)| name.to_owned());
+        let names: Vec<String> = setup.objects.iter().map(|(name, _)| (*name).to_owned()).collect();
         let mut camera = None;
         let eyes = self.eyes.as_ref().map(|eyes| {
             let address = match &eyes.source {
@@ -174,7 +174,7 @@ impl BodySource for EmulatedSource {
                 VisionSource::Emulated => {
                     let settings = CameraSettings { sigma: CAMERA, seed: setup.task.unit_seed(), period: None };
                     let local = Address::Tcp("127.0.0.1:0".to_owned());
-                    let own = Camera::start(&local, settings, sight(&plant, names.to_vec())).context("the camera")?;
+                    let own = Camera::start(&local, settings, sight(&plant, names.clone())).context("the camera")?;
                     let address = own.address().clone();
                     camera = Some(own);
                     address

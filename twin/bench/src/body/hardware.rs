@@ -29,8 +29,8 @@ const RECENTLY: Duration = Duration::from_secs(5);
 /// The real robot, with what it needs of its operator.
 pub struct Hardware {
     robot: HardwareRobot,
-    places: [Isometry3<f64>; 2],
-    names: [String; 2],
+    places: Vec<Isometry3<f64>>,
+    names: Vec<String>,
     /// Longest time to think, s.
     pause: f64,
     /// From torque on to the end.
@@ -168,9 +168,9 @@ impl TrialBody for Hardware {
 
     fn judge(&mut self) -> Result<Option<Verdict>> {
         let contact = self.yes(
-            "Did the held object, the fingers that hold it, or the palm touch the second one before it was grasped? [yes/no]",
+            "Did a held object, the fingers that hold it, or the palm touch the next one before it was grasped? [yes/no]",
         )?;
-        let success = self.yes("Were both objects in the hand to the end? [yes/no]")?;
+        let success = self.yes("Were all objects in the hand to the end? [yes/no]")?;
         let cause = match success {
             true => None,
             false => Some(self.why_not()?),

@@ -77,6 +77,9 @@ pub enum EpisodeError {
     /// There is no such combination.
     #[error("combination: found {found}, expected 0 to {most}")]
     Combination { found: usize, most: usize },
+    /// The task takes more objects than a trial of the scenario has.
+    #[error("task: found one of {expected} objects, expected one of {found} at most, as the scenario's trials have")]
+    Objects { found: usize, expected: usize },
     /// No first grasp of the combination holds under the errors drawn.
     #[error("combination {0}: {MOST_GRASPS} first grasps in a row do not hold their object")]
     NoFirstGrasp(usize),
@@ -121,14 +124,16 @@ impl Episode {
     /// The episode of a `seed`.
     pub fn begin(bench: &Bench, options: Options, seed: u64) -> Result<Self, EpisodeError> {
         let combination = draw_combination(bench, options.combination, seed)?;
+        let (found, expected) = (bench.plans.plans[combination].objects().len(), options.task.objects());
+        if found < expected {
+            return Err(EpisodeError::Objects { found, expected });
+        }
         let seed = seed as usize;
         let Beginning { begun, seen, images, opposition } = match options.task {
             Task::PickSecond => after_first_grasp(bench, combination, seed, options.images)?,
             task => at_rest(bench, combination, seed, (task.objects(), options.images))?,
         };
-        let plan = &bench.plans.plans[combination];
-        let objects = [&plan.first, &plan.second].into_iter().take(options.task.objects());
-        let objects = objects.map(|name| bench.world.object(name)).collect::<Result<_, _>>()?;
+        let objects = bench.world.models(&bench.plans.plans[combination].objects()[..options.task.objects()])?;
         let grip = (begun.tensions, opposition);
         let scene = Scene::begin(&bench.world.cell, begun, images)?;
         let mut episode = Self { scene, objects, seen, combination, grip, held_since: None, progress: 0.0 };
@@ -218,17 +223,15 @@ fn at_rest(
     let world = &bench.world;
     let (setup, _) = Setup::noisy(bench, combination, trial)?;
     let noise = &setup.noise;
-    let [one, other] = &noise.individuals;
-    let objects = [one.of(&world.object(&setup.plan.first)?), other.of(&world.object(&setup.plan.second)?)];
-    let [first, second] = objects.map(|object| object.map_err(anyhow::Error::from));
-    let objects = [first?, second?];
-    let mut scene = world.scene(&objects, world.cell.ready, noise);
-    scene.objects.truncate(count);
+    let objects = setup.objects(bench)?;
+    let real = objects.iter().zip(&noise.individuals).take(count);
+    let objects = real.map(|(object, one)| Ok(one.of(object)?)).collect::<anyhow::Result<Vec<_>>>()?;
+    let scene = world.scene(&objects, world.cell.ready, noise);
     let board = side.map(|side| board_of(bench, &setup, side)).transpose()?;
     let images = side.zip(board.as_ref()).map(|(side, board)| FirstImages::untouched(side, board.background_frames()));
     let board = board.unwrap_or_else(TactileBoard::blank);
     let robot = SimulatedRobot::new(&world.cell.robot, &scene, board);
-    let seen = world.percepts(&objects, noise).into_iter().take(count).collect();
+    let seen = world.percepts(&objects, noise);
     let begun = Begun {
         robot,
         posture: world.cell.ready,
@@ -278,7 +281,7 @@ fn after_first_grasp(
         if let Some(side) = side.filter(|side| *side != IMAGE_SIZE) {
             robot.reduce_images(side).map_err(|_| SceneError::from(ImageSizeError(side)))?;
         }
-        let seen = vec![executor.target(0).percept, executor.target(1).percept];
+        let seen = executor.targets().iter().map(|target| target.percept).collect();
         let frame_delay = bench.world.scenario.effects.time.map_or(0.0, |time| time.frame);
         let begun = Begun { robot: *robot, posture: *executor.motion().posture(), tensions, frame_delay };
         return Ok(Beginning { begun, seen, images, opposition: executor.target(0).grasp.opposition });

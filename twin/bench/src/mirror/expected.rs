@@ -24,13 +24,13 @@ pub fn expects(limits: &HandLimits, phase: Phase, progress: f64) -> Expects {
     }
 }
 
-/// How many of the two objects should be in the hand, and lifted.
-pub fn held(limits: &HandLimits, phase: Phase, progress: f64) -> usize {
+/// How many of the trial's `objects` should be in the hand, and lifted.
+pub fn held(limits: &HandLimits, phase: Phase, progress: f64, objects: usize) -> usize {
     match phase.skill {
         Skill::Lift if progress > limits.leaving => phase.object + 1,
         Skill::Lift | Skill::Palpate | Skill::Approach | Skill::Grasp => phase.object,
         Skill::Look => phase.object + 1,
-        Skill::Carry | Skill::Hold | Skill::Verify => 2,
+        Skill::Carry | Skill::Hold | Skill::Verify => objects,
         Skill::Begin | Skill::PutDown | Skill::StepAside => usize::from(phase.lifts(0)),
     }
 }

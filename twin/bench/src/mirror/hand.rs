@@ -3,9 +3,8 @@
 use std::collections::VecDeque;
 
 use control::executor::{Phase, Skill};
-use grasping::Role;
 use hand_model::hand::MOST_DIGITS;
-use hand_model::{DigitVector, GRAVITY};
+use hand_model::{Digit, DigitVector, GRAVITY};
 use nalgebra::Vector3;
 
 use super::cables::Finding;
@@ -40,8 +39,10 @@ pub struct HandTick<'a> {
     /// 0 to 1.
     pub progress: f64,
     pub residuals: &'a Residuals,
-    /// Masses of the two objects as the controller knows them, kg.
-    pub masses: [f64; 2],
+    /// Masses of the objects as the controller knows them, kg.
+    pub masses: &'a [f64],
+    /// The digits that take each of them.
+    pub digits: &'a [&'a [Digit]],
 }
 
 /// Watches the hand.
@@ -119,7 +120,7 @@ impl HandWatch {
     pub fn see(&mut self, all: &Limits, tick: &HandTick) -> Option<Finding> {
         let limits = &all.hand;
         let force = tick.residuals.force;
-        let should = held(limits, tick.phase, tick.progress);
+        let should = held(limits, tick.phase, tick.progress, tick.masses.len());
         if should < self.should {
             (self.weight, self.lost, self.overloaded, self.more) = (None, 0, false, 0.0);
         }
@@ -178,15 +179,13 @@ impl HandWatch {
     }
 
     /// Whether the tension of a cable changed by so much (N) within what is remembered: digits feel an object go.
-    fn let_go(&self, least_change: f64, should: usize) -> bool {
+    fn let_go(&self, least_change: f64, holding: &[&[Digit]]) -> bool {
         let changed = |n: usize| {
             let all = self.tensions.iter().map(|tensions| tensions[n]);
             let (least, most) = all.fold((f64::MAX, f64::MIN), |(a, b), tension| (a.min(tension), b.max(tension)));
             most - least > least_change
         };
-        let count = self.tensions.back().map_or(0, |tensions| tensions.len());
-        let digits = [Role::First, Role::Second].into_iter().take(should).flat_map(|role| role.digits(count));
-        digits.map(|digit| digit.index()).any(changed)
+        holding.iter().copied().flatten().map(|digit| digit.index()).any(changed)
     }
 
     /// Whether the force has stayed within `range` (N) for some ticks.
@@ -210,13 +209,14 @@ impl HandWatch {
         let weight = self.weighs(&tick.residuals.force).filter(|_| quiet && should > 0 && !self.touching)?;
         let had = self.weight.unwrap_or(0.0);
         let gone = had - weight;
-        let single = if should == 2 { tick.masses[0].min(tick.masses[1]) } else { tick.masses[0] } * GRAVITY;
+        let single = tick.masses[..should].iter().copied().fold(f64::INFINITY, f64::min) * GRAVITY;
         // Of what is heavier than planned more must go.
         let single = if should == 1 || self.overloaded { single.max(had) } else { single };
         // What pushes the hand up takes more than there was.
         let pushed = gone > single + limits.lost_least || !self.is_steady(0.5 * limits.lost_least);
-        let lost =
-            gone > (limits.lost_share * single).max(limits.lost_least) && !pushed && self.let_go(limits.let_go, should);
+        let lost = gone > (limits.lost_share * single).max(limits.lost_least)
+            && !pushed
+            && self.let_go(limits.let_go, &tick.digits[..should]);
         if lasts(&mut self.lost_since, lost, tick.time, limits.lost_time) {
             self.weight = Some(weight);
             self.lost += 1;
@@ -246,13 +246,13 @@ impl HandWatch {
             }
         }
         // An object is gone when the last of the digits that have it bears nothing.
-        let gone = |role: Role| {
-            let digits = role.digits(tick.residuals.cables.len()).iter().map(|digit| digit.index());
+        let gone = |digits: &&[Digit]| {
+            let digits = digits.iter().map(|digit| digit.index());
             digits.clone().any(|n| dropped[n]) && !digits.clone().any(|n| self.carrying[n])
         };
-        let dropped = [Role::First, Role::Second].into_iter().take(should).position(gone);
-        // Digits of the first object change their hold while the second one is raised.
-        let moves = tick.phase == Phase::run(Skill::Lift, 1) && !quiet;
+        let dropped = tick.digits[..should].iter().position(gone);
+        // Digits of an object change their hold while the next one is raised.
+        let moves = tick.phase.skill == Skill::Lift && tick.phase.object > 0 && !quiet;
         self.dropped = dropped.filter(|_| !moves).map(|object| (object, tick.time)).or(self.dropped);
         let (object, since) = self.dropped?;
         let single = tick.masses.get(object)? * GRAVITY;
@@ -330,6 +330,8 @@ mod tests {
     use super::super::residuals::Cable;
     use super::*;
 
+    const ROLES: [&[Digit]; 2] = [&[Digit::Ring, Digit::Little], &[Digit::Thumb, Digit::Index, Digit::Middle]];
+
     const TICK: f64 = 1.0 / 120.0;
 
     /// What is named of a hand that approaches for half a second, lifts 0.1 kg as it should, and is then loaded with `force` (N) beyond that, which
@@ -353,7 +355,7 @@ mod tests {
             felt = acts + limits.step.lag * (felt - acts);
             let mut residuals = Residuals { force: felt, cables: [Cable::default(); 5].into() };
             residuals.cables[Digit::Ring.index()].tension = if n < 60 || n >= 180 && !grips { 0.0 } else { 2.0 };
-            let tick = HandTick { time, phase, progress, residuals: &residuals, masses: [0.1, 0.2] };
+            let tick = HandTick { time, phase, progress, residuals: &residuals, masses: &[0.1, 0.2], digits: &ROLES };
             watch.see(&limits, &tick).map(|(kind, ..)| kind)
         };
         (0..240).filter_map(see).collect()

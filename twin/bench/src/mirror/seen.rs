@@ -1,6 +1,6 @@
 //! What a mirror is told of a tick: measurements, the command that was sent, and what the controller believes.
 
-use control::executor::{Executor, Phase};
+use control::executor::{Executor, Phase, Target};
 use control::perception::Felt;
 use hand_model::robot::{ArmState, Command, ServoState, TactileFrame};
 
@@ -21,8 +21,8 @@ pub struct Seen<'a> {
     pub phase: Phase,
     /// Part of the present path that is over, 0 to 1.
     pub progress: f64,
-    /// The two objects that it takes, in their order.
-    pub objects: [&'a str; 2],
+    /// The objects that it takes, in their order, as it means to take them.
+    pub targets: &'a [Target],
     /// Where the first object was felt to be, once it was.
     pub felt: Option<&'a Felt>,
 }
@@ -38,7 +38,7 @@ impl<'a> Seen<'a> {
             sent,
             phase: executor.phase(),
             progress: executor.motion().progress(),
-            objects: [0, 1].map(|object| executor.target(object).grasp.object.as_str()),
+            targets: executor.targets(),
             felt,
         }
     }

@@ -47,14 +47,14 @@ struct Driven<'a> {
     stages: Stages,
     kinematics: ArmKinematics,
     camera: Option<Camera>,
-    seen: [Isometry3<f64>; 2],
+    seen: Vec<Isometry3<f64>>,
     /// What was asked for last.
     last: Command,
 }
 
 /// How it ended.
 enum End {
-    /// Both objects have been held.
+    /// All objects have been held.
     Held,
     /// The policy says that it has finished.
     Finished,
@@ -87,7 +87,7 @@ pub fn drive(
         kinematics: cell.kinematics(),
         last: Command { arm: *executor.motion().posture(), servos, capture: false },
         camera: side.map(|side| Camera::new(bench, start, side)).transpose()?,
-        seen: [executor.target(0).percept.pose(), executor.target(1).percept.pose()],
+        seen: executor.targets().iter().map(|target| target.percept.pose()).collect(),
         run: start.run.clone(),
     };
     let untouched = driven.camera.as_ref().map(Camera::array);
@@ -108,8 +108,7 @@ pub fn drive(
     if !reason.is_empty() {
         run.tell((Some(&reason), None), None, with.id.condition, watcher)?;
     }
-    let names = [start.objects[0].name.as_str(), start.objects[1].name.as_str()];
-    let mut record = run.record(names, with.id)?;
+    let mut record = run.record(&start.objects, with.id)?;
     record.reason = reason;
     let why = "by the policy's steps".to_owned();
     let attempt = |object| Attempt { object, why: why.clone(), ..Attempt::default() };
@@ -187,7 +186,7 @@ impl Driven<'_> {
             servos: executor.motion().servos(),
             arm: executor.motion().arm(),
             palm: self.kinematics.palm_pose(&executor.motion().arm().position),
-            seen: self.seen,
+            seen: self.seen.clone(),
         };
         let tactile = self.camera.as_ref().map(Camera::array);
         message::acted(host.ask(&message::act(&observed), tactile.as_slice())?)

@@ -35,9 +35,9 @@ pub struct Info<'a> {
     pub trial: usize,
     /// For what is random in the policy; it says nothing of what is random in the trial.
     pub seed: u32,
-    pub objects: [&'a str; 2],
+    pub objects: Vec<&'a str>,
     /// Turns about the vertical from the rest pose, as seen, rad.
-    pub yaws: [f64; 2],
+    pub yaws: Vec<f64>,
     pub limits: &'a ActionLimits,
 }
 
@@ -73,8 +73,8 @@ pub fn choose(hand: &Hand, situation: &Situation) -> Value {
             "arm": arm_rows(situation.arm),
             "palm": pose_row(&situation.palm),
             "objects": situation.objects,
-            "seen": situation.seen.map(|seen| pose_row(&seen.pose())),
-            "yaws": situation.seen.map(|seen| seen.yaw),
+            "seen": situation.seen.iter().map(|seen| pose_row(&seen.pose())).collect::<Vec<_>>(),
+            "yaws": situation.seen.iter().map(|seen| seen.yaw).collect::<Vec<_>>(),
             "sees_second": situation.sees_second,
             "held": situation.felt.map(|felt| pose_row(&felt.estimate.palm_from_object)),
             "held_covariance": covariance,
@@ -96,7 +96,7 @@ pub struct Observed<'a> {
     /// `world_from_palm` by the arm's encoders.
     pub palm: Isometry3<f64>,
     /// `world_from_object` as vision reported it when the trial began.
-    pub seen: [Isometry3<f64>; 2],
+    pub seen: Vec<Isometry3<f64>>,
 }
 
 /// What is to be done in the coming step.
@@ -109,7 +109,7 @@ pub fn act(observed: &Observed) -> Value {
             "servos": servo_rows(observed.servos),
             "arm": arm_rows(observed.arm),
             "palm": pose_row(&observed.palm),
-            "seen": observed.seen.each_ref().map(pose_row),
+            "seen": observed.seen.iter().map(pose_row).collect::<Vec<_>>(),
         },
     })
 }

@@ -18,19 +18,19 @@ pub struct Measured {
     hand: Arc<Hand>,
     kinematics: ArmKinematics,
     /// `palm_from_object` of objects that are taken to be in the hand.
-    carried: [Option<Isometry3<f64>>; 2],
+    carried: Vec<Option<Isometry3<f64>>>,
 }
 
 impl Measured {
     pub fn new(cell: &Workcell) -> Self {
-        Self { hand: cell.robot.hand.clone(), kinematics: cell.kinematics(), carried: [None; 2] }
+        Self { hand: cell.robot.hand.clone(), kinematics: cell.kinematics(), carried: Vec::new() }
     }
 
     /// Records the scene and the signals of a moment. Digits are drawn as if they touched nothing: their encoders tell no more.
     pub fn log(
         &mut self,
         recorder: &mut Recorder,
-        names: &[String; 2],
+        names: &[String],
         executor: &Executor,
         felt: Option<&Felt>,
     ) -> Result<()> {
@@ -51,16 +51,18 @@ impl Measured {
         Ok(())
     }
 
-    /// `world_from_object` of both: where it was seen, and from its lift on with the palm.
-    fn believed(&mut self, executor: &Executor, palm: &Isometry3<f64>, felt: Option<&Felt>) -> [Isometry3<f64>; 2] {
-        let seen = [executor.target(0).percept.pose(), executor.target(1).percept.pose()];
-        std::array::from_fn(|n| {
+    /// `world_from_object` of each object: where it was seen, and from its lift on with the palm.
+    fn believed(&mut self, executor: &Executor, palm: &Isometry3<f64>, felt: Option<&Felt>) -> Vec<Isometry3<f64>> {
+        let seen = executor.targets().iter().map(|target| target.percept.pose()).enumerate();
+        self.carried.resize(executor.targets().len(), None);
+        seen.map(|(n, seen)| {
             if !executor.phase().lifts(n) {
                 self.carried[n] = None;
-                return seen[n];
+                return seen;
             }
-            let carried = *self.carried[n].get_or_insert_with(|| palm.inverse() * seen[n]);
+            let carried = *self.carried[n].get_or_insert_with(|| palm.inverse() * seen);
             palm * felt.filter(|_| n == 0).map_or(carried, |felt| felt.estimate.palm_from_object)
         })
+        .collect()
     }
 }

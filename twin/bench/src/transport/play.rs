@@ -92,7 +92,7 @@ impl Site {
     /// One transport. Its errors depend on seed and trial alone, so that every policy meets the same arm.
     pub fn play(&self, trial: usize, policy: PickMode, witness: Witness) -> Result<TransportRecord> {
         let mut rng = trial_rng(self.seed, 0, trial);
-        let noise = TrialNoise::draw(&self.transport.noise, &mut rng);
+        let noise = TrialNoise::draw(&self.transport.noise, 2, &mut rng);
         let board = self.board.with_noise(rand::RngExt::random(&mut rng));
         let balls: Vec<_> = self.transport.ball.iter().map(|ball| (Arc::new(ball.model()), ball.pose())).collect();
         let items = self.items();
@@ -163,7 +163,7 @@ struct NoisyEyes<'a> {
 
 impl Eyes for NoisyEyes<'_> {
     fn look(&mut self, object: usize) -> Result<Option<Sighted>, EyesError> {
-        let noise = TrialNoise::draw(self.noise, self.rng).objects[0];
+        let noise = TrialNoise::draw(self.noise, 2, self.rng).objects[0];
         Ok(Some(noise.perceived(&self.robot.truth().objects[object]).into()))
     }
 }

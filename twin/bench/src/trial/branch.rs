@@ -64,10 +64,9 @@ pub fn play(start: &Start, policy: &mut dyn Policy, with: Play, watcher: &mut dy
     let id = with.id;
     watcher.branch(id.condition)?;
     let mut played = decide_and_play(start, policy, with, watcher)?;
-    let names = [start.objects[0].name.as_str(), start.objects[1].name.as_str()];
     let story = policy.story();
     story.reasons.extend(played.run.slips());
-    let mut record = played.run.record(names, id)?;
+    let mut record = played.run.record(&start.objects, id)?;
     record.switched = !story.is_as_planned();
     record.retries = story.retries;
     record.reason = story.reasons.join("; ");
@@ -170,7 +169,7 @@ pub fn foretold_risk(start: &Start, policy: &mut dyn Policy, mut with: Play) -> 
 }
 
 /// One decision: perceive, then decide.
-fn decide(run: &mut Run, objects: &[Arc<ObjectModel>; 2], policy: &mut dyn Policy, with: &mut Play) -> Result<Step> {
+fn decide(run: &mut Run, objects: &[Arc<ObjectModel>], policy: &mut dyn Policy, with: &mut Play) -> Result<Step> {
     let injected = if with.inject_truth { run.true_state() } else { None };
     let Run { snapshot: Snapshot { robot, executor }, disturber, history, profile, .. } = run;
     profile.on(Activity::Perception, || policy.perceive(executor, injected))?;

@@ -12,6 +12,7 @@ use scenarios::disturbance::{Disturbances, Moment, Target, Which};
 use scenarios::noise::{ObjectNoise, TrialNoise};
 use sim::SimulatedRobot;
 use sim::robot::Truth;
+use world::layout::MOST_OBJECTS;
 use world::objects::ObjectModel;
 
 /// Something that begins at a moment of a trial and ends some time later.
@@ -58,13 +59,13 @@ pub struct Disturber {
     push: Interval,
     slip: Interval,
     /// Objects that the hand has touched.
-    touched: [bool; 2],
+    touched: [bool; MOST_OBJECTS],
     log: Vec<String>,
 }
 
 impl Disturber {
     /// What the scenario asks for in a trial with `objects`.
-    pub fn new(what: &Disturbances, objects: &[Arc<ObjectModel>; 2]) -> Self {
+    pub fn new(what: &Disturbances, objects: &[Arc<ObjectModel>]) -> Self {
         let mut log = Vec::new();
         for (object, size) in objects.iter().zip(what.sizes()).filter(|(_, size)| *size != 1.0) {
             log.push(format!("the {} is {size:.3} times as large as its model", object.name));
@@ -152,9 +153,10 @@ impl Disturber {
         }
     }
 
-    /// The same for the first look at both.
+    /// The same for the first look at all.
     pub fn first_percepts(&self, noise: &TrialNoise) -> TrialNoise {
-        TrialNoise { objects: [0, 1].map(|index| self.perceived_noise(index, &noise.objects[index])), ..*noise }
+        let objects = std::array::from_fn(|index| self.perceived_noise(index, &noise.objects[index]));
+        TrialNoise { objects, ..*noise }
     }
 
     /// What was done so far, in words.
@@ -164,9 +166,9 @@ impl Disturber {
 }
 
 /// The objects as they really are: `models` at these sizes.
-pub fn resized(models: &[Arc<ObjectModel>; 2], sizes: [f64; 2]) -> Result<[Arc<ObjectModel>; 2]> {
-    let resize = |n: usize| -> Result<Arc<ObjectModel>> {
-        if sizes[n] == 1.0 { Ok(models[n].clone()) } else { Ok(Arc::new(models[n].scaled(sizes[n])?)) }
+pub fn resized(models: &[Arc<ObjectModel>], sizes: &[f64]) -> Result<Vec<Arc<ObjectModel>>> {
+    let resize = |(model, size): (&Arc<ObjectModel>, &f64)| -> Result<Arc<ObjectModel>> {
+        if *size == 1.0 { Ok(model.clone()) } else { Ok(Arc::new(model.scaled(*size)?)) }
     };
-    Ok([resize(0)?, resize(1)?])
+    models.iter().zip(sizes).map(resize).collect()
 }

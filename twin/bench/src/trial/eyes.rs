@@ -34,25 +34,27 @@ impl Looks {
     pub fn first(
         &mut self,
         noise: &TrialNoise,
-        objects: &[Arc<ObjectModel>; 2],
+        objects: &[Arc<ObjectModel>],
         library: &ObjectSet,
-        places: &[Isometry3<f64>; 2],
+        places: &[Isometry3<f64>],
     ) -> TrialNoise {
         let Some(sight) = &mut self.sight else { return *noise };
-        let seen = [0, 1].map(|n| sight.error(&noise.objects[n], &objects[n], library, &places[n].rotation));
-        TrialNoise { objects: seen, ..*noise }
+        let mut seen = *noise;
+        for ((error, object), place) in seen.objects.iter_mut().zip(objects).zip(places) {
+            *error = sight.error(error, object, library, &place.rotation);
+        }
+        seen
     }
 
-    /// The error of a later look at `object`, which stands at `pose` as far as anybody knows.
+    /// The error of a later look at one of the `objects`, by its index, which stands at `pose` as far as anybody knows.
     fn later(
         &mut self,
         levels: &NoiseLevels,
-        index: usize,
-        object: &ObjectModel,
+        (index, objects): (usize, &[Arc<ObjectModel>]),
         library: &ObjectSet,
         pose: Option<&Isometry3<f64>>,
     ) -> ObjectNoise {
-        let fresh = TrialNoise::draw(levels, &mut self.rng).objects[index];
+        let (object, fresh) = (&objects[index], TrialNoise::draw(levels, objects.len(), &mut self.rng).objects[index]);
         match &mut self.sight {
             None => fresh,
             Some(sight) => sight.error(&fresh, object, library, &pose.map_or(object.rest, |pose| pose.rotation)),
@@ -65,7 +67,7 @@ impl Looks {
 pub struct History {
     /// s.
     length: f64,
-    poses: VecDeque<(f64, [Isometry3<f64>; 2])>,
+    poses: VecDeque<(f64, Vec<Isometry3<f64>>)>,
 }
 
 impl History {
@@ -79,7 +81,7 @@ impl History {
         if self.length <= 0.0 {
             return;
         }
-        self.poses.push_back((truth.time, [truth.objects[0], truth.objects[1]]));
+        self.poses.push_back((truth.time, truth.objects.clone()));
         // The first one is the newest that is old enough.
         while self.poses.get(1).is_some_and(|(time, _)| *time <= truth.time - self.length + JUST) {
             self.poses.pop_front();
@@ -102,8 +104,8 @@ pub struct NoisyEyes<'a> {
     pub noise: &'a NoiseLevels,
     /// The branch's looks.
     pub looks: &'a mut Looks,
-    /// The two objects as they are known.
-    pub objects: &'a [Arc<ObjectModel>; 2],
+    /// The objects as they are known.
+    pub objects: &'a [Arc<ObjectModel>],
     /// In every way in which they can lie.
     pub library: &'a ObjectSet,
     /// Where they were.
@@ -118,7 +120,7 @@ impl Eyes for NoisyEyes<'_> {
             // A body whose truth nobody knows errs by itself.
             then = self.history.then(object).or_else(|| self.robot.truth().map(|truth| truth.objects[object]));
         }
-        let noise = self.looks.later(self.noise, object, &self.objects[object], self.library, then.as_ref());
+        let noise = self.looks.later(self.noise, (object, self.objects), self.library, then.as_ref());
         let noise = self.disturber.perceived_noise(object, &noise);
         let glance = Glance { object, noise, then, camera };
         // Whoever asks for the cause of the error finds it under this one.

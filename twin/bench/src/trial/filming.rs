@@ -77,7 +77,7 @@ impl Watcher for Filming {
 /// What does not change in a film of this combination.
 pub fn stage(bench: &Bench, combination: usize) -> Result<Stage<'_>> {
     let (plan, world) = (&bench.plans.plans[combination], &bench.world);
-    let objects = vec![world.object(&plan.first)?, world.object(&plan.second)?];
+    let objects = world.models(&plan.objects())?;
     Ok(Stage { hand: &world.cell.robot.hand, arm: &world.cell.robot.arm, objects })
 }
 

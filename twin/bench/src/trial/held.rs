@@ -56,7 +56,8 @@ impl Bench {
         let start = Setup::noisy(self, combination, trial)?.0.first_grasp(self, None, &mut NoWatcher)?;
         let snapshot = &start.run.snapshot;
         let Some(truth) = snapshot.robot.truth().filter(|truth| in_hand(truth, 0)) else { return Ok(None) };
-        let [first, second] = [0, 1].map(|object| snapshot.executor.target(object));
+        let first = snapshot.executor.target(0);
+        let second = snapshot.executor.targets().get(1).map(|second| &second.grasp);
         let palm = truth.palm.inverse();
         let links: Vec<Isometry3<f64>> = truth.hand_links.iter().map(|link| palm * link).collect();
         Ok(Some(HeldGrasp {
@@ -65,7 +66,7 @@ impl Bench {
             object: start.objects[0].name.clone(),
             servos: snapshot.executor.motion().servos().iter().map(|servo| [servo.position, servo.current]).collect(),
             turned: snapshot.executor.motion().palm().rotation,
-            expected: Expected::of(&first.grasp, &first.percept, &second.grasp).palm_from_object,
+            expected: Expected::of(&first.grasp, &first.percept, second).palm_from_object,
             truth: palm * truth.objects[0],
             pads: self.world.cell.robot.hand.pad_poses(&links),
             joints: truth.hand,

@@ -12,9 +12,10 @@ use hand_model::robot::{Command, Observation, RobotBackend, RobotError};
 use proving::rehearsal::{PALM, Snapshot, digit_bits, in_hand};
 use scenarios::FailureCause;
 use scenarios::record::{Condition, TrialId, TrialRecord};
-use scenarios::referee::{Referee, SceneTruth, Touch, Toucher};
+use scenarios::referee::{ObjectTruth, Referee, SceneTruth, Touch, Toucher};
 use scenarios::stages::Stages;
 use sim::robot::Truth;
+use world::objects::ObjectModel;
 
 use super::disturbance::Disturber;
 use super::eyes::History;
@@ -46,18 +47,19 @@ pub struct Run {
 }
 
 impl Run {
-    /// The verdict of the referee, or of whoever judges instead, on what was done so far. `names` are the two objects'.
-    pub fn record(&mut self, names: [&str; 2], id: TrialId) -> Result<TrialRecord> {
+    /// The verdict of the referee, or of whoever judges instead, on what was done so far with these `objects`.
+    pub fn record(&mut self, objects: &[Arc<ObjectModel>], id: TrialId) -> Result<TrialRecord> {
         let verdict = match self.snapshot.robot.judge()? {
             Some(verdict) => verdict,
             None => self.referee.verdict(),
         };
+        let name = |index: usize| objects.get(index).map(|object| object.name.clone()).unwrap_or_default();
         Ok(TrialRecord {
             combination: id.combination,
             trial: id.trial,
             condition: id.condition,
-            first: names[0].to_owned(),
-            second: names[1].to_owned(),
+            first: name(0),
+            second: name(1),
             contact: verdict.contact,
             contact_with: verdict.first_contact.map(|contact| contact.with),
             contact_s: verdict.first_contact.map(|contact| contact.time),
@@ -75,6 +77,7 @@ impl Run {
             prior_error_mm: None,
             sim_seconds: self.snapshot.robot.time(),
             decision_ms: None,
+            third: name(2),
         })
     }
 
@@ -170,8 +173,8 @@ impl Run {
                 referee.see(&match stages {
                     Some(stages) => staged(hand, truth, stages),
                     None => {
-                        let holding = digit_bits(hand, &executor.target(0).grasp.digits);
-                        scene(hand, truth, executor.phase(), holding)
+                        let digits = executor.targets().iter().map(|target| digit_bits(hand, &target.grasp.digits));
+                        scene(hand, truth, executor.phase(), &digits.collect::<Vec<_>>())
                     }
                 });
                 disturber.see(truth);
@@ -223,11 +226,17 @@ impl Run {
 
     /// How often the reaction to slip pulled harder, in words.
     pub fn slips(&self) -> Option<String> {
-        let [first, second] = self.snapshot.executor.slips();
-        (first + second > 0).then(|| {
-            format!(
-                "while carrying, slip was felt {first} times in the first grip and {second} in the second: held harder"
-            )
+        let slips = self.snapshot.executor.slips();
+        (slips.iter().sum::<u32>() > 0).then(|| {
+            let grips = slips.iter().zip(["first", "second", "third"]);
+            let grips: Vec<String> = grips
+                .enumerate()
+                .map(|(n, (count, grip))| match n {
+                    0 => format!("{count} times in the {grip} grip"),
+                    _ => format!("{count} in the {grip}"),
+                })
+                .collect();
+            format!("while carrying, slip was felt {}: held harder", grips.join(" and "))
         })
     }
 
@@ -263,35 +272,49 @@ impl Run {
         let truth = self.snapshot.robot.truth()?;
         Some(Injected {
             palm_from_object: truth.palm.inverse() * truth.objects[0],
-            grip: Grip { first: in_hand(&truth, 0), second: in_hand(&truth, 1) },
+            grip: Grip { first: in_hand(&truth, 0), second: truth.objects.len() > 1 && in_hand(&truth, 1) },
         })
     }
 }
 
-/// The referee's view of a scene whose phases are read from it. The digits that hold the first object are those that touch it.
+/// The referee's view of a scene whose phases are read from it. The digits that hold an object are those that touch it.
 fn staged(hand: &Hand, truth: &Truth, stages: &mut Stages) -> SceneTruth {
-    let holding =
-        hand.digits().iter().map(|digit| digit_bits(hand, &[*digit])).filter(|bits| truth.touched_by[0] & bits != 0);
-    let holding = holding.fold(0, |all, bits| all | bits);
-    let phase = stages.see(&scene(hand, truth, stages.phase(), holding));
-    scene(hand, truth, phase, holding)
+    let on = |touched: &u32| {
+        let digits = hand.digits().iter().map(|digit| digit_bits(hand, &[*digit]));
+        digits.filter(|bits| touched & bits != 0).fold(0, |all, bits| all | bits)
+    };
+    let holding: Vec<u32> = truth.touched_by.iter().map(on).collect();
+    let phase = stages.see(&scene(hand, truth, stages.phase(), &holding));
+    scene(hand, truth, phase, &holding)
 }
 
-/// The referee's view of the scene.
-fn scene(hand: &Hand, truth: &Truth, phase: Phase, holding: u32) -> SceneTruth {
-    let holds = phase.lifts(0);
-    let count = |object: usize| truth.touched_by[object].count_ones() as usize;
+/// The referee's view of the scene; `holding` are the links of the digits that are for each object (bits as in [`Truth::touched_by`]).
+fn scene(hand: &Hand, truth: &Truth, phase: Phase, holding: &[u32]) -> SceneTruth {
+    let object = |n: usize| {
+        let touched = truth.touched_by[n];
+        let of = |wanted: &dyn Fn(usize) -> bool| {
+            holding[..n].iter().enumerate().filter(|(other, _)| wanted(*other)).fold(0, |all, (_, bits)| all | bits)
+        };
+        let before = of(&|_| true);
+        ObjectTruth {
+            touching_objects: truth
+                .object_pairs
+                .iter()
+                .filter_map(|&(a, b)| (a.max(b) == n).then_some(a.min(b)))
+                .collect(),
+            holding_digits_touch: touched & of(&|other| phase.lifts(other)) != 0,
+            palm_touches: touched & PALM != 0,
+            free_digits: digits_on(hand, touched & !before),
+            pressed_by: if n == 0 { Vec::new() } else { pressed_by(truth, n, before) },
+            hand_contacts: touched.count_ones() as usize,
+            on_table: truth.on_table[n],
+            world_from_object: truth.objects[n],
+        }
+    };
     SceneTruth {
         time: truth.time,
         phase,
-        first_touches_second: !truth.object_pairs.is_empty(),
-        holding_digits_touch_second: holds && truth.touched_by[1] & holding != 0,
-        palm_touches_second: truth.touched_by[1] & PALM != 0,
-        free_digits_on_second: digits_on(hand, truth.touched_by[1] & !holding),
-        on_second: on_second(truth, holding),
-        hand_contacts: [count(0), count(1)],
-        on_table: [truth.on_table[0], truth.on_table[1]],
-        world_from_object: [truth.objects[0], truth.objects[1]],
+        objects: (0..truth.objects.len()).map(object).collect(),
         world_from_palm: truth.palm,
     }
 }
@@ -301,21 +324,23 @@ fn digits_on(hand: &Hand, links: u32) -> usize {
     hand.digits().iter().filter(|digit| links & digit_bits(hand, &[**digit]) != 0).count()
 }
 
-/// What presses on the second object at the end of the tick.
-fn on_second(truth: &Truth, holding: u32) -> Vec<Touch> {
-    let by_hand = truth.contacts.iter().filter(|contact| contact.object == 1).map(|contact| Touch {
+/// What presses on an object after the first at the end of the tick; `holding` are the links of the digits that are for those before it.
+fn pressed_by(truth: &Truth, object: usize, holding: u32) -> Vec<Touch> {
+    let by_hand = truth.contacts.iter().filter(|contact| contact.object == object).map(|contact| Touch {
         by: contact.link.map_or(Toucher::Palm, Toucher::Link),
         holding: contact.link.is_some_and(|link| holding >> link & 1 != 0),
         point: contact.point,
         force: contact.force.norm(),
     });
-    let by_first = truth.object_contacts.iter().filter(|contact| contact.objects == (0, 1)).map(|contact| Touch {
-        by: Toucher::FirstObject,
-        holding: false,
-        point: contact.point,
-        force: contact.force,
+    let by_objects = truth.object_contacts.iter().filter_map(|contact| {
+        let (a, b) = contact.objects;
+        let by = match a.min(b) {
+            0 => Toucher::FirstObject,
+            _ => Toucher::SecondObject,
+        };
+        (a.max(b) == object).then_some(Touch { by, holding: false, point: contact.point, force: contact.force })
     });
-    by_hand.chain(by_first).collect()
+    by_hand.chain(by_objects).collect()
 }
 
 #[cfg(test)]
@@ -344,27 +369,26 @@ mod tests {
         let holding = digit_bits(&hand, &[Digit::Ring, Digit::Little]);
         let ring = 1 << Digit::Ring.ftac_joints()[2];
         let index = 1 << Digit::Index.ftac_joints()[2];
-        let seen = |touched: u32, phase: Phase| scene(&hand, &truth([holding, touched]), phase, holding);
-        assert!(seen(ring, Phase::run(Skill::Approach, 1)).holding_digits_touch_second);
-        assert!(!seen(ring, Phase::run(Skill::Approach, 0)).holding_digits_touch_second);
-        assert!(!seen(index, Phase::run(Skill::Grasp, 1)).holding_digits_touch_second);
-        assert_eq!(seen(index, Phase::run(Skill::Grasp, 1)).free_digits_on_second, 1);
-        assert_eq!(
-            seen(index | 1 << Digit::Thumb.ftac_joints()[1], Phase::run(Skill::Grasp, 1)).free_digits_on_second,
-            2
-        );
-        assert_eq!(seen(ring, Phase::run(Skill::Grasp, 1)).free_digits_on_second, 0);
+        let seen = |touched: u32, phase: Phase| {
+            scene(&hand, &truth([holding, touched]), phase, &[holding, 0]).objects[1].clone()
+        };
+        assert!(seen(ring, Phase::run(Skill::Approach, 1)).holding_digits_touch);
+        assert!(!seen(ring, Phase::run(Skill::Approach, 0)).holding_digits_touch);
+        assert!(!seen(index, Phase::run(Skill::Grasp, 1)).holding_digits_touch);
+        assert_eq!(seen(index, Phase::run(Skill::Grasp, 1)).free_digits, 1);
+        assert_eq!(seen(index | 1 << Digit::Thumb.ftac_joints()[1], Phase::run(Skill::Grasp, 1)).free_digits, 2);
+        assert_eq!(seen(ring, Phase::run(Skill::Grasp, 1)).free_digits, 0);
         let palm = seen(PALM, Phase::run(Skill::Grasp, 1));
-        assert!(palm.palm_touches_second && palm.free_digits_on_second == 0 && !palm.holding_digits_touch_second);
+        assert!(palm.palm_touches && palm.free_digits == 0 && !palm.holding_digits_touch);
     }
 
     #[test]
     fn the_referee_counts_links_and_sees_who_lies_on_the_table() {
         let hand = Hand::ftac();
-        let seen = scene(&hand, &truth([0b101, 0]), Phase::run(Skill::Lift, 0), 0);
-        assert_eq!((seen.hand_contacts, seen.on_table), ([2, 0], [false, true]));
-        assert!(!seen.first_touches_second);
+        let seen = scene(&hand, &truth([0b101, 0]), Phase::run(Skill::Lift, 0), &[0; 2]).objects;
+        assert_eq!([0, 1].map(|n| (seen[n].hand_contacts, seen[n].on_table)), [(2, false), (0, true)]);
+        assert!(seen[1].touching_objects.is_empty());
         let pair = Truth { object_pairs: vec![(0, 1)], ..truth([0, 0]) };
-        assert!(scene(&hand, &pair, Phase::run(Skill::Lift, 0), 0).first_touches_second);
+        assert_eq!(scene(&hand, &pair, Phase::run(Skill::Lift, 0), &[0; 2]).objects[1].touching_objects, [0]);
     }
 }

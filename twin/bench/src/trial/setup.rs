@@ -20,6 +20,7 @@ use scenarios::referee::{Limits, Referee};
 use scenarios::sight::Sight;
 use sim::tactile::Drift;
 use touch::TouchPipeline;
+use world::layout::MOST_OBJECTS;
 use world::objects::ObjectModel;
 
 use super::conditions::Means;
@@ -63,8 +64,8 @@ pub struct Setup<'a> {
 pub struct Start {
     /// Body, controller and referee, where the controller waits for a decision.
     pub run: Run,
-    /// The two objects as the controller knows them.
-    pub objects: [Arc<ObjectModel>; 2],
+    /// The objects as the controller knows them.
+    pub objects: Vec<Arc<ObjectModel>>,
     /// What was planned for them.
     pub grasps: PlannedGrasps,
     /// Why they are taken in another order than planned, if they are.
@@ -72,8 +73,8 @@ pub struct Start {
     /// Perception with the backgrounds that the body itself has shown, or with frames from before the trial; the bench's own where
     /// the body is simulated and its idle pads show their backgrounds.
     pub pipeline: Option<TouchPipeline>,
-    /// What the first look at either object states of its own error, m.
-    pub sighted: [Option<f64>; 2],
+    /// What the first look at each object states of its own error, m.
+    pub sighted: [Option<f64>; MOST_OBJECTS],
 }
 
 impl Start {
@@ -95,12 +96,12 @@ impl Start {
             let known = &self.objects[object];
             let glance = Glance { object, noise: ObjectNoise::default(), then: None, camera: None };
             let sighted = robot.look(&glance)?.with_context(|| {
-                format!("{}: found it hidden, expected both objects in sight before the trial begins", known.name)
+                format!("{}: found it hidden, expected all objects in sight before the trial begins", known.name)
             })?;
             self.sighted[object] = sighted.sigma;
             anyhow::Ok(Percept::of(known, &sighted.pose))
         };
-        for object in 0..2 {
+        for object in 0..self.objects.len() {
             executor.see(object, seen(object)?);
         }
         Ok(())
@@ -117,14 +118,14 @@ impl Start {
 /// What a policy is told of a trial before it begins.
 #[derive(Clone, Copy)]
 pub struct Known<'a> {
-    /// The two objects, the one that is taken first first.
-    pub objects: &'a [Arc<ObjectModel>; 2],
+    /// The objects, in the order in which they are taken.
+    pub objects: &'a [Arc<ObjectModel>],
     /// What was planned for them.
     pub grasps: &'a PlannedGrasps,
     /// Why they come in this order, if it is not the planned one.
     pub reordered: Option<Reordered>,
-    /// What the first look at either object states of its own error, m.
-    pub sighted: [Option<f64>; 2],
+    /// What the first look at each object states of its own error, m.
+    pub sighted: [Option<f64>; MOST_OBJECTS],
 }
 
 /// On which body a trial is played: a simulated one of its own, or one from a source for a task.
@@ -176,9 +177,9 @@ impl<'a> Setup<'a> {
         Ok(if reordered.is_some() { Self { reordered, ..other } } else { self.clone() })
     }
 
-    /// The two objects of its plan.
-    pub fn objects(&self, bench: &Bench) -> Result<[Arc<ObjectModel>; 2]> {
-        Ok([bench.world.object(&self.plan.first)?, bench.world.object(&self.plan.second)?])
+    /// The objects of its plan.
+    pub fn objects(&self, bench: &Bench) -> Result<Vec<Arc<ObjectModel>>> {
+        bench.world.models(&self.plan.objects())
     }
 
     /// Body, controller and referee of a trial about to begin.
@@ -192,10 +193,10 @@ impl<'a> Setup<'a> {
             objects.iter().filter_map(|object| bench.known.get(&object.name)).for_each(KnownObject::prepare);
         }
         let disturber = Disturber::new(&self.disturbances, &objects);
-        let [first_one, second_one] = resized(&objects, self.disturbances.sizes())?;
-        let [one, other] = &self.noise.individuals;
-        let real = [one.of(&first_one)?, other.of(&second_one)?];
-        let grasps = [&planned.first, &planned.second[0].grasp];
+        let sized = resized(&objects, &self.disturbances.sizes())?;
+        let real = sized.iter().zip(&self.noise.individuals);
+        let real = real.map(|(object, one)| Ok(one.of(object)?)).collect::<Result<Vec<_>>>()?;
+        let grasps = planned.planned();
         let mut board = bench.board.with_noise(self.camera_noise);
         let mut pipeline = None;
         if let Some(drift) = &self.drift {
@@ -208,14 +209,14 @@ impl<'a> Setup<'a> {
         let mirrored = in_reality.is_some_and(|(_, task)| task.mirrored);
         let period = if in_reality.is_some() && !mirrored { REAL_WATCH_PERIOD } else { WATCH_PERIOD };
         let noise = disturber.first_percepts(&self.noise);
-        let start = TrialStart { protocol: world.protocol(), grasps, noise: &noise, arm: world.cell.ready };
+        let start = TrialStart { protocol: world.protocol(), grasps: &grasps, noise: &noise, arm: world.cell.ready };
         let Snapshot { mut robot, executor } = Snapshot::at_start(world, &start, &real, board)?;
         disturber.prepare(&mut robot);
         let robot = match source {
             None => Body::Simulated(Box::new(robot)),
             Some((source, task)) => {
                 let places = world.places(&objects, &noise);
-                let named = std::array::from_fn(|n| (objects[n].name.as_str(), places[n]));
+                let named = objects.iter().zip(places).map(|(object, place)| (object.name.as_str(), place)).collect();
                 Body::open(source, &TrialSetup { task, objects: named }, robot, env!("CARGO_PKG_VERSION"))?
             }
         };
@@ -242,7 +243,7 @@ impl<'a> Setup<'a> {
             fault: None,
             outage: Outage::default(),
         };
-        let sighted = [None; 2];
+        let sighted = [None; MOST_OBJECTS];
         let start = Start { run, objects, grasps: planned, reordered: self.reordered, pipeline, sighted };
         if eyes { start.see_first() } else { Ok(start) }
     }
@@ -312,15 +313,14 @@ pub fn draw(bench: &Bench, combination: usize, trial: usize) -> Result<(TrialNoi
     let (world, seed) = (&bench.world, bench.seed);
     let scenario = &world.scenario;
     let mut rng = trial_rng(seed, combination, trial);
-    let mut noise = TrialNoise::draw(&scenario.noise, &mut rng);
+    let objects = world.models(&plan(bench, combination).objects())?;
+    let mut noise = TrialNoise::draw(&scenario.noise, objects.len(), &mut rng);
     let camera_noise = rand::RngExt::random(&mut rng);
-    noise.shifts = draw_shifts(&scenario.layout, &mut rng);
+    noise.shifts = draw_shifts(&scenario.layout, objects.len(), &mut rng);
     let noise = noise.with_effects(&scenario.effects, seed, combination, trial);
     let stream = Effect::Eyes.stream(seed, combination, trial);
     let sight = scenario.effects.eyes.map(|eyes| Sight::draw(eyes, &scenario.noise.perception, stream));
     let mut looks = Looks::new(rng, sight);
-    let plan = plan(bench, combination);
-    let objects = [world.object(&plan.first)?, world.object(&plan.second)?];
     let noise = looks.first(&noise, &objects, &world.objects, &world.places(&objects, &noise));
     Ok((noise, camera_noise, looks))
 }

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use anyhow::Result;
+use anyhow::{Result, ensure};
 use control::perception::KnownObject;
 use control::policy::Uncertainty;
 use grasping::Repertoire;
@@ -80,6 +80,11 @@ impl Bench {
 
     /// From now on `touch` does without `digits`, as well as it can; what was planned stays what `ideal` and `blind` know.
     pub fn do_without(&mut self, digits: &[Digit]) -> Result<()> {
+        ensure!(
+            self.world.scenario.lists().len() == 2,
+            "{}: disturbance.disabled_digits: found digits, expected none: only trials of two objects are planned without digits",
+            self.world.scenario.name
+        );
         let without = plan_without(&self.world, &self.repertoire, &self.plans, digits)?;
         self.intact = Some(Intact {
             repertoire: std::mem::replace(&mut self.repertoire, without.repertoire),

@@ -30,9 +30,9 @@ impl Executor {
         self.slip = Some(SlipWatch::default());
     }
 
-    /// Slips felt of either object so far.
-    pub fn slips(&self) -> [u32; 2] {
-        self.slip.as_ref().map_or([0; 2], SlipWatch::steps)
+    /// Slips felt of each object so far; none are listed where they are not answered.
+    pub fn slips(&self) -> Vec<u32> {
+        self.slip.as_ref().map_or_else(Vec::new, SlipWatch::steps)
     }
 
     /// Tensions wanted at present, with what the reaction to slip adds, N.
@@ -42,7 +42,7 @@ impl Executor {
         let Some(watch) = &mut self.slip else { return plan };
         if !carrying {
             if !self.phase.carries() {
-                watch.begin();
+                watch.begin(self.targets.iter().map(|target| target.grasp.digits.clone()));
             }
             return plan;
         }

@@ -8,17 +8,17 @@ use crate::executor::{Executor, Skill};
 use crate::percept::Eyes;
 use crate::perception::Felt;
 
-/// Takes the second object with the planned grasp, whatever happened to the first.
+/// Takes one object after the other with its planned grasp, whatever happened to those before.
 #[derive(Debug, Clone)]
 pub struct Blind {
-    second: Grasp,
+    grasps: Vec<Grasp>,
     story: Story,
 }
 
 impl Blind {
-    /// With `second` as the planned grasp of the second object.
-    pub fn new(second: Grasp) -> Self {
-        Self { second, story: Story::default() }
+    /// With the planned grasp of each object.
+    pub fn new(grasps: Vec<Grasp>) -> Self {
+        Self { grasps, story: Story::default() }
     }
 }
 
@@ -29,22 +29,21 @@ impl Policy for Blind {
 
     fn decide(&mut self, executor: &mut Executor, _: &mut dyn Eyes, _: f64) -> Result<Step, PolicyError> {
         let phase = executor.phase();
-        match phase.skill {
-            Skill::Look if phase.object == 0 => Ok(match executor.take_with(1, self.second.clone()) {
-                Ok(()) => {
-                    let (grasp, why) = (self.second.id, "as planned, unseen".to_owned());
-                    self.story.attempts.push(Attempt { object: 1, grasp, why, ..Attempt::default() });
-                    self.story.announcements.push("the plan is carried out unseen".to_owned());
-                    Step::Play
-                }
-                Err(_) => Step::GiveUp,
-            }),
-            Skill::Look => {
-                executor.carry_aside()?;
-                Ok(Step::Play)
-            }
-            _ => Ok(Step::Finish),
+        if phase.skill != Skill::Look {
+            return Ok(Step::Finish);
         }
+        let object = phase.object + 1;
+        let Some(next) = self.grasps.get(object) else {
+            executor.carry_aside()?;
+            return Ok(Step::Play);
+        };
+        if executor.take_with(object, next.clone()).is_err() {
+            return Ok(Step::GiveUp);
+        }
+        let (grasp, why) = (next.id, "as planned, unseen".to_owned());
+        self.story.attempts.push(Attempt { object, grasp, why, ..Attempt::default() });
+        self.story.announcements.push("the plan is carried out unseen".to_owned());
+        Ok(Step::Play)
     }
 
     fn story(&mut self) -> &mut Story {

@@ -39,9 +39,9 @@ pub struct Situation<'a> {
     /// Tactile images of the last look, one a camera that has sent one.
     pub images: &'a [TactileFrame],
     /// Names of the first and the second object.
-    pub objects: [&'a str; 2],
+    pub objects: Vec<&'a str>,
     /// Where they were seen last.
-    pub seen: [Percept; 2],
+    pub seen: Vec<Percept>,
     /// Whether the second one was seen just now; it is hidden otherwise.
     pub sees_second: bool,
     /// The grasp that took the first object.
@@ -87,7 +87,7 @@ pub trait Chooser {
     fn choose(&mut self, situation: &Situation) -> Result<Answer, ChooserError>;
 }
 
-/// Asks a [`Chooser`]; see the module's page.
+/// Asks a [`Chooser`]; see the module's page. A trial of two objects is what it can be asked about.
 pub struct Chosen<'a> {
     knowledge: Knowledge<'a>,
     senses: Senses<'a>,
@@ -117,8 +117,8 @@ impl<'a> Chosen<'a> {
             arm: executor.motion().arm(),
             palm: executor.motion().palm(),
             images: look.images,
-            objects: self.knowledge.objects.each_ref().map(|object| object.name.as_str()),
-            seen: [executor.target(0).percept, executor.target(1).percept],
+            objects: self.knowledge.objects.iter().map(|object| object.name.as_str()).collect(),
+            seen: executor.targets().iter().map(|target| target.percept).collect(),
             sees_second,
             first: &executor.target(0).grasp,
             candidates: &self.knowledge.second,
@@ -175,7 +175,7 @@ impl Policy for Chosen<'_> {
     fn perceive(&mut self, executor: &Executor, injected: Option<Injected>) -> Result<(), PolicyError> {
         let [Target { grasp: first, percept }, Target { grasp: second, .. }] =
             [0, 1].map(|object| executor.target(object));
-        let expected = Expected::of(first, percept, second);
+        let expected = Expected::of(first, percept, Some(second));
         if !executor.phase().has_lifted(1) {
             let mut felt = feel(&self.senses, &executor.motion().look(), self.knowledge.known[0], &expected)?;
             if let Some(injected) = injected {

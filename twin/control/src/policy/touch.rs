@@ -7,7 +7,7 @@
 //! (`exploration`): where the first one sits in the hand decides how well the second one can be taken. `first` and `second` take them.
 //!
 //! Each decision leads from one `State` to another: `Start -> Palpates(0) -> Takes(0) -> Palpates(1) -> Takes(1) -> Carries` where all goes
-//! well. What is lost leads back to a palpation or to `LaysDown`, what is hidden to `StepsAside`; a decision that begins nothing ends the trial.
+//! well, and from `Takes(0)` to `Carries` in a trial of one object. What is lost leads back to a palpation or to `LaysDown`, what is hidden to `StepsAside`; a decision that begins nothing ends the trial.
 
 mod exploration;
 pub(super) mod first;
@@ -18,6 +18,7 @@ use std::collections::BTreeMap;
 use grasping::{Grasp, Role};
 use nalgebra::Vector3;
 use touch::{InHand, PoseEstimate};
+use world::layout::MOST_OBJECTS;
 
 use super::reach::{Wanted, within_reach};
 use super::{Injected, Knowledge, Policy, PolicyError, Reordered, Step, Story, Uncertainty};
@@ -44,7 +45,7 @@ enum State {
     Palpates { object: usize, found: Option<Box<PoseEstimate>> },
     /// It takes an object; the aim, if only the detector said where the object is.
     Takes { object: usize, aimed: Option<Aimed> },
-    /// It carries both objects.
+    /// It carries what it has.
     Carries,
     /// It lays everything down. The first object comes next, without a look at the hand.
     LaysDown,
@@ -69,23 +70,23 @@ pub struct Touch<'a> {
     knowledge: Knowledge<'a>,
     senses: Senses<'a>,
     /// The objects' own solids.
-    solids: [Vec<Solid>; 2],
+    solids: Vec<Vec<Solid>>,
     /// Grasps of the first object, the planned one first; a worth counts the second grasps that can follow.
     first: Vec<Candidate>,
     story: Story,
     state: State,
     /// The robot's clock at the present decision, s.
     time: f64,
-    /// How often each grasp of the first and of the second object, by its number, has failed.
-    failures: [BTreeMap<u32, i32>; 2],
+    /// How often each grasp of each object, by its number, has failed.
+    failures: [BTreeMap<u32, i32>; MOST_OBJECTS],
     /// Grasps that failed in a row.
     in_a_row: usize,
     /// The objects as they were seen first.
-    seen: Option<[Percept; 2]>,
+    seen: Option<Vec<Percept>>,
     /// Offset of the aim from what is seen, m, where no rehearsal says better: kept while it works.
     aim: Vector3<f64>,
-    /// What the latest look at either object states of its own error, m.
-    sighted: [Option<f64>; 2],
+    /// What the latest look at each object states of its own error, m.
+    sighted: [Option<f64>; MOST_OBJECTS],
     /// The first object was touched where it stands.
     first_located: bool,
     second: SecondSeen,
@@ -102,7 +103,7 @@ impl<'a> Touch<'a> {
             story.tell(format!("{name} is taken first: that promises {other:.2}, the planned order {planned:.2}"));
         }
         Self {
-            solids: [0, 1].map(|object| object_solids(&knowledge.objects[object])),
+            solids: knowledge.objects.iter().map(|object| object_solids(object)).collect(),
             first: first::candidates(&knowledge, &senses, first),
             state: State::Start,
             time: 0.0,
@@ -126,12 +127,13 @@ impl<'a> Touch<'a> {
         }
     }
 
-    /// Both objects where they should be in the hand: the first as it was felt last, the second as its grasp holds it.
-    fn in_hand(&self, expected: &Expected, second: &Grasp) -> Vec<InHand<'_>> {
+    /// The objects where they should be in the hand: the first as it was felt last, the second as its grasp holds it.
+    fn in_hand(&self, expected: &Expected, second: Option<&Grasp>) -> Vec<InHand<'_>> {
         let felt = self.felt.as_ref().map(|felt| felt.estimate.palm_from_object);
         let first = trusted(felt.unwrap_or(expected.palm_from_object));
         let first = InHand { shape: self.knowledge.known[0], prior: first };
-        let second = second.held.map(|held| InHand { shape: self.knowledge.known[1], prior: trusted(held) });
+        let held = second.and_then(|second| second.held);
+        let second = held.map(|held| InHand { shape: self.knowledge.known[1], prior: trusted(held) });
         std::iter::once(first).chain(second).collect()
     }
 
@@ -153,7 +155,7 @@ impl<'a> Touch<'a> {
 
     /// The eyes look at an object anew. None if it is hidden.
     fn see(&mut self, index: usize, eyes: &mut dyn Eyes) -> Result<Option<Percept>, PolicyError> {
-        if let Some(seen) = self.seen.filter(|_| !self.knowledge.recovery.new_look) {
+        if let Some(seen) = self.seen.as_ref().filter(|_| !self.knowledge.recovery.new_look) {
             return Ok(Some(seen[index]));
         }
         let Some(sighted) = eyes.look(index)? else { return Ok(None) };
@@ -189,7 +191,8 @@ impl<'a> Touch<'a> {
     /// Goes on by what the look at the hand has told after what was done in the state `looked`.
     fn after_look(&mut self, executor: &mut Executor, eyes: &mut dyn Eyes, looked: State) -> Result<Step, PolicyError> {
         let tries = !self.is_late() && self.knowledge.recovery.retry;
-        let next = if tries { Next::after(executor.phase(), self.grip) } else { Next::GoOn };
+        let last = self.knowledge.objects.len() - 1;
+        let next = if tries { Next::after(executor.phase(), self.grip, last) } else { Next::GoOn };
         match (looked, next) {
             (State::Carries, Next::GoOn) => return Ok(Step::Finish),
             (State::Takes { object: 1, .. }, Next::GoOn) => {
@@ -211,6 +214,11 @@ impl<'a> Touch<'a> {
             }
         }
         match next {
+            Next::GoOn if last == 0 => {
+                executor.carry_aside()?;
+                self.state = State::Carries;
+                Ok(Step::Play)
+            }
             Next::FirstAgain => self.first_again(executor, eyes, false),
             Next::StartOver => self.lay_down(executor),
             Next::SecondAgain => self.second_again(executor, eyes, false),
@@ -250,12 +258,12 @@ impl Policy for Touch<'_> {
         if matches!(self.state, State::LaysDown | State::StepsAside { .. }) {
             return Ok(());
         }
-        self.seen.get_or_insert([executor.target(0).percept, executor.target(1).percept]);
+        self.seen.get_or_insert_with(|| executor.targets().iter().map(|target| target.percept).collect());
         if executor.phase().skill == Skill::Begin {
             return Ok(());
         }
-        let [Target { grasp: first, percept }, Target { grasp: second, .. }] =
-            [0, 1].map(|object| executor.target(object));
+        let Target { grasp: first, percept } = executor.target(0);
+        let second = executor.targets().get(1).map(|second| &second.grasp);
         let expected = Expected::of(first, percept, second);
         if let State::Palpates { object, .. } = self.state {
             return self.perceive_touch(object, executor, &expected);

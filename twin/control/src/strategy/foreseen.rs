@@ -25,7 +25,7 @@ const STEP: f64 = 0.005;
 pub struct Foresight<'a> {
     pub foresees: Foresees<'a>,
     /// The held object and the target.
-    pub objects: &'a [Arc<ObjectModel>; 2],
+    pub objects: &'a [Arc<ObjectModel>],
     /// Covariance of the held object's pose, m and rad, palm axes.
     pub covariance: &'a Matrix6<f64>,
 }

@@ -22,7 +22,7 @@ impl Told {
 
 impl Chooser for Told {
     fn choose(&mut self, situation: &Situation) -> Result<Answer, ChooserError> {
-        assert_eq!((situation.objects, situation.candidates.len()), ([FIRST, SECOND], 2));
+        assert_eq!((&situation.objects[..], situation.candidates.len()), (&[FIRST, SECOND][..], 2));
         let Situation { phase, tries, sees_second, grip, .. } = *situation;
         self.tries.push((phase, tries, sees_second, grip.second));
         self.answers.remove(0).map_err(Into::into)

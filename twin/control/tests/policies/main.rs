@@ -19,7 +19,7 @@ fn blind_carries_out_the_plan_and_never_looks() {
     let table = Table::new();
     let mut executor = table.executor();
     let mut eyes = Watchful::new(&table);
-    let mut blind = Blind::new(table.second()[0].grasp.clone());
+    let mut blind = Blind::new(executor.targets().iter().map(|target| target.grasp.clone()).collect());
     for (phase, then) in [(DECIDE, Step::Play), (CONFIRM, Step::Play), (DONE, Step::Finish)] {
         run_until(&mut executor, phase);
         blind.perceive(&executor, in_hand(false, false)).expect("nothing to perceive");

@@ -3,7 +3,6 @@
 
 use anyhow::Result;
 use grasping::Repertoire;
-use scenarios::combination::Combination;
 use sim::tactile::TactileBoard;
 
 use super::{Outcomes, Plan, Plans, outcomes, plan_pair};
@@ -39,8 +38,7 @@ pub(super) fn planned(
     if best(plan) >= SURE {
         return Ok(None);
     }
-    let pair = Combination { id: 0, first: plan.second.clone(), second: plan.first.clone() };
-    plan_pair(turned, repertoire, board, &pair)
+    plan_pair(turned, repertoire, board, [&plan.second, &plan.first])
 }
 
 /// What the best second grasp of `plan` is worth, after whatever first grasp.

@@ -212,7 +212,8 @@ impl<'a> Rehearsals<'a> {
     /// The first object held beside the second, which lies as grasp `any` of it expects.
     pub(super) fn hold(&self, first: &Grasp, any: Option<&Grasp>) -> Result<Option<Snapshot>> {
         let Some(any) = any else { return Ok(None) };
-        let rehearsal = FirstRehearsal::ideal(self.world, [first, any]);
+        let grasps = [first, any];
+        let rehearsal = FirstRehearsal::ideal(self.world, &grasps);
         Ok(rehearse_first(self.world, &rehearsal, self.board)?.map(|(hold, _)| hold))
     }
 

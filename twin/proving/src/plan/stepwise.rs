@@ -6,7 +6,7 @@ use grasping::Repertoire;
 use scenarios::combination::Combination;
 use sim::tactile::TactileBoard;
 
-use super::{Plan, other_order, outcomes, plan_pair};
+use super::{Plan, other_order, outcomes, plan_one};
 use crate::cache::Steps;
 use crate::simulated_world::World;
 
@@ -23,7 +23,7 @@ const STEPS: [&str; 8] = [
     "its variations",
 ];
 
-/// The plan of a pair; none if nothing works without errors.
+/// The plan of a combination; none if nothing works without errors.
 pub fn plan(
     world: &World,
     repertoire: &Repertoire,
@@ -33,13 +33,15 @@ pub fn plan(
 ) -> Result<Option<Plan>> {
     let mut made: Option<Plan> = None;
     let turned = world.in_other_order();
-    for (number, name) in STEPS.into_iter().enumerate() {
+    // Odds and orders are those of two objects.
+    let steps_of = if pair.objects.len() == 2 { &STEPS[..] } else { &STEPS[..1] };
+    for (number, name) in steps_of.iter().enumerate() {
         if let Some(known) = steps.known(name) {
             made = known.clone();
             continue;
         }
         match (number, &mut made) {
-            (0, made) => *made = plan_pair(world, repertoire, board, pair)?,
+            (0, made) => *made = plan_one(world, repertoire, board, pair)?,
             (4, Some(plan)) => plan.reversed = other_order::planned(&turned, repertoire, board, plan)?.map(Box::new),
             (1..4, Some(plan)) => outcomes::rehearse_step(number - 1, world, repertoire, board, plan)?,
             (_, Some(Plan { reversed: Some(reversed), .. })) => {

@@ -7,7 +7,6 @@ use anyhow::Result;
 use grasping::{Grasp, Repertoire, Role};
 use hand_model::Digit;
 use rayon::prelude::*;
-use scenarios::combination::Combination;
 use sim::tactile::TactileBoard;
 
 use super::{Plan, Plans, plan_pair};
@@ -91,8 +90,7 @@ fn plan_one(world: &World, slack: &Repertoire, plan: &Plan, digits: &[Digit], bo
     for grasp in proven.iter().take(FIRSTS).chain(slack.of(&plan.second, Role::Second).take(SECONDS)) {
         own.insert(grasp.clone());
     }
-    let pair = Combination { id: 0, first: plan.first.clone(), second: plan.second.clone() };
-    let planned = plan_pair(world, &own, board, &pair)?.ok_or_else(|| {
+    let planned = plan_pair(world, &own, board, [&plan.first, &plan.second])?.ok_or_else(|| {
         format!(
             "{seconds} grasps of {} without {names} were tried in physics after {} of {} and none holds both",
             plan.second,
@@ -114,7 +112,8 @@ fn prove(
     let Some(bystander) = slack.of(&plan.second, Role::Second).next() else { return Ok(Vec::new()) };
     let mut proven = Vec::new();
     for first in firsts {
-        let rehearsal = FirstRehearsal::ideal(world, [first, bystander]);
+        let grasps = [*first, bystander];
+        let rehearsal = FirstRehearsal::ideal(world, &grasps);
         if let Some((_, held)) = rehearse_first(world, &rehearsal, board)? {
             let (place, joints) = (Some(held.palm_from_object), Some(held.joints));
             proven.push(Grasp { held: place, held_joints: joints, ..(*first).clone() });

@@ -30,10 +30,11 @@ pub fn notes(world: &World) -> Vec<String> {
 /// Roles in which the scenario names an object, with the digits that would take it.
 fn roles(world: &World, name: &str) -> Vec<(Role, &'static str)> {
     let scenario = &world.scenario;
-    let named = |names: &[String]| names.iter().any(|other| other == name);
-    let first = named(&scenario.first).then_some((Role::First, "first"));
-    let second = named(&scenario.second).then_some((Role::Second, "second"));
-    first.into_iter().chain(second).collect()
+    let lists = scenario.lists().into_iter().zip(super::roles(scenario, world.cell.robot.hand.digits().len()));
+    lists
+        .filter(|((_, names), _)| names.iter().any(|other| other == name))
+        .map(|((place, _), role)| (role, place))
+        .collect()
 }
 
 /// Why no grasp of an own object can be used in any combination, if that is so.
@@ -66,21 +67,21 @@ pub fn of(
     notes: &mut Vec<String>,
 ) -> Result<Vec<String>> {
     let scenario = &world.scenario;
-    let has = |(first, second): (&String, &String), name: &String| first == name || second == name;
+    let combinations = if scenario.lists().len() == 1 { "objects" } else { "pairs" };
     let mut left_out = Vec::new();
     let own = scenario.object.len();
     for name in scenario.object.iter().map(|file| &file.name) {
-        if plans.plans.iter().any(|plan| has((&plan.first, &plan.second), name)) {
+        if plans.plans.iter().any(|plan| plan.objects().contains(&name.as_str())) {
             continue;
         }
-        let rejected = plans.rejected.iter().filter(|(first, second)| has((first, second), name)).count();
+        let rejected = plans.rejected.iter().filter(|objects| objects.contains(name)).count();
         match unpickable(world, repertoire, name) {
             Some(reason) => left_out.push(reason),
             None if plans.plans.len() >= count && rejected == 0 => {
                 notes.push(format!("{name} is in none of the combinations: only {count} were asked for"));
             }
             None => left_out.push(format!(
-                "{name} is not played: none of its {rejected} pairs can be done by this hand, even without errors"
+                "{name} is not played: none of its {rejected} {combinations} can be done by this hand, even without errors"
             )),
         }
     }
@@ -88,12 +89,15 @@ pub fn of(
         bail!(NotPlayable(format!("none of the scenario's own objects can be played: {}", left_out.join("; "))));
     }
     if plans.plans.is_empty() {
-        bail!("none of the scenario's {} pairs can be done by this hand without noise", scenario.combinations());
+        bail!(
+            "none of the scenario's {} {combinations} can be done by this hand without noise",
+            scenario.combinations()
+        );
     }
     if plans.plans.len() < count {
-        let pairs: Vec<String> = plans.rejected.iter().map(|(first, second)| format!("{first} + {second}")).collect();
+        let pairs: Vec<String> = plans.rejected.iter().map(|objects| objects.join(" + ")).collect();
         notes.push(format!(
-            "{} of the {} pairs cannot be done by this hand, even without errors: {}",
+            "{} of the {} {combinations} cannot be done by this hand, even without errors: {}",
             pairs.len(),
             scenario.combinations(),
             pairs.join(", ")

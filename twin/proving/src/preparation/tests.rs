@@ -47,9 +47,9 @@ fn own_objects_are_searched_in_their_roles() {
 /// A plan is found again for the same things and grasps only.
 #[test]
 fn a_changed_object_or_grasp_is_another_key() {
-    let pair = Combination { id: 0, first: "golf_ball".into(), second: "my_cube".into() };
+    let pair = Combination { id: 0, objects: vec!["golf_ball".into(), "my_cube".into()] };
     let mut repertoire = crate::builtin::repertoire().expect("the built-in repertoire");
-    let key = |world: &World, repertoire: &Repertoire| pair_key(world, repertoire, &pair).expect("a key").file_name();
+    let key = |world: &World, repertoire: &Repertoire| plan_key(world, repertoire, &pair).expect("a key").file_name();
     let first = key(&world(0.1, 0.05), &repertoire);
     assert_eq!(first, key(&world(0.1, 0.05), &repertoire));
     assert_ne!(first, key(&world(0.2, 0.05), &repertoire), "mass");
@@ -68,7 +68,7 @@ fn a_changed_object_or_grasp_is_another_key() {
 fn plans_of_the_benchmark_are_used_where_they_fit() {
     let builtin = crate::builtin::plans().expect("the built-in plans");
     let plan = &builtin.plans[7];
-    let pair = |first: &str, second: &str| Combination { id: 0, first: first.into(), second: second.into() };
+    let pair = |first: &str, second: &str| Combination { id: 0, objects: vec![first.into(), second.into()] };
     let mut scenario = world(0.1, 0.05).scenario;
     let known = known_plans(&scenario).expect("plans").expect("the same places");
     let found = known.of(&pair(&plan.first, &plan.second)).flatten().expect("its plan");
@@ -90,7 +90,7 @@ fn what_cannot_be_picked_is_named() {
 /// A plan of a pair by numbers that stand for none.
 fn plan_of(pair: &Combination) -> plan::Plan {
     let mut plan = crate::builtin::plans().expect("the built-in plans").plans.swap_remove(0);
-    (plan.first, plan.second) = (pair.first.clone(), pair.second.clone());
+    (plan.first, plan.second) = (pair.objects[0].clone(), pair.objects[1].clone());
     plan
 }
 
@@ -111,7 +111,7 @@ fn an_own_object_is_played_instead_of_another_benchmark() {
         assert!(count < 2 || has(&plans, "my_cube"));
     }
     // What works is found by the second or third try; a shorter run is the beginning of a longer one.
-    let only = |pair: &Combination| pair.first == "golf_ball";
+    let only = |pair: &Combination| pair.objects[0] == "golf_ball";
     let (one, all) = (plans_of(&world, 1, only), plans_of(&world, 4, only));
     assert_eq!((one.plans[0].second.as_str(), all.plans[0].second.as_str()), ("my_cube", "my_cube"));
     assert_eq!(all.plans.len(), 2);
@@ -137,7 +137,7 @@ fn a_scenario_without_its_own_objects_is_refused() {
     let error = left_out::refuse_unpickable(&world, &repertoire).expect_err("nothing is known of them");
     let said = error.downcast_ref::<NotPlayable>().expect("the reason").to_string();
     assert!(said.contains("my_ball") && said.contains("my_cube") && said.contains("no grasp was found"), "{said}");
-    let without = plans_of(&world, 4, |pair| pair.first == "golf_ball" && pair.second == "lemon");
+    let without = plans_of(&world, 4, |pair| pair.objects == ["golf_ball", "lemon"]);
     let error = left_out::of(&world, &repertoire, &without, 4, &mut Vec::new()).expect_err("none of its own");
     assert!(error.is::<NotPlayable>(), "{error}");
 }

@@ -13,7 +13,7 @@ fn errors(scale: f64) -> TrialNoise {
     TrialNoise {
         position: Vector3::new(-0.4, 0.7, 1.1) * scale,
         rotation: Vector3::new(0.8, 0.5, -0.6) * scale,
-        objects: [nowhere, object],
+        objects: [nowhere, object, nowhere],
         ..TrialNoise::none()
     }
 }

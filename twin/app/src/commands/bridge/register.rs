@@ -65,7 +65,7 @@ pub fn run(terminal: &Terminal, args: &RegisterArgs) -> Result<Option<String>> {
         Some(truth) => {
             let scene = registrar.scene(&truth, bench.board.with_noise(terminal.seed));
             let task = task(&robot, terminal.seed)?;
-            let setup = TrialSetup { task: &task, objects: [("", Isometry3::identity()); 2] };
+            let setup = TrialSetup { task: &task, objects: vec![("", Isometry3::identity())] };
             EmulatedSource::new(robot, None).open(&setup, scene)?
         }
         None => {
@@ -84,7 +84,7 @@ pub fn run(terminal: &Terminal, args: &RegisterArgs) -> Result<Option<String>> {
             if !args.yes && !agreed_while(question, || checked.attend())? {
                 bail!("nothing was moved: the operator did not say yes");
             }
-            Box::new(checked.begin([("the ball", Isometry3::identity()); 2])?)
+            Box::new(checked.begin(&[("the ball", Isometry3::identity())])?)
         }
     };
     let said = terminal.quiet || terminal.json;

@@ -76,7 +76,7 @@ fn of_combination(robot: &RobotModel, combination: usize, seed: u64) -> Result<S
     let Some(plan) = bench.plans.plans.get(combination) else {
         bail!("COMBINATION: found {combination}, expected 0 to {}", bench.plans.plans.len() - 1);
     };
-    let objects = [bench.world.object(&plan.first)?, bench.world.object(&plan.second)?];
+    let objects = bench.world.models(&plan.objects())?;
     let places = bench.world.places(&objects, &TrialNoise::none());
     Ok(objects.into_iter().zip(places).collect())
 }

@@ -140,7 +140,7 @@ pub fn plan(terminal: &Terminal, args: &PlanArgs) -> Outcome {
         None => {
             let board = TactileBoard::unit(&world.cell.robot.hand, 0);
             let plans = plan::make_plans(&world.scenario, args.combos, terminal.seed, quiet, |pair| {
-                plan::plan_pair(&world, &repertoire, &board, pair)
+                plan::plan_one(&world, &repertoire, &board, pair)
             })?;
             anyhow::ensure!(
                 plans.plans.len() == args.combos,

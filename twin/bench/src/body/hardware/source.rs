@@ -149,7 +149,7 @@ impl Checked {
     }
 
     /// With torque on and in its ready posture; `objects` belong in these places.
-    pub fn begin(self, objects: [(&str, Isometry3<f64>); 2]) -> Result<Hardware> {
+    pub fn begin(self, objects: &[(&str, Isometry3<f64>)]) -> Result<Hardware> {
         let Self { robot, packets, ready, pause, .. } = self;
         wait_for_checks(&robot)?;
         robot.tap(&packets);
@@ -158,8 +158,7 @@ impl Checked {
         }
         let (interrupt, operator) = (Interrupt::catch()?, Operator::at_the_terminal()?);
         robot.arm()?;
-        let names = objects.map(|(name, _)| name.to_owned());
-        let places = objects.map(|(_, place)| place);
+        let (names, places) = objects.iter().map(|(name, place)| ((*name).to_owned(), *place)).unzip();
         let mut hardware = Hardware { robot, places, names, pause, interrupt, eyes: None, operator };
         if let Err(error) = go_to(&mut hardware, &ready) {
             hardware.leave(Some(&format!("{error:#}")))?;
@@ -207,7 +206,7 @@ impl BodySource for HardwareSource {
         for (name, _) in &setup.objects {
             eyes.as_mut().map_or(Ok(()), |eyes| look(eyes, name))?;
         }
-        Ok(Box::new(Hardware { eyes, ..checked.begin(setup.objects)? }))
+        Ok(Box::new(Hardware { eyes, ..checked.begin(&setup.objects)? }))
     }
 
     fn session(&self, task: &Task) -> Result<Option<(PathBuf, Session)>> {

@@ -74,8 +74,8 @@ fn bench() -> Bench {
     let (input, answers) = std::io::pipe().expect("a pipe");
     let operator = Operator::at(File::from(OwnedFd::from(input)));
     let interrupt = Interrupt::catch().expect("caught");
-    let places = [Isometry3::identity(); 2];
-    let names = ["pear".to_owned(), "lemon".to_owned()];
+    let places = vec![Isometry3::identity(); 2];
+    let names = vec!["pear".to_owned(), "lemon".to_owned()];
     let mut hardware = Hardware { robot, places, names, pause: 60.0, interrupt, eyes: None, operator };
     until("it runs", || {
         let seen = hardware.robot.observe().and_then(Readings::complete).expect("observed");

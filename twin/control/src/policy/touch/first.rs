@@ -6,7 +6,7 @@ use world::attempt::Attempt;
 
 use super::exploration::explores;
 use super::{State, Touch, exploration};
-use crate::collision::{clearance_along, hand_solids};
+use crate::collision::{Solid, clearance_along, hand_solids};
 use crate::executor::{Executor, Target};
 use crate::odds::Belief;
 use crate::palpation;
@@ -24,9 +24,12 @@ pub(in crate::policy) fn candidates(knowledge: &Knowledge, senses: &Senses, plan
     let uncertainty = knowledge.uncertainty.stated(knowledge.sighted[1]);
     let belief = Belief::located(&touched).filter(|_| explores(knowledge, senses, uncertainty.target(1)));
     let belief = belief.unwrap_or_else(|| Belief::new(&uncertainty));
-    let as_planned = promise(&knowledge.second, &belief);
+    // One object alone is what the trial asks for, whatever its grasp leaves free.
+    let alone = knowledge.objects.len() == 1;
+    let as_planned = if alone { 1.0 } else { promise(&knowledge.second, &belief) };
     let worth = |first: &Grasp| match knowledge.others.iter().find(|other| other.first.id == first.id) {
         Some(other) => promise(&other.second, &belief) / SWITCH_GAIN,
+        None if alone => as_planned,
         None => worth::UNREHEARSED * as_planned,
     };
     let name = &knowledge.objects[0].name;
@@ -65,7 +68,9 @@ impl Touch<'_> {
         aside: bool,
     ) -> Result<Step, PolicyError> {
         let seen = self.see(0, eyes)?;
-        self.see_second(executor, eyes)?;
+        if self.knowledge.objects.len() > 1 {
+            self.see_second(executor, eyes)?;
+        }
         let Some(seen) = seen else { return self.seek(0, executor, aside) };
         executor.see(0, seen);
         self.first_located = false;
@@ -93,7 +98,7 @@ impl Touch<'_> {
         Ok(Step::Play)
     }
 
-    /// The best of `candidates` that the arm gets to from where it is without coming near the second object, and how; where each comes
+    /// The best of `candidates` that the arm gets to from where it is without coming near another object, and how; where each comes
     /// near, the one that does so least.
     fn best_approach(
         &self,
@@ -104,15 +109,16 @@ impl Touch<'_> {
         candidates.sort_by(|a, b| b.worth.total_cmp(&a.worth));
         let hand = executor.motion().hand();
         let moving = hand_solids(hand, &exploration::empty(hand).joints, hand.digits(), true);
-        let [first, second] = &self.solids;
-        let second = placed(second, &executor.target(1).percept.pose());
-        let both = [placed(first, &seen.pose()), second.clone()].concat();
+        let standing = self.solids.iter().zip(executor.targets()).skip(1);
+        let standing: Vec<Solid> =
+            standing.flat_map(|(solids, target)| placed(solids, &target.percept.pose())).collect();
+        let all = [placed(&self.solids[0], &seen.pose()), standing.clone()].concat();
         let mut best: Option<(f64, Grasp, PosePath)> = None;
         for candidate in &candidates {
             for grasp in turned(&self.knowledge, &candidate.grasp, seen, &self.knowledge.objects[0]) {
                 let path = |stops: &[_]| executor.path_to(stops, &grasp, seen);
-                let (there, stops) = clear_stops(&moving, &both, executor.ways(), |stops| Ok(path(stops)?[0].clone()))?;
-                let onto = clearance_along(&path(&stops)?[1], &moving, &second, 2000).map_err(StrategyError::from)?;
+                let (there, stops) = clear_stops(&moving, &all, executor.ways(), |stops| Ok(path(stops)?[0].clone()))?;
+                let onto = clearance_along(&path(&stops)?[1], &moving, &standing, 2000).map_err(StrategyError::from)?;
                 let clearance = onto.map_or(there, |onto| there.min(onto.min_distance));
                 if best.as_ref().is_some_and(|(most, ..)| clearance <= *most) {
                     continue;

@@ -75,7 +75,7 @@ impl Touch<'_> {
             }
             let attempt = attempt(&decision, felt);
             let beside = Percept { position: seen.position + decision.aim, ..seen };
-            self.story.aimed |= self.seen.is_none_or(|[_, first_look]| beside != first_look);
+            self.story.aimed |= self.seen.as_ref().is_none_or(|first_look| beside != first_look[1]);
             let Some(path) = executor.rehearsed_approach(&decision.way, &decision.grasp, &beside) else {
                 within.retain(|candidate| candidate.grasp.id != decision.grasp.id);
                 continue;
