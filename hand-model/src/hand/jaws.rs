@@ -56,9 +56,9 @@ mod tests {
     fn a_gripper_has_jaws_and_a_hand_has_none() {
         let text = include_str!("../../data/robots/franka_hand.toml");
         let jaws = Hand::parse(text, Path::new("franka_hand.toml")).expect("valid").jaws().expect("jaws");
-        // 80 mm of stroke; pads 48 mm and tips 64 mm from where the fingers begin.
+        // 80 mm of stroke; pads 48 mm and tips 58.5 mm from where the fingers begin.
         assert!((jaws.opening - 0.08).abs() < 1e-12, "{jaws:?}");
-        assert!((jaws.tip - 0.016).abs() < 1e-12 && (jaws.depth - 0.0404).abs() < 1e-12, "{jaws:?}");
+        assert!((jaws.tip - 0.0105).abs() < 1e-12 && (jaws.depth - 0.0404).abs() < 1e-12, "{jaws:?}");
         assert!((jaws.center - Point3::new(0.0, -0.0008, 0.0)).norm() < 1e-12, "{jaws:?}");
         assert_eq!(Hand::ftac().jaws(), None);
     }
