@@ -1,6 +1,7 @@
 //! The hand built from its parameters: tree, covers, pads, cameras, transmission.
 
 mod cover;
+mod jaws;
 
 use std::path::Path;
 
@@ -19,6 +20,7 @@ use crate::transmission::{CablePath, Crossing, Follower, Guides, Lever, Transmis
 use platform::data::DataError;
 
 pub use cover::{CoverShape, SkinElement};
+pub use jaws::Jaws;
 
 /// Joints that a hand has at most.
 pub const MOST_HAND_JOINTS: usize = 24;

@@ -10,6 +10,9 @@
 //! xyz = [0.0, 0.0, 0.01]        # m
 //! rpy = [0.0, 0.0, 1.5708]      # roll, pitch and yaw, rad
 //!
+//! [start]                       # of a trial; default: the palm level, the fingers ahead
+//! pitch = 1.5708                # of the fingers below the horizontal, rad
+//!
 //! [hand]
 //! parameters = "ftac"           # the F-TAC Hand, or a parameter file beside this one
 //! handedness = "right"          # default: as in the parameter file
@@ -29,7 +32,7 @@
 //! Numbers in the file are those of the left hand at its full size, as in the parameter file.
 
 use std::collections::BTreeMap;
-use std::f64::consts::TAU;
+use std::f64::consts::{FRAC_PI_2, TAU};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -59,6 +62,8 @@ pub struct RobotModel {
     pub name: String,
     pub arm: Arc<Arm>,
     pub hand: Arc<Hand>,
+    /// Pitch of the fingers below the horizontal when a trial begins, rad.
+    pub start_pitch: f64,
     /// Name of the file with the pads' photometric calibration, if it is not the built-in one.
     pub calibration: Option<String>,
     /// The texts that it was made of; `None` for the built-in robot.
@@ -86,7 +91,25 @@ struct RobotFile {
     calibration: Option<String>,
     #[serde(default)]
     mount: MountFile,
+    #[serde(default)]
+    start: StartFile,
     hand: HandFile,
+}
+
+#[derive(Deserialize, Default)]
+#[serde(deny_unknown_fields, default)]
+struct StartFile {
+    pitch: f64,
+}
+
+impl StartFile {
+    fn check(&self, path: &Path) -> Result<f64, DataError> {
+        if !(-FRAC_PI_2..=START_PITCH).contains(&self.pitch) {
+            let expected = format!("{:.4} to {START_PITCH:.4}", -FRAC_PI_2);
+            return Err(DataError::field(path, "start.pitch", self.pitch, expected));
+        }
+        Ok(self.pitch)
+    }
 }
 
 #[derive(Deserialize, Default)]
@@ -96,6 +119,8 @@ struct MountFile {
     rpy: [f64; 3],
 }
 
+/// Steepest pitch of the fingers when a trial begins, rad: straight down, with what rounding adds.
+const START_PITCH: f64 = FRAC_PI_2 + 1e-3;
 /// Farthest that a mount holds a hand from its flange along each axis, m.
 const MOUNT: f64 = 0.5;
 
@@ -170,7 +195,7 @@ impl RobotModel {
         let text = include_str!("../data/ftac_gen3.toml");
         let file: RobotFile = parse_toml(text, Path::new(BUILTIN)).expect("the built-in robot is valid");
         let (arm, hand) = (Arc::new(Arm::gen3()), Arc::new(Hand::ftac()));
-        Self { name: file.name, arm, hand, calibration: file.calibration, sources: None }
+        Self { name: file.name, arm, hand, start_pitch: file.start.pitch, calibration: file.calibration, sources: None }
     }
 
     /// Reads a robot file; the files that it names are looked for beside it.
@@ -225,6 +250,7 @@ impl RobotModel {
             let urdf = Arm::urdf(text, &path)?.map(|name| named("urdf", &name)).transpose()?;
             Arm::parse(text, &path, urdf.as_ref().map(|(text, path)| (text.as_str(), path.as_path())))?
         };
+        let start_pitch = file.start.check(path)?;
         let arm = Arm { last_from_tool: arm.last_from_tool * file.mount.pose(path)?, ..arm };
         let mut parameters = if file.hand.parameters == FTAC {
             HandParameters::ftac()
@@ -239,6 +265,7 @@ impl RobotModel {
             name: file.name,
             arm: Arc::new(arm),
             hand: Arc::new(Hand::build(parameters)),
+            start_pitch,
             calibration: file.calibration,
             sources: Some(sources.clone()),
         })
@@ -260,7 +287,7 @@ impl RobotModel {
         }
     }
 
-    /// All of arm and hand but pads, cameras and names, as text: grasps of one robot are another's where it is the same.
+    /// All of arm, hand and start but pads, cameras and names, as text: grasps of one robot are another's where it is the same.
     pub fn mechanics(&self) -> String {
         let parameters = HandParameters {
             name: String::new(),
@@ -268,7 +295,8 @@ impl RobotModel {
             pad: Vec::new(),
             ..self.hand.parameters.clone()
         };
-        format!("{parameters:?} {:?}", self.arm)
+        let start = if self.start_pitch == 0.0 { String::new() } else { format!(" {}", self.start_pitch) };
+        format!("{parameters:?} {:?}{start}", self.arm)
     }
 
     /// Whether arm and hand move and touch alike.
@@ -325,6 +353,15 @@ mod tests {
             assert!(robot.moves_like(&same) && matches!(same.calibration(), Ok(None)));
             assert_eq!(format!("{:?}", robot.hand.pads), format!("{:?}", same.hand.pads));
         }
+    }
+
+    /// The pitch at the start of trials is part of what grasps depend on; the level palm goes without saying.
+    #[test]
+    fn trials_may_begin_with_the_fingers_down() {
+        let down = parse(&PLAIN.replace("[hand]", "[start]\npitch = 1.5\n[hand]")).expect("valid");
+        let level = RobotModel::ftac_gen3();
+        assert_eq!((down.start_pitch, level.start_pitch), (1.5, 0.0));
+        assert_eq!(down.mechanics(), level.mechanics() + " 1.5");
     }
 
     /// Fingertips of a scaled hand are as far from the palm's origin as the scale says, at any posture, and its weight goes with the volume.
@@ -402,6 +439,8 @@ mod tests {
         assert!(taken.contains("hand.configuration.a: found a configuration of the parameter file"), "{taken}");
         let version = with("version = 1", "version = 7");
         assert_eq!(version, "robot.toml: version: found 7, expected 1");
+        let steep = with("[hand]", "[start]\npitch = 2.0\n[hand]");
+        assert!(steep.contains("robot.toml: start.pitch: found 2, expected -1.5708 to 1.57"), "{steep}");
         let lost = with("\"gen3\"", "\"ur5e.toml\"");
         assert!(lost.contains("arm: found ur5e.toml"), "{lost}");
         let scale = parse(&format!("{PLAIN}scale = 5.0\n")).expect_err("scale").to_string();

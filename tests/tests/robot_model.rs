@@ -1,5 +1,6 @@
 //! `--robot-model`: another robot is checked, drawn, calibrated and played by the same commands, or refused by file and field.
 
+use std::collections::HashMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -190,6 +191,27 @@ fn two_objects_are_refused_for_a_gripper() {
     assert!(stderr(&played).contains("gripper.toml: hand: found 2 digits, expected 4 or 5"), "{}", stderr(&played));
 }
 
+/// A gripper finds grasps of a single object from above and lifts it, and says where it has it.
+#[test]
+fn a_gripper_picks_one_object() {
+    let folder = tempdir().expect("a folder");
+    let (robot, out) = (shipped("franka_panda.toml"), folder.path().join("out"));
+    let scenario = folder.path().join("one.toml");
+    let one = "version = 1\nname = \"one\"\nextends = \"benchmark\"\nfirst = [\"box_50\"]\nsecond = []\n";
+    fs::write(&scenario, one).expect("written");
+    let asked = ["bench", "--robot-model", text(&robot), "--scenario", text(&scenario), "--trials", "1"];
+    let asked = [&asked[..], &["--conditions", "ideal,blind,touch", "--record", "none", "--out", text(&out)]].concat();
+    let output = ftac(&asked).env("XDG_CACHE_HOME", folder.path().join("cache")).output().expect("runs");
+    assert!(matches!(output.status.code(), Some(0 | 1)), "{}", stderr(&output));
+    assert!(stderr(&output).contains("box_50: 4 grasps by thumb and index finger"), "{}", stderr(&output));
+    let mut table = csv::Reader::from_path(out.join("trials.csv")).expect("trials.csv");
+    let rows: Vec<HashMap<String, String>> = table.deserialize().collect::<Result<_, _>>().expect("rows");
+    let of = |name: &str| rows.iter().find(|row| row["condition"] == name).expect(name);
+    assert_eq!((&of("ideal")["success"][..], &of("ideal")["second"][..]), ("true", ""));
+    let off: f64 = of("touch")["pose_error_mm"].parse().expect("a pose error");
+    assert!(off < 10.0, "{off} mm");
+}
+
 /// Each robot that comes with the sources can be drawn, and a press into a pad of its own is rendered.
 #[test]
 fn robots_that_come_with_the_sources_are_whole() {
@@ -203,6 +225,7 @@ fn robots_that_come_with_the_sources_are_whole() {
         ("ftac_115", "palm_ulnar"),
         ("ftac_more_pads", "ring_middle_back"),
         ("allegro_gen3", "thumb_distal"),
+        ("franka_panda", "index_distal"),
     ] {
         let file = shipped(&format!("{robot}.toml"));
         let picture = folder.path().join(format!("{robot}.png"));

@@ -33,7 +33,7 @@ pub struct Protocol {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Start {
-    /// The palm, level and pointing away from the arm, m, world.
+    /// The palm, m, world; it points away from the arm, level unless the robot's file pitches it.
     pub palm: [f64; 3],
 }
 

@@ -117,6 +117,7 @@ impl Grip {
     /// A finger that has no part in the second grasp where that holds, or is stopped much later, has met the thumb and not the object.
     /// So has one that feels another part of the hand, or of which a pad rests on the first object: what those feel is not the second.
     /// A finger with links that bear no pad is compared with its grasp's hold and with a closing on nothing ([`stops_early`]).
+    /// Jaws have nothing else to meet: one that did not close holds the first object.
     pub fn of(hand: &Hand, signs: &Signs) -> Self {
         let Signs { touches, servos, q, held, on_first, sigma } = *signs;
         let of = |digit: Option<Digit>| {
@@ -155,17 +156,15 @@ impl Grip {
         let blind = |digit: Digit| of(Some(digit)).any(|touch| touch.blind);
         let holds = |digit: &&Digit| feels(Some(**digit)) || blind(**digit) && !bare(**digit) && blocked(**digit);
         let holding = first.iter().filter(holds).count();
-        let keeps = |digit: Digit| if bare(digit) { early(0, digit) } else { !thumb && blocked(digit) };
+        let alone = !thumb || first.contains(&Digit::Thumb);
+        let keeps = |digit: Digit| if bare(digit) { early(0, digit) } else { alone && blocked(digit) };
         let has_pads = |digit: Option<Digit>| hand.pads.iter().any(|pad| hand.digit_of(pad.link) == digit);
         let feeling = first.iter().filter(|digit| has_pads(Some(**digit))).count() + usize::from(has_pads(None));
-        let taking = Role::Second
-            .digits(hand.digits().len())
-            .iter()
-            .filter(|digit| takes_part(**digit) && feels_second(**digit))
-            .count();
+        let second = Role::Second.digits(hand.digits().len());
+        let taking = second.iter().filter(|digit| takes_part(**digit) && feels_second(**digit)).count();
         Self {
             first: holding + usize::from(feels(None)) >= feeling.clamp(1, 2) || first.iter().any(|digit| keeps(*digit)),
-            second: taking >= 2 || stopped(Digit::Index) || stopped(Digit::Middle),
+            second: taking >= 2 || second.iter().any(|digit| *digit != Digit::Thumb && stopped(*digit)),
         }
     }
 }

@@ -9,8 +9,9 @@ use serde::{Deserialize, Serialize};
 #[serde(rename_all = "lowercase")]
 pub enum Role {
     /// Ring and little finger against the palm, or the ring finger alone of a hand with four digits; thumb, index and middle stay free.
+    /// Both jaws of a gripper.
     First,
-    /// Thumb, index and middle finger, while the others hold something; thumb and index finger of a gripper.
+    /// Thumb, index and middle finger, while the others hold something.
     Second,
 }
 
@@ -18,12 +19,17 @@ impl Role {
     /// Digits that close, of a hand with `count` of them; none where it has too few to take something in this place.
     pub fn digits(self, count: usize) -> &'static [Digit] {
         let all: &[Digit] = match self {
+            Role::First if count == JAWS => &[Digit::Thumb, Digit::Index],
+            Role::Second if count == JAWS => &[],
             Role::First => &[Digit::Ring, Digit::Little],
             Role::Second => &[Digit::Thumb, Digit::Index, Digit::Middle],
         };
         &all[..all.iter().filter(|digit| digit.index() < count).count()]
     }
 }
+
+/// Digits of a parallel gripper.
+pub const JAWS: usize = 2;
 
 /// A grasp. Angles in rad, lengths in m, tensions in N.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -120,9 +126,13 @@ impl Grasp {
         Isometry3::from_parts(Translation3::from(object.coords - center), rotation)
     }
 
-    /// The grasp pose moved back by `distance`, away from the object and up.
+    /// The grasp pose moved back by `distance`: jaws along themselves, another hand away from the object and up.
     pub fn pregrasp_pose(&self, grasp: &Isometry3<f64>, distance: f64) -> Isometry3<f64> {
-        let away = grasp * Vector3::z() + Vector3::z() * 0.5;
+        let away = if self.close_tension.len() == JAWS {
+            grasp * -Vector3::y()
+        } else {
+            grasp * Vector3::z() + Vector3::z() * 0.5
+        };
         Isometry3::from_parts(
             Translation3::from(grasp.translation.vector + away.normalize() * distance),
             grasp.rotation,

@@ -3,8 +3,11 @@
 //! The centres of the distributions come from experiments in physics: ring and little finger take an object from the
 //! side, ulnar edge down, against the palm; thumb, index and middle take one from above with the thumb opposed. The
 //! distributions are wide; which proposals hold is decided in physics. They are those of the left F-TAC Hand, which a right hand mirrors and one
-//! of another size scales.
+//! of another size scales. A parallel gripper takes an object from above between its jaws ([`jaws`]).
 
+mod jaws;
+
+use hand_model::hand::Jaws;
 use hand_model::parameters::Handedness;
 use hand_model::{Digit, DigitVector, Hand};
 use nalgebra::Vector3;
@@ -36,6 +39,8 @@ pub struct HandForm {
     scale: f64,
     /// How many digits it has.
     digits: usize,
+    /// Of a parallel gripper.
+    jaws: Option<Jaws>,
 }
 
 impl HandForm {
@@ -44,13 +49,17 @@ impl HandForm {
             Handedness::Left => 1.0,
             Handedness::Right => -1.0,
         };
-        Self { side, scale: -hand.parameters.palm.flange_xyz[1] / WRIST, digits: hand.digits().len() }
+        let scale = -hand.parameters.palm.flange_xyz[1] / WRIST;
+        Self { side, scale, digits: hand.digits().len(), jaws: hand.jaws() }
     }
 }
 
 /// A random proposal for a hand.
 pub fn propose(hand: HandForm, object: &ObjectExtent, role: Role, id: u32, rng: &mut impl Rng) -> Grasp {
-    let HandForm { side, scale, digits } = hand;
+    let HandForm { side, scale, digits, jaws } = hand;
+    if let Some(jaws) = jaws {
+        return jaws::propose(&jaws, object, role, id, rng);
+    }
     let mut uniform = |low: f64, high: f64| rng.random_range(low..high);
     let deg = std::f64::consts::PI / 180.0;
     let radius = 0.5 * (object.half.z + 0.5 * (object.half.x + object.half.y));
@@ -156,7 +165,7 @@ mod tests {
     fn a_right_hand_mirrors_proposals() {
         let object = ObjectExtent { name: "ball".into(), half: Vector3::repeat(0.02), yaw_matters: true };
         let left = HandForm::of(&Hand::ftac());
-        assert_eq!(left, HandForm { side: 1.0, scale: 1.0, digits: 5 });
+        assert_eq!(left, HandForm { side: 1.0, scale: 1.0, digits: 5, jaws: None });
         let draw = |form| propose(form, &object, Role::First, 1, &mut ChaCha8Rng::seed_from_u64(5));
         let (one, other) = (draw(left), draw(HandForm { side: -1.0, ..left }));
         let mirrored = one.palm_rotation(0.0) * Vector3::from(one.center);

@@ -46,7 +46,8 @@ impl World {
         let columns = Matrix3::from_columns(&[-Vector3::y(), Vector3::x(), Vector3::z()]);
         let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(columns));
         let [x, y, z] = scenario.start.palm;
-        let palm = Isometry3::from_parts(Translation3::new(x, y, z), rotation);
+        let pitched = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), -robot.start_pitch);
+        let palm = Isometry3::from_parts(Translation3::new(x, y, z), rotation * pitched);
         cell.ready = cell.posture(&palm, &robot.arm.home).with_context(|| {
             format!("{}: arm: found one that does not reach the palm's pose {:?} m in which trials begin, expected one that does", robot.name, [x, y, z])
         })?;

@@ -123,9 +123,10 @@ fn decide_and_play(
         if policy.story().decisions > before {
             played.slowest_ms = played.slowest_ms.max(begun.elapsed().as_secs_f64() * 1e3);
         }
-        // The hold is felt before the second object is taken, or touched first.
+        // The hold is felt before the second object is taken, or touched first; that of a single object before it is carried.
         let next = played.run.snapshot.executor.phase();
-        let felt_hold = policy.story().decisions > before || next == Phase::palpate(1, Stage::Reach);
+        let alone = start.objects.len() == 1 && next.skill == Skill::Carry;
+        let felt_hold = policy.story().decisions > before || next == Phase::palpate(1, Stage::Reach) || alone;
         if phase.waits() && phase.lifts(0) && !phase.begins(1) && felt_hold {
             played.at_estimate = played.run.snapshot.robot.truth();
         }

@@ -133,14 +133,16 @@ fn angles(hand: &Hand, pose: &str) -> Result<HandVector> {
         }
         _ => None,
     };
-    let degrees: Vec<f64> = match named {
-        Some(digits) => digits.concat(),
-        None => numbers(hand, pose)?,
+    let (degrees, named): (Vec<f64>, bool) = match named {
+        Some(digits) => (digits.concat(), true),
+        None => (numbers(hand, pose)?, false),
     };
     let mut angles = hand.open();
     for ((angle, degrees), joint) in angles.iter_mut().zip(&degrees).zip(&hand.tree.joints) {
         let (low, high) = (joint.lower.to_degrees(), joint.upper.to_degrees());
-        if !(low - 1e-9..=high + 1e-9).contains(degrees) {
+        // A posture that has a name goes as far as the hand's joints do.
+        let degrees = if named { degrees.clamp(low, high) } else { *degrees };
+        if !(low - 1e-9..=high + 1e-9).contains(&degrees) {
             bail!("--pose: found {degrees} degrees for {}, expected {low:.0} to {high:.0}", joint.name);
         }
         *angle = degrees.to_radians();

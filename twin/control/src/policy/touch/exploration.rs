@@ -24,7 +24,9 @@ const TURNED: f64 = 0.08;
 pub(super) fn explores(knowledge: &Knowledge, senses: &Senses, sigma: f64) -> bool {
     let hand = &knowledge.cell.robot.hand;
     let touches = |pad: &usize| senses.uses(hand, *pad);
-    knowledge.explores && sigma > palpation::LEFT_OVER && palpation::plate(hand).iter().any(touches)
+    // Jaws have no digit to touch with that stays free.
+    let free = hand.jaws().is_none() && palpation::plate(hand).iter().any(touches);
+    knowledge.explores && sigma > palpation::LEFT_OVER && free
 }
 
 impl Touch<'_> {

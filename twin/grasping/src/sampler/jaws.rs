@@ -1,0 +1,85 @@
+//! Proposals of a parallel gripper: from above, the jaws beside the object.
+
+use std::f64::consts::FRAC_PI_2;
+
+use hand_model::DigitVector;
+use hand_model::hand::Jaws;
+use rand::{Rng, RngExt};
+
+use super::ObjectExtent;
+use crate::grasp::{Grasp, JAWS, Role};
+
+/// The jaws open at least this much wider than an object that they take, m.
+const PLAY: f64 = 0.006;
+/// Distance of the jaws' tips from the table, and of the palm from the object's top, at least, m.
+const CLEARANCE: f64 = 0.005;
+/// Range of heights at which an object is taken, m.
+const HEIGHTS: f64 = 0.018;
+/// Force of each jaw, N.
+const FORCE: [f64; 2] = [12.0, 40.0];
+
+/// A random proposal.
+pub fn propose(jaws: &Jaws, object: &ObjectExtent, role: Role, id: u32, rng: &mut impl Rng) -> Grasp {
+    // Jaws close along the object's y at yaw 0 and along its x at a quarter turn.
+    let quarters = [(0.0, object.half.y), (FRAC_PI_2, object.half.x), (-FRAC_PI_2, object.half.x)];
+    let fits = |(_, half): &(f64, f64)| 2.0 * half + PLAY < jaws.opening;
+    let narrow: Vec<f64> = quarters.into_iter().filter(fits).map(|(yaw, _)| yaw).collect();
+    let quarter =
+        if object.yaw_matters && !narrow.is_empty() { narrow[rng.random_range(0..narrow.len())] } else { 0.0 };
+    let mut uniform = |low: f64, high: f64| rng.random_range(low..high);
+    // How far the pads' middle is above the object's centre.
+    let lowest = (jaws.tip + CLEARANCE - object.half.z).max(object.half.z + CLEARANCE - jaws.depth);
+    let force = uniform(FORCE[0], FORCE[1]);
+    let digits = role.digits(JAWS);
+    let pull = |value: f64| -> DigitVector { (0..JAWS).map(|_| if digits.is_empty() { 0.0 } else { value }).collect() };
+    Grasp {
+        id,
+        object: object.name.clone(),
+        digits: digits.to_vec(),
+        yaw: quarter + uniform(-0.15, 0.15),
+        pitch: FRAC_PI_2 + uniform(-0.2, 0.2),
+        roll: 0.0,
+        center: [
+            jaws.center.x + uniform(-0.003, 0.003),
+            jaws.center.y + lowest + uniform(0.0, HEIGHTS),
+            jaws.center.z + uniform(-0.005, 0.005),
+        ],
+        pre_tension: pull(0.0),
+        close_tension: pull(force),
+        opposition: 0.0,
+        raise: 0.0,
+        thumb_delay: 0.0,
+        held: None,
+        held_joints: None,
+        score: 0.0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use hand_model::Hand;
+    use nalgebra::{Point3, Vector3};
+    use rand::SeedableRng;
+    use rand_chacha::ChaCha8Rng;
+
+    use super::*;
+
+    /// Jaws come from above, clear of the table, and close across the side of a box that fits between them.
+    #[test]
+    fn jaws_come_from_above_across_the_narrow_side() {
+        let text = include_str!("../../../../hand-model/data/robots/franka_hand.toml");
+        let jaws = Hand::parse(text, Path::new("franka_hand.toml")).expect("valid").jaws().expect("jaws");
+        let half = Vector3::new(0.05, 0.02, 0.02);
+        let object = ObjectExtent { name: "bar".into(), half, yaw_matters: true };
+        let mut rng = ChaCha8Rng::seed_from_u64(1);
+        for id in 0..100 {
+            let grasp = propose(&jaws, &object, Role::First, id, &mut rng);
+            let palm = grasp.palm_pose(&Point3::new(0.5, 0.0, half.z), 0.0);
+            assert!((palm * Vector3::y()).z < -0.95 && (palm * Vector3::x()).y.abs() > 0.95, "{grasp:?}");
+            assert!((palm * (jaws.center + Vector3::y() * jaws.tip)).z > 0.0, "{grasp:?}");
+            assert!(grasp.pregrasp_pose(&palm, 0.1).translation.z - palm.translation.z > 0.095);
+        }
+    }
+}
