@@ -8,8 +8,6 @@ use image::RgbImage;
 use nalgebra::{Isometry3, Point3, UnitVector3, Vector3};
 use proving::synthesis::any::describe::Described;
 use proving::synthesis::any::kinds::AnyKind;
-use sim::engine::EngineSettings;
-use sim::stand::AnyStand;
 use stream::gallery::{ShownContact, ShownGrasp, ShownHand};
 use stream::mesh::Mesh;
 use world::objects::ObjectModel;
@@ -30,8 +28,8 @@ pub const DOT: f64 = 2.5e-3;
 
 /// The hand's collision shapes at joint angles (rad), three points a triangle, palm frame.
 pub fn skin(hand: &Described, joints: &[f64]) -> Vec<[Point3<f64>; 3]> {
-    let stand = AnyStand::at(&hand.body, EngineSettings::default(), joints);
-    stand.triangles().into_iter().map(|triangle| triangle.map(|point| hand.palm_from_root * point)).collect()
+    let links = hand.hand.tree.forward(joints);
+    hand.body.triangles(&links).into_iter().map(|triangle| triangle.map(|point| hand.palm_from_root * point)).collect()
 }
 
 /// Draws the hand's triangles.

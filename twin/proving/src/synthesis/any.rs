@@ -253,7 +253,7 @@ fn held(
     AnyHeld {
         object: model.name.clone(),
         chain,
-        root_from_object: pose_to_array(&closing::object(&closed.stand)),
+        root_from_object: pose_to_array(&closed.stand.object()),
         joints: by_joint(closed.stand.angles()),
         start: pose_to_array(&closed.open.start),
         open_joints: by_joint(&closed.open.joints),

@@ -155,10 +155,10 @@ pub fn pull(
     scene.set_object_damping(DAMPING);
     let steps = |time: f64| (time / scene.dt()).round() as usize;
     let (rise, damped, free) = (steps(RISE), steps(SETTLE_DAMPED), steps(SETTLE_FREE));
-    let mut pull = Pull { tensions: before, opposition: open.opposition };
+    let mut pull = Pull { tensions: before.to_vec(), opposition: open.opposition };
     for step in 0..rise + damped + free {
         let part = (step as f64 / rise as f64).min(1.0);
-        pull.tensions = hand.each_digit(|n| before[n] + part * (after[n] - before[n]));
+        pull.tensions = before.iter().zip(after).map(|(a, b)| a + part * (b - a)).collect();
         if step == rise + damped {
             scene.set_object_damping(0.0);
         }

@@ -12,7 +12,7 @@ use platform::file::write_whole;
 use serde_json::{Value, json};
 use sim::engine::EngineSettings;
 use sim::hand_scene::Pull;
-use sim::mjcf::{self, AnyScene, Scene};
+use sim::mjcf::{self, Scene, UrdfScene};
 use sim::stand::Prop;
 use world::objects::ObjectModel;
 
@@ -26,9 +26,9 @@ use super::subject::verified_for;
 pub fn write(hand: &Hand, object: &ObjectModel, grasp: &HeldGrasp, folder: &Path) -> Result<[PathBuf; 2]> {
     let load = verified_for(grasp);
     let props = [(Prop::new("object", object.shape.clone(), load.0, load.1), pose_from_array(&grasp.start))];
-    let open = Pull { tensions: grasp.tensions.iter().map(|_| 0.0).collect(), opposition: grasp.opposition };
+    let open = Pull { tensions: vec![0.0; grasp.tensions.len()], opposition: grasp.opposition };
     let dt = EngineSettings::default().dt;
-    let start = Some((grasp.open_joints, open));
+    let start = Some((grasp.open_joints, open.clone()));
     let scene = mjcf::write(&Scene { hand, arm: None, props: &props, start, gravity: Vector3::zeros(), dt });
     let mut test = test(&grasp.object, grasp.chain, load);
     test["open_tensions"] = json!(open.tensions);
@@ -44,7 +44,7 @@ pub fn write_any(hand: &Described, object: &ObjectModel, grasp: &AnyHeld, folder
     let props = [(Prop::new("object", object.shape.clone(), load.0, load.1), pose_from_array(&grasp.start))];
     let (joints, open) = (values(&grasp.open_joints), values(&grasp.open_tensions));
     let dt = EngineSettings::default().dt;
-    let scene = mjcf::write_any(&AnyScene { body: &hand.body, props: &props, start: (&joints, &open), dt });
+    let scene = mjcf::write_urdf(&UrdfScene { body: &hand.body, props: &props, start: (&joints, &open), dt });
     let mut test = test(&grasp.object, grasp.chain, load);
     test["hand"] = json!(hand.hand.name);
     test["open_tensions"] = json!(open);

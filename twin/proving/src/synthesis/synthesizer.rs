@@ -200,7 +200,7 @@ impl Synthesizer {
             joints: closed.scene.angles().iter().copied().collect(),
             start: pose_to_array(&closed.start),
             open_joints: closed.open.joints,
-            tensions: closed.pull.tensions,
+            tensions: closed.pull.tensions.iter().copied().collect(),
             opposition: closed.pull.opposition,
             contacts: contacts.collect(),
             palm: closed.touches.iter().any(|touch| touch.link.is_none()),

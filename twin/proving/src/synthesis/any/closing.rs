@@ -8,9 +8,8 @@ use grasping::synthesis::frames::{Frames, HandState};
 use nalgebra::{Isometry3, Vector3};
 use rand::{Rng, RngExt};
 use rand_distr::StandardNormal;
-use sim::engine::EngineSettings;
-use sim::hand_scene::{Touch, displacement};
-use sim::stand::{AnyStand, Prop};
+use sim::hand_scene::{HandScene, Pull, Touch, displacement};
+use sim::stand::Prop;
 
 use super::describe::Described;
 use crate::synthesis::checks::{self, Pulling};
@@ -34,7 +33,7 @@ const MOST_STEPS: usize = 60;
 #[derive(Clone)]
 pub struct AnyClosed {
     /// At rest; cloned for every test.
-    pub stand: AnyStand,
+    pub stand: HandScene,
     /// N, one an actuator.
     pub tensions: Vec<f64>,
     /// Where it started.
@@ -49,7 +48,7 @@ impl Pulling for AnyClosed {
     }
 
     fn object(&self) -> Isometry3<f64> {
-        object(&self.stand)
+        self.stand.object()
     }
 
     fn joints(&self) -> &[f64] {
@@ -57,7 +56,7 @@ impl Pulling for AnyClosed {
     }
 
     fn step(&mut self, force: &Vector3<f64>) {
-        self.stand.step(&self.tensions, force);
+        self.stand.step(&Pull::tensions(&self.tensions), force);
     }
 }
 
@@ -179,34 +178,29 @@ pub fn close(
 /// Closes an open hand: its tensions rise to `after` (N).
 pub fn pull(hand: &Described, subject: &Subject, open: AnyOpen, after: &[f64]) -> Result<AnyClosed, NotClosed> {
     let AnyOpen { start, joints, tensions: before } = &open;
-    let mut stand = AnyStand::at(&hand.body, EngineSettings::default(), joints);
+    let mut stand = HandScene::of_urdf(&hand.body, joints);
     let model = &subject.model;
     stand.put(&Prop::new(&model.name, model.shape.clone(), model.mass, model.friction), start);
     stand.release();
-    stand.set_prop_damping(DAMPING);
+    stand.set_object_damping(DAMPING);
     let steps = |time: f64| (time / stand.dt()).round() as usize;
     let (rise, damped, free) = (steps(RISE), steps(SETTLE_DAMPED), steps(SETTLE_FREE));
     for step in 0..rise + damped + free {
         let part = (step as f64 / rise as f64).min(1.0);
         let tensions: Vec<f64> = before.iter().zip(after).map(|(a, b)| a + part * (b - a)).collect();
         if step == rise + damped {
-            stand.set_prop_damping(0.0);
+            stand.set_object_damping(0.0);
         }
-        stand.step(&tensions, &Vector3::zeros());
-        if step % 24 == 0 && pushed_away(displacement(start, &object(&stand))) {
+        stand.step(&Pull { tensions, opposition: 0.0 }, &Vector3::zeros());
+        if step % 24 == 0 && pushed_away(displacement(start, &stand.object())) {
             return Err(NotClosed::PushedAway);
         }
     }
-    if pushed_away(displacement(start, &object(&stand))) {
+    if pushed_away(displacement(start, &stand.object())) {
         return Err(NotClosed::PushedAway);
     }
     let touches = stand.touches();
     Ok(AnyClosed { stand, tensions: after.to_vec(), open, touches })
-}
-
-/// `root_from_object`.
-pub fn object(stand: &AnyStand) -> Isometry3<f64> {
-    stand.poses().first().copied().unwrap_or_else(Isometry3::identity)
 }
 
 /// Wrench margin of soft contacts, N, torques over [`TORQUE_ARM`].
@@ -214,6 +208,6 @@ pub fn margin(subject: &Subject, closed: &AnyClosed) -> Result<f64> {
     let contact =
         |touch: &Touch| Contact { point: touch.point, normal: touch.normal, friction: subject.model.friction };
     let contacts: Vec<Contact> = closed.touches.iter().map(contact).collect();
-    let center = object(&closed.stand) * subject.field.center;
+    let center = closed.stand.object() * subject.field.center;
     Ok(soft_wrench_margin(&contacts, TORSION_ARM, &center, TORQUE_ARM, checks::TOTAL_FORCE)?)
 }
