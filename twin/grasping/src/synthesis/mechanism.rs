@@ -48,9 +48,9 @@ impl Mechanism {
         }
     }
 
-    /// Of any hand: equal springs against the moment arms, and coupled joints with their leaders. Joints without an
+    /// Of a hand from a URDF: equal springs against the moment arms, and coupled joints with their leaders. Joints without an
     /// actuator stay at rest: both limits are the rest angle.
-    pub fn of_any(hand: &UrdfHand) -> Self {
+    pub fn of_urdf(hand: &UrdfHand) -> Self {
         let rest = hand.rest();
         let mut limits: Vec<(f64, f64)> = rest.iter().map(|q| (*q, *q)).collect();
         // Where springs rest a line has its zero; a joint that follows is then where its leader's rest makes it.

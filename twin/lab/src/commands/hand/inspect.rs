@@ -6,7 +6,7 @@ use ftac::terminal::{Outcome, Terminal};
 use hand_model::kinematics::{Joint, JointKind};
 use hand_model::urdf_hand::UrdfHand;
 use hand_model::{RobotModel, urdf};
-use proving::synthesis::any::describe;
+use proving::synthesis::urdf_hand::describe;
 use serde_json::{Value, json};
 use world::geometry::LINK_MESHES;
 

@@ -73,7 +73,7 @@ pub fn read(urdf: &Path, pulls: &Path) -> Result<Described> {
 fn describe(hand: UrdfHand) -> Result<Described> {
     let mut notes = Vec::new();
     check(&hand, &mut notes)?;
-    let mechanism = Mechanism::of_any(&hand);
+    let mechanism = Mechanism::of_urdf(&hand);
     let shapes = shapes(&hand)?;
     let by_link = surface_points(&shapes);
     for (link, points) in by_link.iter().enumerate() {
