@@ -241,8 +241,8 @@ impl Collection {
 
 #[cfg(test)]
 mod tests {
-    use super::super::held::tests::grasp as example;
     use super::super::held::VerifiedGrasp as _;
+    use super::super::held::tests::grasp as example;
     use super::*;
 
     fn collection() -> Collection {

@@ -154,8 +154,8 @@ fn parse<G: DeserializeOwned>(text: &str, path: &Path) -> Result<(Header, Vec<G>
 
 #[cfg(test)]
 mod tests {
-    use super::super::held::{HeldGrasp, VerifiedGrasp as _};
     use super::super::held::tests::grasp;
+    use super::super::held::{HeldGrasp, VerifiedGrasp as _};
     use super::*;
 
     #[test]

@@ -121,8 +121,6 @@ pub struct UrdfGrasp {
 
 /// A verified grasp as files have it.
 pub trait VerifiedGrasp: Clone + Send + Sync + Serialize + DeserializeOwned {
-    fn object(&self) -> &str;
-
     /// Number of the chain that found it.
     fn chain(&self) -> u64;
 
@@ -158,10 +156,6 @@ pub trait VerifiedGrasp: Clone + Send + Sync + Serialize + DeserializeOwned {
 }
 
 impl VerifiedGrasp for UrdfGrasp {
-    fn object(&self) -> &str {
-        &self.object
-    }
-
     fn chain(&self) -> u64 {
         self.chain
     }
@@ -213,10 +207,6 @@ pub fn pose_from_array(a: &[f64; 7]) -> Isometry3<f64> {
 }
 
 impl VerifiedGrasp for HeldGrasp {
-    fn object(&self) -> &str {
-        &self.object
-    }
-
     fn chain(&self) -> u64 {
         self.chain
     }

@@ -8,16 +8,16 @@ use grasping::synthesis::held::{HeldGrasp, Proof, VerifiedGrasp as _, pose_to_ar
 use grasping::synthesis::mechanism::Mechanism;
 use grasping::synthesis::posture::{self, FreePosture};
 use grasping::synthesis::surface::HandSurface;
-use hand_model::kinematics::Tree;
 use hand_model::{Digit, Hand};
 use nalgebra::{Isometry3, Point3, Vector3};
 use sim::hand_scene::HandScene;
 
 use super::checks;
 use super::closing::{Closed, contact};
-use super::grasping_hand::GraspingHand;
+use super::grasping_hand::{GraspingHand, SampledHand};
 use super::hands::BestGrasp;
 use super::search::Report;
+use super::size::Opening;
 use super::subject::Subject;
 use super::synthesizer::Checked;
 
@@ -27,13 +27,13 @@ const SURFACE_POINTS: usize = 2000;
 /// The hand with its surface.
 pub struct CableHand {
     pub hand: Arc<Hand>,
-    surface: HandSurface,
-    mechanism: Mechanism,
+    sampled: SampledHand,
 }
 
 impl CableHand {
     pub fn new(hand: Arc<Hand>) -> Self {
-        Self { surface: HandSurface::new(&hand, SURFACE_POINTS), mechanism: Mechanism::of(&hand), hand }
+        let (tree, mechanism) = (hand.tree.clone(), Mechanism::of(&hand));
+        Self { sampled: SampledHand { tree, mechanism, surface: HandSurface::new(&hand, SURFACE_POINTS) }, hand }
     }
 
     /// Digits in contact, and the others.
@@ -51,7 +51,7 @@ impl CableHand {
         let distances = free.iter().flat_map(|digit| self.hand.links(*digit)).flat_map(|&link| {
             let object_from_link = object_from_palm * links[link];
             let field = &subject.field;
-            let points = &self.surface.links[link + 1].points;
+            let points = &self.sampled.surface.links[link + 1].points;
             points.iter().map(move |p| field.distance(&(object_from_link * Point3::from(*p)).coords))
         });
         distances.reduce(f64::min)
@@ -63,20 +63,16 @@ impl GraspingHand for CableHand {
 
     const TENSIONS: (f64, f64) = (6.0, 40.0);
 
-    fn tree(&self) -> &Tree {
-        &self.hand.tree
+    fn sampled(&self) -> &SampledHand {
+        &self.sampled
     }
 
-    fn surface(&self) -> &HandSurface {
-        &self.surface
-    }
-
-    fn mechanism(&self) -> &Mechanism {
-        &self.mechanism
+    fn opening(&self) -> Opening {
+        Opening::ours()
     }
 
     fn closing(&self, contacts: &[usize]) -> Vec<bool> {
-        let on = |joint: &usize| contacts.iter().any(|c| joint + 1 == self.surface.candidates[*c].link);
+        let on = |joint: &usize| contacts.iter().any(|c| joint + 1 == self.sampled.surface.candidates[*c].link);
         self.hand.digits().iter().map(|digit| self.hand.links(*digit).iter().any(on)).collect()
     }
 
@@ -86,7 +82,7 @@ impl GraspingHand for CableHand {
         frames: &mut Frames,
         sample: &HandState,
     ) -> Option<(Isometry3<f64>, FreePosture)> {
-        let opened = posture::open_clear(&self.hand, &self.surface, &subject.field, frames, sample)?;
+        let opened = posture::open_clear(&self.hand, &self.sampled.surface, &subject.field, frames, sample)?;
         Some((opened.state.object_from_palm.inverse(), opened.open))
     }
 
@@ -99,7 +95,7 @@ impl GraspingHand for CableHand {
     }
 
     fn penetration(&self, subject: &Subject, closed: &Closed) -> f64 {
-        checks::penetration(&self.hand, &self.surface, subject, closed)
+        checks::penetration(&self.hand, &self.sampled.surface, subject, closed)
     }
 
     fn report(&self) -> Report {

@@ -132,7 +132,7 @@ fn of_urdf(path: &Path, source: &HandSource, back: Option<&nalgebra::Vector3<f64
         describe::read(&unchanged(&source.urdf, path, "hand.urdf")?, &unchanged(&source.pulls, path, "hand.pulls")?)?;
     let (header, grasps): (Header, Vec<UrdfGrasp>) = grasp_file::read(path)?;
     ensure!(!grasps.is_empty(), "{}: found no grasp, expected at least one", path.display());
-    let joints = hand.tree.joints.iter().map(|joint| joint.name.as_str());
+    let joints = hand.hand.tree.joints.iter().map(|joint| joint.name.as_str());
     let pulls = hand.hand.pulls.iter().map(|pull| pull.name.as_str());
     let (joints, pulls): (Vec<&str>, Vec<&str>) = (joints.collect(), pulls.collect());
     for (n, grasp) in grasps.iter().enumerate() {

@@ -14,11 +14,21 @@ use sim::hand_scene::HandScene;
 use super::closing::Closed;
 use super::hands::BestGrasp;
 use super::search::Report;
+use super::size::Opening;
 use super::subject::Subject;
 use super::synthesizer::Checked;
 use super::urdf_hand::refusal::Refusal;
 
-/// A hand for which grasps are synthesized. Its tree, surface and mechanism are in the palm frame: the object comes along -z.
+/// A hand as it is sampled, in the palm frame: the object comes along -z.
+pub struct SampledHand {
+    pub tree: Tree,
+    /// Joint limits and actuator lines.
+    pub mechanism: Mechanism,
+    /// Points, contact candidates, pairs of links that may collide.
+    pub surface: HandSurface,
+}
+
+/// A hand for which grasps are synthesized.
 pub trait GraspingHand: Send + Sync {
     /// Record of a verified grasp.
     type Grasp: VerifiedGrasp;
@@ -26,11 +36,10 @@ pub trait GraspingHand: Send + Sync {
     /// Range from which an actuator's tension is drawn, N.
     const TENSIONS: (f64, f64);
 
-    fn tree(&self) -> &Tree;
+    fn sampled(&self) -> &SampledHand;
 
-    fn surface(&self) -> &HandSurface;
-
-    fn mechanism(&self) -> &Mechanism;
+    /// The widest that it takes.
+    fn opening(&self) -> Opening;
 
     /// For each actuator, true if it closes a sample with these contact candidates.
     fn closing(&self, contacts: &[usize]) -> Vec<bool>;

@@ -43,7 +43,7 @@ impl Verified {
     }
 }
 
-/// Judgement of a hand's verified grasps where they are only known from its shapes.
+/// Figures of a search with a hand whose surface and palm are found, not given.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct Judgement {
     /// Grasps that passed all three checks and are none all the same.
@@ -185,7 +185,8 @@ pub fn search<H: GraspingHand>(
     let start = Instant::now();
     let Synthesizer { hand, subject, request, .. } = synthesizer;
     let model = &subject.model;
-    let (candidates, surface_points) = (hand.surface().candidates.len(), hand.surface().len());
+    let surface = &hand.sampled().surface;
+    let (candidates, surface_points) = (surface.candidates.len(), surface.len());
     let mut report = Report { object: model.name.clone(), candidates, surface_points, ..hand.report() };
     show_chains(progress, &model.name, request.chains)?;
     progress.set_position(from.chain);

@@ -125,16 +125,16 @@ impl<'a, H: GraspingHand> Synthesizer<'a, H> {
 
     /// Runs chain number `chain`, closes its best sample and checks it.
     pub fn run(&self, chain: u64) -> Result<ChainResult> {
-        let (hand, field) = (self.hand, &self.subject.field);
+        let (hand, sampled, field) = (self.hand, self.hand.sampled(), &self.subject.field);
         let mut energy = GraspEnergy::of_mechanism(
-            hand.mechanism().clone(),
-            hand.surface(),
+            sampled.mechanism.clone(),
+            &sampled.surface,
             field,
             Weights::default(),
             self.table(),
         );
         energy.places = &self.subject.places;
-        let mut frames = Frames::new(hand.tree());
+        let mut frames = Frames::new(&sampled.tree);
         let mut rng = chain::stream(self.request.seed, chain);
         let start = Instant::now();
         let end = chain::run(&energy, &mut frames, self.request.contacts_of(chain), &self.schedule, &mut rng);

@@ -14,10 +14,7 @@ use grasping::force_closure::{Contact, soft_wrench_margin};
 use grasping::synthesis::energy::Plane;
 use grasping::synthesis::frames::{Frames, HandState};
 use grasping::synthesis::held::{Proof, UrdfGrasp, pose_from_array, pose_to_array, values};
-use grasping::synthesis::mechanism::Mechanism;
 use grasping::synthesis::posture::FreePosture;
-use grasping::synthesis::surface::HandSurface;
-use hand_model::kinematics::Tree;
 use nalgebra::{Isometry3, Point3};
 use sim::hand_scene::{HandScene, Touch};
 use sim::stand::Prop;
@@ -26,9 +23,10 @@ use self::describe::Described;
 use self::refusal::Refusal;
 use super::checks::{self, TOTAL_FORCE};
 use super::closing::{Closed, contact};
-use super::grasping_hand::GraspingHand;
+use super::grasping_hand::{GraspingHand, SampledHand};
 use super::hands::BestGrasp;
 use super::search::{Judgement, Report};
+use super::size::Opening;
 use super::subject::Subject;
 use super::synthesizer::Checked;
 
@@ -42,16 +40,12 @@ impl GraspingHand for Described {
 
     const TENSIONS: (f64, f64) = (8.0, 60.0);
 
-    fn tree(&self) -> &Tree {
-        &self.tree
+    fn sampled(&self) -> &SampledHand {
+        &self.sampled
     }
 
-    fn surface(&self) -> &HandSurface {
-        &self.surface
-    }
-
-    fn mechanism(&self) -> &Mechanism {
-        &self.mechanism
+    fn opening(&self) -> Opening {
+        Opening { width: self.opening, hand: self.hand.name.clone() }
     }
 
     fn closing(&self, _: &[usize]) -> Vec<bool> {
@@ -117,7 +111,7 @@ impl GraspingHand for Described {
     fn record(&self, subject: &Subject, chain: u64, checked: &Checked) -> UrdfGrasp {
         let closed = &checked.closed;
         let by_joint = |angles: &[f64]| {
-            self.tree.joints.iter().map(|joint| joint.name.clone()).zip(angles.iter().copied()).collect::<Vec<_>>()
+            self.hand.tree.joints.iter().map(|joint| joint.name.clone()).zip(angles.iter().copied()).collect::<Vec<_>>()
         };
         let by_pull = |tensions: &[f64]| {
             self.hand.pulls.iter().map(|pull| pull.name.clone()).zip(tensions.iter().copied()).collect::<Vec<_>>()

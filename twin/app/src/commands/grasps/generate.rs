@@ -11,7 +11,7 @@ use proving::synthesis::cable_hand::CableHand;
 use proving::synthesis::evaluation::{self, Evaluation};
 use proving::synthesis::grasp_file::{GraspFile, source};
 use proving::synthesis::grasping_hand::GraspingHand;
-use proving::synthesis::search::{self, Start};
+use proving::synthesis::search::{self, Report, Start};
 use proving::synthesis::size::Opening;
 use proving::synthesis::subject::{Subject, TEST_FRICTION};
 use proving::synthesis::synthesizer::{Request, Synthesizer};
@@ -136,17 +136,10 @@ pub fn generate(terminal: &Terminal, args: &GenerateArgs) -> Outcome {
     }
     own_hand::say_renamed();
     let (subject, request) = request(terminal, &args.synthesis, args.n, args.keep.unwrap_or(usize::MAX))?;
-    let (Some(urdf), Some(pulls)) = (&args.hand, &args.pulls) else {
-        let subject = sized(subject, &args.synthesis, &Opening::ours())?;
-        return by_hand(terminal, args, &CableHand::new(RobotModel::ftac_gen3().hand), None, subject, request);
-    };
-    let hand = describe::read(urdf, pulls)?;
-    let name = &hand.hand.name;
-    let subject = sized(subject, &args.synthesis, &Opening { width: hand.opening, hand: name.clone() })?;
-    if !terminal.json {
-        hand.notes.iter().for_each(|line| eprintln!("{line}"));
+    match (&args.hand, &args.pulls) {
+        (Some(urdf), Some(pulls)) => by_hand(terminal, args, &describe::read(urdf, pulls)?, subject, request),
+        _ => by_hand(terminal, args, &CableHand::new(RobotModel::ftac_gen3().hand), subject, request),
     }
-    by_hand(terminal, args, &hand, Some(name), subject, request)
 }
 
 /// A user's object for a hand of this opening; the set's are known to go.
@@ -168,10 +161,14 @@ fn by_hand(
     terminal: &Terminal,
     args: &GenerateArgs,
     hand: &impl GraspingHand,
-    name: Option<&str>,
     subject: Subject,
     request: Request,
 ) -> Outcome {
+    let subject = sized(subject, &args.synthesis, &hand.opening())?;
+    let Report { hand: name, notes, .. } = hand.report();
+    if !terminal.json {
+        notes.iter().for_each(|line| eprintln!("{line}"));
+    }
     let writer = writer(terminal, args, name)?;
     let synthesizer = Synthesizer::new(hand, subject, request);
     let (report, _) = search::search(&synthesizer, Start::default(), writer, &terminal.progress())?;
@@ -179,13 +176,11 @@ fn by_hand(
     Ok((report.verified.all == 0).then(|| format!("no grasp of {} was verified in {} chains", report.object, args.n)))
 }
 
-/// The file of `--out`, begun with its header; `hand` is the name of another hand.
-fn writer(terminal: &Terminal, args: &GenerateArgs, hand: Option<&str>) -> Result<Option<GraspWriter>> {
+/// The file of `--out`, begun with its header; `name` is the hand's.
+fn writer(terminal: &Terminal, args: &GenerateArgs, name: String) -> Result<Option<GraspWriter>> {
     let Some(path) = &args.out else { return Ok(None) };
-    let hand = match (hand, &args.hand, &args.pulls) {
-        (Some(name), Some(urdf), Some(pulls)) => {
-            Some(HandSource { name: name.into(), urdf: source(urdf)?, pulls: source(pulls)? })
-        }
+    let hand = match (&args.hand, &args.pulls) {
+        (Some(urdf), Some(pulls)) => Some(HandSource { name, urdf: source(urdf)?, pulls: source(pulls)? }),
         _ => None,
     };
     let mesh = args.synthesis.mesh.as_deref().map(source).transpose()?;
@@ -235,8 +230,8 @@ pub fn eval(terminal: &Terminal, args: &EvalArgs) -> Outcome {
     }
     let (n, args) = (args.n, &args.synthesis);
     let (subject, request) = request(terminal, args, n, usize::MAX)?;
-    let subject = sized(subject, args, &Opening::ours())?;
     let hand = CableHand::new(RobotModel::ftac_gen3().hand);
+    let subject = sized(subject, args, &hand.opening())?;
     let evaluation = evaluation::evaluate(&Synthesizer::new(&hand, subject, request), n)?;
     terminal.print(&evaluation, &evaluation.text())?;
     let fooled = evaluation.controls.iter().find(|(_, rate)| rate.low > 0.5);

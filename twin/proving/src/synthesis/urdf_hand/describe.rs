@@ -15,7 +15,7 @@ use std::sync::Arc;
 use anyhow::{Context as _, Result, bail};
 use grasping::synthesis::mechanism::Mechanism;
 use grasping::synthesis::surface::{Ball, Candidate, HandSurface};
-use hand_model::kinematics::{JointKind, Tree};
+use hand_model::kinematics::JointKind;
 use hand_model::urdf_hand::UrdfHand;
 use nalgebra::{Isometry3, Point3, Vector3};
 use sim::collision_model::CollisionModel;
@@ -24,6 +24,7 @@ use world::geometry::LINK_MESHES;
 use self::palm::{facing_warning, opening, palm_frame};
 use self::solids::{LinkPart, LinkShapes, SurfacePoint, fill, name, number, shapes, surface_points};
 use self::true_surface::TrueSurfaces;
+use super::super::grasping_hand::SampledHand;
 
 const MOST_CANDIDATES: usize = 700;
 /// Cosine between a point's motion and its normal from which on it is a candidate.
@@ -41,20 +42,15 @@ const ON_SURFACE: f64 = 1.5e-3;
 /// Tension up to which actuators are not told to be weak, N.
 const STRONG: f64 = 60.0;
 
-/// A hand made ready for sampling. The tree, the surface and all candidates are in the palm frame.
+/// A hand made ready for sampling.
 pub struct Described {
     /// As read.
     pub hand: Arc<UrdfHand>,
     /// With its collision shapes.
     pub body: CollisionModel,
-    /// Its tree with the palm frame as root.
-    pub tree: Tree,
     /// `palm_from_root`.
     pub palm_from_root: Isometry3<f64>,
-    /// Limits and actuator lines.
-    pub mechanism: Mechanism,
-    /// Points, candidates, pairs.
-    pub surface: HandSurface,
+    pub sampled: SampledHand,
     /// The root's collision shapes, root frame.
     root: LinkShapes,
     true_surfaces: TrueSurfaces,
@@ -131,7 +127,8 @@ fn describe(hand: UrdfHand) -> Result<Described> {
         joint.origin = palm_from_root * joint.origin;
     }
     let root = shapes.into_iter().take(1).collect();
-    Ok(Described { hand, body, tree, palm_from_root, mechanism, surface, root, true_surfaces, opening, notes })
+    let sampled = SampledHand { tree, mechanism, surface };
+    Ok(Described { hand, body, palm_from_root, sampled, root, true_surfaces, opening, notes })
 }
 
 impl Described {
@@ -149,7 +146,7 @@ impl Described {
 
     /// The digit of a link: the first joint of its chain; none of the root.
     pub fn digit(&self, link: Option<usize>) -> Option<usize> {
-        link.map(|link| self.tree.chain(link)[0])
+        link.map(|link| self.hand.tree.chain(link)[0])
     }
 }
 
@@ -361,7 +358,7 @@ pub(super) mod tests {
     fn inner_faces_are_candidates() {
         let clamp = clamp("{ a = -0.01 }").expect("described");
         let root_from_palm = clamp.palm_from_root.inverse();
-        for candidate in &clamp.surface.candidates {
+        for candidate in &clamp.sampled.surface.candidates {
             match candidate.link {
                 0 => assert!((root_from_palm * candidate.normal).x > 0.9, "the base's front"),
                 1 => assert!(candidate.normal.y < -0.9, "{:?}", candidate),
@@ -369,7 +366,7 @@ pub(super) mod tests {
             }
         }
         for link in 0..3 {
-            assert!(clamp.surface.candidates.iter().filter(|c| c.link == link).count() > 10, "link {link}");
+            assert!(clamp.sampled.surface.candidates.iter().filter(|c| c.link == link).count() > 10, "link {link}");
         }
         // The jaws close before the base, which lies behind them along +z.
         let place = clamp.palm_from_root * Point3::new(0.06, 0.0, 0.0);

@@ -14,8 +14,8 @@ pub type UrdfKind<'a> = Kind<'a, UrdfGrasp>;
 fn name(hand: &Described, grasp: &UrdfGrasp) -> String {
     let touching: BTreeSet<usize> = grasp.contacts.iter().filter_map(|contact| contact.link).collect();
     let moves = |line: usize| {
-        let joints = &hand.mechanism.lines[line].joints;
-        touching.iter().any(|link| hand.tree.chain(*link).iter().any(|joint| joints.contains(joint)))
+        let joints = &hand.sampled.mechanism.lines[line].joints;
+        touching.iter().any(|link| hand.hand.tree.chain(*link).iter().any(|joint| joints.contains(joint)))
     };
     let names = hand.hand.pulls.iter().enumerate().filter(|(line, _)| moves(*line)).map(|(_, pull)| pull.name.as_str());
     let palm = grasp.contacts.iter().any(|contact| contact.link.is_none()).then_some("palm");

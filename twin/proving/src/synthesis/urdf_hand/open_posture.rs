@@ -19,7 +19,7 @@ pub fn open_clear(
     frames: &mut Frames,
     sample: &HandState,
 ) -> Option<(HandState, Vec<f64>)> {
-    let mechanism = &hand.mechanism;
+    let mechanism = &hand.sampled.mechanism;
     let mut state = sample.clone();
     let mut amounts: Vec<f64> = (0..mechanism.lines.len()).map(|line| mechanism.amount(line, &state.joints)).collect();
     let start: Vec<f64> =
@@ -31,7 +31,7 @@ pub fn open_clear(
         }
         frames.place(&state);
         let mut clear = true;
-        for (link, surface) in hand.surface.links.iter().enumerate() {
+        for (link, surface) in hand.sampled.surface.links.iter().enumerate() {
             let mut least = (f64::INFINITY, Vector3::zeros());
             for local in &surface.points {
                 let x = frames.point(link, local);
@@ -60,14 +60,15 @@ pub fn open_clear(
 
 /// Whether an actuator moves a link (0 is the root).
 fn moves(hand: &Described, line: usize, link: usize) -> bool {
-    link > 0 && hand.tree.chain(link - 1).iter().any(|joint| hand.mechanism.lines[line].joints.contains(joint))
+    link > 0
+        && hand.hand.tree.chain(link - 1).iter().any(|joint| hand.sampled.mechanism.lines[line].joints.contains(joint))
 }
 
 /// The tension that holds an actuator `amount` along its line, free of contact, N.
 pub fn holding(hand: &Described, line: usize, amount: f64) -> f64 {
     let arms = &hand.hand.pulls[line].arms;
     let (joint, arm) = arms[0];
-    let own = &hand.mechanism.lines[line];
+    let own = &hand.sampled.mechanism.lines[line];
     let share = own.joints.iter().position(|own| *own == joint).map_or(1.0, |n| own.share[n]);
     (hand.hand.feel(joint).spring * amount * share / arm).max(0.0)
 }

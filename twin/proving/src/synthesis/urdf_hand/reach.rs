@@ -29,10 +29,10 @@ pub fn reachable(
     table: Option<&Plane>,
 ) -> bool {
     let object_from_palm = (hand.palm_from_root * start).inverse();
-    let mut frames = Frames::new(&hand.tree);
+    let mut frames = Frames::new(&hand.sampled.tree);
     let mut place = |joints: Vec<f64>| {
         frames.place(&HandState { object_from_palm, joints });
-        let links = hand.surface.links.iter().enumerate();
+        let links = hand.sampled.surface.links.iter().enumerate();
         links
             .flat_map(|(link, own)| own.points.iter().map(|point| frames.point(link, point)).collect::<Vec<_>>())
             .collect()
