@@ -191,7 +191,7 @@ impl Hand {
         let opposition = parameters.actuator.iter().find_map(|actuator| actuator.drives.as_deref()).and_then(index);
         let followers = parameters.joint.iter().enumerate().filter_map(|(joint, own)| {
             let Follows { joint: leader, multiplier } = own.follows.as_ref()?;
-            Some(Follower { joint, leader: index(leader)?, multiplier: *multiplier })
+            Some(Follower { joint, leader: index(leader)?, multiplier: *multiplier, offset: 0.0 })
         });
         let followers = followers.collect();
         let (pads, cameras) = build_pads(&parameters);

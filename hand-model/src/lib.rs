@@ -3,7 +3,7 @@
 //!
 //! The story in order: [`robot_model`] reads a robot file, which names a hand and an arm; [`parameters`] reads the file with all numbers of the hand (`data/ftac_hand.toml`); [`hand`] turns it into a
 //! [`kinematics::Tree`] with covers, [`pads`] and a [`transmission`]; [`arm`] does the same for the Gen3; [`urdf`] writes both
-//! as URDF and reads any URDF back, [`any_hand`] makes a hand of one; [`statics`] finds where the digits come to rest,
+//! as URDF and reads any URDF back, [`urdf_hand`] makes a hand of one; [`statics`] finds where the digits come to rest,
 //! [`load`] what the arm's joints bear; [`robot`] says what a body measures and what it can be told.
 //!
 //! # Frames
@@ -11,7 +11,6 @@
 //! phalanx to the tip, y out of its palmar side, z the joint axis; a positive angle flexes. `pad/<name>`: origin in the
 //! centre of the sensing surface, y along the digit, z out of the surface. A pose `a_from_b` maps coordinates in b to a.
 
-pub mod any_hand;
 pub mod arm;
 pub mod digit;
 pub mod hand;
@@ -24,6 +23,7 @@ pub mod robot_model;
 pub mod statics;
 pub mod transmission;
 pub mod urdf;
+pub mod urdf_hand;
 
 pub use arm::{Arm, ArmVector};
 pub use digit::{Digit, Phalanx};

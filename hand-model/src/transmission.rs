@@ -179,13 +179,15 @@ impl CablePath {
     }
 }
 
-/// A joint that a mechanism makes follow another: q = multiplier * q_leader.
+/// A joint that a mechanism makes follow another: q = multiplier * q_leader + offset.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Follower {
     pub joint: usize,
     pub leader: usize,
     /// Motion over the leader's.
     pub multiplier: f64,
+    /// rad or m.
+    pub offset: f64,
 }
 
 /// The whole transmission: a cable for each digit, the opposition drive and the springs.

@@ -93,12 +93,12 @@ pub(crate) fn coordinate(kind: JointKind) -> usize {
     }
 }
 
-/// Makes one joint of a multibody follow another: q = `multiplier` q_leader + `offset`.
+/// Makes one joint of a multibody follow another as `follower` says.
 pub(crate) fn couple(
     engine: &mut Engine,
     (leader, leader_kind): (MultibodyJointHandle, JointKind),
     (joint, kind): (MultibodyJointHandle, JointKind),
-    [multiplier, offset]: [f64; 2],
+    follower: &Follower,
 ) {
     let link = |handle| engine.multibodies.get(handle).map(|(_, link)| link);
     let (Some(link1), Some(link2)) = (link(leader), link(joint)) else { return };
@@ -110,8 +110,8 @@ pub(crate) fn couple(
             link2,
             dof2: 0,
             axis2: coordinate(kind),
-            coeff: multiplier,
-            offset,
+            coeff: follower.multiplier,
+            offset: follower.offset,
         });
     }
 }
@@ -265,9 +265,10 @@ impl RobotBody {
         multibody.apply_displacements(&displacement);
         multibody.forward_kinematics(bodies, false);
         multibody.update_rigid_bodies(&mut engine.bodies, true);
-        for Follower { joint, leader, multiplier } in &hand.transmission.followers {
-            let [led, leading] = [joint, leader].map(|own| (self.joints[arm.joints() + own], self.kinds[*own]));
-            couple(engine, leading, led, [*multiplier, 0.0]);
+        for follower in &hand.transmission.followers {
+            let [leader, joint] =
+                [follower.leader, follower.joint].map(|own| (self.joints[arm.joints() + own], self.kinds[own]));
+            couple(engine, leader, joint, follower);
         }
     }
 

@@ -1,208 +1,284 @@
-//! The hand alone, its palm fixed in space, with one floating object: the scene in which a grasp is closed and tested.
+//! The hand alone, its palm fixed in space, with floating objects: the scene in which a grasp is closed and tested.
 //!
-//! World axes are the palm's. Without an arm the five digits do not feel each other's inertia, so each is a multibody of three
-//! joints on the fixed palm; that costs a fraction of one body of all joints. Cables pull with given tensions (servos in current
-//! control at rest), the opposition servo holds its angle. There is no gravity: the protocol's forces are applied instead.
+//! World axes are the root's. Actuators pull with given tensions (servos in current control at rest), and an opposition servo holds
+//! its angle. There is no gravity: the protocol's forces are applied instead. The digits of a hand of cables are multibodies of
+//! their own, because without an arm they do not feel each other's inertia; a hand from a URDF is one, as its joints may follow
+//! those of other digits.
 
 use std::sync::Arc;
 
-use hand_model::hand::CoverShape;
-use hand_model::{DigitVector, Hand, HandVector};
+use hand_model::Hand;
+use hand_model::kinematics::Tree;
+use hand_model::urdf_hand::{Feel, UrdfHand};
 use nalgebra::{Isometry3, Point3, UnitVector3, Vector3};
 use rapier3d_f64::prelude::*;
 use world::objects::ObjectModel;
 
-use crate::body::{cover_collider, groups, link_body, load_hinge, revolute};
-use crate::contacts::contacts_of;
+use crate::body::{cover_collider, groups};
+use crate::collision_model::CollisionModel;
+use crate::contacts::{ContactPoint, contacts_of};
 use crate::convert;
-use crate::drive::OPPOSITION_STIFFNESS;
-use crate::engine::{Engine, EngineSettings};
+use crate::drive::{JointEffort, OPPOSITION_STIFFNESS};
+use crate::engine::EngineSettings;
 use crate::scene::{ObjectPlacement, insert_object};
+use crate::stand::{Linkage, Mechanism, Prop};
 
 /// Collision group of the palm's cover.
 const PALM: Group = Group::GROUP_5;
 
-/// Command of the hand: tensions of the cables (N) and the opposition angle (rad).
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// Command of the hand: tensions of the actuators (N) and the opposition angle (rad).
+#[derive(Debug, Clone, PartialEq)]
 pub struct Pull {
     /// N.
-    pub tensions: DigitVector,
-    /// rad.
+    pub tensions: Vec<f64>,
+    /// rad; unused by a hand without an opposition servo.
     pub opposition: f64,
+}
+
+impl Pull {
+    /// Tensions (N) alone.
+    pub fn tensions(tensions: &[f64]) -> Self {
+        Self { tensions: tensions.to_vec(), opposition: 0.0 }
+    }
 }
 
 /// A contact between hand and object.
 #[derive(Debug, Clone, Copy)]
 pub struct Touch {
-    /// Hand link, `None` for the palm.
+    /// Hand link, `None` for the root.
     pub link: Option<usize>,
-    /// Palm frame, m.
+    /// Root frame, m.
     pub point: Point3<f64>,
-    /// Unit normal into the object, palm frame.
+    /// Unit normal into the object, root frame.
     pub normal: UnitVector3<f64>,
     /// Normal force, N.
     pub force: f64,
 }
 
+/// A hand whose actuators pull with given tensions.
+trait Pulled: Send + Sync {
+    fn tree(&self) -> &Tree;
+
+    /// Effort of each joint under `pull` at `q` (rad or m).
+    fn efforts(&self, q: &[f64], pull: &Pull) -> Vec<JointEffort>;
+}
+
+impl Pulled for Hand {
+    fn tree(&self) -> &Tree {
+        &self.tree
+    }
+
+    fn efforts(&self, q: &[f64], pull: &Pull) -> Vec<JointEffort> {
+        let transmission = &self.transmission;
+        let torques = transmission.torques(q, &pull.tensions).into_iter().enumerate();
+        let effort = |(joint, free): (usize, f64)| {
+            if transmission.opposition != Some(joint) {
+                return JointEffort { torque: free, stiffness: transmission.springs[joint] };
+            }
+            let servo = &self.servos[self.cables.len()];
+            let limit = servo.stall_torque * servo.gear_ratio_opposition;
+            let servo = (OPPOSITION_STIFFNESS * (pull.opposition - q[joint])).clamp(-limit, limit);
+            let torque = servo - transmission.spring_torque(joint, q[joint]);
+            JointEffort { torque, stiffness: OPPOSITION_STIFFNESS }
+        };
+        torques.map(effort).collect()
+    }
+}
+
+impl Pulled for UrdfHand {
+    fn tree(&self) -> &Tree {
+        &self.tree
+    }
+
+    fn efforts(&self, q: &[f64], pull: &Pull) -> Vec<JointEffort> {
+        let torques = self.torques(q, &pull.tensions).into_iter().enumerate();
+        torques.map(|(joint, torque)| JointEffort { torque, stiffness: self.feel(joint).spring }).collect()
+    }
+}
+
 /// The scene. Cloning it branches the run bit-exactly.
 #[derive(Clone)]
 pub struct HandScene {
-    hand: Arc<Hand>,
-    engine: Engine,
-    joints: Vec<MultibodyJointHandle>,
-    covers: Vec<ColliderHandle>,
-    body: RigidBodyHandle,
-    collider: ColliderHandle,
-    angles: HandVector,
+    hand: Arc<dyn Pulled>,
+    linkage: Linkage,
+    objects: Vec<(RigidBodyHandle, ColliderHandle)>,
 }
 
 impl HandScene {
-    /// The hand with its joints at `angles` (rad) and `object` at rest at `palm_from_object`.
+    /// `hand` with its joints at `angles` (rad) and `object` at rest at `palm_from_object`.
     pub fn new(hand: &Arc<Hand>, object: &Arc<ObjectModel>, palm_from_object: &Isometry3<f64>, angles: &[f64]) -> Self {
-        let mut engine = Engine::new(EngineSettings::default());
-        engine.gravity = Vector::ZERO;
-        let palm = engine.bodies.insert(RigidBodyBuilder::fixed());
         // Neighbouring links do not collide. The engine sees to that along a digit; between the palm's cover and the first
         // links, which hang on roots of their own, groups do.
         let links_only = groups::HAND | groups::OBJECT;
-        let cover = |engine: &mut Engine, shape: &CoverShape, body, member: Group, filter: Group| {
-            let collider = cover_collider(shape)
-                .collision_groups(InteractionGroups::all().with_memberships(member).with_filter(filter));
-            engine.colliders.insert_with_parent(collider, body, &mut engine.bodies)
+        let grouped = |cover, member, filter| {
+            cover_collider(cover)
+                .collision_groups(InteractionGroups::all().with_memberships(member).with_filter(filter))
         };
-        let mut covers = vec![cover(&mut engine, &hand.palm_cover, palm, PALM, links_only)];
-        let mut joints = Vec::with_capacity(hand.tree.len());
-        let mut links: Vec<RigidBodyHandle> = Vec::with_capacity(hand.tree.len());
-        let poses = hand.tree.forward(&hand.open());
-        for (i, joint) in hand.tree.joints.iter().enumerate() {
-            let body = engine.bodies.insert(link_body(&poses[i], &hand.masses[i]));
-            // A root for each digit: digits that share one become one multibody of all joints.
-            let parent = match joint.parent {
-                Some(parent) => links[parent],
-                None => engine.bodies.insert(RigidBodyBuilder::fixed()),
-            };
-            let limits = [joint.lower, joint.upper];
-            joints.extend(engine.multibodies.insert(parent, body, revolute(&joint.origin, &joint.axis, limits), true));
+        let mut covers = vec![(None, grouped(&hand.palm_cover, PALM, links_only))];
+        covers.extend(hand.tree.joints.iter().enumerate().map(|(link, joint)| {
             let filter = if joint.parent.is_some() { links_only | PALM } else { links_only };
-            covers.push(cover(&mut engine, &hand.covers[i], body, groups::HAND, filter));
-            links.push(body);
-        }
+            (Some(link), grouped(&hand.covers[link], groups::HAND, filter))
+        }));
+        let damping = hand.each_joint(|joint| hand.joint_damping(joint));
+        let armature = hand.each_joint(|joint| hand.joint_armature(joint));
+        let (tree, masses) = (&hand.tree, &hand.masses);
+        let mechanism = Mechanism { tree, masses, damping: &damping, armature: &armature, apart: true };
+        let linkage = Linkage::new(EngineSettings::default(), &mechanism, covers, angles);
+        let mut scene = Self::without_gravity(hand.clone(), linkage);
         let placement = ObjectPlacement { model: object.clone(), pose: *palm_from_object };
-        let (_, body, collider) = insert_object(&mut engine, &placement);
-        let mut scene = Self {
-            hand: hand.clone(),
-            engine,
-            joints,
-            covers,
-            body,
-            collider,
-            angles: angles.iter().copied().collect(),
-        };
-        scene.settle_freedom(angles);
+        let (_, body, collider) = insert_object(scene.linkage.engine_mut(), &placement);
+        scene.objects.push((body, collider));
         scene
     }
 
-    /// Sets up every digit's degrees of freedom at its starting angles.
-    fn settle_freedom(&mut self, angles: &[f64]) {
-        let mut first = 0;
-        while first < angles.len() {
-            let bodies = &self.engine.bodies;
-            let Some((multibody, _)) = self.engine.multibodies.get_mut(self.joints[first]) else { return };
-            multibody.set_self_contacts_enabled(true);
-            // A fixed root first appears as a free one; this settles the degrees of freedom.
-            multibody.forward_kinematics(bodies, true);
-            let count = multibody.ndofs();
-            for n in 0..count {
-                multibody.damping_mut()[n] = self.hand.joint_damping(first + n);
-                multibody.armature_mut()[n] = self.hand.joint_armature(first + n);
-            }
-            multibody.apply_displacements(&angles[first..first + count]);
-            multibody.forward_kinematics(bodies, false);
-            multibody.update_rigid_bodies(&mut self.engine.bodies, true);
-            first += count;
+    /// A hand from a URDF with its joints at `start` (rad or m). Its links collide with each other, but for those that a joint
+    /// connects and those that [`CollisionModel::passing`] names.
+    pub fn of_urdf(model: &CollisionModel, start: &[f64]) -> Self {
+        let hand = model.hand();
+        let each = |value: fn(&Feel) -> f64| (0..hand.tree.len()).map(|n| value(&hand.feel(n))).collect::<Vec<f64>>();
+        let (damping, armature) = (each(|feel| feel.damping), each(|feel| feel.armature));
+        let (tree, masses) = (&hand.tree, &hand.masses);
+        let mechanism = Mechanism { tree, masses, damping: &damping, armature: &armature, apart: false };
+        let mut linkage = Linkage::new(EngineSettings::default(), &mechanism, model.colliders(), start);
+        for (one, two) in model.passing() {
+            linkage.let_pass(*one, *two);
+        }
+        for follower in &hand.followers {
+            linkage.couple(follower);
+        }
+        Self::without_gravity(hand.clone(), linkage)
+    }
+
+    fn without_gravity(hand: Arc<dyn Pulled>, mut linkage: Linkage) -> Self {
+        linkage.set_gravity(&Vector3::zeros());
+        Self { hand, linkage, objects: Vec::new() }
+    }
+
+    /// Puts a prop at `root_from_prop`, held in place until [`Self::release`].
+    pub fn put(&mut self, prop: &Prop, root_from_prop: &Isometry3<f64>) {
+        self.objects.push(prop.insert(self.linkage.engine_mut(), root_from_prop));
+    }
+
+    /// Lets go of all props.
+    pub fn release(&mut self) {
+        self.each_body(|body| body.set_body_type(RigidBodyType::Dynamic, true));
+    }
+
+    fn each_body(&mut self, change: impl Fn(&mut RigidBody)) {
+        for (body, _) in &self.objects {
+            change(&mut self.linkage.engine_mut().bodies[*body]);
         }
     }
 
-    /// Damping of the object's motion, 1/s, linear and angular: what stands in for a table or a free hand while digits close.
+    /// Sets gravity (m/s2, root frame).
+    pub fn set_gravity(&mut self, gravity: &Vector3<f64>) {
+        self.linkage.set_gravity(gravity);
+    }
+
+    /// Damping of the objects' motion, 1/s, linear and angular: what stands in for a table or a free hand while digits close.
     pub fn set_object_damping(&mut self, damping: f64) {
-        let body = &mut self.engine.bodies[self.body];
-        body.set_linear_damping(damping);
-        body.set_angular_damping(damping);
+        self.each_body(|body| {
+            body.set_linear_damping(damping);
+            body.set_angular_damping(damping);
+        });
     }
 
-    /// Friction coefficient between hand and object.
+    /// Friction coefficient between hand and objects.
     pub fn set_friction(&mut self, friction: f64) {
-        self.engine.colliders[self.collider].set_friction(friction);
+        for (_, collider) in &self.objects {
+            self.linkage.engine_mut().colliders[*collider].set_friction(friction);
+        }
     }
 
-    /// One time step with the hand pulling and `force` (N, palm frame) on the object's centre of mass.
+    /// One time step with the hand pulling and `force` (N, root frame) on every object's centre of mass.
     pub fn step(&mut self, pull: &Pull, force: &Vector3<f64>) {
-        let transmission = &self.hand.transmission;
-        let torques = transmission.torques(&self.angles, &pull.tensions);
-        let slack = self.engine.limit_slack();
-        for (joint, free) in torques.into_iter().enumerate() {
-            let (torque, stiffness) = if transmission.opposition == Some(joint) {
-                let servo = &self.hand.servos[self.hand.cables.len()];
-                let limit = servo.stall_torque * servo.gear_ratio_opposition;
-                let servo = (OPPOSITION_STIFFNESS * (pull.opposition - self.angles[joint])).clamp(-limit, limit);
-                (servo - transmission.spring_torque(joint, self.angles[joint]), OPPOSITION_STIFFNESS)
-            } else {
-                (free, transmission.springs[joint])
-            };
-            if let Some((multibody, link)) = self.engine.multibodies.get_mut(self.joints[joint])
-                && let Some(link) = multibody.link_mut(link)
-            {
-                load_hinge(&mut link.joint, self.angles[joint], torque, stiffness, slack);
-            }
-        }
-        let body = &mut self.engine.bodies[self.body];
-        body.reset_forces(true);
-        body.add_force(convert::vector(force), true);
-        self.engine.step();
-        for (joint, handle) in self.joints.iter().enumerate() {
-            if let Some((multibody, link)) = self.engine.multibodies.get(*handle)
-                && let Some(link) = multibody.link(link)
-            {
-                self.angles[joint] = link.joint.coords()[3];
-            }
+        self.each_body(|body| {
+            body.reset_forces(true);
+            body.add_force(convert::vector(force), true);
+        });
+        self.linkage.step(&self.hand.efforts(self.linkage.angles(), pull));
+    }
+
+    /// Steps for `seconds` with the hand pulling.
+    pub fn run(&mut self, pull: &Pull, seconds: f64) {
+        let steps = (seconds / self.dt()).round() as usize;
+        for _ in 0..steps {
+            self.step(pull, &Vector3::zeros());
         }
     }
 
     /// Length of a step, s.
     pub fn dt(&self) -> f64 {
-        self.engine.settings.dt
+        self.linkage.engine().settings.dt
     }
 
-    /// Joint angles, rad.
+    /// Joint coordinates, rad or m.
     pub fn angles(&self) -> &[f64] {
-        &self.angles
+        self.linkage.angles()
     }
 
-    /// `palm_from_object`.
+    /// `root_from_link` of every moving link.
+    pub fn links(&self) -> Vec<Isometry3<f64>> {
+        self.linkage.links()
+    }
+
+    /// `root_from_object` of every object.
+    pub fn objects(&self) -> Vec<Isometry3<f64>> {
+        let bodies = &self.linkage.engine().bodies;
+        self.objects.iter().map(|(body, _)| convert::to_pose(bodies[*body].position())).collect()
+    }
+
+    /// `root_from_object` of the first object.
+    ///
+    /// # Panics
+    /// In a scene without objects.
     pub fn object(&self) -> Isometry3<f64> {
-        convert::to_pose(self.engine.bodies[self.body].position())
+        self.objects()[0]
     }
 
-    /// Linear (m/s) and angular (rad/s) speed of the object.
+    /// Linear (m/s) and angular (rad/s) speed of the first object.
+    ///
+    /// # Panics
+    /// In a scene without objects.
     pub fn object_speed(&self) -> (f64, f64) {
-        let body = &self.engine.bodies[self.body];
+        let body = &self.linkage.engine().bodies[self.objects[0].0];
         (body.linvel().length(), body.angvel().length())
     }
 
-    /// Loaded contacts between hand and object, as of the last step.
+    /// Loaded contacts between hand and objects, as of the last step.
     pub fn touches(&self) -> Vec<Touch> {
-        contacts_of(&self.engine, self.collider)
-            .into_iter()
-            .filter_map(|contact| {
-                let cover = self.covers.iter().position(|c| *c == contact.other)?;
-                Some(Touch {
-                    link: cover.checked_sub(1),
-                    point: contact.point,
-                    normal: UnitVector3::new_normalize(-contact.normal),
-                    force: contact.force,
-                })
+        let contacts = self.objects.iter().flat_map(|(_, object)| contacts_of(self.linkage.engine(), *object));
+        let touch = |contact: ContactPoint| {
+            Some(Touch {
+                link: self.linkage.cover_of(contact.other)?,
+                point: contact.point,
+                normal: UnitVector3::new_normalize(-contact.normal),
+                force: contact.force,
             })
-            .collect()
+        };
+        contacts.filter_map(touch).collect()
+    }
+
+    /// Normal force of each moving link on the objects, N.
+    pub fn forces(&self) -> Vec<f64> {
+        let mut forces = vec![0.0; self.hand.tree().len()];
+        for touch in self.touches() {
+            if let Some(link) = touch.link {
+                forces[link] += touch.force;
+            }
+        }
+        forces
+    }
+
+    /// How deep hand and objects, or two links that collide, overlap at most, m.
+    pub fn penetration(&self) -> f64 {
+        let objects = self.objects.iter().map(|(_, object)| self.linkage.penetration(*object));
+        objects.fold(self.self_penetration(), f64::max)
+    }
+
+    /// How deep two links that collide overlap at most, m.
+    pub fn self_penetration(&self) -> f64 {
+        self.linkage.self_penetration(self.hand.tree())
     }
 }
 
@@ -226,7 +302,7 @@ mod tests {
         let hand = Arc::new(Hand::ftac());
         let object = ObjectSet::standard().get("ball_45").expect("an object").clone();
         let mut scene = HandScene::new(&hand, &object, &far_away(), &hand.each_joint(|_| 0.1));
-        let pull = Pull { tensions: [0.0, 3.0, 0.0, 0.0, 0.0].into(), opposition: 0.4 };
+        let pull = Pull { tensions: vec![0.0, 3.0, 0.0, 0.0, 0.0], opposition: 0.4 };
         for _ in 0..1500 {
             scene.step(&pull, &Vector3::zeros());
         }
@@ -246,7 +322,7 @@ mod tests {
         let object = ObjectSet::standard().get("ball_45").expect("an object").clone();
         let mut scene = HandScene::new(&hand, &object, &far_away(), &hand.open());
         scene.set_object_damping(0.0);
-        let pull = Pull { tensions: hand.slack(), opposition: 0.0 };
+        let pull = Pull::tensions(&hand.slack());
         for _ in 0..240 {
             scene.step(&pull, &Vector3::new(0.1, 0.0, 0.0));
         }

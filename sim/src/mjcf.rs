@@ -5,7 +5,7 @@
 //! `hand_model::transmission`'s cable, so that moment arms agree by construction. A cable's control is its tension (N), the
 //! opposition's the angle of its servo (rad), an arm joint's its set-point (rad).
 
-mod any;
+mod urdf_hand;
 
 use std::fmt::Write as _;
 
@@ -24,7 +24,7 @@ use crate::hand_scene::Pull;
 use crate::hull::standing_hull;
 use crate::stand::Prop;
 
-pub use any::{AnyScene, write as write_any};
+pub use urdf_hand::{UrdfScene, write as write_urdf};
 
 /// How every scene is read.
 const COMPILER: &str = "  <compiler angle=\"radian\" autolimits=\"true\" balanceinertia=\"false\"/>\n";
@@ -335,10 +335,8 @@ fn actuators(hand: &Hand, arm: Option<&Arm>) -> String {
 /// Joints in the order of the bodies: arm, hand, props.
 fn keyframe(scene: &Scene) -> String {
     let posture = scene.arm.as_ref().map_or(&[][..], |(_, posture)| posture);
-    let (joints, pull) = match scene.start {
-        Some((joints, pull)) => (joints, pull),
-        None => (scene.hand.open(), Pull { tensions: scene.hand.slack(), opposition: 0.0 }),
-    };
+    let open = || (scene.hand.open(), Pull::tensions(&scene.hand.slack()));
+    let (joints, pull) = scene.start.clone().unwrap_or_else(open);
     key([posture, &joints].concat(), scene.props, &[&pull.tensions[..], &[pull.opposition], posture].concat())
 }
 

@@ -2,10 +2,8 @@
 //!
 //! The world frame is the palm frame; which way is down is a choice. What is put into the hand can be held in place (fixed)
 //! while the digits close and let go of afterwards. [`Linkage`] is the mechanism alone, for any tree of revolute joints whose
-//! efforts come from outside; [`HandStand`] is a hand on it, driven by its servos,
-//! [`AnyStand`] a hand read from files.
+//! efforts come from outside; [`HandStand`] is a hand on it, driven by its servos.
 
-mod any;
 mod linkage;
 mod prop;
 
@@ -17,9 +15,8 @@ use hand_model::{ActuatorVector, DigitVector, Hand, HandVector};
 use nalgebra::{Isometry3, Point3, Vector3};
 use rapier3d_f64::prelude::{ColliderHandle, RigidBodyHandle, RigidBodyType};
 
-pub(crate) use any::hull;
-pub use any::{AnyBody, AnyStand};
 pub use linkage::{Linkage, Mechanism};
+pub(crate) use linkage::{joined, overlap};
 pub use prop::Prop;
 
 use crate::body::cover_collider;
@@ -190,9 +187,9 @@ fn hand_linkage(hand: &Hand, settings: EngineSettings, start: &[f64]) -> Linkage
         .chain(hand.covers.iter().enumerate().map(|(link, cover)| (Some(link), cover)))
         .map(|(link, cover)| (link, cover_collider(cover)))
         .collect();
-    let defaults = hand.parameters.joint_defaults;
-    let mechanism =
-        Mechanism { tree: &hand.tree, masses: &hand.masses, damping: defaults.damping, armature: defaults.armature };
+    let (damping, armature) = (hand.each_joint(|n| hand.joint_damping(n)), hand.each_joint(|n| hand.joint_armature(n)));
+    let (tree, masses) = (&hand.tree, &hand.masses);
+    let mechanism = Mechanism { tree, masses, damping: &damping, armature: &armature, apart: false };
     Linkage::new(settings, &mechanism, covers, start)
 }
 

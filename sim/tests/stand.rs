@@ -33,7 +33,7 @@ fn a_free_pendulum_chain_keeps_its_energy() {
     };
     let masses = [rod; 3];
     let settings = EngineSettings { dt: 1.0 / 4000.0, ..EngineSettings::default() };
-    let mechanism = Mechanism { tree: &tree, masses: &masses, damping: 0.0, armature: 0.0 };
+    let mechanism = Mechanism { tree: &tree, masses: &masses, damping: &[0.0; 3], armature: &[0.0; 3], apart: false };
     let mut chain = Linkage::new(settings, &mechanism, Vec::new(), &[0.3, 0.4, -0.2]);
     let g = 9.81;
     chain.set_gravity(&Vector3::new(0.0, 0.0, -g));
@@ -183,7 +183,7 @@ fn a_limit_stops_a_joint() {
     let masses = [MassProperties { mass: 0.05, com: Point3::new(0.05, 0.0, 0.0), inertia: Matrix3::identity() * 4e-5 }];
     for solver_iterations in [1, 4] {
         let settings = EngineSettings { solver_iterations, ..EngineSettings::default() };
-        let mechanism = Mechanism { tree: &tree, masses: &masses, damping: 1e-3, armature: 1e-4 };
+        let mechanism = Mechanism { tree: &tree, masses: &masses, damping: &[1e-3], armature: &[1e-4], apart: false };
         let mut door = Linkage::new(settings, &mechanism, Vec::new(), &[0.0]);
         for (torque, limit) in [(0.05, 0.5), (-0.05, -0.2), (0.05, 0.5)] {
             for _ in 0..240 {

@@ -26,10 +26,10 @@ use serde::Deserialize;
 use urdf_rs::Robot;
 
 use super::{ArmFile, ArmJointFile};
-use crate::any_hand::{carriers, masses};
 use crate::hand::MassProperties;
 use crate::kinematics::{JointKind, Tree};
 use crate::urdf::{check_masses, fault, frames, parse_robot};
+use crate::urdf_hand::{carriers, masses};
 use platform::data::{DataError, parse_toml};
 
 #[derive(Deserialize)]

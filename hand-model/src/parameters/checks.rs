@@ -276,7 +276,7 @@ mod tests {
         let hand = Hand::parse(GRIPPER, Path::new("franka_hand.toml")).expect("valid");
         assert_eq!((hand.digits().len(), hand.servos.len(), hand.transmission.opposition), (2, 2, None));
         assert!(hand.tree.joints.iter().all(|joint| joint.kind == JointKind::Slide));
-        assert_eq!(hand.transmission.followers, [Follower { joint: 1, leader: 0, multiplier: 1.0 }]);
+        assert_eq!(hand.transmission.followers, [Follower { joint: 1, leader: 0, multiplier: 1.0, offset: 0.0 }]);
         let closed = hand.tree.forward(&hand.each_joint(|joint| hand.tree.joints[joint].upper));
         let gap = (closed[0].translation.vector - closed[1].translation.vector).norm();
         assert!(gap < 2e-3, "closed jaws are {gap} m apart");

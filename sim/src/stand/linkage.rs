@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 
 use hand_model::hand::MassProperties;
 use hand_model::kinematics::{JointKind, Tree};
+use hand_model::transmission::Follower;
 use nalgebra::{Isometry3, Vector3};
 use rapier3d_f64::parry::bounding_volume::BoundingVolume as _;
 use rapier3d_f64::parry::query;
@@ -16,17 +17,19 @@ use crate::convert;
 use crate::drive::JointEffort;
 use crate::engine::{Engine, EngineSettings};
 
-/// What a linkage is made of; damping and armature hold for every joint but those that [`Linkage::set_feel`] changes.
+/// What a linkage is made of.
 #[derive(Debug, Clone, Copy)]
 pub struct Mechanism<'a> {
     /// Joints, parents first.
     pub tree: &'a Tree,
     /// One a joint: of the link that it moves.
     pub masses: &'a [MassProperties],
-    /// N m s/rad.
-    pub damping: f64,
-    /// kg m2.
-    pub armature: f64,
+    /// Of each joint, N m s/rad or N s/m.
+    pub damping: &'a [f64],
+    /// Of each joint, kg m2 or kg.
+    pub armature: &'a [f64],
+    /// Gives every joint on the root a root body of its own: a multibody for each digit costs a fraction of one of all joints.
+    pub apart: bool,
 }
 
 /// The mechanism in its own engine. The root frame is the world frame.
@@ -36,6 +39,8 @@ pub struct Linkage {
     links: Vec<RigidBodyHandle>,
     joints: Vec<MultibodyJointHandle>,
     kinds: Vec<JointKind>,
+    /// Degree of freedom of each joint in its multibody.
+    freedoms: Vec<usize>,
     covers: Vec<(Option<usize>, ColliderHandle)>,
     /// Pairs of links whose covers pass through each other.
     passing: BTreeSet<(Option<usize>, Option<usize>)>,
@@ -51,7 +56,7 @@ impl Linkage {
         covers: Vec<(Option<usize>, ColliderBuilder)>,
         start: &[f64],
     ) -> Self {
-        let Mechanism { tree, masses, damping, armature } = *mechanism;
+        let Mechanism { tree, masses, .. } = *mechanism;
         let mut engine = Engine::new(settings);
         let root = engine.bodies.insert(RigidBodyBuilder::fixed());
         let poses = tree.forward(&vec![0.0; tree.len()]);
@@ -59,7 +64,11 @@ impl Linkage {
         let mut joints = Vec::new();
         for (i, joint) in tree.joints.iter().enumerate() {
             let body = engine.bodies.insert(link_body(&poses[i], &masses[i]));
-            let parent = joint.parent.map_or(root, |parent| links[parent]);
+            let parent = match joint.parent {
+                Some(parent) => links[parent],
+                None if mechanism.apart => engine.bodies.insert(RigidBodyBuilder::fixed()),
+                None => root,
+            };
             let joint = joint_of(joint.kind)(&joint.origin, &joint.axis, [joint.lower, joint.upper]);
             joints.extend(engine.multibodies.insert(parent, body, joint, true));
             links.push(body);
@@ -76,33 +85,32 @@ impl Linkage {
             links,
             joints,
             kinds: tree.joints.iter().map(|joint| joint.kind).collect(),
+            freedoms: Vec::new(),
             covers,
             passing: BTreeSet::new(),
             angles: start.to_vec(),
             speeds: vec![0.0; start.len()],
         };
-        linkage.settle(start, damping, armature);
+        linkage.settle(start, mechanism);
         linkage
     }
 
-    fn settle(&mut self, start: &[f64], damping: f64, armature: f64) {
-        let Some(first) = self.joints.first() else { return };
-        let Some((multibody, _)) = self.engine.multibodies.get_mut(*first) else { return };
-        multibody.set_self_contacts_enabled(true);
-        // A fixed root first appears as a free one; this settles the degrees of freedom.
-        multibody.forward_kinematics(&self.engine.bodies, true);
-        multibody.damping_mut().fill(damping);
-        multibody.armature_mut().fill(armature);
-        multibody.apply_displacements(start);
-        multibody.forward_kinematics(&self.engine.bodies, false);
-        multibody.update_rigid_bodies(&mut self.engine.bodies, true);
-    }
-
-    /// Sets damping (N m s/rad or N s/m) and armature (kg m2 or kg) of one joint.
-    pub fn set_feel(&mut self, joint: usize, damping: f64, armature: f64) {
-        if let Some((multibody, _)) = self.engine.multibodies.get_mut(self.joints[joint]) {
-            multibody.damping_mut()[joint] = damping;
-            multibody.armature_mut()[joint] = armature;
+    /// Sets up the degrees of freedom of every multibody, whose joints follow each other in the tree.
+    fn settle(&mut self, start: &[f64], mechanism: &Mechanism<'_>) {
+        let mut first = 0;
+        while let Some(handle) = self.joints.get(first) {
+            let Some((multibody, _)) = self.engine.multibodies.get_mut(*handle) else { return };
+            multibody.set_self_contacts_enabled(true);
+            // A fixed root first appears as a free one; this settles the degrees of freedom.
+            multibody.forward_kinematics(&self.engine.bodies, true);
+            let own = first..first + multibody.ndofs();
+            multibody.damping_mut().as_mut_slice().copy_from_slice(&mechanism.damping[own.clone()]);
+            multibody.armature_mut().as_mut_slice().copy_from_slice(&mechanism.armature[own.clone()]);
+            multibody.apply_displacements(&start[own.clone()]);
+            multibody.forward_kinematics(&self.engine.bodies, false);
+            multibody.update_rigid_bodies(&mut self.engine.bodies, true);
+            self.freedoms.extend(0..own.len());
+            first = own.end;
         }
     }
 
@@ -116,10 +124,10 @@ impl Linkage {
         self.passing.insert((one.min(two), one.max(two)));
     }
 
-    /// Makes `joint` follow `leader`: q = multiplier * q_leader + offset.
-    pub fn couple(&mut self, leader: usize, joint: usize, multiplier: f64, offset: f64) {
-        let [leading, led] = [leader, joint].map(|own| (self.joints[own], self.kinds[own]));
-        couple(&mut self.engine, leading, led, [multiplier, offset]);
+    /// Makes a joint follow another.
+    pub fn couple(&mut self, follower: &Follower) {
+        let [leader, joint] = [follower.leader, follower.joint].map(|own| (self.joints[own], self.kinds[own]));
+        couple(&mut self.engine, leader, joint, follower);
     }
 
     /// One physics step under these efforts, one a joint.
@@ -141,14 +149,11 @@ impl Linkage {
     }
 
     fn read(&mut self) {
-        let Some(first) = self.joints.first() else { return };
-        let Some((multibody, _)) = self.engine.multibodies.get(*first) else { return };
-        let speeds = multibody.generalized_velocity();
         for (i, handle) in self.joints.iter().enumerate() {
-            let Some((_, link)) = self.engine.multibodies.get(*handle) else { continue };
+            let Some((multibody, link)) = self.engine.multibodies.get(*handle) else { continue };
             let Some(link) = multibody.link(link) else { continue };
             self.angles[i] = link.joint.coords()[coordinate(self.kinds[i])];
-            self.speeds[i] = speeds[i];
+            self.speeds[i] = multibody.generalized_velocity()[self.freedoms[i]];
         }
     }
 

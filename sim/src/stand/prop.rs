@@ -92,7 +92,7 @@ impl Prop {
     }
 
     /// Inserts it as a fixed body.
-    pub(super) fn insert(&self, engine: &mut Engine, pose: &Isometry3<f64>) -> (RigidBodyHandle, ColliderHandle) {
+    pub(crate) fn insert(&self, engine: &mut Engine, pose: &Isometry3<f64>) -> (RigidBodyHandle, ColliderHandle) {
         let (com, inertia) = self.inertia();
         let mass = MassProperties::with_inertia_matrix(convert::point(&com), self.mass, convert::matrix(&inertia));
         let body =

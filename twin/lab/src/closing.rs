@@ -4,13 +4,14 @@ use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
-use hand_model::any_hand::AnyHand;
 use hand_model::kinematics::JointKind;
+use hand_model::urdf_hand::UrdfHand;
 use nalgebra::{Isometry3, Point3, Vector3};
 use report::picture::{PROPS, Picture, View, save, tile};
 use serde_json::{Map, Value, json};
-use sim::engine::EngineSettings;
-use sim::stand::{AnyBody, AnyStand, Prop};
+use sim::collision_model::CollisionModel;
+use sim::hand_scene::{HandScene, Pull};
+use sim::stand::Prop;
 use world::Shape;
 
 /// Times to close on the fixed ball, to settle after its release, and under gravity along each direction, s.
@@ -31,9 +32,10 @@ const GRIP: usize = 2;
 
 /// A hand that has closed on a ball.
 pub struct BallGrip {
-    hand: Arc<AnyHand>,
-    open: AnyStand,
-    closed: AnyStand,
+    hand: Arc<UrdfHand>,
+    model: CollisionModel,
+    open: HandScene,
+    closed: HandScene,
     ball: Prop,
     /// Force on each link, N.
     forces: Vec<f64>,
@@ -43,25 +45,27 @@ pub struct BallGrip {
 
 impl BallGrip {
     /// Closes `hand` with these tensions (N, one an actuator) on a ball of `radius` (m) held at `at` (root link's frame, m).
-    pub fn close(hand: Arc<AnyHand>, tensions: &[f64], at: &Point3<f64>, radius: f64) -> Self {
-        let open = AnyStand::new(&AnyBody::new(hand.clone()), EngineSettings::default());
+    pub fn close(hand: Arc<UrdfHand>, tensions: &[f64], at: &Point3<f64>, radius: f64) -> Self {
+        let model = CollisionModel::new(hand.clone());
+        let open = HandScene::of_urdf(&model, &hand.rest());
+        let pull = Pull::tensions(tensions);
         let mut closed = open.clone();
         let ball = Prop::new("ball", Shape::Sphere { radius }, MASS, FRICTION);
         closed.put(&ball, &Isometry3::translation(at.x, at.y, at.z));
-        closed.run(tensions, CLOSE);
+        closed.run(&pull, CLOSE);
         closed.release();
-        closed.run(tensions, SETTLE);
+        closed.run(&pull, SETTLE);
         let forces = closed.forces();
-        let start = closed.poses()[0].translation.vector;
+        let start = closed.objects()[0].translation.vector;
         let (x, y, z) = (Vector3::x(), Vector3::y(), Vector3::z());
         let directions = [("+x", x), ("-x", -x), ("+y", y), ("-y", -y), ("+z", z), ("-z", -z)];
         let moved = directions.map(|(name, direction)| {
             let mut branch = closed.clone();
             branch.set_gravity(&(direction * 9.81));
-            branch.run(tensions, PULL);
-            (name, (branch.poses()[0].translation.vector - start).norm())
+            branch.run(&pull, PULL);
+            (name, (branch.objects()[0].translation.vector - start).norm())
         });
-        Self { hand, open, closed, ball, forces, moved: moved.to_vec() }
+        Self { hand, model, open, closed, ball, forces, moved: moved.to_vec() }
     }
 
     fn touching(&self) -> usize {
@@ -118,8 +122,11 @@ impl BallGrip {
 
     /// Draws the hand open and closed, from two sides, into a PNG.
     pub fn draw(&self, path: &Path) -> Result<()> {
-        let points: Vec<Point3<f64>> =
-            self.open.triangles().into_iter().chain(self.closed.triangles()).flatten().collect();
+        let points: Vec<Point3<f64>> = [&self.open, &self.closed]
+            .into_iter()
+            .flat_map(|scene| self.model.triangles(&scene.links()))
+            .flatten()
+            .collect();
         let corner = |pick: fn(f64, f64) -> f64, start: f64| {
             points.iter().fold(Vector3::repeat(start), |so_far, point| so_far.zip_map(&point.coords, pick))
         };
@@ -128,13 +135,13 @@ impl BallGrip {
         let width = 1.05 * (high - low).norm();
         let mut pictures = Vec::new();
         for (eye, up) in [(Vector3::new(1.0, 0.6, 0.4), Vector3::z()), (Vector3::new(0.5, -1.0, 0.5), Vector3::z())] {
-            for (stand, caption) in [(&self.open, "open"), (&self.closed, "closed on the ball")] {
+            for (scene, caption) in [(&self.open, "open"), (&self.closed, "closed on the ball")] {
                 let mut picture = Picture::new(420, View { eye: eye.normalize(), up, center, width });
-                for [a, b, c] in stand.triangles() {
+                for [a, b, c] in self.model.triangles(&scene.links()) {
                     let Some(normal) = (b - a).cross(&(c - a)).try_normalize(1e-15) else { continue };
                     picture.triangles(&Isometry3::identity(), &[a, b, c], &[[0, 1, 2]], &[normal; 3], STEEL);
                 }
-                for pose in stand.poses() {
+                for pose in scene.objects() {
                     picture.prop(&self.ball, &pose, PROPS[0]);
                 }
                 pictures.push(picture.finish(caption));

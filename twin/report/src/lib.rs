@@ -1,8 +1,8 @@
 //! The report of a benchmark: `report.html`, one self-contained page, and its figures as files.
 //!
 //! It is made from the records and their summary alone, so `ftac report` can make it again at any time. [`picture`] draws the
-//! hand, [`plot`] line plots; both are used by the checks too. [`grasp_gallery`] shows the best grasps of each object, [`other_hand`] those of
-//! another hand.
+//! hand, [`plot`] line plots; both are used by the checks too. [`grasp_gallery`] shows the best grasps of each object, [`urdf_hand`] those of a hand
+//! from a URDF.
 
 mod ablation;
 mod comparisons;
@@ -15,7 +15,6 @@ pub mod grasp_gallery;
 mod heat_map;
 pub mod html;
 pub mod identified;
-pub mod other_hand;
 mod page;
 mod paper;
 pub mod picture;
@@ -26,6 +25,7 @@ pub mod run;
 pub mod style;
 #[cfg(test)]
 mod tests;
+pub mod urdf_hand;
 mod verdict;
 
 use std::path::Path;

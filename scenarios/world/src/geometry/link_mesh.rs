@@ -4,7 +4,7 @@
 
 use std::path::Path;
 
-use hand_model::any_hand::{Cut, MeshTools, Triangles};
+use hand_model::urdf_hand::{Cut, MeshTools, Triangles};
 use nalgebra::Point3;
 use parry3d_f64::transformation::vhacd::VHACDParameters;
 use platform::data::DataError;

@@ -241,6 +241,7 @@ impl Collection {
 
 #[cfg(test)]
 mod tests {
+    use super::super::held::VerifiedGrasp as _;
     use super::super::held::tests::grasp as example;
     use super::*;
 

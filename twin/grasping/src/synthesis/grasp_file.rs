@@ -1,7 +1,7 @@
 //! Files of the grasps that one search found.
 //!
 //! JSON lines: a header, then one grasp per line, so that an interrupted run leaves whole grasps. Grasps are
-//! [`HeldGrasp`](super::held::HeldGrasp)s of our own hand, or [`AnyHeld`](super::held::AnyHeld)s where the header names another. Poses of
+//! [`HeldGrasp`](super::held::HeldGrasp)s of our own hand, or [`UrdfGrasp`](super::held::UrdfGrasp)s where the header names another. Poses of
 //! an object of the set are in the set's frame, those of a mesh in the frame of its file.
 
 use std::io::{BufRead, BufReader, Read as _, Write};
@@ -154,8 +154,8 @@ fn parse<G: DeserializeOwned>(text: &str, path: &Path) -> Result<(Header, Vec<G>
 
 #[cfg(test)]
 mod tests {
-    use super::super::held::HeldGrasp;
     use super::super::held::tests::grasp;
+    use super::super::held::{HeldGrasp, VerifiedGrasp as _};
     use super::*;
 
     #[test]

@@ -3,10 +3,11 @@
 //! Unlike [`crate::Grasp`], which is a recipe for picking up in the two-object benchmark, this is a *state*: the pose of
 //! the object, all joint angles, tensions and contacts. It also has what a plan for several objects needs: the digits it
 //! uses, the approach direction, the clearance of the free digits, and the wrench margin.
-//! In files lengths are rounded to 0.01 mm, angles to 1e-4 rad, forces to 1 mN. [`AnyHeld`] is the same for a hand from files.
+//! In files lengths are rounded to 0.01 mm, angles to 1e-4 rad, forces to 1 mN. [`UrdfGrasp`] is the same for a hand from a URDF.
 
 use hand_model::{Digit, DigitVector, HandVector};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 /// A contact of a held grasp, palm frame. In the file it is a list of its four fields.
@@ -88,13 +89,10 @@ pub struct HeldGrasp {
     pub proof: Option<Proof>,
 }
 
-/// Link (none for the root), point, unit normal into the object, normal force.
-pub type AnyContact = (Option<usize>, [f64; 3], [f64; 3], f64);
-
-/// A verified grasp of a hand from files. m, rad, N, frame of the URDF's root link.
+/// A verified grasp of a hand from a URDF. m, rad, N, frame of the URDF's root link.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct AnyHeld {
+pub struct UrdfGrasp {
     pub object: String,
     /// Number of the chain that found it, which with the header's seed reproduces it.
     pub chain: u64,
@@ -110,7 +108,7 @@ pub struct AnyHeld {
     pub open_tensions: Vec<(String, f64)>,
     /// Tensions when closed.
     pub tensions: Vec<(String, f64)>,
-    pub contacts: Vec<AnyContact>,
+    pub contacts: Vec<HeldContact>,
     /// Wrench margin, N.
     pub margin: f64,
     /// Deepest overlap, of hand and object or of two links that collide.
@@ -121,9 +119,64 @@ pub struct AnyHeld {
     pub proof: Proof,
 }
 
-impl AnyHeld {
+/// A verified grasp as files have it.
+pub trait VerifiedGrasp: Clone + Send + Sync + Serialize + DeserializeOwned {
+    /// Number of the chain that found it.
+    fn chain(&self) -> u64;
+
+    /// Wrench margin, N.
+    fn margin(&self) -> f64;
+
+    /// Pose of the object before the hand closes.
+    fn start(&self) -> Isometry3<f64>;
+
+    /// None in files without it.
+    fn proof(&self) -> Option<Proof>;
+
+    /// Whether it still held when nothing pulled; none where that was not tried.
+    fn held_without_tension(&self) -> Option<bool> {
+        None
+    }
+
     /// The same grasp with the object's frame moved by `shift` (m, along the object's own axes).
-    pub fn with_frame_moved(mut self, shift: &Vector3<f64>) -> Self {
+    #[must_use]
+    fn with_frame_moved(self, shift: &Vector3<f64>) -> Self;
+
+    /// The grasp with its numbers rounded to the file's precision.
+    #[must_use]
+    fn rounded(self) -> Self {
+        self
+    }
+
+    /// True if two grasps are the same for practical purposes. `turn` gives the angle between two orientations of the object,
+    /// reduced by its symmetry.
+    fn nearly_equals(&self, _other: &Self, _turn: impl Fn(&UnitQuaternion<f64>, &UnitQuaternion<f64>) -> f64) -> bool {
+        false
+    }
+}
+
+impl VerifiedGrasp for UrdfGrasp {
+    fn chain(&self) -> u64 {
+        self.chain
+    }
+
+    fn margin(&self) -> f64 {
+        self.margin
+    }
+
+    fn start(&self) -> Isometry3<f64> {
+        pose_from_array(&self.start)
+    }
+
+    fn proof(&self) -> Option<Proof> {
+        Some(self.proof)
+    }
+
+    fn held_without_tension(&self) -> Option<bool> {
+        Some(self.held_without_tension)
+    }
+
+    fn with_frame_moved(mut self, shift: &Vector3<f64>) -> Self {
         for pose in [&mut self.root_from_object, &mut self.start] {
             *pose = moved(pose, shift);
         }
@@ -153,9 +206,24 @@ pub fn pose_from_array(a: &[f64; 7]) -> Isometry3<f64> {
     Isometry3::from_parts(Translation3::new(a[0], a[1], a[2]), rotation)
 }
 
-impl HeldGrasp {
-    /// The grasp with its numbers rounded to the file's precision.
-    pub fn rounded(mut self) -> Self {
+impl VerifiedGrasp for HeldGrasp {
+    fn chain(&self) -> u64 {
+        self.chain
+    }
+
+    fn margin(&self) -> f64 {
+        self.margin
+    }
+
+    fn start(&self) -> Isometry3<f64> {
+        pose_from_array(&self.start)
+    }
+
+    fn proof(&self) -> Option<Proof> {
+        self.proof
+    }
+
+    fn rounded(mut self) -> Self {
         // A quotient by a whole number prints short.
         let to =
             |values: &mut [f64], per_unit: f64| values.iter_mut().for_each(|x| *x = (*x * per_unit).round() / per_unit);
@@ -183,22 +251,16 @@ impl HeldGrasp {
         self
     }
 
-    /// The same grasp with the object's frame moved by `shift` (m, along the object's own axes).
-    pub fn with_frame_moved(mut self, shift: &Vector3<f64>) -> Self {
+    fn with_frame_moved(mut self, shift: &Vector3<f64>) -> Self {
         for pose in [&mut self.palm_from_object, &mut self.start] {
             *pose = moved(pose, shift);
         }
         self
     }
 
-    /// Whether two grasps are the same for practical purposes: same object and digits, the object's position in the hand
-    /// within 5 mm, its orientation within 0.15 rad, every joint within 0.2 rad. `turn` gives the angle between two
-    /// orientations of the object, reduced by its symmetry.
-    pub fn nearly_equals(
-        &self,
-        other: &Self,
-        turn: impl Fn(&UnitQuaternion<f64>, &UnitQuaternion<f64>) -> f64,
-    ) -> bool {
+    /// Same object and digits, the object's position in the hand within 5 mm, its orientation within 0.15 rad, every joint within
+    /// 0.2 rad.
+    fn nearly_equals(&self, other: &Self, turn: impl Fn(&UnitQuaternion<f64>, &UnitQuaternion<f64>) -> f64) -> bool {
         let (a, b) = (pose_from_array(&self.palm_from_object), pose_from_array(&other.palm_from_object));
         self.object == other.object
             && self.digits == other.digits

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use super::diversity::{digit_set, opposition};
-use super::held::HeldGrasp;
+use super::held::{HeldGrasp, VerifiedGrasp};
 
 /// A kind of grasp: how many there are of it, and the one with the largest wrench margin.
 #[derive(Debug, Clone, Serialize)]
@@ -19,18 +19,17 @@ pub struct Kind<'a, G> {
     pub best: &'a G,
 }
 
-/// The kinds among `grasps` by `name`, the most frequent first; the best is the first of the largest `margin`.
-pub fn kinds<'a, G>(
+/// The kinds among `grasps` by `name`, the most frequent first; the best is the first of the largest margin.
+pub fn kinds<'a, G: VerifiedGrasp>(
     grasps: impl IntoIterator<Item = &'a G>,
     name: impl Fn(&G) -> String,
-    margin: impl Fn(&G) -> f64,
 ) -> Vec<Kind<'a, G>> {
     let mut found: BTreeMap<String, Kind<'a, G>> = BTreeMap::new();
     for grasp in grasps {
         let name = name(grasp);
         let kind = found.entry(name.clone()).or_insert(Kind { name, count: 0, best: grasp });
         kind.count += 1;
-        if margin(grasp) > margin(kind.best) {
+        if grasp.margin() > kind.best.margin() {
             kind.best = grasp;
         }
     }
@@ -45,7 +44,7 @@ pub type HandKind<'a> = Kind<'a, HeldGrasp>;
 /// The kinds among the F-TAC Hand's `grasps`, the most frequent first.
 pub fn hand_kinds(grasps: &[HeldGrasp]) -> Vec<HandKind<'_>> {
     let name = |grasp: &HeldGrasp| format!("{} {}", digit_set(grasp), opposition(grasp).name());
-    kinds(grasps, name, |grasp| grasp.margin)
+    kinds(grasps, name)
 }
 
 /// The kinds as a table, a line a kind.

@@ -1,8 +1,8 @@
 //! The hand's mechanism for the energy: joint limits, and the lines in joint space along which actuators move.
 
 use hand_model::Hand;
-use hand_model::any_hand::AnyHand;
 use hand_model::kinematics::JointKind;
+use hand_model::urdf_hand::UrdfHand;
 
 /// A metre of a slide counts as many radians of a turn: what a fingertip 50 mm from its joint makes of them.
 const RADIANS_PER_METRE: f64 = 20.0;
@@ -48,9 +48,9 @@ impl Mechanism {
         }
     }
 
-    /// Of any hand: equal springs against the moment arms, and coupled joints with their leaders. Joints without an
+    /// Of a hand from a URDF: equal springs against the moment arms, and coupled joints with their leaders. Joints without an
     /// actuator stay at rest: both limits are the rest angle.
-    pub fn of_any(hand: &AnyHand) -> Self {
+    pub fn of_urdf(hand: &UrdfHand) -> Self {
         let rest = hand.rest();
         let mut limits: Vec<(f64, f64)> = rest.iter().map(|q| (*q, *q)).collect();
         // Where springs rest a line has its zero; a joint that follows is then where its leader's rest makes it.

@@ -4,7 +4,7 @@
 //! curve with the same mean angle. From there a digit *opens* along its curve until it is clear of the object. This is
 //! the posture in which the hand approaches; increasing the tension closes it.
 
-use hand_model::{DigitVector, Hand, HandVector};
+use hand_model::Hand;
 use nalgebra::Vector3;
 
 use super::field::DistanceField;
@@ -23,12 +23,12 @@ const RETREATS: usize = 12;
 /// A posture the actuators can hold without contact.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FreePosture {
-    /// Cable tensions, N.
-    pub tensions: DigitVector,
-    /// Opposition angle, rad.
+    /// Tensions of the actuators, N.
+    pub tensions: Vec<f64>,
+    /// Opposition angle, rad; 0 of a hand without an opposition drive.
     pub opposition: f64,
-    /// Resulting joint angles, rad.
-    pub joints: HandVector,
+    /// Resulting joint coordinates, rad or m.
+    pub joints: Vec<f64>,
 }
 
 /// Tension at which the mean angle of a free cable's joints is `mean` (rad), by bisection: the angle increases with tension.
@@ -61,7 +61,7 @@ pub fn project(hand: &Hand, joints: &[f64]) -> FreePosture {
     let drive = hand.transmission.opposition;
     let opposition =
         drive.map_or(0.0, |drive| joints[drive].clamp(hand.tree.joints[drive].lower, hand.tree.joints[drive].upper));
-    let mut posture = FreePosture { tensions: hand.slack(), opposition, joints: hand.open() };
+    let mut posture = FreePosture { tensions: hand.slack().to_vec(), opposition, joints: hand.open().to_vec() };
     if let Some(drive) = drive {
         posture.joints[drive] = opposition;
     }
@@ -112,7 +112,7 @@ pub fn open_clear(
     state: &HandState,
 ) -> Option<Opened> {
     let aimed = project(hand, &state.joints);
-    let mut state = HandState { object_from_palm: state.object_from_palm, joints: aimed.joints.to_vec() };
+    let mut state = HandState { object_from_palm: state.object_from_palm, joints: aimed.joints.clone() };
     // The palm and the thumb's first link are not moved by cables: the whole hand retreats.
     let fixed: Vec<usize> = std::iter::once(0).chain(hand.transmission.opposition.map(|joint| joint + 1)).collect();
     for retreat in 0.. {

@@ -7,8 +7,8 @@ use grasping::synthesis::held::pose_from_array;
 use image::RgbImage;
 use nalgebra::{Point3, Vector3};
 use proving::synthesis::hands::{BestGrasp, Cell, ComparedHand};
-use report::other_hand::{CONTACT, DOT, draw, skin};
 use report::picture::{Picture, View, save, tile};
+use report::urdf_hand::{CONTACT, DOT, draw, skin};
 use world::objects::{ObjectModel, ObjectSet};
 
 /// Side of a picture, pixels.
@@ -38,13 +38,13 @@ fn picture(hand: &ComparedHand, model: &ObjectModel, cell: &Cell) -> RgbImage {
         return Picture::new(SIZE, View::palm()).finish(&format!("{caption}\nno grasp held"));
     };
     let skin = match hand {
-        ComparedHand::Ours(_) => Vec::new(),
-        ComparedHand::Any { hand, .. } => skin(hand, &best.joints),
+        ComparedHand::Cables(_) => Vec::new(),
+        ComparedHand::Urdf { hand, .. } => skin(hand, &best.joints),
     };
     let mut picture = Picture::new(SIZE, view(&skin, model, best));
     match hand {
-        ComparedHand::Ours(hand) => picture.hand(hand, &best.joints),
-        ComparedHand::Any { .. } => draw(&mut picture, &skin),
+        ComparedHand::Cables(hand) => picture.hand(&hand.hand, &best.joints),
+        ComparedHand::Urdf { .. } => draw(&mut picture, &skin),
     }
     let (vertices, triangles, normals) = model.shape.triangles();
     let color = model.color.map(f64::from);

@@ -297,7 +297,7 @@ mod tests {
         let subject = Subject::named("ball").expect("the ball");
         let away = Isometry3::translation(0.0, 0.0, -0.5);
         let scene = HandScene::new(&hand, &subject.model, &away, &hand.open());
-        let pull = Pull { tensions: hand.slack(), opposition: 0.0 };
+        let pull = Pull::tensions(&hand.slack());
         let open = project(&hand, &hand.open());
         let closed = Closed { scene, pull, open, start: away, moved: (0.0, 0.0), touches: Vec::new() };
         let hold = hold(&closed, 0.1);

@@ -7,28 +7,25 @@
 //! thirtieth of a chain, so that several [`Aim`]s are tried: the plain one first, then ones with other tensions, helpers and
 //! a little offset.
 
-use std::sync::Arc;
-
 use grasping::synthesis::chain::Sample;
 use grasping::synthesis::frames::Frames;
-use grasping::synthesis::posture::{FreePosture, open_clear};
-use grasping::synthesis::surface::HandSurface;
-use hand_model::{Digit, DigitVector, Hand};
-use nalgebra::{Isometry3, Vector3};
+use grasping::synthesis::held::HeldContact;
+use grasping::synthesis::posture::FreePosture;
+use nalgebra::{Isometry3, Point3, Vector3};
 use rand::{Rng, RngExt};
 use rand_distr::StandardNormal;
 use sim::hand_scene::{HandScene, Pull, Touch, displacement};
 
 use super::checks::Pulling;
+use super::grasping_hand::GraspingHand;
 use super::subject::Subject;
 
-/// Tension of a digit that closes, N: the plain one, and the range of others.
+/// Tension of an actuator that closes plainly, N.
 const CLOSE_TENSION: f64 = 30.0;
-const TENSIONS: (f64, f64) = (6.0, 40.0);
-/// Chance that a digit without a contact point helps.
+/// Chance that an actuator without a contact point helps.
 const HELPS: f64 = 0.25;
 /// Standard deviation of an offset of the hand: m, rad.
-pub const OFFSET: (f64, f64) = (3e-3, 0.06);
+const OFFSET: (f64, f64) = (3e-3, 0.06);
 /// The tension rises over this time, s.
 pub const RISE: f64 = 0.4;
 /// Then the damped object has time to come to rest, and the free one, s.
@@ -49,11 +46,20 @@ pub struct Closed {
     pub pull: Pull,
     /// The posture it started from.
     pub open: FreePosture,
-    /// `palm_from_object` before closing.
+    /// `root_from_object` before closing.
     pub start: Isometry3<f64>,
     /// How far the object moved while the digits closed: m, rad.
     pub moved: (f64, f64),
     pub touches: Vec<Touch>,
+}
+
+impl Closed {
+    /// The same with nothing that pulls.
+    pub fn slack(&self) -> Self {
+        let mut slack = self.clone();
+        slack.pull.tensions.fill(0.0);
+        slack
+    }
 }
 
 impl Pulling for Closed {
@@ -86,48 +92,35 @@ pub enum NotClosed {
 /// One way to close on a sample.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Aim {
-    /// What each digit pulls with, N; the others hold their open posture.
-    pub tensions: DigitVector<Option<f64>>,
+    /// What each actuator pulls with, N; the others hold their open posture.
+    pub tensions: Vec<Option<f64>>,
     /// Displacement of the hand from the sample: m, rad.
     pub offset: [f64; 6],
 }
 
 impl Aim {
-    /// Every digit with a contact point pulls alike, where the sample is.
-    pub fn plain(used: &[Digit]) -> Self {
-        Self {
-            tensions: Digit::ALL.map(|digit| used.contains(&digit).then_some(CLOSE_TENSION)).into(),
-            offset: [0.0; 6],
-        }
+    /// Every actuator that is `closing` pulls alike, where the sample is.
+    pub fn plain(closing: &[bool]) -> Self {
+        Self { tensions: closing.iter().map(|closing| closing.then_some(CLOSE_TENSION)).collect(), offset: [0.0; 6] }
     }
 
-    /// Random tensions, now and then a helper, a small offset.
-    pub fn varied(used: &[Digit], rng: &mut impl Rng) -> Self {
-        let tensions = Digit::ALL.map(|digit| {
-            let pulls = used.contains(&digit) || rng.random::<f64>() < HELPS;
-            let tension = TENSIONS.0 * (TENSIONS.1 / TENSIONS.0).powf(rng.random());
+    /// Tensions from the range `low` to `high` (N), now and then a helper, a small offset.
+    pub fn varied(closing: &[bool], (low, high): (f64, f64), rng: &mut impl Rng) -> Self {
+        let tension = |closing: &bool| {
+            let pulls = *closing || rng.random::<f64>() < HELPS;
+            let tension = low * (high / low).powf(rng.random());
             pulls.then_some(tension)
-        });
+        };
+        let tensions = closing.iter().map(tension).collect();
         let offset =
             std::array::from_fn(|n| if n < 3 { OFFSET.0 } else { OFFSET.1 } * rng.sample::<f64, _>(StandardNormal));
-        Self { tensions: tensions.into(), offset }
+        Self { tensions, offset }
     }
-}
-
-/// Digits that a sample's contact points are on.
-pub fn digits(surface: &HandSurface, contacts: &[usize]) -> Vec<Digit> {
-    Digit::ALL
-        .into_iter()
-        .filter(|digit| {
-            contacts.iter().any(|c| digit.ftac_joints().iter().any(|joint| joint + 1 == surface.candidates[*c].link))
-        })
-        .collect()
 }
 
 /// Closes `sample` on the object as `aim` says.
-pub fn close(
-    hand: &Arc<Hand>,
-    surface: &HandSurface,
+pub fn close<H: GraspingHand>(
+    hand: &H,
     subject: &Subject,
     sample: &Sample,
     frames: &mut Frames,
@@ -135,47 +128,56 @@ pub fn close(
 ) -> Result<Closed, NotClosed> {
     let mut by = vec![0.0; sample.state.freedom()];
     by[..6].copy_from_slice(&aim.offset);
-    let state = sample.state.moved(&by);
-    let opened = open_clear(hand, surface, &subject.field, frames, &state).ok_or(NotClosed::Blocked)?;
-    let start = opened.state.object_from_palm.inverse();
-    let after = hand.each_digit(|n| aim.tensions[n].unwrap_or(opened.open.tensions[n]));
-    pull(hand, subject, &start, opened.open, &after)
+    let (start, open) = hand.open_clear(subject, frames, &sample.state.moved(&by)).ok_or(NotClosed::Blocked)?;
+    let after = aim.tensions.iter().zip(&open.tensions).map(|(aimed, held)| aimed.unwrap_or(*held)).collect();
+    pull(hand, subject, start, open, hand.bearable(after))
 }
 
-/// Closes an open hand: its tensions rise to `after` (N), with the object at `start` (`palm_from_object`).
-pub fn pull(
-    hand: &Arc<Hand>,
+/// Closes an open hand: its tensions rise to `after` (N), with the object at `start` (`root_from_object`).
+pub fn pull<H: GraspingHand>(
+    hand: &H,
     subject: &Subject,
-    start: &Isometry3<f64>,
+    start: Isometry3<f64>,
     open: FreePosture,
-    after: &[f64],
+    after: Vec<f64>,
 ) -> Result<Closed, NotClosed> {
-    let mut scene = HandScene::new(hand, &subject.model, start, &open.joints);
-    let before = open.tensions;
+    let mut scene = hand.scene(subject, &start, &open.joints);
     scene.set_object_damping(DAMPING);
     let steps = |time: f64| (time / scene.dt()).round() as usize;
     let (rise, damped, free) = (steps(RISE), steps(SETTLE_DAMPED), steps(SETTLE_FREE));
-    let mut pull = Pull { tensions: before, opposition: open.opposition };
+    let mut pull = Pull { tensions: open.tensions.clone(), opposition: open.opposition };
     for step in 0..rise + damped + free {
         let part = (step as f64 / rise as f64).min(1.0);
-        pull.tensions = hand.each_digit(|n| before[n] + part * (after[n] - before[n]));
+        for (tension, (before, after)) in pull.tensions.iter_mut().zip(open.tensions.iter().zip(&after)) {
+            *tension = before + part * (after - before);
+        }
         if step == rise + damped {
             scene.set_object_damping(0.0);
         }
         scene.step(&pull, &Vector3::zeros());
-        if step % 24 == 0 && pushed_away(displacement(start, &scene.object())) {
+        if step % 24 == 0 && pushed_away(displacement(&start, &scene.object())) {
             return Err(NotClosed::PushedAway);
         }
     }
-    let moved = displacement(start, &scene.object());
+    let moved = displacement(&start, &scene.object());
     if pushed_away(moved) {
         return Err(NotClosed::PushedAway);
     }
     let touches = scene.touches();
-    Ok(Closed { scene, pull, open, start: *start, moved, touches })
+    Ok(Closed { scene, pull, open, start, moved, touches })
+}
+
+/// A touch as files have it, at `point` (root frame, m).
+pub fn contact(touch: &Touch, point: &Point3<f64>) -> HeldContact {
+    HeldContact {
+        link: touch.link,
+        point: point.coords.into(),
+        normal: touch.normal.into_inner().into(),
+        force: touch.force,
+    }
 }
 
 /// Whether an object that moved so far (m, rad) was pushed away.
-pub fn pushed_away(moved: (f64, f64)) -> bool {
+fn pushed_away(moved: (f64, f64)) -> bool {
     moved.0 > PUSHED_AWAY.0 || moved.1 > PUSHED_AWAY.1
 }

@@ -13,10 +13,11 @@ use statistics::{Rate, roc_area};
 
 use super::checks;
 use super::closing::Closed;
+use super::grasping_hand::GraspingHand;
 use super::synthesizer::{ChainResult, Checked, Synthesizer};
 
 /// Friction coefficient of the slippery control.
-pub(super) const SLIPPERY: f64 = 0.1;
+const SLIPPERY: f64 = 0.1;
 
 /// What `eval` prints.
 #[derive(Debug, Clone, Serialize)]
@@ -80,15 +81,13 @@ fn row(checked: &Checked) -> Row {
 
 /// The negative controls on a closed grasp of an object of `mass` (kg): whether it holds without tension, and with little friction.
 pub(super) fn controls(closed: &Closed, mass: f64) -> [bool; 2] {
-    let mut slack = closed.clone();
-    slack.pull.tensions.iter_mut().for_each(|tension| *tension = 0.0);
     let mut slippery = closed.clone();
     slippery.scene.set_friction(SLIPPERY);
-    [checks::hold(&slack, mass).held, checks::hold(&slippery, mass).held]
+    [checks::hold(&closed.slack(), mass).held, checks::hold(&slippery, mass).held]
 }
 
 /// Runs `chains` chains and evaluates them.
-pub fn evaluate(synthesizer: &Synthesizer, chains: u64) -> Result<Evaluation> {
+pub fn evaluate<H: GraspingHand>(synthesizer: &Synthesizer<'_, H>, chains: u64) -> Result<Evaluation> {
     let start = Instant::now();
     let run = |chain| {
         let result: ChainResult = synthesizer.run(chain)?;

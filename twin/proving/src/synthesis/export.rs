@@ -5,30 +5,30 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
-use grasping::synthesis::held::{AnyHeld, HeldGrasp, pose_from_array, values};
+use grasping::synthesis::held::{HeldGrasp, UrdfGrasp, VerifiedGrasp as _, values};
 use hand_model::Hand;
 use nalgebra::Vector3;
 use platform::file::write_whole;
 use serde_json::{Value, json};
 use sim::engine::EngineSettings;
 use sim::hand_scene::Pull;
-use sim::mjcf::{self, AnyScene, Scene};
+use sim::mjcf::{self, Scene, UrdfScene};
 use sim::stand::Prop;
 use world::objects::ObjectModel;
 
-use super::any::describe::Described;
 use super::checks::{HOLD_TIME, MOST_MOTION, PULL};
 use super::closing::{DAMPING, RISE, SETTLE_DAMPED, SETTLE_FREE};
 use super::subject::verified_for;
+use super::urdf_hand::describe::Described;
 
 /// Writes `grasp` of `object` into `folder`: an MJCF scene whose keyframe is the open hand, and a JSON file with the commands, the
 /// test, and what was found here. Answers with both files.
 pub fn write(hand: &Hand, object: &ObjectModel, grasp: &HeldGrasp, folder: &Path) -> Result<[PathBuf; 2]> {
     let load = verified_for(grasp);
-    let props = [(Prop::new("object", object.shape.clone(), load.0, load.1), pose_from_array(&grasp.start))];
-    let open = Pull { tensions: grasp.tensions.iter().map(|_| 0.0).collect(), opposition: grasp.opposition };
+    let props = [(Prop::new("object", object.shape.clone(), load.0, load.1), grasp.start())];
+    let open = Pull { tensions: vec![0.0; grasp.tensions.len()], opposition: grasp.opposition };
     let dt = EngineSettings::default().dt;
-    let start = Some((grasp.open_joints, open));
+    let start = Some((grasp.open_joints, open.clone()));
     let scene = mjcf::write(&Scene { hand, arm: None, props: &props, start, gravity: Vector3::zeros(), dt });
     let mut test = test(&grasp.object, grasp.chain, load);
     test["open_tensions"] = json!(open.tensions);
@@ -38,13 +38,13 @@ pub fn write(hand: &Hand, object: &ObjectModel, grasp: &HeldGrasp, folder: &Path
     files(folder, &format!("{}_{}", grasp.object, grasp.chain), &scene, test)
 }
 
-/// The same for another hand; `object` has the mass and friction of the grasp's proof in the scene, whatever its own are.
-pub fn write_any(hand: &Described, object: &ObjectModel, grasp: &AnyHeld, folder: &Path) -> Result<[PathBuf; 2]> {
+/// The same for a hand from a URDF; `object` has the mass and friction of the grasp's proof in the scene, whatever its own are.
+pub fn write_urdf(hand: &Described, object: &ObjectModel, grasp: &UrdfGrasp, folder: &Path) -> Result<[PathBuf; 2]> {
     let load = (grasp.proof.mass, grasp.proof.friction);
-    let props = [(Prop::new("object", object.shape.clone(), load.0, load.1), pose_from_array(&grasp.start))];
+    let props = [(Prop::new("object", object.shape.clone(), load.0, load.1), grasp.start())];
     let (joints, open) = (values(&grasp.open_joints), values(&grasp.open_tensions));
     let dt = EngineSettings::default().dt;
-    let scene = mjcf::write_any(&AnyScene { body: &hand.body, props: &props, start: (&joints, &open), dt });
+    let scene = mjcf::write_urdf(&UrdfScene { body: &hand.body, props: &props, start: (&joints, &open), dt });
     let mut test = test(&grasp.object, grasp.chain, load);
     test["hand"] = json!(hand.hand.name);
     test["open_tensions"] = json!(open);

@@ -11,12 +11,12 @@ use std::sync::Arc;
 use anyhow::{Context, Result, bail, ensure};
 use grasping::synthesis::collection::{self, Collection, ObjectGrasps, Summary};
 use grasping::synthesis::grasp_file::{self, GraspFileError, HandSource, Header, Source};
-use grasping::synthesis::held::{AnyHeld, HeldGrasp};
+use grasping::synthesis::held::{HeldGrasp, UrdfGrasp, VerifiedGrasp as _};
 use platform::digest::sha256;
 use world::objects::{ObjectModel, ObjectSet};
 
-use super::any::describe::{self, Described};
 use super::subject::Subject;
+use super::urdf_hand::describe::{self, Described};
 
 /// Grasps and what they are of.
 pub struct GraspFile {
@@ -30,21 +30,21 @@ pub struct GraspFile {
 pub enum Grasps {
     /// Our own.
     Ours(Collection),
-    /// Another.
-    Other(Box<OtherGrasps>),
+    /// A hand's from a URDF.
+    Urdf(Box<UrdfGrasps>),
 }
 
-/// Grasps of a hand from files.
-pub struct OtherGrasps {
+/// Grasps of a hand from a URDF.
+pub struct UrdfGrasps {
     pub header: Header,
     pub hand: Described,
-    pub grasps: Vec<AnyHeld>,
+    pub grasps: Vec<UrdfGrasp>,
 }
 
-impl OtherGrasps {
+impl UrdfGrasps {
     /// The grasps by object.
-    pub fn by_object(&self) -> BTreeMap<&str, Vec<&AnyHeld>> {
-        let mut found: BTreeMap<&str, Vec<&AnyHeld>> = BTreeMap::new();
+    pub fn by_object(&self) -> BTreeMap<&str, Vec<&UrdfGrasp>> {
+        let mut found: BTreeMap<&str, Vec<&UrdfGrasp>> = BTreeMap::new();
         self.grasps.iter().for_each(|grasp| found.entry(&grasp.object).or_default().push(grasp));
         found
     }
@@ -66,7 +66,7 @@ impl GraspFile {
         let own = own.transpose()?;
         let back = own.as_ref().map(|subject| -subject.origin);
         let grasps = match header.and_then(|header| header.hand) {
-            Some(source) => Grasps::Other(Box::new(other(path, &source, back.as_ref())?)),
+            Some(source) => Grasps::Urdf(Box::new(of_urdf(path, &source, back.as_ref())?)),
             None => {
                 let mut collection = read(path)?;
                 for grasp in collection.objects.iter_mut().flat_map(|entry| &mut entry.grasps) {
@@ -127,12 +127,12 @@ fn unchanged(named: &Source, grasps: &Path, field: &str) -> Result<PathBuf> {
     Ok(path)
 }
 
-fn other(path: &Path, source: &HandSource, back: Option<&nalgebra::Vector3<f64>>) -> Result<OtherGrasps> {
+fn of_urdf(path: &Path, source: &HandSource, back: Option<&nalgebra::Vector3<f64>>) -> Result<UrdfGrasps> {
     let hand =
         describe::read(&unchanged(&source.urdf, path, "hand.urdf")?, &unchanged(&source.pulls, path, "hand.pulls")?)?;
-    let (header, grasps): (Header, Vec<AnyHeld>) = grasp_file::read(path)?;
+    let (header, grasps): (Header, Vec<UrdfGrasp>) = grasp_file::read(path)?;
     ensure!(!grasps.is_empty(), "{}: found no grasp, expected at least one", path.display());
-    let joints = hand.tree.joints.iter().map(|joint| joint.name.as_str());
+    let joints = hand.hand.tree.joints.iter().map(|joint| joint.name.as_str());
     let pulls = hand.hand.pulls.iter().map(|pull| pull.name.as_str());
     let (joints, pulls): (Vec<&str>, Vec<&str>) = (joints.collect(), pulls.collect());
     for (n, grasp) in grasps.iter().enumerate() {
@@ -158,7 +158,7 @@ fn other(path: &Path, source: &HandSource, back: Option<&nalgebra::Vector3<f64>>
         Some(back) => grasps.into_iter().map(|grasp| grasp.with_frame_moved(back)).collect(),
         None => grasps,
     };
-    Ok(OtherGrasps { header, hand, grasps })
+    Ok(UrdfGrasps { header, hand, grasps })
 }
 
 /// The grasps that one search left, as a collection.

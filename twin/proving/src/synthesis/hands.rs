@@ -5,31 +5,29 @@
 
 use std::collections::BTreeMap;
 use std::path::Path;
-use std::sync::Arc;
 
 use anyhow::{Context, Result, ensure};
-use grasping::synthesis::held::{pose_from_array, pose_to_array, values};
-use hand_model::Hand;
+use grasping::synthesis::held::VerifiedGrasp as _;
 use indicatif::ProgressBar;
-use nalgebra::Point3;
 use platform::file::write_whole;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use statistics::Rate;
 
-use super::any;
-use super::any::describe::{self, Described};
+use super::cable_hand::CableHand;
 use super::grasp_file::source;
+use super::grasping_hand::GraspingHand;
 use super::search::{self, Start, Verified};
 use super::subject::Subject;
 use super::synthesizer::{Request, Synthesizer};
+use super::urdf_hand::describe::{self, Described};
 
 /// A hand of the comparison.
 pub enum ComparedHand {
     /// Of cables, from a parameter file.
-    Ours(Arc<Hand>),
+    Cables(CableHand),
     /// From a URDF and what pulls on its joints.
-    Any {
+    Urdf {
         hand: Box<Described>,
         /// SHA-256 of its files.
         files: String,
@@ -40,21 +38,21 @@ impl ComparedHand {
     pub fn read(urdf: &Path, pulls: &Path) -> Result<Self> {
         let hand = Box::new(describe::read(urdf, pulls)?);
         let files = format!("{} {}", source(urdf)?.sha256, source(pulls)?.sha256);
-        Ok(Self::Any { hand, files })
+        Ok(Self::Urdf { hand, files })
     }
 
     /// The hand's name.
     pub fn name(&self) -> &str {
         match self {
-            Self::Ours(_) => "F-TAC",
-            Self::Any { hand, .. } => &hand.hand.name,
+            Self::Cables(_) => "F-TAC",
+            Self::Urdf { hand, .. } => &hand.hand.name,
         }
     }
 
     fn files(&self) -> &str {
         match self {
-            Self::Ours(_) => "",
-            Self::Any { files, .. } => files,
+            Self::Cables(_) => "",
+            Self::Urdf { files, .. } => files,
         }
     }
 }
@@ -139,8 +137,8 @@ impl Cell {
             Err(error) => return Err(error).with_context(|| path.display().to_string()),
         }
         let made = match hand {
-            ComparedHand::Ours(hand) => ours(hand.clone(), subject, asked, request)?,
-            ComparedHand::Any { hand, .. } => other(hand, &subject, asked, request)?,
+            ComparedHand::Cables(hand) => cell(hand, subject, asked, request)?,
+            ComparedHand::Urdf { hand, .. } => cell(&**hand, subject, asked, request)?,
         };
         write_whole(&path, serde_json::to_string(&made)?.as_bytes())
             .with_context(|| format!("cannot write {}", path.display()))?;
@@ -153,31 +151,11 @@ impl Cell {
     }
 }
 
-fn ours(hand: Arc<Hand>, subject: Subject, asked: Asked, request: &Request) -> Result<Cell> {
+fn cell<H: GraspingHand>(hand: &H, subject: Subject, asked: Asked, request: &Request) -> Result<Cell> {
     let synthesizer = Synthesizer::new(hand, subject, *request);
     let (report, held) = search::search(&synthesizer, Start::default(), None, &ProgressBar::hidden())?;
-    let best = held.iter().max_by(|a, b| a.margin.total_cmp(&b.margin)).map(|grasp| BestGrasp {
-        palm_from_object: grasp.palm_from_object,
-        joints: grasp.joints.to_vec(),
-        contacts: grasp.contacts.iter().map(|contact| contact.point).collect(),
-        margin: grasp.margin,
-    });
-    Ok(Cell { asked, closed: report.found, verified: report.verified, held_without_tension: None, best })
-}
-
-fn other(hand: &Described, subject: &Subject, asked: Asked, request: &Request) -> Result<Cell> {
-    let (report, held) = any::search(hand, subject, request, None, &ProgressBar::hidden())?;
-    let best = held.iter().max_by(|a, b| a.margin.total_cmp(&b.margin)).map(|grasp| BestGrasp {
-        palm_from_object: pose_to_array(&(hand.palm_from_root * pose_from_array(&grasp.root_from_object))),
-        joints: values(&grasp.joints),
-        contacts: grasp
-            .contacts
-            .iter()
-            .map(|(_, point, ..)| (hand.palm_from_root * Point3::from(*point)).coords.into())
-            .collect(),
-        margin: grasp.margin,
-    });
-    let slack = Some(report.held_without_tension);
+    let best = held.iter().max_by(|a, b| a.margin().total_cmp(&b.margin())).map(|grasp| hand.in_palm_frame(grasp));
+    let slack = report.judgement.map(|judgement| judgement.held_without_tension);
     Ok(Cell { asked, closed: report.found, verified: report.verified, held_without_tension: slack, best })
 }
 

@@ -14,6 +14,7 @@ use grasping::synthesis::held::HeldGrasp;
 use hand_model::Hand;
 use indicatif::ProgressBar;
 
+use super::cable_hand::CableHand;
 use super::search::{self, Report, Start};
 use super::subject::Subject;
 use super::synthesizer::{Request, Synthesizer};
@@ -35,7 +36,8 @@ impl Part<'_> {
         let (writer, kept) = self.open()?;
         let chain = kept.last().map_or(0, |grasp| grasp.chain + 1);
         let (report, grasps) = if kept.len() < request.enough {
-            let synthesizer = Synthesizer::new(hand.clone(), Subject::named(self.object)?, request);
+            let hand = CableHand::new(hand.clone());
+            let synthesizer = Synthesizer::new(&hand, Subject::named(self.object)?, request);
             search::search(&synthesizer, Start { chain, kept }, Some(writer), progress)?
         } else {
             (Report::default(), kept.into_iter().take(request.enough).collect())

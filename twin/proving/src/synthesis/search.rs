@@ -1,21 +1,24 @@
 //! The search for one object: chains run in batches, each is closed and checked, and verified grasps are written as they are found.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::Instant;
 
 use anyhow::Result;
 use grasping::synthesis::grasp_file::GraspWriter;
-use grasping::synthesis::held::{HeldGrasp, Proof};
+use grasping::synthesis::held::{Proof, VerifiedGrasp as _};
 use indicatif::{ProgressBar, ProgressStyle};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::closing::NotClosed;
+use super::grasping_hand::GraspingHand;
 use super::load::Load;
 use super::synthesizer::{ChainResult, Checked, Synthesizer};
+use super::urdf_hand::refusal::Refused;
 
 /// Chains between two visits to the file: all threads have work, and an interruption loses little.
-pub const BATCH: u64 = 32;
+const BATCH: u64 = 32;
 
 /// Counts of passed checks.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -40,10 +43,27 @@ impl Verified {
     }
 }
 
+/// Figures of a search with a hand whose surface and palm are found, not given.
+#[derive(Debug, Clone, Default, Serialize)]
+pub struct Judgement {
+    /// Grasps that passed all three checks and are none all the same.
+    pub refused: Refused,
+    /// Verified grasps in which two digits press against each other.
+    pub opposed: u64,
+    /// Largest distance of a verified grasp's contact from its link's own surface, m; where it is kept, it lies on that.
+    pub surface_gap: f64,
+    /// Verified grasps that still held when nothing pulled: has to be few.
+    pub held_without_tension: u64,
+}
+
 /// What a search came to.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct Report {
+    pub hand: String,
     pub object: String,
+    /// Contact candidates on the hand, and points on its surface.
+    pub candidates: usize,
+    pub surface_points: usize,
     /// Chains run.
     pub requested: u64,
     /// Chains that ended in a closed grasp.
@@ -56,31 +76,52 @@ pub struct Report {
     pub closings: u64,
     /// Chains whose first, plain closing passed all checks.
     pub plain: u64,
-    /// Checks passed.
+    /// Checks passed; all three by grasps that are not refused.
     pub verified: Verified,
     /// Verified grasps that nearly equal an earlier one; they are not written.
     pub duplicates: u64,
     /// Grasps kept and written.
     pub kept: usize,
+    #[serde(flatten)]
+    pub judgement: Option<Judgement>,
     /// Mass (kg) and friction for which grasps are verified, and how much those kept hold.
     pub load: Load,
     /// Wall time, s.
     pub wall_s: f64,
     /// Iterations of the sampler per second and thread.
     pub grasp_steps_per_s: f64,
-    /// Digits used, by name, in verified grasps.
-    pub digits: std::collections::BTreeMap<&'static str, u64>,
+    /// Digits used, by name, in verified grasps; none of a hand whose digits have no names.
+    pub digits: BTreeMap<&'static str, u64>,
+    /// What was found of the hand, in words; warnings begin with `WARNING`.
+    pub notes: Vec<String>,
 }
 
 impl Report {
+    /// A warning if the hand holds, but never between digits that oppose each other.
+    fn opposition_warning(&self) -> Option<String> {
+        let all = self.verified.all;
+        let alike = all > 0 && self.judgement.as_ref().is_some_and(|judgement| judgement.opposed == 0);
+        alike.then(|| {
+            format!(
+                "WARNING none of the {all} grasps uses opposed digits: the object is held against the palm or on one side only; are all digits \
+                 pulled, and with the right signs?"
+            )
+        })
+    }
+
     /// The report in words.
     pub fn text(&self) -> String {
         let share = |count: u64| format!("{count:5} ({:.1} %)", 100.0 * count as f64 / self.requested as f64);
-        let digits: Vec<String> = self.digits.iter().map(|(name, count)| format!("{name} {count}")).collect();
-        let rows = [
+        let mut rows = vec![
             format!(
-                "{}: {} chains, {:.1} s, {:.0} grasp-steps/s per thread",
-                self.object, self.requested, self.wall_s, self.grasp_steps_per_s
+                "{} on {}: {} chains, {:.1} s, {:.0} grasp-steps/s per thread, {} surface points, {} candidates",
+                self.hand,
+                self.object,
+                self.requested,
+                self.wall_s,
+                self.grasp_steps_per_s,
+                self.surface_points,
+                self.candidates
             ),
             format!("closed            {}", share(self.found)),
             format!("  blocked         {}", share(self.blocked)),
@@ -88,37 +129,65 @@ impl Report {
             format!("(a) cone program  {}", share(self.verified.a)),
             format!("(b) penetration   {}", share(self.verified.b)),
             format!("(c) held          {}", share(self.verified.c)),
+        ];
+        if let Some(Judgement { refused, .. }) = &self.judgement {
+            rows.extend([
+                format!("refused           {}", share(refused.all())),
+                format!("  on a fixed part {}", share(refused.leans_on_fixed_part)),
+                format!("  off the surface {}", share(refused.contact_off_surface)),
+                format!("  out of reach    {}", share(refused.unreachable)),
+            ]);
+        }
+        rows.extend([
             format!("all three         {}", share(self.verified.all)),
             format!("  at first closing{}; {} closings in all", share(self.plain), self.closings),
-            format!("kept              {:5}, without {} near duplicates", self.kept, self.duplicates),
-            format!("digits            {}", digits.join(", ")),
-            self.load.text(),
-        ];
-        rows.map(|row| row + "\n").concat()
+        ]);
+        if let Some(Judgement { opposed, surface_gap, held_without_tension, .. }) = &self.judgement {
+            rows.extend([
+                format!("  of these with opposed digits {opposed}"),
+                format!("  contacts within {:.1} mm of the links' own surfaces", 1e3 * surface_gap),
+                format!("  of these held without tension {held_without_tension}"),
+            ]);
+        }
+        rows.push(format!("kept              {:5}, without {} near duplicates", self.kept, self.duplicates));
+        if !self.digits.is_empty() {
+            let digits: Vec<String> = self.digits.iter().map(|(name, count)| format!("{name} {count}")).collect();
+            rows.push(format!("digits            {}", digits.join(", ")));
+        }
+        rows.push(self.load.text());
+        rows.into_iter().chain(self.opposition_warning()).map(|row| row + "\n").collect()
     }
 }
 
 /// Where a search begins: after an interrupted one, or from nothing.
-#[derive(Debug, Default)]
-pub struct Start {
+#[derive(Debug)]
+pub struct Start<G> {
     /// Number of the first chain.
     pub chain: u64,
     /// Grasps found before it.
-    pub kept: Vec<HeldGrasp>,
+    pub kept: Vec<G>,
+}
+
+impl<G> Default for Start<G> {
+    fn default() -> Self {
+        Self { chain: 0, kept: Vec::new() }
+    }
 }
 
 /// Runs all chains; every verified grasp that is no near duplicate goes to `writer` when its batch is done. Answers with what
 /// it came to and all grasps kept.
-pub fn search(
-    synthesizer: &Synthesizer,
-    from: Start,
+pub fn search<H: GraspingHand>(
+    synthesizer: &Synthesizer<'_, H>,
+    from: Start<H::Grasp>,
     mut writer: Option<GraspWriter>,
     progress: &ProgressBar,
-) -> Result<(Report, Vec<HeldGrasp>)> {
+) -> Result<(Report, Vec<H::Grasp>)> {
     let start = Instant::now();
-    let request = synthesizer.request;
-    let model = &synthesizer.subject.model;
-    let mut report = Report { object: model.name.clone(), ..Report::default() };
+    let Synthesizer { hand, subject, request, .. } = synthesizer;
+    let model = &subject.model;
+    let surface = &hand.sampled().surface;
+    let (candidates, surface_points) = (surface.candidates.len(), surface.len());
+    let mut report = Report { object: model.name.clone(), candidates, surface_points, ..hand.report() };
     show_chains(progress, &model.name, request.chains)?;
     progress.set_position(from.chain);
     let (mut steps, mut sampling_s) = (0, 0.0);
@@ -152,13 +221,15 @@ pub fn search(
             };
             report.found += 1;
             report.verified.add(checked.verdicts());
+            if let (Some(refusal), Some(judgement)) = (checked.refusal, &mut report.judgement) {
+                judgement.refused.add(refusal);
+                report.verified.all -= 1;
+            }
             if !checked.verified() {
                 continue;
             }
-            let grasp = synthesizer.held(*chain, checked);
-            for digit in &grasp.digits {
-                *report.digits.entry(digit.name()).or_default() += 1;
-            }
+            hand.count(checked, &mut report);
+            let grasp = hand.record(subject, *chain, checked);
             if kept.iter().any(|other| other.nearly_equals(&grasp, |a, b| model.symmetry.angle(a, b))) {
                 report.duplicates += 1;
             } else if kept.len() < request.enough {
@@ -167,27 +238,33 @@ pub fn search(
             }
         }
         // A proof costs more than all that went before, so only what is kept gets one.
-        let proofs: Vec<Proof> = fresh.into_par_iter().map(|checked| synthesizer.proof(checked)).collect();
-        for (grasp, proof) in kept[before..].iter_mut().zip(proofs) {
-            grasp.proof = Some(proof);
-            *grasp = grasp.clone().rounded();
-            if let Some(writer) = &mut writer {
-                writer.add(&grasp.clone().with_frame_moved(&synthesizer.subject.origin).rounded())?;
+        kept[before..].par_iter_mut().zip(fresh).for_each(|(grasp, checked)| {
+            let proof: Proof = synthesizer.proof(checked);
+            hand.prove(checked, proof, grasp);
+        });
+        if let Some(writer) = &mut writer {
+            for grasp in &kept[before..] {
+                writer.add(&grasp.clone().with_frame_moved(&subject.origin).rounded())?;
             }
         }
         progress.set_message(report.verified.all.to_string());
     }
     progress.finish_and_clear();
     report.kept = kept.len();
-    let payloads = kept.iter().filter_map(|grasp| Some(grasp.proof?.payload));
+    if let Some(judgement) = &mut report.judgement {
+        let slack = kept.iter().filter(|grasp| grasp.held_without_tension() == Some(true));
+        judgement.held_without_tension = slack.count() as u64;
+    }
+    let payloads = kept.iter().filter_map(|grasp| Some(grasp.proof()?.payload));
     report.load = Load::of(model, payloads);
     report.wall_s = start.elapsed().as_secs_f64();
     report.grasp_steps_per_s = steps as f64 / sampling_s.max(1e-9);
+    report.notes.extend(report.opposition_warning());
     Ok((report, kept))
 }
 
 /// Makes `progress` that of a search of so many chains for an object.
-pub(super) fn show_chains(progress: &ProgressBar, object: &str, chains: u64) -> Result<()> {
+fn show_chains(progress: &ProgressBar, object: &str, chains: u64) -> Result<()> {
     progress.set_length(chains);
     let template = format!("{object:16} {{bar:30}} {{pos}}/{{len}} chains, {{msg}} verified [{{elapsed}} < {{eta}}]");
     progress.set_style(ProgressStyle::with_template(&template)?);
@@ -224,13 +301,15 @@ mod tests {
 
     use hand_model::Hand;
 
+    use super::super::cable_hand::CableHand;
     use super::super::subject::Subject;
     use super::super::synthesizer::Request;
     use super::*;
 
     fn verified(threads: usize) -> (Verified, Vec<String>) {
         let request = Request { chains: 6, enough: usize::MAX, contacts: (5, 5), closings: 4, seed: 3, table: false };
-        let synthesizer = Synthesizer::new(Arc::new(Hand::ftac()), Subject::named("ball").expect("the ball"), request);
+        let hand = CableHand::new(Arc::new(Hand::ftac()));
+        let synthesizer = Synthesizer::new(&hand, Subject::named("ball").expect("the ball"), request);
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("held.jsonl");
         let header = grasping::synthesis::grasp_file::Header::new(String::new(), 3);

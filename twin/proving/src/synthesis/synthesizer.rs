@@ -1,24 +1,20 @@
 //! A chain from its random start to a checked grasp.
 
-use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::{Context, Result};
 use grasping::synthesis::chain::{self, Sample, Schedule};
 use grasping::synthesis::energy::{GraspEnergy, Plane, Weights};
 use grasping::synthesis::frames::Frames;
-use grasping::synthesis::held::{HeldContact, HeldGrasp, Proof, pose_to_array};
-use grasping::synthesis::surface::HandSurface;
-use hand_model::{Digit, Hand};
-use nalgebra::{Point3, Unit, Vector3};
+use grasping::synthesis::held::Proof;
+use nalgebra::{Unit, Vector3};
 use world::objects::ObjectModel;
 
 use super::checks::{self, Hold};
 use super::closing::{self, Aim, Closed, NotClosed};
+use super::grasping_hand::GraspingHand;
 use super::subject::Subject;
-
-/// Points on the hand's surface.
-pub const SURFACE_POINTS: usize = 2000;
+use super::urdf_hand::refusal::Refusal;
 
 /// What to search for.
 #[derive(Debug, Clone, Copy)]
@@ -46,9 +42,8 @@ impl Request {
 }
 
 /// Everything that chains share.
-pub struct Synthesizer {
-    pub hand: Arc<Hand>,
-    pub surface: HandSurface,
+pub struct Synthesizer<'a, H> {
+    pub hand: &'a H,
     /// The object.
     pub subject: Subject,
     /// What is searched for.
@@ -70,6 +65,8 @@ pub struct Checked {
     pub hold: Hold,
     /// Mass of the object in the holding test, kg.
     pub mass: f64,
+    /// The reason for which it is no grasp though it passed all checks.
+    pub refusal: Option<Refusal>,
 }
 
 impl Checked {
@@ -79,9 +76,9 @@ impl Checked {
         [margin, self.penetration <= checks::MOST_PENETRATION, self.hold.held]
     }
 
-    /// Whether it passed all three.
+    /// Whether it passed all three and is not refused.
     pub fn verified(&self) -> bool {
-        self.verdicts() == [true; 3]
+        self.verdicts() == [true; 3] && self.refusal.is_none()
     }
 }
 
@@ -93,7 +90,7 @@ pub struct ChainResult {
     pub sampling_s: f64,
     /// What came of the plain closing: the closed grasp with all checks, or why there is none. Nothing is selected here.
     pub plain: Result<Checked, NotClosed>,
-    /// The first of the other closings that passed all checks, where the plain one did not.
+    /// The first of the other closings that is verified, where the plain one is not; otherwise the last that is refused.
     pub other: Option<Checked>,
     /// Closings tried.
     pub closings: usize,
@@ -116,11 +113,10 @@ pub fn table(model: &ObjectModel) -> Plane {
     Plane { normal: Unit::new_normalize(up), offset: -model.rest_height() }
 }
 
-impl Synthesizer {
+impl<'a, H: GraspingHand> Synthesizer<'a, H> {
     /// For a hand and one object.
-    pub fn new(hand: Arc<Hand>, subject: Subject, request: Request) -> Self {
-        let surface = HandSurface::new(&hand, SURFACE_POINTS);
-        Self { hand, surface, subject, request, schedule: Schedule::default() }
+    pub fn new(hand: &'a H, subject: Subject, request: Request) -> Self {
+        Self { hand, subject, request, schedule: Schedule::default() }
     }
 
     fn table(&self) -> Option<Plane> {
@@ -129,38 +125,42 @@ impl Synthesizer {
 
     /// Runs chain number `chain`, closes its best sample and checks it.
     pub fn run(&self, chain: u64) -> Result<ChainResult> {
-        let mut energy =
-            GraspEnergy::new(&self.hand, &self.surface, &self.subject.field, Weights::default(), self.table());
+        let (hand, sampled, field) = (self.hand, self.hand.sampled(), &self.subject.field);
+        let mut energy = GraspEnergy::of_mechanism(
+            sampled.mechanism.clone(),
+            &sampled.surface,
+            field,
+            Weights::default(),
+            self.table(),
+        );
         energy.places = &self.subject.places;
-        let mut frames = Frames::new(&self.hand.tree);
+        let mut frames = Frames::new(&sampled.tree);
         let mut rng = chain::stream(self.request.seed, chain);
         let start = Instant::now();
         let end = chain::run(&energy, &mut frames, self.request.contacts_of(chain), &self.schedule, &mut rng);
         let sampling_s = start.elapsed().as_secs_f64();
-        let mass = self.subject.model.mass;
-        let used = closing::digits(&self.surface, &end.best.contacts);
-        let mut close =
-            |aim: &Aim| closing::close(&self.hand, &self.surface, &self.subject, &end.best, &mut frames, aim);
-        let plain = match close(&Aim::plain(&used)) {
+        let closing = hand.closing(&end.best.contacts);
+        let mut close = |aim: &Aim| closing::close(hand, &self.subject, &end.best, &mut frames, aim);
+        let plain = match close(&Aim::plain(&closing)) {
             Err(reason) => Err(reason),
             Ok(closed) => {
-                let (margin, penetration) = self.measure(&closed).with_context(|| format!("chain {chain}"))?;
-                let hold = checks::hold(&closed, mass);
-                Ok(Checked { sample: end.best.clone(), closed, margin, penetration, hold, mass })
+                let measured = self.measure(&closed).with_context(|| format!("chain {chain}"))?;
+                Ok(self.check(&end.best, closed, measured))
             }
         };
         let (mut other, mut closings) = (None, 1);
         if !plain.as_ref().is_ok_and(Checked::verified) {
-            while closings < self.request.closings && other.is_none() {
+            while closings < self.request.closings && !other.as_ref().is_some_and(Checked::verified) {
                 closings += 1;
-                let Ok(closed) = close(&Aim::varied(&used, &mut rng)) else { continue };
+                let Ok(closed) = close(&Aim::varied(&closing, H::TENSIONS, &mut rng)) else { continue };
                 let (margin, penetration) = self.measure(&closed).with_context(|| format!("chain {chain}"))?;
                 if margin < checks::LEAST_MARGIN || penetration > checks::MOST_PENETRATION {
                     continue;
                 }
-                let hold = checks::hold(&closed, mass);
-                let checked = Checked { sample: end.best.clone(), closed, margin, penetration, hold, mass };
-                other = checked.verified().then_some(checked);
+                let checked = self.check(&end.best, closed, (margin, penetration));
+                if checked.hold.held {
+                    other = Some(checked);
+                }
             }
         }
         Ok(ChainResult { steps: end.steps, sampling_s, plain, other, closings })
@@ -168,64 +168,24 @@ impl Synthesizer {
 
     /// Wrench margin (N) and penetration (m) of a closed grasp.
     fn measure(&self, closed: &Closed) -> Result<(f64, f64)> {
-        let margin = checks::margin(&self.subject, closed)?;
-        Ok((margin, checks::penetration(&self.hand, &self.surface, &self.subject, closed)))
+        let margin = self.hand.margin(&self.subject, closed)?;
+        Ok((margin, self.hand.penetration(&self.subject, closed)))
+    }
+
+    /// The other checks of a closed grasp.
+    fn check(&self, sample: &Sample, closed: Closed, (margin, penetration): (f64, f64)) -> Checked {
+        let mass = self.subject.model.mass;
+        let hold = checks::hold(&closed, mass);
+        let mut checked = Checked { sample: sample.clone(), closed, margin, penetration, hold, mass, refusal: None };
+        if checked.verified() {
+            checked.refusal = self.hand.refusal(&self.subject, &checked.closed, self.table().as_ref());
+        }
+        checked
     }
 
     /// What a verified grasp is good for.
     pub fn proof(&self, checked: &Checked) -> Proof {
         let payload = checks::payload(&checked.closed, checked.mass, &checked.hold);
         Proof { mass: checked.mass, friction: self.subject.model.friction, payload }
-    }
-
-    /// The verified grasp as it is kept, without its [`Self::proof`].
-    pub fn held(&self, chain: u64, checked: &Checked) -> HeldGrasp {
-        let closed = &checked.closed;
-        let palm_from_object = closed.scene.object();
-        let touching = |digit: &Digit| {
-            closed.touches.iter().any(|touch| touch.link.is_some_and(|link| self.hand.links(*digit).contains(&link)))
-        };
-        let (digits, free): (Vec<Digit>, Vec<Digit>) = self.hand.digits().iter().copied().partition(touching);
-        let facing = palm_from_object.inverse_transform_vector(&-Vector3::z());
-        let contacts = closed.touches.iter().map(|touch| HeldContact {
-            link: touch.link,
-            point: touch.point.coords.into(),
-            normal: touch.normal.into_inner().into(),
-            force: touch.force,
-        });
-        HeldGrasp {
-            object: self.subject.model.name.clone(),
-            chain,
-            palm_from_object: pose_to_array(&palm_from_object),
-            joints: closed.scene.angles().iter().copied().collect(),
-            start: pose_to_array(&closed.start),
-            open_joints: closed.open.joints,
-            tensions: closed.pull.tensions,
-            opposition: closed.pull.opposition,
-            contacts: contacts.collect(),
-            palm: closed.touches.iter().any(|touch| touch.link.is_none()),
-            room: self.room(closed, &free),
-            digits,
-            approach: facing.into(),
-            margin: checked.margin,
-            penetration: checked.penetration,
-            moved: closed.moved.into(),
-            energy: checked.sample.terms.total,
-            proof: None,
-        }
-        .rounded()
-    }
-
-    /// Least distance of the free digits' surfaces from the object, m.
-    fn room(&self, closed: &Closed, free: &[Digit]) -> Option<f64> {
-        let object_from_palm = closed.scene.object().inverse();
-        let links = self.hand.tree.forward(closed.scene.angles());
-        let distances = free.iter().flat_map(|digit| self.hand.links(*digit)).flat_map(|&link| {
-            let object_from_link = object_from_palm * links[link];
-            let field = &self.subject.field;
-            let points = &self.surface.links[link + 1].points;
-            points.iter().map(move |p| field.distance(&(object_from_link * Point3::from(*p)).coords))
-        });
-        distances.reduce(f64::min)
     }
 }

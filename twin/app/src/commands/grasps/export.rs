@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
-use grasping::synthesis::held::{AnyHeld, HeldGrasp};
+use grasping::synthesis::held::VerifiedGrasp;
 use hand_model::RobotModel;
 use proving::synthesis::export;
 use proving::synthesis::grasp_file::{GraspFile, Grasps};
@@ -40,16 +40,13 @@ pub fn run(terminal: &Terminal, args: &ExportArgs) -> Outcome {
     let file = GraspFile::read_or_built_in(args.grasps.as_deref())?;
     let files = match &file.grasps {
         Grasps::Ours(collection) => {
-            let (hand, grasps) =
-                (RobotModel::ftac_gen3().hand, collection.of(&args.object).map_or(&[][..], |entry| &entry.grasps));
-            let write = |object: &ObjectModel, grasp: &HeldGrasp| export::write(&hand, object, grasp, &args.mjcf);
-            scenes(args, &file, grasps.iter().map(|grasp| (grasp.chain, grasp)).collect(), write)?
+            let hand = RobotModel::ftac_gen3().hand;
+            let grasps = collection.of(&args.object).map_or(Vec::new(), |entry| entry.grasps.iter().collect());
+            scenes(args, &file, &grasps, |object, grasp| export::write(&hand, object, grasp, &args.mjcf))?
         }
-        Grasps::Other(other) => {
-            let grasps = other.by_object().remove(args.object.as_str()).unwrap_or_default();
-            let write =
-                |object: &ObjectModel, grasp: &AnyHeld| export::write_any(&other.hand, object, grasp, &args.mjcf);
-            scenes(args, &file, grasps.into_iter().map(|grasp| (grasp.chain, grasp)).collect(), write)?
+        Grasps::Urdf(of_urdf) => {
+            let (hand, grasps) = (&of_urdf.hand, of_urdf.by_object().remove(args.object.as_str()).unwrap_or_default());
+            scenes(args, &file, &grasps, |object, grasp| export::write_urdf(hand, object, grasp, &args.mjcf))?
         }
     };
     terminal.print(
@@ -63,23 +60,23 @@ pub fn run(terminal: &Terminal, args: &ExportArgs) -> Outcome {
     Ok(None)
 }
 
-/// The scenes of those `grasps`, each with its chain, that are asked for, written by `write`.
-fn scenes<G>(
+/// The scenes of those `grasps` that are asked for, written by `write`.
+fn scenes<G: VerifiedGrasp>(
     args: &ExportArgs,
     file: &GraspFile,
-    grasps: Vec<(u64, &G)>,
+    grasps: &[&G],
     write: impl Fn(&ObjectModel, &G) -> Result<[PathBuf; 2]>,
 ) -> Result<Vec<[PathBuf; 2]>> {
     ensure!(!grasps.is_empty(), "OBJECT: found no grasp of `{}`, expected some", args.object);
     let object = file.model(&args.object)?;
-    let wanted = grasps.iter().filter(|(own, _)| args.chain.is_none_or(|chain| chain == *own));
+    let wanted = grasps.iter().filter(|grasp| args.chain.is_none_or(|chain| chain == grasp.chain()));
     let files: Vec<[PathBuf; 2]> = wanted
         .take(args.n)
-        .map(|(_, grasp)| write(&object, grasp))
+        .map(|grasp| write(&object, grasp))
         .collect::<Result<_>>()
         .with_context(|| format!("--mjcf {}", args.mjcf.display()))?;
     if let (true, Some(chain)) = (files.is_empty(), args.chain) {
-        let known: Vec<String> = grasps.iter().take(5).map(|(own, _)| own.to_string()).collect();
+        let known: Vec<String> = grasps.iter().take(5).map(|grasp| grasp.chain().to_string()).collect();
         bail!("--chain: found {chain}, expected one of {} such as {}", grasps.len(), known.join(", "));
     }
     Ok(files)

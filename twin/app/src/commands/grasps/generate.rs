@@ -7,14 +7,15 @@ use clap::Args;
 use grasping::synthesis::grasp_file::{GraspWriter, HandSource, Header};
 use hand_model::RobotModel;
 use proving::synthesis::again;
-use proving::synthesis::any;
-use proving::synthesis::any::describe::{self, Described};
+use proving::synthesis::cable_hand::CableHand;
 use proving::synthesis::evaluation::{self, Evaluation};
 use proving::synthesis::grasp_file::{GraspFile, source};
-use proving::synthesis::search::{self, Start};
+use proving::synthesis::grasping_hand::GraspingHand;
+use proving::synthesis::search::{self, Report, Start};
 use proving::synthesis::size::Opening;
 use proving::synthesis::subject::{Subject, TEST_FRICTION};
 use proving::synthesis::synthesizer::{Request, Synthesizer};
+use proving::synthesis::urdf_hand::describe;
 
 use crate::options::object_name::object_name;
 use crate::options::own_hand;
@@ -136,8 +137,8 @@ pub fn generate(terminal: &Terminal, args: &GenerateArgs) -> Outcome {
     own_hand::say_renamed();
     let (subject, request) = request(terminal, &args.synthesis, args.n, args.keep.unwrap_or(usize::MAX))?;
     match (&args.hand, &args.pulls) {
-        (Some(hand), Some(pulls)) => by_another_hand(terminal, args, (hand, pulls), subject, &request),
-        _ => by_our_hand(terminal, args, sized(subject, &args.synthesis, &Opening::ours())?, request),
+        (Some(urdf), Some(pulls)) => by_hand(terminal, args, &describe::read(urdf, pulls)?, subject, request),
+        _ => by_hand(terminal, args, &CableHand::new(RobotModel::ftac_gen3().hand), subject, request),
     }
 }
 
@@ -156,21 +157,30 @@ fn sized(subject: Subject, args: &SynthesisArgs, opening: &Opening) -> Result<Su
     Ok(subject)
 }
 
-fn by_our_hand(terminal: &Terminal, args: &GenerateArgs, subject: Subject, request: Request) -> Outcome {
-    let writer = writer(terminal, args, None)?;
-    let synthesizer = Synthesizer::new(RobotModel::ftac_gen3().hand, subject, request);
+fn by_hand(
+    terminal: &Terminal,
+    args: &GenerateArgs,
+    hand: &impl GraspingHand,
+    subject: Subject,
+    request: Request,
+) -> Outcome {
+    let subject = sized(subject, &args.synthesis, &hand.opening())?;
+    let Report { hand: name, notes, .. } = hand.report();
+    if !terminal.json {
+        notes.iter().for_each(|line| eprintln!("{line}"));
+    }
+    let writer = writer(terminal, args, name)?;
+    let synthesizer = Synthesizer::new(hand, subject, request);
     let (report, _) = search::search(&synthesizer, Start::default(), writer, &terminal.progress())?;
     terminal.print(&report, &report.text())?;
     Ok((report.verified.all == 0).then(|| format!("no grasp of {} was verified in {} chains", report.object, args.n)))
 }
 
-/// The file of `--out`, begun with its header; `hand` is the name of another hand.
-fn writer(terminal: &Terminal, args: &GenerateArgs, hand: Option<&str>) -> Result<Option<GraspWriter>> {
+/// The file of `--out`, begun with its header; `name` is the hand's.
+fn writer(terminal: &Terminal, args: &GenerateArgs, name: String) -> Result<Option<GraspWriter>> {
     let Some(path) = &args.out else { return Ok(None) };
-    let hand = match (hand, &args.hand, &args.pulls) {
-        (Some(name), Some(urdf), Some(pulls)) => {
-            Some(HandSource { name: name.into(), urdf: source(urdf)?, pulls: source(pulls)? })
-        }
+    let hand = match (&args.hand, &args.pulls) {
+        (Some(urdf), Some(pulls)) => Some(HandSource { name, urdf: source(urdf)?, pulls: source(pulls)? }),
         _ => None,
     };
     let mesh = args.synthesis.mesh.as_deref().map(source).transpose()?;
@@ -199,26 +209,6 @@ fn command(terminal: &Terminal, args: &GenerateArgs) -> String {
     format!("ftac grasps generate {what} --n {n} --contacts {}{options} --seed {}", synthesis.contacts, terminal.seed)
 }
 
-fn by_another_hand(
-    terminal: &Terminal,
-    args: &GenerateArgs,
-    (urdf, pulls): (&Path, &Path),
-    subject: Subject,
-    request: &Request,
-) -> Outcome {
-    let hand: &Described = &describe::read(urdf, pulls)?;
-    let opening = Opening { width: hand.opening, hand: hand.hand.name.clone() };
-    let subject = &sized(subject, &args.synthesis, &opening)?;
-    if !terminal.json {
-        hand.notes.iter().for_each(|line| eprintln!("{line}"));
-    }
-    let writer = writer(terminal, args, Some(&hand.hand.name))?;
-    let (report, _) = any::search(hand, subject, request, writer, &terminal.progress())?;
-    terminal.print(&report, &report.text())?;
-    let nothing = format!("no grasp of {} was verified in {} chains", report.object, report.requested);
-    Ok((report.verified.all == 0).then_some(nothing))
-}
-
 /// Arguments of `grasps eval`.
 #[derive(Debug, Args)]
 pub struct EvalArgs {
@@ -240,8 +230,9 @@ pub fn eval(terminal: &Terminal, args: &EvalArgs) -> Outcome {
     }
     let (n, args) = (args.n, &args.synthesis);
     let (subject, request) = request(terminal, args, n, usize::MAX)?;
-    let subject = sized(subject, args, &Opening::ours())?;
-    let evaluation = evaluation::evaluate(&Synthesizer::new(RobotModel::ftac_gen3().hand, subject, request), n)?;
+    let hand = CableHand::new(RobotModel::ftac_gen3().hand);
+    let subject = sized(subject, args, &hand.opening())?;
+    let evaluation = evaluation::evaluate(&Synthesizer::new(&hand, subject, request), n)?;
     terminal.print(&evaluation, &evaluation.text())?;
     let fooled = evaluation.controls.iter().find(|(_, rate)| rate.low > 0.5);
     Ok(fooled.map(|(name, rate)| format!("the negative control {name} held {} of {}", rate.count, rate.of)))

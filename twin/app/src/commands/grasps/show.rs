@@ -9,11 +9,11 @@ use grasping::synthesis::collection::Collection;
 use grasping::synthesis::diversity;
 use grasping::synthesis::kind::{self, hand_kinds};
 use hand_model::RobotModel;
-use proving::synthesis::any::kinds::{self as any_kinds, AnyKind};
-use proving::synthesis::grasp_file::{GraspFile, Grasps, OtherGrasps};
+use proving::synthesis::grasp_file::{GraspFile, Grasps, UrdfGrasps};
 use proving::synthesis::parts::table;
 use proving::synthesis::subject::TEST_FRICTION;
-use report::{grasp_gallery, other_hand};
+use proving::synthesis::urdf_hand::kinds::{self as urdf_kinds, UrdfKind};
+use report::{grasp_gallery, urdf_hand};
 use serde_json::{Value, json};
 use stream::Target;
 use stream::gallery::{self, ShownGrasp};
@@ -36,7 +36,7 @@ pub struct ShowArgs {
     /// Recording file; default: recordings/grasps_OBJECT.rrd, which is then opened in the Rerun viewer.
     #[arg(long)]
     pub out: Option<PathBuf>,
-    /// Folder for grasps.html with pictures of objects and grasps, instead of a recording; of another hand, a picture sheet an object.
+    /// Folder for grasps.html with pictures of objects and grasps, instead of a recording; of a hand from a URDF, a picture sheet an object.
     #[arg(long, conflicts_with = "out")]
     pub report: Option<PathBuf>,
 }
@@ -46,7 +46,7 @@ pub fn show(terminal: &Terminal, args: &ShowArgs) -> Outcome {
     let file = GraspFile::read_or_built_in(args.grasps.as_deref())?;
     match &file.grasps {
         Grasps::Ours(collection) => ours(terminal, args, &file, collection),
-        Grasps::Other(other) => another(terminal, args, &file, other),
+        Grasps::Urdf(of_urdf) => by_urdf(terminal, args, &file, of_urdf),
     }
 }
 
@@ -70,31 +70,31 @@ fn ours(terminal: &Terminal, args: &ShowArgs, file: &GraspFile, collection: &Col
     Ok(None)
 }
 
-/// Grasps of a hand from files.
-fn another(terminal: &Terminal, args: &ShowArgs, file: &GraspFile, other: &OtherGrasps) -> Outcome {
+/// Grasps of a hand from a URDF.
+fn by_urdf(terminal: &Terminal, args: &ShowArgs, file: &GraspFile, other: &UrdfGrasps) -> Outcome {
     let by_object = other.by_object();
     let object = args.object.as_deref();
     known(object, &by_object.keys().copied().collect::<Vec<_>>())?;
     let wanted = by_object.iter().filter(|(name, _)| object.is_none_or(|object| object == **name));
-    let all: Vec<(&str, Vec<AnyKind<'_>>)> =
-        wanted.map(|(name, grasps)| (*name, any_kinds::kinds(&other.hand, grasps))).collect();
+    let all: Vec<(&str, Vec<UrdfKind<'_>>)> =
+        wanted.map(|(name, grasps)| (*name, urdf_kinds::kinds(&other.hand, grasps))).collect();
     if let Some(folder) = &args.report {
         std::fs::create_dir_all(folder).with_context(|| format!("--report {}", folder.display()))?;
         for (name, kinds) in &all {
             let sheet = folder.join(format!("{name}.png"));
             let shown = &kinds[..kinds.len().min(args.kinds)];
-            other_hand::sheet(&other.hand, &*file.model(name)?, shown, &sheet)?;
+            urdf_hand::sheet(&other.hand, &*file.model(name)?, shown, &sheet)?;
             eprintln!("{}", sheet.display());
         }
     }
     let hand = &other.hand.hand.name;
     let objects: Vec<Value> = all.iter().map(|(name, kinds)| json!({"object": name, "kinds": kinds})).collect();
     let text: String =
-        all.iter().map(|(name, kinds)| format!("{hand} on {name}\n{}", any_kinds::table(kinds))).collect();
+        all.iter().map(|(name, kinds)| format!("{hand} on {name}\n{}", urdf_kinds::table(kinds))).collect();
     terminal.print(&json!({ "hand": hand, "objects": objects }), &text)?;
     if let (Some(_), [(name, kinds)], None) = (object, &all[..], &args.report) {
         let shown: Vec<ShownGrasp> =
-            kinds.iter().take(args.kinds).map(|kind| other_hand::shown(&other.hand, kind)).collect();
+            kinds.iter().take(args.kinds).map(|kind| urdf_hand::shown(&other.hand, kind)).collect();
         let friction = kinds.first().map_or(TEST_FRICTION, |kind| kind.best.proof.friction);
         record(terminal, args, file, name, friction, &shown)?;
     }

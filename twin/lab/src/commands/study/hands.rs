@@ -12,6 +12,7 @@ use hand_model::RobotModel;
 use indicatif::ProgressStyle;
 use lab::study_pages;
 use platform::data::write_whole;
+use proving::synthesis::cable_hand::CableHand;
 use proving::synthesis::hands::{self, Cell, ComparedHand};
 use proving::synthesis::search;
 use proving::synthesis::synthesizer::Request;
@@ -73,7 +74,7 @@ fn request(terminal: &Terminal, args: &HandsArgs) -> Result<Request> {
 
 /// Our hand and those of the arguments.
 pub fn compared(args: &HandsArgs) -> Result<Vec<ComparedHand>> {
-    let mut hands = vec![ComparedHand::Ours(RobotModel::ftac_gen3().hand)];
+    let mut hands = vec![ComparedHand::Cables(CableHand::new(RobotModel::ftac_gen3().hand))];
     for (urdf, pulls) in args.hand.iter().zip(&args.pulls) {
         let hand = ComparedHand::read(urdf, pulls)?;
         let known = hands.iter().any(|other| other.name() == hand.name());

@@ -3,30 +3,36 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use hand_model::any_hand::AnyHand;
+use hand_model::urdf_hand::UrdfHand;
 use nalgebra::{Isometry3, Point3};
-use sim::engine::EngineSettings;
-use sim::stand::{AnyBody, AnyStand, Prop};
+use sim::collision_model::CollisionModel;
+use sim::hand_scene::{HandScene, Pull};
+use sim::stand::Prop;
 use world::Shape;
 use world::geometry::LINK_MESHES;
 
-fn hand(urdf: &str, pulls: &str) -> Option<Arc<AnyHand>> {
+fn hand(urdf: &str, pulls: &str) -> Option<Arc<UrdfHand>> {
     let path = e2e::shared_data(&format!("hands/{urdf}"))?;
     // Cargo runs the tests in the crate's folder.
-    let hand = AnyHand::read(&path, &Path::new("../hand-model/data/hands").join(pulls), LINK_MESHES).expect("loads");
+    let hand = UrdfHand::read(&path, &Path::new("../hand-model/data/hands").join(pulls), LINK_MESHES).expect("loads");
     Some(Arc::new(hand))
 }
 
+fn at_rest(hand: Arc<UrdfHand>) -> HandScene {
+    let rest = hand.rest();
+    HandScene::of_urdf(&CollisionModel::new(hand), &rest)
+}
+
 /// Closes on a ball held at `center`, lets go of it, and gives the force of each link on it once all is at rest.
-fn close(hand: &Arc<AnyHand>, center: Point3<f64>, radius: f64, tensions: &[f64]) -> (AnyStand, Vec<f64>) {
-    let mut stand = AnyStand::new(&AnyBody::new(hand.clone()), EngineSettings::default());
+fn close(hand: &Arc<UrdfHand>, center: Point3<f64>, radius: f64, tensions: &[f64]) -> (HandScene, Vec<f64>) {
+    let mut stand = at_rest(hand.clone());
     stand.put(
         &Prop::new("ball", Shape::Sphere { radius }, 0.1, 0.8),
         &Isometry3::translation(center.x, center.y, center.z),
     );
-    stand.run(tensions, 2.0);
+    stand.run(&Pull::tensions(tensions), 2.0);
     stand.release();
-    stand.run(tensions, 2.0);
+    stand.run(&Pull::tensions(tensions), 2.0);
     let forces = stand.forces();
     println!("{}: {:?}", hand.name, forces);
     (stand, forces)
@@ -75,16 +81,16 @@ const CLAMP: &str = r#"<robot name="clamp">
 </robot>"#;
 const TENDON: &str = "version = 1\ndamping = 0.02\narmature = 1e-4\nspring = 0.02\n[[actuator]]\nname = \"close\"\narms = { a = -0.01 }\n";
 
-fn clamp(urdf: &str) -> Arc<AnyHand> {
-    let hand = AnyHand::parse(urdf, Path::new("clamp.urdf"), TENDON, Path::new("clamp.toml"), LINK_MESHES);
+fn clamp(urdf: &str) -> Arc<UrdfHand> {
+    let hand = UrdfHand::parse(urdf, Path::new("clamp.urdf"), TENDON, Path::new("clamp.toml"), LINK_MESHES);
     Arc::new(hand.expect("a clamp"))
 }
 
 /// With nothing between them the jaws stop at each other: their tips meet where sin q = 0.4, long before the limits.
 #[test]
 fn jaws_stop_at_each_other() {
-    let mut stand = AnyStand::new(&AnyBody::new(clamp(CLAMP)), EngineSettings::default());
-    stand.run(&[30.0], 2.0);
+    let mut stand = at_rest(clamp(CLAMP));
+    stand.run(&Pull::tensions(&[30.0]), 2.0);
     let (angle, deep) = (stand.angles()[1], stand.self_penetration());
     println!("the jaws stop at {angle:.3} rad, {:.2} mm deep in each other", 1e3 * deep);
     assert!((0.3..0.5).contains(&angle), "{angle} rad");
@@ -102,10 +108,10 @@ fn a_parallel_gripper_slides() {
         .replace("lower=\"0\" upper=\"1\"", "lower=\"0\" upper=\"0.03\"")
         .replace("effort=\"1\"", "effort=\"40\"");
     let pulls = TENDON.replace("a = -0.01", "a = -1.0");
-    let hand = AnyHand::parse(&slide, Path::new("clamp.urdf"), &pulls, Path::new("clamp.toml"), LINK_MESHES);
+    let hand = UrdfHand::parse(&slide, Path::new("clamp.urdf"), &pulls, Path::new("clamp.toml"), LINK_MESHES);
     let hand = Arc::new(hand.expect("a gripper"));
-    let mut empty = AnyStand::new(&AnyBody::new(hand.clone()), EngineSettings::default());
-    empty.run(&[20.0], 2.0);
+    let mut empty = at_rest(hand.clone());
+    empty.run(&Pull::tensions(&[20.0]), 2.0);
     println!("empty: {:?} m", empty.angles());
     assert!((empty.angles()[0] + 0.03).abs() < 1e-3 && (empty.angles()[1] - 0.03).abs() < 1e-3, "{:?}", empty.angles());
     let (stand, forces) = close(&hand, Point3::new(0.08, 0.0, 0.0), 0.02, &[20.0]);
@@ -121,11 +127,11 @@ fn a_parallel_gripper_slides() {
 /// Links that a joint connects, and links that overlap at rest, pass through each other; no others do.
 #[test]
 fn links_that_overlap_at_rest_pass() {
-    assert!(AnyBody::new(clamp(CLAMP)).passing().is_empty());
+    assert!(CollisionModel::new(clamp(CLAMP)).passing().is_empty());
     let wide = CLAMP.replacen("size=\"0.08 0.01 0.02\"", "size=\"0.08 0.17 0.02\"", 1);
-    assert_eq!(AnyBody::new(clamp(&wide)).passing().iter().collect::<Vec<_>>(), [&(Some(0), Some(1))]);
-    let mut stand = AnyStand::new(&AnyBody::new(clamp(&wide)), EngineSettings::default());
-    stand.run(&[30.0], 2.0);
+    assert_eq!(CollisionModel::new(clamp(&wide)).passing().iter().collect::<Vec<_>>(), [&(Some(0), Some(1))]);
+    let mut stand = at_rest(clamp(&wide));
+    stand.run(&Pull::tensions(&[30.0]), 2.0);
     assert!(stand.angles()[1] > 0.9, "{:?}", stand.angles());
     assert_eq!(stand.self_penetration(), 0.0);
 }

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result};
 use grasping::synthesis::surface::Ball;
-use hand_model::any_hand::{AnyHand, SolidShape};
+use hand_model::urdf_hand::{SolidShape, UrdfHand};
 use nalgebra::{Isometry3, Point3, Vector3};
 use world::geometry::{GeometryError, Mesh, Shape, hull_mesh};
 
@@ -42,7 +42,7 @@ pub fn number(link: Option<usize>) -> usize {
 }
 
 /// The collision shapes of every link.
-pub fn shapes(hand: &AnyHand) -> Result<LinkShapes> {
+pub fn shapes(hand: &UrdfHand) -> Result<LinkShapes> {
     let mut found: LinkShapes = Vec::new();
     found.resize_with(hand.tree.len() + 1, Vec::new);
     for solid in &hand.solids {
@@ -116,7 +116,7 @@ pub fn surface_points(shapes: &LinkShapes) -> Vec<Vec<SurfacePoint>> {
 }
 
 /// Name of a link (0 is the root).
-pub fn name(hand: &AnyHand, link: usize) -> String {
+pub fn name(hand: &UrdfHand, link: usize) -> String {
     link.checked_sub(1).map_or("root".into(), |joint| hand.tree.joints[joint].name.clone())
 }
 

@@ -148,7 +148,7 @@ fn meshes_of_any_kind_and_spelling_are_found() {
 
 /// `hand check --urdf` reads any hand, with its pulls file and without.
 #[test]
-fn any_hand_is_checked() {
+fn a_hand_is_checked() {
     let files = Files::new(CLAMP, PULLS);
     let output = run(&["hand", "check", "--urdf", &files.at("clamp.urdf"), "--json"]);
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));

@@ -15,15 +15,16 @@ use std::sync::Arc;
 use anyhow::{Context as _, Result, bail};
 use grasping::synthesis::mechanism::Mechanism;
 use grasping::synthesis::surface::{Ball, Candidate, HandSurface};
-use hand_model::any_hand::AnyHand;
-use hand_model::kinematics::{JointKind, Tree};
+use hand_model::kinematics::JointKind;
+use hand_model::urdf_hand::UrdfHand;
 use nalgebra::{Isometry3, Point3, Vector3};
-use sim::stand::AnyBody;
+use sim::collision_model::CollisionModel;
 use world::geometry::LINK_MESHES;
 
 use self::palm::{facing_warning, opening, palm_frame};
 use self::solids::{LinkPart, LinkShapes, SurfacePoint, fill, name, number, shapes, surface_points};
 use self::true_surface::TrueSurfaces;
+use super::super::grasping_hand::SampledHand;
 
 const MOST_CANDIDATES: usize = 700;
 /// Cosine between a point's motion and its normal from which on it is a candidate.
@@ -41,20 +42,15 @@ const ON_SURFACE: f64 = 1.5e-3;
 /// Tension up to which actuators are not told to be weak, N.
 const STRONG: f64 = 60.0;
 
-/// A hand made ready for sampling. The tree, the surface and all candidates are in the palm frame.
+/// A hand made ready for sampling.
 pub struct Described {
     /// As read.
-    pub hand: Arc<AnyHand>,
+    pub hand: Arc<UrdfHand>,
     /// With its collision shapes.
-    pub body: AnyBody,
-    /// Its tree with the palm frame as root.
-    pub tree: Tree,
+    pub body: CollisionModel,
     /// `palm_from_root`.
     pub palm_from_root: Isometry3<f64>,
-    /// Limits and actuator lines.
-    pub mechanism: Mechanism,
-    /// Points, candidates, pairs.
-    pub surface: HandSurface,
+    pub sampled: SampledHand,
     /// The root's collision shapes, root frame.
     root: LinkShapes,
     true_surfaces: TrueSurfaces,
@@ -66,14 +62,14 @@ pub struct Described {
 
 /// Reads and describes a hand.
 pub fn read(urdf: &Path, pulls: &Path) -> Result<Described> {
-    let hand = AnyHand::read(urdf, pulls, LINK_MESHES)?;
+    let hand = UrdfHand::read(urdf, pulls, LINK_MESHES)?;
     describe(hand).with_context(|| urdf.display().to_string())
 }
 
-fn describe(hand: AnyHand) -> Result<Described> {
+fn describe(hand: UrdfHand) -> Result<Described> {
     let mut notes = Vec::new();
     check(&hand, &mut notes)?;
-    let mechanism = Mechanism::of_any(&hand);
+    let mechanism = Mechanism::of_urdf(&hand);
     let shapes = shapes(&hand)?;
     let by_link = surface_points(&shapes);
     for (link, points) in by_link.iter().enumerate() {
@@ -113,7 +109,7 @@ fn describe(hand: AnyHand) -> Result<Described> {
     notes.push(format!("the fingers take up to {:.0} mm between them", 1e3 * opening));
     let balls: Vec<Vec<Ball>> = shapes.iter().map(|own| fill(own)).collect();
     let hand = Arc::new(hand);
-    let body = AnyBody::new(hand.clone());
+    let body = CollisionModel::new(hand.clone());
     let pairs = pairs(&body, &balls, &mut notes);
     let root = |v: &Vector3<f64>| (palm_from_root * Point3::from(*v)).coords;
     let parts = by_link.iter().zip(balls).enumerate().map(|(link, (points, balls))| {
@@ -131,7 +127,8 @@ fn describe(hand: AnyHand) -> Result<Described> {
         joint.origin = palm_from_root * joint.origin;
     }
     let root = shapes.into_iter().take(1).collect();
-    Ok(Described { hand, body, tree, palm_from_root, mechanism, surface, root, true_surfaces, opening, notes })
+    let sampled = SampledHand { tree, mechanism, surface };
+    Ok(Described { hand, body, palm_from_root, sampled, root, true_surfaces, opening, notes })
 }
 
 impl Described {
@@ -149,12 +146,12 @@ impl Described {
 
     /// The digit of a link: the first joint of its chain; none of the root.
     pub fn digit(&self, link: Option<usize>) -> Option<usize> {
-        link.map(|link| self.tree.chain(link)[0])
+        link.map(|link| self.hand.tree.chain(link)[0])
     }
 }
 
 /// Says what bears an object where the pulls file does not name the palm.
-fn palm_note(hand: &AnyHand, shapes: &LinkShapes) -> Option<String> {
+fn palm_note(hand: &UrdfHand, shapes: &LinkShapes) -> Option<String> {
     let mut owners: Vec<&str> =
         hand.solids.iter().filter(|solid| solid.link.is_none()).map(|solid| solid.owner.as_str()).collect();
     owners.dedup();
@@ -167,7 +164,7 @@ fn palm_note(hand: &AnyHand, shapes: &LinkShapes) -> Option<String> {
     })
 }
 
-fn check(hand: &AnyHand, notes: &mut Vec<String>) -> Result<()> {
+fn check(hand: &UrdfHand, notes: &mut Vec<String>) -> Result<()> {
     if hand.pulls.is_empty() {
         bail!("actuator: found none, expected at least one that pulls a joint");
     }
@@ -208,7 +205,7 @@ fn check(hand: &AnyHand, notes: &mut Vec<String>) -> Result<()> {
 }
 
 /// Joint angles from open to closed.
-fn closing_motion(hand: &AnyHand, mechanism: &Mechanism) -> Vec<Vec<f64>> {
+fn closing_motion(hand: &UrdfHand, mechanism: &Mechanism) -> Vec<Vec<f64>> {
     let open = hand.rest();
     (0..=STEPS)
         .map(|step| {
@@ -236,13 +233,13 @@ fn closing_motion(hand: &AnyHand, mechanism: &Mechanism) -> Vec<Vec<f64>> {
 }
 
 /// The pose of a link at joint angles, root frame.
-fn pose(hand: &AnyHand, joints: &[f64], link: usize) -> Isometry3<f64> {
+fn pose(hand: &UrdfHand, joints: &[f64], link: usize) -> Isometry3<f64> {
     if link == 0 { Isometry3::identity() } else { hand.tree.forward(joints)[link - 1] }
 }
 
 /// Where the fingers close: the mean of the last links' middles in the middle of the motion, root frame.
 fn closing_point(
-    hand: &AnyHand,
+    hand: &UrdfHand,
     mechanism: &Mechanism,
     closing_motion: &[Vec<f64>],
     by_link: &[Vec<SurfacePoint>],
@@ -266,7 +263,13 @@ fn closing_point(
 }
 
 /// Whether the closing hand moves a point the way it faces; for the palm, whether it faces where the fingers close.
-fn may_touch(hand: &AnyHand, closing_motion: &[Vec<f64>], place: &Point3<f64>, link: usize, at: &SurfacePoint) -> bool {
+fn may_touch(
+    hand: &UrdfHand,
+    closing_motion: &[Vec<f64>],
+    place: &Point3<f64>,
+    link: usize,
+    at: &SurfacePoint,
+) -> bool {
     if !at.bears {
         return false;
     }
@@ -286,7 +289,7 @@ fn may_touch(hand: &AnyHand, closing_motion: &[Vec<f64>], place: &Point3<f64>, l
 
 /// Pairs of links whose balls the sampler keeps apart: not joined, and not overlapping already at rest, as published boxes often
 /// do. The balls lie inside the shapes: what collides in physics is among these pairs.
-fn pairs(body: &AnyBody, balls: &[Vec<Ball>], notes: &mut Vec<String>) -> Vec<(usize, usize)> {
+fn pairs(body: &CollisionModel, balls: &[Vec<Ball>], notes: &mut Vec<String>) -> Vec<(usize, usize)> {
     let hand = &**body.hand();
     let open = hand.rest();
     let placed: Vec<Vec<Ball>> = balls
@@ -347,7 +350,7 @@ pub(super) mod tests {
         let pulls = format!(
             "version = 1\ndamping = 0.02\narmature = 1e-4\nspring = 0.02\n[[actuator]]\nname = \"close\"\narms = {arms}\n[palm]\nlinks = [\"base\"]\n"
         );
-        describe(AnyHand::parse(&urdf, Path::new("clamp.urdf"), &pulls, Path::new("clamp.toml"), LINK_MESHES)?)
+        describe(UrdfHand::parse(&urdf, Path::new("clamp.urdf"), &pulls, Path::new("clamp.toml"), LINK_MESHES)?)
     }
 
     /// Candidates are found on the inner faces of the jaws and on the base between them, and nowhere else.
@@ -355,7 +358,7 @@ pub(super) mod tests {
     fn inner_faces_are_candidates() {
         let clamp = clamp("{ a = -0.01 }").expect("described");
         let root_from_palm = clamp.palm_from_root.inverse();
-        for candidate in &clamp.surface.candidates {
+        for candidate in &clamp.sampled.surface.candidates {
             match candidate.link {
                 0 => assert!((root_from_palm * candidate.normal).x > 0.9, "the base's front"),
                 1 => assert!(candidate.normal.y < -0.9, "{:?}", candidate),
@@ -363,7 +366,7 @@ pub(super) mod tests {
             }
         }
         for link in 0..3 {
-            assert!(clamp.surface.candidates.iter().filter(|c| c.link == link).count() > 10, "link {link}");
+            assert!(clamp.sampled.surface.candidates.iter().filter(|c| c.link == link).count() > 10, "link {link}");
         }
         // The jaws close before the base, which lies behind them along +z.
         let place = clamp.palm_from_root * Point3::new(0.06, 0.0, 0.0);

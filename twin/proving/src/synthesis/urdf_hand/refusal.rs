@@ -5,9 +5,9 @@ use nalgebra::{Isometry3, Point3};
 use serde::Serialize;
 use sim::hand_scene::Touch;
 
-use super::closing::AnyClosed;
 use super::describe::Described;
 use super::reach;
+use crate::synthesis::closing::Closed;
 use crate::synthesis::subject::Subject;
 
 /// Share of all normal forces that fixed parts other than the palm may bear.
@@ -37,6 +37,11 @@ pub struct Refused {
 }
 
 impl Refused {
+    /// How many there are.
+    pub fn all(&self) -> u64 {
+        self.leans_on_fixed_part + self.contact_off_surface + self.unreachable
+    }
+
     /// Counts one more.
     pub fn add(&mut self, refusal: Refusal) {
         match refusal {
@@ -48,15 +53,15 @@ impl Refused {
 }
 
 /// The reason to refuse a closed grasp, if there is one.
-pub fn of(hand: &Described, subject: &Subject, closed: &AnyClosed, table: Option<&Plane>) -> Option<Refusal> {
+pub fn of(hand: &Described, subject: &Subject, closed: &Closed, table: Option<&Plane>) -> Option<Refusal> {
     if leans(hand, &closed.touches) {
         return Some(Refusal::Leans);
     }
-    let links = closed.stand.links();
+    let links = closed.scene.links();
     if closed.touches.iter().any(|touch| gap(hand, &links, touch) > MOST_GAP) {
         return Some(Refusal::Floats);
     }
-    (!reach::reachable(hand, subject, &closed.open, table)).then_some(Refusal::Unreachable)
+    (!reach::reachable(hand, subject, &closed.start, &closed.open.joints, table)).then_some(Refusal::Unreachable)
 }
 
 fn leans(hand: &Described, touches: &[Touch]) -> bool {

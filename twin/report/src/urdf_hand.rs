@@ -1,4 +1,4 @@
-//! Grasps of a hand from files: as a picture sheet, and as they are shown in a recording.
+//! Grasps of a hand from a URDF: as a picture sheet, and as they are shown in a recording.
 
 use std::path::Path;
 
@@ -6,10 +6,9 @@ use anyhow::Result;
 use grasping::synthesis::held::{pose_from_array, values};
 use image::RgbImage;
 use nalgebra::{Isometry3, Point3, UnitVector3, Vector3};
-use proving::synthesis::any::describe::Described;
-use proving::synthesis::any::kinds::AnyKind;
-use sim::engine::EngineSettings;
-use sim::stand::AnyStand;
+use proving::synthesis::grasping_hand::GraspingHand as _;
+use proving::synthesis::urdf_hand::describe::Described;
+use proving::synthesis::urdf_hand::kinds::UrdfKind;
 use stream::gallery::{ShownContact, ShownGrasp, ShownHand};
 use stream::mesh::Mesh;
 use world::objects::ObjectModel;
@@ -30,8 +29,8 @@ pub const DOT: f64 = 2.5e-3;
 
 /// The hand's collision shapes at joint angles (rad), three points a triangle, palm frame.
 pub fn skin(hand: &Described, joints: &[f64]) -> Vec<[Point3<f64>; 3]> {
-    let stand = AnyStand::at(&hand.body, EngineSettings::default(), joints);
-    stand.triangles().into_iter().map(|triangle| triangle.map(|point| hand.palm_from_root * point)).collect()
+    let links = hand.hand.tree.forward(joints);
+    hand.body.triangles(&links).into_iter().map(|triangle| triangle.map(|point| hand.palm_from_root * point)).collect()
 }
 
 /// Draws the hand's triangles.
@@ -43,14 +42,14 @@ pub fn draw(picture: &mut Picture, skin: &[[Point3<f64>; 3]]) {
 }
 
 /// A sheet of the kinds of one object: a row a kind, seen onto the palm, from the side and along the fingers.
-pub fn sheet(hand: &Described, model: &ObjectModel, kinds: &[AnyKind<'_>], path: &Path) -> Result<()> {
+pub fn sheet(hand: &Described, model: &ObjectModel, kinds: &[UrdfKind<'_>], path: &Path) -> Result<()> {
     let views = [View::palm(), View::thumb_side(), View::tips()];
     let pictures: Vec<RgbImage> =
         kinds.iter().flat_map(|kind| views.map(|view| picture(hand, model, kind, view))).collect();
     save(&tile(&pictures, views.len()), path)
 }
 
-fn picture(hand: &Described, model: &ObjectModel, kind: &AnyKind<'_>, view: View) -> RgbImage {
+fn picture(hand: &Described, model: &ObjectModel, kind: &UrdfKind<'_>, view: View) -> RgbImage {
     let best = kind.best;
     let skin = skin(hand, &values(&best.joints));
     let (low, high) = skin
@@ -62,11 +61,10 @@ fn picture(hand: &Described, model: &ObjectModel, kind: &AnyKind<'_>, view: View
     let mut picture = Picture::new(SIZE, view.at(Point3::from(0.5 * (low + high)), MARGIN * (high - low).norm()));
     draw(&mut picture, &skin);
     let (vertices, triangles, normals) = model.shape.triangles();
-    let palm_from_object = hand.palm_from_root * pose_from_array(&best.root_from_object);
-    picture.triangles(&palm_from_object, &vertices, &triangles, &normals, model.color.map(f64::from));
-    for (_, point, ..) in &best.contacts {
-        picture.dot(&(hand.palm_from_root * Point3::from(*point)), DOT, CONTACT);
-    }
+    let drawn = hand.in_palm_frame(best);
+    let color = model.color.map(f64::from);
+    picture.triangles(&pose_from_array(&drawn.palm_from_object), &vertices, &triangles, &normals, color);
+    drawn.contacts.iter().for_each(|point| picture.dot(&Point3::from(*point), DOT, CONTACT));
     picture.finish(&format!("{}\n{} of it, margin {:.2} N", folded(&kind.name), kind.count, best.margin))
 }
 
@@ -85,7 +83,7 @@ fn folded(name: &str) -> String {
 }
 
 /// A kind's best grasp as a recording shows it, with its figures in words.
-pub fn shown(hand: &Described, kind: &AnyKind<'_>) -> ShownGrasp {
+pub fn shown(hand: &Described, kind: &UrdfKind<'_>) -> ShownGrasp {
     let grasp = kind.best;
     let text = format!(
         "- the best of {}\n- margin {:.2} N, overlap {:.2} mm\n- verified for {:.0} g, holds {:.0} g\n- chain {}",
@@ -98,11 +96,11 @@ pub fn shown(hand: &Described, kind: &AnyKind<'_>) -> ShownGrasp {
     );
     let corners: Vec<Point3<f64>> = skin(hand, &values(&grasp.joints)).into_iter().flatten().collect();
     let triangles: Vec<[u32; 3]> = (0..corners.len() as u32 / 3).map(|n| [3 * n, 3 * n + 1, 3 * n + 2]).collect();
-    let contacts = grasp.contacts.iter().map(|(link, point, normal, force)| ShownContact {
-        link: *link,
-        point: hand.palm_from_root * Point3::from(*point),
-        normal: UnitVector3::new_normalize(hand.palm_from_root * Vector3::from(*normal)),
-        force: *force,
+    let contacts = grasp.contacts.iter().map(|contact| ShownContact {
+        link: contact.link,
+        point: hand.palm_from_root * Point3::from(contact.point),
+        normal: UnitVector3::new_normalize(hand.palm_from_root * Vector3::from(contact.normal)),
+        force: contact.force,
     });
     ShownGrasp {
         name: kind.name.clone(),

@@ -1,4 +1,4 @@
-//! Any hand: a URDF for the mechanism and a small file for what pulls on its joints.
+//! A hand from a URDF: the mechanism, and a small file for what pulls on its joints.
 //!
 //! The pulls file is TOML. An actuator's cable acts on each of its joints with a constant moment arm (m; negative where
 //! a positive angle lengthens the cable; of a joint that slides, force over tension). Springs are torsion springs with rest at 0, or at the angle of `[open]`:
@@ -28,7 +28,7 @@
 //! `visuals = true` takes the visual shapes of links that have no collision shape; a hand without any collision shape is taken so anyway.
 //!
 //! Links on fixed joints become part of the link that carries them, frames without mass too. A link with
-//! mass and no inertia is a point mass, one that moves and has no mass gets one ([`AnyHand::notes`] names both). A joint that mimics another follows
+//! mass and no inertia is a point mass, one that moves and has no mass gets one ([`UrdfHand::notes`] names both). A joint that mimics another follows
 //! it. A joint that nothing pulls is held where `[held]` says, otherwise at rest: 0, or the nearest within its limits. Its link
 //! becomes part of the link that carries it. Collision meshes are cut into convex parts ([`MeshTools`]); they need not be watertight.
 
@@ -46,6 +46,7 @@ use urdf_rs::{JointType, Robot};
 
 use crate::hand::MassProperties;
 use crate::kinematics::{JointKind, Tree, pose_from_xyz_rpy};
+use crate::transmission::Follower;
 use crate::urdf::{fault, frames, parse_robot, read_bytes};
 use platform::data::{DataError, parse_toml, read_text};
 
@@ -59,17 +60,6 @@ use pulls::PullsFile;
 const PINION: f64 = 0.01;
 /// A torque is within an effort up to this share.
 const ROUNDING: f64 = 1e-9;
-
-/// A joint that follows another: q = multiplier * q_leader + offset.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Follower {
-    pub joint: usize,
-    pub leader: usize,
-    /// Motion over the leader's.
-    pub multiplier: f64,
-    /// rad or m.
-    pub offset: f64,
-}
 
 /// An actuator's cable.
 #[derive(Debug, Clone)]
@@ -103,7 +93,7 @@ pub struct Palm {
 
 /// A hand read from files.
 #[derive(Debug, Clone)]
-pub struct AnyHand {
+pub struct UrdfHand {
     /// Name of the URDF's robot.
     pub name: String,
     /// Moving joints, parents first.
@@ -135,7 +125,7 @@ pub struct AnyHand {
     pub notes: Vec<String>,
 }
 
-impl AnyHand {
+impl UrdfHand {
     /// Reads a hand from its URDF and its pulls file.
     pub fn read(urdf: &Path, pulls: &Path, meshes: MeshTools) -> Result<Self, DataError> {
         let robot = read_bytes(urdf)?;

@@ -27,8 +27,8 @@ const NO_MESHES: MeshTools = MeshTools {
     cut: |_| Cut { parts: Vec::new(), excess: 0.0 },
 };
 
-fn parse(urdf: &str, pulls: &str) -> Result<AnyHand, String> {
-    AnyHand::parse(urdf, Path::new("clamp.urdf"), pulls, Path::new("clamp.toml"), NO_MESHES)
+fn parse(urdf: &str, pulls: &str) -> Result<UrdfHand, String> {
+    UrdfHand::parse(urdf, Path::new("clamp.urdf"), pulls, Path::new("clamp.toml"), NO_MESHES)
         .map_err(|error| error.to_string())
 }
 
@@ -260,7 +260,7 @@ fn joints_that_nothing_pulls_are_held() {
     let solid = "<collision><origin xyz=\"0.01 0 0\"/><geometry><sphere radius=\"0.005\"/></geometry></collision>";
     let spread =
         spread.replacen("izz=\"1e-5\"/></inertial></link>", &format!("izz=\"1e-5\"/></inertial>{solid}</link>"), 1);
-    let tip = |hand: &AnyHand| hand.solids.last().map(|solid| (solid.link, solid.link_from_solid.translation.vector));
+    let tip = |hand: &UrdfHand| hand.solids.last().map(|solid| (solid.link, solid.link_from_solid.translation.vector));
     let rest = parse(&spread, PULLS).expect("valid");
     assert_eq!((rest.tree.len(), &rest.held[..]), (2, &[("spread".to_owned(), 0.2)][..]));
     let (link, at) = tip(&rest).expect("a tip");

@@ -1,22 +1,23 @@
-//! Another hand as MJCF: its links from the URDF, its actuators as fixed tendons with the pulls' moment arms, joints that follow as
+//! A hand from a URDF as MJCF: its links from the URDF, its actuators as fixed tendons with the pulls' moment arms, joints that follow as
 //! equality constraints.
 //!
-//! A control is an actuator's tension (N). Collision shapes are those of [`crate::stand::AnyStand`], and so are the pairs that pass
+//! A control is an actuator's tension (N). Collision shapes are those of [`CollisionModel`], and so are the pairs that pass
 //! through each other.
 
 use std::fmt::Write as _;
 
-use hand_model::any_hand::{AnyHand, SolidShape};
 use hand_model::kinematics::JointKind;
+use hand_model::urdf_hand::{SolidShape, UrdfHand};
 use nalgebra::{Isometry3, Vector3};
 
 use super::{COMPILER, inertial, is_solid, key, mesh, option, placed, prop_body, range, triple};
-use crate::stand::{AnyBody, Prop, hull};
+use crate::collision_model::{CollisionModel, hull};
+use crate::stand::Prop;
 
 /// What is written, without gravity.
-pub struct AnyScene<'a> {
+pub struct UrdfScene<'a> {
     /// The hand; the frame of its root link is the world.
-    pub body: &'a AnyBody,
+    pub body: &'a CollisionModel,
     /// Loose things with their pose in the world.
     pub props: &'a [(Prop, Isometry3<f64>)],
     /// Angles of the joints (rad) and tensions (N) to begin with.
@@ -26,7 +27,7 @@ pub struct AnyScene<'a> {
 }
 
 /// The scene as MJCF text.
-pub fn write(scene: &AnyScene<'_>) -> String {
+pub fn write(scene: &UrdfScene<'_>) -> String {
     let hand = &**scene.body.hand();
     let (mut assets, mut bodies, mut order) = (String::new(), String::new(), Vec::new());
     bodies += "    <body name=\"root\" pos=\"0 0 0\">\n";
@@ -80,16 +81,16 @@ fn escaped(name: &str) -> String {
 }
 
 /// The body of a link, which has the name of the joint that moves it.
-fn body(hand: &AnyHand, link: Option<usize>) -> String {
+fn body(hand: &UrdfHand, link: Option<usize>) -> String {
     link.map_or("root".into(), |link| escaped(&hand.tree.joints[link].name))
 }
 
-fn children(hand: &AnyHand, link: Option<usize>) -> impl Iterator<Item = usize> {
+fn children(hand: &UrdfHand, link: Option<usize>) -> impl Iterator<Item = usize> {
     hand.tree.joints.iter().enumerate().filter(move |(_, joint)| joint.parent == link).map(|(child, _)| child)
 }
 
 /// A link with all that it carries; its joint goes to the end of `order`.
-fn link_body(assets: &mut String, out: &mut String, hand: &AnyHand, link: usize, order: &mut Vec<usize>) {
+fn link_body(assets: &mut String, out: &mut String, hand: &UrdfHand, link: usize, order: &mut Vec<usize>) {
     let joint = &hand.tree.joints[link];
     let name = body(hand, Some(link));
     order.push(link);
@@ -118,7 +119,7 @@ fn link_body(assets: &mut String, out: &mut String, hand: &AnyHand, link: usize,
 }
 
 /// The collision shapes of a link.
-fn solids(assets: &mut String, out: &mut String, hand: &AnyHand, link: Option<usize>) {
+fn solids(assets: &mut String, out: &mut String, hand: &UrdfHand, link: Option<usize>) {
     for (n, solid) in hand.solids.iter().enumerate().filter(|(_, solid)| solid.link == link) {
         let pose = placed(&solid.link_from_solid);
         let _ = match &solid.shape {

@@ -7,7 +7,7 @@ use nalgebra::Vector3;
 use serde::Deserialize;
 use urdf_rs::{JointType, Robot};
 
-use super::{AnyHand, Feel, PINION, Palm, Pull};
+use super::{Feel, PINION, Palm, Pull, UrdfHand};
 use crate::urdf::fault;
 use platform::data::DataError;
 
@@ -191,7 +191,7 @@ impl PullsFile {
 }
 
 /// Gives the hand its actuators and open coordinates.
-pub fn complete(hand: &mut AnyHand, file: PullsFile, path: &Path) -> Result<(), DataError> {
+pub fn complete(hand: &mut UrdfHand, file: PullsFile, path: &Path) -> Result<(), DataError> {
     for (name, open) in &file.open {
         let wrong = |found: &str, expected: &str| Err(fault(path, "open".into(), name, found.into(), expected));
         let pulled = file.actuator.iter().any(|actuator| actuator.arms.contains_key(name));
@@ -231,7 +231,7 @@ pub fn complete(hand: &mut AnyHand, file: PullsFile, path: &Path) -> Result<(), 
 
 /// A pulled joint can move the way it is pulled; a note where it can do so much less than the other way.
 fn check_room(
-    hand: &AnyHand,
+    hand: &UrdfHand,
     (joint, arm): (usize, f64),
     rest: f64,
     path: &Path,
@@ -261,7 +261,7 @@ fn check_room(
 }
 
 /// The largest tension of a cable with these arms: the actuator's own, or that at which a joint's effort is reached.
-fn most_tension(hand: &AnyHand, arms: &[(usize, f64)], own: Option<f64>) -> Option<(f64, String)> {
+fn most_tension(hand: &UrdfHand, arms: &[(usize, f64)], own: Option<f64>) -> Option<(f64, String)> {
     let of_joint = |(joint, arm): &(usize, f64)| {
         let effort = hand.efforts[*joint]?;
         let own = &hand.tree.joints[*joint];

@@ -5,9 +5,8 @@
 
 use grasping::synthesis::energy::Plane;
 use grasping::synthesis::frames::{Frames, HandState};
-use nalgebra::{Rotation3, Unit, Vector3};
+use nalgebra::{Isometry3, Rotation3, Unit, Vector3};
 
-use super::closing::AnyOpen;
 use super::describe::Described;
 use crate::synthesis::subject::Subject;
 
@@ -21,13 +20,19 @@ const OPENING_STEPS: usize = 10;
 /// Angles (rad) between the way back and the palm's own direction, and how many ways there are at each.
 const TILTS: [(f64, usize); 3] = [(0.0, 1), (std::f64::consts::FRAC_PI_4, 8), (std::f64::consts::FRAC_PI_2, 8)];
 
-/// True if a free way leads to `open`.
-pub fn reachable(hand: &Described, subject: &Subject, open: &AnyOpen, table: Option<&Plane>) -> bool {
-    let object_from_palm = (hand.palm_from_root * open.start).inverse();
-    let mut frames = Frames::new(&hand.tree);
+/// True if a free way leads to the object at `start` (`root_from_object`) with the joints at `open` (rad or m).
+pub fn reachable(
+    hand: &Described,
+    subject: &Subject,
+    start: &Isometry3<f64>,
+    open: &[f64],
+    table: Option<&Plane>,
+) -> bool {
+    let object_from_palm = (hand.palm_from_root * start).inverse();
+    let mut frames = Frames::new(&hand.sampled.tree);
     let mut place = |joints: Vec<f64>| {
         frames.place(&HandState { object_from_palm, joints });
-        let links = hand.surface.links.iter().enumerate();
+        let links = hand.sampled.surface.links.iter().enumerate();
         links
             .flat_map(|(link, own)| own.points.iter().map(|point| frames.point(link, point)).collect::<Vec<_>>())
             .collect()
@@ -37,14 +42,14 @@ pub fn reachable(hand: &Described, subject: &Subject, open: &AnyOpen, table: Opt
     // The object comes along the palm's -z: the hand draws back along its z.
     let back = object_from_palm.rotation * Vector3::z();
     let free = |points: &[Vector3<f64>]| ways(&back).any(|way| is_free(subject, points, &way, far, table));
-    let as_it_is: Vec<Vector3<f64>> = place(open.joints.clone());
+    let as_it_is: Vec<Vector3<f64>> = place(open.to_vec());
     if free(&as_it_is) {
         return true;
     }
     let wide = hand.hand.rest();
     for step in 1..=OPENING_STEPS {
         let share = step as f64 / OPENING_STEPS as f64;
-        let joints = open.joints.iter().zip(&wide).map(|(from, to)| from + share * (to - from)).collect();
+        let joints = open.iter().zip(&wide).map(|(from, to)| from + share * (to - from)).collect();
         let points = place(joints);
         if !is_clear(subject, &points, &Vector3::zeros(), table) {
             return false;

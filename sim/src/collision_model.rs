@@ -1,0 +1,154 @@
+//! Collision shapes of a hand from a URDF, in the physics engine's terms.
+
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
+use hand_model::urdf_hand::{SolidShape, UrdfHand};
+use nalgebra::{Isometry3, Point3};
+use rapier3d_f64::geometry::{Capsule, ConvexPolyhedron};
+use rapier3d_f64::prelude::*;
+
+use crate::body::groups;
+use crate::convert;
+use crate::stand::{joined, overlap};
+
+/// Two links; `None` is the root.
+pub type LinkPair = (Option<usize>, Option<usize>);
+
+/// A hand with its collision shapes, made once for all of its scenes.
+#[derive(Clone)]
+pub struct CollisionModel {
+    hand: Arc<UrdfHand>,
+    shapes: Vec<(Option<usize>, Pose, SharedShape)>,
+    passing: BTreeSet<LinkPair>,
+}
+
+impl CollisionModel {
+    pub fn new(hand: Arc<UrdfHand>) -> Self {
+        let shapes = hand
+            .solids
+            .iter()
+            .filter_map(|solid| Some((solid.link, convert::pose(&solid.link_from_solid), shape(&solid.shape)?)))
+            .collect::<Vec<_>>();
+        let passing = passing(&hand, &shapes);
+        Self { hand, shapes, passing }
+    }
+
+    pub fn hand(&self) -> &Arc<UrdfHand> {
+        &self.hand
+    }
+
+    /// Pairs of links that pass through each other: no joint connects them, but their collision shapes overlap at rest already, as
+    /// those of published models often do at their joints.
+    pub fn passing(&self) -> &BTreeSet<LinkPair> {
+        &self.passing
+    }
+
+    /// Pairs of links that never collide: what a joint connects, and [`Self::passing`].
+    pub(crate) fn excluded(&self) -> BTreeSet<LinkPair> {
+        let joined = self.hand.tree.joints.iter().enumerate().map(|(link, joint)| (joint.parent, Some(link)));
+        self.passing.iter().copied().chain(joined).collect()
+    }
+
+    /// Colliders of all shapes with their link.
+    pub(crate) fn colliders(&self) -> Vec<(Option<usize>, ColliderBuilder)> {
+        let groups = InteractionGroups::all().with_memberships(groups::HAND).with_filter(groups::HAND | groups::OBJECT);
+        let collider = |(link, pose, shape): &(Option<usize>, Pose, SharedShape)| {
+            let collider = ColliderBuilder::new(shape.clone())
+                .active_hooks(ActiveHooks::MODIFY_SOLVER_CONTACTS)
+                .position(*pose)
+                .density(0.0)
+                .friction(0.0)
+                .friction_combine_rule(CoefficientCombineRule::Max)
+                .collision_groups(groups);
+            (*link, collider)
+        };
+        self.shapes.iter().map(collider).collect()
+    }
+
+    /// The shapes as triangles in the root frame, three points a triangle, with the links at `root_from_link`: for pictures.
+    pub fn triangles(&self, root_from_link: &[Isometry3<f64>]) -> Vec<[Point3<f64>; 3]> {
+        let mut triangles = Vec::new();
+        for solid in &self.hand.solids {
+            let pose = solid.link.map_or(Isometry3::identity(), |link| root_from_link[link]) * solid.link_from_solid;
+            for (vertices, indices) in surface(&solid.shape) {
+                let place = |index: u32| pose * Point3::from(convert::to_vector(vertices[index as usize]));
+                triangles.extend(indices.iter().map(|corners| corners.map(place)));
+            }
+        }
+        triangles
+    }
+}
+
+fn passing(hand: &UrdfHand, shapes: &[(Option<usize>, Pose, SharedShape)]) -> BTreeSet<LinkPair> {
+    let links = hand.tree.forward(&hand.rest());
+    let place = |(link, pose, _): &(Option<usize>, Pose, SharedShape)| match link {
+        Some(link) => convert::pose(&links[*link]) * *pose,
+        None => *pose,
+    };
+    let mut passing = BTreeSet::new();
+    for (n, one) in shapes.iter().enumerate() {
+        for other in &shapes[n + 1..] {
+            let pair = (one.0.min(other.0), one.0.max(other.0));
+            let known = joined(&hand.tree, one.0, other.0) || passing.contains(&pair);
+            if !known && overlap(&place(one), &*one.2, &place(other), &*other.2) > 0.0 {
+                passing.insert(pair);
+            }
+        }
+    }
+    passing
+}
+
+/// A capsule along z.
+fn capsule(radius: f64, half: f64) -> Capsule {
+    Capsule::new(-Vector::Z * half, Vector::Z * half, radius)
+}
+
+/// The corners of the convex hull of a mesh's points; none where they span no volume.
+pub(crate) fn hull(points: &[Point3<f64>]) -> Vec<Point3<f64>> {
+    surface(&SolidShape::Hull(points.to_vec()))
+        .into_iter()
+        .flat_map(|(vertices, _)| vertices)
+        .map(|vertex| Point3::from(convert::to_vector(vertex)))
+        .collect()
+}
+
+/// Vertices and triangles of a shape's surface.
+fn surface(shape: &SolidShape) -> Vec<(Vec<Vector>, Vec<[u32; 3]>)> {
+    const ROUND: u32 = 20;
+    match shape {
+        SolidShape::Cuboid(half) => vec![Cuboid::new(convert::vector(half)).to_trimesh()],
+        SolidShape::Sphere(radius) => vec![Ball::new(*radius).to_trimesh(ROUND, ROUND)],
+        SolidShape::Cylinder(radius, half) => {
+            let (vertices, triangles) = Cylinder::new(*half, *radius).to_trimesh(ROUND);
+            let upright = Rotation::from_rotation_arc(Vector::Y, Vector::Z);
+            vec![(vertices.into_iter().map(|vertex| upright * vertex).collect(), triangles)]
+        }
+        SolidShape::Capsule(radius, half) => {
+            let (vertices, triangles) = capsule(*radius, *half).to_trimesh(ROUND, ROUND);
+            vec![(vertices, triangles)]
+        }
+        SolidShape::Hull(points) => {
+            let points: Vec<Vector> = points.iter().map(convert::point).collect();
+            ConvexPolyhedron::from_convex_hull(&points).map(|hull| hull.to_trimesh()).into_iter().collect()
+        }
+    }
+}
+
+/// The collision shape; none where the points of a mesh span no volume.
+fn shape(shape: &SolidShape) -> Option<SharedShape> {
+    match shape {
+        SolidShape::Cuboid(half) => Some(SharedShape::cuboid(half.x, half.y, half.z)),
+        SolidShape::Sphere(radius) => Some(SharedShape::ball(*radius)),
+        SolidShape::Cylinder(radius, half) => {
+            // parry's cylinder stands along y.
+            let upright = Pose::from_rotation(Rotation::from_rotation_arc(Vector::Y, Vector::Z));
+            Some(SharedShape::compound(vec![(upright, SharedShape::cylinder(*half, *radius))]))
+        }
+        SolidShape::Capsule(radius, half) => Some(SharedShape::new(capsule(*radius, *half))),
+        SolidShape::Hull(points) => {
+            let points: Vec<Vector> = points.iter().map(convert::point).collect();
+            SharedShape::convex_hull(&points)
+        }
+    }
+}
