@@ -1,6 +1,5 @@
 //! Tests of the scene's physics in one program, which is linked once.
 
-mod any_hand;
 mod arm_defects;
 mod beside_the_table;
 mod breaking;
@@ -11,3 +10,4 @@ mod own_contact;
 mod rest;
 mod stand;
 mod statics;
+mod urdf_hand;

@@ -1,6 +1,5 @@
 //! End-to-end tests in one program: they share its build, and those that wait leave the cores to the others.
 
-mod any_hand;
 mod bad_input;
 mod bench_small;
 mod bridge;
@@ -28,4 +27,5 @@ mod sweep;
 mod terminal;
 mod transport;
 mod twin;
+mod urdf_hand;
 mod view;
