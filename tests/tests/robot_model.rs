@@ -197,13 +197,13 @@ fn a_gripper_picks_one_object() {
     let folder = tempdir().expect("a folder");
     let (robot, out) = (shipped("franka_panda.toml"), folder.path().join("out"));
     let scenario = folder.path().join("one.toml");
-    let one = "version = 1\nname = \"one\"\nextends = \"benchmark\"\nfirst = [\"box_50\"]\nsecond = []\n";
+    let one = "version = 1\nname = \"one\"\nextends = \"benchmark\"\nfirst = [\"ball_45\"]\nsecond = []\n";
     fs::write(&scenario, one).expect("written");
     let asked = ["bench", "--robot-model", text(&robot), "--scenario", text(&scenario), "--trials", "1"];
     let asked = [&asked[..], &["--conditions", "ideal,blind,touch", "--record", "none", "--out", text(&out)]].concat();
     let output = ftac(&asked).env("XDG_CACHE_HOME", folder.path().join("cache")).output().expect("runs");
     assert!(matches!(output.status.code(), Some(0 | 1)), "{}", stderr(&output));
-    assert!(stderr(&output).contains("box_50: 4 grasps by thumb and index finger"), "{}", stderr(&output));
+    assert!(stderr(&output).contains("ball_45: 4 grasps by thumb and index finger"), "{}", stderr(&output));
     let mut table = csv::Reader::from_path(out.join("trials.csv")).expect("trials.csv");
     let rows: Vec<HashMap<String, String>> = table.deserialize().collect::<Result<_, _>>().expect("rows");
     let of = |name: &str| rows.iter().find(|row| row["condition"] == name).expect(name);
