@@ -1,10 +1,9 @@
 //! Carrying several objects to one place in one trip.
 //!
-//! [`site`] is the place in physics, [`skills`] what the hand can do, [`play`] one transport under one policy, [`rehearse`] the
-//! search for new skills, [`recorded`] the recording.
+//! [`site`] is the place in physics, [`play`] one transport under one policy, [`rehearse`] the
+//! search for [skills](proving::skills), [`recorded`] the recording.
 
 pub mod play;
 pub mod recorded;
 pub mod rehearse;
 pub mod site;
-pub mod skills;
