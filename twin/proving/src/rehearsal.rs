@@ -169,7 +169,9 @@ impl NextWatch {
             executor.targets()[..object].iter().flat_map(|target| target.grasp.digits.iter().copied()).collect();
         let free = hand.digits().iter().filter(|digit| !holding.contains(digit));
         let free = free.map(|digit| digit_bits(hand, &[*digit])).collect();
-        Self { object, holding: digit_bits(hand, &holding), free, gripped: false, collided: false }
+        // One digit holds against the palm.
+        let gripped = executor.target(object).grasp.digits.len() == 1;
+        Self { object, holding: digit_bits(hand, &holding), free, gripped, collided: false }
     }
 
     /// Plays up to `phase`, or to a collision.
@@ -195,21 +197,19 @@ pub fn rehearse_carry(snapshot: &Snapshot) -> Result<HoldOutcome> {
     Ok(hold_outcome(&before, &robot.truth(), 0))
 }
 
-/// From a hold of the objects before it, takes `object` with `grasp`, up to the decision on what follows. None where something is touched that must
-/// not be, or any of them is not in the hand then.
+/// From a hold of the objects before it, takes `object` with `grasp`, up to the decision on what follows. None where any
+/// of them is not in the hand then. Contacts are the referee's to count: neighbouring fingers meet on small things.
 pub fn rehearse_next(snapshot: &Snapshot, object: usize, grasp: &Grasp) -> Result<Option<Snapshot>> {
     let Snapshot { mut robot, mut executor } = snapshot.clone();
     if executor.take_with(object, grasp.clone()).is_err() {
         return Ok(None);
     }
-    let mut watch = NextWatch::new(&executor, object);
-    for skill in [Skill::Lift, Skill::Look] {
-        watch.drive(&mut robot, &mut executor, Phase::run(skill, object))?;
-        if watch.collided || robot.truth().touched_by[object] == 0 {
+    for phase in [Phase::run(Skill::Lift, object), Phase::decide(Skill::Look, object)] {
+        drive(&mut robot, &mut executor, phase, |_, _| {})?;
+        if robot.truth().touched_by[object] == 0 {
             return Ok(None);
         }
     }
-    watch.drive(&mut robot, &mut executor, Phase::decide(Skill::Look, object))?;
     let truth = robot.truth();
     Ok((0..=object).all(|one| in_hand(&truth, one)).then_some(Snapshot { robot, executor }))
 }
