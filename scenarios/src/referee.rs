@@ -4,7 +4,7 @@
 //! The objects of a trial are a list, in the order in which they are taken.
 //! - **Contact** (unwanted): before the grasp of an object after the first has closed (up to the end of its [`Skill::Grasp`]), one that is held, taken
 //!   before it, or a digit holding one touches it; or the palm does before two free digits have it (once they have, they may
-//!   draw it against the palm); or it moves by more than `knock_distance` before
+//!   draw it against the palm; nor does it count where a single digit takes the object against the palm); or it moves by more than `knock_distance` before
 //!   its grasp begins without a free digit having touched it (a blow shorter than the referee's sampling). Objects that both
 //!   lie on the table, or both hang in the hand in a later try, may touch each other. A trial of one object knows no such contact.
 //! - **In the hand** ([`world::holding`]): the object touches the hand, does not touch the table, and its origin is within
@@ -59,6 +59,8 @@ pub struct ObjectTruth {
     pub palm_touches: bool,
     /// How many of the digits that are not for those touch it.
     pub free_digits: usize,
+    /// A single digit takes it, against the palm: then the palm may touch it.
+    pub palm_takes: bool,
     /// What presses on it at this moment; not seen of the first object.
     pub pressed_by: Vec<Touch>,
     /// Contacts with the hand.
@@ -77,6 +79,7 @@ impl ObjectTruth {
             holding_digits_touch: false,
             palm_touches: false,
             free_digits: 0,
+            palm_takes: false,
             pressed_by: Vec::new(),
             hand_contacts: 0,
             on_table: true,
@@ -406,7 +409,7 @@ impl Referee {
         }
         watched.free_touch |= object.free_digits > 0;
         watched.gripped |= object.free_digits >= 2;
-        let palm_touches = object.palm_touches && !watched.gripped;
+        let palm_touches = object.palm_touches && !watched.gripped && !object.palm_takes;
         let knocked =
             !truth.phase.closes(index) && !watched.free_touch && (now - start).norm() > self.rules.knock_distance;
         let held_touches = object.lies() && object.touching_objects.iter().any(|other| !truth.objects[*other].lies());

@@ -20,7 +20,7 @@ fn perfect(objects: usize, phase: Phase, time: f64) -> SceneTruth {
                     free_digits: 2 * usize::from(object > 0 && phase.closes(object)),
                     hand_contacts: 3 * usize::from(phase.closes(object)),
                     on_table: !up,
-                    ..ObjectTruth::standing(in_palm(up, 0.04 - 0.1 * object as f64))
+                    ..ObjectTruth::standing(in_palm(up, [0.04, -0.06, 0.09][object]))
                 }
             })
             .collect(),

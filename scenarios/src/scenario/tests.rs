@@ -128,7 +128,10 @@ fn one_two_or_three_lists() {
         pushed,
         "n.toml: disturbance.wrong_size.object: found second, expected an object of the trial, which has 1"
     );
-    let near = error(&format!("first = [\"egg\"]\nsecond = [\"gem\"]\n{}", third.replace("y = 0.0", "y = 0.12")));
+    let near = error(&format!(
+        "first = [\"egg\"]\nsecond = [\"gem\"]\n{}",
+        third.replace("x = 0.62, y = 0.0", "x = 0.62, y = 0.12")
+    ));
     assert!(near.contains("layout: found places that may be 0.020 m apart"), "{near}");
     let scenario = parse("first = [\"egg\"]\nsecond = []").expect("a scenario");
     let text = serde_json::to_string(&scenario).expect("text");

@@ -26,6 +26,7 @@ use control::action::ActionLimits;
 use control::foresight::Foresees;
 use control::policy::blind::Blind;
 use control::policy::chosen::Chosen;
+use control::policy::in_turn::InTurn;
 use control::policy::touch::Touch;
 use control::policy::{Knowledge, Recovery, order};
 use control::sensing::Senses;
@@ -196,8 +197,13 @@ impl Bench {
     /// The branch of the policy `touch`, with what `means` leaves it.
     fn touch(&self, start: &Start, options: Play, means: Means, watcher: &mut dyn Watcher) -> Result<TrialOutcome> {
         let inject_truth = means.sensing == Sensing::TruePose;
-        let mut policy = self.touch_policy(start, self.knowledge(start.known(), means)?, means)?;
-        play(start, &mut policy, Play { inject_truth, ..options }, watcher)
+        let knowledge = self.knowledge(start.known(), means)?;
+        let options = Play { inject_truth, ..options };
+        if start.objects.len() > 2 {
+            let senses = Senses::new(start.pipeline.as_ref().unwrap_or(&self.pipeline), means.sensing)?;
+            return play(start, &mut InTurn::new(knowledge, senses, &start.grasps.planned()), options, watcher);
+        }
+        play(start, &mut self.touch_policy(start, knowledge, means)?, options, watcher)
     }
 
     /// The branch of the user's own policy.
@@ -243,8 +249,11 @@ impl Bench {
     }
 
     /// Risk of a contact if the plan is carried out, as touch predicts it from what is felt after the first grasp; `None` if the first
-    /// object is not felt in the hand.
+    /// object is not felt in the hand, and in trials of any other number of objects than two.
     fn foretold_risk(&self, start: &Start, options: Play) -> Result<Option<f64>> {
+        if start.objects.len() != 2 {
+            return Ok(None);
+        }
         let recovery = Recovery { retry: false, new_look: false };
         let means = Means { sensing: Sensing::Full, recovery, explores: false };
         let foresees = self.twin.as_ref().map(|twin| Foresees::plan(twin));
@@ -275,6 +284,7 @@ impl Bench {
             objects: objects.to_vec(),
             known: objects.iter().map(known).collect::<Result<_>>()?,
             second: grasps.second.clone(),
+            third: grasps.third.clone(),
             fallen: grasps.fallen.clone(),
             others: grasps.others.clone(),
             uncertainty: self.uncertainty,

@@ -1,12 +1,13 @@
 //! Policies: everything that decides, retries, aims and gives up.
 //!
 //! A policy sees what a robot measures and what its [`Eyes`] report. It is asked at the decisions of a trial, acts on the
-//! [`Executor`], and answers how far to play. [`blind`] carries out the plan, [`touch`] adapts to what is felt, [`chosen`] asks
+//! [`Executor`], and answers how far to play. [`blind`] carries out the plan, [`touch`] adapts to what is felt, [`in_turn`] does so with more than two objects, [`chosen`] asks
 //! somebody else, [`order`] says which object is taken first, [`pick_sequence`] decides what a transport takes next; [`reach`] finds the grasps that the arm can carry out. No type here can name the scene's truth:
 //! the true-pose ablation is an [`Injected`] estimate that comes from outside.
 
 pub mod blind;
 pub mod chosen;
+pub mod in_turn;
 pub mod order;
 pub mod pick_sequence;
 pub mod reach;
@@ -49,6 +50,8 @@ pub struct Knowledge<'a> {
     pub known: Vec<&'a KnownObject>,
     /// Grasps of the second object, the planned one first; none in a trial of one.
     pub second: Vec<Candidate>,
+    /// Grasps of the third object, the planned one first; none in a trial of fewer.
+    pub third: Vec<Candidate>,
     /// Rehearsed grasps of the second object in the ways in which it can fall over: each names its way as its object.
     pub fallen: Vec<Candidate>,
     /// Other first grasps, with the second grasps rehearsed after each.

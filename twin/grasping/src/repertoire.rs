@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use hand_model::RobotModel;
+use hand_model::{Digit, RobotModel};
 use platform::digest::sha256;
 use platform::file::write_whole;
 use serde::{Deserialize, Serialize};
@@ -125,6 +125,11 @@ impl Repertoire {
             .into_iter()
             .flatten()
             .filter(move |grasp| grasp.digits == role.digits(grasp.close_tension.len()))
+    }
+
+    /// Grasps of `object` that close these `digits`, best first.
+    pub fn with_digits<'a>(&'a self, object: &str, digits: &'a [Digit]) -> impl Iterator<Item = &'a Grasp> + use<'a> {
+        self.grasps.get(object).into_iter().flatten().filter(move |grasp| grasp.digits == digits)
     }
 
     /// Adds a grasp and keeps its object's list ranked by score (ties: by number).

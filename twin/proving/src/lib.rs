@@ -18,5 +18,6 @@ pub mod plan;
 pub mod preparation;
 pub mod rehearsal;
 pub mod simulated_world;
+pub mod skills;
 pub mod synthesis;
 pub mod twin;

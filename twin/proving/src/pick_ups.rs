@@ -23,7 +23,7 @@ use world::objects::{ObjectModel, Symmetry};
 
 use crate::cache::Steps;
 use crate::rehearsal::{
-    FirstRehearsal, HoldOutcome, Snapshot, StartPosture, misaimed, proving_errors, rehearse_first, rehearse_second,
+    FirstRehearsal, HoldOutcome, Snapshot, StartPosture, misaimed, proving_errors, rehearse_first, rehearse_last,
     wide_errors,
 };
 use crate::simulated_world::World;
@@ -219,7 +219,7 @@ impl Search<'_> {
         }
         let hold = &hold.context("no reference hold could be made")?;
         let attempt = |grasp: &Grasp, noise: &TrialNoise| -> Result<Option<HoldOutcome>> {
-            let (collided, outcome) = rehearse_second(hold, &misaimed(grasp, noise, 1))?;
+            let (collided, outcome) = rehearse_last(hold, &misaimed(grasp, noise, 1))?;
             Ok((outcome.held && !collided && outcome.slip < 2.0 * SLIP_LIMIT).then_some(outcome))
         };
         self.find(&extent, Role::Second, attempt)

@@ -13,6 +13,7 @@
 pub mod other_order;
 pub mod outcomes;
 pub mod stepwise;
+pub mod triple;
 pub mod variations;
 pub mod without;
 
@@ -22,6 +23,7 @@ use std::path::Path;
 use anyhow::{Context, Result, bail};
 use control::worth::{Candidate, Sequence};
 use grasping::{Grasp, Repertoire, Role};
+use hand_model::Digit;
 use indicatif::ProgressBar;
 use rayon::prelude::*;
 use scenarios::Scenario;
@@ -29,7 +31,7 @@ use scenarios::combination::{Combination, draw_combinations};
 use serde::{Deserialize, Serialize};
 use sim::tactile::TactileBoard;
 
-use crate::rehearsal::{FirstRehearsal, rehearse_carry, rehearse_first, rehearse_second};
+use crate::rehearsal::{FirstRehearsal, rehearse_carry, rehearse_first, rehearse_last};
 use crate::simulated_world::World;
 
 pub use self::outcomes::Outcomes;
@@ -63,6 +65,9 @@ pub struct Plan {
     /// Second grasps of this combination alone, which the repertoire lacks; outcomes name them like its own.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub variations: Vec<Grasp>,
+    /// Third object, and (number of the grasp, worth in this combination), the plan first; none where there are fewer.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub third: Option<(String, Vec<(u32, f64)>)>,
     /// The plan of the same two objects in the same places, taken in the other order.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reversed: Option<Box<Plan>>,
@@ -83,6 +88,8 @@ pub struct PlannedGrasps {
     pub first: Grasp,
     /// The plan, then its alternatives; none for a single object.
     pub second: Vec<Candidate>,
+    /// The same of the third object; none where there are fewer.
+    pub third: Vec<Candidate>,
     /// Rehearsed grasps of the second object in the ways in which it can fall over: each names its way as its object.
     pub fallen: Vec<Candidate>,
     /// Other first grasps, with the second grasps rehearsed after each.
@@ -92,7 +99,8 @@ pub struct PlannedGrasps {
 impl PlannedGrasps {
     /// The planned grasp of each object, in the order in which they are taken.
     pub fn planned(&self) -> Vec<&Grasp> {
-        std::iter::once(&self.first).chain(self.second.first().map(|second| &second.grasp)).collect()
+        let others = [&self.second, &self.third].into_iter().filter_map(|candidates| candidates.first());
+        std::iter::once(&self.first).chain(others.map(|candidate| &candidate.grasp)).collect()
     }
 }
 
@@ -167,13 +175,16 @@ impl Plan {
             fallen: BTreeMap::new(),
             others: Vec::new(),
             variations: Vec::new(),
+            third: None,
             reversed: None,
         }
     }
 
     /// Names of the objects, in the order in which they are taken.
     pub fn objects(&self) -> Vec<&str> {
-        [&self.first, &self.second].into_iter().map(String::as_str).filter(|name| !name.is_empty()).collect()
+        let third = self.third.iter().map(|(name, _)| name);
+        let all = [&self.first, &self.second].into_iter().chain(third);
+        all.map(String::as_str).filter(|name| !name.is_empty()).collect()
     }
 
     /// Leaves out the variations and their outcomes.
@@ -186,17 +197,17 @@ impl Plan {
 
     /// The grasps behind the numbers.
     pub fn grasps(&self, repertoire: &Repertoire) -> Result<PlannedGrasps> {
-        let find =
-            |object: &str, role: Role, id: u32| {
-                repertoire
-                    .of(object, role)
-                    .chain(self.variations.iter().filter(|grasp| {
-                        grasp.object == object && grasp.digits == role.digits(grasp.close_tension.len())
-                    }))
-                    .find(|grasp| grasp.id == id)
-                    .cloned()
-                    .with_context(|| format!("the plan names grasp {id} of {object}, which the repertoire lacks"))
-            };
+        let count = self.objects().len();
+        let find = |object: &str, place: usize, id: u32| {
+            let closes = |grasp: &&Grasp| grasp.digits == digit_sets(count, grasp.close_tension.len())[place];
+            let known = repertoire.grasps.get(object).into_iter().flatten();
+            known
+                .chain(self.variations.iter().filter(|grasp| grasp.object == object))
+                .filter(closes)
+                .find(|grasp| grasp.id == id)
+                .cloned()
+                .with_context(|| format!("the plan names grasp {id} of {object}, which the repertoire lacks"))
+        };
         let candidate = |grasp: Grasp, worth: f64, outcomes: Option<&Outcomes>| {
             let rehearsed = outcomes.map(|outcomes| outcomes.rehearsed(&grasp)).transpose()?.unwrap_or_default();
             Ok(Candidate { rehearsed: rehearsed.into(), ..Candidate::new(grasp, worth) })
@@ -207,29 +218,29 @@ impl Plan {
         let named = self.second_grasps.iter().copied().chain(own.map(|grasp| (grasp.id, grasp.score)));
         let second = named.map(|(id, worth)| {
             let outcomes = self.outcomes.iter().find(|outcomes| outcomes.grasp == id);
-            candidate(find(&self.second, Role::Second, id)?, worth, outcomes)
+            candidate(find(&self.second, 1, id)?, worth, outcomes)
         });
         let fallen = self.fallen.iter().flat_map(|(way, tried)| tried.iter().map(move |outcomes| (way, outcomes)));
         let fallen = fallen.map(|(way, outcomes)| {
-            let grasp = find(way, Role::Second, outcomes.grasp)?;
+            let grasp = find(way, 1, outcomes.grasp)?;
             let worth = grasp.score;
             candidate(grasp, worth, Some(outcomes))
         });
         let others = self.others.iter().map(|other| {
             let second = other.outcomes.iter().map(|outcomes| {
-                let grasp = find(&self.second, Role::Second, outcomes.grasp)?;
+                let grasp = find(&self.second, 1, outcomes.grasp)?;
                 let worth = grasp.score;
                 candidate(grasp, worth, Some(outcomes))
             });
-            let first = find(&self.first, Role::First, other.first_grasp)?;
+            let first = find(&self.first, 0, other.first_grasp)?;
             Ok(Sequence { first, second: second.collect::<Result<_>>()? })
         });
+        let third = self.third.iter().flat_map(|(name, grasps)| grasps.iter().map(move |grasp| (name, grasp)));
+        let third = third.map(|(name, (id, worth))| Ok(Candidate::new(find(name, 2, *id)?, *worth)));
         Ok(PlannedGrasps {
+            third: third.collect::<Result<_>>()?,
             others: others.collect::<Result<_>>()?,
-            first: find(&self.first, Role::First, self.first_grasp).or_else(|error| match self.second.is_empty() {
-                true => find(&self.first, Role::Second, self.first_grasp),
-                false => Err(error),
-            })?,
+            first: find(&self.first, 0, self.first_grasp)?,
             second: second.collect::<Result<_>>()?,
             fallen: fallen.collect::<Result<_>>()?,
         })
@@ -339,11 +350,8 @@ pub fn plan_one(
     match &combination.objects[..] {
         [only] => plan_single(world, repertoire, board, only),
         [first, second] => plan_pair(world, repertoire, board, [first, second]),
-        objects => bail!(
-            "{}: found {} objects, expected one or two: no plan is made of more",
-            objects.join(", "),
-            objects.len()
-        ),
+        [first, second, third] => triple::plan(world, repertoire, board, [first, second, third]),
+        objects => bail!("{}: found {} objects, expected one to three", objects.join(", "), objects.len()),
     }
 }
 
@@ -358,6 +366,18 @@ fn plan_single(world: &World, repertoire: &Repertoire, board: &TactileBoard, nam
         }
     }
     Ok(None)
+}
+
+/// The digits that take each of so many objects in turn, of a hand with `digits` of them; none where it has none for an object.
+pub fn digit_sets(objects: usize, digits: usize) -> Vec<Vec<Digit>> {
+    let of = |role: Role| role.digits(digits).to_vec();
+    match objects {
+        1 => vec![of(sole_role(digits))],
+        2 => vec![of(Role::First), of(Role::Second)],
+        // Only with the little finger there is a digit for each of two objects beside those that take the last.
+        _ if digits <= Digit::Little.index() => vec![Vec::new(); objects],
+        _ => vec![vec![Digit::Little], vec![Digit::Ring], of(Role::Second)],
+    }
 }
 
 /// The role whose digits take an object alone: the first, where the hand has digits for it.
@@ -379,7 +399,7 @@ fn plan_pair(
         let rehearsal = FirstRehearsal::ideal(world, &grasps);
         let Some((hold, _)) = rehearse_first(world, &rehearsal, board)? else { continue };
         let works = |second: &Grasp| {
-            let (collided, outcome) = rehearse_second(&hold, second)?;
+            let (collided, outcome) = rehearse_last(&hold, second)?;
             Ok(outcome.held && !collided)
         };
         let second_grasps = ranked(&seconds, works)?;

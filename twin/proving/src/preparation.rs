@@ -14,6 +14,7 @@ use std::time::Instant;
 
 use anyhow::{Result, ensure};
 use grasping::{Grasp, Repertoire, Role};
+use hand_model::Digit;
 use scenarios::Scenario;
 use scenarios::combination::{Combination, draw_combinations};
 use scenarios::effects::Effect;
@@ -28,6 +29,7 @@ use crate::pick_ups::{self, Effort, Progress};
 use crate::plan::{self, Plans, stepwise};
 use crate::rehearsal::{FirstRehearsal, rehearse_first, try_second};
 use crate::simulated_world::World;
+use crate::skills;
 
 /// Rises when a rule of the search changes, or the engine does: what was kept is then searched anew.
 const RULES: u32 = 2;
@@ -58,18 +60,23 @@ pub fn prepare(world: &World, count: usize, seed: u64, cache: &Cache, quiet: boo
     let robot = &world.cell.robot;
     let digits = robot.hand.digits().len();
     ensure!(
-        roles(&world.scenario, digits).iter().all(|role| !role.digits(digits).is_empty()),
+        !digit_sets(world).iter().any(Vec::is_empty),
         "{}: hand: found {digits} digits, expected 4 or 5: thumb, index and middle finger take the second object while the others hold the first",
         robot.file().display()
     );
-    ensure!(
-        world.scenario.third.is_empty(),
-        "{}: third: found {} objects, expected none: no plan is made of three",
-        world.scenario.name,
-        world.scenario.third.len()
-    );
     let builtin = crate::builtin::fits(robot)?;
     let mut repertoire = if builtin { crate::builtin::repertoire()? } else { Repertoire::default() };
+    if let [(_, first), (_, second), (_, third)] = &world.scenario.lists()[..] {
+        ensure!(
+            builtin && world.scenario.object.is_empty(),
+            "{}: third: found {} objects, expected none: pick-ups by one finger each are known of the built-in hand and objects alone",
+            world.scenario.name,
+            third.len()
+        );
+        for (names, digits) in [first, second].into_iter().zip(digit_sets(world)) {
+            skills::by_digits(world, names, &digits)?.into_iter().for_each(|grasp| repertoire.insert(grasp));
+        }
+    }
     repertoire.seed = SEED;
     let mut notes = left_out::notes(world);
     notes.iter().for_each(|note| say(note));
@@ -121,12 +128,18 @@ pub fn prepare(world: &World, count: usize, seed: u64, cache: &Cache, quiet: boo
     Ok(Prepared { repertoire, plans, notes, left_out })
 }
 
-/// The role in which each of the scenario's lists is taken by a hand with so many digits.
+/// The role in which each of the scenario's lists is taken by a hand with so many digits; none where grasps of no role take them.
 fn roles(scenario: &Scenario, digits: usize) -> Vec<Role> {
     match scenario.lists().len() {
         1 => vec![plan::sole_role(digits)],
-        _ => vec![Role::First, Role::Second],
+        2 => vec![Role::First, Role::Second],
+        _ => Vec::new(),
     }
+}
+
+/// The digits that take each of the scenario's objects in turn.
+fn digit_sets(world: &World) -> Vec<Vec<Digit>> {
+    plan::digit_sets(world.scenario.lists().len(), world.cell.robot.hand.digits().len())
 }
 
 /// How long a rehearsal of the first of these pairs that has grasps takes on this machine on one thread, s; none where none has.
@@ -243,11 +256,13 @@ fn known_plans(scenario: &Scenario) -> Result<Option<Plans>> {
 /// The key of a plan: its world, its objects and all grasps that it may name.
 fn plan_key(world: &World, repertoire: &Repertoire, pair: &Combination) -> Result<Key> {
     let mut key = ground(world, pair.objects.join("-"))?;
-    for (name, role) in pair.objects.iter().zip(roles(&world.scenario, world.cell.robot.hand.digits().len())) {
+    let fallen = Role::Second.digits(world.cell.robot.hand.digits().len());
+    for (name, digits) in pair.objects.iter().zip(digit_sets(world)) {
         let object = world.object(name)?;
-        key = key.with(&Described::of(&object))?.with(&repertoire.of(name, role).collect::<Vec<_>>())?;
-        for way in world.objects.fallen_of(&object).filter(|_| role == Role::Second) {
-            key = key.with(&Described::of(way))?.with(&repertoire.of(&way.name, role).collect::<Vec<_>>())?;
+        let grasps = |name: &str| repertoire.with_digits(name, &digits).collect::<Vec<_>>();
+        key = key.with(&Described::of(&object))?.with(&grasps(name))?;
+        for way in world.objects.fallen_of(&object).filter(|_| digits == fallen) {
+            key = key.with(&Described::of(way))?.with(&grasps(&way.name))?;
         }
     }
     Ok(key)
@@ -260,11 +275,15 @@ fn ground(world: &World, label: String) -> Result<Key> {
     let kept = [Effect::Pads, Effect::Gel, Effect::Cables, Effect::Floor, Effect::Time];
     let drawn = Effect::ALL.into_iter().filter(|effect| !kept.contains(effect));
     let effects = drawn.fold(scenario.effects, |effects, effect| effects.without(effect));
-    Key::new(label)
+    let key = Key::new(label)
         .with(&RULES)?
         .with(&world.cell.robot.mechanics())?
         .with(&(scenario.layout.first, scenario.layout.second, scenario.start, scenario.protocol))?
-        .with(&effects)
+        .with(&effects)?;
+    match scenario.layout.third.filter(|_| !scenario.third.is_empty()) {
+        Some(third) => key.with(&third),
+        None => Ok(key),
+    }
 }
 
 /// An object as a key has it.

@@ -152,22 +152,27 @@ pub fn rehearse_first(
     Ok(outcome.held.then_some((snapshot, outcome)))
 }
 
-/// Watches a try at the second object by the referee's rule.
-struct SecondWatch {
-    /// Bits of the digits that hold the first object, and of each free digit.
+/// Watches a try at an object after the first by the referee's rule.
+struct NextWatch {
+    /// Index of the object.
+    object: usize,
+    /// Bits of the digits that hold those before it, and of each free digit.
     holding: u32,
     free: Vec<u32>,
     gripped: bool,
     collided: bool,
 }
 
-impl SecondWatch {
-    fn new(executor: &Executor) -> Self {
+impl NextWatch {
+    fn new(executor: &Executor, object: usize) -> Self {
         let hand = executor.motion().hand();
-        let first_digits = &executor.target(0).grasp.digits;
-        let free = hand.digits().iter().filter(|digit| !first_digits.contains(digit));
+        let holding: Vec<Digit> =
+            executor.targets()[..object].iter().flat_map(|target| target.grasp.digits.iter().copied()).collect();
+        let free = hand.digits().iter().filter(|digit| !holding.contains(digit));
         let free = free.map(|digit| digit_bits(hand, &[*digit])).collect();
-        Self { holding: digit_bits(hand, first_digits), free, gripped: false, collided: false }
+        // One digit holds against the palm.
+        let gripped = executor.target(object).grasp.digits.len() == 1;
+        Self { object, holding: digit_bits(hand, &holding), free, gripped, collided: false }
     }
 
     /// Plays up to `phase`, or to a collision.
@@ -175,9 +180,9 @@ impl SecondWatch {
         while executor.phase() != phase && !self.collided {
             tick(robot, executor)?;
             // The palm may touch what two free digits have.
-            self.gripped |= self.free.iter().filter(|digit| robot.touches(1, **digit)).count() >= 2;
+            self.gripped |= self.free.iter().filter(|digit| robot.touches(self.object, **digit)).count() >= 2;
             let unwanted = if self.gripped { self.holding } else { self.holding | PALM };
-            self.collided = !executor.phase().lifts(1) && robot.touches(1, unwanted);
+            self.collided = !executor.phase().lifts(self.object) && robot.touches(self.object, unwanted);
         }
         Ok(())
     }
@@ -193,27 +198,45 @@ pub fn rehearse_carry(snapshot: &Snapshot) -> Result<HoldOutcome> {
     Ok(hold_outcome(&before, &robot.truth(), 0))
 }
 
-/// From a hold of the first object, plays the rest of the trial with `second`. Returns whether there was a collision before the
-/// digits had closed, and how the hold went. A trial that can no longer succeed is not played to the end.
-pub fn rehearse_second(snapshot: &Snapshot, second: &Grasp) -> Result<(bool, HoldOutcome)> {
+/// From a hold of the objects before it, takes `object` with `grasp`, up to the decision on what follows. None where any
+/// of them is not in the hand then. Contacts are the referee's to count: neighbouring fingers meet on small things.
+pub fn rehearse_next(snapshot: &Snapshot, object: usize, grasp: &Grasp) -> Result<Option<Snapshot>> {
     let Snapshot { mut robot, mut executor } = snapshot.clone();
-    executor.take_with(1, second.clone())?;
-    let mut watch = SecondWatch::new(&executor);
+    if executor.take_with(object, grasp.clone()).is_err() {
+        return Ok(None);
+    }
+    for phase in [Phase::run(Skill::Lift, object), Phase::decide(Skill::Look, object)] {
+        drive(&mut robot, &mut executor, phase, |_, _| {})?;
+        if robot.truth().touched_by[object] == 0 {
+            return Ok(None);
+        }
+    }
+    let truth = robot.truth();
+    Ok((0..=object).all(|one| in_hand(&truth, one)).then_some(Snapshot { robot, executor }))
+}
+
+/// From a hold of all objects but the last, plays the rest of the trial with `grasp` of that one. Returns whether there was a collision before the
+/// digits had closed, and how the hold went. A trial that can no longer succeed is not played to the end.
+pub fn rehearse_last(snapshot: &Snapshot, grasp: &Grasp) -> Result<(bool, HoldOutcome)> {
+    let Snapshot { mut robot, mut executor } = snapshot.clone();
+    let last = executor.targets().len() - 1;
+    executor.take_with(last, grasp.clone())?;
+    let mut watch = NextWatch::new(&executor, last);
     for phase in [
-        Phase::run(Skill::Grasp, 1),
-        Phase::run(Skill::Lift, 1),
-        Phase::decide(Skill::Look, 1),
+        Phase::run(Skill::Grasp, last),
+        Phase::run(Skill::Lift, last),
+        Phase::decide(Skill::Look, last),
         Phase::run(Skill::Hold, 0),
     ] {
         watch.drive(&mut robot, &mut executor, phase)?;
         let truth = robot.truth();
         let lost = match phase.skill {
-            Skill::Lift => truth.touched_by[1] == 0,
-            Skill::Look | Skill::Hold => !in_hand(&truth, 1),
+            Skill::Lift => truth.touched_by[last] == 0,
+            Skill::Look | Skill::Hold => !in_hand(&truth, last),
             _ => false,
         };
         if watch.collided || lost {
-            return Ok((watch.collided, HoldOutcome { held: false, ..hold_outcome(&truth, &truth, 1) }));
+            return Ok((watch.collided, HoldOutcome { held: false, ..hold_outcome(&truth, &truth, last) }));
         }
         if phase.skill == Skill::Look {
             executor.carry_aside()?;
@@ -222,8 +245,8 @@ pub fn rehearse_second(snapshot: &Snapshot, second: &Grasp) -> Result<(bool, Hol
     let before = robot.truth();
     drive(&mut robot, &mut executor, Phase::decide(Skill::Verify, 0), |_, _| {})?;
     let after = robot.truth();
-    let mut outcome = hold_outcome(&before, &after, 1);
-    outcome.held &= in_hand(&after, 0);
+    let mut outcome = hold_outcome(&before, &after, last);
+    outcome.held &= (0..last).all(|object| in_hand(&after, object));
     Ok((watch.collided, outcome))
 }
 
@@ -249,7 +272,7 @@ pub fn play_try_and_carry(mut robot: SimulatedRobot, mut executor: Executor) -> 
 
 /// Plays a try at the second object, which `executor` is about to approach, up to the end of its lift.
 fn play_try(robot: &mut SimulatedRobot, executor: &mut Executor) -> Result<TryOutcome> {
-    let mut watch = SecondWatch::new(executor);
+    let mut watch = NextWatch::new(executor, 1);
     for phase in [Phase::run(Skill::Grasp, 1), Phase::run(Skill::Lift, 1), Phase::run(Skill::Look, 1)] {
         watch.drive(robot, executor, phase)?;
         if watch.collided {

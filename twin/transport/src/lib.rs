@@ -1,7 +1,7 @@
 //! Carrying several objects to one place in one trip.
 //!
-//! [`site`] is the place in physics, [`skills`] what the hand can do, [`play`] one transport under one policy, [`rehearse`] the
-//! search for new skills, [`recorded`] the recording.
+//! [`site`] is the place in physics, [`play`] one transport under one policy, [`rehearse`] the
+//! search for [skills](proving::skills), [`recorded`] the recording.
 
 // What is printed may hold text of others: `eprintln!` is the one that makes it printable.
 #[macro_use]
@@ -11,4 +11,3 @@ pub mod play;
 pub mod recorded;
 pub mod rehearse;
 pub mod site;
-pub mod skills;

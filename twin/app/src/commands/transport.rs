@@ -10,6 +10,7 @@ use control::policy::pick_sequence::PickMode;
 use control::policy::pick_sequence::plan::listed;
 use hand_model::RobotModel;
 use proving::simulated_world::World;
+use proving::skills::{SkillFile, for_sizes, of_repertoire};
 use rayon::prelude::*;
 use scenarios::Scenario;
 use scenarios::effects::Effects;
@@ -20,7 +21,6 @@ use statistics::FEWEST_SAMPLES;
 use transport::play::{Site, TransportRecord};
 use transport::recorded::Recorded;
 use transport::rehearse::{Searched, Wanted, WantedText};
-use transport::skills::{SkillFile, for_sizes, of_repertoire};
 
 use crate::options::body::Body;
 use crate::terminal::{Outcome, Terminal};

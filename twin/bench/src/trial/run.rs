@@ -174,7 +174,11 @@ impl Run {
                     Some(stages) => staged(hand, truth, stages),
                     None => {
                         let digits = executor.targets().iter().map(|target| digit_bits(hand, &target.grasp.digits));
-                        scene(hand, truth, executor.phase(), &digits.collect::<Vec<_>>())
+                        let mut seen = scene(hand, truth, executor.phase(), &digits.collect::<Vec<_>>());
+                        for (object, target) in seen.objects.iter_mut().zip(executor.targets()).skip(1) {
+                            object.palm_takes = target.grasp.digits.len() == 1;
+                        }
+                        seen
                     }
                 });
                 disturber.see(truth);
@@ -305,6 +309,7 @@ fn scene(hand: &Hand, truth: &Truth, phase: Phase, holding: &[u32]) -> SceneTrut
             holding_digits_touch: touched & of(&|other| phase.lifts(other)) != 0,
             palm_touches: touched & PALM != 0,
             free_digits: digits_on(hand, touched & !before),
+            palm_takes: false,
             pressed_by: if n == 0 { Vec::new() } else { pressed_by(truth, n, before) },
             hand_contacts: touched.count_ones() as usize,
             on_table: truth.on_table[n],

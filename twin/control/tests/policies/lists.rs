@@ -6,10 +6,10 @@ use hand_model::{Digit, DigitVector};
 
 use crate::table::*;
 
-const SETS: [&[Digit]; 3] = [&[Digit::Little], &[Digit::Ring], &[Digit::Thumb, Digit::Index, Digit::Middle]];
+pub const SETS: [&[Digit]; 3] = [&[Digit::Little], &[Digit::Ring], &[Digit::Thumb, Digit::Index, Digit::Middle]];
 
 /// What is taken with `digits`, that pull by 10 N and before they close by 2 N.
-fn target(table: &Table, digits: &[Digit]) -> Target {
+pub fn target(table: &Table, digits: &[Digit]) -> Target {
     let mut grasp = grasp(0, SECOND, Role::Second, [0.02, 0.09, -0.05], 1.0);
     grasp.digits = digits.to_vec();
     (grasp.pre_tension, grasp.close_tension) = (pull(digits, 2.0), pull(digits, 10.0));

@@ -2,6 +2,7 @@
 
 mod choice;
 mod chosen;
+mod in_turn;
 mod lists;
 mod retries;
 mod table;

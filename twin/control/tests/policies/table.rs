@@ -151,6 +151,7 @@ impl Table {
             objects: self.objects.to_vec(),
             known: vec![&self.known; 2],
             second: self.second(),
+            third: Vec::new(),
             fallen: Vec::new(),
             others: Vec::new(),
             uncertainty: Uncertainty { arm: 0.005, eyes: 0.0065, eyes_lasting: 0.5 },

@@ -14,7 +14,7 @@ use sim::tactile::TactileBoard;
 
 use super::outcomes::{GOOD, NARROW, Outcomes, Rehearsals};
 use super::{Plan, Plans};
-use crate::rehearsal::{Snapshot, misaimed, narrow_errors, rehearse_second, try_second};
+use crate::rehearsal::{Snapshot, misaimed, narrow_errors, rehearse_last, try_second};
 use crate::simulated_world::World;
 use control::odds::TryOutcome;
 
@@ -104,7 +104,7 @@ impl Climb<'_> {
 
     /// `grasp` with how it holds and its share of held tries; none if it fails without errors, or cannot come to `least` any more.
     fn select(&self, grasp: Grasp, least: f64) -> Result<Option<(Grasp, f64)>> {
-        let (collided, outcome) = rehearse_second(self.hold, &grasp)?;
+        let (collided, outcome) = rehearse_last(self.hold, &grasp)?;
         if collided || !outcome.held {
             return Ok(None);
         }

@@ -7,10 +7,12 @@ use std::path::Path;
 
 use anyhow::{Context, Result, bail};
 use control::policy::pick_sequence::plan::Pickup;
-use grasping::{Repertoire, Role};
-use proving::ball_sizes::resized;
-use proving::simulated_world::World;
+use grasping::{Grasp, Repertoire, Role};
+use hand_model::Digit;
 use serde::{Deserialize, Serialize};
+
+use crate::ball_sizes::resized;
+use crate::simulated_world::World;
 
 /// Format version of skill files.
 const VERSION: u32 = 1;
@@ -77,6 +79,23 @@ pub fn of_repertoire(world: &World, repertoire: &Repertoire) -> Result<Vec<Picku
     Ok(skills)
 }
 
+/// The grasps of the built-in skills with which exactly `digits` take and keep those of the objects `names` that are balls.
+pub fn by_digits(world: &World, names: &[String], digits: &[Digit]) -> Result<Vec<Grasp>> {
+    let mut proven = SkillFile::builtin()?.skills;
+    proven.retain(|skill| skill.keeps == digits && skill.grasp.digits == digits);
+    let mut grasps = Vec::new();
+    for name in names {
+        let model = world.object(name)?;
+        if !matches!(model.shape, world::Shape::Sphere { .. }) {
+            continue;
+        }
+        let skills = for_sizes(&proven, &[2.0 * model.shape.bounding_radius()]);
+        let of_object = |(id, (_, skill)): (u32, (usize, Pickup))| Grasp { id, object: name.clone(), ..skill.grasp };
+        grasps.extend((0..).zip(skills).map(of_object));
+    }
+    Ok(grasps)
+}
+
 /// The skills for balls of each of `diameters` (m), with the number of the diameter that each is for.
 pub fn for_sizes(proven: &[Pickup], diameters: &[f64]) -> Vec<(usize, Pickup)> {
     let mut skills = Vec::new();
@@ -103,7 +122,7 @@ mod tests {
     use scenarios::Scenario;
 
     fn repertoire() -> Repertoire {
-        proving::builtin::repertoire().unwrap()
+        crate::builtin::repertoire().unwrap()
     }
 
     #[test]

@@ -1,0 +1,71 @@
+//! Three objects in turn: what is missing from the hand is taken again, what was lost earlier begins the list anew.
+
+use control::executor::{Executor, Phase, Skill};
+use control::percept::{Eyes, EyesError, Sighted};
+use control::policy::in_turn::InTurn;
+use control::policy::{Knowledge, Policy, Step};
+use control::sensing::Senses;
+use world::Sensing;
+
+use crate::lists::{SETS, target};
+use crate::table::*;
+
+/// Sees everything where the second object of the table stands.
+struct Seeing<'a>(&'a Table);
+
+impl Eyes for Seeing<'_> {
+    fn look(&mut self, _: usize) -> Result<Option<Sighted>, EyesError> {
+        Ok(Some(self.0.place(1).into()))
+    }
+}
+
+/// Plays a trial in which the first two objects are felt as `felt` says in each phase and the third never is, and decides at `time` (s): the
+/// objects that were gone for, how often something was tried again, and the phases in which a decision was made.
+fn play(time: f64, felt: impl Fn(Phase) -> [bool; 2]) -> (Vec<usize>, u32, Vec<Phase>) {
+    let table = Table::new();
+    let mut executor: Executor = table.with_list(SETS.iter().map(|digits| target(&table, digits)).collect());
+    let planned: Vec<_> = executor.targets().iter().map(|target| target.grasp.clone()).collect();
+    let object = table.objects[1].clone();
+    let knowledge =
+        Knowledge { objects: vec![object; 3], known: vec![&table.known; 3], second: Vec::new(), ..table.knowledge() };
+    let senses = Senses::new(&table.pipeline, Sensing::TruePose).expect("made");
+    let mut policy = InTurn::new(knowledge, senses, &planned.iter().collect::<Vec<_>>());
+    let (mut eyes, mut phases) = (Seeing(&table), Vec::new());
+    for _ in 0..6 {
+        let phase = executor.phase();
+        phases.push(phase);
+        let [first, second] = felt(phase);
+        policy.perceive(&executor, in_hand(first, second)).expect("perceived");
+        if policy.decide(&mut executor, &mut eyes, time).expect("decided") != Step::Play {
+            break;
+        }
+        run_on(&mut executor);
+    }
+    let attempts = policy.story().attempts.iter().map(|attempt| attempt.object).collect();
+    (attempts, policy.story().retries, phases)
+}
+
+/// The look after an object has been taken.
+fn after(object: usize) -> Phase {
+    Phase::decide(Skill::Look, object)
+}
+
+#[test]
+fn what_is_not_felt_is_taken_again() {
+    let (attempts, retries, _) = play(0.0, |_| [true, false]);
+    assert_eq!((&attempts[..3], retries > 1), (&[0, 1, 1][..], true));
+}
+
+#[test]
+fn what_was_lost_earlier_begins_the_list_anew() {
+    let (attempts, _, phases) = play(0.0, |phase| [phase != after(1), true]);
+    assert_eq!((&attempts[..], phases[3]), (&[0, 1, 0, 1][..], Phase::decide(Skill::PutDown, 0)));
+}
+
+/// When no try can end in time any more the list is gone through to its end, whatever is felt.
+#[test]
+fn late_nothing_is_taken_again() {
+    let (attempts, retries, phases) = play(TIME_LIMIT, |_| [false, false]);
+    assert_eq!((attempts, retries), (vec![0, 1, 2], 0));
+    assert!(phases.last().is_some_and(|phase| phase.is_done()));
+}
