@@ -1,5 +1,8 @@
 //! Recovery: what to do next, given what touch says is in the hand after a grasp was tried.
 
+use grasping::Role;
+use grasping::grasp::in_words;
+use hand_model::Hand;
 use nalgebra::Vector3;
 use world::phase::Phase;
 
@@ -53,14 +56,19 @@ impl Next {
     }
 
     /// The reason in words.
-    pub fn reason(self) -> &'static str {
+    pub fn reason(self, hand: &Hand) -> String {
+        let nothing = |role: Role, object: &str| {
+            let digits = role.digits(hand.digits().len());
+            let hold = if digits.len() == 1 { "holds" } else { "hold" };
+            format!("touch feels nothing that {} {hold}: the {object} object again", in_words(digits))
+        };
         match self {
-            Self::GoOn => "touch feels what should be in the hand",
-            Self::FirstAgain => "touch feels nothing that ring and little finger hold: the first object again",
-            Self::SecondAgain => {
-                "touch feels nothing that thumb, index and middle finger hold: the second object again"
+            Self::GoOn => "touch feels what should be in the hand".to_owned(),
+            Self::FirstAgain => nothing(Role::First, "first"),
+            Self::SecondAgain => nothing(Role::Second, "second"),
+            Self::StartOver => {
+                "touch feels the second object but no longer the first: laying down and starting over".to_owned()
             }
-            Self::StartOver => "touch feels the second object but no longer the first: laying down and starting over",
         }
     }
 }

@@ -88,8 +88,8 @@ impl SlipWatch {
         let cables: DigitVector = hand.each_digit(|n| servos[n].position * hand.cables[n].spool_radius);
         let seen = self.seen(hand, arrived);
         let mut tension: DigitVector = plan.iter().copied().collect();
-        for n in 0..self.grips.len() {
-            if self.grips[n].tick(&cables, seen[n], dt) {
+        for (n, changed) in seen.into_iter().enumerate() {
+            if self.grips[n].tick(&cables, changed, dt) {
                 // What the pads show from now on is the new state of things.
                 for camera in 0..self.pictures.len() {
                     if self.owner(hand, camera) == n {

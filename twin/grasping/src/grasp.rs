@@ -28,6 +28,16 @@ impl Role {
     }
 }
 
+/// Digits in words: "thumb, index and middle finger".
+pub fn in_words(digits: &[Digit]) -> String {
+    let names: Vec<&str> = digits.iter().map(|digit| digit.name()).collect();
+    match names.split_last() {
+        Some((last, [])) => format!("{last} finger"),
+        Some((last, others)) => format!("{} and {last} finger", others.join(", ")),
+        None => "no digit".to_owned(),
+    }
+}
+
 /// Digits of a parallel gripper.
 pub const JAWS: usize = 2;
 

@@ -13,6 +13,7 @@ use std::sync::Once;
 use std::time::Instant;
 
 use anyhow::{Result, ensure};
+use grasping::grasp::in_words;
 use grasping::{Grasp, Repertoire, Role};
 use hand_model::Digit;
 use scenarios::Scenario;
@@ -164,12 +165,7 @@ fn found(object: &ObjectModel, (role, digits): (Role, usize), count: usize) -> S
         Role::First => "first",
         Role::Second => "second",
     };
-    let names: Vec<&str> = role.digits(digits).iter().map(|digit| digit.name()).collect();
-    let digits = match names.split_last() {
-        Some((last, [])) => format!("{last} finger"),
-        Some((last, others)) => format!("{} and {last} finger", others.join(", ")),
-        None => "no digit".to_owned(),
-    };
+    let digits = in_words(role.digits(digits));
     if count > 0 {
         return format!("{}: {count} grasps by {digits}", object.name);
     }

@@ -209,7 +209,7 @@ impl<'a> Touch<'a> {
             Next::GoOn => self.in_a_row = 0,
             _ => {
                 self.story.retries += 1;
-                self.story.tell(next.reason().to_owned());
+                self.story.tell(next.reason(executor.motion().hand()));
                 self.mark_down(next, executor);
             }
         }
