@@ -313,7 +313,7 @@ fn a_list_of_one_or_three_is_judged_object_by_object() {
     for objects in [1, 3] {
         let (verdict, tries) = run_list(objects, |_| ());
         assert!(verdict.success && !verdict.contact && tries == objects, "{objects}: {verdict:?}");
-        for object in 0..objects {
+        for (object, causes) in OF_OBJECT.iter().enumerate().take(objects) {
             let dropped = run_list(objects, |truth| {
                 if truth.phase.carries() {
                     fall(truth, object);
@@ -324,7 +324,7 @@ fn a_list_of_one_or_three_is_judged_object_by_object() {
                     fall(truth, object);
                 }
             });
-            assert_eq!([dropped.0.cause, never.0.cause], OF_OBJECT[object].map(Some));
+            assert_eq!([dropped.0.cause, never.0.cause], causes.map(Some));
         }
     }
     let (lost, _) = run_list(3, |truth| {

@@ -120,7 +120,14 @@ impl<'a> Check<'a> {
     }
 
     fn has_target(&self, package: &str, kind: &str, name: &str) -> bool {
-        let Some(folder) = self.packages.get(package).map(|folder| folder.join(kind)) else { return false };
+        let Some(package) = self.packages.get(package) else { return false };
+        let manifest = read_manifest(&package.join("Cargo.toml")).unwrap_or_default();
+        // Tests that the manifest names are the only ones where it says so.
+        let named = manifest.get("test").and_then(toml::Value::as_array).filter(|_| kind == "tests");
+        if let Some(named) = named {
+            return named.iter().any(|test| test.get("name").and_then(toml::Value::as_str) == Some(name));
+        }
+        let folder = package.join(kind);
         folder.join(format!("{name}.rs")).is_file() || folder.join(name).join("main.rs").is_file()
     }
 }
