@@ -151,7 +151,7 @@ fn frozen_and_killed_hosts() {
         let bench = bench(&[]);
         let file = bench.folder.path().join("bridge.toml");
         let mut host = Process::new(std::env::current_exe().expect("this test"))
-            .args(["--exact", "host_process", "--ignored"])
+            .args(["--exact", "faults::host_process", "--ignored"])
             .env("FTAC_BRIDGE_TOML", &file)
             .spawn()
             .expect("runs");
