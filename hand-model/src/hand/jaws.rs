@@ -15,9 +15,9 @@ pub struct Jaws {
     pub center: Point3<f64>,
     /// Distance of the open pads, m.
     pub opening: f64,
-    /// How far the jaws stand out beyond the pads' middle, m.
+    /// Reach of the jaws beyond the pads' middle, m.
     pub tip: f64,
-    /// How far the palm's front is behind the pads' middle, m.
+    /// Distance of the palm's front behind the pads' middle, m.
     pub depth: f64,
 }
 

@@ -187,7 +187,7 @@ impl Frame {
     }
 }
 
-/// Whether message number `a` was given out after `b`; numbers wrap at 65,536.
+/// True if message number `a` was given out after `b`; numbers wrap at 65,536.
 pub(crate) fn is_younger(a: u16, b: u16) -> bool {
     a != b && a.wrapping_sub(b) < 0x8000
 }

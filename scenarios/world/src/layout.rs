@@ -1,4 +1,4 @@
-//! Where the objects of a trial stand: one to [`MOST_OBJECTS`].
+//! Places of the objects of a trial: one to [`MOST_OBJECTS`].
 //!
 //! The first object's centre stands at `layout.first`, the second's at `layout.second`, the third's at `layout.third` (world x, y; m). Each is
 //! turned from its rest pose by `yaw` about the vertical and touches the table with its lowest point. Plans are made for these places. In a trial

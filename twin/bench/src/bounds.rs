@@ -1,4 +1,4 @@
-//! How much a result's run may ask for: no more than there can be.
+//! Limits on the counts that a result's run asks for.
 //!
 //! Others may have written the file. A count in it is the length of work to come.
 

@@ -1,4 +1,4 @@
-//! How far a digit closes, told by its cable: on what its grasp holds, and on nothing.
+//! Closing of a digit, told by its cable: on what its grasp holds, and on nothing.
 //!
 //! Pads tell a hold where a digit bears them on all of its links. A digit with bare links often holds with those, and nothing feels it. Its
 //! cable tells: a digit that holds something stops about where its grasp held when it was verified, and one that holds nothing goes on
@@ -15,7 +15,7 @@ const RIGID: f64 = 2e9;
 /// Share of a closing on nothing up to which a digit has something in its way whose grasp was never verified.
 const UNVERIFIED: f64 = 0.9;
 
-/// Whether a digit bears pads on all of its links.
+/// True if a digit bears pads on all of its links.
 pub fn has_pads_throughout(hand: &Hand, digit: Digit) -> bool {
     hand.links(digit).iter().all(|link| hand.pads.iter().any(|pad| pad.link == Some(*link)))
 }
@@ -39,7 +39,7 @@ pub fn on_nothing(hand: &Hand, digit: Digit, tension: f64, q: &[f64]) -> Option<
     Some(hand.transmission.cables[digit.index()].excursion(&closed))
 }
 
-/// Whether a pulled digit has stopped earlier than on nothing: nearer to where it is when its grasp holds (`held`, all joints, rad), if that is known.
+/// True if a pulled digit has stopped earlier than on nothing: nearer to where it is when its grasp holds (`held`, all joints, rad), if that is known.
 /// `q` are the joints as they are, rad; an excursion is known to `sigma`, m. A digit that the grasp leaves as near to a closing on nothing as can be
 /// measured says nothing.
 pub fn stops_early(

@@ -81,7 +81,7 @@ pub struct Grip {
     pub second: bool,
 }
 
-/// What tells which objects are in the hand.
+/// Readings that tell which objects are in the hand.
 #[derive(Clone, Copy)]
 pub struct Signs<'a> {
     /// One entry a pad.

@@ -7,7 +7,7 @@ use touch::PhotometricCalibration;
 
 use crate::script::Script;
 
-/// What an excitation goes by.
+/// Robot, script and grasps of an excitation.
 #[derive(Debug, Clone, Copy)]
 pub struct Means<'a> {
     pub robot: &'a RobotModel,

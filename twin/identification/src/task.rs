@@ -8,7 +8,7 @@ use crate::script::Script;
 /// [`Task::task`] of an excitation.
 pub const NAME: &str = "excitation";
 
-/// What a session of an excitation says it is.
+/// The task of an excitation's session.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Task {

@@ -18,7 +18,7 @@ static FLAGS: OnceLock<Flags> = OnceLock::new();
 #[derive(Debug)]
 struct Flags {
     happened: Arc<AtomicBool>,
-    /// Whether the next signal ends the program, as it does by default.
+    /// True if the next signal ends the program, as it does by default.
     deadly: Arc<AtomicBool>,
 }
 
@@ -43,13 +43,13 @@ impl Interrupt {
         Ok(Self { flags })
     }
 
-    /// Whether the operator wants to end.
+    /// True if the operator wants to end.
     pub fn happened(&self) -> bool {
         self.flags.happened.load(Ordering::SeqCst)
     }
 }
 
-/// Whether the operator has wanted to end since somebody last began to catch that wish.
+/// True if the operator has wanted to end since somebody last began to catch that wish.
 pub fn is_interrupted() -> bool {
     FLAGS.get().is_some_and(|flags| flags.happened.load(Ordering::SeqCst))
 }

@@ -1,4 +1,4 @@
-//! How much a session's task may ask for: no more than there can be.
+//! Limits on the counts that a session's task asks for.
 //!
 //! Others may have written the file. A count in it is the length of work to come.
 
@@ -11,7 +11,7 @@ use crate::{Places, Task};
 
 /// Most trials of a combination.
 pub const MOST_TRIALS: usize = 100_000;
-/// How far the norm of a quaternion may be from 1.
+/// Tolerance of a quaternion's norm about 1.
 const NORM: f64 = 1e-6;
 
 impl Task {

@@ -1,4 +1,4 @@
-//! Where an emulated robot's base is hidden, and the balls by which it is found.
+//! The hidden pose of an emulated robot's base, and the balls by which it is found.
 
 use std::path::Path;
 
@@ -9,21 +9,21 @@ use rand_distr::{Distribution as _, Normal};
 use scenarios::generator::trial_rng;
 use serde::Deserialize;
 
-/// What is touched.
+/// Balls of the registration and how they are touched.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Plan {
     /// Name of the ball.
     pub object: String,
-    /// Where balls lie, x and y, m, world.
+    /// Places of the balls, x and y, m, world.
     pub marks: Vec<[f64; 2]>,
     /// Turns of the hand about the vertical with which each is touched, rad.
     pub headings: Vec<f64>,
     /// Standard deviation of a mark's place for the arm before it is registered, each axis, m.
     pub expected: f64,
-    /// How far a ball may stay from its mark after the fit, m.
+    /// Largest distance of a ball from its mark after the fit, m.
     pub most_residual: f64,
-    /// What an emulated robot's hidden mount is drawn from.
+    /// Spread from which an emulated robot's hidden mount is drawn.
     pub hidden: Hidden,
 }
 
@@ -49,7 +49,7 @@ impl Plan {
     }
 }
 
-/// Where a hidden base stands: drawn, and known to the emulator and to whoever judges alone.
+/// Pose of a hidden base: drawn, and known to the emulator and to whoever judges alone.
 pub fn hidden_mount(plan: &Plan, seed: u64) -> Isometry3<f64> {
     let mut rng: ChaCha8Rng = trial_rng(seed, usize::MAX, 0);
     let mut draw = |sigma: [f64; 3]| {

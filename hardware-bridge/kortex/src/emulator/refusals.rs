@@ -1,4 +1,4 @@
-//! What the arm refuses, and requests that cannot be read.
+//! Refusals of the arm, and of requests that cannot be read.
 
 use prost::Message;
 

@@ -1,17 +1,17 @@
-//! What a policy may use.
+//! Senses, retries and exploration that a policy has.
 
 use control::policy::Recovery;
 use scenarios::record::Condition;
 use world::Sensing;
 
-/// What the policy `touch` may use.
+/// Senses and retries of the policy `touch`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Means {
     /// Of the hand's senses.
     pub sensing: Sensing,
     /// Of further tries.
     pub recovery: Recovery,
-    /// Whether it chooses the first grasp, and touches an object before it grasps it where it has pads for that.
+    /// True if it chooses the first grasp, and touches an object before it grasps it where it has pads for that.
     pub explores: bool,
 }
 
@@ -26,12 +26,12 @@ impl Means {
         Some(Self { sensing, recovery: Recovery::FULL, explores: condition != Condition::Own })
     }
 
-    /// Whether these include tactile images.
+    /// True if the senses include tactile images.
     pub fn see_images(self) -> bool {
         self.sensing != Sensing::ServosOnly
     }
 
-    /// Whether a trial with these may begin with anything but the planned first grasp.
+    /// True if a trial may begin with anything but the planned first grasp.
     pub fn begin_otherwise(self) -> bool {
         self.explores
     }
