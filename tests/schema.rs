@@ -36,11 +36,26 @@ pub(crate) fn check(arguments: &[&str], stdout: &[u8]) {
 /// The first place in `found` that is not as `schema` says. Of JSON Schema it knows what the schemas here use, and no more.
 fn fault(schema: &Value, found: &Value, at: &str) -> Option<String> {
     let schema = schema.as_object().expect("a schema is an object");
-    const KNOWN: [&str; 8] =
-        ["$schema", "additionalProperties", "anyOf", "description", "items", "properties", "required", "type"];
-    let unknown: Vec<&String> = schema.keys().filter(|key| !KNOWN.contains(&key.as_str())).collect();
+    const CHECKED: [&str; 13] = [
+        "additionalProperties",
+        "anyOf",
+        "const",
+        "enum",
+        "items",
+        "maxItems",
+        "maximum",
+        "minItems",
+        "minimum",
+        "oneOf",
+        "prefixItems",
+        "properties",
+        "required",
+    ];
+    const OTHERS: [&str; 4] = ["$schema", "description", "format", "type"];
+    let unknown = schema.keys().filter(|key| !CHECKED.contains(&key.as_str()) && !OTHERS.contains(&key.as_str()));
+    let unknown: Vec<&String> = unknown.collect();
     assert!(unknown.is_empty(), "{at}: keywords that are not checked: {unknown:?}");
-    if let Some(Value::Array(either)) = schema.get("anyOf") {
+    if let Some(Value::Array(either)) = schema.get("anyOf").or(schema.get("oneOf")) {
         // Of none of them: what is wrong with the first tells most.
         let faults: Vec<String> = either.iter().map_while(|schema| fault(schema, found, at)).collect();
         return (faults.len() == either.len()).then(|| faults.into_iter().next()).flatten();
@@ -50,14 +65,35 @@ fn fault(schema: &Value, found: &Value, at: &str) -> Option<String> {
     {
         return Some(format!("{at}: found {found}, expected {expected}"));
     }
+    let wanted = schema.get("enum").and_then(Value::as_array).map_or_else(Vec::new, |either| either.iter().collect());
+    let wanted: Vec<&Value> = wanted.into_iter().chain(schema.get("const")).collect();
+    if !wanted.is_empty() && !wanted.contains(&found) {
+        return Some(format!("{at}: found {found}, expected one of {wanted:?}"));
+    }
     match found {
-        Value::Array(items) => {
-            let schema = schema.get("items")?;
-            items.iter().enumerate().find_map(|(n, item)| fault(schema, item, &format!("{at}/{n}")))
-        }
+        Value::Array(items) => items_fault(schema, items, at),
         Value::Object(fields) => fields_fault(schema, fields, at),
+        Value::Number(number) => {
+            let bound = |name: &str, or: f64| schema.get(name).and_then(Value::as_f64).unwrap_or(or);
+            let range = bound("minimum", f64::NEG_INFINITY)..=bound("maximum", f64::INFINITY);
+            let inside = number.as_f64().is_some_and(|number| range.contains(&number));
+            (!inside).then(|| format!("{at}: found {number}, expected {range:?}"))
+        }
         _ => None,
     }
+}
+
+fn items_fault(schema: &Map<String, Value>, items: &[Value], at: &str) -> Option<String> {
+    let count = |name: &str, or: usize| schema.get(name).and_then(Value::as_u64).map_or(or, |count| count as usize);
+    let counts = count("minItems", 0)..=count("maxItems", usize::MAX);
+    if !counts.contains(&items.len()) {
+        return Some(format!("{at}: found {} items, expected {counts:?}", items.len()));
+    }
+    let places = schema.get("prefixItems").and_then(Value::as_array);
+    items.iter().enumerate().find_map(|(n, item)| {
+        let schema = places.and_then(|places| places.get(n)).or(schema.get("items"))?;
+        fault(schema, item, &format!("{at}/{n}"))
+    })
 }
 
 fn fields_fault(schema: &Map<String, Value>, fields: &Map<String, Value>, at: &str) -> Option<String> {
@@ -105,7 +141,8 @@ mod tests {
     fn faults_name_their_place() {
         let schema = json!({
             "type": "object", "required": ["rows"], "additionalProperties": false,
-            "properties": {"rows": {"type": "array", "items": {"type": ["number", "null"]}},
+            "properties": {"rows": {"type": "array", "maxItems": 2, "items": {"type": ["number", "null"], "minimum": 0}},
+                           "verdict": {"oneOf": [{"const": "good"}, {"enum": ["short", "open"]}]},
                            "rates": {"type": "object", "additionalProperties": {"type": "integer"}}},
         });
         let of = |found| fault(&schema, &found, "");
@@ -113,6 +150,12 @@ mod tests {
         assert_eq!(
             of(json!({"rows": [1, "two"]})).as_deref(),
             Some("/rows/1: found \"two\", expected [\"number\",\"null\"]")
+        );
+        assert_eq!(of(json!({"rows": [-1]})).as_deref(), Some("/rows/0: found -1, expected 0.0..=inf"));
+        assert_eq!(of(json!({"rows": [1, 2, 3]})).as_deref(), Some("/rows: found 3 items, expected 0..=2"));
+        assert_eq!(of(json!({"rows": [], "verdict": "open"})), None);
+        assert!(
+            of(json!({"rows": [], "verdict": "bad"})).is_some_and(|fault| fault.starts_with("/verdict: found \"bad\""))
         );
         assert_eq!(of(json!({"rates": {}})).as_deref(), Some(": found no `rows`"));
         assert_eq!(

@@ -1,11 +1,12 @@
 //! Ablations: the policy `touch` with one of its means taken away, on the same trials.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use world::sensing::Sensing;
 
 /// What is taken from the policy `touch`. The condition `reflex` is `touch` without any image.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Ablation {
     /// Everything but the pads of the palm.

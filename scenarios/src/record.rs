@@ -2,13 +2,14 @@
 
 use std::io::{Read, Write};
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::ablation::Ablation;
 use crate::referee::{ContactWith, FailureCause};
 
 /// The conditions of the benchmark.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Condition {
     /// No noise, policy `blind`.
@@ -86,7 +87,7 @@ impl std::fmt::Display for TrialId {
 
 /// One trial under one condition: a row of `trials.csv`, whose columns stand in this order. All but
 /// `decision_ms` are the same at every repetition.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct TrialRecord {
     /// [`crate::Combination::id`].
     pub combination: usize,

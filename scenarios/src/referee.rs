@@ -17,6 +17,7 @@
 //! A contact does not end a trial, and a trial with a contact can succeed. A **try** begins with an approach.
 
 use nalgebra::{Isometry3, Point3};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use world::holding::{HoldingRule, Support};
@@ -125,7 +126,7 @@ pub struct Touch {
 }
 
 /// What an unwanted contact was with.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ContactWith {
     /// A held object touched the one that was to be taken.
@@ -183,7 +184,7 @@ pub struct TryVerdict {
 }
 
 /// Why a trial failed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum FailureCause {
     /// The first object was not in the hand after its lift.

@@ -1,5 +1,6 @@
 //! What each of its means is worth: the policy `touch` without it, on the same trials.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use statistics::{Difference, Interval};
 
@@ -8,7 +9,7 @@ use crate::ablation::Ablation;
 use crate::record::{AblatedTrial, Condition, TrialRecord};
 
 /// The policy `touch` with something taken away. Intervals are over combinations.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct AblationSummary {
     /// What was taken away.
     pub ablation: Ablation,

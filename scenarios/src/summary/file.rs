@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use statistics::{Difference, McNemar, MeanSd, Mixed, TTest, paired_t_test, percentile};
 
@@ -12,7 +13,7 @@ use crate::record::{AblatedTrial, Condition, TrialRecord};
 use crate::referee::FailureCause;
 
 /// What a condition comes to, a condition in `summary.json`.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 pub struct ConditionSummary {
     /// Trials run.
     pub trials: usize,
@@ -35,8 +36,9 @@ pub struct ConditionSummary {
 }
 
 /// One value per condition.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(bound(serialize = "T: Serialize + Default + PartialEq"))]
+#[schemars(bound = "T: JsonSchema + Serialize + Default + PartialEq")]
 pub struct PerCondition<T> {
     /// No noise, policy `blind`.
     pub ideal: T,
@@ -77,7 +79,7 @@ impl PerCondition<ConditionSummary> {
 }
 
 /// The tests.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 pub struct Tests {
     /// Do more contacts happen in `blind` than in `ideal`?
     #[serde(rename = "collision")]
@@ -91,7 +93,7 @@ pub struct Tests {
 }
 
 /// What the paper does not report of its two comparisons.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 pub struct Differences {
     /// Contacts, `blind` less `ideal`, over combinations.
     pub contact: Difference,
@@ -109,7 +111,7 @@ pub struct Differences {
 }
 
 /// Differences of outcomes trial by trial, with what lies between combinations apart from what lies within them.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 pub struct MixedDifferences {
     /// Clean success, `touch` less `blind`.
     pub clean_success: Mixed,
@@ -120,7 +122,7 @@ pub struct MixedDifferences {
 }
 
 /// Decision latency, ms.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 pub struct DecisionTime {
     /// Median.
     pub p50: Option<f64>,
@@ -132,7 +134,7 @@ pub struct DecisionTime {
 }
 
 /// Median and 95th percentile.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 pub struct MedianP95 {
     pub median: Option<f64>,
     /// 95th percentile.
@@ -140,7 +142,7 @@ pub struct MedianP95 {
 }
 
 /// Error of the in-hand pose estimate.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 pub struct PoseError {
     /// Position, mm.
     pub mm: MedianP95,
@@ -164,7 +166,7 @@ pub struct RunInfo {
 }
 
 /// `summary.json`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Summary {
     /// Different combinations.
     pub combos: usize,

@@ -7,6 +7,7 @@ use std::path::Path;
 use hand_model::RobotModel;
 use platform::data::{DataError, parse_toml};
 use platform::digest::sha256;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::robot::RobotIndividual;
@@ -16,7 +17,7 @@ use crate::spread::{Kind, Parameter, Spread};
 const VERSION: u32 = 1;
 
 /// A session that an estimate was made from.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Source {
     /// Its file, as it was named.

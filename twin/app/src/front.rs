@@ -9,6 +9,7 @@ use std::io::{IsTerminal as _, Write as _};
 use clap::FromArgMatches;
 use clap::error::ErrorKind;
 
+use crate::json_schema::Failure;
 use crate::terminal::{Outcome, Terminal};
 use crate::{commands, log_file, terminal};
 
@@ -62,9 +63,14 @@ fn misunderstood(error: &clap::Error, json: bool) -> u8 {
         eprintln!("{}", text(false).trim_end());
     }
     if json {
-        println!("{}", serde_json::json!({ "error": first_words(error), "code": USAGE }));
+        tell_failure(first_words(error), USAGE);
     }
     USAGE
+}
+
+fn tell_failure(error: String, code: u8) {
+    let failure = Failure { error, code };
+    println!("{}", serde_json::json!(failure));
 }
 
 /// True if `arguments` that cannot be understood ask for JSON.
@@ -119,7 +125,7 @@ fn obey(command_line: &impl CommandLine, arguments: &[OsString]) -> u8 {
     eprintln!("ftac: {message}");
     end(code, &message);
     if command_line.terminal().json {
-        println!("{}", serde_json::json!({ "error": message, "code": code }));
+        tell_failure(message, code);
     }
     code
 }

@@ -21,6 +21,7 @@ macro_rules! println {
 pub mod cli;
 mod commands;
 pub mod front;
+pub mod json_schema;
 pub mod lab;
 mod log_file;
 pub mod options;

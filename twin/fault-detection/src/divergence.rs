@@ -3,10 +3,11 @@
 use std::fmt;
 
 use scenarios::record::{Condition, TrialId};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// What differs.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Kind {
     CableBroken,
@@ -68,7 +69,7 @@ impl fmt::Display for Kind {
 }
 
 /// A divergence that was named.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Divergence {
     /// When it was named, s of the body.
     pub time: f64,

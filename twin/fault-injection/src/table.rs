@@ -2,22 +2,88 @@
 
 use std::collections::HashSet;
 
-use serde_json::{Value, json};
+use schemars::JsonSchema;
+use serde::Serialize;
 
 use crate::kind::{Expected, Kind, Teller};
 use crate::{Mirrored, NAMED_WITHIN, Outcome as FaultOutcome};
 
 /// All outcomes, summed by fault.
+#[derive(Debug, Serialize, JsonSchema)]
 pub struct FaultTable {
-    rows: Vec<Value>,
-    /// What should not have happened, a line each.
-    pub wrong: Vec<String>,
+    /// Faults injected.
     injected: usize,
+    /// Phases of the trial.
     phases: usize,
     /// Goals of servos and joints that were compared with their limits.
-    checked: u64,
-    /// Whether a mirror ran beside each.
-    mirrored: bool,
+    goals_checked: u64,
+    /// One entry a row of the table.
+    rows: Vec<Row>,
+    /// What should not have happened, a line each.
+    pub wrong: Vec<String>,
+}
+
+/// The outcomes of one fault.
+#[derive(Debug, Serialize, JsonSchema)]
+struct Row {
+    /// The fault.
+    fault: &'static str,
+    /// What should come of it.
+    expected: &'static str,
+    /// Faults injected.
+    injected: usize,
+    /// Faults that ended as they should.
+    as_expected: usize,
+    /// Faults after which the robot stood.
+    stopped: usize,
+    /// Median time from fault to a standing robot, ms.
+    stopped_ms_median: Option<f64>,
+    /// Longest time from fault to a standing robot, ms.
+    stopped_ms_max: Option<f64>,
+    /// Phase of the slowest stop.
+    slowest_in: Option<String>,
+    /// Speed of the arm as the slowest stop began, rad/s.
+    slowest_began_at_rad_s: Option<f64>,
+    /// Median time from fault to a safe state, ms.
+    safe_ms_median: Option<f64>,
+    /// Longest time from fault to a safe state, ms.
+    safe_ms_max: Option<f64>,
+    /// Times a limit was exceeded.
+    outside_limits: u64,
+    /// Objects that were held.
+    held: usize,
+    /// Of them, those that were lost.
+    lost: usize,
+    /// Most that a held object moved, mm.
+    moved_mm_max: f64,
+    /// Whether it switches torque off.
+    takes_torque: bool,
+    /// Recordings that replay to the bit.
+    recordings_intact: usize,
+    /// Who named it; null without --mirror.
+    named: Option<NamedFault>,
+}
+
+/// What a twin beside the robot, or the supervisor, named.
+#[derive(Debug, Serialize, JsonSchema)]
+struct NamedFault {
+    /// Who can tell it: nobody, supervisor or mirror.
+    teller: &'static str,
+    /// Faults that had their name in time, or rightly none, and nothing else was named beside them.
+    rightly: usize,
+    /// Median time from fault to name, ms.
+    told_ms_median: Option<f64>,
+    /// Longest time from fault to name, ms.
+    told_ms_max: Option<f64>,
+    /// Faults beside which the mirror named something else.
+    wrongly: usize,
+    /// What else the mirror named.
+    wrong: Vec<String>,
+}
+
+/// Milliseconds as a table has them.
+fn ms(time: Option<f64>) -> String {
+    time.map_or("-".to_owned(), |ms| format!("{ms:.0}"))
 }
 
 impl FaultTable {
@@ -28,14 +94,8 @@ impl FaultTable {
             wrong: outcomes.iter().filter_map(complaint).collect(),
             injected: outcomes.len(),
             phases: outcomes.iter().map(|outcome| outcome.phase).collect::<HashSet<_>>().len(),
-            checked: outcomes.iter().map(|outcome| outcome.checked).sum(),
-            mirrored: outcomes.iter().any(|outcome| outcome.mirrored.is_some()),
+            goals_checked: outcomes.iter().map(|outcome| outcome.checked).sum(),
         }
-    }
-
-    pub fn to_json(&self) -> Value {
-        let Self { rows, wrong, injected, phases, checked, .. } = self;
-        json!({ "injected": injected, "phases": phases, "goals_checked": checked, "rows": rows, "wrong": wrong })
     }
 
     pub fn to_text(&self) -> String {
@@ -54,44 +114,43 @@ impl FaultTable {
             "intact"
         );
         for row in &self.rows {
-            text += &line(row);
+            text += &row.line();
         }
-        if self.mirrored {
-            text += &self.names();
-        }
+        text += &self.names();
         text += "a fault with which the robot `goes on` may end in a hold as well\n";
         text += "* the fault itself takes a servo's torque: what that digit held may fall, whatever the others hold\n";
         text += &format!(
             "{} faults in {} phases, {} goals of servos and joints held to their limits; times on the emulated clock: until the \
              supervisor holds (or servos and arm have stopped by themselves), and until the arm stands\n",
-            self.injected, self.phases, self.checked
+            self.injected, self.phases, self.goals_checked
         );
         text
     }
 
-    /// Who named each fault, how often and how soon, and how often something else was named.
+    /// Who named each fault, how often and how soon, and how often something else was named; nothing where no mirror ran.
     fn names(&self) -> String {
+        let named = || self.rows.iter().filter_map(|row| Some((row, row.named.as_ref()?)));
+        if named().next().is_none() {
+            return String::new();
+        }
         let mut text = format!(
             "\n{:34} {:>12} {:>8} {:>8} {:>18} {:>8}\n",
             "fault", "told by", "injected", "rightly", "ms to name (max)", "wrongly"
         );
-        for row in &self.rows {
-            let name = &row["named"];
-            let ms = |key: &str| name[key].as_f64().map_or("-".to_owned(), |ms| format!("{ms:.0}"));
+        for (row, name) in named() {
             text += &format!(
                 "{:34} {:>12} {:>8} {:>8} {:>18} {:>8}\n",
-                row["fault"].as_str().unwrap_or_default(),
-                name["teller"].as_str().unwrap_or_default(),
-                row["injected"].to_string(),
-                name["rightly"].to_string(),
-                format!("{} ({})", ms("told_ms_median"), ms("told_ms_max")),
-                name["wrongly"].to_string(),
+                row.fault,
+                name.teller,
+                row.injected,
+                name.rightly,
+                format!("{} ({})", ms(name.told_ms_median), ms(name.told_ms_max)),
+                name.wrongly,
             );
         }
-        let sum = |key: &str| self.rows.iter().filter_map(|row| row["named"][key].as_u64()).sum::<u64>();
         text += &format!(
             "{} of {} named rightly within {NAMED_WITHIN} s and nothing else beside them\n\n",
-            sum("rightly"),
+            named().map(|(_, name)| name.rightly).sum::<usize>(),
             self.injected
         );
         text
@@ -105,27 +164,26 @@ impl FaultTable {
     }
 }
 
-fn line(row: &Value) -> String {
-    let ms = |name: &str| row[name].as_f64().map_or("-".to_owned(), |ms| format!("{ms:.0}"));
-    let lost = format!("{} of {}{}", row["lost"], row["held"], if row["takes_torque"] == true { "*" } else { "" });
-    let number = |name: &str| row[name].to_string();
-    format!(
-        "{:34} {:>12} {:>8} {:>8} {:>8} {:>18} {:>18} {:>8} {:>12} {:>9.1} {:>7}\n",
-        row["fault"].as_str().unwrap_or_default(),
-        row["expected"].as_str().unwrap_or_default(),
-        number("injected"),
-        number("as_expected"),
-        number("stopped"),
-        format!("{} ({})", ms("stopped_ms_median"), ms("stopped_ms_max")),
-        format!("{} ({})", ms("safe_ms_median"), ms("safe_ms_max")),
-        number("outside_limits"),
-        lost,
-        row["moved_mm_max"].as_f64().unwrap_or_default(),
-        number("recordings_intact"),
-    )
+impl Row {
+    fn line(&self) -> String {
+        format!(
+            "{:34} {:>12} {:>8} {:>8} {:>8} {:>18} {:>18} {:>8} {:>12} {:>9.1} {:>7}\n",
+            self.fault,
+            self.expected,
+            self.injected,
+            self.as_expected,
+            self.stopped,
+            format!("{} ({})", ms(self.stopped_ms_median), ms(self.stopped_ms_max)),
+            format!("{} ({})", ms(self.safe_ms_median), ms(self.safe_ms_max)),
+            self.outside_limits,
+            format!("{} of {}{}", self.lost, self.held, if self.takes_torque { "*" } else { "" }),
+            self.moved_mm_max,
+            self.recordings_intact,
+        )
+    }
 }
 
-fn row(kind: Kind, outcomes: &[FaultOutcome]) -> Value {
+fn row(kind: Kind, outcomes: &[FaultOutcome]) -> Row {
     let of: Vec<&FaultOutcome> = outcomes.iter().filter(|outcome| outcome.kind == kind).collect();
     let sorted = |value: fn(&FaultOutcome) -> Option<f64>| {
         let mut times: Vec<f64> = of.iter().filter_map(|outcome| value(outcome)).collect();
@@ -138,52 +196,52 @@ fn row(kind: Kind, outcomes: &[FaultOutcome]) -> Value {
         time(a).total_cmp(&time(b))
     });
     let sum = |value: fn(&FaultOutcome) -> usize| of.iter().map(|outcome| value(outcome)).sum::<usize>();
-    json!({
-        "fault": kind.name(),
-        "expected": match kind.expected() {
+    Row {
+        fault: kind.name(),
+        expected: match kind.expected() {
             Expected::GoesOn => "goes on",
             Expected::Holds => "hold",
             Expected::Faults => "fault",
             Expected::StopsItself => "stops itself",
         },
-        "injected": of.len(),
-        "as_expected": sum(|outcome| usize::from(outcome.as_expected)),
-        "stopped": times.len(),
-        "stopped_ms_median": stops.get(stops.len() / 2),
-        "stopped_ms_max": stops.last(),
-        "slowest_in": slowest.map(|outcome| outcome.phase.name()),
-        "slowest_began_at_rad_s": slowest.map(|outcome| outcome.speed),
-        "safe_ms_median": times.get(times.len() / 2),
-        "safe_ms_max": times.last(),
-        "outside_limits": of.iter().map(|outcome| outcome.outside).sum::<u64>(),
-        "held": sum(|outcome| outcome.held),
-        "lost": sum(|outcome| outcome.lost),
-        "moved_mm_max": of.iter().map(|outcome| outcome.moved).fold(0.0, f64::max),
-        "takes_torque": kind.takes_torque(),
-        "recordings_intact": sum(|outcome| usize::from(outcome.intact)),
-        "named": named(kind, &of),
-    })
+        injected: of.len(),
+        as_expected: sum(|outcome| usize::from(outcome.as_expected)),
+        stopped: times.len(),
+        stopped_ms_median: stops.get(stops.len() / 2).copied(),
+        stopped_ms_max: stops.last().copied(),
+        slowest_in: slowest.map(|outcome| outcome.phase.name().into_owned()),
+        slowest_began_at_rad_s: slowest.map(|outcome| outcome.speed),
+        safe_ms_median: times.get(times.len() / 2).copied(),
+        safe_ms_max: times.last().copied(),
+        outside_limits: of.iter().map(|outcome| outcome.outside).sum(),
+        held: sum(|outcome| outcome.held),
+        lost: sum(|outcome| outcome.lost),
+        moved_mm_max: of.iter().map(|outcome| outcome.moved).fold(0.0, f64::max),
+        takes_torque: kind.takes_torque(),
+        recordings_intact: sum(|outcome| usize::from(outcome.intact)),
+        named: named(kind, &of),
+    }
 }
 
-/// What was named beside outcomes `of` one fault; null where no mirror ran.
-fn named(kind: Kind, of: &[&FaultOutcome]) -> Value {
+/// What was named beside outcomes `of` one fault; none where no mirror ran.
+fn named(kind: Kind, of: &[&FaultOutcome]) -> Option<NamedFault> {
     let all: Vec<&Mirrored> = of.iter().filter_map(|outcome| outcome.mirrored.as_ref()).collect();
     if all.is_empty() {
-        return Value::Null;
+        return None;
     }
     let mut times: Vec<f64> = all.iter().filter_map(|mirrored| mirrored.told_ms).collect();
     times.sort_by(f64::total_cmp);
-    json!({
-        "teller": match kind.teller() {
+    Some(NamedFault {
+        teller: match kind.teller() {
             Teller::Nobody => "nobody",
             Teller::Supervisor => "supervisor",
             Teller::Mirror(_) => "mirror",
         },
-        "rightly": all.iter().filter(|mirrored| mirrored.is_right(kind)).count(),
-        "told_ms_median": times.get(times.len() / 2),
-        "told_ms_max": times.last(),
-        "wrongly": all.iter().filter(|mirrored| !mirrored.wrong.is_empty()).count(),
-        "wrong": all.iter().flat_map(|mirrored| mirrored.wrong.clone()).collect::<Vec<_>>(),
+        rightly: all.iter().filter(|mirrored| mirrored.is_right(kind)).count(),
+        told_ms_median: times.get(times.len() / 2).copied(),
+        told_ms_max: times.last().copied(),
+        wrongly: all.iter().filter(|mirrored| !mirrored.wrong.is_empty()).count(),
+        wrong: all.iter().flat_map(|mirrored| mirrored.wrong.clone()).collect(),
     })
 }
 

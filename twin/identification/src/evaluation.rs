@@ -11,6 +11,7 @@ use plant::identified::IdentifiedRobot;
 use plant::spread::Quantity;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
+use schemars::JsonSchema;
 use serde::Serialize;
 use sim::tactile::TactileBoard;
 use sim::{ObjectPlacement, SceneSetup, SimulatedRobot};
@@ -38,9 +39,11 @@ const REACHES: usize = 40;
 const HALF_INTERVAL: f64 = 1.959_964;
 
 /// How many of some parameters lie in their 95 % intervals.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, JsonSchema)]
 pub struct Coverage {
+    /// Those whose truth is in the 95 % interval.
     pub inside: usize,
+    /// All of them.
     pub of: usize,
 }
 

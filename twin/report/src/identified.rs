@@ -4,6 +4,7 @@
 use std::fmt::Write as _;
 
 use plant::identified::Source;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::html::{Column, Table, escape, whole_page};
@@ -12,10 +13,12 @@ use crate::html::{Column, Table, escape, whole_page};
 const HALF_INTERVAL: f64 = 1.96;
 
 /// How the twin of one actuator moves.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct ActuatorRow {
     pub actuator: String,
+    /// Free motions.
     pub motions: usize,
+    /// Samples of the servo's angle.
     pub samples: usize,
     /// Root mean square of the servo's angle under the drawing, rad.
     pub residual_before: f64,
@@ -28,15 +31,18 @@ pub struct ActuatorRow {
 }
 
 /// What is known of one parameter.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct ParameterRow {
     pub parameter: String,
-    /// `log`: logarithm of the factor on the drawing's value.
+    /// Of the deviation; `log`: logarithm of the factor on the drawing's value.
     pub unit: String,
+    /// From the drawing.
     pub deviation: f64,
+    /// Standard deviation of it.
     pub sigma: f64,
     /// Standard deviation among robots built from the drawing.
     pub spread: f64,
+    /// Whether the sessions say more than the drawing.
     pub identified: bool,
 }
 

@@ -1,9 +1,10 @@
 //! Means, percentiles, box plots and densities of samples.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Mean and sample standard deviation (n - 1).
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 pub struct MeanSd {
     /// None of no values.
     pub mean: Option<f64>,

@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{Binomial, ContinuousCDF, DiscreteCDF, StudentsT};
 
@@ -17,7 +18,7 @@ pub const FEWEST_SAMPLES: usize = 5;
 pub const SPREAD_TOLERANCE: f64 = 1e-12;
 
 /// Why a test has no outcome.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Untested {
     /// The two conditions have no combination in common.
@@ -29,7 +30,7 @@ pub enum Untested {
 }
 
 /// A paired, one-sided t-test.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 pub struct TTest {
     pub t: Option<f64>,
     /// Pairs less one.
@@ -85,7 +86,7 @@ const SMALLER: [usize; 5] = [5, 10, 20, 30, 60];
 
 /// A value and its 95 % bootstrap interval (percentile method); no interval of fewer than [`FEWEST_SAMPLES`] samples, or of samples that are
 /// all equal.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 pub struct Interval {
     /// Of the sample itself.
     pub value: Option<f64>,
@@ -96,7 +97,7 @@ pub struct Interval {
 }
 
 /// A paired comparison beyond its t-test.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 pub struct Difference {
     /// Mean of the differences.
     pub difference: Interval,
@@ -156,7 +157,7 @@ fn resample(values: &[f64], n: usize, rng: &mut ChaCha8Rng) -> Vec<f64> {
 }
 
 /// McNemar's exact test on pairs of outcomes, each pair of one cluster.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 pub struct McNemar {
     /// Pairs of two successes.
     pub both: usize,

@@ -10,10 +10,13 @@ use statrs::distribution::{ContinuousCDF as _, StudentsT};
 use crate::outcomes::{Outcome, Outcomes, Place};
 
 /// A mean over pairs of objects and its 95 % interval.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, schemars::JsonSchema)]
 pub struct Estimate {
+    /// Mean over pairs of objects.
     pub value: f64,
+    /// Lower end of the 95 % interval.
     pub low: Option<f64>,
+    /// Upper end.
     pub high: Option<f64>,
     /// Trials, or pairs of trials.
     pub n: usize,
@@ -109,7 +112,7 @@ pub fn levels(
 }
 
 /// A row of the table of contrasts.
-#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize, schemars::JsonSchema)]
 pub struct Contrast {
     /// What is compared, such as `touch - blind`.
     pub what: String,

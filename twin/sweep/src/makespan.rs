@@ -7,6 +7,7 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// What is assumed.
@@ -28,7 +29,7 @@ impl Assumptions {
 }
 
 /// A number of cores, and what it comes to.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
 pub struct Point {
     pub cores: usize,
     /// Until the last unit is finished, s.

@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, Result, bail};
 use platform::data::write_whole;
 use report::html::{Column, Table, counted, duration, escape, number, whole_page};
-use serde_json::json;
+use schemars::JsonSchema;
+use serde::Serialize;
 
 use crate::axis::PlannedAxis;
 use crate::curve::{self, Contrast, Estimate};
@@ -18,16 +19,37 @@ use crate::outcomes::{Outcome, Outcomes};
 /// A report that was made.
 pub struct Made {
     pub text: String,
-    pub json: serde_json::Value,
+    pub results: Results,
     pub folder: PathBuf,
 }
 
+/// What came out of a sweep.
+#[derive(Debug, Clone, Serialize, JsonSchema)]
+pub struct Results {
+    /// The sweep's name.
+    sweep: String,
+    /// Trials that were played.
+    pub trials: usize,
+    /// Units that are finished.
+    units: usize,
+    /// Units of the sweep.
+    of_units: usize,
+    /// A rate each.
+    curves: Vec<CurveRow>,
+    /// Differences, paired by trial.
+    contrasts: Vec<Contrast>,
+}
+
 /// A rate of a level.
-#[derive(Debug, Clone, serde::Serialize)]
-struct CurveRow {
+#[derive(Debug, Clone, Serialize, JsonSchema)]
+pub struct CurveRow {
+    /// The axis.
     axis: String,
+    /// Its value.
     level: String,
+    /// Policy, or ablation of touch.
     arm: String,
+    /// clean_success, success or contact.
     outcome: &'static str,
     #[serde(flatten)]
     estimate: Estimate,
@@ -80,10 +102,9 @@ pub fn report(folder: &Folder, out: &Path) -> Result<Made> {
     for contrast in contrasts.iter().filter(|row| row.at == ALL && row.outcome == Outcome::CleanSuccess.name()) {
         let _ = writeln!(text, "{}", line(&format!("clean success, {}", contrast.what), &contrast.estimate));
     }
-    let json = json!({
-        "sweep": plan.name, "trials": played, "units": finished, "of_units": units, "curves": curves, "contrasts": contrasts,
-    });
-    Ok(Made { text, json, folder: out.to_owned() })
+    let results =
+        Results { sweep: plan.name.clone(), trials: played, units: finished, of_units: units, curves, contrasts };
+    Ok(Made { text, results, folder: out.to_owned() })
 }
 
 /// Where a contrast is over everything.

@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, Result, anyhow, bail};
 use platform::child;
 use platform::data::write_whole;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::claim::Claims;
@@ -212,7 +213,7 @@ pub fn submit(sweep: &Folder, program: &Path, options: &Options) -> Result<Submi
 }
 
 /// A job or task, as Slurm sees it.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Task {
     /// Such as `12_3`, or `12_[4-9]` for those that have not begun.
     pub id: String,

@@ -85,7 +85,7 @@ fn what_is_kept_is_reported() {
     let outcomes = Outcomes::read(&folder, true).expect("read");
     assert_eq!(outcomes.played(), 2 * 11 * 600 * 3);
     let made = crate::page::report(&folder, one.path()).expect("a report");
-    assert_eq!(made.json["trials"], 2 * 11 * 600 * 3);
+    assert_eq!(made.results.trials, 2 * 11 * 600 * 3);
     let reversed = Folder::join(other.path(), folder.plan.clone()).expect("a folder");
     reversed.plan.units.iter().rev().for_each(|one| unit(&reversed, one));
     assert_eq!(merge(&reversed, true).expect("merged").digest, merged.digest);

@@ -17,6 +17,7 @@ use rand_chacha::ChaCha8Rng;
 use scenarios::generator::trial_rng;
 use scenarios::noise::{NoiseLevels, TrialNoise};
 use scenarios::transport::{Ball, PushStage, Transport};
+use schemars::JsonSchema;
 use serde::Serialize;
 use sim::SimulatedRobot;
 use sim::robot::Truth;
@@ -27,9 +28,10 @@ use world::Sensing;
 use super::site::{begin, in_hand, play};
 
 /// What came of a transport.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct TransportRecord {
     /// How it was done.
+    #[schemars(with = "String")]
     pub policy: PickMode,
     /// Number of the transport.
     pub trial: usize,

@@ -1,19 +1,19 @@
 //! `ftac bridge`: everything about the real robot, and its emulator.
 
-mod calibrate;
-mod clear_faults;
+pub mod calibrate;
+pub mod clear_faults;
 mod doctor;
-mod emulate;
-mod exercise;
+pub mod emulate;
+pub mod exercise;
 mod faults;
-mod install;
-mod provision;
-mod reboot;
-mod register;
-mod scan;
-mod shared;
-mod sheet;
-mod stop;
+pub mod install;
+pub mod provision;
+pub mod reboot;
+pub mod register;
+pub mod scan;
+pub mod shared;
+pub mod sheet;
+pub mod stop;
 
 use std::path::PathBuf;
 

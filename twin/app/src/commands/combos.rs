@@ -1,14 +1,17 @@
 //! `ftac combos`: the object combinations that trials are numbered by.
 
+use std::collections::BTreeMap;
+
 use anyhow::bail;
 use bench::builtin::{COMBINATIONS, make_scenes};
 use clap::Args;
 use proving::plan::Plan;
-use serde_json::json;
+use schemars::JsonSchema;
+use serde::Serialize;
 
 use crate::options::robot::RobotArgs;
 use crate::options::scenario::ScenarioArgs;
-use crate::terminal::{Made, Outcome, Terminal};
+use crate::terminal::{Outcome, Terminal};
 
 /// Arguments of `combos`.
 #[derive(Debug, Args)]
@@ -21,6 +24,22 @@ pub struct CombosArgs {
     pub combos: Option<usize>,
     #[command(flatten)]
     pub robot: RobotArgs,
+}
+
+/// A combination.
+#[derive(Debug, Serialize, JsonSchema)]
+struct Combination<'a> {
+    /// Number of the combination, from 0.
+    combination: usize,
+    /// Name of each object, by the scenario's list that it comes from: first, second.
+    #[serde(flatten)]
+    objects: BTreeMap<&'a str, &'a str>,
+}
+
+/// All that were asked for.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Combinations<'a> {
+    combinations: Vec<Combination<'a>>,
 }
 
 /// Prints them.
@@ -40,14 +59,12 @@ pub fn run(terminal: &Terminal, args: &CombosArgs) -> Outcome {
     };
     let heading = if lists.len() == 2 { vec!["first", "then"] } else { lists.clone() };
     let mut text = row("COMBO", &heading);
-    let mut rows = Vec::new();
-    for (number, plan) in bench.plans.plans.iter().enumerate() {
-        text += &row(&number.to_string(), &plan.objects());
-        let mut one = json!({ "combination": number });
-        for (list, name) in lists.iter().zip(plan.objects()) {
-            one[*list] = name.into();
-        }
-        rows.push(one);
+    let mut combinations = Vec::new();
+    for (combination, plan) in bench.plans.plans.iter().enumerate() {
+        text += &row(&combination.to_string(), &plan.objects());
+        let objects = lists.iter().copied().zip(plan.objects()).collect();
+        combinations.push(Combination { combination, objects });
     }
-    terminal.finish(Made { json: json!({ "combinations": rows }), text, shortfall: None })
+    terminal.print(&Combinations { combinations }, &text)?;
+    Ok(None)
 }

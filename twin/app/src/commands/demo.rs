@@ -1,6 +1,6 @@
 //! `ftac demo`: one trial, touch beside blind, in the viewer or as a page with a film.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, bail};
 use bench::builtin::make_bench;
@@ -11,6 +11,8 @@ use nalgebra::Point3;
 use report::film::{self, Film, Stage};
 use robot_backends::Task;
 use scenarios::{Condition, Scenario, TrialRecord};
+use schemars::JsonSchema;
+use serde::Serialize;
 use stream::Target;
 use stream::viewer;
 
@@ -38,6 +40,14 @@ pub struct DemoArgs {
     pub no_viewer: bool,
     #[command(flatten)]
     pub robot: RobotArgs,
+}
+
+/// Printed once both trials were played.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Demo<'a> {
+    /// The page (HTML).
+    page: &'a Path,
+    trials: &'a [TrialRecord],
 }
 
 /// Plays one trial blind and with touch, with the same errors, and shows it.
@@ -114,17 +124,14 @@ fn write(stage: &Stage, films: &[Film], args: &DemoArgs, (seed, names): (u64, [&
     Ok(page)
 }
 
-fn tell(terminal: &Terminal, records: &[TrialRecord], page: &std::path::Path) -> Result<()> {
-    if terminal.json {
-        println!("{}", serde_json::json!({ "page": page, "trials": records }));
-        return Ok(());
-    }
+fn tell(terminal: &Terminal, records: &[TrialRecord], page: &Path) -> Result<()> {
+    let mut text = String::new();
     for record in records {
         let contact = if record.contact { ", with an unwanted contact" } else { "" };
         let cause = record.cause.map_or(String::new(), |cause| format!(" ({cause})"));
         let outcome = if record.success { "both objects held".to_owned() } else { format!("failed{cause}") };
-        println!("{:6} {outcome}{contact}", record.condition.name());
+        text += &format!("{:6} {outcome}{contact}\n", record.condition.name());
     }
-    println!("{}: the film; {}: the recordings", page.display(), page.with_file_name("*.rrd").display());
-    Ok(())
+    text += &format!("{}: the film; {}: the recordings\n", page.display(), page.with_file_name("*.rrd").display());
+    terminal.print(&Demo { page, trials: records }, &text)
 }

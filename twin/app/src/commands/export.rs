@@ -12,6 +12,8 @@ use hand_model::kinematics::Tree;
 use robot_backends::Stopped;
 use robot_backends::Task;
 use robot_backends::replayed::{ReplaySource, check};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use session_log::ros2::{self, Names};
 use session_log::{Event, Reader, Replay, Sizes};
 use stream::Target;
@@ -60,6 +62,45 @@ pub enum ExportCommand {
     },
 }
 
+/// A session as a recording for the viewer.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Drawn {
+    /// The recording (RRD).
+    recording: PathBuf,
+    /// Control ticks.
+    ticks: u64,
+    /// Where this program leaves the session, which ends the recording; null where it does not.
+    left: Option<String>,
+}
+
+/// A session as a ROS 2 bag.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Bag {
+    /// The bag's file.
+    bag: PathBuf,
+    /// Messages in it.
+    messages: u64,
+}
+
+/// The sessions of a folder as ROS 2 bags.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Bags {
+    /// One entry a session.
+    bags: Vec<Bag>,
+}
+
+/// The sessions of a folder as a LeRobot data set, as the Python package tells of it.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct DataSet {
+    /// The data set's folder.
+    dataset: String,
+    /// Sessions in it.
+    episodes: u64,
+    /// Frames of all episodes.
+    frames: u64,
+}
+
 pub fn run(terminal: &Terminal, command: &ExportCommand) -> Outcome {
     let (session, out) = match command {
         ExportCommand::Rrd { session, out } => (session, out),
@@ -67,7 +108,7 @@ pub fn run(terminal: &Terminal, command: &ExportCommand) -> Outcome {
             let out = out.clone().unwrap_or_else(|| session.with_extension(&BAG[1..]));
             let messages = ros2(session, &out)?;
             let text = format!("{messages} messages in {0}; `ros2 bag play {0}` plays them\n", out.display());
-            terminal.print(&serde_json::json!({ "bag": out, "messages": messages }), &text)?;
+            terminal.print(&Bag { bag: out, messages }, &text)?;
             return Ok((messages == 0).then(|| nothing(session)));
         }
         ExportCommand::Mcap { folder, out } => return bags(terminal, folder, out.as_deref()),
@@ -75,12 +116,10 @@ pub fn run(terminal: &Terminal, command: &ExportCommand) -> Outcome {
     };
     let out = out.clone().unwrap_or_else(|| session.with_extension("rrd"));
     let (ticks, shortfall) = rrd(terminal, session, &out)?;
-    if terminal.json {
-        println!("{}", serde_json::json!({ "recording": out, "ticks": ticks, "left": shortfall }));
-    } else {
-        println!("{ticks} ticks in {0}; see them with `ftac view {0}`", out.display());
-    }
-    Ok(shortfall)
+    let text = format!("{ticks} ticks in {0}; see them with `ftac view {0}`\n", out.display());
+    let drawn = Drawn { recording: out, ticks, left: shortfall };
+    terminal.print(&drawn, &text)?;
+    Ok(drawn.left)
 }
 
 fn nothing(session: &Path) -> String {
@@ -145,12 +184,13 @@ fn bags(terminal: &Terminal, folder: &Path, out: Option<&Path>) -> Outcome {
         if messages == 0 {
             empty.get_or_insert_with(|| nothing(session));
         }
-        bags.push(serde_json::json!({ "bag": bag, "messages": messages }));
+        bags.push(Bag { bag, messages });
         bar.inc(1);
     }
     bar.finish_and_clear();
     let place = out.unwrap_or(folder).display();
-    terminal.print(&serde_json::json!({ "bags": bags }), &format!("{} bags in {place}\n", bags.len()))?;
+    let text = format!("{} bags in {place}\n", bags.len());
+    terminal.print(&Bags { bags }, &text)?;
     Ok(empty)
 }
 
@@ -164,8 +204,8 @@ fn lerobot(terminal: &Terminal, folder: &Path, out: Option<&Path>, images: u16) 
     if !output.status.success() {
         bail!("export lerobot: the data set was not written ({}); {}", output.status, python::EXPECTED);
     }
-    let told: serde_json::Value = serde_json::from_slice(&output.stdout).context("export lerobot: its answer")?;
-    let text = format!("{} episodes, {} frames in {}\n", told["episodes"], told["frames"], out.display());
+    let told: DataSet = serde_json::from_slice(&output.stdout).context("export lerobot: its answer")?;
+    let text = format!("{} episodes, {} frames in {}\n", told.episodes, told.frames, out.display());
     terminal.print(&told, &text)?;
     Ok(None)
 }

@@ -1,10 +1,10 @@
 //! `ftac grasps`: synthesis, and the benchmark's pick-ups and plans.
 
-mod collection;
-mod export;
+pub mod collection;
+pub mod export;
 mod generate;
-mod pick_ups;
-mod show;
+pub mod pick_ups;
+pub mod show;
 
 use std::ffi::OsString;
 

@@ -1,6 +1,6 @@
 //! `ftac hand`: pictures of the hand; checks and closings are those of `ftac-lab`.
 
-mod picture;
+pub mod picture;
 
 use std::ffi::OsString;
 

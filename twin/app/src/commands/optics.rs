@@ -1,10 +1,10 @@
 //! `ftac optics`: renders tactile images, calibrates to real sensors, and evaluates both.
 
-mod calibrate;
-mod eval;
-mod pads;
-mod reconstruct;
-mod render;
+pub mod calibrate;
+pub mod eval;
+pub mod pads;
+pub mod reconstruct;
+pub mod render;
 mod sensor_option;
 
 use clap::Subcommand;

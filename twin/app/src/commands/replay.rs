@@ -1,6 +1,6 @@
 //! `ftac replay`: the control stack on a recorded session, held to every command bit by bit; or two sessions side by side.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, bail};
 use bench::builtin::{expect_errors, make_bench, read_pads_by, robot_of};
@@ -10,20 +10,85 @@ use robot_backends::replayed::{ReplaySource, check};
 use robot_backends::{LookFailed, Stopped, Task};
 use scenarios::Scenario;
 use scenarios::record::{Condition, TrialRecord};
-use serde_json::{Value, json};
+use schemars::JsonSchema;
+use serde::Serialize;
 use session_log::comparison::compare;
 use session_log::{Reader, Replay, Sizes};
 
 use super::sessions::sessions_in;
 use crate::terminal::Terminal;
 
+/// What came of one session.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Replayed {
+    /// Body: sim, rounded, emulated or hardware.
+    robot: String,
+    /// Number of the combination, from 0.
+    combination: usize,
+    /// Number of the trial, from 0.
+    trial: usize,
+    /// Condition of the trial.
+    #[schemars(with = "String")]
+    condition: Condition,
+    /// Control ticks.
+    ticks: u64,
+    /// Commands alike bit by bit.
+    identical_commands: u64,
+    /// Whether the session has its end.
+    whole: bool,
+    /// The first command that differs, or null.
+    divergence: Option<String>,
+    /// Whether both sessions decided alike.
+    same_decisions: Option<bool>,
+    /// Why the look failed in which both session and replay end, or null.
+    failed_look: Option<String>,
+}
+
+/// A session of a folder, replayed or not.
+#[derive(Debug, Serialize, JsonSchema)]
+#[serde(untagged)]
+enum Row {
+    Replayed(Replayed),
+    NotReplayed {
+        /// Why it could not be replayed.
+        error: String,
+    },
+}
+
+#[derive(Debug, Serialize, JsonSchema)]
+struct Session {
+    session: PathBuf,
+    /// As of a single session, or its error.
+    replayed: Row,
+    /// In which respect it falls short, or null.
+    shortfall: Option<String>,
+}
+
+/// What came of the sessions of a folder.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Folder {
+    /// A session each, by name.
+    sessions: Vec<Session>,
+}
+
+/// Two sessions side by side.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Compared {
+    /// Ticks alike bit by bit.
+    identical_ticks: u64,
+    /// Numbers alike bit by bit.
+    identical_values: u64,
+    /// Images alike bit by bit.
+    identical_images: u64,
+    /// The first observation or command that differs, or null.
+    difference: Option<String>,
+}
+
 /// The command: one session, or all of a folder.
 pub fn command(terminal: &Terminal, path: &Path) -> Result<Option<String>> {
     if !path.is_dir() {
-        let (json, shortfall) = one(terminal, path)?;
-        if terminal.json {
-            println!("{json}");
-        }
+        let (replayed, shortfall) = one(terminal, path)?;
+        terminal.print(&replayed, "")?;
         return Ok(shortfall);
     }
     // A benchmark's sessions lie in a folder of their own within its results.
@@ -42,24 +107,25 @@ pub fn command(terminal: &Terminal, path: &Path) -> Result<Option<String>> {
             println!("{}", session.display());
         }
         // One that cannot be replayed does not keep the others from it.
-        let (row, shortfall) = one(terminal, session).unwrap_or_else(|error| {
-            let words = crate::front::words(&error);
-            eprintln!("{words}");
-            (json!({ "error": words }), Some(words))
-        });
-        rows.push(json!({ "session": session, "replayed": row, "shortfall": shortfall }));
-        short.extend(shortfall.map(|why| format!("{}: {why}", session.display())));
+        let (replayed, shortfall) = match one(terminal, session) {
+            Ok((replayed, shortfall)) => (Row::Replayed(replayed), shortfall),
+            Err(error) => {
+                let error = crate::front::words(&error);
+                eprintln!("{error}");
+                (Row::NotReplayed { error: error.clone() }, Some(error))
+            }
+        };
+        short.extend(shortfall.as_ref().map(|why| format!("{}: {why}", session.display())));
+        rows.push(Session { session: session.clone(), replayed, shortfall });
     }
-    if terminal.json {
-        println!("{}", json!({ "sessions": rows }));
-    }
+    terminal.print(&Folder { sessions: rows }, "")?;
     let first =
         short.first().map(|first| format!("{} of {} sessions; the first: {first}", short.len(), sessions.len()));
     Ok(first)
 }
 
-/// One session: what `--json` tells of it, and in which respect it falls short.
-fn one(terminal: &Terminal, recording: &Path) -> Result<(Value, Option<String>)> {
+/// One session, and in which respect it falls short.
+fn one(terminal: &Terminal, recording: &Path) -> Result<(Replayed, Option<String>)> {
     let other = other_program(recording)?;
     let named = |error: anyhow::Error| match &other {
         Some(other) => error.context(other.clone()),
@@ -104,22 +170,18 @@ pub fn bench_of(terminal: &Terminal, task: &Task, scenario: Scenario, recording:
 /// `--against`: two sessions, observation by observation and command by command; the shortfall is the first bit that differs.
 pub fn against(terminal: &Terminal, recording: &Path, other: &Path) -> Result<Option<String>> {
     let compared = compare(&mut Reader::open(recording, Sizes::Any)?, &mut Reader::open(other, Sizes::Any)?)?;
-    let difference = compared.difference.as_ref().map(ToString::to_string);
-    if terminal.json {
-        println!(
-            "{}",
-            json!({
-                "identical_ticks": compared.ticks, "identical_values": compared.values,
-                "identical_images": compared.images, "difference": difference,
-            })
-        );
-    } else {
-        println!(
-            "{} ticks, {} numbers and {} images identical bit by bit",
-            compared.ticks, compared.values, compared.images
-        );
-    }
-    Ok(difference)
+    let text = format!(
+        "{} ticks, {} numbers and {} images identical bit by bit\n",
+        compared.ticks, compared.values, compared.images
+    );
+    let compared = Compared {
+        identical_ticks: compared.ticks,
+        identical_values: compared.values,
+        identical_images: compared.images,
+        difference: compared.difference.as_ref().map(ToString::to_string),
+    };
+    terminal.print(&compared, &text)?;
+    Ok(compared.difference)
 }
 
 /// What the file says of itself: the task and its scenario, with everything that they need in them.
@@ -128,7 +190,7 @@ pub fn task(path: &Path) -> Result<(Task, Scenario)> {
 }
 
 /// Runs it; the shortfall is where it left the recording.
-fn run(terminal: &Terminal, bench: &Bench, task: &Task, path: &Path) -> Result<(Value, Option<String>)> {
+fn run(terminal: &Terminal, bench: &Bench, task: &Task, path: &Path) -> Result<(Replayed, Option<String>)> {
     let robot = &bench.world.cell.robot;
     let (outcome, whole) = outcome(path, robot)?;
     let reader = Reader::open(path, Sizes::of(robot))?;
@@ -149,11 +211,18 @@ fn run(terminal: &Terminal, bench: &Bench, task: &Task, path: &Path) -> Result<(
         (Some(played), Some(recorded)) => Some(decided(played) == decided(recorded)),
         _ => None,
     };
-    let told = json!({
-        "robot": task.robot, "combination": task.combination, "trial": task.trial, "condition": task.condition,
-        "ticks": progress.ticks, "identical_commands": progress.commands, "whole": whole,
-        "divergence": divergence.as_ref().map(ToString::to_string), "same_decisions": same, "failed_look": failed,
-    });
+    let told = Replayed {
+        robot: task.robot.clone(),
+        combination: task.combination,
+        trial: task.trial,
+        condition: task.condition,
+        ticks: progress.ticks,
+        identical_commands: progress.commands,
+        whole,
+        divergence: divergence.as_ref().map(ToString::to_string),
+        same_decisions: same,
+        failed_look: failed.clone(),
+    };
     if !terminal.json {
         println!("{} trial {} of combination {}, {}", task.robot, task.trial, task.combination, task.condition);
         println!("{} ticks, {} commands identical bit by bit", progress.ticks, progress.commands);

@@ -5,16 +5,18 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, bail};
 use clap::{Args, Subcommand};
-use serde_json::json;
+use schemars::JsonSchema;
+use serde::Serialize;
 use sweep::file::Sweep;
-use sweep::folder::Folder;
+use sweep::folder::{Failure, Folder};
+use sweep::makespan::Point;
 use sweep::merge::{Merged, merge};
 use sweep::plan::Plan;
 use sweep::slurm::{self, Submitted, Task};
 use sweep::status::status;
 use sweep::work::{self, Options};
 
-use crate::terminal::{Made, Outcome, Terminal};
+use crate::terminal::{Outcome, Terminal};
 
 /// `sweep` commands.
 #[derive(Debug, Subcommand)]
@@ -95,6 +97,151 @@ pub struct SubmitArgs {
     pub round: u32,
 }
 
+/// Printed by `sweep plan`.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Planned<'a> {
+    /// The sweep's name.
+    name: &'a str,
+    /// Points: one value of each axis but seed, policy and ablation.
+    points: usize,
+    /// Trials, each under one policy.
+    trials: usize,
+    /// Names of the units of work, by their content.
+    units: Vec<&'a str>,
+    /// Expected time of one core, s.
+    core_s: f64,
+    /// Expected time on this machine, s.
+    wall_s: f64,
+    /// Expected size of the units' files, bytes.
+    bytes: f64,
+    /// Tells sweeps apart.
+    sweep: String,
+}
+
+/// A unit that could not be played.
+#[derive(Debug, Serialize, JsonSchema)]
+struct FailedUnit {
+    /// The unit's name.
+    unit: String,
+    /// Why.
+    reason: String,
+}
+
+/// A unit whose files were broken.
+#[derive(Debug, Serialize, JsonSchema)]
+struct BrokenUnit {
+    /// The unit's name.
+    unit: String,
+    /// What was wrong with its file.
+    reason: String,
+}
+
+/// Printed by `sweep merge`.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Joined {
+    /// Units that were joined.
+    units: usize,
+    /// Units that are not finished.
+    missing: usize,
+    /// Units whose files were broken; they were laid aside.
+    broken: Vec<BrokenUnit>,
+    /// Rows of the trials' table.
+    trials: usize,
+    /// Rows of the tries' table.
+    tries: usize,
+    /// Time that the units took, summed, s.
+    core_s: f64,
+    /// Of all rows but what is wall time: the same results have the same digest.
+    digest: String,
+}
+
+impl Joined {
+    fn of(merged: Merged) -> Self {
+        let Merged { units, missing, broken, trials, tries, core_s, digest } = merged;
+        let broken = broken.into_iter().map(|(unit, reason)| BrokenUnit { unit, reason }).collect();
+        Self { units, missing, broken, trials, tries, core_s, digest }
+    }
+}
+
+/// Printed by `sweep run`.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Played {
+    /// The result folder.
+    folder: PathBuf,
+    /// Units that this process played.
+    played: usize,
+    /// Units that are finished.
+    finished: usize,
+    /// Units of the sweep.
+    units: usize,
+    /// Units that could not be played.
+    failed: Vec<FailedUnit>,
+    /// Time of this process, s.
+    wall_s: f64,
+    /// What the results were joined to; none of a worker.
+    merged: Option<Joined>,
+}
+
+/// Printed by `sweep submit`.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Handed {
+    /// The result folder.
+    folder: PathBuf,
+    /// What became of it: submitted, joined (jobs of this sweep are under way) or finished.
+    outcome: &'static str,
+    /// Job of the workers.
+    array: Option<u64>,
+    /// Job that joins their results.
+    merge: Option<u64>,
+    /// Workers.
+    workers: Option<usize>,
+}
+
+/// A unit whose last attempt failed.
+#[derive(Debug, Serialize, JsonSchema)]
+struct FailedAttempt {
+    /// The unit's name.
+    unit: String,
+    /// Why.
+    reason: String,
+    /// Machine, process and job.
+    by: String,
+}
+
+/// Printed by `sweep status`.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Standing {
+    /// The sweep's name.
+    name: String,
+    /// Units that are finished.
+    finished: usize,
+    /// Units of the sweep.
+    units: usize,
+    /// Units that somebody plays.
+    running: usize,
+    /// Units whose last attempt failed.
+    failed: Vec<FailedAttempt>,
+    /// Trials of the finished units.
+    trials: usize,
+    /// Trials of the sweep.
+    of_trials: usize,
+    /// Over the last quarter of an hour.
+    trials_per_minute: Option<f64>,
+    /// Time left at that rate, s.
+    left_s: Option<f64>,
+    /// What Slurm says of the jobs.
+    jobs: Vec<Task>,
+    /// Why Slurm says nothing.
+    slurm_error: Option<String>,
+}
+
+/// Printed by `sweep makespan`.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Replayed {
+    /// A number of cores each.
+    points: Vec<Point>,
+}
+
 /// Runs a command.
 pub fn run(terminal: &Terminal, command: &SweepCommand) -> Outcome {
     match command {
@@ -141,11 +288,18 @@ fn plan(terminal: &Terminal, file: &Path) -> Outcome {
         bytes / 1e6
     );
     let units: Vec<&str> = plan.units.iter().map(|unit| unit.id.as_str()).collect();
-    let json = json!({
-        "name": plan.name, "points": plan.points(), "trials": rows, "units": units, "core_s": plan.core_s,
-        "wall_s": here, "bytes": bytes, "sweep": plan.digest(),
-    });
-    terminal.finish(Made { json, text, shortfall: None })
+    let planned = Planned {
+        name: &plan.name,
+        points: plan.points(),
+        trials: rows,
+        units,
+        core_s: plan.core_s,
+        wall_s: here,
+        bytes,
+        sweep: plan.digest(),
+    };
+    terminal.print(&planned, &text)?;
+    Ok(None)
 }
 
 /// The result folder that is asked for: of a file and `--out`, or one that is there.
@@ -180,11 +334,6 @@ fn play(terminal: &Terminal, args: &RunArgs) -> Outcome {
     let jobs = args.jobs.unwrap_or_else(bench::workers::available);
     let quiet = terminal.quiet || terminal.json;
     let done = work::work(&folder, Options { jobs, quiet, worker })?;
-    let failed: Vec<_> = done.failed.iter().map(|(unit, reason)| json!({ "unit": unit, "reason": reason })).collect();
-    let mut json = json!({
-        "folder": folder.path, "played": done.played, "finished": done.finished, "units": done.of, "failed": failed,
-        "wall_s": done.wall_s, "merged": null,
-    });
     let mut text = format!(
         "{} of {} units are finished, {} of them played by this worker in {}\n",
         done.finished,
@@ -197,21 +346,24 @@ fn play(terminal: &Terminal, args: &RunArgs) -> Outcome {
         format!("{of} of {} units failed; the first is {unit}: {reason}", done.of)
     });
     // One of many workers leaves that to the job that comes behind them.
+    let mut joined = None;
     if worker.is_none() && done.finished > 0 {
         let merged = merge(&folder, quiet)?;
         text += &tell_merged(&folder, &merged);
-        json["merged"] = merged_json(&merged);
         shortfall = shortfall.or_else(|| short(&merged));
+        joined = Some(Joined::of(merged));
     }
-    terminal.finish(Made { json, text, shortfall })
-}
-
-fn merged_json(merged: &Merged) -> serde_json::Value {
-    let broken: Vec<_> = merged.broken.iter().map(|(unit, reason)| json!({ "unit": unit, "reason": reason })).collect();
-    json!({
-        "units": merged.units, "missing": merged.missing, "broken": broken, "trials": merged.trials, "tries": merged.tries,
-        "core_s": merged.core_s, "digest": merged.digest,
-    })
+    let played = Played {
+        folder: folder.path,
+        played: done.played,
+        finished: done.finished,
+        units: done.of,
+        failed: done.failed.into_iter().map(|(unit, reason)| FailedUnit { unit, reason }).collect(),
+        wall_s: done.wall_s,
+        merged: joined,
+    };
+    terminal.print(&played, &text)?;
+    Ok(shortfall)
 }
 
 fn tell_merged(folder: &Folder, merged: &Merged) -> String {
@@ -240,8 +392,9 @@ fn short(merged: &Merged) -> Option<String> {
 fn join(terminal: &Terminal, path: &Path) -> Outcome {
     let folder = Folder::open(path)?;
     let merged = merge(&folder, terminal.quiet || terminal.json)?;
-    let (json, text) = (merged_json(&merged), tell_merged(&folder, &merged));
-    terminal.finish(Made { json, text, shortfall: short(&merged) })
+    let (text, shortfall) = (tell_merged(&folder, &merged), short(&merged));
+    terminal.print(&Joined::of(merged), &text)?;
+    Ok(shortfall)
 }
 
 fn submit(terminal: &Terminal, args: &SubmitArgs) -> Outcome {
@@ -284,11 +437,15 @@ fn submit(terminal: &Terminal, args: &SubmitArgs) -> Outcome {
             ("finished", None, format!("all units are finished; join them with `ftac sweep merge {path}`\n"))
         }
     };
-    let json = json!({
-        "folder": folder.path, "outcome": what, "array": jobs.map(|jobs| jobs.array), "merge": jobs.map(|jobs| jobs.merge),
-        "workers": jobs.map(|jobs| jobs.workers),
-    });
-    terminal.finish(Made { json, text, shortfall: None })
+    let handed = Handed {
+        folder: folder.path,
+        outcome: what,
+        array: jobs.map(|jobs| jobs.array),
+        merge: jobs.map(|jobs| jobs.merge),
+        workers: jobs.map(|jobs| jobs.workers),
+    };
+    terminal.print(&handed, &text)?;
+    Ok(None)
 }
 
 fn tell_status(terminal: &Terminal, path: &Path) -> Outcome {
@@ -324,17 +481,22 @@ fn tell_status(terminal: &Terminal, path: &Path) -> Outcome {
             let _ = writeln!(text, "Slurm does not say how its jobs are: {error:#}");
         }
     }
-    let failed: Vec<_> = now
-        .failed
-        .iter()
-        .map(|(unit, failure)| json!({ "unit": unit, "reason": failure.reason, "by": failure.by }))
-        .collect();
-    let json = json!({
-        "name": folder.plan.name, "finished": now.finished, "units": now.of, "running": now.running, "failed": failed,
-        "trials": now.trials, "of_trials": now.of_trials, "trials_per_minute": now.trials_per_minute, "left_s": now.left_s,
-        "jobs": tasks.unwrap_or_default(), "slurm_error": unheard,
-    });
-    terminal.finish(Made { json, text, shortfall: None })
+    let failed = |(unit, Failure { reason, by })| FailedAttempt { unit, reason, by };
+    let standing = Standing {
+        name: folder.plan.name,
+        finished: now.finished,
+        units: now.of,
+        running: now.running,
+        failed: now.failed.into_iter().map(failed).collect(),
+        trials: now.trials,
+        of_trials: now.of_trials,
+        trials_per_minute: now.trials_per_minute,
+        left_s: now.left_s,
+        jobs: tasks.unwrap_or_default(),
+        slurm_error: unheard,
+    };
+    terminal.print(&standing, &text)?;
+    Ok(None)
 }
 
 fn makespan(terminal: &Terminal, path: &Path, trials: Option<usize>, join: usize) -> Outcome {
@@ -343,7 +505,8 @@ fn makespan(terminal: &Terminal, path: &Path, trials: Option<usize>, join: usize
     }
     let folder = Folder::open(path)?;
     let (points, text) = sweep::page::makespan(&folder, trials, join)?;
-    terminal.finish(Made { json: json!({ "points": points }), text, shortfall: None })
+    terminal.print(&Replayed { points }, &text)?;
+    Ok(None)
 }
 
 /// `ftac report` of a sweep's folder.
@@ -351,5 +514,6 @@ pub fn report(terminal: &Terminal, path: &Path, out: Option<&Path>) -> Outcome {
     let folder = Folder::open(path)?;
     let made = sweep::page::report(&folder, out.unwrap_or(path))?;
     let text = format!("{}results in {}: report.html, curves.csv, contrasts.csv\n", made.text, made.folder.display());
-    terminal.finish(Made { json: made.json, text, shortfall: None })
+    terminal.print(&made.results, &text)?;
+    Ok(None)
 }

@@ -6,7 +6,9 @@ use std::path::{Path, PathBuf};
 use bench::builtin::CALIBRATION_UNIT;
 use clap::Subcommand;
 use hand_model::Hand;
+use schemars::JsonSchema;
 use sensor_calibration::pad_calibration;
+use serde::Serialize;
 
 use crate::lab::arguments::touch::TouchLabCommand;
 use crate::lab::hand_over::hand_over;
@@ -35,6 +37,18 @@ pub enum TouchCommand {
     Lab(TouchLabCommand),
 }
 
+/// Angle between estimated and true normals on another unit's presses.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Trained {
+    /// Mean angle, degrees.
+    mean_deg: f64,
+    /// Median angle, degrees.
+    median_deg: f64,
+    /// 95th percentile, degrees.
+    p95_deg: f64,
+    pixels: usize,
+}
+
 /// Runs a command, one of `ftac-lab` with the process's `arguments`.
 pub fn run(terminal: &Terminal, command: &TouchCommand, arguments: &[OsString]) -> Outcome {
     match command {
@@ -49,16 +63,11 @@ pub fn run(terminal: &Terminal, command: &TouchCommand, arguments: &[OsString]) 
 fn touch_train(terminal: &Terminal, presses: usize, out: &Path, hand: &Hand) -> Outcome {
     let (calibration, error) = pad_calibration::train(hand, CALIBRATION_UNIT, presses, terminal.seed)?;
     calibration.write(out)?;
-    if terminal.json {
-        println!(
-            "{}",
-            serde_json::json!({"mean_deg": error.mean, "median_deg": error.median, "p95_deg": error.p95, "pixels": error.pixels})
-        );
-    } else {
-        println!(
-            "angular error on another unit's presses: mean {:.2} deg, median {:.2} deg, p95 {:.2} deg over {} pixels",
-            error.mean, error.median, error.p95, error.pixels
-        );
-    }
+    let text = format!(
+        "angular error on another unit's presses: mean {:.2} deg, median {:.2} deg, p95 {:.2} deg over {} pixels\n",
+        error.mean, error.median, error.p95, error.pixels
+    );
+    let trained = Trained { mean_deg: error.mean, median_deg: error.median, p95_deg: error.p95, pixels: error.pixels };
+    terminal.print(&trained, &text)?;
     Ok(None)
 }

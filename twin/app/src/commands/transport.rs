@@ -7,15 +7,16 @@ use bench::builtin::{HAND_UNIT, know_hand, simulated_touch};
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use control::policy::pick_sequence::PickMode;
-use control::policy::pick_sequence::plan::listed;
-use hand_model::RobotModel;
+use control::policy::pick_sequence::plan::{Pickup, listed};
+use hand_model::{Digit, RobotModel};
 use proving::simulated_world::World;
 use proving::skills::{SkillFile, for_sizes, of_repertoire};
 use rayon::prelude::*;
 use scenarios::Scenario;
 use scenarios::effects::Effects;
 use scenarios::transport::Transport;
-use serde_json::json;
+use schemars::JsonSchema;
+use serde::Serialize;
 use sim::tactile::TactileBoard;
 use statistics::FEWEST_SAMPLES;
 use transport::play::{Site, TransportRecord};
@@ -55,6 +56,72 @@ pub struct TransportArgs {
     /// Proposals for each pick.
     #[arg(long, default_value_t = 128)]
     pub n: u32,
+}
+
+/// Printed of transports.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Carried<'a> {
+    scenario: &'a str,
+    /// Seed of everything random.
+    seed: u64,
+    balls: usize,
+    /// One entry a policy.
+    policies: &'a [Row],
+    transports: &'a [TransportRecord],
+}
+
+/// A skill that was found.
+#[derive(Debug, Serialize, JsonSchema)]
+struct Skill {
+    /// Digits that keep the ball.
+    #[schemars(with = "Vec<String>")]
+    keeps: Vec<Digit>,
+    score: f64,
+}
+
+/// The search of one pick.
+#[derive(Debug, Serialize, JsonSchema)]
+struct Pick {
+    ball: String,
+    /// Digits that close.
+    #[schemars(with = "Vec<String>")]
+    closed: Vec<Digit>,
+    /// Closings that were tried.
+    tried: usize,
+    /// Of them, those that touched the ball.
+    touched: usize,
+    /// Those that lifted it.
+    lifted: usize,
+    /// Those that held it over the goal.
+    held: usize,
+    /// The best, most robust first.
+    skills: Vec<Skill>,
+}
+
+impl Pick {
+    fn of(site: &Site, pick: &Searched) -> Self {
+        let skill = |skill: &Pickup| Skill { keeps: skill.keeps.clone(), score: skill.grasp.score };
+        Self {
+            ball: site.transport.ball[pick.wanted.ball].name.clone(),
+            closed: pick.wanted.digits.clone(),
+            tried: pick.tried,
+            touched: pick.touched,
+            lifted: pick.lifted,
+            held: pick.held,
+            skills: pick.skills.iter().map(skill).collect(),
+        }
+    }
+}
+
+/// Printed of `--rehearse`.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Rehearsed<'a> {
+    /// One entry a pick that was searched.
+    picks: Vec<Pick>,
+    /// Picks that were asked for.
+    asked: usize,
+    /// The file of skills.
+    file: &'a Path,
 }
 
 /// Policies by their names.
@@ -141,8 +208,8 @@ fn search(terminal: &Terminal, args: &TransportArgs, site: &Site, file: &Path) -
     let command = "ftac transport --rehearse FILE --pick ..., sequence after sequence".to_owned();
     SkillFile::new(command, skills).write(file)?;
     if terminal.json {
-        let rows: Vec<_> = searched.iter().map(|pick| row(site, pick)).collect();
-        println!("{}", json!({ "picks": rows, "asked": sequence.len(), "file": file }));
+        let picks = searched.iter().map(|pick| Pick::of(site, pick)).collect();
+        terminal.print(&Rehearsed { picks, asked: sequence.len(), file }, "")?;
     } else {
         println!(
             "{:12} {:28} {:>6} {:>8} {:>7} {:>5} {:>6}  kept by",
@@ -168,18 +235,6 @@ fn search(terminal: &Terminal, args: &TransportArgs, site: &Site, file: &Path) -
         let name = &site.transport.ball[pick.wanted.ball].name;
         format!("none of {} closings of {} on {name} holds", pick.tried, listed(&pick.wanted.digits))
     }))
-}
-
-fn row(site: &Site, pick: &Searched) -> serde_json::Value {
-    json!({
-        "ball": site.transport.ball[pick.wanted.ball].name,
-        "closed": pick.wanted.digits,
-        "tried": pick.tried,
-        "touched": pick.touched,
-        "lifted": pick.lifted,
-        "held": pick.held,
-        "skills": pick.skills.iter().map(|skill| json!({"keeps": skill.keeps, "score": skill.grasp.score})).collect::<Vec<_>>(),
-    })
 }
 
 fn carry(terminal: &Terminal, args: &TransportArgs, site: &Site) -> Outcome {
@@ -212,10 +267,13 @@ fn carry(terminal: &Terminal, args: &TransportArgs, site: &Site) -> Outcome {
     let records: Vec<TransportRecord> = units.par_iter().map(one).collect::<Result<_>>()?;
     bar.finish_and_clear();
     let rows: Vec<Row> = policies.iter().map(|policy| Row::of(*policy, &records)).collect();
-    let result = json!({
-        "scenario": site.transport.name, "seed": terminal.seed, "balls": site.transport.ball.len(), "policies": rows,
-        "transports": records,
-    });
+    let result = Carried {
+        scenario: &site.transport.name,
+        seed: terminal.seed,
+        balls: site.transport.ball.len(),
+        policies: &rows,
+        transports: &records,
+    };
     if let Some(folder) = &args.out {
         platform::data::write_whole(
             &folder.join("transports.json"),
@@ -223,7 +281,7 @@ fn carry(terminal: &Terminal, args: &TransportArgs, site: &Site) -> Outcome {
         )?;
     }
     if terminal.json {
-        println!("{result}");
+        terminal.print(&result, "")?;
     } else {
         print(terminal, site, &rows, &records);
     }
@@ -267,8 +325,10 @@ fn print(terminal: &Terminal, site: &Site, rows: &[Row], records: &[TransportRec
 }
 
 /// What a policy came to.
-#[derive(Debug, Clone, serde::Serialize)]
+#[derive(Debug, Clone, Serialize, JsonSchema)]
 struct Row {
+    /// The policy.
+    #[schemars(with = "String")]
     policy: PickMode,
     transports: usize,
     /// Share of all balls that came to the goal in the hand.

@@ -12,6 +12,8 @@ use fault_detection::divergence::Divergence;
 use robot_backends::Task;
 use scenarios::record::Condition;
 use scenarios::record::TrialRecord;
+use schemars::JsonSchema;
+use serde::Serialize;
 
 use crate::options::body::{Body, PlaceArgs, check_body, source};
 use crate::options::robot::{RobotArgs, individual, pads, say_whose_pads};
@@ -95,6 +97,16 @@ impl Policy {
             Self::Touch => Condition::Touch,
         }
     }
+}
+
+/// A trial, and what a mirror named beside it.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Played<'a> {
+    #[serde(flatten)]
+    record: &'a TrialRecord,
+    /// With --mirror: what differs between robot and twin.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    divergences: Option<&'a [Divergence]>,
 }
 
 /// Plays one trial and records it.
@@ -198,25 +210,15 @@ fn tell_divergences(named: &[Divergence]) {
 
 /// The record; with `named` as `divergences` where a mirror looked on.
 fn tell_trial(terminal: &Terminal, record: &TrialRecord, named: Option<&[Divergence]>) -> Result<()> {
-    if terminal.json {
-        let Some(named) = named else {
-            println!("{}", serde_json::to_string(record)?);
-            return Ok(());
-        };
-        let mut told = serde_json::to_value(record)?;
-        told["divergences"] = serde_json::to_value(named)?;
-        println!("{told}");
-        return Ok(());
-    }
-    println!(
-        "{}, {}: success {}, unwanted contact {}",
+    let mut text = format!(
+        "{}, {}: success {}, unwanted contact {}\n",
         record.objects().join(" then "),
         record.condition,
         record.success,
         record.contact
     );
     if !record.reason.is_empty() {
-        println!("{}", record.reason);
+        text += &format!("{}\n", record.reason);
     }
-    Ok(())
+    terminal.print(&Played { record, divergences: named }, &text)
 }

@@ -3,7 +3,7 @@
 use clap::Command;
 
 use crate::cli::described;
-use crate::commands::schema::SCHEMAS;
+use crate::commands::schema::schemas;
 
 /// The option by which a program prints its identity.
 pub const FLAG: &str = "--identity";
@@ -15,7 +15,7 @@ const DIGITS: usize = 16;
 pub fn identity() -> String {
     let mut command = described();
     command.build();
-    let mut text = SCHEMAS.to_owned();
+    let mut text = schemas().map(|schemas| schemas.to_string()).unwrap_or_default();
     add_help(&mut command, &mut text);
     format!("{} {}", env!("CARGO_PKG_VERSION"), &platform::digest::sha256(text.as_bytes())[..DIGITS])
 }

@@ -14,6 +14,8 @@ use hardware_bridge::xc330::{self, hardware_error};
 use progress::interrupt::Interrupt;
 use robot_backends::emulated::travel;
 use robot_backends::operator::agreed;
+use schemars::JsonSchema;
+use serde::Serialize;
 
 use super::shared::{ConfigArg, actuator_names, shown};
 use crate::options::robot::{RobotArgs, individual_of};
@@ -38,6 +40,15 @@ pub struct CalibrateArgs {
     /// Do not ask before moving.
     #[arg(long)]
     yes: bool,
+}
+
+/// Printed once the servos are calibrated.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Calibrated {
+    /// The calibration file.
+    calibration: String,
+    /// Checksum of the calibration.
+    crc: String,
 }
 
 pub fn run(terminal: &Terminal, args: &CalibrateArgs) -> Result<Option<String>> {
@@ -82,11 +93,8 @@ pub fn run(terminal: &Terminal, args: &CalibrateArgs) -> Result<Option<String>> 
     let calibration = HandCalibration::new(&hand.parameters.name, servos);
     calibration.write(&config.calibration)?;
     unfinished.remove();
-    if terminal.json {
-        println!("{}", serde_json::json!({"calibration": shown(&config.calibration), "crc": calibration.hash()}));
-    } else {
-        println!("written to {}, crc {}", shown(&config.calibration), calibration.hash());
-    }
+    let made = Calibrated { calibration: shown(&config.calibration), crc: calibration.hash() };
+    terminal.print(&made, &format!("written to {}, crc {}\n", made.calibration, made.crc))?;
     Ok(None)
 }
 

@@ -8,6 +8,8 @@ use hand_model::Arm;
 use kortex::message::ArmState;
 use robot_backends::arm_link::connect;
 use robot_backends::operator::agreed_while;
+use schemars::JsonSchema;
+use serde::Serialize;
 
 use super::shared::{ConfigArg, expect_no_robot};
 use crate::terminal::Terminal;
@@ -25,6 +27,19 @@ pub struct ClearArgs {
     yes: bool,
 }
 
+/// The arm's faults, in words.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Cleared {
+    before: String,
+    now: String,
+}
+
+impl Cleared {
+    fn tell(&self, terminal: &Terminal) -> Result<()> {
+        terminal.print(self, &format!("faults before: {}; now: {}\n", self.before, self.now))
+    }
+}
+
 pub fn run(terminal: &Terminal, args: &ClearArgs) -> Result<Option<String>> {
     let config = args.config.read()?;
     expect_no_robot(&args.config.config)?;
@@ -32,7 +47,7 @@ pub fn run(terminal: &Terminal, args: &ClearArgs) -> Result<Option<String>> {
     let before = arm.cyclic.feedback()?.faults;
     let state = arm.base.arm_state()?;
     if before.is_empty() && state != ArmState::InFault {
-        tell(terminal, "none", "none");
+        Cleared { before: "none".to_owned(), now: "none".to_owned() }.tell(terminal)?;
         return Ok(None);
     }
     eprintln!("The arm reports {before}.");
@@ -50,15 +65,7 @@ pub fn run(terminal: &Terminal, args: &ClearArgs) -> Result<Option<String>> {
         left = arm.cyclic.feedback()?.faults;
     }
     let state = arm.base.arm_state()?;
-    tell(terminal, &before.to_string(), &left.to_string());
+    Cleared { before: before.to_string(), now: left.to_string() }.tell(terminal)?;
     let still = || format!("the arm still reports {left}, and that it is in state {state:?}");
     Ok((!left.is_empty() || state == ArmState::InFault).then(still))
-}
-
-fn tell(terminal: &Terminal, before: &str, now: &str) {
-    if terminal.json {
-        println!("{}", serde_json::json!({ "before": before, "now": now }));
-    } else {
-        println!("faults before: {before}; now: {now}");
-    }
 }

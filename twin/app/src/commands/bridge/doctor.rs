@@ -58,7 +58,7 @@ pub fn run(terminal: &Terminal, args: &DoctorArgs) -> Result<Option<String>> {
         }),
         Err(error) => findings.push(Finding::new("arm", format!("{error:#}"), "an answer", false)),
     }
-    Ok(tell(terminal, &findings))
+    tell(terminal, &findings)
 }
 
 /// Where `ftac bridge stop` will find a robot, and who may stop it.

@@ -34,6 +34,8 @@ use object_detector::Address;
 use object_detector::camera::{Camera, CameraSettings};
 use progress::interrupt::Interrupt;
 use robot_backends::emulated::{CAMERA, settings};
+use schemars::JsonSchema;
+use serde::Serialize;
 
 use self::door::Door;
 use self::mishap::Mishap;
@@ -126,6 +128,58 @@ pub struct EmulateArgs {
     seconds: Option<f64>,
 }
 
+/// Printed by `--tell`.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Answered {
+    /// What the running emulator answered to --tell.
+    answer: String,
+}
+
+/// Printed once the devices run.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Started {
+    /// The configuration file.
+    config: String,
+    /// Port of the servos.
+    servos: String,
+    /// Port of the camera board.
+    cameras: String,
+    /// Address of the arm, or null.
+    arm: Option<String>,
+    /// Address of the emulated vision system, or null.
+    eyes: Option<String>,
+}
+
+/// A servo that its bus watchdog stopped.
+#[derive(Debug, Serialize, JsonSchema)]
+struct StoppedServo {
+    /// Bus id.
+    id: u8,
+    /// How long after the last packet that it heard, ms.
+    after_ms: f64,
+}
+
+#[derive(Debug, Serialize, JsonSchema)]
+struct StoppedArm {
+    /// When the arm's watchdog stopped it, ms after the last set-point.
+    watchdog_after_ms: u64,
+    /// When the arm stood, ms after the last set-point.
+    stands_after_ms: u64,
+}
+
+/// Printed at the end.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Ended {
+    /// Control ticks.
+    ticks: u64,
+    /// Ticks that came more than one period late.
+    late_ticks: u64,
+    /// Servos stopped by their bus watchdogs.
+    servos_stopped: Vec<StoppedServo>,
+    /// When the arm's watchdog stopped it, and when it stood; null where it did not.
+    arm_stopped: Option<StoppedArm>,
+}
+
 /// Why cables and objects cannot be broken or moved.
 const NO_PLANT: &str =
     "fault: found --springs, expected the simulated robot, whose cables, joints and objects it is about";
@@ -188,26 +242,24 @@ pub fn run(terminal: &Terminal, args: &EmulateArgs) -> Result<Option<String>> {
         hand.home(&calibration);
         calibration.write(&args.dir.join("calibration.json"))?;
     }
-    let address = arm.as_ref().map(|arm| arm.address().tcp.to_string());
-    let eyes = camera.as_ref().map(|camera| camera.address().to_string());
-    if terminal.json {
-        println!(
-            "{}",
-            serde_json::json!({"config": shown(&config), "servos": shown(hand.servo_port()), "cameras": shown(hand.camera_port()), "arm": address, "eyes": eyes})
-        );
-    } else {
-        println!("servos on {}, cameras on {}", shown(hand.servo_port()), shown(hand.camera_port()));
-        println!("arm on {}", address.as_deref().unwrap_or("none"));
-        if let Some(eyes) = eyes {
-            println!("eyes on {eyes}");
-        }
-        println!("try: ftac bridge scan --config {}", shown(&config));
-    }
+    let started = Started {
+        config: shown(&config),
+        servos: shown(hand.servo_port()),
+        cameras: shown(hand.camera_port()),
+        arm: arm.as_ref().map(|arm| arm.address().tcp.to_string()),
+        eyes: camera.as_ref().map(|camera| camera.address().to_string()),
+    };
+    let Started { config, servos, cameras, arm: address, eyes } = &started;
+    let address = address.as_deref().unwrap_or("none");
+    let eyes = eyes.as_ref().map_or(String::new(), |eyes| format!("eyes on {eyes}\n"));
+    let text = format!(
+        "servos on {servos}, cameras on {cameras}\narm on {address}\n{eyes}try: ftac bridge scan --config {config}\n"
+    );
+    terminal.print(&started, &text)?;
     let truth = (args.truth.is_some() || args.live).then(|| TruthView::new(args.truth.clone(), args.live));
     let mut running = Running { robot, hand, arm, table, breakable, truth };
     attend(args, &mut running, mishaps, &door)?;
-    tell(terminal, &running.hand, running.arm.as_ref().map(Emulator::status).as_ref());
-    Ok(None)
+    tell(terminal, &running.hand, running.arm.as_ref().map(Emulator::status).as_ref())
 }
 
 /// Lets the devices run until the end, with mishaps at their times and requests as they come.
@@ -289,7 +341,7 @@ fn stopped(hand: &EmulatedHand, arm: Option<&Emulator>) -> bool {
 }
 
 /// How the devices were stopped by their own watchdogs, if they were.
-fn tell(terminal: &Terminal, hand: &EmulatedHand, arm: Option<&Status>) {
+fn tell(terminal: &Terminal, hand: &EmulatedHand, arm: Option<&Status>) -> Result<Option<String>> {
     let (ticks, late) = hand.ticks();
     let trips = hand.watchdog_trips();
     let stopped = arm.and_then(|arm| {
@@ -300,15 +352,16 @@ fn tell(terminal: &Terminal, hand: &EmulatedHand, arm: Option<&Status>) {
         Some((watchdog.saturating_sub(arm.commands.last), still.saturating_sub(arm.commands.last)))
     });
     if terminal.json {
-        let servos: Vec<_> =
-            trips.iter().map(|(id, _, after)| serde_json::json!({"id": id, "after_ms": 1e3 * after})).collect();
-        let arm = stopped
-            .map(|(watchdog, still)| serde_json::json!({"watchdog_after_ms": watchdog, "stands_after_ms": still}));
-        println!(
-            "{}",
-            serde_json::json!({"ticks": ticks, "late_ticks": late, "servos_stopped": servos, "arm_stopped": arm})
-        );
-        return;
+        let servo = |(id, _, after)| StoppedServo { id, after_ms: 1e3 * after };
+        let arm = |(watchdog_after_ms, stands_after_ms)| StoppedArm { watchdog_after_ms, stands_after_ms };
+        let ended = Ended {
+            ticks,
+            late_ticks: late,
+            servos_stopped: trips.into_iter().map(servo).collect(),
+            arm_stopped: stopped.map(arm),
+        };
+        terminal.print(&ended, "")?;
+        return Ok(None);
     }
     eprintln!("{ticks} plant ticks, {late} late");
     for (id, at, after) in trips {
@@ -317,6 +370,7 @@ fn tell(terminal: &Terminal, hand: &EmulatedHand, arm: Option<&Status>) {
     if let Some((watchdog, still)) = stopped {
         eprintln!("arm: watchdog {watchdog} ms after the last command, standing after {still} ms");
     }
+    Ok(None)
 }
 
 /// What stands for a vision system, if there is to be one.
@@ -331,11 +385,8 @@ fn camera(args: &EmulateArgs, table: Option<&EmulatedTable>, seed: u64) -> Resul
 /// `--tell`.
 fn tell_running(terminal: &Terminal, dir: &Path, line: &str) -> Result<Option<String>> {
     let answer = door::tell(&dir.join(DOOR), line)?;
-    if terminal.json {
-        println!("{}", serde_json::json!({"answer": answer}));
-    } else {
-        println!("{answer}");
-    }
+    let text = format!("{answer}\n");
+    terminal.print(&Answered { answer }, &text)?;
     Ok(None)
 }
 

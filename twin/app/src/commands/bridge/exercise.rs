@@ -16,6 +16,8 @@ use hardware_bridge::safety::state::State;
 use hardware_bridge::servo_cycle::DryLines;
 use robot_backends::arm_link::arm_link;
 use robot_backends::operator::agreed;
+use schemars::JsonSchema;
+use serde::Serialize;
 
 use super::shared::actuator_names;
 use crate::options::robot::RobotArgs;
@@ -49,6 +51,39 @@ pub struct ExerciseArgs {
     /// Do not ask before moving.
     #[arg(long)]
     yes: bool,
+}
+
+/// Time from question to answers on the servo bus, ms.
+#[derive(Debug, Serialize, JsonSchema)]
+struct RoundTrip {
+    /// Median.
+    p50: Option<f64>,
+    /// 99th percentile.
+    p99: Option<f64>,
+}
+
+/// Printed after the motion.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Exercised {
+    /// State of the safety supervisor.
+    state: String,
+    /// Furthest angle of each servo from its open mark, rad.
+    furthest_rad: [f64; SERVOS],
+    /// Travel of each servo by its calibration, rad.
+    travel_rad: [f64; SERVOS],
+    /// Control ticks.
+    ticks: u64,
+    /// The latest tick, ms late.
+    latest_tick_ms: f64,
+    images: u64,
+    /// Servo cycles.
+    cycles: u64,
+    /// Servo cycles that began more than a period late.
+    late_cycles: u64,
+    /// Answers of servos that did not come.
+    missing_answers: u64,
+    /// Time from question to answers on the servo bus, ms.
+    round_trip_ms: RoundTrip,
 }
 
 /// What the exercise saw.
@@ -91,7 +126,7 @@ pub fn run(terminal: &Terminal, args: &ExerciseArgs) -> Result<Option<String>> {
     let state = robot.state();
     let stopped = !matches!(state, State::Running);
     let released = if stopped { Ok(String::new()) } else { robot.release() };
-    tell(terminal, &robot, &model.hand, &seen, &travel);
+    tell(terminal, &robot, &model.hand, &seen, &travel)?;
     if stopped {
         let measured = robot.standing();
         return Ok(Some(format!("{state}; {measured}. `ftac bridge stop --release` opens the hand")));
@@ -146,41 +181,37 @@ fn note(seen: &mut Seen, observation: &Observation) {
     seen.images += observation.tactile.len() as u64;
 }
 
-fn tell(terminal: &Terminal, robot: &HardwareRobot, hand: &Hand, seen: &Seen, travel: &[f64; SERVOS]) {
+fn tell(terminal: &Terminal, robot: &HardwareRobot, hand: &Hand, seen: &Seen, travel: &[f64; SERVOS]) -> Result<()> {
     let report = robot.report();
     let ms = |share| report.bus.round_trip(share).map(|seconds| 1e3 * seconds);
-    if terminal.json {
-        println!(
-            "{}",
-            serde_json::json!({
-                "state": robot.state().to_string(),
-                "furthest_rad": seen.furthest,
-                "travel_rad": travel,
-                "ticks": seen.ticks,
-                "latest_tick_ms": 1e3 * seen.latest,
-                "images": seen.images,
-                "cycles": report.cycles,
-                "late_cycles": report.late,
-                "missing_answers": report.bus.missing,
-                "round_trip_ms": {"p50": ms(0.5), "p99": ms(0.99)},
-            })
-        );
-        return;
-    }
+    let exercised = Exercised {
+        state: robot.state().to_string(),
+        furthest_rad: seen.furthest,
+        travel_rad: *travel,
+        ticks: seen.ticks,
+        latest_tick_ms: 1e3 * seen.latest,
+        images: seen.images,
+        cycles: report.cycles,
+        late_cycles: report.late,
+        missing_answers: report.bus.missing,
+        round_trip_ms: RoundTrip { p50: ms(0.5), p99: ms(0.99) },
+    };
+    let mut text = String::new();
     for (n, name) in actuator_names(hand).iter().enumerate() {
-        println!("{name:12} went to {:.2} rad of {:.2}", seen.furthest[n], travel[n]);
+        text += &format!("{name:12} went to {:.2} rad of {:.2}\n", seen.furthest[n], travel[n]);
     }
     if seen.images > 0 {
-        println!("{} images of {} cameras", seen.images, hand.cameras.len());
+        text += &format!("{} images of {} cameras\n", seen.images, hand.cameras.len());
     }
-    println!(
-        "{} ticks, the latest {:.1} ms late; {} servo cycles, {} late; {} answers missing; round trip p50 {:.2} ms, p99 {:.2} ms",
+    text += &format!(
+        "{} ticks, the latest {:.1} ms late; {} servo cycles, {} late; {} answers missing; round trip p50 {:.2} ms, p99 {:.2} ms\n",
         seen.ticks,
-        1e3 * seen.latest,
+        exercised.latest_tick_ms,
         report.cycles,
         report.late,
         report.bus.missing,
-        ms(0.5).unwrap_or(f64::NAN),
-        ms(0.99).unwrap_or(f64::NAN),
+        exercised.round_trip_ms.p50.unwrap_or(f64::NAN),
+        exercised.round_trip_ms.p99.unwrap_or(f64::NAN),
     );
+    terminal.print(&exercised, &text)
 }

@@ -90,10 +90,8 @@ pub fn run(terminal: &Terminal, args: &FaultArgs) -> anyhow::Result<Option<Strin
     bar.finish_and_clear();
     let outcomes = outcomes?;
     let table = FaultTable::new(&matrix.kinds, &outcomes);
-    if terminal.json {
-        println!("{}", table.to_json());
-    } else {
-        print!("{}", table.to_text());
+    terminal.print(&table, &table.to_text())?;
+    if !terminal.json {
         for complaint in table.wrong.iter().take(10) {
             eprintln!("{complaint}");
         }

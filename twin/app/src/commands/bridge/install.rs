@@ -7,7 +7,8 @@ use anyhow::{Context, bail, ensure};
 use clap::Args;
 use hardware_bridge::install::{self, Content, GROUP, Setup};
 use platform::child;
-use serde_json::json;
+use schemars::JsonSchema;
+use serde::Serialize;
 
 use super::shared::ConfigArg;
 use crate::terminal::{Outcome, Terminal};
@@ -29,6 +30,24 @@ pub struct InstallArgs {
     /// Only show the files.
     #[arg(long, conflicts_with = "remove")]
     dry_run: bool,
+}
+
+/// A file of the installation.
+#[derive(Debug, Serialize, JsonSchema)]
+struct InstalledFile {
+    /// The file.
+    path: PathBuf,
+    /// What it is for.
+    purpose: &'static str,
+}
+
+/// Printed once it is installed or removed, or of what would be.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Installed {
+    /// Files of the installation.
+    files: Vec<InstalledFile>,
+    /// What the system was told.
+    done: Vec<String>,
 }
 
 /// What makes the system take notice, after the files were written or removed.
@@ -60,6 +79,8 @@ pub fn run(terminal: &Terminal, args: &InstallArgs) -> Outcome {
     let files = install::files(&Setup { serial, program });
     let root = args.root.clone().unwrap_or_else(|| PathBuf::from("/"));
     let system = args.root.is_none();
+    let rows =
+        || files.iter().map(|file| InstalledFile { path: root.join(file.path), purpose: file.purpose }).collect();
     if args.dry_run {
         let text: String = files
             .iter()
@@ -70,9 +91,7 @@ pub fn run(terminal: &Terminal, args: &InstallArgs) -> Outcome {
                 }
             })
             .collect();
-        let rows: Vec<_> =
-            files.iter().map(|file| json!({"path": root.join(file.path), "purpose": file.purpose})).collect();
-        terminal.print(&json!({ "files": rows, "done": [] }), &text)?;
+        terminal.print(&Installed { files: rows(), done: Vec::new() }, &text)?;
         return Ok(None);
     }
     let user = std::fs::metadata("/proc/self").context("/proc/self")?.uid();
@@ -107,15 +126,13 @@ pub fn run(terminal: &Terminal, args: &InstallArgs) -> Outcome {
             _ => {}
         }
     }
-    let rows: Vec<_> =
-        files.iter().map(|file| json!({"path": root.join(file.path), "purpose": file.purpose})).collect();
     let told: String = done.iter().map(|command| format!("done: {command}\n")).collect();
     let hint = if args.remove {
         ""
     } else {
         "log out and in again: groups and scheduling limits hold from the next login on\n"
     };
-    terminal.print(&json!({ "files": rows, "done": done }), &format!("{text}{told}{hint}"))?;
+    terminal.print(&Installed { files: rows(), done }, &format!("{text}{told}{hint}"))?;
     Ok((!failed.is_empty()).then(|| failed.join("; ")))
 }
 

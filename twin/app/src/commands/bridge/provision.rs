@@ -5,10 +5,32 @@ use std::path::Path;
 use anyhow::{Context, Result};
 use hardware_bridge::servo_bus::latency_timer::{self, LatencyTimer};
 use hardware_bridge::setup;
+use schemars::JsonSchema;
+use serde::Serialize;
 
 use super::shared::{ConfigArg, actuator_names};
 use crate::options::robot::RobotArgs;
 use crate::terminal::Terminal;
+
+/// A servo's place on the bus.
+#[derive(Debug, Serialize, JsonSchema)]
+struct Place {
+    /// Bus id.
+    id: u8,
+    /// Rate of the bus, bit/s.
+    baud: u32,
+}
+
+/// Printed once the servo is set up.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Provisioned<'a> {
+    /// The actuator.
+    actuator: &'a str,
+    #[serde(flatten)]
+    now: Place,
+    /// What it was before.
+    was: Place,
+}
 
 pub fn run(terminal: &Terminal, actuator: &str, robot: &RobotArgs, config: &ConfigArg) -> Result<Option<String>> {
     let config = &config.read_without_password()?;
@@ -24,13 +46,8 @@ pub fn run(terminal: &Terminal, actuator: &str, robot: &RobotArgs, config: &Conf
         Ok(LatencyTimer::Absent) => {}
         Err(error) => eprintln!("the adapter's latency timer could not be set: {error}"),
     }
-    if terminal.json {
-        println!(
-            "{}",
-            serde_json::json!({"actuator": actuator, "id": id, "baud": config.servos.baud, "was": {"id": was.id, "baud": baud}})
-        );
-    } else {
-        println!("{actuator}: id {} at {baud} baud is now id {id} at {} baud, and set up", was.id, config.servos.baud);
-    }
+    let now = Place { id, baud: config.servos.baud };
+    let text = format!("{actuator}: id {} at {baud} baud is now id {id} at {} baud, and set up\n", was.id, now.baud);
+    terminal.print(&Provisioned { actuator, now, was: Place { id: was.id, baud } }, &text)?;
     Ok(None)
 }

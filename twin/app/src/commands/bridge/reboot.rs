@@ -8,8 +8,10 @@ use hardware_bridge::servo_bus::ServoBus;
 use hardware_bridge::setup::Finding;
 use hardware_bridge::xc330::hardware_error;
 use robot_backends::operator::agreed;
+use schemars::JsonSchema;
+use serde::Serialize;
 
-use super::shared::{ConfigArg, actuator_names, expect_no_robot, print_table, rows, shortfall};
+use super::shared::{ConfigArg, Row, actuator_names, expect_no_robot, rows, shortfall, table};
 use crate::options::robot::RobotArgs;
 use crate::terminal::Terminal;
 
@@ -27,6 +29,24 @@ pub struct RebootArgs {
     /// Do not ask before: what the hand holds falls.
     #[arg(long)]
     yes: bool,
+}
+
+/// A servo that was restarted.
+#[derive(Debug, Serialize, JsonSchema)]
+struct Restarted {
+    actuator: String,
+    id: u8,
+    /// Its hardware error status before, in words.
+    reported: String,
+}
+
+/// Printed once servos were restarted.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Rebooted {
+    /// The servos that were restarted.
+    restarted: Vec<Restarted>,
+    /// One entry a row of the table.
+    rows: Vec<Row>,
 }
 
 /// A servo that is to be restarted.
@@ -82,20 +102,16 @@ pub fn run(terminal: &Terminal, args: &RebootArgs) -> Result<Option<String>> {
             Err(error) => findings.push(Finding::new(format!("{name} ({id})"), error, "an answer", false)),
         }
     }
-    if terminal.json {
-        let restarted: Vec<_> = patients
-            .iter()
-            .map(|patient| {
-                serde_json::json!({
-                    "actuator": patient.name, "id": patient.id, "reported": hardware_error::words(patient.error),
-                })
-            })
-            .collect();
-        println!("{}", serde_json::json!({"restarted": restarted, "rows": rows(&findings)}));
-    } else if patients.is_empty() && findings.is_empty() {
-        println!("no servo reports an error; nothing was restarted");
-    } else {
-        print_table(terminal, &findings);
-    }
+    let text = match patients.is_empty() && findings.is_empty() {
+        true => "no servo reports an error; nothing was restarted\n".to_owned(),
+        false => table(terminal, &findings),
+    };
+    let restarted = |Patient { id, name, error, .. }| Restarted {
+        actuator: name,
+        id,
+        reported: hardware_error::words(error).to_string(),
+    };
+    let restarted = patients.into_iter().map(restarted).collect();
+    terminal.print(&Rebooted { restarted, rows: rows(&findings) }, &text)?;
     Ok(shortfall(&findings))
 }

@@ -14,6 +14,8 @@ use robot_backends::operator::agreed_while;
 use robot_backends::{BodySource as _, Stopped, Task, TrialBody, TrialSetup};
 use scenarios::Scenario;
 use scenarios::record::Condition;
+use schemars::JsonSchema;
+use serde::Serialize;
 
 use super::shared::shown;
 use crate::options::robot::{RobotArgs, individual_of};
@@ -43,6 +45,62 @@ pub struct RegisterArgs {
     /// Do not ask before moving.
     #[arg(long)]
     yes: bool,
+}
+
+/// Distance of two places of the base.
+#[derive(Debug, Serialize, JsonSchema)]
+struct Deviation {
+    /// Of the place of the marks' middle, mm.
+    mm: f64,
+    /// Of the rotation, degrees.
+    deg: f64,
+}
+
+/// Printed once the base is found.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Registered {
+    /// The file that was written.
+    file: String,
+    /// Where the base stands, m, world.
+    position_m: [f64; 3],
+    /// How it is turned: i, j, k, w.
+    quaternion: [f64; 4],
+    /// Standard deviation of the place of the marks' middle, mm.
+    sigma_mm: f64,
+    /// Standard deviation of the rotation, degrees.
+    sigma_deg: f64,
+    /// How far each touched point stays from its mark, mm.
+    residuals_mm: Vec<f64>,
+    /// Touches that the fit is made of.
+    touches: usize,
+    /// How far the result is from the hidden truth of the emulated robot; null on a real one.
+    error: Option<Deviation>,
+    /// How far the nominal place of the base is from the hidden truth.
+    error_before: Option<Deviation>,
+}
+
+/// A touch that would be made.
+#[derive(Debug, Serialize, JsonSchema)]
+struct PlannedTouch {
+    /// Number of the mark, from 1.
+    mark: usize,
+    /// Place of the ball's middle, m.
+    x_m: f64,
+    /// The same.
+    y_m: f64,
+    /// The same.
+    z_m: f64,
+    /// Turn of the hand about the vertical, rad.
+    heading_rad: f64,
+    /// Time of the way there and onto the ball, s; null where the arm does not get there.
+    seconds: Option<f64>,
+}
+
+/// Printed by a dry run.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Planned {
+    /// Each touch that would be made.
+    touches: Vec<PlannedTouch>,
 }
 
 pub fn run(terminal: &Terminal, args: &RegisterArgs) -> Result<Option<String>> {
@@ -121,18 +179,19 @@ pub fn run(terminal: &Terminal, args: &RegisterArgs) -> Result<Option<String>> {
     let mm = |metres: f64| 1e3 * metres;
     let sigma = |from: usize| file.sigma[from..from + 3].iter().map(|sigma| sigma * sigma).sum::<f64>().sqrt();
     if terminal.json {
-        let pair = |pair: Option<(f64, f64)>| {
-            pair.map(|(place, turn)| serde_json::json!({"mm": mm(place), "deg": turn.to_degrees()}))
+        let deviation = |(place, turn): (f64, f64)| Deviation { mm: mm(place), deg: turn.to_degrees() };
+        let registered = Registered {
+            file: shown(&out),
+            position_m: file.position,
+            quaternion: file.quaternion,
+            sigma_mm: mm(sigma(0)),
+            sigma_deg: sigma(3).to_degrees(),
+            residuals_mm: file.residuals.iter().map(|residual| mm(*residual)).collect(),
+            touches: points.len(),
+            error: error.map(deviation),
+            error_before: before.map(deviation),
         };
-        println!(
-            "{}",
-            serde_json::json!({
-                "file": shown(&out), "position_m": file.position, "quaternion": file.quaternion,
-                "sigma_mm": mm(sigma(0)), "sigma_deg": sigma(3).to_degrees(),
-                "residuals_mm": file.residuals.iter().map(|residual| mm(*residual)).collect::<Vec<_>>(),
-                "touches": points.len(), "error": pair(error), "error_before": pair(before),
-            })
-        );
+        terminal.print(&registered, "")?;
         return Ok(None);
     }
     let worst = file.residuals.iter().copied().fold(0.0, f64::max);
@@ -189,13 +248,11 @@ fn dry_run(terminal: &Terminal, registrar: &Registrar, plan: &Plan) -> Result<Op
         })
     };
     if terminal.json {
-        let rows: Vec<_> = rows()
-            .map(|(mark, heading, time)| {
-                let middle = registrar.middle(mark);
-                serde_json::json!({"mark": mark + 1, "x_m": middle.x, "y_m": middle.y, "z_m": middle.z, "heading_rad": heading, "seconds": time})
-            })
-            .collect();
-        println!("{}", serde_json::json!({"touches": rows}));
+        let touch = |(mark, heading_rad, seconds)| {
+            let middle = registrar.middle(mark);
+            PlannedTouch { mark: mark + 1, x_m: middle.x, y_m: middle.y, z_m: middle.z, heading_rad, seconds }
+        };
+        terminal.print(&Planned { touches: rows().map(touch).collect() }, "")?;
     } else {
         println!("{:4} {:>8} {:>8} {:>8} {:>12}  way there and onto it", "mark", "x, m", "y, m", "z, m", "turned, deg");
         for (mark, heading, time) in rows() {

@@ -3,10 +3,33 @@
 use std::path::Path;
 
 use anyhow::{Context as _, Result};
+use hardware_bridge::servo_bus::Pinged;
 use hardware_bridge::setup;
+use schemars::JsonSchema;
+use serde::Serialize;
 
 use super::shared::ConfigArg;
 use crate::terminal::Terminal;
+
+/// A servo that answered.
+#[derive(Debug, Serialize, JsonSchema)]
+struct ScannedServo {
+    /// Bus id.
+    id: u8,
+    /// Rate of the bus, bit/s.
+    baud: u32,
+    /// Model number that the servo reports.
+    model: u16,
+    /// Version that the device reports.
+    firmware: u8,
+}
+
+/// Printed once every rate was tried.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Scanned {
+    /// Servos that answered, one entry each.
+    servos: Vec<ScannedServo>,
+}
 
 pub fn run(terminal: &Terminal, port: Option<&Path>, config: &ConfigArg) -> Result<Option<String>> {
     let port = match port {
@@ -14,19 +37,17 @@ pub fn run(terminal: &Terminal, port: Option<&Path>, config: &ConfigArg) -> Resu
         None => config.read_without_password().context("--port names a port without a configuration")?.servos.port,
     };
     let found = setup::scan(&port)?;
-    if terminal.json {
-        let rows: Vec<_> = found
-            .iter()
-            .map(|(baud, servo)| {
-                serde_json::json!({"id": servo.id, "baud": baud, "model": servo.model, "firmware": servo.firmware})
-            })
-            .collect();
-        println!("{}", serde_json::json!({ "servos": rows }));
-    } else {
-        for (baud, servo) in &found {
-            println!("id {:3}  {baud:7} baud  model {}  firmware {}", servo.id, servo.model, servo.firmware);
-        }
-    }
+    let line = |(baud, servo): &(u32, Pinged)| {
+        format!("id {:3}  {baud:7} baud  model {}  firmware {}\n", servo.id, servo.model, servo.firmware)
+    };
+    let text: String = found.iter().map(line).collect();
+    let servo = |(baud, Pinged { id, model, firmware }): &(u32, Pinged)| ScannedServo {
+        id: *id,
+        baud: *baud,
+        model: *model,
+        firmware: *firmware,
+    };
+    terminal.print(&Scanned { servos: found.iter().map(servo).collect() }, &text)?;
     let none = "no servo answered: check the port, the 12 V supply and the three-wire plugs";
     Ok(found.is_empty().then(|| format!("{}: {none}", port.display())))
 }

@@ -8,6 +8,8 @@ use hand_model::Hand;
 use hardware_bridge::config::BridgeConfig;
 use hardware_bridge::remote::{self, Wish, places};
 use hardware_bridge::setup::Finding;
+use schemars::JsonSchema;
+use serde::Serialize;
 
 use crate::terminal::Terminal;
 
@@ -35,28 +37,44 @@ pub fn actuator_names(hand: &Hand) -> Vec<String> {
     hand.parameters.actuator.iter().map(|actuator| actuator.name.clone()).collect()
 }
 
-/// Findings as JSON.
-pub fn rows(findings: &[Finding]) -> Vec<serde_json::Value> {
-    let row = |one: &Finding| serde_json::json!({"what": one.what, "found": one.found, "expected": one.expected, "ok": one.good});
-    findings.iter().map(row).collect()
+/// A finding as it is printed.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Row {
+    /// What was measured.
+    what: String,
+    /// What came out: see the command's help.
+    found: String,
+    /// What should come of it.
+    expected: String,
+    /// Whether it is as it should be.
+    ok: bool,
+}
+
+/// Findings as they are printed.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Findings {
+    /// One entry a row of the table.
+    rows: Vec<Row>,
+}
+
+pub fn rows(findings: &[Finding]) -> Vec<Row> {
+    let row = |Finding { what, found, expected, good }: Finding| Row { what, found, expected, ok: good };
+    findings.iter().cloned().map(row).collect()
 }
 
 /// Prints findings; the first that is not good is the shortfall.
-pub fn tell(terminal: &Terminal, findings: &[Finding]) -> Option<String> {
-    if terminal.json {
-        println!("{}", serde_json::json!({ "rows": rows(findings) }));
-    } else {
-        print_table(terminal, findings);
-    }
-    shortfall(findings)
+pub fn tell(terminal: &Terminal, findings: &[Finding]) -> Result<Option<String>> {
+    terminal.print(&Findings { rows: rows(findings) }, &table(terminal, findings))?;
+    Ok(shortfall(findings))
 }
 
 /// Findings as a table, a line each; those that are good only where not quiet.
-pub fn print_table(terminal: &Terminal, findings: &[Finding]) {
-    for one in findings.iter().filter(|one| !terminal.quiet || !one.good) {
+pub fn table(terminal: &Terminal, findings: &[Finding]) -> String {
+    let line = |one: &Finding| {
         let verdict = if one.good { "ok" } else { "DIFFERS" };
-        println!("{:44} {:>26}   {:34} {verdict}", one.what, one.found, one.expected);
-    }
+        format!("{:44} {:>26}   {:34} {verdict}\n", one.what, one.found, one.expected)
+    };
+    findings.iter().filter(|one| !terminal.quiet || !one.good).map(line).collect()
 }
 
 /// The first finding that is not good, and how many more there are.

@@ -11,6 +11,8 @@ use nalgebra::{Isometry3, Point3};
 use registration::{Plan, Registrar};
 use scenarios::Scenario;
 use scenarios::noise::TrialNoise;
+use schemars::JsonSchema;
+use serde::Serialize;
 use world::objects::ObjectModel;
 
 use super::shared::shown;
@@ -38,6 +40,30 @@ pub struct SheetArgs {
     out: Option<PathBuf>,
 }
 
+/// An object on the sheet.
+#[derive(Debug, Serialize, JsonSchema)]
+struct Placed {
+    /// Name of the object.
+    object: String,
+    /// Table frame, m.
+    x_m: f64,
+    /// Table frame, m.
+    y_m: f64,
+    /// Table frame, m.
+    z_m: f64,
+    /// About the vertical, rad.
+    turn_rad: f64,
+}
+
+/// Printed once the sheet is drawn.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Sheet {
+    /// The drawing (SVG).
+    sheet: String,
+    /// One entry an object.
+    objects: Vec<Placed>,
+}
+
 pub fn run(terminal: &Terminal, args: &SheetArgs) -> Result<Option<String>> {
     let robot = args.robot.model()?;
     let (what, title, standing) = match args.combination {
@@ -50,21 +76,13 @@ pub fn run(terminal: &Terminal, args: &SheetArgs) -> Result<Option<String>> {
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from(format!("recordings/sheet_{what}.svg")));
     let drawing = drawing(&title, &standing);
     platform::data::write_whole(&out, drawing.as_bytes())?;
-    if terminal.json {
-        let rows: Vec<_> = standing
-            .iter()
-            .map(|(object, place)| {
-                let [x, y, z] = place.translation.vector.into();
-                serde_json::json!({"object": object.name, "x_m": x, "y_m": y, "z_m": z, "turn_rad": turn(place)})
-            })
-            .collect();
-        println!("{}", serde_json::json!({"sheet": shown(&out), "objects": rows}));
-    } else {
-        println!(
-            "{}: print it on A3 in full size, check the scale bar, and lay its cross on the table's mark",
-            shown(&out)
-        );
-    }
+    let placed = |(object, place): &(Arc<ObjectModel>, Isometry3<f64>)| {
+        let [x_m, y_m, z_m] = place.translation.vector.into();
+        Placed { object: object.name.clone(), x_m, y_m, z_m, turn_rad: turn(place) }
+    };
+    let sheet = Sheet { sheet: shown(&out), objects: standing.iter().map(placed).collect() };
+    let hint = "print it on A3 in full size, check the scale bar, and lay its cross on the table's mark";
+    terminal.print(&sheet, &format!("{}: {hint}\n", sheet.sheet))?;
     Ok(None)
 }
 

@@ -10,7 +10,8 @@ use hardware_bridge::config::BridgeConfig;
 use hardware_bridge::hand_bus::HandBus;
 use hardware_bridge::remote::{self, Answer, RemoteError, Wish, places};
 use hardware_bridge::servo_bus::ServoBus;
-use serde_json::json;
+use schemars::JsonSchema;
+use serde::Serialize;
 
 use super::shared::shown;
 use crate::terminal::{Outcome, Terminal};
@@ -31,6 +32,33 @@ pub struct StopArgs {
     release: bool,
 }
 
+/// A robot that was told.
+#[derive(Debug, Serialize, JsonSchema)]
+struct ToldRobot {
+    /// Its stop socket.
+    socket: PathBuf,
+    /// Its configuration and process.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    robot: Option<String>,
+    /// What was read back, or why not.
+    state: String,
+    /// Whether the wish was fulfilled and that was read back.
+    ok: bool,
+}
+
+/// Printed once the robots were told.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Stopped {
+    /// Robots that were told; empty where no bridge is running.
+    robots: Vec<ToldRobot>,
+    /// What was read back from the servos that were asked directly.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    state: Option<String>,
+    /// Servos whose torque was not read back as off, and why.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    unsure: Option<Vec<String>>,
+}
+
 /// `ftac bridge stop`.
 pub fn run(terminal: &Terminal, args: &StopArgs) -> Outcome {
     let wish = if args.release { Wish::Release } else { Wish::Hold };
@@ -47,7 +75,7 @@ pub fn run(terminal: &Terminal, args: &StopArgs) -> Outcome {
     if answers.is_empty() {
         return nobody(terminal, args, &looked);
     }
-    tell(terminal, &answers);
+    tell(terminal, &answers)?;
     let failed: Vec<String> =
         answers.iter().filter_map(|(_, answer)| Some(answer.as_ref().err()?.to_string())).collect();
     Ok((!failed.is_empty()).then(|| failed.join("; ")))
@@ -93,25 +121,22 @@ fn nobody(terminal: &Terminal, args: &StopArgs, looked: &[PathBuf]) -> Outcome {
     let unsure = HandBus::new(bus, config.servos.ids, config.servos.fast_sync_read).torque_off();
     let count = config.servos.ids.len();
     let state = format!("torque read back as off from {} of {count} servos", count - unsure.len());
-    terminal.print(&json!({"robots": [], "state": state, "unsure": unsure}), &format!("{nobody}; {state}\n"))?;
-    Ok((!unsure.is_empty()).then(|| format!("the torque may be on: {}", unsure.join("; "))))
+    let shortfall = (!unsure.is_empty()).then(|| format!("the torque may be on: {}", unsure.join("; ")));
+    let text = format!("{nobody}; {state}\n");
+    terminal.print(&Stopped { robots: Vec::new(), state: Some(state), unsure: Some(unsure) }, &text)?;
+    Ok(shortfall)
 }
 
-fn tell(terminal: &Terminal, answers: &[Told]) {
-    let row = |(socket, answer): &Told| match answer {
-        Ok(Answer { text, of }) => json!({"socket": socket, "robot": of, "state": text, "ok": true}),
-        Err(RemoteError::Refused { of, reason }) => {
-            json!({"socket": socket, "robot": of, "state": reason, "ok": false})
-        }
-        Err(error) => json!({"socket": socket, "state": error.to_string(), "ok": false}),
+fn tell(terminal: &Terminal, answers: &[Told]) -> Result<()> {
+    let row = |(socket, answer): &Told| {
+        let (robot, state) = match answer {
+            Ok(Answer { text, of }) => (Some(of.clone()), text.clone()),
+            Err(RemoteError::Refused { of, reason }) => (Some(of.clone()), reason.clone()),
+            Err(error) => (None, error.to_string()),
+        };
+        ToldRobot { socket: socket.clone(), robot, state, ok: answer.is_ok() }
     };
-    if terminal.json {
-        println!("{}", json!({"robots": answers.iter().map(row).collect::<Vec<_>>()}));
-        return;
-    }
-    for (_, answer) in answers {
-        if let Ok(Answer { text, of }) = answer {
-            println!("{of}: {text}");
-        }
-    }
+    let answered = answers.iter().filter_map(|(_, answer)| answer.as_ref().ok());
+    let text: String = answered.map(|Answer { text, of }| format!("{of}: {text}\n")).collect();
+    terminal.print(&Stopped { robots: answers.iter().map(row).collect(), state: None, unsure: None }, &text)
 }

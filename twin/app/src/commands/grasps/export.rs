@@ -8,7 +8,8 @@ use grasping::synthesis::held::VerifiedGrasp;
 use hand_model::RobotModel;
 use proving::synthesis::export;
 use proving::synthesis::grasp_file::{GraspFile, Grasps};
-use serde_json::json;
+use schemars::JsonSchema;
+use serde::Serialize;
 use world::objects::ObjectModel;
 
 use crate::options::object_name::object_name;
@@ -34,6 +35,13 @@ pub struct ExportArgs {
     pub mjcf: PathBuf,
 }
 
+/// Printed once the scenes are written.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Exported {
+    /// Files written: the scene and its commands of each grasp.
+    files: Vec<[PathBuf; 2]>,
+}
+
 /// `ftac grasps export`.
 pub fn run(terminal: &Terminal, args: &ExportArgs) -> Outcome {
     ensure!(args.n > 0, "--n: found 0, expected at least 1");
@@ -49,14 +57,9 @@ pub fn run(terminal: &Terminal, args: &ExportArgs) -> Outcome {
             scenes(args, &file, &grasps, |object, grasp| export::write_urdf(hand, object, grasp, &args.mjcf))?
         }
     };
-    terminal.print(
-        &json!({ "files": files }),
-        &format!(
-            "{} grasps in {}; `python3 tests/mujoco/shake.py {1}` shakes them\n",
-            files.len(),
-            args.mjcf.display()
-        ),
-    )?;
+    let text =
+        format!("{} grasps in {}; `python3 tests/mujoco/shake.py {1}` shakes them\n", files.len(), args.mjcf.display());
+    terminal.print(&Exported { files }, &text)?;
     Ok(None)
 }
 

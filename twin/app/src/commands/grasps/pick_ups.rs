@@ -1,6 +1,6 @@
 //! `ftac grasps pick-ups` and `ftac grasps plan`: the benchmark's own repertoire and plans.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::bail;
@@ -12,7 +12,8 @@ use proving::plan::{self, Plans, other_order, outcomes, variations};
 use proving::preparation::EFFORT;
 use proving::simulated_world::World;
 use scenarios::Scenario;
-use serde_json::{Value, json};
+use schemars::JsonSchema;
+use serde::Serialize;
 use sim::tactile::TactileBoard;
 
 use crate::options::object_name::object_name;
@@ -61,6 +62,37 @@ pub struct PlanArgs {
     /// The plan file to write.
     #[arg(long)]
     pub out: PathBuf,
+}
+
+/// Grasps of an object for a role.
+#[derive(Debug, Serialize, JsonSchema)]
+struct RoleGrasps<'a> {
+    /// Name of the object.
+    object: &'a str,
+    /// first or second.
+    #[schemars(with = "String")]
+    role: Role,
+    grasps: usize,
+}
+
+/// Printed by `grasps pick-ups`.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Proven<'a> {
+    /// The repertoire file.
+    repertoire: &'a Path,
+    /// One entry an object and role.
+    objects: Vec<RoleGrasps<'a>>,
+}
+
+/// Printed by `grasps plan`.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Planned<'a> {
+    /// The plan file.
+    plans: &'a Path,
+    /// Combinations.
+    combinations: usize,
+    /// Pairs that could not be done without noise and were replaced.
+    rejected: usize,
 }
 
 /// A grasp's role on the command line.
@@ -114,9 +146,8 @@ pub fn make(terminal: &Terminal, args: &PickUpsArgs) -> Outcome {
     let counts = names
         .iter()
         .flat_map(|name| roles.iter().map(move |role| (name, *role)))
-        .map(|(name, role)| json!({ "object": name, "role": role, "grasps": repertoire.of(name, role).count() }));
-    let counts: Vec<Value> = counts.collect();
-    terminal.print(&json!({ "repertoire": out, "objects": counts }), &format!("{}\n", out.display()))?;
+        .map(|(object, role)| RoleGrasps { object, role, grasps: repertoire.of(object, role).count() });
+    terminal.print(&Proven { repertoire: out, objects: counts.collect() }, &format!("{}\n", out.display()))?;
     Ok(None)
 }
 
@@ -177,7 +208,7 @@ pub fn plan(terminal: &Terminal, args: &PlanArgs) -> Outcome {
 /// Writes `plans` and says so.
 fn planned(terminal: &Terminal, args: &PlanArgs, plans: &Plans) -> Outcome {
     plans.write(&args.out)?;
-    let made = json!({ "plans": args.out, "combinations": plans.plans.len(), "rejected": plans.rejected.len() });
+    let made = Planned { plans: &args.out, combinations: plans.plans.len(), rejected: plans.rejected.len() };
     terminal.print(&made, &format!("{}\n", args.out.display()))?;
     Ok(None)
 }

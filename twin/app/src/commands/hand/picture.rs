@@ -1,6 +1,6 @@
 //! `ftac hand picture`: the hand in any posture, drawn without a screen.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};
@@ -8,6 +8,8 @@ use hand_model::{Hand, HandVector};
 use image::RgbImage;
 use nalgebra::Point3;
 use report::picture::{self, Picture, View};
+use schemars::JsonSchema;
+use serde::Serialize;
 
 use crate::options::robot::RobotArgs;
 use crate::terminal::{Outcome, Terminal};
@@ -72,6 +74,15 @@ pub enum Color {
     Digit,
 }
 
+/// Printed once the hand is drawn.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Pictured<'a> {
+    /// File with a picture.
+    picture: &'a Path,
+    /// Joint angles in the order of the hand file, degrees.
+    angles_deg: Vec<f64>,
+}
+
 /// Draws the hand.
 pub fn run(terminal: &Terminal, args: &PictureArgs) -> Outcome {
     let hand = args.robot.model()?.hand;
@@ -82,12 +93,9 @@ pub fn run(terminal: &Terminal, args: &PictureArgs) -> Outcome {
         legend(&mut sheet, &hand);
     }
     picture::save(&sheet, &args.out)?;
-    let degrees: Vec<f64> = angles.iter().map(|angle| (angle.to_degrees() * 10.0).round() / 10.0).collect();
-    if terminal.json {
-        println!("{}", serde_json::json!({ "picture": args.out, "angles_deg": degrees }));
-    } else {
-        println!("{}: {} by {} pixels", args.out.display(), sheet.width(), sheet.height());
-    }
+    let angles_deg = angles.iter().map(|angle| (angle.to_degrees() * 10.0).round() / 10.0).collect();
+    let text = format!("{}: {} by {} pixels\n", args.out.display(), sheet.width(), sheet.height());
+    terminal.print(&Pictured { picture: &args.out, angles_deg }, &text)?;
     Ok(None)
 }
 

@@ -5,7 +5,8 @@ use std::path::PathBuf;
 use anyhow::{Context, bail};
 use clap::Args;
 use optics::pads::PadOptics;
-use serde_json::json;
+use schemars::JsonSchema;
+use serde::Serialize;
 
 use crate::options::robot::{RobotArgs, individual_of};
 use crate::terminal::Outcome;
@@ -28,6 +29,13 @@ pub struct PadsArgs {
     pub robot: RobotArgs,
 }
 
+/// Printed once the files are written.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Written {
+    /// Files written.
+    files: Vec<PathBuf>,
+}
+
 /// Writes the files.
 pub fn pads(terminal: &Terminal, args: &PadsArgs) -> Outcome {
     if args.out.is_file() {
@@ -47,11 +55,9 @@ pub fn pads(terminal: &Terminal, args: &PadsArgs) -> Outcome {
     for (path, text) in &files {
         std::fs::write(path, text).with_context(|| path.display().to_string())?;
     }
-    if terminal.json {
-        let names: Vec<&PathBuf> = files.iter().map(|(path, _)| path).collect();
-        println!("{}", json!({ "files": names }));
-    } else if !terminal.quiet {
+    if !terminal.json && !terminal.quiet {
         eprintln!("{} files in {}", files.len(), args.out.display());
     }
+    terminal.print(&Written { files: files.into_iter().map(|(path, _)| path).collect() }, "")?;
     Ok(None)
 }

@@ -11,6 +11,7 @@ use identification::trace::Kept;
 use plant::RobotIndividual;
 use rayon::prelude::*;
 use robot_backends::emulated::{SharedPlant, settings};
+use schemars::JsonSchema;
 use serde::Serialize;
 use statistics::FEWEST_SAMPLES;
 
@@ -37,12 +38,40 @@ pub struct EvaluateArgs {
     pub count: u64,
 }
 
+/// Shares of parameters in their 95 % intervals.
+#[derive(Debug, Serialize, JsonSchema)]
+struct Shares {
+    /// Of the identified ones.
+    identified: f64,
+    /// Of the others.
+    others: f64,
+}
+
+/// Printed once all individuals are identified.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Evaluated {
+    /// Seed of the devices' noise.
+    seed: u64,
+    /// One entry an individual.
+    individuals: Vec<Row>,
+    /// Over all individuals.
+    coverage: Shares,
+    /// Median over individuals: as drawn, identified.
+    joint_rad: [f64; 2],
+    /// Median over individuals: as drawn, identified.
+    tip_m: [f64; 2],
+    /// Median over individuals: as drawn, identified.
+    reach_m: [f64; 2],
+}
+
 /// What came of one individual.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 struct Row {
+    /// Its number.
     individual: u64,
-    /// Parameters in their 95 % intervals: those that the session taught something about, and the others.
+    /// Parameters that the session taught something about.
     identified: Coverage,
+    /// The other parameters.
     others: Coverage,
     /// Median error of a joint's angle in a free motion on which nothing was identified, rad: as drawn, and identified.
     joint: [f64; 2],
@@ -52,11 +81,13 @@ struct Row {
     servo: [f64; 2],
     /// Median error of a fingertip in the frame of the arm's base, wherever the arm reaches, m: as drawn, and identified.
     reach: [f64; 2],
-    /// Touches of the ball, and how far they stay from it, m, root mean square: as drawn, and identified.
+    /// Touches of the ball that push every link onto its stop.
     touches: usize,
+    /// How far touches of the ball stay from it, root mean square, m: as drawn, and identified.
     ball: [f64; 2],
-    /// Postures in which the weighed object was in the hand, and what its torques leave unexplained, N m, root mean square: as drawn, and identified.
+    /// Postures in which the weighed object was in the hand.
     held: usize,
+    /// What the weight's torques leave unexplained, root mean square, N m: as drawn, and identified.
     weight: [f64; 2],
     /// Why its excitation ended before its last step, and after how many, if so: it is identified from what was played.
     stopped: Option<String>,
@@ -126,15 +157,16 @@ pub fn run(terminal: &Terminal, args: &EvaluateArgs) -> Outcome {
         text +=
             &format!("no verdict on the shares in their intervals: {of} of at least {FEWEST_SAMPLES} individuals\n");
     }
-    let json = serde_json::json!({
-        "seed": terminal.seed,
-        "individuals": rows,
-        "coverage": {"identified": identified.share(), "others": others.share()},
-        "joint_rad": joint,
-        "tip_m": tip,
-        "reach_m": reach,
-    });
-    terminal.print(&json, &text)?;
+    let evaluated = Evaluated {
+        seed: terminal.seed,
+        individuals: rows,
+        coverage: Shares { identified: identified.share(), others: others.share() },
+        joint_rad: joint,
+        tip_m: tip,
+        reach_m: reach,
+    };
+    terminal.print(&evaluated, &text)?;
+    let rows = evaluated.individuals;
     // The parameters of one robot hang together: a share over few robots shows nothing.
     let few = rows.len() < FEWEST_SAMPLES;
     let covered = few || (COVERAGE[0]..=COVERAGE[1]).contains(&identified.share());

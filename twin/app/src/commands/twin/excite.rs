@@ -23,6 +23,7 @@ use progress::interrupt::Interrupt;
 use robot_backends::arm_link::arm_link;
 use robot_backends::emulated::{SharedPlant, settings};
 use robot_backends::operator::agreed;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use session_log::{Recorder, Session, Writer};
 
@@ -128,6 +129,25 @@ impl Record {
         platform::data::write_whole(&path, serde_json::to_string_pretty(self)?.as_bytes())?;
         Ok(())
     }
+}
+
+/// Printed once the excitation is done, or of what is to be done.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Excited {
+    /// Folder of the sessions.
+    folder: String,
+    /// Body: sim, rounded, emulated or hardware.
+    robot: String,
+    /// Whether nothing was moved.
+    dry_run: bool,
+    /// Steps of the script.
+    steps: usize,
+    /// Steps that are done.
+    done: usize,
+    /// Length of the other steps without the arm's way, s.
+    seconds_left: f64,
+    /// Session files.
+    sessions: Vec<String>,
 }
 
 /// A body behind all that stands between it and a controller.
@@ -395,15 +415,15 @@ fn tell(terminal: &Terminal, args: &ExciteArgs, hand: &Hand, record: &Record, dr
         text += &format!("{} of {} steps done, in {}\n", record.done, steps.len(), sessions.join(", "));
         text += &format!("next: ftac twin identify {}\n", args.folder.display());
     }
-    let json = serde_json::json!({
-        "folder": args.folder.display().to_string(),
-        "robot": record.robot,
-        "dry_run": dry,
-        "steps": steps.len(),
-        "done": record.done,
-        "seconds_left": seconds,
-        "sessions": sessions,
-    });
-    terminal.print(&json, &text)?;
+    let excited = Excited {
+        folder: args.folder.display().to_string(),
+        robot: record.robot.clone(),
+        dry_run: dry,
+        steps: steps.len(),
+        done: record.done,
+        seconds_left: seconds,
+        sessions,
+    };
+    terminal.print(&excited, &text)?;
     Ok(None)
 }

@@ -6,7 +6,10 @@ use anyhow::{Result, bail};
 use clap::Args;
 use identification::identify::own_pads;
 use identification::{Identification, Trace, identify};
+use plant::identified::Source;
 use report::identified::{ActuatorRow, ParameterRow};
+use schemars::JsonSchema;
+use serde::Serialize;
 use touch::ball_press::OwnCalibrationReport;
 use touch::{PhotometricCalibration, TouchError};
 
@@ -37,6 +40,31 @@ pub struct IdentifyArgs {
     pub report: Option<PathBuf>,
 }
 
+/// Printed once the parameters are found.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Identified<'a> {
+    /// Touches of the ball that push every link onto its stop.
+    touches: usize,
+    /// How far they stay from one ball, root mean square, m: as drawn, identified; null without touches.
+    touches_rms_m: Option<[f64; 2]>,
+    /// Postures in which a weighed object was in the hand.
+    weighed_postures: usize,
+    /// How far the arm's torques stay off its weight, root mean square, N m: as drawn, identified; null where nothing was weighed.
+    weight_rms_nm: Option<[f64; 2]>,
+    /// File with the pads' own calibration; null where there is none.
+    pads: Option<String>,
+    /// File with the parameters.
+    individual: String,
+    /// Page about them.
+    page: String,
+    /// What they were identified from.
+    sessions: &'a [Source],
+    /// One entry an actuator.
+    actuators: &'a [ActuatorRow],
+    /// Every parameter.
+    parameters: &'a [ParameterRow],
+}
+
 pub fn run(terminal: &Terminal, args: &IdentifyArgs) -> Outcome {
     let drawing = Drawing::new(args.model.model()?)?;
     let mut traces = Vec::new();
@@ -59,18 +87,18 @@ pub fn run(terminal: &Terminal, args: &IdentifyArgs) -> Outcome {
     )?;
     let (pads, told) = keep_pads(args, own_pads(&drawing.robot.hand, &drawing.pads, &traces))?;
     let kinematics = &found.kinematics;
-    let json = serde_json::json!({
-        "touches": kinematics.touches,
-        "touches_rms_m": (kinematics.touches > 0).then_some(kinematics.residuals),
-        "weighed_postures": found.gains.postures,
-        "weight_rms_nm": (found.gains.postures > 0).then_some(found.gains.residuals),
-        "pads": pads.map(|path| path.display().to_string()),
-        "individual": args.out.display().to_string(),
-        "page": page.display().to_string(),
-        "sessions": found.robot.sessions,
-        "actuators": actuators,
-        "parameters": parameters,
-    });
+    let identified = Identified {
+        touches: kinematics.touches,
+        touches_rms_m: (kinematics.touches > 0).then_some(kinematics.residuals),
+        weighed_postures: found.gains.postures,
+        weight_rms_nm: (found.gains.postures > 0).then_some(found.gains.residuals),
+        pads: pads.map(|path| path.display().to_string()),
+        individual: args.out.display().to_string(),
+        page: page.display().to_string(),
+        sessions: &found.robot.sessions,
+        actuators: &actuators,
+        parameters: &parameters,
+    };
     let mut words = report::identified::text(&actuators, &parameters);
     if kinematics.touches > 0 {
         let [drawn, identified] = kinematics.residuals.map(|residual| 1e3 * residual);
@@ -89,7 +117,7 @@ pub fn run(terminal: &Terminal, args: &IdentifyArgs) -> Outcome {
     }
     words += &told;
     words += &format!("{} and {} written\n", args.out.display(), page.display());
-    terminal.print(&json, &words)?;
+    terminal.print(&identified, &words)?;
     let off: Vec<String> = actuators
         .iter()
         .filter(|row| row.residual_after > MOST_RESIDUAL)

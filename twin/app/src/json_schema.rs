@@ -1,0 +1,63 @@
+//! JSON Schema of what commands print with `--json`, derived from the types that they print.
+
+use std::collections::BTreeMap;
+
+use schemars::generate::SchemaSettings;
+use schemars::transform::RecursiveTransform;
+use schemars::{JsonSchema, Schema};
+use serde::Serialize;
+use serde_json::{Value, json};
+
+/// A command, and the schema of what it prints. A command that prints one of several things stands here once for each.
+pub type Output = (&'static str, fn() -> Schema);
+
+/// Printed by every command that fails.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Failure {
+    /// What is wrong: the file, the field, what was found and what was expected.
+    pub error: String,
+    /// The exit code: 1 ran and falls short, 2 bad usage or bad input, 130 interrupted.
+    pub code: u8,
+}
+
+/// Schema of a `T` as it is printed.
+pub fn of<T: JsonSchema>() -> Schema {
+    let settings = SchemaSettings::draft2020_12().for_serialize().with(|settings| {
+        settings.inline_subschemas = true;
+        settings.meta_schema = None;
+    });
+    let generator = settings.with_transform(RecursiveTransform(as_printed)).into_generator();
+    let mut schema = generator.into_root_schema_for::<T>();
+    schema.remove("title");
+    schema
+}
+
+/// Nothing but the fields of a type is printed, and a number that is not finite as null.
+fn as_printed(schema: &mut Schema) {
+    schema.remove("default");
+    if schema.get("properties").is_some() && schema.get("additionalProperties").is_none() {
+        schema.insert("additionalProperties".to_owned(), false.into());
+    }
+    if schema.get("type").is_some_and(|kind| kind == "number") {
+        schema.insert("type".to_owned(), json!(["number", "null"]));
+    }
+}
+
+/// The schemas of all `outputs` by command, and of what every command prints when it fails.
+pub fn all(outputs: impl IntoIterator<Item = Output>) -> Value {
+    let mut by_command: BTreeMap<&str, Vec<Schema>> = BTreeMap::new();
+    for (command, schema) in outputs {
+        by_command.entry(command).or_default().push(schema());
+    }
+    let either = |mut schemas: Vec<Schema>| match schemas.len() {
+        1 => Value::from(schemas.remove(0)),
+        _ => json!({ "anyOf": schemas }),
+    };
+    let commands: BTreeMap<&str, Value> =
+        by_command.into_iter().map(|(name, schemas)| (name, either(schemas))).collect();
+    json!({
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "commands": commands,
+        "error": of::<Failure>(),
+    })
+}
