@@ -8,15 +8,17 @@
 
 use hand_model::pads::{Camera, IMAGE_SIZE};
 use nalgebra::{Matrix3, Point3, Vector3};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::wide::whole;
 
 /// A perspective camera that looks along the pad's +z.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Pinhole {
     /// Centre of projection (m, pad frame), z negative.
+    #[schemars(with = "[f64; 3]")]
     pub position: Point3<f64>,
 }
 
@@ -60,7 +62,7 @@ impl Pinhole {
 }
 
 /// Photometric response of one channel: `G(M) = g1 M + g2 M^2 + g3 M^3`, M in 0..1; G(1) = 1 is the full scale.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Response {
     /// g1, g2, g3.

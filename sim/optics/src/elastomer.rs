@@ -7,6 +7,7 @@
 //! beyond its support, and costs the same at any width.
 
 use hand_model::pads::{Camera, IMAGE_SIZE};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::indentation::{IndentationMap, Rectangle};
@@ -14,7 +15,7 @@ use crate::raster::Raster;
 use crate::wide::{transpose, widest};
 
 /// The smoothing of the gel.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Elastomer {
     /// Standard deviations of the kernels (m), widest first.

@@ -101,7 +101,7 @@ impl Foundation {
 }
 
 /// One point of a probe's response.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, schemars::JsonSchema)]
 pub struct ProbePoint {
     /// Force over the ball's cross-section, kPa.
     pub pressure: f64,
@@ -110,7 +110,7 @@ pub struct ProbePoint {
 }
 
 /// A straight line through a response.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, schemars::JsonSchema)]
 pub struct Sensitivity {
     /// Slope, per cent of thickness per kPa.
     pub per_kpa: f64,

@@ -6,6 +6,7 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rand_distr::StandardNormal;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::camera::{Pinhole, Response};
@@ -15,7 +16,7 @@ use crate::lamps::Lamp;
 use crate::reflectance::Reflectance;
 
 /// The image-formation model of one camera unit, pad frame: the result of a calibration.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SensorModel {
     /// White-balance gain of each channel, from radiance (model units, 1/m2) to the response's 0..1.

@@ -6,6 +6,7 @@
 //! bounds.
 
 use nalgebra::{DMatrix, DVector};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// When to stop, and what counts as an outlier.
@@ -32,7 +33,7 @@ pub struct Solution {
 }
 
 /// One fitted parameter.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Parameter {
     /// Name with unit.
     pub name: String,

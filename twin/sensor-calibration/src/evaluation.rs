@@ -11,6 +11,7 @@ use optics::calibration::{CalibratedSensor, Effort, LeftOut, SensorCalibration, 
 use optics::foundation::{
     PROBE_RADIUS, ProbePoint, Sensitivity, WINKLER_LIKE_PAPER, bonded_layer_force, response_to, sensitivity,
 };
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::calibration::presses;
@@ -22,7 +23,7 @@ const RECOVERY_ROWS: [usize; 5] = [1, 2, 4, 8, 16];
 const RECOVERY_NOISE: f64 = 1.0;
 
 /// A gel under the paper's probe.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Serialize, JsonSchema)]
 pub struct GelResponse {
     /// The gel, or the law of its pressure.
     pub gel: &'static str,

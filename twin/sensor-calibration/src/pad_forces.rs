@@ -5,6 +5,7 @@ use std::sync::Arc;
 use anyhow::Result;
 use hand_model::Hand;
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
+use schemars::JsonSchema;
 use serde::Serialize;
 use sim::engine::EngineSettings;
 use sim::stand::{HandStand, Prop, tension_goals};
@@ -23,7 +24,7 @@ const UNIT: u64 = 7;
 const LEAST: f64 = 0.02;
 
 /// One pad in one grip.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Serialize, JsonSchema)]
 pub struct PadForce {
     /// What is gripped.
     pub object: &'static str,
@@ -37,7 +38,7 @@ pub struct PadForce {
 }
 
 /// How well both forces agree over all grips.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Serialize, JsonSchema)]
 pub struct Agreement {
     pub pads: usize,
     /// Loaded pads whose image shows nothing.

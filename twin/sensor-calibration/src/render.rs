@@ -4,7 +4,7 @@
 pub mod real_sensor;
 mod views;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
@@ -15,7 +15,8 @@ use optics::pads::PadOptics;
 use optics::{Cover, CurvedSensor, Foundation, IndentationMap, SensorModel};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
-use serde_json::{Value, json};
+use schemars::JsonSchema;
+use serde::Serialize;
 use world::geometry::Mesh;
 
 use self::views::{Views, normals};
@@ -23,6 +24,22 @@ use super::sensor_serial;
 
 /// Where rays start, m under the pad's plane: below everything, since the mesh's lowest point is put on the plane.
 const RAY_START: f64 = 1e-3;
+
+/// A render of a pad's camera.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct CameraRender {
+    camera: String,
+    /// The image (PNG).
+    image: PathBuf,
+    /// Pixels in contact.
+    contact_pixels: usize,
+    /// Deepest indentation, mm.
+    deepest_mm: f64,
+    /// Place of the gel's deformation in the image: left, top, right, bottom, pixels; null where there is none.
+    rectangle: Option<[usize; 4]>,
+    /// Time of the render, ms.
+    pub render_ms: f64,
+}
 
 /// Where a mesh lies over a pad.
 #[derive(Debug, Clone, Copy)]
@@ -116,7 +133,7 @@ impl<'a> PadView<'a> {
 
     /// Writes what every camera sees: `out` and the files beside it, numbered where there are several cameras. Returns an
     /// object a camera; `seed` draws the read-out noise.
-    pub fn write(&self, pressed: &PressedMesh, seed: u64, out: &Path) -> Result<Vec<Value>> {
+    pub fn write(&self, pressed: &PressedMesh, seed: u64, out: &Path) -> Result<Vec<CameraRender>> {
         let mut rows = Vec::new();
         for (n, (camera, map)) in self.cameras.iter().zip(&pressed.maps).enumerate() {
             let out = if self.cameras.len() == 1 { out.to_owned() } else { out.with_extension(format!("{n}.png")) };
@@ -131,14 +148,14 @@ impl<'a> PadView<'a> {
             views.write(self.hand.gel().thickness as f32, &out)?;
             let gel = self.sensors[n].flat().model().elastomer.deform(camera, map);
             let rectangle = gel.map(|gel| gel.rectangle).map(|r| [r.left, r.top, r.right, r.bottom]);
-            rows.push(json!({
-                "camera": camera.name,
-                "image": out,
-                "contact_pixels": map.contact_pixels(),
-                "deepest_mm": 1e3 * f64::from(map.deepest()),
-                "rectangle": rectangle,
-                "render_ms": render_ms,
-            }));
+            rows.push(CameraRender {
+                camera: camera.name.clone(),
+                image: out,
+                contact_pixels: map.contact_pixels(),
+                deepest_mm: 1e3 * f64::from(map.deepest()),
+                rectangle,
+                render_ms,
+            });
         }
         Ok(rows)
     }

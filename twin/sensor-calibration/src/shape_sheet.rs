@@ -8,6 +8,7 @@ use optics::shapes::SHAPES;
 use optics::{Sensor, press};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::sensor_serial;
@@ -17,7 +18,7 @@ const COLUMNS: usize = 5;
 const GAP: usize = 4;
 
 /// A shape on the sheet.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Serialize, JsonSchema)]
 pub struct PressedShape {
     pub shape: &'static str,
     /// Normal force, N.

@@ -1,5 +1,6 @@
 //! How well a predicted probability foretells whether something happens: rates with intervals, the ROC curve, calibration.
 
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::paired::FEWEST_SAMPLES;
@@ -10,7 +11,7 @@ const Z: f64 = 1.959_963_984_540_054;
 const GROUPS: usize = 6;
 
 /// A rate with its Wilson 95 % interval.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
 pub struct Rate {
     /// Successes.
     pub count: u64,

@@ -14,6 +14,7 @@ use hand_model::pads::IMAGE_SIZE as N;
 use hand_model::robot::TactileImage;
 use nalgebra::{DMatrix, DVector};
 use platform::file::write_whole;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::PIXELS;
@@ -63,7 +64,7 @@ pub struct PhotometricCalibration {
 }
 
 /// Angle between predicted and true surface normals over contact pixels, degrees.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[allow(missing_docs)]
 pub struct AngularError {
     pub mean: f64,

@@ -1,5 +1,6 @@
 //! How well a fitted sensor renders held-out presses.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::calibration::fit::BallFit;
@@ -9,9 +10,11 @@ use crate::calibration::scene::Scene;
 use crate::calibration::similarity::{Similarity, compare};
 
 /// Similarity over whole images, and over a square that reaches 1.5 visible radii to each side of the press.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Views {
+    /// The whole image.
     pub full: Similarity,
+    /// Around the contact.
     pub crop: Similarity,
 }
 

@@ -4,6 +4,7 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use rand_distr::StandardNormal;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::calibration::assumptions::Assumptions;
@@ -13,7 +14,7 @@ use crate::calibration::samples::{Mark, Sample, Samples};
 use crate::calibration::scene::Scene;
 
 /// Errors of a fit to `presses` presses.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Recovery {
     pub presses: usize,
     /// Whether an image of each lamp alone was fitted too.

@@ -4,7 +4,11 @@ use anyhow::{Context as _, bail};
 use serde_json::{Value, json};
 
 use fault_injection::table::FaultTable;
+use proving::synthesis::evaluation::Evaluation;
+use proving::synthesis::search::Report;
 use scenarios::summary::Summary;
+use sensor_calibration::reconstruction::output::ImageFigures;
+use sensor_calibration::render::real_sensor::SensorRender;
 
 use super::bridge;
 use super::{combos, demo, export, grasps, hand, optics, replay, sweep, touch, transport, trial, twin};
@@ -39,11 +43,23 @@ const OUTPUTS: &[Output] = &[
     ("export mcap", of::<export::Bags>),
     ("export ros2", of::<export::Bag>),
     ("export rrd", of::<export::Drawn>),
+    ("grasps collection", of::<grasps::collection::Answer>),
+    ("grasps eval", of::<Evaluation>),
     ("grasps export", of::<grasps::export::Exported>),
+    ("grasps generate", of::<Report>),
     ("grasps pick-ups", of::<grasps::pick_ups::Proven>),
     ("grasps plan", of::<grasps::pick_ups::Planned>),
+    ("grasps show", of::<grasps::show::OwnGrasps>),
+    ("grasps show", of::<grasps::show::OtherGrasps>),
     ("hand picture", of::<hand::picture::Pictured>),
+    ("optics calibrate", of::<optics::calibrate::Calibrated>),
+    ("optics eval", of::<optics::eval::Evaluation>),
     ("optics pads", of::<optics::pads::Written>),
+    ("optics reconstruct", of::<optics::reconstruct::Reconstruction>),
+    ("optics reconstruct", of::<ImageFigures>),
+    ("optics render", of::<optics::render::PadRender>),
+    ("optics render", of::<SensorRender>),
+    ("optics shapes", of::<optics::render::Shapes>),
     ("replay", of::<replay::Replayed>),
     ("replay", of::<replay::Folder>),
     ("replay", of::<replay::Compared>),

@@ -9,6 +9,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use hand_model::{Digit, HandVector};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::grasp_file::GraspFileError;
@@ -28,7 +29,7 @@ pub struct Header {
 }
 
 /// Summary of the search for one object.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Summary {
     pub object: String,

@@ -9,6 +9,7 @@ use std::collections::BTreeMap;
 
 use hand_model::Digit;
 use nalgebra::{DMatrix, Vector3};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::held::HeldGrasp;
@@ -70,7 +71,7 @@ pub fn digit_set(grasp: &HeldGrasp) -> String {
 }
 
 /// Statistics of a set of grasps.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Diversity {
     /// Number of grasps.
     pub grasps: usize,

@@ -7,11 +7,12 @@
 
 use hand_model::{Digit, DigitVector, HandVector};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
+use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 /// A contact of a held grasp, palm frame. In the file it is a list of its four fields.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(from = "ContactRow", into = "ContactRow")]
 pub struct HeldContact {
     /// Link in joint order, `None` for the palm.
@@ -39,7 +40,7 @@ impl From<HeldContact> for ContactRow {
 }
 
 /// What a grasp was verified for.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Proof {
     /// Mass of the object, kg.
     pub mass: f64,
@@ -50,7 +51,7 @@ pub struct Proof {
 }
 
 /// A grasp held in physics. Lengths in m, angles in rad, tensions and forces in N.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct HeldGrasp {
     pub object: String,
     /// Number of the chain that found it, which with the header's seed reproduces it.
@@ -58,17 +59,21 @@ pub struct HeldGrasp {
     /// `palm_from_object` when closed: x, y, z, then the quaternion's i, j, k, w.
     pub palm_from_object: [f64; 7],
     /// Joint angles when closed.
+    #[schemars(with = "Vec<f64>")]
     pub joints: HandVector,
     /// `palm_from_object` and joint angles with the hand open, before it closes.
     pub start: [f64; 7],
     /// See `start`.
+    #[schemars(with = "Vec<f64>")]
     pub open_joints: HandVector,
     /// Tension of each digit's cable when closed.
+    #[schemars(with = "Vec<f64>")]
     pub tensions: DigitVector,
     /// Angle of the thumb's opposition.
     pub opposition: f64,
     pub contacts: Vec<HeldContact>,
     /// Digits in contact.
+    #[schemars(with = "Vec<String>")]
     pub digits: Vec<Digit>,
     /// Whether the palm is in contact.
     pub palm: bool,
@@ -90,7 +95,7 @@ pub struct HeldGrasp {
 }
 
 /// A verified grasp of a hand from a URDF. m, rad, N, frame of the URDF's root link.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct UrdfGrasp {
     pub object: String,

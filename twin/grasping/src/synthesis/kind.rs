@@ -2,13 +2,14 @@
 
 use std::collections::BTreeMap;
 
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::diversity::{digit_set, opposition};
 use super::held::{HeldGrasp, VerifiedGrasp};
 
 /// A kind of grasp: how many there are of it, and the one with the largest wrench margin.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Serialize, JsonSchema)]
 pub struct Kind<'a, G> {
     /// What makes the kind, in words.
     #[serde(rename = "kind")]

@@ -8,6 +8,7 @@ use std::time::Instant;
 
 use anyhow::Result;
 use rayon::prelude::*;
+use schemars::JsonSchema;
 use serde::Serialize;
 use statistics::{Rate, roc_area};
 
@@ -20,7 +21,7 @@ use super::synthesizer::{ChainResult, Checked, Synthesizer};
 const SLIPPERY: f64 = 0.1;
 
 /// What `eval` prints.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Serialize, JsonSchema)]
 pub struct Evaluation {
     pub object: String,
     /// Chains that ended in a closed grasp.

@@ -1,10 +1,11 @@
 //! For what mass grasps are verified, and how much more they hold.
 
+use schemars::JsonSchema;
 use serde::Serialize;
 use world::objects::ObjectModel;
 
 /// Mass and friction of a search, with the payloads of its verified grasps.
-#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, JsonSchema)]
 pub struct Load {
     /// kg.
     pub mass: f64,

@@ -9,6 +9,7 @@ use grasping::synthesis::grasp_file::GraspWriter;
 use grasping::synthesis::held::{Proof, VerifiedGrasp as _};
 use indicatif::{ProgressBar, ProgressStyle};
 use rayon::prelude::*;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::closing::NotClosed;
@@ -21,7 +22,7 @@ use super::urdf_hand::refusal::Refused;
 const BATCH: u64 = 32;
 
 /// Counts of passed checks.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Verified {
     /// Friction-cone margin.
     pub a: u64,
@@ -44,7 +45,7 @@ impl Verified {
 }
 
 /// Figures of a search with a hand whose surface and palm are found, not given.
-#[derive(Debug, Clone, Default, Serialize)]
+#[derive(Debug, Clone, Default, Serialize, JsonSchema)]
 pub struct Judgement {
     /// Grasps that passed all three checks and are none all the same.
     pub refused: Refused,
@@ -57,12 +58,13 @@ pub struct Judgement {
 }
 
 /// What a search came to.
-#[derive(Debug, Clone, Default, Serialize)]
+#[derive(Debug, Clone, Default, Serialize, JsonSchema)]
 pub struct Report {
     pub hand: String,
     pub object: String,
-    /// Contact candidates on the hand, and points on its surface.
+    /// Contact candidates on the hand.
     pub candidates: usize,
+    /// Points on the hand's surface.
     pub surface_points: usize,
     /// Chains run.
     pub requested: u64,

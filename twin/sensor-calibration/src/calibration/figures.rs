@@ -1,51 +1,132 @@
 //! What a calibration found, as JSON and as a table.
 
-use optics::calibration::{SensorCalibration, Similarity};
-use serde_json::{Value, json};
+use optics::SensorModel;
+use optics::calibration::{Lens, Parameter, SensorCalibration, Similarity, Views};
+use schemars::JsonSchema;
+use serde::Serialize;
 
 use super::CalibrationRun;
 use super::scale::PixelSource;
 use crate::reconstruction::{Accuracy, Method};
 
+/// Numbers of presses.
+#[derive(Debug, Serialize, JsonSchema)]
+struct PressCounts {
+    fitted: usize,
+    /// Held out once.
+    held_out: usize,
+    /// Found in their images without a label.
+    found_without_label: usize,
+}
+
+/// Errors of surfaces of presses held out.
+#[derive(Debug, Serialize, JsonSchema)]
+struct Surfaces<'a> {
+    look_up: &'a Accuracy,
+    network: &'a Accuracy,
+    /// Presses that the tables that are saved were learned from.
+    learned_from: usize,
+}
+
+/// The fit without a part of the model.
+#[derive(Debug, Serialize, JsonSchema)]
+struct AblationFigures {
+    /// What the model lacks.
+    model: &'static str,
+    /// RMS residual of the fit, grey levels.
+    residual_grey: f64,
+    /// Renders of presses that were held out.
+    held_out: Option<Views>,
+}
+
+#[derive(Debug, Serialize, JsonSchema)]
+struct Checkerboards {
+    /// Number of pictures.
+    pictures: usize,
+    /// Root mean square reprojection error, pixels.
+    residual_px: f64,
+}
+
+/// Everything that a calibration found.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Figures<'a> {
+    presses: PressCounts,
+    single_lamp_images: usize,
+    /// Renders of presses that were held out.
+    held_out: Option<Views>,
+    /// The untouched image in place of a render.
+    floor: Option<Views>,
+    /// The same as `held_out` on the image's grid.
+    held_out_on_grid: Option<Views>,
+    /// The same as `held_out` on one frame of the untouched gel.
+    held_out_on_single_background: Option<Views>,
+    /// What camera noise and drift allow at best.
+    ceiling: Option<Views>,
+    /// The same on one frame of the untouched gel.
+    ceiling_of_single_frames: Option<Views>,
+    /// Errors of surfaces of presses held out.
+    reconstruction: Surfaces<'a>,
+    /// RMS residual of the fit, grey levels.
+    residual_grey: f64,
+    /// Size of a pixel on the gel, mm.
+    pixel_mm: f64,
+    /// 95 % interval of the pixel's size, mm.
+    pixel_interval_mm: Option<[f64; 2]>,
+    /// False where the presses alone told the size of a pixel.
+    pixel_measured: bool,
+    /// What was left out, and why.
+    left_out: &'a [(String, String)],
+    parameters: &'a [Parameter],
+    /// The camera's lens, if images are rectified first.
+    lens: Option<Lens>,
+    /// The fitted sensor.
+    model: SensorModel,
+    /// In which respects the calibration is doubtful.
+    warnings: Vec<String>,
+    ablation: Vec<AblationFigures>,
+    /// Pictures of checkerboards that told the lens.
+    checkerboards: Option<Checkerboards>,
+}
+
 impl CalibrationRun {
     /// Everything found, but for the time it took.
-    pub fn to_json(&self) -> Value {
+    pub fn figures(&self) -> Figures<'_> {
         let held = self.held_out.as_ref();
         let (grid, single) = (self.on_grid.as_ref(), self.on_single_background.as_ref());
-        let ablation: Vec<Value> = self
-            .ablations
-            .iter()
-            .map(|row| json!({"model": row.model, "residual_grey": row.residual_grey, "held_out": row.similarity}))
-            .collect();
+        let ablation = self.ablations.iter().map(|row| AblationFigures {
+            model: row.model,
+            residual_grey: row.residual_grey,
+            held_out: row.similarity,
+        });
         let [fitted, held_out, unlabelled] = self.presses;
         let file = SensorCalibration::new(&self.fit, String::new());
         let boards = self.checkerboards.as_ref();
-        json!({
-            "presses": {"fitted": fitted, "held_out": held_out, "found_without_label": unlabelled},
-            "single_lamp_images": self.single_lamp_images,
-            "held_out": held.map(|held| held.rendered),
-            "floor": held.map(|held| held.floor),
-            "held_out_on_grid": grid.map(|held| held.rendered),
-            "held_out_on_single_background": single.map(|held| held.rendered),
-            "ceiling": held.map(|held| held.ceiling),
-            "ceiling_of_single_frames": single.map(|held| held.ceiling),
-            "reconstruction": {
-                "look_up": self.photometry.accuracy(Method::LookUp),
-                "network": self.photometry.accuracy(Method::Network),
-                "learned_from": self.photometry.presses,
+        Figures {
+            presses: PressCounts { fitted, held_out, found_without_label: unlabelled },
+            single_lamp_images: self.single_lamp_images,
+            held_out: held.map(|held| held.rendered),
+            floor: held.map(|held| held.floor),
+            held_out_on_grid: grid.map(|held| held.rendered),
+            held_out_on_single_background: single.map(|held| held.rendered),
+            ceiling: held.map(|held| held.ceiling),
+            ceiling_of_single_frames: single.map(|held| held.ceiling),
+            reconstruction: Surfaces {
+                look_up: self.photometry.accuracy(Method::LookUp),
+                network: self.photometry.accuracy(Method::Network),
+                learned_from: self.photometry.presses,
             },
-            "residual_grey": self.fit.residual,
-            "pixel_mm": 1e3 * self.fit.pixel,
-            "pixel_interval_mm": file.pixel_interval_mm,
-            "pixel_measured": self.source != PixelSource::Presses,
-            "left_out": self.left_out,
-            "parameters": self.fit.parameters,
-            "lens": file.lens,
-            "model": file.model,
-            "warnings": self.warnings(),
-            "ablation": ablation,
-            "checkerboards": boards.map(|found| json!({"pictures": found.pictures, "residual_px": found.residual})),
-        })
+            residual_grey: self.fit.residual,
+            pixel_mm: 1e3 * self.fit.pixel,
+            pixel_interval_mm: file.pixel_interval_mm,
+            pixel_measured: self.source != PixelSource::Presses,
+            left_out: &self.left_out,
+            parameters: &self.fit.parameters,
+            lens: file.lens,
+            model: file.model,
+            warnings: self.warnings(),
+            ablation: ablation.collect(),
+            checkerboards: boards.map(|found| Checkerboards { pictures: found.pictures, residual_px: found.residual }),
+        }
     }
 
     /// The same as text: parameters, then similarities.

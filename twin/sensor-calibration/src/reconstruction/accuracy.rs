@@ -5,6 +5,7 @@
 //! at that radius; normals over the whole contact, as is usual.
 
 use hand_model::pads::IMAGE_SIZE as N;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use touch::AngularError;
 
@@ -22,7 +23,7 @@ const MIDDLE: f64 = 0.15;
 const CLASSES: usize = 8;
 
 /// Errors on presses that nothing was learned from.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Accuracy {
     pub presses: usize,

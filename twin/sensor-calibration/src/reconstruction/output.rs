@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result};
 use image::{ImageBuffer, ImageFormat, Luma, Rgb};
 use platform::file::write_whole;
-use serde_json::{Value, json};
+use schemars::JsonSchema;
+use serde::Serialize;
 
 use super::ply;
 use super::surface::Surface;
@@ -64,20 +65,47 @@ where
     write_whole(path, bytes.get_ref()).with_context(|| path.display().to_string())
 }
 
-/// The figures of an image: `None` is an untouched gel.
-pub fn summary(name: &str, surface: Option<&Surface>) -> Value {
-    match surface {
-        None => json!({"image": name, "touched": false}),
-        Some(surface) => json!({
-            "image": name,
-            "touched": true,
-            "depth_mm": surface.deepest.map(|depth| 1e3 * depth),
-            "depth_error_mm": surface.depth_error.map(|error| 1e3 * error),
-            "beyond_calibration": surface.beyond_share(),
-            "notes": surface.notes,
-            "contact_mm2": 1e6 * surface.area(),
-            "normal_error_deg": mean_error(surface),
-        }),
+/// The figures of an image.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct ImageFigures {
+    /// The image, or the frame of a video.
+    image: String,
+    /// Whether something presses the gel.
+    touched: bool,
+    #[serde(flatten)]
+    surface: Option<SurfaceFigures>,
+    wall_ms: f64,
+}
+
+/// The figures of a surface.
+#[derive(Debug, Serialize, JsonSchema)]
+struct SurfaceFigures {
+    /// mm.
+    depth_mm: Option<f64>,
+    /// mm.
+    depth_error_mm: Option<f64>,
+    /// Share of the contact whose colours or slopes the presses did not have.
+    beyond_calibration: f64,
+    /// What is wrong with the image or the surface.
+    notes: Vec<String>,
+    /// Area in contact, mm2.
+    contact_mm2: f64,
+    /// Mean angle, degrees.
+    normal_error_deg: f64,
+}
+
+impl ImageFigures {
+    /// Of the image `name`, which took `wall_ms`; without a surface the gel is untouched.
+    pub fn new(name: &str, surface: Option<&Surface>, wall_ms: f64) -> Self {
+        let figures = |surface: &Surface| SurfaceFigures {
+            depth_mm: surface.deepest.map(|depth| 1e3 * depth),
+            depth_error_mm: surface.depth_error.map(|error| 1e3 * error),
+            beyond_calibration: surface.beyond_share(),
+            notes: surface.notes.clone(),
+            contact_mm2: 1e6 * surface.area(),
+            normal_error_deg: mean_error(surface),
+        };
+        Self { image: name.to_owned(), touched: surface.is_some(), surface: surface.map(figures), wall_ms }
     }
 }
 

@@ -10,6 +10,7 @@ use optics::calibration::{CalibratedSensor, Photo, PressFolder};
 use platform::file::write_whole;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use touch::colour_change::whole_change;
 use touch::network::Kind;
@@ -42,7 +43,7 @@ const LEVEL_SHARE: f64 = 0.15;
 const LEVEL: f64 = 2.0;
 
 /// How slopes are found.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Method {
     /// Regression from the colour change at a place to the slope.

@@ -1,14 +1,14 @@
 //! What a calibrated real sensor sees of a mesh that is pressed into it.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
 use nalgebra::{Point3, Unit, Vector3};
 use optics::calibration::CalibratedSensor;
 use rayon::prelude::*;
-use serde::Deserialize;
-use serde_json::{Value, json};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use world::geometry::Mesh;
 
 use super::views::{Views, normals};
@@ -27,6 +27,25 @@ pub fn is_sensor(path: &Path) -> Result<bool> {
     Ok(found.background.is_some())
 }
 
+/// A render of a real sensor.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct SensorRender {
+    /// The image (PNG).
+    image: PathBuf,
+    columns: usize,
+    rows: usize,
+    /// Pixels in contact.
+    contact_pixels: usize,
+    /// Depth of the mesh's lowest point below the untouched gel, mm.
+    pub depth_mm: f64,
+    /// Deepest indentation, mm.
+    deepest_mm: f64,
+    /// Whether the gel gave less than was asked for.
+    pub bottomed_out: bool,
+    /// Time of the render, ms.
+    pub render_ms: f64,
+}
+
 /// Presses a mesh into the sensor, its lowest point `depth` (m) below the untouched gel, and writes `out` and the files beside
 /// it. A gel of `thickness` (m), where it is known, is not pressed beyond its ground. Returns what was rendered.
 pub fn render(
@@ -35,7 +54,7 @@ pub fn render(
     depth: f64,
     thickness: Option<f64>,
     out: &Path,
-) -> Result<Value> {
+) -> Result<SensorRender> {
     let (width, height) = sensor.size();
     let mesh_from_pad = pose.pad_from_mesh(mesh).inverse();
     let up = Unit::new_unchecked(mesh_from_pad * Vector3::z());
@@ -61,14 +80,14 @@ pub fn render(
     let pixel = 1e-3 * sensor.calibration().pixel_mm;
     let normals = normals(&gel, [width, height], (pixel, pixel));
     Views { size: [width, height], image: image.rgb, depths: gel, normals }.write(deepest, out)?;
-    Ok(json!({
-        "image": out,
-        "columns": width,
-        "rows": height,
-        "contact_pixels": contact,
-        "depth_mm": 1e3 * pressed,
-        "deepest_mm": 1e3 * f64::from(deepest),
-        "bottomed_out": pressed < depth,
-        "render_ms": render_ms,
-    }))
+    Ok(SensorRender {
+        image: out.to_owned(),
+        columns: width,
+        rows: height,
+        contact_pixels: contact,
+        depth_mm: 1e3 * pressed,
+        deepest_mm: 1e3 * f64::from(deepest),
+        bottomed_out: pressed < depth,
+        render_ms,
+    })
 }

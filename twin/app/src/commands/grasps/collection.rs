@@ -13,6 +13,7 @@ use platform::data::write_whole;
 use proving::synthesis::parts::{Part, table};
 use proving::synthesis::search;
 use proving::synthesis::synthesizer::Request;
+use schemars::JsonSchema;
 use serde::Serialize;
 use world::objects::ObjectSet;
 
@@ -49,7 +50,7 @@ pub struct CollectionArgs {
 }
 
 /// One object's line of the answer.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct Line {
     #[serde(flatten)]
     summary: Summary,
@@ -57,11 +58,14 @@ struct Line {
 }
 
 /// What the command prints with `--json`.
-#[derive(Debug, Serialize)]
-struct Answer {
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Answer {
     grasps: usize,
+    /// Grasps asked for.
     wanted: usize,
+    /// Time on this machine, s.
     wall_s: f64,
+    /// One entry an object.
     objects: Vec<Line>,
     all: Diversity,
 }

@@ -6,15 +6,16 @@ use anyhow::{Context, Result, bail};
 use bench::recording::drawn;
 use clap::Args;
 use grasping::synthesis::collection::Collection;
-use grasping::synthesis::diversity;
-use grasping::synthesis::kind::{self, hand_kinds};
+use grasping::synthesis::diversity::{self, Diversity};
+use grasping::synthesis::kind::{self, HandKind, hand_kinds};
 use hand_model::RobotModel;
 use proving::synthesis::grasp_file::{GraspFile, Grasps, UrdfGrasps};
 use proving::synthesis::parts::table;
 use proving::synthesis::subject::TEST_FRICTION;
 use proving::synthesis::urdf_hand::kinds::{self as urdf_kinds, UrdfKind};
 use report::{grasp_gallery, urdf_hand};
-use serde_json::{Value, json};
+use schemars::JsonSchema;
+use serde::Serialize;
 use stream::Target;
 use stream::gallery::{self, ShownGrasp};
 
@@ -39,6 +40,39 @@ pub struct ShowArgs {
     /// Folder for grasps.html with pictures of objects and grasps, instead of a recording; of a hand from a URDF, a picture sheet an object.
     #[arg(long, conflicts_with = "out")]
     pub report: Option<PathBuf>,
+}
+
+/// Kinds of grasps of an object by our own hand.
+#[derive(Debug, Serialize, JsonSchema)]
+struct OwnObject<'a> {
+    /// Name of the object.
+    object: &'a str,
+    diversity: Diversity,
+    kinds: Vec<HandKind<'a>>,
+}
+
+/// Printed of our own hand.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct OwnGrasps<'a> {
+    /// One entry an object.
+    objects: Vec<OwnObject<'a>>,
+}
+
+/// Kinds of grasps of an object by a hand from a URDF.
+#[derive(Debug, Serialize, JsonSchema)]
+struct OtherObject<'a> {
+    /// Name of the object.
+    object: &'a str,
+    kinds: &'a [UrdfKind<'a>],
+}
+
+/// Printed of a hand from a URDF.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct OtherGrasps<'a> {
+    /// Name of the hand.
+    hand: &'a str,
+    /// One entry an object.
+    objects: Vec<OtherObject<'a>>,
 }
 
 /// `ftac grasps show`.
@@ -88,10 +122,10 @@ fn by_urdf(terminal: &Terminal, args: &ShowArgs, file: &GraspFile, other: &UrdfG
         }
     }
     let hand = &other.hand.hand.name;
-    let objects: Vec<Value> = all.iter().map(|(name, kinds)| json!({"object": name, "kinds": kinds})).collect();
+    let objects = all.iter().map(|(object, kinds)| OtherObject { object, kinds }).collect();
     let text: String =
         all.iter().map(|(name, kinds)| format!("{hand} on {name}\n{}", urdf_kinds::table(kinds))).collect();
-    terminal.print(&json!({ "hand": hand, "objects": objects }), &text)?;
+    terminal.print(&OtherGrasps { hand, objects }, &text)?;
     if let (Some(_), [(name, kinds)], None) = (object, &all[..], &args.report) {
         let shown: Vec<ShownGrasp> =
             kinds.iter().take(args.kinds).map(|kind| urdf_hand::shown(&other.hand, kind)).collect();
@@ -110,13 +144,14 @@ fn known(object: Option<&str>, names: &[&str]) -> Result<()> {
 }
 
 /// The kinds of all objects, or of one.
-fn described(collection: &Collection, only: Option<&str>) -> Value {
+fn described<'a>(collection: &'a Collection, only: Option<&str>) -> OwnGrasps<'a> {
     let entries = collection.objects.iter().filter(|entry| only.is_none_or(|name| name == entry.summary.object));
-    let objects = entries.map(|entry| {
-        let kinds = hand_kinds(&entry.grasps);
-        json!({"object": entry.summary.object, "diversity": diversity::describe(&entry.grasps), "kinds": kinds})
+    let objects = entries.map(|entry| OwnObject {
+        object: &entry.summary.object,
+        diversity: diversity::describe(&entry.grasps),
+        kinds: hand_kinds(&entry.grasps),
     });
-    json!({ "objects": objects.collect::<Vec<_>>() })
+    OwnGrasps { objects: objects.collect() }
 }
 
 fn record(

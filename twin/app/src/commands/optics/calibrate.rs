@@ -7,9 +7,12 @@ use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
 use image::RgbImage;
 use indicatif::ProgressStyle;
+use schemars::JsonSchema;
+use sensor_calibration::calibration::figures::Figures;
 use sensor_calibration::calibration::presses::{CHECKERBOARDS, CheckedPresses, PressSource};
 use sensor_calibration::calibration::scale::PixelSource;
 use sensor_calibration::calibration::{CalibrationRun, FitOptions, Split, sheet};
+use serde::Serialize;
 
 use crate::terminal::{Outcome, Terminal};
 
@@ -75,6 +78,15 @@ pub struct CalibrateArgs {
     pub out: Option<PathBuf>,
 }
 
+/// Everything found, and how long it took.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Calibrated<'a> {
+    #[serde(flatten)]
+    figures: Figures<'a>,
+    /// Time on this machine, s.
+    wall_s: f64,
+}
+
 /// Fits, evaluates, and writes the calibration file.
 pub fn calibrate(terminal: &Terminal, args: &CalibrateArgs) -> Outcome {
     let started = Instant::now();
@@ -131,15 +143,8 @@ pub fn calibrate(terminal: &Terminal, args: &CalibrateArgs) -> Outcome {
     if let (Some(path), None) = (&args.out, &short) {
         run.write(path)?;
     }
-    let wall = started.elapsed().as_secs_f64();
-    if terminal.json {
-        let mut value = run.to_json();
-        value["wall_s"] = wall.into();
-        println!("{value}");
-    } else {
-        print!("{}", run.table());
-        println!("{wall:.0} s");
-    }
+    let wall_s = started.elapsed().as_secs_f64();
+    terminal.print(&Calibrated { figures: run.figures(), wall_s }, &format!("{}{wall_s:.0} s\n", run.table()))?;
     Ok(short)
 }
 

@@ -6,9 +6,14 @@ use std::path::PathBuf;
 use anyhow::{Context, bail};
 use bench::builtin::calibration_of;
 use clap::Args;
+use optics::calibration::Similarity;
+use optics::calibration::recovery::Recovery;
+use schemars::JsonSchema;
 use sensor_calibration::calibration::figures::accuracy_table;
-use sensor_calibration::{evaluation, pad_forces};
-use serde_json::{Map, Value, json};
+use sensor_calibration::evaluation::{self, GelResponse};
+use sensor_calibration::pad_forces::{self, Agreement, PadForce};
+use sensor_calibration::reconstruction::Accuracy;
+use serde::Serialize;
 
 use super::sensor_option::SensorOption;
 use crate::options::robot::RobotArgs;
@@ -41,13 +46,52 @@ pub struct EvalArgs {
     pub recovery: bool,
 }
 
+/// Forces by images beside those of the physics engine.
+#[derive(Debug, Serialize, JsonSchema)]
+struct PadForces {
+    /// One entry a row of the table.
+    rows: Vec<PadForce>,
+    /// Agreement of both forces.
+    agreement: Agreement,
+}
+
+/// Errors of surfaces.
+#[derive(Debug, Serialize, JsonSchema)]
+struct Surfaces {
+    look_up: Accuracy,
+    network: Accuracy,
+}
+
+/// What was asked for.
+#[derive(Debug, Default, Serialize, JsonSchema)]
+pub struct Evaluation {
+    /// With --force: response of each gel to the paper's probe.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    force: Option<Vec<GelResponse>>,
+    /// With --pads: normal forces.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pads: Option<PadForces>,
+    /// With --recovery: errors of fits.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    recovery: Option<Vec<Recovery>>,
+    /// Of a folder: presses that were compared.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    presses: Option<usize>,
+    /// Of a folder: similarity of rendered and real images.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    full: Option<Similarity>,
+    /// Of a folder: errors of surfaces.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    reconstruction: Option<Surfaces>,
+}
+
 /// Runs what was asked for.
 pub fn eval(terminal: &Terminal, args: &EvalArgs) -> Outcome {
     if args.folder.is_none() && !args.force && !args.recovery && !args.pads {
         bail!("found nothing to evaluate; expected a FOLDER with --sensor, or --force, --pads or --recovery");
     }
     let robot = args.robot.model()?;
-    let mut result = Map::new();
+    let mut result = Evaluation::default();
     let mut short = None;
     let tell = |text: &str| {
         if !terminal.json {
@@ -60,18 +104,18 @@ pub fn eval(terminal: &Terminal, args: &EvalArgs) -> Outcome {
         if !evaluation::reproduces_paper(&rows) {
             short = Some("the gel's law does not reproduce the paper's probe".to_owned());
         }
-        result.insert("force".into(), serde_json::to_value(rows)?);
+        result.force = Some(rows);
     }
     if args.pads {
         let rows = pad_forces::grip_all(&robot.hand, calibration_of(&robot)?)?;
         let all = pad_forces::agreement(&rows).context("--pads: no pad is loaded")?;
         tell(&pad_forces::table(&rows, &all));
-        result.insert("pads".into(), json!({"rows": rows, "agreement": all}));
+        result.pads = Some(PadForces { rows, agreement: all });
     }
     if args.recovery {
         let rows = evaluation::recoveries(terminal.seed);
         tell(&evaluation::recovery_table(&rows));
-        result.insert("recovery".into(), serde_json::to_value(rows)?);
+        result.recovery = Some(rows);
     }
     if let (Some(folder), Some(file), Some(diameter)) =
         (&args.folder, args.sensor.file(terminal), args.ball_diameter_mm)
@@ -82,15 +126,13 @@ pub fn eval(terminal: &Terminal, args: &EvalArgs) -> Outcome {
         }
         let (count, mean) = (found.presses, found.similarity);
         tell(&format!("{count} presses: L1 {:.4}, SSIM {:.4}, PSNR {:.2} dB\n", mean.l1, mean.ssim, mean.psnr));
-        result.insert("presses".into(), count.into());
-        if let Some([look_up, network]) = &found.surfaces {
-            tell(&accuracy_table(&[look_up, network]));
-            result.insert("reconstruction".into(), json!({"look_up": look_up, "network": network}));
+        result.presses = Some(count);
+        if let Some([look_up, network]) = found.surfaces {
+            tell(&accuracy_table(&[&look_up, &network]));
+            result.reconstruction = Some(Surfaces { look_up, network });
         }
-        result.insert("full".into(), serde_json::to_value(mean)?);
+        result.full = Some(mean);
     }
-    if terminal.json {
-        println!("{}", Value::Object(result));
-    }
+    terminal.print(&result, "")?;
     Ok(short)
 }

@@ -8,12 +8,13 @@ use clap::{Args, ValueEnum};
 use optics::calibration::image_files::EXPECTED;
 use optics::calibration::{CalibratedSensor, Photo, press_checks};
 use platform::file::write_whole;
+use schemars::JsonSchema;
 use sensor_calibration::reconstruction::folder::{self, Arrivals, Inputs};
-use sensor_calibration::reconstruction::output;
+use sensor_calibration::reconstruction::output::{self, ImageFigures};
 use sensor_calibration::reconstruction::photometry::untouched;
-use sensor_calibration::reconstruction::{Method, Photometry, Reconstructor};
+use sensor_calibration::reconstruction::{Accuracy, Method, Photometry, Reconstructor};
 use sensor_calibration::video;
-use serde_json::{Value, json};
+use serde::Serialize;
 
 use crate::terminal::{Outcome, Terminal};
 
@@ -49,6 +50,22 @@ pub struct ReconstructArgs {
     /// Go on with images as they come into the folder, until interrupted.
     #[arg(long)]
     pub watch: bool,
+}
+
+/// Printed once all images are reconstructed, and written beside them. Of a watched folder each image is printed on its own.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Reconstruction<'a> {
+    /// How slopes were found.
+    method: Method,
+    /// Origin of the untouched gel's image.
+    background: String,
+    /// Errors on presses held out of the calibration.
+    accuracy: &'a Accuracy,
+    /// Steepest slope that the calibration's presses had, degrees.
+    steepest_deg: f64,
+    /// Indentation of one level of the 16-bit height image, m.
+    height_png_level_m: f64,
+    images: Vec<ImageFigures>,
 }
 
 /// How often a watched folder is looked at.
@@ -104,7 +121,7 @@ pub fn reconstruct(terminal: &Terminal, args: &ReconstructArgs) -> Outcome {
         loop {
             for file in arrivals.next(&args.folder, args.background.as_deref())? {
                 job.file(&file);
-                job.rows.drain(..).filter(|_| terminal.json).for_each(|row| println!("{row}"));
+                job.rows.drain(..).try_for_each(|row| terminal.print(&row, ""))?;
                 // A live folder may hold anything; the next image may be good.
                 job.failed.drain(..).for_each(|error| eprintln!("{error}"));
             }
@@ -113,15 +130,15 @@ pub fn reconstruct(terminal: &Terminal, args: &ReconstructArgs) -> Outcome {
     }
     files.iter().for_each(|file| job.file(file));
     let Job { rows, failed, .. } = job;
-    let result = json!({
-        "method": method,
-        "background": origin,
-        "accuracy": photometry.accuracy(method),
-        "steepest_deg": photometry.range().steepest_deg(),
-        "height_png_level_m": output::LEVEL,
-        "images": rows,
-    });
-    if rows_of(&result) == 0 {
+    let result = Reconstruction {
+        method,
+        background: origin,
+        accuracy: photometry.accuracy(method),
+        steepest_deg: photometry.range().steepest_deg().into(),
+        height_png_level_m: output::LEVEL.into(),
+        images: rows,
+    };
+    if result.images.is_empty() {
         bail!("{}", failed.join("\n"));
     }
     if let Some(out) = &args.out {
@@ -129,15 +146,9 @@ pub fn reconstruct(terminal: &Terminal, args: &ReconstructArgs) -> Outcome {
         write_whole(&path, serde_json::to_string_pretty(&result)?.as_bytes())
             .with_context(|| format!("--out {}", path.display()))?;
     }
-    if terminal.json {
-        println!("{result}");
-    }
-    let all = rows_of(&result) + failed.len();
+    terminal.print(&result, "")?;
+    let all = result.images.len() + failed.len();
     Ok((!failed.is_empty()).then(|| format!("{} of {all} images left out:\n{}", failed.len(), failed.join("\n"))))
-}
-
-fn rows_of(result: &Value) -> usize {
-    result["images"].as_array().map_or(0, Vec::len)
 }
 
 /// The untouched gel, and where its image comes from.
@@ -172,7 +183,7 @@ struct Job<'a> {
     reader: Reconstructor,
     background: Photo,
     /// Figures of the images, and what is wrong with those that are left out.
-    rows: Vec<Value>,
+    rows: Vec<ImageFigures>,
     failed: Vec<String>,
 }
 
@@ -231,9 +242,7 @@ impl Job<'_> {
                 println!("  {note}");
             }
         }
-        let mut row = output::summary(name, surface.as_ref());
-        row["wall_ms"] = wall.into();
-        self.rows.push(row);
+        self.rows.push(ImageFigures::new(name, surface.as_ref(), wall));
         Ok(())
     }
 }

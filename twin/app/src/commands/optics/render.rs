@@ -7,9 +7,10 @@ use clap::Args;
 use hand_model::Hand;
 use optics::Cover;
 use optics::calibration::CalibratedSensor;
-use sensor_calibration::render::{MeshPose, PadView, SensorSource, real_sensor};
-use sensor_calibration::shape_sheet::shape_sheet;
-use serde_json::json;
+use schemars::JsonSchema;
+use sensor_calibration::render::{CameraRender, MeshPose, PadView, SensorSource, real_sensor};
+use sensor_calibration::shape_sheet::{PressedShape, shape_sheet};
+use serde::Serialize;
 use world::geometry::Mesh;
 
 use super::sensor_option::SensorOption;
@@ -79,6 +80,24 @@ pub struct ShapesArgs {
     pub out: PathBuf,
 }
 
+/// Printed of a pad.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct PadRender<'a> {
+    pad: &'a str,
+    /// Normal force, N.
+    force: f64,
+    /// How far the object was pressed in, mm.
+    shift_mm: f64,
+    /// One entry a camera of the pad.
+    cameras: Vec<CameraRender>,
+}
+
+/// Printed of the twenty shapes.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Shapes {
+    shapes: Vec<PressedShape>,
+}
+
 /// Refuses a picture that is no PNG, before any work is done.
 fn expect_png(out: &Path) -> Result<()> {
     let is_png = out.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("png"));
@@ -113,15 +132,12 @@ pub fn render(terminal: &Terminal, args: &RenderArgs) -> Outcome {
     let view = PadView::new(&hand, pad, cover.context("--cover-radius-mm")?, &source, terminal.seed)?;
     let pressed = view.press(&mesh, &pose, args.force)?;
     let rows = view.write(&pressed, terminal.seed, &args.out)?;
-    if terminal.json {
-        println!(
-            "{}",
-            json!({"pad": args.pad, "force": pressed.force, "shift_mm": 1e3 * pressed.shift, "cameras": rows})
-        );
-    } else if !terminal.quiet {
-        let time: f64 = rows.iter().filter_map(|row| row["render_ms"].as_f64()).sum();
+    if !terminal.json && !terminal.quiet {
+        let time: f64 = rows.iter().map(|row| row.render_ms).sum();
         eprintln!("{} N on {}: {} camera(s) rendered in {time:.1} ms", pressed.force, args.pad, rows.len());
     }
+    let rendered = PadRender { pad: &args.pad, force: pressed.force, shift_mm: 1e3 * pressed.shift, cameras: rows };
+    terminal.print(&rendered, "")?;
     let short = (pressed.force - args.force).abs() > 0.01 * args.force;
     Ok(short.then(|| format!("the gel is pressed flat: it bears {:.2} N of {} N", pressed.force, args.force)))
 }
@@ -138,17 +154,12 @@ fn render_real(terminal: &Terminal, args: &RenderArgs, path: &Path, pressed: (&M
     let thickness = args.gel_mm.map(|mm| positive("--gel-mm", mm)).transpose()?;
     let sensor = CalibratedSensor::read(path)?;
     let found = real_sensor::render(&sensor, pressed, depth, thickness, &args.out)?;
-    if terminal.json {
-        println!("{found}");
-    } else if !terminal.quiet {
-        eprintln!(
-            "{} mm deep, rendered in {:.1} ms",
-            found["depth_mm"],
-            found["render_ms"].as_f64().unwrap_or(f64::NAN)
-        );
+    if !terminal.json && !terminal.quiet {
+        eprintln!("{} mm deep, rendered in {:.1} ms", found.depth_mm, found.render_ms);
     }
-    let bottomed = found["bottomed_out"].as_bool().unwrap_or(false);
-    Ok(bottomed.then(|| format!("the gel is pressed flat: it gives {} of {} mm", found["depth_mm"], 1e3 * depth)))
+    terminal.print(&found, "")?;
+    let short = || format!("the gel is pressed flat: it gives {} of {} mm", found.depth_mm, 1e3 * depth);
+    Ok(found.bottomed_out.then(short))
 }
 
 /// Renders the twenty shapes onto one sheet.
@@ -158,9 +169,7 @@ pub fn shapes(terminal: &Terminal, args: &ShapesArgs) -> Outcome {
     let pad = find_pad(&hand, &args.pad)?;
     let (sheet, list) = shape_sheet(&hand, pad, args.force, args.unit, terminal.seed)?;
     sheet.save(&args.out).with_context(|| format!("--out {}", args.out.display()))?;
-    if terminal.json {
-        println!("{}", json!({ "shapes": list }));
-    }
+    terminal.print(&Shapes { shapes: list }, "")?;
     Ok(None)
 }
 

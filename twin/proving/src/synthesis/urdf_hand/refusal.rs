@@ -2,6 +2,7 @@
 
 use grasping::synthesis::energy::Plane;
 use nalgebra::{Isometry3, Point3};
+use schemars::JsonSchema;
 use serde::Serialize;
 use sim::hand_scene::Touch;
 
@@ -29,10 +30,13 @@ pub enum Refusal {
 }
 
 /// Refused grasps by reason.
-#[derive(Debug, Clone, Default, Serialize)]
+#[derive(Debug, Clone, Default, Serialize, JsonSchema)]
 pub struct Refused {
+    /// They bear on fixed parts that are no palm.
     pub leans_on_fixed_part: u64,
+    /// A contact is off its link's surface.
     pub contact_off_surface: u64,
+    /// The open hand does not get there.
     pub unreachable: u64,
 }
 
