@@ -193,7 +193,7 @@ impl CommandLine for Cli {
             Command::Twin(command) => twin::run(terminal, command),
             Command::Completions { shell } => shell::completions(*shell),
             Command::Man { out } => shell::manual(out),
-            Command::Schema { command } => schema::run(terminal, command),
+            Command::Schema { command } => schema::run(terminal, command, arguments),
         }
     }
 }

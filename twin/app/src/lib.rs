@@ -27,6 +27,8 @@ mod log_file;
 pub mod options;
 pub mod terminal;
 
+pub use commands::schema;
+
 use std::ffi::OsString;
 
 /// Runs the command line `arguments` of `ftac`, of which the first is the program's name, and returns the exit code. A command of `ftac-lab`

@@ -35,8 +35,8 @@ pub fn stdout_fault() -> Option<io::Error> {
 
 /// A result as `--json` prints it and as people read it, and in which respect it falls short.
 #[derive(Debug)]
-pub struct Made {
-    pub json: serde_json::Value,
+pub struct Made<T> {
+    pub json: T,
     /// Ends its own lines.
     pub text: String,
     pub shortfall: Option<String>,
@@ -66,7 +66,7 @@ impl Terminal {
     }
 
     /// Prints what was made.
-    pub fn finish(&self, made: Made) -> Outcome {
+    pub fn finish(&self, made: Made<impl serde::Serialize>) -> Outcome {
         self.print(&made.json, &made.text)?;
         Ok(made.shortfall)
     }

@@ -1,14 +1,16 @@
 //! Any hand closes on a ball: what each link feels, in which directions of gravity the ball stays, and a picture.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
-use hand_model::kinematics::JointKind;
+use hand_model::kinematics::{Joint, JointKind};
 use hand_model::urdf_hand::UrdfHand;
 use nalgebra::{Isometry3, Point3, Vector3};
 use report::picture::{PROPS, Picture, View, save, tile};
-use serde_json::{Map, Value, json};
+use schemars::JsonSchema;
+use serde::Serialize;
 use sim::collision_model::CollisionModel;
 use sim::hand_scene::{HandScene, Pull};
 use sim::stand::Prop;
@@ -29,6 +31,36 @@ const STEEL: [f64; 3] = [176.0, 182.0, 192.0];
 
 /// Links that must touch for a grip.
 const GRIP: usize = 2;
+
+/// A joint of a closed hand.
+#[derive(Debug, Serialize, JsonSchema)]
+struct ClosedJoint {
+    joint: String,
+    /// Of a joint that turns, rad.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    angle_rad: Option<f64>,
+    /// Of a joint that slides, m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    position_m: Option<f64>,
+    /// N.
+    force_n: f64,
+}
+
+/// Angle and force of each joint, and how far the ball moves.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Figures<'a> {
+    /// Name of the hand.
+    hand: &'a str,
+    joints: Vec<ClosedJoint>,
+    /// Links in contact.
+    touching: usize,
+    /// Of the six, in how many it is held.
+    held_directions: usize,
+    /// How far the object moves under a pull along each axis, mm.
+    moved_mm: BTreeMap<&'static str, f64>,
+    /// What was found of the hand; warnings begin with WARNING.
+    notes: &'a [String],
+}
 
 /// A hand that has closed on a ball.
 pub struct BallGrip {
@@ -83,25 +115,23 @@ impl BallGrip {
         (touching < GRIP).then(|| format!("{touching} links touch the ball; a grip needs two"))
     }
 
-    /// Angle and force of each joint, and how far the ball moves.
-    pub fn to_json(&self) -> Value {
+    pub fn figures(&self) -> Figures<'_> {
         let hand = &self.hand;
-        let joints: Vec<_> = hand
-            .tree
-            .joints
-            .iter()
-            .zip(self.closed.angles().iter().zip(&self.forces))
-            .map(|(joint, (at, force))| match joint.kind {
-                JointKind::Turn => json!({ "joint": joint.name, "angle_rad": at, "force_n": force }),
-                JointKind::Slide => json!({ "joint": joint.name, "position_m": at, "force_n": force }),
-            })
-            .collect();
-        let gravity: Map<String, Value> =
-            self.moved.iter().map(|(name, moved)| ((*name).to_owned(), json!(moved * 1e3))).collect();
-        json!({
-            "hand": hand.name, "joints": joints, "touching": self.touching(), "held_directions": self.held().len(),
-            "moved_mm": gravity, "notes": hand.notes,
-        })
+        let joints = hand.tree.joints.iter().zip(self.closed.angles().iter().zip(&self.forces));
+        let joint = |(joint, (at, force)): (&Joint, (&f64, &f64))| ClosedJoint {
+            joint: joint.name.clone(),
+            angle_rad: matches!(joint.kind, JointKind::Turn).then_some(*at),
+            position_m: matches!(joint.kind, JointKind::Slide).then_some(*at),
+            force_n: *force,
+        };
+        Figures {
+            hand: &hand.name,
+            joints: joints.map(joint).collect(),
+            touching: self.touching(),
+            held_directions: self.held().len(),
+            moved_mm: self.moved.iter().map(|(name, moved)| (*name, moved * 1e3)).collect(),
+            notes: &hand.notes,
+        }
     }
 
     /// The same as text.

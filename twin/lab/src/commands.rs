@@ -6,5 +6,6 @@ pub mod hand;
 mod lab_book;
 pub mod report;
 mod rows;
+pub mod schema;
 pub mod study;
 pub mod touch;

@@ -22,7 +22,7 @@ use ftac::lab::arguments::touch::TouchLabCommand;
 use ftac::lab::identity;
 use ftac::terminal::{Outcome, Terminal};
 
-use self::commands::{arm, grasps, hand, report, study, touch};
+use self::commands::{arm, grasps, hand, report, schema, study, touch};
 
 /// Validation of the F-TAC twin, analysis of grasps, training: commands that `ftac` hands over.
 #[derive(Debug, Parser)]
@@ -52,6 +52,11 @@ enum Command {
     /// Touch: the network of photometric stereo, and accuracy.
     #[command(subcommand)]
     Touch(TouchLabCommand),
+    /// Print what a command prints with `--json`, as JSON Schema.
+    Schema {
+        /// The command, such as `touch eval`; without one, all.
+        command: Vec<String>,
+    },
 }
 
 impl CommandLine for Cli {
@@ -76,6 +81,7 @@ impl CommandLine for Cli {
             Command::Arm(command) => arm::run(terminal, command),
             Command::Grasps(command) => grasps::run(terminal, command),
             Command::Touch(command) => touch::run(terminal, command),
+            Command::Schema { command } => schema::run(terminal, command),
         }
     }
 }

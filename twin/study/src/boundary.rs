@@ -10,6 +10,7 @@ use linfa_svm::Svm;
 use ndarray::{Array1, Array2};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// Stopping tolerance of the solver.
@@ -84,7 +85,7 @@ impl Boundary {
 }
 
 /// Accuracy on held-out objects with a 95 % interval, and the figures to compare it with.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct HeldOut {
     /// Share of correct answers on objects that were left out of the fit.
     pub accuracy: f64,

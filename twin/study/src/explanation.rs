@@ -2,20 +2,48 @@
 
 use std::fmt::Write as _;
 
-use serde_json::{Value, json};
+use schemars::JsonSchema;
+use serde::Serialize;
 
 use crate::classification::{Classification, ClassifiedGrasp};
+use crate::rules::Checked;
 
-/// The reasons as JSON.
-pub fn json(classification: &Classification, grasp: &ClassifiedGrasp) -> Value {
-    let (types, decision) = (&classification.taxonomy.types, &grasp.decision);
-    let conditions = |kind: usize| classification.rules.explain(kind, &grasp.attributes);
-    json!({
-        "id": grasp.id, "type": types[decision.kind].name, "margin": decision.margin,
-        "ambiguous": decision.ambiguous, "conditions": conditions(decision.kind),
-        "second": types[decision.second.0].name, "second_margin": decision.second.1,
-        "second_conditions": conditions(decision.second.0),
-    })
+/// The reasons for the type of a grasp.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Explanation<'a> {
+    /// The grasp's.
+    id: &'a str,
+    /// Grasp type of the paper.
+    #[serde(rename = "type")]
+    kind: &'a str,
+    /// By which all of its conditions are met; negative where not.
+    margin: f64,
+    /// Whether the type is not clear.
+    ambiguous: bool,
+    /// One entry a condition of the type.
+    conditions: Vec<Checked>,
+    /// Second best type.
+    second: &'a str,
+    second_margin: f64,
+    /// One entry a condition of the second best type.
+    second_conditions: Vec<Checked>,
+}
+
+impl<'a> Explanation<'a> {
+    pub fn of(classification: &'a Classification, grasp: &'a ClassifiedGrasp) -> Self {
+        let (types, decision) = (&classification.taxonomy.types, &grasp.decision);
+        let conditions = |kind: usize| classification.rules.explain(kind, &grasp.attributes);
+        Self {
+            id: &grasp.id,
+            kind: &types[decision.kind].name,
+            margin: decision.margin,
+            ambiguous: decision.ambiguous,
+            conditions: conditions(decision.kind),
+            second: &types[decision.second.0].name,
+            second_margin: decision.second.1,
+            second_conditions: conditions(decision.second.0),
+        }
+    }
 }
 
 /// The reasons in words, a line a condition.

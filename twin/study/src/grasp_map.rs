@@ -10,8 +10,8 @@ use hand_model::Hand;
 use indicatif::{ProgressBar, ProgressStyle};
 use nalgebra::Point3;
 use rayon::prelude::*;
+use schemars::JsonSchema;
 use serde::Serialize;
-use serde_json::{Value, json};
 
 use crate::boundary::{Boundary, BoundaryError, HeldOut, held_out};
 use crate::classification::Classification;
@@ -34,6 +34,38 @@ pub enum MapError {
     Boundary(#[from] BoundaryError),
 }
 
+/// The boundaries of one map.
+#[derive(Debug, Serialize, JsonSchema)]
+struct SeedFigures {
+    /// Seed of the map.
+    seed: u64,
+    /// On the map.
+    map: FittedBoundary,
+    /// In the space of the principal components.
+    components: FittedBoundary,
+}
+
+/// The figures of all maps, as `map.json` has them.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Figures {
+    grasps: usize,
+    /// Grasps on a map.
+    sampled: usize,
+    /// Points of a contact map.
+    points: usize,
+    /// Share of the variance that each principal component explains.
+    explained: Vec<f64>,
+    /// Power grasps.
+    power: usize,
+    /// Precision grasps.
+    precision: usize,
+    /// Intermediate grasps.
+    intermediate: usize,
+    /// Least and largest accuracy on the training set of a map.
+    training_over_seeds: [f64; 2],
+    seeds: Vec<SeedFigures>,
+}
+
 /// What is drawn.
 #[derive(Debug, Clone, Copy)]
 pub struct MapSettings {
@@ -46,7 +78,7 @@ pub struct MapSettings {
 }
 
 /// A boundary in one space.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Clone, Serialize, JsonSchema)]
 pub struct FittedBoundary {
     /// Accuracy on the points it was fitted to.
     pub training: f64,
@@ -137,22 +169,23 @@ impl GraspMaps {
             .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)))
     }
 
-    /// The figures as `map.json` has them; the seeds count up from `seed`.
-    pub fn json(&self, classification: &Classification, seed: u64) -> Value {
-        let figures: Vec<_> = self
-            .maps
-            .iter()
-            .enumerate()
-            .map(|(n, map)| json!({ "seed": seed + n as u64, "map": map.plane, "components": map.components }))
-            .collect();
+    /// The figures; the seeds count up from `seed`.
+    pub fn figures(&self, classification: &Classification, seed: u64) -> Figures {
+        let seeds = (seed..).zip(&self.maps);
         let (low, high) = self.training();
-        let count = |category| classification.count(category);
-        json!({
-            "grasps": classification.grasps.len(), "sampled": self.maps.first().map_or(0, |map| map.sampled.len()),
-            "points": POINTS, "explained": self.explained, "power": count(Category::Power),
-            "precision": count(Category::Precision), "intermediate": count(Category::Intermediate),
-            "training_over_seeds": [low, high], "seeds": figures,
-        })
+        Figures {
+            grasps: classification.grasps.len(),
+            sampled: self.maps.first().map_or(0, |map| map.sampled.len()),
+            points: POINTS,
+            explained: self.explained.clone(),
+            power: classification.count(Category::Power),
+            precision: classification.count(Category::Precision),
+            intermediate: classification.count(Category::Intermediate),
+            training_over_seeds: [low, high],
+            seeds: seeds
+                .map(|(seed, map)| SeedFigures { seed, map: map.plane.clone(), components: map.components.clone() })
+                .collect(),
+        }
     }
 
     /// The figures in words; `grasps` is the number of all grasps.

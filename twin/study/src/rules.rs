@@ -9,6 +9,7 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::attributes::{ATTRIBUTES, Attributes};
@@ -87,7 +88,7 @@ struct Resolved {
 }
 
 /// Result of one condition.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Checked {
     pub attribute: String,
     pub meaning: &'static str,
@@ -236,7 +237,7 @@ impl Rules {
 }
 
 /// Number of grasps of each object and type, and of ambiguous ones.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Distribution {
     /// Objects in order of first appearance.
     pub objects: Vec<String>,

@@ -2,10 +2,11 @@
 
 use hand_model::Hand;
 use hand_model::pads::IMAGE_SIZE;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// One of the six sensor configurations.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Configuration {
     /// `a` to `f`.
     pub letter: char,
@@ -20,7 +21,7 @@ pub struct Configuration {
 }
 
 /// The whole hand as a tactile array.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Array {
     pub configurations: Vec<Configuration>,
     /// Number of pads.

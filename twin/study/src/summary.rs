@@ -2,12 +2,81 @@
 
 use std::fmt::Write as _;
 
-use serde_json::{Value, json};
+use schemars::JsonSchema;
+use serde::Serialize;
 
-use crate::classification::Classification;
+use crate::classification::{Classification, ClassifiedGrasp};
 use crate::raters::RaterPair;
 use crate::rules::Distribution;
-use crate::taxonomy::Category;
+use crate::taxonomy::{Category, GraspType};
+
+/// A type and its grasps.
+#[derive(Debug, Serialize, JsonSchema)]
+struct TypeRow {
+    /// Its name.
+    name: String,
+    category: Category,
+    /// Grasps for which it is the best type.
+    grasps: usize,
+    /// Those that meet all of its conditions.
+    fit: usize,
+    /// Those for which the decision is not ambiguous.
+    clear: usize,
+}
+
+/// The type of a grasp.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct TypeDecision {
+    /// The grasp's.
+    id: String,
+    /// Grasp type of the paper.
+    #[serde(rename = "type")]
+    kind: String,
+    category: Category,
+    /// By which all of its conditions are met; negative where not.
+    margin: f64,
+    /// Whether the type is not clear.
+    ambiguous: bool,
+    /// Second best type.
+    second: String,
+    second_margin: f64,
+}
+
+/// Grasps of the three broad types.
+#[derive(Debug, Serialize, JsonSchema)]
+struct CategoryCounts {
+    /// Power grasps.
+    power: usize,
+    /// Intermediate grasps.
+    intermediate: usize,
+    /// Precision grasps.
+    precision: usize,
+}
+
+/// The figures of a classification, as `classes.json` has them.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Figures {
+    grasps: usize,
+    objects: usize,
+    /// Types of which there is a grasp.
+    types_present: usize,
+    /// Types of which a grasp meets all conditions.
+    types_fitted: usize,
+    /// Types of which a grasp is not ambiguous.
+    types_clear: usize,
+    /// Grasps whose type is not clear.
+    ambiguous: usize,
+    /// Grasps that meet no type's conditions.
+    fit_no_type: usize,
+    categories: CategoryCounts,
+    /// Grasp types of the paper.
+    types: Vec<TypeRow>,
+    by_object: Distribution,
+    /// Agreement with people's labels.
+    agreement: Vec<RaterPair>,
+    /// A grasp each.
+    pub decisions: Vec<TypeDecision>,
+}
 
 /// Grasps of one type.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -69,39 +138,40 @@ impl Summary {
         self.types_with(|kind| kind.grasps)
     }
 
-    /// The summary, every decision and the raters' agreement, as `classes.json` has them.
-    pub fn json(&self, classification: &Classification, agreement: &[RaterPair]) -> Value {
+    /// The summary, every decision and the raters' agreement.
+    pub fn figures(&self, classification: &Classification, agreement: Vec<RaterPair>) -> Figures {
         let kinds = &classification.taxonomy.types;
-        let types: Vec<_> = kinds
-            .iter()
-            .zip(&self.types)
-            .map(|(kind, count)| {
-                json!({
-                    "name": kind.name, "category": kind.category, "grasps": count.grasps, "fit": count.fit,
-                    "clear": count.clear,
-                })
-            })
-            .collect();
-        let decisions: Vec<_> = classification
-            .grasps
-            .iter()
-            .map(|grasp| {
-                let decision = &grasp.decision;
-                json!({
-                    "id": grasp.id, "type": classification.type_name(grasp), "category": classification.category(grasp),
-                    "margin": rounded(decision.margin), "ambiguous": decision.ambiguous,
-                    "second": kinds[decision.second.0].name, "second_margin": rounded(decision.second.1),
-                })
-            })
-            .collect();
+        let row = |(kind, count): (&GraspType, &TypeCount)| TypeRow {
+            name: kind.name.clone(),
+            category: kind.category,
+            grasps: count.grasps,
+            fit: count.fit,
+            clear: count.clear,
+        };
+        let decision = |grasp: &ClassifiedGrasp| TypeDecision {
+            id: grasp.id.clone(),
+            kind: classification.type_name(grasp).to_owned(),
+            category: classification.category(grasp),
+            margin: rounded(grasp.decision.margin),
+            ambiguous: grasp.decision.ambiguous,
+            second: kinds[grasp.decision.second.0].name.clone(),
+            second_margin: rounded(grasp.decision.second.1),
+        };
         let [power, intermediate, precision] = self.categories;
-        json!({
-            "grasps": self.grasps, "objects": self.distribution.objects.len(), "types_present": self.present(),
-            "types_fitted": self.types_with(|kind| kind.fit), "types_clear": self.types_with(|kind| kind.clear),
-            "ambiguous": self.ambiguous, "fit_no_type": self.unfit,
-            "categories": { "power": power, "intermediate": intermediate, "precision": precision },
-            "types": types, "by_object": self.distribution, "agreement": agreement, "decisions": decisions,
-        })
+        Figures {
+            grasps: self.grasps,
+            objects: self.distribution.objects.len(),
+            types_present: self.present(),
+            types_fitted: self.types_with(|kind| kind.fit),
+            types_clear: self.types_with(|kind| kind.clear),
+            ambiguous: self.ambiguous,
+            fit_no_type: self.unfit,
+            categories: CategoryCounts { power, intermediate, precision },
+            types: kinds.iter().zip(&self.types).map(row).collect(),
+            by_object: self.distribution.clone(),
+            agreement,
+            decisions: classification.grasps.iter().map(decision).collect(),
+        }
     }
 
     /// The counts as a table, a line a type.

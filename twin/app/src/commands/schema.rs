@@ -1,7 +1,11 @@
 //! `ftac schema`: what `--json` prints, as JSON Schema.
 
+use std::collections::BTreeSet;
+use std::ffi::OsString;
+
+use ::sweep::page::Results;
 use anyhow::{Context as _, bail};
-use serde_json::{Value, json};
+use clap::Command;
 
 use fault_injection::table::FaultTable;
 use proving::synthesis::evaluation::Evaluation;
@@ -9,17 +13,17 @@ use proving::synthesis::search::Report;
 use scenarios::summary::Summary;
 use sensor_calibration::reconstruction::output::ImageFigures;
 use sensor_calibration::render::real_sensor::SensorRender;
+use serde_json::json;
 
 use super::bridge;
 use super::{combos, demo, export, grasps, hand, optics, replay, sweep, touch, transport, trial, twin};
+use crate::cli::described;
 use crate::json_schema::{self, Output, of};
+use crate::lab::hand_over::hand_over;
 use crate::terminal::{Outcome, Terminal};
 
-/// Schemas of commands whose outputs are not of one type.
-const KEPT: &str = include_str!("../../data/json-output.json");
-
-/// What the commands of this program print.
-const OUTPUTS: &[Output] = &[
+/// What the commands of this program print, but for those that [hand over](hand_over).
+pub const OUTPUTS: &[Output] = &[
     ("bench", of::<Summary>),
     ("bridge calibrate", of::<bridge::calibrate::Calibrated>),
     ("bridge clear-faults", of::<bridge::clear_faults::Cleared>),
@@ -63,6 +67,8 @@ const OUTPUTS: &[Output] = &[
     ("replay", of::<replay::Replayed>),
     ("replay", of::<replay::Folder>),
     ("replay", of::<replay::Compared>),
+    (SHARED, of::<Summary>),
+    (SHARED, of::<Results>),
     ("sweep makespan", of::<sweep::Replayed>),
     ("sweep merge", of::<sweep::Joined>),
     ("sweep plan", of::<sweep::Planned>),
@@ -78,66 +84,57 @@ const OUTPUTS: &[Output] = &[
     ("twin identify", of::<twin::identify::Identified>),
 ];
 
-/// The schemas of all commands, and of what every command prints when it fails.
-pub fn schemas() -> anyhow::Result<Value> {
-    let mut all: Value = serde_json::from_str(KEPT).context("data/json-output.json")?;
-    let derived = json_schema::all(OUTPUTS.iter().copied());
-    for (name, schema) in derived["commands"].as_object().into_iter().flatten() {
-        all["commands"][name] = schema.clone();
-    }
-    all["error"] = derived["error"].clone();
-    Ok(all)
+/// Commands that print no result of their own.
+const WITHOUT: [&str; 4] = ["completions", "man", "schema", "view"];
+/// Makes pages of both programs.
+const SHARED: &str = "report";
+
+/// The commands that print a result.
+pub fn commands() -> BTreeSet<String> {
+    let mut all = BTreeSet::new();
+    add_leaves(&described(), "", &mut all);
+    all.retain(|name| !WITHOUT.contains(&name.as_str()));
+    all
 }
 
-/// Prints the schema of a command's output, or those of all commands.
-pub fn run(terminal: &Terminal, command: &[String]) -> Outcome {
-    let all = schemas()?;
-    let found = if command.is_empty() { all } else { of_command(&all, &command.join(" "))? };
+fn add_leaves(command: &Command, path: &str, into: &mut BTreeSet<String>) {
+    let own: Vec<&Command> = command.get_subcommands().filter(|own| own.get_name() != "help").collect();
+    if own.is_empty() {
+        into.insert(path.to_owned());
+    }
+    for child in own {
+        add_leaves(child, format!("{path} {}", child.get_name()).trim(), into);
+    }
+}
+
+/// Prints the schema of a command's output. Those of `ftac-lab`, and with them the schemas of all commands, that program prints, with the process's
+/// `arguments`.
+pub fn run(terminal: &Terminal, command: &[String], arguments: &[OsString]) -> Outcome {
+    let name = command.join(" ");
+    if name != SHARED && OUTPUTS.iter().any(|(command, _)| *command == name) {
+        return print(terminal, command, &[OUTPUTS]);
+    }
+    let known = commands();
+    if !name.is_empty() && !known.contains(&name) {
+        let known: Vec<String> = known.into_iter().collect();
+        bail!("COMMAND: found `{name}`, expected one of {}", known.join(", "));
+    }
+    Err(hand_over(arguments))
+}
+
+/// Prints the schema of one command, or of all in `outputs`.
+pub fn print(terminal: &Terminal, command: &[String], outputs: &[&[Output]]) -> Outcome {
+    let all = json_schema::all(outputs.concat());
+    let found = match command {
+        [] => all,
+        words => {
+            let name = words.join(" ");
+            let schema = all["commands"]
+                .get(&name)
+                .with_context(|| format!("COMMAND: found `{name}`, expected one with a schema"))?;
+            json!({ "$schema": all["$schema"], "title": format!("ftac {name} --json"), "anyOf": [schema, all["error"]] })
+        }
+    };
     terminal.print(&found, &(serde_json::to_string_pretty(&found)? + "\n"))?;
     Ok(None)
-}
-
-/// A schema on its own: what the command prints when it is done, or when it fails.
-fn of_command(all: &Value, name: &str) -> anyhow::Result<Value> {
-    let commands = all["commands"].as_object().context("data/json-output.json: commands")?;
-    let Some(schema) = commands.get(name) else {
-        let known: Vec<&str> = commands.keys().map(String::as_str).collect();
-        bail!("COMMAND: found `{name}`, expected one of {}", known.join(", "));
-    };
-    Ok(json!({ "$schema": all["$schema"], "title": format!("ftac {name} --json"), "anyOf": [schema, all["error"]] }))
-}
-
-#[cfg(test)]
-mod tests {
-    use std::collections::BTreeSet;
-
-    use clap::Command;
-
-    use super::*;
-    use crate::cli::described;
-
-    /// Commands that print no result of their own.
-    const WITHOUT: [&str; 5] = ["completions", "help", "man", "schema", "view"];
-
-    fn leaves(command: &Command, path: &str, into: &mut BTreeSet<String>) {
-        let own: Vec<&Command> = command.get_subcommands().filter(|own| own.get_name() != "help").collect();
-        if own.is_empty() {
-            into.insert(path.to_owned());
-        }
-        for child in own {
-            let path = format!("{path} {}", child.get_name());
-            leaves(child, path.trim(), into);
-        }
-    }
-
-    #[test]
-    fn every_command_has_a_schema() {
-        let mut expected = BTreeSet::new();
-        leaves(&described(), "", &mut expected);
-        expected.retain(|name| !WITHOUT.contains(&name.as_str()));
-        let all = schemas().expect("JSON");
-        let found: BTreeSet<String> = all["commands"].as_object().expect("commands").keys().cloned().collect();
-        assert_eq!(found, expected);
-        assert!(of_command(&all, "dance").is_err_and(|error| error.to_string().contains("expected one of arm check")));
-    }
 }

@@ -3,7 +3,8 @@
 use clap::Command;
 
 use crate::cli::described;
-use crate::commands::schema::schemas;
+use crate::commands::schema::OUTPUTS;
+use crate::json_schema;
 
 /// The option by which a program prints its identity.
 pub const FLAG: &str = "--identity";
@@ -11,11 +12,11 @@ pub const FLAG: &str = "--identity";
 /// Digits of the digest.
 const DIGITS: usize = 16;
 
-/// Version of the package, and a digest of the help of every command and of the schemas of what they print.
+/// Version of the package, and a digest of the help of every command and of the schemas of what `ftac` prints.
 pub fn identity() -> String {
     let mut command = described();
     command.build();
-    let mut text = schemas().map(|schemas| schemas.to_string()).unwrap_or_default();
+    let mut text = json_schema::all(OUTPUTS.iter().copied()).to_string();
     add_help(&mut command, &mut text);
     format!("{} {}", env!("CARGO_PKG_VERSION"), &platform::digest::sha256(text.as_bytes())[..DIGITS])
 }

@@ -1,7 +1,7 @@
 //! `ftac hand`: checks of the body, closing of any hand, scenes for a second engine.
 
 mod close;
-mod inspect;
+pub mod inspect;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -11,8 +11,42 @@ use ftac::options::own_hand;
 use ftac::terminal::{Outcome, Terminal};
 use hand_model::Hand;
 use lab::hand_check as check;
+use lab::hand_check::engine::Sweep;
+use lab::hand_check::feix::GraspTypeResult;
+use lab::hand_check::feix::seeds::TypeOverSeeds;
+use schemars::JsonSchema;
+use serde::Serialize;
 
 use super::rows::show_rows;
+
+/// Printed by `hand export`.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Exported<'a> {
+    /// Folder with the files.
+    folder: &'a Path,
+}
+
+/// Printed by `hand check --engine`.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Engine {
+    /// A row a setting of the engine.
+    sweep: Vec<Sweep>,
+}
+
+/// Printed by `hand check --grasps`.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct GraspTypes<'a> {
+    /// Seed of everything random.
+    seed: u64,
+    /// Seeds that were tried.
+    seeds: u64,
+    /// Attempts at a type at most.
+    tries: usize,
+    /// Each type with the first seed.
+    types: &'a [GraspTypeResult],
+    /// Each type over the seeds.
+    over_seeds: &'a [TypeOverSeeds],
+}
 
 /// Runs a command.
 pub fn run(terminal: &Terminal, command: &HandLabCommand) -> Outcome {
@@ -28,7 +62,7 @@ pub fn run(terminal: &Terminal, command: &HandLabCommand) -> Outcome {
                 "{0}: scenes.json and its MJCF files; `python3 tests/mujoco/compare.py {0}` runs them\n",
                 mjcf.display()
             );
-            terminal.print(&serde_json::json!({ "folder": mjcf }), &text)?;
+            terminal.print(&Exported { folder: mjcf }, &text)?;
             Ok(None)
         }
     }
@@ -42,12 +76,9 @@ fn hand_check(terminal: &Terminal, args: &CheckArgs) -> Outcome {
     }
     let hand = args.robot.model()?.hand;
     if args.engine {
-        let found = check::engine::sweep(&hand)?;
-        if terminal.json {
-            println!("{}", serde_json::json!({ "sweep": found }));
-        } else {
-            print!("{}", check::engine::table(&found));
-        }
+        let sweep = check::engine::sweep(&hand)?;
+        let text = check::engine::table(&sweep);
+        terminal.print(&Engine { sweep }, &text)?;
         return Ok(None);
     }
     if args.grasps {
@@ -97,21 +128,22 @@ fn hand_grasps(terminal: &Terminal, args: &CheckArgs, hand: &Arc<Hand>) -> Outco
     let done = || bar.inc(1);
     let (over_seeds, results) = check::feix::seeds::over_seeds(hand, seeds, args.tries as usize, &numbers, done);
     bar.finish_and_clear();
-    let text = serde_json::json!({
-        "seed": terminal.seed, "seeds": args.seeds, "tries": args.tries, "types": results, "over_seeds": over_seeds,
-    });
+    let found = GraspTypes {
+        seed: terminal.seed,
+        seeds: args.seeds.into(),
+        tries: args.tries as usize,
+        types: &results,
+        over_seeds: &over_seeds,
+    };
     if let Some(folder) = &args.out {
         check::feix::draw(hand, &results, folder)?;
-        platform::data::write_whole(&folder.join("grasps.json"), serde_json::to_string_pretty(&text)?.as_bytes())?;
+        platform::data::write_whole(&folder.join("grasps.json"), serde_json::to_string_pretty(&found)?.as_bytes())?;
     }
-    if terminal.json {
-        println!("{text}");
-    } else {
-        print!("{}", check::feix::table(&results));
-        if args.seeds > 1 {
-            print!("{}", check::feix::seeds::table(&over_seeds));
-        }
+    let mut text = check::feix::table(&results);
+    if args.seeds > 1 {
+        text += &check::feix::seeds::table(&over_seeds);
     }
+    terminal.print(&found, &text)?;
     let held = over_seeds.iter().filter(|kind| kind.held == kind.seeds).count();
     let seeds = if args.seeds > 1 { " with every seed" } else { "" };
     Ok((held < results.len()).then(|| format!("{held} of {} grasp types are held{seeds}", results.len())))

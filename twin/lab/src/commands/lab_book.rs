@@ -7,6 +7,8 @@ use ftac::terminal::{Outcome, Terminal};
 use lab::lab_book::command::Check;
 use lab::lab_book::{page, table};
 use platform::data::write_whole;
+use schemars::JsonSchema;
+use serde::Serialize;
 
 /// Whether `ftac` takes these arguments; the error says why not.
 pub type Parse = dyn Fn(&[&str]) -> Result<(), String>;
@@ -14,16 +16,21 @@ pub type Parse = dyn Fn(&[&str]) -> Result<(), String>;
 /// Where the page goes unless `--out` says otherwise.
 const PAGE: &str = "BENCHMARKS.md";
 
+/// Printed once the page is written.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct LabBook<'a> {
+    /// The page (Markdown).
+    page: &'a Path,
+    /// Figures on the page.
+    figures: usize,
+}
+
 /// Makes the page from `figures` in the folder of the workspace, which is the one ftac is started in.
 pub fn run(terminal: &Terminal, figures: &Path, out: Option<&Path>, parse: &Parse) -> Outcome {
     let (page, count) = checked_page(figures, Path::new("."), parse)?;
     let out = out.unwrap_or(Path::new(PAGE));
     write_whole(out, page.as_bytes())?;
-    if terminal.json {
-        println!("{}", serde_json::json!({"page": out, "figures": count}));
-    } else {
-        println!("{}: {count} figures", out.display());
-    }
+    terminal.print(&LabBook { page: out, figures: count }, &format!("{}: {count} figures\n", out.display()))?;
     Ok(None)
 }
 

@@ -4,17 +4,24 @@ use std::path::Path;
 
 use ftac::terminal::{Outcome, Terminal};
 use lab::hand_check as check;
+use schemars::JsonSchema;
+use serde::Serialize;
+
+/// The rows of a check.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Checked<'a> {
+    /// Seed of everything random.
+    seed: u64,
+    /// One entry a row of the table.
+    rows: &'a [check::Row],
+}
 
 /// Prints the rows of a check and keeps them in `folder`.
 pub fn show_rows(terminal: &Terminal, rows: &[check::Row], folder: Option<&Path>) -> Outcome {
-    let text = serde_json::json!({ "seed": terminal.seed, "rows": rows });
+    let checked = Checked { seed: terminal.seed, rows };
     if let Some(folder) = folder {
-        platform::data::write_whole(&folder.join("check.json"), serde_json::to_string_pretty(&text)?.as_bytes())?;
+        platform::data::write_whole(&folder.join("check.json"), serde_json::to_string_pretty(&checked)?.as_bytes())?;
     }
-    if terminal.json {
-        println!("{text}");
-    } else {
-        print!("{}", check::row::table(rows));
-    }
+    terminal.print(&checked, &check::row::table(rows))?;
     Ok(check::shortfall(rows))
 }

@@ -1,7 +1,7 @@
 //! `ftac touch`: the network of photometric stereo is trained, and touch is measured from images to poses.
 
 mod eval;
-mod train_network;
+pub mod train_network;
 
 use ftac::lab::arguments::touch::TouchLabCommand;
 use ftac::terminal::{Outcome, Terminal};

@@ -6,6 +6,7 @@ use std::time::Instant;
 use anyhow::Result;
 use hand_model::{DigitVector, Hand};
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
+use schemars::JsonSchema;
 use serde::Serialize;
 use sim::engine::EngineSettings;
 use sim::stand::{HandStand, Prop, tension_goals};
@@ -20,7 +21,7 @@ const ITERATIONS: [(usize, usize); 4] = [(1, 4), (1, 8), (2, 4), (4, 4)];
 const HOLD: f64 = 5.0;
 
 /// One setting's outcome in one scene.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Serialize, JsonSchema)]
 pub struct Sweep {
     pub scene: &'static str,
     /// Steps a second.

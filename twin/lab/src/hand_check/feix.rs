@@ -26,6 +26,7 @@ use hand_model::Hand;
 use nalgebra::{Isometry3, Point3};
 use rayon::prelude::*;
 use report::picture::{Picture, View, save, tile};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use self::attempt::Attempt;
@@ -38,7 +39,7 @@ const DOT: f64 = 2e-3;
 const CONTACT: [f64; 3] = [200.0, 30.0, 60.0];
 
 /// How a type came out.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Serialize, JsonSchema)]
 pub struct GraspTypeResult {
     /// 1 to 33.
     pub number: usize,

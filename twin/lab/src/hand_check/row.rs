@@ -1,9 +1,10 @@
 //! One line of the check: what, ours, the paper's, how, and whether it is good.
 
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// How a check came out.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
     /// Within the tolerance.
@@ -19,7 +20,7 @@ impl Verdict {
 }
 
 /// A row of the table.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Serialize, JsonSchema)]
 pub struct Row {
     /// What is compared.
     pub what: String,

@@ -3,6 +3,8 @@
 //! A row gives a reason only where it was measured or follows from how the figure is made; elsewhere it says that the difference
 //! was not investigated.
 
+use schemars::JsonSchema;
+use serde::Serialize;
 use serde_json::Value;
 use study::sensors::Array;
 
@@ -12,10 +14,12 @@ const OPEN: &str = "not investigated";
 const UNKNOWN: &str = "not given";
 
 /// A line of the comparison.
+#[derive(Debug, Serialize, JsonSchema)]
 pub struct Line {
     /// The figure's name.
     pub what: &'static str,
     /// In the paper.
+    #[serde(rename = "paper")]
     pub theirs: &'static str,
     /// Here.
     pub ours: String,

@@ -1,13 +1,14 @@
 //! How accurate touch is, from images to poses, and how long it takes: on simulated grasps, on unseen shapes, under changed
-//! optics, and on a real sensor. [`json`] and [`table`] show the result.
+//! optics, and on a real sensor. [`figures`] and [`table`] show the result.
 
-pub mod json;
+pub mod figures;
 pub mod table;
 
 use crate::touch::networks::{IN_USE, Method, Networks};
 use anyhow::Result;
 use bench::builtin::{HAND_UNIT, simulated_touch};
 use bench::trial::{Bench, HeldGrasp};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::images::{Change, Eyes};
@@ -28,8 +29,9 @@ pub struct TouchEvaluation {
 }
 
 /// Normals and poses under a change of the optics.
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 pub struct ChangedOptics {
+    /// What was changed of the optics.
     change: &'static str,
     /// On the unseen shapes, by method.
     normals: Vec<(Method, Measured)>,

@@ -9,6 +9,7 @@ use hand_model::pads::IMAGE_SIZE as N;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
+use schemars::JsonSchema;
 use sensor_calibration::pressed_shapes::{Place, UNSEEN, each, named, press_into};
 use sensor_calibration::real_presses::{CONFIGURATION, RealPresses};
 use serde::Serialize;
@@ -54,7 +55,7 @@ pub fn unseen(eyes: &[Eyes], seed: u64) -> Result<Vec<Sampled>> {
 }
 
 /// Error of normals and heights.
-#[derive(Debug, Clone, Copy, Serialize)]
+#[derive(Debug, Clone, Copy, Serialize, JsonSchema)]
 pub struct Measured {
     /// Mean angular error, degrees.
     pub mean_deg: f64,
@@ -103,7 +104,7 @@ fn at(slopes: Option<&Gradients>, i: usize) -> [f64; 2] {
 }
 
 /// A row of the table of the real sensor.
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 pub struct RealRow {
     /// How normals are found.
     pub method: Method,
@@ -115,7 +116,7 @@ pub struct RealRow {
 }
 
 /// Presses of a ball into a real sensor.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Serialize, JsonSchema)]
 pub struct RealSource {
     pub folder: PathBuf,
     /// Diameter of the ball, mm.

@@ -7,6 +7,7 @@ use anyhow::Result;
 use bench::trial::{Bench, HeldGrasp};
 use control::perception::{KnownObject, trusted};
 use nalgebra::{Isometry3, Matrix3, UnitQuaternion};
+use schemars::JsonSchema;
 use serde::Serialize;
 use statistics::percentile;
 use touch::{InHand, PoseEstimate, PoseOptions, TouchPipeline};
@@ -165,7 +166,7 @@ pub fn feel(
 }
 
 /// Median and 95th percentile of position (mm) and rotation (degrees).
-#[derive(Debug, Clone, Copy, Serialize)]
+#[derive(Debug, Clone, Copy, Serialize, JsonSchema)]
 pub struct Spread {
     pub grasps: usize,
     /// Position, mm.
@@ -175,7 +176,7 @@ pub struct Spread {
 }
 
 /// Where errors come from, as shares of the grasps.
-#[derive(Debug, Clone, Copy, Serialize)]
+#[derive(Debug, Clone, Copy, Serialize, JsonSchema)]
 pub struct Causes {
     /// Positions in the stated ellipsoid of 95 %.
     pub covered: f64,
@@ -206,7 +207,7 @@ pub fn causes(felt: &[FeltGrasp], pick: impl Fn(&FeltGrasp) -> bool) -> Causes {
 }
 
 /// A median and a 95th percentile.
-#[derive(Debug, Clone, Copy, Serialize)]
+#[derive(Debug, Clone, Copy, Serialize, JsonSchema)]
 #[allow(missing_docs)]
 pub struct MedianP95 {
     pub median: Option<f64>,
@@ -214,7 +215,7 @@ pub struct MedianP95 {
 }
 
 impl MedianP95 {
-    fn of(values: &[f64]) -> Self {
+    pub fn of(values: &[f64]) -> Self {
         Self { median: percentile(values, 50.0), p95: percentile(values, 95.0) }
     }
 }

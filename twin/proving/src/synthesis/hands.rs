@@ -10,8 +10,8 @@ use anyhow::{Context, Result, ensure};
 use grasping::synthesis::held::VerifiedGrasp as _;
 use indicatif::ProgressBar;
 use platform::file::write_whole;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use serde_json::{Value, json};
 use statistics::Rate;
 
 use super::cable_hand::CableHand;
@@ -166,21 +166,57 @@ pub fn total(cells: &[Cell], hand: &str) -> Rate {
     Rate::new(count, of)
 }
 
-/// The cells and each hand's total as `hands.json` has them.
-pub fn json(cells: &[Cell]) -> Value {
-    let rows: Vec<_> = cells
-        .iter()
-        .map(|cell| {
+/// A hand on an object.
+#[derive(Debug, Serialize, JsonSchema)]
+struct Row {
+    /// Name of the hand.
+    hand: String,
+    /// Name of the object.
+    object: String,
+    /// Chains that pass (a) the cone program, (b) penetration, (c) the holding test, and all three.
+    verified: u64,
+    /// Out of how many.
+    of: u64,
+    /// Lower end of the 95 % interval.
+    low: f64,
+    /// Upper end of the 95 % interval.
+    high: f64,
+    /// Chains that ended in a closed grasp.
+    closed: u64,
+    /// Chains that pass each check.
+    checks: Verified,
+    /// Verified grasps that hold when nothing pulls: few. Null of our own hand.
+    held_without_tension: Option<u64>,
+}
+
+/// The cells and each hand's total, as `hands.json` has them.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Comparison {
+    /// One entry a hand and object.
+    rows: Vec<Row>,
+    /// Rates by hand.
+    hands: BTreeMap<String, Rate>,
+}
+
+impl Comparison {
+    pub fn of(cells: &[Cell]) -> Self {
+        let row = |cell: &Cell| {
             let Rate { count, of, low, high, .. } = cell.rate();
-            json!({
-                "hand": cell.asked.hand, "object": cell.asked.object, "verified": count, "of": of, "low": low, "high": high,
-                "closed": cell.closed, "checks": cell.verified, "held_without_tension": cell.held_without_tension,
-            })
-        })
-        .collect();
-    let hands: BTreeMap<&str, Rate> =
-        cells.iter().map(|cell| (cell.asked.hand.as_str(), total(cells, &cell.asked.hand))).collect();
-    json!({ "rows": rows, "hands": hands })
+            Row {
+                hand: cell.asked.hand.clone(),
+                object: cell.asked.object.clone(),
+                verified: count,
+                of,
+                low,
+                high,
+                closed: cell.closed,
+                checks: cell.verified,
+                held_without_tension: cell.held_without_tension,
+            }
+        };
+        let hands = cells.iter().map(|cell| (cell.asked.hand.clone(), total(cells, &cell.asked.hand)));
+        Self { rows: cells.iter().map(row).collect(), hands: hands.collect() }
+    }
 }
 
 /// A line an object, a column a hand. `cells` are in the order of `hands`.

@@ -3,15 +3,74 @@
 
 use std::fmt::Write as _;
 
-use serde_json::{Value, json};
+use schemars::JsonSchema;
+use serde::Serialize;
 
 use super::calibration::Calibration;
-use super::disconnectivity::Tree;
-use super::exploration::Minimum;
+use super::disconnectivity::{Merge, Tree};
+use super::exploration::{Minimum, Sweep};
 use super::grasps::GraspState;
 use super::mapping::{Basin, Mapping};
 use crate::classification::{Classification, ClassifiedGrasp};
 use crate::taxonomy::Category;
+
+/// Basins of the first grasps.
+#[derive(Debug, Serialize, JsonSchema)]
+struct Growth {
+    grasps: usize,
+    /// Basins of the energy landscape.
+    basins: usize,
+}
+
+/// A basin.
+#[derive(Debug, Serialize, JsonSchema)]
+struct BasinFigures {
+    /// In units of the landscape.
+    energy: f64,
+    /// Grasps in it.
+    members: Vec<String>,
+    /// Their objects.
+    objects: Vec<String>,
+    /// The broad type of most of them.
+    majority: Category,
+}
+
+/// The figures of a mapped landscape, as `landscape.json` has them.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Figures {
+    grasps: usize,
+    /// Basins of the energy landscape.
+    basins: usize,
+    /// Basins found with ever more grasps.
+    growth: Vec<Growth>,
+    /// Basins with one grasp.
+    basins_of_one: usize,
+    basins_with_several_objects: usize,
+    /// Basins of power grasps.
+    power: usize,
+    /// Basins of intermediate grasps.
+    intermediate: usize,
+    /// Basins of precision grasps.
+    precision: usize,
+    /// Number of trees.
+    trees: usize,
+    /// Pull alpha between two grasps.
+    pull: f64,
+    /// Temperature of the chains, in units of the energy.
+    temperature: f64,
+    /// Pulls at which chains between two grasps arrive.
+    thresholds: Vec<f64>,
+    /// Pairs of grasps whose threshold was looked for.
+    pairs: usize,
+    /// At which energy basins join.
+    merges: Vec<Merge>,
+    /// Two basins and the height of the barrier between them, in units of the energy.
+    barriers: Vec<(usize, usize, f64)>,
+    /// One entry a basin.
+    list: Vec<BasinFigures>,
+    /// Basins over temperature, pull and seeds.
+    sweep: Option<Sweep>,
+}
 
 /// A mapped landscape with the grasps behind its minima.
 pub struct MappedGrasps<'a> {
@@ -62,71 +121,68 @@ impl<'a> MappedGrasps<'a> {
         counts.into_iter().map(|n| (n, founded(n))).collect()
     }
 
-    /// The figures as `landscape.json` has them.
-    pub fn json(&self, calibration: &Calibration, sweep: Option<Value>) -> Value {
-        let basins: Vec<_> = self
-            .map
-            .basins
-            .iter()
-            .map(|basin| {
-                let own = self.members(basin);
-                let mut objects: Vec<&str> = own.iter().map(|grasp| self.classification.object(grasp)).collect();
-                objects.sort_unstable();
-                objects.dedup();
-                let ids: Vec<&String> = own.iter().map(|grasp| &grasp.id).collect();
-                let majority = self.majority(basin);
-                json!({ "energy": basin.energy, "members": ids, "objects": objects, "majority": majority })
-            })
-            .collect();
-        let shared =
-            basins.iter().filter(|basin| basin["objects"].as_array().is_some_and(|objects| objects.len() > 1)).count();
+    fn basin(&self, basin: &Basin<GraspState>) -> BasinFigures {
+        let own = self.members(basin);
+        let mut objects: Vec<String> = own.iter().map(|grasp| self.classification.object(grasp).to_owned()).collect();
+        objects.sort_unstable();
+        objects.dedup();
+        let members = own.iter().map(|grasp| grasp.id.clone()).collect();
+        BasinFigures { energy: basin.energy, members, objects, majority: self.majority(basin) }
+    }
+
+    /// The figures, with those of the `calibration` of its pull.
+    pub fn figures(&self, calibration: Calibration, sweep: Option<Sweep>) -> Figures {
+        let basins: Vec<_> = self.map.basins.iter().map(|basin| self.basin(basin)).collect();
+        let shared = basins.iter().filter(|basin| basin.objects.len() > 1).count();
         let count = |category| self.map.basins.iter().filter(|basin| self.majority(basin) == category).count();
         let singles = self.map.basins.iter().filter(|basin| basin.members.len() == 1).count();
         let attraction = &self.map.plan.attraction;
-        let growth: Vec<Value> =
-            self.growth().into_iter().map(|(grasps, basins)| json!({ "grasps": grasps, "basins": basins })).collect();
-        json!({
-            "grasps": self.minima.len(), "basins": self.map.basins.len(), "growth": growth,
-            "basins_of_one": singles, "basins_with_several_objects": shared,
-            "power": count(Category::Power), "intermediate": count(Category::Intermediate),
-            "precision": count(Category::Precision), "trees": self.tree.roots.len(),
-            "pull": attraction.pull, "temperature": attraction.temperature,
-            "thresholds": calibration.thresholds, "pairs": calibration.pairs,
-            "merges": self.tree.merges, "barriers": self.map.edges(), "list": basins, "sweep": sweep,
-        })
+        let growth = self.growth().into_iter().map(|(grasps, basins)| Growth { grasps, basins });
+        Figures {
+            grasps: self.minima.len(),
+            basins: self.map.basins.len(),
+            growth: growth.collect(),
+            basins_of_one: singles,
+            basins_with_several_objects: shared,
+            power: count(Category::Power),
+            intermediate: count(Category::Intermediate),
+            precision: count(Category::Precision),
+            trees: self.tree.roots.len(),
+            pull: attraction.pull,
+            temperature: attraction.temperature,
+            thresholds: calibration.thresholds,
+            pairs: calibration.pairs,
+            merges: self.tree.merges.clone(),
+            barriers: self.map.edges(),
+            list: basins,
+            sweep,
+        }
     }
 }
 
-/// The figures of [`MappedGrasps::json`] in words.
-pub fn text(found: &Value) -> String {
-    let mut text = format!(
-        "{} grasps in {} basins (paper 79 over six objects): {} power, {} intermediate, {} precision; {} hold several objects\n",
-        found["grasps"],
-        found["basins"],
-        found["power"],
-        found["intermediate"],
-        found["precision"],
-        found["basins_with_several_objects"]
-    );
-    let _ = writeln!(
-        text,
-        "pull {}, temperature {}; trees without a known way between them: {}",
-        found["pull"], found["temperature"], found["trees"]
-    );
-    if let Some(rows) = found["growth"].as_array() {
-        let growth: Vec<String> = rows.iter().map(|row| format!("{} of {}", row["basins"], row["grasps"])).collect();
-        let (growth, singles) = (growth.join(", "), &found["basins_of_one"]);
+impl Figures {
+    /// The figures in words.
+    pub fn text(&self) -> String {
+        let mut text = format!(
+            "{} grasps in {} basins (paper 79 over six objects): {} power, {} intermediate, {} precision; {} hold several objects\n",
+            self.grasps, self.basins, self.power, self.intermediate, self.precision, self.basins_with_several_objects
+        );
+        let _ = writeln!(
+            text,
+            "pull {:?}, temperature {:?}; trees without a known way between them: {}",
+            self.pull, self.temperature, self.trees
+        );
+        let growth: Vec<String> = self.growth.iter().map(|row| format!("{} of {}", row.basins, row.grasps)).collect();
+        let (growth, singles) = (growth.join(", "), self.basins_of_one);
         let _ = writeln!(text, "basins of the first grasps: {growth}; of one grasp only: {singles}");
-    }
-    let sweep = &found["sweep"];
-    if let Some(grid) = sweep["grid"].as_array() {
-        let _ = writeln!(text, "basins of {} minima:", sweep["minima"]);
-        let _ = writeln!(text, "{:>12} {:>10} {:>7}", "temperature", "pull", "basins");
-        for row in grid {
-            let number = |key: &str| row[key].as_f64().unwrap_or(f64::NAN);
-            let _ = writeln!(text, "{:12.3} {:10.3} {:>7}", number("temperature"), number("pull"), row["basins"]);
+        if let Some(sweep) = &self.sweep {
+            let _ = writeln!(text, "basins of {} minima:", sweep.minima);
+            let _ = writeln!(text, "{:>12} {:>10} {:>7}", "temperature", "pull", "basins");
+            for row in &sweep.grid {
+                let _ = writeln!(text, "{:12.3} {:10.3} {:>7}", row.temperature, row.pull, row.basins);
+            }
+            let _ = writeln!(text, "over seeds: {:?}", sweep.over_seeds);
         }
-        let _ = writeln!(text, "over seeds: {}", sweep["over_seeds"]);
+        text
     }
-    text
 }

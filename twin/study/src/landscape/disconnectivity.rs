@@ -1,10 +1,11 @@
 //! The disconnectivity tree (Becker and Karplus 1997) by its exact rule: two minima join at the lowest energy over which
 //! a path connects them (minimax). Merging by increasing barrier is single linkage; the merges are the tree.
 
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// A merge of two branches. Branches 0..n are the minima, n + k is merge k.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
 pub struct Merge {
     /// Energy at which the branches join.
     pub height: f64,

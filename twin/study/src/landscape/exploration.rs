@@ -5,7 +5,8 @@ use std::path::Path;
 
 use indicatif::{ProgressBar, ProgressStyle};
 use rayon::prelude::*;
-use serde_json::{Value, json};
+use schemars::JsonSchema;
+use serde::Serialize;
 
 use super::Landscape as _;
 use super::attraction::{Attraction, stream};
@@ -22,6 +23,26 @@ const PATIENCE: usize = 120;
 const CHAINS: usize = 2;
 const DOUBLINGS: u32 = 5;
 const NEIGHBORS: usize = 6;
+
+/// Basins at a temperature and a pull.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct SweepPoint {
+    /// Temperature of the chains, in units of the energy.
+    pub temperature: f64,
+    /// Pull between two grasps.
+    pub pull: f64,
+    pub basins: usize,
+}
+
+/// Basins of a few minima over temperature and pull, and over seeds.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Sweep {
+    /// Minima that were sorted.
+    pub minima: usize,
+    pub grid: Vec<SweepPoint>,
+    /// Basins with each seed.
+    pub over_seeds: Vec<usize>,
+}
 
 /// The minimum below a grasp.
 #[derive(Debug, Clone)]
@@ -105,7 +126,7 @@ pub fn sweep(
     states: &[GraspState],
     plan: &Plan,
     progress: &ProgressBar,
-) -> Result<Value, JournalError> {
+) -> Result<Sweep, JournalError> {
     let count = |temperature: f64, pull: f64, seed: u64| -> Result<usize, JournalError> {
         let attraction = Attraction { temperature, pull, ..plan.attraction };
         let mut map = Mapping::new(Plan { attraction, seed, ..plan.clone() });
@@ -123,11 +144,11 @@ pub fn sweep(
     for heat in [0.5, 1.0, 2.0] {
         for weight in [0.25, 0.5, 1.0, 2.0, 4.0] {
             let basins = count(heat * temperature, weight * pull, plan.seed)?;
-            grid.push(json!({ "temperature": heat * temperature, "pull": weight * pull, "basins": basins }));
+            grid.push(SweepPoint { temperature: heat * temperature, pull: weight * pull, basins });
         }
     }
-    let seeds = (0..5).map(|k| count(temperature, pull, plan.seed + k)).collect::<Result<Vec<_>, _>>()?;
-    Ok(json!({ "minima": states.len(), "grid": grid, "over_seeds": seeds }))
+    let over_seeds = (0..5).map(|k| count(temperature, pull, plan.seed + k)).collect::<Result<Vec<_>, _>>()?;
+    Ok(Sweep { minima: states.len(), grid, over_seeds })
 }
 
 #[cfg(test)]

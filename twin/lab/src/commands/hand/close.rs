@@ -34,11 +34,7 @@ pub fn run(terminal: &Terminal, args: &CloseArgs) -> Outcome {
     if let Some(path) = &args.out {
         grip.draw(path)?;
     }
-    if terminal.json {
-        println!("{}", grip.to_json());
-    } else {
-        print!("{}", grip.table());
-    }
+    terminal.print(&grip.figures(), &grip.table())?;
     Ok(grip.shortfall())
 }
 

@@ -7,8 +7,67 @@ use hand_model::kinematics::{Joint, JointKind};
 use hand_model::urdf_hand::UrdfHand;
 use hand_model::{RobotModel, urdf};
 use proving::synthesis::urdf_hand::describe;
-use serde_json::{Value, json};
+use schemars::JsonSchema;
+use serde::Serialize;
 use world::geometry::LINK_MESHES;
+
+/// Printed of a tree with the joints of our own hand.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Tree<'a> {
+    /// The file.
+    urdf: &'a Path,
+    /// Number of joints.
+    joints: usize,
+}
+
+/// A joint of a hand.
+#[derive(Debug, Serialize, JsonSchema)]
+struct JointRow {
+    name: String,
+    /// turns or slides.
+    kind: &'static str,
+    /// Of its limits.
+    unit: &'static str,
+    /// Lower limit; null where there is none.
+    lower: Option<f64>,
+    /// Upper limit; null where there is none.
+    upper: Option<f64>,
+    /// Largest torque, N m, or force, N; null where there is none.
+    effort: Option<f64>,
+    /// The joint that it follows, and how.
+    follows: Option<String>,
+    /// Mass of its link, kg.
+    mass_kg: f64,
+    /// Collision shapes of its link.
+    shapes: usize,
+}
+
+/// What pulls on joints.
+#[derive(Debug, Serialize, JsonSchema)]
+struct Actuator {
+    name: String,
+    /// Joints that it moves.
+    joints: usize,
+    /// Strongest pull, N.
+    most_tension_n: Option<f64>,
+}
+
+/// Printed of a hand.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Inspected<'a> {
+    /// Name of the hand.
+    hand: &'a str,
+    /// A row a joint.
+    joints: Vec<JointRow>,
+    /// With --pulls: what pulls.
+    actuators: Vec<Actuator>,
+    /// Collision shapes of the root link.
+    shapes_of_the_root: usize,
+    /// Links that pass through everything.
+    links_without_shape: &'a [String],
+    /// What was found of the hand; warnings begin with WARNING.
+    notes: &'a [String],
+}
 
 /// Reads a hand's URDF, and its pulls file if there is one, and says what they hold.
 pub fn run(terminal: &Terminal, path: &Path, pulls: Option<&Path>) -> Outcome {
@@ -20,7 +79,7 @@ pub fn run(terminal: &Terminal, path: &Path, pulls: Option<&Path>) -> Outcome {
         let names: Vec<&str> = ours.iter().map(String::as_str).collect();
         let tree = urdf::read_tree(path, &names)?;
         let text = format!("{}: {} joints, all of the hand's joints are there\n", path.display(), tree.len());
-        terminal.print(&json!({ "urdf": path, "joints": tree.len() }), &text)?;
+        terminal.print(&Tree { urdf: path, joints: tree.len() }, &text)?;
         return Ok(None);
     }
     let (hand, notes) = match pulls {
@@ -45,25 +104,37 @@ fn leader(hand: &UrdfHand, joint: usize) -> Option<String> {
     Some(format!("{} times {}", hand.tree.joints[follower.leader].name, follower.multiplier))
 }
 
-fn answer(hand: &UrdfHand, notes: &[String]) -> Value {
+fn answer<'a>(hand: &'a UrdfHand, notes: &'a [String]) -> Inspected<'a> {
     let joints = hand.tree.joints.iter().enumerate().map(|(n, joint)| {
         let finite = |limit: f64| limit.is_finite().then_some(limit);
-        json!({
-            "name": joint.name,
-            "kind": match joint.kind { JointKind::Turn => "turns", JointKind::Slide => "slides" },
-            "unit": joint.kind.unit(), "lower": finite(joint.lower), "upper": finite(joint.upper),
-            "effort": hand.efforts[n], "follows": leader(hand, n), "mass_kg": hand.masses[n].mass,
-            "shapes": hand.solids.iter().filter(|solid| solid.link == Some(n)).count(),
-        })
+        JointRow {
+            name: joint.name.clone(),
+            kind: match joint.kind {
+                JointKind::Turn => "turns",
+                JointKind::Slide => "slides",
+            },
+            unit: joint.kind.unit(),
+            lower: finite(joint.lower),
+            upper: finite(joint.upper),
+            effort: hand.efforts[n],
+            follows: leader(hand, n),
+            mass_kg: hand.masses[n].mass,
+            shapes: hand.solids.iter().filter(|solid| solid.link == Some(n)).count(),
+        }
     });
-    let pulls = hand.pulls.iter().map(|pull| {
-        json!({ "name": pull.name, "joints": pull.arms.len(), "most_tension_n": pull.most.as_ref().map(|(most, _)| most) })
+    let actuators = hand.pulls.iter().map(|pull| Actuator {
+        name: pull.name.clone(),
+        joints: pull.arms.len(),
+        most_tension_n: pull.most.as_ref().map(|(most, _)| *most),
     });
-    json!({
-        "hand": hand.name, "joints": joints.collect::<Vec<_>>(), "actuators": pulls.collect::<Vec<_>>(),
-        "shapes_of_the_root": hand.solids.iter().filter(|solid| solid.link.is_none()).count(),
-        "links_without_shape": hand.bare, "notes": notes,
-    })
+    Inspected {
+        hand: &hand.name,
+        joints: joints.collect(),
+        actuators: actuators.collect(),
+        shapes_of_the_root: hand.solids.iter().filter(|solid| solid.link.is_none()).count(),
+        links_without_shape: &hand.bare,
+        notes,
+    }
 }
 
 fn range(joint: &Joint) -> String {

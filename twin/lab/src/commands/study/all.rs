@@ -16,12 +16,19 @@ use indicatif::HumanDuration;
 use super::source::Source;
 use super::{classify, hands, landscape, map, report};
 
+/// A part's result in words, and in which respect it falls short.
+type Told = (String, Option<String>);
+
+fn told<T>(made: Made<T>) -> Told {
+    (made.text, made.shortfall)
+}
+
 /// A part of the study.
 struct Part {
     name: &'static str,
     /// Time of two idle cores for it, s: quick and full.
     expected: [f64; 2],
-    make: fn(&Terminal, &StudyArgs, PathBuf) -> Result<Made>,
+    make: fn(&Terminal, &StudyArgs, PathBuf) -> Result<Told>,
 }
 
 /// In their order. The times are of the built-in grasps and our hand alone; they only weigh the parts against each other.
@@ -51,27 +58,27 @@ pub fn run(terminal: &Terminal, args: &StudyArgs) -> Outcome {
             let left = HumanDuration(Duration::from_secs_f64(pace * left));
             eprintln!("part {} of {}: {}; about {left:#} left", n + 1, PARTS.len(), part.name);
         }
-        let made = (part.make)(terminal, args, out.clone()).with_context(|| part.name)?;
+        let (text, shortfall) = (part.make)(terminal, args, out.clone()).with_context(|| part.name)?;
         if !terminal.json && !terminal.quiet {
-            println!("{}", made.text);
+            println!("{text}");
         }
-        shortfalls.extend(made.shortfall);
+        shortfalls.extend(shortfall);
     }
     shortfalls.extend(report::of_folders(terminal, &[out])?);
     Ok((!shortfalls.is_empty()).then(|| shortfalls.join("; ")))
 }
 
-fn types(_: &Terminal, args: &StudyArgs, out: PathBuf) -> Result<Made> {
+fn types(_: &Terminal, args: &StudyArgs, out: PathBuf) -> Result<Told> {
     let grasps = args.grasps.clone();
-    classify::make(&ClassifyArgs { grasps, explain: None, labels: Vec::new(), out: Some(out) })
+    classify::make(&ClassifyArgs { grasps, explain: None, labels: Vec::new(), out: Some(out) }).map(told)
 }
 
-fn maps(terminal: &Terminal, args: &StudyArgs, out: PathBuf) -> Result<Made> {
+fn maps(terminal: &Terminal, args: &StudyArgs, out: PathBuf) -> Result<Told> {
     let grasps = args.grasps.clone();
-    map::make(terminal, &MapArgs { grasps, out, ..standard()? })
+    map::make(terminal, &MapArgs { grasps, out, ..standard()? }).map(told)
 }
 
-fn basins(terminal: &Terminal, args: &StudyArgs, out: PathBuf) -> Result<Made> {
+fn basins(terminal: &Terminal, args: &StudyArgs, out: PathBuf) -> Result<Told> {
     let standard: LandscapeArgs = standard()?;
     let each = if args.full { standard.each } else { 24 };
     let sweep = args.full.then_some(24);
@@ -79,11 +86,11 @@ fn basins(terminal: &Terminal, args: &StudyArgs, out: PathBuf) -> Result<Made> {
     // Of the paper's objects those of which there are grasps.
     let known = Source::read(&grasps.paths)?.classification.objects;
     let objects = standard.objects.into_iter().filter(|object| known.contains(object)).collect();
-    landscape::make(terminal, &LandscapeArgs { grasps, objects, each, sweep, out, ..standard })
+    landscape::make(terminal, &LandscapeArgs { grasps, objects, each, sweep, out, ..standard }).map(told)
 }
 
-fn compared(terminal: &Terminal, args: &StudyArgs, out: PathBuf) -> Result<Made> {
-    hands::make(terminal, &hands_args(args, out)?)
+fn compared(terminal: &Terminal, args: &StudyArgs, out: PathBuf) -> Result<Told> {
+    hands::make(terminal, &hands_args(args, out)?).map(told)
 }
 
 fn hands_args(args: &StudyArgs, out: PathBuf) -> Result<HandsArgs> {

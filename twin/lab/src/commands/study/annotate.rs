@@ -1,14 +1,27 @@
 //! `ftac grasps annotate`: the page on which people give grasps their types.
 
+use std::path::Path;
+
 use anyhow::ensure;
 use ftac::lab::arguments::grasps::AnnotateArgs;
 use ftac::terminal::{Outcome, Terminal};
 use lab::study_pages::annotation;
 use lab::study_pages::scene::Scene;
 use platform::data::write_whole;
-use serde_json::json;
+use schemars::JsonSchema;
+use serde::Serialize;
 
 use super::source::{Source, writable};
+
+/// Printed once the page is written.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Annotation<'a> {
+    /// The page (HTML).
+    page: &'a Path,
+    grasps: usize,
+    /// Size of the file, bytes.
+    bytes: usize,
+}
 
 /// `ftac grasps annotate`.
 pub fn run(terminal: &Terminal, args: &AnnotateArgs) -> Outcome {
@@ -23,7 +36,7 @@ pub fn run(terminal: &Terminal, args: &AnnotateArgs) -> Outcome {
     write_whole(&args.out, page.as_bytes())?;
     let megabytes = page.len() as f64 / 1e6;
     terminal.print(
-        &json!({ "page": args.out, "grasps": count, "bytes": page.len() }),
+        &Annotation { page: &args.out, grasps: count, bytes: page.len() },
         &format!("{count} grasps, {megabytes:.1} MB: open {} in a browser\n", args.out.display()),
     )?;
     Ok(None)

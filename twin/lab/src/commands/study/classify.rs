@@ -9,10 +9,10 @@ use ftac::terminal::{Made, Outcome, Terminal};
 use lab::study_pages::types;
 use platform::data::write_whole;
 use study::classification::Classification;
-use study::explanation;
+use study::explanation::{self, Explanation};
 use study::labels::Labels;
 use study::raters::{RaterPair, agreements};
-use study::summary::Summary;
+use study::summary::{Figures, Summary};
 
 use super::source::Source;
 
@@ -25,18 +25,18 @@ pub fn run(terminal: &Terminal, args: &ClassifyArgs) -> Outcome {
 }
 
 /// The types of all grasps.
-pub fn make(args: &ClassifyArgs) -> Result<Made> {
+pub fn make(args: &ClassifyArgs) -> Result<Made<Figures>> {
     let classification = Source::read(&args.grasps.paths)?.classification;
     let pairs = agreements(&classification, &labels(&classification, &args.labels)?);
     let summary = Summary::of(&classification);
-    let answer = summary.json(&classification, &pairs);
+    let agreement: String = pairs.iter().map(RaterPair::text).map(|line| line + "\n").collect();
+    let answer = summary.figures(&classification, pairs);
     if let Some(folder) = &args.out {
         std::fs::create_dir_all(folder).with_context(|| format!("--out {}", folder.display()))?;
         write_whole(&folder.join("classes.json"), serde_json::to_string(&answer)?.as_bytes())?;
         let figure = types::svg(&classification.taxonomy, &summary.distribution);
         write_whole(&folder.join("types.svg"), figure.as_bytes())?;
     }
-    let agreement: String = pairs.iter().map(RaterPair::text).map(|line| line + "\n").collect();
     let (present, all) = (summary.present(), summary.types.len());
     Ok(Made {
         json: answer,
@@ -51,7 +51,7 @@ fn explain(terminal: &Terminal, classification: &Classification, id: &str) -> Ou
         let known: Vec<&str> = grasps.iter().take(3).map(|grasp| grasp.id.as_str()).collect();
         bail!("--explain: found {id:?}, expected one of {} grasps such as {}", grasps.len(), known.join(", "));
     };
-    terminal.print(&explanation::json(classification, grasp), &explanation::text(classification, grasp))?;
+    terminal.print(&Explanation::of(classification, grasp), &explanation::text(classification, grasp))?;
     Ok(None)
 }
 

@@ -13,7 +13,7 @@ use indicatif::ProgressStyle;
 use lab::study_pages;
 use platform::data::write_whole;
 use proving::synthesis::cable_hand::CableHand;
-use proving::synthesis::hands::{self, Cell, ComparedHand};
+use proving::synthesis::hands::{self, Cell, ComparedHand, Comparison};
 use proving::synthesis::search;
 use proving::synthesis::synthesizer::Request;
 use world::objects::ObjectSet;
@@ -25,7 +25,7 @@ pub fn run(terminal: &Terminal, args: &HandsArgs) -> Outcome {
 }
 
 /// The comparison.
-pub fn make(terminal: &Terminal, args: &HandsArgs) -> Result<Made> {
+pub fn make(terminal: &Terminal, args: &HandsArgs) -> Result<Made<Comparison>> {
     let request = request(terminal, args)?;
     let hands = compared(args)?;
     let folder = args.out.join("hands");
@@ -43,7 +43,7 @@ pub fn make(terminal: &Terminal, args: &HandsArgs) -> Result<Made> {
     }
     bar.finish_and_clear();
     study_pages::hands::write(&hands, &cells, &args.out.join("hands.png"))?;
-    let answer = hands::json(&cells);
+    let answer = Comparison::of(&cells);
     write_whole(&args.out.join("hands.json"), serde_json::to_string_pretty(&answer)?.as_bytes())?;
     let table = hands::table(&hands, &args.objects, &cells);
     let nothing = hands.iter().find(|hand| hands::total(&cells, hand.name()).count == 0);

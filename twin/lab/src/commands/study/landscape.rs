@@ -14,7 +14,7 @@ use platform::data::write_whole;
 use proving::synthesis::subject::Subject;
 use study::classification::Classification;
 use study::landscape::attraction::Attraction;
-use study::landscape::basins::{self, MappedGrasps};
+use study::landscape::basins::{Figures, MappedGrasps};
 use study::landscape::calibration::{Calibration, Question, STRONGEST};
 use study::landscape::disconnectivity::tree;
 use study::landscape::exploration;
@@ -31,7 +31,7 @@ pub fn run(terminal: &Terminal, args: &LandscapeArgs) -> Outcome {
 }
 
 /// The tree of basins and barriers.
-pub fn make(terminal: &Terminal, args: &LandscapeArgs) -> Result<Made> {
+pub fn make(terminal: &Terminal, args: &LandscapeArgs) -> Result<Made<Figures>> {
     let positive = |x: f64| x.is_finite() && x > 0.0;
     ensure!(
         args.each > 0 && positive(args.temperature) && args.pull.is_none_or(positive),
@@ -78,11 +78,11 @@ pub fn make(terminal: &Terminal, args: &LandscapeArgs) -> Result<Made> {
     let energies: Vec<f64> = map.basins.iter().map(|basin| basin.energy).collect();
     let tree = tree(&energies, &map.edges());
     let found = MappedGrasps { classification, minima: &minima, map: &map, tree: &tree };
-    let answer = found.json(&calibration, sweep);
+    let answer = found.figures(calibration, sweep);
     study_pages::landscape::write(&args.out, (&source.hand, &source.objects), &found)?;
     write_whole(&args.out.join("landscape.json"), serde_json::to_string_pretty(&answer)?.as_bytes())?;
     let files = format!("{}/landscape.html, landscape.svg, growth.png, landscape.json", args.out.display());
-    let text = format!("{}{files}\n", basins::text(&answer));
+    let text = format!("{}{files}\n", answer.text());
     Ok(Made { json: answer, text, shortfall: None })
 }
 

@@ -5,7 +5,7 @@ use ftac::lab::arguments::grasps::MapArgs;
 use ftac::terminal::{Made, Outcome, Terminal};
 use lab::study_pages;
 use platform::data::write_whole;
-use study::grasp_map::{GraspMaps, MapSettings, check_both_classes, contact_maps};
+use study::grasp_map::{Figures, GraspMaps, MapSettings, check_both_classes, contact_maps};
 
 use super::source::Source;
 
@@ -15,7 +15,7 @@ pub fn run(terminal: &Terminal, args: &MapArgs) -> Outcome {
 }
 
 /// The maps and the boundary.
-pub fn make(terminal: &Terminal, args: &MapArgs) -> Result<Made> {
+pub fn make(terminal: &Terminal, args: &MapArgs) -> Result<Made<Figures>> {
     ensure!(
         args.n >= 4 && args.seeds > 0,
         "--n and --seeds: found {} and {}, expected at least 4 and 1",
@@ -31,7 +31,7 @@ pub fn make(terminal: &Terminal, args: &MapArgs) -> Result<Made> {
     let settings = MapSettings { most: args.n, maps: args.seeds, seed: terminal.seed };
     let found = GraspMaps::of(&classification, &contacts, &settings)?;
     study_pages::map::write(&args.out, (&hand, &objects), &classification, &found.maps[0])?;
-    let answer = found.json(&classification, terminal.seed);
+    let answer = found.figures(&classification, terminal.seed);
     write_whole(&args.out.join("map.json"), serde_json::to_string_pretty(&answer)?.as_bytes())?;
     let text = found.text(classification.grasps.len());
     let text = format!("{text}{}/map.html, map.svg, map.json\n", args.out.display());

@@ -12,8 +12,21 @@ use lab::study_pages::overview;
 use optics::Foundation;
 use optics::foundation::{probe_response, sensitivity};
 use platform::data::write_whole;
-use serde_json::{Value, json};
-use study::sensors::array;
+use schemars::JsonSchema;
+use serde::Serialize;
+use serde_json::Value;
+use study::sensors::{Array, array};
+
+/// Printed once the page is written.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Study<'a> {
+    /// One entry a row of the table.
+    rows: &'a [Line],
+    /// The hand's tactile sensors.
+    sensors: &'a Array,
+    /// Commands whose results are missing.
+    missing: &'a [&'a str],
+}
 
 /// A part of the study that a command leaves in the folder.
 fn part(folder: &Path, file: &str) -> Result<Option<Value>> {
@@ -61,16 +74,12 @@ fn run(terminal: &Terminal, folder: &Path) -> Outcome {
     .collect();
     let page = overview::page(folder, &lines, parts.hands.as_ref(), &sensing);
     write_whole(&folder.join("study.html"), page.as_bytes())?;
-    let row = |line: &Line| {
-        let Line { what, theirs, ours, difference, why } = line;
-        let value = json!({ "what": what, "paper": theirs, "ours": ours, "difference": difference, "why": why });
-        (value, format!("{what:48} {theirs:>18} {ours:>36} {difference:>13}  {why}\n"))
+    let row = |Line { what, theirs, ours, difference, why }: &Line| {
+        format!("{what:48} {theirs:>18} {ours:>36} {difference:>13}  {why}\n")
     };
-    let (rows, text): (Vec<Value>, Vec<String>) = lines.iter().map(row).unzip();
-    terminal.print(
-        &json!({ "rows": rows, "sensors": sensing.array, "missing": missing }),
-        &format!("{}{}/study.html\n", text.concat(), folder.display()),
-    )?;
+    let text: String = lines.iter().map(row).collect();
+    let study = Study { rows: &lines, sensors: &sensing.array, missing: &missing };
+    terminal.print(&study, &format!("{text}{}/study.html\n", folder.display()))?;
     Ok((!missing.is_empty()).then(|| format!("parts are missing: run `ftac {}`", missing.join("`, `ftac "))))
 }
 

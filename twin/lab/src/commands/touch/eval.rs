@@ -7,7 +7,7 @@ use bench::builtin::{HAND_UNIT, make_bench, read_pads_by};
 use ftac::lab::arguments::touch::EvalArgs;
 use ftac::options::robot::{individual_of, pads};
 use ftac::terminal::{Outcome, Terminal};
-use lab::touch::evaluation::{TouchEvaluation, json, table, under_changes};
+use lab::touch::evaluation::{TouchEvaluation, table, under_changes};
 use lab::touch::grasps::{Played, grasps};
 use lab::touch::images::{Change, Eyes};
 use lab::touch::networks::Networks;
@@ -55,11 +55,7 @@ pub fn eval(terminal: &Terminal, args: &EvalArgs) -> Outcome {
     }
     let changed = under_changes(&bench, &networks, &grasps, args.changed)?;
     let found = TouchEvaluation { felt, changed, real };
-    if terminal.json {
-        println!("{}", json::to_json(&found, terminal.seed)?);
-    } else {
-        print!("{}", table::to_text(&found));
-    }
+    terminal.print(&found.figures(terminal.seed), &table::to_text(&found))?;
     Ok(found.shortfall())
 }
 

@@ -10,8 +10,22 @@ use indicatif::ProgressStyle;
 use lab::touch::network_training::{Schedule, Training};
 use lab::touch::training::{TrainingSet, TrainingSource, loss_curves, resume};
 use platform::data::write_whole;
-use serde_json::json;
+use schemars::JsonSchema;
+use serde::Serialize;
 use touch::network::Kind;
+
+/// Printed once the network is written.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Trained<'a> {
+    /// Training samples.
+    squares: usize,
+    /// Samples held out.
+    held_out: usize,
+    /// Loss after each epoch, on the samples and on the held-out ones.
+    losses: &'a [[f64; 2]],
+    /// The file written.
+    out: &'a Path,
+}
 
 /// Renders or reads the presses, trains, and writes the network.
 pub fn train_network(terminal: &Terminal, args: &TrainNetworkArgs) -> Outcome {
@@ -55,20 +69,16 @@ pub fn train_network(terminal: &Terminal, args: &TrainNetworkArgs) -> Outcome {
     loss_curves(&training).draw().write_to(&mut png, image::ImageFormat::Png)?;
     write_whole(&curve, png.get_ref())?;
     let [learned, held] = training.losses.last().copied().unwrap_or([f64::NAN; 2]);
-    if terminal.json {
-        println!(
-            "{}",
-            json!({"squares": samples.len(), "held_out": held_out.len(), "losses": training.losses, "out": args.out})
-        );
-    } else {
-        println!(
-            "{}: {} squares, loss {learned:.4}, on {} held out {held:.4}; curves in {}",
-            args.out.display(),
-            samples.len(),
-            held_out.len(),
-            curve.display()
-        );
-    }
+    let text = format!(
+        "{}: {} squares, loss {learned:.4}, on {} held out {held:.4}; curves in {}\n",
+        args.out.display(),
+        samples.len(),
+        held_out.len(),
+        curve.display()
+    );
+    let trained =
+        Trained { squares: samples.len(), held_out: held_out.len(), losses: &training.losses, out: &args.out };
+    terminal.print(&trained, &text)?;
     Ok(None)
 }
 

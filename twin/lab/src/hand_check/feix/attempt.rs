@@ -4,6 +4,7 @@ use hand_model::DigitVector;
 use nalgebra::{Isometry3, Matrix3, Rotation3, UnitQuaternion, Vector3};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::types::GraspType;
@@ -15,15 +16,17 @@ const ABDUCTED: (f64, f64) = (0.7, 1.65);
 const ADDUCTED: (f64, f64) = (0.0, 0.5);
 
 /// One placement with its commands.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Serialize, JsonSchema)]
 pub struct Attempt {
     /// Where the object is held while the digits close, palm frame, m.
     pub position: [f64; 3],
     /// Its rotation vector, palm frame, rad.
     pub rotation: [f64; 3],
     /// Cable tensions before the object is put there, N: the hand's shape then.
+    #[schemars(with = "Vec<f64>")]
     pub before: DigitVector,
     /// Cable tensions that close on it, N.
+    #[schemars(with = "Vec<f64>")]
     pub tensions: DigitVector,
     /// Opposition command, rad.
     pub opposition: f64,

@@ -3,18 +3,21 @@
 use std::sync::Arc;
 
 use hand_model::Hand;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::{GraspTypeResult, run};
 
 /// How a type came out over the seeds.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct TypeOverSeeds {
     /// 1 to 33.
     pub number: usize,
+    /// Name in the taxonomy.
     pub name: &'static str,
-    /// Seeds with which it is held, and with which it is formed.
+    /// Seeds with which it is held.
     pub held: usize,
+    /// Seeds with which it is formed.
     pub formed: usize,
     /// Seeds that were tried.
     pub seeds: usize,
