@@ -14,7 +14,7 @@ pub type Output = (&'static str, fn() -> Schema);
 /// Printed by every command that fails.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Failure {
-    /// What is wrong: the file, the field, what was found and what was expected.
+    /// The fault: the file, the field, what was found and what was expected.
     pub error: String,
     /// The exit code: 1 ran and falls short, 2 bad usage or bad input, 130 interrupted.
     pub code: u8,

@@ -19,7 +19,7 @@ pub struct FaultTable {
     goals_checked: u64,
     /// One entry a row of the table.
     rows: Vec<Row>,
-    /// What should not have happened, a line each.
+    /// Events that should not have happened, a line each.
     pub wrong: Vec<String>,
 }
 
@@ -28,7 +28,7 @@ pub struct FaultTable {
 struct Row {
     /// The fault.
     fault: &'static str,
-    /// What should come of it.
+    /// Expected outcome.
     expected: &'static str,
     /// Faults injected.
     injected: usize,
@@ -56,18 +56,18 @@ struct Row {
     lost: usize,
     /// Most that a held object moved, mm.
     moved_mm_max: f64,
-    /// Whether it switches torque off.
+    /// True if it switches torque off.
     takes_torque: bool,
     /// Recordings that replay to the bit.
     recordings_intact: usize,
-    /// Who named it; null without --mirror.
+    /// Diagnosis of it; null without --mirror.
     named: Option<NamedFault>,
 }
 
-/// What a twin beside the robot, or the supervisor, named.
+/// Diagnosis by a twin beside the robot, or by the supervisor.
 #[derive(Debug, Serialize, JsonSchema)]
 struct NamedFault {
-    /// Who can tell it: nobody, supervisor or mirror.
+    /// The one that can tell it: nobody, supervisor or mirror.
     teller: &'static str,
     /// Faults that had their name in time, or rightly none, and nothing else was named beside them.
     rightly: usize,
@@ -77,7 +77,7 @@ struct NamedFault {
     told_ms_max: Option<f64>,
     /// Faults beside which the mirror named something else.
     wrongly: usize,
-    /// What else the mirror named.
+    /// Other faults that the mirror named.
     wrong: Vec<String>,
 }
 
@@ -127,7 +127,7 @@ impl FaultTable {
         text
     }
 
-    /// Who named each fault, how often and how soon, and how often something else was named; nothing where no mirror ran.
+    /// Table of diagnoses: by whom each fault is named, how often and how soon, and how often something else was; empty where no mirror ran.
     fn names(&self) -> String {
         let named = || self.rows.iter().filter_map(|row| Some((row, row.named.as_ref()?)));
         if named().next().is_none() {
@@ -223,7 +223,7 @@ fn row(kind: Kind, outcomes: &[FaultOutcome]) -> Row {
     }
 }
 
-/// What was named beside outcomes `of` one fault; none where no mirror ran.
+/// Diagnoses beside outcomes `of` one fault; none where no mirror ran.
 fn named(kind: Kind, of: &[&FaultOutcome]) -> Option<NamedFault> {
     let all: Vec<&Mirrored> = of.iter().filter_map(|outcome| outcome.mirrored.as_ref()).collect();
     if all.is_empty() {

@@ -56,9 +56,9 @@ pub struct Figures<'a> {
     touching: usize,
     /// Of the six, in how many it is held.
     held_directions: usize,
-    /// How far the object moves under a pull along each axis, mm.
+    /// Motion of the object under a pull along each axis, mm.
     moved_mm: BTreeMap<&'static str, f64>,
-    /// What was found of the hand; warnings begin with WARNING.
+    /// Findings about the hand; warnings begin with WARNING.
     notes: &'a [String],
 }
 

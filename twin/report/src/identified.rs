@@ -42,7 +42,7 @@ pub struct ParameterRow {
     pub sigma: f64,
     /// Standard deviation among robots built from the drawing.
     pub spread: f64,
-    /// Whether the sessions say more than the drawing.
+    /// True if the sessions say more than the drawing.
     pub identified: bool,
 }
 

@@ -18,7 +18,7 @@ pub struct Explanation<'a> {
     kind: &'a str,
     /// By which all of its conditions are met; negative where not.
     margin: f64,
-    /// Whether the type is not clear.
+    /// True if the type is not clear.
     ambiguous: bool,
     /// One entry a condition of the type.
     conditions: Vec<Checked>,

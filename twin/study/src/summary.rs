@@ -35,7 +35,7 @@ pub struct TypeDecision {
     category: Category,
     /// By which all of its conditions are met; negative where not.
     margin: f64,
-    /// Whether the type is not clear.
+    /// True if the type is not clear.
     ambiguous: bool,
     /// Second best type.
     second: String,

@@ -23,7 +23,7 @@ pub struct Made {
     pub folder: PathBuf,
 }
 
-/// What came out of a sweep.
+/// Rates and contrasts of a sweep.
 #[derive(Debug, Clone, Serialize, JsonSchema)]
 pub struct Results {
     /// The sweep's name.

@@ -69,7 +69,7 @@ pub struct Drawn {
     recording: PathBuf,
     /// Control ticks.
     ticks: u64,
-    /// Where this program leaves the session, which ends the recording; null where it does not.
+    /// Place where this program leaves the session, which ends the recording; null where it does not.
     left: Option<String>,
 }
 

@@ -18,7 +18,7 @@ use session_log::{Reader, Replay, Sizes};
 use super::sessions::sessions_in;
 use crate::terminal::Terminal;
 
-/// What came of one session.
+/// Outcome of one session.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Replayed {
     /// Body: sim, rounded, emulated or hardware.
@@ -34,13 +34,13 @@ pub struct Replayed {
     ticks: u64,
     /// Commands alike bit by bit.
     identical_commands: u64,
-    /// Whether the session has its end.
+    /// True if the session has its end.
     whole: bool,
     /// The first command that differs, or null.
     divergence: Option<String>,
-    /// Whether both sessions decided alike.
+    /// True if both sessions decided alike; null where one has no decisions.
     same_decisions: Option<bool>,
-    /// Why the look failed in which both session and replay end, or null.
+    /// Reason for the failed look in which both session and replay end, or null.
     failed_look: Option<String>,
 }
 
@@ -50,7 +50,7 @@ pub struct Replayed {
 enum Row {
     Replayed(Replayed),
     NotReplayed {
-        /// Why it could not be replayed.
+        /// Reason why it could not be replayed.
         error: String,
     },
 }
@@ -64,7 +64,7 @@ struct Session {
     shortfall: Option<String>,
 }
 
-/// What came of the sessions of a folder.
+/// Outcome of the sessions of a folder.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Folder {
     /// A session each, by name.

@@ -22,7 +22,7 @@ use crate::json_schema::{self, Output, of};
 use crate::lab::hand_over::hand_over;
 use crate::terminal::{Outcome, Terminal};
 
-/// What the commands of this program print, but for those that [hand over](hand_over).
+/// Outputs of the commands of this program, but for those that [hand over](hand_over).
 pub const OUTPUTS: &[Output] = &[
     ("bench", of::<Summary>),
     ("bridge calibrate", of::<bridge::calibrate::Calibrated>),

@@ -123,7 +123,7 @@ pub struct Planned<'a> {
 struct FailedUnit {
     /// The unit's name.
     unit: String,
-    /// Why.
+    /// Reason.
     reason: String,
 }
 
@@ -132,7 +132,7 @@ struct FailedUnit {
 struct BrokenUnit {
     /// The unit's name.
     unit: String,
-    /// What was wrong with its file.
+    /// Fault of its file.
     reason: String,
 }
 
@@ -178,7 +178,7 @@ pub struct Played {
     failed: Vec<FailedUnit>,
     /// Time of this process, s.
     wall_s: f64,
-    /// What the results were joined to; none of a worker.
+    /// Joined results; none of a worker.
     merged: Option<Joined>,
 }
 
@@ -187,7 +187,7 @@ pub struct Played {
 pub struct Handed {
     /// The result folder.
     folder: PathBuf,
-    /// What became of it: submitted, joined (jobs of this sweep are under way) or finished.
+    /// Outcome: submitted, joined (jobs of this sweep are under way) or finished.
     outcome: &'static str,
     /// Job of the workers.
     array: Option<u64>,
@@ -202,7 +202,7 @@ pub struct Handed {
 struct FailedAttempt {
     /// The unit's name.
     unit: String,
-    /// Why.
+    /// Reason.
     reason: String,
     /// Machine, process and job.
     by: String,
@@ -229,9 +229,9 @@ pub struct Standing {
     trials_per_minute: Option<f64>,
     /// Time left at that rate, s.
     left_s: Option<f64>,
-    /// What Slurm says of the jobs.
+    /// State of the jobs by Slurm.
     jobs: Vec<Task>,
-    /// Why Slurm says nothing.
+    /// Error of the question to Slurm.
     slurm_error: Option<String>,
 }
 

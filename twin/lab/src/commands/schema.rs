@@ -14,7 +14,7 @@ use super::study::{annotate::Annotation, report::Study};
 use super::touch::train_network::Trained;
 use super::{hand, lab_book};
 
-/// What the commands of this program print.
+/// Outputs of the commands of this program.
 const OUTPUTS: &[Output] = &[
     ("arm check", of::<Checked>),
     ("grasps annotate", of::<Annotation>),

@@ -31,7 +31,7 @@ pub struct TouchEvaluation {
 /// Normals and poses under a change of the optics.
 #[derive(Serialize, JsonSchema)]
 pub struct ChangedOptics {
-    /// What was changed of the optics.
+    /// Change of the optics.
     change: &'static str,
     /// On the unseen shapes, by method.
     normals: Vec<(Method, Measured)>,

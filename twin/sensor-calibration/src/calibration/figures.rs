@@ -31,7 +31,7 @@ struct Surfaces<'a> {
 /// The fit without a part of the model.
 #[derive(Debug, Serialize, JsonSchema)]
 struct AblationFigures {
-    /// What the model lacks.
+    /// Part that the model lacks.
     model: &'static str,
     /// RMS residual of the fit, grey levels.
     residual_grey: f64,
@@ -60,7 +60,7 @@ pub struct Figures<'a> {
     held_out_on_grid: Option<Views>,
     /// The same as `held_out` on one frame of the untouched gel.
     held_out_on_single_background: Option<Views>,
-    /// What camera noise and drift allow at best.
+    /// Best that camera noise and drift allow.
     ceiling: Option<Views>,
     /// The same on one frame of the untouched gel.
     ceiling_of_single_frames: Option<Views>,
@@ -74,7 +74,7 @@ pub struct Figures<'a> {
     pixel_interval_mm: Option<[f64; 2]>,
     /// False where the presses alone told the size of a pixel.
     pixel_measured: bool,
-    /// What was left out, and why.
+    /// Images that were left out, and why.
     left_out: &'a [(String, String)],
     parameters: &'a [Parameter],
     /// The camera's lens, if images are rectified first.

@@ -70,7 +70,7 @@ where
 pub struct ImageFigures {
     /// The image, or the frame of a video.
     image: String,
-    /// Whether something presses the gel.
+    /// True if something presses the gel.
     touched: bool,
     #[serde(flatten)]
     surface: Option<SurfaceFigures>,
@@ -86,7 +86,7 @@ struct SurfaceFigures {
     depth_error_mm: Option<f64>,
     /// Share of the contact whose colours or slopes the presses did not have.
     beyond_calibration: f64,
-    /// What is wrong with the image or the surface.
+    /// Faults of the image or the surface.
     notes: Vec<String>,
     /// Area in contact, mm2.
     contact_mm2: f64,

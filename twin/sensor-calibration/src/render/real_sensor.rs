@@ -40,7 +40,7 @@ pub struct SensorRender {
     pub depth_mm: f64,
     /// Deepest indentation, mm.
     deepest_mm: f64,
-    /// Whether the gel gave less than was asked for.
+    /// True if the gel gave less than was asked for.
     pub bottomed_out: bool,
     /// Time of the render, ms.
     pub render_ms: f64,

@@ -131,7 +131,7 @@ pub struct EmulateArgs {
 /// Printed by `--tell`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Answered {
-    /// What the running emulator answered to --tell.
+    /// Answer of the running emulator to --tell.
     answer: String,
 }
 
@@ -155,15 +155,15 @@ pub struct Started {
 struct StoppedServo {
     /// Bus id.
     id: u8,
-    /// How long after the last packet that it heard, ms.
+    /// Time after the last packet that it heard, ms.
     after_ms: f64,
 }
 
 #[derive(Debug, Serialize, JsonSchema)]
 struct StoppedArm {
-    /// When the arm's watchdog stopped it, ms after the last set-point.
+    /// Time at which the arm's watchdog stopped it, ms after the last set-point.
     watchdog_after_ms: u64,
-    /// When the arm stood, ms after the last set-point.
+    /// Time at which the arm stood, ms after the last set-point.
     stands_after_ms: u64,
 }
 
@@ -176,7 +176,7 @@ pub struct Ended {
     late_ticks: u64,
     /// Servos stopped by their bus watchdogs.
     servos_stopped: Vec<StoppedServo>,
-    /// When the arm's watchdog stopped it, and when it stood; null where it did not.
+    /// Stop of the arm by its watchdog; null where it did not stop it.
     arm_stopped: Option<StoppedArm>,
 }
 

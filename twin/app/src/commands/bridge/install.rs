@@ -37,7 +37,7 @@ pub struct InstallArgs {
 struct InstalledFile {
     /// The file.
     path: PathBuf,
-    /// What it is for.
+    /// Its purpose.
     purpose: &'static str,
 }
 
@@ -46,7 +46,7 @@ struct InstalledFile {
 pub struct Installed {
     /// Files of the installation.
     files: Vec<InstalledFile>,
-    /// What the system was told.
+    /// Commands that the system was told.
     done: Vec<String>,
 }
 

@@ -28,7 +28,7 @@ pub struct Provisioned<'a> {
     actuator: &'a str,
     #[serde(flatten)]
     now: Place,
-    /// What it was before.
+    /// Its place before.
     was: Place,
 }
 

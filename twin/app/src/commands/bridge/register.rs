@@ -61,21 +61,21 @@ struct Deviation {
 pub struct Registered {
     /// The file that was written.
     file: String,
-    /// Where the base stands, m, world.
+    /// Position of the base, m, world.
     position_m: [f64; 3],
-    /// How it is turned: i, j, k, w.
+    /// Rotation of the base: i, j, k, w.
     quaternion: [f64; 4],
     /// Standard deviation of the place of the marks' middle, mm.
     sigma_mm: f64,
     /// Standard deviation of the rotation, degrees.
     sigma_deg: f64,
-    /// How far each touched point stays from its mark, mm.
+    /// Distance of each touched point from its mark, mm.
     residuals_mm: Vec<f64>,
     /// Touches that the fit is made of.
     touches: usize,
-    /// How far the result is from the hidden truth of the emulated robot; null on a real one.
+    /// Distance of the result from the hidden truth of the emulated robot; null on a real one.
     error: Option<Deviation>,
-    /// How far the nominal place of the base is from the hidden truth.
+    /// Distance of the nominal place of the base from the hidden truth.
     error_before: Option<Deviation>,
 }
 

@@ -40,13 +40,13 @@ pub fn actuator_names(hand: &Hand) -> Vec<String> {
 /// A finding as it is printed.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Row {
-    /// What was measured.
+    /// Quantity that was measured.
     what: String,
-    /// What came out: see the command's help.
+    /// Outcome: see the command's help.
     found: String,
-    /// What should come of it.
+    /// Expected outcome.
     expected: String,
-    /// Whether it is as it should be.
+    /// True if it is as it should be.
     ok: bool,
 }
 

@@ -40,9 +40,9 @@ struct ToldRobot {
     /// Its configuration and process.
     #[serde(skip_serializing_if = "Option::is_none")]
     robot: Option<String>,
-    /// What was read back, or why not.
+    /// State that was read back, or why none was.
     state: String,
-    /// Whether the wish was fulfilled and that was read back.
+    /// True if the wish was fulfilled and that was read back.
     ok: bool,
 }
 
@@ -51,7 +51,7 @@ struct ToldRobot {
 pub struct Stopped {
     /// Robots that were told; empty where no bridge is running.
     robots: Vec<ToldRobot>,
-    /// What was read back from the servos that were asked directly.
+    /// State that was read back from the servos that were asked directly.
     #[serde(skip_serializing_if = "Option::is_none")]
     state: Option<String>,
     /// Servos whose torque was not read back as off, and why.

@@ -62,7 +62,7 @@ struct Surfaces {
     network: Accuracy,
 }
 
-/// What was asked for.
+/// Evaluations that were asked for.
 #[derive(Debug, Default, Serialize, JsonSchema)]
 pub struct Evaluation {
     /// With --force: response of each gel to the paper's probe.

@@ -55,7 +55,7 @@ pub struct ReconstructArgs {
 /// Printed once all images are reconstructed, and written beside them. Of a watched folder each image is printed on its own.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Reconstruction<'a> {
-    /// How slopes were found.
+    /// Method by which slopes were found.
     method: Method,
     /// Origin of the untouched gel's image.
     background: String,

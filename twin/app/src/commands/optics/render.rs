@@ -86,7 +86,7 @@ pub struct PadRender<'a> {
     pad: &'a str,
     /// Normal force, N.
     force: f64,
-    /// How far the object was pressed in, mm.
+    /// Indentation of the object, mm.
     shift_mm: f64,
     /// One entry a camera of the pad.
     cameras: Vec<CameraRender>,

@@ -83,11 +83,11 @@ struct Row {
     reach: [f64; 2],
     /// Touches of the ball that push every link onto its stop.
     touches: usize,
-    /// How far touches of the ball stay from it, root mean square, m: as drawn, and identified.
+    /// Distance of touches from the ball, root mean square, m: as drawn, and identified.
     ball: [f64; 2],
     /// Postures in which the weighed object was in the hand.
     held: usize,
-    /// What the weight's torques leave unexplained, root mean square, N m: as drawn, and identified.
+    /// Torque of the weight left unexplained, root mean square, N m: as drawn, and identified.
     weight: [f64; 2],
     /// Why its excitation ended before its last step, and after how many, if so: it is identified from what was played.
     stopped: Option<String>,

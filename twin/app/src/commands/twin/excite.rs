@@ -138,7 +138,7 @@ pub struct Excited {
     folder: String,
     /// Body: sim, rounded, emulated or hardware.
     robot: String,
-    /// Whether nothing was moved.
+    /// True if nothing was moved.
     dry_run: bool,
     /// Steps of the script.
     steps: usize,

@@ -45,11 +45,11 @@ pub struct IdentifyArgs {
 pub struct Identified<'a> {
     /// Touches of the ball that push every link onto its stop.
     touches: usize,
-    /// How far they stay from one ball, root mean square, m: as drawn, identified; null without touches.
+    /// Their distance from one ball, root mean square, m: as drawn, identified; null without touches.
     touches_rms_m: Option<[f64; 2]>,
     /// Postures in which a weighed object was in the hand.
     weighed_postures: usize,
-    /// How far the arm's torques stay off its weight, root mean square, N m: as drawn, identified; null where nothing was weighed.
+    /// Difference of the arm's torques from its weight, root mean square, N m: as drawn, identified; null where nothing was weighed.
     weight_rms_nm: Option<[f64; 2]>,
     /// File with the pads' own calibration; null where there is none.
     pads: Option<String>,
@@ -57,7 +57,7 @@ pub struct Identified<'a> {
     individual: String,
     /// Page about them.
     page: String,
-    /// What they were identified from.
+    /// Sessions that they were identified from.
     sessions: &'a [Source],
     /// One entry an actuator.
     actuators: &'a [ActuatorRow],

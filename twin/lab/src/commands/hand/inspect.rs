@@ -42,7 +42,7 @@ struct JointRow {
     shapes: usize,
 }
 
-/// What pulls on joints.
+/// Actuator that pulls on joints.
 #[derive(Debug, Serialize, JsonSchema)]
 struct Actuator {
     name: String,
@@ -65,7 +65,7 @@ pub struct Inspected<'a> {
     shapes_of_the_root: usize,
     /// Links that pass through everything.
     links_without_shape: &'a [String],
-    /// What was found of the hand; warnings begin with WARNING.
+    /// Findings about the hand; warnings begin with WARNING.
     notes: &'a [String],
 }
 

@@ -14,7 +14,7 @@ use crate::touch::poses::{Causes, Class, FeltGrasp, MedianP95, PoseSource, Sprea
 /// Errors of normals.
 #[derive(Serialize, JsonSchema)]
 struct Normals<'a> {
-    /// How normals are found in trials.
+    /// Method by which normals are found in trials.
     method: Method,
     /// On shapes that were not trained on.
     unseen_shapes: Option<Measured>,
