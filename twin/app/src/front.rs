@@ -11,7 +11,7 @@ use clap::error::ErrorKind;
 
 use crate::json_schema::Failure;
 use crate::terminal::{Outcome, Terminal};
-use crate::{commands, log_file, terminal};
+use crate::{log_file, terminal};
 
 /// A program's command line.
 pub trait CommandLine: FromArgMatches {
@@ -112,11 +112,8 @@ fn obey(command_line: &impl CommandLine, arguments: &[OsString]) -> u8 {
             (1, format!("falls short: {}", words(&error)))
         }
         Err(error)
-            if caused_by::<bench::run::Interrupted>(&error)
-                || caused_by::<external_policy::Interrupted>(&error)
-                || caused_by::<fault_injection::Interrupted>(&error)
-                || caused_by::<sweep::work::Interrupted>(&error)
-                || caused_by::<commands::twin::excite::Interrupted>(&error) =>
+            if caused_by::<progress::interrupt::Interrupted>(&error)
+                || caused_by::<external_policy::Interrupted>(&error) =>
         {
             (130, words(&error))
         }

@@ -22,6 +22,7 @@ use scenarios::effects::Effect;
 use sim::tactile::TactileBoard;
 use touch::{OwnHandOptions, PhotometricCalibration, TouchPipeline};
 
+use crate::journal::RunRequest;
 use crate::trial::Bench;
 
 /// Combinations of a benchmark, as in the paper.
@@ -117,6 +118,20 @@ pub fn make_bench(robot: &RobotModel, scenario: Scenario, combos: usize, seed: u
     if !disturbance.disabled().is_empty() {
         bench.do_without(disturbance.disabled())?;
     }
+    Ok(bench)
+}
+
+/// The bench of a run, with everything that the request says of robot, scenario and controller but where images are rendered.
+pub fn bench_of(request: &RunRequest, quiet: bool) -> Result<Bench> {
+    let model = request.robot_model(Path::new("--individual"))?;
+    let mut bench = make_bench(&model, request.scenario()?, request.combos, request.seed, quiet)?;
+    request.places.set_up(&mut bench.world)?;
+    read_pads_by(&mut bench, request.pads.as_deref(), Path::new("--pads"))?;
+    if let Some(number) = request.plant {
+        hide_plant(&mut bench, number)?;
+    }
+    bench.foresee(request.foresees);
+    expect_errors(&mut bench, request.uncertainty.as_deref(), Path::new("--uncertainty"), &request.robot)?;
     Ok(bench)
 }
 

@@ -2,13 +2,13 @@
 //! killed at any moment loses at most the unit in flight.
 
 use std::collections::BTreeMap;
-use std::fs::{File, OpenOptions, TryLockError};
-use std::io::Write;
+use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use hand_model::{RobotModel, RobotSources};
 use platform::digest::sha256;
+use platform::journal::{Journal as Lines, lock_folder};
 use platform::reach::check_links;
 use scenarios::effects::Effect;
 use scenarios::record::{AblatedTrial, Condition, TrialRecord};
@@ -138,6 +138,16 @@ impl RunRequest {
         Ok(sha256(&serde_json::to_vec(&asked)?)[..32].to_owned())
     }
 
+    /// The first field that decides results and in which another request differs, unless that is another shard of this run.
+    pub fn differs(&self, other: &Self) -> Result<Option<String>> {
+        let asked = |of: &Self| {
+            serde_json::to_value(Self { shard: (1, 1), made: Vec::new(), record: Record::default(), ..of.clone() })
+        };
+        let (own, its) = (asked(self)?, asked(other)?);
+        let names = [&own, &its].into_iter().filter_map(serde_json::Value::as_object).flat_map(|fields| fields.keys());
+        Ok(names.into_iter().find(|name| own.get(name.as_str()) != its.get(name.as_str())).cloned())
+    }
+
     /// The robot that body and control stack are; `path` is the file that an identified one was read from, for errors.
     pub fn robot_model(&self, path: &Path) -> Result<RobotModel> {
         robot_of(self.robot_model.as_ref(), self.individual.as_deref(), path)
@@ -202,8 +212,7 @@ pub struct Entry {
 
 /// An open journal.
 pub struct Journal {
-    file: File,
-    path: PathBuf,
+    lines: Lines,
     /// The folder, locked: one run writes into it at a time.
     _lock: File,
     /// [`RunRequest::digest`].
@@ -214,16 +223,6 @@ pub struct Journal {
 
 fn path(folder: &Path) -> PathBuf {
     folder.join("journal.jsonl")
-}
-
-/// The folder, locked against another run for as long as it is open.
-fn lock(folder: &Path) -> Result<File> {
-    let file = File::open(folder).with_context(|| folder.display().to_string())?;
-    match file.try_lock() {
-        Ok(()) => Ok(file),
-        Err(TryLockError::WouldBlock) => bail!("{}: another run is writing into it", folder.display()),
-        Err(TryLockError::Error(error)) => Err(error).with_context(|| format!("cannot lock {}", folder.display())),
-    }
 }
 
 impl Journal {
@@ -237,12 +236,11 @@ impl Journal {
                 folder.display()
             );
         }
-        let lock = lock(folder).context("--out")?;
+        let lock = lock_folder(folder, "run").context("--out")?;
         let text = serde_json::to_string_pretty(request)?;
         platform::data::write_whole(&folder.join("run.json"), text.as_bytes()).context("--out")?;
-        let file =
-            File::create(path(folder)).with_context(|| format!("--out: cannot write into {}", folder.display()))?;
-        Ok(Self { file, path: path(folder), _lock: lock, run: request.digest()?, done: BTreeMap::new() })
+        let lines = Lines::open(&path(folder)).context("--out")?;
+        Ok(Self { lines, _lock: lock, run: request.digest()?, done: BTreeMap::new() })
     }
 
     /// Reads a run's journal without changing it; a last line cut off by an interruption is left out.
@@ -256,10 +254,8 @@ impl Journal {
         let request: RunRequest = serde_json::from_str(&text).with_context(|| run.display().to_string())?;
         request.check(&run)?;
         let journal = path(folder);
-        let text = platform::file::read_text(&journal).with_context(|| format!("cannot read {}", journal.display()))?;
-        let whole = text.split_inclusive('\n').filter(|line| line.ends_with('\n'));
         let (digest, mut done) = (request.digest()?, BTreeMap::new());
-        for (n, entry) in (1..).zip(whole.map_while(|line| serde_json::from_str::<Entry>(line).ok())) {
+        for (n, entry) in (1..).zip(Lines::read::<Entry>(&journal)?) {
             if let Some(found) = entry.run.as_ref().filter(|run| **run != digest) {
                 bail!(
                     "{}: line {n}: found a unit of run {found}, expected one of run {digest}, which {} describes",
@@ -274,29 +270,21 @@ impl Journal {
 
     /// Opens the journal of an interrupted run to go on with it.
     pub fn resume(folder: &Path) -> Result<(Self, RunRequest)> {
-        let lock = lock(folder).context("--resume")?;
+        let lock = lock_folder(folder, "run").context("--resume")?;
         let (done, request) = Self::read(folder).context("--resume")?;
-        let mut text = String::new();
-        for entry in done.values() {
-            text += &serde_json::to_string(entry)?;
-            text.push('\n');
-        }
-        platform::data::write_whole(&path(folder), text.as_bytes())?;
-        let file = OpenOptions::new().append(true).open(path(folder))?;
-        Ok((Self { file, path: path(folder), _lock: lock, run: request.digest()?, done }, request))
+        let lines = Lines::open(&path(folder)).context("--resume")?;
+        Ok((Self { lines, _lock: lock, run: request.digest()?, done }, request))
     }
 
     /// Adds a finished unit.
     pub fn append(&mut self, mut entry: Entry) -> Result<()> {
         entry.run = Some(self.run.clone());
-        let mut line = serde_json::to_string(&entry)?;
-        line.push('\n');
-        let written = self.file.write_all(line.as_bytes()).and_then(|()| self.file.sync_data());
-        written.with_context(|| format!("cannot write {}", self.path.display()))?;
+        self.lines.add(&entry)?;
         self.done.insert(entry.unit, entry);
         Ok(())
     }
 }
+
 /// Units of a request, in order.
 pub fn units(request: &RunRequest) -> Vec<Unit> {
     let (shard, of) = request.shard;

@@ -2,7 +2,7 @@
 
 mod causes;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Mutex;
 use std::time::Instant;
 
@@ -18,7 +18,7 @@ use crate::recording::{Began, Recording};
 use crate::trial::filming::{self, All, Filming};
 use crate::trial::{Bench, TrialResults, Watcher};
 use crate::{results, workers};
-use progress::interrupt::Interrupt;
+use progress::interrupt::{Interrupt, Interrupted};
 use robot_backends::BodySource;
 
 /// How to run.
@@ -187,17 +187,6 @@ fn recorded_as<T>(
     Ok(result)
 }
 
-/// Ctrl-C, or SIGTERM: the trials in progress were finished and kept.
-#[derive(Debug, thiserror::Error)]
-#[error("interrupted: {finished} of {of} units of work are finished; go on with `ftac bench --resume {}`", .folder.display())]
-pub struct Interrupted {
-    /// Units in the journal.
-    pub finished: usize,
-    /// Units of the run.
-    pub of: usize,
-    pub folder: PathBuf,
-}
-
 /// Runs what is left of `request`; the journal keeps every finished unit.
 pub fn run(bench: &Bench, request: &RunRequest, journal: Journal, folder: &Path, options: &Options) -> Result<Summary> {
     let begun = Instant::now();
@@ -212,7 +201,8 @@ pub fn run(bench: &Bench, request: &RunRequest, journal: Journal, folder: &Path,
     let outcome = workers::for_each(options.jobs, &open, |_, unit| {
         if interrupt.as_ref().is_some_and(Interrupt::happened) {
             let finished = journal.lock().map_or(0, |journal| journal.done.len());
-            bail!(Interrupted { finished, of: all.len(), folder: folder.to_owned() });
+            let further = format!("go on with `ftac bench --resume {}`", folder.display());
+            bail!(Interrupted { done: finished, of: all.len(), what: "units of work are finished", further });
         }
         let start = Instant::now();
         let results = run_unit(bench, request, *unit, folder, options).with_context(|| {

@@ -1,13 +1,13 @@
 //! The outcomes of a fault matrix on disk: one line per injection, written as it comes, so that a matrix that was interrupted goes on where it was.
 
 use std::collections::BTreeMap;
-use std::fs::{File, OpenOptions, TryLockError};
-use std::io::Write as _;
+use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, bail};
 use control::executor::Phase;
 use hand_model::RobotSources;
+use platform::journal::{Journal, lock_folder};
 use serde::{Deserialize, Serialize};
 
 use super::Outcome;
@@ -48,7 +48,7 @@ struct Line {
 /// An open ledger.
 pub struct Ledger {
     pub folder: PathBuf,
-    file: File,
+    lines: Journal,
     /// The folder, locked: one matrix writes into it at a time.
     _lock: File,
     /// Outcomes so far, by the number of the injection.
@@ -59,7 +59,7 @@ impl Ledger {
     /// Begins one in `folder`, which is created; refuses a folder that already holds one.
     pub fn create(folder: &Path, request: &Request) -> Result<Self> {
         std::fs::create_dir_all(folder).with_context(|| format!("--out: cannot create {}", folder.display()))?;
-        let lock = lock(folder).context("--out")?;
+        let lock = lock_folder(folder, "fault matrix").context("--out")?;
         if folder.join(REQUEST).exists() {
             bail!(
                 "--out: {} already holds a fault matrix; go on with --resume {0} or name another folder",
@@ -68,57 +68,31 @@ impl Ledger {
         }
         let text = serde_json::to_string_pretty(request)?;
         // The lines first: a folder that says what it holds can be gone on with.
-        let file = File::create(folder.join(LINES)).with_context(|| format!("--out: {}", folder.display()))?;
+        let lines = Journal::open(&folder.join(LINES)).context("--out")?;
         platform::data::write_whole(&folder.join(REQUEST), text.as_bytes())?;
-        Ok(Self { folder: folder.to_owned(), file, _lock: lock, done: BTreeMap::new() })
+        Ok(Self { folder: folder.to_owned(), lines, _lock: lock, done: BTreeMap::new() })
     }
 
     /// Opens one to go on with it; a last line that was cut off is left out.
     pub fn resume(folder: &Path) -> Result<(Self, Request)> {
-        let lock = lock(folder).context("--resume")?;
+        let lock = lock_folder(folder, "fault matrix").context("--resume")?;
         let path = folder.join(REQUEST);
         let text = std::fs::read_to_string(&path).with_context(|| {
             format!("--resume: {} holds no fault matrix (cannot read {})", folder.display(), path.display())
         })?;
         let request: Request = serde_json::from_str(&text).with_context(|| format!("--resume: {}", path.display()))?;
         let path = folder.join(LINES);
-        let text = std::fs::read_to_string(&path).with_context(|| format!("--resume: {}", path.display()))?;
-        let mut done = BTreeMap::new();
-        for (n, line) in (1..).zip(text.split_inclusive('\n').filter(|line| line.ends_with('\n'))) {
-            let Line { n: number, outcome } =
-                serde_json::from_str(line).with_context(|| format!("--resume: {}: line {n}", path.display()))?;
-            done.insert(number, outcome);
-        }
-        let mut whole = String::new();
-        for (n, outcome) in &done {
-            whole += &line(*n, outcome)?;
-        }
-        platform::data::write_whole(&path, whole.as_bytes())?;
-        let file = OpenOptions::new().append(true).open(&path).with_context(|| path.display().to_string())?;
-        Ok((Self { folder: folder.to_owned(), file, _lock: lock, done }, request))
+        let kept = Journal::read(&path).context("--resume")?;
+        let done = kept.into_iter().map(|Line { n, outcome }| (n, outcome)).collect();
+        let lines = Journal::open(&path).context("--resume")?;
+        Ok((Self { folder: folder.to_owned(), lines, _lock: lock, done }, request))
     }
 
     /// Adds an outcome.
     pub fn append(&mut self, n: usize, outcome: Outcome) -> Result<()> {
-        let line = line(n, &outcome)?;
-        let written = self.file.write_all(line.as_bytes()).and_then(|()| self.file.sync_data());
-        written.with_context(|| self.folder.join(LINES).display().to_string())?;
+        self.lines.add(&Line { n, outcome: outcome.clone() })?;
         self.done.insert(n, outcome);
         Ok(())
-    }
-}
-
-fn line(n: usize, outcome: &Outcome) -> Result<String> {
-    Ok(serde_json::to_string(&Line { n, outcome: outcome.clone() })? + "\n")
-}
-
-/// The folder, locked against another program for as long as it is open.
-fn lock(folder: &Path) -> Result<File> {
-    let file = File::open(folder).with_context(|| folder.display().to_string())?;
-    match file.try_lock() {
-        Ok(()) => Ok(file),
-        Err(TryLockError::WouldBlock) => bail!("{}: another fault matrix is writing into it", folder.display()),
-        Err(TryLockError::Error(error)) => Err(error).with_context(|| format!("cannot lock {}", folder.display())),
     }
 }
 

@@ -19,6 +19,7 @@ use hardware_bridge::emulator::lockstep::LockstepRobot;
 use hardware_bridge::safety::state::State;
 use kortex::emulator::EventKind;
 use nalgebra::Isometry3;
+use progress::interrupt::Interrupted;
 use proving::rehearsal::{Snapshot, in_grip};
 use proving::simulated_world::World;
 use robot_backends::emulated::{SharedPlant, settings, travel};
@@ -144,15 +145,6 @@ pub struct Matrix<'a> {
     pub mirror: bool,
 }
 
-/// Ctrl-C, or SIGTERM: the injections in progress were finished and kept.
-#[derive(Debug, thiserror::Error)]
-#[error("interrupted: {done} of {of} injections are done; go on with `ftac bridge faults --resume {}`", .folder.display())]
-pub struct Interrupted {
-    pub done: usize,
-    pub of: usize,
-    pub folder: PathBuf,
-}
-
 /// Injects `kinds` of faults into `phases` of `rounds` trials, as far as `ledger` does not have them yet, which gets each as it comes; all outcomes
 /// in the order of the injections. Ends early where `interrupted` says so.
 pub fn inject_all(
@@ -177,7 +169,8 @@ pub fn inject_all(
     workers::for_each(*threads, &open, |_, (n, (kind, phase, moment, round))| {
         if interrupted() {
             let ledger = ledger.lock().map_err(|_| anyhow::anyhow!("a worker panicked"))?;
-            bail!(Interrupted { done: ledger.done.len(), of, folder: ledger.folder.clone() });
+            let further = format!("go on with `ftac bridge faults --resume {}`", ledger.folder.display());
+            bail!(Interrupted { done: ledger.done.len(), of, what: "injections are done", further });
         }
         let file = place.path().join(format!("{n}.mcap"));
         let seed = seed.wrapping_add(*n as u64);

@@ -49,6 +49,28 @@ impl Interrupt {
     }
 }
 
+/// Work that ended early because the operator wanted it to: what is finished was kept.
+#[derive(Debug)]
+pub struct Interrupted {
+    /// Finished pieces ...
+    pub done: usize,
+    /// ... of so many.
+    pub of: usize,
+    /// What they are, in the plural.
+    pub what: &'static str,
+    /// How to go on, in words.
+    pub further: String,
+}
+
+impl std::fmt::Display for Interrupted {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { done, of, what, further } = self;
+        write!(formatter, "interrupted: {done} of {of} {what}; {further}")
+    }
+}
+
+impl std::error::Error for Interrupted {}
+
 /// True if the operator has wanted to end since somebody last began to catch that wish.
 pub fn is_interrupted() -> bool {
     FLAGS.get().is_some_and(|flags| flags.happened.load(Ordering::SeqCst))

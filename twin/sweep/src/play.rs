@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
 use anyhow::{Context as _, Result, anyhow};
-use bench::builtin::{expect_errors, make_bench};
+use bench::builtin::bench_of;
 use bench::journal::{Record, RunRequest};
 use bench::run::{Options, run_unit};
 use bench::trial::Bench;
@@ -60,15 +60,7 @@ impl Benches {
         // Those that want the same one wait for it; others go on.
         let mut slot = slot.lock().map_err(|_| poisoned())?;
         if slot.is_none() {
-            let mut bench = make_bench(
-                &request.robot_model(Path::new("individual"))?,
-                request.scenario()?,
-                request.combos,
-                request.seed,
-                self.quiet,
-            )?;
-            expect_errors(&mut bench, request.uncertainty.as_deref(), Path::new("uncertainty"), &request.robot)?;
-            *slot = Some(Arc::new(bench));
+            *slot = Some(Arc::new(bench_of(request, self.quiet)?));
         }
         slot.clone().context("a bench")
     }

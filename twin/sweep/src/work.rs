@@ -2,13 +2,12 @@
 
 use std::collections::BTreeSet;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::PathBuf;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
-use anyhow::{Context as _, Result, anyhow, bail};
-use progress::interrupt::Interrupt;
+use anyhow::{Context as _, Result, anyhow};
+use progress::interrupt::{Interrupt, Interrupted};
 
 use crate::claim::Claims;
 use crate::columns::Which;
@@ -46,12 +45,10 @@ pub struct Done {
 }
 
 /// Ctrl-C, or SIGTERM: finished units are kept.
-#[derive(Debug, thiserror::Error)]
-#[error("interrupted: {finished} of {of} units are finished; go on with `ftac sweep run {}`", .folder.display())]
-pub struct Interrupted {
-    pub finished: usize,
-    pub of: usize,
-    pub folder: PathBuf,
+fn interrupted(folder: &Folder) -> Result<anyhow::Error> {
+    let further = format!("go on with `ftac sweep run {}`", folder.path.display());
+    let (done, of) = (folder.finished()?.len(), folder.plan.units.len());
+    Ok(Interrupted { done, of, what: "units are finished", further }.into())
 }
 
 /// Plays what is left, on several threads. What fails is noted and the next unit begun, but a result that cannot be written ends it.
@@ -100,7 +97,7 @@ pub fn work(folder: &Folder, options: Options) -> Result<Done> {
                 plan.units.iter().filter(|unit| now.contains(&unit.id)).map(|unit| unit.count as u64).sum(),
             );
             if worker.interrupt.happened() {
-                bail!(Interrupted { finished: now.len(), of: plan.units.len(), folder: folder.path.clone() });
+                return Err(interrupted(folder)?);
             }
         }
     }
@@ -158,8 +155,7 @@ impl Worker<'_> {
         let before = self.played.load(Ordering::Relaxed) + self.failed_ids()?.len();
         bench::workers::for_each(jobs, open, |_, unit| {
             if self.interrupt.happened() {
-                let finished = self.folder.finished()?.len();
-                bail!(Interrupted { finished, of: self.folder.plan.units.len(), folder: self.folder.path.clone() });
+                return Err(interrupted(self.folder)?);
             }
             if self.stopped.lock().is_ok_and(|stopped| stopped.is_some()) {
                 return Ok(());

@@ -7,7 +7,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
-use bench::builtin::{COMBINATIONS, expect_errors, hide_plant, make_bench, read_pads_by};
+use bench::builtin::{COMBINATIONS, bench_of};
 use bench::journal::{Journal, Record as Recorded, RunRequest};
 use bench::provenance::Provenance;
 use bench::run::{self, Options};
@@ -197,7 +197,7 @@ fn request(terminal: &Terminal, args: &BenchArgs) -> Result<(RunRequest, PathBuf
         trials: args.trials,
         seed: terminal.seed,
         robot: args.robot.name().into(),
-        shard: parse_shard(&args.shard)?,
+        shard: part(&args.shard, "--shard")?,
         conditions: conditions(&args.conditions, args.policy.is_some())?,
         ablations: ablations(args)?,
         without: if args.no_errors { Effect::ALL.to_vec() } else { without(&args.without)? },
@@ -249,25 +249,17 @@ pub fn benchmark(terminal: &Terminal, args: &BenchArgs) -> Outcome {
     let jobs =
         if args.live || robot == Body::Hardware { 1 } else { args.jobs.unwrap_or_else(bench::workers::available) };
     // Everything that can be wrong with the input has been found before anything is written.
-    let model = request.robot_model(Path::new("--individual"))?;
-    let mut bench = make_bench(&model, scenario, request.combos, request.seed, quiet)?;
+    let mut bench = bench_of(&request, quiet)?;
     let asked = request.combos;
     if args.resume.is_none() {
         request.combos = bench.plans.plans.len().min(asked);
         (request.notes, request.left_out) = (bench.notes.clone(), bench.left_out.clone());
     }
-    request.places.set_up(&mut bench.world)?;
-    read_pads_by(&mut bench, request.pads.as_deref(), Path::new("--pads"))?;
     say_whose_pads(robot, &request.conditions, request.pads.as_deref());
-    if let Some(number) = request.plant {
-        hide_plant(&mut bench, number)?;
-    }
     let tactile = if request.gpu { TactileBackend::Gpu } else { TactileBackend::Cpu };
     bench.board = tactile.board(bench.board);
-    bench.foresee(request.foresees);
     // What stopped a robot that is none is gone with the trial; a real one waits for an operator.
     bench.outlasts_faults = robot != Body::Hardware && request.policy.is_none();
-    expect_errors(&mut bench, request.uncertainty.as_deref(), Path::new("--uncertainty"), &request.robot)?;
     if let Some(source) = &request.policy {
         source.check()?;
         bench.own = Some(Own::start(source.clone())?);
@@ -365,10 +357,11 @@ fn next_free_folder() -> PathBuf {
     (1..).map(|n| PathBuf::from(format!("recordings/bench-{n}"))).find(|folder| !folder.exists()).unwrap_or_default()
 }
 
-fn parse_shard(text: &str) -> Result<(usize, usize)> {
+/// Part `i` of `n`, counted from 1, as `i/n`.
+pub fn part(text: &str, option: &str) -> Result<(usize, usize)> {
     let parts = text.split_once('/').and_then(|(i, n)| Some((i.parse().ok()?, n.parse().ok()?)));
     match parts {
         Some((i, n)) if (1..=n).contains(&i) => Ok((i, n)),
-        _ => bail!("--shard: found `{text}`, expected i/n with 1 <= i <= n, such as 1/2"),
+        _ => bail!("{option}: found `{text}`, expected i/n with 1 <= i <= n, such as 1/2"),
     }
 }

@@ -16,6 +16,7 @@ use sweep::slurm::{self, Submitted, Task};
 use sweep::status::status;
 use sweep::work::{self, Options};
 
+use super::bench::part;
 use crate::terminal::{Outcome, Terminal};
 
 /// `sweep` commands.
@@ -316,20 +317,11 @@ fn folder(path: &Path, out: Option<&Path>) -> Result<Folder> {
     }
 }
 
-/// `i/n`.
-fn worker(text: &str) -> Result<(usize, usize)> {
-    let parts = text.split_once('/').and_then(|(i, n)| Some((i.parse().ok()?, n.parse().ok()?)));
-    match parts {
-        Some((i, n)) if (1..=n).contains(&i) => Ok((i, n)),
-        _ => bail!("--worker: found `{text}`, expected i/n with 1 <= i <= n, such as 1/2"),
-    }
-}
-
 fn play(terminal: &Terminal, args: &RunArgs) -> Outcome {
     if args.jobs == Some(0) {
         bail!("--jobs: found 0, expected at least 1");
     }
-    let worker = args.worker.as_deref().map(worker).transpose()?;
+    let worker = args.worker.as_deref().map(|text| part(text, "--worker")).transpose()?;
     let folder = folder(&args.path, args.out.as_deref())?;
     let jobs = args.jobs.unwrap_or_else(bench::workers::available);
     let quiet = terminal.quiet || terminal.json;

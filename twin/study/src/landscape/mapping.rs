@@ -5,10 +5,10 @@
 //! from a journal ends as if it had not been interrupted, because every pair has its own random generator.
 
 use std::collections::BTreeMap;
-use std::fs::{File, OpenOptions};
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
+use platform::DataError;
+use platform::journal::Journal;
 use rayon::prelude::*;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -54,9 +54,9 @@ enum Line<S> {
 
 #[derive(Debug, thiserror::Error)]
 pub enum JournalError {
-    /// Not readable or writable.
-    #[error("{path}: {source}")]
-    Io { path: PathBuf, source: std::io::Error },
+    /// Not readable or writable, or with a line that is none of a journal.
+    #[error(transparent)]
+    Data(#[from] DataError),
     /// Invalid line.
     #[error("{path}:{line}: {message}")]
     Line {
@@ -89,7 +89,7 @@ pub struct Mapping<S> {
     pub sorted: usize,
     /// Number of basins with measured barriers.
     measured: usize,
-    journal: Option<(PathBuf, File)>,
+    journal: Option<Journal>,
 }
 
 impl<S: Clone + Send + Sync + Serialize + DeserializeOwned> Mapping<S> {
@@ -101,18 +101,15 @@ impl<S: Clone + Send + Sync + Serialize + DeserializeOwned> Mapping<S> {
     /// Resumes from the journal at `path`, or starts one. An incomplete last line is dropped. `energy` gives the energy
     /// of a state.
     pub fn resume(plan: Plan, path: &Path, energy: impl Fn(&S) -> f64) -> Result<Self, JournalError> {
-        let io = |source| JournalError::Io { path: path.into(), source };
         let mut mapping = Self::new(plan);
-        let text = match std::fs::read_to_string(path) {
-            Ok(text) => text,
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => String::new(),
-            Err(error) => return Err(io(error)),
-        };
-        // Only lines with a line end are complete.
-        let whole = text.rfind('\n').map_or("", |end| &text[..=end]);
-        for (number, line) in whole.lines().enumerate() {
+        let mut journal = Journal::open(path)?;
+        let lines = Journal::read(path)?;
+        if lines.is_empty() {
+            journal.add(&Line::<S>::Plan(mapping.plan.clone()))?;
+        }
+        for (number, line) in lines.into_iter().enumerate() {
             let fault = |message: String| JournalError::Line { path: path.into(), line: number + 1, message };
-            match serde_json::from_str(line).map_err(|error| fault(error.to_string()))? {
+            match line {
                 Line::Plan(plan) if number == 0 && plan == mapping.plan => {}
                 Line::Plan(plan) if number == 0 => {
                     return Err(JournalError::OtherRun {
@@ -139,22 +136,12 @@ impl<S: Clone + Send + Sync + Serialize + DeserializeOwned> Mapping<S> {
                 _ => return Err(fault("found a line out of order, expected the next sample or basin".into())),
             }
         }
-        let mut file = OpenOptions::new().create(true).append(true).open(path).map_err(io)?;
-        file.set_len(whole.len() as u64).map_err(io)?;
-        if whole.is_empty() {
-            write_line(&mut file, &Line::<S>::Plan(mapping.plan.clone())).map_err(io)?;
-        }
-        mapping.journal = Some((path.into(), file));
+        mapping.journal = Some(journal);
         Ok(mapping)
     }
 
     fn note(&mut self, line: &Line<S>) -> Result<(), JournalError> {
-        match &mut self.journal {
-            Some((path, file)) => {
-                write_line(file, line).map_err(|source| JournalError::Io { path: path.clone(), source })
-            }
-            None => Ok(()),
-        }
+        self.journal.as_mut().map_or(Ok(()), |journal| Ok(journal.add(line)?))
     }
 
     /// Sorts the next sample's `minimum` into a basin.
@@ -251,12 +238,6 @@ impl<S: Clone + Send + Sync + Serialize + DeserializeOwned> Mapping<S> {
         let above = |a: usize, b: usize| self.basins[a].energy.max(self.basins[b].energy);
         self.barriers.iter().map(|(&(a, b), &barrier)| (a, b, barrier.max(above(a, b)))).collect()
     }
-}
-
-fn write_line<S: Serialize>(file: &mut File, line: &Line<S>) -> std::io::Result<()> {
-    let mut text = serde_json::to_string(line)?;
-    text.push('\n');
-    file.write_all(text.as_bytes())
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
-use bench::journal::{Entry, Journal, RunRequest, Unit};
+use bench::journal::{Entry, Journal, Unit};
 use bench::results;
 use scenarios::record::Condition;
 use scenarios::summary::Summary;
@@ -17,10 +17,9 @@ pub fn report(terminal: &Terminal, folders: &[PathBuf], out: Option<&Path>) -> O
     let (mut journal, mut request) = Journal::read(&folders[0])?;
     for folder in &folders[1..] {
         let (other, its) = Journal::read(folder)?;
-        let asked = |of: &RunRequest| (of.combos, of.trials, of.seed, of.conditions.clone(), of.scenario.clone());
-        if asked(&its) != asked(&request) || its.policy != request.policy {
+        if let Some(what) = request.differs(&its)? {
             bail!(
-                "{}: its combos, trials, seed, conditions, policy or scenario differ from those of {}; only shards of one run can be merged",
+                "{}: its {what} differs from that of {}; only shards of one run can be merged",
                 folder.display(),
                 folders[0].display()
             );

@@ -19,7 +19,7 @@ use identification::excitation::{Progress, described, play};
 use identification::task::Task;
 use identification::touches::Thinned;
 use plant::RobotIndividual;
-use progress::interrupt::Interrupt;
+use progress::interrupt::{Interrupt, Interrupted};
 use robot_backends::arm_link::arm_link;
 use robot_backends::emulated::{SharedPlant, settings};
 use robot_backends::operator::agreed;
@@ -66,25 +66,6 @@ pub struct ExciteArgs {
     #[arg(long)]
     pub yes: bool,
 }
-
-/// Ctrl-C, or SIGTERM: what is done was kept, and the robot stands.
-#[derive(Debug)]
-pub struct Interrupted {
-    done: usize,
-    of: usize,
-}
-
-impl std::fmt::Display for Interrupted {
-    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(
-            formatter,
-            "interrupted: {} of {} steps are done; the same command goes on from there",
-            self.done, self.of
-        )
-    }
-}
-
-impl std::error::Error for Interrupted {}
 
 /// How far an excitation came.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -266,7 +247,8 @@ pub fn run(terminal: &Terminal, args: &ExciteArgs) -> Outcome {
     if let Some(why) = played? {
         finished?;
         if interrupt.happened() {
-            return Err(Interrupted { done: record.done, of: steps }.into());
+            let further = "the same command goes on from there".to_owned();
+            bail!(Interrupted { done: record.done, of: steps, what: "steps are done", further });
         }
         return Ok(Some(format!("{why} after {} of {steps} steps; the same command goes on from there", record.done)));
     }

@@ -1,0 +1,104 @@
+//! Journals of long work: a line of JSON for each finished piece, on the disk before anything else happens, so that a process killed at any moment
+//! loses only what was in flight. And locks on files and folders that one process at a time writes.
+
+use std::fs::{File, OpenOptions, TryLockError};
+use std::io::{self, ErrorKind, Write as _};
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+use crate::data::{DataError, read_text};
+
+/// A journal that is being written.
+#[derive(Debug)]
+pub struct Journal {
+    file: File,
+    path: PathBuf,
+}
+
+impl Journal {
+    /// Opens the journal at `path`, which is created where it is missing, to add lines; a last line that was cut off is removed.
+    pub fn open(path: &Path) -> Result<Self, DataError> {
+        let open = || {
+            let file = OpenOptions::new().create(true).append(true).open(path)?;
+            let whole = std::fs::read(path)?.iter().rposition(|byte| *byte == b'\n').map_or(0, |end| end + 1);
+            file.set_len(whole as u64)?;
+            Ok(file)
+        };
+        let file = open().map_err(|source| DataError::Io { path: path.into(), source })?;
+        Ok(Self { file, path: path.into() })
+    }
+
+    /// The lines of the journal at `path`, which stays as it is; a last line that was cut off is left out.
+    ///
+    /// # Errors
+    /// A file that cannot be read, or the first line that is no `T`.
+    pub fn read<T: DeserializeOwned>(path: &Path) -> Result<Vec<T>, DataError> {
+        let text = read_text(path)?;
+        let whole = text.split_inclusive('\n').filter(|line| line.ends_with('\n'));
+        let parsed = (1..).zip(whole).map(|(line, text)| {
+            let wrong = |error: serde_json::Error| DataError::Line {
+                path: path.into(),
+                line,
+                found: format!("a line that does not fit ({error})"),
+                expected: "one of this journal".into(),
+            };
+            serde_json::from_str(text).map_err(wrong)
+        });
+        parsed.collect()
+    }
+
+    /// Adds a line, and returns when it is on the disk.
+    pub fn add(&mut self, line: &impl Serialize) -> Result<(), DataError> {
+        let text = serde_json::to_string(line).map_err(io::Error::from);
+        let written = text.and_then(|text| self.file.write_all((text + "\n").as_bytes()));
+        let written = written.and_then(|()| self.file.sync_data());
+        written.map_err(|source| DataError::Io { path: self.path.clone(), source })
+    }
+}
+
+/// Locks a file or folder for as long as it stays open; none if another holder has it. The operating system, or the server of a network file
+/// system, ends the lock with its holder.
+pub fn locked(file: File) -> io::Result<Option<File>> {
+    match file.try_lock() {
+        Ok(()) => Ok(Some(file)),
+        Err(TryLockError::WouldBlock) => Ok(None),
+        Err(TryLockError::Error(error)) => Err(error),
+    }
+}
+
+/// The folder, locked against every other `what` that would write into it, for as long as it stays open.
+pub fn lock_folder(folder: &Path, what: &str) -> Result<File, DataError> {
+    let busy = || io::Error::new(ErrorKind::WouldBlock, format!("another {what} is writing into it"));
+    let lock = File::open(folder).and_then(locked).and_then(|lock| lock.ok_or_else(busy));
+    lock.map_err(|source| DataError::Io { path: folder.into(), source })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_that_was_cut_off_is_left_out_and_one_that_does_not_fit_is_named() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("lines.jsonl");
+        std::fs::write(&path, "[1, 0.5]\n[2, 0.1]\n[3,").expect("written");
+        let mut journal = Journal::open(&path).expect("opens");
+        journal.add(&(3, 1.0 / 3.0)).expect("added");
+        assert_eq!(Journal::read::<(u32, f64)>(&path).expect("whole"), [(1, 0.5), (2, 0.1), (3, 1.0 / 3.0)]);
+        journal.add(&"four").expect("added");
+        let error = Journal::read::<(u32, f64)>(&path).expect_err("no pair").to_string();
+        assert!(error.contains("lines.jsonl:4"), "{error}");
+    }
+
+    #[test]
+    fn a_folder_is_locked_once() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let lock = lock_folder(folder.path(), "run").expect("free");
+        let error = lock_folder(folder.path(), "run").expect_err("busy").to_string();
+        assert!(error.contains("another run is writing into it"), "{error}");
+        drop(lock);
+        assert!(lock_folder(folder.path(), "run").is_ok());
+    }
+}
