@@ -287,7 +287,8 @@ impl RobotModel {
         }
     }
 
-    /// All of arm, hand and start but pads, cameras and names, as text: grasps of one robot are another's where it is the same.
+    /// All of arm, hand and start but pads, cameras and names, as text: grasps of one robot are another's where it is the same. Grasps of the file's own
+    /// count where they are not those of the F-TAC Hand.
     pub fn mechanics(&self) -> String {
         let parameters = HandParameters {
             name: String::new(),
@@ -296,7 +297,10 @@ impl RobotModel {
             ..self.hand.parameters.clone()
         };
         let start = if self.start_pitch == 0.0 { String::new() } else { format!(" {}", self.start_pitch) };
-        format!("{parameters:?} {:?}{start}", self.arm)
+        let builtin = HandParameters { grasps: None, ..parameters.clone() };
+        let own = Some(parameters.grasps()).filter(|own| *own != builtin.grasps());
+        let grasps = own.map_or(String::new(), |own| format!(" {own:?}"));
+        format!("{parameters:?} {:?}{start}{grasps}", self.arm)
     }
 
     /// Whether arm and hand move and touch alike.

@@ -59,7 +59,7 @@ fn told(bench: &Bench, touches: &[PadTouch], servos: &[ServoState], held: [Optio
 #[test]
 fn a_thumb_on_the_index_finger_is_no_object() {
     let bench = pads_only(1);
-    let grasps = bench.plans.plans[0].grasps(&bench.repertoire).expect("a plan");
+    let grasps = bench.plans.plans[0].grasps(&bench.world.cell.robot.hand, &bench.repertoire).expect("a plan");
     let objects = [&bench.plans.plans[0].first, &bench.plans.plans[0].second]
         .map(|name| KnownObject::new(bench.world.object(name).expect("an object")));
     let (first, second) = (&grasps.first, &grasps.second[0].grasp);

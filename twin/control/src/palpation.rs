@@ -4,7 +4,7 @@
 //! place. Index and middle finger, stretched out, come down on the object's rim from above, slowly, until a pad feels it. The
 //! pads then show where the object is in the hand, as they do with a held one.
 
-use grasping::Role;
+use grasping::digit_sets;
 use grasping::grasp::palm_rotation;
 use hand_model::{Digit, Hand};
 use nalgebra::{Isometry3, Matrix3, Point3, Translation3, Vector3};
@@ -81,7 +81,8 @@ pub fn way(limits: &PathLimits, here: &Isometry3<f64>, there: &Isometry3<f64>) -
 /// is held, beyond each finger's first link and on the palm's side of it.
 fn touching(hand: &Hand) -> impl Iterator<Item = (usize, Isometry3<f64>)> {
     let links = hand.tree.forward(&hand.each_joint(|_| CURL));
-    let fingers = Role::Second.digits(hand.digits().len()).iter().filter(|digit| **digit != Digit::Thumb);
+    let free = digit_sets(hand, 2).swap_remove(1);
+    let fingers = free.iter().filter(|digit| **digit != Digit::Thumb);
     let outer: Vec<usize> = fingers.flat_map(|digit| &hand.links(*digit)[1..]).copied().collect();
     let places = hand.pads.iter().enumerate().filter_map(move |(n, pad)| {
         let link = pad.link.filter(|link| outer.contains(link))?;
@@ -128,7 +129,8 @@ pub fn located(
     let mut touches = senses.perceive(look)?.touches;
     let objects: Vec<InHand> = first.into_iter().chain([InHand { shape, prior: *prior }]).collect();
     pipeline.mark_own(&mut touches, look.readings, &objects)?;
-    touches.retain(|touch| is_on(pipeline.hand(), touch.pad, Role::Second.digits(pipeline.hand().digits().len())));
+    let free = &digit_sets(pipeline.hand(), 2)[1];
+    touches.retain(|touch| is_on(pipeline.hand(), touch.pad, free));
     if touches.iter().all(|touch| touch.of_objects().next().is_none()) {
         return Ok(None);
     }

@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, OnceLock};
 
-use grasping::{Grasp, Role};
+use grasping::{Grasp, digit_sets};
 use hand_model::robot::ServoState;
 use hand_model::{Digit, Hand};
 use nalgebra::{Isometry3, Point3, Vector3};
@@ -152,7 +152,8 @@ impl Grip {
         };
         // A closed thumb lies where ring and little finger close: then only what pads feel counts, or a digit with a blind one.
         let thumb = cable_tension(hand, Digit::Thumb.index(), &servos[Digit::Thumb.index()]) > PULLED;
-        let first = Role::First.digits(hand.digits().len());
+        let sets = digit_sets(hand, 2);
+        let (first, second) = (&sets[0], &sets[1]);
         let blind = |digit: Digit| of(Some(digit)).any(|touch| touch.blind);
         let holds = |digit: &&Digit| feels(Some(**digit)) || blind(**digit) && !bare(**digit) && blocked(**digit);
         let holding = first.iter().filter(holds).count();
@@ -160,7 +161,6 @@ impl Grip {
         let keeps = |digit: Digit| if bare(digit) { early(0, digit) } else { alone && blocked(digit) };
         let has_pads = |digit: Option<Digit>| hand.pads.iter().any(|pad| hand.digit_of(pad.link) == digit);
         let feeling = first.iter().filter(|digit| has_pads(Some(**digit))).count() + usize::from(has_pads(None));
-        let second = Role::Second.digits(hand.digits().len());
         let taking = second.iter().filter(|digit| takes_part(**digit) && feels_second(**digit)).count();
         Self {
             first: holding + usize::from(feels(None)) >= feeling.clamp(1, 2) || first.iter().any(|digit| keeps(*digit)),
@@ -242,9 +242,10 @@ fn excursion_sigma(pipeline: &TouchPipeline) -> f64 {
 fn pads_on(hand: &Hand, q: &[f64], first: &InHand) -> Vec<usize> {
     let object_from_palm = first.prior.palm_from_object.inverse();
     let pads = hand.pad_poses(&hand.tree.forward(q));
+    let free = &digit_sets(hand, 2)[1];
     let on_it = |pad: &usize| {
         let middle = object_from_palm * pads[*pad] * Point3::origin();
-        is_on(hand, *pad, Role::Second.digits(hand.digits().len())) && first.shape.signed_distance(&middle).0 < ON_IT
+        is_on(hand, *pad, free) && first.shape.signed_distance(&middle).0 < ON_IT
     };
     (0..pads.len()).filter(on_it).collect()
 }

@@ -1,7 +1,7 @@
 //! Recovery: what to do next, given what touch says is in the hand after a grasp was tried.
 
-use grasping::Role;
-use grasping::grasp::in_words;
+use grasping::digit_sets;
+use grasping::digit_sets::in_words;
 use hand_model::Hand;
 use nalgebra::Vector3;
 use world::phase::Phase;
@@ -57,15 +57,15 @@ impl Next {
 
     /// The reason in words.
     pub fn reason(self, hand: &Hand) -> String {
-        let nothing = |role: Role, object: &str| {
-            let digits = role.digits(hand.digits().len());
+        let nothing = |place: usize, object: &str| {
+            let digits = &digit_sets(hand, 2)[place];
             let hold = if digits.len() == 1 { "holds" } else { "hold" };
             format!("touch feels nothing that {} {hold}: the {object} object again", in_words(digits))
         };
         match self {
             Self::GoOn => "touch feels what should be in the hand".to_owned(),
-            Self::FirstAgain => nothing(Role::First, "first"),
-            Self::SecondAgain => nothing(Role::Second, "second"),
+            Self::FirstAgain => nothing(0, "first"),
+            Self::SecondAgain => nothing(1, "second"),
             Self::StartOver => {
                 "touch feels the second object but no longer the first: laying down and starting over".to_owned()
             }

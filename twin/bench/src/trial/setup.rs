@@ -186,7 +186,7 @@ impl<'a> Setup<'a> {
     pub fn begin(&self, bench: &Bench, source: Source, watched: bool) -> Result<Start> {
         let reversed = self.reordered.map(|_| bench.world.in_other_order());
         let world = reversed.as_ref().unwrap_or(&bench.world);
-        let planned = self.plan.grasps(self.repertoire)?;
+        let planned = self.plan.grasps(&world.cell.robot.hand, self.repertoire)?;
         let objects = self.objects(bench)?;
         if source.is_some() {
             // A body in real time does not wait for it later.

@@ -1,5 +1,6 @@
 //! The executor's grip: what the digits hold, and how hard they pull.
 
+use grasping::grasp::pulled;
 use hand_model::robot::{Observation, TactileFrame};
 use hand_model::{Digit, DigitVector};
 
@@ -11,9 +12,7 @@ use crate::slip::{self, SlipWatch};
 impl Executor {
     /// Digits that keep what they have.
     pub fn holding(&self) -> Vec<Digit> {
-        let kept = self.kept(self.held);
-        let kept = Digit::ALL.into_iter().zip(&kept).filter(|(_, tension)| **tension > 0.0);
-        kept.map(|(digit, _)| digit).collect()
+        pulled(&self.kept(self.held))
     }
 
     /// Digits other than `holding` open: they have nothing.

@@ -5,10 +5,11 @@
 //! before is gone, everything is laid down and the list begins anew.
 
 use grasping::Grasp;
+use grasping::digit_sets::in_words;
 use touch::Perceived;
 use world::attempt::Attempt;
 
-use super::pick_sequence::plan::{feeling, listed};
+use super::pick_sequence::plan::feeling;
 use super::reach::turned;
 use super::{Injected, Knowledge, Policy, PolicyError, Step, Story};
 use crate::executor::{Executor, Skill, Target};
@@ -50,7 +51,7 @@ impl<'a> InTurn<'a> {
             let known: Vec<Candidate> = match proven.get(n) {
                 Some(proven) if !proven.is_empty() => proven.to_vec(),
                 _ => {
-                    let others = knowledge.repertoire.with_digits(&grasp.object, &grasp.digits);
+                    let others = knowledge.repertoire.of(&grasp.object, &grasp.digits);
                     let others = others.filter(|other| other.id != grasp.id);
                     let others = others.map(|other| Candidate::new(other.clone(), worth::UNREHEARSED * other.score));
                     std::iter::once(Candidate::new((*grasp).clone(), grasp.score)).chain(others).collect()
@@ -110,7 +111,7 @@ impl<'a> InTurn<'a> {
         let planned = item.candidates.first().map(|candidate| candidate.grasp.id);
         self.story.switched |= planned != Some(grasp.id);
         self.story.decisions += 1;
-        self.story.tell(format!("{} is taken by {}: {why}", model.name, listed(&grasp.digits)));
+        self.story.tell(format!("{} is taken by {}: {why}", model.name, in_words(&grasp.digits)));
         self.story.attempts.push(Attempt { object, grasp: grasp.id, why, ..Attempt::default() });
         executor.take(object, Target { grasp, percept: seen })?;
         executor.redirect(path);

@@ -2,7 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use grasping::{Grasp, Role};
+use grasping::Grasp;
+use hand_model::Digit;
 use world::objects::ObjectModel;
 
 use super::Knowledge;
@@ -35,8 +36,8 @@ pub fn turned<'a>(
 /// What a search for grasps begins with.
 pub struct Wanted<'a> {
     pub object: &'a ObjectModel,
-    /// The object's part in the trial.
-    pub role: Role,
+    /// Digits that take it.
+    pub digits: &'a [Digit],
     /// Grasps for it while it stands as the plan expects.
     pub candidates: &'a [Candidate],
     /// How often each grasp, by its number, has failed in this trial.
@@ -59,7 +60,6 @@ pub fn within_reach(knowledge: &Knowledge, wanted: &Wanted, seen: &Percept) -> V
         return own;
     }
     let (library, repertoire) = (knowledge.library, knowledge.repertoire);
-    let rehearsed = if wanted.role == Role::Second { &knowledge.fallen[..] } else { &[] };
-    let others = stand_ins((library, repertoire), (wanted.object, seen), wanted.role, rehearsed);
+    let others = stand_ins((library, repertoire), (wanted.object, seen), wanted.digits, &knowledge.fallen);
     others.iter().filter_map(turn_into_reach).collect()
 }

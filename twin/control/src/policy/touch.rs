@@ -15,7 +15,7 @@ mod second;
 
 use std::collections::BTreeMap;
 
-use grasping::{Grasp, Role};
+use grasping::Grasp;
 use nalgebra::Vector3;
 use touch::{InHand, PoseEstimate};
 use world::layout::MOST_OBJECTS;
@@ -181,11 +181,11 @@ impl<'a> Touch<'a> {
         Ok(Step::Play)
     }
 
-    fn within_reach(&self, role: Role, executor: &Executor, seen: &Percept) -> Vec<Candidate> {
-        let index = usize::from(role == Role::Second);
+    fn within_reach(&self, index: usize, executor: &Executor, seen: &Percept) -> Vec<Candidate> {
         let candidates = [&self.first, self.following(executor).1][index];
         let (object, failures) = (&*self.knowledge.objects[index], &self.failures[index]);
-        within_reach(&self.knowledge, &Wanted { object, role, candidates, failures }, seen)
+        let digits = &executor.target(index).grasp.digits;
+        within_reach(&self.knowledge, &Wanted { object, digits, candidates, failures }, seen)
     }
 
     /// Goes on by what the look at the hand has told after what was done in the state `looked`.

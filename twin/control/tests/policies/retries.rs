@@ -5,7 +5,6 @@ use control::percept::Percept;
 use control::policy::touch::Touch;
 use control::policy::{Injected, Knowledge, Policy, Step};
 use control::sensing::Senses;
-use grasping::Role;
 use nalgebra::Isometry3;
 use world::Sensing;
 
@@ -38,7 +37,7 @@ fn touch_feels_for_the_second_object_first() {
     let table = Table::new();
     let mut executor = table.executor();
     let mut eyes = Watchful::new(&table);
-    let first = table.repertoire.of(FIRST, Role::First).next().expect("a first grasp");
+    let first = table.repertoire.of(FIRST, SIDE).next().expect("a first grasp");
     let touch_with = |sensing: Sensing| {
         let senses = Senses::new(&table.pipeline, sensing).expect("made");
         Touch::new(Knowledge { explores: true, ..table.knowledge() }, senses, first)
@@ -72,7 +71,7 @@ fn touch_feels_for_the_second_object_first() {
 fn touch_feels_for_the_first_object_too() {
     let table = Table::new();
     let mut eyes = Watchful::new(&table);
-    let first = table.repertoire.of(FIRST, Role::First).next().expect("a first grasp");
+    let first = table.repertoire.of(FIRST, SIDE).next().expect("a first grasp");
     for (sensing, then) in
         [(Sensing::ServosOnly, (Step::Play, APPROACH_FIRST)), (Sensing::Full, (Step::Play, REACH_FIRST))]
     {

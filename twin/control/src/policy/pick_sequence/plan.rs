@@ -5,6 +5,7 @@
 //! hand has five digits. After each pick touch says which digits hold something, and what follows is planned anew.
 
 use grasping::Grasp;
+use grasping::digit_sets;
 use hand_model::robot::ServoState;
 use hand_model::{Digit, Hand};
 use serde::{Deserialize, Serialize};
@@ -106,7 +107,7 @@ fn distinct(pickups: &[Pickup], thing: &Ready, holding: &[Digit]) -> Vec<Pick> {
 /// The plan in words; `names` are those of all objects.
 pub fn in_words(plan: &PickPlan, pickups: &[Pickup], names: &[String]) -> String {
     let one = |pick: &Pick| {
-        let digits = listed(&pickups[pick.pickup].keeps);
+        let digits = digit_sets::in_words(&pickups[pick.pickup].keeps);
         format!("{} with {digits} (holds {:.2} of times)", names[pick.object], pick.score)
     };
     let picks: Vec<String> = plan.picks.iter().map(one).collect();
@@ -129,17 +130,13 @@ pub fn why_not(
     let taken: Vec<Digit> = needs.iter().copied().filter(|digit| holding.contains(digit)).collect();
     let because = match taken.as_slice() {
         [] => "is worth less now".to_owned(),
-        taken => format!("needs {}, of which {} holds something already", listed(needs), listed(taken)),
+        taken => format!(
+            "needs {}, of which {} holds something already",
+            digit_sets::in_words(needs),
+            digit_sets::in_words(taken)
+        ),
     };
     Some(format!("{} as planned {because}", names[was.object]))
-}
-
-/// Names of digits.
-pub fn listed(digits: &[Digit]) -> String {
-    match digits {
-        [] => "no digit".to_owned(),
-        digits => digits.iter().map(|digit| digit.name()).collect::<Vec<_>>().join("+"),
-    }
 }
 
 /// Which of `pulled`, digits that close on one thing, have it. A finger does if its pads feel something, if a blind pad hides what
@@ -208,7 +205,9 @@ mod tests {
         let best = plan(&pickups, &ready, &[], 2);
         assert_eq!(best.picks.iter().map(|pick| pick.object).collect::<Vec<_>>(), [0, 1]);
         assert!((best.volume - 0.9 * (40e-6 + 0.8 * 480e-6)).abs() < 1e-12);
-        assert!(in_words(&best, &pickups, &names).starts_with("golf with little (holds 0.90 of times), then soft"));
+        assert!(
+            in_words(&best, &pickups, &names).starts_with("golf with little finger (holds 0.90 of times), then soft")
+        );
         assert_eq!(plan(&pickups, &ready, &[], 0), PickPlan::default());
     }
 
@@ -219,7 +218,10 @@ mod tests {
         let now = plan(&pickups, &ready[1..], &[Digit::Ring], 2);
         assert_eq!(now.picks.iter().map(|pick| pick.object).collect::<Vec<_>>(), [2]);
         let why = why_not(&planned.picks[1..], &now, &pickups, &[Digit::Ring], &names).unwrap();
-        assert_eq!(why, "soft as planned needs thumb+index+middle+ring, of which ring holds something already");
+        assert_eq!(
+            why,
+            "soft as planned needs thumb, index, middle and ring finger, of which ring finger holds something already"
+        );
         // With the little finger on it everything stays as it was.
         let as_planned = plan(&pickups, &ready[1..], &[Digit::Little], 2);
         assert!(why_not(&planned.picks[1..], &as_planned, &pickups, &[Digit::Little], &names).is_none());

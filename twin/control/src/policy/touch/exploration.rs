@@ -1,6 +1,6 @@
 //! The exploratory motion of the policy `touch`: it touches an object where it stands, and takes in where it is.
 
-use grasping::Role;
+use grasping::digit_sets;
 use hand_model::Hand;
 use nalgebra::{Isometry3, Matrix3};
 use touch::{InHand, PoseEstimate, PosePrior};
@@ -38,8 +38,7 @@ impl Touch<'_> {
         let name = &self.knowledge.objects[object].name;
         self.story.tell(format!("{name} is touched from above to find out where it is"));
         let hand = executor.motion().hand().clone();
-        let guarded =
-            Guarded::new(onto, &hand, Role::Second.digits(hand.digits().len()), |pad| self.senses.uses(&hand, pad));
+        let guarded = Guarded::new(onto, &hand, &digit_sets(&hand, 2)[1], |pad| self.senses.uses(&hand, pad));
         executor.palpate(object, way, guarded);
         self.state = State::Palpates { object, found: None };
         Ok(Step::Play)
@@ -130,9 +129,9 @@ impl Touch<'_> {
     }
 }
 
-/// An empty hand whose ring and little finger are closed.
+/// An empty hand in which the digits are closed that take the first object.
 pub(super) fn empty(hand: &Hand) -> Held<'static> {
-    let digits = Role::First.digits(hand.digits().len());
+    let digits = digit_sets(hand, 2).swap_remove(0);
     let mut joints = vec![0.0; hand.tree.joints.len()];
     for &joint in digits.iter().flat_map(|digit| hand.links(*digit)) {
         joints[joint] = hand.tree.joints[joint].upper;

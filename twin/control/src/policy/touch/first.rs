@@ -1,6 +1,6 @@
 //! How the first object is taken: with the grasp that is worth most together with the second grasps that can follow it.
 
-use grasping::{Grasp, Role};
+use grasping::Grasp;
 use nalgebra::{Matrix3, Vector3};
 use world::attempt::Attempt;
 
@@ -33,7 +33,7 @@ pub(in crate::policy) fn candidates(knowledge: &Knowledge, senses: &Senses, plan
         None => worth::UNREHEARSED * as_planned,
     };
     let name = &knowledge.objects[0].name;
-    let others = knowledge.repertoire.of(name, Role::First).filter(|first| first.id != planned.id);
+    let others = knowledge.repertoire.of(name, &planned.digits).filter(|first| first.id != planned.id);
     let others = others.map(|first| Candidate::new(first.clone(), first.score * worth(first)));
     std::iter::once(Candidate::new(planned.clone(), planned.score * as_planned)).chain(others).collect()
 }
@@ -82,7 +82,7 @@ impl Touch<'_> {
         let seen = executor.target(0).percept;
         let aim = if self.first_located { Vector3::zeros() } else { self.aim };
         let seen = Percept { position: seen.position + aim, ..seen };
-        let candidates = self.within_reach(Role::First, executor, &seen);
+        let candidates = self.within_reach(0, executor, &seen);
         let Some((grasp, path)) = self.best_approach(executor, candidates, &seen)? else {
             return Ok(self.give_up(0, &seen));
         };

@@ -1,6 +1,5 @@
 //! How the second object is taken: with the grasp and the aim that promise most beside the first object as it is felt in the hand.
 
-use grasping::Role;
 use world::attempt::Attempt;
 
 use super::{MOST_SIGMA, State, Touch};
@@ -52,7 +51,7 @@ impl Touch<'_> {
             solids: &self.solids[0],
             pose: felt.estimate.palm_from_object,
             joints: felt.estimate.q.to_vec(),
-            digits: &executor.target(0).grasp.digits,
+            digits: executor.target(0).grasp.digits.clone(),
             sigma: felt.estimate.sigma().0.min(MOST_SIGMA),
         }
     }
@@ -60,7 +59,7 @@ impl Touch<'_> {
     /// Decides how to take the second object, and begins.
     pub(super) fn take_second(&mut self, executor: &mut Executor) -> Result<Step, PolicyError> {
         let seen = executor.target(1).percept;
-        let mut within = self.within_reach(Role::Second, executor, &seen);
+        let mut within = self.within_reach(1, executor, &seen);
         self.story.decisions += 1;
         loop {
             let Some(felt) = self.felt.as_ref().filter(|_| !within.is_empty()) else {
