@@ -312,7 +312,7 @@ impl Bench {
         watcher.branch(id.condition)?;
         let mut start = setup.begin(self, None, watcher.active())?;
         start.run.referee.give_up(FailureCause::NoStrategy);
-        start.run.tell((Some(why), None), None, id.condition, watcher)?;
+        start.run.tell((Some(why), None), &[], id.condition, watcher)?;
         let record = TrialRecord { reason: why.to_owned(), ..start.run.record(&start.objects, id)? };
         watcher.outcome(&record)?;
         Ok(TrialOutcome { record, tries: Vec::new() })

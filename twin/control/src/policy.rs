@@ -12,6 +12,7 @@ pub mod order;
 pub mod pick_sequence;
 pub mod reach;
 pub mod touch;
+mod tracked;
 pub mod uncertainty;
 
 use std::sync::Arc;
@@ -212,8 +213,8 @@ pub trait Policy {
     fn decide(&mut self, executor: &mut Executor, eyes: &mut dyn Eyes, time: f64) -> Result<Step, PolicyError>;
     /// What it did so far.
     fn story(&mut self) -> &mut Story;
-    /// What was felt of the first object at the last decision.
-    fn felt(&self) -> Option<&Felt>;
+    /// What was felt of each object in the hand at the last look.
+    fn felt(&self) -> &[Felt];
     /// Whether its decisions are made from measurements, and so take time.
     fn deliberates(&self) -> bool;
 }

@@ -311,7 +311,7 @@ impl Experiment {
                 truth: None,
                 executor,
                 sent: None,
-                felt: None,
+                felt: &[],
                 condition,
                 note,
                 choice: None,

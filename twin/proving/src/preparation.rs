@@ -23,6 +23,7 @@ use serde::Serialize;
 use sim::tactile::TactileBoard;
 use world::geometry::Shape;
 use world::objects::ObjectModel;
+use world::phase::ordinal;
 
 pub use self::left_out::NotPlayable;
 use crate::cache::{Cache, Key, Steps};
@@ -165,12 +166,9 @@ struct Search<'a> {
     digits: Vec<Digit>,
 }
 
-/// Names of places.
-const PLACES: [&str; 2] = ["first", "second"];
-
 /// What was found in a search, in words.
 fn found(search: &Search, count: usize) -> String {
-    let (object, order, digits) = (search.object, PLACES[search.place], in_words(&search.digits));
+    let (object, order, digits) = (search.object, ordinal(search.place), in_words(&search.digits));
     if count > 0 {
         return format!("{}: {count} grasps by {digits}", object.name);
     }
@@ -216,8 +214,8 @@ fn pick_up(
 ) -> Result<Vec<Grasp>> {
     let names = [object.name.clone()];
     let reference = if *place == 0 { Vec::new() } else { pick_ups::reference_hold(world, &names, repertoire)? };
-    let label = format!("{}-{}", object.name, PLACES[*place]);
-    let key = ground(world, label)?.with(&Described::of(object))?.with(&(PLACES[*place], reference))?;
+    let label = format!("{}-{}", object.name, ordinal(*place));
+    let key = ground(world, label)?.with(&Described::of(object))?.with(&(ordinal(*place), reference))?;
     cache.get_or(&key, |steps: &Steps<Option<Grasp>>| {
         let what = format!("rehearsals of {} at most", object.name);
         let bar = progress::resumed(EFFORT.rehearsals(*place), pick_ups::kept(steps), &what, quiet);

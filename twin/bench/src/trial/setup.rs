@@ -257,7 +257,7 @@ impl<'a> Setup<'a> {
             }
             let (time, most) = FIRST_IMAGES;
             for _ in 0..most {
-                run.wait(time, None, None, watcher)?;
+                run.wait(time, &[], None, watcher)?;
                 if run.snapshot.executor.motion().newest_images().len() >= bench.world.cell.robot.hand.cameras.len() {
                     break;
                 }
@@ -275,10 +275,10 @@ impl<'a> Setup<'a> {
             run.snapshot.executor.take_planned(0)?;
             let mut own = None;
             if !run.snapshot.robot.branches() {
-                run.play(|phase| phase.closes(0), None, None, watcher)?;
+                run.play(|phase| phase.closes(0), &[], None, watcher)?;
                 own = sees.then(|| own_backgrounds(run, &bench.pipeline)).transpose()?;
             }
-            run.play(Phase::waits, None, None, watcher)?;
+            run.play(Phase::waits, &[], None, watcher)?;
             Ok(own)
         })
     }

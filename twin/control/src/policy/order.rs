@@ -3,7 +3,7 @@
 use grasping::Grasp;
 
 use super::Knowledge;
-use super::touch::first;
+use super::touch::empty_hand;
 use crate::sensing::Senses;
 
 /// The other order must promise this many times as much. Where no sequence of the plan is sure, the plans of both orders were searched for
@@ -29,6 +29,6 @@ impl Reordered {
 /// What the best sequence of grasps promises in a trial whose first grasp is planned as `first`: proven score of the first grasp times worth of the
 /// best second grasp after it.
 pub fn promise(knowledge: &Knowledge, senses: &Senses, first: &Grasp) -> f64 {
-    let candidates = first::candidates(knowledge, senses, first);
+    let candidates = empty_hand::candidates(knowledge, senses, first);
     candidates.iter().map(|candidate| candidate.worth).fold(0.0, f64::max)
 }

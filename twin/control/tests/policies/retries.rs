@@ -27,7 +27,7 @@ fn touch_goes_on_while_everything_is_in_the_hand() {
         assert_eq!(touch.decide(&mut executor, &mut eyes, 0.0).expect("decided"), then);
     }
     assert_eq!((eyes.asked, touch.story().retries, touch.story().decisions), ([0, 1], 0, 1));
-    let felt = touch.felt().expect("felt").estimate.palm_from_object;
+    let felt = touch.felt()[0].estimate.palm_from_object;
     assert_eq!(felt, in_hand(true, false).expect("injected").palm_from_object);
 }
 

@@ -219,5 +219,5 @@ pub fn run_on(executor: &mut Executor) {
 
 pub fn in_hand(first: bool, second: bool) -> Option<Injected> {
     let palm_from_object = Isometry3::translation(-0.02, 0.08, -0.05);
-    Some(Injected { palm_from_object, grip: Grip { first, second } })
+    Some(Injected { palm_from_object, grip: Grip::from_iter([first, second]) })
 }

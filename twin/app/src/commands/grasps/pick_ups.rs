@@ -14,6 +14,7 @@ use proving::simulated_world::World;
 use scenarios::Scenario;
 use serde_json::{Value, json};
 use sim::tactile::TactileBoard;
+use world::phase::ordinal;
 
 use crate::options::object_name::object_name;
 use crate::options::robot::RobotArgs;
@@ -72,9 +73,6 @@ pub enum RoleArg {
     Second,
 }
 
-/// Names of places.
-const PLACES: [&str; 2] = ["first", "second"];
-
 /// Rehearses grasps of objects and keeps those that hold in a file, beside what it has.
 pub fn make(terminal: &Terminal, args: &PickUpsArgs) -> Outcome {
     let places = args.role.map_or(vec![0, 1], |role| vec![role as usize]);
@@ -102,7 +100,7 @@ pub fn make(terminal: &Terminal, args: &PickUpsArgs) -> Outcome {
         if !terminal.quiet {
             let count = repertoire.of(name, digits).count();
             let minutes = begun.elapsed().as_secs_f64() / 60.0;
-            let role = PLACES[place];
+            let role = ordinal(place);
             bar.suspend(|| {
                 eprintln!("{done:3} of {all}  {name:22} {count:3} {role:6} grasps  {minutes:5.1} min");
             });
@@ -114,7 +112,7 @@ pub fn make(terminal: &Terminal, args: &PickUpsArgs) -> Outcome {
     let counts = names
         .iter()
         .flat_map(|name| places.iter().map(move |place| (name, *place)))
-        .map(|(name, place)| json!({ "object": name, "role": PLACES[place], "grasps": repertoire.of(name, &sets[place]).count() }));
+        .map(|(name, place)| json!({ "object": name, "role": ordinal(place), "grasps": repertoire.of(name, &sets[place]).count() }));
     let counts: Vec<Value> = counts.collect();
     terminal.print(&json!({ "repertoire": out, "objects": counts }), &format!("{}\n", out.display()))?;
     Ok(None)
