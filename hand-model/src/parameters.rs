@@ -2,6 +2,7 @@
 
 mod checks;
 mod grasps;
+mod reading;
 
 use std::fmt;
 use std::path::Path;
@@ -12,6 +13,7 @@ use crate::transmission::friction::CableFriction;
 use platform::data::{DataError, parse_toml};
 
 pub use self::grasps::{GraspRanges, Grasps, ThumbRanges};
+pub use self::reading::{HoldLimits, Palpation};
 
 /// The whole of a hand's parameter file such as `ftac_hand.toml`. Field names are those of the file, which documents them.
 #[derive(Clone, Deserialize)]
@@ -31,6 +33,8 @@ pub struct HandParameters {
     pub configuration: std::collections::BTreeMap<String, Configuration>,
     pub pad: Vec<PadParameters>,
     pub grasps: Option<Grasps>,
+    pub hold: Option<HoldLimits>,
+    pub palpation: Option<Palpation>,
 }
 
 /// All that decides how the hand moves and touches, as [`crate::RobotModel::mechanics`] needs it: how it is used is left out.

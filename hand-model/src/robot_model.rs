@@ -368,6 +368,20 @@ mod tests {
         assert_eq!(down.mechanics(), level.mechanics() + " 1.5");
     }
 
+    /// How a hand is read is no part of what grasps depend on; the sets of digits that take objects are.
+    #[test]
+    fn mechanics_are_those_of_body_and_grasps() {
+        let read = |change: fn(&mut HandParameters)| {
+            let mut parameters = HandParameters::ftac();
+            change(&mut parameters);
+            RobotModel { hand: Arc::new(Hand::build(parameters)), ..RobotModel::ftac_gen3() }
+        };
+        let builtin = RobotModel::ftac_gen3();
+        assert!(builtin.moves_like(&read(|own| (own.hold, own.palpation, own.grasps) = (None, None, None))));
+        let fewer = read(|own| own.grasps.iter_mut().for_each(|grasps| grasps.set.truncate(1)));
+        assert!(!builtin.moves_like(&fewer));
+    }
+
     /// Fingertips of a scaled hand are as far from the palm's origin as the scale says, at any posture, and its weight goes with the volume.
     #[test]
     fn a_scaled_hand_is_similar() {

@@ -49,6 +49,7 @@ impl HandParameters {
             }
             self.check_pad(pad, &links, path)?;
         }
+        self.check_reading(path)?;
         let digits = self.actuator.iter().filter(|own| own.drives.is_none()).count();
         self.grasps.iter().try_for_each(|grasps| grasps.check(digits, path))
     }

@@ -51,7 +51,8 @@ fn closed_on_nothing(
 fn told(bench: &Bench, touches: &[PadTouch], servos: &[ServoState], objects: &[Holder]) -> Grip {
     let hand = &bench.world.cell.robot.hand;
     let (q, sigma) = (&hand.open()[..], bench.pipeline.pose.sigma_excursion);
-    Grip::of(hand, &Signs { touches, servos, q, objects, on_first: &[], sigma })
+    let limits = &hand.parameters.hold().expect("signs of a hold");
+    Grip::of(hand, &Signs { limits, touches, servos, q, objects, on_first: &[], sigma })
 }
 
 /// The thumb lies on the index finger and nothing is in the hand, though the plan has objects there: pads are pressed and the

@@ -3,6 +3,7 @@
 use std::sync::{Arc, OnceLock};
 
 use grasping::Grasp;
+use hand_model::parameters::HoldLimits;
 use hand_model::robot::ServoState;
 use hand_model::{Digit, Hand};
 use nalgebra::{Isometry3, Point3, Vector3};
@@ -107,6 +108,7 @@ impl<'a> Holder<'a> {
 /// Readings that tell which objects are in the hand.
 #[derive(Clone, Copy)]
 pub struct Signs<'a> {
+    pub limits: &'a HoldLimits,
     /// One entry a pad.
     pub touches: &'a [PadTouch],
     pub servos: &'a [ServoState],
@@ -119,18 +121,6 @@ pub struct Signs<'a> {
     /// Standard deviation of a cable's excursion, m.
     pub sigma: f64,
 }
-
-/// A finger whose cable is taken up by less than this share of a full closing has something in its way.
-const BLOCKED_CLOSURE: f64 = 0.86;
-/// Tension from which a cable counts as pulled, N.
-const PULLED: f64 = 1.0;
-/// A finger that closes further than this share when its grasp holds has no part in holding.
-const IDLE_CLOSURE: f64 = 0.9;
-/// A finger that stops this much later than when its grasp holds, as a share of a full closing, is stopped by something else: the
-/// thumb, most often.
-const LATE: f64 = 0.25;
-/// A pad's middle this near to an object's surface is on it, m: as far off as the posture of a digit in contact may be.
-const ON_IT: f64 = 0.004;
 
 impl Grip {
     /// Whether an object is in the hand.
@@ -152,7 +142,7 @@ impl Grip {
     /// A finger with links that bear no pad is compared with its grasp's hold and with a closing on nothing ([`stops_early`]).
     /// Jaws have nothing else to meet: one that did not close holds the first object.
     pub fn of(hand: &Hand, signs: &Signs) -> Self {
-        let Signs { touches, servos, q, objects, on_first, sigma } = *signs;
+        let Signs { limits, touches, servos, q, objects, on_first, sigma } = *signs;
         let of = |digit: Option<Digit>| {
             touches.iter().filter(move |touch| hand.digit_of(hand.pads[touch.pad].link) == digit)
         };
@@ -165,17 +155,17 @@ impl Grip {
         };
         let feels_itself = |digit: Digit| of(Some(digit)).any(|touch| touch.patches.iter().any(|patch| patch.own));
         let bare = |digit: Digit| !has_pads_throughout(hand, digit);
-        let blocked = |digit: Digit| blocked(hand, servos, digit) && !feels_itself(digit) && !rests(digit);
+        let blocked = |digit: Digit| blocked(hand, limits, servos, digit) && !feels_itself(digit) && !rests(digit);
         let early = |object: &Holder, digit: Digit| {
             let servo = &servos[digit.index()];
-            let pulled = cable_tension(hand, digit.index(), servo) > PULLED;
+            let pulled = cable_tension(hand, digit.index(), servo) > limits.pulled;
             pulled
                 && !feels_itself(digit)
                 && !rests(digit)
                 && stops_early(hand, (digit, servo), q, object.joints, sigma)
         };
         let takes_part = |object: &Holder, digit: Digit| {
-            digit == Digit::Thumb || bare(digit) || expected(object, digit).is_none_or(|share| share < IDLE_CLOSURE)
+            digit == Digit::Thumb || bare(digit) || expected(object, digit).is_none_or(|share| share < limits.idle)
         };
         let stopped = |object: &Holder, digit: Digit| {
             if bare(digit) {
@@ -183,10 +173,10 @@ impl Grip {
             }
             blocked(digit)
                 && takes_part(object, digit)
-                && expected(object, digit).is_none_or(|share| closure(hand, servos, digit) < share + LATE)
+                && expected(object, digit).is_none_or(|share| closure(hand, servos, digit) < share + limits.late)
         };
         // A closed thumb lies where the fingers of the first object close: then only what pads feel counts, or a digit with a blind one.
-        let thumb = cable_tension(hand, Digit::Thumb.index(), &servos[Digit::Thumb.index()]) > PULLED;
+        let thumb = cable_tension(hand, Digit::Thumb.index(), &servos[Digit::Thumb.index()]) > limits.pulled;
         let blind = |digit: Digit| of(Some(digit)).any(|touch| touch.blind);
         let holds = |digit: &&Digit| feels(Some(**digit)) || blind(**digit) && !bare(**digit) && blocked(**digit);
         let has_pads = |digit: Option<Digit>| hand.pads.iter().any(|pad| hand.digit_of(pad.link) == digit);
@@ -208,9 +198,9 @@ impl Grip {
 
 /// Whether something is in a closing digit's way: its cable is taken up by less than a full closing. A digit that is not pulled
 /// tells nothing.
-pub fn blocked(hand: &Hand, servos: &[ServoState], digit: Digit) -> bool {
-    let pulled = cable_tension(hand, digit.index(), &servos[digit.index()]) > PULLED;
-    pulled && closure(hand, servos, digit) < BLOCKED_CLOSURE
+pub fn blocked(hand: &Hand, limits: &HoldLimits, servos: &[ServoState], digit: Digit) -> bool {
+    let pulled = cable_tension(hand, digit.index(), &servos[digit.index()]) > limits.pulled;
+    pulled && closure(hand, servos, digit) < limits.blocked
 }
 
 /// How far a digit has closed, as a share of a full closing.
@@ -252,7 +242,8 @@ pub fn feel(senses: &Senses, look: &Look, object: &KnownObject, expected: &Expec
     pipeline.mark_own(&mut touches, look.readings, &[InHand { shape: object, prior }])?;
     let estimate = pipeline.estimate_pose(&touches, look.readings, &prior, object)?;
     let (servos, q, sigma) = (look.readings.servos, &estimate.q[..], excursion_sigma(pipeline));
-    let signs = Signs { touches: &touches, servos, q, objects: &expected.objects, on_first: &[], sigma };
+    let (limits, objects) = (senses.hold(), &expected.objects[..]);
+    let signs = Signs { limits, touches: &touches, servos, q, objects, on_first: &[], sigma };
     let grip = Grip::of(pipeline.hand(), &signs);
     Ok(Felt { object: 0, touches, faults, estimate, prior: prior.palm_from_object, grip })
 }
@@ -309,9 +300,10 @@ pub fn grip(senses: &Senses, look: &Look, expected: &Expected, objects: &[InHand
     let (pipeline, hand) = (senses.pipeline(), senses.pipeline().hand());
     let q = loaded_posture(hand, &touches, look.readings, &pipeline.pose)?;
     let free: Vec<Digit> = expected.objects.iter().skip(1).flat_map(|object| object.digits.iter().copied()).collect();
-    let on_first = objects.first().map_or(Vec::new(), |first| pads_on(hand, &q, first, &free));
+    let on_first = objects.first().map_or(Vec::new(), |first| pads_on(hand, &q, first, &free, senses.hold().near));
     let (servos, sigma) = (look.readings.servos, excursion_sigma(pipeline));
-    let signs = Signs { touches: &touches, servos, q: &q, objects: &expected.objects, on_first: &on_first, sigma };
+    let (limits, objects) = (senses.hold(), &expected.objects[..]);
+    let signs = Signs { limits, touches: &touches, servos, q: &q, objects, on_first: &on_first, sigma };
     Ok(Grip::of(hand, &signs))
 }
 
@@ -320,13 +312,13 @@ fn excursion_sigma(pipeline: &TouchPipeline) -> f64 {
     posture::excursion_sigma(pipeline.hand(), pipeline.pose.sigma_excursion, &pipeline.pose.cables)
 }
 
-/// Pads of `free` digits that are on the first object, or all but, with the joints at `q` (rad).
-fn pads_on(hand: &Hand, q: &[f64], first: &InHand, free: &[Digit]) -> Vec<usize> {
+/// Pads of `free` digits that are on the first object, or nearer than `near` (m), with the joints at `q` (rad).
+fn pads_on(hand: &Hand, q: &[f64], first: &InHand, free: &[Digit], near: f64) -> Vec<usize> {
     let object_from_palm = first.prior.palm_from_object.inverse();
     let pads = hand.pad_poses(&hand.tree.forward(q));
     let on_it = |pad: &usize| {
         let middle = object_from_palm * pads[*pad] * Point3::origin();
-        is_on(hand, *pad, free) && first.shape.signed_distance(&middle).0 < ON_IT
+        is_on(hand, *pad, free) && first.shape.signed_distance(&middle).0 < near
     };
     (0..pads.len()).filter(on_it).collect()
 }
@@ -355,7 +347,8 @@ pub(crate) mod tests {
     fn told(hand: &Hand, servos: &[ServoState], second: Option<&[f64]>) -> Grip {
         let (q, sets) = (hand.open(), grasping::digit_sets(hand, 2));
         let objects = [Holder { digits: &sets[0], joints: None }, Holder { digits: &sets[1], joints: second }];
-        Grip::of(hand, &Signs { touches: &[], servos, q: &q, objects: &objects, on_first: &[], sigma: 1.5e-4 })
+        let (limits, objects) = (&hand.parameters.hold().expect("signs of a hold"), &objects);
+        Grip::of(hand, &Signs { limits, touches: &[], servos, q: &q, objects, on_first: &[], sigma: 1.5e-4 })
     }
 
     /// A digit without power stays open; that is no object.

@@ -11,8 +11,8 @@ use std::time::Instant;
 
 use anyhow::{Context, Result};
 use control::odds::Belief;
-use control::policy::Uncertainty;
 use control::strategy::promise;
+use control::uncertainty::Uncertainty;
 use control::worth::Candidate;
 use hand_model::robot::{Command, ServoGoal};
 use hand_model::{Arm, Hand, RobotModel};

@@ -78,9 +78,10 @@ impl Executor {
         let Phase { skill, object, stage } = self.phase;
         let leaves = skill == Skill::Approach && self.left_from.is_some();
         let kept = self.kept(if leaves { object.max(1) } else { self.held });
+        let touching = palpation::tensions(self.motion.hand());
         self.motion.hand().each_digit(|digit| match skill {
-            Skill::Approach if leaves => kept[digit].max(palpation::TENSION[digit]),
-            Skill::Palpate => kept[digit].max(palpation::TENSION[digit]),
+            Skill::Approach if leaves => kept[digit].max(touching[digit]),
+            Skill::Palpate => kept[digit].max(touching[digit]),
             Skill::Approach => kept[digit].max(self.target(object).grasp.pre_tension[digit]),
             Skill::Grasp => kept[digit].max(closing_tension(&self.target(object).grasp, digit, self.motion.clock())),
             Skill::PutDown if stage == Stage::Run && self.motion.clock() >= self.open_from => 0.0,

@@ -140,14 +140,14 @@ impl Policy for InTurn<'_> {
         }
         let look = executor.motion().look();
         let perceived = self.senses.perceive(&look)?;
-        let hand = self.senses.pipeline().hand();
+        let with = (self.senses.pipeline().hand(), self.senses.hold());
         let targets = &executor.targets()[..=last];
         if let Some(injected) = injected {
             self.grip = injected.grip;
             return Ok(());
         }
         let (touches, servos) = (&perceived.touches, look.readings.servos);
-        let holds = |target: &Target| !feeling(hand, touches, servos, &target.grasp.digits).is_empty();
+        let holds = |target: &Target| !feeling(with, touches, servos, &target.grasp.digits).is_empty();
         self.grip = targets.iter().map(holds).collect();
         if phase.skill == Skill::Look {
             let held = targets.iter().enumerate().filter(|(n, _)| self.grip.holds(*n));

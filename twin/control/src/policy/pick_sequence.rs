@@ -247,8 +247,8 @@ impl<'a> PickSequence<'a> {
         }
         let look = executor.motion().look();
         let Perceived { touches, .. } = self.senses.perceive(&look)?;
-        let hand = self.senses.pipeline().hand();
-        let feels = |digits: &[Digit]| feeling(hand, &touches, look.readings.servos, digits);
+        let with = (self.senses.pipeline().hand(), self.senses.hold());
+        let feels = |digits: &[Digit]| feeling(with, &touches, look.readings.servos, digits);
         let new = feels(&pickup.grasp.digits);
         let items = self.task.items;
         let name = &items[pick.object].name;

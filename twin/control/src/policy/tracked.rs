@@ -2,10 +2,11 @@
 
 use std::collections::BTreeMap;
 
-use super::{Knowledge, PolicyError, Uncertainty};
+use super::{Knowledge, PolicyError};
 use crate::executor::Executor;
 use crate::odds::Belief;
 use crate::percept::{Eyes, Looked, Percept};
+use crate::uncertainty::Uncertainty;
 use crate::worth;
 
 /// Looks at an object, and tries that failed.

@@ -6,6 +6,7 @@
 
 use grasping::Grasp;
 use grasping::digit_sets;
+use hand_model::parameters::HoldLimits;
 use hand_model::robot::ServoState;
 use hand_model::{Digit, Hand};
 use serde::{Deserialize, Serialize};
@@ -142,12 +143,17 @@ pub fn why_not(
 /// Which of `pulled`, digits that close on one thing, have it. A finger does if its pads feel something, if a blind pad hides what
 /// they would, or if its cable says that something stops it: fingers often hold with their sides, where no pad is. The thumb
 /// closes against fingers, so that only they tell whether it holds something; alone it holds nothing.
-pub fn feeling(hand: &Hand, touches: &[PadTouch], servos: &[ServoState], pulled: &[Digit]) -> Vec<Digit> {
+pub fn feeling(
+    (hand, limits): (&Hand, &HoldLimits),
+    touches: &[PadTouch],
+    servos: &[ServoState],
+    pulled: &[Digit],
+) -> Vec<Digit> {
     let felt = |digit: Digit| {
         let of = |touch: &&PadTouch| hand.digit_of(hand.pads[touch.pad].link) == Some(digit);
         touches.iter().filter(of).any(|touch| touch.touched() || touch.blind)
     };
-    let holds = |digit: Digit| digit != Digit::Thumb && (felt(digit) || blocked(hand, servos, digit));
+    let holds = |digit: Digit| digit != Digit::Thumb && (felt(digit) || blocked(hand, limits, servos, digit));
     if !pulled.iter().any(|digit| holds(*digit)) {
         return Vec::new();
     }
@@ -241,13 +247,15 @@ mod tests {
     #[test]
     fn only_digits_that_close_and_are_stopped_hold() {
         let hand = Hand::ftac();
+        let limits = hand.parameters.hold().expect("signs of a hold");
+        let with = (&hand, &limits);
         let closed = servos(&hand, [1.0; 5]);
         let pad = hand.pads.iter().position(|pad| hand.digit_of(pad.link) == Some(Digit::Ring)).unwrap();
         let blind = [PadTouch { pad, blind: true, ..PadTouch::default() }];
-        assert_eq!(feeling(&hand, &blind, &closed, &[Digit::Ring, Digit::Little]), [Digit::Ring]);
-        assert!(feeling(&hand, &blind, &closed, &[Digit::Little]).is_empty());
-        assert!(feeling(&hand, &[], &servos(&hand, [0.5, 1.0, 1.0, 1.0, 1.0]), &THREE).is_empty());
+        assert_eq!(feeling(with, &blind, &closed, &[Digit::Ring, Digit::Little]), [Digit::Ring]);
+        assert!(feeling(with, &blind, &closed, &[Digit::Little]).is_empty());
+        assert!(feeling(with, &[], &servos(&hand, [0.5, 1.0, 1.0, 1.0, 1.0]), &THREE).is_empty());
         let stopped = servos(&hand, [1.0, 0.5, 1.0, 1.0, 1.0]);
-        assert_eq!(feeling(&hand, &[], &stopped, &THREE), [Digit::Thumb, Digit::Index]);
+        assert_eq!(feeling(with, &[], &stopped, &THREE), [Digit::Thumb, Digit::Index]);
     }
 }
