@@ -1,7 +1,10 @@
 //! The parameter file: every number of the hand and the arm, as TOML, and the checks that make its errors helpful.
 
 mod checks;
+mod grasps;
+mod reading;
 
+use std::fmt;
 use std::path::Path;
 
 use serde::Deserialize;
@@ -9,8 +12,11 @@ use serde::Deserialize;
 use crate::transmission::friction::CableFriction;
 use platform::data::{DataError, parse_toml};
 
+pub use self::grasps::{GraspRanges, Grasps, ThumbRanges};
+pub use self::reading::{HoldLimits, Palpation};
+
 /// The whole of a hand's parameter file such as `ftac_hand.toml`. Field names are those of the file, which documents them.
-#[derive(Debug, Clone, Deserialize)]
+#[derive(Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[allow(missing_docs)]
 pub struct HandParameters {
@@ -26,6 +32,29 @@ pub struct HandParameters {
     pub actuator: Vec<ActuatorParameters>,
     pub configuration: std::collections::BTreeMap<String, Configuration>,
     pub pad: Vec<PadParameters>,
+    pub grasps: Option<Grasps>,
+    pub hold: Option<HoldLimits>,
+    pub palpation: Option<Palpation>,
+}
+
+/// All that decides how the hand moves and touches, as [`crate::RobotModel::mechanics`] needs it: how it is used is left out.
+impl fmt::Debug for HandParameters {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        out.debug_struct("HandParameters")
+            .field("version", &self.version)
+            .field("name", &self.name)
+            .field("handedness", &self.handedness)
+            .field("palm", &self.palm)
+            .field("gel", &self.gel)
+            .field("servo", &self.servo)
+            .field("cable", &self.cable)
+            .field("joint_defaults", &self.joint_defaults)
+            .field("joint", &self.joint)
+            .field("actuator", &self.actuator)
+            .field("configuration", &self.configuration)
+            .field("pad", &self.pad)
+            .finish()
+    }
 }
 
 /// Which hand it is; `Right` mirrors the model in x.

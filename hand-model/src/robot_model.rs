@@ -287,7 +287,8 @@ impl RobotModel {
         }
     }
 
-    /// All of arm, hand and start but pads, cameras and names, as text: grasps of one robot are another's where it is the same.
+    /// All of arm, hand and start but pads, cameras and names, as text: grasps of one robot are another's where it is the same. Grasps of the file's own
+    /// count where they are not those of the F-TAC Hand.
     pub fn mechanics(&self) -> String {
         let parameters = HandParameters {
             name: String::new(),
@@ -296,7 +297,10 @@ impl RobotModel {
             ..self.hand.parameters.clone()
         };
         let start = if self.start_pitch == 0.0 { String::new() } else { format!(" {}", self.start_pitch) };
-        format!("{parameters:?} {:?}{start}", self.arm)
+        let builtin = HandParameters { grasps: None, ..parameters.clone() };
+        let own = Some(parameters.grasps()).filter(|own| *own != builtin.grasps());
+        let grasps = own.map_or(String::new(), |own| format!(" {own:?}"));
+        format!("{parameters:?} {:?}{start}{grasps}", self.arm)
     }
 
     /// Whether arm and hand move and touch alike.
@@ -362,6 +366,20 @@ mod tests {
         let level = RobotModel::ftac_gen3();
         assert_eq!((down.start_pitch, level.start_pitch), (1.5, 0.0));
         assert_eq!(down.mechanics(), level.mechanics() + " 1.5");
+    }
+
+    /// How a hand is read is no part of what grasps depend on; the sets of digits that take objects are.
+    #[test]
+    fn mechanics_are_those_of_body_and_grasps() {
+        let read = |change: fn(&mut HandParameters)| {
+            let mut parameters = HandParameters::ftac();
+            change(&mut parameters);
+            RobotModel { hand: Arc::new(Hand::build(parameters)), ..RobotModel::ftac_gen3() }
+        };
+        let builtin = RobotModel::ftac_gen3();
+        assert!(builtin.moves_like(&read(|own| (own.hold, own.palpation, own.grasps) = (None, None, None))));
+        let fewer = read(|own| own.grasps.iter_mut().for_each(|grasps| grasps.set.truncate(1)));
+        assert!(!builtin.moves_like(&fewer));
     }
 
     /// Fingertips of a scaled hand are as far from the palm's origin as the scale says, at any posture, and its weight goes with the volume.

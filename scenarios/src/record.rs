@@ -137,6 +137,43 @@ pub struct TrialRecord {
     /// Name of the third object. The column is there where trials have one.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub third: String,
+    /// Pose errors of the objects after the first in the hand. The column is there where trials have a third object.
+    #[serde(default, skip_serializing_if = "PoseErrors::is_empty")]
+    pub later_pose_errors: PoseErrors,
+}
+
+/// Pose errors of several objects in the hand, mm and deg; none of one that was not felt there. In words the numbers of one after the other, `-` for none.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(into = "String", try_from = "String")]
+pub struct PoseErrors(pub Vec<Option<[f64; 2]>>);
+
+impl PoseErrors {
+    /// Of no object.
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+}
+
+impl From<PoseErrors> for String {
+    fn from(errors: PoseErrors) -> Self {
+        let words = errors.0.iter().map(|error| error.map_or("- -".to_owned(), |[mm, deg]| format!("{mm} {deg}")));
+        words.collect::<Vec<_>>().join(" ")
+    }
+}
+
+impl TryFrom<String> for PoseErrors {
+    type Error = String;
+
+    fn try_from(text: String) -> Result<Self, String> {
+        let wrong = || format!("found `{text}`, expected two numbers or `- -` for each object");
+        let words: Vec<&str> = text.split_whitespace().collect();
+        let one = |pair: &[&str]| match pair {
+            ["-", "-"] => Ok(None),
+            [mm, deg] => Ok(Some([mm.parse().map_err(|_| wrong())?, deg.parse().map_err(|_| wrong())?])),
+            _ => Err(wrong()),
+        };
+        words.chunks(2).map(one).collect::<Result<_, _>>().map(Self)
+    }
 }
 
 impl TrialRecord {
@@ -195,8 +232,9 @@ pub fn write_ablated(trials: &[AblatedTrial], to: impl Write) -> Result<(), Reco
     let mut sorted: Vec<&AblatedTrial> = trials.iter().collect();
     sorted.sort_by_key(|trial| (trial.ablation, trial.record.id()));
     let mut writer = csv::WriterBuilder::new().has_headers(false).from_writer(to);
-    let third = sorted.iter().any(|trial| !trial.record.third.is_empty()).then_some("third");
-    writer.write_record(std::iter::once("ablation").chain(COLUMNS).chain(third))?;
+    let third = sorted.iter().any(|trial| !trial.record.third.is_empty());
+    let of_three = third.then_some(["third", "later_pose_errors"]).into_iter().flatten();
+    writer.write_record(std::iter::once("ablation").chain(COLUMNS).chain(of_three))?;
     for trial in sorted {
         writer.serialize((trial.ablation, &trial.record))?;
     }
@@ -209,7 +247,7 @@ pub fn read_trials(from: impl Read) -> Result<Vec<TrialRecord>, RecordError> {
     Ok(csv::Reader::from_reader(from).into_deserialize().collect::<Result<_, _>>()?)
 }
 
-/// The header of `trials.csv`, without the column `third`.
+/// The header of `trials.csv`, without the columns of trials of three objects.
 pub const COLUMNS: [&str; 22] = [
     "combination",
     "trial",
@@ -264,6 +302,7 @@ pub(crate) mod tests {
             sim_seconds: 0.1 + 0.2,
             decision_ms: None,
             third: String::new(),
+            later_pose_errors: PoseErrors::default(),
         }
     }
 
@@ -285,6 +324,26 @@ pub(crate) mod tests {
         let mut sorted = records;
         sorted.sort_by_key(TrialRecord::id);
         assert_eq!(read_trials(file.as_slice()).unwrap(), sorted);
+    }
+
+    /// Trials of three objects have two columns more, whose errors come back; half a pair is refused with what was found.
+    #[test]
+    fn three_objects_have_pose_errors_each() {
+        let three = TrialRecord {
+            third: "pear".into(),
+            later_pose_errors: PoseErrors(vec![None, Some([1.0 / 3.0, 2.5])]),
+            ..record(0, 0, Condition::Touch)
+        };
+        let mut file = Vec::new();
+        write_trials(std::slice::from_ref(&three), &mut file).unwrap();
+        assert_eq!(read_trials(file.as_slice()).unwrap(), [three]);
+        let text = String::from_utf8(file).unwrap();
+        assert!(
+            text.contains(",third,later_pose_errors\n") && text.contains("pear,- - 0.3333333333333333 2.5"),
+            "{text}"
+        );
+        let error = read_trials(text.replace("0.3333333333333333 2.5", "0.3").as_bytes()).unwrap_err().to_string();
+        assert!(error.contains("found `- - 0.3`"), "{error}");
     }
 
     #[test]

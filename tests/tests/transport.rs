@@ -42,13 +42,13 @@ fn four_balls_one_pushed() {
     let result = carried(&["--trials", "1", "--policy", "touch", "--scenario", utf8(&file)]);
     let story = result["transports"][0]["story"].to_string();
     let mut rest = story.as_str();
-    let plan = "plan: golf_ball with little (holds";
+    let plan = "plan: golf_ball with little finger (holds";
     for next in [
         plan,
-        "softball with thumb+index+middle (holds",
+        "softball with thumb, index and middle finger (holds",
         "on golf_ball",
         "nothing felt of golf_ball",
-        "yoga_ball with thumb+index+middle",
+        "yoga_ball with thumb, index and middle finger",
     ] {
         rest = rest.split_once(next).unwrap_or_else(|| panic!("no {next:?} in what is left of {story}")).1;
     }

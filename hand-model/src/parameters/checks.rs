@@ -49,7 +49,9 @@ impl HandParameters {
             }
             self.check_pad(pad, &links, path)?;
         }
-        Ok(())
+        self.check_reading(path)?;
+        let digits = self.actuator.iter().filter(|own| own.drives.is_none()).count();
+        self.grasps.iter().try_for_each(|grasps| grasps.check(digits, path))
     }
 
     fn check_cable(&self, path: &Path) -> Result<(), DataError> {

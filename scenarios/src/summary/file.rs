@@ -219,6 +219,10 @@ pub fn summarise(records: &[TrialRecord], ablated: &[AblatedTrial], run: &RunInf
         records.iter().filter(|record| record.condition == Condition::Touch).filter_map(pick).collect()
     };
     let spread = |values: Vec<f64>| MedianP95 { median: percentile(&values, 50.0), p95: percentile(&values, 95.0) };
+    let later = |unit: usize| -> Vec<f64> {
+        let touch = records.iter().filter(|record| record.condition == Condition::Touch);
+        touch.flat_map(|record| record.later_pose_errors.0.iter().flatten().map(move |error| error[unit])).collect()
+    };
     let decisions = column(|record| record.decision_ms);
     let combinations: std::collections::BTreeSet<usize> = records.iter().map(|record| record.combination).collect();
     let all = records.iter().chain(ablated.iter().map(|trial| &trial.record));
@@ -264,8 +268,8 @@ pub fn summarise(records: &[TrialRecord], ablated: &[AblatedTrial], run: &RunInf
             over_budget: run.decision_budget.map(|budget| decisions.iter().filter(|ms| **ms > 1e3 * budget).count()),
         },
         pose_error: PoseError {
-            mm: spread(column(|record| record.pose_error_mm)),
-            deg: spread(column(|record| record.pose_error_deg)),
+            mm: spread([column(|record| record.pose_error_mm), later(0)].concat()),
+            deg: spread([column(|record| record.pose_error_deg), later(1)].concat()),
             prior_mm: spread(column(|record| record.prior_error_mm)),
         },
         real_time_factor: (run.wall_s > 0.0).then(|| sim_seconds / run.wall_s),

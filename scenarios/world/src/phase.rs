@@ -179,7 +179,8 @@ impl Phase {
 /// Names of places in an order.
 const ORDINALS: [&str; 8] = ["first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth"];
 
-fn ordinal(object: usize) -> Cow<'static, str> {
+/// Name of a place in an order, from 0.
+pub fn ordinal(object: usize) -> Cow<'static, str> {
     ORDINALS.get(object).map_or_else(|| format!("object {}", object + 1).into(), |name| (*name).into())
 }
 

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
 use control::perception::KnownObject;
-use control::policy::Uncertainty;
+use control::uncertainty::Uncertainty;
 use hand_model::parameters::{Configuration, HandParameters};
 use hand_model::robot::TactileImage;
 use hand_model::{Hand, RobotModel, RobotSources};

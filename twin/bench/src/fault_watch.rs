@@ -101,7 +101,7 @@ impl<'a> Mirroring<'a> {
 
     fn tick(&mut self, moment: &Moment) -> Result<()> {
         let Some(sent) = moment.sent else { return Ok(()) };
-        let seen = Seen::of(moment.executor, moment.time, sent, moment.felt);
+        let seen = Seen::of(moment.executor, moment.time, sent, moment.felt.first());
         let begun = Instant::now();
         // Another trial begins at an earlier time.
         let goes_on = |known: &(Mirror, f64)| moment.time > known.1;

@@ -18,6 +18,7 @@ use sim::robot::Truth;
 use stream::recorder::{Recorder, Settings, Target};
 use stream::{DrawnObject, Level, PoseError, SignalFrame, TrialProperties};
 use world::objects::ObjectModel;
+use world::phase::ordinal;
 
 use self::beliefs::Beliefs;
 use self::measured::Measured;
@@ -149,8 +150,7 @@ impl Recording {
         let Task { combination, trial, condition, .. } = *task;
         let plan = &bench.plans.plans[combination];
         let objects = bench.world.models(&plan.objects())?;
-        let names: Vec<String> =
-            ["first", "second", "third"].map(str::to_owned).into_iter().take(objects.len()).collect();
+        let names: Vec<String> = (0..objects.len()).map(|n| ordinal(n).into_owned()).collect();
         let drawn: Vec<DrawnObject> = objects.iter().zip(&names).map(|(object, name)| drawn(object, name)).collect();
         let truth = truth || task.robot == "sim";
         let settings = Settings { truth, ..Settings::default() };
@@ -226,18 +226,20 @@ impl Watcher for Recording {
             self.phase = Some(phase);
             recorder.log_phase(&phase.name())?;
         }
-        let felt = self.beliefs.see(recorder, &names[0], phase, moment.felt)?;
+        let felt = self.beliefs.see(recorder, &names, phase, moment.felt)?;
         let mut errors: Vec<Option<PoseError>> = objects.iter().map(|_| None).collect();
-        if let (Some(felt), Some(truth)) = (felt, truth) {
+        for (n, truth) in (0..objects.len()).filter_map(|n| Some((n, truth?))) {
+            let Some(felt) = felt.iter().find(|felt| felt.object == n) else {
+                recorder.log_estimate(&names[n], None)?;
+                continue;
+            };
             let estimate = felt.estimate.palm_from_object;
-            recorder.log_estimate(&names[0], Some(&(truth.palm * estimate)))?;
-            let real = truth.palm.inverse() * truth.objects[0];
-            errors[0] = Some(PoseError {
+            recorder.log_estimate(&names[n], Some(&(truth.palm * estimate)))?;
+            let real = truth.palm.inverse() * truth.objects[n];
+            errors[n] = Some(PoseError {
                 mm: (real.translation.vector - estimate.translation.vector).norm() * 1e3,
-                deg: objects[0].symmetry.angle(&real.rotation, &estimate.rotation).to_degrees(),
+                deg: objects[n].symmetry.angle(&real.rotation, &estimate.rotation).to_degrees(),
             });
-        } else if truth.is_some() {
-            recorder.log_estimate(&names[0], None)?;
         }
         if let Some(note) = moment.note {
             recorder.log_text(Level::Info, note)?;
@@ -255,7 +257,7 @@ impl Watcher for Recording {
             Some(truth) => {
                 log_signals(recorder, truth, executor.motion().servos(), executor.motion().posture(), errors)
             }
-            None => self.measured.log(recorder, &names, executor, felt),
+            None => self.measured.log(recorder, &names, executor, &felt),
         }
     }
 

@@ -161,7 +161,7 @@ impl Bench {
     /// Body and controller about to begin the ideal run of a combination.
     pub fn ideal_start(&self, combination: usize) -> Result<Snapshot> {
         let plan = &self.plans.plans[combination];
-        let grasps = plan.grasps(&self.repertoire)?;
+        let grasps = plan.grasps(&self.world.cell.robot.hand, &self.repertoire)?;
         let world = &self.world;
         let board = self.board.with_noise(0);
         let objects = world.models(&plan.objects())?;
@@ -263,7 +263,10 @@ impl Bench {
 
     /// What the best grasps of a trial that begins as `setup` promise a policy with these `means`.
     fn promise(&self, setup: &Setup, means: Means) -> Result<f64> {
-        let (grasps, senses) = (setup.plan.grasps(&self.repertoire)?, Senses::new(&self.pipeline, means.sensing)?);
+        let (grasps, senses) = (
+            setup.plan.grasps(&self.world.cell.robot.hand, &self.repertoire)?,
+            Senses::new(&self.pipeline, means.sensing)?,
+        );
         let objects = setup.objects(self)?;
         let known = Known { objects: &objects, grasps: &grasps, reordered: None, sighted: [None; MOST_OBJECTS] };
         let knowledge = self.knowledge(known, means)?;
@@ -309,7 +312,7 @@ impl Bench {
         watcher.branch(id.condition)?;
         let mut start = setup.begin(self, None, watcher.active())?;
         start.run.referee.give_up(FailureCause::NoStrategy);
-        start.run.tell((Some(why), None), None, id.condition, watcher)?;
+        start.run.tell((Some(why), None), &[], id.condition, watcher)?;
         let record = TrialRecord { reason: why.to_owned(), ..start.run.record(&start.objects, id)? };
         watcher.outcome(&record)?;
         Ok(TrialOutcome { record, tries: Vec::new() })

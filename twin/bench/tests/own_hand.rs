@@ -3,9 +3,9 @@
 use bench::builtin::make_bench;
 use bench::trial::Bench;
 use control::look::Look;
-use control::perception::{Grip, KnownObject, Signs, trusted};
+use control::perception::{Grip, Holder, KnownObject, Signs, trusted};
 use hand_model::robot::{Command, Observation, ServoState};
-use hand_model::{DigitVector, RobotModel};
+use hand_model::{Digit, DigitVector, RobotModel};
 use scenarios::Scenario;
 use scenarios::effects::Effects;
 use scenarios::noise::TrialNoise;
@@ -48,10 +48,11 @@ fn closed_on_nothing(
 }
 
 /// What pads and cables tell of the hold.
-fn told(bench: &Bench, touches: &[PadTouch], servos: &[ServoState], held: [Option<&[f64]>; 2]) -> Grip {
+fn told(bench: &Bench, touches: &[PadTouch], servos: &[ServoState], objects: &[Holder]) -> Grip {
     let hand = &bench.world.cell.robot.hand;
     let (q, sigma) = (&hand.open()[..], bench.pipeline.pose.sigma_excursion);
-    Grip::of(hand, &Signs { touches, servos, q, held, on_first: &[], sigma })
+    let limits = &hand.parameters.hold().expect("signs of a hold");
+    Grip::of(hand, &Signs { limits, touches, servos, q, objects, on_first: &[], sigma })
 }
 
 /// The thumb lies on the index finger and nothing is in the hand, though the plan has objects there: pads are pressed and the
@@ -59,7 +60,7 @@ fn told(bench: &Bench, touches: &[PadTouch], servos: &[ServoState], held: [Optio
 #[test]
 fn a_thumb_on_the_index_finger_is_no_object() {
     let bench = pads_only(1);
-    let grasps = bench.plans.plans[0].grasps(&bench.repertoire).expect("a plan");
+    let grasps = bench.plans.plans[0].grasps(&bench.world.cell.robot.hand, &bench.repertoire).expect("a plan");
     let objects = [&bench.plans.plans[0].first, &bench.plans.plans[0].second]
         .map(|name| KnownObject::new(bench.world.object(name).expect("an object")));
     let (first, second) = (&grasps.first, &grasps.second[0].grasp);
@@ -78,9 +79,8 @@ fn a_thumb_on_the_index_finger_is_no_object() {
         bench.pipeline.mark_own(&mut touches, Readings::weightless(&seen.servos), &in_hand).expect("marked");
         let all = || touches.iter().flat_map(|touch| &touch.patches);
         (own, patches) = (own + all().filter(|patch| patch.own).count(), patches + all().count());
-        let joints = [first, second].map(|grasp| grasp.held_joints.as_deref());
-        let grip = told(&bench, &touches, &seen.servos, joints);
-        assert!(!grip.first, "{tensions:?}, {opposition}: the hand's own contact is taken for the first object");
+        let grip = told(&bench, &touches, &seen.servos, &[first, second].map(Holder::of));
+        assert!(!grip.holds(0), "{tensions:?}, {opposition}: the hand's own contact is taken for the first object");
     }
     assert!(loaded >= 2 && patches >= 4, "something is to be told: {loaded} postures, {patches} patches");
     assert!(4 * own >= 3 * patches, "{own} of {patches} patches are told to be the hand's own");
@@ -115,7 +115,8 @@ fn a_held_object_is_felt_as_before() {
         }
         patches += touches.iter().map(|touch| touch.patches.len()).sum::<usize>();
         marked += touches.iter().flat_map(|touch| &touch.patches).filter(|patch| patch.own).count();
-        assert!(told(&bench, &touches, &servos, [None, None]).first, "combination {combination}");
+        let first = Holder { digits: &[Digit::Ring, Digit::Little], joints: None };
+        assert!(told(&bench, &touches, &servos, &[first]).holds(0), "combination {combination}");
     }
     assert!(held >= 4 && patches > 2 * held, "{held} {patches}");
     assert!(20 * marked <= patches, "{marked} of {patches} patches are taken for the hand's own");

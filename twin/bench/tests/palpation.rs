@@ -7,7 +7,7 @@ use control::palpation::located;
 use control::percept::Percept;
 use control::perception::{Expected, feel, trusted};
 use control::sensing::Senses;
-use grasping::Role;
+use grasping::digit_sets;
 use hand_model::RobotModel;
 use nalgebra::Vector3;
 use proving::simulated_world::drive;
@@ -43,7 +43,7 @@ fn an_object_is_where_it_is_felt() {
         let lateral = second.palm_rotation(seen.yaw) * Vector3::x() * OFF * side;
         executor.see(1, Percept { position: seen.position + lateral, ..seen });
         let touching = executor.rehearsed_touches(1, &known[1].model.shape).next().expect("within reach");
-        let guarded = Guarded::new(touching.onto, hand, Role::Second.digits(5), |_| true);
+        let guarded = Guarded::new(touching.onto, hand, &digit_sets(hand, 2)[1], |_| true);
         executor.palpate(1, touching.way, guarded);
         drive(robot, executor, Phase::decide(Skill::Palpate, 1), |_, _| {}).expect("the touch");
 

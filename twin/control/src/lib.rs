@@ -8,7 +8,7 @@
 //!   ablation leaves of the senses. [`percept`] is how objects on the table are reported, [`palpation`] how one is touched to find out
 //!   where it is. [`registration`] finds where the arm stands from known points that were touched.
 //! - **Decision.** [`collision`] and [`arm_clearance`] measure distances along a planned motion, [`odds`] says what rehearsals under
-//!   errors make of an aim, [`foresight`] what a twin of the scene does, [`strategy`] chooses a grasp and its aim by them. [`recovery`] says what follows a failed one, [`stand_in`]
+//!   errors make of an aim under the [`uncertainty`] that is expected, [`foresight`] what a twin of the scene does, [`strategy`] chooses a grasp and its aim by them. [`recovery`] says what follows a failed one, [`stand_in`]
 //!   finds grasps for what fell over, and [`worth`] holds the factors by which grasps are ranked.
 //!   [`policy`] puts it together.
 //!
@@ -38,6 +38,7 @@ pub mod slip;
 pub mod stand_in;
 pub mod strategy;
 pub mod trajectory;
+pub mod uncertainty;
 mod watch;
 pub mod workcell;
 pub mod worth;

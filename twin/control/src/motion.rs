@@ -238,7 +238,7 @@ impl Motion {
 
     /// Straight from the end of the present path to where `grasp` closes on what is seen at `percept`.
     pub fn approach(&self, limits: &PathLimits, grasp: &Grasp, percept: &Percept) -> Result<PosePath, PathError> {
-        approach(limits, &[self.end()], grasp, percept)
+        approach((self.hand(), limits), &[self.end()], grasp, percept)
     }
 
     /// The same by way of `stops`, rehearsed by the arm servo: straight or through the pose at the very beginning, at full speed or
@@ -254,7 +254,8 @@ impl Motion {
         stops: &[Isometry3<f64>],
     ) -> Option<PosePath> {
         let by_home = [stops, &[self.home]].concat();
-        let paths = |limits: &PathLimits| [stops, &by_home].map(|stops| approach(limits, stops, grasp, percept));
+        let paths =
+            |limits: &PathLimits| [stops, &by_home].map(|stops| approach((self.hand(), limits), stops, grasp, percept));
         self.rehearsed(limits, paths)
     }
 

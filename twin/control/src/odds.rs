@@ -14,7 +14,7 @@ use std::sync::Arc;
 
 use nalgebra::{Matrix3, Rotation2, Vector2, Vector3};
 
-use crate::policy::Uncertainty;
+use crate::uncertainty::Uncertainty;
 
 /// Values of the lasting error in a belief.
 const VALUES: usize = 96;

@@ -4,9 +4,9 @@
 //! place. Index and middle finger, stretched out, come down on the object's rim from above, slowly, until a pad feels it. The
 //! pads then show where the object is in the hand, as they do with a held one.
 
-use grasping::Role;
+use grasping::digit_sets;
 use grasping::grasp::palm_rotation;
-use hand_model::{Digit, Hand};
+use hand_model::{Digit, DigitVector, Hand};
 use nalgebra::{Isometry3, Matrix3, Point3, Translation3, Vector3};
 use touch::{InHand, KnownShape, PoseEstimate, PosePrior, TouchError};
 use world::geometry::Shape;
@@ -20,10 +20,6 @@ use crate::trajectory::{PathError, PathLimits, PosePath};
 
 /// Cosine of the largest angle between a pad that touches and the palm's face, the fingers stretched.
 const FACING: f64 = 0.5;
-/// Cables' tensions while they touch, N: a slack cable tells nothing of its digit's posture.
-pub const TENSION: [f64; 5] = [0.0, 1.0, 1.0, 0.0, 0.0];
-/// Angle of each joint of the touching fingers under that tension, rad.
-const CURL: f64 = 0.11;
 /// Turns of the hand while it touches, rad, fingers down, and where beside the pads' middle the object is touched, m towards the
 /// thumb: what is held is to stay clear of table and object.
 const WAYS: [(f64, f64); 6] = [(0.5, 0.0), (0.7, 0.0), (0.5, 0.012), (0.7, 0.012), (0.3, 0.0), (0.9, 0.012)];
@@ -77,12 +73,29 @@ pub fn way(limits: &PathLimits, here: &Isometry3<f64>, there: &Isometry3<f64>) -
     PosePath::new(stops)
 }
 
-/// Pads that touch, and their places in the palm frame with the fingers stretched: those of the fingers that are free while a first object
-/// is held, beyond each finger's first link and on the palm's side of it.
+/// Fingers that touch: those that are free while a first object is held.
+fn fingers(hand: &Hand) -> Vec<Digit> {
+    let mut fingers = digit_sets(hand, 2).swap_remove(1);
+    fingers.retain(|digit| *digit != Digit::Thumb);
+    fingers
+}
+
+/// Tensions of the cables while fingers touch, N.
+pub fn tensions(hand: &Hand) -> DigitVector {
+    let mut tensions = hand.slack();
+    for digit in fingers(hand) {
+        tensions[digit.index()] = hand.parameters.palpation.map_or(0.0, |known| known.tension);
+    }
+    tensions
+}
+
+/// Pads that touch, and their places in the palm frame with the fingers stretched: those of the touching fingers beyond each finger's first link
+/// and on the palm's side of it. None in a hand whose file says nothing of palpation.
 fn touching(hand: &Hand) -> impl Iterator<Item = (usize, Isometry3<f64>)> {
-    let links = hand.tree.forward(&hand.each_joint(|_| CURL));
-    let fingers = Role::Second.digits(hand.digits().len()).iter().filter(|digit| **digit != Digit::Thumb);
-    let outer: Vec<usize> = fingers.flat_map(|digit| &hand.links(*digit)[1..]).copied().collect();
+    let known = hand.parameters.palpation;
+    let links = hand.tree.forward(&hand.each_joint(|_| known.map_or(0.0, |known| known.curl)));
+    let fingers = if known.is_some() { fingers(hand) } else { Vec::new() };
+    let outer: Vec<usize> = fingers.iter().flat_map(|digit| &hand.links(*digit)[1..]).copied().collect();
     let places = hand.pads.iter().enumerate().filter_map(move |(n, pad)| {
         let link = pad.link.filter(|link| outer.contains(link))?;
         Some((n, links[link] * pad.link_from_pad))
@@ -128,7 +141,8 @@ pub fn located(
     let mut touches = senses.perceive(look)?.touches;
     let objects: Vec<InHand> = first.into_iter().chain([InHand { shape, prior: *prior }]).collect();
     pipeline.mark_own(&mut touches, look.readings, &objects)?;
-    touches.retain(|touch| is_on(pipeline.hand(), touch.pad, Role::Second.digits(pipeline.hand().digits().len())));
+    let free = &digit_sets(pipeline.hand(), 2)[1];
+    touches.retain(|touch| is_on(pipeline.hand(), touch.pad, free));
     if touches.iter().all(|touch| touch.of_objects().next().is_none()) {
         return Ok(None);
     }

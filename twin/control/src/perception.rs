@@ -1,15 +1,19 @@
-//! From tactile images to what is held: which objects are in the hand, and where the first one sits in it.
+//! From tactile images to what is held: which objects are in the hand, and where they sit in it.
 
 use std::sync::{Arc, OnceLock};
 
-use grasping::{Grasp, Role};
+use grasping::Grasp;
+use hand_model::parameters::HoldLimits;
 use hand_model::robot::ServoState;
 use hand_model::{Digit, Hand};
 use nalgebra::{Isometry3, Point3, Vector3};
 use touch::pose::loaded_posture;
 use touch::posture::{self, cable_excursion, cable_tension};
-use touch::{CameraFault, InHand, KnownShape, PadTouch, Perceived, PoseEstimate, PosePrior, TouchError, TouchPipeline};
+use touch::{
+    CameraFault, InHand, KnownShape, PadTouch, Patch, Perceived, PoseEstimate, PosePrior, TouchError, TouchPipeline,
+};
 use world::geometry::{DistanceGrid, Shape};
+use world::layout::MOST_OBJECTS;
 use world::objects::ObjectModel;
 
 use crate::closure::{has_pads_throughout, stops_early};
@@ -57,9 +61,11 @@ impl KnownShape for KnownObject {
     }
 }
 
-/// What was felt.
+/// What was felt of an object.
 #[derive(Debug, Clone)]
 pub struct Felt {
+    /// Number of the object in the trial.
+    pub object: usize,
     /// One entry a pad.
     pub touches: Vec<PadTouch>,
     /// Cameras that had no say, and why.
@@ -72,108 +78,129 @@ pub struct Felt {
     pub grip: Grip,
 }
 
-/// Which of the two objects is felt to be in the hand.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Grip {
-    /// The first object.
-    pub first: bool,
-    /// The second object.
-    pub second: bool,
+/// Which objects are felt to be in the hand, in the order in which they are taken.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Grip([bool; MOST_OBJECTS]);
+
+impl FromIterator<bool> for Grip {
+    fn from_iter<I: IntoIterator<Item = bool>>(held: I) -> Self {
+        let mut grip = Self::default();
+        grip.0.iter_mut().zip(held).for_each(|(place, held)| *place = held);
+        grip
+    }
+}
+
+/// An object that should be in the hand.
+#[derive(Debug, Clone, Copy)]
+pub struct Holder<'a> {
+    /// Those that hold it.
+    pub digits: &'a [Digit],
+    /// Joint angles where its grasp holds, rad, if that is known.
+    pub joints: Option<&'a [f64]>,
+}
+
+impl<'a> Holder<'a> {
+    pub fn of(grasp: &'a Grasp) -> Self {
+        Self { digits: &grasp.digits, joints: grasp.held_joints.as_deref() }
+    }
 }
 
 /// Readings that tell which objects are in the hand.
 #[derive(Clone, Copy)]
 pub struct Signs<'a> {
+    pub limits: &'a HoldLimits,
     /// One entry a pad.
     pub touches: &'a [PadTouch],
     pub servos: &'a [ServoState],
     /// Joint angles, rad.
     pub q: &'a [f64],
-    /// Joint angles where the grasps of the two objects hold, rad, if that is known.
-    pub held: [Option<&'a [f64]>; 2],
+    /// The objects, in the order in which they are taken.
+    pub objects: &'a [Holder<'a>],
     /// Pads that rest on the first object.
     pub on_first: &'a [usize],
     /// Standard deviation of a cable's excursion, m.
     pub sigma: f64,
 }
 
-/// A finger whose cable is taken up by less than this share of a full closing has something in its way.
-const BLOCKED_CLOSURE: f64 = 0.86;
-/// Tension from which a cable counts as pulled, N.
-const PULLED: f64 = 1.0;
-/// A finger that closes further than this share when its grasp holds has no part in holding.
-const IDLE_CLOSURE: f64 = 0.9;
-/// A finger that stops this much later than when its grasp holds, as a share of a full closing, is stopped by something else: the
-/// thumb, most often.
-const LATE: f64 = 0.25;
-/// A pad's middle this near to an object's surface is on it, m: as far off as the posture of a digit in contact may be.
-const ON_IT: f64 = 0.004;
-
 impl Grip {
-    /// An object counts as held when at least two of the parts that hold it feel something, or the only one that has pads: ring, little
-    /// and palm for the first, thumb, index and middle finger for the second. Digits often hold with their sides, where no pad is; an
+    /// Whether an object is in the hand.
+    pub fn holds(&self, object: usize) -> bool {
+        self.0.get(object).is_some_and(|held| *held)
+    }
+
+    /// The first object up to the `last` that is not in the hand.
+    pub fn missing(&self, last: usize) -> Option<usize> {
+        (0..=last).find(|object| !self.holds(*object))
+    }
+
+    /// An object counts as held when at least two of the parts that hold it feel something, or the only one that has pads: its digits
+    /// and the palm for the first, its digits for a later one. Digits often hold with their sides, where no pad is; an
     /// object is therefore also taken to be held when a cable says that a finger did not close.
     ///
-    /// A finger that has no part in the second grasp where that holds, or is stopped much later, has met the thumb and not the object.
-    /// So has one that feels another part of the hand, or of which a pad rests on the first object: what those feel is not the second.
+    /// A finger that has no part in a later grasp where that holds, or is stopped much later, has met the thumb and not the object.
+    /// So has one that feels another part of the hand, or of which a pad rests on the first object: what those feel is not a later one.
     /// A finger with links that bear no pad is compared with its grasp's hold and with a closing on nothing ([`stops_early`]).
     /// Jaws have nothing else to meet: one that did not close holds the first object.
     pub fn of(hand: &Hand, signs: &Signs) -> Self {
-        let Signs { touches, servos, q, held, on_first, sigma } = *signs;
+        let Signs { limits, touches, servos, q, objects, on_first, sigma } = *signs;
         let of = |digit: Option<Digit>| {
             touches.iter().filter(move |touch| hand.digit_of(hand.pads[touch.pad].link) == digit)
         };
         let feels = |digit: Option<Digit>| of(digit).any(PadTouch::touched);
-        let feels_second =
-            |digit: Digit| of(Some(digit)).any(|touch| touch.touched() && !on_first.contains(&touch.pad));
+        let feels_later = |digit: Digit| of(Some(digit)).any(|touch| touch.touched() && !on_first.contains(&touch.pad));
         let rests = |digit: Digit| on_first.iter().any(|pad| hand.digit_of(hand.pads[*pad].link) == Some(digit));
-        let expected = |digit: Digit| {
-            held[1]
-                .map(|joints| hand.transmission.cables[digit.index()].excursion(joints) / full_excursion(hand, digit))
+        let expected = |object: &Holder, digit: Digit| {
+            let path = &hand.transmission.cables[digit.index()];
+            object.joints.map(|joints| path.excursion(joints) / full_excursion(hand, digit))
         };
         let feels_itself = |digit: Digit| of(Some(digit)).any(|touch| touch.patches.iter().any(|patch| patch.own));
         let bare = |digit: Digit| !has_pads_throughout(hand, digit);
-        let blocked = |digit: Digit| blocked(hand, servos, digit) && !feels_itself(digit) && !rests(digit);
-        let early = |object: usize, digit: Digit| {
+        let blocked = |digit: Digit| blocked(hand, limits, servos, digit) && !feels_itself(digit) && !rests(digit);
+        let early = |object: &Holder, digit: Digit| {
             let servo = &servos[digit.index()];
-            let pulled = cable_tension(hand, digit.index(), servo) > PULLED;
-            pulled && !feels_itself(digit) && !rests(digit) && stops_early(hand, (digit, servo), q, held[object], sigma)
+            let pulled = cable_tension(hand, digit.index(), servo) > limits.pulled;
+            pulled
+                && !feels_itself(digit)
+                && !rests(digit)
+                && stops_early(hand, (digit, servo), q, object.joints, sigma)
         };
-        let takes_part = |digit: Digit| {
-            digit == Digit::Thumb || bare(digit) || expected(digit).is_none_or(|share| share < IDLE_CLOSURE)
+        let takes_part = |object: &Holder, digit: Digit| {
+            digit == Digit::Thumb || bare(digit) || expected(object, digit).is_none_or(|share| share < limits.idle)
         };
-        let stopped = |digit: Digit| {
+        let stopped = |object: &Holder, digit: Digit| {
             if bare(digit) {
-                return early(1, digit);
+                return early(object, digit);
             }
             blocked(digit)
-                && takes_part(digit)
-                && expected(digit).is_none_or(|share| closure(hand, servos, digit) < share + LATE)
+                && takes_part(object, digit)
+                && expected(object, digit).is_none_or(|share| closure(hand, servos, digit) < share + limits.late)
         };
-        // A closed thumb lies where ring and little finger close: then only what pads feel counts, or a digit with a blind one.
-        let thumb = cable_tension(hand, Digit::Thumb.index(), &servos[Digit::Thumb.index()]) > PULLED;
-        let first = Role::First.digits(hand.digits().len());
+        // A closed thumb lies where the fingers of the first object close: then only what pads feel counts, or a digit with a blind one.
+        let thumb = cable_tension(hand, Digit::Thumb.index(), &servos[Digit::Thumb.index()]) > limits.pulled;
         let blind = |digit: Digit| of(Some(digit)).any(|touch| touch.blind);
         let holds = |digit: &&Digit| feels(Some(**digit)) || blind(**digit) && !bare(**digit) && blocked(**digit);
-        let holding = first.iter().filter(holds).count();
-        let alone = !thumb || first.contains(&Digit::Thumb);
-        let keeps = |digit: Digit| if bare(digit) { early(0, digit) } else { alone && blocked(digit) };
         let has_pads = |digit: Option<Digit>| hand.pads.iter().any(|pad| hand.digit_of(pad.link) == digit);
-        let feeling = first.iter().filter(|digit| has_pads(Some(**digit))).count() + usize::from(has_pads(None));
-        let second = Role::Second.digits(hand.digits().len());
-        let taking = second.iter().filter(|digit| takes_part(**digit) && feels_second(**digit)).count();
-        Self {
-            first: holding + usize::from(feels(None)) >= feeling.clamp(1, 2) || first.iter().any(|digit| keeps(*digit)),
-            second: taking >= 2 || second.iter().any(|digit| *digit != Digit::Thumb && stopped(*digit)),
-        }
+        let first = |object: &Holder| {
+            let digits = object.digits;
+            let alone = !thumb || digits.contains(&Digit::Thumb);
+            let keeps = |digit: Digit| if bare(digit) { early(object, digit) } else { alone && blocked(digit) };
+            let feeling = digits.iter().filter(|digit| has_pads(Some(**digit))).count() + usize::from(has_pads(None));
+            let holding = digits.iter().filter(holds).count() + usize::from(feels(None));
+            holding >= feeling.clamp(1, 2) || digits.iter().any(|digit| keeps(*digit))
+        };
+        let later = |object: &Holder| {
+            let taking = object.digits.iter().filter(|digit| takes_part(object, **digit) && feels_later(**digit));
+            taking.count() >= 2 || object.digits.iter().any(|digit| *digit != Digit::Thumb && stopped(object, *digit))
+        };
+        objects.iter().enumerate().map(|(n, object)| if n == 0 { first(object) } else { later(object) }).collect()
     }
 }
 
 /// Whether something is in a closing digit's way: its cable is taken up by less than a full closing. A digit that is not pulled
 /// tells nothing.
-pub fn blocked(hand: &Hand, servos: &[ServoState], digit: Digit) -> bool {
-    let pulled = cable_tension(hand, digit.index(), &servos[digit.index()]) > PULLED;
-    pulled && closure(hand, servos, digit) < BLOCKED_CLOSURE
+pub fn blocked(hand: &Hand, limits: &HoldLimits, servos: &[ServoState], digit: Digit) -> bool {
+    let pulled = cable_tension(hand, digit.index(), &servos[digit.index()]) > limits.pulled;
+    pulled && closure(hand, servos, digit) < limits.blocked
 }
 
 /// How far a digit has closed, as a share of a full closing.
@@ -185,22 +212,26 @@ fn full_excursion(hand: &Hand, digit: Digit) -> f64 {
     hand.transmission.cables[digit.index()].full_excursion()
 }
 
-/// The plan of the two grasps, as far as perception needs it.
-#[derive(Debug, Clone, Copy)]
+/// The plan of a trial's grasps, as far as perception needs it.
+#[derive(Debug, Clone)]
 pub struct Expected<'a> {
     /// Where the plan has the first object in the hand: `palm_from_object`.
     pub palm_from_object: Isometry3<f64>,
-    /// Joint angles of both grasps where they hold, rad.
-    pub joints: [Option<&'a [f64]>; 2],
+    /// How the objects are held, in the order in which they are taken.
+    pub objects: Vec<Holder<'a>>,
 }
 
 impl<'a> Expected<'a> {
-    /// What `first` and `second`, if there is one, expect of a trial; `percept` is where the first object was seen.
-    pub fn of(first: &'a Grasp, percept: &Percept, second: Option<&'a Grasp>) -> Self {
-        let seen = || first.palm_pose(&percept.position, percept.yaw).inverse() * percept.pose();
-        let joints = [Some(first), second].map(|grasp| grasp.and_then(|grasp| grasp.held_joints.as_deref()));
-        Self { palm_from_object: first.held.unwrap_or_else(seen), joints }
+    /// What `first` and the grasps after it expect of a trial; `percept` is where the first object was seen.
+    pub fn of(first: &'a Grasp, percept: &Percept, later: impl IntoIterator<Item = &'a Grasp>) -> Self {
+        let objects = std::iter::once(first).chain(later).map(Holder::of).collect();
+        Self { palm_from_object: place_in_hand(first, percept), objects }
     }
+}
+
+/// `palm_from_object` where a grasp has an object that is seen at `percept`.
+pub fn place_in_hand(grasp: &Grasp, percept: &Percept) -> Isometry3<f64> {
+    grasp.held.unwrap_or_else(|| grasp.palm_pose(&percept.position, percept.yaw).inverse() * percept.pose())
 }
 
 /// Interprets a look at the hand with `object` as the first object.
@@ -211,9 +242,50 @@ pub fn feel(senses: &Senses, look: &Look, object: &KnownObject, expected: &Expec
     pipeline.mark_own(&mut touches, look.readings, &[InHand { shape: object, prior }])?;
     let estimate = pipeline.estimate_pose(&touches, look.readings, &prior, object)?;
     let (servos, q, sigma) = (look.readings.servos, &estimate.q[..], excursion_sigma(pipeline));
-    let signs = Signs { touches: &touches, servos, q, held: expected.joints, on_first: &[], sigma };
+    let (limits, objects) = (senses.hold(), &expected.objects[..]);
+    let signs = Signs { limits, touches: &touches, servos, q, objects, on_first: &[], sigma };
     let grip = Grip::of(pipeline.hand(), &signs);
-    Ok(Felt { touches, faults, estimate, prior: prior.palm_from_object, grip })
+    Ok(Felt { object: 0, touches, faults, estimate, prior: prior.palm_from_object, grip })
+}
+
+/// Interprets what was perceived in a look at a hand that holds objects with digits of their own: what is felt of each. Of each its number, its shape, its
+/// digits and where it should be (`palm_from_object`) are given. A pad of a digit feels what the digit holds, and a patch on the palm is of the object
+/// that is nearest.
+pub fn feel_each(
+    senses: &Senses,
+    look: &Look,
+    (Perceived { mut touches, faults }, grip): (Perceived, Grip),
+    objects: &[(usize, &KnownObject, &[Digit], Isometry3<f64>)],
+) -> Result<Vec<Felt>, TouchError> {
+    let (pipeline, hand) = (senses.pipeline(), senses.pipeline().hand());
+    let in_hand: Vec<InHand> = objects
+        .iter()
+        .map(|(_, shape, _, place)| InHand { shape: *shape as &dyn KnownShape, prior: trusted(*place) })
+        .collect();
+    pipeline.mark_own(&mut touches, look.readings, &in_hand)?;
+    let mut felt = Vec::with_capacity(objects.len());
+    for (n, (object, shape, digits, place)) in objects.iter().enumerate() {
+        let mut own: Vec<PadTouch> = touches.clone();
+        own.retain(|touch| hand.pads[touch.pad].link.is_none() || is_on(hand, touch.pad, digits));
+        for touch in own.iter_mut().filter(|touch| hand.pads[touch.pad].link.is_none()) {
+            let palm_from_pad = hand.pads[touch.pad].link_from_pad;
+            touch.patches.retain(|patch| nearest(&in_hand, &palm_from_pad, patch) == Some(n));
+        }
+        let estimate = pipeline.estimate_pose(&own, look.readings, &in_hand[n].prior, *shape)?;
+        let faults = if n == 0 { faults.clone() } else { Vec::new() };
+        felt.push(Felt { object: *object, touches: own, faults, estimate, prior: *place, grip });
+    }
+    Ok(felt)
+}
+
+/// Which of `objects` has its surface nearest to a patch on the palm.
+fn nearest(objects: &[InHand], palm_from_pad: &Isometry3<f64>, patch: &Patch) -> Option<usize> {
+    let distance = |object: &InHand| -> f64 {
+        let object_from_pad = object.prior.palm_from_object.inverse() * palm_from_pad;
+        patch.points.iter().map(|felt| object.shape.signed_distance(&(object_from_pad * felt.point)).0.abs()).sum()
+    };
+    let distances = objects.iter().map(distance).enumerate();
+    distances.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(n, _)| n)
 }
 
 /// The plan's idea of where an object is in the hand, with how far it is trusted.
@@ -227,9 +299,11 @@ pub fn grip(senses: &Senses, look: &Look, expected: &Expected, objects: &[InHand
     senses.pipeline().mark_own(&mut touches, look.readings, objects)?;
     let (pipeline, hand) = (senses.pipeline(), senses.pipeline().hand());
     let q = loaded_posture(hand, &touches, look.readings, &pipeline.pose)?;
-    let on_first = objects.first().map_or(Vec::new(), |first| pads_on(hand, &q, first));
-    let (servos, held, sigma) = (look.readings.servos, expected.joints, excursion_sigma(pipeline));
-    let signs = Signs { touches: &touches, servos, q: &q, held, on_first: &on_first, sigma };
+    let free: Vec<Digit> = expected.objects.iter().skip(1).flat_map(|object| object.digits.iter().copied()).collect();
+    let on_first = objects.first().map_or(Vec::new(), |first| pads_on(hand, &q, first, &free, senses.hold().near));
+    let (servos, sigma) = (look.readings.servos, excursion_sigma(pipeline));
+    let (limits, objects) = (senses.hold(), &expected.objects[..]);
+    let signs = Signs { limits, touches: &touches, servos, q: &q, objects, on_first: &on_first, sigma };
     Ok(Grip::of(hand, &signs))
 }
 
@@ -238,13 +312,13 @@ fn excursion_sigma(pipeline: &TouchPipeline) -> f64 {
     posture::excursion_sigma(pipeline.hand(), pipeline.pose.sigma_excursion, &pipeline.pose.cables)
 }
 
-/// Pads of free digits that are on the first object, or all but, with the joints at `q` (rad).
-fn pads_on(hand: &Hand, q: &[f64], first: &InHand) -> Vec<usize> {
+/// Pads of `free` digits that are on the first object, or nearer than `near` (m), with the joints at `q` (rad).
+fn pads_on(hand: &Hand, q: &[f64], first: &InHand, free: &[Digit], near: f64) -> Vec<usize> {
     let object_from_palm = first.prior.palm_from_object.inverse();
     let pads = hand.pad_poses(&hand.tree.forward(q));
     let on_it = |pad: &usize| {
         let middle = object_from_palm * pads[*pad] * Point3::origin();
-        is_on(hand, *pad, Role::Second.digits(hand.digits().len())) && first.shape.signed_distance(&middle).0 < ON_IT
+        is_on(hand, *pad, free) && first.shape.signed_distance(&middle).0 < near
     };
     (0..pads.len()).filter(on_it).collect()
 }
@@ -271,8 +345,10 @@ pub(crate) mod tests {
 
     /// What servos alone tell, with the second grasp's hold.
     fn told(hand: &Hand, servos: &[ServoState], second: Option<&[f64]>) -> Grip {
-        let q = hand.open();
-        Grip::of(hand, &Signs { touches: &[], servos, q: &q, held: [None, second], on_first: &[], sigma: 1.5e-4 })
+        let (q, sets) = (hand.open(), grasping::digit_sets(hand, 2));
+        let objects = [Holder { digits: &sets[0], joints: None }, Holder { digits: &sets[1], joints: second }];
+        let (limits, objects) = (&hand.parameters.hold().expect("signs of a hold"), &objects);
+        Grip::of(hand, &Signs { limits, touches: &[], servos, q: &q, objects, on_first: &[], sigma: 1.5e-4 })
     }
 
     /// A digit without power stays open; that is no object.
@@ -280,7 +356,7 @@ pub(crate) mod tests {
     fn a_slack_finger_holds_nothing() {
         let hand = Hand::ftac();
         let slack = told(&hand, &pulled(&hand, [0.0; 5], 0.0), None);
-        assert_eq!(slack, Grip { first: false, second: false });
+        assert_eq!(slack, Grip::default());
     }
 
     /// Fingers that close all the way hold nothing; an index finger that stops half-way does.
@@ -288,9 +364,9 @@ pub(crate) mod tests {
     fn a_blocked_finger_holds_something() {
         let hand = Hand::ftac();
         let closed = told(&hand, &servos(&hand, [1.0; 5]), None);
-        assert_eq!(closed, Grip { first: false, second: false });
+        assert_eq!(closed, Grip::default());
         let blocked = told(&hand, &servos(&hand, [1.0, 0.5, 1.0, 1.0, 1.0]), None);
-        assert_eq!(blocked, Grip { first: false, second: true });
+        assert_eq!(blocked, Grip::from_iter([false, true]));
     }
 
     /// A middle finger that stops later than where the grasp holds has met the thumb; so has one that takes no part in it.
@@ -308,7 +384,7 @@ pub(crate) mod tests {
             joints
         };
         let stopped = servos(&hand, [0.7, 1.0, 0.7, 1.0, 1.0]);
-        let second = |middle: f64| told(&hand, &stopped, Some(&held(middle)[..])).second;
+        let second = |middle: f64| told(&hand, &stopped, Some(&held(middle)[..])).holds(1);
         assert!(second(1.0));
         assert!(!second(0.4) && !second(1.55));
     }

@@ -1,10 +1,9 @@
 //! Recovery: what to do next, given what touch says is in the hand after a grasp was tried.
 
-use grasping::Role;
-use grasping::grasp::in_words;
-use hand_model::Hand;
+use grasping::digit_sets::in_words;
+use hand_model::Digit;
 use nalgebra::Vector3;
-use world::phase::Phase;
+use world::phase::{Phase, ordinal};
 
 use crate::perception::Grip;
 
@@ -36,36 +35,33 @@ pub fn probe(failures: usize, sigma: f64) -> Vector3<f64> {
 pub enum Next {
     /// On as planned.
     GoOn,
-    /// The hand is empty: the first object again.
-    FirstAgain,
-    /// Only the first object is held: the second one again.
-    SecondAgain,
-    /// Only the second object is held, by digits that are needed for it last: lay it down and start over.
+    /// What was taken before is held, or nothing was: this object again.
+    Again(usize),
+    /// An object is lost that was taken before the last one: lay down what is held and start over.
     StartOver,
 }
 
 impl Next {
-    /// After the look that ends in `phase`, in a trial whose `last` object has this index: 0 or 1.
+    /// After the look that ends in `phase`, in a trial whose `last` object has this index.
     pub fn after(phase: Phase, grip: Grip, last: usize) -> Self {
-        match (last == 1 && phase.has_lifted(1), grip.first, grip.second) {
-            (true, true, false) => Self::SecondAgain,
-            (true, false, true) => Self::StartOver,
-            (_, false, _) => Self::FirstAgain,
-            _ => Self::GoOn,
+        let taken = (0..=last).rev().find(|object| phase.has_lifted(*object)).unwrap_or(0);
+        match grip.missing(taken) {
+            None => Self::GoOn,
+            Some(object) if object == taken => Self::Again(object),
+            Some(_) if (0..=taken).any(|object| grip.holds(object)) => Self::StartOver,
+            Some(_) => Self::Again(0),
         }
     }
 
-    /// The reason in words.
-    pub fn reason(self, hand: &Hand) -> String {
-        let nothing = |role: Role, object: &str| {
-            let digits = role.digits(hand.digits().len());
-            let hold = if digits.len() == 1 { "holds" } else { "hold" };
-            format!("touch feels nothing that {} {hold}: the {object} object again", in_words(digits))
-        };
+    /// The reason in words; `digits` should hold what is taken again.
+    pub fn reason(self, digits: &[Digit]) -> String {
         match self {
             Self::GoOn => "touch feels what should be in the hand".to_owned(),
-            Self::FirstAgain => nothing(Role::First, "first"),
-            Self::SecondAgain => nothing(Role::Second, "second"),
+            Self::Again(object) => {
+                let hold = if digits.len() == 1 { "holds" } else { "hold" };
+                let (digits, object) = (in_words(digits), ordinal(object));
+                format!("touch feels nothing that {digits} {hold}: the {object} object again")
+            }
             Self::StartOver => {
                 "touch feels the second object but no longer the first: laying down and starting over".to_owned()
             }
@@ -92,18 +88,18 @@ mod tests {
 
     #[test]
     fn every_case() {
-        let grip = |first, second| Grip { first, second };
+        let grip = |first, second| Grip::from_iter([first, second]);
         let [decide, confirm] = [0, 1].map(|object| Phase::decide(Skill::Look, object));
         let done = Phase::decide(Skill::Verify, 0);
         assert_eq!(Next::after(decide, grip(true, false), 1), Next::GoOn);
-        assert_eq!(Next::after(decide, grip(false, false), 1), Next::FirstAgain);
+        assert_eq!(Next::after(decide, grip(false, false), 1), Next::Again(0));
         assert_eq!(Next::after(confirm, grip(true, true), 1), Next::GoOn);
-        assert_eq!(Next::after(confirm, grip(true, false), 1), Next::SecondAgain);
-        assert_eq!(Next::after(confirm, grip(false, false), 1), Next::FirstAgain);
+        assert_eq!(Next::after(confirm, grip(true, false), 1), Next::Again(1));
+        assert_eq!(Next::after(confirm, grip(false, false), 1), Next::Again(0));
         assert_eq!(Next::after(confirm, grip(false, true), 1), Next::StartOver);
         assert_eq!(Next::after(done, grip(true, true), 1), Next::GoOn);
-        assert_eq!(Next::after(done, grip(true, false), 1), Next::SecondAgain);
+        assert_eq!(Next::after(done, grip(true, false), 1), Next::Again(1));
         assert_eq!(Next::after(done, grip(false, true), 1), Next::StartOver);
-        assert_eq!(Next::after(done, grip(false, false), 1), Next::FirstAgain);
+        assert_eq!(Next::after(done, grip(false, false), 1), Next::Again(0));
     }
 }

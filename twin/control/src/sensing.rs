@@ -4,6 +4,7 @@ use std::borrow::Cow;
 use std::sync::Arc;
 
 use hand_model::pads::IMAGE_SIZE;
+use hand_model::parameters::HoldLimits;
 use hand_model::robot::{TactileFrame, TactileImage};
 use hand_model::{Digit, Hand};
 use touch::{Perceived, PoseOptions, TouchError, TouchPipeline};
@@ -21,10 +22,14 @@ const EVERY: usize = 4;
 pub struct Senses<'a> {
     pipeline: Cow<'a, TouchPipeline>,
     sensing: Sensing,
+    hold: HoldLimits,
 }
 
 impl<'a> Senses<'a> {
     /// What `sensing` leaves of `pipeline`.
+    ///
+    /// # Errors
+    /// [`TouchError::Hand`] where the hand's file has no signs of a hold.
     pub fn new(pipeline: &'a TouchPipeline, sensing: Sensing) -> Result<Self, TouchError> {
         let mut pipeline = Cow::Borrowed(pipeline);
         match sensing {
@@ -38,12 +43,18 @@ impl<'a> Senses<'a> {
             }
             _ => {}
         }
-        Ok(Self { pipeline, sensing })
+        let hold = pipeline.hand().parameters.hold()?;
+        Ok(Self { pipeline, sensing, hold })
     }
 
     /// The perception itself.
     pub fn pipeline(&self) -> &TouchPipeline {
         &self.pipeline
+    }
+
+    /// Signs by which the hand holds something.
+    pub fn hold(&self) -> &HoldLimits {
+        &self.hold
     }
 
     /// What the pads feel in a look. Cameras that may not be used are not counted as faults.

@@ -8,7 +8,8 @@
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::sync::Arc;
 
-use grasping::{Grasp, Repertoire, Role};
+use grasping::{Grasp, Repertoire};
+use hand_model::Digit;
 use nalgebra::{Isometry3, Translation3, Vector3};
 use world::objects::{ObjectModel, ObjectSet, Symmetry};
 
@@ -22,26 +23,27 @@ const NUMBERS_FROM: u32 = 1000;
 /// Turns tried with something that has no axis, rad.
 const ANY_SIDE: [f64; 5] = [0.0, 0.5, -0.5, 1.0, -1.0];
 
-/// Grasps in `role` for `object`, seen at `percept`, none of whose own grasps fits the way it lies. Some of them were `rehearsed`
+/// Grasps by `digits` for `object`, seen at `percept`, none of whose own grasps fits the way it lies. Some of them were `rehearsed`
 /// together with what is held.
 pub fn stand_ins(
     (objects, repertoire): (&ObjectSet, &Repertoire),
     (object, percept): (&ObjectModel, &Percept),
-    role: Role,
+    digits: &[Digit],
     rehearsed: &[Candidate],
 ) -> Vec<Candidate> {
     let mut candidates = Vec::new();
     for model in objects.fallen_of(object) {
         let Some(yaw) = model.standing_yaw(&percept.rotation) else { continue };
-        for grasp in repertoire.of(&model.name, role) {
-            let known = rehearsed.iter().find(|known| known.grasp.object == model.name && known.grasp.id == grasp.id);
+        for grasp in repertoire.of(&model.name, digits) {
+            let same = |known: &&Candidate| known.grasp.object == model.name && known.grasp.id == grasp.id;
+            let known = rehearsed.iter().filter(|known| known.grasp.digits == digits).find(same);
             let outcomes = known.map(|known| known.rehearsed.clone()).unwrap_or_default();
             candidates.push((grasp.clone(), yaw + grasp.yaw, worth::UNREHEARSED, outcomes));
         }
     }
     let flat = is_flat(object);
     let grasps_of =
-        |model: &ObjectModel| -> Vec<Grasp> { repertoire.of(&model.name, role).take(TAKEN_OVER).cloned().collect() };
+        |model: &ObjectModel| -> Vec<Grasp> { repertoire.of(&model.name, digits).take(TAKEN_OVER).cloned().collect() };
     let unlike = |model: &ObjectModel| (model.rest_height() - percept.position.z).abs();
     let alike = objects
         .iter()
@@ -103,6 +105,8 @@ mod tests {
     use super::*;
     use crate::odds::{Rehearsed, TryOutcome};
 
+    const PINCH: [Digit; 3] = [Digit::Thumb, Digit::Index, Digit::Middle];
+
     fn lying(rotation: UnitQuaternion<f64>) -> Percept {
         Percept { position: Point3::new(0.6, 0.1, 0.0225), rotation, yaw: 0.4 }
     }
@@ -111,7 +115,7 @@ mod tests {
         Grasp {
             id,
             object: object.into(),
-            digits: Role::Second.digits(5).to_vec(),
+            digits: PINCH.to_vec(),
             yaw: 0.0,
             pitch: 0.2,
             roll: -0.3,
@@ -149,7 +153,7 @@ mod tests {
         let outcome = Rehearsed { error: Vector3::zeros(), outcome: TryOutcome::Missed };
         let rehearsed = [Candidate { rehearsed: [outcome].into(), ..Candidate::new(own(5), 1.0) }];
         let seen = Percept { rotation: lying_can.rest, ..lying(lying_can.rest) };
-        let found = stand_ins((&set, &repertoire), (can, &seen), Role::Second, &rehearsed);
+        let found = stand_ins((&set, &repertoire), (can, &seen), &PINCH, &rehearsed);
         let known: Vec<usize> = found.iter().map(|candidate| candidate.rehearsed.len()).collect();
         assert_eq!(known, [0, 1]);
     }
@@ -164,13 +168,13 @@ mod tests {
         }
         let crosswise = lying(UnitQuaternion::from_axis_angle(&Vector3::x_axis(), FRAC_PI_2));
         let rod = set.get("cylinder_45").unwrap();
-        let found = stand_ins((&set, &repertoire), (rod, &crosswise), Role::Second, &[]);
+        let found = stand_ins((&set, &repertoire), (rod, &crosswise), &PINCH, &[]);
         assert_eq!(found.len(), 2);
         assert!(found.iter().all(|candidate| candidate.grasp.center[0] == 0.01 && candidate.grasp.object == rod.name));
         let pose = found[0].grasp.palm_pose(&crosswise.position, crosswise.yaw);
         assert!((pose.rotation.angle_to(&grasp("golf_ball", 1).palm_rotation(0.0))) < 1e-9);
         let held = found[0].grasp.held.unwrap();
         assert!((pose * held).rotation.angle_to(&crosswise.rotation) < 1e-9);
-        assert!(stand_ins((&set, &repertoire), (rod, &crosswise), Role::First, &[]).is_empty());
+        assert!(stand_ins((&set, &repertoire), (rod, &crosswise), &[Digit::Ring, Digit::Little], &[]).is_empty());
     }
 }

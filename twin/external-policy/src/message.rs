@@ -78,7 +78,7 @@ pub fn choose(hand: &Hand, situation: &Situation) -> Value {
             "sees_second": situation.sees_second,
             "held": situation.felt.map(|felt| pose_row(&felt.estimate.palm_from_object)),
             "held_covariance": covariance,
-            "grip": [situation.grip.first, situation.grip.second],
+            "grip": (0..situation.objects.len()).map(|object| situation.grip.holds(object)).collect::<Vec<_>>(),
             "first": situation.first,
             "candidates": situation.candidates.iter().map(candidate).collect::<Vec<_>>(),
         },

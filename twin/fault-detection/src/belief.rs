@@ -33,7 +33,7 @@ impl Believes {
     pub fn see(&mut self, time: f64, phase: Phase, felt: Option<&Felt>) {
         let past = (time - self.time).max(0.0);
         self.time = time;
-        let felt = felt.filter(|felt| felt.grip.first && phase.lifts(0));
+        let felt = felt.filter(|felt| felt.grip.holds(felt.object) && phase.lifts(felt.object));
         let known = felt.map(|felt| (felt.estimate.cost, felt.estimate.patches));
         if known != self.known {
             self.known = known;

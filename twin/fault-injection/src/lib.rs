@@ -304,7 +304,7 @@ impl Experiment {
                 truth: None,
                 executor,
                 sent: None,
-                felt: None,
+                felt: &[],
                 condition,
                 note,
                 choice: None,

@@ -1,13 +1,47 @@
-//! Proposals for any set of digits: a ball held by one or more fingers against the palm, or between thumb and fingers.
+//! Sets of digits: those that take the objects of a trial in turn, and proposals for any set.
 //!
 //! [`crate::sampler`] covers the two ways in which the benchmark's pairs are picked up. To carry more than two objects,
-//! each must be held with fewer digits. The distributions are wide; which proposals hold is decided in physics.
+//! each must be held with fewer digits: a ball by one or more fingers against the palm, or between thumb and fingers. The distributions of
+//! [`propose_with`] are wide; which proposals hold is decided in physics.
 
 use hand_model::{Digit, Hand};
 use rand::{Rng, RngExt};
 
 use crate::grasp::Grasp;
-use crate::sampler::{PALM_FACE, WRIST};
+
+/// The digits that take each of so many objects in turn, as the hand's file has them; an empty set where no digit is left. Without such data thumb, index
+/// and middle finger take the last object, and the other digits those before it; an object alone is taken by these others, if there are any. Of more
+/// objects than sets each but the last gets one digit, the outermost first.
+pub fn digit_sets(hand: &Hand, objects: usize) -> Vec<Vec<Digit>> {
+    let own = hand.parameters.grasps.as_ref().map_or(&[][..], |grasps| &grasps.set);
+    let has = |set: &[Digit]| set.iter().all(|digit| hand.digits().contains(digit));
+    let mut sets: Vec<Vec<Digit>> = own.iter().map(|set| set.digits.clone()).filter(|set| has(set)).collect();
+    if sets.is_empty() {
+        let (last, others) = hand.digits().iter().partition::<Vec<Digit>, _>(|digit| **digit <= Digit::Middle);
+        sets = vec![others, last];
+        sets.sort_by_key(Vec::is_empty);
+    }
+    if objects > sets.len().max(2) {
+        let (last, others) = (sets.pop().unwrap_or_default(), sets.concat());
+        let single: Vec<Vec<Digit>> = others.iter().rev().map(|digit| vec![*digit]).collect();
+        if single.len() + 1 < objects {
+            return vec![Vec::new(); objects];
+        }
+        return single.into_iter().take(objects - 1).chain([last]).collect();
+    }
+    sets.resize(objects, Vec::new());
+    sets
+}
+
+/// Digits in words: "thumb, index and middle finger".
+pub fn in_words(digits: &[Digit]) -> String {
+    let names: Vec<&str> = digits.iter().map(|digit| digit.name()).collect();
+    match names.split_last() {
+        Some((last, [])) => format!("{last} finger"),
+        Some((last, others)) => format!("{} and {last} finger", others.join(", ")),
+        None => "no digit".to_owned(),
+    }
+}
 
 /// A random grasp of a ball of `radius` (m) called `object` with `digits`.
 pub fn propose_with(hand: &Hand, digits: &[Digit], object: &str, radius: f64, id: u32, rng: &mut impl Rng) -> Grasp {
@@ -27,6 +61,7 @@ pub fn propose_with(hand: &Hand, digits: &[Digit], object: &str, radius: f64, id
     } else {
         [uniform(-85.0, 10.0), uniform(-20.0, 25.0), uniform(0.045, 0.115), uniform(0.001, 0.016)]
     };
+    let of = hand.parameters.grasps();
     Grasp {
         id,
         object: object.to_owned(),
@@ -34,7 +69,7 @@ pub fn propose_with(hand: &Hand, digits: &[Digit], object: &str, radius: f64, id
         yaw: 0.0,
         pitch: deg * pitch,
         roll: deg * roll,
-        center: [middle + uniform(-0.02, 0.02), along - WRIST, PALM_FACE - gap - radius],
+        center: [middle + uniform(-0.02, 0.02), along - of.wrist, of.palm_face - gap - radius],
         pre_tension: pre,
         close_tension: close,
         opposition: deg * if opposed { uniform(40.0, 90.0) } else { uniform(0.0, 20.0) },
@@ -43,5 +78,43 @@ pub fn propose_with(hand: &Hand, digits: &[Digit], object: &str, radius: f64, id
         held: None,
         held_joints: None,
         score: 0.0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use Digit::{Index, Little, Middle, Ring, Thumb};
+
+    use super::*;
+
+    fn sets(file: &str, objects: usize) -> Vec<Vec<Digit>> {
+        let path = Path::new("../../hand-model/data").join(file);
+        let text = std::fs::read_to_string(&path).expect(file);
+        digit_sets(&Hand::parse(&text, &path).expect(file), objects)
+    }
+
+    /// The file's sets, one digit each where they are not enough; derived where the file says nothing.
+    #[test]
+    fn objects_are_taken_by_sets_of_digits() {
+        let pinch = vec![Thumb, Index, Middle];
+        assert_eq!(sets("ftac_hand.toml", 1), [vec![Ring, Little]]);
+        assert_eq!(sets("ftac_hand.toml", 2), [vec![Ring, Little], pinch.clone()]);
+        assert_eq!(sets("ftac_hand.toml", 3), [vec![Little], vec![Ring], pinch.clone()]);
+        assert_eq!(sets("robots/allegro.toml", 2), [vec![Ring], pinch]);
+        assert_eq!(sets("robots/allegro.toml", 3), [[]; 3]);
+        assert_eq!(sets("robots/franka_hand.toml", 2), [vec![Thumb, Index], vec![]]);
+    }
+
+    /// A file may name other digits than are derived; digits that take two objects are refused with the field.
+    #[test]
+    fn a_file_names_the_sets() {
+        let text = include_str!("../../../hand-model/data/ftac_hand.toml");
+        let parse = |from: &str, to: &str| Hand::parse(&text.replace(from, to), Path::new("own.toml"));
+        let hand = parse("digits = [\"ring\", \"little\"]", "digits = [\"little\"]").expect("valid");
+        assert_eq!(digit_sets(&hand, 2)[0], [Little]);
+        let error = parse("digits = [\"ring\", \"little\"]", "digits = [\"middle\"]").expect_err("twice").to_string();
+        assert_eq!(error, "own.toml: grasps.set[1].digits: found middle, expected digits that take no object before");
     }
 }

@@ -1,45 +1,8 @@
 //! One grasp: approach, digits, tensions, and the position of the object in the hand when the digits close.
 
-use hand_model::{Digit, DigitVector};
+use hand_model::{Digit, DigitVector, Hand};
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
-
-/// Place of an object in a two-object trial, which decides the digits that take it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Role {
-    /// Ring and little finger against the palm, or the ring finger alone of a hand with four digits; thumb, index and middle stay free.
-    /// Both jaws of a gripper.
-    First,
-    /// Thumb, index and middle finger, while the others hold something.
-    Second,
-}
-
-impl Role {
-    /// Digits that close, of a hand with `count` of them; none where it has too few to take something in this place.
-    pub fn digits(self, count: usize) -> &'static [Digit] {
-        let all: &[Digit] = match self {
-            Role::First if count == JAWS => &[Digit::Thumb, Digit::Index],
-            Role::Second if count == JAWS => &[],
-            Role::First => &[Digit::Ring, Digit::Little],
-            Role::Second => &[Digit::Thumb, Digit::Index, Digit::Middle],
-        };
-        &all[..all.iter().filter(|digit| digit.index() < count).count()]
-    }
-}
-
-/// Digits in words: "thumb, index and middle finger".
-pub fn in_words(digits: &[Digit]) -> String {
-    let names: Vec<&str> = digits.iter().map(|digit| digit.name()).collect();
-    match names.split_last() {
-        Some((last, [])) => format!("{last} finger"),
-        Some((last, others)) => format!("{} and {last} finger", others.join(", ")),
-        None => "no digit".to_owned(),
-    }
-}
-
-/// Digits of a parallel gripper.
-pub const JAWS: usize = 2;
 
 /// A grasp. Angles in rad, lengths in m, tensions in N.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -100,9 +63,7 @@ impl From<GraspFields> for Grasp {
     fn from(fields: GraspFields) -> Self {
         let GraspFields { id, object, digits, yaw, pitch, roll, center, pre_tension, close_tension, .. } = fields;
         let GraspFields { opposition, raise, thumb_delay, held, held_joints, score, .. } = fields;
-        let pulled = Digit::ALL.into_iter().zip(&close_tension).filter(|(_, tension)| **tension > 0.0);
-        let pulled = pulled.map(|(digit, _)| digit).collect();
-        let digits = digits.unwrap_or(pulled);
+        let digits = digits.unwrap_or_else(|| pulled(&close_tension));
         Self {
             id,
             object,
@@ -123,6 +84,11 @@ impl From<GraspFields> for Grasp {
     }
 }
 
+/// Digits whose cables are pulled.
+pub fn pulled(tensions: &[f64]) -> Vec<Digit> {
+    Digit::ALL.into_iter().zip(tensions).filter(|(_, tension)| **tension > 0.0).map(|(digit, _)| digit).collect()
+}
+
 impl Grasp {
     /// Rotation `world_from_palm` for an object whose yaw is `object_yaw`.
     pub fn palm_rotation(&self, object_yaw: f64) -> UnitQuaternion<f64> {
@@ -135,19 +101,12 @@ impl Grasp {
         let center = rotation * Vector3::from(self.center);
         Isometry3::from_parts(Translation3::from(object.coords - center), rotation)
     }
+}
 
-    /// The grasp pose moved back by `distance`: jaws along themselves, another hand away from the object and up.
-    pub fn pregrasp_pose(&self, grasp: &Isometry3<f64>, distance: f64) -> Isometry3<f64> {
-        let away = if self.close_tension.len() == JAWS {
-            grasp * -Vector3::y()
-        } else {
-            grasp * Vector3::z() + Vector3::z() * 0.5
-        };
-        Isometry3::from_parts(
-            Translation3::from(grasp.translation.vector + away.normalize() * distance),
-            grasp.rotation,
-        )
-    }
+/// A grasp pose of `hand` moved back by `distance` (m): jaws along themselves, another hand away from the object and up.
+pub fn pregrasp_pose(hand: &Hand, grasp: &Isometry3<f64>, distance: f64) -> Isometry3<f64> {
+    let away = if hand.jaws().is_some() { grasp * -Vector3::y() } else { grasp * Vector3::z() + Vector3::z() * 0.5 };
+    Isometry3::from_parts(Translation3::from(grasp.translation.vector + away.normalize() * distance), grasp.rotation)
 }
 
 /// Rotation `world_from_palm` of a hand with this heading about the vertical, pitch and roll (rad), as a [`Grasp`] counts them.
@@ -172,7 +131,7 @@ mod tests {
         Grasp {
             id: 0,
             object: "ball".into(),
-            digits: Role::First.digits(5).to_vec(),
+            digits: vec![Digit::Ring, Digit::Little],
             yaw: 0.3,
             pitch: 0.2,
             roll: -0.9,

@@ -15,5 +15,6 @@ pub mod repertoire;
 pub mod sampler;
 pub mod synthesis;
 
-pub use grasp::{Grasp, Role};
+pub use digit_sets::digit_sets;
+pub use grasp::Grasp;
 pub use repertoire::{Repertoire, RepertoireError};

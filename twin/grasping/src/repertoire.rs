@@ -8,7 +8,7 @@ use platform::digest::sha256;
 use platform::file::write_whole;
 use serde::{Deserialize, Serialize};
 
-use crate::grasp::{Grasp, Role};
+use crate::grasp::Grasp;
 
 /// Errors of repertoire files.
 #[derive(Debug, thiserror::Error)]
@@ -118,17 +118,8 @@ impl Repertoire {
         write_whole(path, text.as_bytes()).map_err(|source| RepertoireError::Io { path: path.into(), source })
     }
 
-    /// Grasps of `object` for `role`, best first.
-    pub fn of(&self, object: &str, role: Role) -> impl Iterator<Item = &Grasp> {
-        self.grasps
-            .get(object)
-            .into_iter()
-            .flatten()
-            .filter(move |grasp| grasp.digits == role.digits(grasp.close_tension.len()))
-    }
-
     /// Grasps of `object` that close these `digits`, best first.
-    pub fn with_digits<'a>(&'a self, object: &str, digits: &'a [Digit]) -> impl Iterator<Item = &'a Grasp> + use<'a> {
+    pub fn of<'a, 'd>(&'a self, object: &str, digits: &'d [Digit]) -> impl Iterator<Item = &'a Grasp> + use<'a, 'd> {
         self.grasps.get(object).into_iter().flatten().filter(move |grasp| grasp.digits == digits)
     }
 
@@ -144,11 +135,14 @@ impl Repertoire {
 mod tests {
     use super::*;
 
-    fn grasp(id: u32, object: &str, role: Role, score: f64) -> Grasp {
+    const FIRST: &[Digit] = &[Digit::Ring, Digit::Little];
+    const SECOND: &[Digit] = &[Digit::Thumb, Digit::Index, Digit::Middle];
+
+    fn grasp(id: u32, object: &str, digits: &[Digit], score: f64) -> Grasp {
         Grasp {
             id,
             object: object.into(),
-            digits: role.digits(5).to_vec(),
+            digits: digits.to_vec(),
             yaw: 0.1,
             pitch: 0.2,
             roll: -0.9,
@@ -168,19 +162,19 @@ mod tests {
         let mut repertoire =
             Repertoire { version: VERSION, command: "a \"quoted\" command".into(), seed: 7, ..Repertoire::default() };
         for (id, score) in [(0, 0.4), (1, 0.9), (2, 0.9), (3, 0.1)] {
-            repertoire.insert(grasp(id, "ball", if id == 1 { Role::Second } else { Role::First }, score));
+            repertoire.insert(grasp(id, "ball", if id == 1 { SECOND } else { FIRST }, score));
         }
-        repertoire.insert(grasp(0, "can", Role::Second, 0.5));
+        repertoire.insert(grasp(0, "can", SECOND, 0.5));
         repertoire
     }
 
     #[test]
-    fn best_first_and_by_role() {
+    fn best_first_and_by_digits() {
         let repertoire = repertoire();
-        let ids = |role| repertoire.of("ball", role).map(|grasp| grasp.id).collect::<Vec<_>>();
-        assert_eq!((ids(Role::First), ids(Role::Second)), (vec![2, 0, 3], vec![1]));
+        let ids = |digits| repertoire.of("ball", digits).map(|grasp| grasp.id).collect::<Vec<_>>();
+        assert_eq!((ids(FIRST), ids(SECOND)), (vec![2, 0, 3], vec![1]));
         assert_eq!(repertoire.grasps["ball"].iter().map(|grasp| grasp.id).collect::<Vec<_>>(), [1, 2, 0, 3]);
-        assert_eq!(repertoire.of("pawn", Role::First).count(), 0);
+        assert_eq!(repertoire.of("pawn", FIRST).count(), 0);
     }
 
     /// The file is written by hand for one grasp per line: it must still be the JSON that is read.

@@ -1,19 +1,17 @@
-//! Proposals: random grasps around the two ways in which this hand picks up an object and keeps digits free.
+//! Proposals: random grasps around the ways in which a hand picks up an object and keeps digits free.
 //!
-//! The centres of the distributions come from experiments in physics: ring and little finger take an object from the
-//! side, ulnar edge down, against the palm; thumb, index and middle take one from above with the thumb opposed. The
-//! distributions are wide; which proposals hold is decided in physics. They are those of the left F-TAC Hand, which a right hand mirrors and one
-//! of another size scales. A parallel gripper takes an object from above between its jaws ([`jaws`]).
+//! Their ranges are data of the hand ([`Grasps`]), wide enough that physics decides which proposals hold. They are those of a left hand of the file's size,
+//! which a right hand mirrors and one of another size scales. A parallel gripper takes an object from above between its jaws ([`jaws`]).
 
 mod jaws;
 
 use hand_model::hand::Jaws;
-use hand_model::parameters::Handedness;
+use hand_model::parameters::{GraspRanges, Grasps, Handedness};
 use hand_model::{Digit, DigitVector, Hand};
 use nalgebra::Vector3;
 use rand::{Rng, RngExt};
 
-use crate::grasp::{Grasp, Role};
+use crate::grasp::Grasp;
 
 /// Size of an object, for the sampler.
 #[derive(Debug, Clone)]
@@ -25,20 +23,16 @@ pub struct ObjectExtent {
     pub yaw_matters: bool,
 }
 
-/// Distance of the palm's face from the palm frame's origin along -z, m.
-pub(crate) const PALM_FACE: f64 = 0.0156;
-/// Distance from the wrist to the palm frame's origin along y, m.
-pub(crate) const WRIST: f64 = 0.1072;
-
-/// How a hand differs from the one for which proposals are distributed.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// Form of a hand, as proposals depend on it.
+#[derive(Debug, Clone, PartialEq)]
 pub struct HandForm {
     /// 1 for a left hand, -1 for a right one.
     side: f64,
-    /// Its size over that of the F-TAC Hand.
+    /// Its size over that of the hand for which the ranges are.
     scale: f64,
     /// How many digits it has.
     digits: usize,
+    grasps: Grasps,
     /// Of a parallel gripper.
     jaws: Option<Jaws>,
 }
@@ -49,68 +43,55 @@ impl HandForm {
             Handedness::Left => 1.0,
             Handedness::Right => -1.0,
         };
-        let scale = -hand.parameters.palm.flange_xyz[1] / WRIST;
-        Self { side, scale, digits: hand.digits().len(), jaws: hand.jaws() }
+        let grasps = hand.parameters.grasps().clone();
+        let scale = -hand.parameters.palm.flange_xyz[1] / grasps.wrist;
+        Self { side, scale, digits: hand.digits().len(), grasps, jaws: hand.jaws() }
+    }
+
+    /// The ranges for a set of digits: its own, or those of the first set with a thumb, or without one, as it is.
+    fn ranges(&self, digits: &[Digit]) -> Option<&GraspRanges> {
+        let opposed = digits.contains(&Digit::Thumb);
+        let own = self.grasps.set.iter().find(|set| set.digits == digits);
+        own.or_else(|| self.grasps.set.iter().find(|set| set.thumb.is_some() == opposed))
     }
 }
 
-/// A random proposal for a hand.
-pub fn propose(hand: HandForm, object: &ObjectExtent, role: Role, id: u32, rng: &mut impl Rng) -> Grasp {
-    let HandForm { side, scale, digits, jaws } = hand;
-    if let Some(jaws) = jaws {
-        return jaws::propose(&jaws, object, role, id, rng);
+/// A random proposal for `digits` of a hand; `None` where nothing is known of sets like this one.
+pub fn propose(hand: &HandForm, object: &ObjectExtent, digits: &[Digit], id: u32, rng: &mut impl Rng) -> Option<Grasp> {
+    if let Some(jaws) = &hand.jaws {
+        return Some(jaws::propose(jaws, object, digits, id, rng));
     }
-    let mut uniform = |low: f64, high: f64| rng.random_range(low..high);
+    let (HandForm { side, scale, grasps, .. }, ranges) = (hand, hand.ranges(digits)?);
+    let mut uniform = |range: [f64; 2]| rng.random_range(range[0]..range[1]);
     let deg = std::f64::consts::PI / 180.0;
     let radius = 0.5 * (object.half.z + 0.5 * (object.half.x + object.half.y));
-    let slack: DigitVector = (0..digits).map(|_| 0.0).collect();
+    let slack: DigitVector = (0..hand.digits).map(|_| 0.0).collect();
     let (mut pre, mut close) = (slack, slack);
-    let (yaw, pitch, roll, along, across, gap, opposition, raise, delay);
-    match role {
-        Role::First => {
-            roll = deg * uniform(-75.0, -30.0);
-            pitch = deg * uniform(-15.0, 10.0);
-            along = uniform(0.045, 0.085);
-            across = uniform(0.012, 0.036);
-            gap = uniform(0.004, 0.016);
-            opposition = deg * uniform(0.0, 20.0);
-            raise = uniform(0.0, 0.008);
-            delay = 0.0;
-            let tension = uniform(12.0, 24.0);
-            let before = uniform(1.0, 3.5);
-            for digit in role.digits(digits) {
-                pre[digit.index()] = before;
-                close[digit.index()] = tension;
-            }
-        }
-        Role::Second => {
-            roll = deg * uniform(-8.0, 30.0);
-            pitch = deg * uniform(13.0, 36.0);
-            along = uniform(0.086, 0.134);
-            across = uniform(-0.045, 0.0);
-            gap = uniform(0.002, 0.030);
-            opposition = deg * uniform(50.0, 90.0);
-            raise = uniform(0.004, 0.025);
-            delay = uniform(-0.25, 0.18);
-            let (fingers, thumb) = (uniform(14.0, 40.0), uniform(12.0, 36.0));
-            let (before, before_thumb) = (uniform(1.5, 4.0), uniform(1.5, 4.0));
-            for digit in &role.digits(digits)[1..] {
-                pre[digit.index()] = before;
-                close[digit.index()] = fingers;
-            }
-            pre[Digit::Thumb.index()] = before_thumb;
-            close[Digit::Thumb.index()] = thumb;
-        }
+    let roll = deg * uniform(ranges.roll);
+    let pitch = deg * uniform(ranges.pitch);
+    let [along, across, gap] = [ranges.along, ranges.across, ranges.gap].map(&mut uniform);
+    let opposition = deg * uniform(ranges.opposition);
+    let raise = uniform(ranges.raise);
+    let thumb = ranges.thumb.as_ref();
+    let delay = thumb.map_or(0.0, |thumb| uniform(thumb.delay));
+    let tension = uniform(ranges.tension);
+    let thumb_tension = thumb.map_or(tension, |thumb| uniform(thumb.tension));
+    let before = uniform(ranges.pre_tension);
+    let thumb_before = thumb.map_or(before, |thumb| uniform(thumb.pre_tension));
+    for digit in digits {
+        let of_thumb = *digit == Digit::Thumb;
+        pre[digit.index()] = if of_thumb { thumb_before } else { before };
+        close[digit.index()] = if of_thumb { thumb_tension } else { tension };
     }
-    yaw = if object.yaw_matters { uniform(-0.6, 0.6) } else { 0.0 };
-    Grasp {
+    let yaw = if object.yaw_matters { uniform([-0.6, 0.6]) } else { 0.0 };
+    Some(Grasp {
         id,
         object: object.name.clone(),
-        digits: role.digits(digits).to_vec(),
+        digits: digits.to_vec(),
         yaw,
         pitch,
         roll: side * roll,
-        center: [-side * scale * across, scale * (along - WRIST), scale * (PALM_FACE - gap) - radius],
+        center: [-side * scale * across, scale * (along - grasps.wrist), scale * (grasps.palm_face - gap) - radius],
         pre_tension: pre,
         close_tension: close,
         opposition,
@@ -119,7 +100,7 @@ pub fn propose(hand: HandForm, object: &ObjectExtent, role: Role, id: u32, rng: 
         held: None,
         held_joints: None,
         score: 0.0,
-    }
+    })
 }
 
 /// A proposal near `grasp`: a small random change of each of its parameters.
@@ -148,6 +129,7 @@ pub fn vary(grasp: &Grasp, id: u32, rng: &mut impl Rng) -> Grasp {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::digit_sets::digit_sets;
     use rand::SeedableRng;
     use rand_chacha::ChaCha8Rng;
 
@@ -155,7 +137,8 @@ mod tests {
     fn same_seed_same_proposals() {
         let object = ObjectExtent { name: "ball".into(), half: Vector3::repeat(0.02), yaw_matters: true };
         let form = HandForm::of(&Hand::ftac());
-        let draw = |seed| propose(form, &object, Role::Second, 1, &mut ChaCha8Rng::seed_from_u64(seed));
+        let pinch = [Digit::Thumb, Digit::Index, Digit::Middle];
+        let draw = |seed| propose(&form, &object, &pinch, 1, &mut ChaCha8Rng::seed_from_u64(seed)).expect("ranges");
         assert_eq!(draw(3), draw(3));
         assert_ne!(draw(3), draw(4));
     }
@@ -165,24 +148,23 @@ mod tests {
     fn a_right_hand_mirrors_proposals() {
         let object = ObjectExtent { name: "ball".into(), half: Vector3::repeat(0.02), yaw_matters: true };
         let left = HandForm::of(&Hand::ftac());
-        assert_eq!(left, HandForm { side: 1.0, scale: 1.0, digits: 5, jaws: None });
-        let draw = |form| propose(form, &object, Role::First, 1, &mut ChaCha8Rng::seed_from_u64(5));
-        let (one, other) = (draw(left), draw(HandForm { side: -1.0, ..left }));
+        assert_eq!((left.side, left.scale, left.digits, left.jaws), (1.0, 1.0, 5, None));
+        let side = [Digit::Ring, Digit::Little];
+        let draw = |form| propose(form, &object, &side, 1, &mut ChaCha8Rng::seed_from_u64(5)).expect("ranges");
+        let (one, other) = (draw(&left), draw(&HandForm { side: -1.0, ..left.clone() }));
         let mirrored = one.palm_rotation(0.0) * Vector3::from(one.center);
         let found = other.palm_rotation(-2.0 * other.yaw) * Vector3::from(other.center);
         assert!((mirrored.component_mul(&Vector3::new(1.0, -1.0, 1.0)) - found).norm() < 1e-12, "{mirrored} {found}");
     }
 
-    /// Only the digits of the role are ever pulled.
+    /// Only the digits of the set are ever pulled, whether the hand's file has ranges for it or not.
     #[test]
-    fn role_digits_only() {
+    fn only_its_digits_are_pulled() {
         let object = ObjectExtent { name: "ball".into(), half: Vector3::repeat(0.02), yaw_matters: false };
-        let mut rng = ChaCha8Rng::seed_from_u64(1);
-        for role in [Role::First, Role::Second] {
-            let grasp = propose(HandForm::of(&Hand::ftac()), &object, role, 0, &mut rng);
-            for digit in Digit::ALL {
-                assert_eq!(grasp.close_tension[digit.index()] > 0.0, role.digits(5).contains(&digit));
-            }
+        let (hand, mut rng) = (Hand::ftac(), ChaCha8Rng::seed_from_u64(1));
+        for digits in [digit_sets(&hand, 2), digit_sets(&hand, 3)].concat() {
+            let grasp = propose(&HandForm::of(&hand), &object, &digits, 0, &mut rng).expect("ranges");
+            assert_eq!(crate::grasp::pulled(&grasp.close_tension), digits);
         }
     }
 }

@@ -8,6 +8,7 @@ use std::path::Path;
 use control::inverse_kinematics::Joints;
 use control::motion::approach::APPROACH_DISTANCE;
 use grasping::Grasp;
+use grasping::grasp::pregrasp_pose;
 use hand_model::{ArmVector, Hand, RobotModel};
 use nalgebra::{Isometry3, Point3, Translation3, Vector3};
 use platform::data::DataError;
@@ -156,7 +157,7 @@ impl Weight {
     fn pick_up(&self, robot: &RobotModel, grasp: &Grasp, target: &Isometry3<f64>, from: &Joints) -> Option<PickUp> {
         let hand = &robot.hand;
         let kinematics = kinematics(robot);
-        let before = grasp.pregrasp_pose(target, APPROACH_DISTANCE);
+        let before = pregrasp_pose(hand, target, APPROACH_DISTANCE);
         let begin = kinematics.solve(&before, from)?;
         // Straight lines of the joints lead there and back: none may lead round to the other side of the arm.
         if !keeps_its_side(from, &begin) {

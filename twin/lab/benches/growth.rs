@@ -11,8 +11,8 @@ use std::time::Instant;
 
 use anyhow::{Context, Result};
 use control::odds::Belief;
-use control::policy::Uncertainty;
 use control::strategy::promise;
+use control::uncertainty::Uncertainty;
 use control::worth::Candidate;
 use hand_model::robot::{Command, ServoGoal};
 use hand_model::{Arm, Hand, RobotModel};
@@ -181,7 +181,9 @@ fn main() -> Result<()> {
     let (repertoire, plans) = (proving::builtin::repertoire()?, proving::builtin::plans()?);
     let mut known = Vec::new();
     for plan in &plans.plans {
-        known.extend(plan.grasps(&repertoire)?.second.into_iter().filter(|candidate| !candidate.rehearsed.is_empty()));
+        known.extend(
+            plan.grasps(&hand, &repertoire)?.second.into_iter().filter(|candidate| !candidate.rehearsed.is_empty()),
+        );
     }
     let belief = Belief::new(&Uncertainty::standard());
     let pool = |threads: usize| rayon::ThreadPoolBuilder::new().num_threads(threads).build();

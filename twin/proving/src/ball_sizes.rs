@@ -63,9 +63,10 @@ pub fn resized(grasp: &Grasp, object: &str, growth: f64) -> Grasp {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use grasping::Role;
-    use hand_model::RobotModel;
+    use hand_model::{Digit, RobotModel};
     use scenarios::Scenario;
+
+    const SIDE: [Digit; 2] = [Digit::Ring, Digit::Little];
 
     /// The palm stays as far from the surface as it was; numbers and digits stay the same.
     #[test]
@@ -77,10 +78,10 @@ mod tests {
         let added = add(&sweep, &mut world, &mut repertoire).unwrap();
         assert_eq!(added.len(), 2);
         let gap = |name: &str, id: u32| {
-            let grasp = repertoire.of(name, Role::First).find(|grasp| grasp.id == id).unwrap();
+            let grasp = repertoire.of(name, &SIDE).find(|grasp| grasp.id == id).unwrap();
             -grasp.center[2] - world.object(name).unwrap().shape.bounding_radius()
         };
-        let id = repertoire.of("golf_ball", Role::First).next().unwrap().id;
+        let id = repertoire.of("golf_ball", &SIDE).next().unwrap().id;
         for ball in &added {
             assert!((gap(&ball.name, id) - gap("golf_ball", id)).abs() < 1e-12, "{}", ball.name);
         }

@@ -28,8 +28,7 @@ pub fn plans() -> Result<Plans> {
 mod tests {
     use std::collections::BTreeSet;
 
-    use grasping::Role;
-    use hand_model::Digit;
+    use hand_model::{Digit, Hand};
 
     use super::*;
 
@@ -38,23 +37,25 @@ mod tests {
     #[test]
     fn plans_name_grasps_of_the_repertoire() {
         let (repertoire, plans) = (repertoire().unwrap(), plans().unwrap());
+        let sets = grasping::digit_sets(&Hand::ftac(), 2);
         assert_eq!(plans.plans.len(), 60);
         let mut pairs = BTreeSet::new();
         for plan in &plans.plans {
             let pair = (&plan.first, &plan.second);
             assert!(pairs.insert(pair), "{pair:?} is planned twice");
-            let has = |object: &str, role: Role, id: u32| repertoire.of(object, role).any(|grasp| grasp.id == id);
-            assert!(has(&plan.first, Role::First, plan.first_grasp), "{pair:?}: first grasp {}", plan.first_grasp);
+            let has =
+                |object: &str, place: usize, id: u32| repertoire.of(object, &sets[place]).any(|grasp| grasp.id == id);
+            assert!(has(&plan.first, 0, plan.first_grasp), "{pair:?}: first grasp {}", plan.first_grasp);
             assert!(!plan.second_grasps.is_empty(), "{pair:?}: no second grasp");
             let mut numbers = BTreeSet::new();
             for (id, worth) in &plan.second_grasps {
-                assert!(has(&plan.second, Role::Second, *id), "{pair:?}: second grasp {id}");
+                assert!(has(&plan.second, 1, *id), "{pair:?}: second grasp {id}");
                 assert!(numbers.insert(id), "{pair:?}: second grasp {id} is named twice");
                 assert!((0.0..=1.0).contains(worth), "{pair:?}: second grasp {id} is worth {worth}");
             }
         }
         for plan in &plans.plans {
-            let candidates = plan.grasps(&repertoire).unwrap().second;
+            let candidates = plan.grasps(&Hand::ftac(), &repertoire).unwrap().second;
             let known = candidates.iter().filter(|candidate| !candidate.rehearsed.is_empty()).count();
             assert!(
                 known > 0 && known == plan.outcomes.len(),

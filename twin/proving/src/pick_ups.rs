@@ -11,7 +11,8 @@ use std::time::Instant;
 use anyhow::{Context, Result};
 use grasping::repertoire::{Repertoire, VERSION};
 use grasping::sampler::{HandForm, ObjectExtent, propose, vary};
-use grasping::{Grasp, Role};
+use grasping::{Grasp, digit_sets};
+use hand_model::Digit;
 use indicatif::ProgressBar;
 use nalgebra::Vector3;
 use rand::SeedableRng;
@@ -35,7 +36,9 @@ const EXPECTED: usize = 9;
 /// A hold that slips more than this in the time it is watched is none, m.
 const SLIP_LIMIT: f64 = 0.004;
 
-/// How much work goes into each object and role.
+/// How much work goes into each object in each place.
+///
+/// What is taken with an empty hand comes in place 0, what is taken beside it in place 1.
 #[derive(Debug, Clone, Copy)]
 pub struct Effort {
     /// Random proposals at most; fewer where enough hold.
@@ -49,34 +52,28 @@ pub struct Effort {
 }
 
 impl Effort {
-    /// Rehearsals for an object and role at most: each grasp that is closed counts, and each try of it under an error.
-    pub fn rehearsals(&self, role: Role) -> u64 {
-        let tries = 1 + errors(role) as u64;
-        let proven = self.proven(role) as u64 + CLIMBS as u64 * u64::from(BATCH);
+    /// Rehearsals for an object in a place at most: each grasp that is closed counts, and each try of it under an error.
+    pub fn rehearsals(&self, place: usize) -> u64 {
+        let tries = 1 + errors(place) as u64;
+        let proven = self.proven(place) as u64 + CLIMBS as u64 * u64::from(BATCH);
         u64::from(self.proposals + self.variations) + proven * tries
     }
 
-    /// Grasps kept of a role.
-    fn kept(&self, role: Role) -> usize {
-        match role {
-            Role::First => self.keep_first,
-            Role::Second => self.keep_second,
-        }
+    /// Grasps kept of an object in a place.
+    fn kept(&self, place: usize) -> usize {
+        if place == 0 { self.keep_first } else { self.keep_second }
     }
 
     /// Grasps that are tried under errors at most, before any climb.
-    fn proven(&self, role: Role) -> usize {
-        let keep = self.kept(role);
+    fn proven(&self, place: usize) -> usize {
+        let keep = self.kept(place);
         (keep + keep / 2).max(ENOUGH)
     }
 }
 
-/// Draws of errors under which a grasp of a role is tried.
-fn errors(role: Role) -> usize {
-    match role {
-        Role::First => WIDE,
-        Role::Second => EXPECTED,
-    }
+/// Draws of errors under which a grasp for a place is tried.
+fn errors(place: usize) -> usize {
+    if place == 0 { WIDE } else { EXPECTED }
 }
 
 /// What a search is for.
@@ -84,8 +81,9 @@ fn errors(role: Role) -> usize {
 pub struct Wanted<'a> {
     /// Objects.
     pub names: &'a [String],
-    pub roles: &'a [Role],
-    /// For each object and role.
+    /// The places in which they come.
+    pub places: &'a [usize],
+    /// For each object and place.
     pub effort: Effort,
 }
 
@@ -102,9 +100,9 @@ pub fn extent(object: &ObjectModel) -> ObjectExtent {
     }
 }
 
-fn stream(seed: u64, object: &str, role: Role, id: u32) -> ChaCha8Rng {
+fn stream(seed: u64, object: &str, place: usize, id: u32) -> ChaCha8Rng {
     let mut hash = seed ^ 0x9e37_79b9_7f4a_7c15;
-    for byte in object.bytes().chain([role as u8]).chain(id.to_le_bytes()) {
+    for byte in object.bytes().chain([place as u8]).chain(id.to_le_bytes()) {
         hash = (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3);
     }
     ChaCha8Rng::seed_from_u64(hash)
@@ -115,6 +113,8 @@ struct Search<'a> {
     world: &'a World,
     effort: Effort,
     form: HandForm,
+    /// Digits that take what comes in each place.
+    sets: &'a [Vec<Digit>],
     /// Draws all proposals.
     seed: u64,
     /// Blank: grasps are proven without touch.
@@ -124,7 +124,7 @@ struct Search<'a> {
 
 /// What is told and kept of a search while it runs.
 pub struct Progress<'a> {
-    /// Runs to [`Effort::rehearsals`] for each object and role, or to less as soon as that is known.
+    /// Runs to [`Effort::rehearsals`] for each object and place, or to less as soon as that is known.
     pub bar: &'a ProgressBar,
     /// Grasps that were tried before the search was interrupted, and those tried now.
     pub steps: &'a Steps<Option<Grasp>>,
@@ -147,8 +147,8 @@ impl Progress<'_> {
 }
 
 /// The name of the step that tries a grasp under so many errors.
-fn step(object: &str, role: Role, grasp: u32, errors: usize) -> String {
-    format!("{object} {role:?} {grasp} {errors}")
+fn step(object: &str, place: usize, grasp: u32, errors: usize) -> String {
+    format!("{object} {} {grasp} {errors}", ["First", "Second"][place.min(1)])
 }
 
 /// Rehearsals that the kept steps of a search stand for.
@@ -157,39 +157,36 @@ pub fn kept(steps: &Steps<Option<Grasp>>) -> u64 {
     steps.names().map(|name| 1 + errors(name)).sum()
 }
 
-/// Fills `repertoire` with the grasps that are `wanted`; its seed draws them. `found` is told of each object and role that is done.
+/// Fills `repertoire` with the grasps that are `wanted`; its seed draws them. `found` is told of each object and place that is done, and of
+/// the digits.
 pub fn generate(
     world: &World,
     wanted: &Wanted<'_>,
     repertoire: &mut Repertoire,
     progress: &Progress<'_>,
-    mut found: impl FnMut(&str, Role, &Repertoire) -> Result<()>,
+    mut found: impl FnMut(&str, usize, &[Digit], &Repertoire) -> Result<()>,
 ) -> Result<()> {
-    let Wanted { names, roles, effort } = *wanted;
+    let Wanted { names, places, effort } = *wanted;
     repertoire.version = VERSION;
     let form = HandForm::of(&world.cell.robot.hand);
-    let search = Search { world, effort, form, seed: repertoire.seed, board: TactileBoard::blank(), progress };
-    for role in [Role::First, Role::Second] {
-        if !roles.contains(&role) {
-            continue;
-        }
-        let reference = if role == Role::Second { reference_hold(world, names, repertoire)? } else { Vec::new() };
+    let sets = digit_sets(&world.cell.robot.hand, 2);
+    let search =
+        Search { world, effort, form, sets: &sets, seed: repertoire.seed, board: TactileBoard::blank(), progress };
+    for (place, digits) in sets.iter().enumerate().filter(|(place, _)| places.contains(place)) {
+        let reference = if place > 0 { reference_hold(world, names, repertoire)? } else { Vec::new() };
         for name in names {
             if progress.steps.names().next().is_none() {
                 progress.bar.reset();
             }
-            progress.bar.set_length(effort.rehearsals(role));
-            let grasps = match role {
-                Role::First => search.find_first(name)?,
-                Role::Second => search.find_second(name, &reference)?,
-            };
+            progress.bar.set_length(effort.rehearsals(place));
+            let grasps = if place == 0 { search.find_first(name)? } else { search.find_second(name, &reference)? };
             if let Some(list) = repertoire.grasps.get_mut(name) {
-                list.retain(|grasp| grasp.digits != role.digits(grasp.close_tension.len()));
+                list.retain(|grasp| grasp.digits != *digits);
             }
             for grasp in grasps {
                 repertoire.insert(grasp);
             }
-            found(name, role, repertoire)?;
+            found(name, place, digits, repertoire)?;
         }
     }
     Ok(())
@@ -198,17 +195,17 @@ pub fn generate(
 impl Search<'_> {
     fn find_first(&self, name: &str) -> Result<Vec<Grasp>> {
         let extent = extent(&*self.world.object(name)?);
-        let bystander = self.bystander(&extent);
+        let bystander = self.bystander(&extent)?;
         let attempt = |grasp: &Grasp, noise: &TrialNoise| -> Result<Option<HoldOutcome>> {
             let outcome = self.rehearse_first(&[grasp, &bystander], noise)?;
             Ok(outcome.map(|(_, outcome)| outcome).filter(|outcome| outcome.slip < SLIP_LIMIT))
         };
-        self.find(&extent, Role::First, attempt)
+        self.find(&extent, 0, attempt)
     }
 
     fn find_second(&self, name: &str, reference: &[Grasp]) -> Result<Vec<Grasp>> {
         let extent = extent(&*self.world.object(name)?);
-        let bystander = self.bystander(&extent);
+        let bystander = self.bystander(&extent)?;
         // A hold of the reference object with this object standing by.
         let mut hold: Option<Snapshot> = None;
         for first in reference {
@@ -222,7 +219,7 @@ impl Search<'_> {
             let (collided, outcome) = rehearse_last(hold, &misaimed(grasp, noise, 1))?;
             Ok((outcome.held && !collided && outcome.slip < 2.0 * SLIP_LIMIT).then_some(outcome))
         };
-        self.find(&extent, Role::Second, attempt)
+        self.find(&extent, 1, attempt)
     }
 
     fn rehearse_first(&self, grasps: &[&Grasp], noise: &TrialNoise) -> Result<Option<(Snapshot, HoldOutcome)>> {
@@ -232,8 +229,15 @@ impl Search<'_> {
     }
 
     /// A grasp of the object as it stands by; it is never closed.
-    fn bystander(&self, extent: &ObjectExtent) -> Grasp {
-        propose(self.form, extent, Role::Second, 0, &mut stream(self.seed, &extent.name, Role::Second, 0))
+    fn bystander(&self, extent: &ObjectExtent) -> Result<Grasp> {
+        self.propose(extent, 1, 0)
+    }
+
+    fn propose(&self, extent: &ObjectExtent, place: usize, id: u32) -> Result<Grasp> {
+        let (digits, hand) = (&self.sets[place], &self.world.cell.robot.hand.parameters.name);
+        propose(&self.form, extent, digits, id, &mut stream(self.seed, &extent.name, place, id)).with_context(|| {
+            format!("{hand}: grasps.set: found no ranges like those of {digits:?}, expected a set of its own")
+        })
     }
 
     /// Proposals until enough hold, then variations of those while too few do; all that held are tried again under noise, and
@@ -241,15 +245,12 @@ impl Search<'_> {
     fn find(
         &self,
         extent: &ObjectExtent,
-        role: Role,
+        place: usize,
         attempt: impl Fn(&Grasp, &TrialNoise) -> Result<Option<HoldOutcome>> + Sync,
     ) -> Result<Vec<Grasp>> {
-        let errors = &match role {
-            Role::First => wide_errors(errors(role)),
-            Role::Second => proving_errors(errors(role)),
-        }[..];
+        let errors = &(if place == 0 { wide_errors } else { proving_errors })(errors(place))[..];
         let Effort { proposals, variations, .. } = self.effort;
-        let keep = self.effort.kept(role);
+        let keep = self.effort.kept(place);
         let Progress { bar, pace, .. } = self.progress;
         let measured = AtomicBool::new(false);
         let run = |grasps: Vec<Grasp>, errors: &[TrialNoise], failures: usize| -> Result<Vec<Grasp>> {
@@ -259,7 +260,7 @@ impl Search<'_> {
                 attempt(grasp, noise)
             };
             let one = |grasp: Grasp| {
-                self.progress.tried(&step(&extent.name, role, grasp.id, errors.len()), || {
+                self.progress.tried(&step(&extent.name, place, grasp.id, errors.len()), || {
                     let tried = prove(grasp, errors, failures, &counted);
                     bar.inc(1 + errors.len() as u64);
                     tried
@@ -272,12 +273,12 @@ impl Search<'_> {
             }
             proven.into_iter().filter_map(Result::transpose).collect()
         };
-        let random = |id: u32| stream(self.seed, &extent.name, role, id);
-        let enough = self.effort.proven(role);
+        let random = |id: u32| stream(self.seed, &extent.name, place, id);
+        let enough = self.effort.proven(place);
         let mut found: Vec<Grasp> = Vec::new();
         let mut id = 0;
         while id < proposals && found.len() < enough {
-            let batch = (id..id + BATCH).map(|id| propose(self.form, extent, role, id, &mut random(id))).collect();
+            let batch = (id..id + BATCH).map(|id| self.propose(extent, place, id)).collect::<Result<_>>()?;
             found.extend(run(batch, &[], 0)?);
             id += BATCH;
         }
@@ -362,11 +363,12 @@ fn spread(grasps: Vec<Grasp>, keep: usize) -> Vec<Grasp> {
     kept
 }
 
-/// The first grasps that hold the smallest graspable object: what occupies ring and little finger while second grasps are proven.
+/// The first grasps that hold the smallest graspable object: what occupies the first digits while second grasps are proven.
 pub fn reference_hold(world: &World, names: &[String], repertoire: &Repertoire) -> Result<Vec<Grasp>> {
     let mut candidates: Vec<(f64, Vec<Grasp>)> = Vec::new();
+    let first = &digit_sets(&world.cell.robot.hand, 2)[0];
     for name in names.iter().chain(repertoire.grasps.keys()) {
-        let grasps: Vec<Grasp> = repertoire.of(name, Role::First).cloned().collect();
+        let grasps: Vec<Grasp> = repertoire.of(name, first).cloned().collect();
         if !grasps.is_empty() {
             candidates.push((world.object(name)?.shape.bounding_radius(), grasps));
         }

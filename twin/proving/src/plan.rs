@@ -22,8 +22,8 @@ use std::path::Path;
 
 use anyhow::{Context, Result, bail};
 use control::worth::{Candidate, Sequence};
-use grasping::{Grasp, Repertoire, Role};
-use hand_model::Digit;
+use grasping::{Grasp, Repertoire, digit_sets};
+use hand_model::Hand;
 use indicatif::ProgressBar;
 use rayon::prelude::*;
 use scenarios::Scenario;
@@ -195,15 +195,14 @@ impl Plan {
         self.others.iter_mut().for_each(|other| other.outcomes.retain(known));
     }
 
-    /// The grasps behind the numbers.
-    pub fn grasps(&self, repertoire: &Repertoire) -> Result<PlannedGrasps> {
-        let count = self.objects().len();
+    /// The grasps of `hand` behind the numbers.
+    pub fn grasps(&self, hand: &Hand, repertoire: &Repertoire) -> Result<PlannedGrasps> {
+        let sets = digit_sets(hand, self.objects().len());
         let find = |object: &str, place: usize, id: u32| {
-            let closes = |grasp: &&Grasp| grasp.digits == digit_sets(count, grasp.close_tension.len())[place];
-            let known = repertoire.grasps.get(object).into_iter().flatten();
-            known
-                .chain(self.variations.iter().filter(|grasp| grasp.object == object))
-                .filter(closes)
+            let varied = self.variations.iter().filter(|grasp| grasp.object == object && grasp.digits == sets[place]);
+            repertoire
+                .of(object, &sets[place])
+                .chain(varied)
                 .find(|grasp| grasp.id == id)
                 .cloned()
                 .with_context(|| format!("the plan names grasp {id} of {object}, which the repertoire lacks"))
@@ -357,8 +356,7 @@ pub fn plan_one(
 
 /// The plan of an object alone: the first grasp of the repertoire's order that holds it to the end of the trial.
 fn plan_single(world: &World, repertoire: &Repertoire, board: &TactileBoard, name: &str) -> Result<Option<Plan>> {
-    let role = sole_role(world.cell.robot.hand.digits().len());
-    for grasp in repertoire.of(name, role) {
+    for grasp in repertoire.of(name, &digit_sets(&world.cell.robot.hand, 1)[0]) {
         let grasps = [grasp];
         let Some((hold, _)) = rehearse_first(world, &FirstRehearsal::ideal(world, &grasps), board)? else { continue };
         if rehearse_carry(&hold)?.held {
@@ -368,23 +366,6 @@ fn plan_single(world: &World, repertoire: &Repertoire, board: &TactileBoard, nam
     Ok(None)
 }
 
-/// The digits that take each of so many objects in turn, of a hand with `digits` of them; none where it has none for an object.
-pub fn digit_sets(objects: usize, digits: usize) -> Vec<Vec<Digit>> {
-    let of = |role: Role| role.digits(digits).to_vec();
-    match objects {
-        1 => vec![of(sole_role(digits))],
-        2 => vec![of(Role::First), of(Role::Second)],
-        // Only with the little finger there is a digit for each of two objects beside those that take the last.
-        _ if digits <= Digit::Little.index() => vec![Vec::new(); objects],
-        _ => vec![vec![Digit::Little], vec![Digit::Ring], of(Role::Second)],
-    }
-}
-
-/// The role whose digits take an object alone: the first, where the hand has digits for it.
-pub fn sole_role(digits: usize) -> Role {
-    if Role::First.digits(digits).is_empty() { Role::Second } else { Role::First }
-}
-
 /// The plan of two objects.
 fn plan_pair(
     world: &World,
@@ -392,9 +373,10 @@ fn plan_pair(
     board: &TactileBoard,
     [one, other]: [&str; 2],
 ) -> Result<Option<Plan>> {
-    let seconds: Vec<&Grasp> = repertoire.of(other, Role::Second).collect();
+    let sets = digit_sets(&world.cell.robot.hand, 2);
+    let seconds: Vec<&Grasp> = repertoire.of(other, &sets[1]).collect();
     let Some(any) = seconds.first() else { return Ok(None) };
-    for first in repertoire.of(one, Role::First) {
+    for first in repertoire.of(one, &sets[0]) {
         let grasps = [first, *any];
         let rehearsal = FirstRehearsal::ideal(world, &grasps);
         let Some((hold, _)) = rehearse_first(world, &rehearsal, board)? else { continue };

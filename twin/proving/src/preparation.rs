@@ -1,6 +1,6 @@
 //! Preparation: grasps and plans for a scenario that has objects or pairs of a user's own.
 //!
-//! What comes with the program is used where it fits. Objects of the user's own are searched for pick-ups in physics, for the roles in
+//! What comes with the program is used where it fits. Objects of the user's own are searched for pick-ups in physics, for the places in
 //! which the scenario names them, and pairs without a plan are planned and tried under errors, both by the rules of the benchmark
 //! itself. Each result is kept in a [`Cache`], and of a search under way its finished steps, so that an interrupted preparation goes on where
 //! it was, and a second run begins at once. What cannot be played is told ([`left_out`]), never replaced without a word.
@@ -13,8 +13,8 @@ use std::sync::Once;
 use std::time::Instant;
 
 use anyhow::{Result, ensure};
-use grasping::grasp::in_words;
-use grasping::{Grasp, Repertoire, Role};
+use grasping::digit_sets::in_words;
+use grasping::{Grasp, Repertoire};
 use hand_model::Digit;
 use scenarios::Scenario;
 use scenarios::combination::{Combination, draw_combinations};
@@ -23,6 +23,7 @@ use serde::Serialize;
 use sim::tactile::TactileBoard;
 use world::geometry::Shape;
 use world::objects::ObjectModel;
+use world::phase::ordinal;
 
 pub use self::left_out::NotPlayable;
 use crate::cache::{Cache, Key, Steps};
@@ -36,7 +37,7 @@ use crate::skills;
 const RULES: u32 = 2;
 /// Draws the proposals of pick-ups: they do not depend on a run's own seed.
 const SEED: u64 = 1;
-/// The work that goes into each object and role, as for the benchmark's own.
+/// The work that goes into each object and place, as for the benchmark's own.
 pub const EFFORT: Effort = Effort { proposals: 128, variations: 64, keep_first: 4, keep_second: 14 };
 
 /// What trials of a scenario choose from.
@@ -59,11 +60,11 @@ pub fn prepare(world: &World, count: usize, seed: u64, cache: &Cache, quiet: boo
         }
     };
     let robot = &world.cell.robot;
-    let digits = robot.hand.digits().len();
     ensure!(
         !digit_sets(world).iter().any(Vec::is_empty),
-        "{}: hand: found {digits} digits, expected 4 or 5: thumb, index and middle finger take the second object while the others hold the first",
-        robot.file().display()
+        "{}: hand: found {} digits, expected 4 or 5: thumb, index and middle finger take the second object while the others hold the first",
+        robot.file().display(),
+        robot.hand.digits().len()
     );
     let builtin = crate::builtin::fits(robot)?;
     let mut repertoire = if builtin { crate::builtin::repertoire()? } else { Repertoire::default() };
@@ -91,9 +92,9 @@ pub fn prepare(world: &World, count: usize, seed: u64, cache: &Cache, quiet: boo
         ));
     }
     let begun = Instant::now();
-    for (n, (object, role)) in own.iter().enumerate() {
-        let grasps = pick_up(world, &repertoire, (object, *role), &own[n + 1..], cache, quiet)?;
-        let line = found(object, (*role, digits), grasps.len());
+    for (n, search) in own.iter().enumerate() {
+        let grasps = pick_up(world, &repertoire, search, &own[n + 1..], cache, quiet)?;
+        let line = found(search, grasps.len());
         say(&format!("{:3} of {}  {line}  {:5.1} min", n + 1, own.len(), begun.elapsed().as_secs_f64() / 60.0));
         if grasps.is_empty() {
             notes.push(line);
@@ -129,25 +130,22 @@ pub fn prepare(world: &World, count: usize, seed: u64, cache: &Cache, quiet: boo
     Ok(Prepared { repertoire, plans, notes, left_out })
 }
 
-/// The role in which each of the scenario's lists is taken by a hand with so many digits; none where grasps of no role take them.
-fn roles(scenario: &Scenario, digits: usize) -> Vec<Role> {
-    match scenario.lists().len() {
-        1 => vec![plan::sole_role(digits)],
-        2 => vec![Role::First, Role::Second],
-        _ => Vec::new(),
-    }
-}
-
 /// The digits that take each of the scenario's objects in turn.
 fn digit_sets(world: &World) -> Vec<Vec<Digit>> {
-    plan::digit_sets(world.scenario.lists().len(), world.cell.robot.hand.digits().len())
+    grasping::digit_sets(&world.cell.robot.hand, world.scenario.lists().len())
+}
+
+/// The same where grasps are searched for by pick-ups; none in trials of more than two objects.
+fn searched_sets(world: &World) -> Vec<Vec<Digit>> {
+    if world.scenario.lists().len() > 2 { Vec::new() } else { digit_sets(world) }
 }
 
 /// How long a rehearsal of the first of these pairs that has grasps takes on this machine on one thread, s; none where none has.
 fn pace(world: &World, repertoire: &Repertoire, board: &TactileBoard, pairs: &[Combination]) -> Result<Option<f64>> {
+    let sets = digit_sets(world);
     for pair in pairs {
-        let [one, other] = &pair.objects[..] else { continue };
-        let (first, second) = (repertoire.of(one, Role::First).next(), repertoire.of(other, Role::Second).next());
+        let ([one, other], [first, second]) = (&pair.objects[..], &sets[..]) else { continue };
+        let (first, second) = (repertoire.of(one, first).next(), repertoire.of(other, second).next());
         let Some((first, second)) = first.zip(second) else { continue };
         let begun = Instant::now();
         let grasps = [first, second];
@@ -159,13 +157,18 @@ fn pace(world: &World, repertoire: &Repertoire, board: &TactileBoard, pairs: &[C
     Ok(None)
 }
 
-/// What was found of an object in a role, in words.
-fn found(object: &ObjectModel, (role, digits): (Role, usize), count: usize) -> String {
-    let order = match role {
-        Role::First => "first",
-        Role::Second => "second",
-    };
-    let digits = in_words(role.digits(digits));
+/// A search for grasps of an object.
+struct Search<'a> {
+    object: &'a ObjectModel,
+    /// How many others are held when it is taken.
+    place: usize,
+    /// Those that take it.
+    digits: Vec<Digit>,
+}
+
+/// What was found in a search, in words.
+fn found(search: &Search, count: usize) -> String {
+    let (object, order, digits) = (search.object, ordinal(search.place), in_words(&search.digits));
     if count > 0 {
         return format!("{}: {count} grasps by {digits}", object.name);
     }
@@ -177,53 +180,51 @@ fn found(object: &ObjectModel, (role, digits): (Role, usize), count: usize) -> S
     )
 }
 
-/// Objects whose grasps are not known, with the ways in which they can have fallen and the roles in which they are to be picked up: the
-/// scenario's own where the robot is `builtin`, else all.
-fn searches(world: &World, builtin: bool) -> Vec<(&ObjectModel, Role)> {
+/// Searches for the objects whose grasps are not known, and for the ways in which those can have fallen that are taken beside others: the scenario's own
+/// where the robot is `builtin`, else all.
+fn searches(world: &World, builtin: bool) -> Vec<Search<'_>> {
     let scenario = &world.scenario;
     let mut searches = Vec::new();
     let own: BTreeSet<&String> = scenario.object.iter().map(|file| &file.name).collect();
     let all = scenario.objects();
     for name in all.iter().filter(|name| !builtin || own.contains(name)) {
         let Some(object) = world.objects.get(name) else { continue };
-        let lists = scenario.lists().into_iter().zip(roles(scenario, world.cell.robot.hand.digits().len()));
-        for (_, role) in lists.filter(|((_, names), _)| names.contains(name)) {
-            searches.push((&**object, role));
-            if role == Role::Second {
-                searches.extend(world.objects.fallen_of(object).map(|fallen| (fallen, Role::Second)));
+        let lists = scenario.lists().into_iter().zip(searched_sets(world)).enumerate();
+        for (place, (_, digits)) in lists.filter(|(_, ((_, names), _))| names.contains(name)) {
+            let search = |object| Search { object, place, digits: digits.clone() };
+            searches.push(search(object));
+            if place > 0 {
+                searches.extend(world.objects.fallen_of(object).map(search));
             }
         }
     }
     // Second grasps are proven beside the smallest thing that can be held: first grasps come first.
-    searches.sort_by_key(|(_, role)| *role as u8);
+    searches.sort_by_key(|search| search.place);
     searches
 }
 
-/// Grasps of an object in a role, kept or searched; `after` are the searches that follow.
+/// Grasps of an object, kept or searched; `after` are the searches that follow.
 fn pick_up(
     world: &World,
     repertoire: &Repertoire,
-    (object, role): (&ObjectModel, Role),
-    after: &[(&ObjectModel, Role)],
+    Search { object, place, digits }: &Search,
+    after: &[Search],
     cache: &Cache,
     quiet: bool,
 ) -> Result<Vec<Grasp>> {
     let names = [object.name.clone()];
-    let reference = match role {
-        Role::First => Vec::new(),
-        Role::Second => pick_ups::reference_hold(world, &names, repertoire)?,
-    };
-    let label = format!("{}-{}", object.name, if role == Role::First { "first" } else { "second" });
-    let key = ground(world, label)?.with(&Described::of(object))?.with(&(role, reference))?;
+    let reference = if *place == 0 { Vec::new() } else { pick_ups::reference_hold(world, &names, repertoire)? };
+    let label = format!("{}-{}", object.name, ordinal(*place));
+    let key = ground(world, label)?.with(&Described::of(object))?.with(&(ordinal(*place), reference))?;
     cache.get_or(&key, |steps: &Steps<Option<Grasp>>| {
         let what = format!("rehearsals of {} at most", object.name);
-        let bar = progress::resumed(EFFORT.rehearsals(role), pick_ups::kept(steps), &what, quiet);
+        let bar = progress::resumed(EFFORT.rehearsals(*place), pick_ups::kept(steps), &what, quiet);
         let told = Once::new();
         let tell = |seconds: f64| {
             told.call_once(|| {
                 if !quiet {
-                    let left: Vec<Role> = after.iter().map(|(_, role)| *role).collect();
-                    bar.suspend(|| eprintln!("{}", forecast::of_search(&object.name, role, &left, seconds)));
+                    let left: Vec<usize> = after.iter().map(|search| search.place).collect();
+                    bar.suspend(|| eprintln!("{}", forecast::of_search(&object.name, *place, &left, seconds)));
                 }
             });
         };
@@ -231,13 +232,13 @@ fn pick_up(
         own.grasps.remove(&object.name);
         pick_ups::generate(
             world,
-            &pick_ups::Wanted { names: &names, roles: &[role], effort: EFFORT },
+            &pick_ups::Wanted { names: &names, places: &[*place], effort: EFFORT },
             &mut own,
             &Progress { bar: &bar, steps, pace: &tell },
-            |_, _, _| Ok(()),
+            |_, _, _, _| Ok(()),
         )?;
         bar.finish_and_clear();
-        Ok(own.of(&object.name, role).cloned().collect())
+        Ok(own.of(&object.name, digits).cloned().collect())
     })
 }
 
@@ -252,12 +253,12 @@ fn known_plans(scenario: &Scenario) -> Result<Option<Plans>> {
 /// The key of a plan: its world, its objects and all grasps that it may name.
 fn plan_key(world: &World, repertoire: &Repertoire, pair: &Combination) -> Result<Key> {
     let mut key = ground(world, pair.objects.join("-"))?;
-    let fallen = Role::Second.digits(world.cell.robot.hand.digits().len());
-    for (name, digits) in pair.objects.iter().zip(digit_sets(world)) {
+    let sets = digit_sets(world);
+    for (place, (name, digits)) in pair.objects.iter().zip(&sets).enumerate() {
         let object = world.object(name)?;
-        let grasps = |name: &str| repertoire.with_digits(name, &digits).collect::<Vec<_>>();
+        let grasps = |name: &str| repertoire.of(name, digits).collect::<Vec<_>>();
         key = key.with(&Described::of(&object))?.with(&grasps(name))?;
-        for way in world.objects.fallen_of(&object).filter(|_| digits == fallen) {
+        for way in world.objects.fallen_of(&object).filter(|_| place > 0 && place + 1 == sets.len()) {
             key = key.with(&Described::of(way))?.with(&grasps(&way.name))?;
         }
     }

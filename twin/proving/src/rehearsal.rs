@@ -10,6 +10,7 @@ use control::executor::{Executor, Phase, Skill, Target};
 use control::motion::Protocol;
 use control::odds::TryOutcome;
 use grasping::Grasp;
+use grasping::grasp::pregrasp_pose;
 use hand_model::hand::MOST_HAND_JOINTS;
 use hand_model::{ArmVector, Digit, Hand};
 use nalgebra::Isometry3;
@@ -132,7 +133,7 @@ pub fn rehearse_first(
     let objects = grasps.iter().map(|grasp| world.object(&grasp.object)).collect::<Result<Vec<_>>>()?;
     let seen = world.percepts(&objects, noise)[0];
     let target = first.palm_pose(&seen.position, seen.yaw);
-    let near = first.pregrasp_pose(&target, 0.12);
+    let near = pregrasp_pose(&world.cell.robot.hand, &target, 0.12);
     let (Ok(near), Ok(_)) = (world.posture(&near, &world.cell.ready), world.posture(&target, &world.cell.ready)) else {
         return Ok(None);
     };

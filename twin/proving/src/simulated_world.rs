@@ -191,7 +191,7 @@ pub fn tick(robot: &mut SimulatedRobot, executor: &mut Executor) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use grasping::Role;
+    use grasping::digit_sets;
     use scenarios::generator::trial_rng;
     use scenarios::noise::draw_shifts;
 
@@ -226,8 +226,8 @@ mod tests {
         let (mut squares, mut turns, mut count) = (0.0, 0.0, 0.0);
         for name in world.scenario.objects() {
             let object = world.object(&name).unwrap();
-            for (role, place) in [(Role::First, layout.first), (Role::Second, layout.second)] {
-                let Some(grasp) = repertoire.of(&name, role).next() else { continue };
+            for (digits, place) in digit_sets(hand, 2).iter().zip([layout.first, layout.second]) {
+                let Some(grasp) = repertoire.of(&name, digits).next() else { continue };
                 let center = place.pose(&object).translation.vector.into();
                 let Ok(posture) = world.posture(&grasp.palm_pose(&center, place.yaw), &world.cell.ready) else {
                     continue;

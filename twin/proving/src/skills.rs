@@ -7,7 +7,7 @@ use std::path::Path;
 
 use anyhow::{Context, Result, bail};
 use control::policy::pick_sequence::plan::Pickup;
-use grasping::{Grasp, Repertoire, Role};
+use grasping::{Grasp, Repertoire, digit_sets};
 use hand_model::Digit;
 use serde::{Deserialize, Serialize};
 
@@ -64,14 +64,14 @@ impl SkillFile {
 /// The balls' grasps of the benchmark's repertoire as skills: ring and little finger first, then thumb, index and middle finger.
 pub fn of_repertoire(world: &World, repertoire: &Repertoire) -> Result<Vec<Pickup>> {
     let mut skills = Vec::new();
+    let first = &digit_sets(&world.cell.robot.hand, 2)[0];
     for (name, grasps) in &repertoire.grasps {
         let model = world.object(name)?;
         if !matches!(model.shape, world::Shape::Sphere { .. }) {
             continue;
         }
         for grasp in grasps {
-            let first = Role::First.digits(grasp.close_tension.len());
-            let beside = if grasp.digits == first { Vec::new() } else { first.to_vec() };
+            let beside = if grasp.digits == *first { Vec::new() } else { first.clone() };
             let diameter = 2.0 * model.shape.bounding_radius();
             skills.push(Pickup { diameter, beside, keeps: grasp.digits.clone(), grasp: grasp.clone() });
         }

@@ -14,7 +14,7 @@ use control::percept::Percept;
 use control::perception::KnownObject;
 use control::registration::{Registration, Touched, register};
 use control::sensing::Senses;
-use grasping::{Grasp, Repertoire, Role};
+use grasping::{Grasp, Repertoire, digit_sets};
 use hand_model::robot::RobotBackend as _;
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use proving::simulated_world::World;
@@ -65,7 +65,8 @@ impl<'a> Registrar<'a> {
         let world::geometry::Shape::Sphere { radius } = model.shape else {
             bail!("registration.toml: object: found {}, expected a ball", plan.object);
         };
-        let grasp = repertoire.of(&plan.object, Role::First).next();
+        let first = &digit_sets(&world.cell.robot.hand, 2)[0];
+        let grasp = repertoire.of(&plan.object, first).next();
         let grasp = grasp.with_context(|| format!("no grasp of {} is known", plan.object))?.clone();
         Ok(Self { world, plan, ball: KnownObject::new(model), radius, grasp })
     }
@@ -219,8 +220,7 @@ impl<'a> Registrar<'a> {
         let touching = executor.rehearsed_touches(0, &self.ball.model.shape).next();
         let touching = touching.with_context(|| format!("the arm does not reach a ball at {expected:.3}"))?;
         let hand = executor.motion().hand().clone();
-        let guarded =
-            Guarded::new(touching.onto, &hand, Role::Second.digits(hand.digits().len()), |pad| senses.uses(&hand, pad));
+        let guarded = Guarded::new(touching.onto, &hand, &digit_sets(&hand, 2)[1], |pad| senses.uses(&hand, pad));
         executor.palpate(0, touching.way, guarded);
         play(body, executor, Phase::decide(Skill::Palpate, 0))?;
         let kinematics = self.world.cell.kinematics();

@@ -52,6 +52,7 @@ pub(crate) fn made_up(combinations: usize, trials: usize) -> Vec<TrialRecord> {
                     sim_seconds: 14.2,
                     decision_ms: (condition == Condition::Touch).then_some(38.0 + 3.0 * trial as f64),
                     third: String::new(),
+                    later_pose_errors: Default::default(),
                 });
             }
         }

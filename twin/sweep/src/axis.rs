@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
 use bench::journal::RunRequest;
-use control::policy::Uncertainty;
+use control::uncertainty::Uncertainty;
 use hand_model::{RobotModel, RobotSources};
 use platform::data::{DataError, read_text};
 use platform::reach::Reach;

@@ -8,7 +8,7 @@
 use std::path::{Path, PathBuf};
 
 use bench::trial::TrialResults;
-use scenarios::record::{AblatedTrial, Condition, TrialRecord};
+use scenarios::record::{AblatedTrial, Condition, PoseErrors, TrialRecord};
 
 use crate::columns::{VERSION, Which};
 use crate::file::Sweep;
@@ -48,6 +48,7 @@ fn record(combination: usize, trial: usize, condition: Condition, draw: u64) -> 
         sim_seconds: 14.0 + draw as f64 / 1e3,
         decision_ms: None,
         third: String::new(),
+        later_pose_errors: PoseErrors::default(),
     }
 }
 

@@ -22,6 +22,9 @@ pub enum TouchError {
         /// Parser message or found value.
         message: String,
     },
+    /// The hand's file lacks what its readings are judged by.
+    #[error(transparent)]
+    Hand(#[from] platform::data::DataError),
     /// Untouched pads are shown by no image of this camera.
     #[error("camera {0}: found no image of its untouched pad, expected one before anything was touched")]
     NoBackground(usize),

@@ -12,7 +12,7 @@ use bench::journal::{Journal, Record as Recorded, RunRequest};
 use bench::provenance::Provenance;
 use bench::run::{self, Options};
 use clap::{Args, ValueEnum};
-use control::policy::Uncertainty;
+use control::uncertainty::Uncertainty;
 use external_policy::{Own, Pace, Source};
 use scenarios::Ablation;
 use scenarios::effects::Effect;

@@ -7,7 +7,8 @@ use bench::builtin::{HAND_UNIT, know_hand, simulated_touch};
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use control::policy::pick_sequence::PickMode;
-use control::policy::pick_sequence::plan::{Pickup, listed};
+use control::policy::pick_sequence::plan::Pickup;
+use grasping::digit_sets::in_words;
 use hand_model::{Digit, RobotModel};
 use proving::simulated_world::World;
 use proving::skills::{SkillFile, for_sizes, of_repertoire};
@@ -212,28 +213,28 @@ fn search(terminal: &Terminal, args: &TransportArgs, site: &Site, file: &Path) -
         terminal.print(&Rehearsed { picks, asked: sequence.len(), file }, "")?;
     } else {
         println!(
-            "{:12} {:28} {:>6} {:>8} {:>7} {:>5} {:>6}  kept by",
+            "{:12} {:36} {:>6} {:>8} {:>7} {:>5} {:>6}  kept by",
             "ball", "closed", "tried", "touched", "lifted", "held", "best"
         );
         for pick in &searched {
             let best = pick.skills.first();
             println!(
-                "{:12} {:28} {:>6} {:>8} {:>7} {:>5} {:>6}  {}",
+                "{:12} {:36} {:>6} {:>8} {:>7} {:>5} {:>6}  {}",
                 site.transport.ball[pick.wanted.ball].name,
-                listed(&pick.wanted.digits),
+                in_words(&pick.wanted.digits),
                 pick.tried,
                 pick.touched,
                 pick.lifted,
                 pick.held,
                 best.map_or("-".to_owned(), |skill| format!("{:.2}", skill.grasp.score)),
-                best.map_or("-".to_owned(), |skill| listed(&skill.keeps)),
+                best.map_or("-".to_owned(), |skill| in_words(&skill.keeps)),
             );
         }
     }
     let failed = searched.last().filter(|pick| pick.held == 0);
     Ok(failed.map(|pick| {
         let name = &site.transport.ball[pick.wanted.ball].name;
-        format!("none of {} closings of {} on {name} holds", pick.tried, listed(&pick.wanted.digits))
+        format!("none of {} closings of {} on {name} holds", pick.tried, in_words(&pick.wanted.digits))
     }))
 }
 

@@ -1,5 +1,7 @@
 //! What a controller believes and weighs, recorded as long as it speaks of something that is there.
 
+use std::collections::BTreeMap;
+
 use anyhow::Result;
 use control::perception::Felt;
 use control::policy::Choice;
@@ -9,11 +11,6 @@ use stream::now::Weighed;
 use stream::recorder::Recorder;
 use world::phase::Phase;
 
-/// Phases through which a belief about the object in the hand lasts: from its lift until it is put down or taken anew.
-fn holds(phase: Phase) -> bool {
-    phase.lifts(0)
-}
-
 /// Phases that a decision is about.
 fn decides(phase: Phase) -> bool {
     phase.waits() && phase.has_lifted(0) && !phase.carries() || phase.begins(1) && !phase.has_lifted(1)
@@ -22,40 +19,42 @@ fn decides(phase: Phase) -> bool {
 /// What was recorded last.
 #[derive(Default)]
 pub struct Beliefs {
-    /// Cost and patches of the estimate that was recorded, which tell it from others.
-    estimate: Option<(f64, usize)>,
+    /// Cost and patches of each object's estimate that was recorded, which tell it from others.
+    estimates: BTreeMap<usize, (f64, usize)>,
     /// Whether a decision is shown.
     weighing: bool,
 }
 
 impl Beliefs {
-    /// Records a new estimate of the object `name` with its height maps, and takes off what has become void. The estimate as far as it
-    /// still holds: an object that was felt to be gone, or was put down, has no place in the hand.
+    /// Records new estimates of the objects `names` with their height maps, and takes off what has become void. Those estimates that
+    /// still hold: an object that was felt to be gone, or was put down, has no place in the hand.
     pub fn see<'a>(
         &mut self,
         recorder: &mut Recorder,
-        name: &str,
+        names: &[String],
         phase: Phase,
-        felt: Option<&'a Felt>,
-    ) -> Result<Option<&'a Felt>> {
-        let felt = felt.filter(|felt| felt.grip.first && holds(phase));
-        let known = felt.map(|felt| (felt.estimate.cost, felt.estimate.patches));
-        if known != self.estimate {
-            self.estimate = known;
+        felt: &'a [Felt],
+    ) -> Result<Vec<&'a Felt>> {
+        let felt = felt.iter().filter(|felt| felt.grip.holds(felt.object) && phase.lifts(felt.object));
+        let felt: Vec<&Felt> = felt.collect();
+        let known: BTreeMap<usize, _> =
+            felt.iter().map(|felt| (felt.object, (felt.estimate.cost, felt.estimate.patches))).collect();
+        if known != self.estimates {
             recorder.clear_heights()?;
-            if let Some(felt) = felt {
-                for map in felt.touches.iter().flat_map(|touch| &touch.heights) {
-                    recorder.log_height(map.camera, &map.height, 240, 240)?;
-                }
-                let turn = felt.estimate.palm_from_object.rotation.to_rotation_matrix().into_inner();
-                recorder
-                    .log_felt(name, &(turn.transpose() * felt.estimate.region().fixed_view::<3, 3>(0, 0) * turn))?;
+            for map in felt.iter().flat_map(|felt| &felt.touches).flat_map(|touch| &touch.heights) {
+                recorder.log_height(map.camera, &map.height, 240, 240)?;
             }
+            for felt in felt.iter().filter(|felt| known.get(&felt.object) != self.estimates.get(&felt.object)) {
+                let turn = felt.estimate.palm_from_object.rotation.to_rotation_matrix().into_inner();
+                let place = turn.transpose() * felt.estimate.region().fixed_view::<3, 3>(0, 0) * turn;
+                recorder.log_felt(&names[felt.object], &place)?;
+            }
+            self.estimates = known;
         }
         if self.weighing && !decides(phase) {
             self.weighing = false;
             recorder.log_options(Vec::new())?;
-            recorder.log_ways(name, &Way::default(), &Way::default())?;
+            recorder.log_ways(&names[0], &Way::default(), &Way::default())?;
         }
         Ok(felt)
     }
@@ -105,9 +104,9 @@ mod tests {
             Phase::palpate(0, Stage::Decide),
             Phase::run(Skill::Approach, 0),
         ] {
-            assert!(!holds(phase) && !decides(phase), "{}", phase.name());
+            assert!(!phase.lifts(0) && !decides(phase), "{}", phase.name());
         }
-        assert!(holds(Phase::run(Skill::Carry, 0)) && !decides(Phase::run(Skill::Carry, 0)));
-        assert!(holds(Phase::run(Skill::Approach, 1)) && decides(Phase::run(Skill::Approach, 1)));
+        assert!(Phase::run(Skill::Carry, 0).lifts(0) && !decides(Phase::run(Skill::Carry, 0)));
+        assert!(Phase::run(Skill::Approach, 1).lifts(0) && decides(Phase::run(Skill::Approach, 1)));
     }
 }

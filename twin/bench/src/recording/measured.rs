@@ -32,7 +32,7 @@ impl Measured {
         recorder: &mut Recorder,
         names: &[String],
         executor: &Executor,
-        felt: Option<&Felt>,
+        felt: &[&Felt],
     ) -> Result<()> {
         let arm = executor.motion().arm().position;
         let palm = self.kinematics.palm_pose(&arm);
@@ -52,7 +52,7 @@ impl Measured {
     }
 
     /// `world_from_object` of each object: where it was seen, and from its lift on with the palm.
-    fn believed(&mut self, executor: &Executor, palm: &Isometry3<f64>, felt: Option<&Felt>) -> Vec<Isometry3<f64>> {
+    fn believed(&mut self, executor: &Executor, palm: &Isometry3<f64>, felt: &[&Felt]) -> Vec<Isometry3<f64>> {
         let seen = executor.targets().iter().map(|target| target.percept.pose()).enumerate();
         self.carried.resize(executor.targets().len(), None);
         seen.map(|(n, seen)| {
@@ -61,7 +61,8 @@ impl Measured {
                 return seen;
             }
             let carried = *self.carried[n].get_or_insert_with(|| palm.inverse() * seen);
-            palm * felt.filter(|_| n == 0).map_or(carried, |felt| felt.estimate.palm_from_object)
+            let felt = felt.iter().find(|felt| felt.object == n);
+            palm * felt.map_or(carried, |felt| felt.estimate.palm_from_object)
         })
         .collect()
     }

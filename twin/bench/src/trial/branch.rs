@@ -73,8 +73,8 @@ pub fn play(start: &Start, policy: &mut dyn Policy, with: Play, watcher: &mut dy
     record.risk = story.risk;
     let tries = tries(start, story.attempts.clone(), &played.run, id);
     record.decision_ms = (played.slowest_ms > 0.0).then_some(played.slowest_ms);
-    if let (Some(truth), Some(felt)) = (&played.at_estimate, policy.felt()) {
-        note_pose(&mut record, truth, &start.objects[0], felt);
+    if let Some(truth) = &played.at_estimate {
+        policy.felt().iter().for_each(|felt| note_pose(&mut record, truth, &start.objects[felt.object], felt));
     }
     watcher.outcome(&record)?;
     Ok(TrialOutcome { record, tries })
@@ -108,7 +108,7 @@ fn decide_and_play(
             break;
         }
         if policy.deliberates() && with.decision_time > 0.0 && played.run.snapshot.robot.branches() {
-            let felt = policy.felt().filter(|_| phase.begins(1));
+            let felt = if phase.begins(1) { policy.felt() } else { &[] };
             played.run.wait(with.decision_time, felt, Some(condition), watcher)?;
         }
         let (before, begun) = (policy.story().decisions, Instant::now());
@@ -116,18 +116,20 @@ fn decide_and_play(
         let step = decide(&mut played.run, &start.objects, policy, &mut with)?;
         if let Some(waiting) = waiting {
             let decided = std::mem::replace(&mut played.run.snapshot.executor, waiting);
-            let felt = policy.felt().filter(|_| phase.begins(1));
+            let felt = if phase.begins(1) { policy.felt() } else { &[] };
             played.run.wait(begun.elapsed().as_secs_f64(), felt, Some(condition), watcher)?;
             played.run.snapshot.executor = decided;
         }
         if policy.story().decisions > before {
             played.slowest_ms = played.slowest_ms.max(begun.elapsed().as_secs_f64() * 1e3);
         }
-        // The hold is felt before the second object is taken, or touched first; that of a single object before it is carried.
+        // The hold is felt before the second object is taken, or touched first; that of a single object before it is carried, and those of three
+        // after each lift.
         let next = played.run.snapshot.executor.phase();
         let alone = start.objects.len() == 1 && next.skill == Skill::Carry;
         let felt_hold = policy.story().decisions > before || next == Phase::palpate(1, Stage::Reach) || alone;
-        if phase.waits() && phase.lifts(0) && !phase.begins(1) && felt_hold {
+        let each = start.objects.len() > 2 && phase.skill == Skill::Look;
+        if phase.waits() && (phase.lifts(0) && !phase.begins(1) && felt_hold || each) {
             played.at_estimate = played.run.snapshot.robot.truth();
         }
         for text in policy.story().take_announcements() {
@@ -156,7 +158,7 @@ fn decide_and_play(
                 break;
             }
         }
-        let felt = policy.felt().filter(|_| next.begins(1));
+        let felt = if next.begins(1) { policy.felt() } else { &[] };
         played.run.play(Phase::waits, felt, Some(condition), watcher)?;
     }
     Ok(played)
@@ -165,7 +167,7 @@ fn decide_and_play(
 /// The risk of the plan that `policy` finds in its first decision; `None` if it does not feel the first object in the hand.
 pub fn foretold_risk(start: &Start, policy: &mut dyn Policy, mut with: Play) -> Result<Option<f64>> {
     decide(&mut start.run.clone(), &start.objects, policy, &mut with)?;
-    let held = policy.felt().is_some_and(|felt| felt.grip.first);
+    let held = policy.felt().first().is_some_and(|felt| felt.grip.holds(felt.object));
     Ok(if held { policy.story().risk } else { None })
 }
 
@@ -183,13 +185,20 @@ fn decide(run: &mut Run, objects: &[Arc<ObjectModel>], policy: &mut dyn Policy, 
 /// What the referee knows about the estimate, for the record only.
 fn note_pose(record: &mut TrialRecord, truth: &Truth, object: &ObjectModel, felt: &Felt) {
     // A dropped object has no place in the hand that could be estimated.
-    if !in_hand(truth, 0) {
+    if !in_hand(truth, felt.object) {
         return;
     }
-    let real = truth.palm.inverse() * truth.objects[0];
+    let real = truth.palm.inverse() * truth.objects[felt.object];
     let estimate = felt.estimate.palm_from_object;
     let apart = |pose: &nalgebra::Isometry3<f64>| (pose.translation.vector - real.translation.vector).norm() * 1e3;
+    let turned = object.symmetry.angle(&real.rotation, &estimate.rotation).to_degrees();
+    if let Some(later) = felt.object.checked_sub(1) {
+        if let Some(error) = record.later_pose_errors.0.get_mut(later) {
+            *error = Some([apart(&estimate), turned]);
+        }
+        return;
+    }
     record.pose_error_mm = Some(apart(&estimate));
     record.prior_error_mm = Some(apart(&felt.prior));
-    record.pose_error_deg = Some(object.symmetry.angle(&real.rotation, &estimate.rotation).to_degrees());
+    record.pose_error_deg = Some(turned);
 }

@@ -106,7 +106,7 @@ pub fn drive(
         }
     };
     if !reason.is_empty() {
-        run.tell((Some(&reason), None), None, with.id.condition, watcher)?;
+        run.tell((Some(&reason), None), &[], with.id.condition, watcher)?;
     }
     let mut record = run.record(&start.objects, with.id)?;
     record.reason = reason;
@@ -165,7 +165,7 @@ impl Driven<'_> {
             for (n, command) in commands.iter_mut().enumerate() {
                 command.capture = self.captures((n + 1).saturating_sub(meanwhile));
                 let sent =
-                    self.run.carry_out(command, Some(&mut self.stages), (None, Some(with.id.condition)), watcher)?;
+                    self.run.carry_out(command, Some(&mut self.stages), (&[], Some(with.id.condition)), watcher)?;
                 if let Some(sent) = sent {
                     self.stepper.sent(sent.arm);
                 }

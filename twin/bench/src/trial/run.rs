@@ -5,17 +5,18 @@ use std::sync::Arc;
 use anyhow::{Result, bail};
 use control::executor::{Executor, Phase};
 use control::outage::Outage;
-use control::perception::{Felt, Grip};
+use control::perception::Felt;
 use control::policy::{Choice, Injected};
 use hand_model::Hand;
 use hand_model::robot::{Command, Observation, RobotBackend, RobotError};
 use proving::rehearsal::{PALM, Snapshot, digit_bits, in_hand};
 use scenarios::FailureCause;
-use scenarios::record::{Condition, TrialId, TrialRecord};
+use scenarios::record::{Condition, PoseErrors, TrialId, TrialRecord};
 use scenarios::referee::{ObjectTruth, Referee, SceneTruth, Touch, Toucher};
 use scenarios::stages::Stages;
 use sim::robot::Truth;
 use world::objects::ObjectModel;
+use world::phase::ordinal;
 
 use super::disturbance::Disturber;
 use super::eyes::History;
@@ -78,6 +79,7 @@ impl Run {
             sim_seconds: self.snapshot.robot.time(),
             decision_ms: None,
             third: name(2),
+            later_pose_errors: PoseErrors(if objects.len() > 2 { vec![None; objects.len() - 1] } else { Vec::new() }),
         })
     }
 
@@ -85,7 +87,7 @@ impl Run {
     pub fn play(
         &mut self,
         until: impl Fn(Phase) -> bool,
-        felt: Option<&Felt>,
+        felt: &[Felt],
         condition: Option<Condition>,
         watcher: &mut dyn Watcher,
     ) -> Result<()> {
@@ -99,7 +101,7 @@ impl Run {
     pub fn wait(
         &mut self,
         time: f64,
-        felt: Option<&Felt>,
+        felt: &[Felt],
         condition: Option<Condition>,
         watcher: &mut dyn Watcher,
     ) -> Result<()> {
@@ -112,7 +114,7 @@ impl Run {
     fn play_while(
         &mut self,
         on: impl Fn(&Executor, f64) -> bool,
-        felt: Option<&Felt>,
+        felt: &[Felt],
         condition: Option<Condition>,
         watcher: &mut dyn Watcher,
     ) -> Result<()> {
@@ -141,7 +143,7 @@ impl Run {
         &mut self,
         command: &Command,
         stages: Option<&mut Stages>,
-        shown: (Option<&Felt>, Option<Condition>),
+        shown: (&[Felt], Option<Condition>),
         watcher: &mut dyn Watcher,
     ) -> Result<Option<Command>> {
         let sent = self.outage.sent(self.snapshot.robot.send(command));
@@ -156,7 +158,7 @@ impl Run {
         sent: Option<&Command>,
         captures: bool,
         stages: Option<&mut Stages>,
-        (felt, condition): (Option<&Felt>, Option<Condition>),
+        (felt, condition): (&[Felt], Option<Condition>),
         watcher: &mut dyn Watcher,
     ) -> Result<()> {
         let Self { snapshot: Snapshot { robot, executor }, referee, disturber, history, profile, .. } = self;
@@ -232,14 +234,11 @@ impl Run {
     pub fn slips(&self) -> Option<String> {
         let slips = self.snapshot.executor.slips();
         (slips.iter().sum::<u32>() > 0).then(|| {
-            let grips = slips.iter().zip(["first", "second", "third"]);
-            let grips: Vec<String> = grips
-                .enumerate()
-                .map(|(n, (count, grip))| match n {
-                    0 => format!("{count} times in the {grip} grip"),
-                    _ => format!("{count} in the {grip}"),
-                })
-                .collect();
+            let grips = slips.iter().enumerate().map(|(n, count)| match n {
+                0 => format!("{count} times in the {} grip", ordinal(n)),
+                _ => format!("{count} in the {}", ordinal(n)),
+            });
+            let grips: Vec<String> = grips.collect();
             format!("while carrying, slip was felt {}: held harder", grips.join(" and "))
         })
     }
@@ -248,7 +247,7 @@ impl Run {
     pub fn tell(
         &self,
         (note, choice): (Option<&str>, Option<&Choice>),
-        felt: Option<&Felt>,
+        felt: &[Felt],
         condition: Condition,
         watcher: &mut dyn Watcher,
     ) -> Result<()> {
@@ -276,7 +275,7 @@ impl Run {
         let truth = self.snapshot.robot.truth()?;
         Some(Injected {
             palm_from_object: truth.palm.inverse() * truth.objects[0],
-            grip: Grip { first: in_hand(&truth, 0), second: truth.objects.len() > 1 && in_hand(&truth, 1) },
+            grip: (0..truth.objects.len()).map(|object| in_hand(&truth, object)).collect(),
         })
     }
 }

@@ -186,7 +186,7 @@ impl<'a> Setup<'a> {
     pub fn begin(&self, bench: &Bench, source: Source, watched: bool) -> Result<Start> {
         let reversed = self.reordered.map(|_| bench.world.in_other_order());
         let world = reversed.as_ref().unwrap_or(&bench.world);
-        let planned = self.plan.grasps(self.repertoire)?;
+        let planned = self.plan.grasps(&world.cell.robot.hand, self.repertoire)?;
         let objects = self.objects(bench)?;
         if source.is_some() {
             // A body in real time does not wait for it later.
@@ -257,7 +257,7 @@ impl<'a> Setup<'a> {
             }
             let (time, most) = FIRST_IMAGES;
             for _ in 0..most {
-                run.wait(time, None, None, watcher)?;
+                run.wait(time, &[], None, watcher)?;
                 if run.snapshot.executor.motion().newest_images().len() >= bench.world.cell.robot.hand.cameras.len() {
                     break;
                 }
@@ -275,10 +275,10 @@ impl<'a> Setup<'a> {
             run.snapshot.executor.take_planned(0)?;
             let mut own = None;
             if !run.snapshot.robot.branches() {
-                run.play(|phase| phase.closes(0), None, None, watcher)?;
+                run.play(|phase| phase.closes(0), &[], None, watcher)?;
                 own = sees.then(|| own_backgrounds(run, &bench.pipeline)).transpose()?;
             }
-            run.play(Phase::waits, None, None, watcher)?;
+            run.play(Phase::waits, &[], None, watcher)?;
             Ok(own)
         })
     }

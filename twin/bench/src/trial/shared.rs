@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use anyhow::{Result, ensure};
 use control::perception::KnownObject;
-use control::policy::Uncertainty;
+use control::uncertainty::Uncertainty;
 use grasping::Repertoire;
 use hand_model::Digit;
 use proving::plan::Plans;

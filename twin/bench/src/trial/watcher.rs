@@ -18,8 +18,8 @@ pub struct Moment<'a> {
     pub executor: &'a Executor,
     /// What was sent in this tick, after limits; `None` where no tick passed.
     pub sent: Option<&'a Command>,
-    /// What was felt, once it was.
-    pub felt: Option<&'a Felt>,
+    /// What was felt of each object in the hand, once it was.
+    pub felt: &'a [Felt],
     /// The condition, or `None` while all conditions share the first grasp.
     pub condition: Option<Condition>,
     /// What was just decided or done.

@@ -1,5 +1,6 @@
 //! The executor's grip: what the digits hold, and how hard they pull.
 
+use grasping::grasp::pulled;
 use hand_model::robot::{Observation, TactileFrame};
 use hand_model::{Digit, DigitVector};
 
@@ -11,9 +12,7 @@ use crate::slip::{self, SlipWatch};
 impl Executor {
     /// Digits that keep what they have.
     pub fn holding(&self) -> Vec<Digit> {
-        let kept = self.kept(self.held);
-        let kept = Digit::ALL.into_iter().zip(&kept).filter(|(_, tension)| **tension > 0.0);
-        kept.map(|(digit, _)| digit).collect()
+        pulled(&self.kept(self.held))
     }
 
     /// Digits other than `holding` open: they have nothing.
@@ -79,9 +78,10 @@ impl Executor {
         let Phase { skill, object, stage } = self.phase;
         let leaves = skill == Skill::Approach && self.left_from.is_some();
         let kept = self.kept(if leaves { object.max(1) } else { self.held });
+        let touching = palpation::tensions(self.motion.hand());
         self.motion.hand().each_digit(|digit| match skill {
-            Skill::Approach if leaves => kept[digit].max(palpation::TENSION[digit]),
-            Skill::Palpate => kept[digit].max(palpation::TENSION[digit]),
+            Skill::Approach if leaves => kept[digit].max(touching[digit]),
+            Skill::Palpate => kept[digit].max(touching[digit]),
             Skill::Approach => kept[digit].max(self.target(object).grasp.pre_tension[digit]),
             Skill::Grasp => kept[digit].max(closing_tension(&self.target(object).grasp, digit, self.motion.clock())),
             Skill::PutDown if stage == Stage::Run && self.motion.clock() >= self.open_from => 0.0,

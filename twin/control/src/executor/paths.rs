@@ -28,7 +28,7 @@ impl Executor {
         grasp: &Grasp,
         percept: &Percept,
     ) -> Result<[PosePath; 2], MotionError> {
-        Ok(in_parts(&self.protocol.limits, stops, grasp, percept)?)
+        Ok(in_parts((self.motion.hand(), &self.protocol.limits), stops, grasp, percept)?)
     }
 
     /// A path by way of `stops` that the arm can follow to where `grasp` closes on what is seen at `percept`; see

@@ -1,6 +1,8 @@
 //! Palm paths to a grasp.
 
 use grasping::Grasp;
+use grasping::grasp::pregrasp_pose;
+use hand_model::Hand;
 use nalgebra::Isometry3;
 
 use crate::percept::Percept;
@@ -23,37 +25,37 @@ pub fn duration(limits: &PathLimits, from: &Isometry3<f64>, to: &Isometry3<f64>)
 /// The path from the first of `stops` through the others and the grasp's approach pose to where the digits of `grasp` close on
 /// what is seen at `percept`.
 pub fn approach(
-    limits: &PathLimits,
+    (hand, limits): (&Hand, &PathLimits),
     stops: &[Isometry3<f64>],
     grasp: &Grasp,
     percept: &Percept,
 ) -> Result<PosePath, PathError> {
-    let (mut waypoints, last) = waypoints(limits, stops, grasp, percept);
+    let (mut waypoints, last) = waypoints((hand, limits), stops, grasp, percept);
     waypoints.push(last);
     PosePath::new(waypoints)
 }
 
 /// The same path in two parts: to the approach pose, and from there.
 pub fn in_parts(
-    limits: &PathLimits,
+    (hand, limits): (&Hand, &PathLimits),
     stops: &[Isometry3<f64>],
     grasp: &Grasp,
     percept: &Percept,
 ) -> Result<[PosePath; 2], PathError> {
-    let (way, last) = waypoints(limits, stops, grasp, percept);
+    let (way, last) = waypoints((hand, limits), stops, grasp, percept);
     let from = way.last().map(|(_, before)| (0.0, *before));
     Ok([PosePath::new(way)?, PosePath::new(from.into_iter().chain([last]).collect())?])
 }
 
 /// Waypoints, with the times from each to the next, up to the approach pose; and the last.
 fn waypoints(
-    limits: &PathLimits,
+    (hand, limits): (&Hand, &PathLimits),
     stops: &[Isometry3<f64>],
     grasp: &Grasp,
     percept: &Percept,
 ) -> (Vec<Waypoint>, Waypoint) {
     let target = grasp.palm_pose(&percept.position, percept.yaw);
-    let before = grasp.pregrasp_pose(&target, APPROACH_DISTANCE);
+    let before = pregrasp_pose(hand, &target, APPROACH_DISTANCE);
     let mut waypoints: Vec<Waypoint> = Vec::with_capacity(stops.len() + 2);
     for pose in stops.iter().chain([&before]) {
         let time = waypoints.last().map_or(0.0, |(_, last)| duration(limits, last, pose));

@@ -50,8 +50,8 @@ impl Policy for Blind {
         &mut self.story
     }
 
-    fn felt(&self) -> Option<&Felt> {
-        None
+    fn felt(&self) -> &[Felt] {
+        &[]
     }
 
     fn deliberates(&self) -> bool {

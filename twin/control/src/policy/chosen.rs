@@ -101,8 +101,7 @@ pub struct Chosen<'a> {
 impl<'a> Chosen<'a> {
     /// A trial's policy with somebody's choices.
     pub fn new(knowledge: Knowledge<'a>, senses: Senses<'a>, chooser: &'a mut dyn Chooser) -> Self {
-        let grip = Grip { first: false, second: false };
-        Self { knowledge, senses, chooser, story: Story::default(), tries: 0, felt: None, grip }
+        Self { knowledge, senses, chooser, story: Story::default(), tries: 0, felt: None, grip: Grip::default() }
     }
 
     /// What the chooser says; why that cannot be, in words.
@@ -230,8 +229,8 @@ impl Policy for Chosen<'_> {
         &mut self.story
     }
 
-    fn felt(&self) -> Option<&Felt> {
-        self.felt.as_ref()
+    fn felt(&self) -> &[Felt] {
+        self.felt.as_slice()
     }
 
     fn deliberates(&self) -> bool {

@@ -2,18 +2,19 @@
 //!
 //! Before each grasp the eyes look anew, and looks that agree are averaged. After each grasp every object that should be in the hand is asked for
 //! at its own digits ([`feeling`]): what is missing of the last one is taken again, with the grasp that is worth most now; where one that was taken
-//! before is gone, everything is laid down and the list begins anew.
+//! before is gone, everything is laid down and the list begins anew. Where each sits in the hand is estimated from the pads of its digits and the palm.
 
 use grasping::Grasp;
-use touch::Perceived;
+use grasping::digit_sets::in_words;
 use world::attempt::Attempt;
 
-use super::pick_sequence::plan::{feeling, listed};
+use super::pick_sequence::plan::feeling;
 use super::reach::turned;
+use super::tracked::Tracked;
 use super::{Injected, Knowledge, Policy, PolicyError, Step, Story};
 use crate::executor::{Executor, Skill, Target};
-use crate::percept::{Eyes, Looked, Percept};
-use crate::perception::Felt;
+use crate::percept::Eyes;
+use crate::perception::{Felt, Grip, feel_each, place_in_hand};
 use crate::sensing::Senses;
 use crate::worth::{self, Candidate};
 
@@ -22,23 +23,16 @@ const TAKE_TIME: f64 = 9.0;
 /// See [`TAKE_TIME`].
 const CARRY_TIME: f64 = 7.0;
 
-/// What is known of an object.
-struct Item {
-    /// Grasps, the planned one first.
-    candidates: Vec<Candidate>,
-    /// Numbers of those that have failed, one an attempt.
-    failures: Vec<u32>,
-    /// Looks that its place is the mean of; none before it is looked at anew.
-    looks: u32,
-    /// It is felt to be in the hand.
-    held: bool,
-}
-
 /// Takes the objects in turn; see the module's page.
 pub struct InTurn<'a> {
     knowledge: Knowledge<'a>,
     senses: Senses<'a>,
-    items: Vec<Item>,
+    /// Grasps of each object, the planned one first.
+    candidates: Vec<Vec<Candidate>>,
+    objects: Vec<Tracked>,
+    grip: Grip,
+    /// What was felt at the last look of each object in the hand.
+    felt: Vec<Felt>,
     story: Story,
 }
 
@@ -46,20 +40,18 @@ impl<'a> InTurn<'a> {
     /// The policy of a trial in which each object is planned to be taken with one of `planned`.
     pub fn new(knowledge: Knowledge<'a>, senses: Senses<'a>, planned: &[&Grasp]) -> Self {
         let proven = [&[][..], &knowledge.second, &knowledge.third];
-        let item = |(n, grasp): (usize, &&Grasp)| {
-            let known: Vec<Candidate> = match proven.get(n) {
-                Some(proven) if !proven.is_empty() => proven.to_vec(),
-                _ => {
-                    let others = knowledge.repertoire.with_digits(&grasp.object, &grasp.digits);
-                    let others = others.filter(|other| other.id != grasp.id);
-                    let others = others.map(|other| Candidate::new(other.clone(), worth::UNREHEARSED * other.score));
-                    std::iter::once(Candidate::new((*grasp).clone(), grasp.score)).chain(others).collect()
-                }
-            };
-            Item { candidates: known, failures: Vec::new(), looks: 1, held: false }
+        let known = |(n, grasp): (usize, &&Grasp)| match proven.get(n) {
+            Some(proven) if !proven.is_empty() => proven.to_vec(),
+            _ => {
+                let others = knowledge.repertoire.of(&grasp.object, &grasp.digits);
+                let others = others.filter(|other| other.id != grasp.id);
+                let others = others.map(|other| Candidate::new(other.clone(), worth::UNREHEARSED * other.score));
+                std::iter::once(Candidate::new((*grasp).clone(), grasp.score)).chain(others).collect()
+            }
         };
-        let items = planned.iter().enumerate().map(item).collect();
-        Self { knowledge, senses, items, story: Story::default() }
+        let candidates = planned.iter().enumerate().map(known).collect();
+        let (objects, story) = (Tracked::all(&knowledge), Story::default());
+        Self { knowledge, senses, candidates, objects, grip: Grip::default(), felt: Vec::new(), story }
     }
 
     /// Looks at an object anew; false if it is hidden.
@@ -73,25 +65,23 @@ impl<'a> InTurn<'a> {
         if !self.knowledge.recovery.new_look {
             return Ok(true);
         }
-        let Some(sighted) = eyes.look(object)? else { return Ok(false) };
-        let seen = Percept::of(&self.knowledge.objects[object], &sighted.pose);
-        let known = Looked { mean: executor.target(object).percept, looks: self.items[object].looks };
-        let sigma = self.knowledge.uncertainty.stated(sighted.sigma).fresh_look();
-        // What was touched may have moved: only the new look counts.
-        let Looked { mean, looks } = if again { Looked { mean: seen, looks: 1 } } else { known.again(seen, sigma) };
-        executor.see(object, mean);
-        self.items[object].looks = looks;
+        let tracked = &mut self.objects[object];
+        let Some(seen) = tracked.look(&self.knowledge, eyes)? else { return Ok(false) };
+        if again {
+            // What was touched may have moved: only the new look counts.
+            tracked.replace(Some(seen), executor);
+        } else {
+            tracked.refine(seen, &self.knowledge, executor);
+        }
         Ok(true)
     }
 
     /// Takes an object with the grasp that is worth most now and that the arm gets to.
     fn take(&mut self, object: usize, why: String, executor: &mut Executor) -> Result<Step, PolicyError> {
-        let item = &self.items[object];
-        let failures = |id: u32| item.failures.iter().filter(|failed| **failed == id).count() as i32;
-        let mut order: Vec<(f64, &Candidate)> = item
-            .candidates
+        let (candidates, tracked) = (&self.candidates[object], &self.objects[object]);
+        let mut order: Vec<(f64, &Candidate)> = candidates
             .iter()
-            .map(|candidate| (candidate.worth * worth::FAILED.powi(failures(candidate.grasp.id)), candidate))
+            .map(|candidate| (candidate.worth * tracked.trust(candidate.grasp.id), candidate))
             .collect();
         order.sort_by(|a, b| b.0.total_cmp(&a.0));
         let seen = executor.target(object).percept;
@@ -107,10 +97,10 @@ impl<'a> InTurn<'a> {
             self.story.tell(format!("no grasp of {} is in reach", model.name));
             return Ok(Step::GiveUp);
         };
-        let planned = item.candidates.first().map(|candidate| candidate.grasp.id);
+        let planned = candidates.first().map(|candidate| candidate.grasp.id);
         self.story.switched |= planned != Some(grasp.id);
         self.story.decisions += 1;
-        self.story.tell(format!("{} is taken by {}: {why}", model.name, listed(&grasp.digits)));
+        self.story.tell(format!("{} is taken by {}: {why}", model.name, in_words(&grasp.digits)));
         self.story.attempts.push(Attempt { object, grasp: grasp.id, why, ..Attempt::default() });
         executor.take(object, Target { grasp, percept: seen })?;
         executor.redirect(path);
@@ -135,7 +125,7 @@ impl<'a> InTurn<'a> {
 
     /// Whether there is time to take the objects from this one on.
     fn has_time(&self, object: usize, time: f64) -> bool {
-        let left = (self.items.len() - object) as f64;
+        let left = (self.objects.len() - object) as f64;
         self.knowledge.recovery.retry && time + left * TAKE_TIME + CARRY_TIME < self.knowledge.time_limit
     }
 }
@@ -143,39 +133,47 @@ impl<'a> InTurn<'a> {
 impl Policy for InTurn<'_> {
     fn perceive(&mut self, executor: &Executor, injected: Option<Injected>) -> Result<(), PolicyError> {
         let phase = executor.phase();
-        let last = if phase.carries() { self.items.len() - 1 } else { phase.object };
+        let last = if phase.carries() { self.objects.len() - 1 } else { phase.object };
+        self.grip = Grip::default();
         if !matches!(phase.skill, Skill::Look | Skill::Verify) {
-            self.items.iter_mut().for_each(|item| item.held = false);
             return Ok(());
         }
         let look = executor.motion().look();
-        let Perceived { touches, .. } = self.senses.perceive(&look)?;
-        let hand = self.senses.pipeline().hand();
-        for (n, item) in self.items.iter_mut().enumerate() {
-            let digits = &executor.target(n).grasp.digits;
-            item.held = n <= last && !feeling(hand, &touches, look.readings.servos, digits).is_empty();
-        }
+        let perceived = self.senses.perceive(&look)?;
+        let with = (self.senses.pipeline().hand(), self.senses.hold());
+        let targets = &executor.targets()[..=last];
         if let Some(injected) = injected {
-            for (item, held) in self.items.iter_mut().zip([injected.grip.first, injected.grip.second]) {
-                item.held = held;
-            }
+            self.grip = injected.grip;
+            return Ok(());
+        }
+        let (touches, servos) = (&perceived.touches, look.readings.servos);
+        let holds = |target: &Target| !feeling(with, touches, servos, &target.grasp.digits).is_empty();
+        self.grip = targets.iter().map(holds).collect();
+        if phase.skill == Skill::Look {
+            let held = targets.iter().enumerate().filter(|(n, _)| self.grip.holds(*n));
+            let held = held.map(|(n, Target { grasp, percept })| {
+                let before = self.felt.iter().find(|felt| felt.object == n && felt.grip.holds(n));
+                let place = before.map_or(place_in_hand(grasp, percept), |felt| felt.estimate.palm_from_object);
+                (n, self.knowledge.known[n], &grasp.digits[..], place)
+            });
+            self.felt = feel_each(&self.senses, &look, (perceived, self.grip), &held.collect::<Vec<_>>())?;
         }
         Ok(())
     }
 
     fn decide(&mut self, executor: &mut Executor, eyes: &mut dyn Eyes, time: f64) -> Result<Step, PolicyError> {
         let phase = executor.phase();
-        let count = self.items.len();
+        let count = self.objects.len();
         let last = match phase.skill {
             Skill::Begin => return self.see_and_take(0, "as planned", false, executor, eyes),
             Skill::PutDown => return self.see_and_take(0, "once more, from the beginning", true, executor, eyes),
             Skill::Look => phase.object,
             _ => count - 1,
         };
-        let missing = (0..=last).find(|object| !self.items[*object].held);
+        let missing = self.grip.missing(last);
         if let Some(object) = missing.filter(|object| self.has_time(if *object == last { last } else { 0 }, time)) {
             let failed = executor.target(object).grasp.id;
-            self.items[object].failures.push(failed);
+            self.objects[object].failed(failed);
             self.story.retries += 1;
             self.story.tell(format!("nothing is felt of {}", self.knowledge.objects[object].name));
             if object == last {
@@ -198,8 +196,8 @@ impl Policy for InTurn<'_> {
         &mut self.story
     }
 
-    fn felt(&self) -> Option<&Felt> {
-        None
+    fn felt(&self) -> &[Felt] {
+        &self.felt
     }
 
     fn deliberates(&self) -> bool {

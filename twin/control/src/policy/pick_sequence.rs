@@ -6,10 +6,11 @@ pub mod plan;
 
 use ::touch::Perceived;
 use grasping::Grasp;
+use grasping::digit_sets;
 use hand_model::Digit;
 use serde::Serialize;
 
-use self::plan::{Pick, PickPlan, Pickup, Ready, feeling, in_words, listed, plan, why_not};
+use self::plan::{Pick, PickPlan, Pickup, Ready, feeling, in_words, plan, why_not};
 use super::reach::TURNS;
 use super::{PolicyError, Step};
 use crate::executor::{Executor, Target};
@@ -216,7 +217,7 @@ impl<'a> PickSequence<'a> {
             (Some(why), true) => format!("{why}: nothing else fits"),
             (None, false) if self.had.is_empty() => format!("plan: {}", in_words(now, pickups, &names)),
             (None, false) => format!("on with {}", in_words(now, pickups, &names)),
-            (None, true) => format!("no ball left fits beside what {} holds", listed(holding)),
+            (None, true) => format!("no ball left fits beside what {} holds", digit_sets::in_words(holding)),
         });
     }
 
@@ -246,8 +247,8 @@ impl<'a> PickSequence<'a> {
         }
         let look = executor.motion().look();
         let Perceived { touches, .. } = self.senses.perceive(&look)?;
-        let hand = self.senses.pipeline().hand();
-        let feels = |digits: &[Digit]| feeling(hand, &touches, look.readings.servos, digits);
+        let with = (self.senses.pipeline().hand(), self.senses.hold());
+        let feels = |digits: &[Digit]| feeling(with, &touches, look.readings.servos, digits);
         let new = feels(&pickup.grasp.digits);
         let items = self.task.items;
         let name = &items[pick.object].name;
@@ -257,7 +258,7 @@ impl<'a> PickSequence<'a> {
             self.planned.clear();
         } else {
             let as_planned = if new == pickup.keeps { "as planned" } else { "not as planned" };
-            let by = (listed(&new), listed(&pickup.keeps));
+            let by = (digit_sets::in_words(&new), digit_sets::in_words(&pickup.keeps));
             self.reasons.push(format!("{name} is felt by {}, {as_planned} ({})", by.0, by.1));
             self.left.retain(|object| *object != pick.object);
         }

@@ -1,14 +1,14 @@
 //! Grasps that the arm can carry out on an object as it is seen, turned about the vertical where the object allows it.
 
-use std::collections::BTreeMap;
-
-use grasping::{Grasp, Role};
+use grasping::Grasp;
+use hand_model::Digit;
 use world::objects::ObjectModel;
 
 use super::Knowledge;
+use super::tracked::Tracked;
 use crate::percept::Percept;
 use crate::stand_in::stand_ins;
-use crate::worth::{self, Candidate};
+use crate::worth::Candidate;
 
 /// Turns about the vertical that are tried when an object is out of the planned grasp's reach, rad.
 pub const TURNS: [f64; 15] = [0.0, 0.2, -0.2, 0.4, -0.4, 0.6, -0.6, 0.8, -0.8, 1.0, -1.0, 1.2, -1.2, 1.4, -1.4];
@@ -35,20 +35,19 @@ pub fn turned<'a>(
 /// What a search for grasps begins with.
 pub struct Wanted<'a> {
     pub object: &'a ObjectModel,
-    /// The object's part in the trial.
-    pub role: Role,
+    /// Digits that take it.
+    pub digits: &'a [Digit],
     /// Grasps for it while it stands as the plan expects.
     pub candidates: &'a [Candidate],
-    /// How often each grasp, by its number, has failed in this trial.
-    pub failures: &'a BTreeMap<u32, i32>,
+    /// What has failed in this trial.
+    pub tracked: &'a Tracked,
 }
 
 /// The candidates whose grasp the arm reaches; for an object that fell over, grasps of what lies like it.
 pub fn within_reach(knowledge: &Knowledge, wanted: &Wanted, seen: &Percept) -> Vec<Candidate> {
     let turn_into_reach = |candidate: &Candidate| {
         let grasp = turned(knowledge, &candidate.grasp, seen, wanted.object).next()?;
-        let failures = wanted.failures.get(&grasp.id).copied().unwrap_or(0);
-        let trust = worth::FAILED.powi(failures);
+        let trust = wanted.tracked.trust(grasp.id);
         Some(Candidate { grasp, worth: candidate.worth * trust, trust, rehearsed: candidate.rehearsed.clone() })
     };
     let own: Vec<Candidate> = match wanted.object.standing_yaw(&seen.rotation) {
@@ -59,7 +58,6 @@ pub fn within_reach(knowledge: &Knowledge, wanted: &Wanted, seen: &Percept) -> V
         return own;
     }
     let (library, repertoire) = (knowledge.library, knowledge.repertoire);
-    let rehearsed = if wanted.role == Role::Second { &knowledge.fallen[..] } else { &[] };
-    let others = stand_ins((library, repertoire), (wanted.object, seen), wanted.role, rehearsed);
+    let others = stand_ins((library, repertoire), (wanted.object, seen), wanted.digits, &knowledge.fallen);
     others.iter().filter_map(turn_into_reach).collect()
 }

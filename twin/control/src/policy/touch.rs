@@ -4,24 +4,23 @@
 //! [`crate::strategy`] chooses the grasp of the second object given the pose of the first as felt. What failed is tried again where
 //! the eyes see it now. Where they do not see what is to be taken, the hand steps aside and they look once more; what only comes
 //! later is taken to be where it was seen last, and looked for when its turn comes. Before an object is taken it is touched
-//! (`exploration`): where the first one sits in the hand decides how well the second one can be taken. `first` and `second` take them.
+//! (`exploration`): where the first one sits in the hand decides how well the second one can be taken. `empty_hand` takes what comes first, and `beside`
+//! what comes while something is held.
 //!
 //! Each decision leads from one `State` to another: `Start -> Palpates(0) -> Takes(0) -> Palpates(1) -> Takes(1) -> Carries` where all goes
 //! well, and from `Takes(0)` to `Carries` in a trial of one object. What is lost leads back to a palpation or to `LaysDown`, what is hidden to `StepsAside`; a decision that begins nothing ends the trial.
 
+mod beside;
+pub(super) mod empty_hand;
 mod exploration;
-pub(super) mod first;
-mod second;
 
-use std::collections::BTreeMap;
-
-use grasping::{Grasp, Role};
+use grasping::Grasp;
 use nalgebra::Vector3;
 use touch::{InHand, PoseEstimate};
-use world::layout::MOST_OBJECTS;
 
 use super::reach::{Wanted, within_reach};
-use super::{Injected, Knowledge, Policy, PolicyError, Reordered, Step, Story, Uncertainty};
+use super::tracked::Tracked;
+use super::{Injected, Knowledge, Policy, PolicyError, Reordered, Step, Story};
 use crate::collision::Solid;
 use crate::executor::{Executor, Skill, Target};
 use crate::odds::{Aimed, Belief};
@@ -53,18 +52,6 @@ enum State {
     StepsAside { sought: usize },
 }
 
-/// Belief about the second object's place.
-struct SecondSeen {
-    /// Error of the aim where only the detector has found it.
-    belief: Belief,
-    /// Looks that its place is the mean of.
-    looks: u32,
-    /// Error of its place since it was touched where it stands.
-    located: Option<Belief>,
-    /// It was hidden when it was last looked for.
-    hidden: bool,
-}
-
 /// What the policy knows while a trial goes on.
 pub struct Touch<'a> {
     knowledge: Knowledge<'a>,
@@ -77,19 +64,15 @@ pub struct Touch<'a> {
     state: State,
     /// The robot's clock at the present decision, s.
     time: f64,
-    /// How often each grasp of each object, by its number, has failed.
-    failures: [BTreeMap<u32, i32>; MOST_OBJECTS],
+    objects: Vec<Tracked>,
     /// Grasps that failed in a row.
     in_a_row: usize,
     /// The objects as they were seen first.
     seen: Option<Vec<Percept>>,
     /// Offset of the aim from what is seen, m, where no rehearsal says better: kept while it works.
     aim: Vector3<f64>,
-    /// What the latest look at each object states of its own error, m.
-    sighted: [Option<f64>; MOST_OBJECTS],
-    /// The first object was touched where it stands.
-    first_located: bool,
-    second: SecondSeen,
+    /// Error of the aim at the second object where only the detector has found it.
+    belief: Belief,
     felt: Option<Felt>,
     grip: Grip,
 }
@@ -104,26 +87,19 @@ impl<'a> Touch<'a> {
         }
         Self {
             solids: knowledge.objects.iter().map(|object| object_solids(object)).collect(),
-            first: first::candidates(&knowledge, &senses, first),
+            first: empty_hand::candidates(&knowledge, &senses, first),
             state: State::Start,
             time: 0.0,
-            second: SecondSeen {
-                belief: Belief::new(&knowledge.uncertainty.stated(knowledge.sighted[1])),
-                looks: 1,
-                located: None,
-                hidden: false,
-            },
-            sighted: knowledge.sighted,
-            first_located: false,
+            belief: Belief::new(&knowledge.uncertainty.stated(knowledge.sighted[1])),
+            objects: Tracked::all(&knowledge),
             knowledge,
             senses,
             story,
-            failures: Default::default(),
             in_a_row: 0,
             seen: None,
             aim: Vector3::zeros(),
             felt: None,
-            grip: Grip { first: false, second: false },
+            grip: Grip::default(),
         }
     }
 
@@ -141,10 +117,10 @@ impl<'a> Touch<'a> {
     fn mark_down(&mut self, next: Next, executor: &Executor) {
         let (object, failed) = match next {
             Next::GoOn => return,
-            Next::FirstAgain | Next::StartOver => (0, executor.target(0).grasp.id),
-            Next::SecondAgain => (1, executor.target(1).grasp.id),
+            Next::StartOver => (0, executor.target(0).grasp.id),
+            Next::Again(object) => (object, executor.target(object).grasp.id),
         };
-        *self.failures[object].entry(failed).or_default() += 1;
+        self.objects[object].failed(failed);
         if next != Next::StartOver {
             self.in_a_row += 1;
             if self.in_a_row > 1 {
@@ -155,17 +131,34 @@ impl<'a> Touch<'a> {
 
     /// The eyes look at an object anew. None if it is hidden.
     fn see(&mut self, index: usize, eyes: &mut dyn Eyes) -> Result<Option<Percept>, PolicyError> {
-        if let Some(seen) = self.seen.as_ref().filter(|_| !self.knowledge.recovery.new_look) {
-            return Ok(Some(seen[index]));
+        match self.seen.as_ref().filter(|_| !self.knowledge.recovery.new_look) {
+            Some(seen) => Ok(Some(seen[index])),
+            None => self.objects[index].look(&self.knowledge, eyes),
         }
-        let Some(sighted) = eyes.look(index)? else { return Ok(None) };
-        self.sighted[index] = sighted.sigma;
-        Ok(Some(Percept::of(&self.knowledge.objects[index], &sighted.pose)))
     }
 
-    /// The errors that are expected of where an object is seen and of the arm that goes there.
-    fn uncertainty(&self, object: usize) -> Uncertainty {
-        self.knowledge.uncertainty.stated(self.sighted[object])
+    /// Looks at an object and all after it, which a try may have moved, and takes it; `aside`: the hand is out of the way already.
+    fn again(
+        &mut self,
+        object: usize,
+        executor: &mut Executor,
+        eyes: &mut dyn Eyes,
+        aside: bool,
+    ) -> Result<Step, PolicyError> {
+        for index in object..self.objects.len() {
+            let seen = self.see(index, eyes)?;
+            self.objects[index].replace(seen, executor);
+        }
+        if self.objects[object].hidden {
+            self.seek(object, executor, aside)
+        } else {
+            self.touch_or_take(object, executor)
+        }
+    }
+
+    /// Takes an object where it is seen or was felt.
+    fn take(&mut self, object: usize, executor: &mut Executor) -> Result<Step, PolicyError> {
+        if object == 0 { self.take_with_empty_hand(executor) } else { self.take_beside(object, executor) }
     }
 
     /// An object that is needed now is hidden: the hand steps aside once, or, where it has done so, the trial is given up.
@@ -181,11 +174,11 @@ impl<'a> Touch<'a> {
         Ok(Step::Play)
     }
 
-    fn within_reach(&self, role: Role, executor: &Executor, seen: &Percept) -> Vec<Candidate> {
-        let index = usize::from(role == Role::Second);
+    fn within_reach(&self, index: usize, executor: &Executor, seen: &Percept) -> Vec<Candidate> {
         let candidates = [&self.first, self.following(executor).1][index];
-        let (object, failures) = (&*self.knowledge.objects[index], &self.failures[index]);
-        within_reach(&self.knowledge, &Wanted { object, role, candidates, failures }, seen)
+        let (object, tracked) = (&*self.knowledge.objects[index], &self.objects[index]);
+        let digits = &executor.target(index).grasp.digits;
+        within_reach(&self.knowledge, &Wanted { object, digits, candidates, tracked }, seen)
     }
 
     /// Goes on by what the look at the hand has told after what was done in the state `looked`.
@@ -200,8 +193,8 @@ impl<'a> Touch<'a> {
                 self.state = State::Carries;
                 return Ok(Step::Play);
             }
-            (State::Takes { aimed: Some(aimed), .. }, Next::SecondAgain) => {
-                self.second.belief.failed(&aimed, self.second.looks);
+            (State::Takes { object, aimed: Some(aimed) }, Next::Again(again)) if object == again => {
+                self.belief.failed(&aimed, self.objects[object].looks);
             }
             _ => {}
         }
@@ -209,7 +202,8 @@ impl<'a> Touch<'a> {
             Next::GoOn => self.in_a_row = 0,
             _ => {
                 self.story.retries += 1;
-                self.story.tell(next.reason(executor.motion().hand()));
+                let taken = if let Next::Again(object) = next { object } else { 0 };
+                self.story.tell(next.reason(&executor.target(taken).grasp.digits));
                 self.mark_down(next, executor);
             }
         }
@@ -219,12 +213,15 @@ impl<'a> Touch<'a> {
                 self.state = State::Carries;
                 Ok(Step::Play)
             }
-            Next::FirstAgain => self.first_again(executor, eyes, false),
+            Next::Again(object) => self.again(object, executor, eyes, false),
             Next::StartOver => self.lay_down(executor),
-            Next::SecondAgain => self.second_again(executor, eyes, false),
-            Next::GoOn if self.second.hidden => self.second_again(executor, eyes, false),
+            Next::GoOn if self.objects[1].hidden => self.again(1, executor, eyes, false),
             Next::GoOn => {
-                self.see_better(executor, eyes)?;
+                if self.knowledge.recovery.new_look
+                    && let Some(seen) = self.see(1, eyes)?
+                {
+                    self.objects[1].refine(seen, &self.knowledge, executor);
+                }
                 self.touch_or_take(1, executor)
             }
         }
@@ -292,17 +289,12 @@ impl Policy for Touch<'_> {
         match std::mem::replace(&mut self.state, State::Start) {
             State::Start if executor.phase().skill == Skill::Begin => self.touch_or_take(0, executor),
             looked @ (State::Start | State::Takes { .. } | State::Carries) => self.after_look(executor, eyes, looked),
-            State::Palpates { object: 0, found } => {
-                self.locate_first(executor, found);
-                self.take_first(executor)
+            State::Palpates { object, found } => {
+                self.locate(object, executor, found);
+                self.take(object, executor)
             }
-            State::Palpates { found, .. } => {
-                self.locate_second(executor, found);
-                self.take_second(executor)
-            }
-            State::LaysDown => self.first_again(executor, eyes, false),
-            State::StepsAside { sought: 0 } => self.first_again(executor, eyes, true),
-            State::StepsAside { .. } => self.second_again(executor, eyes, true),
+            State::LaysDown => self.again(0, executor, eyes, false),
+            State::StepsAside { sought } => self.again(sought, executor, eyes, true),
         }
     }
 
@@ -310,8 +302,8 @@ impl Policy for Touch<'_> {
         &mut self.story
     }
 
-    fn felt(&self) -> Option<&Felt> {
-        self.felt.as_ref()
+    fn felt(&self) -> &[Felt] {
+        self.felt.as_slice()
     }
 
     fn deliberates(&self) -> bool {

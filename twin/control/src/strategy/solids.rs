@@ -24,7 +24,7 @@ pub struct Held<'a> {
     /// Finger angles, rad.
     pub joints: Vec<f64>,
     /// Digits that hold it.
-    pub digits: &'a [Digit],
+    pub digits: Vec<Digit>,
     /// Standard deviation of its surface's position, m.
     pub sigma: f64,
 }
@@ -78,7 +78,7 @@ pub fn placed(solids: &[Solid], pose: &Isometry3<f64>) -> Vec<Solid> {
 /// What moves with the palm (palm frame) when the held object is at a pose in it, with its digits at these angles.
 pub(super) fn held_solids(hand: &Hand, held: &Held, (pose, joints): (&Isometry3<f64>, &[f64])) -> Vec<Solid> {
     let mut moving = placed(held.solids, pose);
-    moving.extend(hand_solids(hand, joints, held.digits, false));
+    moving.extend(hand_solids(hand, joints, &held.digits, false));
     moving
 }
 

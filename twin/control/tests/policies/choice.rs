@@ -6,10 +6,9 @@ use std::sync::Arc;
 use control::executor::Executor;
 use control::foresight::{Foresees, Imagined, Scene, Twin, TwinError};
 use control::odds::{Belief, Rehearsed, TryOutcome};
-use control::policy::Uncertainty;
 use control::strategy::{Decision, Foresight, Held, Situation, choose, object_solids};
+use control::uncertainty::Uncertainty;
 use control::worth::Candidate;
-use grasping::Role;
 use nalgebra::{Isometry3, Vector3};
 use world::objects::{ObjectModel, ObjectSet};
 
@@ -21,14 +20,13 @@ fn with_bar_at(x: f64) -> (bool, f64) {
     let mut executor = table.executor();
     run_until(&mut executor, DECIDE);
     let bar = bar();
-    let digits = Role::First.digits(5);
     let [bar, target] = [&bar, &*table.objects[1]].map(object_solids);
     let held = Held {
         name: "bar",
         solids: &bar,
         pose: Isometry3::translation(x, 0.09, -0.02),
         joints: vec![0.0; 15],
-        digits,
+        digits: SIDE.to_vec(),
         sigma: 0.001,
     };
     let hand = &table.cell.robot.hand;
@@ -105,7 +103,7 @@ fn with_twin(rehearsals: [fn(&Vector3<f64>) -> TryOutcome; 2], twin: Option<&dyn
         solids: &bar,
         pose: Isometry3::translation(-0.10, 0.09, -0.02),
         joints: vec![0.0; 15],
-        digits: Role::First.digits(5),
+        digits: SIDE.to_vec(),
         sigma: 0.001,
     };
     let belief = Belief::new(&Uncertainty::standard());

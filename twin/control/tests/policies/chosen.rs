@@ -24,7 +24,7 @@ impl Chooser for Told {
     fn choose(&mut self, situation: &Situation) -> Result<Answer, ChooserError> {
         assert_eq!((&situation.objects[..], situation.candidates.len()), (&[FIRST, SECOND][..], 2));
         let Situation { phase, tries, sees_second, grip, .. } = *situation;
-        self.tries.push((phase, tries, sees_second, grip.second));
+        self.tries.push((phase, tries, sees_second, grip.holds(1)));
         self.answers.remove(0).map_err(Into::into)
     }
 }

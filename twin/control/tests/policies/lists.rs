@@ -1,7 +1,6 @@
 //! One, two and three objects are lists for the same executor.
 
 use control::executor::{Executor, Phase, Skill, Target};
-use grasping::Role;
 use hand_model::{Digit, DigitVector};
 
 use crate::table::*;
@@ -10,7 +9,7 @@ pub const SETS: [&[Digit]; 3] = [&[Digit::Little], &[Digit::Ring], &[Digit::Thum
 
 /// What is taken with `digits`, that pull by 10 N and before they close by 2 N.
 pub fn target(table: &Table, digits: &[Digit]) -> Target {
-    let mut grasp = grasp(0, SECOND, Role::Second, [0.02, 0.09, -0.05], 1.0);
+    let mut grasp = grasp(0, SECOND, PINCH, [0.02, 0.09, -0.05], 1.0);
     grasp.digits = digits.to_vec();
     (grasp.pre_tension, grasp.close_tension) = (pull(digits, 2.0), pull(digits, 10.0));
     Target { grasp, percept: table.percept(1) }

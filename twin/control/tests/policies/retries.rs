@@ -5,7 +5,6 @@ use control::percept::Percept;
 use control::policy::touch::Touch;
 use control::policy::{Injected, Knowledge, Policy, Step};
 use control::sensing::Senses;
-use grasping::Role;
 use nalgebra::Isometry3;
 use world::Sensing;
 
@@ -28,7 +27,7 @@ fn touch_goes_on_while_everything_is_in_the_hand() {
         assert_eq!(touch.decide(&mut executor, &mut eyes, 0.0).expect("decided"), then);
     }
     assert_eq!((eyes.asked, touch.story().retries, touch.story().decisions), ([0, 1], 0, 1));
-    let felt = touch.felt().expect("felt").estimate.palm_from_object;
+    let felt = touch.felt()[0].estimate.palm_from_object;
     assert_eq!(felt, in_hand(true, false).expect("injected").palm_from_object);
 }
 
@@ -38,7 +37,7 @@ fn touch_feels_for_the_second_object_first() {
     let table = Table::new();
     let mut executor = table.executor();
     let mut eyes = Watchful::new(&table);
-    let first = table.repertoire.of(FIRST, Role::First).next().expect("a first grasp");
+    let first = table.repertoire.of(FIRST, SIDE).next().expect("a first grasp");
     let touch_with = |sensing: Sensing| {
         let senses = Senses::new(&table.pipeline, sensing).expect("made");
         Touch::new(Knowledge { explores: true, ..table.knowledge() }, senses, first)
@@ -72,7 +71,7 @@ fn touch_feels_for_the_second_object_first() {
 fn touch_feels_for_the_first_object_too() {
     let table = Table::new();
     let mut eyes = Watchful::new(&table);
-    let first = table.repertoire.of(FIRST, Role::First).next().expect("a first grasp");
+    let first = table.repertoire.of(FIRST, SIDE).next().expect("a first grasp");
     for (sensing, then) in
         [(Sensing::ServosOnly, (Step::Play, APPROACH_FIRST)), (Sensing::Full, (Step::Play, REACH_FIRST))]
     {

@@ -7,16 +7,17 @@ use control::motion::Protocol;
 use control::percept::{Eyes, EyesError, Percept, Sighted};
 use control::perception::{Grip, KnownObject};
 use control::policy::touch::Touch;
-use control::policy::{Injected, Knowledge, Recovery, Uncertainty};
+use control::policy::{Injected, Knowledge, Recovery};
 use control::sensing::Senses;
 use control::trajectory::PathLimits;
+use control::uncertainty::Uncertainty;
 use control::workcell::Workcell;
 use control::worth::Candidate;
-use grasping::{Grasp, Repertoire, Role};
+use grasping::{Grasp, Repertoire};
 use hand_model::pads::IMAGE_SIZE;
 use hand_model::robot::{Observation, ServoState, TactileImage};
 use hand_model::transmission::friction::CableFriction;
-use hand_model::{Arm, RobotModel};
+use hand_model::{Arm, Digit, RobotModel};
 use nalgebra::{Isometry3, Translation3};
 use touch::{PhotometricCalibration, TouchPipeline};
 use world::Sensing;
@@ -25,6 +26,9 @@ use world::objects::{ObjectModel, ObjectSet};
 pub const TICK: f64 = 0.02;
 pub const FIRST: &str = "cube_45";
 pub const SECOND: &str = "golf_ball";
+/// Digits that take the first object, and the second.
+pub const SIDE: &[Digit] = &[Digit::Ring, Digit::Little];
+pub const PINCH: &[Digit] = &[Digit::Thumb, Digit::Index, Digit::Middle];
 pub const TIME_LIMIT: f64 = 120.0;
 
 /// Of a robot that has not moved.
@@ -46,15 +50,15 @@ pub const DONE: Phase = Phase::decide(Skill::Verify, 0);
 pub const PUT_DOWN: Phase = Phase::run(Skill::PutDown, 0);
 pub const STEP_ASIDE: Phase = Phase::run(Skill::StepAside, 0);
 
-pub fn grasp(id: u32, object: &str, role: Role, center: [f64; 3], score: f64) -> Grasp {
+pub fn grasp(id: u32, object: &str, digits: &[Digit], center: [f64; 3], score: f64) -> Grasp {
     let mut close_tension = [0.0; 5];
-    for digit in role.digits(5) {
+    for digit in digits {
         close_tension[digit.index()] = 10.0;
     }
     Grasp {
         id,
         object: object.into(),
-        digits: role.digits(5).to_vec(),
+        digits: digits.to_vec(),
         yaw: 0.0,
         pitch: 0.0,
         roll: 0.0,
@@ -87,14 +91,14 @@ impl Table {
             world_from_base: Isometry3::identity(),
             ready: Arm::gen3().home,
         };
-        let level = grasp(0, FIRST, Role::First, [0.0; 3], 1.0).palm_rotation(0.0);
+        let level = grasp(0, FIRST, SIDE, [0.0; 3], 1.0).palm_rotation(0.0);
         let above = Isometry3::from_parts(Translation3::new(0.55, 0.0, 0.30), level);
         cell.ready = cell.posture(&above, &Arm::gen3().home).expect("within reach");
         let library = ObjectSet::standard().with_fallen();
         let objects = [FIRST, SECOND].map(|name| library.get(name).expect("a standard object").clone());
         let mut repertoire = Repertoire::default();
-        repertoire.insert(grasp(0, FIRST, Role::First, [-0.02, 0.08, -0.05], 1.0));
-        repertoire.insert(grasp(1, FIRST, Role::First, [-0.02, 0.09, -0.05], 0.9));
+        repertoire.insert(grasp(0, FIRST, SIDE, [-0.02, 0.08, -0.05], 1.0));
+        repertoire.insert(grasp(1, FIRST, SIDE, [-0.02, 0.09, -0.05], 0.9));
         let image = Arc::new(TactileImage { rgb: vec![100; 3 * IMAGE_SIZE * IMAGE_SIZE] });
         let calibration = PhotometricCalibration { version: 1, configurations: Default::default() };
         let backgrounds = vec![image; cell.robot.hand.cameras.len()];
@@ -117,7 +121,7 @@ impl Table {
         [[0.02, 0.09, -0.05], [0.02, 0.09, -0.12]]
             .iter()
             .zip(0..)
-            .map(|(center, id)| Candidate::new(grasp(id, SECOND, Role::Second, *center, 1.0), 1.0))
+            .map(|(center, id)| Candidate::new(grasp(id, SECOND, PINCH, *center, 1.0), 1.0))
             .collect()
     }
 
@@ -130,7 +134,7 @@ impl Table {
 
     /// An executor that waits to begin.
     pub fn waiting(&self) -> Executor {
-        let first = self.repertoire.of(FIRST, Role::First).next().expect("a first grasp").clone();
+        let first = self.repertoire.of(FIRST, SIDE).next().expect("a first grasp").clone();
         let grasps = [first, self.second()[0].grasp.clone()].into_iter().enumerate();
         self.with_list(grasps.map(|(n, grasp)| Target { grasp, percept: self.percept(n) }).collect())
     }
@@ -166,7 +170,7 @@ impl Table {
 
     pub fn touch(&self) -> Touch<'_> {
         let senses = Senses::new(&self.pipeline, Sensing::TruePose).expect("made");
-        let first = self.repertoire.of(FIRST, Role::First).next().expect("a first grasp");
+        let first = self.repertoire.of(FIRST, SIDE).next().expect("a first grasp");
         Touch::new(self.knowledge(), senses, first)
     }
 }
@@ -216,5 +220,5 @@ pub fn run_on(executor: &mut Executor) {
 
 pub fn in_hand(first: bool, second: bool) -> Option<Injected> {
     let palm_from_object = Isometry3::translation(-0.02, 0.08, -0.05);
-    Some(Injected { palm_from_object, grip: Grip { first, second } })
+    Some(Injected { palm_from_object, grip: Grip::from_iter([first, second]) })
 }

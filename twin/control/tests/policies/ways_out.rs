@@ -8,7 +8,6 @@ use control::policy::touch::Touch;
 use control::policy::{Knowledge, Policy, Recovery, Step};
 use control::sensing::Senses;
 use control::worth::{Candidate, Sequence};
-use grasping::Role;
 use nalgebra::Vector3;
 use world::Sensing;
 
@@ -28,7 +27,7 @@ fn with_contacts_after_the_plan(others: Option<TryOutcome>, recovery: Recovery, 
     let table = Table::new();
     let mut executor = table.executor();
     let mut eyes = Watchful::new(&table);
-    let mut grasps = table.repertoire.of(FIRST, Role::First);
+    let mut grasps = table.repertoire.of(FIRST, SIDE);
     let [planned, other] = [(); 2].map(|()| grasps.next().expect("two first grasps"));
     let others = others.map(|outcome| Sequence { first: other.clone(), second: rehearsed(&table, outcome) });
     let knowledge = Knowledge {

@@ -2,12 +2,12 @@
 
 use std::f64::consts::FRAC_PI_2;
 
-use hand_model::DigitVector;
 use hand_model::hand::Jaws;
+use hand_model::{Digit, DigitVector};
 use rand::{Rng, RngExt};
 
 use super::ObjectExtent;
-use crate::grasp::{Grasp, JAWS, Role};
+use crate::grasp::Grasp;
 
 /// The jaws open at least this much wider than an object that they take, m.
 const PLAY: f64 = 0.006;
@@ -19,7 +19,7 @@ const HEIGHTS: f64 = 0.018;
 const FORCE: [f64; 2] = [12.0, 40.0];
 
 /// A random proposal.
-pub fn propose(jaws: &Jaws, object: &ObjectExtent, role: Role, id: u32, rng: &mut impl Rng) -> Grasp {
+pub fn propose(jaws: &Jaws, object: &ObjectExtent, digits: &[Digit], id: u32, rng: &mut impl Rng) -> Grasp {
     // Jaws close along the object's y at yaw 0 and along its x at a quarter turn.
     let quarters = [(0.0, object.half.y), (FRAC_PI_2, object.half.x), (-FRAC_PI_2, object.half.x)];
     let fits = |(_, half): &(f64, f64)| 2.0 * half + PLAY < jaws.opening;
@@ -30,8 +30,8 @@ pub fn propose(jaws: &Jaws, object: &ObjectExtent, role: Role, id: u32, rng: &mu
     // How far the pads' middle is above the object's centre.
     let lowest = (jaws.tip + CLEARANCE - object.half.z).max(object.half.z + CLEARANCE - jaws.depth);
     let force = uniform(FORCE[0], FORCE[1]);
-    let digits = role.digits(JAWS);
-    let pull = |value: f64| -> DigitVector { (0..JAWS).map(|_| if digits.is_empty() { 0.0 } else { value }).collect() };
+    // Both jaws pull alike, or none.
+    let pull = |value: f64| -> DigitVector { [if digits.is_empty() { 0.0 } else { value }; 2].into_iter().collect() };
     Grasp {
         id,
         object: object.name.clone(),
@@ -65,21 +65,23 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
 
     use super::*;
+    use crate::grasp::pregrasp_pose;
 
     /// Jaws come from above, clear of the table, and close across the side of a box that fits between them.
     #[test]
     fn jaws_come_from_above_across_the_narrow_side() {
         let text = include_str!("../../../../hand-model/data/robots/franka_hand.toml");
-        let jaws = Hand::parse(text, Path::new("franka_hand.toml")).expect("valid").jaws().expect("jaws");
+        let hand = Hand::parse(text, Path::new("franka_hand.toml")).expect("valid");
+        let jaws = hand.jaws().expect("jaws");
         let half = Vector3::new(0.05, 0.02, 0.02);
         let object = ObjectExtent { name: "bar".into(), half, yaw_matters: true };
         let mut rng = ChaCha8Rng::seed_from_u64(1);
         for id in 0..100 {
-            let grasp = propose(&jaws, &object, Role::First, id, &mut rng);
+            let grasp = propose(&jaws, &object, hand.digits(), id, &mut rng);
             let palm = grasp.palm_pose(&Point3::new(0.5, 0.0, half.z), 0.0);
             assert!((palm * Vector3::y()).z < -0.95 && (palm * Vector3::x()).y.abs() > 0.95, "{grasp:?}");
             assert!((palm * (jaws.center + Vector3::y() * jaws.tip)).z > 0.0, "{grasp:?}");
-            assert!(grasp.pregrasp_pose(&palm, 0.1).translation.z - palm.translation.z > 0.095);
+            assert!(pregrasp_pose(&hand, &palm, 0.1).translation.z - palm.translation.z > 0.095);
         }
     }
 }

@@ -13,7 +13,6 @@ use rand_distr::StandardNormal;
 use super::energy::{GraspEnergy, Terms};
 use super::frames::{Frames, HandState, PIVOT};
 use super::langevin::Langevin;
-use crate::sampler::PALM_FACE;
 
 /// Iterations and temperatures of a chain.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -36,6 +35,8 @@ impl Default for Schedule {
     }
 }
 
+/// The object's surface begins at most this far behind the palm frame's origin, along the palm's z, m.
+const BEHIND: f64 = 0.0156;
 /// Largest standard deviation of the noise at step 1: of translations (m), rotations and joints (rad).
 const WIDEST: [f64; 3] = [0.01, 0.15, 0.2];
 
@@ -79,7 +80,7 @@ pub fn start(energy: &GraspEnergy, rng: &mut impl Rng) -> HandState {
     let center_in_palm = Vector3::new(
         rng.random_range(-0.03..0.03),
         rng.random_range(-0.06..0.05),
-        PALM_FACE - reach - rng.random_range(0.0..0.05),
+        BEHIND - reach - rng.random_range(0.0..0.05),
     );
     let translation = match energy.places.len() {
         0 => energy.field.center.coords - rotation * center_in_palm,

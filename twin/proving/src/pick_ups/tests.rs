@@ -51,7 +51,7 @@ fn the_vertical_extent_is_the_rest_height() {
 
 fn grasp(id: u32, score: f64, x: f64) -> Grasp {
     let repertoire = crate::builtin::repertoire().expect("the built-in repertoire");
-    let any = repertoire.of("golf_ball", Role::Second).next().expect("a grasp");
+    let any = repertoire.of("golf_ball", &[Digit::Thumb, Digit::Index, Digit::Middle]).next().expect("a grasp");
     Grasp { id, score, center: [x, 0.0, -0.05], ..any.clone() }
 }
 

@@ -9,7 +9,7 @@ use std::ops::Range;
 use anyhow::{Result, bail};
 use control::odds::{Rehearsed, TryOutcome};
 use control::worth::MISSED;
-use grasping::{Grasp, Repertoire, Role};
+use grasping::{Grasp, Repertoire, digit_sets};
 use nalgebra::{Rotation3, Vector3};
 use scenarios::noise::TrialNoise;
 use serde::{Deserialize, Serialize};
@@ -158,7 +158,7 @@ impl<'a> Rehearsals<'a> {
     /// Tries the second grasps of `plan` that work without errors; nothing where its first grasp does not hold.
     fn rehearse(&self, repertoire: &Repertoire, plan: &mut Plan) -> Result<()> {
         plan.forget_variations();
-        let PlannedGrasps { first, second, .. } = plan.grasps(repertoire)?;
+        let PlannedGrasps { first, second, .. } = plan.grasps(&self.world.cell.robot.hand, repertoire)?;
         let worked = second.iter().filter(|second| second.worth > FAILED_WORTH * second.grasp.score);
         let worked: Vec<&Grasp> = worked.map(|second| &second.grasp).collect();
         plan.outcomes = match self.hold(&first, worked.first().copied())? {
@@ -167,8 +167,9 @@ impl<'a> Rehearsals<'a> {
         };
         plan.fallen.clear();
         let object = self.world.object(&plan.second)?;
+        let sets = digit_sets(&self.world.cell.robot.hand, 2);
         for way in self.world.objects.fallen_of(&object) {
-            let grasps: Vec<&Grasp> = repertoire.of(&way.name, Role::Second).collect();
+            let grasps: Vec<&Grasp> = repertoire.of(&way.name, &sets[1]).collect();
             let Some(hold) = self.hold(&first, grasps.first().copied())? else { continue };
             let mut works = Vec::new();
             for grasp in grasps {
@@ -186,10 +187,11 @@ impl<'a> Rehearsals<'a> {
     /// Other first grasps, in the repertoire's order, until a second grasp goes well after one.
     fn others(&self, repertoire: &Repertoire, plan: &Plan) -> Result<Vec<Other>> {
         let best = |outcomes: &[Outcomes]| outcomes.iter().map(Outcomes::worth_once_touched).fold(0.0, f64::max);
-        let seconds: Vec<&Grasp> = repertoire.of(&plan.second, Role::Second).collect();
+        let sets = digit_sets(&self.world.cell.robot.hand, 2);
+        let seconds: Vec<&Grasp> = repertoire.of(&plan.second, &sets[1]).collect();
         let mut others = Vec::new();
         let mut most = best(&plan.outcomes);
-        for first in repertoire.of(&plan.first, Role::First).filter(|first| first.id != plan.first_grasp) {
+        for first in repertoire.of(&plan.first, &sets[0]).filter(|first| first.id != plan.first_grasp) {
             if most >= GOOD {
                 break;
             }

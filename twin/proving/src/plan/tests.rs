@@ -3,7 +3,7 @@ use super::*;
 /// Grasps with these scores, numbered from 0.
 fn grasps(scores: &[f64]) -> Vec<Grasp> {
     let repertoire = crate::builtin::repertoire().expect("the built-in repertoire");
-    let any = repertoire.of("golf_ball", Role::Second).next().expect("a grasp").clone();
+    let any = repertoire.of("golf_ball", &digit_sets(&Hand::ftac(), 2)[1]).next().expect("a grasp").clone();
     scores.iter().enumerate().map(|(n, score)| Grasp { id: n as u32, score: *score, ..any.clone() }).collect()
 }
 
@@ -24,13 +24,13 @@ fn nothing_works() {
     assert!(ranked(&all, |_| Ok(false)).expect("ranked").is_empty());
 }
 
-/// A plan that names a grasp of another role or number is refused with both names.
+/// A plan that names a grasp of other digits or another number is refused with both names.
 #[test]
 fn missing_grasps_are_named() {
     let repertoire = crate::builtin::repertoire().expect("the built-in repertoire");
     let mut plan = crate::builtin::plans().expect("the built-in plans").plans.swap_remove(0);
-    assert!(plan.grasps(&repertoire).is_ok());
+    assert!(plan.grasps(&Hand::ftac(), &repertoire).is_ok());
     plan.second_grasps.push((987_654, 1.0));
-    let error = plan.grasps(&repertoire).expect_err("no such grasp").to_string();
+    let error = plan.grasps(&Hand::ftac(), &repertoire).expect_err("no such grasp").to_string();
     assert!(error.contains("987654") && error.contains(&plan.second), "{error}");
 }

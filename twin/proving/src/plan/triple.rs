@@ -4,10 +4,10 @@
 
 use anyhow::Result;
 use control::worth::UNREHEARSED;
-use grasping::{Grasp, Repertoire};
+use grasping::{Grasp, Repertoire, digit_sets};
 use sim::tactile::TactileBoard;
 
-use super::{FAILED_WORTH, Plan, digit_sets};
+use super::{FAILED_WORTH, Plan};
 use crate::rehearsal::{FirstRehearsal, rehearse_first, rehearse_last, rehearse_next};
 use crate::simulated_world::World;
 
@@ -21,8 +21,8 @@ pub(super) fn plan(
     board: &TactileBoard,
     names: [&str; 3],
 ) -> Result<Option<Plan>> {
-    let sets = digit_sets(3, world.cell.robot.hand.digits().len());
-    let grasps = |n: usize| repertoire.with_digits(names[n], &sets[n]).take(TRIED[n]).collect::<Vec<&Grasp>>();
+    let sets = digit_sets(&world.cell.robot.hand, 3);
+    let grasps = |n: usize| repertoire.of(names[n], &sets[n]).take(TRIED[n]).collect::<Vec<&Grasp>>();
     let [firsts, seconds, thirds] = [0, 1, 2].map(grasps);
     let (Some(any_second), Some(any_third)) = (seconds.first(), thirds.first()) else { return Ok(None) };
     for first in firsts {

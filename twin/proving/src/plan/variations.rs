@@ -5,7 +5,7 @@
 
 use anyhow::Result;
 use grasping::sampler::vary;
-use grasping::{Grasp, Repertoire, Role};
+use grasping::{Grasp, Repertoire, digit_sets};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use scenarios::noise::TrialNoise;
@@ -48,8 +48,9 @@ pub fn rehearse_one(world: &World, repertoire: &Repertoire, board: &TactileBoard
     if best(outcomes) >= GOOD {
         return Ok(());
     }
-    let seconds: Vec<&Grasp> = repertoire.of(&plan.second, Role::Second).collect();
-    let Some(grasp) = repertoire.of(&plan.first, Role::First).find(|grasp| grasp.id == first) else { return Ok(()) };
+    let sets = digit_sets(&world.cell.robot.hand, 2);
+    let seconds: Vec<&Grasp> = repertoire.of(&plan.second, &sets[1]).collect();
+    let Some(grasp) = repertoire.of(&plan.first, &sets[0]).find(|grasp| grasp.id == first) else { return Ok(()) };
     let rehearsals = Rehearsals::new(world, board);
     let Some(hold) = rehearsals.hold(grasp, seconds.first().copied())? else { return Ok(()) };
     let tried = outcomes.iter().filter(|outcomes| outcomes.near.len() >= NARROW);

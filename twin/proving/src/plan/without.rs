@@ -4,7 +4,7 @@
 //! work, so each grasp that loses a digit is tried with the same tension and with more.
 
 use anyhow::Result;
-use grasping::{Grasp, Repertoire, Role};
+use grasping::{Grasp, Repertoire, digit_sets};
 use hand_model::Digit;
 use rayon::prelude::*;
 use sim::tactile::TactileBoard;
@@ -39,17 +39,18 @@ pub struct Without {
 /// Plans the combinations of `plans` anew without `digits`.
 pub fn plan_without(world: &World, repertoire: &Repertoire, plans: &Plans, digits: &[Digit]) -> Result<Without> {
     let slack = masked(repertoire, digits);
+    let sets = digit_sets(&world.cell.robot.hand, 2);
     let board = TactileBoard::unit(&world.cell.robot.hand, 0);
     let made: Vec<Result<Planned>> =
         plans.plans.par_iter().map(|plan| plan_one(world, &slack, plan, digits, &board)).collect();
     let mut without = Without { repertoire: slack.clone(), plans: plans.clone(), impossible: Default::default() };
     for list in without.repertoire.grasps.values_mut() {
-        list.retain(|grasp| grasp.digits == Role::Second.digits(grasp.close_tension.len()));
+        list.retain(|grasp| grasp.digits == sets[1]);
     }
     for (n, made) in made.into_iter().enumerate() {
         let (proven, plan) = made?;
         for grasp in proven {
-            let known = without.repertoire.of(&grasp.object, Role::First).any(|other| other.id == grasp.id);
+            let known = without.repertoire.of(&grasp.object, &sets[0]).any(|other| other.id == grasp.id);
             if !known {
                 without.repertoire.insert(grasp);
             }
@@ -69,8 +70,9 @@ type Planned = (Vec<Grasp>, Result<Plan, String>);
 
 fn plan_one(world: &World, slack: &Repertoire, plan: &Plan, digits: &[Digit], board: &TactileBoard) -> Result<Planned> {
     let names = digits.iter().map(|digit| digit.name()).collect::<Vec<_>>().join(" and ");
-    let firsts: Vec<&Grasp> = slack.of(&plan.first, Role::First).collect();
-    let seconds = slack.of(&plan.second, Role::Second).count().min(SECONDS);
+    let sets = digit_sets(&world.cell.robot.hand, 2);
+    let firsts: Vec<&Grasp> = slack.of(&plan.first, &sets[0]).collect();
+    let seconds = slack.of(&plan.second, &sets[1]).count().min(SECONDS);
     let none = |why: String| Ok((Vec::new(), Err(why)));
     if firsts.is_empty() {
         return none(format!("no grasp holds {} first without {names}", plan.first));
@@ -78,7 +80,7 @@ fn plan_one(world: &World, slack: &Repertoire, plan: &Plan, digits: &[Digit], bo
     if seconds == 0 {
         return none(format!("no grasp takes {} second without {names}", plan.second));
     }
-    let proven = prove(world, &firsts, slack, plan, board)?;
+    let proven = prove(world, &firsts, slack.of(&plan.second, &sets[1]).next(), board)?;
     if proven.is_empty() {
         return none(format!(
             "{} grasps of {} without {names} were tried in physics and none holds it",
@@ -87,7 +89,7 @@ fn plan_one(world: &World, slack: &Repertoire, plan: &Plan, digits: &[Digit], bo
         ));
     }
     let mut own = Repertoire::default();
-    for grasp in proven.iter().take(FIRSTS).chain(slack.of(&plan.second, Role::Second).take(SECONDS)) {
+    for grasp in proven.iter().take(FIRSTS).chain(slack.of(&plan.second, &sets[1]).take(SECONDS)) {
         own.insert(grasp.clone());
     }
     let planned = plan_pair(world, &own, board, [&plan.first, &plan.second])?.ok_or_else(|| {
@@ -101,15 +103,9 @@ fn plan_one(world: &World, slack: &Repertoire, plan: &Plan, digits: &[Digit], bo
     Ok((proven, planned))
 }
 
-/// Those of `firsts` that hold, with where they hold it.
-fn prove(
-    world: &World,
-    firsts: &[&Grasp],
-    slack: &Repertoire,
-    plan: &Plan,
-    board: &TactileBoard,
-) -> Result<Vec<Grasp>> {
-    let Some(bystander) = slack.of(&plan.second, Role::Second).next() else { return Ok(Vec::new()) };
+/// Those of `firsts` that hold beside what `bystander` is for, with where they hold it.
+fn prove(world: &World, firsts: &[&Grasp], bystander: Option<&Grasp>, board: &TactileBoard) -> Result<Vec<Grasp>> {
+    let Some(bystander) = bystander else { return Ok(Vec::new()) };
     let mut proven = Vec::new();
     for first in firsts {
         let grasps = [*first, bystander];
@@ -165,6 +161,9 @@ fn slackened(grasp: &Grasp, digits: &[Digit], pull: f64, number: u32) -> Grasp {
 mod tests {
     use super::*;
 
+    const SIDE: &[Digit] = &[Digit::Ring, Digit::Little];
+    const PINCH: &[Digit] = &[Digit::Thumb, Digit::Index, Digit::Middle];
+
     fn repertoire() -> Repertoire {
         crate::builtin::repertoire().unwrap()
     }
@@ -174,24 +173,24 @@ mod tests {
     fn what_has_no_power_is_not_pulled() {
         let (whole, index) = (repertoire(), Digit::Index);
         let slack = masked(&whole, &[index]);
-        let of = |role| slack.of("golf_ball", role).collect::<Vec<_>>();
-        assert_eq!(of(Role::First), whole.of("golf_ball", Role::First).collect::<Vec<_>>());
-        assert_eq!(of(Role::Second).len(), PULLS.len() * whole.of("golf_ball", Role::Second).count());
-        for grasp in of(Role::Second) {
+        let of = |digits| slack.of("golf_ball", digits).collect::<Vec<_>>();
+        assert_eq!(of(SIDE), whole.of("golf_ball", SIDE).collect::<Vec<_>>());
+        assert_eq!(of(PINCH).len(), PULLS.len() * whole.of("golf_ball", PINCH).count());
+        for grasp in of(PINCH) {
             assert_eq!((grasp.pre_tension[1], grasp.close_tension[1]), (0.0, 0.0));
             assert!(grasp.close_tension[2] > 0.0 && grasp.close_tension.iter().all(|pull| *pull <= MOST));
         }
-        let mut numbers: Vec<u32> = of(Role::Second).iter().map(|grasp| grasp.id).collect();
+        let mut numbers: Vec<u32> = of(PINCH).iter().map(|grasp| grasp.id).collect();
         numbers.sort_unstable();
         numbers.dedup();
-        assert_eq!(numbers.len(), of(Role::Second).len());
+        assert_eq!(numbers.len(), of(PINCH).len());
     }
 
     #[test]
     fn some_sets_leave_nothing() {
         let whole = repertoire();
-        assert_eq!(masked(&whole, &[Digit::Ring, Digit::Little]).of("golf_ball", Role::First).count(), 0);
-        assert_eq!(masked(&whole, &[Digit::Thumb, Digit::Index]).of("golf_ball", Role::Second).count(), 0);
-        assert!(masked(&whole, &[Digit::Thumb]).of("golf_ball", Role::Second).all(|grasp| grasp.opposition == 0.0));
+        assert_eq!(masked(&whole, &[Digit::Ring, Digit::Little]).of("golf_ball", SIDE).count(), 0);
+        assert_eq!(masked(&whole, &[Digit::Thumb, Digit::Index]).of("golf_ball", PINCH).count(), 0);
+        assert!(masked(&whole, &[Digit::Thumb]).of("golf_ball", PINCH).all(|grasp| grasp.opposition == 0.0));
     }
 }

@@ -1,7 +1,5 @@
 //! How long a preparation will take, foretold from a first measurement on this machine.
 
-use grasping::Role;
-
 use super::EFFORT;
 
 /// Rehearsals of a pair that is planned and tried under errors in both orders, at most, with four first and fourteen second grasps and three
@@ -10,11 +8,11 @@ use super::EFFORT;
 const PAIR: f64 = 2.0 * 1310.0;
 
 /// What the first search of several says once it knows that a rehearsal takes `seconds` with all threads of this machine; `after` are the
-/// searches that follow.
-pub fn of_search(name: &str, role: Role, after: &[Role], seconds: f64) -> String {
-    let most = |role: Role| seconds * EFFORT.rehearsals(role) as f64;
-    let one = most(role);
-    let all: f64 = one + after.iter().map(|role| most(*role)).sum::<f64>();
+/// searches that follow. Each search is of what comes in this place, from 0.
+pub fn of_search(name: &str, place: usize, after: &[usize], seconds: f64) -> String {
+    let most = |place: usize| seconds * EFFORT.rehearsals(place) as f64;
+    let one = most(place);
+    let all: f64 = one + after.iter().map(|place| most(*place)).sum::<f64>();
     let rest = match after.len() {
         0 => String::new(),
         n => format!(", with the {n} after it at most {}", time(all)),
@@ -49,11 +47,11 @@ mod tests {
     /// Twice as slow a machine is foretold twice the time; what follows is added.
     #[test]
     fn times_follow_the_measurement() {
-        let one = of_search("mug", Role::First, &[], 0.1);
-        let most = 0.1 * EFFORT.rehearsals(Role::First) as f64;
+        let one = of_search("mug", 0, &[], 0.1);
+        let most = 0.1 * EFFORT.rehearsals(0) as f64;
         assert!(one.ends_with(&format!("at most {}", time(most))), "{one}");
-        let all = of_search("mug", Role::First, &[Role::Second, Role::Second], 0.2);
-        let sum = 0.2 * (EFFORT.rehearsals(Role::First) + 2 * EFFORT.rehearsals(Role::Second)) as f64;
+        let all = of_search("mug", 0, &[1, 1], 0.2);
+        let sum = 0.2 * (EFFORT.rehearsals(0) + 2 * EFFORT.rehearsals(1)) as f64;
         assert!(all.contains("2 after it") && all.ends_with(&time(sum)), "{all}");
         assert_eq!([time(40.0), time(600.0), time(7200.0)], ["40 s", "10 min", "2.0 h"]);
     }

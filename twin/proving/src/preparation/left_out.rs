@@ -3,7 +3,8 @@
 use std::fmt;
 
 use anyhow::{Result, bail};
-use grasping::{Repertoire, Role};
+use grasping::Repertoire;
+use hand_model::Digit;
 use world::objects::ObjectFile;
 
 use crate::plan::Plans;
@@ -27,24 +28,23 @@ pub fn notes(world: &World) -> Vec<String> {
     world.scenario.object.iter().flat_map(notes).collect()
 }
 
-/// Roles in which the scenario names an object, with the digits that would take it.
-fn roles(world: &World, name: &str) -> Vec<(Role, &'static str)> {
-    let scenario = &world.scenario;
-    let lists = scenario.lists().into_iter().zip(super::roles(scenario, world.cell.robot.hand.digits().len()));
+/// The digits that would take an object where the scenario names it, with the name of the list.
+fn places(world: &World, name: &str) -> Vec<(Vec<Digit>, &'static str)> {
+    let lists = world.scenario.lists().into_iter().zip(super::searched_sets(world));
     lists
         .filter(|((_, names), _)| names.iter().any(|other| other == name))
-        .map(|((place, _), role)| (role, place))
+        .map(|((list, _), set)| (set, list))
         .collect()
 }
 
 /// Why no grasp of an own object can be used in any combination, if that is so.
 fn unpickable(world: &World, repertoire: &Repertoire, name: &str) -> Option<String> {
-    let roles = roles(world, name);
-    if roles.is_empty() {
+    let sets = places(world, name);
+    if sets.is_empty() {
         return Some(format!("{name} is not played: the scenario names it neither in first nor in second"));
     }
-    let places: Vec<&str> = roles.iter().map(|(_, place)| *place).collect();
-    let none = roles.iter().all(|(role, _)| repertoire.of(name, *role).next().is_none());
+    let places: Vec<&str> = sets.iter().map(|(_, list)| *list).collect();
+    let none = sets.iter().all(|(digits, _)| repertoire.of(name, digits).next().is_none());
     none.then(|| format!("{name} is not played: no grasp was found that holds it as {} object", places.join(" or ")))
 }
 

@@ -32,16 +32,16 @@ fn world(mass: f64, side: f64) -> World {
         .expect("a world")
 }
 
-/// Objects are searched for grasps in the roles in which the scenario names them; those that come with the program are not.
+/// Objects are searched for grasps in the places in which the scenario names them; those that come with the program are not.
 #[test]
-fn own_objects_are_searched_in_their_roles() {
+fn own_objects_are_searched_in_their_places() {
     let world = world(0.1, 0.05);
-    let wanted = |builtin: bool| -> Vec<(&str, Role)> {
-        searches(&world, builtin).into_iter().map(|(object, role)| (object.name.as_str(), role)).collect()
+    let wanted = |builtin: bool| -> Vec<(&str, usize)> {
+        searches(&world, builtin).into_iter().map(|search| (search.object.name.as_str(), search.place)).collect()
     };
-    assert_eq!(wanted(true), [("my_ball", Role::First), ("my_cube", Role::Second)]);
+    assert_eq!(wanted(true), [("my_ball", 0), ("my_cube", 1)]);
     // For a robot of one's own nothing is known.
-    assert!(wanted(false).contains(&("golf_ball", Role::First)) && wanted(false).len() > 2, "{:?}", wanted(false));
+    assert!(wanted(false).contains(&("golf_ball", 0)) && wanted(false).len() > 2, "{:?}", wanted(false));
 }
 
 /// A plan is found again for the same things and grasps only.
@@ -59,7 +59,11 @@ fn a_changed_object_or_grasp_is_another_key() {
     assert_ne!(first, key(&without, &repertoire), "soft pads");
     without.scenario.effects = world(0.1, 0.05).scenario.effects.without(Effect::Eyes);
     assert_eq!(first, key(&without, &repertoire), "errors have no part in a rehearsal");
-    repertoire.grasps.get_mut("golf_ball").expect("grasps").retain(|grasp| grasp.digits == Role::Second.digits(5));
+    repertoire
+        .grasps
+        .get_mut("golf_ball")
+        .expect("grasps")
+        .retain(|grasp| grasp.digits == digit_sets(&world(0.1, 0.05))[1]);
     assert_ne!(first, key(&world(0.1, 0.05), &repertoire), "grasps");
 }
 
@@ -83,7 +87,7 @@ fn plans_of_the_benchmark_are_used_where_they_fit() {
 fn what_cannot_be_picked_is_named() {
     let world = world(0.1, 0.05);
     let cube = world.object("my_cube").expect("the cube");
-    let text = found(&cube, (Role::Second, 5), 0);
+    let text = found(&Search { object: &cube, place: 1, digits: digit_sets(&world)[1].clone() }, 0);
     assert!(text.contains("my_cube") && text.contains("50 x 50 x 50 mm") && text.contains("128"), "{text}");
 }
 
@@ -117,8 +121,8 @@ fn an_own_object_is_played_instead_of_another_benchmark() {
     assert_eq!(all.plans.len(), 2);
     let mut notes = Vec::new();
     let mut repertoire = crate::builtin::repertoire().expect("the built-in repertoire");
-    let any = repertoire.of("golf_ball", Role::First).next().expect("a grasp").clone();
-    let cube = repertoire.of("lemon", Role::Second).next().expect("a grasp").clone();
+    let any = repertoire.of("golf_ball", &digit_sets(&world)[0]).next().expect("a grasp").clone();
+    let cube = repertoire.of("lemon", &digit_sets(&world)[1]).next().expect("a grasp").clone();
     repertoire.insert(Grasp { object: "my_ball".into(), ..any });
     repertoire.insert(Grasp { object: "my_cube".into(), ..cube });
     let left_out = left_out::of(&world, &repertoire, &all, 4, &mut notes).expect("the cube is played");

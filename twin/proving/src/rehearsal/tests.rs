@@ -1,4 +1,4 @@
-use grasping::Role;
+use grasping::digit_sets;
 use hand_model::RobotModel;
 use nalgebra::{Point3, UnitQuaternion, Vector3};
 use scenarios::noise::ObjectNoise;
@@ -42,7 +42,7 @@ fn apart(a: &Isometry3<f64>, b: &Isometry3<f64>) -> (f64, f64) {
 #[test]
 fn a_misaimed_grasp_is_the_composition_of_the_errors() {
     let repertoire = crate::builtin::repertoire().expect("the built-in repertoire");
-    let any = repertoire.of("golf_ball", Role::Second).next().expect("a grasp");
+    let any = repertoire.of("golf_ball", &digit_sets(&Hand::ftac(), 2)[1]).next().expect("a grasp");
     let grasp = Grasp { center: [0.0; 3], yaw: 0.0, pitch: 0.0, roll: 0.0, ..any.clone() };
     let center = Point3::new(0.5, -0.1, 0.03);
     let plain = by_composition(&grasp, &TrialNoise::none(), &center);
@@ -63,7 +63,7 @@ fn shifts_are_exact() {
     let center = Point3::new(0.5, -0.1, 0.03);
     let mut noise = errors(0.01);
     (noise.rotation, noise.objects[1].yaw) = (Vector3::zeros(), 0.0);
-    for grasp in repertoire.of("golf_ball", Role::Second) {
+    for grasp in repertoire.of("golf_ball", &digit_sets(&Hand::ftac(), 2)[1]) {
         let (left_m, left_rad) = apart(&by_composition(grasp, &noise, &center), &by_misaiming(grasp, &noise, &center));
         assert!(left_m < 1e-12 && left_rad < 1e-9, "{left_m} m, {left_rad} rad");
     }

@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use anyhow::bail;
 use clap::{Args, ValueEnum};
-use grasping::{Repertoire, Role};
+use grasping::{Repertoire, digit_sets};
 use proving::cache::Steps;
 use proving::pick_ups::{self, Effort, Progress, Wanted};
 use proving::plan::{self, Plans, other_order, outcomes, variations};
@@ -15,6 +15,7 @@ use scenarios::Scenario;
 use schemars::JsonSchema;
 use serde::Serialize;
 use sim::tactile::TactileBoard;
+use world::phase::ordinal;
 
 use crate::options::object_name::object_name;
 use crate::options::robot::RobotArgs;
@@ -28,10 +29,10 @@ pub struct PickUpsArgs {
     /// Objects; default: all of the scenario.
     #[arg(long, value_parser = object_name)]
     pub object: Vec<String>,
-    /// Only this role; the other's grasps stay as they are.
+    /// Only what comes in this place; the other's grasps stay as they are.
     #[arg(long, value_enum)]
     pub role: Option<RoleArg>,
-    /// Random proposals at most, for each object and role.
+    /// Random proposals at most, for each object and place.
     #[arg(long, default_value_t = 128)]
     pub n: u32,
     /// The repertoire file to write (an existing one is extended).
@@ -64,14 +65,13 @@ pub struct PlanArgs {
     pub out: PathBuf,
 }
 
-/// Grasps of an object for a role.
+/// Grasps of an object for a place in a trial.
 #[derive(Debug, Serialize, JsonSchema)]
-struct RoleGrasps<'a> {
+struct PlaceGrasps<'a> {
     /// Name of the object.
     object: &'a str,
     /// first or second.
-    #[schemars(with = "String")]
-    role: Role,
+    role: &'static str,
     grasps: usize,
 }
 
@@ -80,8 +80,8 @@ struct RoleGrasps<'a> {
 pub struct Proven<'a> {
     /// The repertoire file.
     repertoire: &'a Path,
-    /// One entry an object and role.
-    objects: Vec<RoleGrasps<'a>>,
+    /// One entry an object and place.
+    objects: Vec<PlaceGrasps<'a>>,
 }
 
 /// Printed by `grasps plan`.
@@ -95,7 +95,7 @@ pub struct Planned<'a> {
     rejected: usize,
 }
 
-/// A grasp's role on the command line.
+/// The place of what a grasp takes, on the command line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum RoleArg {
     /// Ring and little finger against the palm.
@@ -106,11 +106,7 @@ pub enum RoleArg {
 
 /// Rehearses grasps of objects and keeps those that hold in a file, beside what it has.
 pub fn make(terminal: &Terminal, args: &PickUpsArgs) -> Outcome {
-    let roles = match args.role {
-        Some(RoleArg::First) => vec![Role::First],
-        Some(RoleArg::Second) => vec![Role::Second],
-        None => vec![Role::First, Role::Second],
-    };
+    let places = args.role.map_or(vec![0, 1], |role| vec![role as usize]);
     let (n, out) = (args.n, &args.out);
     let robot = args.robot.model()?;
     let world = World::new(&robot, Scenario::benchmark())?;
@@ -123,19 +119,19 @@ pub fn make(terminal: &Terminal, args: &PickUpsArgs) -> Outcome {
     repertoire.command = format!("ftac grasps pick-ups --n {n} --seed {}", terminal.seed);
     repertoire.seed = terminal.seed;
     let effort = Effort { proposals: n, variations: n / 2, ..EFFORT };
-    let wanted = Wanted { names: &names, roles: &roles, effort };
+    let wanted = Wanted { names: &names, places: &places, effort };
     let bar = terminal.progress();
     let progress = Progress { bar: &bar, steps: &Steps::unkept(), pace: &|_| {} };
-    let (mut done, all) = (0, names.len() * roles.len());
+    let (mut done, all) = (0, names.len() * places.len());
     let begun = Instant::now();
     // The file grows object by object: an interruption loses the one in hand, and the rest can be asked for by name.
-    pick_ups::generate(&world, &wanted, &mut repertoire, &progress, |name, role, repertoire| {
+    pick_ups::generate(&world, &wanted, &mut repertoire, &progress, |name, place, digits, repertoire| {
         repertoire.write(out)?;
         done += 1;
         if !terminal.quiet {
-            let count = repertoire.of(name, role).count();
+            let count = repertoire.of(name, digits).count();
             let minutes = begun.elapsed().as_secs_f64() / 60.0;
-            let role = if role == Role::First { "first" } else { "second" };
+            let role = ordinal(place);
             bar.suspend(|| {
                 eprintln!("{done:3} of {all}  {name:22} {count:3} {role:6} grasps  {minutes:5.1} min");
             });
@@ -143,10 +139,11 @@ pub fn make(terminal: &Terminal, args: &PickUpsArgs) -> Outcome {
         Ok(())
     })?;
     bar.finish_and_clear();
+    let sets = digit_sets(&robot.hand, 2);
     let counts = names
         .iter()
-        .flat_map(|name| roles.iter().map(move |role| (name, *role)))
-        .map(|(object, role)| RoleGrasps { object, role, grasps: repertoire.of(object, role).count() });
+        .flat_map(|name| places.iter().map(move |place| (name, *place)))
+        .map(|(name, place)| PlaceGrasps { object: name, role: ordinal(place), grasps: repertoire.of(name, &sets[place]).count() });
     terminal.print(&Proven { repertoire: out, objects: counts.collect() }, &format!("{}\n", out.display()))?;
     Ok(None)
 }

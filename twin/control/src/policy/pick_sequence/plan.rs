@@ -5,6 +5,8 @@
 //! hand has five digits. After each pick touch says which digits hold something, and what follows is planned anew.
 
 use grasping::Grasp;
+use grasping::digit_sets;
+use hand_model::parameters::HoldLimits;
 use hand_model::robot::ServoState;
 use hand_model::{Digit, Hand};
 use serde::{Deserialize, Serialize};
@@ -106,7 +108,7 @@ fn distinct(pickups: &[Pickup], thing: &Ready, holding: &[Digit]) -> Vec<Pick> {
 /// The plan in words; `names` are those of all objects.
 pub fn in_words(plan: &PickPlan, pickups: &[Pickup], names: &[String]) -> String {
     let one = |pick: &Pick| {
-        let digits = listed(&pickups[pick.pickup].keeps);
+        let digits = digit_sets::in_words(&pickups[pick.pickup].keeps);
         format!("{} with {digits} (holds {:.2} of times)", names[pick.object], pick.score)
     };
     let picks: Vec<String> = plan.picks.iter().map(one).collect();
@@ -129,28 +131,29 @@ pub fn why_not(
     let taken: Vec<Digit> = needs.iter().copied().filter(|digit| holding.contains(digit)).collect();
     let because = match taken.as_slice() {
         [] => "is worth less now".to_owned(),
-        taken => format!("needs {}, of which {} holds something already", listed(needs), listed(taken)),
+        taken => format!(
+            "needs {}, of which {} holds something already",
+            digit_sets::in_words(needs),
+            digit_sets::in_words(taken)
+        ),
     };
     Some(format!("{} as planned {because}", names[was.object]))
-}
-
-/// Names of digits.
-pub fn listed(digits: &[Digit]) -> String {
-    match digits {
-        [] => "no digit".to_owned(),
-        digits => digits.iter().map(|digit| digit.name()).collect::<Vec<_>>().join("+"),
-    }
 }
 
 /// Which of `pulled`, digits that close on one thing, have it. A finger does if its pads feel something, if a blind pad hides what
 /// they would, or if its cable says that something stops it: fingers often hold with their sides, where no pad is. The thumb
 /// closes against fingers, so that only they tell whether it holds something; alone it holds nothing.
-pub fn feeling(hand: &Hand, touches: &[PadTouch], servos: &[ServoState], pulled: &[Digit]) -> Vec<Digit> {
+pub fn feeling(
+    (hand, limits): (&Hand, &HoldLimits),
+    touches: &[PadTouch],
+    servos: &[ServoState],
+    pulled: &[Digit],
+) -> Vec<Digit> {
     let felt = |digit: Digit| {
         let of = |touch: &&PadTouch| hand.digit_of(hand.pads[touch.pad].link) == Some(digit);
         touches.iter().filter(of).any(|touch| touch.touched() || touch.blind)
     };
-    let holds = |digit: Digit| digit != Digit::Thumb && (felt(digit) || blocked(hand, servos, digit));
+    let holds = |digit: Digit| digit != Digit::Thumb && (felt(digit) || blocked(hand, limits, servos, digit));
     if !pulled.iter().any(|digit| holds(*digit)) {
         return Vec::new();
     }
@@ -208,7 +211,9 @@ mod tests {
         let best = plan(&pickups, &ready, &[], 2);
         assert_eq!(best.picks.iter().map(|pick| pick.object).collect::<Vec<_>>(), [0, 1]);
         assert!((best.volume - 0.9 * (40e-6 + 0.8 * 480e-6)).abs() < 1e-12);
-        assert!(in_words(&best, &pickups, &names).starts_with("golf with little (holds 0.90 of times), then soft"));
+        assert!(
+            in_words(&best, &pickups, &names).starts_with("golf with little finger (holds 0.90 of times), then soft")
+        );
         assert_eq!(plan(&pickups, &ready, &[], 0), PickPlan::default());
     }
 
@@ -219,7 +224,10 @@ mod tests {
         let now = plan(&pickups, &ready[1..], &[Digit::Ring], 2);
         assert_eq!(now.picks.iter().map(|pick| pick.object).collect::<Vec<_>>(), [2]);
         let why = why_not(&planned.picks[1..], &now, &pickups, &[Digit::Ring], &names).unwrap();
-        assert_eq!(why, "soft as planned needs thumb+index+middle+ring, of which ring holds something already");
+        assert_eq!(
+            why,
+            "soft as planned needs thumb, index, middle and ring finger, of which ring finger holds something already"
+        );
         // With the little finger on it everything stays as it was.
         let as_planned = plan(&pickups, &ready[1..], &[Digit::Little], 2);
         assert!(why_not(&planned.picks[1..], &as_planned, &pickups, &[Digit::Little], &names).is_none());
@@ -239,13 +247,15 @@ mod tests {
     #[test]
     fn only_digits_that_close_and_are_stopped_hold() {
         let hand = Hand::ftac();
+        let limits = hand.parameters.hold().expect("signs of a hold");
+        let with = (&hand, &limits);
         let closed = servos(&hand, [1.0; 5]);
         let pad = hand.pads.iter().position(|pad| hand.digit_of(pad.link) == Some(Digit::Ring)).unwrap();
         let blind = [PadTouch { pad, blind: true, ..PadTouch::default() }];
-        assert_eq!(feeling(&hand, &blind, &closed, &[Digit::Ring, Digit::Little]), [Digit::Ring]);
-        assert!(feeling(&hand, &blind, &closed, &[Digit::Little]).is_empty());
-        assert!(feeling(&hand, &[], &servos(&hand, [0.5, 1.0, 1.0, 1.0, 1.0]), &THREE).is_empty());
+        assert_eq!(feeling(with, &blind, &closed, &[Digit::Ring, Digit::Little]), [Digit::Ring]);
+        assert!(feeling(with, &blind, &closed, &[Digit::Little]).is_empty());
+        assert!(feeling(with, &[], &servos(&hand, [0.5, 1.0, 1.0, 1.0, 1.0]), &THREE).is_empty());
         let stopped = servos(&hand, [1.0, 0.5, 1.0, 1.0, 1.0]);
-        assert_eq!(feeling(&hand, &[], &stopped, &THREE), [Digit::Thumb, Digit::Index]);
+        assert_eq!(feeling(with, &[], &stopped, &THREE), [Digit::Thumb, Digit::Index]);
     }
 }

@@ -1,6 +1,6 @@
 //! The exploratory motion of the policy `touch`: it touches an object where it stands, and takes in where it is.
 
-use grasping::Role;
+use grasping::digit_sets;
 use hand_model::Hand;
 use nalgebra::{Isometry3, Matrix3};
 use touch::{InHand, PoseEstimate, PosePrior};
@@ -33,13 +33,12 @@ impl Touch<'_> {
     /// Touches the first or second `object` to find out where it is, if that is possible; else takes it.
     pub(super) fn touch_or_take(&mut self, object: usize, executor: &mut Executor) -> Result<Step, PolicyError> {
         let Some(Touching { way, onto }) = self.exploration(object, executor)? else {
-            return if object == 0 { self.take_first(executor) } else { self.take_second(executor) };
+            return self.take(object, executor);
         };
         let name = &self.knowledge.objects[object].name;
         self.story.tell(format!("{name} is touched from above to find out where it is"));
         let hand = executor.motion().hand().clone();
-        let guarded =
-            Guarded::new(onto, &hand, Role::Second.digits(hand.digits().len()), |pad| self.senses.uses(&hand, pad));
+        let guarded = Guarded::new(onto, &hand, &digit_sets(&hand, 2)[1], |pad| self.senses.uses(&hand, pad));
         executor.palpate(object, way, guarded);
         self.state = State::Palpates { object, found: None };
         Ok(Step::Play)
@@ -63,7 +62,8 @@ impl Touch<'_> {
 
     /// Standard deviation of where the hand goes beside an object that only the eyes have found, each axis, m.
     fn expected_error(&self, object: usize) -> f64 {
-        self.uncertainty(object).target(if object == 0 { 1 } else { self.second.looks })
+        let tracked = &self.objects[object];
+        tracked.uncertainty(&self.knowledge).target(tracked.looks)
     }
 
     /// Where an object is in the hand that has just touched it.
@@ -86,34 +86,22 @@ impl Touch<'_> {
         Ok(())
     }
 
-    /// Takes in what the touch of the first object told.
-    pub(super) fn locate_first(&mut self, executor: &mut Executor, found: Option<Box<PoseEstimate>>) {
-        let Some((found, _)) = self.found(found, executor.motion().palm(), &executor.target(0).percept, (0, 1)) else {
-            return;
-        };
-        executor.see(0, found);
-        self.first_located = true;
+    /// Takes in what the touch of an object told.
+    pub(super) fn locate(&mut self, object: usize, executor: &mut Executor, found: Option<Box<PoseEstimate>>) {
+        let (palm, seen) = (executor.motion().palm(), executor.target(object).percept);
+        let Some((found, covariance)) = self.found(object, found, palm, &seen) else { return };
+        executor.see(object, found);
+        let tracked = &mut self.objects[object];
+        (tracked.located, tracked.looks) = (Belief::located(&covariance), 1);
     }
 
-    /// Takes in what the touch of the second object told.
-    pub(super) fn locate_second(&mut self, executor: &mut Executor, found: Option<Box<PoseEstimate>>) {
-        let Some((found, covariance)) =
-            self.found(found, executor.motion().palm(), &executor.target(1).percept, (1, self.second.looks))
-        else {
-            return;
-        };
-        executor.see(1, found);
-        self.second.located = Belief::located(&covariance);
-        self.second.looks = 1;
-    }
-
-    /// Where the touched `object` is that was `found` in the hand, and `seen` in so many `looks`, and the covariance of its place, m2; in the world.
+    /// Where the touched `object` is that was `found` in the hand, and `seen`, and the covariance of its place, m2; in the world.
     fn found(
         &mut self,
+        object: usize,
         found: Option<Box<PoseEstimate>>,
         palm: Isometry3<f64>,
         seen: &Percept,
-        (object, looks): (usize, u32),
     ) -> Option<(Percept, Matrix3<f64>)> {
         let Some(estimate) = found else {
             self.story.tell("nothing was felt there".to_owned());
@@ -122,7 +110,7 @@ impl Touch<'_> {
         let position = (palm * estimate.palm_from_object).translation.vector;
         let turn = palm.rotation.to_rotation_matrix().into_inner();
         let covariance = turn * estimate.covariance.fixed_view::<3, 3>(0, 0) * turn.transpose();
-        let (looked, level) = (self.uncertainty(object).target(looks), self.knowledge.uncertainty.arm);
+        let (looked, level) = (self.expected_error(object), self.knowledge.uncertainty.arm);
         let (off, covariance) = palpation::standing(position - seen.position.coords, &covariance, (looked, level));
         let [x, y, z]: [f64; 3] = (off * 1e3).into();
         self.story.tell(format!("felt ({x:.0}, {y:.0}, {z:.0}) mm beside where it is seen"));
@@ -130,9 +118,9 @@ impl Touch<'_> {
     }
 }
 
-/// An empty hand whose ring and little finger are closed.
+/// An empty hand in which the digits are closed that take the first object.
 pub(super) fn empty(hand: &Hand) -> Held<'static> {
-    let digits = Role::First.digits(hand.digits().len());
+    let digits = digit_sets(hand, 2).swap_remove(0);
     let mut joints = vec![0.0; hand.tree.joints.len()];
     for &joint in digits.iter().flat_map(|digit| hand.links(*digit)) {
         joints[joint] = hand.tree.joints[joint].upper;

@@ -26,7 +26,7 @@ impl Uncertainty {
     /// # Panics
     /// Never in a tested build: the file is compiled in and a test reads it.
     pub fn standard() -> Self {
-        let text = include_str!("../../data/uncertainty.toml");
+        let text = include_str!("../data/uncertainty.toml");
         Self::parse(text, Path::new("uncertainty.toml")).expect("the built-in uncertainties are valid")
     }
 

@@ -1,6 +1,6 @@
-//! How the first object is taken: with the grasp that is worth most together with the second grasps that can follow it.
+//! How an object is taken with an empty hand: with the grasp that is worth most together with the grasps of the next object that can follow it.
 
-use grasping::{Grasp, Role};
+use grasping::Grasp;
 use nalgebra::{Matrix3, Vector3};
 use world::attempt::Attempt;
 
@@ -10,7 +10,7 @@ use crate::collision::{Solid, clearance_along, hand_solids};
 use crate::executor::{Executor, Target};
 use crate::odds::Belief;
 use crate::palpation;
-use crate::percept::{Eyes, Percept};
+use crate::percept::Percept;
 use crate::policy::reach::turned;
 use crate::policy::{Knowledge, PolicyError, Step};
 use crate::sensing::Senses;
@@ -33,7 +33,7 @@ pub(in crate::policy) fn candidates(knowledge: &Knowledge, senses: &Senses, plan
         None => worth::UNREHEARSED * as_planned,
     };
     let name = &knowledge.objects[0].name;
-    let others = knowledge.repertoire.of(name, Role::First).filter(|first| first.id != planned.id);
+    let others = knowledge.repertoire.of(name, &planned.digits).filter(|first| first.id != planned.id);
     let others = others.map(|first| Candidate::new(first.clone(), first.score * worth(first)));
     std::iter::once(Candidate::new(planned.clone(), planned.score * as_planned)).chain(others).collect()
 }
@@ -53,36 +53,16 @@ impl Touch<'_> {
         let planned = self.first[0].grasp.id;
         let rehearsed = |id: u32| id == planned || self.knowledge.others.iter().any(|other| other.first.id == id);
         let others = self.first.iter().filter(|first| first.grasp.id != present && rehearsed(first.grasp.id));
-        let worth = |first: &Candidate| {
-            let failures = self.failures[0].get(&first.grasp.id).copied().unwrap_or(0);
-            first.worth * worth::FAILED.powi(failures)
-        };
+        let worth = |first: &Candidate| first.worth * self.objects[0].trust(first.grasp.id);
         others.map(worth).max_by(f64::total_cmp)
     }
 
-    /// Looks at both objects and takes the first one again; `aside`: the hand is out of the way already.
-    pub(super) fn first_again(
-        &mut self,
-        executor: &mut Executor,
-        eyes: &mut dyn Eyes,
-        aside: bool,
-    ) -> Result<Step, PolicyError> {
-        let seen = self.see(0, eyes)?;
-        if self.knowledge.objects.len() > 1 {
-            self.see_second(executor, eyes)?;
-        }
-        let Some(seen) = seen else { return self.seek(0, executor, aside) };
-        executor.see(0, seen);
-        self.first_located = false;
-        self.touch_or_take(0, executor)
-    }
-
     /// Takes the first object where it is seen or was felt.
-    pub(super) fn take_first(&mut self, executor: &mut Executor) -> Result<Step, PolicyError> {
+    pub(super) fn take_with_empty_hand(&mut self, executor: &mut Executor) -> Result<Step, PolicyError> {
         let seen = executor.target(0).percept;
-        let aim = if self.first_located { Vector3::zeros() } else { self.aim };
+        let aim = if self.objects[0].located.is_some() { Vector3::zeros() } else { self.aim };
         let seen = Percept { position: seen.position + aim, ..seen };
-        let candidates = self.within_reach(Role::First, executor, &seen);
+        let candidates = self.within_reach(0, executor, &seen);
         let Some((grasp, path)) = self.best_approach(executor, candidates, &seen)? else {
             return Ok(self.give_up(0, &seen));
         };

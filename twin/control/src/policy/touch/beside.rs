@@ -1,50 +1,17 @@
-//! How the second object is taken: with the grasp and the aim that promise most beside the first object as it is felt in the hand.
+//! How an object is taken beside what is held: with the grasp and the aim that promise most beside the first object as it is felt in the hand.
 
-use grasping::Role;
 use world::attempt::Attempt;
 
 use super::{MOST_SIGMA, State, Touch};
 use crate::executor::{Executor, Target};
 use crate::odds::Belief;
-use crate::percept::{Eyes, Looked, Percept};
+use crate::percept::Percept;
 use crate::perception::Felt;
 use crate::policy::{Choice, PolicyError, Step};
 use crate::strategy::{Assessment, Decision, Foresight, Held, Situation, choose, rehearsals};
 use crate::worth::{Candidate, SWITCH_GAIN};
 
 impl Touch<'_> {
-    /// Looks at the second object anew; the executor keeps the last percept while it is hidden.
-    pub(super) fn see_second(&mut self, executor: &mut Executor, eyes: &mut dyn Eyes) -> Result<(), PolicyError> {
-        let seen = self.see(1, eyes)?;
-        self.second.hidden = seen.is_none();
-        if let Some(seen) = seen {
-            executor.see(1, seen);
-            (self.second.looks, self.second.located) = (1, None);
-        }
-        Ok(())
-    }
-
-    /// Looks once more at the second object, which nothing has moved: its place is the mean of all looks that agree.
-    pub(super) fn see_better(&mut self, executor: &mut Executor, eyes: &mut dyn Eyes) -> Result<(), PolicyError> {
-        let Some(seen) = self.see(1, eyes)?.filter(|_| self.knowledge.recovery.new_look) else { return Ok(()) };
-        let known = Looked { mean: executor.target(1).percept, looks: self.second.looks };
-        let Looked { mean, looks } = known.again(seen, self.uncertainty(1).fresh_look());
-        executor.see(1, mean);
-        self.second.looks = looks;
-        Ok(())
-    }
-
-    /// Looks at the second object and takes it; `aside`: the hand is out of the way already.
-    pub(super) fn second_again(
-        &mut self,
-        executor: &mut Executor,
-        eyes: &mut dyn Eyes,
-        aside: bool,
-    ) -> Result<Step, PolicyError> {
-        self.see_second(executor, eyes)?;
-        if self.second.hidden { self.seek(1, executor, aside) } else { self.touch_or_take(1, executor) }
-    }
-
     /// What is in the hand.
     pub(super) fn held<'h>(&'h self, executor: &'h Executor, felt: &Felt) -> Held<'h> {
         Held {
@@ -52,62 +19,68 @@ impl Touch<'_> {
             solids: &self.solids[0],
             pose: felt.estimate.palm_from_object,
             joints: felt.estimate.q.to_vec(),
-            digits: &executor.target(0).grasp.digits,
+            digits: executor.target(0).grasp.digits.clone(),
             sigma: felt.estimate.sigma().0.min(MOST_SIGMA),
         }
     }
 
-    /// Decides how to take the second object, and begins.
-    pub(super) fn take_second(&mut self, executor: &mut Executor) -> Result<Step, PolicyError> {
-        let seen = executor.target(1).percept;
-        let mut within = self.within_reach(Role::Second, executor, &seen);
+    /// Decides how to take an object beside the first, and begins.
+    pub(super) fn take_beside(&mut self, object: usize, executor: &mut Executor) -> Result<Step, PolicyError> {
+        let seen = executor.target(object).percept;
+        let mut within = self.within_reach(object, executor, &seen);
         self.story.decisions += 1;
         loop {
             let Some(felt) = self.felt.as_ref().filter(|_| !within.is_empty()) else {
-                return Ok(self.give_up(1, &seen));
+                return Ok(self.give_up(object, &seen));
             };
-            let decision = self.choose(executor, &within, felt)?;
+            let decision = self.choose(object, executor, &within, felt)?;
             self.story.risk.get_or_insert(decision.plan.risk);
             let declined = decision.chosen.held < decision.chosen.risk;
             self.story.choice = Some(Choice::of(&decision, declined));
             if declined {
                 return self.way_out(executor, &decision);
             }
-            let attempt = attempt(&decision, felt);
+            let attempt = attempt(object, &decision, felt);
             let beside = Percept { position: seen.position + decision.aim, ..seen };
-            self.story.aimed |= self.seen.as_ref().is_none_or(|first_look| beside != first_look[1]);
+            self.story.aimed |= self.seen.as_ref().is_none_or(|first_look| beside != first_look[object]);
             let Some(path) = executor.rehearsed_approach(&decision.way, &decision.grasp, &beside) else {
                 within.retain(|candidate| candidate.grasp.id != decision.grasp.id);
                 continue;
             };
             self.story.switched |= decision.switched;
             // What failed at an object that was touched tells nothing of where the eyes see things.
-            let aimed = self.second.located.is_none().then_some(decision.aimed);
-            executor.take(1, Target { grasp: decision.grasp, percept: beside })?;
+            let aimed = self.objects[object].located.is_none().then_some(decision.aimed);
+            executor.take(object, Target { grasp: decision.grasp, percept: beside })?;
             executor.redirect(path);
-            self.state = State::Takes { object: 1, aimed };
+            self.state = State::Takes { object, aimed };
             self.story.attempts.push(attempt);
             self.story.tell(decision.reason);
             return Ok(Step::Play);
         }
     }
 
-    /// The grasp for the second object, given what is felt of the first.
-    fn choose(&self, executor: &Executor, candidates: &[Candidate], felt: &Felt) -> Result<Decision, PolicyError> {
-        let second = &self.knowledge.objects[1];
+    /// The grasp for an object, given what is felt of the first.
+    fn choose(
+        &self,
+        object: usize,
+        executor: &Executor,
+        candidates: &[Candidate],
+        felt: &Felt,
+    ) -> Result<Decision, PolicyError> {
+        let tracked = &self.objects[object];
         let held = self.held(executor, felt);
         let (first, _) = self.following(executor);
-        let uncertainty = self.uncertainty(1);
+        let uncertainty = tracked.uncertainty(&self.knowledge);
         let situation = Situation {
             executor,
             hand: &self.knowledge.cell.robot.hand,
             held: &held,
             rehearsed: first.held.zip(first.held_joints.as_deref()),
-            target: &self.solids[1],
-            target_sigma: self.second.located.as_ref().map_or(uncertainty.arm.hypot(uncertainty.eyes), Belief::sigma),
+            target: &self.solids[object],
+            target_sigma: tracked.located.as_ref().map_or(uncertainty.arm.hypot(uncertainty.eyes), Belief::sigma),
             all: rehearsals(candidates),
-            belief: self.second.located.as_ref().unwrap_or(&self.second.belief),
-            looks: self.second.looks,
+            belief: tracked.located.as_ref().unwrap_or(&self.belief),
+            looks: tracked.looks,
             probe: self.aim,
             foresight: self.knowledge.foresees.map(|foresees| Foresight {
                 foresees,
@@ -115,7 +88,7 @@ impl Touch<'_> {
                 covariance: &felt.estimate.covariance,
             }),
         };
-        choose(&situation, candidates)?.ok_or_else(|| PolicyError::NoPlan(second.name.clone()))
+        choose(&situation, candidates)?.ok_or_else(|| PolicyError::NoPlan(self.knowledge.objects[object].name.clone()))
     }
 
     /// What is done where a contact is likelier than a hold: the first object is put down and taken otherwise, if that promises
@@ -131,17 +104,17 @@ impl Touch<'_> {
         }
         self.story.tell(format!("{odds}: the first object is put down and taken otherwise"));
         self.story.retries += 1;
-        *self.failures[0].entry(present).or_default() += 1;
+        self.objects[0].failed(present);
         self.lay_down(executor)
     }
 }
 
-/// A try at the second object, as decided.
-fn attempt(decision: &Decision, felt: &Felt) -> Attempt {
+/// A try at an object, as decided.
+fn attempt(object: usize, decision: &Decision, felt: &Felt) -> Attempt {
     let (pose, covariance) = (felt.estimate.palm_from_object, &felt.estimate.covariance);
     let (at, turn) = (pose.translation.vector, pose.rotation.scaled_axis());
     Attempt {
-        object: 1,
+        object,
         grasp: decision.grasp.id,
         why: decision.reason.clone(),
         clearance: Some(decision.chosen.clearance),
