@@ -3,9 +3,8 @@
 use std::path::Path;
 
 use anyhow::Result;
-use grasping::synthesis::collection::Collection;
 use grasping::synthesis::held::pose_from_array;
-use grasping::synthesis::kind::{HandKind, hand_kinds};
+use grasping::synthesis::kind::Kind;
 use hand_model::Hand;
 use image::RgbImage;
 use nalgebra::{Point3, UnitVector3, Vector3};
@@ -32,23 +31,28 @@ const COLUMNS: usize = 6;
 const CONE_COVERS: f64 = 0.55;
 
 /// A kind's best grasp as it is drawn, with its figures in words.
-pub fn shown(kind: &HandKind<'_>) -> ShownGrasp {
+pub fn shown(kind: &Kind<'_>) -> ShownGrasp {
     let grasp = kind.best;
-    let digits: Vec<&str> = grasp.digits.iter().map(|digit| digit.name()).collect();
-    let room = grasp.room.map_or("none, all digits touch".into(), |room| format!("{:.0} mm to the object", 1e3 * room));
+    let digits: Vec<&str> = grasp.digits().iter().map(|digit| digit.name()).collect();
+    let used = grasp.digit_use.as_ref();
+    let room = used
+        .and_then(|used| used.room)
+        .map_or("none, all digits touch".into(), |room| format!("{:.0} mm to the object", 1e3 * room));
+    let [x, y, z] = used.map_or([f64::NAN; 3], |used| used.approach);
+    let [far, turned] = grasp.moved.unwrap_or([f64::NAN; 2]);
     let text = format!(
         "- the best of {}; digits {}{}\n- margin {:.2} N, penetration {:.2} mm\n- room left by free digits: {room}\n- \
          comes along [{:.2}, {:.2}, {:.2}] of the object\n- closing moved the object {:.1} mm, {:.0} deg\n- chain {}",
         kind.count,
         digits.join(", "),
-        if grasp.palm { " and the palm" } else { "" },
+        if grasp.palm() { " and the palm" } else { "" },
         grasp.margin,
         1e3 * grasp.penetration,
-        grasp.approach[0],
-        grasp.approach[1],
-        grasp.approach[2],
-        1e3 * grasp.moved[0],
-        grasp.moved[1].to_degrees(),
+        x,
+        y,
+        z,
+        1e3 * far,
+        turned.to_degrees(),
         grasp.chain
     );
     let contacts = grasp.contacts.iter().map(|contact| ShownContact {
@@ -61,7 +65,7 @@ pub fn shown(kind: &HandKind<'_>) -> ShownGrasp {
         name: kind.name.clone(),
         text,
         hand: ShownHand::Own(grasp.joints.to_vec()),
-        palm_from_object: pose_from_array(&grasp.palm_from_object),
+        palm_from_object: pose_from_array(&grasp.closed),
         contacts: contacts.collect(),
     }
 }
@@ -72,12 +76,12 @@ fn object_picture(model: &ObjectModel, line: &str) -> RgbImage {
 }
 
 /// Friction for which a kind's grasp was verified.
-pub fn friction(kind: &HandKind<'_>) -> f64 {
+pub fn friction(kind: &Kind<'_>) -> f64 {
     verified_for(kind.best).1
 }
 
 /// A picture of a grasp: hand, object, contact points and cones.
-fn grasp_picture(hand: &Hand, model: &ObjectModel, kind: &HandKind<'_>) -> RgbImage {
+fn grasp_picture(hand: &Hand, model: &ObjectModel, kind: &Kind<'_>) -> RgbImage {
     let shown = shown(kind);
     // Between object and palm, and a little higher: the caption takes the top.
     let center = Point3::from(shown.palm_from_object.translation.vector * 0.5 + Vector3::y() * 0.02);
@@ -97,10 +101,10 @@ fn grasp_picture(hand: &Hand, model: &ObjectModel, kind: &HandKind<'_>) -> RgbIm
     picture.finish(&caption)
 }
 
-/// Writes the page of `collection`, which `file` holds, into `folder`, which is there already; `only` limits it to one object.
-pub fn write(file: &GraspFile, collection: &Collection, only: Option<&str>, hand: &Hand, folder: &Path) -> Result<()> {
+/// Writes the page of the grasps of `file` into `folder`, which is there already; `only` limits it to one object.
+pub fn write(file: &GraspFile, only: Option<&str>, hand: &Hand, folder: &Path) -> Result<()> {
     let (mut objects, mut best, mut sections) = (Vec::new(), Vec::new(), String::new());
-    for entry in collection.objects.iter().filter(|entry| only.is_none_or(|name| name == entry.summary.object)) {
+    for entry in file.objects(only)? {
         let name = &entry.summary.object;
         let model = &*file.model(name)?;
         let (low, high) = model.shape.aabb();
@@ -116,15 +120,15 @@ pub fn write(file: &GraspFile, collection: &Collection, only: Option<&str>, hand
                 entry.grasps.len()
             ),
         ));
-        let kinds = hand_kinds(&entry.grasps);
+        let kinds = file.kinds(entry);
         let pictures: Vec<RgbImage> =
             kinds.iter().take(2 * COLUMNS).map(|kind| grasp_picture(hand, model, kind)).collect();
         best.extend(pictures.first().cloned());
-        let file = format!("{name}.png");
-        picture::save(&picture::tile(&pictures, COLUMNS), &folder.join(&file))?;
+        let sheet = format!("{name}.png");
+        picture::save(&picture::tile(&pictures, COLUMNS), &folder.join(&sheet))?;
         let short = entry.summary.short.as_deref().unwrap_or("");
         sections += &format!(
-            "<h2>{0}</h2>\n<p>{1} grasps of {2} from {3} chains, {4} kinds. {5}</p>\n<img src=\"{file}\" alt=\"grasps of {0}\">\n",
+            "<h2>{0}</h2>\n<p>{1} grasps of {2} from {3} chains, {4} kinds. {5}</p>\n<img src=\"{sheet}\" alt=\"grasps of {0}\">\n",
             escape(name),
             entry.summary.kept,
             entry.summary.wanted,
@@ -142,8 +146,8 @@ pub fn write(file: &GraspFile, collection: &Collection, only: Option<&str>, hand
          <img src=\"best.png\" alt=\"a grasp of each object\">\n<h2>Diversity</h2>\n<pre>{}</pre>\n{sections}</main>\n</body>\n</html>\n",
         style::FIGURE,
         style::PAGE,
-        escape(&collection.header.command),
-        escape(&table(collection)),
+        escape(&file.collection.header.command),
+        escape(&table(&file.collection)),
     );
     Ok(write_whole(&folder.join("grasps.html"), html.as_bytes())?)
 }
@@ -151,10 +155,9 @@ pub fn write(file: &GraspFile, collection: &Collection, only: Option<&str>, hand
 #[cfg(test)]
 mod tests {
     use grasping::synthesis::held::HeldGrasp;
+    use grasping::synthesis::kind::hand_kinds;
     use proving::synthesis::grasp_file;
     use world::objects::ObjectSet;
-
-    use super::*;
 
     /// The built-in collection: every object of the set, as many grasps as its lines say, each with its digits, and nothing
     /// that the checks would not pass.
@@ -169,7 +172,7 @@ mod tests {
             assert!(hand_kinds(&entry.grasps).len() > 3, "{name}");
         }
         let good = |grasp: &HeldGrasp| {
-            grasp.margin >= 1.0 && grasp.penetration <= 1e-3 && (grasp.palm || grasp.digits.len() >= 2)
+            grasp.margin >= 1.0 && grasp.penetration <= 1e-3 && (grasp.palm() || grasp.digits().len() >= 2)
         };
         let bad: Vec<_> = collection.grasps().filter(|grasp| !good(grasp)).map(|g| (&g.object, g.chain)).collect();
         assert!(bad.is_empty(), "{bad:?}");

@@ -3,12 +3,13 @@
 use std::path::Path;
 
 use anyhow::Result;
-use grasping::synthesis::held::{pose_from_array, values};
+use grasping::synthesis::held::pose_from_array;
+use grasping::synthesis::kind::Kind;
 use image::RgbImage;
 use nalgebra::{Isometry3, Point3, UnitVector3, Vector3};
 use proving::synthesis::grasping_hand::GraspingHand as _;
+use proving::synthesis::subject::verified_for;
 use proving::synthesis::urdf_hand::describe::Described;
-use proving::synthesis::urdf_hand::kinds::UrdfKind;
 use stream::gallery::{ShownContact, ShownGrasp, ShownHand};
 use stream::mesh::Mesh;
 use world::objects::ObjectModel;
@@ -42,16 +43,16 @@ pub fn draw(picture: &mut Picture, skin: &[[Point3<f64>; 3]]) {
 }
 
 /// A sheet of the kinds of one object: a row a kind, seen onto the palm, from the side and along the fingers.
-pub fn sheet(hand: &Described, model: &ObjectModel, kinds: &[UrdfKind<'_>], path: &Path) -> Result<()> {
+pub fn sheet(hand: &Described, model: &ObjectModel, kinds: &[Kind<'_>], path: &Path) -> Result<()> {
     let views = [View::palm(), View::thumb_side(), View::tips()];
     let pictures: Vec<RgbImage> =
         kinds.iter().flat_map(|kind| views.map(|view| picture(hand, model, kind, view))).collect();
     save(&tile(&pictures, views.len()), path)
 }
 
-fn picture(hand: &Described, model: &ObjectModel, kind: &UrdfKind<'_>, view: View) -> RgbImage {
+fn picture(hand: &Described, model: &ObjectModel, kind: &Kind<'_>, view: View) -> RgbImage {
     let best = kind.best;
-    let skin = skin(hand, &values(&best.joints));
+    let skin = skin(hand, &best.joints);
     let (low, high) = skin
         .iter()
         .flatten()
@@ -83,18 +84,18 @@ fn folded(name: &str) -> String {
 }
 
 /// A kind's best grasp as a recording shows it, with its figures in words.
-pub fn shown(hand: &Described, kind: &UrdfKind<'_>) -> ShownGrasp {
+pub fn shown(hand: &Described, kind: &Kind<'_>) -> ShownGrasp {
     let grasp = kind.best;
     let text = format!(
         "- the best of {}\n- margin {:.2} N, overlap {:.2} mm\n- verified for {:.0} g, holds {:.0} g\n- chain {}",
         kind.count,
         grasp.margin,
         1e3 * grasp.penetration,
-        1e3 * grasp.proof.mass,
-        1e3 * grasp.proof.payload,
+        1e3 * verified_for(grasp).0,
+        1e3 * grasp.proof.map_or(f64::NAN, |proof| proof.payload),
         grasp.chain
     );
-    let corners: Vec<Point3<f64>> = skin(hand, &values(&grasp.joints)).into_iter().flatten().collect();
+    let corners: Vec<Point3<f64>> = skin(hand, &grasp.joints).into_iter().flatten().collect();
     let triangles: Vec<[u32; 3]> = (0..corners.len() as u32 / 3).map(|n| [3 * n, 3 * n + 1, 3 * n + 2]).collect();
     let contacts = grasp.contacts.iter().map(|contact| ShownContact {
         link: contact.link,
@@ -106,7 +107,7 @@ pub fn shown(hand: &Described, kind: &UrdfKind<'_>) -> ShownGrasp {
         name: kind.name.clone(),
         text,
         hand: ShownHand::Other(Mesh::with_normals(&corners, &triangles)),
-        palm_from_object: hand.palm_from_root * pose_from_array(&grasp.root_from_object),
+        palm_from_object: hand.palm_from_root * pose_from_array(&grasp.closed),
         contacts: contacts.collect(),
     }
 }

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use anyhow::Result;
 use grasping::synthesis::frames::{Frames, HandState};
-use grasping::synthesis::held::{HeldGrasp, Proof, VerifiedGrasp as _, pose_to_array};
+use grasping::synthesis::held::{ClosedPose, DigitUse, HeldGrasp, Proof, pose_to_array};
 use grasping::synthesis::mechanism::Mechanism;
 use grasping::synthesis::posture::{self, FreePosture};
 use grasping::synthesis::surface::HandSurface;
@@ -59,8 +59,6 @@ impl CableHand {
 }
 
 impl GraspingHand for CableHand {
-    type Grasp = HeldGrasp;
-
     const TENSIONS: (f64, f64) = (6.0, 40.0);
 
     fn sampled(&self) -> &SampledHand {
@@ -116,21 +114,25 @@ impl GraspingHand for CableHand {
         HeldGrasp {
             object: subject.model.name.clone(),
             chain,
-            palm_from_object: pose_to_array(&palm_from_object),
+            closed: ClosedPose::PalmFromObject(pose_to_array(&palm_from_object)),
             joints: closed.scene.angles().iter().copied().collect(),
             start: pose_to_array(&closed.start),
             open_joints: closed.open.joints.iter().copied().collect(),
+            open_tensions: None,
             tensions: closed.pull.tensions.iter().copied().collect(),
-            opposition: closed.pull.opposition,
+            opposition: Some(closed.pull.opposition),
             contacts: closed.touches.iter().map(|touch| contact(touch, &touch.point)).collect(),
-            palm: closed.touches.iter().any(|touch| touch.link.is_none()),
-            room: self.room(subject, closed, &free),
-            digits,
-            approach: facing.into(),
+            digit_use: Some(DigitUse {
+                palm: closed.touches.iter().any(|touch| touch.link.is_none()),
+                room: self.room(subject, closed, &free),
+                digits,
+                approach: facing.into(),
+            }),
             margin: checked.margin,
             penetration: checked.penetration,
-            moved: closed.moved.into(),
-            energy: checked.sample.terms.total,
+            held_without_tension: None,
+            moved: Some(closed.moved.into()),
+            energy: Some(checked.sample.terms.total),
             proof: None,
         }
         .rounded()
@@ -147,7 +149,7 @@ impl GraspingHand for CableHand {
 
     fn in_palm_frame(&self, grasp: &HeldGrasp) -> BestGrasp {
         BestGrasp {
-            palm_from_object: grasp.palm_from_object,
+            palm_from_object: *grasp.closed,
             joints: grasp.joints.to_vec(),
             contacts: grasp.contacts.iter().map(|contact| contact.point).collect(),
             margin: grasp.margin,

@@ -5,7 +5,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
-use grasping::synthesis::held::{HeldGrasp, UrdfGrasp, VerifiedGrasp as _, values};
+use grasping::synthesis::held::{HeldGrasp, pose_from_array};
 use hand_model::Hand;
 use nalgebra::Vector3;
 use platform::file::write_whole;
@@ -25,31 +25,31 @@ use super::urdf_hand::describe::Described;
 /// test, and what was found here. Answers with both files.
 pub fn write(hand: &Hand, object: &ObjectModel, grasp: &HeldGrasp, folder: &Path) -> Result<[PathBuf; 2]> {
     let load = verified_for(grasp);
-    let props = [(Prop::new("object", object.shape.clone(), load.0, load.1), grasp.start())];
-    let open = Pull { tensions: vec![0.0; grasp.tensions.len()], opposition: grasp.opposition };
+    let props = [(Prop::new("object", object.shape.clone(), load.0, load.1), pose_from_array(&grasp.start))];
+    let open = Pull { tensions: vec![0.0; grasp.tensions.len()], opposition: grasp.opposition.unwrap_or_default() };
     let dt = EngineSettings::default().dt;
-    let start = Some((grasp.open_joints, open.clone()));
+    let start = Some((grasp.open_joints.iter().copied().collect(), open.clone()));
     let scene = mjcf::write(&Scene { hand, arm: None, props: &props, start, gravity: Vector3::zeros(), dt });
     let mut test = test(&grasp.object, grasp.chain, load);
     test["open_tensions"] = json!(open.tensions);
-    test["tensions"] = json!(grasp.tensions);
-    test["opposition"] = json!(grasp.opposition);
-    test["closed"] = json!({ "object": grasp.palm_from_object, "joints": grasp.joints });
+    test["tensions"] = json!(*grasp.tensions);
+    test["opposition"] = json!(open.opposition);
+    test["closed"] = json!({ "object": *grasp.closed, "joints": *grasp.joints });
     files(folder, &format!("{}_{}", grasp.object, grasp.chain), &scene, test)
 }
 
 /// The same for a hand from a URDF; `object` has the mass and friction of the grasp's proof in the scene, whatever its own are.
-pub fn write_urdf(hand: &Described, object: &ObjectModel, grasp: &UrdfGrasp, folder: &Path) -> Result<[PathBuf; 2]> {
-    let load = (grasp.proof.mass, grasp.proof.friction);
-    let props = [(Prop::new("object", object.shape.clone(), load.0, load.1), grasp.start())];
-    let (joints, open) = (values(&grasp.open_joints), values(&grasp.open_tensions));
+pub fn write_urdf(hand: &Described, object: &ObjectModel, grasp: &HeldGrasp, folder: &Path) -> Result<[PathBuf; 2]> {
+    let load = verified_for(grasp);
+    let props = [(Prop::new("object", object.shape.clone(), load.0, load.1), pose_from_array(&grasp.start))];
+    let (joints, open) = (&*grasp.open_joints, grasp.open_tensions.as_deref().unwrap_or_default());
     let dt = EngineSettings::default().dt;
-    let scene = mjcf::write_urdf(&UrdfScene { body: &hand.body, props: &props, start: (&joints, &open), dt });
+    let scene = mjcf::write_urdf(&UrdfScene { body: &hand.body, props: &props, start: (joints, open), dt });
     let mut test = test(&grasp.object, grasp.chain, load);
     test["hand"] = json!(hand.hand.name);
     test["open_tensions"] = json!(open);
-    test["tensions"] = json!(values(&grasp.tensions));
-    test["closed"] = json!({ "object": grasp.root_from_object, "joints": values(&grasp.joints) });
+    test["tensions"] = json!(*grasp.tensions);
+    test["closed"] = json!({ "object": *grasp.closed, "joints": *grasp.joints });
     files(folder, &format!("{}_{}_{}", hand.hand.name, grasp.object, grasp.chain), &scene, test)
 }
 

@@ -3,7 +3,7 @@
 use anyhow::Result;
 use grasping::synthesis::energy::Plane;
 use grasping::synthesis::frames::{Frames, HandState};
-use grasping::synthesis::held::{Proof, VerifiedGrasp};
+use grasping::synthesis::held::{HeldGrasp, Proof};
 use grasping::synthesis::mechanism::Mechanism;
 use grasping::synthesis::posture::FreePosture;
 use grasping::synthesis::surface::HandSurface;
@@ -30,9 +30,6 @@ pub struct SampledHand {
 
 /// A hand for which grasps are synthesized.
 pub trait GraspingHand: Send + Sync {
-    /// Record of a verified grasp.
-    type Grasp: VerifiedGrasp;
-
     /// Range from which an actuator's tension is drawn, N.
     const TENSIONS: (f64, f64);
 
@@ -78,14 +75,14 @@ pub trait GraspingHand: Send + Sync {
     fn count(&self, checked: &Checked, report: &mut Report);
 
     /// The record of a verified grasp but for its proof.
-    fn record(&self, subject: &Subject, chain: u64, checked: &Checked) -> Self::Grasp;
+    fn record(&self, subject: &Subject, chain: u64, checked: &Checked) -> HeldGrasp;
 
     /// Completes a record.
-    fn prove(&self, checked: &Checked, proof: Proof, grasp: &mut Self::Grasp);
+    fn prove(&self, checked: &Checked, proof: Proof, grasp: &mut HeldGrasp);
 
     /// The open posture of a record, and the tensions (N) that close it.
-    fn reopened(&self, grasp: &Self::Grasp) -> (FreePosture, Vec<f64>);
+    fn reopened(&self, grasp: &HeldGrasp) -> (FreePosture, Vec<f64>);
 
     /// A record in the palm frame.
-    fn in_palm_frame(&self, grasp: &Self::Grasp) -> BestGrasp;
+    fn in_palm_frame(&self, grasp: &HeldGrasp) -> BestGrasp;
 }

@@ -7,7 +7,6 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::{Context, Result, ensure};
-use grasping::synthesis::held::VerifiedGrasp as _;
 use indicatif::ProgressBar;
 use platform::file::write_whole;
 use serde::{Deserialize, Serialize};
@@ -154,7 +153,7 @@ impl Cell {
 fn cell<H: GraspingHand>(hand: &H, subject: Subject, asked: Asked, request: &Request) -> Result<Cell> {
     let synthesizer = Synthesizer::new(hand, subject, *request);
     let (report, held) = search::search(&synthesizer, Start::default(), None, &ProgressBar::hidden())?;
-    let best = held.iter().max_by(|a, b| a.margin().total_cmp(&b.margin())).map(|grasp| hand.in_palm_frame(grasp));
+    let best = held.iter().max_by(|a, b| a.margin.total_cmp(&b.margin)).map(|grasp| hand.in_palm_frame(grasp));
     let slack = report.judgement.map(|judgement| judgement.held_without_tension);
     Ok(Cell { asked, closed: report.found, verified: report.verified, held_without_tension: slack, best })
 }

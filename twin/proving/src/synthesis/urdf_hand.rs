@@ -13,7 +13,7 @@ use anyhow::Result;
 use grasping::force_closure::{Contact, soft_wrench_margin};
 use grasping::synthesis::energy::Plane;
 use grasping::synthesis::frames::{Frames, HandState};
-use grasping::synthesis::held::{Proof, UrdfGrasp, pose_from_array, pose_to_array, values};
+use grasping::synthesis::held::{ClosedPose, HeldGrasp, Proof, Values, pose_from_array, pose_to_array};
 use grasping::synthesis::posture::FreePosture;
 use nalgebra::{Isometry3, Point3};
 use sim::hand_scene::{HandScene, Touch};
@@ -36,8 +36,6 @@ const TORSION_ARM: f64 = 3.0 * std::f64::consts::PI / 16.0 * 5e-3;
 const TORQUE_ARM: f64 = 0.01;
 
 impl GraspingHand for Described {
-    type Grasp = UrdfGrasp;
-
     const TENSIONS: (f64, f64) = (8.0, 60.0);
 
     fn sampled(&self) -> &SampledHand {
@@ -108,49 +106,51 @@ impl GraspingHand for Described {
         judgement.opposed += u64::from(refusal::opposes(self, touches));
     }
 
-    fn record(&self, subject: &Subject, chain: u64, checked: &Checked) -> UrdfGrasp {
+    fn record(&self, subject: &Subject, chain: u64, checked: &Checked) -> HeldGrasp {
         let closed = &checked.closed;
-        let by_joint = |angles: &[f64]| {
-            self.hand.tree.joints.iter().map(|joint| joint.name.clone()).zip(angles.iter().copied()).collect::<Vec<_>>()
-        };
-        let by_pull = |tensions: &[f64]| {
-            self.hand.pulls.iter().map(|pull| pull.name.clone()).zip(tensions.iter().copied()).collect::<Vec<_>>()
-        };
+        let joints: Vec<String> = self.hand.tree.joints.iter().map(|joint| joint.name.clone()).collect();
+        let pulls: Vec<String> = self.hand.pulls.iter().map(|pull| pull.name.clone()).collect();
+        let by_joint = |angles: &[f64]| Values { names: joints.clone(), values: angles.to_vec() };
+        let by_pull = |tensions: &[f64]| Values { names: pulls.clone(), values: tensions.to_vec() };
         let links = closed.scene.links();
         let contacts = closed.touches.iter().map(|touch| contact(touch, &refusal::on_surface(self, &links, touch)));
         let model = &subject.model;
-        UrdfGrasp {
+        HeldGrasp {
             object: model.name.clone(),
             chain,
-            root_from_object: pose_to_array(&closed.scene.object()),
+            closed: ClosedPose::RootFromObject(pose_to_array(&closed.scene.object())),
             joints: by_joint(closed.scene.angles()),
             start: pose_to_array(&closed.start),
             open_joints: by_joint(&closed.open.joints),
-            open_tensions: by_pull(&closed.open.tensions),
+            open_tensions: Some(by_pull(&closed.open.tensions)),
             tensions: by_pull(&closed.pull.tensions),
+            opposition: None,
             contacts: contacts.collect(),
+            digit_use: None,
             margin: checked.margin,
             penetration: checked.penetration,
-            held_without_tension: false,
-            proof: Proof { mass: model.mass, friction: model.friction, payload: 0.0 },
+            held_without_tension: None,
+            moved: None,
+            energy: None,
+            proof: None,
         }
     }
 
-    fn prove(&self, checked: &Checked, proof: Proof, grasp: &mut UrdfGrasp) {
-        grasp.held_without_tension = checks::hold(&checked.closed.slack(), checked.mass).held;
-        grasp.proof = proof;
+    fn prove(&self, checked: &Checked, proof: Proof, grasp: &mut HeldGrasp) {
+        grasp.held_without_tension = Some(checks::hold(&checked.closed.slack(), checked.mass).held);
+        grasp.proof = Some(proof);
     }
 
-    fn reopened(&self, grasp: &UrdfGrasp) -> (FreePosture, Vec<f64>) {
-        let (tensions, joints) = (values(&grasp.open_tensions), values(&grasp.open_joints));
-        (FreePosture { tensions, opposition: 0.0, joints }, values(&grasp.tensions))
+    fn reopened(&self, grasp: &HeldGrasp) -> (FreePosture, Vec<f64>) {
+        let tensions = grasp.open_tensions.as_deref().unwrap_or_default().to_vec();
+        (FreePosture { tensions, opposition: 0.0, joints: grasp.open_joints.to_vec() }, grasp.tensions.to_vec())
     }
 
-    fn in_palm_frame(&self, grasp: &UrdfGrasp) -> BestGrasp {
+    fn in_palm_frame(&self, grasp: &HeldGrasp) -> BestGrasp {
         let point = |point: &[f64; 3]| (self.palm_from_root * Point3::from(*point)).coords.into();
         BestGrasp {
-            palm_from_object: pose_to_array(&(self.palm_from_root * pose_from_array(&grasp.root_from_object))),
-            joints: values(&grasp.joints),
+            palm_from_object: pose_to_array(&(self.palm_from_root * pose_from_array(&grasp.closed))),
+            joints: grasp.joints.to_vec(),
             contacts: grasp.contacts.iter().map(|contact| point(&contact.point)).collect(),
             margin: grasp.margin,
         }

@@ -2,19 +2,17 @@
 
 use std::path::PathBuf;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result};
 use bench::recording::drawn;
 use clap::Args;
-use grasping::synthesis::collection::Collection;
 use grasping::synthesis::diversity;
-use grasping::synthesis::kind::{self, hand_kinds};
+use grasping::synthesis::kind::{self, Kind};
 use hand_model::RobotModel;
-use proving::synthesis::grasp_file::{GraspFile, Grasps, UrdfGrasps};
+use proving::synthesis::grasp_file::GraspFile;
 use proving::synthesis::parts::table;
 use proving::synthesis::subject::TEST_FRICTION;
-use proving::synthesis::urdf_hand::kinds::{self as urdf_kinds, UrdfKind};
 use report::{grasp_gallery, urdf_hand};
-use serde_json::{Value, json};
+use serde_json::json;
 use stream::Target;
 use stream::gallery::{self, ShownGrasp};
 
@@ -44,79 +42,61 @@ pub struct ShowArgs {
 /// `ftac grasps show`.
 pub fn show(terminal: &Terminal, args: &ShowArgs) -> Outcome {
     let file = GraspFile::read_or_built_in(args.grasps.as_deref())?;
-    match &file.grasps {
-        Grasps::Ours(collection) => ours(terminal, args, &file, collection),
-        Grasps::Urdf(of_urdf) => by_urdf(terminal, args, &file, of_urdf),
-    }
-}
-
-fn ours(terminal: &Terminal, args: &ShowArgs, file: &GraspFile, collection: &Collection) -> Outcome {
     let object = args.object.as_deref();
-    known(object, &collection.objects.iter().map(|entry| entry.summary.object.as_str()).collect::<Vec<_>>())?;
+    let own = RobotModel::ftac_gen3().hand;
+    let entries = file.objects(object)?;
+    let by_object: Vec<(&str, Vec<Kind<'_>>)> =
+        entries.iter().map(|entry| (entry.summary.object.as_str(), file.kinds(entry))).collect();
     if let Some(folder) = &args.report {
         std::fs::create_dir_all(folder).with_context(|| format!("--report {}", folder.display()))?;
-        grasp_gallery::write(file, collection, object, &RobotModel::ftac_gen3().hand, folder)?;
-        eprintln!("{}: grasps.html with its pictures", folder.display());
-    }
-    let own = object.and_then(|name| collection.of(name)).map(|entry| hand_kinds(&entry.grasps));
-    let text = own.as_ref().map_or_else(|| table(collection), |own| kind::table(own));
-    terminal.print(&described(collection, object), &text)?;
-    if let (Some(name), Some(own), None) = (object, own, &args.report) {
-        let shown: Vec<ShownGrasp> = own.iter().take(args.kinds).map(grasp_gallery::shown).collect();
-        // All grasps of a file come from one search.
-        let friction = own.first().map_or(TEST_FRICTION, grasp_gallery::friction);
-        record(terminal, args, file, name, friction, &shown)?;
-    }
-    Ok(None)
-}
-
-/// Grasps of a hand from a URDF.
-fn by_urdf(terminal: &Terminal, args: &ShowArgs, file: &GraspFile, other: &UrdfGrasps) -> Outcome {
-    let by_object = other.by_object();
-    let object = args.object.as_deref();
-    known(object, &by_object.keys().copied().collect::<Vec<_>>())?;
-    let wanted = by_object.iter().filter(|(name, _)| object.is_none_or(|object| object == **name));
-    let all: Vec<(&str, Vec<UrdfKind<'_>>)> =
-        wanted.map(|(name, grasps)| (*name, urdf_kinds::kinds(&other.hand, grasps))).collect();
-    if let Some(folder) = &args.report {
-        std::fs::create_dir_all(folder).with_context(|| format!("--report {}", folder.display()))?;
-        for (name, kinds) in &all {
-            let sheet = folder.join(format!("{name}.png"));
-            let shown = &kinds[..kinds.len().min(args.kinds)];
-            urdf_hand::sheet(&other.hand, &*file.model(name)?, shown, &sheet)?;
-            eprintln!("{}", sheet.display());
+        match &file.other {
+            None => {
+                grasp_gallery::write(&file, object, &own, folder)?;
+                eprintln!("{}: grasps.html with its pictures", folder.display());
+            }
+            Some(hand) => {
+                for (name, kinds) in &by_object {
+                    let sheet = folder.join(format!("{name}.png"));
+                    urdf_hand::sheet(hand, &*file.model(name)?, &kinds[..kinds.len().min(args.kinds)], &sheet)?;
+                    eprintln!("{}", sheet.display());
+                }
+            }
         }
     }
-    let hand = &other.hand.hand.name;
-    let objects: Vec<Value> = all.iter().map(|(name, kinds)| json!({"object": name, "kinds": kinds})).collect();
-    let text: String =
-        all.iter().map(|(name, kinds)| format!("{hand} on {name}\n{}", urdf_kinds::table(kinds))).collect();
-    terminal.print(&json!({ "hand": hand, "objects": objects }), &text)?;
-    if let (Some(_), [(name, kinds)], None) = (object, &all[..], &args.report) {
-        let shown: Vec<ShownGrasp> =
-            kinds.iter().take(args.kinds).map(|kind| urdf_hand::shown(&other.hand, kind)).collect();
-        let friction = kinds.first().map_or(TEST_FRICTION, |kind| kind.best.proof.friction);
-        record(terminal, args, file, name, friction, &shown)?;
+    let text = match (&file.other, object) {
+        (None, None) => table(&file.collection),
+        (other, _) => {
+            let title =
+                |name: &str| other.as_ref().map_or(String::new(), |hand| format!("{} on {name}\n", hand.hand.name));
+            by_object.iter().map(|(name, kinds)| title(name) + &kind::table(kinds)).collect()
+        }
+    };
+    let objects = entries.iter().zip(&by_object).map(|(entry, (name, kinds))| {
+        let mut answer = json!({ "object": name, "kinds": kinds });
+        if file.other.is_none() {
+            answer["diversity"] = json!(diversity::describe(&entry.grasps));
+        }
+        answer
+    });
+    let mut answer = json!({ "objects": objects.collect::<Vec<_>>() });
+    if let Some(hand) = &file.other {
+        answer["hand"] = json!(hand.hand.name);
+    }
+    terminal.print(&answer, &text)?;
+    if let (Some(_), [(name, kinds)], None) = (object, &by_object[..], &args.report) {
+        let shown: Vec<ShownGrasp> = kinds
+            .iter()
+            .take(args.kinds)
+            .map(|kind| match &file.other {
+                None => grasp_gallery::shown(kind),
+                Some(hand) => urdf_hand::shown(hand, kind),
+            })
+            .collect();
+        // All grasps of a file come from one search.
+        let friction = kinds.first().map_or(TEST_FRICTION, grasp_gallery::friction);
+        record(terminal, args, &file, name, friction, &shown)?;
     }
     Ok(None)
-}
-
-/// Refuses an object of which there is no grasp.
-fn known(object: Option<&str>, names: &[&str]) -> Result<()> {
-    if let Some(name) = object.filter(|name| !names.contains(name)) {
-        bail!("OBJECT: no grasps of `{name}`; there are some of: {}", names.join(", "));
-    }
-    Ok(())
-}
-
-/// The kinds of all objects, or of one.
-fn described(collection: &Collection, only: Option<&str>) -> Value {
-    let entries = collection.objects.iter().filter(|entry| only.is_none_or(|name| name == entry.summary.object));
-    let objects = entries.map(|entry| {
-        let kinds = hand_kinds(&entry.grasps);
-        json!({"object": entry.summary.object, "diversity": diversity::describe(&entry.grasps), "kinds": kinds})
-    });
-    json!({ "objects": objects.collect::<Vec<_>>() })
 }
 
 fn record(
