@@ -2,16 +2,13 @@
 //!
 //! A file says that its grasps were verified; this shows it, on this machine and with this version of the physics.
 
-use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::Result;
 use grasping::synthesis::collection::ObjectGrasps;
 use grasping::synthesis::held::{HeldGrasp, pose_from_array};
-use hand_model::Hand;
 use rayon::prelude::*;
 
-use super::cable_hand::CableHand;
 use super::checks::{self, LEAST_MARGIN, MOST_PENETRATION};
 use super::closing;
 use super::evaluation::{self, Evaluation, Row};
@@ -22,22 +19,14 @@ use super::subject::{Subject, verified_for};
 /// What is known of a grasp that is closed again: metrics of the evaluation.
 const METRICS: [&str; 2] = ["margin", "contacts"];
 
-/// An evaluation for each object of `file`, or for `object` alone; `own` is the hand of grasps that are not another URDF's.
-pub fn evaluate(own: &Arc<Hand>, file: &GraspFile, object: Option<&str>) -> Result<Vec<Evaluation>> {
-    let of = |entry: &ObjectGrasps| match &file.other {
-        None => of_object(file, &CableHand::new(own.clone()), entry),
-        Some(hand) => of_object(file, hand, entry),
-    };
-    file.collection
-        .objects
-        .iter()
-        .filter(|entry| object.is_none_or(|name| name == entry.summary.object))
-        .map(of)
-        .collect()
+/// An evaluation for each object of `file`, or for `object` alone.
+pub fn evaluate(file: &GraspFile, object: Option<&str>) -> Result<Vec<Evaluation>> {
+    let wanted = |entry: &&ObjectGrasps| object.is_none_or(|name| name == entry.summary.object);
+    file.collection.objects.iter().filter(wanted).map(|entry| of_object(file, entry)).collect()
 }
 
 /// Closes every grasp of an object with the mass and friction that it was verified for.
-fn of_object<H: GraspingHand>(file: &GraspFile, hand: &H, entry: &ObjectGrasps) -> Result<Evaluation> {
+fn of_object(file: &GraspFile, entry: &ObjectGrasps) -> Result<Evaluation> {
     let (name, grasps) = (&entry.summary.object, &entry.grasps);
     let start = Instant::now();
     let mut subjects: Vec<((f64, f64), Subject)> = Vec::new();
@@ -50,17 +39,17 @@ fn of_object<H: GraspingHand>(file: &GraspFile, hand: &H, entry: &ObjectGrasps) 
         .par_iter()
         .filter_map(|grasp| {
             let (_, subject) = subjects.iter().find(|(known, _)| *known == verified_for(grasp))?;
-            Some(row(hand, subject, grasp))
+            Some(row(&file.hand, subject, grasp))
         })
         .collect::<Result<Vec<_>>>()?;
     Ok(Evaluation { wall_s: start.elapsed().as_secs_f64(), ..evaluation::summarize(name, &rows, &METRICS) })
 }
 
 /// A grasp closed once more; none if it does not close.
-fn row<H: GraspingHand>(hand: &H, subject: &Subject, grasp: &HeldGrasp) -> Result<Option<Row>> {
-    let (open, tensions) = hand.reopened(grasp);
+fn row(hand: &GraspingHand, subject: &Subject, grasp: &HeldGrasp) -> Result<Option<Row>> {
+    let (open, tensions) = (hand.reopened(grasp), grasp.tensions.to_vec());
     // A grasp that asks for more than the hand's joints bear is none.
-    let bearable = hand.bearable(tensions.clone()) == tensions;
+    let bearable = hand.bearable(&tensions) == tensions;
     let Ok(closed) = closing::pull(hand, subject, pose_from_array(&grasp.start), open, tensions) else {
         return Ok(None);
     };

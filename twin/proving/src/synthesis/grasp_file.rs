@@ -11,51 +11,53 @@ use anyhow::{Context, Result, bail, ensure};
 use grasping::synthesis::collection::{self, Collection, ObjectGrasps, Summary};
 use grasping::synthesis::grasp_file::{self, GraspFileError, HandSource, Header, Source};
 use grasping::synthesis::held::HeldGrasp;
-use grasping::synthesis::kind::{Kind, hand_kinds};
+use grasping::synthesis::kind::Kind;
+use hand_model::Hand;
 use platform::digest::sha256;
 use world::objects::{ObjectModel, ObjectSet};
 
+use super::grasping_hand::GraspingHand;
+use super::kinds;
 use super::subject::Subject;
-use super::urdf_hand::describe::{self, Described};
-use super::urdf_hand::kinds;
+use super::urdf_hand::describe;
 
 /// Grasps and what they are of.
 pub struct GraspFile {
     pub collection: Collection,
-    /// The hand that found them, from a URDF; none is our own.
-    pub other: Option<Described>,
+    /// The hand that found them.
+    pub hand: GraspingHand,
     set: ObjectSet,
     /// The object from a mesh file.
     own: Option<Subject>,
 }
 
 impl GraspFile {
-    /// Reads `file`, or the collection that comes with the program.
-    pub fn read_or_built_in(file: Option<&Path>) -> Result<Self> {
+    /// Reads `file`, or the collection that comes with the program. Grasps are `ours` where the file names no other hand.
+    pub fn read_or_built_in(file: Option<&Path>, ours: Arc<Hand>) -> Result<Self> {
         match file {
-            Some(path) => Self::read(path).with_context(|| format!("--grasps {}", path.display())),
-            None => Ok(Self { collection: built_in()?, other: None, set: ObjectSet::repertoire(), own: None }),
+            Some(path) => Self::read(path, ours).with_context(|| format!("--grasps {}", path.display())),
+            None => {
+                let hand = GraspingHand::of(ours);
+                Ok(Self { collection: built_in()?, hand, set: ObjectSet::repertoire(), own: None })
+            }
         }
     }
 
-    fn read(path: &Path) -> Result<Self> {
+    fn read(path: &Path, ours: Arc<Hand>) -> Result<Self> {
         let header = grasp_file::read_header(path).ok();
         let mesh = header.as_ref().and_then(|header| header.mesh.as_ref());
         let own = mesh.map(|mesh| Ok::<_, anyhow::Error>(Subject::from_mesh(&unchanged(mesh, path, "mesh")?)?.0));
         let own = own.transpose()?;
-        let (mut collection, other) = match header.and_then(|header| header.hand) {
-            Some(source) => {
-                let (collection, hand) = of_urdf(path, &source)?;
-                (collection, Some(hand))
-            }
-            None => (read(path)?, None),
+        let (mut collection, hand) = match header.and_then(|header| header.hand) {
+            Some(source) => of_urdf(path, &source)?,
+            None => (read(path)?, GraspingHand::of(ours)),
         };
         if let Some(back) = own.as_ref().map(|subject| -subject.origin) {
             for grasp in collection.objects.iter_mut().flat_map(|entry| &mut entry.grasps) {
                 *grasp = grasp.clone().with_frame_moved(&back);
             }
         }
-        Ok(Self { collection, other, set: ObjectSet::repertoire(), own })
+        Ok(Self { collection, hand, set: ObjectSet::repertoire(), own })
     }
 
     /// The grasps of `object`, or of all; an object of which there is none is refused.
@@ -71,10 +73,7 @@ impl GraspFile {
 
     /// The kinds among an object's grasps, the most frequent first.
     pub fn kinds<'a>(&self, entry: &'a ObjectGrasps) -> Vec<Kind<'a>> {
-        match &self.other {
-            None => hand_kinds(&entry.grasps),
-            Some(hand) => kinds::kinds(hand, &entry.grasps),
-        }
+        kinds::kinds(&self.hand, &entry.grasps)
     }
 
     /// The model of an object: of the set, or of the file's own mesh.
@@ -124,13 +123,13 @@ fn unchanged(named: &Source, grasps: &Path, field: &str) -> Result<PathBuf> {
     Ok(path)
 }
 
-fn of_urdf(path: &Path, source: &HandSource) -> Result<(Collection, Described)> {
+fn of_urdf(path: &Path, source: &HandSource) -> Result<(Collection, GraspingHand)> {
     let hand =
         describe::read(&unchanged(&source.urdf, path, "hand.urdf")?, &unchanged(&source.pulls, path, "hand.pulls")?)?;
     let (header, grasps) = grasp_file::read(path)?;
     ensure!(!grasps.is_empty(), "{}: found no grasp, expected at least one", path.display());
-    let joints = hand.hand.tree.joints.iter().map(|joint| joint.name.as_str());
-    let pulls = hand.hand.pulls.iter().map(|pull| pull.name.as_str());
+    let joints = hand.sampled.tree.joints.iter().map(|joint| joint.name.as_str());
+    let pulls = hand.mechanism().pulls.iter().map(|pull| pull.name.as_str());
     let (joints, pulls): (Vec<&str>, Vec<&str>) = (joints.collect(), pulls.collect());
     for (n, grasp) in grasps.iter().enumerate() {
         let named = [

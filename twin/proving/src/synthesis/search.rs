@@ -12,7 +12,6 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::closing::NotClosed;
-use super::grasping_hand::GraspingHand;
 use super::load::Load;
 use super::synthesizer::{ChainResult, Checked, Synthesizer};
 use super::urdf_hand::refusal::Refused;
@@ -170,8 +169,8 @@ pub struct Start {
 
 /// Runs all chains; every verified grasp that is no near duplicate goes to `writer` when its batch is done. Answers with what
 /// it came to and all grasps kept.
-pub fn search<H: GraspingHand>(
-    synthesizer: &Synthesizer<'_, H>,
+pub fn search(
+    synthesizer: &Synthesizer<'_>,
     from: Start,
     mut writer: Option<GraspWriter>,
     progress: &ProgressBar,
@@ -179,7 +178,7 @@ pub fn search<H: GraspingHand>(
     let start = Instant::now();
     let Synthesizer { hand, subject, request, .. } = synthesizer;
     let model = &subject.model;
-    let surface = &hand.sampled().surface;
+    let surface = &hand.sampled.surface;
     let (candidates, surface_points) = (surface.candidates.len(), surface.len());
     let mut report = Report { object: model.name.clone(), candidates, surface_points, ..hand.report() };
     show_chains(progress, &model.name, request.chains)?;
@@ -295,14 +294,14 @@ mod tests {
 
     use hand_model::Hand;
 
-    use super::super::cable_hand::CableHand;
+    use super::super::grasping_hand::GraspingHand;
     use super::super::subject::Subject;
     use super::super::synthesizer::Request;
     use super::*;
 
     fn verified(threads: usize) -> (Verified, Vec<String>) {
         let request = Request { chains: 6, enough: usize::MAX, contacts: (5, 5), closings: 4, seed: 3, table: false };
-        let hand = CableHand::new(Arc::new(Hand::ftac()));
+        let hand = GraspingHand::of(Arc::new(Hand::ftac()));
         let synthesizer = Synthesizer::new(&hand, Subject::named("ball").expect("the ball"), request);
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("held.jsonl");

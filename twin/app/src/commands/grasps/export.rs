@@ -35,16 +35,12 @@ pub struct ExportArgs {
 /// `ftac grasps export`.
 pub fn run(terminal: &Terminal, args: &ExportArgs) -> Outcome {
     ensure!(args.n > 0, "--n: found 0, expected at least 1");
-    let file = GraspFile::read_or_built_in(args.grasps.as_deref())?;
-    let hand = RobotModel::ftac_gen3().hand;
+    let file = GraspFile::read_or_built_in(args.grasps.as_deref(), RobotModel::ftac_gen3().hand)?;
     let grasps = file.collection.of(&args.object).map_or(&[][..], |entry| &entry.grasps);
     ensure!(!grasps.is_empty(), "OBJECT: found no grasp of `{}`, expected some", args.object);
     let object = file.model(&args.object)?;
     let wanted = grasps.iter().filter(|grasp| args.chain.is_none_or(|chain| chain == grasp.chain));
-    let written = wanted.take(args.n).map(|grasp| match &file.other {
-        None => export::write(&hand, &object, grasp, &args.mjcf),
-        Some(hand) => export::write_urdf(hand, &object, grasp, &args.mjcf),
-    });
+    let written = wanted.take(args.n).map(|grasp| export::write(&file.hand, &object, grasp, &args.mjcf));
     let files: Vec<[PathBuf; 2]> =
         written.collect::<Result<_>>().with_context(|| format!("--mjcf {}", args.mjcf.display()))?;
     if let (true, Some(chain)) = (files.is_empty(), args.chain) {

@@ -11,7 +11,7 @@ use hand_model::RobotModel;
 use proving::synthesis::grasp_file::GraspFile;
 use proving::synthesis::parts::table;
 use proving::synthesis::subject::TEST_FRICTION;
-use report::{grasp_gallery, urdf_hand};
+use report::grasp_gallery;
 use serde_json::json;
 use stream::Target;
 use stream::gallery::{self, ShownGrasp};
@@ -41,57 +41,38 @@ pub struct ShowArgs {
 
 /// `ftac grasps show`.
 pub fn show(terminal: &Terminal, args: &ShowArgs) -> Outcome {
-    let file = GraspFile::read_or_built_in(args.grasps.as_deref())?;
-    let object = args.object.as_deref();
-    let own = RobotModel::ftac_gen3().hand;
+    let file = GraspFile::read_or_built_in(args.grasps.as_deref(), RobotModel::ftac_gen3().hand)?;
+    let (object, hand) = (args.object.as_deref(), &file.hand);
     let entries = file.objects(object)?;
     let by_object: Vec<(&str, Vec<Kind<'_>>)> =
         entries.iter().map(|entry| (entry.summary.object.as_str(), file.kinds(entry))).collect();
     if let Some(folder) = &args.report {
         std::fs::create_dir_all(folder).with_context(|| format!("--report {}", folder.display()))?;
-        match &file.other {
-            None => {
-                grasp_gallery::write(&file, object, &own, folder)?;
-                eprintln!("{}: grasps.html with its pictures", folder.display());
-            }
-            Some(hand) => {
-                for (name, kinds) in &by_object {
-                    let sheet = folder.join(format!("{name}.png"));
-                    urdf_hand::sheet(hand, &*file.model(name)?, &kinds[..kinds.len().min(args.kinds)], &sheet)?;
-                    eprintln!("{}", sheet.display());
-                }
-            }
-        }
+        grasp_gallery::write(&file, object, args.kinds, folder)?;
+        eprintln!("{}: grasps.html with its pictures", folder.display());
     }
-    let text = match (&file.other, object) {
-        (None, None) => table(&file.collection),
-        (other, _) => {
-            let title =
-                |name: &str| other.as_ref().map_or(String::new(), |hand| format!("{} on {name}\n", hand.hand.name));
-            by_object.iter().map(|(name, kinds)| title(name) + &kind::table(kinds)).collect()
-        }
+    let own = hand.named.is_some();
+    let text = if own && object.is_none() {
+        table(&file.collection)
+    } else {
+        let title = |name: &str| if own { String::new() } else { format!("{} on {name}\n", hand.name()) };
+        by_object.iter().map(|(name, kinds)| title(name) + &kind::table(kinds)).collect()
     };
     let objects = entries.iter().zip(&by_object).map(|(entry, (name, kinds))| {
         let mut answer = json!({ "object": name, "kinds": kinds });
-        if file.other.is_none() {
+        if own {
             answer["diversity"] = json!(diversity::describe(&entry.grasps));
         }
         answer
     });
     let mut answer = json!({ "objects": objects.collect::<Vec<_>>() });
-    if let Some(hand) = &file.other {
-        answer["hand"] = json!(hand.hand.name);
+    if !own {
+        answer["hand"] = json!(hand.name());
     }
     terminal.print(&answer, &text)?;
     if let (Some(_), [(name, kinds)], None) = (object, &by_object[..], &args.report) {
-        let shown: Vec<ShownGrasp> = kinds
-            .iter()
-            .take(args.kinds)
-            .map(|kind| match &file.other {
-                None => grasp_gallery::shown(kind),
-                Some(hand) => urdf_hand::shown(hand, kind),
-            })
-            .collect();
+        let shown: Vec<ShownGrasp> =
+            kinds.iter().take(args.kinds).map(|kind| grasp_gallery::shown(hand, kind)).collect();
         // All grasps of a file come from one search.
         let friction = kinds.first().map_or(TEST_FRICTION, grasp_gallery::friction);
         record(terminal, args, &file, name, friction, &shown)?;
