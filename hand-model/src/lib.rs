@@ -3,7 +3,7 @@
 //!
 //! The story in order: [`robot_model`] reads a robot file, which names a hand and an arm; [`parameters`] reads the file with all numbers of the hand (`data/ftac_hand.toml`); [`hand`] turns it into a
 //! [`kinematics::Tree`] with covers, [`pads`] and a [`transmission`]; [`arm`] does the same for the Gen3; [`urdf`] writes both
-//! as URDF and reads any URDF back, [`urdf_hand`] makes a hand of one; [`statics`] finds where the digits come to rest,
+//! as URDF and reads any URDF back, [`hand_mechanism`] is what physics and grasp synthesis know of a hand, from a parameter file or by [`urdf_hand`] from a URDF; [`statics`] finds where the digits come to rest,
 //! [`load`] what the arm's joints bear; [`robot`] says what a body measures and what it can be told.
 //!
 //! # Frames
@@ -14,6 +14,7 @@
 pub mod arm;
 pub mod digit;
 pub mod hand;
+pub mod hand_mechanism;
 pub mod kinematics;
 pub mod load;
 pub mod pads;

@@ -28,7 +28,7 @@
 //! `visuals = true` takes the visual shapes of links that have no collision shape; a hand without any collision shape is taken so anyway.
 //!
 //! Links on fixed joints become part of the link that carries them, frames without mass too. A link with
-//! mass and no inertia is a point mass, one that moves and has no mass gets one ([`UrdfHand::notes`] names both). A joint that mimics another follows
+//! mass and no inertia is a point mass, one that moves and has no mass gets one ([`HandMechanism::notes`] names both). A joint that mimics another follows
 //! it. A joint that nothing pulls is held where `[held]` says, otherwise at rest: 0, or the nearest within its limits. Its link
 //! becomes part of the link that carries it. Collision meshes are cut into convex parts ([`MeshTools`]); they need not be watertight.
 
@@ -41,91 +41,23 @@ mod shapes;
 use std::collections::{BTreeMap, VecDeque};
 use std::path::Path;
 
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::Isometry3;
 use urdf_rs::{JointType, Robot};
 
-use crate::hand::MassProperties;
+use crate::hand_mechanism::HandMechanism;
 use crate::kinematics::{JointKind, Tree, pose_from_xyz_rpy};
 use crate::transmission::Follower;
 use crate::urdf::{fault, frames, parse_robot, read_bytes};
 use platform::data::{DataError, parse_toml, read_text};
 
 pub use meshes::{Cut, MeshTools, Triangles};
-pub use shapes::{MeshSurface, Solid, SolidShape};
 
 use pulls::PullsFile;
 
 /// Radius of the pinion that a joint which slides is driven by where `[slide]` is not given, m: it makes the damping, armature and
 /// spring of a turn those of a slide.
 const PINION: f64 = 0.01;
-/// A torque is within an effort up to this share.
-const ROUNDING: f64 = 1e-9;
-
-/// An actuator's cable.
-#[derive(Debug, Clone)]
-pub struct Pull {
-    pub name: String,
-    /// Joints with their moment arm, m; force over tension of a slide.
-    pub arms: Vec<(usize, f64)>,
-    /// Largest tension that the actuator gives and its joints bear, N, and what sets it; none where neither file says.
-    pub most: Option<(f64, String)>,
-}
-
-/// Spring, damping and armature of a joint.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Feel {
-    /// N m/rad or N/m.
-    pub spring: f64,
-    /// N m s/rad or N s/m.
-    pub damping: f64,
-    /// kg m2 or kg.
-    pub armature: f64,
-}
-
-/// The palm as the pulls file has it.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Palm {
-    /// Links of the root that may bear an object.
-    pub links: Vec<String>,
-    /// Unit vector out of the palm, root frame.
-    pub facing: Option<Vector3<f64>>,
-}
-
-/// A hand read from files.
-#[derive(Debug, Clone)]
-pub struct UrdfHand {
-    /// Name of the URDF's robot.
-    pub name: String,
-    /// Moving joints, parents first.
-    pub tree: Tree,
-    /// Mass of each moving link with what is fixed to it.
-    pub masses: Vec<MassProperties>,
-    /// Collision shapes.
-    pub solids: Vec<Solid>,
-    /// Surfaces of the meshes that solids stand for.
-    pub surfaces: Vec<MeshSurface>,
-    /// Links (of the URDF) without any collision shape, that carry a mass or a visual shape.
-    pub bare: Vec<String>,
-    /// Joints that follow others.
-    pub followers: Vec<Follower>,
-    /// Actuators.
-    pub pulls: Vec<Pull>,
-    /// Effort that each joint bears, N m or N; none where the URDF does not say.
-    pub efforts: Vec<Option<f64>>,
-    /// Every joint that turns.
-    pub turn: Feel,
-    /// Every joint that slides.
-    pub slide: Feel,
-    /// Coordinate of each joint at which its spring rests, rad or m.
-    pub spring_rest: Vec<f64>,
-    pub palm: Palm,
-    /// Joints that are held at a coordinate (rad or m), which the tree does not have.
-    pub held: Vec<(String, f64)>,
-    /// What was taken otherwise than the files say, a line each.
-    pub notes: Vec<String>,
-}
-
-impl UrdfHand {
+impl HandMechanism {
     /// Reads a hand from its URDF and its pulls file.
     pub fn read(urdf: &Path, pulls: &Path, meshes: MeshTools) -> Result<Self, DataError> {
         let robot = read_bytes(urdf)?;
@@ -168,18 +100,25 @@ impl UrdfHand {
         let shapes = shapes::read(&robot, &carried, path, file.visuals, meshes, &mut notes)?;
         let masses = masses::of(&robot, &tree, &carried, &shapes.solids, path, &mut notes)?;
         let efforts = efforts(&robot, &tree, path, &mut notes);
+        let feel = |kind| match kind {
+            JointKind::Turn => file.turn(),
+            JointKind::Slide => file.slide(),
+        };
         let mut hand = Self {
             name: robot.name.clone(),
+            root: "root".into(),
+            root_mass: None,
             masses,
             solids: shapes.solids,
             surfaces: shapes.surfaces,
             bare: shapes.bare,
             followers: followers(&robot, &tree),
             pulls: Vec::new(),
+            opposition: None,
             efforts,
-            turn: file.turn(),
-            slide: file.slide(),
+            feel: tree.joints.iter().map(|joint| feel(joint.kind)).collect(),
             spring_rest: vec![0.0; tree.len()],
+            digits_apart: false,
             palm: file.palm(),
             tree,
             held,
@@ -187,65 +126,6 @@ impl UrdfHand {
         };
         pulls::complete(&mut hand, file, pulls_path)?;
         Ok(hand)
-    }
-
-    /// Rest coordinate of every joint, rad or m: its spring's, clamped to its limits; of a joint that follows, what its leader's makes it.
-    pub fn rest(&self) -> Vec<f64> {
-        let joints = self.tree.joints.iter().zip(&self.spring_rest);
-        let mut rest: Vec<f64> = joints.map(|(joint, rest)| rest.clamp(joint.lower, joint.upper)).collect();
-        for Follower { joint, leader, multiplier, offset } in &self.followers {
-            let own = &self.tree.joints[*joint];
-            rest[*joint] = (multiplier * rest[*leader] + offset).clamp(own.lower, own.upper);
-        }
-        rest
-    }
-
-    /// Spring, damping and armature of a joint.
-    pub fn feel(&self, joint: usize) -> Feel {
-        match self.tree.joints[joint].kind {
-            JointKind::Turn => self.turn,
-            JointKind::Slide => self.slide,
-        }
-    }
-
-    /// Joint efforts (N m or N) of the actuators' `tensions` (N) and the springs at `q` (rad or m).
-    pub fn torques(&self, q: &[f64], tensions: &[f64]) -> Vec<f64> {
-        let springs = q.iter().zip(&self.spring_rest).enumerate();
-        let mut torques: Vec<f64> = springs.map(|(joint, (q, rest))| -self.feel(joint).spring * (q - rest)).collect();
-        for (pull, tension) in self.pulls.iter().zip(tensions) {
-            for (joint, arm) in &pull.arms {
-                torques[*joint] += arm * tension;
-            }
-        }
-        torques
-    }
-
-    /// `tensions` (N), none above what its actuator gives and its joints bear; those that were, by the actuator's number.
-    pub fn within_efforts(&self, tensions: &[f64]) -> (Vec<f64>, Vec<usize>) {
-        let mut above = Vec::new();
-        let within = self.pulls.iter().zip(tensions).enumerate().map(|(n, (pull, tension))| match &pull.most {
-            Some((most, _)) if tension > most => {
-                above.push(n);
-                *most
-            }
-            _ => *tension,
-        });
-        let mut within: Vec<f64> = within.collect();
-        // What several cables do to a joint adds up.
-        for (joint, effort) in self.efforts.iter().enumerate().filter_map(|(joint, effort)| Some((joint, (*effort)?))) {
-            let arm = |pull: &Pull| pull.arms.iter().filter(|(own, _)| *own == joint).map(|(_, arm)| arm).sum::<f64>();
-            let total: f64 = self.pulls.iter().zip(&within).map(|(pull, tension)| arm(pull) * tension).sum();
-            if total.abs() <= effort * (1.0 + ROUNDING) {
-                continue;
-            }
-            for (n, _) in self.pulls.iter().enumerate().filter(|(_, pull)| arm(pull) * total > 0.0) {
-                within[n] *= effort / total.abs();
-                if !above.contains(&n) {
-                    above.push(n);
-                }
-            }
-        }
-        (within, above)
     }
 }
 

@@ -4,7 +4,7 @@
 
 use std::path::Path;
 
-use hand_model::urdf_hand::UrdfHand;
+use hand_model::hand_mechanism::HandMechanism;
 use platform::reach::Reach;
 use proptest::prelude::*;
 use scenarios::Scenario;
@@ -85,7 +85,7 @@ proptest! {
     fn hands(damages in damages()) {
         let path = Path::new("clamp");
         for (urdf, pulls) in [(damaged(URDF, &damages), PULLS.to_owned()), (URDF.to_owned(), damaged(PULLS, &damages))] {
-            if let Ok(hand) = UrdfHand::parse(&urdf, path, &pulls, path, LINK_MESHES) {
+            if let Ok(hand) = HandMechanism::parse(&urdf, path, &pulls, path, LINK_MESHES) {
                 prop_assert!(hand.rest().iter().all(|angle| angle.is_finite()));
             }
         }

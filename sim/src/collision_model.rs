@@ -1,16 +1,20 @@
-//! Collision shapes of a hand from a URDF, in the physics engine's terms.
+//! Collision shapes of a hand in the physics engine's terms.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use hand_model::urdf_hand::{SolidShape, UrdfHand};
+use hand_model::hand_mechanism::{HandMechanism, SolidShape};
 use nalgebra::{Isometry3, Point3};
 use rapier3d_f64::geometry::{Capsule, ConvexPolyhedron};
 use rapier3d_f64::prelude::*;
+use world::geometry::Shape as Geometry;
 
 use crate::body::groups;
 use crate::convert;
 use crate::stand::{joined, overlap};
+
+/// Collision group of the palm of digits apart.
+const PALM: Group = Group::GROUP_5;
 
 /// Two links; `None` is the root.
 pub type LinkPair = (Option<usize>, Option<usize>);
@@ -18,23 +22,23 @@ pub type LinkPair = (Option<usize>, Option<usize>);
 /// A hand with its collision shapes, made once for all of its scenes.
 #[derive(Clone)]
 pub struct CollisionModel {
-    hand: Arc<UrdfHand>,
+    hand: Arc<HandMechanism>,
     shapes: Vec<(Option<usize>, Pose, SharedShape)>,
     passing: BTreeSet<LinkPair>,
 }
 
 impl CollisionModel {
-    pub fn new(hand: Arc<UrdfHand>) -> Self {
+    pub fn new(hand: Arc<HandMechanism>) -> Self {
         let shapes = hand
             .solids
             .iter()
             .filter_map(|solid| Some((solid.link, convert::pose(&solid.link_from_solid), shape(&solid.shape)?)))
             .collect::<Vec<_>>();
-        let passing = passing(&hand, &shapes);
+        let passing = if hand.digits_apart { BTreeSet::new() } else { passing(&hand, &shapes) };
         Self { hand, shapes, passing }
     }
 
-    pub fn hand(&self) -> &Arc<UrdfHand> {
+    pub fn hand(&self) -> &Arc<HandMechanism> {
         &self.hand
     }
 
@@ -52,8 +56,17 @@ impl CollisionModel {
 
     /// Colliders of all shapes with their link.
     pub(crate) fn colliders(&self) -> Vec<(Option<usize>, ColliderBuilder)> {
-        let groups = InteractionGroups::all().with_memberships(groups::HAND).with_filter(groups::HAND | groups::OBJECT);
+        let (links, apart) = (groups::HAND | groups::OBJECT, self.hand.digits_apart);
+        // What a joint connects does not collide. The engine sees to that within a multibody; between a palm and the first links of
+        // digits apart, which hang on roots of their own, groups do.
+        let group = |link: &Option<usize>| match link.map(|link| self.hand.tree.joints[link].parent) {
+            None if apart => (PALM, links),
+            Some(Some(_)) if apart => (groups::HAND, links | PALM),
+            _ => (groups::HAND, links),
+        };
         let collider = |(link, pose, shape): &(Option<usize>, Pose, SharedShape)| {
+            let (member, filter) = group(link);
+            let groups = InteractionGroups::all().with_memberships(member).with_filter(filter);
             let collider = ColliderBuilder::new(shape.clone())
                 .active_hooks(ActiveHooks::MODIFY_SOLVER_CONTACTS)
                 .position(*pose)
@@ -80,7 +93,7 @@ impl CollisionModel {
     }
 }
 
-fn passing(hand: &UrdfHand, shapes: &[(Option<usize>, Pose, SharedShape)]) -> BTreeSet<LinkPair> {
+fn passing(hand: &HandMechanism, shapes: &[(Option<usize>, Pose, SharedShape)]) -> BTreeSet<LinkPair> {
     let links = hand.tree.forward(&hand.rest());
     let place = |(link, pose, _): &(Option<usize>, Pose, SharedShape)| match link {
         Some(link) => convert::pose(&links[*link]) * *pose,
@@ -118,6 +131,10 @@ fn surface(shape: &SolidShape) -> Vec<(Vec<Vector>, Vec<[u32; 3]>)> {
     const ROUND: u32 = 20;
     match shape {
         SolidShape::Cuboid(half) => vec![Cuboid::new(convert::vector(half)).to_trimesh()],
+        SolidShape::RoundedCuboid(half, radius) => {
+            let (points, triangles, _) = Geometry::Cuboid { half: *half, radius: *radius }.triangles();
+            vec![(points.iter().map(convert::point).collect(), triangles)]
+        }
         SolidShape::Sphere(radius) => vec![Ball::new(*radius).to_trimesh(ROUND, ROUND)],
         SolidShape::Cylinder(radius, half) => {
             let (vertices, triangles) = Cylinder::new(*half, *radius).to_trimesh(ROUND);
@@ -139,6 +156,10 @@ fn surface(shape: &SolidShape) -> Vec<(Vec<Vector>, Vec<[u32; 3]>)> {
 fn shape(shape: &SolidShape) -> Option<SharedShape> {
     match shape {
         SolidShape::Cuboid(half) => Some(SharedShape::cuboid(half.x, half.y, half.z)),
+        SolidShape::RoundedCuboid(half, radius) => {
+            let inner = half.add_scalar(-radius);
+            Some(SharedShape::round_cuboid(inner.x, inner.y, inner.z, *radius))
+        }
         SolidShape::Sphere(radius) => Some(SharedShape::ball(*radius)),
         SolidShape::Cylinder(radius, half) => {
             // parry's cylinder stands along y.

@@ -1,20 +1,16 @@
 //! The hand alone, its palm fixed in space, with floating objects: the scene in which a grasp is closed and tested.
 //!
 //! World axes are the root's. Actuators pull with given tensions (servos in current control at rest), and an opposition servo holds
-//! its angle. There is no gravity: the protocol's forces are applied instead. The digits of a hand of cables are multibodies of
-//! their own, because without an arm they do not feel each other's inertia; a hand from a URDF is one, as its joints may follow
-//! those of other digits.
+//! its angle. There is no gravity: the protocol's forces are applied instead. Digits apart are multibodies of their own, because
+//! without an arm they do not feel each other's inertia; a hand whose joints may follow those of other digits is one.
 
 use std::sync::Arc;
 
-use hand_model::Hand;
-use hand_model::kinematics::Tree;
-use hand_model::urdf_hand::{Feel, UrdfHand};
+use hand_model::hand_mechanism::{Feel, HandMechanism};
 use nalgebra::{Isometry3, Point3, UnitVector3, Vector3};
 use rapier3d_f64::prelude::*;
 use world::objects::ObjectModel;
 
-use crate::body::{cover_collider, groups};
 use crate::collision_model::CollisionModel;
 use crate::contacts::{ContactPoint, contacts_of};
 use crate::convert;
@@ -22,9 +18,6 @@ use crate::drive::{JointEffort, OPPOSITION_STIFFNESS};
 use crate::engine::EngineSettings;
 use crate::scene::{ObjectPlacement, insert_object};
 use crate::stand::{Linkage, Mechanism, Prop};
-
-/// Collision group of the palm's cover.
-const PALM: Group = Group::GROUP_5;
 
 /// Command of the hand: tensions of the actuators (N) and the opposition angle (rad).
 #[derive(Debug, Clone, PartialEq)]
@@ -55,90 +48,23 @@ pub struct Touch {
     pub force: f64,
 }
 
-/// A hand whose actuators pull with given tensions.
-trait Pulled: Send + Sync {
-    fn tree(&self) -> &Tree;
-
-    /// Effort of each joint under `pull` at `q` (rad or m).
-    fn efforts(&self, q: &[f64], pull: &Pull) -> Vec<JointEffort>;
-}
-
-impl Pulled for Hand {
-    fn tree(&self) -> &Tree {
-        &self.tree
-    }
-
-    fn efforts(&self, q: &[f64], pull: &Pull) -> Vec<JointEffort> {
-        let transmission = &self.transmission;
-        let torques = transmission.torques(q, &pull.tensions).into_iter().enumerate();
-        let effort = |(joint, free): (usize, f64)| {
-            if transmission.opposition != Some(joint) {
-                return JointEffort { torque: free, stiffness: transmission.springs[joint] };
-            }
-            let servo = &self.servos[self.cables.len()];
-            let limit = servo.stall_torque * servo.gear_ratio_opposition;
-            let servo = (OPPOSITION_STIFFNESS * (pull.opposition - q[joint])).clamp(-limit, limit);
-            let torque = servo - transmission.spring_torque(joint, q[joint]);
-            JointEffort { torque, stiffness: OPPOSITION_STIFFNESS }
-        };
-        torques.map(effort).collect()
-    }
-}
-
-impl Pulled for UrdfHand {
-    fn tree(&self) -> &Tree {
-        &self.tree
-    }
-
-    fn efforts(&self, q: &[f64], pull: &Pull) -> Vec<JointEffort> {
-        let torques = self.torques(q, &pull.tensions).into_iter().enumerate();
-        torques.map(|(joint, torque)| JointEffort { torque, stiffness: self.feel(joint).spring }).collect()
-    }
-}
-
 /// The scene. Cloning it branches the run bit-exactly.
 #[derive(Clone)]
 pub struct HandScene {
-    hand: Arc<dyn Pulled>,
+    hand: Arc<HandMechanism>,
     linkage: Linkage,
     objects: Vec<(RigidBodyHandle, ColliderHandle)>,
 }
 
 impl HandScene {
-    /// `hand` with its joints at `angles` (rad) and `object` at rest at `palm_from_object`.
-    pub fn new(hand: &Arc<Hand>, object: &Arc<ObjectModel>, palm_from_object: &Isometry3<f64>, angles: &[f64]) -> Self {
-        // Neighbouring links do not collide. The engine sees to that along a digit; between the palm's cover and the first
-        // links, which hang on roots of their own, groups do.
-        let links_only = groups::HAND | groups::OBJECT;
-        let grouped = |cover, member, filter| {
-            cover_collider(cover)
-                .collision_groups(InteractionGroups::all().with_memberships(member).with_filter(filter))
-        };
-        let mut covers = vec![(None, grouped(&hand.palm_cover, PALM, links_only))];
-        covers.extend(hand.tree.joints.iter().enumerate().map(|(link, joint)| {
-            let filter = if joint.parent.is_some() { links_only | PALM } else { links_only };
-            (Some(link), grouped(&hand.covers[link], groups::HAND, filter))
-        }));
-        let damping = hand.each_joint(|joint| hand.joint_damping(joint));
-        let armature = hand.each_joint(|joint| hand.joint_armature(joint));
-        let (tree, masses) = (&hand.tree, &hand.masses);
-        let mechanism = Mechanism { tree, masses, damping: &damping, armature: &armature, apart: true };
-        let linkage = Linkage::new(EngineSettings::default(), &mechanism, covers, angles);
-        let mut scene = Self::without_gravity(hand.clone(), linkage);
-        let placement = ObjectPlacement { model: object.clone(), pose: *palm_from_object };
-        let (_, body, collider) = insert_object(scene.linkage.engine_mut(), &placement);
-        scene.objects.push((body, collider));
-        scene
-    }
-
-    /// A hand from a URDF with its joints at `start` (rad or m). Its links collide with each other, but for those that a joint
+    /// The hand with its joints at `start` (rad or m), and nothing beside it. Links collide with each other, but for those that a joint
     /// connects and those that [`CollisionModel::passing`] names.
-    pub fn of_urdf(model: &CollisionModel, start: &[f64]) -> Self {
+    pub fn new(model: &CollisionModel, start: &[f64]) -> Self {
         let hand = model.hand();
-        let each = |value: fn(&Feel) -> f64| (0..hand.tree.len()).map(|n| value(&hand.feel(n))).collect::<Vec<f64>>();
+        let each = |value: fn(&Feel) -> f64| hand.feel.iter().map(value).collect::<Vec<f64>>();
         let (damping, armature) = (each(|feel| feel.damping), each(|feel| feel.armature));
         let (tree, masses) = (&hand.tree, &hand.masses);
-        let mechanism = Mechanism { tree, masses, damping: &damping, armature: &armature, apart: false };
+        let mechanism = Mechanism { tree, masses, damping: &damping, armature: &armature, apart: hand.digits_apart };
         let mut linkage = Linkage::new(EngineSettings::default(), &mechanism, model.colliders(), start);
         for (one, two) in model.passing() {
             linkage.let_pass(*one, *two);
@@ -146,12 +72,15 @@ impl HandScene {
         for follower in &hand.followers {
             linkage.couple(follower);
         }
-        Self::without_gravity(hand.clone(), linkage)
+        linkage.set_gravity(&Vector3::zeros());
+        Self { hand: hand.clone(), linkage, objects: Vec::new() }
     }
 
-    fn without_gravity(hand: Arc<dyn Pulled>, mut linkage: Linkage) -> Self {
-        linkage.set_gravity(&Vector3::zeros());
-        Self { hand, linkage, objects: Vec::new() }
+    /// Puts a floating object at `root_from_object`.
+    pub fn place(&mut self, object: &Arc<ObjectModel>, root_from_object: &Isometry3<f64>) {
+        let placement = ObjectPlacement { model: object.clone(), pose: *root_from_object };
+        let (_, body, collider) = insert_object(self.linkage.engine_mut(), &placement);
+        self.objects.push((body, collider));
     }
 
     /// Puts a prop at `root_from_prop`, held in place until [`Self::release`].
@@ -196,7 +125,7 @@ impl HandScene {
             body.reset_forces(true);
             body.add_force(convert::vector(force), true);
         });
-        self.linkage.step(&self.hand.efforts(self.linkage.angles(), pull));
+        self.linkage.step(&efforts(&self.hand, self.linkage.angles(), pull));
     }
 
     /// Steps for `seconds` with the hand pulling.
@@ -261,7 +190,7 @@ impl HandScene {
 
     /// Normal force of each moving link on the objects, N.
     pub fn forces(&self) -> Vec<f64> {
-        let mut forces = vec![0.0; self.hand.tree().len()];
+        let mut forces = vec![0.0; self.hand.tree.len()];
         for touch in self.touches() {
             if let Some(link) = touch.link {
                 forces[link] += touch.force;
@@ -278,8 +207,21 @@ impl HandScene {
 
     /// How deep two links that collide overlap at most, m.
     pub fn self_penetration(&self) -> f64 {
-        self.linkage.self_penetration(self.hand.tree())
+        self.linkage.self_penetration(&self.hand.tree)
     }
+}
+
+/// Effort of each joint under `pull` at `q` (rad or m).
+fn efforts(hand: &HandMechanism, q: &[f64], pull: &Pull) -> Vec<JointEffort> {
+    let torques = hand.torques(q, &pull.tensions).into_iter().enumerate();
+    let effort = |(joint, torque): (usize, f64)| match hand.opposition {
+        Some(servo) if servo.joint == joint => {
+            let torque = (OPPOSITION_STIFFNESS * (pull.opposition - q[joint])).clamp(-servo.limit, servo.limit);
+            JointEffort { torque: torque - hand.spring_effort(joint, q[joint]), stiffness: OPPOSITION_STIFFNESS }
+        }
+        _ => JointEffort { torque, stiffness: hand.feel[joint].spring },
+    };
+    torques.map(effort).collect()
 }
 
 /// How far and by what angle `b` is from `a`: m, rad.
@@ -290,7 +232,14 @@ pub fn displacement(a: &Isometry3<f64>, b: &Isometry3<f64>) -> (f64, f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use hand_model::Hand;
     use world::objects::ObjectSet;
+
+    fn scene(hand: &Hand, object: &Arc<ObjectModel>, angles: &[f64]) -> HandScene {
+        let mut scene = HandScene::new(&CollisionModel::new(Arc::new(HandMechanism::of(hand, "hand"))), angles);
+        scene.place(object, &far_away());
+        scene
+    }
 
     fn far_away() -> Isometry3<f64> {
         Isometry3::translation(0.0, 0.0, -0.5)
@@ -299,9 +248,9 @@ mod tests {
     /// Without contact a pulled digit comes to rest where spring and cable balance, as the transmission says.
     #[test]
     fn a_pulled_digit_rests_in_free_equilibrium() {
-        let hand = Arc::new(Hand::ftac());
+        let hand = Hand::ftac();
         let object = ObjectSet::standard().get("ball_45").expect("an object").clone();
-        let mut scene = HandScene::new(&hand, &object, &far_away(), &hand.each_joint(|_| 0.1));
+        let mut scene = scene(&hand, &object, &hand.each_joint(|_| 0.1));
         let pull = Pull { tensions: vec![0.0, 3.0, 0.0, 0.0, 0.0], opposition: 0.4 };
         for _ in 0..1500 {
             scene.step(&pull, &Vector3::zeros());
@@ -318,9 +267,9 @@ mod tests {
     /// A floating object under a force obeys Newton.
     #[test]
     fn a_free_object_accelerates() {
-        let hand = Arc::new(Hand::ftac());
+        let hand = Hand::ftac();
         let object = ObjectSet::standard().get("ball_45").expect("an object").clone();
-        let mut scene = HandScene::new(&hand, &object, &far_away(), &hand.open());
+        let mut scene = scene(&hand, &object, &hand.open());
         scene.set_object_damping(0.0);
         let pull = Pull::tensions(&hand.slack());
         for _ in 0..240 {

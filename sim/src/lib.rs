@@ -9,7 +9,7 @@
 //!
 //! Two scenes beside the story have no arm. [`stand`] is a test stand: the same hand with its servos, palm bolted down, things put
 //! into it by hand; [`mjcf`] writes such a scene for a second engine. [`hand_scene`] is made for proving thousands of grasps:
-//! a hand pulled by given tensions, the built-in one or one from a URDF with its [`collision_model`], and floating objects.
+//! a hand pulled by given tensions, with its [`collision_model`], and floating objects.
 
 pub mod body;
 pub mod collision_model;

@@ -1,33 +1,31 @@
 //! The scene as MJCF, so that a second engine (MuJoCo) can run it: the hand with its cables as spatial tendons through the
-//! same guide points, springs, covers as convex meshes, props, and the arm where it is wanted.
+//! same guide points or as fixed tendons with the same moment arms, springs, collision shapes, props, and the arm where it is wanted.
 //!
 //! A tendon's length is the sum of the straight spans between the guide points at each joint, which is exactly
 //! `hand_model::transmission`'s cable, so that moment arms agree by construction. A cable's control is its tension (N), the
 //! opposition's the angle of its servo (rad), an arm joint's its set-point (rad).
 
-mod urdf_hand;
-
 use std::fmt::Write as _;
 
 use hand_model::hand::{CoverShape, MassProperties};
+use hand_model::hand_mechanism::{HandMechanism, Pull as HandPull, SolidShape};
 use hand_model::kinematics::{Joint, JointKind};
-use hand_model::transmission::{Crossing, Lever};
-use hand_model::{Arm, ArmVector, Hand, HandVector};
+use hand_model::transmission::{Follower, Guides, Lever};
+use hand_model::{Arm, ArmVector, Hand};
 use nalgebra::{Isometry3, Point3, Vector3};
 use plant::ArmDefects;
 use world::geometry::Shape;
 use world::physics::Physics;
 
 use crate::body::last_from_palm;
+use crate::collision_model::{CollisionModel, hull};
 use crate::drive::OPPOSITION_STIFFNESS;
 use crate::hand_scene::Pull;
 use crate::hull::standing_hull;
 use crate::stand::Prop;
 
-pub use urdf_hand::{UrdfScene, write as write_urdf};
-
-/// How every scene is read.
-const COMPILER: &str = "  <compiler angle=\"radian\" autolimits=\"true\" balanceinertia=\"false\"/>\n";
+/// How every scene is read. Inertias of published models often break the triangle inequality, which MuJoCo insists on.
+const COMPILER: &str = "  <compiler angle=\"radian\" autolimits=\"true\" balanceinertia=\"true\"/>\n";
 /// The hand has no friction of its own: that of a pair is the prop's.
 const DEFAULTS: &str =
     "  <default>\n    <geom condim=\"4\" friction=\"0.00001 0.00001 0.00001\" solref=\"0.004 1\"/>\n  </default>\n";
@@ -38,14 +36,14 @@ const ROUNDING: usize = 4;
 
 /// What is written.
 pub struct Scene<'a> {
-    /// The hand; its palm frame is the world where there is no arm.
-    pub hand: &'a Hand,
-    /// The arm on the world's origin with its posture (rad) and a table at z = 0.
-    pub arm: Option<(&'a Arm, ArmVector)>,
+    /// The hand; its root frame is the world where there is no arm.
+    pub hand: &'a CollisionModel,
+    /// The arm on the world's origin with its posture (rad), the hand on it, and a table at z = 0.
+    pub arm: Option<(&'a Arm, ArmVector, &'a Hand)>,
     /// Loose things with their pose in the world.
     pub props: &'a [(Prop, Isometry3<f64>)],
-    /// Angles of the hand's joints to begin with, and what is pulled then; rad, N.
-    pub start: Option<(HandVector, Pull)>,
+    /// Coordinates of the hand's joints to begin with (rad or m), and what is pulled then.
+    pub start: Option<(&'a [f64], &'a Pull)>,
     /// m/s2, world.
     pub gravity: Vector3<f64>,
     /// Time step, s.
@@ -54,40 +52,38 @@ pub struct Scene<'a> {
 
 /// The scene as MJCF text.
 pub fn write(scene: &Scene<'_>) -> String {
-    let mut assets = String::new();
+    let hand = &**scene.hand.hand();
     let mut bodies = String::new();
-    let hand = scene.hand;
-    let names = &hand.tree.joints;
-    mesh(&mut assets, "palm", &cover_points(&hand.palm_cover));
-    for (joint, cover) in names.iter().zip(&hand.covers) {
-        mesh(&mut assets, &joint.name, &cover_points(cover));
-    }
+    let mut inside = Links { hand, assets: String::new(), bodies: String::new(), order: Vec::new() };
+    inside.root();
+    let Links { mut assets, bodies: root, order, .. } = inside;
+    let name = link_name(hand, None);
     match &scene.arm {
-        None => {
-            let _ = writeln!(bodies, "    <body name=\"palm\" pos=\"0 0 0\">");
-            bodies += &palm(hand);
-            bodies += "    </body>\n";
-        }
-        Some((arm, _)) => {
+        None => bodies += &format!("    <body name=\"{name}\" pos=\"0 0 0\">\n{root}    </body>\n"),
+        Some((arm, _, own)) => {
             let _ = writeln!(
                 bodies,
                 "    <geom name=\"table\" type=\"plane\" size=\"1 1 0.1\" pos=\"0.5 0 0\" friction=\"{} 0.005 0.0001\" contype=\"2\" conaffinity=\"1\"/>",
                 Physics::standard().table.friction
             );
-            arm_bodies(&mut bodies, arm, hand);
+            arm_bodies(&mut bodies, arm);
+            let mount = placed(&last_from_palm(arm, own, &ArmDefects::default()));
+            let _ = writeln!(bodies, "<body name=\"{name}\" gravcomp=\"1\" {mount}>\n{root}");
+            bodies += &"</body>\n".repeat(arm.joints() + 1);
         }
     }
     for (prop, pose) in scene.props {
         prop_body(&mut assets, &mut bodies, prop, pose);
     }
-    let mut out = format!("<mujoco model=\"ftac\">\n{COMPILER}");
+    let mut out = format!("<mujoco model=\"{}\">\n{COMPILER}", escaped(&hand.name));
     out += &option(scene.dt, &scene.gravity);
     let _ = write!(out, "  <asset>\n{assets}  </asset>\n  <worldbody>\n{bodies}  </worldbody>\n");
-    out += &contacts(hand);
+    out += &contacts(scene.hand);
+    out += &followers(hand);
     out += &tendons(hand);
-    out += &actuators(hand, scene.arm.map(|(arm, _)| arm));
+    out += &actuators(hand, scene.arm.map(|(arm, ..)| arm));
     if scene.arm.is_some() || scene.start.is_some() {
-        out += &keyframe(scene);
+        out += &keyframe(scene, &order);
     }
     out += "</mujoco>\n";
     out
@@ -158,80 +154,118 @@ fn inertial(out: &mut String, mass: &MassProperties) {
     );
 }
 
-/// What is inside the palm's body: its cover, guide points and digits.
-fn palm(hand: &Hand) -> String {
-    let mut out = String::new();
-    inertial(&mut out, &hand.palm_mass);
-    out += "<geom name=\"palm\" type=\"mesh\" mesh=\"palm\"/>\n";
-    guides_before(&mut out, hand, None);
-    for (link, joint) in hand.tree.joints.iter().enumerate() {
-        if joint.parent.is_none() {
-            finger_link(&mut out, hand, link);
-        }
-    }
-    out
+/// A name as an attribute's value.
+fn escaped(name: &str) -> String {
+    name.replace('&', "&amp;").replace('<', "&lt;").replace('"', "&quot;")
 }
 
-fn finger_link(out: &mut String, hand: &Hand, link: usize) {
-    let joint = &hand.tree.joints[link];
-    let defaults = hand.parameters.joint_defaults;
-    let _ = writeln!(out, "<body name=\"{}\" {}>", joint.name, placed(&joint.origin));
-    inertial(out, &hand.masses[link]);
-    let _ = writeln!(
-        out,
-        "<joint name=\"{}\" type=\"{}\" axis=\"{}\" range=\"{:.9} {:.9}\" damping=\"{}\" armature=\"{}\" stiffness=\"{}\"/>",
-        joint.name,
-        if joint.kind == JointKind::Slide { "slide" } else { "hinge" },
-        triple(&joint.axis),
-        joint.lower,
-        joint.upper,
-        defaults.damping,
-        defaults.armature,
-        hand.transmission.springs[link]
-    );
-    let _ = writeln!(out, "<geom name=\"{0}\" type=\"mesh\" mesh=\"{0}\"/>", joint.name);
-    for path in &hand.transmission.cables {
-        for crossing in path.joints.iter().filter(|crossing| crossing.joint == link) {
-            let Lever::Guides(guides) = crossing.lever else { continue };
-            let _ = writeln!(
-                out,
-                "<site name=\"{}_after\" pos=\"{} {} 0\"/>",
-                joint.name, guides.after[0], guides.after[1]
-            );
-        }
-    }
-    guides_before(out, hand, Some(link));
-    for (child, other) in hand.tree.joints.iter().enumerate() {
-        if other.parent == Some(link) {
-            finger_link(out, hand, child);
-        }
-    }
-    out.push_str("</body>\n");
+/// The name of a link's body, which is that of the joint that moves it.
+fn link_name(hand: &HandMechanism, link: Option<usize>) -> String {
+    escaped(link.map_or(&hand.root, |link| &hand.tree.joints[link].name))
 }
 
-/// Guide points on `link` before the joints of its children.
-fn guides_before(out: &mut String, hand: &Hand, link: Option<usize>) {
-    for path in &hand.transmission.cables {
-        for Crossing { joint: index, lever, .. } in &path.joints {
-            let joint = &hand.tree.joints[*index];
-            if let (Lever::Guides(guides), true) = (lever, joint.parent == link) {
-                let at = joint.origin * Point3::new(guides.before[0], guides.before[1], 0.0);
-                let _ = writeln!(out, "<site name=\"{}_before\" pos=\"{}\"/>", joint.name, triple(&at.coords));
+/// Where the bodies of a hand's links are written.
+struct Links<'a> {
+    hand: &'a HandMechanism,
+    assets: String,
+    bodies: String,
+    /// Joints in the order of their bodies.
+    order: Vec<usize>,
+}
+
+impl Links<'_> {
+    /// What is inside the root's body: its shapes, guide points and digits.
+    fn root(&mut self) {
+        if let Some(mass) = &self.hand.root_mass {
+            inertial(&mut self.bodies, mass);
+        }
+        self.inside(None);
+    }
+
+    fn inside(&mut self, link: Option<usize>) {
+        self.solids(link);
+        self.guides(link);
+        let joints = self.hand.tree.joints.iter().enumerate();
+        joints.filter(|(_, joint)| joint.parent == link).for_each(|(child, _)| self.link(child));
+    }
+
+    /// A link with all that it carries; its joint goes to the end of the order.
+    fn link(&mut self, link: usize) {
+        let (hand, out) = (self.hand, &mut self.bodies);
+        let (joint, feel, rest) = (&hand.tree.joints[link], hand.feel[link], hand.spring_rest[link]);
+        let name = link_name(hand, Some(link));
+        self.order.push(link);
+        let _ = writeln!(out, "<body name=\"{name}\" {}>", placed(&joint.origin));
+        inertial(out, &hand.masses[link]);
+        let kind = if joint.kind == JointKind::Slide { "slide" } else { "hinge" };
+        let reference = if rest == 0.0 { String::new() } else { format!(" springref=\"{rest}\"") };
+        let _ = writeln!(
+            out,
+            "<joint name=\"{name}\" type=\"{kind}\" axis=\"{}\" {} damping=\"{}\" armature=\"{}\" stiffness=\"{}\"{reference}/>",
+            triple(&joint.axis),
+            range(joint),
+            feel.damping,
+            feel.armature,
+            feel.spring
+        );
+        self.inside(Some(link));
+        self.bodies.push_str("</body>\n");
+    }
+
+    /// The collision shapes of a link.
+    fn solids(&mut self, link: Option<usize>) {
+        let (assets, out) = (&mut self.assets, &mut self.bodies);
+        for (n, solid) in self.hand.solids.iter().enumerate().filter(|(_, solid)| solid.link == link) {
+            let pose = placed(&solid.link_from_solid);
+            let _ = match &solid.shape {
+                SolidShape::Cuboid(half) => writeln!(out, "<geom type=\"box\" size=\"{}\" {pose}/>", triple(half)),
+                SolidShape::RoundedCuboid(half, radius) => {
+                    let cover = CoverShape { link_from_cover: solid.link_from_solid, half: *half, radius: *radius };
+                    let name = escaped(&solid.owner);
+                    mesh(assets, &name, &cover_points(&cover));
+                    writeln!(out, "<geom name=\"{name}\" type=\"mesh\" mesh=\"{name}\"/>")
+                }
+                SolidShape::Sphere(radius) => writeln!(out, "<geom type=\"sphere\" size=\"{radius}\" {pose}/>"),
+                SolidShape::Cylinder(radius, half) => {
+                    writeln!(out, "<geom type=\"cylinder\" size=\"{radius} {half}\" {pose}/>")
+                }
+                SolidShape::Capsule(radius, half) => {
+                    writeln!(out, "<geom type=\"capsule\" size=\"{radius} {half}\" {pose}/>")
+                }
+                SolidShape::Hull(points) => {
+                    let corners: Vec<_> = hull(points).iter().map(|point| solid.link_from_solid * point).collect();
+                    if !is_solid(&corners) {
+                        continue;
+                    }
+                    mesh(assets, &format!("solid_{n}"), &corners);
+                    writeln!(out, "<geom type=\"mesh\" mesh=\"solid_{n}\"/>")
+                }
+            };
+        }
+    }
+
+    /// Guide points on `link`: after its joint, and before the joints of its children.
+    fn guides(&mut self, link: Option<usize>) {
+        for (index, lever) in self.hand.pulls.iter().flat_map(|pull| &pull.arms) {
+            let Lever::Guides(Guides { before, after }) = lever else { continue };
+            let (joint, name) = (&self.hand.tree.joints[*index], link_name(self.hand, Some(*index)));
+            if link == Some(*index) {
+                let _ = writeln!(self.bodies, "<site name=\"{name}_after\" pos=\"{} {} 0\"/>", after[0], after[1]);
+            }
+            if joint.parent == link {
+                let at = joint.origin * Point3::new(before[0], before[1], 0.0);
+                let _ = writeln!(self.bodies, "<site name=\"{name}_before\" pos=\"{}\"/>", triple(&at.coords));
             }
         }
     }
 }
 
-fn arm_bodies(out: &mut String, arm: &Arm, hand: &Hand) {
+fn arm_bodies(out: &mut String, arm: &Arm) {
     for (i, joint) in arm.tree.joints.iter().enumerate() {
         let _ = writeln!(out, "<body name=\"{}\" gravcomp=\"1\" {}>", arm.links[i], placed(&joint.origin));
         inertial(out, &arm.masses[i]);
         arm_joint(out, joint, arm.armature);
     }
-    let mount = last_from_palm(arm, hand, &ArmDefects::default());
-    let _ = writeln!(out, "<body name=\"palm\" gravcomp=\"1\" {}>", placed(&mount));
-    *out += &palm(hand);
-    *out += &"</body>\n".repeat(arm.joints() + 1);
 }
 
 fn arm_joint(out: &mut String, joint: &Joint, armature: f64) {
@@ -280,30 +314,40 @@ fn prop_body(assets: &mut String, out: &mut String, prop: &Prop, pose: &Isometry
     out.push_str("    </body>\n");
 }
 
-/// Neighbouring links do not touch, as in our engine.
-fn contacts(hand: &Hand) -> String {
-    let mut out = String::from("  <contact>\n");
-    for joint in &hand.tree.joints {
-        let parent = joint.parent.map_or("palm", |parent| hand.tree.joints[parent].name.as_str());
-        let _ = writeln!(out, "    <exclude body1=\"{parent}\" body2=\"{}\"/>", joint.name);
-    }
-    out + "  </contact>\n"
+/// Links that pass through each other, as in our engine.
+fn contacts(model: &CollisionModel) -> String {
+    let name = |link| link_name(model.hand(), link);
+    let pairs = model.excluded().into_iter();
+    let lines = pairs.map(|(a, b)| format!("    <exclude body1=\"{}\" body2=\"{}\"/>\n", name(a), name(b)));
+    format!("  <contact>\n{}  </contact>\n", lines.collect::<String>())
 }
 
-fn tendons(hand: &Hand) -> String {
+/// Joints that follow others, as equality constraints.
+fn followers(hand: &HandMechanism) -> String {
+    let line = |Follower { joint, leader, multiplier, offset }: &Follower| {
+        let (joint, leader) = (link_name(hand, Some(*joint)), link_name(hand, Some(*leader)));
+        format!("    <joint joint1=\"{joint}\" joint2=\"{leader}\" polycoef=\"{offset} {multiplier} 0 0 0\"/>\n")
+    };
+    format!("  <equality>\n{}  </equality>\n", hand.followers.iter().map(line).collect::<String>())
+}
+
+/// Whether a cable acts at constant moment arms. The length of its tendon grows with its joints, that of a cable in guides is its own.
+fn is_fixed(pull: &HandPull) -> bool {
+    pull.arms.iter().any(|(_, lever)| matches!(lever, Lever::Constant(_)))
+}
+
+fn tendons(hand: &HandMechanism) -> String {
     let mut out = String::from("  <tendon>\n");
-    for (actuator, path) in hand.parameters.actuator.iter().zip(&hand.transmission.cables) {
-        let fixed = path.joints.iter().any(|crossing| matches!(crossing.lever, Lever::Constant(_)));
-        // The length of a tendon of constant arms grows with its joints, that of a spatial one is the cable's own.
-        let kind = if fixed { "fixed" } else { "spatial" };
-        let _ = writeln!(out, "    <{kind} name=\"{}\">", actuator.name);
-        for Crossing { joint, lever, .. } in &path.joints {
-            let name = &hand.tree.joints[*joint].name;
+    for pull in &hand.pulls {
+        let kind = if is_fixed(pull) { "fixed" } else { "spatial" };
+        let _ = writeln!(out, "    <{kind} name=\"{}\">", escaped(&pull.name));
+        for (joint, lever) in &pull.arms {
+            let name = link_name(hand, Some(*joint));
             let _ = match lever {
                 Lever::Guides(_) => {
                     writeln!(out, "      <site site=\"{name}_before\"/><site site=\"{name}_after\"/>")
                 }
-                Lever::Constant(arm) => writeln!(out, "      <joint joint=\"{name}\" coef=\"-{arm}\"/>"),
+                Lever::Constant(arm) => writeln!(out, "      <joint joint=\"{name}\" coef=\"{arm}\"/>"),
             };
         }
         let _ = writeln!(out, "    </{kind}>");
@@ -311,13 +355,14 @@ fn tendons(hand: &Hand) -> String {
     out + "  </tendon>\n"
 }
 
-fn actuators(hand: &Hand, arm: Option<&Arm>) -> String {
+fn actuators(hand: &HandMechanism, arm: Option<&Arm>) -> String {
     let mut out = String::from("  <actuator>\n");
-    for actuator in hand.parameters.actuator.iter().take(hand.transmission.cables.len()) {
-        let _ = writeln!(out, "    <motor name=\"{0}\" tendon=\"{0}\" gear=\"-1\"/>", actuator.name);
+    for pull in &hand.pulls {
+        let gear = if is_fixed(pull) { "" } else { " gear=\"-1\"" };
+        let _ = writeln!(out, "    <motor name=\"{0}\" tendon=\"{0}\"{gear}/>", escaped(&pull.name));
     }
-    if let Some(joint) = hand.transmission.opposition {
-        let thumb = &hand.tree.joints[joint].name;
+    if let Some(servo) = hand.opposition {
+        let thumb = link_name(hand, Some(servo.joint));
         let _ = writeln!(out, "    <position name=\"opposition\" joint=\"{thumb}\" kp=\"{OPPOSITION_STIFFNESS}\"/>");
     }
     if let Some(arm) = arm {
@@ -332,27 +377,35 @@ fn actuators(hand: &Hand, arm: Option<&Arm>) -> String {
     out + "  </actuator>\n"
 }
 
-/// Joints in the order of the bodies: arm, hand, props.
-fn keyframe(scene: &Scene) -> String {
-    let posture = scene.arm.as_ref().map_or(&[][..], |(_, posture)| posture);
-    let open = || (scene.hand.open(), Pull::tensions(&scene.hand.slack()));
-    let (joints, pull) = scene.start.clone().unwrap_or_else(open);
-    key([posture, &joints].concat(), scene.props, &[&pull.tensions[..], &[pull.opposition], posture].concat())
-}
-
-/// The keyframe of joint angles (rad), props and controls, all in the order of the model.
-fn key(mut qpos: Vec<f64>, props: &[(Prop, Isometry3<f64>)], ctrl: &[f64]) -> String {
-    for (_, pose) in props {
+/// Coordinates of joints (those of the hand in `order`) and props, and controls, all in the order of the model.
+fn keyframe(scene: &Scene<'_>, order: &[usize]) -> String {
+    let hand = scene.hand.hand();
+    let posture = scene.arm.as_ref().map_or(&[][..], |(_, posture, _)| posture);
+    let (open, slack) = (vec![0.0; order.len()], Pull::tensions(&vec![0.0; hand.pulls.len()]));
+    let (joints, pull) = scene.start.unwrap_or((&open, &slack));
+    let mut qpos: Vec<f64> = posture.iter().copied().chain(order.iter().map(|joint| joints[*joint])).collect();
+    for (_, pose) in scene.props {
         let (t, q) = (pose.translation.vector, pose.rotation);
         qpos.extend([t.x, t.y, t.z, q.w, q.i, q.j, q.k]);
     }
-    let join = |values: &[f64]| values.iter().map(|v| format!("{v:.9}")).collect::<Vec<_>>().join(" ");
-    format!("  <keyframe>\n    <key name=\"start\" qpos=\"{}\" ctrl=\"{}\"/>\n  </keyframe>\n", join(&qpos), join(ctrl))
+    let opposition = hand.opposition.map(|_| pull.opposition);
+    let ctrl = pull.tensions.iter().chain(&opposition).chain(posture);
+    let join = |values: &mut dyn Iterator<Item = &f64>| values.map(|v| format!("{v:.9}")).collect::<Vec<_>>().join(" ");
+    let (qpos, ctrl) = (join(&mut qpos.iter()), join(&mut { ctrl }));
+    format!("  <keyframe>\n    <key name=\"start\" qpos=\"{qpos}\" ctrl=\"{ctrl}\"/>\n  </keyframe>\n")
 }
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
+    use hand_model::transmission::Crossing;
+
     use super::*;
+
+    fn model(hand: &Hand) -> CollisionModel {
+        CollisionModel::new(Arc::new(HandMechanism::of(hand, "hand")))
+    }
 
     /// A mesh point lies on the rounded box: no farther from its inner box than the rounding.
     #[test]
@@ -378,7 +431,7 @@ mod tests {
         let mesh = world::geometry::hull_mesh(&block).expect("a block");
         let shape = Shape::Mesh(mesh.with_parts(vec![Vec::new(), block, flat, vec![at(0.0, 0.0, 0.0)]]).into());
         let props = [(Prop::new("thing", shape, 0.1, 0.6), Isometry3::identity())];
-        let hand = Hand::ftac();
+        let hand = model(&Hand::ftac());
         let text =
             write(&Scene { hand: &hand, arm: None, props: &props, start: None, gravity: Vector3::zeros(), dt: 0.004 });
         let parts: Vec<&str> = text.lines().filter(|line| line.contains("<mesh name=\"thing_")).collect();
@@ -389,7 +442,8 @@ mod tests {
     #[test]
     fn every_cable_joint_has_its_guides() {
         let hand = Hand::ftac();
-        let scene = Scene { hand: &hand, arm: None, props: &[], start: None, gravity: Vector3::zeros(), dt: 0.004 };
+        let model = model(&hand);
+        let scene = Scene { hand: &model, arm: None, props: &[], start: None, gravity: Vector3::zeros(), dt: 0.004 };
         let text = write(&scene);
         for Crossing { joint, .. } in hand.transmission.cables.iter().flat_map(|path| &path.joints) {
             for end in ["before", "after"] {

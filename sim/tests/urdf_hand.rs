@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use hand_model::urdf_hand::UrdfHand;
+use hand_model::hand_mechanism::HandMechanism;
 use nalgebra::{Isometry3, Point3};
 use sim::collision_model::CollisionModel;
 use sim::hand_scene::{HandScene, Pull};
@@ -11,20 +11,21 @@ use sim::stand::Prop;
 use world::Shape;
 use world::geometry::LINK_MESHES;
 
-fn hand(urdf: &str, pulls: &str) -> Option<Arc<UrdfHand>> {
+fn hand(urdf: &str, pulls: &str) -> Option<Arc<HandMechanism>> {
     let path = e2e::shared_data(&format!("hands/{urdf}"))?;
     // Cargo runs the tests in the crate's folder.
-    let hand = UrdfHand::read(&path, &Path::new("../hand-model/data/hands").join(pulls), LINK_MESHES).expect("loads");
+    let hand =
+        HandMechanism::read(&path, &Path::new("../hand-model/data/hands").join(pulls), LINK_MESHES).expect("loads");
     Some(Arc::new(hand))
 }
 
-fn at_rest(hand: Arc<UrdfHand>) -> HandScene {
+fn at_rest(hand: Arc<HandMechanism>) -> HandScene {
     let rest = hand.rest();
-    HandScene::of_urdf(&CollisionModel::new(hand), &rest)
+    HandScene::new(&CollisionModel::new(hand), &rest)
 }
 
 /// Closes on a ball held at `center`, lets go of it, and gives the force of each link on it once all is at rest.
-fn close(hand: &Arc<UrdfHand>, center: Point3<f64>, radius: f64, tensions: &[f64]) -> (HandScene, Vec<f64>) {
+fn close(hand: &Arc<HandMechanism>, center: Point3<f64>, radius: f64, tensions: &[f64]) -> (HandScene, Vec<f64>) {
     let mut stand = at_rest(hand.clone());
     stand.put(
         &Prop::new("ball", Shape::Sphere { radius }, 0.1, 0.8),
@@ -81,8 +82,8 @@ const CLAMP: &str = r#"<robot name="clamp">
 </robot>"#;
 const TENDON: &str = "version = 1\ndamping = 0.02\narmature = 1e-4\nspring = 0.02\n[[actuator]]\nname = \"close\"\narms = { a = -0.01 }\n";
 
-fn clamp(urdf: &str) -> Arc<UrdfHand> {
-    let hand = UrdfHand::parse(urdf, Path::new("clamp.urdf"), TENDON, Path::new("clamp.toml"), LINK_MESHES);
+fn clamp(urdf: &str) -> Arc<HandMechanism> {
+    let hand = HandMechanism::parse(urdf, Path::new("clamp.urdf"), TENDON, Path::new("clamp.toml"), LINK_MESHES);
     Arc::new(hand.expect("a clamp"))
 }
 
@@ -108,7 +109,7 @@ fn a_parallel_gripper_slides() {
         .replace("lower=\"0\" upper=\"1\"", "lower=\"0\" upper=\"0.03\"")
         .replace("effort=\"1\"", "effort=\"40\"");
     let pulls = TENDON.replace("a = -0.01", "a = -1.0");
-    let hand = UrdfHand::parse(&slide, Path::new("clamp.urdf"), &pulls, Path::new("clamp.toml"), LINK_MESHES);
+    let hand = HandMechanism::parse(&slide, Path::new("clamp.urdf"), &pulls, Path::new("clamp.toml"), LINK_MESHES);
     let hand = Arc::new(hand.expect("a gripper"));
     let mut empty = at_rest(hand.clone());
     empty.run(&Pull::tensions(&[20.0]), 2.0);

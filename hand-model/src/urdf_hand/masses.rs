@@ -6,8 +6,8 @@ use std::path::Path;
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 use urdf_rs::Robot;
 
-use super::shapes::Solid;
 use crate::hand::MassProperties;
+use crate::hand_mechanism::Solid;
 use crate::kinematics::{Tree, pose_from_xyz_rpy};
 use crate::urdf::fault;
 use platform::data::DataError;

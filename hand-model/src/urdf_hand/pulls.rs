@@ -7,7 +7,9 @@ use nalgebra::Vector3;
 use serde::Deserialize;
 use urdf_rs::{JointType, Robot};
 
-use super::{Feel, PINION, Palm, Pull, UrdfHand};
+use super::PINION;
+use crate::hand_mechanism::{Feel, HandMechanism, Palm, Pull};
+use crate::transmission::Lever;
 use crate::urdf::fault;
 use platform::data::DataError;
 
@@ -191,7 +193,7 @@ impl PullsFile {
 }
 
 /// Gives the hand its actuators and open coordinates.
-pub fn complete(hand: &mut UrdfHand, file: PullsFile, path: &Path) -> Result<(), DataError> {
+pub fn complete(hand: &mut HandMechanism, file: PullsFile, path: &Path) -> Result<(), DataError> {
     for (name, open) in &file.open {
         let wrong = |found: &str, expected: &str| Err(fault(path, "open".into(), name, found.into(), expected));
         let pulled = file.actuator.iter().any(|actuator| actuator.arms.contains_key(name));
@@ -215,7 +217,7 @@ pub fn complete(hand: &mut UrdfHand, file: PullsFile, path: &Path) -> Result<(),
             let element = format!("actuator[{}].arms", actuator.name);
             // The check has seen that it moves.
             let Some(joint) = hand.tree.find(name) else { continue };
-            arms.push((joint, *arm));
+            arms.push((joint, Lever::Constant(*arm)));
             if ways.contains(&(name.clone(), *arm <= 0.0)) {
                 continue;
             }
@@ -223,15 +225,16 @@ pub fn complete(hand: &mut UrdfHand, file: PullsFile, path: &Path) -> Result<(),
                 .into_iter()
                 .for_each(|note| hand.notes.push(note));
         }
-        let most = most_tension(hand, &arms, actuator.max_tension);
-        hand.pulls.push(Pull { name: actuator.name, arms, most });
+        let mut pull = Pull { name: actuator.name, arms, most: None };
+        pull.most = most_tension(hand, &pull, actuator.max_tension);
+        hand.pulls.push(pull);
     }
     Ok(())
 }
 
 /// A pulled joint can move the way it is pulled; a note where it can do so much less than the other way.
 fn check_room(
-    hand: &UrdfHand,
+    hand: &HandMechanism,
     (joint, arm): (usize, f64),
     rest: f64,
     path: &Path,
@@ -261,12 +264,12 @@ fn check_room(
 }
 
 /// The largest tension of a cable with these arms: the actuator's own, or that at which a joint's effort is reached.
-fn most_tension(hand: &UrdfHand, arms: &[(usize, f64)], own: Option<f64>) -> Option<(f64, String)> {
-    let of_joint = |(joint, arm): &(usize, f64)| {
-        let effort = hand.efforts[*joint]?;
-        let own = &hand.tree.joints[*joint];
+fn most_tension(hand: &HandMechanism, pull: &Pull, own: Option<f64>) -> Option<(f64, String)> {
+    let of_joint = |(joint, arm): (usize, f64)| {
+        let effort = hand.efforts[joint]?;
+        let own = &hand.tree.joints[joint];
         Some((effort / arm.abs(), format!("the effort of {}, {effort} {}", own.name, own.kind.effort_unit())))
     };
     let own = own.map(|most| (most, "max_tension".to_owned()));
-    arms.iter().filter_map(of_joint).chain(own).min_by(|a, b| a.0.total_cmp(&b.0))
+    pull.constant_arms().filter_map(of_joint).chain(own).min_by(|a, b| a.0.total_cmp(&b.0))
 }

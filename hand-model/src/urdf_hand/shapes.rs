@@ -3,78 +3,17 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use nalgebra::{Isometry3, Point3, Vector3};
+use nalgebra::{Isometry3, Vector3};
 use urdf_rs::{Geometry, Link, Pose, Robot};
 
-use super::meshes::{self, MeshTools, Triangles};
+use super::meshes::{self, MeshTools};
+use crate::hand_mechanism::{MeshSurface, Solid, SolidShape};
 use crate::kinematics::pose_from_xyz_rpy;
 use crate::urdf::numbers::check_shape;
 use platform::data::DataError;
 
 /// A mesh that stands out further from its convex parts than this is told, m.
 const TOLD_EXCESS: f64 = 1e-3;
-
-/// A collision shape of a link.
-#[derive(Debug, Clone)]
-pub struct Solid {
-    /// Joint whose link carries it; `None` is the root.
-    pub link: Option<usize>,
-    /// Name of its link in the URDF.
-    pub owner: String,
-    /// `link_from_solid`.
-    pub link_from_solid: Isometry3<f64>,
-    /// Its shape, m.
-    pub shape: SolidShape,
-}
-
-/// Shapes a URDF knows.
-#[derive(Debug, Clone)]
-pub enum SolidShape {
-    /// Half extents.
-    Cuboid(Vector3<f64>),
-    /// Radius.
-    Sphere(f64),
-    /// Radius and half length along z.
-    Cylinder(f64, f64),
-    /// Radius and half length along z of the part between its caps.
-    Capsule(f64, f64),
-    /// The convex hull of these points.
-    Hull(Vec<Point3<f64>>),
-}
-
-impl SolidShape {
-    /// Middle and half extents of the box around it, m.
-    pub fn extent(&self) -> (Point3<f64>, Vector3<f64>) {
-        match self {
-            Self::Cuboid(half) => (Point3::origin(), *half),
-            Self::Sphere(radius) => (Point3::origin(), Vector3::repeat(*radius)),
-            Self::Cylinder(radius, half) => (Point3::origin(), Vector3::new(*radius, *radius, *half)),
-            Self::Capsule(radius, half) => (Point3::origin(), Vector3::new(*radius, *radius, half + radius)),
-            Self::Hull(points) => {
-                let bound = |pick: fn(f64, f64) -> f64, start: f64| {
-                    points.iter().fold(Vector3::repeat(start), |bound, point| bound.zip_map(&point.coords, pick))
-                };
-                let (low, high) = (bound(f64::min, f64::INFINITY), bound(f64::max, f64::NEG_INFINITY));
-                (Point3::from(0.5 * (low + high)), 0.5 * (high - low))
-            }
-        }
-    }
-}
-
-/// The surface of a mesh for which convex parts stand.
-#[derive(Debug, Clone)]
-pub struct MeshSurface {
-    /// Joint whose link carries it; `None` is the root.
-    pub link: Option<usize>,
-    /// Name of its link in the URDF.
-    pub owner: String,
-    /// `link_from_mesh`.
-    pub link_from_mesh: Isometry3<f64>,
-    /// In metres.
-    pub triangles: Triangles,
-    /// Largest distance by which its parts stand out of it, m.
-    pub excess: f64,
-}
 
 /// All shapes of a hand.
 #[derive(Default)]

@@ -2,7 +2,10 @@
 
 use proptest::prelude::*;
 
+use nalgebra::Vector3;
+
 use super::*;
+use crate::hand_mechanism::{Feel, SolidShape};
 
 const URDF: &str = r#"<robot name="clamp">
   <link name="base"/>
@@ -27,8 +30,8 @@ const NO_MESHES: MeshTools = MeshTools {
     cut: |_| Cut { parts: Vec::new(), excess: 0.0 },
 };
 
-fn parse(urdf: &str, pulls: &str) -> Result<UrdfHand, String> {
-    UrdfHand::parse(urdf, Path::new("clamp.urdf"), pulls, Path::new("clamp.toml"), NO_MESHES)
+fn parse(urdf: &str, pulls: &str) -> Result<HandMechanism, String> {
+    HandMechanism::parse(urdf, Path::new("clamp.urdf"), pulls, Path::new("clamp.toml"), NO_MESHES)
         .map_err(|error| error.to_string())
 }
 
@@ -65,9 +68,9 @@ fn a_joint_that_slides_needs_its_limits() {
     // The jaw moves along its axis and does not turn; what drives it is a pinion of 10 mm.
     let pose = hand.tree.forward(&[0.02, 0.0])[0];
     assert!((pose.translation.vector - Vector3::new(0.0, 0.02, 0.0)).norm() < 1e-12 && pose.rotation.angle() < 1e-12);
-    assert!((hand.feel(0).damping - 100.0).abs() < 1e-9 && hand.feel(1).damping == 0.01, "{:?}", hand.feel(0));
+    assert!((hand.feel[0].damping - 100.0).abs() < 1e-9 && hand.feel[1].damping == 0.01, "{:?}", hand.feel[0]);
     let given = format!("{PULLS}[slide]\ndamping = 5.0\narmature = 0.1\nspring = 3.0\n");
-    let feel = parse(&slide.replacen("upper=\"1\"", "upper=\"0.03\"", 1), &given).expect("valid").feel(0);
+    let feel = parse(&slide.replacen("upper=\"1\"", "upper=\"0.03\"", 1), &given).expect("valid").feel[0];
     assert_eq!(feel, Feel { spring: 3.0, damping: 5.0, armature: 0.1 });
 }
 
@@ -260,7 +263,8 @@ fn joints_that_nothing_pulls_are_held() {
     let solid = "<collision><origin xyz=\"0.01 0 0\"/><geometry><sphere radius=\"0.005\"/></geometry></collision>";
     let spread =
         spread.replacen("izz=\"1e-5\"/></inertial></link>", &format!("izz=\"1e-5\"/></inertial>{solid}</link>"), 1);
-    let tip = |hand: &UrdfHand| hand.solids.last().map(|solid| (solid.link, solid.link_from_solid.translation.vector));
+    let tip =
+        |hand: &HandMechanism| hand.solids.last().map(|solid| (solid.link, solid.link_from_solid.translation.vector));
     let rest = parse(&spread, PULLS).expect("valid");
     assert_eq!((rest.tree.len(), &rest.held[..]), (2, &[("spread".to_owned(), 0.2)][..]));
     let (link, at) = tip(&rest).expect("a tip");

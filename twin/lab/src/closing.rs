@@ -5,8 +5,8 @@ use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
+use hand_model::hand_mechanism::HandMechanism;
 use hand_model::kinematics::{Joint, JointKind};
-use hand_model::urdf_hand::UrdfHand;
 use nalgebra::{Isometry3, Point3, Vector3};
 use report::picture::{PROPS, Picture, View, save, tile};
 use schemars::JsonSchema;
@@ -64,7 +64,7 @@ pub struct Figures<'a> {
 
 /// A hand that has closed on a ball.
 pub struct BallGrip {
-    hand: Arc<UrdfHand>,
+    hand: Arc<HandMechanism>,
     model: CollisionModel,
     open: HandScene,
     closed: HandScene,
@@ -77,9 +77,9 @@ pub struct BallGrip {
 
 impl BallGrip {
     /// Closes `hand` with these tensions (N, one an actuator) on a ball of `radius` (m) held at `at` (root link's frame, m).
-    pub fn close(hand: Arc<UrdfHand>, tensions: &[f64], at: &Point3<f64>, radius: f64) -> Self {
+    pub fn close(hand: Arc<HandMechanism>, tensions: &[f64], at: &Point3<f64>, radius: f64) -> Self {
         let model = CollisionModel::new(hand.clone());
-        let open = HandScene::of_urdf(&model, &hand.rest());
+        let open = HandScene::new(&model, &hand.rest());
         let pull = Pull::tensions(tensions);
         let mut closed = open.clone();
         let ball = Prop::new("ball", Shape::Sphere { radius }, MASS, FRICTION);

@@ -4,11 +4,10 @@
 //! [`synthesizer`] does all three for one chain, [`search`] runs many chains and keeps the grasps that pass, and [`evaluation`]
 //! measures how often that works and which metrics predict it. [`load`] says for what mass, [`size`] whether a hand can take an object at all. [`parts`] fills the collection of all objects, one resumable file an
 //! object; [`grasp_file`] reads it and what single searches left. [`again`] closes the grasps of a file once more, and [`export`] writes
-//! them for another engine. [`grasping_hand`] is what all of them ask of a hand: [`cable_hand`] is the built-in one, [`urdf_hand`] one from a
-//! URDF. [`hands`] compares hands on the same objects.
+//! them for another engine. [`grasping_hand`] is what all of them ask of a hand; [`urdf_hand`] finds it of a URDF. [`kinds`] sorts what was found, [`hands`] compares
+//! hands on the same objects.
 
 pub mod again;
-pub mod cable_hand;
 pub mod checks;
 pub mod closing;
 pub mod evaluation;
@@ -16,6 +15,7 @@ pub mod export;
 pub mod grasp_file;
 pub mod grasping_hand;
 pub mod hands;
+pub mod kinds;
 pub mod load;
 pub mod parts;
 pub mod search;

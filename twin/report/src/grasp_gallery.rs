@@ -3,17 +3,18 @@
 use std::path::Path;
 
 use anyhow::Result;
-use grasping::synthesis::collection::Collection;
-use grasping::synthesis::held::pose_from_array;
-use grasping::synthesis::kind::{HandKind, hand_kinds};
-use hand_model::Hand;
+use grasping::synthesis::held::{DigitUse, pose_from_array};
+use grasping::synthesis::kind::Kind;
 use image::RgbImage;
-use nalgebra::{Point3, UnitVector3, Vector3};
+use nalgebra::{Isometry3, Point3, UnitVector3, Vector3};
 use platform::data::write_whole;
 use proving::synthesis::grasp_file::GraspFile;
+use proving::synthesis::grasping_hand::GraspingHand;
 use proving::synthesis::parts::table;
 use proving::synthesis::subject::verified_for;
 use stream::gallery::{ShownContact, ShownGrasp, ShownHand, friction_cone};
+use stream::mesh::Mesh;
+use stream::scene::link_color;
 use world::objects::ObjectModel;
 
 use crate::html::escape;
@@ -26,42 +27,75 @@ const GRASP_PICTURE: u32 = 260;
 /// Width of what a picture shows, m.
 const OBJECT_WIDTH: f64 = 0.17;
 const GRASP_WIDTH: f64 = 0.24;
+/// Width of a picture of a hand without pads as a multiple of the diagonal of what is drawn.
+const MARGIN: f64 = 0.95;
+/// Characters of a caption's line.
+const LINE: usize = 30;
+/// Colours of a hand without pads and of its contact points.
+const STEEL: [f64; 3] = [176.0, 182.0, 192.0];
+pub const CONTACT: [f64; 3] = [200.0, 30.0, 60.0];
+/// Radius of a contact point, m.
+pub const DOT: f64 = 2.5e-3;
 /// Pictures in a row.
 const COLUMNS: usize = 6;
 /// How much of a cone covers what is behind it.
 const CONE_COVERS: f64 = 0.55;
 
+/// The hand's collision shapes at joint coordinates (rad or m), three points a triangle, palm frame.
+pub fn skin(hand: &GraspingHand, joints: &[f64]) -> Vec<[Point3<f64>; 3]> {
+    let links = hand.mechanism().tree.forward(joints);
+    hand.body.triangles(&links).into_iter().map(|triangle| triangle.map(|point| hand.palm_from_root * point)).collect()
+}
+
+/// Draws the hand: with its pads where they are known, else its collision shapes.
+pub fn draw_hand(picture: &mut Picture, hand: &GraspingHand, joints: &[f64]) {
+    if let Some(own) = &hand.named {
+        return picture.hand(own, joints);
+    }
+    for [a, b, c] in skin(hand, joints) {
+        let Some(normal) = (b - a).cross(&(c - a)).try_normalize(1e-15) else { continue };
+        picture.triangles(&Isometry3::identity(), &[a, b, c], &[[0, 1, 2]], &[normal; 3], STEEL);
+    }
+}
+
 /// A kind's best grasp as it is drawn, with its figures in words.
-pub fn shown(kind: &HandKind<'_>) -> ShownGrasp {
+pub fn shown(hand: &GraspingHand, kind: &Kind<'_>) -> ShownGrasp {
     let grasp = kind.best;
-    let digits: Vec<&str> = grasp.digits.iter().map(|digit| digit.name()).collect();
-    let room = grasp.room.map_or("none, all digits touch".into(), |room| format!("{:.0} mm to the object", 1e3 * room));
-    let text = format!(
-        "- the best of {}; digits {}{}\n- margin {:.2} N, penetration {:.2} mm\n- room left by free digits: {room}\n- \
-         comes along [{:.2}, {:.2}, {:.2}] of the object\n- closing moved the object {:.1} mm, {:.0} deg\n- chain {}",
+    let mut text = format!(
+        "- the best of {}\n- margin {:.2} N, penetration {:.2} mm\n",
         kind.count,
-        digits.join(", "),
-        if grasp.palm { " and the palm" } else { "" },
         grasp.margin,
-        1e3 * grasp.penetration,
-        grasp.approach[0],
-        grasp.approach[1],
-        grasp.approach[2],
-        1e3 * grasp.moved[0],
-        grasp.moved[1].to_degrees(),
-        grasp.chain
+        1e3 * grasp.penetration
     );
+    if let Some(DigitUse { digits, palm, approach: [x, y, z], room }) = &grasp.digit_use {
+        let digits: Vec<&str> = digits.iter().map(|digit| digit.name()).chain(palm.then_some("palm")).collect();
+        let room = room.map_or("none, all digits touch".into(), |room| format!("{:.0} mm to the object", 1e3 * room));
+        text += &format!("- held by {}\n- room left by free digits: {room}\n", digits.join(", "));
+        text += &format!("- comes along [{x:.2}, {y:.2}, {z:.2}] of the object\n");
+    }
+    if let Some([far, turned]) = grasp.moved {
+        text += &format!("- closing moved the object {:.1} mm, {:.0} deg\n", 1e3 * far, turned.to_degrees());
+    }
+    if let Some(proof) = grasp.proof {
+        text += &format!("- verified for {:.0} g, holds {:.0} g\n", 1e3 * proof.mass, 1e3 * proof.payload);
+    }
+    text += &format!("- chain {}", grasp.chain);
     let contacts = grasp.contacts.iter().map(|contact| ShownContact {
         link: contact.link,
-        point: contact.point.into(),
-        normal: UnitVector3::new_normalize(contact.normal.into()),
+        point: hand.palm_from_root * Point3::from(contact.point),
+        normal: UnitVector3::new_normalize(hand.palm_from_root * Vector3::from(contact.normal)),
         force: contact.force,
     });
+    let drawn = || {
+        let corners: Vec<Point3<f64>> = skin(hand, &grasp.joints).into_iter().flatten().collect();
+        let triangles: Vec<[u32; 3]> = (0..corners.len() as u32 / 3).map(|n| [3 * n, 3 * n + 1, 3 * n + 2]).collect();
+        ShownHand::Other(Mesh::with_normals(&corners, &triangles))
+    };
     ShownGrasp {
         name: kind.name.clone(),
         text,
-        hand: ShownHand::Own(grasp.joints.to_vec()),
-        palm_from_object: pose_from_array(&grasp.palm_from_object),
+        hand: hand.named.as_ref().map_or_else(drawn, |_| ShownHand::Own(grasp.joints.to_vec())),
+        palm_from_object: hand.palm_from_root * pose_from_array(&grasp.closed),
         contacts: contacts.collect(),
     }
 }
@@ -72,35 +106,69 @@ fn object_picture(model: &ObjectModel, line: &str) -> RgbImage {
 }
 
 /// Friction for which a kind's grasp was verified.
-pub fn friction(kind: &HandKind<'_>) -> f64 {
+pub fn friction(kind: &Kind<'_>) -> f64 {
     verified_for(kind.best).1
 }
 
 /// A picture of a grasp: hand, object, contact points and cones.
-fn grasp_picture(hand: &Hand, model: &ObjectModel, kind: &HandKind<'_>) -> RgbImage {
-    let shown = shown(kind);
-    // Between object and palm, and a little higher: the caption takes the top.
-    let center = Point3::from(shown.palm_from_object.translation.vector * 0.5 + Vector3::y() * 0.02);
-    let mut picture = Picture::new(GRASP_PICTURE, View::palm().at(center, GRASP_WIDTH));
-    picture.hand(hand, &kind.best.joints);
+fn grasp_picture(hand: &GraspingHand, model: &ObjectModel, kind: &Kind<'_>, view: View) -> RgbImage {
+    let shown = shown(hand, kind);
+    let (center, width) = match hand.named {
+        // Between object and palm, and a little higher: the caption takes the top.
+        Some(_) => (Point3::from(shown.palm_from_object.translation.vector * 0.5 + Vector3::y() * 0.02), GRASP_WIDTH),
+        None => around(&skin(hand, &kind.best.joints)),
+    };
+    let mut picture = Picture::new(GRASP_PICTURE, view.at(center, width));
+    draw_hand(&mut picture, hand, &kind.best.joints);
     let (vertices, triangles, normals) = model.shape.triangles();
     let color = model.color.map(f64::from);
     picture.triangles(&shown.palm_from_object, &vertices, &triangles, &normals, color);
     for contact in &shown.contacts {
         let cone = friction_cone(contact, friction(kind));
-        let color = stream::scene::link_color(hand, contact.link).map(f64::from);
+        let color = hand.named.as_ref().map_or(CONTACT, |own| link_color(own, contact.link).map(f64::from));
         let tips: Vec<Point3<f64>> = cone.vertices.iter().map(|v| Point3::from(*v).cast()).collect();
         picture.veil(&tips, &cone.triangles, color, CONE_COVERS);
         picture.dot(&contact.point, 1.5e-3, color);
     }
-    let caption = format!("{}\n{}, {} of it\nmargin {:.2} N", model.name, kind.name, kind.count, kind.best.margin);
-    picture.finish(&caption)
+    let name = folded(&kind.name);
+    picture.finish(&format!("{}\n{name}, {} of it\nmargin {:.2} N", model.name, kind.count, kind.best.margin))
 }
 
-/// Writes the page of `collection`, which `file` holds, into `folder`, which is there already; `only` limits it to one object.
-pub fn write(file: &GraspFile, collection: &Collection, only: Option<&str>, hand: &Hand, folder: &Path) -> Result<()> {
+/// Middle of what is drawn, and the width of a picture that shows it, m.
+fn around(skin: &[[Point3<f64>; 3]]) -> (Point3<f64>, f64) {
+    let (low, high) = skin
+        .iter()
+        .flatten()
+        .fold((Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY)), |(low, high), point| {
+            (low.inf(&point.coords), high.sup(&point.coords))
+        });
+    (Point3::from(0.5 * (low + high)), MARGIN * (high - low).norm())
+}
+
+/// A kind's name on lines that fit a caption, broken after its plus signs.
+fn folded(name: &str) -> String {
+    let mut lines = vec![String::new()];
+    for word in name.split_inclusive('+') {
+        if lines.last().is_some_and(|line| line.len() + word.len() > LINE) {
+            lines.push(String::new());
+        }
+        if let Some(line) = lines.last_mut() {
+            line.push_str(word);
+        }
+    }
+    lines.join("\n")
+}
+
+/// Writes the page of the grasps of `file` into `folder`, which is there already; `only` limits it to one object. Kinds of a hand whose
+/// digits have no names are seen from three sides, `most` at most.
+pub fn write(file: &GraspFile, only: Option<&str>, most: usize, folder: &Path) -> Result<()> {
+    let hand = &file.hand;
+    let (views, most, columns) = match hand.named {
+        Some(_) => (vec![View::palm()], 2 * COLUMNS, COLUMNS),
+        None => (vec![View::palm(), View::thumb_side(), View::tips()], most, 3),
+    };
     let (mut objects, mut best, mut sections) = (Vec::new(), Vec::new(), String::new());
-    for entry in collection.objects.iter().filter(|entry| only.is_none_or(|name| name == entry.summary.object)) {
+    for entry in file.objects(only)? {
         let name = &entry.summary.object;
         let model = &*file.model(name)?;
         let (low, high) = model.shape.aabb();
@@ -116,15 +184,15 @@ pub fn write(file: &GraspFile, collection: &Collection, only: Option<&str>, hand
                 entry.grasps.len()
             ),
         ));
-        let kinds = hand_kinds(&entry.grasps);
-        let pictures: Vec<RgbImage> =
-            kinds.iter().take(2 * COLUMNS).map(|kind| grasp_picture(hand, model, kind)).collect();
+        let kinds = file.kinds(entry);
+        let of = |kind| views.iter().map(move |view| grasp_picture(hand, model, kind, *view));
+        let pictures: Vec<RgbImage> = kinds.iter().take(most).flat_map(of).collect();
         best.extend(pictures.first().cloned());
-        let file = format!("{name}.png");
-        picture::save(&picture::tile(&pictures, COLUMNS), &folder.join(&file))?;
+        let sheet = format!("{name}.png");
+        picture::save(&picture::tile(&pictures, columns), &folder.join(&sheet))?;
         let short = entry.summary.short.as_deref().unwrap_or("");
         sections += &format!(
-            "<h2>{0}</h2>\n<p>{1} grasps of {2} from {3} chains, {4} kinds. {5}</p>\n<img src=\"{file}\" alt=\"grasps of {0}\">\n",
+            "<h2>{0}</h2>\n<p>{1} grasps of {2} from {3} chains, {4} kinds. {5}</p>\n<img src=\"{sheet}\" alt=\"grasps of {0}\">\n",
             escape(name),
             entry.summary.kept,
             entry.summary.wanted,
@@ -133,17 +201,18 @@ pub fn write(file: &GraspFile, collection: &Collection, only: Option<&str>, hand
             escape(short)
         );
     }
+    let table = || format!("<h2>Diversity</h2>\n<pre>{}</pre>\n", escape(&table(&file.collection)));
+    let diversity = hand.named.as_ref().map_or_else(String::new, |_| table());
     picture::save(&picture::tile(&objects, COLUMNS), &folder.join("objects.png"))?;
     picture::save(&picture::tile(&best, COLUMNS), &folder.join("best.png"))?;
     let html = format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<title>Synthesized grasps</title>\n<style>{}{}img{{max-width:100%}}</style>\n\
          </head>\n<body>\n<main>\n<h1>Synthesized grasps</h1>\n<p class=\"byline\">{}</p>\n<p>Dots are contact points, cones the forces that the friction of \
          the proof allows there, coloured by digit.</p>\n<h2>Objects</h2>\n<img src=\"objects.png\" alt=\"the objects\">\n<h2>The best grasp of each object's most frequent kind</h2>\n\
-         <img src=\"best.png\" alt=\"a grasp of each object\">\n<h2>Diversity</h2>\n<pre>{}</pre>\n{sections}</main>\n</body>\n</html>\n",
+         <img src=\"best.png\" alt=\"a grasp of each object\">\n{diversity}{sections}</main>\n</body>\n</html>\n",
         style::FIGURE,
         style::PAGE,
-        escape(&collection.header.command),
-        escape(&table(collection)),
+        escape(&file.collection.header.command),
     );
     Ok(write_whole(&folder.join("grasps.html"), html.as_bytes())?)
 }
@@ -151,10 +220,9 @@ pub fn write(file: &GraspFile, collection: &Collection, only: Option<&str>, hand
 #[cfg(test)]
 mod tests {
     use grasping::synthesis::held::HeldGrasp;
+    use grasping::synthesis::kind::hand_kinds;
     use proving::synthesis::grasp_file;
     use world::objects::ObjectSet;
-
-    use super::*;
 
     /// The built-in collection: every object of the set, as many grasps as its lines say, each with its digits, and nothing
     /// that the checks would not pass.
@@ -169,7 +237,7 @@ mod tests {
             assert!(hand_kinds(&entry.grasps).len() > 3, "{name}");
         }
         let good = |grasp: &HeldGrasp| {
-            grasp.margin >= 1.0 && grasp.penetration <= 1e-3 && (grasp.palm || grasp.digits.len() >= 2)
+            grasp.margin >= 1.0 && grasp.penetration <= 1e-3 && (grasp.palm() || grasp.digits().len() >= 2)
         };
         let bad: Vec<_> = collection.grasps().filter(|grasp| !good(grasp)).map(|g| (&g.object, g.chain)).collect();
         assert!(bad.is_empty(), "{bad:?}");

@@ -1,8 +1,7 @@
 //! The report of a benchmark: `report.html`, one self-contained page, and its figures as files.
 //!
 //! It is made from the records and their summary alone, so `ftac report` can make it again at any time. [`picture`] draws the
-//! hand, [`plot`] line plots; both are used by the checks too. [`grasp_gallery`] shows the best grasps of each object, [`urdf_hand`] those of a hand
-//! from a URDF.
+//! hand, [`plot`] line plots; both are used by the checks too. [`grasp_gallery`] shows the best grasps of each object.
 
 mod ablation;
 mod comparisons;
@@ -25,7 +24,6 @@ pub mod run;
 pub mod style;
 #[cfg(test)]
 mod tests;
-pub mod urdf_hand;
 mod verdict;
 
 use std::path::Path;

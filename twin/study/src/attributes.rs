@@ -138,7 +138,7 @@ impl Attributes {
         let direction = push.try_normalize(1e-9).unwrap_or_default();
         let (opposed, rounded, line) = normals(&spread, total);
         // An object without an axis, such as a cube, takes the straight direction of the touched surface.
-        let axis = form.axis.map_or(line, |axis| pose_from_array(&grasp.palm_from_object).rotation * axis);
+        let axis = form.axis.map_or(line, |axis| pose_from_array(&grasp.closed).rotation * axis);
         let others: Vec<usize> = touching.iter().copied().filter(|digit| *digit != 1).collect();
         Self([
             share(palm, total),
@@ -184,31 +184,35 @@ fn normals(spread: &Matrix3<f64>, total: f64) -> (f64, f64, Vector3<f64>) {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
-    use grasping::synthesis::held::HeldContact;
+    use grasping::synthesis::held::{ClosedPose, DigitUse, HeldContact};
 
     /// A grasp with the given contacts (link, normal in the palm frame, force) at joint angles of `bend`.
     pub(crate) fn grasp(bend: f64, contacts: &[(Option<usize>, [f64; 3], f64)]) -> HeldGrasp {
         HeldGrasp {
             object: "thing".into(),
             chain: 0,
-            palm_from_object: [0.0, 0.0, -0.04, 0.0, 0.0, 0.0, 1.0],
+            closed: ClosedPose::PalmFromObject([0.0, 0.0, -0.04, 0.0, 0.0, 0.0, 1.0]),
             joints: [bend; 15].into_iter().collect(),
             start: [0.0, 0.0, -0.04, 0.0, 0.0, 0.0, 1.0],
             open_joints: [0.0; 15].into_iter().collect(),
-            tensions: [0.0; 5].into(),
-            opposition: bend,
+            open_tensions: None,
+            tensions: [0.0; 5].into_iter().collect(),
+            opposition: Some(bend),
             contacts: contacts
                 .iter()
                 .map(|&(link, normal, force)| HeldContact { link, point: [0.0; 3], normal, force })
                 .collect(),
-            digits: Vec::new(),
-            palm: contacts.iter().any(|(link, _, _)| link.is_none()),
-            approach: [0.0, 0.0, -1.0],
-            room: None,
+            digit_use: Some(DigitUse {
+                digits: Vec::new(),
+                palm: contacts.iter().any(|(link, _, _)| link.is_none()),
+                approach: [0.0, 0.0, -1.0],
+                room: None,
+            }),
             margin: 1.0,
             penetration: 0.0,
-            moved: [0.0; 2],
-            energy: 0.0,
+            held_without_tension: None,
+            moved: Some([0.0; 2]),
+            energy: Some(0.0),
             proof: None,
         }
     }

@@ -44,7 +44,7 @@ pub fn contact_map(
     grasp: &HeldGrasp,
     distance: impl Fn(&Point3<f64>) -> f64,
 ) -> Vec<f64> {
-    let object_from_palm = pose_from_array(&grasp.palm_from_object).inverse();
+    let object_from_palm = pose_from_array(&grasp.closed).inverse();
     let mut links = vec![Isometry3::identity()];
     links.extend(hand.tree.forward(&grasp.joints));
     let placed: Vec<Isometry3<f64>> = links.iter().map(|link| object_from_palm * link).collect();

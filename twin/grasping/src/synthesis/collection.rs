@@ -8,12 +8,12 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use hand_model::{Digit, HandVector};
+use hand_model::Digit;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::grasp_file::GraspFileError;
-use super::held::{HeldContact, HeldGrasp, Proof, per_unit};
+use super::held::{ClosedPose, DigitUse, HeldContact, HeldGrasp, Proof, per_unit};
 
 /// Version of the file format.
 pub const VERSION: u32 = 1;
@@ -94,7 +94,16 @@ fn values<const N: usize>(steps: &[i64; N], per_unit: f64) -> [f64; N] {
     steps.map(|n| n as f64 / per_unit)
 }
 
-fn row(grasp: &HeldGrasp) -> Row {
+/// What a record of the F-TAC Hand has.
+pub const EXPECTED: &str =
+    "15 joints, 5 tensions, opposition, digits, palm, approach, room, moved and energy of the F-TAC Hand";
+
+/// None of a grasp that is not of the F-TAC Hand.
+fn row(grasp: &HeldGrasp) -> Option<Row> {
+    if [grasp.joints.len(), grasp.open_joints.len(), grasp.tensions.len()] != [JOINTS, JOINTS, DIGITS] {
+        return None;
+    }
+    let used = grasp.digit_use.as_ref()?;
     let one = |value: f64, per_unit: f64| (value * per_unit).round() as i64;
     let contacts = grasp.contacts.iter().map(|contact| {
         let link = contact.link.map_or(-1, |link| link as i64);
@@ -105,21 +114,21 @@ fn row(grasp: &HeldGrasp) -> Row {
     if let Some(Proof { mass, friction, payload }) = grasp.proof {
         checks.extend([one(mass, per_unit::MASS), one(friction, per_unit::FRICTION), one(payload, per_unit::MASS)]);
     }
-    (
+    Some((
         grasp.chain,
-        steps(&grasp.palm_from_object, per_unit::POSE),
+        steps(&*grasp.closed, per_unit::POSE),
         steps(&grasp.joints, per_unit::ANGLE),
         steps(&grasp.start, per_unit::POSE),
         steps(&grasp.open_joints, per_unit::ANGLE),
         steps(&grasp.tensions, per_unit::FORCE),
-        one(grasp.opposition, per_unit::ANGLE),
+        one(grasp.opposition?, per_unit::ANGLE),
         contacts.collect(),
-        steps(&grasp.approach, per_unit::DIRECTION),
-        grasp.room.map(|room| one(room, per_unit::POSE)),
+        steps(&used.approach, per_unit::DIRECTION),
+        used.room.map(|room| one(room, per_unit::POSE)),
         checks,
-        steps(&grasp.moved, per_unit::MOTION),
-        one(grasp.energy, per_unit::ENERGY),
-    )
+        steps(&grasp.moved?, per_unit::MOTION),
+        one(grasp.energy?, per_unit::ENERGY),
+    ))
 }
 
 /// The grasp of a row; the error names the field, the found value and the expected one.
@@ -162,23 +171,32 @@ fn grasp(object: &str, row: Row) -> Result<HeldGrasp, String> {
     Ok(HeldGrasp {
         object: object.into(),
         chain,
-        palm_from_object: values(&pose, per_unit::POSE),
-        joints: HandVector::from_iter(values(&joints, per_unit::ANGLE)),
+        closed: ClosedPose::PalmFromObject(values(&pose, per_unit::POSE)),
+        joints: values(&joints, per_unit::ANGLE).into_iter().collect(),
         start: values(&start, per_unit::POSE),
-        open_joints: HandVector::from_iter(values(&open, per_unit::ANGLE)),
-        tensions: values(&tensions, per_unit::FORCE).into(),
-        opposition: opposition as f64 / per_unit::ANGLE,
-        digits: digits.collect(),
-        palm: touches(None),
+        open_joints: values(&open, per_unit::ANGLE).into_iter().collect(),
+        open_tensions: None,
+        tensions: values(&tensions, per_unit::FORCE).into_iter().collect(),
+        opposition: Some(opposition as f64 / per_unit::ANGLE),
+        digit_use: Some(DigitUse {
+            digits: digits.collect(),
+            palm: touches(None),
+            approach: values(&approach, per_unit::DIRECTION),
+            room: room.map(|room| room as f64 / per_unit::POSE),
+        }),
         contacts,
-        approach: values(&approach, per_unit::DIRECTION),
-        room: room.map(|room| room as f64 / per_unit::POSE),
         margin: margin as f64 / per_unit::FORCE,
         penetration: penetration as f64 / per_unit::DEPTH,
-        moved: values(&moved, per_unit::MOTION),
-        energy: energy as f64 / per_unit::ENERGY,
+        held_without_tension: None,
+        moved: Some(values(&moved, per_unit::MOTION)),
+        energy: Some(energy as f64 / per_unit::ENERGY),
         proof,
     })
+}
+
+/// True of a grasp of the F-TAC Hand.
+pub fn is_whole(grasp: &HeldGrasp) -> bool {
+    row(grasp).is_some()
 }
 
 impl Collection {
@@ -196,9 +214,9 @@ impl Collection {
         let mut text = serde_json::to_string(&self.header)? + "\n";
         for entry in &self.objects {
             text += &(serde_json::to_string(&entry.summary)? + "\n");
-            for grasp in &entry.grasps {
+            for row in entry.grasps.iter().filter_map(row) {
                 // Writing to a string cannot fail.
-                let _ = writeln!(text, "{}", serde_json::to_string(&row(grasp))?);
+                let _ = writeln!(text, "{}", serde_json::to_string(&row)?);
             }
         }
         Ok(text)
@@ -242,7 +260,6 @@ impl Collection {
 
 #[cfg(test)]
 mod tests {
-    use super::super::held::VerifiedGrasp as _;
     use super::super::held::tests::grasp as example;
     use super::*;
 
@@ -253,8 +270,9 @@ mod tests {
                 grasp.chain = n;
                 grasp.joints[4] = 0.1 * n as f64 + 0.01234;
                 grasp.contacts.push(HeldContact { link: None, ..grasp.contacts[0] });
-                grasp.palm = true;
-                grasp.room = (n > 0).then_some(0.0123);
+                if let Some(used) = &mut grasp.digit_use {
+                    (used.palm, used.room) = (true, (n > 0).then_some(0.0123));
+                }
                 grasp.rounded()
             })
             .collect();

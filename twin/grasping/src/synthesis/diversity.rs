@@ -67,7 +67,7 @@ pub fn opposition(grasp: &HeldGrasp) -> Opposition {
 /// Initials of the digits in contact, `TIMRL` for all, with a leading `P` if the palm is in contact.
 pub fn digit_set(grasp: &HeldGrasp) -> String {
     let letter = |digit: &Digit| digit.name().chars().next().map(|letter| letter.to_ascii_uppercase());
-    grasp.palm.then_some('P').into_iter().chain(grasp.digits.iter().filter_map(letter)).collect()
+    grasp.palm().then_some('P').into_iter().chain(grasp.digits().iter().filter_map(letter)).collect()
 }
 
 /// Statistics of a set of grasps.
@@ -103,18 +103,19 @@ pub fn describe<'a>(grasps: impl IntoIterator<Item = &'a HeldGrasp>) -> Diversit
         *sets.entry(digit_set(grasp)).or_default() += 1;
         *kinds.entry(opposition(grasp).name()).or_default() += 1;
     }
-    let mean = grasps.iter().map(|grasp| grasp.opposition).sum::<f64>() / n;
-    let variance = grasps.iter().map(|grasp| (grasp.opposition - mean).powi(2)).sum::<f64>() / n;
-    let approach = grasps.iter().map(|grasp| Vector3::from(grasp.approach)).sum::<Vector3<f64>>() / n;
-    let mut rooms: Vec<f64> = grasps.iter().filter_map(|grasp| grasp.room).collect();
+    let mean = grasps.iter().filter_map(|grasp| grasp.opposition).sum::<f64>() / n;
+    let variance = grasps.iter().filter_map(|grasp| Some((grasp.opposition? - mean).powi(2))).sum::<f64>() / n;
+    let used = || grasps.iter().filter_map(|grasp| grasp.digit_use.as_ref());
+    let approach = used().map(|used| Vector3::from(used.approach)).sum::<Vector3<f64>>() / n;
+    let mut rooms: Vec<f64> = used().filter_map(|used| used.room).collect();
     rooms.sort_by(f64::total_cmp);
     Diversity {
         grasps: grasps.len(),
-        digits: Digit::ALL.map(|digit| share(&|grasp| grasp.digits.contains(&digit))),
-        palm: share(&|grasp| grasp.palm),
+        digits: Digit::ALL.map(|digit| share(&|grasp| grasp.digits().contains(&digit))),
+        palm: share(&|grasp| grasp.palm()),
         sets,
         opposition: kinds,
-        thumb: [mean, variance.sqrt(), share(&|grasp| grasp.opposition > ABDUCTED)],
+        thumb: [mean, variance.sqrt(), share(&|grasp| grasp.opposition > Some(ABDUCTED))],
         explained: explained(&grasps),
         approach_spread: 1.0 - approach.norm(),
         room: rooms.get(rooms.len() / 2).copied(),
@@ -146,8 +147,8 @@ fn explained(grasps: &[&HeldGrasp]) -> Vec<f64> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::held::HeldContact;
-    use super::super::held::tests::grasp;
+    use super::super::held::tests::{grasp, used};
+    use super::super::held::{DigitUse, HeldContact};
     use super::*;
 
     fn pressed(link: Option<usize>, normal: [f64; 3], force: f64) -> HeldContact {
@@ -184,7 +185,9 @@ mod tests {
 
     #[test]
     fn shares_and_sets() {
-        let away = HeldGrasp { approach: [0.0, 0.0, 1.0], opposition: 0.2, palm: true, room: None, ..grasp() };
+        let by = DigitUse { approach: [0.0, 0.0, 1.0], palm: true, room: None, ..used(&[Digit::Thumb]) };
+        let contacts = vec![pressed(None, [0.0, 0.0, 1.0], 1.0)];
+        let away = HeldGrasp { digit_use: Some(by), opposition: Some(0.2), contacts, ..grasp() };
         let both = describe(&[grasp(), away]);
         assert_eq!(both.sets, BTreeMap::from([("PT".to_owned(), 1), ("T".to_owned(), 1)]));
         assert_eq!((both.digits[0], both.digits[1], both.palm), (1.0, 0.0, 0.5));

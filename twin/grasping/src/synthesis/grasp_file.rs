@@ -1,14 +1,15 @@
 //! Files of the grasps that one search found.
 //!
-//! JSON lines: a header, then one grasp per line, so that an interrupted run leaves whole grasps. Grasps are
-//! [`HeldGrasp`](super::held::HeldGrasp)s of our own hand, or [`UrdfGrasp`](super::held::UrdfGrasp)s where the header names another. Poses of
-//! an object of the set are in the set's frame, those of a mesh in the frame of its file.
+//! JSON lines: a header, then one [`HeldGrasp`] per line, so that an interrupted run leaves whole grasps. They are of our own hand, or of
+//! another that the header names. Poses of an object of the set are in the set's frame, those of a mesh in the frame of its file.
 
 use std::io::{BufRead, BufReader, Read as _, Write};
 use std::path::{Path, PathBuf};
 
 use serde::de::{DeserializeOwned, IgnoredAny};
 use serde::{Deserialize, Serialize};
+
+use super::held::HeldGrasp;
 
 /// Version of the file format.
 pub const VERSION: u32 = 1;
@@ -90,7 +91,7 @@ impl GraspWriter {
 
     /// Continues the file of an interrupted run with the same header, and returns its grasps. An incomplete last line is
     /// removed.
-    pub fn resume<G: DeserializeOwned>(path: &Path, header: &Header) -> Result<(Self, Vec<G>), GraspFileError> {
+    pub fn resume(path: &Path, header: &Header) -> Result<(Self, Vec<HeldGrasp>), GraspFileError> {
         let io = |source| GraspFileError::Io { path: path.into(), source };
         let mut text = std::fs::read_to_string(path).map_err(io)?;
         let whole = text.rfind('\n').map_or(0, |end| end + 1);
@@ -108,7 +109,7 @@ impl GraspWriter {
         Ok((Self { path: path.into(), file }, grasps))
     }
 
-    pub fn add(&mut self, grasp: &impl Serialize) -> Result<(), GraspFileError> {
+    pub fn add(&mut self, grasp: &HeldGrasp) -> Result<(), GraspFileError> {
         self.line(grasp)
     }
 
@@ -121,7 +122,7 @@ impl GraspWriter {
 }
 
 /// Reads a file. An incomplete last line is an error that names it.
-pub fn read<G: DeserializeOwned>(path: &Path) -> Result<(Header, Vec<G>), GraspFileError> {
+pub fn read(path: &Path) -> Result<(Header, Vec<HeldGrasp>), GraspFileError> {
     let text = platform::file::read_text(path).map_err(|source| GraspFileError::Io { path: path.into(), source })?;
     parse(&text, path)
 }
@@ -155,7 +156,6 @@ fn parse<G: DeserializeOwned>(text: &str, path: &Path) -> Result<(Header, Vec<G>
 #[cfg(test)]
 mod tests {
     use super::super::held::tests::grasp;
-    use super::super::held::{HeldGrasp, VerifiedGrasp as _};
     use super::*;
 
     #[test]
@@ -168,7 +168,7 @@ mod tests {
         let (found, grasps) = read(&path).expect("read");
         assert_eq!((found, grasps), (header, vec![grasp]));
         std::fs::write(&path, "{\"version\":9,\"command\":\"\",\"seed\":1}\n").expect("written");
-        let error = read::<HeldGrasp>(&path).expect_err("another version").to_string();
+        let error = read(&path).expect_err("another version").to_string();
         assert!(error.ends_with(":1: version: found 9, expected 1"), "{error}");
         std::fs::remove_file(&path).expect("removed");
     }
@@ -183,12 +183,12 @@ mod tests {
         writer.add(&first).expect("written");
         let whole = std::fs::read_to_string(&path).expect("read");
         std::fs::write(&path, format!("{whole}{{\"object\":\"ba")).expect("written");
-        let (mut writer, kept) = GraspWriter::resume::<HeldGrasp>(&path, &header).expect("resumed");
+        let (mut writer, kept) = GraspWriter::resume(&path, &header).expect("resumed");
         assert_eq!(kept, std::slice::from_ref(&first));
         writer.add(&second).expect("written");
-        assert_eq!(read::<HeldGrasp>(&path).expect("read").1, [first, second]);
+        assert_eq!(read(&path).expect("read").1, [first, second]);
         let other = Header { seed: 6, command: "another".into(), ..header };
-        let error = GraspWriter::resume::<HeldGrasp>(&path, &other).expect_err("another run").to_string();
+        let error = GraspWriter::resume(&path, &other).expect_err("another run").to_string();
         assert!(error.ends_with(":1: command: found `test`, expected `another`"), "{error}");
         std::fs::remove_file(&path).expect("removed");
     }

@@ -1,8 +1,8 @@
 //! The hand's mechanism for the energy: joint limits, and the lines in joint space along which actuators move.
 
 use hand_model::Hand;
+use hand_model::hand_mechanism::HandMechanism;
 use hand_model::kinematics::JointKind;
-use hand_model::urdf_hand::UrdfHand;
 
 /// A metre of a slide counts as many radians of a turn: what a fingertip 50 mm from its joint makes of them.
 const RADIANS_PER_METRE: f64 = 20.0;
@@ -50,7 +50,7 @@ impl Mechanism {
 
     /// Of a hand from a URDF: equal springs against the moment arms, and coupled joints with their leaders. Joints without an
     /// actuator stay at rest: both limits are the rest angle.
-    pub fn of_urdf(hand: &UrdfHand) -> Self {
+    pub fn of_urdf(hand: &HandMechanism) -> Self {
         let rest = hand.rest();
         let mut limits: Vec<(f64, f64)> = rest.iter().map(|q| (*q, *q)).collect();
         // Where springs rest a line has its zero; a joint that follows is then where its leader's rest makes it.
@@ -59,9 +59,9 @@ impl Mechanism {
             follower.map_or(hand.spring_rest[joint], |own| own.multiplier * hand.spring_rest[own.leader] + own.offset)
         };
         let lines = hand.pulls.iter().map(|pull| {
-            let mut line: Vec<(usize, f64)> = pull.arms.clone();
+            let mut line: Vec<(usize, f64)> = pull.constant_arms().collect();
             for follower in &hand.followers {
-                if let Some((_, arm)) = pull.arms.iter().find(|(joint, _)| *joint == follower.leader) {
+                if let Some((_, arm)) = pull.constant_arms().find(|(joint, _)| *joint == follower.leader) {
                     line.push((follower.joint, arm * follower.multiplier));
                 }
             }

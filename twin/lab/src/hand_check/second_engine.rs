@@ -7,12 +7,14 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::{Context, Result};
+use hand_model::hand_mechanism::HandMechanism;
 use hand_model::robot::Command;
 use hand_model::transmission::friction::CableFriction;
 use hand_model::{DigitVector, Hand, RobotModel};
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use platform::data::write_whole;
 use serde_json::{Value, json};
+use sim::collision_model::CollisionModel;
 use sim::engine::EngineSettings;
 use sim::mjcf::{self, Scene};
 use sim::stand::{HandStand, Prop, tension_goals};
@@ -238,9 +240,10 @@ fn whole(robot: &RobotModel, folder: &Path) -> Result<Value> {
         .map(|(model, pose)| (Prop::new(&model.name, model.shape.clone(), model.mass, model.friction), *pose))
         .collect();
     let settings = EngineSettings::default();
+    let model = CollisionModel::new(Arc::new(HandMechanism::of(hand, "ftac")));
     let scene = Scene {
-        hand,
-        arm: Some((arm, start)),
+        hand: &model,
+        arm: Some((arm, start, hand)),
         props: &props,
         start: None,
         gravity: Vector3::new(0.0, 0.0, -9.81),
@@ -278,12 +281,13 @@ pub fn export(robot: &RobotModel, folder: &Path, friction: f64, refine: bool) ->
     let hand = &robot.hand;
     std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
     let settings = EngineSettings::default();
+    let model = CollisionModel::new(Arc::new(HandMechanism::of(hand, "ftac")));
     let mut scenes = Vec::new();
     for test in stand_tests(hand, friction) {
         let props: Vec<_> = test.prop.iter().cloned().collect();
         // What is held in place feels no gravity; it is turned on with the release.
         let gravity = if test.prop.is_some() { Vector3::zeros() } else { test.gravity };
-        let scene = Scene { hand, arm: None, props: &props, start: None, gravity, dt: settings.dt };
+        let scene = Scene { hand: &model, arm: None, props: &props, start: None, gravity, dt: settings.dt };
         write_whole(&folder.join(file(test.name)), mjcf::write(&scene).as_bytes())?;
         scenes.push(run(hand, &test, refine));
     }

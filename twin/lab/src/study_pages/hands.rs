@@ -7,8 +7,8 @@ use grasping::synthesis::held::pose_from_array;
 use image::RgbImage;
 use nalgebra::{Point3, Vector3};
 use proving::synthesis::hands::{BestGrasp, Cell, ComparedHand};
+use report::grasp_gallery::{CONTACT, DOT, draw_hand, skin};
 use report::picture::{Picture, View, save, tile};
-use report::urdf_hand::{CONTACT, DOT, draw, skin};
 use world::objects::{ObjectModel, ObjectSet};
 
 /// Side of a picture, pixels.
@@ -16,15 +16,13 @@ const SIZE: u32 = 230;
 /// Width of a picture, as a multiple of what is drawn, and how far of it that moves down to leave room for the caption.
 const MARGIN: f64 = 1.35;
 const CAPTION: f64 = 0.07;
-/// Two corners around our hand: x and y in the palm frame, m.
-const OUR_SPAN: [[f64; 2]; 2] = [[-0.06, -0.10], [0.07, 0.10]];
 
 /// Draws the sheet; `cells` are in the order of `hands`.
 pub fn write(hands: &[ComparedHand], cells: &[Cell], path: &Path) -> Result<()> {
     let set = ObjectSet::repertoire();
     let mut pictures = Vec::new();
     for cell in cells {
-        let hand = hands.iter().find(|hand| hand.name() == cell.asked.hand).context("a cell of no hand")?;
+        let hand = hands.iter().find(|hand| hand.hand.name() == cell.asked.hand).context("a cell of no hand")?;
         let model = set.get(&cell.asked.object).context("a cell of no object")?;
         pictures.push(picture(hand, model, cell));
     }
@@ -37,15 +35,8 @@ fn picture(hand: &ComparedHand, model: &ObjectModel, cell: &Cell) -> RgbImage {
     let Some(best) = &cell.best else {
         return Picture::new(SIZE, View::palm()).finish(&format!("{caption}\nno grasp held"));
     };
-    let skin = match hand {
-        ComparedHand::Cables(_) => Vec::new(),
-        ComparedHand::Urdf { hand, .. } => skin(hand, &best.joints),
-    };
-    let mut picture = Picture::new(SIZE, view(&skin, model, best));
-    match hand {
-        ComparedHand::Cables(hand) => picture.hand(&hand.hand, &best.joints),
-        ComparedHand::Urdf { .. } => draw(&mut picture, &skin),
-    }
+    let mut picture = Picture::new(SIZE, view(&skin(&hand.hand, &best.joints), model, best));
+    draw_hand(&mut picture, &hand.hand, &best.joints);
     let (vertices, triangles, normals) = model.shape.triangles();
     let color = model.color.map(f64::from);
     picture.triangles(&pose_from_array(&best.palm_from_object), &vertices, &triangles, &normals, color);
@@ -53,16 +44,16 @@ fn picture(hand: &ComparedHand, model: &ObjectModel, cell: &Cell) -> RgbImage {
     picture.finish(&format!("{caption}, {:.1} N", best.margin))
 }
 
-/// Onto the palm, around hand and object; of our hand around the palm's middle and the object.
+/// Onto the palm, around hand and object.
 fn view(skin: &[[Point3<f64>; 3]], model: &ObjectModel, best: &BestGrasp) -> View {
     let palm_from_object = pose_from_array(&best.palm_from_object);
     let (a, b) = model.shape.aabb();
     let corner = |n: usize, axis: usize| if n >> axis & 1 == 1 { b[axis] } else { a[axis] };
     let corners = (0..8).map(|n| palm_from_object * Point3::new(corner(n, 0), corner(n, 1), corner(n, 2)));
-    let ours = OUR_SPAN.map(|[x, y]| Point3::new(x, y, 0.0));
-    let hand: Vec<Point3<f64>> = if skin.is_empty() { ours.to_vec() } else { skin.iter().flatten().copied().collect() };
-    let (low, high) = hand
-        .into_iter()
+    let (low, high) = skin
+        .iter()
+        .flatten()
+        .copied()
         .chain(corners)
         .fold((Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY)), |(low, high), point| {
             (low.inf(&point.coords), high.sup(&point.coords))

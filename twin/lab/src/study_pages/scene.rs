@@ -99,7 +99,7 @@ impl DrawnGrasp {
                 c.push([x, y, z, a, b, n]);
             }
         }
-        Self { id, o: object, p: grasp.palm_from_object, q: grasp.joints.to_vec(), c }
+        Self { id, o: object, p: *grasp.closed, q: grasp.joints.to_vec(), c }
     }
 }
 

@@ -2,49 +2,35 @@
 //!
 //! A file says that its grasps were verified; this shows it, on this machine and with this version of the physics.
 
-use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::Result;
-use grasping::synthesis::held::VerifiedGrasp as _;
-use hand_model::Hand;
+use grasping::synthesis::collection::ObjectGrasps;
+use grasping::synthesis::held::{HeldGrasp, pose_from_array};
 use rayon::prelude::*;
 
-use super::cable_hand::CableHand;
 use super::checks::{self, LEAST_MARGIN, MOST_PENETRATION};
 use super::closing;
 use super::evaluation::{self, Evaluation, Row};
-use super::grasp_file::{GraspFile, Grasps};
+use super::grasp_file::GraspFile;
 use super::grasping_hand::GraspingHand;
 use super::subject::{Subject, verified_for};
 
 /// What is known of a grasp that is closed again: metrics of the evaluation.
 const METRICS: [&str; 2] = ["margin", "contacts"];
 
-/// An evaluation for each object of `file`, or for `object` alone; `own` is the hand of grasps that are not another URDF's.
-pub fn evaluate(own: &Arc<Hand>, file: &GraspFile, object: Option<&str>) -> Result<Vec<Evaluation>> {
-    let wanted = |name: &str| object.is_none_or(|object| object == name);
-    match &file.grasps {
-        Grasps::Ours(collection) => {
-            let hand = CableHand::new(own.clone());
-            let entries = collection.objects.iter().filter(|entry| wanted(&entry.summary.object));
-            entries
-                .map(|entry| of_object(file, &hand, &entry.summary.object, &entry.grasps.iter().collect::<Vec<_>>()))
-                .collect()
-        }
-        Grasps::Urdf(of_urdf) => {
-            let by_object = of_urdf.by_object();
-            let entries = by_object.iter().filter(|(name, _)| wanted(name));
-            entries.map(|(name, grasps)| of_object(file, &of_urdf.hand, name, grasps)).collect()
-        }
-    }
+/// An evaluation for each object of `file`, or for `object` alone.
+pub fn evaluate(file: &GraspFile, object: Option<&str>) -> Result<Vec<Evaluation>> {
+    let wanted = |entry: &&ObjectGrasps| object.is_none_or(|name| name == entry.summary.object);
+    file.collection.objects.iter().filter(wanted).map(|entry| of_object(file, entry)).collect()
 }
 
 /// Closes every grasp of an object with the mass and friction that it was verified for.
-fn of_object<H: GraspingHand>(file: &GraspFile, hand: &H, name: &str, grasps: &[&H::Grasp]) -> Result<Evaluation> {
+fn of_object(file: &GraspFile, entry: &ObjectGrasps) -> Result<Evaluation> {
+    let (name, grasps) = (&entry.summary.object, &entry.grasps);
     let start = Instant::now();
     let mut subjects: Vec<((f64, f64), Subject)> = Vec::new();
-    for load in grasps.iter().map(|grasp| verified_for(*grasp)) {
+    for load in grasps.iter().map(verified_for) {
         if !subjects.iter().any(|(known, _)| *known == load) {
             subjects.push((load, file.subject(name, load.0, load.1)?));
         }
@@ -52,19 +38,21 @@ fn of_object<H: GraspingHand>(file: &GraspFile, hand: &H, name: &str, grasps: &[
     let rows = grasps
         .par_iter()
         .filter_map(|grasp| {
-            let (_, subject) = subjects.iter().find(|(known, _)| *known == verified_for(*grasp))?;
-            Some(row(hand, subject, grasp))
+            let (_, subject) = subjects.iter().find(|(known, _)| *known == verified_for(grasp))?;
+            Some(row(&file.hand, subject, grasp))
         })
         .collect::<Result<Vec<_>>>()?;
     Ok(Evaluation { wall_s: start.elapsed().as_secs_f64(), ..evaluation::summarize(name, &rows, &METRICS) })
 }
 
 /// A grasp closed once more; none if it does not close.
-fn row<H: GraspingHand>(hand: &H, subject: &Subject, grasp: &H::Grasp) -> Result<Option<Row>> {
-    let (open, tensions) = hand.reopened(grasp);
+fn row(hand: &GraspingHand, subject: &Subject, grasp: &HeldGrasp) -> Result<Option<Row>> {
+    let (open, tensions) = (hand.reopened(grasp), grasp.tensions.to_vec());
     // A grasp that asks for more than the hand's joints bear is none.
-    let bearable = hand.bearable(tensions.clone()) == tensions;
-    let Ok(closed) = closing::pull(hand, subject, grasp.start(), open, tensions) else { return Ok(None) };
+    let bearable = hand.bearable(&tensions) == tensions;
+    let Ok(closed) = closing::pull(hand, subject, pose_from_array(&grasp.start), open, tensions) else {
+        return Ok(None);
+    };
     let (margin, penetration) = (hand.margin(subject, &closed)?, hand.penetration(subject, &closed));
     let mass = subject.model.mass;
     let held = bearable && checks::hold(&closed, mass).held;

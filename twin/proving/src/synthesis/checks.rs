@@ -1,7 +1,5 @@
 //! What a closed grasp has to pass: (a) the friction-cone program, (b) penetration, (c) holding against forces in physics.
 
-use anyhow::Result;
-use grasping::force_closure::{Contact, wrench_margin};
 use grasping::synthesis::surface::HandSurface;
 use hand_model::Hand;
 use hand_model::hand::CoverShape;
@@ -31,17 +29,6 @@ const PAYLOAD_RATIO: f64 = 1.1;
 /// (a) The margin has to be at least this, N, with [`TOTAL_FORCE`]: the weight of 0.1 kg in the holding test. It judges where the
 /// contacts are, whatever the object weighs: a heavier one may be pressed harder. Whether it is held, (c) tells.
 pub const LEAST_MARGIN: f64 = 1.0;
-
-/// The wrench margin of the contacts that touch, N.
-pub fn margin(subject: &Subject, closed: &Closed) -> Result<f64> {
-    let contacts: Vec<Contact> = closed
-        .touches
-        .iter()
-        .map(|touch| Contact { point: touch.point, normal: touch.normal, friction: subject.model.friction })
-        .collect();
-    let center = closed.scene.object() * subject.field.center;
-    Ok(wrench_margin(&contacts, &center, subject.field.length, TOTAL_FORCE)?)
-}
 
 /// The deepest penetration of the closed grasp, m: points of the hand in the object, and points of the object in the hand.
 pub fn penetration(hand: &Hand, surface: &HandSurface, subject: &Subject, closed: &Closed) -> f64 {
@@ -215,9 +202,10 @@ fn largest(held: f64, directions: [usize; 6], holds: impl Fn(usize, f64) -> bool
 
 #[cfg(test)]
 mod tests {
+    use super::super::grasping_hand::GraspingHand;
     use super::*;
     use grasping::synthesis::posture::project;
-    use sim::hand_scene::{HandScene, Pull};
+    use sim::hand_scene::Pull;
     use std::sync::Arc;
 
     #[test]
@@ -296,7 +284,7 @@ mod tests {
         let hand = Arc::new(Hand::ftac());
         let subject = Subject::named("ball").expect("the ball");
         let away = Isometry3::translation(0.0, 0.0, -0.5);
-        let scene = HandScene::new(&hand, &subject.model, &away, &hand.open());
+        let scene = GraspingHand::of(hand.clone()).scene(&subject, &away, &hand.open());
         let pull = Pull::tensions(&hand.slack());
         let open = project(&hand, &hand.open());
         let closed = Closed { scene, pull, open, start: away, moved: (0.0, 0.0), touches: Vec::new() };

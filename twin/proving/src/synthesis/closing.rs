@@ -119,8 +119,8 @@ impl Aim {
 }
 
 /// Closes `sample` on the object as `aim` says.
-pub fn close<H: GraspingHand>(
-    hand: &H,
+pub fn close(
+    hand: &GraspingHand,
     subject: &Subject,
     sample: &Sample,
     frames: &mut Frames,
@@ -129,13 +129,14 @@ pub fn close<H: GraspingHand>(
     let mut by = vec![0.0; sample.state.freedom()];
     by[..6].copy_from_slice(&aim.offset);
     let (start, open) = hand.open_clear(subject, frames, &sample.state.moved(&by)).ok_or(NotClosed::Blocked)?;
-    let after = aim.tensions.iter().zip(&open.tensions).map(|(aimed, held)| aimed.unwrap_or(*held)).collect();
-    pull(hand, subject, start, open, hand.bearable(after))
+    let after: Vec<f64> = aim.tensions.iter().zip(&open.tensions).map(|(aimed, held)| aimed.unwrap_or(*held)).collect();
+    let after = hand.bearable(&after);
+    pull(hand, subject, start, open, after)
 }
 
 /// Closes an open hand: its tensions rise to `after` (N), with the object at `start` (`root_from_object`).
-pub fn pull<H: GraspingHand>(
-    hand: &H,
+pub fn pull(
+    hand: &GraspingHand,
     subject: &Subject,
     start: Isometry3<f64>,
     open: FreePosture,

@@ -14,7 +14,6 @@ use statistics::{Rate, roc_area};
 
 use super::checks;
 use super::closing::Closed;
-use super::grasping_hand::GraspingHand;
 use super::synthesizer::{ChainResult, Checked, Synthesizer};
 
 /// Friction coefficient of the slippery control.
@@ -88,7 +87,7 @@ pub(super) fn controls(closed: &Closed, mass: f64) -> [bool; 2] {
 }
 
 /// Runs `chains` chains and evaluates them.
-pub fn evaluate<H: GraspingHand>(synthesizer: &Synthesizer<'_, H>, chains: u64) -> Result<Evaluation> {
+pub fn evaluate(synthesizer: &Synthesizer<'_>, chains: u64) -> Result<Evaluation> {
     let start = Instant::now();
     let run = |chain| {
         let result: ChainResult = synthesizer.run(chain)?;

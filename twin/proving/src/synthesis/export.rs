@@ -5,61 +5,56 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
-use grasping::synthesis::held::{HeldGrasp, UrdfGrasp, VerifiedGrasp as _, values};
-use hand_model::Hand;
+use grasping::synthesis::held::{HeldGrasp, pose_from_array};
 use nalgebra::Vector3;
 use platform::file::write_whole;
 use serde_json::{Value, json};
 use sim::engine::EngineSettings;
 use sim::hand_scene::Pull;
-use sim::mjcf::{self, Scene, UrdfScene};
+use sim::mjcf::{self, Scene};
 use sim::stand::Prop;
 use world::objects::ObjectModel;
 
 use super::checks::{HOLD_TIME, MOST_MOTION, PULL};
 use super::closing::{DAMPING, RISE, SETTLE_DAMPED, SETTLE_FREE};
+use super::grasping_hand::GraspingHand;
 use super::subject::verified_for;
-use super::urdf_hand::describe::Described;
 
 /// Writes `grasp` of `object` into `folder`: an MJCF scene whose keyframe is the open hand, and a JSON file with the commands, the
-/// test, and what was found here. Answers with both files.
-pub fn write(hand: &Hand, object: &ObjectModel, grasp: &HeldGrasp, folder: &Path) -> Result<[PathBuf; 2]> {
-    let load = verified_for(grasp);
-    let props = [(Prop::new("object", object.shape.clone(), load.0, load.1), grasp.start())];
-    let open = Pull { tensions: vec![0.0; grasp.tensions.len()], opposition: grasp.opposition };
-    let dt = EngineSettings::default().dt;
-    let start = Some((grasp.open_joints, open.clone()));
-    let scene = mjcf::write(&Scene { hand, arm: None, props: &props, start, gravity: Vector3::zeros(), dt });
-    let mut test = test(&grasp.object, grasp.chain, load);
-    test["open_tensions"] = json!(open.tensions);
-    test["tensions"] = json!(grasp.tensions);
-    test["opposition"] = json!(grasp.opposition);
-    test["closed"] = json!({ "object": grasp.palm_from_object, "joints": grasp.joints });
-    files(folder, &format!("{}_{}", grasp.object, grasp.chain), &scene, test)
-}
-
-/// The same for a hand from a URDF; `object` has the mass and friction of the grasp's proof in the scene, whatever its own are.
-pub fn write_urdf(hand: &Described, object: &ObjectModel, grasp: &UrdfGrasp, folder: &Path) -> Result<[PathBuf; 2]> {
-    let load = (grasp.proof.mass, grasp.proof.friction);
-    let props = [(Prop::new("object", object.shape.clone(), load.0, load.1), grasp.start())];
-    let (joints, open) = (values(&grasp.open_joints), values(&grasp.open_tensions));
-    let dt = EngineSettings::default().dt;
-    let scene = mjcf::write_urdf(&UrdfScene { body: &hand.body, props: &props, start: (&joints, &open), dt });
-    let mut test = test(&grasp.object, grasp.chain, load);
-    test["hand"] = json!(hand.hand.name);
-    test["open_tensions"] = json!(open);
-    test["tensions"] = json!(values(&grasp.tensions));
-    test["closed"] = json!({ "object": grasp.root_from_object, "joints": values(&grasp.joints) });
-    files(folder, &format!("{}_{}_{}", hand.hand.name, grasp.object, grasp.chain), &scene, test)
-}
-
-/// What a second engine has to do, and how much the object may move; SI units.
-fn test(object: &str, chain: u64, (mass, friction): (f64, f64)) -> Value {
-    json!({
-        "object": object, "chain": chain, "mass": mass, "friction": friction,
+/// test, and what was found here. The object has the mass and friction of the grasp's proof, whatever its own are. Answers with both
+/// files.
+pub fn write(hand: &GraspingHand, object: &ObjectModel, grasp: &HeldGrasp, folder: &Path) -> Result<[PathBuf; 2]> {
+    let (mass, friction) = verified_for(grasp);
+    let props = [(Prop::new("object", object.shape.clone(), mass, friction), pose_from_array(&grasp.start))];
+    let slack = || vec![0.0; grasp.tensions.len()];
+    let open = Pull {
+        tensions: grasp.open_tensions.as_ref().map_or_else(slack, |tensions| tensions.to_vec()),
+        opposition: grasp.opposition.unwrap_or_default(),
+    };
+    let scene = mjcf::write(&Scene {
+        hand: &hand.body,
+        arm: None,
+        props: &props,
+        start: Some((&grasp.open_joints, &open)),
+        gravity: Vector3::zeros(),
+        dt: EngineSettings::default().dt,
+    });
+    // What a second engine has to do, and how much the object may move; SI units.
+    let mut test = json!({
+        "object": grasp.object, "chain": grasp.chain, "mass": mass, "friction": friction,
         "rise": RISE, "settle_damped": SETTLE_DAMPED, "settle_free": SETTLE_FREE, "damping": DAMPING,
         "shake": { "force": PULL * mass, "time": HOLD_TIME, "most_distance": MOST_MOTION.0, "most_angle": MOST_MOTION.1 },
-    })
+        "hand": hand.name(), "open_tensions": open.tensions, "tensions": *grasp.tensions,
+        "closed": { "object": *grasp.closed, "joints": *grasp.joints },
+    });
+    if let Some(opposition) = grasp.opposition {
+        test["opposition"] = json!(opposition);
+    }
+    let mut name = format!("{}_{}", grasp.object, grasp.chain);
+    if hand.named.is_none() {
+        name = format!("{}_{name}", hand.name());
+    }
+    files(folder, &name, &scene, test)
 }
 
 /// Writes a scene and its test.

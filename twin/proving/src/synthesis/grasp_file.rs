@@ -4,80 +4,76 @@
 //! which is read from the files that its header names. Poses of an object from a mesh file are in that file's frame on disk, and in
 //! a frame at the centre of mass here.
 
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, Result, bail, ensure};
 use grasping::synthesis::collection::{self, Collection, ObjectGrasps, Summary};
 use grasping::synthesis::grasp_file::{self, GraspFileError, HandSource, Header, Source};
-use grasping::synthesis::held::{HeldGrasp, UrdfGrasp, VerifiedGrasp as _};
+use grasping::synthesis::held::HeldGrasp;
+use grasping::synthesis::kind::Kind;
+use hand_model::Hand;
 use platform::digest::sha256;
 use world::objects::{ObjectModel, ObjectSet};
 
+use super::grasping_hand::GraspingHand;
+use super::kinds;
 use super::subject::Subject;
-use super::urdf_hand::describe::{self, Described};
+use super::urdf_hand::describe;
 
 /// Grasps and what they are of.
 pub struct GraspFile {
-    pub grasps: Grasps,
+    pub collection: Collection,
+    /// The hand that found them.
+    pub hand: GraspingHand,
     set: ObjectSet,
     /// The object from a mesh file.
     own: Option<Subject>,
 }
 
-/// Grasps by the hand that found them.
-pub enum Grasps {
-    /// Our own.
-    Ours(Collection),
-    /// A hand's from a URDF.
-    Urdf(Box<UrdfGrasps>),
-}
-
-/// Grasps of a hand from a URDF.
-pub struct UrdfGrasps {
-    pub header: Header,
-    pub hand: Described,
-    pub grasps: Vec<UrdfGrasp>,
-}
-
-impl UrdfGrasps {
-    /// The grasps by object.
-    pub fn by_object(&self) -> BTreeMap<&str, Vec<&UrdfGrasp>> {
-        let mut found: BTreeMap<&str, Vec<&UrdfGrasp>> = BTreeMap::new();
-        self.grasps.iter().for_each(|grasp| found.entry(&grasp.object).or_default().push(grasp));
-        found
-    }
-}
-
 impl GraspFile {
-    /// Reads `file`, or the collection that comes with the program.
-    pub fn read_or_built_in(file: Option<&Path>) -> Result<Self> {
+    /// Reads `file`, or the collection that comes with the program. Grasps are `ours` where the file names no other hand.
+    pub fn read_or_built_in(file: Option<&Path>, ours: Arc<Hand>) -> Result<Self> {
         match file {
-            Some(path) => Self::read(path).with_context(|| format!("--grasps {}", path.display())),
-            None => Ok(Self { grasps: Grasps::Ours(built_in()?), set: ObjectSet::repertoire(), own: None }),
+            Some(path) => Self::read(path, ours).with_context(|| format!("--grasps {}", path.display())),
+            None => {
+                let hand = GraspingHand::of(ours);
+                Ok(Self { collection: built_in()?, hand, set: ObjectSet::repertoire(), own: None })
+            }
         }
     }
 
-    fn read(path: &Path) -> Result<Self> {
+    fn read(path: &Path, ours: Arc<Hand>) -> Result<Self> {
         let header = grasp_file::read_header(path).ok();
         let mesh = header.as_ref().and_then(|header| header.mesh.as_ref());
         let own = mesh.map(|mesh| Ok::<_, anyhow::Error>(Subject::from_mesh(&unchanged(mesh, path, "mesh")?)?.0));
         let own = own.transpose()?;
-        let back = own.as_ref().map(|subject| -subject.origin);
-        let grasps = match header.and_then(|header| header.hand) {
-            Some(source) => Grasps::Urdf(Box::new(of_urdf(path, &source, back.as_ref())?)),
-            None => {
-                let mut collection = read(path)?;
-                for grasp in collection.objects.iter_mut().flat_map(|entry| &mut entry.grasps) {
-                    if let Some(back) = &back {
-                        *grasp = grasp.clone().with_frame_moved(back);
-                    }
-                }
-                Grasps::Ours(collection)
-            }
+        let (mut collection, hand) = match header.and_then(|header| header.hand) {
+            Some(source) => of_urdf(path, &source)?,
+            None => (read(path)?, GraspingHand::of(ours)),
         };
-        Ok(Self { grasps, set: ObjectSet::repertoire(), own })
+        if let Some(back) = own.as_ref().map(|subject| -subject.origin) {
+            for grasp in collection.objects.iter_mut().flat_map(|entry| &mut entry.grasps) {
+                *grasp = grasp.clone().with_frame_moved(&back);
+            }
+        }
+        Ok(Self { collection, hand, set: ObjectSet::repertoire(), own })
+    }
+
+    /// The grasps of `object`, or of all; an object of which there is none is refused.
+    pub fn objects(&self, object: Option<&str>) -> Result<Vec<&ObjectGrasps>> {
+        let all = &self.collection.objects;
+        let found: Vec<_> = all.iter().filter(|entry| object.is_none_or(|name| name == entry.summary.object)).collect();
+        if let (true, Some(name)) = (found.is_empty(), object) {
+            let names: Vec<&str> = all.iter().map(|entry| entry.summary.object.as_str()).collect();
+            bail!("OBJECT: no grasps of `{name}`; there are some of: {}", names.join(", "));
+        }
+        Ok(found)
+    }
+
+    /// The kinds among an object's grasps, the most frequent first.
+    pub fn kinds<'a>(&self, entry: &'a ObjectGrasps) -> Vec<Kind<'a>> {
+        kinds::kinds(&self.hand, &entry.grasps)
     }
 
     /// The model of an object: of the set, or of the file's own mesh.
@@ -127,23 +123,23 @@ fn unchanged(named: &Source, grasps: &Path, field: &str) -> Result<PathBuf> {
     Ok(path)
 }
 
-fn of_urdf(path: &Path, source: &HandSource, back: Option<&nalgebra::Vector3<f64>>) -> Result<UrdfGrasps> {
+fn of_urdf(path: &Path, source: &HandSource) -> Result<(Collection, GraspingHand)> {
     let hand =
         describe::read(&unchanged(&source.urdf, path, "hand.urdf")?, &unchanged(&source.pulls, path, "hand.pulls")?)?;
-    let (header, grasps): (Header, Vec<UrdfGrasp>) = grasp_file::read(path)?;
+    let (header, grasps) = grasp_file::read(path)?;
     ensure!(!grasps.is_empty(), "{}: found no grasp, expected at least one", path.display());
-    let joints = hand.hand.tree.joints.iter().map(|joint| joint.name.as_str());
-    let pulls = hand.hand.pulls.iter().map(|pull| pull.name.as_str());
+    let joints = hand.sampled.tree.joints.iter().map(|joint| joint.name.as_str());
+    let pulls = hand.mechanism().pulls.iter().map(|pull| pull.name.as_str());
     let (joints, pulls): (Vec<&str>, Vec<&str>) = (joints.collect(), pulls.collect());
     for (n, grasp) in grasps.iter().enumerate() {
         let named = [
-            ("joints", &grasp.joints, &joints),
-            ("open_joints", &grasp.open_joints, &joints),
-            ("open_tensions", &grasp.open_tensions, &pulls),
-            ("tensions", &grasp.tensions, &pulls),
+            ("joints", Some(&grasp.joints), &joints),
+            ("open_joints", Some(&grasp.open_joints), &joints),
+            ("open_tensions", grasp.open_tensions.as_ref(), &pulls),
+            ("tensions", Some(&grasp.tensions), &pulls),
         ];
         for (field, found, expected) in named {
-            let found: Vec<&str> = found.iter().map(|(name, _)| name.as_str()).collect();
+            let found = found.map_or(&[][..], |found| &found.names);
             ensure!(
                 found == *expected,
                 "{}:{}: {field}: found {}, expected {}",
@@ -154,11 +150,7 @@ fn of_urdf(path: &Path, source: &HandSource, back: Option<&nalgebra::Vector3<f64
             );
         }
     }
-    let grasps = match back {
-        Some(back) => grasps.into_iter().map(|grasp| grasp.with_frame_moved(back)).collect(),
-        None => grasps,
-    };
-    Ok(UrdfGrasps { header, hand, grasps })
+    Ok((of_one_search(&header, grasps), hand))
 }
 
 /// The grasps that one search left, as a collection.
@@ -199,6 +191,10 @@ pub fn read(path: &Path) -> Result<Collection> {
         (_, Err(error)) => Err(error)?,
     };
     ensure!(found.grasps().next().is_some(), "{}: found no grasp, expected at least one", path.display());
+    if let Some(grasp) = found.grasps().find(|grasp| !collection::is_whole(grasp)) {
+        let chain = grasp.chain;
+        bail!("{}: the grasp of chain {chain}: found another's, expected {}", path.display(), collection::EXPECTED);
+    }
     Ok(found)
 }
 

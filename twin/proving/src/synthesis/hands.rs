@@ -5,55 +5,39 @@
 
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::Arc;
 
 use anyhow::{Context, Result, ensure};
-use grasping::synthesis::held::VerifiedGrasp as _;
+use hand_model::Hand;
 use indicatif::ProgressBar;
 use platform::file::write_whole;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use statistics::Rate;
 
-use super::cable_hand::CableHand;
 use super::grasp_file::source;
 use super::grasping_hand::GraspingHand;
 use super::search::{self, Start, Verified};
 use super::subject::Subject;
 use super::synthesizer::{Request, Synthesizer};
-use super::urdf_hand::describe::{self, Described};
+use super::urdf_hand::describe;
 
 /// A hand of the comparison.
-pub enum ComparedHand {
-    /// Of cables, from a parameter file.
-    Cables(CableHand),
-    /// From a URDF and what pulls on its joints.
-    Urdf {
-        hand: Box<Described>,
-        /// SHA-256 of its files.
-        files: String,
-    },
+pub struct ComparedHand {
+    pub hand: GraspingHand,
+    /// SHA-256 of its files; none of our own.
+    files: String,
 }
 
 impl ComparedHand {
+    /// Our own.
+    pub fn of(hand: Arc<Hand>) -> Self {
+        Self { hand: GraspingHand::of(hand), files: String::new() }
+    }
+
     pub fn read(urdf: &Path, pulls: &Path) -> Result<Self> {
-        let hand = Box::new(describe::read(urdf, pulls)?);
         let files = format!("{} {}", source(urdf)?.sha256, source(pulls)?.sha256);
-        Ok(Self::Urdf { hand, files })
-    }
-
-    /// The hand's name.
-    pub fn name(&self) -> &str {
-        match self {
-            Self::Cables(_) => "F-TAC",
-            Self::Urdf { hand, .. } => &hand.hand.name,
-        }
-    }
-
-    fn files(&self) -> &str {
-        match self {
-            Self::Cables(_) => "",
-            Self::Urdf { files, .. } => files,
-        }
+        Ok(Self { hand: describe::read(urdf, pulls)?, files })
     }
 }
 
@@ -109,7 +93,7 @@ impl Cell {
     pub fn resume(hand: &ComparedHand, object: &str, request: &Request, folder: &Path) -> Result<Self> {
         let subject = Subject::named(object)?;
         let asked = Asked {
-            hand: hand.name().into(),
+            hand: hand.hand.name().into(),
             object: object.into(),
             chains: request.chains,
             contacts: request.contacts,
@@ -117,7 +101,7 @@ impl Cell {
             seed: request.seed,
             mass: subject.model.mass,
             friction: subject.model.friction,
-            files: hand.files().into(),
+            files: hand.files.clone(),
         };
         let plain = |name: &str| name.replace(|c: char| !c.is_ascii_alphanumeric(), "_");
         let path = folder.join(format!("{}-{}.json", plain(&asked.hand), plain(&asked.object)));
@@ -136,10 +120,7 @@ impl Cell {
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => {}
             Err(error) => return Err(error).with_context(|| path.display().to_string()),
         }
-        let made = match hand {
-            ComparedHand::Cables(hand) => cell(hand, subject, asked, request)?,
-            ComparedHand::Urdf { hand, .. } => cell(&**hand, subject, asked, request)?,
-        };
+        let made = cell(&hand.hand, subject, asked, request)?;
         write_whole(&path, serde_json::to_string(&made)?.as_bytes())
             .with_context(|| format!("cannot write {}", path.display()))?;
         Ok(made)
@@ -151,10 +132,10 @@ impl Cell {
     }
 }
 
-fn cell<H: GraspingHand>(hand: &H, subject: Subject, asked: Asked, request: &Request) -> Result<Cell> {
+fn cell(hand: &GraspingHand, subject: Subject, asked: Asked, request: &Request) -> Result<Cell> {
     let synthesizer = Synthesizer::new(hand, subject, *request);
     let (report, held) = search::search(&synthesizer, Start::default(), None, &ProgressBar::hidden())?;
-    let best = held.iter().max_by(|a, b| a.margin().total_cmp(&b.margin())).map(|grasp| hand.in_palm_frame(grasp));
+    let best = held.iter().max_by(|a, b| a.margin.total_cmp(&b.margin)).map(|grasp| hand.in_palm_frame(grasp));
     let slack = report.judgement.map(|judgement| judgement.held_without_tension);
     Ok(Cell { asked, closed: report.found, verified: report.verified, held_without_tension: slack, best })
 }
@@ -225,16 +206,16 @@ pub fn table(hands: &[ComparedHand], objects: &[String], cells: &[Cell]) -> Stri
         let (low, high) = (100.0 * rate.low, 100.0 * rate.high);
         format!("{}/{} [{low:.0}, {high:.0}] %", rate.count, rate.of)
     };
-    let widths: Vec<usize> = hands.iter().map(|hand| hand.name().len().max(18)).collect();
+    let widths: Vec<usize> = hands.iter().map(|hand| hand.hand.name().len().max(18)).collect();
     let line = |first: &str, words: &[String]| {
         let rest: String = words.iter().zip(&widths).map(|(word, width)| format!("  {word:>width$}")).collect();
         format!("{first:14}{rest}\n")
     };
     let mut text = "grasps that pass all three checks, of chains, with Wilson 95 % intervals\n".to_owned();
-    text += &line("object", &hands.iter().map(|hand| hand.name().to_owned()).collect::<Vec<_>>());
+    text += &line("object", &hands.iter().map(|hand| hand.hand.name().to_owned()).collect::<Vec<_>>());
     for object in objects {
         let own = cells.iter().filter(|cell| cell.asked.object == *object);
         text += &line(object, &own.map(|cell| percent(&cell.rate())).collect::<Vec<_>>());
     }
-    text + &line("all", &hands.iter().map(|hand| percent(&total(cells, hand.name()))).collect::<Vec<_>>())
+    text + &line("all", &hands.iter().map(|hand| percent(&total(cells, hand.hand.name()))).collect::<Vec<_>>())
 }

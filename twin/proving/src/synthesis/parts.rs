@@ -14,7 +14,7 @@ use grasping::synthesis::held::HeldGrasp;
 use hand_model::Hand;
 use indicatif::ProgressBar;
 
-use super::cable_hand::CableHand;
+use super::grasping_hand::GraspingHand;
 use super::search::{self, Report, Start};
 use super::subject::Subject;
 use super::synthesizer::{Request, Synthesizer};
@@ -36,7 +36,7 @@ impl Part<'_> {
         let (writer, kept) = self.open()?;
         let chain = kept.last().map_or(0, |grasp| grasp.chain + 1);
         let (report, grasps) = if kept.len() < request.enough {
-            let hand = CableHand::new(hand.clone());
+            let hand = GraspingHand::of(hand.clone());
             let synthesizer = Synthesizer::new(&hand, Subject::named(self.object)?, request);
             search::search(&synthesizer, Start { chain, kept }, Some(writer), progress)?
         } else {

@@ -6,14 +6,13 @@ use std::time::Instant;
 
 use anyhow::Result;
 use grasping::synthesis::grasp_file::GraspWriter;
-use grasping::synthesis::held::{Proof, VerifiedGrasp as _};
+use grasping::synthesis::held::{HeldGrasp, Proof};
 use indicatif::{ProgressBar, ProgressStyle};
 use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::closing::NotClosed;
-use super::grasping_hand::GraspingHand;
 use super::load::Load;
 use super::synthesizer::{ChainResult, Checked, Synthesizer};
 use super::urdf_hand::refusal::Refused;
@@ -162,32 +161,26 @@ impl Report {
 }
 
 /// Where a search begins: after an interrupted one, or from nothing.
-#[derive(Debug)]
-pub struct Start<G> {
+#[derive(Debug, Default)]
+pub struct Start {
     /// Number of the first chain.
     pub chain: u64,
     /// Grasps found before it.
-    pub kept: Vec<G>,
-}
-
-impl<G> Default for Start<G> {
-    fn default() -> Self {
-        Self { chain: 0, kept: Vec::new() }
-    }
+    pub kept: Vec<HeldGrasp>,
 }
 
 /// Runs all chains; every verified grasp that is no near duplicate goes to `writer` when its batch is done. Answers with what
 /// it came to and all grasps kept.
-pub fn search<H: GraspingHand>(
-    synthesizer: &Synthesizer<'_, H>,
-    from: Start<H::Grasp>,
+pub fn search(
+    synthesizer: &Synthesizer<'_>,
+    from: Start,
     mut writer: Option<GraspWriter>,
     progress: &ProgressBar,
-) -> Result<(Report, Vec<H::Grasp>)> {
+) -> Result<(Report, Vec<HeldGrasp>)> {
     let start = Instant::now();
     let Synthesizer { hand, subject, request, .. } = synthesizer;
     let model = &subject.model;
-    let surface = &hand.sampled().surface;
+    let surface = &hand.sampled.surface;
     let (candidates, surface_points) = (surface.candidates.len(), surface.len());
     let mut report = Report { object: model.name.clone(), candidates, surface_points, ..hand.report() };
     show_chains(progress, &model.name, request.chains)?;
@@ -254,10 +247,10 @@ pub fn search<H: GraspingHand>(
     progress.finish_and_clear();
     report.kept = kept.len();
     if let Some(judgement) = &mut report.judgement {
-        let slack = kept.iter().filter(|grasp| grasp.held_without_tension() == Some(true));
+        let slack = kept.iter().filter(|grasp| grasp.held_without_tension == Some(true));
         judgement.held_without_tension = slack.count() as u64;
     }
-    let payloads = kept.iter().filter_map(|grasp| Some(grasp.proof()?.payload));
+    let payloads = kept.iter().filter_map(|grasp| Some(grasp.proof?.payload));
     report.load = Load::of(model, payloads);
     report.wall_s = start.elapsed().as_secs_f64();
     report.grasp_steps_per_s = steps as f64 / sampling_s.max(1e-9);
@@ -303,14 +296,14 @@ mod tests {
 
     use hand_model::Hand;
 
-    use super::super::cable_hand::CableHand;
+    use super::super::grasping_hand::GraspingHand;
     use super::super::subject::Subject;
     use super::super::synthesizer::Request;
     use super::*;
 
     fn verified(threads: usize) -> (Verified, Vec<String>) {
         let request = Request { chains: 6, enough: usize::MAX, contacts: (5, 5), closings: 4, seed: 3, table: false };
-        let hand = CableHand::new(Arc::new(Hand::ftac()));
+        let hand = GraspingHand::of(Arc::new(Hand::ftac()));
         let synthesizer = Synthesizer::new(&hand, Subject::named("ball").expect("the ball"), request);
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("held.jsonl");

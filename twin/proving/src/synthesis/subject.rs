@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result, anyhow, bail};
 use grasping::synthesis::field::DistanceField;
-use grasping::synthesis::held::VerifiedGrasp;
+use grasping::synthesis::held::HeldGrasp;
 use nalgebra::{Point3, UnitQuaternion, Vector3};
 use world::geometry::{Mesh, Shape};
 use world::objects::{ObjectModel, ObjectSet, Symmetry};
@@ -17,8 +17,8 @@ pub const TEST_MASS: f64 = 0.1;
 /// Friction coefficient in the holding test where none is given (DexGraspBench); the objects' own are larger.
 pub const TEST_FRICTION: f64 = 0.6;
 /// Mass (kg) and friction for which a grasp was verified; files that do not say are of [`TEST_MASS`] and [`TEST_FRICTION`].
-pub fn verified_for(grasp: &impl VerifiedGrasp) -> (f64, f64) {
-    grasp.proof().map_or((TEST_MASS, TEST_FRICTION), |proof| (proof.mass, proof.friction))
+pub fn verified_for(grasp: &HeldGrasp) -> (f64, f64) {
+    grasp.proof.map_or((TEST_MASS, TEST_FRICTION), |proof| (proof.mass, proof.friction))
 }
 
 /// Cells of the distance field: this small where the object allows, m; never more than this many along its longest side.

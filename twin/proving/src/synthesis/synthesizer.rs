@@ -42,8 +42,8 @@ impl Request {
 }
 
 /// Everything that chains share.
-pub struct Synthesizer<'a, H> {
-    pub hand: &'a H,
+pub struct Synthesizer<'a> {
+    pub hand: &'a GraspingHand,
     /// The object.
     pub subject: Subject,
     /// What is searched for.
@@ -113,9 +113,9 @@ pub fn table(model: &ObjectModel) -> Plane {
     Plane { normal: Unit::new_normalize(up), offset: -model.rest_height() }
 }
 
-impl<'a, H: GraspingHand> Synthesizer<'a, H> {
+impl<'a> Synthesizer<'a> {
     /// For a hand and one object.
-    pub fn new(hand: &'a H, subject: Subject, request: Request) -> Self {
+    pub fn new(hand: &'a GraspingHand, subject: Subject, request: Request) -> Self {
         Self { hand, subject, request, schedule: Schedule::default() }
     }
 
@@ -125,7 +125,7 @@ impl<'a, H: GraspingHand> Synthesizer<'a, H> {
 
     /// Runs chain number `chain`, closes its best sample and checks it.
     pub fn run(&self, chain: u64) -> Result<ChainResult> {
-        let (hand, sampled, field) = (self.hand, self.hand.sampled(), &self.subject.field);
+        let (hand, sampled, field) = (self.hand, &self.hand.sampled, &self.subject.field);
         let mut energy = GraspEnergy::of_mechanism(
             sampled.mechanism.clone(),
             &sampled.surface,
@@ -152,7 +152,7 @@ impl<'a, H: GraspingHand> Synthesizer<'a, H> {
         if !plain.as_ref().is_ok_and(Checked::verified) {
             while closings < self.request.closings && !other.as_ref().is_some_and(Checked::verified) {
                 closings += 1;
-                let Ok(closed) = close(&Aim::varied(&closing, H::TENSIONS, &mut rng)) else { continue };
+                let Ok(closed) = close(&Aim::varied(&closing, hand.tensions, &mut rng)) else { continue };
                 let (margin, penetration) = self.measure(&closed).with_context(|| format!("chain {chain}"))?;
                 if margin < checks::LEAST_MARGIN || penetration > checks::MOST_PENETRATION {
                     continue;

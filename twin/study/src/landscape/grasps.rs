@@ -90,7 +90,7 @@ impl<'a> GraspLandscape<'a> {
         let fresh = Langevin::new(0.3, &widest_noise(freedom), temperature);
         let start = GraspState {
             object,
-            pose: pose_to_array(&pose_from_array(&grasp.palm_from_object).inverse()),
+            pose: pose_to_array(&pose_from_array(&grasp.closed).inverse()),
             joints: grasp.joints.to_vec(),
             contacts,
             kernel: (fresh.step, fresh.curvature.clone()),

@@ -4,13 +4,11 @@ use std::path::PathBuf;
 
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
-use grasping::synthesis::held::VerifiedGrasp;
 use hand_model::RobotModel;
 use proving::synthesis::export;
-use proving::synthesis::grasp_file::{GraspFile, Grasps};
+use proving::synthesis::grasp_file::GraspFile;
 use schemars::JsonSchema;
 use serde::Serialize;
-use world::objects::ObjectModel;
 
 use crate::options::object_name::object_name;
 use crate::terminal::{Outcome, Terminal};
@@ -45,42 +43,20 @@ pub struct Exported {
 /// `ftac grasps export`.
 pub fn run(terminal: &Terminal, args: &ExportArgs) -> Outcome {
     ensure!(args.n > 0, "--n: found 0, expected at least 1");
-    let file = GraspFile::read_or_built_in(args.grasps.as_deref())?;
-    let files = match &file.grasps {
-        Grasps::Ours(collection) => {
-            let hand = RobotModel::ftac_gen3().hand;
-            let grasps = collection.of(&args.object).map_or(Vec::new(), |entry| entry.grasps.iter().collect());
-            scenes(args, &file, &grasps, |object, grasp| export::write(&hand, object, grasp, &args.mjcf))?
-        }
-        Grasps::Urdf(of_urdf) => {
-            let (hand, grasps) = (&of_urdf.hand, of_urdf.by_object().remove(args.object.as_str()).unwrap_or_default());
-            scenes(args, &file, &grasps, |object, grasp| export::write_urdf(hand, object, grasp, &args.mjcf))?
-        }
-    };
+    let file = GraspFile::read_or_built_in(args.grasps.as_deref(), RobotModel::ftac_gen3().hand)?;
+    let grasps = file.collection.of(&args.object).map_or(&[][..], |entry| &entry.grasps);
+    ensure!(!grasps.is_empty(), "OBJECT: found no grasp of `{}`, expected some", args.object);
+    let object = file.model(&args.object)?;
+    let wanted = grasps.iter().filter(|grasp| args.chain.is_none_or(|chain| chain == grasp.chain));
+    let written = wanted.take(args.n).map(|grasp| export::write(&file.hand, &object, grasp, &args.mjcf));
+    let files: Vec<[PathBuf; 2]> =
+        written.collect::<Result<_>>().with_context(|| format!("--mjcf {}", args.mjcf.display()))?;
+    if let (true, Some(chain)) = (files.is_empty(), args.chain) {
+        let known: Vec<String> = grasps.iter().take(5).map(|grasp| grasp.chain.to_string()).collect();
+        bail!("--chain: found {chain}, expected one of {} such as {}", grasps.len(), known.join(", "));
+    }
     let text =
         format!("{} grasps in {}; `python3 tests/mujoco/shake.py {1}` shakes them\n", files.len(), args.mjcf.display());
     terminal.print(&Exported { files }, &text)?;
     Ok(None)
-}
-
-/// The scenes of those `grasps` that are asked for, written by `write`.
-fn scenes<G: VerifiedGrasp>(
-    args: &ExportArgs,
-    file: &GraspFile,
-    grasps: &[&G],
-    write: impl Fn(&ObjectModel, &G) -> Result<[PathBuf; 2]>,
-) -> Result<Vec<[PathBuf; 2]>> {
-    ensure!(!grasps.is_empty(), "OBJECT: found no grasp of `{}`, expected some", args.object);
-    let object = file.model(&args.object)?;
-    let wanted = grasps.iter().filter(|grasp| args.chain.is_none_or(|chain| chain == grasp.chain()));
-    let files: Vec<[PathBuf; 2]> = wanted
-        .take(args.n)
-        .map(|grasp| write(&object, grasp))
-        .collect::<Result<_>>()
-        .with_context(|| format!("--mjcf {}", args.mjcf.display()))?;
-    if let (true, Some(chain)) = (files.is_empty(), args.chain) {
-        let known: Vec<String> = grasps.iter().take(5).map(|grasp| grasp.chain().to_string()).collect();
-        bail!("--chain: found {chain}, expected one of {} such as {}", grasps.len(), known.join(", "));
-    }
-    Ok(files)
 }

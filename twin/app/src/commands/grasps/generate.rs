@@ -7,11 +7,10 @@ use clap::Args;
 use grasping::synthesis::grasp_file::{GraspWriter, HandSource, Header};
 use hand_model::RobotModel;
 use proving::synthesis::again;
-use proving::synthesis::cable_hand::CableHand;
 use proving::synthesis::evaluation::{self, Evaluation};
 use proving::synthesis::grasp_file::{GraspFile, source};
 use proving::synthesis::grasping_hand::GraspingHand;
-use proving::synthesis::search::{self, Report, Start};
+use proving::synthesis::search::{self, Start};
 use proving::synthesis::size::Opening;
 use proving::synthesis::subject::{Subject, TEST_FRICTION};
 use proving::synthesis::synthesizer::{Request, Synthesizer};
@@ -136,10 +135,19 @@ pub fn generate(terminal: &Terminal, args: &GenerateArgs) -> Outcome {
     }
     own_hand::say_renamed();
     let (subject, request) = request(terminal, &args.synthesis, args.n, args.keep.unwrap_or(usize::MAX))?;
-    match (&args.hand, &args.pulls) {
-        (Some(urdf), Some(pulls)) => by_hand(terminal, args, &describe::read(urdf, pulls)?, subject, request),
-        _ => by_hand(terminal, args, &CableHand::new(RobotModel::ftac_gen3().hand), subject, request),
+    let hand = match (&args.hand, &args.pulls) {
+        (Some(urdf), Some(pulls)) => describe::read(urdf, pulls)?,
+        _ => GraspingHand::of(RobotModel::ftac_gen3().hand),
+    };
+    let subject = sized(subject, &args.synthesis, &hand.opening)?;
+    if !terminal.json {
+        hand.notes.iter().for_each(|line| eprintln!("{line}"));
     }
+    let writer = writer(terminal, args, hand.name().into())?;
+    let synthesizer = Synthesizer::new(&hand, subject, request);
+    let (report, _) = search::search(&synthesizer, Start::default(), writer, &terminal.progress())?;
+    terminal.print(&report, &report.text())?;
+    Ok((report.verified.all == 0).then(|| format!("no grasp of {} was verified in {} chains", report.object, args.n)))
 }
 
 /// A user's object for a hand of this opening; the set's are known to go.
@@ -155,25 +163,6 @@ fn sized(subject: Subject, args: &SynthesisArgs, opening: &Opening) -> Result<Su
         );
     }
     Ok(subject)
-}
-
-fn by_hand(
-    terminal: &Terminal,
-    args: &GenerateArgs,
-    hand: &impl GraspingHand,
-    subject: Subject,
-    request: Request,
-) -> Outcome {
-    let subject = sized(subject, &args.synthesis, &hand.opening())?;
-    let Report { hand: name, notes, .. } = hand.report();
-    if !terminal.json {
-        notes.iter().for_each(|line| eprintln!("{line}"));
-    }
-    let writer = writer(terminal, args, name)?;
-    let synthesizer = Synthesizer::new(hand, subject, request);
-    let (report, _) = search::search(&synthesizer, Start::default(), writer, &terminal.progress())?;
-    terminal.print(&report, &report.text())?;
-    Ok((report.verified.all == 0).then(|| format!("no grasp of {} was verified in {} chains", report.object, args.n)))
 }
 
 /// The file of `--out`, begun with its header; `name` is the hand's.
@@ -230,8 +219,8 @@ pub fn eval(terminal: &Terminal, args: &EvalArgs) -> Outcome {
     }
     let (n, args) = (args.n, &args.synthesis);
     let (subject, request) = request(terminal, args, n, usize::MAX)?;
-    let hand = CableHand::new(RobotModel::ftac_gen3().hand);
-    let subject = sized(subject, args, &hand.opening())?;
+    let hand = GraspingHand::of(RobotModel::ftac_gen3().hand);
+    let subject = sized(subject, args, &hand.opening)?;
     let evaluation = evaluation::evaluate(&Synthesizer::new(&hand, subject, request), n)?;
     terminal.print(&evaluation, &evaluation.text())?;
     let fooled = evaluation.controls.iter().find(|(_, rate)| rate.low > 0.5);
@@ -240,9 +229,9 @@ pub fn eval(terminal: &Terminal, args: &EvalArgs) -> Outcome {
 
 /// The grasps of a file, closed and checked once more.
 fn eval_again(terminal: &Terminal, args: &EvalArgs) -> Outcome {
-    let file = GraspFile::read_or_built_in(args.grasps.as_deref())?;
+    let file = GraspFile::read_or_built_in(args.grasps.as_deref(), RobotModel::ftac_gen3().hand)?;
     let object = args.synthesis.object.as_deref();
-    let evaluations = again::evaluate(&RobotModel::ftac_gen3().hand, &file, object)?;
+    let evaluations = again::evaluate(&file, object)?;
     if let (true, Some(name)) = (evaluations.is_empty(), object) {
         bail!("--object: found no grasp of `{name}` in the file, expected some");
     }

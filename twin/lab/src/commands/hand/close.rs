@@ -6,14 +6,14 @@ use anyhow::{Result, bail};
 use ftac::lab::arguments::hand::CloseArgs;
 use ftac::options::own_hand;
 use ftac::terminal::{Outcome, Terminal};
-use hand_model::urdf_hand::UrdfHand;
+use hand_model::hand_mechanism::HandMechanism;
 use lab::closing::BallGrip;
 use nalgebra::Point3;
 use world::geometry::LINK_MESHES;
 
 /// Closes the hand, prints what it feels and draws it.
 pub fn run(terminal: &Terminal, args: &CloseArgs) -> Outcome {
-    let hand = Arc::new(UrdfHand::read(&args.urdf, &args.pulls, LINK_MESHES)?);
+    let hand = Arc::new(HandMechanism::read(&args.urdf, &args.pulls, LINK_MESHES)?);
     own_hand::say_renamed();
     let asked = tensions(&hand, &args.tensions)?;
     let (tensions, above) = hand.within_efforts(&asked);
@@ -38,7 +38,7 @@ pub fn run(terminal: &Terminal, args: &CloseArgs) -> Outcome {
     Ok(grip.shortfall())
 }
 
-fn tensions(hand: &UrdfHand, given: &[f64]) -> Result<Vec<f64>> {
+fn tensions(hand: &HandMechanism, given: &[f64]) -> Result<Vec<f64>> {
     let names: Vec<&str> = hand.pulls.iter().map(|pull| pull.name.as_str()).collect();
     let all = match given {
         [one] => vec![*one; names.len()],

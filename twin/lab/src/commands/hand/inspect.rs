@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use ftac::terminal::{Outcome, Terminal};
+use hand_model::hand_mechanism::HandMechanism;
 use hand_model::kinematics::{Joint, JointKind};
-use hand_model::urdf_hand::UrdfHand;
 use hand_model::{RobotModel, urdf};
 use proving::synthesis::urdf_hand::describe;
 use schemars::JsonSchema;
@@ -85,10 +85,10 @@ pub fn run(terminal: &Terminal, path: &Path, pulls: Option<&Path>) -> Outcome {
     let (hand, notes) = match pulls {
         Some(pulls) => {
             let described = describe::read(path, pulls)?;
-            ((*described.hand).clone(), described.notes)
+            ((**described.mechanism()).clone(), described.notes)
         }
         None => {
-            let hand = UrdfHand::read_unpulled(path, LINK_MESHES)?;
+            let hand = HandMechanism::read_unpulled(path, LINK_MESHES)?;
             let notes = hand.notes.clone();
             (hand, notes)
         }
@@ -99,12 +99,12 @@ pub fn run(terminal: &Terminal, path: &Path, pulls: Option<&Path>) -> Outcome {
 }
 
 /// The joint that a joint follows, and how.
-fn leader(hand: &UrdfHand, joint: usize) -> Option<String> {
+fn leader(hand: &HandMechanism, joint: usize) -> Option<String> {
     let follower = hand.followers.iter().find(|follower| follower.joint == joint)?;
     Some(format!("{} times {}", hand.tree.joints[follower.leader].name, follower.multiplier))
 }
 
-fn answer<'a>(hand: &'a UrdfHand, notes: &'a [String]) -> Inspected<'a> {
+fn answer<'a>(hand: &'a HandMechanism, notes: &'a [String]) -> Inspected<'a> {
     let joints = hand.tree.joints.iter().enumerate().map(|(n, joint)| {
         let finite = |limit: f64| limit.is_finite().then_some(limit);
         JointRow {
@@ -147,7 +147,7 @@ fn range(joint: &Joint) -> String {
     }
 }
 
-fn text(hand: &UrdfHand, notes: &[String]) -> String {
+fn text(hand: &HandMechanism, notes: &[String]) -> String {
     let mut text = format!("{}: {} moving joints, {} actuators\n", hand.name, hand.tree.len(), hand.pulls.len());
     let width = hand.tree.joints.iter().map(|joint| joint.name.chars().count()).fold(5, usize::max);
     text +=

@@ -12,7 +12,6 @@ use hand_model::RobotModel;
 use indicatif::ProgressStyle;
 use lab::study_pages;
 use platform::data::write_whole;
-use proving::synthesis::cable_hand::CableHand;
 use proving::synthesis::hands::{self, Cell, ComparedHand, Comparison};
 use proving::synthesis::search;
 use proving::synthesis::synthesizer::Request;
@@ -36,7 +35,7 @@ pub fn make(terminal: &Terminal, args: &HandsArgs) -> Result<Made<Comparison>> {
     let mut cells = Vec::new();
     for hand in &hands {
         for object in &args.objects {
-            bar.set_message(progress::printable(&format!("{} on {object}", hand.name())).into_owned());
+            bar.set_message(progress::printable(&format!("{} on {object}", hand.hand.name())).into_owned());
             cells.push(Cell::resume(hand, object, &request, &folder)?);
             bar.inc(1);
         }
@@ -46,11 +45,11 @@ pub fn make(terminal: &Terminal, args: &HandsArgs) -> Result<Made<Comparison>> {
     let answer = Comparison::of(&cells);
     write_whole(&args.out.join("hands.json"), serde_json::to_string_pretty(&answer)?.as_bytes())?;
     let table = hands::table(&hands, &args.objects, &cells);
-    let nothing = hands.iter().find(|hand| hands::total(&cells, hand.name()).count == 0);
+    let nothing = hands.iter().find(|hand| hands::total(&cells, hand.hand.name()).count == 0);
     Ok(Made {
         json: answer,
         text: format!("{table}{}/hands.png, hands.json\n", args.out.display()),
-        shortfall: nothing.map(|hand| format!("no grasp of {} was verified on any object", hand.name())),
+        shortfall: nothing.map(|hand| format!("no grasp of {} was verified on any object", hand.hand.name())),
     })
 }
 
@@ -74,11 +73,11 @@ fn request(terminal: &Terminal, args: &HandsArgs) -> Result<Request> {
 
 /// Our hand and those of the arguments.
 pub fn compared(args: &HandsArgs) -> Result<Vec<ComparedHand>> {
-    let mut hands = vec![ComparedHand::Cables(CableHand::new(RobotModel::ftac_gen3().hand))];
+    let mut hands = vec![ComparedHand::of(RobotModel::ftac_gen3().hand)];
     for (urdf, pulls) in args.hand.iter().zip(&args.pulls) {
         let hand = ComparedHand::read(urdf, pulls)?;
-        let known = hands.iter().any(|other| other.name() == hand.name());
-        ensure!(!known, "--urdf {}: found the name `{}` twice, expected each once", urdf.display(), hand.name());
+        let known = hands.iter().any(|other| other.hand.name() == hand.hand.name());
+        ensure!(!known, "--urdf {}: found the name `{}` twice, expected each once", urdf.display(), hand.hand.name());
         hands.push(hand);
     }
     Ok(hands)

@@ -15,8 +15,8 @@ use std::sync::Arc;
 use anyhow::{Context as _, Result, bail};
 use grasping::synthesis::mechanism::Mechanism;
 use grasping::synthesis::surface::{Ball, Candidate, HandSurface};
+use hand_model::hand_mechanism::HandMechanism;
 use hand_model::kinematics::JointKind;
-use hand_model::urdf_hand::UrdfHand;
 use nalgebra::{Isometry3, Point3, Vector3};
 use sim::collision_model::CollisionModel;
 use world::geometry::LINK_MESHES;
@@ -24,7 +24,8 @@ use world::geometry::LINK_MESHES;
 use self::palm::{facing_warning, opening, palm_frame};
 use self::solids::{LinkPart, LinkShapes, SurfacePoint, fill, name, number, shapes, surface_points};
 use self::true_surface::TrueSurfaces;
-use super::super::grasping_hand::SampledHand;
+use super::super::grasping_hand::{ContactModel, GraspingHand, SampledHand};
+use super::super::size::Opening;
 
 const MOST_CANDIDATES: usize = 700;
 /// Cosine between a point's motion and its normal from which on it is a candidate.
@@ -39,34 +40,27 @@ const LEAST_SLIDE: f64 = 0.2e-3;
 const STEPS: usize = 8;
 /// A point of a part is a candidate if the link's own surface is within this, m.
 const ON_SURFACE: f64 = 1.5e-3;
+/// Arm of the friction that a fingertip bears about its normal, m: 3 pi / 16 of the radius of its contact (Hertz), which is 5 mm for soft tips.
+const TORSION_ARM: f64 = 3.0 * std::f64::consts::PI / 16.0 * 5e-3;
+/// Torques count as forces at this arm, m: as far beside its middle as an object's weight may act.
+const TORQUE_ARM: f64 = 0.01;
 /// Tension up to which actuators are not told to be weak, N.
 const STRONG: f64 = 60.0;
 
-/// A hand made ready for sampling.
-pub struct Described {
-    /// As read.
-    pub hand: Arc<UrdfHand>,
-    /// With its collision shapes.
-    pub body: CollisionModel,
-    /// `palm_from_root`.
-    pub palm_from_root: Isometry3<f64>,
-    pub sampled: SampledHand,
+/// Surface and palm of a hand as its files have them.
+pub struct FoundSurface {
     /// The root's collision shapes, root frame.
-    root: LinkShapes,
+    root: Vec<LinkPart>,
     true_surfaces: TrueSurfaces,
-    /// The widest object between its fingers, m.
-    pub opening: f64,
-    /// What was found, in words; warnings begin with `WARNING`.
-    pub notes: Vec<String>,
 }
 
 /// Reads and describes a hand.
-pub fn read(urdf: &Path, pulls: &Path) -> Result<Described> {
-    let hand = UrdfHand::read(urdf, pulls, LINK_MESHES)?;
+pub fn read(urdf: &Path, pulls: &Path) -> Result<GraspingHand> {
+    let hand = HandMechanism::read(urdf, pulls, LINK_MESHES)?;
     describe(hand).with_context(|| urdf.display().to_string())
 }
 
-fn describe(hand: UrdfHand) -> Result<Described> {
+fn describe(hand: HandMechanism) -> Result<GraspingHand> {
     let mut notes = Vec::new();
     check(&hand, &mut notes)?;
     let mechanism = Mechanism::of_urdf(&hand);
@@ -105,8 +99,8 @@ fn describe(hand: UrdfHand) -> Result<Described> {
     }
     let every = candidates.len().div_ceil(MOST_CANDIDATES);
     candidates = candidates.into_iter().step_by(every.max(1)).collect();
-    let opening = opening(&hand, &closing_motion, &candidates);
-    notes.push(format!("the fingers take up to {:.0} mm between them", 1e3 * opening));
+    let opening = Opening { width: opening(&hand, &closing_motion, &candidates), hand: hand.name.clone() };
+    notes.push(format!("the fingers take up to {:.0} mm between them", 1e3 * opening.width));
     let balls: Vec<Vec<Ball>> = shapes.iter().map(|own| fill(own)).collect();
     let hand = Arc::new(hand);
     let body = CollisionModel::new(hand.clone());
@@ -126,32 +120,35 @@ fn describe(hand: UrdfHand) -> Result<Described> {
     for joint in tree.joints.iter_mut().filter(|joint| joint.parent.is_none()) {
         joint.origin = palm_from_root * joint.origin;
     }
-    let root = shapes.into_iter().take(1).collect();
-    let sampled = SampledHand { tree, mechanism, surface };
-    Ok(Described { hand, body, palm_from_root, sampled, root, true_surfaces, opening, notes })
+    let root = shapes.into_iter().next().unwrap_or_default();
+    Ok(GraspingHand {
+        body,
+        palm_from_root,
+        sampled: SampledHand { tree, mechanism, surface },
+        opening,
+        tensions: (8.0, 60.0),
+        contacts: ContactModel::Soft { torsion_arm: TORSION_ARM, torque_arm: TORQUE_ARM },
+        named: None,
+        found: Some(FoundSurface { root, true_surfaces }),
+        notes,
+    })
 }
 
-impl Described {
+impl FoundSurface {
     /// True if the root's part nearest to `point` (root frame) belongs to the palm.
     pub fn on_palm(&self, point: &Point3<f64>) -> bool {
         let distance = |part: &LinkPart| part.shape.signed_distance(&part.pose.inverse_transform_point(point)).0;
-        let parts = self.root.iter().flatten();
-        parts.min_by(|a, b| distance(a).total_cmp(&distance(b))).is_some_and(|part| part.bears)
+        self.root.iter().min_by(|a, b| distance(a).total_cmp(&distance(b))).is_some_and(|part| part.bears)
     }
 
     /// The point of a link's own surface (`None` is the root) that is nearest to `point`, both in the link's frame.
     pub fn on_surface(&self, link: Option<usize>, point: &Point3<f64>) -> Point3<f64> {
         self.true_surfaces.nearest(number(link), point)
     }
-
-    /// The digit of a link: the first joint of its chain; none of the root.
-    pub fn digit(&self, link: Option<usize>) -> Option<usize> {
-        link.map(|link| self.hand.tree.chain(link)[0])
-    }
 }
 
 /// Says what bears an object where the pulls file does not name the palm.
-fn palm_note(hand: &UrdfHand, shapes: &LinkShapes) -> Option<String> {
+fn palm_note(hand: &HandMechanism, shapes: &LinkShapes) -> Option<String> {
     let mut owners: Vec<&str> =
         hand.solids.iter().filter(|solid| solid.link.is_none()).map(|solid| solid.owner.as_str()).collect();
     owners.dedup();
@@ -164,7 +161,7 @@ fn palm_note(hand: &UrdfHand, shapes: &LinkShapes) -> Option<String> {
     })
 }
 
-fn check(hand: &UrdfHand, notes: &mut Vec<String>) -> Result<()> {
+fn check(hand: &HandMechanism, notes: &mut Vec<String>) -> Result<()> {
     if hand.pulls.is_empty() {
         bail!("actuator: found none, expected at least one that pulls a joint");
     }
@@ -205,7 +202,7 @@ fn check(hand: &UrdfHand, notes: &mut Vec<String>) -> Result<()> {
 }
 
 /// Joint angles from open to closed.
-fn closing_motion(hand: &UrdfHand, mechanism: &Mechanism) -> Vec<Vec<f64>> {
+fn closing_motion(hand: &HandMechanism, mechanism: &Mechanism) -> Vec<Vec<f64>> {
     let open = hand.rest();
     (0..=STEPS)
         .map(|step| {
@@ -233,13 +230,13 @@ fn closing_motion(hand: &UrdfHand, mechanism: &Mechanism) -> Vec<Vec<f64>> {
 }
 
 /// The pose of a link at joint angles, root frame.
-fn pose(hand: &UrdfHand, joints: &[f64], link: usize) -> Isometry3<f64> {
+fn pose(hand: &HandMechanism, joints: &[f64], link: usize) -> Isometry3<f64> {
     if link == 0 { Isometry3::identity() } else { hand.tree.forward(joints)[link - 1] }
 }
 
 /// Where the fingers close: the mean of the last links' middles in the middle of the motion, root frame.
 fn closing_point(
-    hand: &UrdfHand,
+    hand: &HandMechanism,
     mechanism: &Mechanism,
     closing_motion: &[Vec<f64>],
     by_link: &[Vec<SurfacePoint>],
@@ -264,7 +261,7 @@ fn closing_point(
 
 /// Whether the closing hand moves a point the way it faces; for the palm, whether it faces where the fingers close.
 fn may_touch(
-    hand: &UrdfHand,
+    hand: &HandMechanism,
     closing_motion: &[Vec<f64>],
     place: &Point3<f64>,
     link: usize,
@@ -325,7 +322,7 @@ pub(super) mod tests {
     use grasping::synthesis::frames::PIVOT;
 
     /// Two jaws on a base, one pulled and one following the other way.
-    pub fn clamp(arms: &str) -> Result<Described> {
+    pub fn clamp(arms: &str) -> Result<GraspingHand> {
         let link = |name: &str| {
             format!(
                 r#"<link name="{name}"><inertial><mass value="0.1"/><origin xyz="0.03 0 0"/>
@@ -350,7 +347,7 @@ pub(super) mod tests {
         let pulls = format!(
             "version = 1\ndamping = 0.02\narmature = 1e-4\nspring = 0.02\n[[actuator]]\nname = \"close\"\narms = {arms}\n[palm]\nlinks = [\"base\"]\n"
         );
-        describe(UrdfHand::parse(&urdf, Path::new("clamp.urdf"), &pulls, Path::new("clamp.toml"), LINK_MESHES)?)
+        describe(HandMechanism::parse(&urdf, Path::new("clamp.urdf"), &pulls, Path::new("clamp.toml"), LINK_MESHES)?)
     }
 
     /// Candidates are found on the inner faces of the jaws and on the base between them, and nowhere else.

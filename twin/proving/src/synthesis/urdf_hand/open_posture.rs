@@ -4,7 +4,7 @@ use grasping::synthesis::field::DistanceField;
 use grasping::synthesis::frames::{Frames, HandState};
 use nalgebra::Vector3;
 
-use super::describe::Described;
+use crate::synthesis::grasping_hand::GraspingHand;
 
 /// A link opens until it is this clear of the object, m.
 const CLEAR: f64 = 1.5e-3;
@@ -14,7 +14,7 @@ const MOST_STEPS: usize = 60;
 
 /// Projects a sample onto the actuators' lines and opens it until it is clear of the object; the amounts on the lines as well.
 pub fn open_clear(
-    hand: &Described,
+    hand: &GraspingHand,
     field: &DistanceField,
     frames: &mut Frames,
     sample: &HandState,
@@ -59,16 +59,20 @@ pub fn open_clear(
 }
 
 /// Whether an actuator moves a link (0 is the root).
-fn moves(hand: &Described, line: usize, link: usize) -> bool {
+fn moves(hand: &GraspingHand, line: usize, link: usize) -> bool {
     link > 0
-        && hand.hand.tree.chain(link - 1).iter().any(|joint| hand.sampled.mechanism.lines[line].joints.contains(joint))
+        && hand
+            .sampled
+            .tree
+            .chain(link - 1)
+            .iter()
+            .any(|joint| hand.sampled.mechanism.lines[line].joints.contains(joint))
 }
 
 /// The tension that holds an actuator `amount` along its line, free of contact, N.
-pub fn holding(hand: &Described, line: usize, amount: f64) -> f64 {
-    let arms = &hand.hand.pulls[line].arms;
-    let (joint, arm) = arms[0];
+pub fn holding(hand: &GraspingHand, line: usize, amount: f64) -> f64 {
+    let Some((joint, arm)) = hand.mechanism().pulls[line].constant_arms().next() else { return 0.0 };
     let own = &hand.sampled.mechanism.lines[line];
     let share = own.joints.iter().position(|own| *own == joint).map_or(1.0, |n| own.share[n]);
-    (hand.hand.feel(joint).spring * amount * share / arm).max(0.0)
+    (hand.mechanism().feel[joint].spring * amount * share / arm).max(0.0)
 }

@@ -7,7 +7,7 @@ use grasping::synthesis::energy::Plane;
 use grasping::synthesis::frames::{Frames, HandState};
 use nalgebra::{Isometry3, Rotation3, Unit, Vector3};
 
-use super::describe::Described;
+use crate::synthesis::grasping_hand::GraspingHand;
 use crate::synthesis::subject::Subject;
 
 /// Points of the hand may be this deep in the object on the way, m: its field is that coarse.
@@ -22,7 +22,7 @@ const TILTS: [(f64, usize); 3] = [(0.0, 1), (std::f64::consts::FRAC_PI_4, 8), (s
 
 /// True if a free way leads to the object at `start` (`root_from_object`) with the joints at `open` (rad or m).
 pub fn reachable(
-    hand: &Described,
+    hand: &GraspingHand,
     subject: &Subject,
     start: &Isometry3<f64>,
     open: &[f64],
@@ -46,7 +46,7 @@ pub fn reachable(
     if free(&as_it_is) {
         return true;
     }
-    let wide = hand.hand.rest();
+    let wide = hand.mechanism().rest();
     for step in 1..=OPENING_STEPS {
         let share = step as f64 / OPENING_STEPS as f64;
         let joints = open.iter().zip(&wide).map(|(from, to)| from + share * (to - from)).collect();

@@ -6,9 +6,10 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use sim::hand_scene::Touch;
 
-use super::describe::Described;
+use super::describe::FoundSurface;
 use super::reach;
 use crate::synthesis::closing::Closed;
+use crate::synthesis::grasping_hand::GraspingHand;
 use crate::synthesis::subject::Subject;
 
 /// Share of all normal forces that fixed parts other than the palm may bear.
@@ -57,39 +58,46 @@ impl Refused {
 }
 
 /// The reason to refuse a closed grasp, if there is one.
-pub fn of(hand: &Described, subject: &Subject, closed: &Closed, table: Option<&Plane>) -> Option<Refusal> {
-    if leans(hand, &closed.touches) {
+pub fn of(
+    hand: &GraspingHand,
+    found: &FoundSurface,
+    subject: &Subject,
+    closed: &Closed,
+    table: Option<&Plane>,
+) -> Option<Refusal> {
+    if leans(found, &closed.touches) {
         return Some(Refusal::Leans);
     }
     let links = closed.scene.links();
-    if closed.touches.iter().any(|touch| gap(hand, &links, touch) > MOST_GAP) {
+    if closed.touches.iter().any(|touch| gap(found, &links, touch) > MOST_GAP) {
         return Some(Refusal::Floats);
     }
     (!reach::reachable(hand, subject, &closed.start, &closed.open.joints, table)).then_some(Refusal::Unreachable)
 }
 
-fn leans(hand: &Described, touches: &[Touch]) -> bool {
+fn leans(found: &FoundSurface, touches: &[Touch]) -> bool {
     let total: f64 = touches.iter().map(|touch| touch.force).sum();
-    let fixed = touches.iter().filter(|touch| touch.link.is_none() && !hand.on_palm(&touch.point));
+    let fixed = touches.iter().filter(|touch| touch.link.is_none() && !found.on_palm(&touch.point));
     fixed.map(|touch| touch.force).sum::<f64>() > MOST_LEANING * total
 }
 
 /// The nearest point of its link's own surface to a contact, root frame.
-pub fn on_surface(hand: &Described, links: &[Isometry3<f64>], touch: &Touch) -> Point3<f64> {
+pub fn on_surface(found: &FoundSurface, links: &[Isometry3<f64>], touch: &Touch) -> Point3<f64> {
     let pose = touch.link.map_or(Isometry3::identity(), |link| links[link]);
-    pose * hand.on_surface(touch.link, &pose.inverse_transform_point(&touch.point))
+    pose * found.on_surface(touch.link, &pose.inverse_transform_point(&touch.point))
 }
 
 /// Distance of a contact from its link's own surface, m.
-pub fn gap(hand: &Described, links: &[Isometry3<f64>], touch: &Touch) -> f64 {
-    (on_surface(hand, links, touch) - touch.point).norm()
+pub fn gap(found: &FoundSurface, links: &[Isometry3<f64>], touch: &Touch) -> f64 {
+    (on_surface(found, links, touch) - touch.point).norm()
 }
 
 /// True if two digits press against each other.
-pub fn opposes(hand: &Described, touches: &[Touch]) -> bool {
+pub fn opposes(hand: &GraspingHand, touches: &[Touch]) -> bool {
+    let digit = |link: Option<usize>| link.map(|link| hand.sampled.tree.chain(link)[0]);
     touches.iter().enumerate().any(|(n, one)| {
         touches[n + 1..].iter().any(|other| {
-            let (a, b) = (hand.digit(one.link), hand.digit(other.link));
+            let (a, b) = (digit(one.link), digit(other.link));
             a.is_some() && b.is_some() && a != b && one.normal.dot(&other.normal) < OPPOSED
         })
     })

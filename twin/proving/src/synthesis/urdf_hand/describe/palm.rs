@@ -4,7 +4,7 @@ use anyhow::{Context, Result};
 use grasping::synthesis::frames::PIVOT;
 use grasping::synthesis::mechanism::Mechanism;
 use grasping::synthesis::surface::Candidate;
-use hand_model::urdf_hand::UrdfHand;
+use hand_model::hand_mechanism::HandMechanism;
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 
 use super::solids::LinkShapes;
@@ -15,7 +15,7 @@ const FACE_EACH_OTHER: f64 = 0.8;
 
 /// The palm frame: its pivot on the place, its -z the way that the pulls file says, or away from the palm's nearest surface.
 pub fn palm_frame(
-    hand: &UrdfHand,
+    hand: &HandMechanism,
     shapes: &LinkShapes,
     place: &Point3<f64>,
     notes: &mut Vec<String>,
@@ -61,7 +61,7 @@ pub fn palm_frame(
 /// A warning if closing takes the last links away from the palm: where the palm's facing was found from another part of the root,
 /// or the arms' signs open the hand.
 pub fn facing_warning(
-    hand: &UrdfHand,
+    hand: &HandMechanism,
     mechanism: &Mechanism,
     closing_motion: &[Vec<f64>],
     palm_from_root: &Isometry3<f64>,
@@ -89,7 +89,7 @@ pub fn facing_warning(
 
 /// Largest distance of two candidates on different digits, or on a digit and the palm, that face each other, m: the widest object between
 /// them. Without such a pair, the largest distance of candidates on different digits.
-pub fn opening(hand: &UrdfHand, closing_motion: &[Vec<f64>], candidates: &[Candidate]) -> f64 {
+pub fn opening(hand: &HandMechanism, closing_motion: &[Vec<f64>], candidates: &[Candidate]) -> f64 {
     let digit = |link: usize| link.checked_sub(1).map(|joint| hand.tree.chain(joint)[0]);
     let (mut facing, mut any) = (0.0f64, 0.0f64);
     for joints in closing_motion {

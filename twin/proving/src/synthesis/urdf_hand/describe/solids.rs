@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result};
 use grasping::synthesis::surface::Ball;
-use hand_model::urdf_hand::{SolidShape, UrdfHand};
+use hand_model::hand_mechanism::{HandMechanism, SolidShape};
 use nalgebra::{Isometry3, Point3, Vector3};
 use world::geometry::{GeometryError, Mesh, Shape, hull_mesh};
 
@@ -42,13 +42,14 @@ pub fn number(link: Option<usize>) -> usize {
 }
 
 /// The collision shapes of every link.
-pub fn shapes(hand: &UrdfHand) -> Result<LinkShapes> {
+pub fn shapes(hand: &HandMechanism) -> Result<LinkShapes> {
     let mut found: LinkShapes = Vec::new();
     found.resize_with(hand.tree.len() + 1, Vec::new);
     for solid in &hand.solids {
         let link = number(solid.link);
         let shape = match &solid.shape {
             SolidShape::Cuboid(half) => Shape::Cuboid { half: *half, radius: 0.0 },
+            SolidShape::RoundedCuboid(half, radius) => Shape::Cuboid { half: *half, radius: *radius },
             SolidShape::Sphere(radius) => Shape::Sphere { radius: *radius },
             SolidShape::Cylinder(radius, half) => Shape::Cylinder { radius: *radius, half_height: *half },
             SolidShape::Capsule(radius, half) => {
@@ -116,7 +117,7 @@ pub fn surface_points(shapes: &LinkShapes) -> Vec<Vec<SurfacePoint>> {
 }
 
 /// Name of a link (0 is the root).
-pub fn name(hand: &UrdfHand, link: usize) -> String {
+pub fn name(hand: &HandMechanism, link: usize) -> String {
     link.checked_sub(1).map_or("root".into(), |joint| hand.tree.joints[joint].name.clone())
 }
 

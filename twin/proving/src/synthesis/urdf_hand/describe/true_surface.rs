@@ -1,6 +1,6 @@
 //! The surface of a hand's links as its files have it, beside the convex parts that collide for it.
 
-use hand_model::urdf_hand::UrdfHand;
+use hand_model::hand_mechanism::HandMechanism;
 use nalgebra::{Isometry3, Point3};
 use world::geometry::{Shape, TriangleSurface};
 
@@ -19,7 +19,7 @@ struct LinkSurface {
 
 impl TrueSurfaces {
     /// Of a hand whose collision shapes are `shapes`.
-    pub fn new(hand: &UrdfHand, shapes: &LinkShapes) -> Self {
+    pub fn new(hand: &HandMechanism, shapes: &LinkShapes) -> Self {
         let mut found: Vec<LinkSurface> = Vec::new();
         found.resize_with(hand.tree.len() + 1, LinkSurface::default);
         for own in &hand.surfaces {

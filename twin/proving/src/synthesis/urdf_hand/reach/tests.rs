@@ -7,7 +7,7 @@ use crate::synthesis::urdf_hand::describe::tests::clamp;
 fn reaches([x, y]: [f64; 2], table: Option<&Plane>) -> bool {
     let hand = clamp("{ a = -0.01 }").expect("described");
     let ball = Subject::named("golf_ball").expect("the ball");
-    reachable(&hand, &ball, &Isometry3::translation(x, y, 0.0), &hand.hand.rest(), table)
+    reachable(&hand, &ball, &Isometry3::translation(x, y, 0.0), &hand.mechanism().rest(), table)
 }
 
 #[test]
