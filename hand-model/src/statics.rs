@@ -128,8 +128,8 @@ pub fn against(
     Ok(Equilibrium { angles, pushes })
 }
 
-/// Joint angles (rad) of a hand whose joints are at `q` (rad) after one `digit` has closed from open at its `tension` (N) against an
-/// obstacle, which may be another one for each link: signed distance and outward direction as in [`against`].
+/// Joint angles (rad) of a hand whose joints are at `q` (rad) after one `digit` has gone on from there at its `tension` (N) until it rests
+/// against an obstacle, which may be another one for each link: signed distance and outward direction as in [`against`].
 pub fn closed(
     hand: &Hand,
     (digit, tension): (Digit, f64),
@@ -137,12 +137,9 @@ pub fn closed(
     foundation: f64,
     obstacle: impl Fn(usize, &Point3<f64>) -> (f64, Vector3<f64>),
 ) -> Result<HandVector, NoEquilibrium> {
-    let (mut angles, open): (HandVector, _) = (q.iter().copied().collect(), hand.open());
-    for Crossing { joint, .. } in &hand.transmission.cables[digit.index()].joints {
-        angles[*joint] = open[*joint];
-    }
+    let mut angles: HandVector = q.iter().copied().collect();
     let problem = Problem { hand, digit, skin: skin_of(hand, digit, COARSE_ELEMENT), foundation, obstacle: &obstacle };
-    problem.close(&mut angles, tension, &Slid::NOTHING, COARSE_FAILURE)?;
+    problem.settle(&mut angles, tension, &Slid::NOTHING, COARSE_FAILURE)?;
     Ok(angles)
 }
 
@@ -164,22 +161,24 @@ impl<F: Fn(usize, &Point3<f64>) -> (f64, Vector3<f64>)> Problem<'_, F> {
     /// Raises the digit's tension from zero to `full` (N), with the joints at `angles`, which it moves, and leaves torques off balance
     /// by no more than `most` (N m).
     fn close(&self, angles: &mut HandVector, full: f64, slid: &Slid, most: f64) -> Result<(), NoEquilibrium> {
+        (1..=LOAD_STEPS).try_for_each(|step| self.settle(angles, full * step as f64 / LOAD_STEPS as f64, slid, most))
+    }
+
+    /// Moves the joints from `angles` to rest at this `tension` (N), torques off balance by no more than `most` (N m).
+    fn settle(&self, angles: &mut HandVector, tension: f64, slid: &Slid, most: f64) -> Result<(), NoEquilibrium> {
         let (hand, digit) = (self.hand, self.digit);
-        for step in 1..=LOAD_STEPS {
-            let tension = full * step as f64 / LOAD_STEPS as f64;
-            for _ in 0..ROUNDS {
-                let before = *angles;
-                let path = &hand.transmission.cables[digit.index()];
-                let friction = hand.guides(digit.index(), &slid.friction);
-                let spans = path.span_tensions(angles, tension, &friction, &[slid.state; SPANS]);
-                let rest = self.relax(angles, &spans);
-                if rest > most {
-                    return Err(NoEquilibrium { digit: digit.name(), tension, found: rest, most });
-                }
-                let changed = angles.iter().zip(&before).fold(0.0, |most: f64, (a, b)| most.max((a - b).abs()));
-                if slid.friction.coefficient == 0.0 || changed < STANDS {
-                    break;
-                }
+        for _ in 0..ROUNDS {
+            let before = *angles;
+            let path = &hand.transmission.cables[digit.index()];
+            let friction = hand.guides(digit.index(), &slid.friction);
+            let spans = path.span_tensions(angles, tension, &friction, &[slid.state; SPANS]);
+            let rest = self.relax(angles, &spans);
+            if rest > most {
+                return Err(NoEquilibrium { digit: digit.name(), tension, found: rest, most });
+            }
+            let changed = angles.iter().zip(&before).fold(0.0, |most: f64, (a, b)| most.max((a - b).abs()));
+            if slid.friction.coefficient == 0.0 || changed < STANDS {
+                break;
             }
         }
         Ok(())

@@ -2,8 +2,8 @@
 //!
 //! Pads tell a hold where a digit bears them on all of its links. A digit with bare links often holds with those, and nothing feels it. Its
 //! cable tells: a digit that holds something stops about where its grasp held when it was verified, and one that holds nothing goes on
-//! until the hand itself stops it. Where that is follows from statics: the digit comes to rest under its tension against palm and other
-//! digits.
+//! until the hand itself stops it. Where that is follows from statics: from the measured posture the digit goes on under its tension until it
+//! rests against palm and other digits. A thumb that lies on a closed finger is then behind it, not in its way.
 
 use hand_model::robot::ServoState;
 use hand_model::{Digit, Hand, statics};
@@ -20,8 +20,8 @@ pub fn has_pads_throughout(hand: &Hand, digit: Digit) -> bool {
     hand.links(digit).iter().all(|link| hand.pads.iter().any(|pad| pad.link == Some(*link)))
 }
 
-/// Cable (m) that a digit takes up under `tension` (N) if it closes on nothing while the other joints are at `q` (rad). `None` where
-/// statics finds no posture at rest.
+/// Cable (m) that a digit takes up under `tension` (N) if nothing holds it at `q` (rad), the other joints at rest. `None` where statics
+/// finds no posture at rest.
 pub fn on_nothing(hand: &Hand, digit: Digit, tension: f64, q: &[f64]) -> Option<f64> {
     let links = hand.tree.forward(q);
     let others: Vec<usize> = (0..links.len()).filter(|link| hand.digit_of(Some(*link)) != Some(digit)).collect();
