@@ -3,11 +3,12 @@
 use std::path::Path;
 
 use anyhow::Result;
-use grasping::synthesis::collection::Collection;
+use grasping::synthesis::collection::{Collection, Summary};
 use grasping::synthesis::held::pose_from_array;
 use grasping::synthesis::kind::{HandKind, hand_kinds};
 use hand_model::Hand;
 use image::RgbImage;
+use maud::html;
 use nalgebra::{Point3, UnitVector3, Vector3};
 use platform::data::write_whole;
 use proving::synthesis::grasp_file::GraspFile;
@@ -16,9 +17,9 @@ use proving::synthesis::subject::verified_for;
 use stream::gallery::{ShownContact, ShownGrasp, ShownHand, friction_cone};
 use world::objects::ObjectModel;
 
-use crate::html::escape;
+use crate::html::page;
 use crate::picture::{self, Picture, View};
-use crate::{pictures, style};
+use crate::pictures;
 
 /// Sizes of a picture: an object's, a grasp's, pixels.
 const OBJECT_PICTURE: u32 = 200;
@@ -99,7 +100,7 @@ fn grasp_picture(hand: &Hand, model: &ObjectModel, kind: &HandKind<'_>) -> RgbIm
 
 /// Writes the page of `collection`, which `file` holds, into `folder`, which is there already; `only` limits it to one object.
 pub fn write(file: &GraspFile, collection: &Collection, only: Option<&str>, hand: &Hand, folder: &Path) -> Result<()> {
-    let (mut objects, mut best, mut sections) = (Vec::new(), Vec::new(), String::new());
+    let (mut objects, mut best, mut sections) = (Vec::new(), Vec::new(), Vec::new());
     for entry in collection.objects.iter().filter(|entry| only.is_none_or(|name| name == entry.summary.object)) {
         let name = &entry.summary.object;
         let model = &*file.model(name)?;
@@ -123,28 +124,28 @@ pub fn write(file: &GraspFile, collection: &Collection, only: Option<&str>, hand
         let file = format!("{name}.png");
         picture::save(&picture::tile(&pictures, COLUMNS), &folder.join(&file))?;
         let short = entry.summary.short.as_deref().unwrap_or("");
-        sections += &format!(
-            "<h2>{0}</h2>\n<p>{1} grasps of {2} from {3} chains, {4} kinds. {5}</p>\n<img src=\"{file}\" alt=\"grasps of {0}\">\n",
-            escape(name),
-            entry.summary.kept,
-            entry.summary.wanted,
-            entry.summary.chains,
-            kinds.len(),
-            escape(short)
-        );
+        let Summary { kept, wanted, chains, .. } = &entry.summary;
+        sections.push(html! {
+            h2 { (name) }
+            p { (kept) " grasps of " (wanted) " from " (chains) " chains, " (kinds.len()) " kinds. " (short) }
+            img src=(file) alt={ "grasps of " (name) };
+        });
     }
     picture::save(&picture::tile(&objects, COLUMNS), &folder.join("objects.png"))?;
     picture::save(&picture::tile(&best, COLUMNS), &folder.join("best.png"))?;
-    let html = format!(
-        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<title>Synthesized grasps</title>\n<style>{}{}img{{max-width:100%}}</style>\n\
-         </head>\n<body>\n<main>\n<h1>Synthesized grasps</h1>\n<p class=\"byline\">{}</p>\n<p>Dots are contact points, cones the forces that the friction of \
-         the proof allows there, coloured by digit.</p>\n<h2>Objects</h2>\n<img src=\"objects.png\" alt=\"the objects\">\n<h2>The best grasp of each object's most frequent kind</h2>\n\
-         <img src=\"best.png\" alt=\"a grasp of each object\">\n<h2>Diversity</h2>\n<pre>{}</pre>\n{sections}</main>\n</body>\n</html>\n",
-        style::FIGURE,
-        style::PAGE,
-        escape(&collection.header.command),
-        escape(&table(collection)),
-    );
+    let main = html! {
+        h1 { "Synthesized grasps" }
+        p.byline { (collection.header.command) }
+        p { "Dots are contact points, cones the forces that the friction of the proof allows there, coloured by digit." }
+        h2 { "Objects" }
+        img src="objects.png" alt="the objects";
+        h2 { "The best grasp of each object's most frequent kind" }
+        img src="best.png" alt="a grasp of each object";
+        h2 { "Diversity" }
+        pre { (table(collection)) }
+        @for section in sections { (section) }
+    };
+    let html = page("Synthesized grasps", "img{max-width:100%}", &main, "");
     Ok(write_whole(&folder.join("grasps.html"), html.as_bytes())?)
 }
 
