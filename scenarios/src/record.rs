@@ -143,7 +143,7 @@ pub struct TrialRecord {
 }
 
 /// Pose errors of several objects in the hand, mm and deg; none of one that was not felt there. In words the numbers of one after the other, `-` for none.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(into = "String", try_from = "String")]
 pub struct PoseErrors(pub Vec<Option<[f64; 2]>>);
 

@@ -1,23 +1,19 @@
 //! The gain of full-hand touch: rates of clean success without some of its means, a row each, with mean and 95 % interval.
 
-use std::fmt::Write as _;
-
+use kuva::prelude::{ForestPlot, Plot};
+use maud::{Markup, html};
 use scenarios::summary::{Summary, combination_rates};
 use scenarios::{Condition, TrialRecord};
 use statistics::{Difference, Interval};
 use world::Sensing;
 
+use super::chart::{self, color};
 use super::comparisons::with_interval;
-use super::html::{Column, Table, escape, number};
-use super::style;
+use super::html::{Column, Table, number};
 
-/// Size of the drawing and of a row.
+/// Width of the drawing and height of a row, pixels.
 const WIDTH: f64 = 760.0;
 const ROW: f64 = 30.0;
-/// Where the axis lies in it.
-const LEFT: f64 = 250.0;
-const RIGHT: f64 = WIDTH - 90.0;
-const TOP: f64 = 44.0;
 
 /// A row of the figure: name, class that colours it, mean clean success.
 struct Row {
@@ -47,67 +43,31 @@ fn rows(summary: &Summary, records: &[TrialRecord]) -> Vec<Row> {
     rows
 }
 
-/// The figure; `alone` brings its own style.
-pub fn figure(summary: &Summary, records: &[TrialRecord], alone: bool) -> String {
+/// The figure for the page, which brings the style.
+pub fn figure(summary: &Summary, records: &[TrialRecord]) -> Markup {
     let rows = rows(summary, records);
-    let bottom = TOP + ROW * rows.len() as f64;
-    let at = |rate: f64| LEFT + rate * (RIGHT - LEFT);
-    let mut svg = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"figure\" viewBox=\"0 0 {WIDTH} {}\" role=\"img\" \
-         aria-label=\"Clean success rate without some of its means\">\n",
-        bottom + 34.0
-    );
-    if alone {
-        let _ = writeln!(svg, "<style>{}</style>", style::FIGURE);
-    }
-    let _ = writeln!(
-        svg,
-        "<rect class=\"paper\" width=\"{WIDTH}\" height=\"{}\"/>\
-         <text class=\"title\" x=\"8\" y=\"22\">Clean success by what the hand may use</text>",
-        bottom + 34.0
-    );
-    for tenth in [0, 2, 4, 6, 8, 10] {
-        let rate = f64::from(tenth) / 10.0;
-        let x = at(rate);
-        let _ = writeln!(
-            svg,
-            "<line class=\"grid\" x1=\"{x:.1}\" x2=\"{x:.1}\" y1=\"{TOP}\" y2=\"{bottom:.1}\"/>\
-             <text class=\"soft\" text-anchor=\"middle\" x=\"{x:.1}\" y=\"{:.1}\">{rate:.1}</text>",
-            bottom + 18.0
-        );
-    }
-    for (n, Row { name, class, success }) in rows.iter().enumerate() {
-        let y = TOP + ROW * (n as f64 + 0.5);
-        let _ = writeln!(
-            svg,
-            "<text text-anchor=\"end\" x=\"{:.1}\" y=\"{:.1}\">{}</text>",
-            LEFT - 10.0,
-            y + 4.5,
-            escape(name)
-        );
-        let Some(mean) = success.value else { continue };
-        let bar = success.low.zip(success.high).map_or_else(String::new, |(low, high)| {
-            let (low, high) = (at(low), at(high));
-            format!("<line class=\"median\" x1=\"{low:.1}\" x2=\"{high:.1}\" y1=\"{y:.1}\" y2=\"{y:.1}\"/>")
+    let forest =
+        rows.iter().fold(ForestPlot::new().with_show_null_line(false), |forest, Row { name, class, success }| {
+            let mean = success.value.unwrap_or(0.0);
+            let label = format!("{name}: {}", number(mean, 3));
+            forest.with_colored_row(
+                label,
+                mean,
+                success.low.unwrap_or(mean),
+                success.high.unwrap_or(mean),
+                color(class),
+            )
         });
-        let _ = writeln!(
-            svg,
-            "<g class=\"{class}\">{bar}\
-             <circle class=\"dot\" cx=\"{:.1}\" cy=\"{y:.1}\" r=\"6\"/></g>\
-             <text class=\"soft\" x=\"{:.1}\" y=\"{:.1}\">{}</text>",
-            at(mean),
-            RIGHT + 14.0,
-            y + 4.5,
-            number(mean, 3)
-        );
-    }
-    svg + "</svg>\n"
+    let plots: Vec<Plot> = vec![forest.with_whisker_width(4.0).into()];
+    let size = [WIDTH, 90.0 + ROW * rows.len() as f64];
+    let layout = chart::layout(&plots, "Clean success by what the hand may use", size);
+    chart::draw(plots, layout.with_x_axis_min(0.0).with_x_axis_max(1.0), "Clean success rate without some of its means")
 }
 
 /// The section of the page; empty where no ablation was run.
-pub fn section(summary: &Summary, records: &[TrialRecord]) -> String {
+pub fn section(summary: &Summary, records: &[TrialRecord]) -> Markup {
     if summary.ablations.is_empty() {
-        return String::new();
+        return Markup::default();
     }
     let head = [
         ("what the hand may use", Column::Words),
@@ -132,10 +92,12 @@ pub fn section(summary: &Summary, records: &[TrialRecord]) -> String {
             number(ablation.contact.value.unwrap_or(f64::NAN), 3),
         ]);
     }
-    format!(
-        "<h2 id=\"ablations\">What full-hand touch buys</h2>\n<figure>\n{}<figcaption>Dot: mean over combinations; bar: 95 % \
-         bootstrap interval. Also as <a href=\"ablations.svg\">ablations.svg</a>.</figcaption>\n</figure>\n{}",
-        figure(summary, records, false),
-        table.finish()
-    )
+    html! {
+        h2 id="ablations" { "What full-hand touch buys" }
+        figure {
+            (figure(summary, records))
+            figcaption { "Dot: mean over combinations; bar: 95 % bootstrap interval. Also as " a href="ablations.svg" { "ablations.svg" } "." }
+        }
+        (table)
+    }
 }

@@ -1,6 +1,7 @@
 //! The comparisons between conditions: tests beside the paper's, sizes of differences, trials within combinations. Of conditions that were not
 //! played nothing is said.
 
+use maud::{Markup, Render as _, html};
 use scenarios::Condition;
 use scenarios::summary::Summary;
 use statistics::{Difference, Interval, TTest, Untested};
@@ -84,16 +85,15 @@ pub fn with_interval(of: &Interval, decimals: usize) -> String {
 }
 
 /// The tables; nothing where nothing can be compared.
-pub fn section(summary: &Summary) -> String {
+pub fn section(summary: &Summary) -> Markup {
     let compared = played(summary);
-    if compared.is_empty() {
-        return String::new();
-    }
-    tests(summary, &compared) + &differences(&compared) + &mixed(summary) + &trial_by_trial(summary)
+    html! { @if !compared.is_empty() {
+        (tests(summary, &compared)) (differences(&compared)) (mixed(summary)) (trial_by_trial(summary))
+    } }
 }
 
 /// The tests beside the paper's.
-fn tests(summary: &Summary, compared: &[Comparison]) -> String {
+fn tests(summary: &Summary, compared: &[Comparison]) -> Table {
     let head = [
         ("question", Column::Words),
         ("difference of means", Column::Numbers),
@@ -117,11 +117,11 @@ fn tests(summary: &Summary, compared: &[Comparison]) -> String {
         };
         table.row(&[one.question(), maybe(more.zip(less).map(|(a, b)| a - b), 3), t, df, p, theirs]);
     }
-    table.finish()
+    table
 }
 
 /// Beyond the paper: how large the differences are, and how few combinations would have shown them.
-fn differences(compared: &[Comparison]) -> String {
+fn differences(compared: &[Comparison]) -> Table {
     let head = [
         ("difference", Column::Words),
         ("mean [95 %]", Column::Numbers),
@@ -134,11 +134,11 @@ fn differences(compared: &[Comparison]) -> String {
         let power: Vec<String> = power.iter().map(|(n, power)| format!("{n}: {}", number(*power, 2))).collect();
         table.row(&[one.name(), with_interval(difference, 3), with_interval(d_z, 2), power.join(", ")]);
     }
-    table.finish()
+    table
 }
 
 /// Trials within combinations: whether combinations differ, or only their trials.
-fn mixed(summary: &Summary) -> String {
+fn mixed(summary: &Summary) -> Markup {
     let head = [
         ("difference, trial by trial", Column::Words),
         ("mean [95 %]", Column::Numbers),
@@ -155,7 +155,7 @@ fn mixed(summary: &Summary) -> String {
     ];
     let played: Vec<_> = all.into_iter().filter(|(_, mixed)| mixed.trials > 0).collect();
     if played.is_empty() {
-        return String::new();
+        return Markup::default();
     }
     let mut table = Table::new("Mixed model: paired trials within combinations", &head);
     for (name, mixed) in played {
@@ -168,22 +168,17 @@ fn mixed(summary: &Summary) -> String {
             mixed.trials.to_string(),
         ]);
     }
-    table.finish()
+    table.render()
 }
 
 /// Success of touch against blind, pair by pair of trials.
-fn trial_by_trial(summary: &Summary) -> String {
+fn trial_by_trial(summary: &Summary) -> Markup {
     let counts = &summary.differences.mcnemar;
-    if counts.both + counts.first_only + counts.second_only + counts.neither == 0 {
-        return String::new();
-    }
-    let tested = match counts.p {
-        Some(p) => format!("p {}", probability(p)),
-        None => "none, too few trials differ".to_owned(),
-    };
-    format!(
-        "<p>Trial by trial: {} succeeded both blind and with touch, {} only with touch, {} only blind, {} neither way \
-         (McNemar’s exact test, one-sided: {tested}).</p>\n",
-        counts.both, counts.first_only, counts.second_only, counts.neither,
-    )
+    let tested = counts.p.map_or("none, too few trials differ".to_owned(), |p| format!("p {}", probability(p)));
+    html! { @if counts.both + counts.first_only + counts.second_only + counts.neither > 0 {
+        p {
+            "Trial by trial: " (counts.both) " succeeded both blind and with touch, " (counts.first_only) " only with touch, "
+            (counts.second_only) " only blind, " (counts.neither) " neither way (McNemar’s exact test, one-sided: " (tested) ")."
+        }
+    } }
 }

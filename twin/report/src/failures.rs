@@ -3,14 +3,15 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
+use maud::{Markup, html};
 use scenarios::summary::Summary;
 use scenarios::{Condition, FailureCause, TrialRecord};
 
 use super::findings::harmless_contacts;
-use super::html::{Column, Table, escape};
+use super::html::{Column, Table};
 
 /// The section; `folder` may hold recordings.
-pub fn section(summary: &Summary, records: &[TrialRecord], folder: &Path) -> String {
+pub fn section(summary: &Summary, records: &[TrialRecord], folder: &Path) -> Markup {
     let listed: Vec<Condition> = summary.conditions.played();
     let by_condition: Vec<_> = listed.iter().map(|condition| summary.conditions.of(*condition)).collect();
     let causes: BTreeSet<FailureCause> = by_condition.iter().flat_map(|one| one.failures.keys().copied()).collect();
@@ -39,23 +40,27 @@ pub fn section(summary: &Summary, records: &[TrialRecord], folder: &Path) -> Str
         true => "No trial had an unwanted contact.".to_string(),
         false => format!("Trials that succeeded in spite of a contact: {}.", harmless.join("; ")),
     };
-    let links = match recorded.is_empty() {
-        true => "No failure was recorded; <code>--record causes</code> records one of each.".to_string(),
-        false => format!("A recording of each, to open with <code>ftac view</code>: {}.", recorded.join(", ")),
-    };
-    format!("<h2 id=\"failures\">Why trials failed</h2>\n{}<p>{}</p>\n<p>{links}</p>\n", table.finish(), escape(&note))
+    html! {
+        h2 id="failures" { "Why trials failed" }
+        (table)
+        p { (note) }
+        p {
+            @if recorded.is_empty() { "No failure was recorded; " code { "--record causes" } " records one of each." }
+            @else {
+                "A recording of each, to open with " code { "ftac view" } ": "
+                @for (n, (name, file)) in recorded.iter().enumerate() { @if n > 0 { ", " } a href=(file) { (name) } }
+                "."
+            }
+        }
+    }
 }
 
-/// Links to the recordings that `causes.csv` names: one of each cause and condition.
-fn recorded(folder: &Path) -> Vec<String> {
+/// Names and files of the recordings that `causes.csv` names: one of each cause and condition.
+fn recorded(folder: &Path) -> Vec<(String, String)> {
     let Ok(text) = std::fs::read_to_string(folder.join("causes.csv")) else { return Vec::new() };
     let fields = text
         .lines()
         .skip(1)
         .filter_map(|line| line.split_once(',').and_then(|(a, rest)| Some((a, rest.rsplit_once(',')?))));
-    fields
-        .map(|(condition, (cause, file))| {
-            format!("<a href=\"{}\">{}: {}</a>", escape(file), escape(condition), escape(cause))
-        })
-        .collect()
+    fields.map(|(condition, (cause, file))| (format!("{condition}: {cause}"), file.to_owned())).collect()
 }

@@ -6,14 +6,14 @@ use anyhow::{Context as _, Result};
 use hand_model::{Arm, Hand};
 use image::codecs::jpeg::JpegEncoder;
 use image::{ExtendedColorType, RgbImage};
+use maud::{Markup, html};
 use nalgebra::{Isometry3, Point3, Vector3};
 use rayon::prelude::*;
 use stream::mesh::Mesh;
 use world::objects::ObjectModel;
 
-use crate::html::{data_uri, escape};
+use crate::html::{self, data_uri};
 use crate::picture::{Picture, View, tile};
-use crate::style;
 
 const TABLE: [f64; 3] = [206.0, 196.0, 182.0];
 /// Stills in the strip of a trial, and their size in pixels.
@@ -113,66 +113,48 @@ fn jpeg(image: &RgbImage) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// A page that plays `films` side by side, frames of `size` pixels, `rate` Hz apart; `about` is the text over them (HTML).
-pub fn page(stage: &Stage, films: &[Film], (size, rate): (u32, f64), (title, about): (&str, &str)) -> Result<String> {
-    let (mut columns, mut data) = (String::new(), String::new());
+/// A page that plays `films` side by side, frames of `size` pixels, `rate` Hz apart; `about` is the text over them.
+pub fn page(
+    stage: &Stage,
+    films: &[Film],
+    (size, rate): (u32, f64),
+    (title, about): (&str, &Markup),
+) -> Result<String> {
+    let (mut columns, mut data) = (Vec::new(), "const films=[];\n".to_owned());
     for (n, film) in films.iter().enumerate() {
         let frames = stage.frames(film, size)?;
-        let first = frames.first().map_or(String::new(), |bytes| data_uri("image/jpeg", bytes));
-        let (outcome, good) = &film.outcome;
-        columns += &format!(
-            "<figure class=\"film\"><h2>{}</h2><img id=\"f{n}\" width=\"{size}\" height=\"{size}\" src=\"{first}\" alt=\"{}\">\
-             <figcaption><b id=\"p{n}\"></b><br><span class=\"{}\">{}</span><ol id=\"n{n}\">{}</ol></figcaption></figure>\n",
-            escape(&film.title),
-            escape(&format!("film of the trial, {}", film.title)),
-            if *good { "good" } else { "bad" },
-            escape(outcome),
-            film.notes
-                .iter()
-                .map(|(at, note)| format!("<li data-t=\"{at:.2}\">{at:.1} s: {}</li>", escape(note)))
-                .collect::<String>(),
-        );
+        let uris: Vec<String> = frames.iter().map(|bytes| data_uri("image/jpeg", bytes)).collect();
+        let (first, (outcome, good)) = (uris.first().map_or("", String::as_str), &film.outcome);
+        columns.push(html! {
+            figure.film {
+                h2 { (film.title) }
+                img id={ "f" (n) } width=(size) height=(size) src=(first) alt={ "film of the trial, " (film.title) };
+                figcaption {
+                    b id={ "p" (n) } {}
+                    br;
+                    span class=(if *good { "good" } else { "bad" }) { (outcome) }
+                    ol id={ "n" (n) } {
+                        @for (at, note) in &film.notes { li data-t=(format!("{at:.2}")) { (format!("{at:.1} s: {note}")) } }
+                    }
+                }
+            }
+        });
         let words: Vec<String> =
             film.frames.iter().map(|frame| format!("{:.1} s: {}", frame.time, frame.phase)).collect();
-        let uris: Vec<String> = frames.iter().map(|bytes| data_uri("image/jpeg", bytes)).collect();
-        data += &format!(
-            "films.push({{frames:{},words:{},times:{}}});\n",
-            serde_json::to_string(&uris)?,
-            serde_json::to_string(&words)?,
-            serde_json::to_string(&film.frames.iter().map(|frame| frame.time).collect::<Vec<_>>())?,
-        );
+        let times: Vec<f64> = film.frames.iter().map(|frame| frame.time).collect();
+        data += &format!("films.push({});\n", serde_json::json!({ "frames": uris, "words": words, "times": times }));
     }
-    Ok(format!(
-        "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width, \
-         initial-scale=1\">\n<title>{0}</title><style>{1}{2}{FILM_STYLE}</style></head>\n<body><main><h1>{0}</h1>\n{about}\n\
-         <div class=\"films\">\n{columns}</div>\n<p class=\"player\"><button id=\"play\">Pause</button> <input id=\"at\" type=\"range\" \
-         min=\"0\" value=\"0\" aria-label=\"time\"></p>\n</main>\n<script>const films=[];const rate={rate};\n{data}{FILM_SCRIPT}</script>\n\
-         </body></html>\n",
-        escape(title),
-        style::FIGURE,
-        style::PAGE,
-    ))
+    let main = html! {
+        h1 { (title) }
+        (about)
+        div.films { @for column in columns { (column) } }
+        p.player { button id="play" { "Pause" } " " input id="at" type="range" min="0" value="0" aria-label="time"; }
+    };
+    Ok(html::page(title, STYLE, &main, &format!("{data}const rate={rate};\n{SCRIPT}")))
 }
 
-const FILM_STYLE: &str = "
-.films{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(100%,340px),1fr));gap:20px}
-.film h2{border:0;margin:12px 0 6px}.film img{width:100%;height:auto;border-radius:6px;background:var(--tint);display:block}
-.film figcaption{min-height:5em}.film ol{list-style:none;margin:6px 0 0;padding:0;font-size:.86rem}
-.film li{opacity:.35}.film li.said{opacity:1}.good{color:var(--touch);font-weight:600}.bad{color:var(--blind);font-weight:600}
-.player{display:flex;gap:12px;align-items:center;max-width:none}.player input{flex:1}
-@media print{.player{display:none}.film li{opacity:1}}
-";
-
-const FILM_SCRIPT: &str = "
-const last=Math.max(...films.map(f=>f.frames.length))-1,slider=document.getElementById('at'),button=document.getElementById('play');
-slider.max=last;let now=Math.min(last,Math.round(+(location.hash.slice(1)||0)*rate)),playing=!location.hash;
-function show(){films.forEach((f,i)=>{const k=Math.min(now,f.frames.length-1);
-document.getElementById('f'+i).src=f.frames[k];document.getElementById('p'+i).textContent=f.words[k];
-document.querySelectorAll('#n'+i+' li').forEach(l=>l.classList.toggle('said',+l.dataset.t<=f.times[k]+.05))});slider.value=now}
-setInterval(()=>{if(playing){now=now>=last+rate*2?0:now+1;show()}},1000/rate);
-slider.oninput=()=>{now=+slider.value;playing=false;button.textContent='Play';show()};
-button.onclick=()=>{playing=!playing;button.textContent=playing?'Pause':'Play'};button.textContent=playing?'Pause':'Play';show();
-";
+const STYLE: &str = include_str!("../data/film.css");
+const SCRIPT: &str = include_str!("../data/film.js");
 
 #[cfg(test)]
 mod tests {
@@ -201,7 +183,7 @@ mod tests {
     fn a_page_holds_all_frames() {
         let (hand, arm) = (Hand::ftac(), Arm::gen3());
         let stage = Stage { hand: &hand, arm: &arm, objects: vec![] };
-        let html = page(&stage, &[film(&hand, &arm)], (64, 4.0), ("A trial", "<p>about</p>")).expect("drawn");
+        let html = page(&stage, &[film(&hand, &arm)], (64, 4.0), ("A trial", &html! { p { "about" } })).expect("drawn");
         assert_eq!(html.matches("data:image/jpeg;base64,").count(), 4, "the first frame, and three in the film");
         for part in ["touch &lt;1&gt;", "felt &amp; decided", "0.5 s: phase 2", "both objects held"] {
             assert!(html.contains(part), "{part}");

@@ -4,15 +4,10 @@ use std::collections::BTreeMap;
 
 use scenarios::summary::{CombinationRates, ConditionSummary, Summary, combination_rates};
 use scenarios::{Condition, TrialRecord};
-use statistics::{MeanSd, TTest, density, percentile, silverman_bandwidth};
+use statistics::{MeanSd, TTest, percentile};
 
 use super::figure::{Figure, Group};
 use super::html::{number, probability};
-
-/// Kernels are at least this wide, as rates of ten trials come in tenths.
-const SMALLEST_BANDWIDTH: f64 = 0.02;
-/// Points along the rate at which the density is drawn.
-const DENSITY_POINTS: u32 = 101;
 
 /// Of the rates, the one that is meant.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -74,8 +69,8 @@ fn figure(
     let columns_compared = column(compared.0).zip(column(compared.1));
     let columns: Vec<String> = groups
         .iter()
-        .map(|group| match (group.mean_sd, group.quartiles) {
-            (Some((mean, _)), Some([low, _, median, _, high])) => format!(
+        .map(|group| match (group.mean_sd, extremes(group)) {
+            (Some((mean, _)), [Some(low), Some(median), Some(high)]) => format!(
                 "{}: mean {}, median {}, from {} to {}",
                 group.name,
                 number(mean, 3),
@@ -99,6 +94,12 @@ fn figure(
     }
 }
 
+/// Smallest rate, median and largest.
+fn extremes(group: &Group) -> [Option<f64>; 3] {
+    let rates: Vec<f64> = group.dots.iter().map(|(rate, _)| *rate).collect();
+    [0.0, 50.0, 100.0].map(|percent| percentile(&rates, percent))
+}
+
 /// A test's outcome as papers print it; none where there was nothing to test.
 pub fn outcome(test: &TTest) -> Option<String> {
     let p = match probability(test.p?) {
@@ -110,26 +111,13 @@ pub fn outcome(test: &TTest) -> Option<String> {
 
 fn group(condition: Condition, all: MeanSd, records: &[TrialRecord], rate: Rate) -> Group {
     let combinations = combination_rates(records, condition);
-    let values: Vec<f64> = combinations.iter().map(|one| rate.of(one)).collect();
-    let [low, q1, median, q3, high] = [0.0, 25.0, 50.0, 75.0, 100.0].map(|percent| percentile(&values, percent));
-    let at: Vec<f64> = (0..DENSITY_POINTS).map(|n| f64::from(n) / f64::from(DENSITY_POINTS - 1)).collect();
-    let heights = if values.len() < 2 {
-        Vec::new()
-    } else {
-        density(&values, silverman_bandwidth(&values, SMALLEST_BANDWIDTH), &at)
-    };
     Group {
         name: condition.name().to_string(),
         dots: combinations
             .iter()
             .map(|one| (rate.of(one), format!("{} {}, then {}", one.combination, one.first, one.second)))
             .collect(),
-        quartiles: match (low, q1, median, q3, high) {
-            (Some(low), Some(q1), Some(median), Some(q3), Some(high)) => Some([low, q1, median, q3, high]),
-            _ => None,
-        },
         mean_sd: all.mean.map(|mean| (mean, all.sd.unwrap_or(f64::NAN))),
-        shade: at.into_iter().zip(heights).collect(),
     }
 }
 

@@ -1,12 +1,14 @@
 //! Clean success of every combination as a map of first against second object, blind beside touch.
 
-use std::collections::{BTreeMap, BTreeSet};
-use std::fmt::Write as _;
+use std::collections::BTreeSet;
 
+use kuva::prelude::{MarkerShape, Plot};
+use maud::{Markup, html};
 use scenarios::{Condition, TrialRecord};
 
+use super::chart;
 use super::findings::{CombinationLine, Rate, combination_lines};
-use super::html::{escape, number};
+use super::html::number;
 
 /// Size of a cell, and room for names, pixels.
 const CELL: f64 = 15.0;
@@ -15,72 +17,55 @@ const NAMES: f64 = 112.0;
 const SHOWN: [(usize, Condition); 2] = [(1, Condition::Blind), (3, Condition::Touch)];
 
 /// The section; nothing without records of these conditions.
-pub fn section(records: &[TrialRecord]) -> String {
+pub fn section(records: &[TrialRecord]) -> Markup {
     let lines = combination_lines(records);
-    let maps: String = SHOWN
-        .iter()
-        .filter(|(index, _)| lines.iter().any(|line| line.rates[*index].is_some()))
-        .map(|(index, condition)| {
-            format!(
-                "<figure>{}<figcaption>{}</figcaption></figure>\n",
-                map(&lines, *index, *condition),
-                condition.name()
-            )
-        })
-        .collect();
-    if maps.is_empty() {
-        return String::new();
-    }
-    format!(
-        "<h2 id=\"map\">First against second object</h2>\n<p>Clean success of every combination, from red (none) over yellow to \
-         green (all trials); numbers show under the pointer. Blank pairs are not among the combinations.</p>\n<div class=\"maps\">\n\
-         {maps}</div>\n"
-    )
+    let played = |index: usize| lines.iter().any(|line| line.rates[index].is_some());
+    html! { @if SHOWN.iter().any(|(index, _)| played(*index)) {
+        h2 id="map" { "First against second object" }
+        p {
+            "Clean success of every combination, from red (none) over yellow to green (all trials); numbers show under the pointer. \
+            Blank pairs are not among the combinations."
+        }
+        div.maps {
+            @for (index, condition) in SHOWN.into_iter().filter(|(index, _)| played(*index)) {
+                figure { (map(&lines, index, condition)) figcaption { (condition) } }
+            }
+        }
+    } }
 }
 
-fn map(lines: &[CombinationLine], index: usize, condition: Condition) -> String {
-    let names = |pick: fn(&CombinationLine) -> &String| -> BTreeMap<String, usize> {
-        let all: BTreeSet<&String> = lines.iter().map(pick).collect();
-        all.into_iter().enumerate().map(|(n, name)| (name.clone(), n)).collect()
+fn map(lines: &[CombinationLine], index: usize, condition: Condition) -> Markup {
+    let names = |pick: fn(&CombinationLine) -> &String| -> Vec<String> {
+        lines.iter().map(pick).collect::<BTreeSet<_>>().into_iter().cloned().collect()
     };
-    let (rows, columns) = (names(|line| &line.first), names(|line| &line.second));
-    let (width, height) = (NAMES + CELL * columns.len() as f64, NAMES + CELL * rows.len() as f64);
-    let mut svg = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"figure map\" style=\"max-width:{:.0}px\" \
-         viewBox=\"0 0 {width} {height}\" role=\"img\" \
-         aria-label=\"clean success of first against second object, {condition}\">\n",
-        1.5 * width
-    );
-    let middle = |n: usize| NAMES + CELL * (n as f64 + 0.5);
-    for (name, row) in &rows {
-        let (y, name) = (middle(*row) + 3.5, escape(name));
-        let _ = writeln!(
-            svg,
-            "<text class=\"soft\" text-anchor=\"end\" x=\"{:.1}\" y=\"{y:.1}\">{name}</text>",
-            NAMES - 5.0
-        );
-    }
-    for (name, column) in &columns {
-        let (x, name) = (middle(*column) + 3.5, escape(name));
-        let turn = format!("translate({x:.1} {:.1}) rotate(-90)", NAMES - 5.0);
-        let _ = writeln!(svg, "<text class=\"soft\" transform=\"{turn}\">{name}</text>");
-    }
-    for line in lines {
-        let Some(rates) = &line.rates[index] else { continue };
-        let rate = Rate::CleanSuccess.of(rates);
-        let (x, y) = (NAMES + CELL * columns[&line.second] as f64, NAMES + CELL * rows[&line.first] as f64);
-        let _ = writeln!(
-            svg,
-            "<rect x=\"{x:.1}\" y=\"{y:.1}\" width=\"{0}\" height=\"{0}\" rx=\"2\" fill=\"{1}\"><title>{2}, then {3}: clean \
-             success {4}</title></rect>",
-            CELL - 1.0,
-            color(rate),
-            escape(&line.first),
-            escape(&line.second),
-            number(rate, 2)
-        );
-    }
-    svg + "</svg>\n"
+    // The first name of the rows stands at the top.
+    let (columns, rows) = (names(|line| &line.second), names(|line| &line.first).into_iter().rev().collect::<Vec<_>>());
+    let place = |names: &[String], name: &String| names.iter().position(|one| one == name).unwrap_or(0) as f64 + 1.0;
+    let (cells, colors): (Vec<_>, Vec<_>) = lines
+        .iter()
+        .filter_map(|line| Some((line, Rate::CleanSuccess.of(line.rates[index].as_ref()?))))
+        .map(|(line, rate)| {
+            let title = format!("{}, then {}: clean success {}", line.first, line.second, number(rate, 2));
+            (((place(&columns, &line.second), place(&rows, &line.first)), title), color(rate))
+        })
+        .unzip();
+    let cells =
+        chart::dots("none", cells).with_colors(colors).with_marker(MarkerShape::Square).with_size(CELL / 2.0 - 0.5);
+    let plots: Vec<Plot> = vec![cells.into()];
+    let size = [columns.len(), rows.len()].map(|names| NAMES + 10.0 + CELL * names as f64);
+    let [x, y] = [columns.len(), rows.len()].map(|names| names as f64 + 0.5);
+    let layout = chart::layout(&plots, "", size)
+        .with_force_margins(NAMES, 10.0)
+        .with_force_margins_y(10.0, NAMES)
+        .with_x_axis_min(0.5)
+        .with_x_axis_max(x)
+        .with_y_axis_min(0.5)
+        .with_y_axis_max(y)
+        .with_x_categories(columns)
+        .with_y_categories(rows)
+        .with_x_tick_rotate(-90.0)
+        .with_show_grid(false);
+    chart::draw(plots, layout, &format!("clean success of first against second object, {condition}"))
 }
 
 /// Red at 0, over yellow to green at 1; also apart in lightness.
@@ -101,11 +86,11 @@ mod tests {
     #[test]
     fn every_combination_is_a_cell_of_each_map() {
         let records = made_up(12, 4);
-        let html = section(&records);
+        let html = section(&records).into_string();
         let pairs: BTreeSet<_> = records.iter().map(|record| record.combination).collect();
-        assert_eq!(html.matches("<rect ").count(), 2 * pairs.len());
+        assert_eq!(html.matches("<title>").count(), 2 * pairs.len());
         assert!(html.contains("mug &lt;small&gt;") && !html.contains("NaN"));
         assert_eq!((color(0.0), color(1.0)), ("#a51e2d".to_owned(), "#1c7a58".to_owned()));
-        assert!(section(&[]).is_empty());
+        assert!(section(&[]).0.is_empty());
     }
 }

@@ -1,26 +1,10 @@
-//! Small pieces of HTML: escaping, numbers in words and figures, tables, and the page around them.
+//! Small pieces of pages: numbers in words and figures, tables, and the page around them. `maud` writes the markup and escapes all text.
 
-use std::fmt::Write as _;
+use base64::Engine as _;
+use base64::prelude::BASE64_STANDARD;
+use maud::{DOCTYPE, Markup, PreEscaped, Render, html};
 
 use crate::style;
-
-/// `text` with the five characters that mean something to HTML, XML and quoted attributes replaced.
-pub fn escape(text: &str) -> String {
-    let mut escaped = String::with_capacity(text.len());
-    for character in text.chars() {
-        match character {
-            '&' => escaped.push_str("&amp;"),
-            '<' => escaped.push_str("&lt;"),
-            '>' => escaped.push_str("&gt;"),
-            '"' => escaped.push_str("&quot;"),
-            '\'' => escaped.push_str("&#39;"),
-            // not allowed in XML 1.0, so a browser would refuse the whole figure
-            c if c.is_control() && !matches!(c, '\n' | '\t') => escaped.push('\u{fffd}'),
-            c => escaped.push(c),
-        }
-    }
-    escaped
-}
 
 /// `value` with `decimals` digits after the point; a dash where there is no number.
 pub fn number(value: f64, decimals: usize) -> String {
@@ -90,93 +74,94 @@ pub enum Column {
     Numbers,
 }
 
-/// A table with a caption, a head row, and a head cell in every row. All text given to it is escaped by it.
+impl Column {
+    fn class(self) -> Option<&'static str> {
+        (self == Self::Numbers).then_some("number")
+    }
+}
+
+/// A table with a caption, a head row, and a head cell in every row.
 pub struct Table {
-    html: String,
-    columns: Vec<Column>,
+    caption: String,
+    head: Vec<(String, Column)>,
+    rows: Vec<Vec<String>>,
 }
 
 impl Table {
-    /// Opens a table; `head` names its columns.
+    /// A table without a row; `head` names its columns.
     pub fn new(caption: &str, head: &[(&str, Column)]) -> Self {
-        let mut html = format!("<div class=\"scroll\"><table>\n<caption>{}</caption>\n<thead><tr>", escape(caption));
-        for (name, column) in head {
-            let _ = write!(html, "<th scope=\"col\"{}>{}</th>", class(*column), escape(name));
-        }
-        html += "</tr></thead>\n<tbody>\n";
-        Self { html, columns: head.iter().map(|(_, column)| *column).collect() }
+        let head = head.iter().map(|(name, column)| ((*name).to_owned(), *column)).collect();
+        Self { caption: caption.to_owned(), head, rows: Vec::new() }
     }
 
     /// Adds a row; its first cell heads it.
     pub fn row<S: AsRef<str>>(&mut self, cells: &[S]) {
-        self.html += "<tr>";
-        for (index, cell) in cells.iter().enumerate() {
-            let class = class(self.columns.get(index).copied().unwrap_or(Column::Words));
-            let text = escape(cell.as_ref());
-            let _ = match index {
-                0 => write!(self.html, "<th scope=\"row\"{class}>{text}</th>"),
-                _ => write!(self.html, "<td{class}>{text}</td>"),
-            };
-        }
-        self.html += "</tr>\n";
-    }
-
-    /// Closes the table.
-    pub fn finish(mut self) -> String {
-        self.html += "</tbody>\n</table></div>\n";
-        self.html
+        self.rows.push(cells.iter().map(|cell| cell.as_ref().to_owned()).collect());
     }
 }
 
-fn class(column: Column) -> &'static str {
-    match column {
-        Column::Words => "",
-        Column::Numbers => " class=\"number\"",
+impl Render for Table {
+    fn render(&self) -> Markup {
+        html! {
+            div.scroll { table {
+                caption { (self.caption) }
+                thead { tr { @for (name, column) in &self.head { th scope="col" class=[column.class()] { (name) } } } }
+                tbody {
+                    @for row in &self.rows {
+                        tr {
+                            @for (n, ((_, column), cell)) in self.head.iter().zip(row).enumerate() {
+                                @if n == 0 { th scope="row" class=[column.class()] { (cell) } }
+                                @else { td class=[column.class()] { (cell) } }
+                            }
+                        }
+                    }
+                }
+            } }
+        }
     }
 }
 
 /// A whole page in the report's style, `body` below its title.
-pub fn whole_page(title: &str, body: &str) -> String {
-    format!(
-        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
-         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>{0}</title>\n<style>{1}{2}</style>\n\
-         </head>\n<body>\n<main>\n<h1>{0}</h1>\n{body}</main>\n</body>\n</html>\n",
-        escape(title),
-        style::FIGURE,
-        style::PAGE
-    )
+pub fn whole_page(title: &str, body: &Markup) -> String {
+    page(title, "", &html! { h1 { (title) } (body) }, "")
+}
+
+/// A page in the report's style and `more` of it, with `script` behind `main`.
+pub fn page(title: &str, more: &str, main: &Markup, script: &str) -> String {
+    printable(html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                title { (title) }
+                style { (PreEscaped(style::FIGURE)) (PreEscaped(style::PAGE)) (PreEscaped(more)) }
+            }
+            body { main { (main) } @if !script.is_empty() { script { (PreEscaped(script)) } } }
+        }
+    })
+}
+
+/// Markup as a file. XML 1.0 allows no control characters: a browser would refuse a whole figure.
+pub fn printable(markup: Markup) -> String {
+    markup.into_string().replace(|c: char| c.is_control() && !matches!(c, '\n' | '\t'), "\u{fffd}")
 }
 
 /// Bytes as an address that holds them (RFC 2397).
 pub fn data_uri(media_type: &str, bytes: &[u8]) -> String {
-    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let mut text = format!("data:{media_type};base64,");
-    for chunk in bytes.chunks(3) {
-        let word = chunk.iter().fold(0u32, |word, byte| word << 8 | u32::from(*byte)) << (8 * (3 - chunk.len()));
-        for place in 0..4 {
-            let digit = DIGITS[(word >> (18 - 6 * place) & 63) as usize];
-            text.push(if place <= chunk.len() { char::from(digit) } else { '=' });
-        }
-    }
-    text
+    format!("data:{media_type};base64,{}", BASE64_STANDARD.encode(bytes))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    /// The test vectors of RFC 4648.
     #[test]
-    fn base_64() {
-        for (bytes, text) in [("", ""), ("f", "Zg=="), ("fo", "Zm8="), ("foo", "Zm9v"), ("foobar", "Zm9vYmFy")] {
-            assert_eq!(data_uri("x/y", bytes.as_bytes()), format!("data:x/y;base64,{text}"));
-        }
-    }
-
-    #[test]
-    fn what_html_reads_as_markup_is_escaped() {
-        assert_eq!(escape("<b> & \"c\" 'd'"), "&lt;b&gt; &amp; &quot;c&quot; &#39;d&#39;");
-        assert_eq!(escape("a\u{0}b\u{1b}[0m"), "a\u{fffd}b\u{fffd}[0m");
+    fn what_a_browser_would_refuse_is_replaced() {
+        let page = whole_page("<b> & \"c\"", &html! { p { "a\u{0}b\u{1b}[0m" } });
+        assert!(
+            page.contains("<title>&lt;b&gt; &amp; &quot;c&quot;</title>") && page.contains("a\u{fffd}b\u{fffd}[0m")
+        );
     }
 
     #[test]
@@ -198,7 +183,7 @@ mod tests {
     fn tables_have_scoped_heads_and_escaped_cells() {
         let mut table = Table::new("Rates & more", &[("what", Column::Words), ("rate", Column::Numbers)]);
         table.row(&["<cup>", "0.5"]);
-        let html = table.finish();
+        let html = table.render().into_string();
         assert!(html.contains("<th scope=\"col\" class=\"number\">rate</th>"));
         assert!(html.contains("<th scope=\"row\">&lt;cup&gt;</th><td class=\"number\">0.5</td>"));
         assert!(html.contains("<caption>Rates &amp; more</caption>"));

@@ -3,11 +3,12 @@
 
 use std::fmt::Write as _;
 
+use maud::html;
 use plant::identified::Source;
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use crate::html::{Column, Table, escape, whole_page};
+use crate::html::{Column, Table, whole_page};
 
 /// Half of a 95 % interval, in standard deviations.
 const HALF_INTERVAL: f64 = 1.96;
@@ -171,7 +172,7 @@ pub fn page(actuators: &[ActuatorRow], parameters: &[ParameterRow], sessions: &[
         ];
         let mut table = Table::new(caption, &head);
         parameters.iter().filter(|row| row.identified == identified).for_each(|row| table.row(&row.cells()));
-        table.finish()
+        table
     };
     let mut source = Table::new(
         "Sessions",
@@ -180,13 +181,13 @@ pub fn page(actuators: &[ActuatorRow], parameters: &[ParameterRow], sessions: &[
     for session in sessions {
         source.row(&[&session.file, &session.robot, &format!("{:.0}", session.seconds), &session.sha256]);
     }
-    let advice: String = advice(parameters).iter().map(|line| format!("<li>{}</li>", escape(line))).collect();
-    let body = format!(
-        "{}{}\n<h2>What to measure more</h2>\n<ul>{advice}</ul>\n{}{}",
-        motion.finish(),
-        table("What the sessions show", true),
-        table("What they do not show: the drawing's value, and its spread", false),
-        source.finish()
-    );
+    let body = html! {
+        (motion)
+        (table("What the sessions show", true))
+        h2 { "What to measure more" }
+        ul { @for line in advice(parameters) { li { (line) } } }
+        (table("What they do not show: the drawing's value, and its spread", false))
+        (source)
+    };
     whole_page("One robot, identified", &body)
 }

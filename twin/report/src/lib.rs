@@ -1,13 +1,19 @@
 //! The report of a benchmark: `report.html`, one self-contained page, and its figures as files.
 //!
+<<<<<<< HEAD
 //! It is made from the records and their summary alone, so `ftac report` can make it again at any time. [`picture`] draws the
 //! hand, [`plot`] line plots; both are used by the checks too. [`grasp_gallery`] shows the best grasps of each object.
+=======
+//! It is made from the records and their summary alone, so `ftac report` can make it again at any time. [`chart`] draws charts, [`picture`] the
+//! hand, [`plot`] line plots; the last two are used by the checks too. [`grasp_gallery`] shows the best grasps of each object, [`urdf_hand`] those of a hand
+//! from a URDF.
+>>>>>>> wE
 
 mod ablation;
+pub mod chart;
 mod comparisons;
-mod definitions;
 mod failures;
-pub mod figure;
+mod figure;
 pub mod film;
 mod findings;
 pub mod grasp_gallery;
@@ -39,15 +45,15 @@ use serde_json::Value;
 /// with dotted names, and numbers whose key ends in `_s` as times.
 pub fn write_report(folder: &Path, summary: &Summary, records: &[TrialRecord], run: &Value) -> Result<()> {
     let [contact, clean] = findings::figures(summary, records);
-    write_whole(&folder.join("contact.svg"), contact.standalone().as_bytes())?;
-    write_whole(&folder.join("clean_success.svg"), clean.standalone().as_bytes())?;
+    for (name, figure) in [("contact.svg", &contact), ("clean_success.svg", &clean)] {
+        write_whole(&folder.join(name), chart::standalone(&figure.draw()).as_bytes())?;
+    }
     if let Some(figure) = prediction::standalone(records) {
         write_whole(&folder.join("risk.svg"), figure.as_bytes())?;
     }
     if !summary.ablations.is_empty() {
-        let figure = ablation::figure(summary, records, true);
-        let head = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n";
-        write_whole(&folder.join("ablations.svg"), format!("{head}{figure}").as_bytes())?;
+        let figure = chart::standalone(&ablation::figure(summary, records));
+        write_whole(&folder.join("ablations.svg"), figure.as_bytes())?;
     }
     let page = page::render(summary, records, run, (folder, [&contact, &clean]))?;
     Ok(write_whole(&folder.join("report.html"), page.as_bytes())?)

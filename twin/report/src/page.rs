@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use anyhow::Result;
+use maud::{Markup, PreEscaped, html};
 use scenarios::summary::{Summary, combination_rates};
 use scenarios::{Condition, TrialRecord};
 use serde_json::Value;
@@ -10,21 +11,13 @@ use statistics::MeanSd;
 
 use super::figure::Figure;
 use super::findings::{Rate, combination_lines};
-use super::html::{Column, Table, counted, duration, escape, number};
-use super::{
-    ablation, comparisons, definitions, failures, findings, heat_map, paper, pictures, prediction, run, style, verdict,
-};
-
-/// The paper that the benchmark is from.
-const SOURCE: &str = "<p class=\"byline\">The benchmark is that of Zhao et al., <i>Embedding high-resolution touch across robotic hands \
-     enables adaptive human-like grasping</i>, Nature Machine Intelligence, 2025, \
-     <a href=\"https://doi.org/10.1038/s42256-025-01053-3\">doi:10.1038/s42256-025-01053-3</a>, in an independent simulation.</p>\n";
+use super::html::{Column, Table, counted, duration, number, page};
+use super::{ablation, comparisons, failures, findings, heat_map, paper, pictures, prediction, run, verdict};
 
 /// Sorts a table by a column that is clicked on, upwards and downwards in turn.
-const SORTING: &str = "<script>document.querySelectorAll('thead th').forEach(h=>{h.title='sort';h.onclick=()=>{const k=h.cellIndex,\
-     b=h.closest('table').tBodies[0],v=r=>{const t=r.cells[k].textContent.replace('\u{2212}','-'),n=parseFloat(t);return n===n?n:t},\
-     d=h.dataset.d=h.dataset.d=='1'?-1:1;[...b.rows].sort((x,y)=>{const p=v(x),q=v(y);return d*(p<q?-1:p>q?1:0)}).forEach(r=>\
-     b.append(r))}})</script>\n";
+const SORTING: &str = include_str!("../data/sorting.js");
+/// What the run does otherwise than the paper, and what the numbers mean; no data in it.
+const DEFINITIONS: &str = include_str!("../data/definitions.html");
 
 /// The whole page; `folder` may hold recordings, `figures` are contact and clean success.
 pub fn render(
@@ -33,37 +26,32 @@ pub fn render(
     run: &Value,
     (folder, figures): (&Path, [&Figure; 2]),
 ) -> Result<String> {
-    let mut html = format!(
-        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
-         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
-         <title>Multi-object benchmark: {0}, seed {1}</title>\n<style>{2}{3}</style>\n</head>\n<body>\n<main>\n\
-         <h1>Multi-object benchmark of the F-TAC Hand</h1>\n{SOURCE}<p class=\"byline\">{4}, {5} each, robot: {0}, seed {1}</p>\n",
-        escape(&summary.robot),
-        summary.seed,
-        style::FIGURE,
-        style::PAGE,
-        counted(summary.combos, "object combination"),
-        counted(summary.trials_per_combo, "trial"),
-    );
-    html += &run::warnings(run);
-    html += &verdict::section(summary, records);
-    html += &pictures::section(folder, records)?;
-    html += &rates(summary, records);
-    html += &comparisons::section(summary);
-    html += &figure_section(figures, summary);
-    html += &heat_map::section(records);
-    html += &prediction::section(records);
-    html += &ablation::section(summary, records);
-    html += &facts(summary);
-    html += &failures::section(summary, records, folder);
-    html += &combinations(summary, records);
-    html += &run::section(run);
-    html += definitions::DIFFERENCES;
-    html += definitions::SECTION;
-    html += "</main>\n";
-    html += SORTING;
-    html += "</body>\n</html>\n";
-    Ok(html)
+    let (robot, seed) = (&summary.robot, summary.seed);
+    let (combos, trials) = (counted(summary.combos, "object combination"), counted(summary.trials_per_combo, "trial"));
+    let main = html! {
+        h1 { "Multi-object benchmark of the F-TAC Hand" }
+        p.byline {
+            "The benchmark is that of Zhao et al., " i { "Embedding high-resolution touch across robotic hands enables adaptive human-like grasping" }
+            ", Nature Machine Intelligence, 2025, " a href="https://doi.org/10.1038/s42256-025-01053-3" { "doi:10.1038/s42256-025-01053-3" }
+            ", in an independent simulation."
+        }
+        p.byline { (combos) ", " (trials) " each, robot: " (robot) ", seed " (seed) }
+        (run::warnings(run))
+        (verdict::section(summary, records))
+        (pictures::section(folder, records)?)
+        (rates(summary, records))
+        (comparisons::section(summary))
+        (figure_section(figures, summary))
+        (heat_map::section(records))
+        (prediction::section(records))
+        (ablation::section(summary, records))
+        (facts(summary))
+        (failures::section(summary, records, folder))
+        (combinations(summary, records))
+        (run::section(run))
+        (PreEscaped(DEFINITIONS))
+    };
+    Ok(page(&format!("Multi-object benchmark: {robot}, seed {seed}"), "", &main, SORTING))
 }
 
 /// A number that may be missing.
@@ -72,7 +60,7 @@ fn maybe(value: Option<f64>, decimals: usize) -> String {
 }
 
 /// The conditions beside the paper's.
-fn rates(summary: &Summary, records: &[TrialRecord]) -> String {
+fn rates(summary: &Summary, records: &[TrialRecord]) -> Markup {
     let columns = [
         ("condition", Column::Words),
         ("trials", Column::Numbers),
@@ -115,32 +103,33 @@ fn rates(summary: &Summary, records: &[TrialRecord]) -> String {
             maybe(ours.trial_s.mean, 1),
         ]);
     }
-    format!("<h2 id=\"rates\">Contact and success</h2>\n{}", table.finish())
+    html! { h2 id="rates" { "Contact and success" } (table) }
 }
 
-fn figure_section(figures: [&Figure; 2], summary: &Summary) -> String {
+fn figure_section(figures: [&Figure; 2], summary: &Summary) -> Markup {
     let captions = [("contact.svg", "ideal with blind"), ("clean_success.svg", "blind with touch")];
-    let mut html = "<h2 id=\"figures\">Figures</h2>\n<div class=\"figures\">\n".to_string();
-    for (figure, (file, compared)) in figures.into_iter().zip(captions) {
-        let bracket = match figure.bracket {
-            Some(_) => format!("The bracket compares {compared} (paired, one-sided). "),
-            None => String::new(),
-        };
-        html += &format!(
-            "<figure>\n{}<figcaption>{}: a dot is one of {} (its name shows under the pointer); the box spans the 25th to the \
-             75th percentile, the thick line is the median, the diamond the mean, whiskers reach from minimum to maximum; the \
-             shading is a kernel density estimate, each scaled to the same width. Dots of equal rate that fill a row go \
-             on above and below it. {bracket}Also as <a href=\"{file}\">{file}</a>.</figcaption>\n</figure>\n",
-            figure.inline(),
-            escape(&figure.title),
-            counted(summary.combos, "combination"),
-        );
+    html! {
+        h2 id="figures" { "Figures" }
+        div.figures {
+            @for (figure, (file, compared)) in figures.into_iter().zip(captions) {
+                figure {
+                    (figure.draw())
+                    figcaption {
+                        (figure.title) ": a dot is one of " (counted(summary.combos, "combination")) " (its name shows under the pointer); the box \
+                        spans the 25th to the 75th percentile, the thick line is the median, the diamond the mean, whiskers reach from minimum to \
+                        maximum; the shading is a kernel density estimate, each scaled to the same width. Dots of equal rate that fill a row go on \
+                        above and below it. "
+                        @if figure.bracket.is_some() { "The bracket compares " (compared) " (paired, one-sided). " }
+                        "Also as " a href=(file) { (file) } "."
+                    }
+                }
+            }
+        }
     }
-    html + "</div>\n"
 }
 
 /// Speed and accuracy.
-fn facts(summary: &Summary) -> String {
+fn facts(summary: &Summary) -> Markup {
     let unit = |value: Option<f64>, decimals: usize, unit: &str| match value {
         Some(value) => format!("{} {unit}", number(value, decimals)),
         None => "–".to_string(),
@@ -164,15 +153,14 @@ fn facts(summary: &Summary) -> String {
         ("Real-time factor, all threads together".to_string(), unit(summary.real_time_factor, 2, "×")),
         ("Wall time".to_string(), duration(summary.wall_s)),
     ]);
-    let mut html = "<h2 id=\"speed\">Speed and accuracy</h2>\n<dl class=\"facts\">\n".to_string();
-    for (term, value) in facts {
-        html += &format!("<div><dt>{}</dt><dd>{}</dd></div>\n", escape(&term), escape(&value));
+    html! {
+        h2 id="speed" { "Speed and accuracy" }
+        dl.facts { @for (term, value) in facts { div { dt { (term) } dd { (value) } } } }
     }
-    html + "</dl>\n"
 }
 
 /// A line per combination.
-fn combinations(summary: &Summary, records: &[TrialRecord]) -> String {
+fn combinations(summary: &Summary, records: &[TrialRecord]) -> Markup {
     let mut head = vec![
         ("no.".to_string(), Column::Words),
         ("first object".to_string(), Column::Words),
@@ -206,5 +194,5 @@ fn combinations(summary: &Summary, records: &[TrialRecord]) -> String {
         cells.extend(touched.then(|| maybe(line.switched, 2)));
         table.row(&cells);
     }
-    format!("<h2 id=\"combinations\">Every combination</h2>\n{}", table.finish())
+    html! { h2 id="combinations" { "Every combination" } (table) }
 }

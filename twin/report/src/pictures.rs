@@ -6,11 +6,12 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use image::{ImageFormat, RgbImage};
+use maud::{Markup, html};
 use nalgebra::{Isometry3, Point3, Vector3};
 use scenarios::{Condition, TrialRecord};
 use world::objects::{ObjectModel, ObjectSet};
 
-use super::html::{data_uri, escape};
+use super::html::data_uri;
 use crate::picture::{Picture, View};
 
 /// Size of an object's picture, pixels, and what it is wide, m.
@@ -45,37 +46,35 @@ fn png(image: &RgbImage) -> Result<String> {
 }
 
 /// The sections; an object that does not come with the program is named only.
-pub fn section(folder: &Path, records: &[TrialRecord]) -> Result<String> {
-    let mut html = String::new();
-    if let Some((file, condition)) = strip(folder) {
-        let name = file.file_name().unwrap_or_default().to_string_lossy().replace(&ending(condition), "");
-        html += &format!(
-            "<h2 id=\"strip\">One trial</h2>\n<figure class=\"strip\"><img alt=\"stills of a trial\" src=\"{}\"><figcaption>{}, {condition}: \
-             stills in order of time.</figcaption></figure>\n",
-            data_uri("image/png", &std::fs::read(&file)?),
-            escape(&name.replace('_', " "))
-        );
-    }
-    let names: BTreeSet<&str> = records.iter().flat_map(TrialRecord::objects).collect();
-    if names.is_empty() {
-        return Ok(html);
-    }
-    let known = ObjectSet::standard();
-    html += "<h2 id=\"objects\">Objects</h2>\n<div class=\"objects\">\n";
-    for name in names {
-        let words = escape(name);
-        match known.get(name) {
-            Some(model) => {
-                let (size, width) = OBJECT;
-                let image = png(&object(model, size, width, ""))?;
-                html += &format!(
-                    "<figure><img width=\"{size}\" height=\"{size}\" alt=\"\" src=\"{image}\"><figcaption>{words}</figcaption></figure>\n"
-                );
-            }
-            None => html += &format!("<figure><figcaption>{words}</figcaption></figure>\n"),
+pub fn section(folder: &Path, records: &[TrialRecord]) -> Result<Markup> {
+    let stills = match strip(folder) {
+        Some((file, condition)) => {
+            let name = file.file_name().unwrap_or_default().to_string_lossy().replace(&ending(condition), "");
+            Some((data_uri("image/png", &std::fs::read(&file)?), name.replace('_', " "), condition))
         }
-    }
-    Ok(html + "</div>\n")
+        None => None,
+    };
+    let (known, (size, width)) = (ObjectSet::standard(), OBJECT);
+    let names: BTreeSet<&str> = records.iter().flat_map(TrialRecord::objects).collect();
+    let picture = |name: &str| known.get(name).map(|model| png(&object(model, size, width, ""))).transpose();
+    let objects = names.into_iter().map(|name| Ok((name, picture(name)?))).collect::<Result<Vec<_>>>()?;
+    Ok(html! {
+        @if let Some((image, name, condition)) = stills {
+            h2 id="strip" { "One trial" }
+            figure.strip { img alt="stills of a trial" src=(image); figcaption { (name) ", " (condition) ": stills in order of time." } }
+        }
+        @if !objects.is_empty() {
+            h2 id="objects" { "Objects" }
+            div.objects {
+                @for (name, image) in &objects {
+                    figure {
+                        @if let Some(image) = image { img width=(size) height=(size) alt="" src=(image); }
+                        figcaption { (name) }
+                    }
+                }
+            }
+        }
+    })
 }
 
 /// The stills of the first recorded trial, and its condition: touch where there is one.

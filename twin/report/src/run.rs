@@ -1,8 +1,9 @@
 //! How the benchmark was run: what the program recorded about it, the most useful first.
 
+use maud::{Markup, html};
 use serde_json::Value;
 
-use super::html::{Column, Table, duration, escape, number};
+use super::html::{Column, Table, duration, number};
 
 /// Keys shown first, in this order; what else there is follows in its own order.
 const FIRST: [&str; 6] = ["command", "seed", "robot", "versions", "version", "wall_s"];
@@ -11,20 +12,13 @@ const FIRST: [&str; 6] = ["command", "seed", "robot", "versions", "version", "wa
 const WARNINGS: &str = "warnings";
 
 /// What makes this run another than it seems: at the top, in red. Nothing where there is nothing.
-pub fn warnings(run: &Value) -> String {
-    let Some(list) = run.get(WARNINGS).and_then(Value::as_array).filter(|list| !list.is_empty()) else {
-        return String::new();
-    };
-    let items: String = list.iter().map(|text| format!("<li>{}</li>", escape(&plain(text)))).collect();
-    format!("<ul class=\"warnings\">{items}</ul>\n")
+pub fn warnings(run: &Value) -> Markup {
+    let list = run.get(WARNINGS).and_then(Value::as_array).filter(|list| !list.is_empty());
+    html! { @if let Some(list) = list { ul.warnings { @for text in list { li { (plain(text)) } } } } }
 }
 
 /// The section's HTML.
-pub fn section(run: &Value) -> String {
-    let mut html = String::from("<h2 id=\"run\">How it was run</h2>\n");
-    if let Some(command) = run.get("command").and_then(command_line) {
-        html += &format!("<pre><code>{}</code></pre>\n", escape(&command));
-    }
+pub fn section(run: &Value) -> Markup {
     let mut rows = Vec::new();
     if let Value::Object(fields) = run {
         for key in FIRST.iter().filter(|key| **key != "command") {
@@ -39,22 +33,17 @@ pub fn section(run: &Value) -> String {
         flatten("run", run, &mut rows);
     }
     let (long, short): (Vec<_>, Vec<_>) = rows.into_iter().partition(|(_, text)| text.contains('\n'));
-    if !short.is_empty() {
-        let mut table =
-            Table::new("Settings and versions of the run", &[("what", Column::Words), ("value", Column::Words)]);
-        for (key, text) in &short {
-            table.row(&[key, text]);
-        }
-        html += &table.finish();
+    let mut table =
+        Table::new("Settings and versions of the run", &[("what", Column::Words), ("value", Column::Words)]);
+    for (key, text) in &short {
+        table.row(&[key, text]);
     }
-    for (key, text) in &long {
-        html += &format!(
-            "<details><summary>{}</summary><pre><code>{}</code></pre></details>\n",
-            escape(key),
-            escape(text.trim_end())
-        );
+    html! {
+        h2 id="run" { "How it was run" }
+        @if let Some(command) = run.get("command").and_then(command_line) { pre { code { (command) } } }
+        @if !short.is_empty() { (table) }
+        @for (key, text) in &long { details { summary { (key) } pre { code { (text.trim_end()) } } } }
     }
-    html
 }
 
 /// The command as one line, whether written as text or as a list of words.
@@ -120,9 +109,10 @@ mod tests {
         let html = section(&json!({
             "wall_s": 754.6, "command": ["ftac", "bench", "--out", "a b<c>"], "seed": 18446744073709551615_u64,
             "versions": {"ftac": "0.1.0", "rapier3d": "0.36.1"}, "scenario": "line <1>\nline 2", "note": null,
-        }));
+        }))
+        .into_string();
         for part in [
-            "ftac bench --out &#39;a b&lt;c&gt;&#39;",
+            "ftac bench --out 'a b&lt;c&gt;'",
             "18446744073709551615",
             "versions.rapier3d",
             "12 min 34 s",
@@ -135,9 +125,9 @@ mod tests {
 
     #[test]
     fn a_run_nobody_described_leaves_a_heading() {
-        assert!(section(&Value::Null).starts_with("<h2"));
-        assert!(warnings(&Value::Null).is_empty() && warnings(&json!({"warnings": []})).is_empty());
-        assert!(warnings(&json!({"warnings": ["2 of 4 <b>"]})).contains("<li>2 of 4 &lt;b&gt;</li>"));
-        assert!(section(&json!({"command": "ftac bench"})).contains("<code>ftac bench</code>"));
+        assert!(section(&Value::Null).0.starts_with("<h2"));
+        assert!(warnings(&Value::Null).0.is_empty() && warnings(&json!({"warnings": []})).0.is_empty());
+        assert!(warnings(&json!({"warnings": ["2 of 4 <b>"]})).0.contains("<li>2 of 4 &lt;b&gt;</li>"));
+        assert!(section(&json!({"command": "ftac bench"})).0.contains("<code>ftac bench</code>"));
     }
 }

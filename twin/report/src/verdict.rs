@@ -1,33 +1,34 @@
 //! The headline of the page: what came out, in words, of the conditions that were played.
 
+use maud::{Markup, html};
 use scenarios::summary::Summary;
 use scenarios::{Condition, TrialRecord};
 use statistics::{Interval, TTest};
 
 use super::comparisons::{self, Comparison};
 use super::findings::{Rate, outcome};
-use super::html::{escape, number};
+use super::html::number;
 
 /// A difference counts as shown below this chance of its being none.
 const LEVEL: f64 = 0.05;
 
 /// The paragraph.
-pub fn section(summary: &Summary, records: &[TrialRecord]) -> String {
+pub fn section(summary: &Summary, records: &[TrialRecord]) -> Markup {
     if records.is_empty() {
-        return "<p class=\"verdict short\">No finished trial yet: there is nothing to report.</p>\n".to_string();
+        return html! { p.verdict.short { "No finished trial yet: there is nothing to report." } };
     }
     let compared = comparisons::played(summary);
     let (headline, all_shown) = headline(&compared);
-    let short = if all_shown { "" } else { " short" };
-    format!(
-        "<p class=\"verdict{short}\">{headline}{}{}</p>\n",
-        clean_success(summary, &compared),
-        contacts(summary, &compared)
-    )
+    html! {
+        p.verdict.short[!all_shown] {
+            @if let Some(headline) = headline { strong { (headline) "." } " " }
+            (clean_success(summary, &compared)) (contacts(summary, &compared))
+        }
+    }
 }
 
-/// What the tests show, and whether that is all that was asked.
-fn headline(compared: &[Comparison]) -> (String, bool) {
+/// What the tests show, if anything was tested, and whether that is all that was asked.
+fn headline(compared: &[Comparison]) -> (Option<String>, bool) {
     let said = [
         (
             [Condition::Touch, Condition::Blind],
@@ -62,11 +63,10 @@ fn headline(compared: &[Comparison]) -> (String, bool) {
     let all_shown = findings.iter().all(|(shown, _)| *shown);
     if findings.is_empty() {
         let reason = asked.iter().find_map(|(test, ..)| test.reason());
-        let said = reason.map(|reason| format!("<strong>No verdict: {}.</strong> ", escape(&reason)));
-        return (said.unwrap_or_default(), all_shown);
+        return (reason.map(|reason| format!("No verdict: {reason}")), all_shown);
     }
     let words: Vec<&str> = findings.iter().map(|(_, text)| *text).collect();
-    (format!("<strong>{}.</strong> ", capitalised(&words.join("; "))), all_shown)
+    (Some(capitalised(&words.join("; "))), all_shown)
 }
 
 fn capitalised(text: &str) -> String {
@@ -80,7 +80,7 @@ fn percent(rate: Option<f64>) -> String {
 
 /// The words of a test's outcome, or why there is none.
 fn tested(test: &TTest) -> String {
-    escape(&outcome(test).unwrap_or_else(|| format!("not tested: {}", test.reason().unwrap_or_default())))
+    outcome(test).unwrap_or_else(|| format!("not tested: {}", test.reason().unwrap_or_default()))
 }
 
 /// `a, b and c`.

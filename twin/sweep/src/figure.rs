@@ -1,18 +1,16 @@
-//! A curve over an axis as SVG: a line for each arm with its 95 % intervals.
+//! A curve over an axis: a line for each arm with its 95 % intervals.
 
-use std::fmt::Write as _;
-
-use report::figure::rate_grid;
-use report::html::{escape, number};
+use kuva::prelude::{LinePlot, Plot};
+use maud::Markup;
+use report::chart;
+use report::html::number;
 
 use crate::curve::Estimate;
 
-const WIDTH: f64 = 540.0;
-const HEIGHT: f64 = 360.0;
-const LEFT: f64 = 50.0;
-const RIGHT: f64 = WIDTH - 120.0;
-const TOP: f64 = 44.0;
-const BOTTOM: f64 = HEIGHT - 56.0;
+/// Size of the drawing, pixels.
+const SIZE: [f64; 2] = [540.0, 360.0];
+/// Lines lie side by side by this share of the axis, so that their intervals do not cover each other.
+const ASIDE: f64 = 0.006;
 
 /// An arm's line.
 pub struct Line {
@@ -26,92 +24,35 @@ pub struct Figure {
     pub title: String,
     /// Below the axis.
     pub axis: String,
-    /// Places on the axis and what stands there.
-    pub ticks: Vec<(f64, String)>,
+    /// What stands at 1, 2, ... on the axis; none where it is one of numbers.
+    pub categories: Option<Vec<String>>,
     pub lines: Vec<Line>,
 }
 
 impl Figure {
     /// For a page that brings the report's style.
-    pub fn svg(&self) -> String {
-        let (low, high) = self
-            .ticks
-            .iter()
-            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), (x, _)| (low.min(*x), high.max(*x)));
-        let span = if high > low { high - low } else { 1.0 };
-        let across = |x: f64| LEFT + 16.0 + (x - low) / span * (RIGHT - LEFT - 32.0);
-        let down = |rate: f64| BOTTOM - rate * (BOTTOM - TOP);
-        let mut svg = format!(
-            "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"figure\" viewBox=\"0 0 {WIDTH} {HEIGHT}\" role=\"img\" aria-label=\"{0}\">\n\
-             <rect class=\"paper\" width=\"{WIDTH}\" height=\"{HEIGHT}\"/><text class=\"title\" x=\"8\" y=\"22\">{0}</text>\n",
-            escape(&self.title)
-        );
-        rate_grid(&mut svg, [LEFT, RIGHT], down);
-        for (x, label) in &self.ticks {
-            let _ = writeln!(
-                svg,
-                "<text class=\"soft\" text-anchor=\"middle\" x=\"{:.1}\" y=\"{:.1}\">{}</text>",
-                across(*x),
-                BOTTOM + 18.0,
-                escape(label)
-            );
+    pub fn draw(&self) -> Markup {
+        let places = || self.lines.iter().flat_map(|line| &line.points).map(|(x, _)| *x);
+        let span = places().fold(f64::NEG_INFINITY, f64::max) - places().fold(f64::INFINITY, f64::min);
+        let mut plots: Vec<Plot> = Vec::new();
+        for (n, Line { name, points }) in self.lines.iter().enumerate() {
+            let aside = (n as f64 - (self.lines.len() as f64 - 1.0) / 2.0) * ASIDE * span;
+            let at = |(x, rate): &(f64, Estimate)| (x + aside, rate.value);
+            let reach = |(_, rate): &(f64, Estimate)| {
+                (rate.value - rate.low.unwrap_or(rate.value), rate.high.unwrap_or(rate.value) - rate.value)
+            };
+            let title = |(_, rate): &(f64, Estimate)| format!("{name}: {} of {}", number(rate.value, 3), rate.n);
+            let color = chart::arm_color(name, n);
+            let line = LinePlot::new().with_data(points.iter().map(at)).with_y_err_asymmetric(points.iter().map(reach));
+            plots.push(line.with_color(color.clone()).with_legend(name).into());
+            plots.push(chart::dots(&color, points.iter().map(|point| (at(point), title(point)))).with_size(3.4).into());
         }
-        let _ = writeln!(
-            svg,
-            "<text class=\"soft\" text-anchor=\"middle\" x=\"{:.1}\" y=\"{:.1}\">{}</text>",
-            (LEFT + RIGHT) / 2.0,
-            BOTTOM + 40.0,
-            escape(&self.axis)
-        );
-        // Names keep clear of each other.
-        let mut names: Vec<(f64, usize)> = Vec::new();
-        for (n, line) in self.lines.iter().enumerate() {
-            // Intervals beside each other, not on top of each other.
-            let aside = (n as f64 - (self.lines.len() as f64 - 1.0) / 2.0) * 3.0;
-            let _ = writeln!(svg, "<g class=\"{}\" style=\"{}\">", escape(&line.name), color(&line.name, n));
-            let path: Vec<String> = line
-                .points
-                .iter()
-                .map(|(x, rate)| format!("{:.1} {:.1}", across(*x) + aside, down(rate.value)))
-                .collect();
-            let _ = writeln!(svg, "<path class=\"curve\" d=\"M{}\"/>", path.join("L"));
-            for (x, rate) in &line.points {
-                let (x, y) = (across(*x) + aside, down(rate.value));
-                if let (Some(low), Some(high)) = (rate.low, rate.high) {
-                    let _ = writeln!(svg, "<path class=\"whisker\" d=\"M{x:.1} {:.1}V{:.1}\"/>", down(low), down(high));
-                }
-                let _ = writeln!(
-                    svg,
-                    "<circle class=\"dot\" cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"3.4\"><title>{}: {} of {}</title></circle>",
-                    escape(&line.name),
-                    number(rate.value, 3),
-                    rate.n
-                );
-            }
-            svg += "</g>\n";
-            names.extend(line.points.last().map(|(_, rate)| (down(rate.value), n)));
-        }
-        names.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let mut above = f64::NEG_INFINITY;
-        for (y, n) in names {
-            let y = y.max(above + 15.0);
-            above = y;
-            let name = &self.lines[n].name;
-            let _ = writeln!(
-                svg,
-                "<text x=\"{:.1}\" y=\"{:.1}\" style=\"{};fill:var(--own)\" class=\"{1}\">{}</text>",
-                RIGHT + 6.0,
-                y + 4.0,
-                color(name, n),
-                escape(name)
-            );
-        }
-        svg + "</svg>\n"
+        let layout = chart::layout(&plots, &self.title, SIZE).with_x_label(&self.axis);
+        let layout = layout.with_y_axis_min(0.0).with_y_axis_max(1.0).with_y_tick_step(0.2);
+        let layout = match &self.categories {
+            Some(categories) => layout.with_x_categories(categories.clone()),
+            None => layout,
+        };
+        chart::draw(plots, layout, &self.title)
     }
-}
-
-/// Policies have the report's colours; what else there is gets others.
-fn color(name: &str, n: usize) -> String {
-    let known = ["ideal", "blind", "reflex", "touch"].contains(&name);
-    if known { format!("--own:var(--{name})") } else { format!("--own:hsl({} 45% 50%)", 40 + 67 * n % 360) }
 }

@@ -4,12 +4,13 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, bail};
+use maud::html;
 use platform::data::write_whole;
-use report::html::{Column, Table, counted, duration, escape, number, whole_page};
+use report::html::{Column, Table, counted, duration, number, whole_page};
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use crate::axis::PlannedAxis;
+use crate::axis::{Level, PlannedAxis};
 use crate::curve::{self, Contrast, Estimate};
 use crate::figure::{Figure, Line};
 use crate::folder::Folder;
@@ -66,28 +67,25 @@ pub fn report(folder: &Folder, out: &Path) -> Result<Made> {
     let curves = curves(&outcomes, &plan.axes);
     let contrasts = contrasts(&outcomes, &plan.axes);
     let (finished, units) = (folder.finished()?.len(), plan.units.len());
-    let mut html = format!(
-        "<p class=\"byline\">{}, {}, {}, {} of {}; {}</p>\n",
-        counted(plan.points(), "point"),
-        counted(plan.seeds.len(), "seed"),
-        counted(plan.combos, "pair") + " of objects",
-        counted(plan.trials, "trial"),
-        "each pair",
-        counted(played, "trial") + " under one policy each",
-    );
-    if finished < units {
-        let _ = writeln!(
-            html,
-            "<ul class=\"warnings\"><li>{} of {units} units of work are missing</li></ul>",
-            units - finished
-        );
-    }
-    html += &overall(&outcomes);
-    html += &figures(&outcomes, &plan.axes);
-    html += &contrast_table(&contrasts);
-    html += METHOD;
+    let page = html! {
+        p.byline {
+            (counted(plan.points(), "point")) ", " (counted(plan.seeds.len(), "seed")) ", " (counted(plan.combos, "pair")) " of objects, "
+            (counted(plan.trials, "trial")) " of each pair; " (counted(played, "trial")) " under one policy each"
+        }
+        @if finished < units { ul.warnings { li { (units - finished) " of " (units) " units of work are missing" } } }
+        h2 { "Rates" }
+        (overall(&outcomes))
+        @for (axis, figures) in figures(&outcomes, &plan.axes) {
+            h2 { (axis.name) }
+            div.figures { @for figure in figures { figure { (figure.draw()) } } }
+        }
+        h2 { "Contrasts" }
+        (contrast_table(&contrasts))
+        h2 { "How these numbers are made" }
+        p { (METHOD) }
+    };
     std::fs::create_dir_all(out).with_context(|| out.display().to_string())?;
-    write_whole(&out.join("report.html"), whole_page(&format!("Sweep: {}", plan.name), &html).as_bytes())?;
+    write_whole(&out.join("report.html"), whole_page(&format!("Sweep: {}", plan.name), &page).as_bytes())?;
     let rows = curves.iter().map(|row| ([&*row.axis, &row.level, &row.arm, row.outcome], &row.estimate));
     write_whole(&out.join("curves.csv"), &comma_separated((["axis", "level", "arm", "outcome"], "value"), rows)?)?;
     let rows = contrasts.iter().map(|row| ([&*row.what, &row.at, row.outcome], &row.estimate));
@@ -110,11 +108,11 @@ pub fn report(folder: &Folder, out: &Path) -> Result<Made> {
 /// Where a contrast is over everything.
 const ALL: &str = "all points";
 
-const METHOD: &str = "<h2>How these numbers are made</h2>\n<p>A rate is the mean over pairs of objects of each pair's share of trials; a contrast \
+const METHOD: &str = "A rate is the mean over pairs of objects of each pair's share of trials; a contrast \
     is the mean over pairs of each pair's mean difference between trials that met the same errors (the same point but for what is compared, seed, \
     pair and trial). Intervals are 95 % by Student's t over pairs of objects, because trials of one pair are alike; there is none of fewer than five pairs, or of pairs \
     that are all alike. Many contrasts are shown: of \
-    twenty without any effect one excludes 0 by chance.</p>\n";
+    twenty without any effect one excludes 0 by chance.";
 
 fn line(what: &str, estimate: &Estimate) -> String {
     let interval = match (estimate.low, estimate.high) {
@@ -131,7 +129,7 @@ fn interval(estimate: &Estimate) -> String {
     }
 }
 
-fn overall(outcomes: &Outcomes) -> String {
+fn overall(outcomes: &Outcomes) -> Table {
     let head = [
         ("policy", Column::Words),
         ("trials", Column::Numbers),
@@ -155,7 +153,7 @@ fn overall(outcomes: &Outcomes) -> String {
             ]);
         }
     }
-    format!("<h2>Rates</h2>\n{}", table.finish())
+    table
 }
 
 fn curves(outcomes: &Outcomes, axes: &[PlannedAxis]) -> Vec<CurveRow> {
@@ -178,42 +176,27 @@ fn curves(outcomes: &Outcomes, axes: &[PlannedAxis]) -> Vec<CurveRow> {
     rows
 }
 
-fn figures(outcomes: &Outcomes, axes: &[PlannedAxis]) -> String {
-    let mut html = String::new();
-    for (n, axis) in axes.iter().enumerate().filter(|(_, axis)| axis.levels.len() > 1) {
-        let numbers = axis.levels.iter().all(|level| level.number().is_some());
-        let place = |level: usize| match axis.levels[level].number() {
-            Some(number) if numbers => number,
-            _ => level as f64,
-        };
-        let figure = |outcome: Outcome| Figure {
+/// Of each axis with several levels, clean success and contact over it.
+fn figures<'a>(outcomes: &Outcomes, axes: &'a [PlannedAxis]) -> Vec<(&'a PlannedAxis, [Figure; 2])> {
+    let figure = |n: usize, axis: &PlannedAxis, outcome: Outcome| {
+        let numbers: Option<Vec<f64>> = axis.levels.iter().map(Level::number).collect();
+        let place = |level: usize| numbers.as_ref().map_or(level as f64 + 1.0, |numbers| numbers[level]);
+        let rate = |arm: usize, level: usize| curve::rate(outcomes, Some((n, level)), arm, outcome);
+        let points =
+            |arm: usize| (0..axis.levels.len()).filter_map(|level| Some((place(level), rate(arm, level)?))).collect();
+        let lines =
+            outcomes.arms.iter().enumerate().map(|(arm, name)| Line { name: name.clone(), points: points(arm) });
+        Figure {
             title: format!("{} over {}", outcome.label(), axis.name),
             axis: axis.name.clone(),
-            ticks: (0..axis.levels.len()).map(|level| (place(level), axis.levels[level].to_string())).collect(),
-            lines: outcomes
-                .arms
-                .iter()
-                .enumerate()
-                .map(|(arm, name)| Line {
-                    name: name.clone(),
-                    points: (0..axis.levels.len())
-                        .filter_map(|level| {
-                            Some((place(level), curve::rate(outcomes, Some((n, level)), arm, outcome)?))
-                        })
-                        .collect(),
-                })
-                .filter(|line| !line.points.is_empty())
-                .collect(),
-        };
-        let _ = write!(
-            html,
-            "<h2>{}</h2>\n<div class=\"figures\"><figure>{}</figure><figure>{}</figure></div>\n",
-            escape(&axis.name),
-            figure(Outcome::CleanSuccess).svg(),
-            figure(Outcome::Contact).svg()
-        );
-    }
-    html
+            categories: numbers.is_none().then(|| axis.levels.iter().map(ToString::to_string).collect()),
+            lines: lines.filter(|line| !line.points.is_empty()).collect(),
+        }
+    };
+    let shown = axes.iter().enumerate().filter(|(_, axis)| axis.levels.len() > 1);
+    shown
+        .map(|(n, axis)| (axis, [Outcome::CleanSuccess, Outcome::Contact].map(|outcome| figure(n, axis, outcome))))
+        .collect()
 }
 
 fn contrasts(outcomes: &Outcomes, axes: &[PlannedAxis]) -> Vec<Contrast> {
@@ -256,7 +239,7 @@ fn contrasts(outcomes: &Outcomes, axes: &[PlannedAxis]) -> Vec<Contrast> {
     rows
 }
 
-fn contrast_table(contrasts: &[Contrast]) -> String {
+fn contrast_table(contrasts: &[Contrast]) -> Table {
     let head = [
         ("contrast", Column::Words),
         ("at", Column::Words),
@@ -277,7 +260,7 @@ fn contrast_table(contrasts: &[Contrast]) -> String {
         ];
         table.row(&cells);
     }
-    format!("<h2>Contrasts</h2>\n{}", table.finish())
+    table
 }
 
 /// A table as CSV, an estimate a row under the name `value`.
@@ -362,28 +345,31 @@ pub fn makespan(folder: &Folder, trials: Option<usize>, join: usize) -> Result<(
     }
     let useful = points.iter().filter(|point| point.efficiency >= 0.8).map(|point| point.cores).max();
     let limit = useful.map_or("On none of these numbers of cores".to_owned(), |cores| format!("Up to {cores} cores"));
-    let body = format!(
-        "<p>{} of work in {} ({}), the longest {}. {limit} at least 80 % of the cores' time is work; beyond, a worker has too few units: what is \
-         left at the end is one unit's time, and {} begin only after {} s of start.</p>\n{}<h2>Assumptions</h2>\n<ul>\n\
-         <li>Times are those recorded when the units were played, in the plan's order{}{}; they hold for such a core under such a load.</li>\n\
-         <li>A worker begins {} s after it is submitted; a real queue may take hours, which is not in it.</li>\n\
-         <li>{} metadata operations of the file system a unit (claim, two temporary files, renames, removal), and one look a worker at the \
-         folder, {} operations a unit of the plan; the server does {} in a second, one after the other.</li>\n\
-         <li>No node is lost. A lost one costs its unit in progress, and the wait until Slurm requeues it.</li>\n</ul>\n",
-        duration(work),
-        counted(units.len(), "unit"),
-        counted(count, "trial"),
-        duration(longest),
-        counted(CORES[CORES.len() - 1], "worker"),
-        assumed.start_s,
-        table.finish(),
-        if wanted > own { ", repeated until there are as many trials" } else { "" },
-        if join > 1 { format!(", {join} neighbours taken as one unit") } else { String::new() },
-        assumed.start_s,
-        assumed.operations,
-        assumed.looks,
-        assumed.operations_per_s,
-    );
+    let start = assumed.start_s;
+    let body = html! {
+        p {
+            (duration(work)) " of work in " (counted(units.len(), "unit")) " (" (counted(count, "trial")) "), the longest " (duration(longest)) ". "
+            (limit) " at least 80 % of the cores' time is work; beyond, a worker has too few units: what is left at the end is one unit's time, and "
+            (counted(CORES[CORES.len() - 1], "worker")) " begin only after " (start) " s of start."
+        }
+        (table)
+        h2 { "Assumptions" }
+        ul {
+            li {
+                "Times are those recorded when the units were played, in the plan's order"
+                @if wanted > own { ", repeated until there are as many trials" }
+                @if join > 1 { ", " (join) " neighbours taken as one unit" }
+                "; they hold for such a core under such a load."
+            }
+            li { "A worker begins " (start) " s after it is submitted; a real queue may take hours, which is not in it." }
+            li {
+                (assumed.operations) " metadata operations of the file system a unit (claim, two temporary files, renames, removal), and one look a \
+                worker at the folder, " (assumed.looks) " operations a unit of the plan; the server does " (assumed.operations_per_s)
+                " in a second, one after the other."
+            }
+            li { "No node is lost. A lost one costs its unit in progress, and the wait until Slurm requeues it." }
+        }
+    };
     let out = folder.path.join("makespan.html");
     write_whole(&out, whole_page(&format!("More cores: {}", folder.plan.name), &body).as_bytes())?;
     let _ = writeln!(said, "page: {}", out.display());

@@ -7,6 +7,7 @@ use bench::builtin::make_bench;
 use bench::recording::{Began, Recording};
 use bench::trial::filming::{self, All, Filming};
 use clap::Args;
+use maud::html;
 use nalgebra::Point3;
 use report::film::{self, Film, Stage};
 use robot_backends::Task;
@@ -105,17 +106,25 @@ fn write(stage: &Stage, films: &[Film], args: &DemoArgs, (seed, names): (u64, [&
     hand.hand_with(stage.hand, &vec![0.25; stage.hand.tree.len()], report::picture::configuration_color);
     report::picture::save(&hand.finish(""), &args.out.join("hand.png"))?;
     let [first, second] = names;
-    let about = format!(
-        "<p>The hand takes the {first} with ring and little finger, keeps it, and takes the {second} with thumb, index and middle \
-         finger. Arm and eyes err by some millimetres, alike in both films. <b>Blind</b> carries out the plan. <b>Touch</b> comes \
-         down on each object until a pad feels it, estimates how the first one sits in the hand from the tactile images, and chooses \
-         the grasp and the aim whose odds are best.</p>\n<p>The hand and the task are those of Zhao et al., <i>Embedding \
-         high-resolution touch across robotic hands enables adaptive human-like grasping</i>, Nature Machine Intelligence, 2025 \
-         (<a href=\"https://doi.org/10.1038/s42256-025-01053-3\">doi:10.1038/s42256-025-01053-3</a>). This is a simulation; one trial \
-         says nothing about rates, <code>ftac bench</code> does.</p>\n<p>Made by <code>ftac demo {} --trial {} --seed {seed}</code>; \
-         the recordings beside this page open with <code>ftac view</code>.</p>",
-        args.combination, args.trial
-    );
+    let about = html! {
+        p {
+            "The hand takes the " (first) " with ring and little finger, keeps it, and takes the " (second) " with thumb, index and middle finger. \
+            Arm and eyes err by some millimetres, alike in both films. " b { "Blind" } " carries out the plan. " b { "Touch" } " comes down on each \
+            object until a pad feels it, estimates how the first one sits in the hand from the tactile images, and chooses the grasp and the aim \
+            whose odds are best."
+        }
+        p {
+            "The hand and the task are those of Zhao et al., "
+            i { "Embedding high-resolution touch across robotic hands enables adaptive human-like grasping" }
+            ", Nature Machine Intelligence, 2025 ("
+            a href="https://doi.org/10.1038/s42256-025-01053-3" { "doi:10.1038/s42256-025-01053-3" }
+            "). This is a simulation; one trial says nothing about rates, " code { "ftac bench" } " does."
+        }
+        p {
+            "Made by " code { "ftac demo " (args.combination) " --trial " (args.trial) " --seed " (seed) }
+            "; the recordings beside this page open with " code { "ftac view" } "."
+        }
+    };
     let (rate, size) = FILM;
     let title = format!("{first}, then {second}: blind beside touch");
     let html = film::page(stage, films, (size, rate), (&title, &about))?;

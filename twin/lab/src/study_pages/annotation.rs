@@ -3,7 +3,7 @@
 //! Labels stay in the browser until they are exported as the JSON that [`study::labels`] reads. Nothing on the page says what the
 //! rules think: that would make the agreement between people and rules worthless.
 
-use report::html::escape;
+use maud::html;
 use serde::Serialize;
 use study::labels::VERSION;
 use study::taxonomy::Taxonomy;
@@ -28,22 +28,33 @@ struct Data<'a> {
 pub fn page(taxonomy: &Taxonomy, scene: &Scene, title: &str) -> Result<String, serde_json::Error> {
     let examples = serde_json::from_str(EXAMPLES)?;
     let data = embedded(&Data { version: VERSION, title, scene, types: &taxonomy.types, examples })?;
-    let body = format!(
-        "<main>\n<h1>Which grasp is it?</h1>\n<p class=\"soft\">{}: {} grasps. Drag to turn, wheel to zoom, double click to start \
-         over. First the broad type, then one of its types. Labels stay in this browser until you export them.</p>\n\
-         <div class=\"columns\"><div><canvas class=\"view\" id=\"view\" width=\"560\" height=\"560\"></canvas>\n\
-         <div class=\"row\"><button id=\"hand\" class=\"on\"><kbd>h</kbd> hand</button><button id=\"object\" class=\"on\"><kbd>o</kbd> \
-         object</button><button id=\"contacts\" class=\"on\"><kbd>c</kbd> contacts</button></div>\n\
-         <div class=\"row\"><button id=\"back\"><kbd>←</kbd> back</button><button id=\"next\"><kbd>→</kbd> next</button>\
-         <button id=\"open\"><kbd>u</kbd> next without label</button><span id=\"name\" class=\"soft\"></span></div>\n\
-         <progress id=\"progress\" value=\"0\" max=\"1\"></progress><div class=\"soft\" id=\"count\"></div>\n\
-         <div class=\"row\"><label>Your name <input id=\"annotator\" size=\"12\"></label><button id=\"export\">export JSON</button>\
-         <button id=\"clear\"><kbd>x</kbd> remove this label</button></div></div>\n\
-         <div><div class=\"row\" id=\"broad\"></div><p id=\"what\" class=\"soft\"></p><div class=\"types\" id=\"types\"></div></div></div>\n\
-         </main>",
-        escape(title),
-        scene.grasps()
-    );
+    let button = |id: &str, key: &str, words: &str| html! { button id=(id) { kbd { (key) } " " (words) } };
+    let shown = |id: &str, key: &str| html! { button.on id=(id) { kbd { (key) } " " (id) } };
+    let body = html! { main {
+        h1 { "Which grasp is it?" }
+        p.soft {
+            (title) ": " (scene.grasps()) " grasps. Drag to turn, wheel to zoom, double click to start over. First the broad type, then one of its \
+            types. Labels stay in this browser until you export them."
+        }
+        div.columns {
+            div {
+                canvas.view id="view" width="560" height="560" {}
+                div.row { (shown("hand", "h")) (shown("object", "o")) (shown("contacts", "c")) }
+                div.row {
+                    (button("back", "←", "back")) (button("next", "→", "next")) (button("open", "u", "next without label"))
+                    span.soft id="name" {}
+                }
+                progress id="progress" value="0" max="1" {}
+                div.soft id="count" {}
+                div.row {
+                    label { "Your name " input id="annotator" size="12"; }
+                    button id="export" { "export JSON" }
+                    (button("clear", "x", "remove this label"))
+                }
+            }
+            div { div.row id="broad" {} p.soft id="what" {} div.types id="types" {} }
+        }
+    } };
     Ok(whole("Grasp annotation", &body, &data, SCRIPT))
 }
 

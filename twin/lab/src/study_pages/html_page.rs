@@ -1,6 +1,7 @@
 //! The frame of a page that needs nothing else: style, program and data in one file, no server, no network.
 
-use report::html::escape;
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+use report::html::printable;
 use serde::Serialize;
 
 const STYLE: &str = include_str!("../../data/study/style.css");
@@ -15,13 +16,19 @@ pub fn embedded(value: &impl Serialize) -> Result<String, serde_json::Error> {
 }
 
 /// A whole page: `body` in it, then the viewer, then `script`.
-pub fn whole(title: &str, body: &str, data: &str, script: &str) -> String {
-    format!(
-        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
-         <meta name=\"viewport\" content=\"width=device-width\">\n<title>{}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n\
-         {body}\n<script>const DATA = {data};</script>\n<script>{VIEWER}</script>\n<script>{script}</script>\n</body>\n</html>\n",
-        escape(title)
-    )
+pub fn whole(title: &str, body: &Markup, data: &str, script: &str) -> String {
+    printable(html! {
+        (DOCTYPE)
+        html lang="en" {
+            head { meta charset="utf-8"; meta name="viewport" content="width=device-width"; title { (title) } style { (PreEscaped(STYLE)) } }
+            body {
+                (body)
+                script { "const DATA = " (PreEscaped(data)) ";" }
+                script { (PreEscaped(VIEWER)) }
+                script { (PreEscaped(script)) }
+            }
+        }
+    })
 }
 
 #[cfg(test)]
@@ -32,7 +39,7 @@ mod tests {
     fn data_cannot_leave_its_script() {
         let text = embedded(&["</script><b>"]).expect("JSON");
         assert!(!text.contains("</script") && text.contains("<\\/script"));
-        let page = whole("a < b", "", "{}", "");
+        let page = whole("a < b", &html! {}, "{}", "");
         assert!(page.contains("<title>a &lt; b</title>") && !page.contains("http"));
     }
 }

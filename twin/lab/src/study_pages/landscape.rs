@@ -6,6 +6,7 @@ use std::sync::Arc;
 use anyhow::Result;
 use hand_model::Hand;
 use image::RgbImage;
+use maud::html;
 use platform::data::write_whole;
 use report::plot::Plot;
 use study::classification::ClassifiedGrasp;
@@ -58,7 +59,7 @@ pub fn write(folder: &Path, (hand, objects): (&Hand, &[Arc<ObjectModel>]), found
         .collect();
     let title = format!("{} basins of {} grasps", basins.len(), found.minima.len());
     let drawing = tree::svg(found.tree, &leaves, &title);
-    write_whole(&folder.join("landscape.svg"), drawing.as_bytes())?;
+    write_whole(&folder.join("landscape.svg"), drawing.0.as_bytes())?;
     report::picture::save(&growth(&found.growth()), &folder.join("growth.png"))?;
     let mut largest: Vec<usize> = (0..leaves.len()).collect();
     largest.sort_by_key(|n| (std::cmp::Reverse(leaves[*n].members), *n));
@@ -67,11 +68,14 @@ pub fn write(folder: &Path, (hand, objects): (&Hand, &[Arc<ObjectModel>]), found
     let introduction = "Circles are basins: as large as they have grasps, coloured by the broad type of most of them, at the height \
                         of their lowest energy. Bars join basins at the energy over which one leads to the other. Point at a \
                         circle to see a grasp of it. Below: the largest basins.";
-    let body = format!(
-        "<div style=\"overflow-x:auto\">{drawing}</div>\n<h2>How many basins there are</h2>\n<p>{COUNT}</p>\n\
-         <img src=\"growth.png\" alt=\"basins over grasps\" style=\"max-width:100%\">\n<h2>The largest basins</h2>\n{}",
-        hover::gallery(&gallery)
-    );
+    let body = html! {
+        div style="overflow-x:auto" { (drawing) }
+        h2 { "How many basins there are" }
+        p { (COUNT) }
+        img src="growth.png" alt="basins over grasps" style="max-width:100%";
+        h2 { "The largest basins" }
+        (hover::gallery(&gallery))
+    };
     let page = hover::page(&title, introduction, &body, &Scene::of(hand, objects, shown))?;
     Ok(write_whole(&folder.join("landscape.html"), page.as_bytes())?)
 }

@@ -1,13 +1,12 @@
 //! A map of grasps as SVG: one dot per grasp, coloured by broad type, over the two sides of the boundary.
 
-use std::fmt::Write as _;
 use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::Result;
 use hand_model::Hand;
+use maud::{Markup, html};
 use platform::data::write_whole;
-use report::html::escape;
 use study::classification::{Classification, ClassifiedGrasp};
 use study::grasp_map::GraspMap;
 use study::taxonomy::Category;
@@ -35,17 +34,11 @@ const TOP: f64 = 56.0;
 const CELLS: usize = 90;
 
 /// The drawing; `power` is true for coordinates on the power side of the boundary.
-pub fn svg(dots: &[Dot], power: impl Fn([f64; 2]) -> bool, title: &str) -> String {
+pub fn svg(dots: &[Dot], power: impl Fn([f64; 2]) -> bool, title: &str) -> Markup {
     let reach = dots.iter().flat_map(|dot| dot.at).fold(1e-9, |most: f64, x| most.max(x.abs())) * 1.06;
     let place = |at: [f64; 2]| [0.5 * SIZE * (1.0 + at[0] / reach), TOP + 0.5 * SIZE * (1.0 - at[1] / reach)];
-    let mut svg = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {SIZE} {0}\" font-family=\"system-ui,Arial,sans-serif\" \
-         font-size=\"12\"><rect width=\"{SIZE}\" height=\"{0}\" fill=\"#fff\"/>\n<text x=\"8\" y=\"20\" font-size=\"15\" \
-         font-weight=\"600\">{1}</text>\n",
-        SIZE + TOP + 8.0,
-        escape(title)
-    );
     let cell = SIZE / CELLS as f64;
+    let mut shading = Vec::new();
     for row in 0..CELLS {
         // Consecutive cells of one side become one rectangle.
         let side = |column: usize| {
@@ -56,40 +49,31 @@ pub fn svg(dots: &[Dot], power: impl Fn([f64; 2]) -> bool, title: &str) -> Strin
         while start < CELLS {
             let own = side(start);
             let end = (start + 1..CELLS).find(|column| side(*column) != own).unwrap_or(CELLS);
-            let fill = if own { "#f8e5e2" } else { "#e2f1e8" };
-            let _ = write!(
-                svg,
-                "<rect x=\"{:.1}\" y=\"{:.1}\" width=\"{:.1}\" height=\"{:.1}\" fill=\"{fill}\"/>",
-                start as f64 * cell,
-                TOP + row as f64 * cell,
-                (end - start) as f64 * cell + 0.3,
-                cell + 0.3
-            );
+            shading.push((start as f64 * cell, TOP + row as f64 * cell, (end - start) as f64 * cell + 0.3, own));
             start = end;
         }
     }
-    for dot in dots {
-        let [x, y] = place(dot.at);
-        let _ = writeln!(
-            svg,
-            "<circle data-grasp=\"{}\" data-text=\"{1}\" cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"4\" fill=\"{2}\" fill-opacity=\".85\" \
-             stroke=\"#fff\" stroke-width=\".6\"><title>{1}</title></circle>",
-            dot.grasp,
-            escape(&dot.text),
-            color(dot.category)
-        );
+    let tenth = |x: f64| format!("{x:.1}");
+    html! {
+        svg xmlns="http://www.w3.org/2000/svg" viewBox={ "0 0 " (SIZE) " " (SIZE + TOP + 8.0) } font-family="system-ui,Arial,sans-serif" font-size="12" {
+            rect width=(SIZE) height=(SIZE + TOP + 8.0) fill="#fff" {}
+            text x="8" y="20" font-size="15" font-weight="600" { (title) }
+            @for (x, y, width, own) in shading {
+                rect x=(tenth(x)) y=(tenth(y)) width=(tenth(width)) height=(tenth(cell + 0.3)) fill=(if own { "#f8e5e2" } else { "#e2f1e8" }) {}
+            }
+            @for Dot { at, category, grasp, text } in dots {
+                @let [x, y] = place(*at).map(tenth);
+                circle data-grasp=(grasp) data-text=(text) cx=(x) cy=(y) r="4" fill=(color(*category)) fill-opacity=".85" stroke="#fff" stroke-width=".6" {
+                    title { (text) }
+                }
+            }
+            @for (k, category) in Category::ALL.into_iter().enumerate() {
+                @let at = 14.0 + 150.0 * k as f64;
+                circle cx=(at) cy="40" r="6" fill=(color(category)) {}
+                text x=(at + 11.0) y="44" { (category.name()) " " (dots.iter().filter(|dot| dot.category == category).count()) }
+            }
+        }
     }
-    for (k, category) in Category::ALL.into_iter().enumerate() {
-        let (at, count) = (14.0 + 150.0 * k as f64, dots.iter().filter(|dot| dot.category == category).count());
-        let (fill, name) = (color(category), category.name());
-        let _ = writeln!(
-            svg,
-            "<circle cx=\"{at}\" cy=\"40\" r=\"6\" fill=\"{fill}\"/><text x=\"{}\" y=\"44\">{name} {count}</text>",
-            at + 11.0
-        );
-    }
-    svg += "</svg>\n";
-    svg
 }
 
 /// Writes `map.svg` and `map.html`, where grasps appear in 3D under the mouse, into `folder`. `objects` are in the order of the
@@ -112,10 +96,10 @@ pub fn write(
         .collect();
     let title = format!("Contact maps of {} grasps", dots.len());
     let picture = svg(&dots, |at| map.boundary.power(&at), &title);
-    write_whole(&folder.join("map.svg"), picture.as_bytes())?;
+    write_whole(&folder.join("map.svg"), picture.0.as_bytes())?;
     let scene = Scene::of(hand, objects, grasps);
     let introduction = "Each dot is a grasp; near ones touch with the same parts of the hand. Shading: the side of the boundary \
                         between power and precision. Point at a dot to see the grasp.";
-    let page = hover::page(&title, introduction, &format!("<div style=\"max-width:900px\">{picture}</div>"), &scene)?;
+    let page = hover::page(&title, introduction, &html! { div style="max-width:900px" { (picture) } }, &scene)?;
     Ok(write_whole(&folder.join("map.html"), page.as_bytes())?)
 }

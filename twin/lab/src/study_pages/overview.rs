@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use report::html::{Column, Table, escape, number, whole_page};
+use maud::{Markup, PreEscaped, html};
+use report::html::{Column, Table, number, whole_page};
 use serde_json::Value;
 use study::sensors::OTHERS;
 
@@ -16,9 +17,7 @@ pub fn page(folder: &Path, lines: &[Line], hands: Option<&Value>, sensing: &Sens
         &[("figure", words), ("paper", words), ("ours", words), ("difference", words), ("why", words)],
     );
     lines.iter().for_each(|line| table.row(&[line.what, line.theirs, &line.ours, &line.difference, &line.why]));
-    let mut body = table.finish();
-    let picture = |file: &str| std::fs::read_to_string(folder.join(file)).ok();
-    for (title, caption, file, more) in [
+    let parts = [
         (
             "Grasp types by object",
             "How many verified grasps of each object have which of the paper's 19 types, given by written rules.",
@@ -39,34 +38,35 @@ pub fn page(folder: &Path, lines: &[Line], hands: Option<&Value>, sensing: &Sens
             "map.svg",
             Some("map.html"),
         ),
-    ] {
-        if let Some(svg) = picture(file) {
-            body += &format!(
-                "<h2>{}</h2>\n<p>{}</p>\n<figure style=\"overflow-x:auto\">{svg}</figure>\n",
-                escape(title),
-                escape(caption)
-            );
-            if let Some(page) = more.filter(|page| folder.join(page).exists()) {
-                body += &format!("<p><a href=\"{page}\">{page}</a>: with grasps in 3D under the mouse.</p>\n");
+    ];
+    let is_there = |file: &str| folder.join(file).exists();
+    let body = html! {
+        p.byline { "What the paper reports on grasps, made again from this project's own verified grasps." }
+        (table)
+        @for (title, caption, file, more) in parts {
+            @if let Ok(svg) = std::fs::read_to_string(folder.join(file)) {
+                h2 { (title) }
+                p { (caption) }
+                figure style="overflow-x:auto" { (PreEscaped(svg.split_once("?>").map_or(&*svg, |(_, drawing)| drawing))) }
+                @if let Some(page) = more.filter(|page| is_there(page)) { p { a href=(page) { (page) } ": with grasps in 3D under the mouse." } }
             }
         }
-    }
-    if folder.join("landscape/growth.png").exists() {
-        body +=
-            "<figure><img src=\"landscape/growth.png\" alt=\"basins over grasps\" style=\"max-width:100%\"></figure>\n";
-        body += "<p>The number of basins grows with the grasps that are sorted; the paper does not say of how many grasps its 79 are.</p>\n";
-    }
-    body += &hand_table(folder, hands);
-    body += &sensor_tables(sensing);
-    let about = "<p class=\"byline\">What the paper reports on grasps, made again from this project's own verified grasps.</p>\n";
-    whole_page("The grasp study", &(about.to_owned() + &body))
+        @if is_there("landscape/growth.png") {
+            figure { img src="landscape/growth.png" alt="basins over grasps" style="max-width:100%"; }
+            p { "The number of basins grows with the grasps that are sorted; the paper does not say of how many grasps its 79 are." }
+        }
+        h2 { "Other hands" }
+        (hand_table(folder, hands))
+        h2 { "Sensors" }
+        (sensor_tables(sensing))
+    };
+    whole_page("The grasp study", &body)
 }
 
 /// Success by object and hand, as `hands.json` has it, and its picture sheet.
-fn hand_table(folder: &Path, hands: Option<&Value>) -> String {
-    let mut html = "<h2>Other hands</h2>\n".to_owned();
+fn hand_table(folder: &Path, hands: Option<&Value>) -> Markup {
     let Some(rows) = hands.and_then(|hands| hands["rows"].as_array()) else {
-        return html + "<p>Not made: <code>ftac grasps hands</code> leaves it in this folder.</p>\n";
+        return html! { p { "Not made: " code { "ftac grasps hands" } " leaves it in this folder." } };
     };
     let distinct = |key: &str| {
         let mut found: Vec<&str> = Vec::new();
@@ -91,25 +91,28 @@ fn hand_table(folder: &Path, hands: Option<&Value>) -> String {
         cells.extend(names.iter().map(|name| of(name).unwrap_or_else(|| "-".into())));
         table.row(&cells);
     }
-    html += &table.finish();
-    html += "<p>The paper shows pictures for its hands on eight objects that it does not name, and no rates: there is nothing to set \
-             beside these figures. The objects here are eight of this project's 23.</p>\n";
-    if folder.join("hands.png").exists() {
-        html += "<figure><img src=\"hands.png\" alt=\"a held grasp of each hand on each object\" style=\"max-width:100%\"></figure>\n";
+    html! {
+        (table)
+        p {
+            "The paper shows pictures for its hands on eight objects that it does not name, and no rates: there is nothing to set beside these \
+            figures. The objects here are eight of this project's 23."
+        }
+        @if folder.join("hands.png").exists() {
+            figure { img src="hands.png" alt="a held grasp of each hand on each object" style="max-width:100%"; }
+        }
     }
-    html
 }
 
-fn sensor_tables(sensing: &Sensing) -> String {
+fn sensor_tables(sensing: &Sensing) -> Markup {
     let Sensing { array: sensors, coverage, response } = sensing;
     let words = Column::Words;
     let heads = ["system", "sensing area", "resolution", "transduction", "wiring", "sensitivity, 1/kPa"];
-    let mut table = Table::new(
+    let mut arrays = Table::new(
         "Tactile arrays: the paper's table, our row computed from the model",
         &heads.map(|head| (head, words)),
     );
-    OTHERS.iter().for_each(|row| table.row(row));
-    table.row(&[
+    OTHERS.iter().for_each(|row| arrays.row(row));
+    arrays.row(&[
         "this model".to_owned(),
         format!("{} pads, {:.0} cm2, {coverage}", sensors.pads, sensors.area_cm2),
         format!("{:.0} taxels/cm2, {} a hand", sensors.taxels_per_cm2, sensors.taxels),
@@ -117,7 +120,6 @@ fn sensor_tables(sensing: &Sensing) -> String {
         "per sensor".to_owned(),
         format!("{response:.2}"),
     ]);
-    let mut html = format!("<h2>Sensors</h2>\n{}", table.finish());
     let numbers = Column::Numbers;
     let mut table = Table::new(
         "The six configurations, from the model",
@@ -140,6 +142,5 @@ fn sensor_tables(sensing: &Sensing) -> String {
             number(own.taxels_per_cm2, 0),
         ]);
     }
-    html += &table.finish();
-    html
+    html! { (arrays) (table) }
 }

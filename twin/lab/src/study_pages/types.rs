@@ -1,8 +1,8 @@
 //! The distribution of types over objects as a picture: a bar an object, a piece of it a type.
 
-use std::fmt::Write as _;
-
-use report::html::escape;
+use kuva::prelude::{BarPlot, Plot};
+use maud::Markup;
+use report::chart;
 use study::rules::Distribution;
 use study::taxonomy::{Category, Taxonomy};
 
@@ -22,54 +22,27 @@ pub fn color(taxonomy: &Taxonomy, kind: usize) -> String {
 }
 
 /// The picture.
-pub fn svg(taxonomy: &Taxonomy, found: &Distribution) -> String {
-    let (left, top, row, width) = (120.0, 34.0, 21.0, 620.0);
-    let height = (top + row * found.objects.len() as f64 + 40.0).max(top + 19.0 * 19.0 + 20.0);
-    let mut svg = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 1000 {height}\" font-family=\"system-ui,Arial,sans-serif\" \
-         font-size=\"12\"><rect width=\"1000\" height=\"{height}\" fill=\"#fff\"/>\n<text x=\"8\" y=\"20\" font-size=\"15\" \
-         font-weight=\"600\">Grasp types of {} verified grasps, share of each object's</text>\n",
-        found.totals().iter().sum::<usize>()
-    );
-    for (n, object) in found.objects.iter().enumerate() {
-        let y = top + row * n as f64;
-        let of: usize = found.counts[n].iter().sum();
-        let _ =
-            write!(svg, "<text x=\"{}\" y=\"{}\" text-anchor=\"end\">{}</text>", left - 6.0, y + 14.0, escape(object));
-        let mut x = left;
-        for (kind, count) in found.counts[n].iter().enumerate().filter(|(_, count)| **count > 0) {
-            let part = width * *count as f64 / of as f64;
-            let _ = write!(
-                svg,
-                "<rect x=\"{x:.1}\" y=\"{y}\" width=\"{part:.1}\" height=\"{}\" fill=\"{}\"><title>{object}: {} \
-                 {count}</title></rect>",
-                row - 4.0,
-                color(taxonomy, kind),
-                escape(&taxonomy.types[kind].name)
-            );
-            x += part;
-        }
-        let _ = writeln!(svg, "<text x=\"{}\" y=\"{}\" fill=\"#56626b\">{of}</text>", left + width + 6.0, y + 14.0);
-    }
+pub fn svg(taxonomy: &Taxonomy, found: &Distribution) -> Markup {
     let totals = found.totals();
-    for (kind, entry) in taxonomy.types.iter().enumerate() {
-        let y = top + 19.0 * kind as f64;
-        let _ = writeln!(
-            svg,
-            "<rect x=\"790\" y=\"{y}\" width=\"13\" height=\"13\" fill=\"{}\"/><text x=\"808\" y=\"{}\">{} {}</text>",
-            color(taxonomy, kind),
-            y + 11.0,
-            escape(&entry.name),
-            totals.get(kind).copied().unwrap_or(0)
-        );
+    let legend =
+        taxonomy.types.iter().zip(&totals).map(|(kind, total)| format!("{} {total}", kind.name)).collect::<Vec<_>>();
+    let (mut bars, mut titles) = (BarPlot::new().with_stacked().with_horizontal(true), Vec::new());
+    // The first object stands at the top.
+    for (object, counts) in found.objects.iter().zip(&found.counts).rev() {
+        let of: usize = counts.iter().sum();
+        let parts = counts.iter().enumerate().map(|(kind, count)| (*count as f64 / of as f64, color(taxonomy, kind)));
+        bars = bars.with_group(format!("{object} ({of})"), parts);
+        titles
+            .extend(counts.iter().zip(&taxonomy.types).map(|(count, kind)| format!("{object}: {} {count}", kind.name)));
     }
-    let _ = writeln!(
-        svg,
-        "<text x=\"{left}\" y=\"{}\" fill=\"#56626b\">{} ambiguous grasps are counted under their best type</text>\n</svg>",
-        top + row * found.objects.len() as f64 + 16.0,
-        found.ambiguous.iter().sum::<usize>()
-    );
-    svg
+    let bars = bars.with_legend(legend.iter().map(String::as_str).collect()).with_tooltip_labels(titles);
+    let plots: Vec<Plot> = vec![bars.into()];
+    let title = format!("Grasp types of {} verified grasps, share of each object's", totals.iter().sum::<usize>());
+    let size = [1000.0, (110.0 + 21.0 * found.objects.len() as f64).max(480.0)];
+    let ambiguous =
+        format!("{} ambiguous grasps are counted under their best type", found.ambiguous.iter().sum::<usize>());
+    let layout = chart::layout(&plots, &title, size).with_x_axis_min(0.0).with_x_axis_max(1.0).with_x_label(ambiguous);
+    chart::draw(plots, layout, &title)
 }
 
 #[cfg(test)]
@@ -87,7 +60,7 @@ mod tests {
         let decision = |kind| Decision { kind, margin: 1.0, second: (0, 0.0), ambiguous: false };
         let made = [("ball", decision(8)), ("vase", decision(3)), ("vase", decision(8))];
         let found = Distribution::of(&taxonomy, made.iter().map(|(object, decision)| (*object, decision)));
-        let text = svg(&taxonomy, &found);
-        assert!(text.contains(">ball<") && text.contains(">vase<") && text.contains("vase: Ring 1"));
+        let text = svg(&taxonomy, &found).into_string();
+        assert!(text.contains(">ball (1)<") && text.contains(">vase (2)<") && text.contains("vase: Ring 1"));
     }
 }

@@ -1,5 +1,6 @@
 //! `ftac grasps pick-ups` and `ftac grasps plan`: the benchmark's own repertoire and plans.
 
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -71,7 +72,7 @@ struct PlaceGrasps<'a> {
     /// Name of the object.
     object: &'a str,
     /// first or second.
-    role: &'static str,
+    role: Cow<'static, str>,
     grasps: usize,
 }
 
@@ -140,10 +141,9 @@ pub fn make(terminal: &Terminal, args: &PickUpsArgs) -> Outcome {
     })?;
     bar.finish_and_clear();
     let sets = digit_sets(&robot.hand, 2);
-    let counts = names
-        .iter()
-        .flat_map(|name| places.iter().map(move |place| (name, *place)))
-        .map(|(name, place)| PlaceGrasps { object: name, role: ordinal(place), grasps: repertoire.of(name, &sets[place]).count() });
+    let counts = names.iter().flat_map(|name| places.iter().map(move |place| (name, *place))).map(|(name, place)| {
+        PlaceGrasps { object: name, role: ordinal(place), grasps: repertoire.of(name, &sets[place]).count() }
+    });
     terminal.print(&Proven { repertoire: out, objects: counts.collect() }, &format!("{}\n", out.display()))?;
     Ok(None)
 }

@@ -8,6 +8,7 @@ use ftac::lab::arguments::grasps::ClassifyArgs;
 use ftac::terminal::{Made, Outcome, Terminal};
 use lab::study_pages::types;
 use platform::data::write_whole;
+use report::chart;
 use study::classification::Classification;
 use study::explanation::{self, Explanation};
 use study::labels::Labels;
@@ -35,7 +36,7 @@ pub fn make(args: &ClassifyArgs) -> Result<Made<Figures>> {
         std::fs::create_dir_all(folder).with_context(|| format!("--out {}", folder.display()))?;
         write_whole(&folder.join("classes.json"), serde_json::to_string(&answer)?.as_bytes())?;
         let figure = types::svg(&classification.taxonomy, &summary.distribution);
-        write_whole(&folder.join("types.svg"), figure.as_bytes())?;
+        write_whole(&folder.join("types.svg"), chart::standalone(&figure).as_bytes())?;
     }
     let (present, all) = (summary.present(), summary.types.len());
     Ok(Made {

@@ -1,0 +1,1 @@
+document.querySelectorAll('thead th').forEach(h=>{h.title='sort';h.onclick=()=>{const k=h.cellIndex,b=h.closest('table').tBodies[0],v=r=>{const t=r.cells[k].textContent.replace('−','-'),n=parseFloat(t);return n===n?n:t},d=h.dataset.d=h.dataset.d=='1'?-1:1;[...b.rows].sort((x,y)=>{const p=v(x),q=v(y);return d*(p<q?-1:p>q?1:0)}).forEach(r=>b.append(r))}})
