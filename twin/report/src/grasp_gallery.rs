@@ -3,20 +3,12 @@
 use std::path::Path;
 
 use anyhow::Result;
-<<<<<<< HEAD
+use grasping::synthesis::collection::Summary;
 use grasping::synthesis::held::{DigitUse, pose_from_array};
 use grasping::synthesis::kind::Kind;
 use image::RgbImage;
-use nalgebra::{Isometry3, Point3, UnitVector3, Vector3};
-=======
-use grasping::synthesis::collection::{Collection, Summary};
-use grasping::synthesis::held::pose_from_array;
-use grasping::synthesis::kind::{HandKind, hand_kinds};
-use hand_model::Hand;
-use image::RgbImage;
 use maud::html;
-use nalgebra::{Point3, UnitVector3, Vector3};
->>>>>>> wE
+use nalgebra::{Isometry3, Point3, UnitVector3, Vector3};
 use platform::data::write_whole;
 use proving::synthesis::grasp_file::GraspFile;
 use proving::synthesis::grasping_hand::GraspingHand;
@@ -144,7 +136,6 @@ fn grasp_picture(hand: &GraspingHand, model: &ObjectModel, kind: &Kind<'_>, view
     picture.finish(&format!("{}\n{name}, {} of it\nmargin {:.2} N", model.name, kind.count, kind.best.margin))
 }
 
-<<<<<<< HEAD
 /// Middle of what is drawn, and the width of a picture that shows it, m.
 fn around(skin: &[[Point3<f64>; 3]]) -> (Point3<f64>, f64) {
     let (low, high) = skin
@@ -178,14 +169,8 @@ pub fn write(file: &GraspFile, only: Option<&str>, most: usize, folder: &Path) -
         Some(_) => (vec![View::palm()], 2 * COLUMNS, COLUMNS),
         None => (vec![View::palm(), View::thumb_side(), View::tips()], most, 3),
     };
-    let (mut objects, mut best, mut sections) = (Vec::new(), Vec::new(), String::new());
-    for entry in file.objects(only)? {
-=======
-/// Writes the page of `collection`, which `file` holds, into `folder`, which is there already; `only` limits it to one object.
-pub fn write(file: &GraspFile, collection: &Collection, only: Option<&str>, hand: &Hand, folder: &Path) -> Result<()> {
     let (mut objects, mut best, mut sections) = (Vec::new(), Vec::new(), Vec::new());
-    for entry in collection.objects.iter().filter(|entry| only.is_none_or(|name| name == entry.summary.object)) {
->>>>>>> wE
+    for entry in file.objects(only)? {
         let name = &entry.summary.object;
         let model = &*file.model(name)?;
         let (low, high) = model.shape.aabb();
@@ -208,54 +193,30 @@ pub fn write(file: &GraspFile, collection: &Collection, only: Option<&str>, hand
         let sheet = format!("{name}.png");
         picture::save(&picture::tile(&pictures, columns), &folder.join(&sheet))?;
         let short = entry.summary.short.as_deref().unwrap_or("");
-<<<<<<< HEAD
-        sections += &format!(
-            "<h2>{0}</h2>\n<p>{1} grasps of {2} from {3} chains, {4} kinds. {5}</p>\n<img src=\"{sheet}\" alt=\"grasps of {0}\">\n",
-            escape(name),
-            entry.summary.kept,
-            entry.summary.wanted,
-            entry.summary.chains,
-            kinds.len(),
-            escape(short)
-        );
-=======
         let Summary { kept, wanted, chains, .. } = &entry.summary;
         sections.push(html! {
             h2 { (name) }
             p { (kept) " grasps of " (wanted) " from " (chains) " chains, " (kinds.len()) " kinds. " (short) }
-            img src=(file) alt={ "grasps of " (name) };
+            img src=(sheet) alt={ "grasps of " (name) };
         });
->>>>>>> wE
     }
-    let table = || format!("<h2>Diversity</h2>\n<pre>{}</pre>\n", escape(&table(&file.collection)));
-    let diversity = hand.named.as_ref().map_or_else(String::new, |_| table());
     picture::save(&picture::tile(&objects, COLUMNS), &folder.join("objects.png"))?;
     picture::save(&picture::tile(&best, COLUMNS), &folder.join("best.png"))?;
-<<<<<<< HEAD
-    let html = format!(
-        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<title>Synthesized grasps</title>\n<style>{}{}img{{max-width:100%}}</style>\n\
-         </head>\n<body>\n<main>\n<h1>Synthesized grasps</h1>\n<p class=\"byline\">{}</p>\n<p>Dots are contact points, cones the forces that the friction of \
-         the proof allows there, coloured by digit.</p>\n<h2>Objects</h2>\n<img src=\"objects.png\" alt=\"the objects\">\n<h2>The best grasp of each object's most frequent kind</h2>\n\
-         <img src=\"best.png\" alt=\"a grasp of each object\">\n{diversity}{sections}</main>\n</body>\n</html>\n",
-        style::FIGURE,
-        style::PAGE,
-        escape(&file.collection.header.command),
-    );
-=======
     let main = html! {
         h1 { "Synthesized grasps" }
-        p.byline { (collection.header.command) }
+        p.byline { (file.collection.header.command) }
         p { "Dots are contact points, cones the forces that the friction of the proof allows there, coloured by digit." }
         h2 { "Objects" }
         img src="objects.png" alt="the objects";
         h2 { "The best grasp of each object's most frequent kind" }
         img src="best.png" alt="a grasp of each object";
-        h2 { "Diversity" }
-        pre { (table(collection)) }
+        @if hand.named.is_some() {
+            h2 { "Diversity" }
+            pre { (table(&file.collection)) }
+        }
         @for section in sections { (section) }
     };
     let html = page("Synthesized grasps", "img{max-width:100%}", &main, "");
->>>>>>> wE
     Ok(write_whole(&folder.join("grasps.html"), html.as_bytes())?)
 }
 

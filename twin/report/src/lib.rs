@@ -1,13 +1,7 @@
 //! The report of a benchmark: `report.html`, one self-contained page, and its figures as files.
 //!
-<<<<<<< HEAD
-//! It is made from the records and their summary alone, so `ftac report` can make it again at any time. [`picture`] draws the
-//! hand, [`plot`] line plots; both are used by the checks too. [`grasp_gallery`] shows the best grasps of each object.
-=======
 //! It is made from the records and their summary alone, so `ftac report` can make it again at any time. [`chart`] draws charts, [`picture`] the
-//! hand, [`plot`] line plots; the last two are used by the checks too. [`grasp_gallery`] shows the best grasps of each object, [`urdf_hand`] those of a hand
-//! from a URDF.
->>>>>>> wE
+//! hand, [`plot`] line plots; the last two are used by the checks too. [`grasp_gallery`] shows the best grasps of each object.
 
 mod ablation;
 pub mod chart;
