@@ -36,24 +36,11 @@ pub(crate) fn check(arguments: &[&str], stdout: &[u8]) {
 /// The first place in `found` that is not as `schema` says. Of JSON Schema it knows what the schemas here use, and no more.
 fn fault(schema: &Value, found: &Value, at: &str) -> Option<String> {
     let schema = schema.as_object().expect("a schema is an object");
-    const CHECKED: [&str; 13] = [
-        "additionalProperties",
-        "anyOf",
-        "const",
-        "enum",
-        "items",
-        "maxItems",
-        "maximum",
-        "minItems",
-        "minimum",
-        "oneOf",
-        "prefixItems",
-        "properties",
-        "required",
-    ];
-    const OTHERS: [&str; 4] = ["$schema", "description", "format", "type"];
-    let unknown = schema.keys().filter(|key| !CHECKED.contains(&key.as_str()) && !OTHERS.contains(&key.as_str()));
-    let unknown: Vec<&String> = unknown.collect();
+    const CHECKED: &str = "additionalProperties anyOf const enum items maxItems maxLength maximum minItems minLength minimum oneOf \
+                           prefixItems properties required type";
+    const TOLD: [&str; 3] = ["$schema", "description", "format"];
+    let known = |key: &str| TOLD.contains(&key) || CHECKED.split_whitespace().any(|checked| checked == key);
+    let unknown: Vec<&String> = schema.keys().filter(|key| !known(key)).collect();
     assert!(unknown.is_empty(), "{at}: keywords that are not checked: {unknown:?}");
     if let Some(Value::Array(either)) = schema.get("anyOf").or(schema.get("oneOf")) {
         // Of none of them: what is wrong with the first tells most.
@@ -72,6 +59,7 @@ fn fault(schema: &Value, found: &Value, at: &str) -> Option<String> {
     }
     match found {
         Value::Array(items) => items_fault(schema, items, at),
+        Value::String(text) => count_fault(schema, ("minLength", "maxLength"), text.chars().count(), at),
         Value::Object(fields) => fields_fault(schema, fields, at),
         Value::Number(number) => {
             let bound = |name: &str, or: f64| schema.get(name).and_then(Value::as_f64).unwrap_or(or);
@@ -84,16 +72,20 @@ fn fault(schema: &Value, found: &Value, at: &str) -> Option<String> {
 }
 
 fn items_fault(schema: &Map<String, Value>, items: &[Value], at: &str) -> Option<String> {
-    let count = |name: &str, or: usize| schema.get(name).and_then(Value::as_u64).map_or(or, |count| count as usize);
-    let counts = count("minItems", 0)..=count("maxItems", usize::MAX);
-    if !counts.contains(&items.len()) {
-        return Some(format!("{at}: found {} items, expected {counts:?}", items.len()));
-    }
+    let count = count_fault(schema, ("minItems", "maxItems"), items.len(), at);
     let places = schema.get("prefixItems").and_then(Value::as_array);
-    items.iter().enumerate().find_map(|(n, item)| {
-        let schema = places.and_then(|places| places.get(n)).or(schema.get("items"))?;
-        fault(schema, item, &format!("{at}/{n}"))
+    count.or_else(|| {
+        items.iter().enumerate().find_map(|(n, item)| {
+            let schema = places.and_then(|places| places.get(n)).or(schema.get("items"))?;
+            fault(schema, item, &format!("{at}/{n}"))
+        })
     })
+}
+
+fn count_fault(schema: &Map<String, Value>, bounds: (&str, &str), found: usize, at: &str) -> Option<String> {
+    let bound = |name: &str, or: usize| schema.get(name).and_then(Value::as_u64).map_or(or, |count| count as usize);
+    let range = bound(bounds.0, 0)..=bound(bounds.1, usize::MAX);
+    (!range.contains(&found)).then(|| format!("{at}: found a length of {found}, expected {range:?}"))
 }
 
 fn fields_fault(schema: &Map<String, Value>, fields: &Map<String, Value>, at: &str) -> Option<String> {
@@ -152,7 +144,7 @@ mod tests {
             Some("/rows/1: found \"two\", expected [\"number\",\"null\"]")
         );
         assert_eq!(of(json!({"rows": [-1]})).as_deref(), Some("/rows/0: found -1, expected 0.0..=inf"));
-        assert_eq!(of(json!({"rows": [1, 2, 3]})).as_deref(), Some("/rows: found 3 items, expected 0..=2"));
+        assert_eq!(of(json!({"rows": [1, 2, 3]})).as_deref(), Some("/rows: found a length of 3, expected 0..=2"));
         assert_eq!(of(json!({"rows": [], "verdict": "open"})), None);
         assert!(
             of(json!({"rows": [], "verdict": "bad"})).is_some_and(|fault| fault.starts_with("/verdict: found \"bad\""))

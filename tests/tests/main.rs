@@ -11,6 +11,7 @@ mod grasps;
 mod guide;
 mod hand_over;
 mod interrupted;
+mod json_output;
 mod lists;
 mod operator;
 mod optics;

@@ -27,7 +27,8 @@ use crate::front::CommandLine;
 use crate::lab::arguments::arm::ArmCommand;
 use crate::lab::arguments::report::ReportArgs;
 use crate::lab::arguments::study::StudyArgs;
-use crate::lab::hand_over::hand_over;
+use crate::lab::hand_over::Lab;
+use crate::lab::identity::identity;
 use crate::terminal::{Outcome, Terminal};
 
 /// Digital twin of the F-TAC Hand on a Kinova Gen3 arm.
@@ -172,6 +173,7 @@ impl CommandLine for Cli {
 
     fn obey(&self, arguments: &[OsString]) -> Outcome {
         let terminal = &self.terminal;
+        let lab = &Lab { arguments, identity: || identity(described()) };
         match &self.command {
             Command::Demo(args) => demo::run(terminal, args),
             Command::Bench(args) => bench::benchmark(terminal, args),
@@ -183,17 +185,17 @@ impl CommandLine for Cli {
             Command::Transport(args) => transport::run(terminal, args),
             Command::View { path } => view::run(terminal, path),
             Command::Export(command) => export::run(terminal, command),
-            Command::Report(args) => report::run(terminal, args, arguments),
-            Command::Hand(command) => hand::run(terminal, command, arguments),
-            Command::Grasps(command) => grasps::run(terminal, command, arguments),
-            Command::Touch(command) => touch::run(terminal, command, arguments),
-            Command::Study(_) | Command::Arm(_) => Err(hand_over(arguments)),
+            Command::Report(args) => report::run(terminal, args, lab),
+            Command::Hand(command) => hand::run(terminal, command, lab),
+            Command::Grasps(command) => grasps::run(terminal, command, lab),
+            Command::Touch(command) => touch::run(terminal, command, lab),
+            Command::Study(_) | Command::Arm(_) => Err(lab.hand_over()),
             Command::Optics(command) => optics::run(terminal, command),
             Command::Bridge(command) => bridge::run(terminal, command),
             Command::Twin(command) => twin::run(terminal, command),
-            Command::Completions { shell } => shell::completions(*shell),
-            Command::Man { out } => shell::manual(out),
-            Command::Schema { command } => schema::run(terminal, command, arguments),
+            Command::Completions { shell } => shell::completions(*shell, described()),
+            Command::Man { out } => shell::manual(out, described()),
+            Command::Schema { command } => schema::run(terminal, command, &described(), lab),
         }
     }
 }
@@ -203,5 +205,32 @@ pub fn parse_arguments(arguments: &[&str]) -> Result<(), String> {
     match described().try_get_matches_from(std::iter::once("ftac").chain(arguments.iter().copied())) {
         Ok(_) => Ok(()),
         Err(error) => Err(error.to_string().lines().next().unwrap_or_default().to_owned()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+
+    /// Each command stands in one group of the help, with what it is for.
+    #[test]
+    fn every_command_is_in_the_help() {
+        let mut command = described();
+        let help = command.render_help().to_string();
+        let names: BTreeSet<String> = command.get_subcommands().map(|found| found.get_name().to_owned()).collect();
+        for name in &names {
+            assert_eq!(help.matches(&format!("\n  {name} ")).count(), 1, "{name}:\n{help}");
+        }
+        assert!(names.len() > 10, "{names:?}");
+    }
+
+    #[test]
+    fn every_command_has_a_page() {
+        let folder = tempfile::tempdir().expect("a folder");
+        shell::manual(folder.path(), described()).expect("written");
+        let page = |name: &str| std::fs::read_to_string(folder.path().join(name)).expect("a page");
+        assert!(page("ftac.1").contains("bench") && page("ftac-bench.1").contains("noise\\-scale"));
     }
 }

@@ -19,7 +19,8 @@ use ftac::lab::arguments::hand::HandLabCommand;
 use ftac::lab::arguments::report::ReportArgs;
 use ftac::lab::arguments::study::StudyArgs;
 use ftac::lab::arguments::touch::TouchLabCommand;
-use ftac::lab::identity;
+use ftac::lab::hand_over;
+use ftac::lab::identity::identity;
 use ftac::terminal::{Outcome, Terminal};
 
 use self::commands::{arm, grasps, hand, report, schema, study, touch};
@@ -88,8 +89,8 @@ impl CommandLine for Cli {
 
 fn main() -> ExitCode {
     let arguments: Vec<OsString> = std::env::args_os().collect();
-    if arguments[1..] == [identity::FLAG] {
-        println!("{}", identity::identity());
+    if arguments[1..] == [hand_over::FLAG] {
+        println!("{}", identity(ftac::cli::described()));
         return ExitCode::SUCCESS;
     }
     ExitCode::from(front::run::<Cli>(arguments))

@@ -6,8 +6,6 @@ mod generate;
 pub mod pick_ups;
 pub mod show;
 
-use std::ffi::OsString;
-
 use clap::Subcommand;
 
 use self::collection::CollectionArgs;
@@ -16,7 +14,7 @@ use self::generate::{EvalArgs, GenerateArgs};
 use self::pick_ups::{PickUpsArgs, PlanArgs};
 use self::show::ShowArgs;
 use crate::lab::arguments::grasps::GraspsLabCommand;
-use crate::lab::hand_over::hand_over;
+use crate::lab::hand_over::Lab;
 use crate::terminal::{Outcome, Terminal};
 
 /// `grasps` commands.
@@ -40,15 +38,15 @@ pub enum GraspsCommand {
     Plan(PlanArgs),
 }
 
-/// Runs a command, one of `ftac-lab` with the process's `arguments`.
-pub fn run(terminal: &Terminal, command: &GraspsCommand, arguments: &[OsString]) -> Outcome {
+/// Runs a command; the `lab` has its own.
+pub fn run(terminal: &Terminal, command: &GraspsCommand, lab: &Lab<'_>) -> Outcome {
     match command {
         GraspsCommand::Generate(args) => generate::generate(terminal, args),
         GraspsCommand::Eval(args) => generate::eval(terminal, args),
         GraspsCommand::Collection(args) => collection::make(terminal, args),
         GraspsCommand::Show(args) => show::show(terminal, args),
         GraspsCommand::Export(args) => export::run(terminal, args),
-        GraspsCommand::Lab(_) => Err(hand_over(arguments)),
+        GraspsCommand::Lab(_) => Err(lab.hand_over()),
         GraspsCommand::PickUps(args) => pick_ups::make(terminal, args),
         GraspsCommand::Plan(args) => pick_ups::plan(terminal, args),
     }

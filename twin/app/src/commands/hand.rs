@@ -2,13 +2,11 @@
 
 pub mod picture;
 
-use std::ffi::OsString;
-
 use clap::Subcommand;
 
 use self::picture::PictureArgs;
 use crate::lab::arguments::hand::HandLabCommand;
-use crate::lab::hand_over::hand_over;
+use crate::lab::hand_over::Lab;
 use crate::terminal::{Outcome, Terminal};
 
 /// `hand` commands.
@@ -20,10 +18,10 @@ pub enum HandCommand {
     Picture(PictureArgs),
 }
 
-/// Runs a command, one of `ftac-lab` with the process's `arguments`.
-pub fn run(terminal: &Terminal, command: &HandCommand, arguments: &[OsString]) -> Outcome {
+/// Runs a command; the `lab` has its own.
+pub fn run(terminal: &Terminal, command: &HandCommand, lab: &Lab<'_>) -> Outcome {
     match command {
         HandCommand::Picture(args) => picture::run(terminal, args),
-        HandCommand::Lab(_) => Err(hand_over(arguments)),
+        HandCommand::Lab(_) => Err(lab.hand_over()),
     }
 }

@@ -1,7 +1,6 @@
 //! `ftac schema`: what `--json` prints, as JSON Schema.
 
 use std::collections::BTreeSet;
-use std::ffi::OsString;
 
 use ::sweep::page::Results;
 use anyhow::{Context as _, bail};
@@ -17,12 +16,11 @@ use serde_json::json;
 
 use super::bridge;
 use super::{combos, demo, export, grasps, hand, optics, replay, sweep, touch, transport, trial, twin};
-use crate::cli::described;
 use crate::json_schema::{self, Output, of};
-use crate::lab::hand_over::hand_over;
+use crate::lab::hand_over::Lab;
 use crate::terminal::{Outcome, Terminal};
 
-/// Outputs of the commands of this program, but for those that [hand over](hand_over).
+/// Outputs of the commands of this program, but for those of `ftac-lab`.
 pub const OUTPUTS: &[Output] = &[
     ("bench", of::<Summary>),
     ("bridge calibrate", of::<bridge::calibrate::Calibrated>),
@@ -88,10 +86,10 @@ const WITHOUT: [&str; 4] = ["completions", "man", "schema", "view"];
 /// Makes pages of both programs.
 const SHARED: &str = "report";
 
-/// The commands that print a result.
-pub fn commands() -> BTreeSet<String> {
+/// The commands of `program` that print a result.
+pub fn commands(program: &Command) -> BTreeSet<String> {
     let mut all = BTreeSet::new();
-    add_leaves(&described(), "", &mut all);
+    add_leaves(program, "", &mut all);
     all.retain(|name| !WITHOUT.contains(&name.as_str()));
     all
 }
@@ -106,19 +104,18 @@ fn add_leaves(command: &Command, path: &str, into: &mut BTreeSet<String>) {
     }
 }
 
-/// Prints the schema of a command's output. Those of `ftac-lab`, and with them the schemas of all commands, that program prints, with the process's
-/// `arguments`.
-pub fn run(terminal: &Terminal, command: &[String], arguments: &[OsString]) -> Outcome {
+/// Prints the schema of what a command of `program` prints. The `lab` has those of its own commands, and with them the schemas of all.
+pub fn run(terminal: &Terminal, command: &[String], program: &Command, lab: &Lab<'_>) -> Outcome {
     let name = command.join(" ");
     if name != SHARED && OUTPUTS.iter().any(|(command, _)| *command == name) {
         return print(terminal, command, &[OUTPUTS]);
     }
-    let known = commands();
+    let known = commands(program);
     if !name.is_empty() && !known.contains(&name) {
         let known: Vec<String> = known.into_iter().collect();
         bail!("COMMAND: found `{name}`, expected one of {}", known.join(", "));
     }
-    Err(hand_over(arguments))
+    Err(lab.hand_over())
 }
 
 /// Prints the schema of one command, or of all in `outputs`.

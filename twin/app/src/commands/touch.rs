@@ -1,6 +1,5 @@
 //! `ftac touch`: photometric stereo is calibrated.
 
-use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
 use bench::builtin::CALIBRATION_UNIT;
@@ -11,7 +10,7 @@ use sensor_calibration::pad_calibration;
 use serde::Serialize;
 
 use crate::lab::arguments::touch::TouchLabCommand;
-use crate::lab::hand_over::hand_over;
+use crate::lab::hand_over::Lab;
 use crate::options::robot::{RobotArgs, individual_of};
 use crate::terminal::{Outcome, Terminal};
 
@@ -49,14 +48,14 @@ pub struct Trained {
     pixels: usize,
 }
 
-/// Runs a command, one of `ftac-lab` with the process's `arguments`.
-pub fn run(terminal: &Terminal, command: &TouchCommand, arguments: &[OsString]) -> Outcome {
+/// Runs a command; the `lab` has its own.
+pub fn run(terminal: &Terminal, command: &TouchCommand, lab: &Lab<'_>) -> Outcome {
     match command {
         TouchCommand::Train { presses, out, individual, robot } => {
             let hand = individual_of(individual.as_deref(), &robot.model()?)?.hand;
             touch_train(terminal, *presses, out, &hand)
         }
-        TouchCommand::Lab(_) => Err(hand_over(arguments)),
+        TouchCommand::Lab(_) => Err(lab.hand_over()),
     }
 }
 

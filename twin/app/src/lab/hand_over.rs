@@ -9,29 +9,40 @@ use std::process::Stdio;
 use anyhow::{Context as _, Error, Result, bail};
 use platform::child;
 
-use super::identity::{FLAG, identity};
-
+/// The option by which the program prints its identity.
+pub const FLAG: &str = "--identity";
 /// Name of the program and of its package.
 const PROGRAM: &str = "ftac-lab";
 /// Builds it, in a checkout.
 const BUILD: &str = "cargo build --release -p ftac-lab";
 
-/// Runs `ftac-lab` with this process's `arguments` (the first is the program's name) in the place of this process. It returns only where that
-/// is not possible: there is none, it is another version, or it does not start.
-pub fn hand_over(arguments: &[OsString]) -> Error {
-    let beside = env::current_exe().ok().and_then(|program| Some(program.parent()?.to_owned()));
-    let path = env::var_os("PATH").unwrap_or_default();
-    match program(beside.as_deref(), env::split_paths(&path)) {
-        Ok(program) => {
-            let error = child::command(&program).args(arguments.iter().skip(1)).exec();
-            Error::new(error).context(program.display().to_string())
+/// The way to `ftac-lab`.
+#[derive(Debug)]
+pub struct Lab<'a> {
+    /// This process's arguments, of which the first is the program's name.
+    pub arguments: &'a [OsString],
+    /// Gives the identity that the program must have.
+    pub identity: fn() -> String,
+}
+
+impl Lab<'_> {
+    /// Runs `ftac-lab` with this process's arguments in the place of this process. It returns only where that is not possible: there is none,
+    /// it is another version, or it does not start.
+    pub fn hand_over(&self) -> Error {
+        let beside = env::current_exe().ok().and_then(|program| Some(program.parent()?.to_owned()));
+        let path = env::var_os("PATH").unwrap_or_default();
+        match program(beside.as_deref(), env::split_paths(&path), &(self.identity)()) {
+            Ok(program) => {
+                let error = child::command(&program).args(self.arguments.iter().skip(1)).exec();
+                Error::new(error).context(program.display().to_string())
+            }
+            Err(error) => error,
         }
-        Err(error) => error,
     }
 }
 
-/// The `ftac-lab` of this build: in the folder `beside` this program, else on the search path.
-fn program(beside: Option<&Path>, path: impl Iterator<Item = PathBuf>) -> Result<PathBuf> {
+/// The `ftac-lab` of this `identity`: in the folder `beside` this program, else on the search path.
+fn program(beside: Option<&Path>, path: impl Iterator<Item = PathBuf>, identity: &str) -> Result<PathBuf> {
     // An empty or relative entry would depend on where the command is started.
     let folders = beside.map(Path::to_owned).into_iter().chain(path.filter(|folder| folder.is_absolute()));
     let Some(program) = folders.map(|folder| folder.join(PROGRAM)).find(|program| program.is_file()) else {
@@ -40,16 +51,16 @@ fn program(beside: Option<&Path>, path: impl Iterator<Item = PathBuf>) -> Result
             beside.map_or_else(String::new, |folder| format!(" in {}", folder.display()))
         );
     };
-    expect_same_build(&program)?;
+    expect_same_build(&program, identity)?;
     Ok(program)
 }
 
-/// Refuses a program whose identity is another one.
-fn expect_same_build(program: &Path) -> Result<()> {
+/// Refuses a program whose identity is not the `expected` one.
+fn expect_same_build(program: &Path, expected: &str) -> Result<()> {
     let name = || program.display().to_string();
     let output = child::command(program).arg(FLAG).stdin(Stdio::null()).output().with_context(name)?;
     let found = String::from_utf8_lossy(&output.stdout);
-    let (found, expected) = (found.trim(), identity());
+    let found = found.trim();
     if found != expected {
         bail!(
             "{}: identity: found {found:?}, expected {expected:?}; `{BUILD}` in a checkout builds the matching one",
@@ -66,6 +77,8 @@ mod tests {
 
     use super::*;
 
+    const IDENTITY: &str = "1.0.0 fedcba9876543210";
+
     fn place(folder: &Path, identity: &str) {
         fs::create_dir_all(folder).expect("a folder");
         let program = folder.join(PROGRAM);
@@ -81,13 +94,13 @@ mod tests {
     fn a_neighbour_comes_first_and_another_version_is_refused() {
         let folder = tempfile::tempdir().expect("a folder");
         let (beside, path) = (folder.path().join("beside"), folder.path().join("path"));
-        let find = || program(Some(&beside), [PathBuf::new(), path.clone()].into_iter());
+        let find = || program(Some(&beside), [PathBuf::new(), path.clone()].into_iter(), IDENTITY);
         fs::create_dir(&beside).expect("a folder");
         let missing = find().expect_err("there is none").to_string();
         assert!(missing.contains(BUILD) && missing.contains(&beside.display().to_string()), "{missing}");
-        place(&path, &identity());
+        place(&path, IDENTITY);
         assert_eq!(find().expect("on the path"), path.join(PROGRAM));
-        place(&beside, &identity());
+        place(&beside, IDENTITY);
         assert_eq!(find().expect("beside"), beside.join(PROGRAM));
         place(&beside, "0.0.1 0123456789abcdef");
         let stale = find().expect_err("another version").to_string();

@@ -2,19 +2,14 @@
 
 use clap::Command;
 
-use crate::cli::described;
 use crate::commands::schema::OUTPUTS;
 use crate::json_schema;
-
-/// The option by which a program prints its identity.
-pub const FLAG: &str = "--identity";
 
 /// Digits of the digest.
 const DIGITS: usize = 16;
 
-/// Version of the package, and a digest of the help of every command and of the schemas of what `ftac` prints.
-pub fn identity() -> String {
-    let mut command = described();
+/// Version of the package, and a digest of the help of `command` with all of its commands, and of the schemas of what `ftac` prints.
+pub fn identity(mut command: Command) -> String {
     command.build();
     let mut text = json_schema::all(OUTPUTS.iter().copied()).to_string();
     add_help(&mut command, &mut text);

@@ -51,7 +51,7 @@ mod tests {
     #[test]
     fn every_command_has_a_schema() {
         let found: BTreeSet<&str> = schema::OUTPUTS.iter().chain(OUTPUTS).map(|(command, _)| *command).collect();
-        let expected = schema::commands();
+        let expected = schema::commands(&ftac::cli::described());
         assert_eq!(found, expected.iter().map(String::as_str).collect());
     }
 }
