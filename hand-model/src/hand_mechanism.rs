@@ -267,3 +267,20 @@ impl Pull {
         self.arms.iter().map(|(joint, lever)| (*joint, lever.moment_arm(0.0)))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The mechanism of a hand pulls as its transmission does, to the last bit.
+    #[test]
+    fn a_mechanism_pulls_as_the_hand() {
+        let hand = Hand::ftac();
+        let mechanism = HandMechanism::of(&hand, "hand");
+        let q: Vec<f64> = (0..hand.tree.len()).map(|joint| 0.1 + 0.07 * joint as f64).collect();
+        let tensions = [3.0, 0.0, 11.0, 25.0, 40.0];
+        assert_eq!(mechanism.torques(&q, &tensions), hand.transmission.torques(&q, &tensions).to_vec());
+        assert_eq!(mechanism.rest(), hand.open().to_vec());
+        assert_eq!(mechanism.solids.len(), hand.tree.len() + 1);
+    }
+}

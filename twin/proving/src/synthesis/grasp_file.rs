@@ -149,6 +149,10 @@ fn of_urdf(path: &Path, source: &HandSource) -> Result<(Collection, GraspingHand
                 expected.join(", ")
             );
         }
+        if let Some(link) = grasp.contacts.iter().filter_map(|contact| contact.link).find(|link| *link >= joints.len())
+        {
+            bail!("{}:{}: contacts.link: found {link}, expected less than {}", path.display(), n + 2, joints.len());
+        }
     }
     Ok((of_one_search(&header, grasps), hand))
 }

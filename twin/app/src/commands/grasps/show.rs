@@ -35,7 +35,7 @@ pub struct ShowArgs {
     /// Recording file; default: recordings/grasps_OBJECT.rrd, which is then opened in the Rerun viewer.
     #[arg(long)]
     pub out: Option<PathBuf>,
-    /// Folder for grasps.html with pictures of objects and grasps, instead of a recording; of a hand from a URDF, a picture sheet an object.
+    /// Folder for grasps.html with pictures of objects and grasps, instead of a recording.
     #[arg(long, conflicts_with = "out")]
     pub report: Option<PathBuf>,
 }
