@@ -36,7 +36,11 @@ fn three_objects_are_held_in_one_hand() {
     let lists = "first = [\"golf_ball\"]\nsecond = [\"golf_ball\"]\nthird = [\"pear\"]\n\
                  [layout]\nfirst = { x = 0.62, y = 0.14, yaw = 0.0 }\nsecond = { x = 0.62, y = 0.0, yaw = 0.0 }\n\
                  third = { x = 0.62, y = -0.145, yaw = 0.0 }\n";
-    let rows = trials(folder.path(), lists, "ideal");
-    assert_eq!(rows.len(), 1);
+    let rows = trials(folder.path(), lists, "ideal,touch");
+    assert_eq!(rows.len(), 2);
     assert_eq!((&rows[0]["third"][..], &rows[0]["success"][..]), ("pear", "true"), "{:?}", rows[0]);
+    // The ball in the little finger's hold is felt where it is; the others have two numbers each where they are held.
+    let touch = &rows[1];
+    let off: f64 = touch["pose_error_mm"].parse().expect("a pose error");
+    assert!(off < 5.0 && touch["later_pose_errors"].split(' ').count() == 4, "{touch:?}");
 }

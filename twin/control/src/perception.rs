@@ -249,8 +249,7 @@ pub fn feel(senses: &Senses, look: &Look, object: &KnownObject, expected: &Expec
 }
 
 /// Interprets what was perceived in a look at a hand that holds objects with digits of their own: what is felt of each. Of each its number, its shape, its
-/// digits and where it should be (`palm_from_object`) are given. A pad of a digit feels what the digit holds, and a patch on the palm is of the object
-/// that is nearest.
+/// digits and where it should be (`palm_from_object`) are given.
 pub fn feel_each(
     senses: &Senses,
     look: &Look,
@@ -263,14 +262,19 @@ pub fn feel_each(
         .map(|(_, shape, _, place)| InHand { shape: *shape as &dyn KnownShape, prior: trusted(*place) })
         .collect();
     pipeline.mark_own(&mut touches, look.readings, &in_hand)?;
+    let pads = hand.pad_poses(&hand.tree.forward(&loaded_posture(hand, &touches, look.readings, &pipeline.pose)?));
+    // Which object a patch is of: the nearest one. A digit keeps its patches for what it holds, unless they lie on another object.
+    let owner = |pad: usize, patch: &Patch| {
+        let nearest = nearest(&in_hand, &pads[pad], patch)?;
+        let holds = objects.iter().position(|(_, _, digits, _)| is_on(hand, pad, digits));
+        Some(holds.filter(|_| nearest.1 > senses.hold().near).unwrap_or(nearest.0))
+    };
     let mut felt = Vec::with_capacity(objects.len());
     for (n, (object, shape, digits, place)) in objects.iter().enumerate() {
         let mut own: Vec<PadTouch> = touches.clone();
-        own.retain(|touch| hand.pads[touch.pad].link.is_none() || is_on(hand, touch.pad, digits));
-        for touch in own.iter_mut().filter(|touch| hand.pads[touch.pad].link.is_none()) {
-            let palm_from_pad = hand.pads[touch.pad].link_from_pad;
-            touch.patches.retain(|patch| nearest(&in_hand, &palm_from_pad, patch) == Some(n));
-        }
+        own.iter_mut().for_each(|touch| touch.patches.retain(|patch| owner(touch.pad, patch) == Some(n)));
+        let on_palm = |pad: usize| hand.pads[pad].link.is_none();
+        own.retain(|touch| on_palm(touch.pad) || is_on(hand, touch.pad, digits) || !touch.patches.is_empty());
         let estimate = pipeline.estimate_pose(&own, look.readings, &in_hand[n].prior, *shape)?;
         let faults = if n == 0 { faults.clone() } else { Vec::new() };
         felt.push(Felt { object: *object, touches: own, faults, estimate, prior: *place, grip });
@@ -278,14 +282,15 @@ pub fn feel_each(
     Ok(felt)
 }
 
-/// Which of `objects` has its surface nearest to a patch on the palm.
-fn nearest(objects: &[InHand], palm_from_pad: &Isometry3<f64>, patch: &Patch) -> Option<usize> {
-    let distance = |object: &InHand| -> f64 {
+/// Which of `objects` has its surface nearest to a patch on a pad, and how far the patch is from it on average, m.
+fn nearest(objects: &[InHand], palm_from_pad: &Isometry3<f64>, patch: &Patch) -> Option<(usize, f64)> {
+    let distance = |object: &InHand| {
         let object_from_pad = object.prior.palm_from_object.inverse() * palm_from_pad;
-        patch.points.iter().map(|felt| object.shape.signed_distance(&(object_from_pad * felt.point)).0.abs()).sum()
+        let apart =
+            patch.points.iter().map(|felt| object.shape.signed_distance(&(object_from_pad * felt.point)).0.abs());
+        apart.sum::<f64>() / patch.points.len().max(1) as f64
     };
-    let distances = objects.iter().map(distance).enumerate();
-    distances.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(n, _)| n)
+    objects.iter().map(distance).enumerate().min_by(|a, b| a.1.total_cmp(&b.1))
 }
 
 /// The plan's idea of where an object is in the hand, with how far it is trusted.
