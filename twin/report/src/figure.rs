@@ -13,7 +13,7 @@ use super::html::number;
 /// Size of the drawing, pixels.
 const SIZE: [f64; 2] = [540.0, 430.0];
 /// The rates that the axis shows: room for dots at the ends, and for numbers and a bracket above.
-const RANGE: [f64; 2] = [-0.06, 1.36];
+const RANGE: [f64; 2] = [-0.06, 1.19];
 /// From dot to dot, in columns and in rates.
 const PITCH: [f64; 2] = [0.026, 0.018];
 /// Dots in a row.
@@ -55,10 +55,13 @@ impl Figure {
             .with_rain(false)
             .with_cloud_alpha(0.28);
         let mut plots: Vec<Plot> = vec![cloud.into()];
-        plots.extend(groups().flat_map(|(x, group)| [Some(dots(x, group)), mean(x, group)]).flatten().map(Plot::from));
+        for (x, group) in groups() {
+            plots.push(dots(x, group).into());
+            plots.extend(mean(x, group).into_iter().flatten().map(Plot::from));
+        }
         if let Some((from, to, _)) = &self.bracket {
             let [a, b] = [from, to].map(|n| *n as f64 + 1.0);
-            let corners = vec![(a, 1.21), (a, 1.23), (b, 1.23), (b, 1.21)];
+            let corners = vec![(a, 1.15), (a, 1.165), (b, 1.165), (b, 1.15)];
             plots.push(LinePlot::new().with_data(corners).with_color("var(--soft)").with_stroke_width(1.0).into());
         }
         let mut layout = chart::layout(&plots, &self.title, SIZE)
@@ -74,24 +77,28 @@ impl Figure {
         for (x, group) in groups() {
             let mean = |(mean, sd): (f64, f64)| format!("{} ± {}", number(mean, 3), number(sd, 3));
             let words = [group.mean_sd.map_or("no data".to_owned(), mean), format!("n = {}", group.dots.len())];
-            for (y, words) in [1.13, 1.06].into_iter().zip(words) {
+            for (y, words) in [1.095, 1.04].into_iter().zip(words) {
                 layout = layout.with_annotation(TextAnnotation::new(words, x, y));
             }
         }
         if let Some((from, to, text)) = &self.bracket {
-            layout = layout.with_annotation(TextAnnotation::new(text, (from + to) as f64 / 2.0 + 1.0, 1.24));
+            layout = layout.with_annotation(TextAnnotation::new(text, (from + to) as f64 / 2.0 + 1.0, 1.17));
         }
         chart::draw(plots, layout, &self.description)
     }
 }
 
-/// The mean of the column at `x`, with whiskers to the extremes.
-fn mean(x: f64, group: &Group) -> Option<ScatterPlot> {
+/// The mean of the column at `x`, with whiskers to the extremes: a diamond with a lighter one in it.
+fn mean(x: f64, group: &Group) -> Option<[ScatterPlot; 2]> {
     let (mean, _) = group.mean_sd?;
     let rates = || group.dots.iter().map(|(rate, _)| *rate);
     let (low, high) = (rates().fold(mean, f64::min), rates().fold(mean, f64::max));
-    let dot = chart::dots(&color(&group.name), [((x, mean), format!("mean {}", number(mean, 3)))]);
-    Some(dot.with_marker(MarkerShape::Diamond).with_size(4.0).with_y_err_asymmetric([(mean - low, high - mean)]))
+    let diamond = |color: &str, size: f64| {
+        let dot = chart::dots(color, [((x, mean), format!("mean {}", number(mean, 3)))]);
+        dot.with_marker(MarkerShape::Diamond).with_size(size)
+    };
+    let whiskers = diamond(&color(&group.name), 5.0).with_y_err_asymmetric([(mean - low, high - mean)]);
+    Some([whiskers, diamond("var(--paper)", 3.4)])
 }
 
 /// The dots to the left of the column at `x`.
