@@ -13,7 +13,7 @@ use super::html::number;
 /// Size of the drawing, pixels.
 const SIZE: [f64; 2] = [540.0, 430.0];
 /// The rates that the axis shows: room for dots at the ends, and for numbers and a bracket above.
-const RANGE: [f64; 2] = [-0.06, 1.19];
+const RANGE: [f64; 2] = [-0.06, 1.36];
 /// From dot to dot, in columns and in rates.
 const PITCH: [f64; 2] = [0.026, 0.018];
 /// Dots in a row.
@@ -61,7 +61,7 @@ impl Figure {
         }
         if let Some((from, to, _)) = &self.bracket {
             let [a, b] = [from, to].map(|n| *n as f64 + 1.0);
-            let corners = vec![(a, 1.15), (a, 1.165), (b, 1.165), (b, 1.15)];
+            let corners = vec![(a, 1.21), (a, 1.23), (b, 1.23), (b, 1.21)];
             plots.push(LinePlot::new().with_data(corners).with_color("var(--soft)").with_stroke_width(1.0).into());
         }
         let mut layout = chart::layout(&plots, &self.title, SIZE)
@@ -77,12 +77,12 @@ impl Figure {
         for (x, group) in groups() {
             let mean = |(mean, sd): (f64, f64)| format!("{} ± {}", number(mean, 3), number(sd, 3));
             let words = [group.mean_sd.map_or("no data".to_owned(), mean), format!("n = {}", group.dots.len())];
-            for (y, words) in [1.095, 1.04].into_iter().zip(words) {
+            for (y, words) in [1.13, 1.06].into_iter().zip(words) {
                 layout = layout.with_annotation(TextAnnotation::new(words, x, y));
             }
         }
         if let Some((from, to, text)) = &self.bracket {
-            layout = layout.with_annotation(TextAnnotation::new(text, (from + to) as f64 / 2.0 + 1.0, 1.17));
+            layout = layout.with_annotation(TextAnnotation::new(text, (from + to) as f64 / 2.0 + 1.0, 1.24));
         }
         chart::draw(plots, layout, &self.description)
     }
