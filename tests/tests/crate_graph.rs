@@ -216,7 +216,7 @@ fn members_know_only_whom_they_may() {
         ("object-detector", "world scenarios control progress"),
         (
             "fault-injection",
-            "platform hand-model plant scenarios sim grasping control hardware-bridge kortex session-log proving stream bench robot-backends fault-detection",
+            "platform hand-model plant scenarios sim grasping control hardware-bridge kortex session-log proving stream bench robot-backends fault-detection progress",
         ),
         (
             "robot-backends",

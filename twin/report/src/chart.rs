@@ -61,7 +61,7 @@ pub fn element(scene: &Scene, description: &str) -> Markup {
     let inside = svg.split_once('>').map_or("", |(_, inside)| inside).trim_end().trim_end_matches("</svg>");
     html! {
         svg xmlns="http://www.w3.org/2000/svg" class="figure" role="img" aria-label=(description) font-family=(FONTS) fill="var(--ink)"
-            viewBox={ "0 0 " (scene.width) " " (scene.height) } { (PreEscaped(inside)) }
+            style={ "max-width:" (1.5 * scene.width) "px" } viewBox={ "0 0 " (scene.width) " " (scene.height) } { (PreEscaped(inside)) }
     }
 }
 

@@ -55,7 +55,10 @@ impl Figure {
             .with_rain(false)
             .with_cloud_alpha(0.28);
         let mut plots: Vec<Plot> = vec![cloud.into()];
-        plots.extend(groups().flat_map(|(x, group)| [Some(dots(x, group)), mean(x, group)]).flatten().map(Plot::from));
+        for (x, group) in groups() {
+            plots.push(dots(x, group).into());
+            plots.extend(mean(x, group).into_iter().flatten().map(Plot::from));
+        }
         if let Some((from, to, _)) = &self.bracket {
             let [a, b] = [from, to].map(|n| *n as f64 + 1.0);
             let corners = vec![(a, 1.21), (a, 1.23), (b, 1.23), (b, 1.21)];
@@ -85,13 +88,17 @@ impl Figure {
     }
 }
 
-/// The mean of the column at `x`, with whiskers to the extremes.
-fn mean(x: f64, group: &Group) -> Option<ScatterPlot> {
+/// The mean of the column at `x`, with whiskers to the extremes: a diamond with a lighter one in it.
+fn mean(x: f64, group: &Group) -> Option<[ScatterPlot; 2]> {
     let (mean, _) = group.mean_sd?;
     let rates = || group.dots.iter().map(|(rate, _)| *rate);
     let (low, high) = (rates().fold(mean, f64::min), rates().fold(mean, f64::max));
-    let dot = chart::dots(&color(&group.name), [((x, mean), format!("mean {}", number(mean, 3)))]);
-    Some(dot.with_marker(MarkerShape::Diamond).with_size(4.0).with_y_err_asymmetric([(mean - low, high - mean)]))
+    let diamond = |color: &str, size: f64| {
+        let dot = chart::dots(color, [((x, mean), format!("mean {}", number(mean, 3)))]);
+        dot.with_marker(MarkerShape::Diamond).with_size(size)
+    };
+    let whiskers = diamond(&color(&group.name), 5.0).with_y_err_asymmetric([(mean - low, high - mean)]);
+    Some([whiskers, diamond("var(--paper)", 3.4)])
 }
 
 /// The dots to the left of the column at `x`.

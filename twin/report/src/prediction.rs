@@ -1,6 +1,6 @@
 //! What the predicted risk of the blind trials is worth: its ROC curve and its calibration curve, side by side.
 
-use kuva::prelude::{Figure, Layout, LinePlot, Plot};
+use kuva::prelude::{Figure, Layout, LinePlot, Plot, TickFormat};
 use maud::{Markup, html};
 use scenarios::summary::risk_prediction;
 use scenarios::{Condition, TrialRecord};
@@ -75,7 +75,9 @@ fn draw(prediction: &Prediction) -> Markup {
         .zip(names)
         .map(|(plots, [title, x, y])| {
             let layout = chart::layout(plots, title, PANEL).with_x_label(x).with_y_label(y);
-            layout.with_x_axis_min(0.0).with_x_axis_max(1.0).with_y_axis_min(0.0).with_y_axis_max(1.0)
+            let layout =
+                layout.with_x_axis_min(-0.04).with_x_axis_max(1.04).with_y_axis_min(-0.04).with_y_axis_max(1.04);
+            layout.with_x_tick_step(0.2).with_y_tick_step(0.2).with_tick_format(TickFormat::Fixed(1))
         })
         .collect();
     let figure = Figure::new(1, 2).with_plots(panels).with_layouts(layouts).with_cell_size(PANEL[0], PANEL[1]);

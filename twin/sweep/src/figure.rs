@@ -1,6 +1,6 @@
 //! A curve over an axis: a line for each arm with its 95 % intervals.
 
-use kuva::prelude::{LinePlot, Plot};
+use kuva::prelude::{LinePlot, Plot, TickFormat};
 use maud::Markup;
 use report::chart;
 use report::html::number;
@@ -10,7 +10,7 @@ use crate::curve::Estimate;
 /// Size of the drawing, pixels.
 const SIZE: [f64; 2] = [540.0, 360.0];
 /// Lines lie side by side by this share of the axis, so that their intervals do not cover each other.
-const ASIDE: f64 = 0.006;
+const ASIDE: f64 = 0.012;
 
 /// An arm's line.
 pub struct Line {
@@ -48,9 +48,13 @@ impl Figure {
             plots.push(chart::dots(&color, points.iter().map(|point| (at(point), title(point)))).with_size(3.4).into());
         }
         let layout = chart::layout(&plots, &self.title, SIZE).with_x_label(&self.axis);
-        let layout = layout.with_y_axis_min(0.0).with_y_axis_max(1.0).with_y_tick_step(0.2);
+        let layout = layout.with_y_axis_min(-0.04).with_y_axis_max(1.04).with_y_tick_step(0.2);
+        let layout = layout.with_y_tick_format(TickFormat::Fixed(1));
         let layout = match &self.categories {
-            Some(categories) => layout.with_x_categories(categories.clone()),
+            Some(categories) => {
+                let ends = (0.5, categories.len() as f64 + 0.5);
+                layout.with_x_categories(categories.clone()).with_x_axis_min(ends.0).with_x_axis_max(ends.1)
+            }
             None => layout,
         };
         chart::draw(plots, layout, &self.title)
