@@ -8,7 +8,6 @@ use crate::Hand;
 use crate::hand::{CoverShape, MassProperties};
 use crate::kinematics::Tree;
 use crate::transmission::{Follower, Lever};
-use crate::urdf_hand::Triangles;
 
 /// Root link of a hand from a parameter file.
 const PALM: &str = "palm";
@@ -92,6 +91,9 @@ impl SolidShape {
         }
     }
 }
+
+/// Vertices and triangles.
+pub type Triangles = (Vec<Point3<f64>>, Vec<[u32; 3]>);
 
 /// The surface of a mesh for which convex parts stand.
 #[derive(Debug, Clone)]

@@ -50,7 +50,7 @@ use crate::transmission::Follower;
 use crate::urdf::{fault, frames, parse_robot, read_bytes};
 use platform::data::{DataError, parse_toml, read_text};
 
-pub use meshes::{Cut, MeshTools, Triangles};
+pub use meshes::{Cut, MeshTools};
 
 use pulls::PullsFile;
 

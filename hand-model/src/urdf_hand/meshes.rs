@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use nalgebra::{Matrix3, Point3, Vector3};
 
+use crate::hand_mechanism::Triangles;
 use crate::urdf::fault;
 use platform::data::DataError;
 
@@ -19,9 +20,6 @@ const FLAT: f64 = 1e-6;
 const DIRECTIONS: (usize, usize) = (256, 4096);
 /// How far the hull may lose, m.
 const THINNED: f64 = 1e-4;
-
-/// Vertices and triangles.
-pub type Triangles = (Vec<Point3<f64>>, Vec<[u32; 3]>);
 
 /// A surface cut into convex parts.
 #[derive(Debug, Clone, Default)]

@@ -9,10 +9,9 @@ use control::perception::KnownObject;
 use control::uncertainty::Uncertainty;
 use hand_model::parameters::{Configuration, HandParameters};
 use hand_model::robot::TactileImage;
-use hand_model::{Hand, RobotModel, RobotSources};
+use hand_model::{Hand, RobotModel};
 use plant::Individual;
 use plant::RobotIndividual;
-use plant::identified::IdentifiedRobot;
 use proving::cache::Cache;
 use proving::plan::Plan;
 use proving::simulated_world::World;
@@ -135,15 +134,7 @@ pub fn bench_of(request: &RunRequest, quiet: bool) -> Result<Bench> {
     Ok(bench)
 }
 
-/// The robot made of `sources`, or the built-in one without; the individual of it that the text of an `individual.toml` describes, if there
-/// is one. `path` is used in errors of that text.
-pub fn robot_of(sources: Option<&RobotSources>, individual: Option<&str>, path: &Path) -> Result<RobotModel> {
-    let nominal = RobotModel::of(sources)?;
-    let Some(text) = individual else { return Ok(nominal) };
-    Ok(IdentifiedRobot::parse(text, path, &nominal)?.individual.robot(&nominal))
-}
-
-/// The same with no object that can be felt and without the scenario's disturbances: for scenes in which no policy of this program
+/// A bench with no object that can be felt and without the scenario's disturbances: for scenes in which no policy of this program
 /// decides.
 pub fn make_scenes(robot: &RobotModel, scenario: Scenario, combos: usize, seed: u64, quiet: bool) -> Result<Bench> {
     // Plans are made for the nominal places: a spread of the layout leaves them as they are.

@@ -16,8 +16,8 @@ use scenarios::tries::TryRecord;
 use scenarios::{Ablation, Scenario};
 use serde::{Deserialize, Serialize};
 
-use crate::builtin::robot_of;
 use crate::provenance::Provenance;
+use crate::robot::robot_of;
 use external_policy::Source;
 use fault_detection::divergence::Named;
 use robot_backends::{Places, Task};

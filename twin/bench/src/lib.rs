@@ -14,6 +14,7 @@ pub mod journal;
 pub mod provenance;
 pub mod recording;
 pub mod results;
+pub mod robot;
 pub mod run;
 pub mod trial;
 pub mod workers;

@@ -4,7 +4,8 @@
 
 use std::path::Path;
 
-use hand_model::urdf_hand::{Cut, MeshTools, Triangles};
+use hand_model::hand_mechanism::Triangles;
+use hand_model::urdf_hand::{Cut, MeshTools};
 use nalgebra::Point3;
 use parry3d_f64::transformation::vhacd::VHACDParameters;
 use platform::data::DataError;

@@ -3,7 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, bail};
-use bench::builtin::{expect_errors, make_bench, read_pads_by, robot_of};
+use bench::builtin::{expect_errors, make_bench, read_pads_by};
+use bench::robot::robot_of;
 use bench::trial::{Bench, NoWatcher};
 use hand_model::RobotModel;
 use robot_backends::replayed::{ReplaySource, check};

@@ -3,9 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
-use bench::builtin::{COMBINATIONS, expect_errors, make_bench, read_pads_by, robot_of};
+use bench::builtin::{COMBINATIONS, expect_errors, make_bench, read_pads_by};
 use bench::fault_watch::beside;
 use bench::recording::Recording;
+use bench::robot::robot_of;
 use bench::trial::Watcher;
 use clap::{Args, ValueEnum};
 use fault_detection::divergence::Divergence;

@@ -20,7 +20,8 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use anyhow::{Result, bail};
-use bench::builtin::{hide_plant, make_bench, robot_of};
+use bench::builtin::{hide_plant, make_bench};
+use bench::robot::robot_of;
 use bench::trial::Bench;
 use bench::trial::setup::Setup;
 use control::executor::Executor;

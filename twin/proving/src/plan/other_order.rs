@@ -5,7 +5,7 @@ use anyhow::Result;
 use grasping::Repertoire;
 use sim::tactile::TactileBoard;
 
-use super::{Outcomes, Plan, Plans, outcomes, plan_pair};
+use super::{Outcomes, Plan, Plans, odds, plan_pair};
 use crate::simulated_world::World;
 
 /// A sequence is sure if its best second grasp is worth this much near where it was rehearsed.
@@ -22,7 +22,7 @@ fn rehearse_one(world: &World, repertoire: &Repertoire, board: &TactileBoard, pl
     let turned = world.in_other_order();
     let mut reversed = planned(&turned, repertoire, board, plan)?;
     if let Some(reversed) = &mut reversed {
-        outcomes::rehearse_one(&turned, repertoire, board, reversed)?;
+        odds::rehearse(&turned, repertoire, board, reversed)?;
     }
     plan.reversed = reversed.map(Box::new);
     Ok(())

@@ -15,7 +15,7 @@ use scenarios::noise::TrialNoise;
 use serde::{Deserialize, Serialize};
 use sim::tactile::TactileBoard;
 
-use super::{FAILED_WORTH, Other, Plan, PlannedGrasps, Plans, variations};
+use super::{FAILED_WORTH, Other, Plan, PlannedGrasps, Plans};
 use crate::rehearsal::{FirstRehearsal, Snapshot, misaimed, narrow_errors, rehearse_first, try_second, wide_errors};
 use crate::simulated_world::World;
 
@@ -114,33 +114,6 @@ pub fn rehearse_others(world: &World, repertoire: &Repertoire, plans: &mut Plans
     })
 }
 
-/// A step of all that is rehearsed of one plan: 0 tries its second grasps, 1 those after other first grasps, 2 variations of them.
-pub(super) fn rehearse_step(
-    step: usize,
-    world: &World,
-    repertoire: &Repertoire,
-    board: &TactileBoard,
-    plan: &mut Plan,
-) -> Result<()> {
-    let rehearsals = Rehearsals::new(world, board);
-    match step {
-        0 => rehearsals.rehearse(repertoire, plan)?,
-        1 => plan.others = rehearsals.others(repertoire, plan)?,
-        _ => variations::rehearse_one(world, repertoire, board, plan)?,
-    }
-    Ok(())
-}
-
-/// All steps for one plan.
-pub(super) fn rehearse_one(
-    world: &World,
-    repertoire: &Repertoire,
-    board: &TactileBoard,
-    plan: &mut Plan,
-) -> Result<()> {
-    (0..3).try_for_each(|step| rehearse_step(step, world, repertoire, board, plan))
-}
-
 /// What all rehearsals share.
 pub(super) struct Rehearsals<'a> {
     world: &'a World,
@@ -156,7 +129,7 @@ impl<'a> Rehearsals<'a> {
     }
 
     /// Tries the second grasps of `plan` that work without errors; nothing where its first grasp does not hold.
-    fn rehearse(&self, repertoire: &Repertoire, plan: &mut Plan) -> Result<()> {
+    pub(super) fn rehearse(&self, repertoire: &Repertoire, plan: &mut Plan) -> Result<()> {
         plan.forget_variations();
         let PlannedGrasps { first, second, .. } = plan.grasps(&self.world.cell.robot.hand, repertoire)?;
         let worked = second.iter().filter(|second| second.worth > FAILED_WORTH * second.grasp.score);
@@ -185,7 +158,7 @@ impl<'a> Rehearsals<'a> {
     }
 
     /// Other first grasps, in the repertoire's order, until a second grasp goes well after one.
-    fn others(&self, repertoire: &Repertoire, plan: &Plan) -> Result<Vec<Other>> {
+    pub(super) fn others(&self, repertoire: &Repertoire, plan: &Plan) -> Result<Vec<Other>> {
         let best = |outcomes: &[Outcomes]| outcomes.iter().map(Outcomes::worth_once_touched).fold(0.0, f64::max);
         let sets = digit_sets(&self.world.cell.robot.hand, 2);
         let seconds: Vec<&Grasp> = repertoire.of(&plan.second, &sets[1]).collect();

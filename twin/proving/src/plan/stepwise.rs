@@ -6,7 +6,7 @@ use grasping::Repertoire;
 use scenarios::combination::Combination;
 use sim::tactile::TactileBoard;
 
-use super::{Plan, other_order, outcomes, plan_one};
+use super::{Plan, odds, other_order, plan_one};
 use crate::cache::Steps;
 use crate::simulated_world::World;
 
@@ -43,9 +43,9 @@ pub fn plan(
         match (number, &mut made) {
             (0, made) => *made = plan_one(world, repertoire, board, pair)?,
             (4, Some(plan)) => plan.reversed = other_order::planned(&turned, repertoire, board, plan)?.map(Box::new),
-            (1..4, Some(plan)) => outcomes::rehearse_step(number - 1, world, repertoire, board, plan)?,
+            (1..4, Some(plan)) => odds::step(number - 1, world, repertoire, board, plan)?,
             (_, Some(Plan { reversed: Some(reversed), .. })) => {
-                outcomes::rehearse_step(number - 5, &turned, repertoire, board, reversed)?;
+                odds::step(number - 5, &turned, repertoire, board, reversed)?;
             }
             // Nothing to be done.
             _ => continue,

@@ -3,8 +3,7 @@
 use anyhow::{Result, bail};
 use nalgebra::{Point3, Vector3};
 use world::geometry::Shape;
-
-use super::subject::Subject;
+use world::objects::ObjectModel;
 
 /// Points of the surface that are looked at.
 const SAMPLES: usize = 600;
@@ -44,8 +43,8 @@ struct Place {
 
 /// Refuses an object that the hand can take nowhere. Of one that is wider as a whole than the hand opens, answers with the middles of the
 /// places where it is not, object frame: a search begins there.
-pub fn graspable(subject: &Subject, opening: &Opening) -> Result<Vec<Vector3<f64>>> {
-    let shape = &subject.model.shape;
+pub fn graspable(object: &ObjectModel, opening: &Opening) -> Result<Vec<Vector3<f64>>> {
+    let shape = &object.shape;
     let (low, high) = shape.aabb();
     if (high - low).min() <= opening.width {
         return Ok(Vec::new());
@@ -60,7 +59,7 @@ pub fn graspable(subject: &Subject, opening: &Opening) -> Result<Vec<Vector3<f64
         };
         bail!(
             "{}: found {found}, expected a handle, a rim or an edge of at most {:.0} mm: {} does not open wider",
-            subject.model.name,
+            object.name,
             1e3 * opening.width,
             opening.hand
         );
@@ -87,6 +86,8 @@ fn place(shape: &Shape, point: &Point3<f64>) -> Option<Place> {
 
 #[cfg(test)]
 mod tests {
+    use world::objects::ObjectSet;
+
     use super::*;
 
     fn places(shape: &Shape) -> Vec<Place> {
@@ -108,10 +109,9 @@ mod tests {
     #[test]
     fn an_object_is_judged_by_its_thin_places() {
         let open = |width| Opening { width, hand: "the clamp".into() };
-        let vase = Subject::named("vase").expect("known");
-        assert!(graspable(&vase, &Opening::ours()).expect("it can").is_empty(), "as a whole");
-        let ball = Subject::named("tennis_ball").expect("known");
-        let error = graspable(&ball, &open(0.03)).expect_err("nowhere thin").to_string();
+        let known = |name: &str| ObjectSet::repertoire().get(name).expect("known").clone();
+        assert!(graspable(&known("vase"), &Opening::ours()).expect("it can").is_empty(), "as a whole");
+        let error = graspable(&known("tennis_ball"), &open(0.03)).expect_err("nowhere thin").to_string();
         assert!(
             error.starts_with("tennis_ball: found places") && error.ends_with("30 mm: the clamp does not open wider"),
             "{error}"

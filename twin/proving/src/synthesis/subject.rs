@@ -90,7 +90,7 @@ impl Subject {
 
     /// The same object for a hand of this opening; refused if the hand can take it nowhere.
     pub fn for_opening(mut self, opening: &Opening) -> Result<Self> {
-        self.places = size::graspable(&self, opening)?;
+        self.places = size::graspable(&self.model, opening)?;
         Ok(self)
     }
 

@@ -6,7 +6,8 @@ use optics::calibration::{Similarity, Views};
 use rayon::prelude::*;
 
 use crate::reconstruction::Photometry;
-use crate::reconstruction::accuracy::{Accuracy, Errors};
+use crate::reconstruction::accuracy::Accuracy;
+use crate::reconstruction::errors::Errors;
 
 /// Which presses are held out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

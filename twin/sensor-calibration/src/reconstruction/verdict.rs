@@ -58,7 +58,7 @@ impl Accuracy {
 
 #[cfg(test)]
 mod tests {
-    use super::super::accuracy::Errors;
+    use super::super::errors::Errors;
     use super::*;
 
     fn good() -> Accuracy {
