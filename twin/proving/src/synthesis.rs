@@ -1,7 +1,7 @@
 //! Grasps for any object, sampled, closed by cables and held in physics.
 //!
 //! [`subject`] makes an object ready for sampling, [`closing`] turns a sampled posture into a closed grasp, and [`checks`] verifies it.
-//! [`synthesizer`] does all three for one chain, [`search`] runs many chains and keeps the grasps that pass, and [`evaluation`]
+//! [`synthesizer`] does all three for one chain, [`search`] runs many chains and keeps the [`record`]s of grasps that pass with a [`report`], and [`evaluation`]
 //! measures how often that works and which metrics predict it. [`load`] says for what mass, [`size`] whether a hand can take an object at all. [`parts`] fills the collection of all objects, one resumable file an
 //! object; [`grasp_file`] reads it and what single searches left. [`again`] closes the grasps of a file once more, and [`export`] writes
 //! them for another engine. [`grasping_hand`] is what all of them ask of a hand; [`urdf_hand`] finds it of a URDF. [`kinds`] sorts what was found, [`hands`] compares
@@ -18,6 +18,8 @@ pub mod hands;
 pub mod kinds;
 pub mod load;
 pub mod parts;
+pub mod record;
+pub mod report;
 pub mod search;
 pub mod size;
 pub mod subject;

@@ -8,7 +8,7 @@ use clap::Command;
 
 use fault_injection::table::FaultTable;
 use proving::synthesis::evaluation::Evaluation;
-use proving::synthesis::search::Report;
+use proving::synthesis::report::Report;
 use scenarios::summary::Summary;
 use sensor_calibration::reconstruction::output::ImageFigures;
 use sensor_calibration::render::real_sensor::SensorRender;

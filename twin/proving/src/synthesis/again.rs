@@ -53,7 +53,7 @@ fn row(hand: &GraspingHand, subject: &Subject, grasp: &HeldGrasp) -> Result<Opti
     let Ok(closed) = closing::pull(hand, subject, pose_from_array(&grasp.start), open, tensions) else {
         return Ok(None);
     };
-    let (margin, penetration) = (hand.margin(subject, &closed)?, hand.penetration(subject, &closed));
+    let (margin, penetration) = (checks::margin(hand, subject, &closed)?, checks::penetration(hand, subject, &closed));
     let mass = subject.model.mass;
     let held = bearable && checks::hold(&closed, mass).held;
     let controls = held.then(|| evaluation::controls(&closed, mass));

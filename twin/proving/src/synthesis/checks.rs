@@ -1,12 +1,15 @@
 //! What a closed grasp has to pass: (a) the friction-cone program, (b) penetration, (c) holding against forces in physics.
 
+use anyhow::Result;
+use grasping::force_closure::{Contact, soft_wrench_margin, wrench_margin};
 use grasping::synthesis::surface::HandSurface;
 use hand_model::Hand;
 use hand_model::hand::CoverShape;
 use nalgebra::{Isometry3, Point3, Vector3};
-use sim::hand_scene::displacement;
+use sim::hand_scene::{Touch, displacement};
 
-use super::closing::Closed;
+use super::closing::{Closed, Pulling};
+use super::grasping_hand::{ContactModel, GraspingHand};
 use super::subject::Subject;
 
 /// Acceleration of the holding test, m/s2 (DexGraspBench).
@@ -30,8 +33,30 @@ const PAYLOAD_RATIO: f64 = 1.1;
 /// contacts are, whatever the object weighs: a heavier one may be pressed harder. Whether it is held, (c) tells.
 pub const LEAST_MARGIN: f64 = 1.0;
 
-/// The deepest penetration of the closed grasp, m: points of the hand in the object, and points of the object in the hand.
-pub fn penetration(hand: &Hand, surface: &HandSurface, subject: &Subject, closed: &Closed) -> f64 {
+/// Wrench margin of a closed grasp, N.
+pub fn margin(hand: &GraspingHand, subject: &Subject, closed: &Closed) -> Result<f64> {
+    let contact =
+        |touch: &Touch| Contact { point: touch.point, normal: touch.normal, friction: subject.model.friction };
+    let contacts: Vec<Contact> = closed.touches.iter().map(contact).collect();
+    let center = closed.scene.object() * subject.field.center;
+    Ok(match hand.contacts {
+        ContactModel::Hard => wrench_margin(&contacts, &center, subject.field.length, TOTAL_FORCE)?,
+        ContactModel::Soft { torsion_arm, torque_arm } => {
+            soft_wrench_margin(&contacts, torsion_arm, &center, torque_arm, TOTAL_FORCE)?
+        }
+    })
+}
+
+/// Deepest penetration in a closed grasp, m.
+pub fn penetration(hand: &GraspingHand, subject: &Subject, closed: &Closed) -> f64 {
+    match &hand.named {
+        Some(named) => covers_penetration(named, &hand.sampled.surface, subject, closed),
+        None => closed.scene.penetration(),
+    }
+}
+
+/// Of a hand with covers: points of the hand in the object, and points of the object in the hand.
+fn covers_penetration(hand: &Hand, surface: &HandSurface, subject: &Subject, closed: &Closed) -> f64 {
     let palm_from_object = closed.scene.object();
     let object_from_palm = palm_from_object.inverse();
     let links = hand.tree.forward(closed.scene.angles());
@@ -98,18 +123,6 @@ impl Hold {
         order.sort_by(|a, b| self.shares[*b].total_cmp(&self.shares[*a]));
         order
     }
-}
-
-/// A closed grasp that pulls on; cloned for every test.
-pub trait Pulling: Clone {
-    /// Length of a step, s.
-    fn dt(&self) -> f64;
-    /// Pose of the object.
-    fn object(&self) -> Isometry3<f64>;
-    /// Angles of the joints, rad.
-    fn joints(&self) -> &[f64];
-    /// One step with a force (N) on the object's centre of mass.
-    fn step(&mut self, force: &Vector3<f64>);
 }
 
 /// (c) The DexGraspBench protocol: from the closed grasp, the force of 10 m/s2 on `mass` (kg) along each of the six axes for 2 s
@@ -202,7 +215,6 @@ fn largest(held: f64, directions: [usize; 6], holds: impl Fn(usize, f64) -> bool
 
 #[cfg(test)]
 mod tests {
-    use super::super::grasping_hand::GraspingHand;
     use super::*;
     use grasping::synthesis::posture::project;
     use sim::hand_scene::Pull;

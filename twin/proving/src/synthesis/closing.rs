@@ -8,17 +8,17 @@
 //! a little offset.
 
 use grasping::synthesis::chain::Sample;
-use grasping::synthesis::frames::Frames;
+use grasping::synthesis::frames::{Frames, HandState};
 use grasping::synthesis::held::HeldContact;
-use grasping::synthesis::posture::FreePosture;
+use grasping::synthesis::posture::{self, FreePosture};
 use nalgebra::{Isometry3, Point3, Vector3};
 use rand::{Rng, RngExt};
 use rand_distr::StandardNormal;
 use sim::hand_scene::{HandScene, Pull, Touch, displacement};
 
-use super::checks::Pulling;
 use super::grasping_hand::GraspingHand;
 use super::subject::Subject;
+use super::urdf_hand::open_posture;
 
 /// Tension of an actuator that closes plainly, N.
 const CLOSE_TENSION: f64 = 30.0;
@@ -37,6 +37,18 @@ pub const DAMPING: f64 = 100.0;
 
 /// An object that moves further than this while the digits close was pushed away, not grasped: m, rad.
 const PUSHED_AWAY: (f64, f64) = (0.03, 0.6);
+
+/// A closed grasp that pulls on; cloned for every test.
+pub trait Pulling: Clone {
+    /// Length of a step, s.
+    fn dt(&self) -> f64;
+    /// Pose of the object.
+    fn object(&self) -> Isometry3<f64>;
+    /// Angles of the joints, rad.
+    fn joints(&self) -> &[f64];
+    /// One step with a force (N) on the object's centre of mass.
+    fn step(&mut self, force: &Vector3<f64>);
+}
 
 /// A closed grasp, at rest.
 #[derive(Clone)]
@@ -128,7 +140,7 @@ pub fn close(
 ) -> Result<Closed, NotClosed> {
     let mut by = vec![0.0; sample.state.freedom()];
     by[..6].copy_from_slice(&aim.offset);
-    let (start, open) = hand.open_clear(subject, frames, &sample.state.moved(&by)).ok_or(NotClosed::Blocked)?;
+    let (start, open) = open_clear(hand, subject, frames, &sample.state.moved(&by)).ok_or(NotClosed::Blocked)?;
     let after: Vec<f64> = aim.tensions.iter().zip(&open.tensions).map(|(aimed, held)| aimed.unwrap_or(*held)).collect();
     let after = hand.bearable(&after);
     pull(hand, subject, start, open, after)
@@ -181,4 +193,22 @@ pub fn contact(touch: &Touch, point: &Point3<f64>) -> HeldContact {
 /// Whether an object that moved so far (m, rad) was pushed away.
 fn pushed_away(moved: (f64, f64)) -> bool {
     moved.0 > PUSHED_AWAY.0 || moved.1 > PUSHED_AWAY.1
+}
+
+/// The nearest posture that the actuators hold clear of the object, and `root_from_object` there; none if the hand is not cleared.
+fn open_clear(
+    hand: &GraspingHand,
+    subject: &Subject,
+    frames: &mut Frames,
+    sample: &HandState,
+) -> Option<(Isometry3<f64>, FreePosture)> {
+    if let Some(named) = &hand.named {
+        let opened = posture::open_clear(named, &hand.sampled.surface, &subject.field, frames, sample)?;
+        return Some((opened.state.object_from_palm.inverse(), opened.open));
+    }
+    let (state, amounts) = open_posture::open_clear(hand, &subject.field, frames, sample)?;
+    let start = hand.palm_from_root.inverse() * state.object_from_palm.inverse();
+    let amounts = amounts.iter().enumerate();
+    let tensions = amounts.map(|(line, amount)| open_posture::holding(hand, line, *amount)).collect();
+    Some((start, FreePosture { tensions, opposition: 0.0, joints: state.joints }))
 }

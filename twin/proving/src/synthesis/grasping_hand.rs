@@ -4,31 +4,20 @@
 
 use std::sync::Arc;
 
-use anyhow::Result;
-use grasping::force_closure::{Contact, soft_wrench_margin, wrench_margin};
-use grasping::synthesis::energy::Plane;
-use grasping::synthesis::frames::{Frames, HandState};
-use grasping::synthesis::held::{ClosedPose, DigitUse, HeldGrasp, Proof, Values, pose_from_array, pose_to_array};
+use grasping::synthesis::held::HeldGrasp;
 use grasping::synthesis::mechanism::Mechanism;
 use grasping::synthesis::posture::{self, FreePosture};
 use grasping::synthesis::surface::HandSurface;
+use hand_model::Hand;
 use hand_model::hand_mechanism::HandMechanism;
 use hand_model::kinematics::Tree;
-use hand_model::{Digit, Hand};
-use nalgebra::{Isometry3, Point3, Vector3};
+use nalgebra::Isometry3;
 use sim::collision_model::CollisionModel;
-use sim::hand_scene::{HandScene, Touch};
+use sim::hand_scene::HandScene;
 
-use super::checks::{self, TOTAL_FORCE};
-use super::closing::{Closed, contact};
-use super::hands::BestGrasp;
-use super::search::{Judgement, Report};
 use super::size::Opening;
 use super::subject::Subject;
-use super::synthesizer::Checked;
-use super::urdf_hand::describe::FoundSurface;
-use super::urdf_hand::open_posture;
-use super::urdf_hand::refusal::{self, Refusal};
+use super::urdf_hand::found_surface::FoundSurface;
 
 /// Name of our own hand.
 const OURS: &str = "F-TAC";
@@ -114,24 +103,6 @@ impl GraspingHand {
         }
     }
 
-    /// The nearest posture that the actuators hold clear of the object, and `root_from_object` there; none if the hand is not cleared.
-    pub fn open_clear(
-        &self,
-        subject: &Subject,
-        frames: &mut Frames,
-        sample: &HandState,
-    ) -> Option<(Isometry3<f64>, FreePosture)> {
-        if let Some(hand) = &self.named {
-            let opened = posture::open_clear(hand, &self.sampled.surface, &subject.field, frames, sample)?;
-            return Some((opened.state.object_from_palm.inverse(), opened.open));
-        }
-        let (state, amounts) = open_posture::open_clear(self, &subject.field, frames, sample)?;
-        let start = self.palm_from_root.inverse() * state.object_from_palm.inverse();
-        let amounts = amounts.iter().enumerate();
-        let tensions = amounts.map(|(line, amount)| open_posture::holding(self, line, *amount)).collect();
-        Some((start, FreePosture { tensions, opposition: 0.0, joints: state.joints }))
-    }
-
     /// `tensions` (N) as far as the joints bear them.
     pub fn bearable(&self, tensions: &[f64]) -> Vec<f64> {
         self.mechanism().within_efforts(tensions).0
@@ -142,116 +113,6 @@ impl GraspingHand {
         let mut scene = HandScene::new(&self.body, joints);
         scene.place(&subject.model, start);
         scene
-    }
-
-    /// Wrench margin of a closed grasp, N.
-    pub fn margin(&self, subject: &Subject, closed: &Closed) -> Result<f64> {
-        let contact =
-            |touch: &Touch| Contact { point: touch.point, normal: touch.normal, friction: subject.model.friction };
-        let contacts: Vec<Contact> = closed.touches.iter().map(contact).collect();
-        let center = closed.scene.object() * subject.field.center;
-        Ok(match self.contacts {
-            ContactModel::Hard => wrench_margin(&contacts, &center, subject.field.length, TOTAL_FORCE)?,
-            ContactModel::Soft { torsion_arm, torque_arm } => {
-                soft_wrench_margin(&contacts, torsion_arm, &center, torque_arm, TOTAL_FORCE)?
-            }
-        })
-    }
-
-    /// Deepest penetration in a closed grasp, m.
-    pub fn penetration(&self, subject: &Subject, closed: &Closed) -> f64 {
-        match &self.named {
-            Some(hand) => checks::penetration(hand, &self.sampled.surface, subject, closed),
-            None => closed.scene.penetration(),
-        }
-    }
-
-    /// Reason to refuse a closed grasp that passed all checks.
-    pub fn refusal(&self, subject: &Subject, closed: &Closed, table: Option<&Plane>) -> Option<Refusal> {
-        refusal::of(self, self.found.as_ref()?, subject, closed, table)
-    }
-
-    /// An empty report of a search.
-    pub fn report(&self) -> Report {
-        let judgement = self.found.as_ref().map(|_| Judgement::default());
-        Report { hand: self.name().into(), notes: self.notes.clone(), judgement, ..Report::default() }
-    }
-
-    /// Counts a verified grasp in the report.
-    pub fn count(&self, checked: &Checked, report: &mut Report) {
-        let Closed { scene, touches, .. } = &checked.closed;
-        if let Some(hand) = &self.named {
-            for digit in digits(hand, touches).0 {
-                *report.digits.entry(digit.name()).or_default() += 1;
-            }
-        }
-        if let (Some(found), Some(judgement)) = (&self.found, &mut report.judgement) {
-            let links = scene.links();
-            let gaps = touches.iter().map(|touch| refusal::gap(found, &links, touch));
-            judgement.surface_gap = gaps.fold(judgement.surface_gap, f64::max);
-            judgement.opposed += u64::from(refusal::opposes(self, touches));
-        }
-    }
-
-    /// The record of a verified grasp but for its proof.
-    pub fn record(&self, subject: &Subject, chain: u64, checked: &Checked) -> HeldGrasp {
-        let (closed, hand, named) = (&checked.closed, self.mechanism(), self.named.is_some());
-        let (pose, links) = (pose_to_array(&closed.scene.object()), closed.scene.links());
-        let values = |names: Vec<String>, values: &[f64]| Values {
-            names: if named { Vec::new() } else { names },
-            values: values.to_vec(),
-        };
-        let by_joint = |angles| values(hand.tree.joints.iter().map(|joint| joint.name.clone()).collect(), angles);
-        let by_pull = |tensions| values(hand.pulls.iter().map(|pull| pull.name.clone()).collect(), tensions);
-        let on_surface = |touch: &Touch| match &self.found {
-            Some(found) => refusal::on_surface(found, &links, touch),
-            None => touch.point,
-        };
-        HeldGrasp {
-            object: subject.model.name.clone(),
-            chain,
-            closed: if named { ClosedPose::PalmFromObject(pose) } else { ClosedPose::RootFromObject(pose) },
-            joints: by_joint(closed.scene.angles()),
-            start: pose_to_array(&closed.start),
-            open_joints: by_joint(&closed.open.joints),
-            open_tensions: (!named).then(|| by_pull(&closed.open.tensions)),
-            tensions: by_pull(&closed.pull.tensions),
-            opposition: named.then_some(closed.pull.opposition),
-            contacts: closed.touches.iter().map(|touch| contact(touch, &on_surface(touch))).collect(),
-            digit_use: self.named.as_ref().map(|hand| self.digit_use(hand, subject, closed)),
-            margin: checked.margin,
-            penetration: checked.penetration,
-            held_without_tension: None,
-            moved: named.then(|| closed.moved.into()),
-            energy: named.then_some(checked.sample.terms.total),
-            proof: None,
-        }
-        .rounded()
-    }
-
-    fn digit_use(&self, hand: &Hand, subject: &Subject, closed: &Closed) -> DigitUse {
-        let (digits, free) = digits(hand, &closed.touches);
-        let object_from_palm = closed.scene.object().inverse();
-        let links = hand.tree.forward(closed.scene.angles());
-        let distances = free.iter().flat_map(|digit| hand.links(*digit)).flat_map(|&link| {
-            let object_from_link = object_from_palm * links[link];
-            let points = &self.sampled.surface.links[link + 1].points;
-            points.iter().map(move |p| subject.field.distance(&(object_from_link * Point3::from(*p)).coords))
-        });
-        DigitUse {
-            room: distances.reduce(f64::min),
-            palm: closed.touches.iter().any(|touch| touch.link.is_none()),
-            approach: closed.scene.object().inverse_transform_vector(&-Vector3::z()).into(),
-            digits,
-        }
-    }
-
-    /// Completes a record.
-    pub fn prove(&self, checked: &Checked, proof: Proof, grasp: &mut HeldGrasp) {
-        let slack = || checks::hold(&checked.closed.slack(), checked.mass).held;
-        grasp.held_without_tension = self.found.as_ref().map(|_| slack());
-        grasp.proof = Some(proof);
-        *grasp = grasp.clone().rounded();
     }
 
     /// The open posture of a record.
@@ -265,22 +126,4 @@ impl GraspingHand {
             },
         }
     }
-
-    /// A record in the palm frame.
-    pub fn in_palm_frame(&self, grasp: &HeldGrasp) -> BestGrasp {
-        let point = |point: &[f64; 3]| (self.palm_from_root * Point3::from(*point)).coords.into();
-        BestGrasp {
-            palm_from_object: pose_to_array(&(self.palm_from_root * pose_from_array(&grasp.closed))),
-            joints: grasp.joints.to_vec(),
-            contacts: grasp.contacts.iter().map(|contact| point(&contact.point)).collect(),
-            margin: grasp.margin,
-        }
-    }
-}
-
-/// Digits in contact, and the others.
-fn digits(hand: &Hand, touches: &[Touch]) -> (Vec<Digit>, Vec<Digit>) {
-    let touching =
-        |digit: &Digit| touches.iter().any(|touch| touch.link.is_some_and(|link| hand.links(*digit).contains(&link)));
-    hand.digits().iter().copied().partition(touching)
 }

@@ -8,8 +8,10 @@ use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::{Context, Result, ensure};
+use grasping::synthesis::held::{HeldGrasp, pose_from_array, pose_to_array};
 use hand_model::Hand;
 use indicatif::ProgressBar;
+use nalgebra::Point3;
 use platform::file::write_whole;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -17,7 +19,8 @@ use statistics::Rate;
 
 use super::grasp_file::source;
 use super::grasping_hand::GraspingHand;
-use super::search::{self, Start, Verified};
+use super::report::Verified;
+use super::search::{self, Start};
 use super::subject::Subject;
 use super::synthesizer::{Request, Synthesizer};
 use super::urdf_hand::describe;
@@ -135,9 +138,20 @@ impl Cell {
 fn cell(hand: &GraspingHand, subject: Subject, asked: Asked, request: &Request) -> Result<Cell> {
     let synthesizer = Synthesizer::new(hand, subject, *request);
     let (report, held) = search::search(&synthesizer, Start::default(), None, &ProgressBar::hidden())?;
-    let best = held.iter().max_by(|a, b| a.margin.total_cmp(&b.margin)).map(|grasp| hand.in_palm_frame(grasp));
+    let best = held.iter().max_by(|a, b| a.margin.total_cmp(&b.margin)).map(|grasp| in_palm_frame(hand, grasp));
     let slack = report.judgement.map(|judgement| judgement.held_without_tension);
     Ok(Cell { asked, closed: report.found, verified: report.verified, held_without_tension: slack, best })
+}
+
+/// A record in the palm frame.
+fn in_palm_frame(hand: &GraspingHand, grasp: &HeldGrasp) -> BestGrasp {
+    let point = |point: &[f64; 3]| (hand.palm_from_root * Point3::from(*point)).coords.into();
+    BestGrasp {
+        palm_from_object: pose_to_array(&(hand.palm_from_root * pose_from_array(&grasp.closed))),
+        joints: grasp.joints.to_vec(),
+        contacts: grasp.contacts.iter().map(|contact| point(&contact.point)).collect(),
+        margin: grasp.margin,
+    }
 }
 
 /// The rate of a hand over all of its cells together.

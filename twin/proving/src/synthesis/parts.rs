@@ -15,7 +15,8 @@ use hand_model::Hand;
 use indicatif::ProgressBar;
 
 use super::grasping_hand::GraspingHand;
-use super::search::{self, Report, Start};
+use super::report::Report;
+use super::search::{self, Start};
 use super::subject::Subject;
 use super::synthesizer::{Request, Synthesizer};
 

@@ -14,7 +14,7 @@ use super::checks::{self, Hold};
 use super::closing::{self, Aim, Closed, NotClosed};
 use super::grasping_hand::GraspingHand;
 use super::subject::Subject;
-use super::urdf_hand::refusal::Refusal;
+use super::urdf_hand::refusal::{self, Refusal};
 
 /// What to search for.
 #[derive(Debug, Clone, Copy)]
@@ -168,8 +168,8 @@ impl<'a> Synthesizer<'a> {
 
     /// Wrench margin (N) and penetration (m) of a closed grasp.
     fn measure(&self, closed: &Closed) -> Result<(f64, f64)> {
-        let margin = self.hand.margin(&self.subject, closed)?;
-        Ok((margin, self.hand.penetration(&self.subject, closed)))
+        let margin = checks::margin(self.hand, &self.subject, closed)?;
+        Ok((margin, checks::penetration(self.hand, &self.subject, closed)))
     }
 
     /// The other checks of a closed grasp.
@@ -178,7 +178,9 @@ impl<'a> Synthesizer<'a> {
         let hold = checks::hold(&closed, mass);
         let mut checked = Checked { sample: sample.clone(), closed, margin, penetration, hold, mass, refusal: None };
         if checked.verified() {
-            checked.refusal = self.hand.refusal(&self.subject, &checked.closed, self.table().as_ref());
+            let table = self.table();
+            let refused = |found| refusal::of(self.hand, found, &self.subject, &checked.closed, table.as_ref());
+            checked.refusal = self.hand.found.as_ref().and_then(refused);
         }
         checked
     }

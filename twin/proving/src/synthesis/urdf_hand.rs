@@ -4,6 +4,9 @@
 //! none of the hand as it is.
 
 pub mod describe;
+pub mod found_surface;
 pub(super) mod open_posture;
 mod reach;
 pub mod refusal;
+mod solids;
+mod true_surface;

@@ -6,8 +6,6 @@
 //! object comes along -z.
 
 mod palm;
-mod solids;
-mod true_surface;
 
 use std::path::Path;
 use std::sync::Arc;
@@ -22,10 +20,11 @@ use sim::collision_model::CollisionModel;
 use world::geometry::LINK_MESHES;
 
 use self::palm::{facing_warning, opening, palm_frame};
-use self::solids::{LinkPart, LinkShapes, SurfacePoint, fill, name, number, shapes, surface_points};
-use self::true_surface::TrueSurfaces;
 use super::super::grasping_hand::{ContactModel, GraspingHand, SampledHand};
 use super::super::size::Opening;
+use super::found_surface::FoundSurface;
+use super::solids::{LinkShapes, SurfacePoint, fill, name, number, shapes, surface_points};
+use super::true_surface::TrueSurfaces;
 
 const MOST_CANDIDATES: usize = 700;
 /// Cosine between a point's motion and its normal from which on it is a candidate.
@@ -46,13 +45,6 @@ const TORSION_ARM: f64 = 3.0 * std::f64::consts::PI / 16.0 * 5e-3;
 const TORQUE_ARM: f64 = 0.01;
 /// Tension up to which actuators are not told to be weak, N.
 const STRONG: f64 = 60.0;
-
-/// Surface and palm of a hand as its files have them.
-pub struct FoundSurface {
-    /// The root's collision shapes, root frame.
-    root: Vec<LinkPart>,
-    true_surfaces: TrueSurfaces,
-}
 
 /// Reads and describes a hand.
 pub fn read(urdf: &Path, pulls: &Path) -> Result<GraspingHand> {
@@ -132,19 +124,6 @@ fn describe(hand: HandMechanism) -> Result<GraspingHand> {
         found: Some(FoundSurface { root, true_surfaces }),
         notes,
     })
-}
-
-impl FoundSurface {
-    /// True if the root's part nearest to `point` (root frame) belongs to the palm.
-    pub fn on_palm(&self, point: &Point3<f64>) -> bool {
-        let distance = |part: &LinkPart| part.shape.signed_distance(&part.pose.inverse_transform_point(point)).0;
-        self.root.iter().min_by(|a, b| distance(a).total_cmp(&distance(b))).is_some_and(|part| part.bears)
-    }
-
-    /// The point of a link's own surface (`None` is the root) that is nearest to `point`, both in the link's frame.
-    pub fn on_surface(&self, link: Option<usize>, point: &Point3<f64>) -> Point3<f64> {
-        self.true_surfaces.nearest(number(link), point)
-    }
 }
 
 /// Says what bears an object where the pulls file does not name the palm.

@@ -6,7 +6,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use sim::hand_scene::Touch;
 
-use super::describe::FoundSurface;
+use super::found_surface::FoundSurface;
 use super::reach;
 use crate::synthesis::closing::Closed;
 use crate::synthesis::grasping_hand::GraspingHand;

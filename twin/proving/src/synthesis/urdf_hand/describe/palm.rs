@@ -7,7 +7,7 @@ use grasping::synthesis::surface::Candidate;
 use hand_model::hand_mechanism::HandMechanism;
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 
-use super::solids::LinkShapes;
+use super::super::solids::LinkShapes;
 use super::{LEAST_MOTION, STEPS, pose};
 
 /// Cosine between a contact candidate's normal and the way to another from which on the two face each other.

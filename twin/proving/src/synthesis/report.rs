@@ -1,0 +1,149 @@
+//! What a search of grasps came to, in figures and in words.
+
+use std::collections::BTreeMap;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::load::Load;
+use super::urdf_hand::refusal::Refused;
+
+/// Counts of passed checks.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct Verified {
+    /// Friction-cone margin.
+    pub a: u64,
+    /// Penetration.
+    pub b: u64,
+    /// Held against the six forces.
+    pub c: u64,
+    /// All three.
+    pub all: u64,
+}
+
+impl Verified {
+    /// Counts one more.
+    pub fn add(&mut self, [a, b, c]: [bool; 3]) {
+        self.a += u64::from(a);
+        self.b += u64::from(b);
+        self.c += u64::from(c);
+        self.all += u64::from(a && b && c);
+    }
+}
+
+/// Figures of a search with a hand whose surface and palm are found, not given.
+#[derive(Debug, Clone, Default, Serialize, JsonSchema)]
+pub struct Judgement {
+    /// Grasps that passed all three checks and are none all the same.
+    pub refused: Refused,
+    /// Verified grasps in which two digits press against each other.
+    pub opposed: u64,
+    /// Largest distance of a verified grasp's contact from its link's own surface, m; where it is kept, it lies on that.
+    pub surface_gap: f64,
+    /// Verified grasps that still held when nothing pulled: has to be few.
+    pub held_without_tension: u64,
+}
+
+/// What a search came to.
+#[derive(Debug, Clone, Default, Serialize, JsonSchema)]
+pub struct Report {
+    pub hand: String,
+    pub object: String,
+    /// Contact candidates on the hand.
+    pub candidates: usize,
+    /// Points on the hand's surface.
+    pub surface_points: usize,
+    /// Chains run.
+    pub requested: u64,
+    /// Chains that ended in a closed grasp.
+    pub found: u64,
+    /// Chains whose posture could not be opened clear of the object.
+    pub blocked: u64,
+    /// Chains whose closing digits pushed the object away.
+    pub pushed_away: u64,
+    /// Closings tried in all.
+    pub closings: u64,
+    /// Chains whose first, plain closing passed all checks.
+    pub plain: u64,
+    /// Checks passed; all three by grasps that are not refused.
+    pub verified: Verified,
+    /// Verified grasps that nearly equal an earlier one; they are not written.
+    pub duplicates: u64,
+    /// Grasps kept and written.
+    pub kept: usize,
+    #[serde(flatten)]
+    pub judgement: Option<Judgement>,
+    /// Mass (kg) and friction for which grasps are verified, and how much those kept hold.
+    pub load: Load,
+    /// Wall time, s.
+    pub wall_s: f64,
+    /// Iterations of the sampler per second and thread.
+    pub grasp_steps_per_s: f64,
+    /// Digits used, by name, in verified grasps; none of a hand whose digits have no names.
+    pub digits: BTreeMap<&'static str, u64>,
+    /// What was found of the hand, in words; warnings begin with `WARNING`.
+    pub notes: Vec<String>,
+}
+
+impl Report {
+    /// A warning if the hand holds, but never between digits that oppose each other.
+    pub(super) fn opposition_warning(&self) -> Option<String> {
+        let all = self.verified.all;
+        let alike = all > 0 && self.judgement.as_ref().is_some_and(|judgement| judgement.opposed == 0);
+        alike.then(|| {
+            format!(
+                "WARNING none of the {all} grasps uses opposed digits: the object is held against the palm or on one side only; are all digits \
+                 pulled, and with the right signs?"
+            )
+        })
+    }
+
+    /// The report in words.
+    pub fn text(&self) -> String {
+        let share = |count: u64| format!("{count:5} ({:.1} %)", 100.0 * count as f64 / self.requested as f64);
+        let mut rows = vec![
+            format!(
+                "{} on {}: {} chains, {:.1} s, {:.0} grasp-steps/s per thread, {} surface points, {} candidates",
+                self.hand,
+                self.object,
+                self.requested,
+                self.wall_s,
+                self.grasp_steps_per_s,
+                self.surface_points,
+                self.candidates
+            ),
+            format!("closed            {}", share(self.found)),
+            format!("  blocked         {}", share(self.blocked)),
+            format!("  pushed away     {}", share(self.pushed_away)),
+            format!("(a) cone program  {}", share(self.verified.a)),
+            format!("(b) penetration   {}", share(self.verified.b)),
+            format!("(c) held          {}", share(self.verified.c)),
+        ];
+        if let Some(Judgement { refused, .. }) = &self.judgement {
+            rows.extend([
+                format!("refused           {}", share(refused.all())),
+                format!("  on a fixed part {}", share(refused.leans_on_fixed_part)),
+                format!("  off the surface {}", share(refused.contact_off_surface)),
+                format!("  out of reach    {}", share(refused.unreachable)),
+            ]);
+        }
+        rows.extend([
+            format!("all three         {}", share(self.verified.all)),
+            format!("  at first closing{}; {} closings in all", share(self.plain), self.closings),
+        ]);
+        if let Some(Judgement { opposed, surface_gap, held_without_tension, .. }) = &self.judgement {
+            rows.extend([
+                format!("  of these with opposed digits {opposed}"),
+                format!("  contacts within {:.1} mm of the links' own surfaces", 1e3 * surface_gap),
+                format!("  of these held without tension {held_without_tension}"),
+            ]);
+        }
+        rows.push(format!("kept              {:5}, without {} near duplicates", self.kept, self.duplicates));
+        if !self.digits.is_empty() {
+            let digits: Vec<String> = self.digits.iter().map(|(name, count)| format!("{name} {count}")).collect();
+            rows.push(format!("digits            {}", digits.join(", ")));
+        }
+        rows.push(self.load.text());
+        rows.into_iter().chain(self.opposition_warning()).map(|row| row + "\n").collect()
+    }
+}
