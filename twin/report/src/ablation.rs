@@ -96,7 +96,7 @@ pub fn section(summary: &Summary, records: &[TrialRecord]) -> Markup {
         h2 id="ablations" { "What full-hand touch buys" }
         figure {
             (figure(summary, records))
-            figcaption { "Dot: mean over combinations; bar: 95 % bootstrap interval. Also as " a href="ablations.svg" { "ablations.svg" } "." }
+            figcaption { "Square: mean over combinations; bar: 95 % bootstrap interval. Also as " a href="ablations.svg" { "ablations.svg" } "." }
         }
         (table)
     }
