@@ -1,21 +1,21 @@
 //! `ftac sweep`: many benchmarks along axes, on this machine or on Slurm.
 
+pub mod output;
+
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, bail};
 use clap::{Args, Subcommand};
-use schemars::JsonSchema;
-use serde::Serialize;
 use sweep::file::Sweep;
 use sweep::folder::{Failure, Folder};
-use sweep::makespan::Point;
 use sweep::merge::{Merged, merge};
 use sweep::plan::Plan;
 use sweep::slurm::{self, Submitted, Task};
 use sweep::status::status;
 use sweep::work::{self, Options};
 
+use self::output::{FailedAttempt, FailedUnit, Handed, Joined, Planned, Played, Replayed, Standing};
 use super::bench::part;
 use crate::terminal::{Outcome, Terminal};
 
@@ -96,151 +96,6 @@ pub struct SubmitArgs {
     /// How often the sweep has submitted itself again.
     #[arg(long, default_value_t = 0, hide = true)]
     pub round: u32,
-}
-
-/// Printed by `sweep plan`.
-#[derive(Debug, Serialize, JsonSchema)]
-pub struct Planned<'a> {
-    /// The sweep's name.
-    name: &'a str,
-    /// Points: one value of each axis but seed, policy and ablation.
-    points: usize,
-    /// Trials, each under one policy.
-    trials: usize,
-    /// Names of the units of work, by their content.
-    units: Vec<&'a str>,
-    /// Expected time of one core, s.
-    core_s: f64,
-    /// Expected time on this machine, s.
-    wall_s: f64,
-    /// Expected size of the units' files, bytes.
-    bytes: f64,
-    /// Tells sweeps apart.
-    sweep: String,
-}
-
-/// A unit that could not be played.
-#[derive(Debug, Serialize, JsonSchema)]
-struct FailedUnit {
-    /// The unit's name.
-    unit: String,
-    /// Reason.
-    reason: String,
-}
-
-/// A unit whose files were broken.
-#[derive(Debug, Serialize, JsonSchema)]
-struct BrokenUnit {
-    /// The unit's name.
-    unit: String,
-    /// Fault of its file.
-    reason: String,
-}
-
-/// Printed by `sweep merge`.
-#[derive(Debug, Serialize, JsonSchema)]
-pub struct Joined {
-    /// Units that were joined.
-    units: usize,
-    /// Units that are not finished.
-    missing: usize,
-    /// Units whose files were broken; they were laid aside.
-    broken: Vec<BrokenUnit>,
-    /// Rows of the trials' table.
-    trials: usize,
-    /// Rows of the tries' table.
-    tries: usize,
-    /// Time that the units took, summed, s.
-    core_s: f64,
-    /// Of all rows but what is wall time: the same results have the same digest.
-    digest: String,
-}
-
-impl Joined {
-    fn of(merged: Merged) -> Self {
-        let Merged { units, missing, broken, trials, tries, core_s, digest } = merged;
-        let broken = broken.into_iter().map(|(unit, reason)| BrokenUnit { unit, reason }).collect();
-        Self { units, missing, broken, trials, tries, core_s, digest }
-    }
-}
-
-/// Printed by `sweep run`.
-#[derive(Debug, Serialize, JsonSchema)]
-pub struct Played {
-    /// The result folder.
-    folder: PathBuf,
-    /// Units that this process played.
-    played: usize,
-    /// Units that are finished.
-    finished: usize,
-    /// Units of the sweep.
-    units: usize,
-    /// Units that could not be played.
-    failed: Vec<FailedUnit>,
-    /// Time of this process, s.
-    wall_s: f64,
-    /// Joined results; none of a worker.
-    merged: Option<Joined>,
-}
-
-/// Printed by `sweep submit`.
-#[derive(Debug, Serialize, JsonSchema)]
-pub struct Handed {
-    /// The result folder.
-    folder: PathBuf,
-    /// Outcome: submitted, joined (jobs of this sweep are under way) or finished.
-    outcome: &'static str,
-    /// Job of the workers.
-    array: Option<u64>,
-    /// Job that joins their results.
-    merge: Option<u64>,
-    /// Workers.
-    workers: Option<usize>,
-}
-
-/// A unit whose last attempt failed.
-#[derive(Debug, Serialize, JsonSchema)]
-struct FailedAttempt {
-    /// The unit's name.
-    unit: String,
-    /// Reason.
-    reason: String,
-    /// Machine, process and job.
-    by: String,
-}
-
-/// Printed by `sweep status`.
-#[derive(Debug, Serialize, JsonSchema)]
-pub struct Standing {
-    /// The sweep's name.
-    name: String,
-    /// Units that are finished.
-    finished: usize,
-    /// Units of the sweep.
-    units: usize,
-    /// Units that somebody plays.
-    running: usize,
-    /// Units whose last attempt failed.
-    failed: Vec<FailedAttempt>,
-    /// Trials of the finished units.
-    trials: usize,
-    /// Trials of the sweep.
-    of_trials: usize,
-    /// Over the last quarter of an hour.
-    trials_per_minute: Option<f64>,
-    /// Time left at that rate, s.
-    left_s: Option<f64>,
-    /// State of the jobs by Slurm.
-    jobs: Vec<Task>,
-    /// Error of the question to Slurm.
-    slurm_error: Option<String>,
-}
-
-/// Printed by `sweep makespan`.
-#[derive(Debug, Serialize, JsonSchema)]
-pub struct Replayed {
-    /// A number of cores each.
-    points: Vec<Point>,
 }
 
 /// Runs a command.
