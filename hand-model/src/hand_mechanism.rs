@@ -110,7 +110,7 @@ pub struct MeshSurface {
     pub excess: f64,
 }
 
-/// Where the palm of a hand from a URDF is.
+/// Place of the palm of a hand from a URDF.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Palm {
     /// Links of the root that may bear an object.
@@ -155,7 +155,7 @@ pub struct HandMechanism {
     pub palm: Palm,
     /// Joints that are held at a coordinate (rad or m), which the tree does not have.
     pub held: Vec<(String, f64)>,
-    /// What was taken otherwise than the files say, a line each.
+    /// Departures from what the files say, a line each.
     pub notes: Vec<String>,
 }
 

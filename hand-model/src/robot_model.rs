@@ -368,7 +368,7 @@ mod tests {
         assert_eq!(down.mechanics(), level.mechanics() + " 1.5");
     }
 
-    /// How a hand is read is no part of what grasps depend on; the sets of digits that take objects are.
+    /// Signs of a hold are no part of what grasps depend on; the sets of digits that take objects are.
     #[test]
     fn mechanics_are_those_of_body_and_grasps() {
         let read = |change: fn(&mut HandParameters)| {

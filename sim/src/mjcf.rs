@@ -164,7 +164,7 @@ fn link_name(hand: &HandMechanism, link: Option<usize>) -> String {
     escaped(link.map_or(&hand.root, |link| &hand.tree.joints[link].name))
 }
 
-/// Where the bodies of a hand's links are written.
+/// Writer of the bodies of a hand's links.
 struct Links<'a> {
     hand: &'a HandMechanism,
     assets: String,
@@ -174,7 +174,7 @@ struct Links<'a> {
 }
 
 impl Links<'_> {
-    /// What is inside the root's body: its shapes, guide points and digits.
+    /// Content of the root's body: its shapes, guide points and digits.
     fn root(&mut self) {
         if let Some(mass) = &self.hand.root_mass {
             inertial(&mut self.bodies, mass);

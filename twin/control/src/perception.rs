@@ -61,7 +61,7 @@ impl KnownShape for KnownObject {
     }
 }
 
-/// What was felt of an object.
+/// Pose estimate of an object.
 #[derive(Debug, Clone)]
 pub struct Felt {
     /// Number of the object in the trial.
@@ -123,7 +123,7 @@ pub struct Signs<'a> {
 }
 
 impl Grip {
-    /// Whether an object is in the hand.
+    /// True if an object is in the hand.
     pub fn holds(&self, object: usize) -> bool {
         self.0.get(object).is_some_and(|held| *held)
     }
@@ -217,7 +217,7 @@ fn full_excursion(hand: &Hand, digit: Digit) -> f64 {
 pub struct Expected<'a> {
     /// Where the plan has the first object in the hand: `palm_from_object`.
     pub palm_from_object: Isometry3<f64>,
-    /// How the objects are held, in the order in which they are taken.
+    /// Hold state of each object, in the order in which they are taken.
     pub objects: Vec<Holder<'a>>,
 }
 

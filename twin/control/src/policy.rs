@@ -230,7 +230,7 @@ pub trait Policy {
     fn decide(&mut self, executor: &mut Executor, eyes: &mut dyn Eyes, time: f64) -> Result<Step, PolicyError>;
     /// What it did so far.
     fn story(&mut self) -> &mut Story;
-    /// What was felt of each object in the hand at the last look.
+    /// Pose estimate of each object in the hand at the last look.
     fn felt(&self) -> &[Felt];
     /// Whether its decisions are made from measurements, and so take time.
     fn deliberates(&self) -> bool;

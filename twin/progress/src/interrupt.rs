@@ -52,13 +52,13 @@ impl Interrupt {
 /// Work that ended early because the operator wanted it to: what is finished was kept.
 #[derive(Debug)]
 pub struct Interrupted {
-    /// Finished pieces ...
+    /// Finished pieces.
     pub done: usize,
-    /// ... of so many.
+    /// All pieces.
     pub of: usize,
-    /// What they are, in the plural.
+    /// Name of a piece with its verb, in the plural.
     pub what: &'static str,
-    /// How to go on, in words.
+    /// The way to go on, in words.
     pub further: String,
 }
 

@@ -36,7 +36,7 @@ const EXPECTED: usize = 9;
 /// A hold that slips more than this in the time it is watched is none, m.
 const SLIP_LIMIT: f64 = 0.004;
 
-/// How much work goes into each object in each place.
+/// Work for each object in each place.
 ///
 /// What is taken with an empty hand comes in place 0, what is taken beside it in place 1.
 #[derive(Debug, Clone, Copy)]

@@ -160,13 +160,13 @@ fn pace(world: &World, repertoire: &Repertoire, board: &TactileBoard, pairs: &[C
 /// A search for grasps of an object.
 struct Search<'a> {
     object: &'a ObjectModel,
-    /// How many others are held when it is taken.
+    /// Number of others that are held when it is taken.
     place: usize,
     /// Those that take it.
     digits: Vec<Digit>,
 }
 
-/// What was found in a search, in words.
+/// Findings of a search, in words.
 fn found(search: &Search, count: usize) -> String {
     let (object, order, digits) = (search.object, ordinal(search.place), in_words(&search.digits));
     if count > 0 {

@@ -143,7 +143,7 @@ mod tests {
         assert_eq!(won.len(), 1);
     }
 
-    /// What a killed process leaves is a file that nobody holds.
+    /// A killed process leaves a file that nobody holds.
     #[test]
     fn claims_of_the_dead_are_taken_over() {
         let folder = tempfile::tempdir().expect("a folder");

@@ -36,7 +36,7 @@ pub struct Done {
     pub played: usize,
     /// Units that are finished now ...
     pub finished: usize,
-    /// ... of so many.
+    /// All pieces.
     pub of: usize,
     /// Units that could not be played, and why.
     pub failed: Vec<(String, String)>,

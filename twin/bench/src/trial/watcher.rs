@@ -18,7 +18,7 @@ pub struct Moment<'a> {
     pub executor: &'a Executor,
     /// What was sent in this tick, after limits; `None` where no tick passed.
     pub sent: Option<&'a Command>,
-    /// What was felt of each object in the hand, once it was.
+    /// Pose estimate of each object in the hand, once it was felt.
     pub felt: &'a [Felt],
     /// The condition, or `None` while all conditions share the first grasp.
     pub condition: Option<Condition>,

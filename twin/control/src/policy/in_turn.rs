@@ -31,7 +31,7 @@ pub struct InTurn<'a> {
     candidates: Vec<Vec<Candidate>>,
     objects: Vec<Tracked>,
     grip: Grip,
-    /// What was felt at the last look of each object in the hand.
+    /// Pose estimate of each object in the hand at the last look.
     felt: Vec<Felt>,
     story: Story,
 }

@@ -39,7 +39,7 @@ pub struct Wanted<'a> {
     pub digits: &'a [Digit],
     /// Grasps for it while it stands as the plan expects.
     pub candidates: &'a [Candidate],
-    /// What has failed in this trial.
+    /// Failures in this trial.
     pub tracked: &'a Tracked,
 }
 

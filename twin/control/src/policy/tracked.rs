@@ -15,13 +15,13 @@ pub struct Tracked {
     object: usize,
     /// Looks that its place is the mean of.
     pub looks: u32,
-    /// What the latest look states of its own error, m.
+    /// Standard deviation that the latest look states, m.
     sighted: Option<f64>,
     /// Error of its place since it was touched where it stands.
     pub located: Option<Belief>,
     /// It was hidden when it was last looked for.
     pub hidden: bool,
-    /// How often each grasp, by its number, has failed.
+    /// Count of failures of each grasp, by its number.
     failures: BTreeMap<u32, i32>,
 }
 
@@ -73,7 +73,7 @@ impl Tracked {
         *self.failures.entry(grasp).or_default() += 1;
     }
 
-    /// What is left of a grasp's worth after its failures.
+    /// Factor on a grasp's worth after its failures.
     pub fn trust(&self, grasp: u32) -> f64 {
         worth::FAILED.powi(self.failures.get(&grasp).copied().unwrap_or(0))
     }

@@ -94,7 +94,7 @@ fn values<const N: usize>(steps: &[i64; N], per_unit: f64) -> [f64; N] {
     steps.map(|n| n as f64 / per_unit)
 }
 
-/// What a record of the F-TAC Hand has.
+/// Fields of a record of the F-TAC Hand, in words.
 pub const EXPECTED: &str =
     "15 joints, 5 tensions, opposition, digits, palm, approach, room, moved and energy of the F-TAC Hand";
 

@@ -189,7 +189,7 @@ pub struct HeldGrasp {
     pub margin: f64,
     /// Deepest penetration of hand and object, or of two links that collide.
     pub penetration: f64,
-    /// Whether it still held when nothing pulled; none where that was not tried.
+    /// True if it still held when nothing pulled; none where that was not tried.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub held_without_tension: Option<bool>,
     /// Distance and angle by which closing moved the object.
@@ -209,7 +209,7 @@ impl HeldGrasp {
         self.digit_use.as_ref().map_or(&[], |used| &used.digits)
     }
 
-    /// Whether the root, which is the palm, is in contact.
+    /// True if the root, which is the palm, is in contact.
     pub fn palm(&self) -> bool {
         self.contacts.iter().any(|contact| contact.link.is_none())
     }

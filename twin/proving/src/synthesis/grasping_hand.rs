@@ -63,7 +63,7 @@ pub struct GraspingHand {
     pub named: Option<Arc<Hand>>,
     /// Surface and palm where they are found, not given; grasps are refused by them.
     pub found: Option<FoundSurface>,
-    /// What was found, in words; warnings begin with `WARNING`.
+    /// Findings in words; warnings begin with `WARNING`.
     pub notes: Vec<String>,
 }
 

@@ -1,4 +1,4 @@
-//! What a search of grasps came to, in figures and in words.
+//! Results of a search of grasps, in figures and in words.
 
 use std::collections::BTreeMap;
 
@@ -44,7 +44,7 @@ pub struct Judgement {
     pub held_without_tension: u64,
 }
 
-/// What a search came to.
+/// Results of a search.
 #[derive(Debug, Clone, Default, Serialize, JsonSchema)]
 pub struct Report {
     pub hand: String,
@@ -81,7 +81,7 @@ pub struct Report {
     pub grasp_steps_per_s: f64,
     /// Digits used, by name, in verified grasps; none of a hand whose digits have no names.
     pub digits: BTreeMap<&'static str, u64>,
-    /// What was found of the hand, in words; warnings begin with `WARNING`.
+    /// Findings about the hand, in words; warnings begin with `WARNING`.
     pub notes: Vec<String>,
 }
 

@@ -1,4 +1,4 @@
-//! How far reconstructed surfaces are from balls whose size and contact are known.
+//! Errors of reconstructed surfaces of balls whose size and contact are known.
 //!
 //! A ball's circle tells the gel's shape well inside it. Towards the rim the gel leaves the ball, smoothly, and how far the gel
 //! around it sinks is not known. Heights are therefore compared over the inner [`INNER`] of the contact's radius, less their mean

@@ -1,4 +1,4 @@
-//! How an object is taken beside what is held: with the grasp and the aim that promise most beside the first object as it is felt in the hand.
+//! Taking an object beside what is held: with the grasp and the aim that promise most beside the first object as it is felt in the hand.
 
 use world::attempt::Attempt;
 

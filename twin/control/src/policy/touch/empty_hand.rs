@@ -1,4 +1,4 @@
-//! How an object is taken with an empty hand: with the grasp that is worth most together with the grasps of the next object that can follow it.
+//! Taking an object with an empty hand: with the grasp that is worth most together with the grasps of the next object that can follow it.
 
 use grasping::Grasp;
 use nalgebra::{Matrix3, Vector3};
