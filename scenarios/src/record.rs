@@ -124,6 +124,14 @@ pub struct TrialRecord {
     pub disturbance: String,
     /// Probability that the planned second grasp ends in an unwanted contact, as predicted at the first decision.
     pub risk: Option<f64>,
+    /// Distance between the first object, as felt in the hand at the first decision, and the second one in its place at the planned grasp,
+    /// mm; negative where they overlap, which is a predicted collision. None where the first object was not felt; tables without this
+    /// column have none.
+    #[serde(default)]
+    pub plan_separation_mm: Option<f64>,
+    /// The same at the second grasp that was chosen; none where the policy does not choose, or declined.
+    #[serde(default)]
+    pub chosen_separation_mm: Option<f64>,
     /// Distance between the estimated and the true position of the first object in the hand, mm.
     pub pose_error_mm: Option<f64>,
     /// Angle between the estimated and the true orientation, given the object's symmetry, deg.
@@ -248,7 +256,7 @@ pub fn read_trials(from: impl Read) -> Result<Vec<TrialRecord>, RecordError> {
 }
 
 /// The header of `trials.csv`, without the columns of trials of three objects.
-pub const COLUMNS: [&str; 22] = [
+pub const COLUMNS: [&str; 24] = [
     "combination",
     "trial",
     "condition",
@@ -266,6 +274,8 @@ pub const COLUMNS: [&str; 22] = [
     "reason",
     "disturbance",
     "risk",
+    "plan_separation_mm",
+    "chosen_separation_mm",
     "pose_error_mm",
     "pose_error_deg",
     "prior_error_mm",
@@ -296,6 +306,8 @@ pub(crate) mod tests {
             reason: "clear, \"quoted\", with commas".into(),
             disturbance: "pushed".into(),
             risk: None,
+            plan_separation_mm: None,
+            chosen_separation_mm: None,
             pose_error_mm: None,
             pose_error_deg: None,
             prior_error_mm: None,
@@ -351,7 +363,7 @@ pub(crate) mod tests {
         let mut file = Vec::new();
         write_trials(&[], &mut file).unwrap();
         assert_eq!(read_trials(file.as_slice()).unwrap(), []);
-        let text = String::from_utf8(file).unwrap() + "0,0,psychic,egg,egg,false,,,,true,true,,false,0,,,,,,,1.0,\n";
+        let text = String::from_utf8(file).unwrap() + "0,0,psychic,egg,egg,false,,,,true,true,,false,0,,,,,,,,,1.0,\n";
         let error = read_trials(text.as_bytes()).unwrap_err().to_string();
         assert!(error.contains("line: 2") && error.contains("psychic"), "{error}");
     }

@@ -28,7 +28,7 @@ use control::policy::blind::Blind;
 use control::policy::chosen::Chosen;
 use control::policy::in_turn::InTurn;
 use control::policy::touch::Touch;
-use control::policy::{Knowledge, Recovery, order};
+use control::policy::{FirstDecision, Knowledge, Recovery, order};
 use control::sensing::Senses;
 use proving::rehearsal::{Snapshot, TrialStart};
 use rand::RngExt as _;
@@ -42,7 +42,7 @@ use world::Sensing;
 use world::layout::MOST_OBJECTS;
 use world::objects::ObjectModel;
 
-use self::branch::{Play, foretold_risk, play};
+use self::branch::{Play, foretell, note_decision, play};
 use self::eyes::Looks;
 
 pub use self::branch::TrialOutcome;
@@ -127,7 +127,9 @@ impl Bench {
         let start = Setup::planned(self, combination, TrialNoise::none(), 0).first_grasp(self, None, watcher)?;
         let id = TrialId { combination, trial: 0, condition: Condition::Ideal };
         let looks = Looks::new(trial_rng(self.seed, combination, 0), None);
-        self.plan(&start, self.options(id, looks), watcher)
+        let mut outcome = self.plan(&start, self.options(id, looks.clone()), watcher)?;
+        self.foretell(&start, self.options(id, looks), &mut outcome.record)?;
+        Ok(outcome)
     }
 
     /// One trial: all `conditions` with the same errors, and then, unwatched, `touch` without some of its means.
@@ -148,8 +150,7 @@ impl Bench {
             results.add(branches.play(id(condition), watcher)?);
         }
         for record in results.records.iter_mut().filter(|record| record.condition == Condition::Blind) {
-            record.risk =
-                self.foretold_risk(&branches.start, self.options(id(Condition::Blind), branches.looks.clone()))?;
+            self.foretell(&branches.start, self.options(id(Condition::Blind), branches.looks.clone()), record)?;
         }
         for &ablation in ablations {
             let outcome = branches.deliberate(id(Condition::Touch), ablation.into(), &mut NoWatcher)?;
@@ -248,17 +249,20 @@ impl Bench {
         play(start, &mut Chosen::new(knowledge, senses, &mut chooser), options, watcher)
     }
 
-    /// Risk of a contact if the plan is carried out, as touch predicts it from what is felt after the first grasp; `None` if the first
-    /// object is not felt in the hand, and in trials of any other number of objects than two.
-    fn foretold_risk(&self, start: &Start, options: Play) -> Result<Option<f64>> {
+    /// Notes what touch would foretell of the plan from what is felt after the first grasp; nothing if the first object is not felt in
+    /// the hand, and in trials of any other number of objects than two.
+    fn foretell(&self, start: &Start, options: Play, record: &mut TrialRecord) -> Result<()> {
         if start.objects.len() != 2 {
-            return Ok(None);
+            return Ok(());
         }
         let recovery = Recovery { retry: false, new_look: false };
         let means = Means { sensing: Sensing::Full, recovery, explores: false };
         let foresees = self.twin.as_ref().map(|twin| Foresees::plan(twin));
         let knowledge = Knowledge { foresees, ..self.knowledge(start.known(), means)? };
-        foretold_risk(start, &mut self.touch_policy(start, knowledge, means)?, options)
+        let decision = foretell(start, &mut self.touch_policy(start, knowledge, means)?, options)?;
+        // The condition carries out the plan, whatever touch would choose.
+        note_decision(record, decision.map(|decision| FirstDecision { chosen: None, ..decision }));
+        Ok(())
     }
 
     /// What the best grasps of a trial that begins as `setup` promise a policy with these `means`.

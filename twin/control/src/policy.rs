@@ -28,7 +28,7 @@ use crate::foresight::Foresees;
 use crate::motion::MotionError;
 use crate::percept::{Eyes, EyesError};
 use crate::perception::{Felt, Grip, KnownObject};
-use crate::strategy::{Course, Decision, StrategyError, Weighed};
+use crate::strategy::{Assessment, Course, Decision, StrategyError, Weighed};
 use crate::uncertainty::Uncertainty;
 use crate::workcell::Workcell;
 use crate::worth::{Candidate, Sequence};
@@ -156,6 +156,15 @@ impl Choice {
     }
 }
 
+/// The planned second grasp and the chosen one, as the first decision assessed them.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FirstDecision {
+    /// Of the plan, aimed at what is seen.
+    pub plan: Assessment,
+    /// Of the chosen grasp; `None` where the policy declined.
+    pub chosen: Option<Assessment>,
+}
+
 /// What a policy did in a trial, for its record.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Story {
@@ -167,8 +176,8 @@ pub struct Story {
     pub aimed: bool,
     /// Decisions how to take the second object.
     pub decisions: u32,
-    /// Predicted risk of the planned second grasp, as the first decision found it.
-    pub risk: Option<f64>,
+    /// The first decision how to take the second object.
+    pub first_decision: Option<FirstDecision>,
     /// What was attempted after the first grasp, in order.
     pub attempts: Vec<Attempt>,
     /// Reasons in words, in order.

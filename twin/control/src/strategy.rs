@@ -37,6 +37,9 @@ pub use self::ways::{CLEAR, clear_stops, clearest};
 pub struct Assessment {
     /// Smallest distance along the whole motion, m; negative is a collision.
     pub clearance: f64,
+    /// Distance between the held object alone and the next one in its place, when the palm is at the grasp and before the digits close, m;
+    /// negative where the two overlap, which is the paper's collision.
+    pub separation: f64,
     /// Probability of an unwanted contact.
     pub risk: f64,
     /// Probability that the object is held after this try.
@@ -175,9 +178,12 @@ impl<'a> Aiming<'a> {
     /// With how it goes there.
     fn assess(&self, executor: &Executor, scene: &Scene) -> Result<(Assessment, Passage), StrategyError> {
         let passage = scene.passage(executor, self.candidate, &self.aimed.aim)?;
-        let (clearance, free) = (passage.clearance, 1.0 - passage.contact);
+        let (clearance, separation, free) = (passage.clearance, passage.separation, 1.0 - passage.contact);
         let odds = Odds { held: self.odds.held * free, contact: 1.0 - (1.0 - self.odds.contact) * free };
-        Ok((Assessment { clearance, risk: odds.contact, held: odds.held, utility: utility(&odds) }, passage))
+        Ok((
+            Assessment { clearance, separation, risk: odds.contact, held: odds.held, utility: utility(&odds) },
+            passage,
+        ))
     }
 
     /// As it was weighed: by its odds alone, or with what is in its way.

@@ -46,6 +46,9 @@ pub(crate) fn made_up(combinations: usize, trials: usize) -> Vec<TrialRecord> {
                     risk: (condition == Condition::Blind)
                         .then(|| f64::from(u8::from(contact)) * 0.6 + 0.02 * trial as f64),
                     reason: "made up".into(),
+                    // Predicted as it happens; touch finds a clear way.
+                    plan_separation_mm: (condition != Condition::Reflex).then_some(if contact { -2.0 } else { 4.0 }),
+                    chosen_separation_mm: (condition == Condition::Touch).then_some(4.0),
                     pose_error_mm: (condition == Condition::Touch).then_some(0.5 + 0.31 * trial as f64),
                     pose_error_deg: (condition == Condition::Touch).then_some(1.0 + 0.7 * trial as f64),
                     prior_error_mm: (condition == Condition::Touch).then_some(7.5 + 0.8 * trial as f64),

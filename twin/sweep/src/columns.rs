@@ -6,7 +6,7 @@
 use crate::axis::{Level, PlannedAxis};
 
 /// Version of the tables. A column that is added, renamed or means something else makes a new one.
-pub const VERSION: u32 = 1;
+pub const VERSION: u32 = 2;
 
 /// What a column holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -94,7 +94,7 @@ const ID: [(&str, Kind, &str); 3] = [
 ];
 
 /// Of a trial, as in `trials.csv`.
-const TRIALS: [(&str, Kind, &str); 23] = [
+const TRIALS: [(&str, Kind, &str); 25] = [
     ID[0],
     ID[1],
     ID[2],
@@ -113,6 +113,12 @@ const TRIALS: [(&str, Kind, &str); 23] = [
     ("reason", Text, "why the policy switched and tried again, or did not"),
     ("disturbance", Text, "what was done to the trial beside noise"),
     ("risk", Number, "predicted probability of an unwanted contact; empty where none was made"),
+    (
+        "plan_separation_mm",
+        Number,
+        "predicted between the objects at the planned grasp, mm; negative is a collision; empty where none was made",
+    ),
+    ("chosen_separation_mm", Number, "the same at the chosen grasp; empty where none was chosen"),
     ("pose_error_mm", Number, "of the first object in the hand, mm; empty where it was not felt"),
     ("pose_error_deg", Number, "the same, deg"),
     ("prior_error_mm", Number, "of the plan's guess, mm"),

@@ -42,6 +42,8 @@ fn record(combination: usize, trial: usize, condition: Condition, draw: u64) -> 
         reason: format!("odds {:.3}", draw as f64 / 1e3),
         disturbance: String::new(),
         risk: Some(draw as f64 / 1e4),
+        plan_separation_mm: Some(draw as f64 / 1e2 - 5.0),
+        chosen_separation_mm: None,
         pose_error_mm: None,
         pose_error_deg: None,
         prior_error_mm: None,

@@ -6,7 +6,8 @@ use std::time::Instant;
 use anyhow::Result;
 use control::executor::{Phase, Skill, Stage};
 use control::perception::Felt;
-use control::policy::{Policy, Step};
+use control::policy::{FirstDecision, Policy, Step};
+use control::strategy::Assessment;
 use proving::rehearsal::{Snapshot, in_hand};
 use scenarios::noise::NoiseLevels;
 use scenarios::record::{TrialId, TrialRecord};
@@ -70,7 +71,7 @@ pub fn play(start: &Start, policy: &mut dyn Policy, with: Play, watcher: &mut dy
     record.switched = !story.is_as_planned();
     record.retries = story.retries;
     record.reason = story.reasons.join("; ");
-    record.risk = story.risk;
+    note_decision(&mut record, story.first_decision);
     let tries = tries(start, story.attempts.clone(), &played.run, id);
     record.decision_ms = (played.slowest_ms > 0.0).then_some(played.slowest_ms);
     if let Some(truth) = &played.at_estimate {
@@ -164,11 +165,19 @@ fn decide_and_play(
     Ok(played)
 }
 
-/// The risk of the plan that `policy` finds in its first decision; `None` if it does not feel the first object in the hand.
-pub fn foretold_risk(start: &Start, policy: &mut dyn Policy, mut with: Play) -> Result<Option<f64>> {
+/// The first decision of `policy`, which is not carried out; `None` if it does not feel the first object in the hand.
+pub fn foretell(start: &Start, policy: &mut dyn Policy, mut with: Play) -> Result<Option<FirstDecision>> {
     decide(&mut start.run.clone(), &start.objects, policy, &mut with)?;
     let held = policy.felt().first().is_some_and(|felt| felt.grip.holds(felt.object));
-    Ok(if held { policy.story().risk } else { None })
+    Ok(policy.story().first_decision.filter(|_| held))
+}
+
+/// Notes what the first decision foretold of the plan and of what it chose.
+pub fn note_decision(record: &mut TrialRecord, decision: Option<FirstDecision>) {
+    let mm = |assessed: Assessment| Some(1e3 * assessed.separation).filter(|separation| separation.is_finite());
+    record.risk = decision.map(|decision| decision.plan.risk);
+    record.plan_separation_mm = decision.and_then(|decision| mm(decision.plan));
+    record.chosen_separation_mm = decision.and_then(|decision| decision.chosen).and_then(mm);
 }
 
 /// One decision: perceive, then decide.

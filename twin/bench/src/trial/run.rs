@@ -73,6 +73,8 @@ impl Run {
             reason: String::new(),
             disturbance: self.disturber.log(),
             risk: None,
+            plan_separation_mm: None,
+            chosen_separation_mm: None,
             pose_error_mm: None,
             pose_error_deg: None,
             prior_error_mm: None,

@@ -31,6 +31,9 @@ pub struct Course {
 
 /// The geometry of a decision: what moves with the palm (palm frame), as felt and as rehearsed, and the target (its own frame).
 pub(super) struct Scene<'a> {
+    /// The held object alone.
+    object: Vec<Solid>,
+    /// With the digits that hold it.
     moving: Vec<Solid>,
     /// That and the rest of the hand, which is to stay clear on the way to the approach pose.
     whole: Vec<Solid>,
@@ -46,6 +49,7 @@ impl<'a> Scene<'a> {
         let moving = held_solids(hand, held, (&held.pose, &held.joints));
         let whole = [&moving[..], &free_solids(hand, held)].concat();
         Self {
+            object: placed(held.solids, &held.pose),
             moving,
             whole,
             rehearsed,
@@ -102,6 +106,12 @@ impl<'a> Scene<'a> {
         Ok((clearance, palm))
     }
 
+    /// Distance of the held object alone to the target, which is seen at `percept`, when the palm has arrived at the end of `path`, m.
+    fn separation(&self, path: &PosePath, percept: &Percept) -> Result<f64, StrategyError> {
+        let found = clearance_at(&path.end(), &self.object, &placed(self.target, &percept.pose()))?;
+        Ok(found.map_or(f64::INFINITY, |found| found.min_distance))
+    }
+
     /// How the hold as felt gets to the target and takes it with `candidate`, aimed `aim` beside what is seen.
     pub(super) fn passage(
         &self,
@@ -129,7 +139,8 @@ impl<'a> Scene<'a> {
         let on_the_way = if there > FAR * self.sigma { 0.0 } else { risk(there) };
         let contact = 1.0 - (1.0 - contact) * (1.0 - on_the_way);
         let nearest = (taking <= there && taking.is_finite()).then_some(palm);
-        Ok(Passage { clearance: taking.min(there), contact, stops, path: [first, last], nearest })
+        let separation = self.separation(&last, &percept)?;
+        Ok(Passage { clearance: taking.min(there), separation, contact, stops, path: [first, last], nearest })
     }
 }
 
@@ -137,6 +148,8 @@ impl<'a> Scene<'a> {
 pub(super) struct Passage {
     /// Smallest distance, m.
     pub clearance: f64,
+    /// See [`super::Assessment::separation`].
+    pub separation: f64,
     /// Probability of a contact beyond what rehearsals have seen: they began where the trial's plan does, and took the same last
     /// stretch.
     pub contact: f64,

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use control::executor::Executor;
 use control::foresight::{Foresees, Imagined, Scene, Twin, TwinError};
 use control::odds::{Belief, Rehearsed, TryOutcome};
-use control::strategy::{Decision, Foresight, Held, Situation, choose, object_solids};
+use control::strategy::{Assessment, Decision, Foresight, Held, Situation, choose, object_solids};
 use control::uncertainty::Uncertainty;
 use control::worth::Candidate;
 use nalgebra::{Isometry3, Vector3};
@@ -15,7 +15,7 @@ use world::objects::{ObjectModel, ObjectSet};
 use crate::table::*;
 
 /// The choice with a bar of 16 mm x 16 mm x 120 mm, along the palm's normal, held at `x` (m, palm frame).
-fn with_bar_at(x: f64) -> (bool, f64) {
+fn with_bar_at(x: f64) -> (bool, Assessment) {
     let table = Table::new();
     let mut executor = table.executor();
     run_until(&mut executor, DECIDE);
@@ -45,7 +45,7 @@ fn with_bar_at(x: f64) -> (bool, f64) {
         foresight: None,
     };
     let decision = choose(&situation, &table.second()).expect("geometry").expect("a plan");
-    (decision.switched, decision.plan.clearance)
+    (decision.switched, decision.plan)
 }
 
 fn bar() -> ObjectModel {
@@ -57,16 +57,25 @@ fn bar() -> ObjectModel {
 /// A held bar that stands where the plan closes on the next object makes the plan switch to the grasp that closes below it.
 #[test]
 fn a_bar_in_the_way_switches_the_grasp() {
-    let (switched, clearance) = with_bar_at(0.02);
-    assert!(clearance < 0.0, "the plan clears the bar by {clearance} m");
+    let (switched, plan) = with_bar_at(0.02);
+    assert!(plan.clearance < 0.0 && plan.separation < 0.0, "{plan:?}");
     assert!(switched);
+}
+
+/// Digits that are in the way are no overlap of the two objects.
+#[test]
+fn objects_are_no_nearer_than_what_holds_them() {
+    for x in [-0.10, -0.05, 0.0, 0.02, 0.05] {
+        let (_, plan) = with_bar_at(x);
+        assert!(plan.separation > plan.clearance - 1e-4, "{x}: {plan:?}");
+    }
 }
 
 /// The same bar beside the hand changes nothing.
 #[test]
 fn a_bar_out_of_the_way_keeps_the_plan() {
-    let (switched, clearance) = with_bar_at(-0.10);
-    assert!(clearance > 0.02, "the plan passes the bar at {clearance} m");
+    let (switched, plan) = with_bar_at(-0.10);
+    assert!(plan.clearance > 0.02, "{plan:?}");
     assert!(!switched);
 }
 

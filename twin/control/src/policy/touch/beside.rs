@@ -7,7 +7,7 @@ use crate::executor::{Executor, Target};
 use crate::odds::Belief;
 use crate::percept::Percept;
 use crate::perception::Felt;
-use crate::policy::{Choice, PolicyError, Step};
+use crate::policy::{Choice, FirstDecision, PolicyError, Step};
 use crate::strategy::{Assessment, Decision, Foresight, Held, Situation, choose, rehearsals};
 use crate::worth::{Candidate, SWITCH_GAIN};
 
@@ -34,8 +34,11 @@ impl Touch<'_> {
                 return Ok(self.give_up(object, &seen));
             };
             let decision = self.choose(object, executor, &within, felt)?;
-            self.story.risk.get_or_insert(decision.plan.risk);
             let declined = decision.chosen.held < decision.chosen.risk;
+            self.story.first_decision.get_or_insert_with(|| FirstDecision {
+                plan: decision.plan,
+                chosen: (!declined).then_some(decision.chosen),
+            });
             self.story.choice = Some(Choice::of(&decision, declined));
             if declined {
                 return self.way_out(executor, &decision);
