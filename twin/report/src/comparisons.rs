@@ -1,4 +1,4 @@
-//! The comparisons between conditions: tests beside the paper's, sizes of differences, trials within combinations. Of conditions that were not
+//! The comparisons between conditions: tests, sizes of differences, trials within combinations. Of conditions that were not
 //! played nothing is said.
 
 use maud::{Markup, Render as _, html};
@@ -8,7 +8,6 @@ use statistics::{Difference, Interval, TTest, Untested};
 
 use super::findings::Rate;
 use super::html::{Column, Table, number, probability};
-use super::paper;
 
 /// One of the benchmark's comparisons between two conditions that were played.
 pub struct Comparison<'a> {
@@ -38,16 +37,6 @@ impl Comparison<'_> {
             Rate::CleanSuccess => "clean success",
         };
         format!("{rate}, {more} less {less}")
-    }
-
-    /// Whether the paper has it.
-    fn published(&self) -> bool {
-        use Condition::{Blind, Ideal, Touch};
-        match self.rate {
-            Rate::Contact => self.conditions == [Blind, Ideal],
-            Rate::Success => false,
-            Rate::CleanSuccess => self.conditions == [Touch, Blind],
-        }
     }
 }
 
@@ -92,7 +81,7 @@ pub fn section(summary: &Summary) -> Markup {
     } }
 }
 
-/// The tests beside the paper's.
+/// The tests.
 fn tests(summary: &Summary, compared: &[Comparison]) -> Table {
     let head = [
         ("question", Column::Words),
@@ -100,7 +89,6 @@ fn tests(summary: &Summary, compared: &[Comparison]) -> Table {
         ("t", Column::Numbers),
         ("df", Column::Numbers),
         ("p", Column::Numbers),
-        ("paper", Column::Numbers),
     ];
     let mut table = Table::new("Paired one-sided t-tests over combinations", &head);
     for one in compared {
@@ -111,11 +99,7 @@ fn tests(summary: &Summary, compared: &[Comparison]) -> Table {
             let reason = test.reason().unwrap_or_default();
             ["–".to_owned(), "–".to_owned(), format!("none: {reason}")]
         });
-        let theirs = match one.published() {
-            true => format!("t({:.0}) = {}, p = {}", paper::DF, number(paper::T, 1), probability(paper::P)),
-            false => "–".to_owned(),
-        };
-        table.row(&[one.question(), maybe(more.zip(less).map(|(a, b)| a - b), 3), t, df, p, theirs]);
+        table.row(&[one.question(), maybe(more.zip(less).map(|(a, b)| a - b), 3), t, df, p]);
     }
     table
 }

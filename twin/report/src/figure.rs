@@ -7,13 +7,17 @@
 use kuva::prelude::{LinePlot, MarkerShape, Plot, RaincloudPlot, ScatterPlot, TextAnnotation, TickFormat};
 use maud::Markup;
 
-use super::chart::{self, color};
+use super::chart;
 use super::html::number;
 
-/// Size of the drawing, pixels.
+/// Size of a drawing of four columns and one bracket, pixels.
 const SIZE: [f64; 2] = [540.0, 430.0];
+/// Pixels that a column more takes, and a bracket more.
+const MORE: [f64; 2] = [90.0, 36.0];
 /// The rates that the axis shows: room for dots at the ends, and for numbers and a bracket above.
 const RANGE: [f64; 2] = [-0.06, 1.36];
+/// Height of a bracket with its text, in rates.
+const BRACKET: f64 = 0.13;
 /// From dot to dot, in columns and in rates.
 const PITCH: [f64; 2] = [0.026, 0.018];
 /// Dots in a row.
@@ -22,10 +26,14 @@ const DOTS_PER_ROW: usize = 13;
 /// One condition's column.
 #[derive(Debug, Clone)]
 pub struct Group {
-    /// Name under the column, which colours it.
+    /// Name under the column.
     pub name: String,
-    /// Rate of every combination, with the combination's name.
+    /// Of what is drawn, as SVG has it.
+    pub color: String,
+    /// Rate of every combination, with the combination's name; none of figures that others state.
     pub dots: Vec<(f64, String)>,
+    /// Combinations.
+    pub count: usize,
     /// Mean and standard deviation.
     pub mean_sd: Option<(f64, f64)>,
 }
@@ -40,8 +48,8 @@ pub struct Figure {
     pub description: String,
     /// Columns, left to right.
     pub groups: Vec<Group>,
-    /// Which two columns a test compared, and its outcome.
-    pub bracket: Option<(usize, usize, String)>,
+    /// Which two columns a test compared, and its outcome; the lowest bracket first.
+    pub brackets: Vec<(usize, usize, String)>,
 }
 
 impl Figure {
@@ -51,7 +59,7 @@ impl Figure {
         let values = |group: &Group| group.dots.iter().map(|(rate, _)| *rate).filter(|rate| rate.is_finite()).collect();
         let cloud = RaincloudPlot::new()
             .with_groups(self.groups.iter().map(|group| (group.name.clone(), values(group))))
-            .with_group_colors(self.groups.iter().map(|group| color(&group.name)))
+            .with_group_colors(self.groups.iter().map(|group| group.color.clone()))
             .with_rain(false)
             .with_cloud_alpha(0.28);
         let mut plots: Vec<Plot> = vec![cloud.into()];
@@ -59,16 +67,19 @@ impl Figure {
             plots.push(dots(x, group).into());
             plots.extend(mean(x, group).into_iter().flatten().map(Plot::from));
         }
-        if let Some((from, to, _)) = &self.bracket {
+        for (n, (from, to, _)) in self.brackets.iter().enumerate() {
             let [a, b] = [from, to].map(|n| *n as f64 + 1.0);
-            let corners = vec![(a, 1.21), (a, 1.23), (b, 1.23), (b, 1.21)];
+            let [low, high] = [1.21, 1.23].map(|y| y + BRACKET * n as f64);
+            let corners = vec![(a, low), (a, high), (b, high), (b, low)];
             plots.push(LinePlot::new().with_data(corners).with_color("var(--soft)").with_stroke_width(1.0).into());
         }
-        let mut layout = chart::layout(&plots, &self.title, SIZE)
+        let [columns, brackets] = [self.groups.len(), self.brackets.len()].map(|n| n as f64);
+        let size = [SIZE[0] + MORE[0] * (columns - 4.0).max(0.0), SIZE[1] + MORE[1] * (brackets - 1.0).max(0.0)];
+        let mut layout = chart::layout(&plots, &self.title, size)
             .with_x_categories(self.groups.iter().map(|group| group.name.clone()).collect())
             .with_y_label(&self.axis)
             .with_y_axis_min(RANGE[0])
-            .with_y_axis_max(RANGE[1])
+            .with_y_axis_max(RANGE[1] + BRACKET * (brackets - 1.0).max(0.0))
             .with_y_tick_step(0.2)
             .with_y_tick_format(TickFormat::Custom(std::sync::Arc::new(|rate| match (-0.01..1.01).contains(&rate) {
                 true => format!("{:.1}", rate.abs()),
@@ -76,28 +87,32 @@ impl Figure {
             })));
         for (x, group) in groups() {
             let mean = |(mean, sd): (f64, f64)| format!("{} ± {}", number(mean, 3), number(sd, 3));
-            let words = [group.mean_sd.map_or("no data".to_owned(), mean), format!("n = {}", group.dots.len())];
+            let words = [group.mean_sd.map_or("no data".to_owned(), mean), format!("n = {}", group.count)];
             for (y, words) in [1.13, 1.06].into_iter().zip(words) {
                 layout = layout.with_annotation(TextAnnotation::new(words, x, y));
             }
         }
-        if let Some((from, to, text)) = &self.bracket {
-            layout = layout.with_annotation(TextAnnotation::new(text, (from + to) as f64 / 2.0 + 1.0, 1.24));
+        for (n, (from, to, text)) in self.brackets.iter().enumerate() {
+            let (x, y) = ((from + to) as f64 / 2.0 + 1.0, 1.24 + BRACKET * n as f64);
+            layout = layout.with_annotation(TextAnnotation::new(text, x, y));
         }
         chart::draw(plots, layout, &self.description)
     }
 }
 
-/// The mean of the column at `x`, with whiskers to the extremes: a diamond with a lighter one in it.
+/// The mean of the column at `x`, a diamond with a lighter one in it, with whiskers to the extremes; without dots to one standard deviation.
 fn mean(x: f64, group: &Group) -> Option<[ScatterPlot; 2]> {
-    let (mean, _) = group.mean_sd?;
+    let (mean, sd) = group.mean_sd?;
     let rates = || group.dots.iter().map(|(rate, _)| *rate);
-    let (low, high) = (rates().fold(mean, f64::min), rates().fold(mean, f64::max));
+    let (low, high) = match group.dots.is_empty() {
+        true => ((mean - sd).max(0.0), (mean + sd).min(1.0)),
+        false => (rates().fold(mean, f64::min), rates().fold(mean, f64::max)),
+    };
     let diamond = |color: &str, size: f64| {
         let dot = chart::dots(color, [((x, mean), format!("mean {}", number(mean, 3)))]);
         dot.with_marker(MarkerShape::Diamond).with_size(size)
     };
-    let whiskers = diamond(&color(&group.name), 5.0).with_y_err_asymmetric([(mean - low, high - mean)]);
+    let whiskers = diamond(&group.color, 5.0).with_y_err_asymmetric([(mean - low, high - mean)]);
     Some([whiskers, diamond("var(--paper)", 3.4)])
 }
 
@@ -112,7 +127,7 @@ fn dots(x: f64, group: &Group) -> ScatterPlot {
             ((x - 0.1 - PITCH[0] * place, rate + PITCH[1] * row), format!("{name}: {}", number(*rate, 3)))
         })
     });
-    chart::dots(&color(&group.name), rows).with_size(2.2).with_marker_opacity(0.85)
+    chart::dots(&group.color, rows).with_size(2.2).with_marker_opacity(0.85)
 }
 
 #[cfg(test)]
@@ -122,6 +137,8 @@ mod tests {
     fn group(name: &str, rates: &[f64]) -> Group {
         Group {
             name: name.to_string(),
+            color: chart::color(name),
+            count: rates.len(),
             dots: rates.iter().map(|rate| (*rate, format!("<{rate}> & co"))).collect(),
             mean_sd: Some((0.5, 0.3)),
         }
@@ -132,7 +149,7 @@ mod tests {
             title: "Rate".into(),
             axis: "rate".into(),
             description: "Rates < 1".into(),
-            bracket: (groups.len() > 1).then(|| (0, 1, "p < 0.001".into())),
+            brackets: (groups.len() > 1).then(|| (0, 1, "p < 0.001".into())).into_iter().collect(),
             groups,
         };
         figure.draw().into_string()
@@ -156,6 +173,14 @@ mod tests {
         }
     }
 
+    /// What others state has a mean and a standard deviation, but no dot.
+    #[test]
+    fn a_stated_figure_is_a_mean_with_whiskers() {
+        let stated = Group { dots: vec![], count: 60, mean_sd: Some((0.9, 0.3)), ..group("blind", &[]) };
+        let svg = drawn(vec![stated]);
+        assert!(svg.contains("n = 60") && svg.contains("0.900 ± 0.300") && !svg.contains("<circle "), "{svg}");
+    }
+
     #[test]
     fn no_two_dots_coincide() {
         let svg = drawn(vec![group("touch", &[1.0; 60])]);
@@ -173,7 +198,7 @@ mod tests {
 
     #[test]
     fn nothing_to_draw_draws_axes() {
-        let empty = Group { name: "blind".into(), dots: vec![], mean_sd: None };
+        let empty = Group { name: "blind".into(), color: chart::color("blind"), dots: vec![], count: 0, mean_sd: None };
         assert!(drawn(vec![empty.clone(), empty]).contains("no data"));
         assert!(drawn(vec![]).ends_with("</svg>"));
         assert!(!drawn(vec![group("touch", &[f64::NAN])]).contains("NaN"));

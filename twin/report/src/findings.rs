@@ -6,6 +6,7 @@ use scenarios::summary::{CombinationRates, ConditionSummary, Summary, combinatio
 use scenarios::{Condition, TrialRecord};
 use statistics::{MeanSd, TTest, percentile};
 
+use super::chart::color;
 use super::figure::{Figure, Group};
 use super::html::{number, probability};
 
@@ -90,7 +91,11 @@ fn figure(
             columns.join("; ")
         ),
         groups,
-        bracket: outcome(test).zip(columns_compared).map(|(text, (one, other))| (one, other, text)),
+        brackets: outcome(test)
+            .zip(columns_compared)
+            .map(|(text, (one, other))| (one, other, text))
+            .into_iter()
+            .collect(),
     }
 }
 
@@ -113,6 +118,8 @@ fn group(condition: Condition, all: MeanSd, records: &[TrialRecord], rate: Rate)
     let combinations = combination_rates(records, condition);
     Group {
         name: condition.name().to_string(),
+        color: color(condition.name()),
+        count: combinations.len(),
         dots: combinations
             .iter()
             .map(|one| (rate.of(one), format!("{} {}, then {}", one.combination, one.first, one.second)))

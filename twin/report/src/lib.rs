@@ -15,6 +15,7 @@ mod heat_map;
 pub mod html;
 pub mod identified;
 mod page;
+mod panels;
 mod paper;
 pub mod picture;
 pub mod pictures;
@@ -34,13 +35,17 @@ use scenarios::TrialRecord;
 use scenarios::summary::Summary;
 use serde_json::Value;
 
-/// Writes `contact.svg`, `clean_success.svg`, `risk.svg` and `ablations.svg` where there is something to show, and `report.html` into `folder`, which is
+/// Writes `contact.svg`, `clean_success.svg`, `panel_c.svg`, `panel_d.svg`, `risk.svg` and `ablations.svg` where there is something to show, and `report.html` into `folder`, which is
 /// there already. `run` says how the records came about; of its keys `command` (text or a list of words) is shown as a command line, all others in a table, nested ones
 /// with dotted names, and numbers whose key ends in `_s` as times.
 pub fn write_report(folder: &Path, summary: &Summary, records: &[TrialRecord], run: &Value) -> Result<()> {
     let [contact, clean] = findings::figures(summary, records);
     for (name, figure) in [("contact.svg", &contact), ("clean_success.svg", &clean)] {
         write_whole(&folder.join(name), chart::standalone(&figure.draw()).as_bytes())?;
+    }
+    let panels = panels::of(records);
+    for panel in &panels {
+        write_whole(&folder.join(panel.file()), chart::standalone(&panel.figure.draw()).as_bytes())?;
     }
     if let Some(figure) = prediction::standalone(records) {
         write_whole(&folder.join("risk.svg"), figure.as_bytes())?;
@@ -49,6 +54,6 @@ pub fn write_report(folder: &Path, summary: &Summary, records: &[TrialRecord], r
         let figure = chart::standalone(&ablation::figure(summary, records));
         write_whole(&folder.join("ablations.svg"), figure.as_bytes())?;
     }
-    let page = page::render(summary, records, run, (folder, [&contact, &clean]))?;
+    let page = page::render(summary, records, run, (folder, [&contact, &clean], &panels))?;
     Ok(write_whole(&folder.join("report.html"), page.as_bytes())?)
 }

@@ -12,19 +12,20 @@ use statistics::MeanSd;
 use super::figure::Figure;
 use super::findings::{Rate, combination_lines};
 use super::html::{Column, Table, counted, duration, number, page};
-use super::{ablation, comparisons, failures, findings, heat_map, paper, pictures, prediction, run, verdict};
+use super::panels::{self, Panel};
+use super::{ablation, comparisons, failures, findings, heat_map, pictures, prediction, run, verdict};
 
 /// Sorts a table by a column that is clicked on, upwards and downwards in turn.
 const SORTING: &str = include_str!("../data/sorting.js");
 /// What the run does otherwise than the paper, and what the numbers mean; no data in it.
 const DEFINITIONS: &str = include_str!("../data/definitions.html");
 
-/// The whole page; `folder` may hold recordings, `figures` are contact and clean success.
+/// The whole page; `folder` may hold recordings, `figures` are contact and clean success, `panels` the paper's.
 pub fn render(
     summary: &Summary,
     records: &[TrialRecord],
     run: &Value,
-    (folder, figures): (&Path, [&Figure; 2]),
+    (folder, figures, panels): (&Path, [&Figure; 2], &[Panel]),
 ) -> Result<String> {
     let (robot, seed) = (&summary.robot, summary.seed);
     let (combos, trials) = (counted(summary.combos, "object combination"), counted(summary.trials_per_combo, "trial"));
@@ -39,6 +40,7 @@ pub fn render(
         (run::warnings(run))
         (verdict::section(summary, records))
         (pictures::section(folder, records)?)
+        (panels::section(panels, summary, records, run))
         (rates(summary, records))
         (comparisons::section(summary))
         (figure_section(figures, summary))
@@ -66,26 +68,14 @@ fn rates(summary: &Summary, records: &[TrialRecord]) -> Markup {
         ("trials", Column::Numbers),
         ("n", Column::Numbers),
         ("contact rate: mean (SD)", Column::Numbers),
-        ("paper: M (SD)", Column::Numbers),
         ("success rate: mean (SD)", Column::Numbers),
         ("clean success rate: mean (SD)", Column::Numbers),
-        ("paper’s success: M (SD)", Column::Numbers),
         ("predicted risk", Column::Numbers),
         ("time of a trial (s)", Column::Numbers),
     ];
-    let caption = format!(
-        "Rates over combinations (n), each the share of its trials; the paper’s over {} combinations of {} trials. \
-         A dash: not reported.",
-        paper::COMBINATIONS,
-        paper::TRIALS
-    );
-    let mut table = Table::new(&caption, &columns);
-    let published = |rate: Option<(f64, f64)>| {
-        rate.map_or("–".to_string(), |(mean, sd)| format!("{} ({})", number(mean, 3), number(sd, 3)))
-    };
+    let mut table = Table::new("Rates over combinations (n), each the share of its trials", &columns);
     for condition in summary.conditions.played() {
         let ours = summary.conditions.of(condition);
-        let theirs = paper::rates(condition);
         let cell = |rate: Rate| {
             let MeanSd { mean, sd } = rate.over_all(ours);
             format!("{} ({})", maybe(mean, 3), maybe(sd, 3))
@@ -95,10 +85,8 @@ fn rates(summary: &Summary, records: &[TrialRecord]) -> Markup {
             ours.trials.to_string(),
             combination_rates(records, condition).len().to_string(),
             cell(Rate::Contact),
-            published(theirs.contact),
             cell(Rate::Success),
             cell(Rate::CleanSuccess),
-            published(theirs.success),
             maybe(ours.risk_rate.mean, 3),
             maybe(ours.trial_s.mean, 1),
         ]);
@@ -119,7 +107,7 @@ fn figure_section(figures: [&Figure; 2], summary: &Summary) -> Markup {
                         spans the 25th to the 75th percentile, the thick line is the median, the diamond the mean, whiskers reach from minimum to \
                         maximum; the shading is a kernel density estimate, each scaled to the same width. Dots of equal rate that fill a row go on \
                         above and below it. "
-                        @if figure.bracket.is_some() { "The bracket compares " (compared) " (paired, one-sided). " }
+                        @if !figure.brackets.is_empty() { "The bracket compares " (compared) " (paired, one-sided). " }
                         "Also as " a href=(file) { (file) } "."
                     }
                 }
@@ -136,7 +124,7 @@ fn facts(summary: &Summary) -> Markup {
     };
     let (time, pose) = (&summary.decision_ms, &summary.pose_error);
     let mut facts = vec![
-        (format!("Decision, median (paper: about {:.0} ms)", paper::DECISION_MS), unit(time.p50, 1, "ms")),
+        ("Decision, median".to_string(), unit(time.p50, 1, "ms")),
         ("Decision, 99th percentile".to_string(), unit(time.p99, 1, "ms")),
         ("Pose error, position, median".to_string(), unit(pose.mm.median, 2, "mm")),
         ("Pose error, position, 95th percentile".to_string(), unit(pose.mm.p95, 2, "mm")),

@@ -47,7 +47,7 @@ pub fn section(run: &Value) -> Markup {
 }
 
 /// The command as one line, whether written as text or as a list of words.
-fn command_line(value: &Value) -> Option<String> {
+pub fn command_line(value: &Value) -> Option<String> {
     match value {
         Value::String(text) => Some(text.clone()),
         Value::Array(words) if !words.is_empty() => Some(line(&words.iter().map(plain).collect::<Vec<_>>())),

@@ -81,6 +81,7 @@ fn report(records: &[TrialRecord]) -> [String; 3] {
     let written: BTreeSet<_> =
         std::fs::read_dir(folder.path()).unwrap().map(|file| file.unwrap().file_name()).collect();
     let mut expected: BTreeSet<_> = ["report.html", "contact.svg", "clean_success.svg"].map(Into::into).into();
+    expected.extend(["panel_c.svg", "panel_d.svg"].into_iter().filter(|name| files[0].contains(name)).map(Into::into));
     if files[0].contains("risk.svg") {
         expected.insert("risk.svg".into());
     }
@@ -103,7 +104,40 @@ fn every_combination_is_a_dot_of_every_condition() {
         }
     }
     let before_risk = page.split_once("id=\"risk\"").unwrap().0;
-    assert_eq!(before_risk.matches("<circle ").count(), 480);
+    // Two figures of four conditions; two panels of two conditions by two counts.
+    assert_eq!(before_risk.matches("<circle ").count(), 480 + 480);
+}
+
+/// Panels c and d have ours by both counts beside the paper's; a run without the predicted separations says that they are missing.
+#[test]
+fn the_papers_panels_are_drawn_by_both_counts() {
+    let section = |records: &[TrialRecord]| {
+        let [page, ..] = report(records);
+        page.split_once("<h2 id=\"paper\">").unwrap().1.split_once("<h2").unwrap().0.to_owned()
+    };
+    let records = made_up(60, 10);
+    let drawn = section(&records);
+    for column in
+        ["ideal: paper", "ideal: contact", "ideal: predicted", "blind: predicted", "touch: paper", "touch: contact"]
+    {
+        assert!(drawn.contains(column), "{column}: {drawn}");
+    }
+    let summary =
+        summarise(&records, &[], &RunInfo { seed: 1, robot: "sim".into(), wall_s: 1.0, decision_budget: None });
+    let t = summary.t_test.contact.t.unwrap();
+    for words in
+        ["0.465 (0.306)", "0.535 (0.306)", "paper: t(59) = 11.8, p = 2.1×10⁻¹⁷", &format!("predicted: t(59) = {t:.1}")]
+    {
+        assert!(drawn.contains(words), "{words}: {drawn}");
+    }
+    assert!(!drawn.contains("Nothing is predicted") && drawn.contains("four_balls.toml"));
+    let without = records.into_iter().map(|record| TrialRecord { plan_separation_mm: None, ..record });
+    let drawn = section(&without.collect::<Vec<_>>());
+    assert!(
+        drawn.contains("Nothing is predicted")
+            && !drawn.contains("blind: predicted")
+            && drawn.contains("blind: contact")
+    );
 }
 
 #[test]

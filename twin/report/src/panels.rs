@@ -1,0 +1,234 @@
+//! Panels c and d of the paper's figure on adaptive behaviours: collisions and successes by two counts, beside the paper's values.
+
+mod count;
+mod statements;
+
+use maud::{Markup, html};
+use scenarios::summary::Summary;
+use scenarios::{Condition, TrialRecord};
+use serde_json::Value;
+use statistics::{Difference, TTest, paired_t_test};
+
+use self::count::{Count, Sample};
+use super::chart::color;
+use super::comparisons::with_interval;
+use super::figure::{Figure, Group};
+use super::findings::outcome;
+use super::html::{Column, Table, counted, number, probability};
+use super::{paper, run};
+
+/// A panel whose conditions, or one of them, were played.
+pub struct Panel {
+    letter: char,
+    /// Beside the letter.
+    rate: &'static str,
+    /// Each with its samples; the second is asked to have the larger mean.
+    sides: Vec<Side>,
+    /// One test a count that both conditions have.
+    tests: Vec<(Count, TTest)>,
+    pub figure: Figure,
+}
+
+/// A condition of a panel.
+struct Side {
+    condition: Condition,
+    /// The paper's words for its rate.
+    words: &'static str,
+    /// Mean and standard deviation.
+    paper: (f64, f64),
+    samples: Vec<Sample>,
+}
+
+/// Whether a trial counts, if that can be said of it.
+type Counted = fn(Count, &TrialRecord) -> Option<bool>;
+
+/// The panels that can be drawn of `records`.
+pub fn of(records: &[TrialRecord]) -> Vec<Panel> {
+    let collisions = [
+        (Condition::Ideal, "collision rate, perfect execution", paper::COLLISION_IDEAL),
+        (Condition::Blind, "collision rate, real-world execution", paper::COLLISION_BLIND),
+    ];
+    let successes = [
+        (Condition::Blind, "success rate without tactile feedback", paper::SUCCESS_BLIND),
+        (Condition::Touch, "success rate with tactile feedback", paper::SUCCESS_TOUCH),
+    ];
+    let both = [
+        ('c', "collision rate", collisions, Count::collided as Counted),
+        ('d', "success rate", successes, Count::succeeded),
+    ];
+    both.into_iter()
+        .filter_map(|(letter, rate, sides, counted)| {
+            let side = |(condition, words, paper)| Side {
+                condition,
+                words,
+                paper,
+                samples: Count::ALL
+                    .into_iter()
+                    .filter_map(|count| Sample::of(records, condition, count, counted))
+                    .collect(),
+            };
+            let sides: Vec<Side> = sides.map(side).into_iter().filter(|side| !side.samples.is_empty()).collect();
+            (!sides.is_empty()).then(|| Panel::new(letter, rate, sides))
+        })
+        .collect()
+}
+
+impl Panel {
+    fn new(letter: char, rate: &'static str, sides: Vec<Side>) -> Self {
+        let tests = match &sides[..] {
+            [less, more] => Count::ALL
+                .into_iter()
+                .filter_map(|count| Some((count, paired_t_test(&more.sample(count)?.paired(less.sample(count)?)))))
+                .collect(),
+            _ => Vec::new(),
+        };
+        let figure = figure(letter, rate, &sides, &tests);
+        Self { letter, rate, sides, tests, figure }
+    }
+
+    /// Name of its file.
+    pub fn file(&self) -> String {
+        format!("panel_{}.svg", self.letter)
+    }
+
+    fn test(&self, count: Count) -> Option<&TTest> {
+        self.tests.iter().find(|(of, _)| *of == count).map(|(_, test)| test)
+    }
+}
+
+impl Side {
+    fn sample(&self, count: Count) -> Option<&Sample> {
+        self.samples.iter().find(|sample| sample.count == count)
+    }
+
+    /// Its columns: the paper's, then one a count.
+    fn groups(&self) -> impl Iterator<Item = (Option<Count>, Group)> {
+        let paper = Group {
+            name: format!("{}: paper", self.condition),
+            color: color("soft"),
+            dots: Vec::new(),
+            count: paper::COMBINATIONS,
+            mean_sd: Some(self.paper),
+        };
+        let ours = self.samples.iter().map(|sample| {
+            let group = Group {
+                name: format!("{}: {}", self.condition, sample.count.name()),
+                color: color(self.condition.name()),
+                dots: sample.rates.iter().map(|one| (one.rate, one.name.clone())).collect(),
+                count: sample.rates.len(),
+                mean_sd: Some(sample.mean_sd()),
+            };
+            (Some(sample.count), group)
+        });
+        std::iter::once((None, paper)).chain(ours)
+    }
+}
+
+/// The paper's test, as it prints it.
+fn published() -> String {
+    format!("t({:.0}) = {}, p = {}", paper::DF, number(paper::T, 1), probability(paper::P))
+}
+
+fn figure(letter: char, rate: &str, sides: &[Side], tests: &[(Count, TTest)]) -> Figure {
+    let columns: Vec<(usize, Option<Count>, Group)> = sides
+        .iter()
+        .enumerate()
+        .flat_map(|(n, side)| side.groups().map(move |(count, group)| (n, count, group)))
+        .collect();
+    let place = |side: usize, count: Option<Count>| columns.iter().position(|(n, of, _)| (*n, *of) == (side, count));
+    let paper = (None, format!("paper: {}", published()));
+    let ours =
+        tests.iter().filter_map(|(count, test)| Some((Some(*count), format!("{}: {}", count.name(), outcome(test)?))));
+    let brackets = std::iter::once(paper)
+        .chain(ours)
+        .filter_map(|(count, text)| Some((place(0, count)?, place(1, count)?, text)))
+        .collect();
+    let means =
+        columns.iter().filter_map(|(.., group)| Some(format!("{} {}", group.name, number(group.mean_sd?.0, 3))));
+    Figure {
+        title: format!("Panel {letter}: {rate} of each object combination"),
+        axis: rate.to_owned(),
+        description: format!("Box plots of the {rate}; means: {}", means.collect::<Vec<_>>().join("; ")),
+        groups: columns.into_iter().map(|(.., group)| group).collect(),
+        brackets,
+    }
+}
+
+/// The section of the page; nothing where no panel can be drawn.
+pub fn section(panels: &[Panel], summary: &Summary, records: &[TrialRecord], about: &Value) -> Markup {
+    html! { @if !panels.is_empty() {
+        h2 id="paper" { "Beside the paper: its figure on adaptive behaviours" }
+        p {
+            "The paper predicts a collision: the object in the hand, as felt, overlaps the next one in its planned place. "
+            em { "Contact" } " counts what happened in the trial, an unwanted contact in physics; success is then clean success. " em { "Predicted" }
+            " counts as the paper does: a trial collides where the object in the hand, as felt at the first decision, overlaps the second one in its \
+            place at the planned grasp, and succeeds where it does not at the grasp that is carried out. Trials in which the first object was not felt in the \
+            hand have no prediction."
+        }
+        @if !panels.iter().any(|panel| panel.sides.iter().any(|side| side.sample(Count::Predicted).is_some())) {
+            p.short { "Nothing is predicted: the records of this run lack the columns plan_separation_mm and chosen_separation_mm." }
+        }
+        div.figures { @for panel in panels { figure {
+            (panel.figure.draw())
+            figcaption {
+                "Panel " (panel.letter) " of the paper’s figure: " (panel.rate) ". A dot is one of "
+                (counted(summary.combos, "combination")) "; box, diamond, whiskers and shading as in the figures below. Grey: the paper’s mean, with \
+                whiskers of one standard deviation, because it states no more. Brackets: paired one-sided t-tests. Also as "
+                a href=(panel.file()) { (panel.file()) } "."
+            }
+        } } }
+        (table(panels))
+        @if let Some(command) = about.get("command").and_then(run::command_line) {
+            p { "All of ours is one run: " code { (command) } "." }
+        }
+        (statements::section(summary, records))
+    } }
+}
+
+/// Both panels in numbers.
+fn table(panels: &[Panel]) -> Table {
+    let head = [
+        ("panel", Column::Words),
+        ("rate", Column::Words),
+        ("paper: M (SD)", Column::Numbers),
+        ("ours, contact: mean [95 %] (SD)", Column::Numbers),
+        ("ours, predicted: mean [95 %] (SD)", Column::Numbers),
+        ("trials predicted", Column::Numbers),
+    ];
+    let mut table = Table::new("Panels c and d in numbers: over combinations, bootstrap intervals", &head);
+    let dash = || "–".to_owned();
+    for panel in panels {
+        for side in &panel.sides {
+            let ours = |count: Count| {
+                side.sample(count).map_or_else(dash, |sample| {
+                    let rates: Vec<(f64, f64)> = sample.rates.iter().map(|one| (one.rate, 0.0)).collect();
+                    format!(
+                        "{} ({})",
+                        with_interval(&Difference::of(&rates).difference, 3),
+                        number(sample.mean_sd().1, 3)
+                    )
+                })
+            };
+            let predicted = side.sample(Count::Predicted).map_or_else(dash, |sample| sample.trials.to_string());
+            let (mean, sd) = side.paper;
+            table.row(&[
+                panel.letter.to_string(),
+                format!("{} ({})", side.words, side.condition),
+                format!("{} ({})", number(mean, 3), number(sd, 3)),
+                ours(Count::Contact),
+                ours(Count::Predicted),
+                predicted,
+            ]);
+        }
+        if let [less, more] = &panel.sides[..] {
+            let test = |count: Count| {
+                let why = |test: &TTest| format!("none: {}", test.reason().unwrap_or_default());
+                panel.test(count).map_or_else(dash, |test| outcome(test).unwrap_or_else(|| why(test)))
+            };
+            let question = format!("more {} than {}?", more.condition, less.condition);
+            let [contact, predicted] = Count::ALL.map(test);
+            table.row(&[panel.letter.to_string(), question, published(), contact, predicted, dash()]);
+        }
+    }
+    table
+}
