@@ -14,7 +14,16 @@ What was tried, what it gave and how figures changed is in [recordings/log](reco
 Brackets are 95 % intervals, n is the number of samples, `ftac` stands for `cargo run --release --`. A figure in the paper column that is not the paper's names its source.
 ";
 
-/// `BENCHMARKS.md`: a table for each group, groups and figures in the order in which they first appear.
+const BESIDE: &str = "
+## Beside the paper
+
+Every figure that the paper states and this project measures; they are also in the tables of their groups. Panels c and d of the paper's figure on adaptive behaviours, drawn
+with its values beside ours, and the commands that play what it shows without figures are in the `report.html` of `ftac bench`.
+
+";
+const HEAD: &str = "| figure | ours | unit | paper | goal | seed | command |\n|---|---|---|---|---|---|---|\n";
+
+/// `BENCHMARKS.md`: what the paper states, and then a table for each group, groups and figures in the order in which they first appear.
 pub fn page(figures: &[Figure]) -> String {
     let mut groups: Vec<&str> = Vec::new();
     for figure in figures {
@@ -23,16 +32,24 @@ pub fn page(figures: &[Figure]) -> String {
         }
     }
     let mut page = INTRODUCTION.to_owned();
+    let stated: Vec<&Figure> = figures.iter().filter(|figure| is_of_the_paper(&figure.paper)).collect();
+    if !stated.is_empty() {
+        page.push_str(BESIDE);
+        page.push_str(HEAD);
+        stated.into_iter().for_each(|figure| page.push_str(&row(figure)));
+    }
     for group in groups {
-        let _ = write!(
-            page,
-            "\n## {group}\n\n| figure | ours | unit | paper | goal | seed | command |\n|---|---|---|---|---|---|---|\n"
-        );
+        let _ = write!(page, "\n## {group}\n\n{HEAD}");
         for figure in figures.iter().filter(|figure| figure.group == group) {
             page.push_str(&row(figure));
         }
     }
     page
+}
+
+/// Whether it is the paper's own: another source's names it, as in `Taxim: 31.4`.
+fn is_of_the_paper(stated: &str) -> bool {
+    !stated.is_empty() && !stated.contains(": ")
 }
 
 fn row(figure: &Figure) -> String {
@@ -72,16 +89,17 @@ mod tests {
         let page = rows_of(
             "b.one,0.980,share,0.97,0.99,600,1,,2 cores,yes,ftac bench,,Second,one,1.000,0.98,\n\
              a.two,3,mm,,,,1-3,,2 cores,no,ftac hand check,,First,two | three,,,not shown\n\
-             b.three,4,,,,,,,2 cores,no,ftac bench,,Second,three,,,\n",
+             b.three,4,,,,,,,2 cores,no,ftac bench,,Second,three,Taxim: 5,,\n",
         );
-        let head = "| figure | ours | unit | paper | goal | seed | command |\n|---|---|---|---|---|---|---|\n";
         assert_eq!(
             page,
             format!(
-                "\n## Second\n\n{head}\
+                "{BESIDE}{HEAD}\
                  | one | 0.980 [0.97, 0.99], n = 600 | share | 1.000 | 0.98 | 1 | `ftac bench` |\n\
-                 | three | 4 | - | - | - | - | `ftac bench` |\n\
-                 \n## First\n\n{head}\
+                 \n## Second\n\n{HEAD}\
+                 | one | 0.980 [0.97, 0.99], n = 600 | share | 1.000 | 0.98 | 1 | `ftac bench` |\n\
+                 | three | 4 | - | Taxim: 5 | - | - | `ftac bench` |\n\
+                 \n## First\n\n{HEAD}\
                  | two \\| three | 3 | mm | - | - | 1 to 3 | `ftac hand check` |\n"
             )
         );
