@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
-use e2e::{ftac, run, stderr};
+use e2e::{ftac, root, run, stderr};
 use serde_json::Value;
 use tempfile::tempdir;
 
@@ -123,6 +123,16 @@ fn read_by_others(out: &Path) {
         assert len(tries) >= 8 and 'cov_rz_rz' in tries.columns and tries['try'].min() == 0, tries\n";
     let output = Command::new(&python).args(["-c", script, text(out)]).output().expect("python runs");
     assert!(output.status.success(), "{}", stderr(&output));
+}
+
+/// The workflow plays a file of this repository, which comes to the whole table.
+#[test]
+fn the_whole_table_is_a_sweep_file() {
+    let file = "twin/sweep/data/benchmark.toml";
+    let planned = json(&run(&["sweep", "plan", file, "--json"]));
+    assert_eq!((&planned["points"], &planned["trials"]), (&Value::from(1), &Value::from(60 + 3 * 60 * 10)));
+    let workflow = fs::read_to_string(root().join(".github/workflows/benchmark.yml")).expect("the workflow");
+    assert!(workflow.contains(file), "{workflow}");
 }
 
 #[test]
