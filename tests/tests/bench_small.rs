@@ -179,6 +179,26 @@ fn every_try_is_a_row() {
     assert_eq!(trials, ROWS);
 }
 
+/// Where the first object was felt, every condition foretells how far the planned grasp keeps the objects apart; those that choose, also of
+/// the chosen one.
+#[test]
+fn separations_are_foretold() {
+    let rows = trials(reference());
+    let column = |name: &str| rows[0].iter().position(|column| column == name).expect("a column");
+    let [condition, risk, plan, chosen] =
+        ["condition", "risk", "plan_separation_mm", "chosen_separation_mm"].map(column);
+    for row in &rows[1..] {
+        assert_eq!(row[risk].is_empty(), row[plan].is_empty(), "{row:?}");
+        let chooses = ["reflex", "touch"].contains(&row[condition].as_str());
+        assert!(chooses || row[chosen].is_empty(), "{row:?}");
+        assert!(row[plan].is_empty() || row[plan].parse::<f64>().expect("a number").abs() < 300.0, "{row:?}");
+    }
+    let foretold = |name: &str| rows.iter().filter(|row| row[condition] == name && !row[plan].is_empty()).count();
+    assert_eq!(foretold("ideal"), 2);
+    let chosen = rows.iter().filter(|row| row[condition] == "touch" && !row[chosen].is_empty()).count();
+    assert!(foretold("blind") > 0 && chosen > 0, "{rows:?}");
+}
+
 /// Killed (SIGKILL) as soon as something has been written to the folder's files, then resumed.
 #[test]
 fn killed_and_resumed_is_as_if_nothing_had_happened() {

@@ -251,7 +251,7 @@ fn members_know_only_whom_they_may() {
             "ftac-python",
             "ftac hand-model world scenarios sim optics touch control session-log proving external-policy learning-environment bench",
         ),
-        ("e2e", ""),
+        ("e2e", "statistics"),
     ];
     let known: BTreeSet<&str> = allowed.iter().map(|(member, _)| *member).collect();
     let members: BTreeSet<&str> = graph.members.iter().map(String::as_str).collect();

@@ -10,6 +10,7 @@ mod first_day;
 mod grasps;
 mod guide;
 mod hand_over;
+mod headline;
 mod interrupted;
 mod json_output;
 mod lists;
