@@ -240,7 +240,7 @@ mod tests {
         let outcome = |x: f64| if x < 0.0 { TryOutcome::Held } else { TryOutcome::Missed };
         let rehearsed: Arc<[Rehearsed]> = (-20..=20)
             .map(|n| 0.001 * f64::from(n))
-            .map(|x| Rehearsed { error: Vector3::new(x, 0.0, 0.0), outcome: outcome(x) })
+            .map(|x| Rehearsed::new(Vector3::new(x, 0.0, 0.0), outcome(x)))
             .collect();
         let aimed = Aimed { rehearsed: rehearsed.clone(), all: rehearsed, heading: 0.0, aim: Vector3::zeros() };
         (0..6).for_each(|_| belief.failed(&aimed, 1));

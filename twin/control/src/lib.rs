@@ -7,7 +7,7 @@
 //! - **Perception.** A [`look`] is all that perception takes. [`perception`] says what is in the hand and where, [`closure`] what a cable tells of that, [`sensing`] what an
 //!   ablation leaves of the senses. [`percept`] is how objects on the table are reported, [`palpation`] how one is touched to find out
 //!   where it is. [`registration`] finds where the arm stands from known points that were touched.
-//! - **Decision.** [`collision`] and [`arm_clearance`] measure distances along a planned motion, [`odds`] says what rehearsals under
+//! - **Decision.** [`collision`] and [`arm_clearance`] measure distances along a planned motion, [`odds`] says what rehearsals after holds of some [`extent`] and under
 //!   errors make of an aim under the [`uncertainty`] that is expected, [`foresight`] what a twin of the scene does, [`strategy`] chooses a grasp and its aim by them. [`recovery`] says what follows a failed one, [`stand_in`]
 //!   finds grasps for what fell over, and [`worth`] holds the factors by which grasps are ranked.
 //!   [`policy`] puts it together.
@@ -19,6 +19,7 @@ pub mod arm_clearance;
 pub mod closure;
 pub mod collision;
 pub mod executor;
+pub mod extent;
 pub mod foresight;
 pub mod guarded;
 pub mod inverse_kinematics;

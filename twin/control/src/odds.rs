@@ -8,12 +8,15 @@
 //!
 //! Two dozen draws alone are too few to tell grasps apart: the best of many such estimates is mostly the luckiest. The draws of the
 //! other grasps that were rehearsed for the same object therefore count too, each as part of one.
+//!
+//! Rehearsals after many holds of the first object count by how alike their hold is to the one that is felt ([`Rehearsed::beside`]).
 
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
 use nalgebra::{Matrix3, Rotation2, Vector2, Vector3};
 
+use crate::extent::Extent;
 use crate::uncertainty::Uncertainty;
 
 /// Values of the lasting error in a belief.
@@ -24,6 +27,8 @@ const NARROWEST: f64 = 0.004;
 const UNKNOWN: f64 = 0.2;
 /// What a rehearsal of another grasp of the same object counts.
 const OTHERS: f64 = 0.2;
+/// What a rehearsal after another hold counts at least: with few draws of the hold none is near in all of its parts.
+const ANY_HOLD: f64 = 0.1;
 /// Aims along each axis of the square of [`Belief::odds_around`], an odd number.
 pub const AIMS: usize = 5;
 /// Their distance, m.
@@ -47,7 +52,25 @@ pub enum TryOutcome {
 pub struct Rehearsed {
     /// By how much the aim was off, m, in axes that turn with the grasp's heading.
     pub error: Vector3<f64>,
+    /// The first object as it was held; `None` where all rehearsals have the plan's hold.
+    pub hold: Option<Extent>,
     pub outcome: TryOutcome,
+    /// What it counts for the hold that is felt, 1 for its own.
+    pub weight: f64,
+}
+
+impl Rehearsed {
+    /// After the plan's hold.
+    pub fn new(error: Vector3<f64>, outcome: TryOutcome) -> Self {
+        Self { error, hold: None, outcome, weight: 1.0 }
+    }
+
+    /// The same for a hold that is felt.
+    #[must_use]
+    pub fn beside(&self, felt: &Extent) -> Self {
+        let weight = |hold: Extent| ANY_HOLD + (1.0 - ANY_HOLD) * hold.likeness(felt);
+        Self { weight: self.hold.map_or(1.0, weight), ..*self }
+    }
 }
 
 /// Probabilities of a try's outcomes; a miss is the rest.
@@ -120,7 +143,7 @@ impl Belief {
         let turn = Rotation2::new(aimed.heading);
         let counted = |rehearsed: &Rehearsed, share| {
             let level = turn * rehearsed.error.xy();
-            (Vector3::new(level.x, level.y, rehearsed.error.z) - aimed.aim, share, rehearsed.outcome)
+            (Vector3::new(level.x, level.y, rehearsed.error.z) - aimed.aim, share * rehearsed.weight, rehearsed.outcome)
         };
         let own = aimed.rehearsed.iter().map(|rehearsed| counted(rehearsed, 1.0 - OTHERS));
         let all = aimed.all.iter().map(|rehearsed| counted(rehearsed, OTHERS));
@@ -200,8 +223,8 @@ impl Belief {
         let off = Vector3::new(level.x, level.y, off.z);
         let (mut held, mut contact, mut sum) = (0.0, 0.5 * UNKNOWN, UNKNOWN);
         for (rehearsals, share) in [(&aimed.rehearsed, 1.0 - OTHERS), (&aimed.all, OTHERS)] {
-            for Rehearsed { error, outcome } in rehearsals.iter() {
-                let near = share * (-0.5 * (error - off).norm_squared() / (width * width)).exp();
+            for Rehearsed { error, outcome, weight, .. } in rehearsals.iter() {
+                let near = share * weight * (-0.5 * (error - off).norm_squared() / (width * width)).exp();
                 sum += near;
                 match outcome {
                     TryOutcome::Held => held += near,
@@ -269,7 +292,7 @@ mod tests {
         steps()
             .flat_map(|x| steps().map(move |y| (x, y)))
             .flat_map(|(x, y)| [-0.005, 0.0, 0.005].map(|z| Vector3::new(x, y, z)))
-            .map(|error| Rehearsed { error, outcome: outcome(error.x) })
+            .map(|error| Rehearsed::new(error, outcome(error.x)))
             .collect()
     }
 
@@ -355,10 +378,24 @@ mod tests {
         assert!(Belief::located(&Matrix3::zeros()).is_none());
     }
 
+    /// A hold that is felt to be like those after which a grasp touched makes a contact likely, another one does not.
+    #[test]
+    fn odds_depend_on_the_felt_hold() {
+        let (low, high) = (Extent([0.0; 6]), Extent([0.0, 0.0, 0.0, 0.0, 0.0, 0.02]));
+        let after = |hold, outcome| [Rehearsed { hold: Some(hold), ..Rehearsed::new(Vector3::zeros(), outcome) }; 10];
+        let tried = [after(low, TryOutcome::Contact), after(high, TryOutcome::Held)].concat();
+        let odds = |felt: &Extent| {
+            let rehearsed: Arc<[Rehearsed]> = tried.iter().map(|one| one.beside(felt)).collect();
+            let aimed = Aimed { all: rehearsed.clone(), rehearsed, heading: 0.0, aim: Vector3::zeros() };
+            Belief::new(&UNCERTAINTY).odds(&aimed, 1)
+        };
+        assert!(odds(&low).contact > 0.7 && odds(&high).held > 0.7, "{:?} {:?}", odds(&low), odds(&high));
+    }
+
     /// A grasp that was lucky in its few draws is not believed to be much better than the others of its object.
     #[test]
     fn luck_counts_for_less() {
-        let with = |outcome| [Rehearsed { error: Vector3::zeros(), outcome }; 40];
+        let with = |outcome| [Rehearsed::new(Vector3::zeros(), outcome); 40];
         let (lucky, others) = (with(TryOutcome::Held), [with(TryOutcome::Missed); 5].concat());
         let all: Arc<[Rehearsed]> = [&lucky[..], &others].concat().into();
         let alone = Aimed { rehearsed: lucky.into(), all: lucky.into(), heading: 0.0, aim: Vector3::zeros() };

@@ -150,7 +150,7 @@ mod tests {
         let own = |id: u32| Grasp { object: lying_can.name.clone(), ..grasp("", id) };
         let mut repertoire = Repertoire::default();
         repertoire.grasps.insert(lying_can.name.clone(), vec![own(4), own(5)]);
-        let outcome = Rehearsed { error: Vector3::zeros(), outcome: TryOutcome::Missed };
+        let outcome = Rehearsed::new(Vector3::zeros(), TryOutcome::Missed);
         let rehearsed = [Candidate { rehearsed: [outcome].into(), ..Candidate::new(own(5), 1.0) }];
         let seen = Percept { rotation: lying_can.rest, ..lying(lying_can.rest) };
         let found = stand_ins((&set, &repertoire), (can, &seen), &PINCH, &rehearsed);

@@ -4,7 +4,8 @@
 //! seen which is worth most. What was rehearsed is the plan's hold; the hold as felt is compared with it by geometry: the union of
 //! the held object (with the digits holding it) and the target is checked along the whole motion, the approach and the target's way
 //! into its place in the hand while the digits close. By as much as the probability that this clearance is negative grows from the
-//! rehearsed hold to the felt one, a contact becomes more likely. A candidate without rehearsals has its proven worth and the whole
+//! rehearsed hold to the felt one, a contact becomes more likely. A candidate that was proven after many holds has odds that count those most which are
+//! like the felt one ([`crate::extent`]); what is in its way at the object is in them. A candidate without rehearsals has its proven worth and the whole
 //! of that probability. A miss without contact is worth part of a hold, because it can be tried again. The plan is kept unless
 //! another candidate is worth clearly more.
 

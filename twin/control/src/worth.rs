@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 use grasping::Grasp;
 
+use crate::extent::Extent;
 use crate::odds::Rehearsed;
 
 /// A grasp that failed in this very trial or transport: the factor of each failure.
@@ -42,6 +43,12 @@ impl Candidate {
     /// A grasp that was not rehearsed under errors.
     pub fn new(grasp: Grasp, worth: f64) -> Self {
         Self { grasp, worth, trust: 1.0, rehearsed: Arc::default() }
+    }
+
+    /// The same with what its rehearsals count for beside the first object as it is felt.
+    #[must_use]
+    pub fn beside(&self, felt: &Extent) -> Self {
+        Self { rehearsed: self.rehearsed.iter().map(|rehearsed| rehearsed.beside(felt)).collect(), ..self.clone() }
     }
 }
 

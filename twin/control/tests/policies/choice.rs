@@ -137,7 +137,7 @@ fn with_twin(rehearsals: [fn(&Vector3<f64>) -> TryOutcome; 2], twin: Option<&dyn
     let steps = || (-4..=4).map(|n| 0.004 * f64::from(n));
     let errors: Vec<_> = steps().flat_map(|x| steps().map(move |y| Vector3::new(x, y, 0.0))).collect();
     let rehearsed = |outcome: fn(&Vector3<f64>) -> TryOutcome| {
-        errors.iter().map(|error| Rehearsed { error: *error, outcome: outcome(error) }).collect()
+        errors.iter().map(|error| Rehearsed::new(*error, outcome(error))).collect()
     };
     let candidates: Vec<_> = table
         .second()

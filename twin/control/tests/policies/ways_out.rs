@@ -17,7 +17,7 @@ use crate::table::*;
 fn rehearsed(table: &Table, outcome: TryOutcome) -> Vec<Candidate> {
     let steps = || (-4..=4).map(|n| 0.004 * f64::from(n));
     let errors = steps().flat_map(|x| steps().map(move |y| Vector3::new(x, y, 0.0)));
-    let rehearsed: Arc<[Rehearsed]> = errors.map(|error| Rehearsed { error, outcome }).collect();
+    let rehearsed: Arc<[Rehearsed]> = errors.map(|error| Rehearsed::new(error, outcome)).collect();
     table.second().into_iter().map(|candidate| Candidate { rehearsed: rehearsed.clone(), ..candidate }).collect()
 }
 

@@ -4,6 +4,7 @@ use world::attempt::Attempt;
 
 use super::{MOST_SIGMA, State, Touch};
 use crate::executor::{Executor, Target};
+use crate::extent::Extent;
 use crate::odds::Belief;
 use crate::percept::Percept;
 use crate::perception::Felt;
@@ -73,6 +74,8 @@ impl Touch<'_> {
         let tracked = &self.objects[object];
         let held = self.held(executor, felt);
         let (first, _) = self.following(executor);
+        let extent = Extent::of(&self.knowledge.objects[0].shape, &felt.estimate.palm_from_object);
+        let candidates: Vec<Candidate> = candidates.iter().map(|candidate| candidate.beside(&extent)).collect();
         let uncertainty = tracked.uncertainty(&self.knowledge);
         let situation = Situation {
             executor,
@@ -81,7 +84,7 @@ impl Touch<'_> {
             rehearsed: first.held.zip(first.held_joints.as_deref()),
             target: &self.solids[object],
             target_sigma: tracked.located.as_ref().map_or(uncertainty.arm.hypot(uncertainty.eyes), Belief::sigma),
-            all: rehearsals(candidates),
+            all: rehearsals(&candidates),
             belief: tracked.located.as_ref().unwrap_or(&self.belief),
             looks: tracked.looks,
             probe: self.aim,
@@ -91,7 +94,7 @@ impl Touch<'_> {
                 covariance: &felt.estimate.covariance,
             }),
         };
-        choose(&situation, candidates)?.ok_or_else(|| PolicyError::NoPlan(self.knowledge.objects[object].name.clone()))
+        choose(&situation, &candidates)?.ok_or_else(|| PolicyError::NoPlan(self.knowledge.objects[object].name.clone()))
     }
 
     /// What is done where a contact is likelier than a hold: the first object is put down and taken otherwise, if that promises

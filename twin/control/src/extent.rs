@@ -1,0 +1,58 @@
+//! Extent: how far a held object reaches in the palm along its axes, for the odds of a grasp beside it.
+//!
+//! Unlike a pose it is the same however an object is turned about an axis of its own symmetry, and it is what another object meets.
+
+use nalgebra::{Isometry3, Vector3};
+use world::geometry::Shape;
+
+/// Directions in the palm.
+const DIRECTIONS: [[f64; 3]; 6] =
+    [[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, -1.0]];
+/// Differences of extents, m, at which what is known of one hold counts less by a factor of exp(-1/2) for another.
+const ALIKE: f64 = 0.006;
+
+/// Farthest an object reaches from the palm's origin along x, -x, y, -y, z and -z of the palm, m.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Extent(pub [f64; 6]);
+
+impl Extent {
+    /// Of an object of this shape that is held at `palm_from_object`.
+    pub fn of(shape: &Shape, palm_from_object: &Isometry3<f64>) -> Self {
+        Self(DIRECTIONS.map(|direction| {
+            let direction = Vector3::from(direction);
+            let local = palm_from_object.inverse_transform_vector(&direction);
+            (palm_from_object * shape.support(&local)).coords.dot(&direction)
+        }))
+    }
+
+    /// How much what is known of one hold counts for the other, 1 where they are the same.
+    pub fn likeness(&self, other: &Self) -> f64 {
+        let squares = self.0.iter().zip(other.0).map(|(one, other)| ((one - other) / ALIKE).powi(2));
+        (-0.5 * squares.sum::<f64>()).exp()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{UnitQuaternion, Vector3};
+
+    use super::*;
+
+    /// A ball has the same extent however it is turned; a box has another.
+    #[test]
+    fn turns_count_only_where_they_show() {
+        let turned = Isometry3::from_parts(
+            Vector3::new(0.01, -0.02, -0.04).into(),
+            UnitQuaternion::from_euler_angles(0.3, -0.2, 0.5),
+        );
+        let straight = Isometry3::translation(0.01, -0.02, -0.04);
+        let ball = Shape::Sphere { radius: 0.02 };
+        let (one, other) = (Extent::of(&ball, &straight), Extent::of(&ball, &turned));
+        let expected = [0.03, 0.01, 0.0, 0.04, -0.02, 0.06];
+        assert!(one.0.iter().zip(expected).all(|(found, expected)| (found - expected).abs() < 1e-9), "{one:?}");
+        assert!(one.likeness(&other) > 0.999_999);
+        let cuboid = Shape::Cuboid { half: Vector3::new(0.02, 0.03, 0.04), radius: 0.002 };
+        let likeness = Extent::of(&cuboid, &straight).likeness(&Extent::of(&cuboid, &turned));
+        assert!(likeness < 0.5, "{likeness}");
+    }
+}
