@@ -13,6 +13,7 @@
 mod odds;
 pub mod other_order;
 pub mod outcomes;
+pub mod proof;
 pub mod stepwise;
 pub mod triple;
 pub mod variations;
@@ -36,6 +37,7 @@ use crate::rehearsal::{FirstRehearsal, rehearse_carry, rehearse_first, rehearse_
 use crate::simulated_world::World;
 
 pub use self::outcomes::Outcomes;
+use self::proof::Proof;
 
 /// Format version of plan files.
 const VERSION: u32 = 1;
@@ -66,6 +68,9 @@ pub struct Plan {
     /// Second grasps of this combination alone, which the repertoire lacks; outcomes name them like its own.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub variations: Vec<Grasp>,
+    /// Second grasps after the plan's first one that were found and tried in drawn circumstances.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub proof: Option<Proof>,
     /// Third object, and (number of the grasp, worth in this combination), the plan first; none where there are fewer.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub third: Option<(String, Vec<(u32, f64)>)>,
@@ -81,6 +86,9 @@ pub struct Other {
     pub first_grasp: u32,
     /// How second grasps went under errors of their aim.
     pub outcomes: Vec<Outcomes>,
+    /// Those after it that were found and tried in drawn circumstances.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub proof: Option<Proof>,
 }
 
 /// The grasps that a plan names.
@@ -176,6 +184,7 @@ impl Plan {
             fallen: BTreeMap::new(),
             others: Vec::new(),
             variations: Vec::new(),
+            proof: None,
             third: None,
             reversed: None,
         }
@@ -188,12 +197,16 @@ impl Plan {
         all.map(String::as_str).filter(|name| !name.is_empty()).collect()
     }
 
-    /// Leaves out the variations and their outcomes.
+    /// Leaves out the variations with their outcomes, and the proof.
     fn forget_variations(&mut self) {
+        self.proof = None;
         let gone: Vec<u32> = self.variations.drain(..).map(|grasp| grasp.id).collect();
         let known = |outcomes: &Outcomes| !gone.contains(&outcomes.grasp);
         self.outcomes.retain(known);
-        self.others.iter_mut().for_each(|other| other.outcomes.retain(known));
+        for other in &mut self.others {
+            other.outcomes.retain(known);
+            other.proof = None;
+        }
     }
 
     /// The grasps of `hand` behind the numbers.
@@ -208,43 +221,65 @@ impl Plan {
                 .cloned()
                 .with_context(|| format!("the plan names grasp {id} of {object}, which the repertoire lacks"))
         };
-        let candidate = |grasp: Grasp, worth: f64, outcomes: Option<&Outcomes>| {
-            let rehearsed = outcomes.map(|outcomes| outcomes.rehearsed(&grasp)).transpose()?.unwrap_or_default();
-            Ok(Candidate { rehearsed: rehearsed.into(), ..Candidate::new(grasp, worth) })
+        // A grasp that holds the first object in fewer draws than errors of aim alone say is worth that share.
+        let first = |id: u32, proof: &Option<Proof>| {
+            let first = find(&self.first, 0, id)?;
+            let score = proof.as_ref().map_or(first.score, Proof::first_holds);
+            Ok::<_, anyhow::Error>(Grasp { score, ..first })
         };
         // A variation after another first grasp is none of the plan's.
-        let own =
-            self.variations.iter().filter(|grasp| self.outcomes.iter().any(|outcomes| outcomes.grasp == grasp.id));
+        let own = self.variations.iter().filter(|grasp| tried(&self.outcomes, &self.proof, grasp.id));
         let named = self.second_grasps.iter().copied().chain(own.map(|grasp| (grasp.id, grasp.score)));
-        let second = named.map(|(id, worth)| {
-            let outcomes = self.outcomes.iter().find(|outcomes| outcomes.grasp == id);
-            candidate(find(&self.second, 1, id)?, worth, outcomes)
-        });
-        let fallen = self.fallen.iter().flat_map(|(way, tried)| tried.iter().map(move |outcomes| (way, outcomes)));
-        let fallen = fallen.map(|(way, outcomes)| {
-            let grasp = find(way, 1, outcomes.grasp)?;
+        let second = named.map(|(id, worth)| candidate(find(&self.second, 1, id)?, worth, &self.outcomes, &self.proof));
+        let fallen = self.fallen.iter().flat_map(|(way, tried)| tried.iter().map(move |one| (way, tried, one.grasp)));
+        let fallen = fallen.map(|(way, outcomes, id)| {
+            let grasp = find(way, 1, id)?;
             let worth = grasp.score;
-            candidate(grasp, worth, Some(outcomes))
+            candidate(grasp, worth, outcomes, &None)
         });
-        let others = self.others.iter().map(|other| {
-            let second = other.outcomes.iter().map(|outcomes| {
-                let grasp = find(&self.second, 1, outcomes.grasp)?;
+        // What was tried after one hold alone does not compare with what was proven after many.
+        let others = self.others.iter().filter(|other| self.proof.is_none() || other.proof.is_some());
+        let others = others.map(|other| {
+            let proven = other.proof.iter().flat_map(|proof| proof.grasps.iter().map(|proven| proven.grasp));
+            let numbers = match &other.proof {
+                Some(_) => proven.collect(),
+                None => other.outcomes.iter().map(|outcomes| outcomes.grasp).collect::<Vec<_>>(),
+            };
+            let second = numbers.into_iter().map(|id| {
+                let grasp = find(&self.second, 1, id)?;
                 let worth = grasp.score;
-                candidate(grasp, worth, Some(outcomes))
+                candidate(grasp, worth, &other.outcomes, &other.proof)
             });
-            let first = find(&self.first, 0, other.first_grasp)?;
-            Ok(Sequence { first, second: second.collect::<Result<_>>()? })
+            Ok(Sequence { first: first(other.first_grasp, &other.proof)?, second: second.collect::<Result<_>>()? })
         });
         let third = self.third.iter().flat_map(|(name, grasps)| grasps.iter().map(move |grasp| (name, grasp)));
         let third = third.map(|(name, (id, worth))| Ok(Candidate::new(find(name, 2, *id)?, *worth)));
         Ok(PlannedGrasps {
             third: third.collect::<Result<_>>()?,
             others: others.collect::<Result<_>>()?,
-            first: find(&self.first, 0, self.first_grasp)?,
+            first: first(self.first_grasp, &self.proof)?,
             second: second.collect::<Result<_>>()?,
             fallen: fallen.collect::<Result<_>>()?,
         })
     }
+}
+
+/// Whether grasp `id` was tried under errors.
+fn tried(outcomes: &[Outcomes], proof: &Option<Proof>, id: u32) -> bool {
+    let proven = proof.iter().flat_map(|proof| &proof.grasps).any(|proven| proven.grasp == id);
+    proven || outcomes.iter().any(|outcomes| outcomes.grasp == id)
+}
+
+/// A grasp with its rehearsals. Where some were proven, those of the others say too much: they come from one hold alone, and are left out.
+fn candidate(grasp: Grasp, worth: f64, outcomes: &[Outcomes], proof: &Option<Proof>) -> Result<Candidate> {
+    let rehearsed = match proof {
+        Some(proof) => proof.rehearsed(&grasp)?,
+        None => {
+            let outcomes = outcomes.iter().find(|outcomes| outcomes.grasp == grasp.id);
+            outcomes.map(|outcomes| outcomes.rehearsed(&grasp)).transpose()?
+        }
+    };
+    Ok(Candidate { rehearsed: rehearsed.unwrap_or_default().into(), ..Candidate::new(grasp, worth) })
 }
 
 /// Plans combinations of `scenario`, drawn by `seed`, until `count` stand, or all have been tried; `plan` gives none of one

@@ -3,6 +3,8 @@
 //! A *first* grasp is proven alone: pick up, lift, hold. A *second* grasp is proven while ring and little finger already hold an
 //! object: the rehearsal starts from a snapshot of that hold and runs to the end of the trial.
 
+pub mod circumstances;
+
 use std::sync::{Arc, LazyLock};
 
 use anyhow::Result;
@@ -180,12 +182,17 @@ impl NextWatch {
     fn drive(&mut self, robot: &mut SimulatedRobot, executor: &mut Executor, phase: Phase) -> Result<()> {
         while executor.phase() != phase && !self.collided {
             tick(robot, executor)?;
-            // The palm may touch what two free digits have.
-            self.gripped |= self.free.iter().filter(|digit| robot.touches(self.object, **digit)).count() >= 2;
-            let unwanted = if self.gripped { self.holding } else { self.holding | PALM };
-            self.collided = !executor.phase().lifts(self.object) && robot.touches(self.object, unwanted);
+            self.note(robot, executor);
         }
         Ok(())
+    }
+
+    /// Takes in what touched the object in the last tick.
+    fn note(&mut self, robot: &SimulatedRobot, executor: &Executor) {
+        // The palm may touch what two free digits have.
+        self.gripped |= self.free.iter().filter(|digit| robot.touches(self.object, **digit)).count() >= 2;
+        let unwanted = if self.gripped { self.holding } else { self.holding | PALM };
+        self.collided = !executor.phase().lifts(self.object) && robot.touches(self.object, unwanted);
     }
 }
 
@@ -331,13 +338,18 @@ pub fn wide_errors(count: usize) -> Vec<TrialNoise> {
 
 /// `count` draws of what is left of the noise once the object has been touched, the same ones for every grasp.
 pub fn narrow_errors(count: usize) -> Vec<TrialNoise> {
-    let (wide, narrow) = (EXPECTED_NOISE.scaled(WIDE), EXPECTED_NOISE.scaled(NARROW));
-    let levels = NoiseLevels {
-        execution: ExecutionNoise { rotation_sigma: wide.execution.rotation_sigma, ..narrow.execution },
-        perception: PerceptionNoise { yaw_sigma: wide.perception.yaw_sigma, ..narrow.perception },
-    };
+    let levels = narrow_levels();
     let mut rng = trial_rng(PROVING_SEED, 2, 0);
     (0..count).map(|_| TrialNoise::draw(&levels, 2, &mut rng)).collect()
+}
+
+/// The errors that are left of the place of an object that has been touched; turns are as wide as before.
+fn narrow_levels() -> NoiseLevels {
+    let (wide, narrow) = (EXPECTED_NOISE.scaled(WIDE), EXPECTED_NOISE.scaled(NARROW));
+    NoiseLevels {
+        execution: ExecutionNoise { rotation_sigma: wide.execution.rotation_sigma, ..narrow.execution },
+        perception: PerceptionNoise { yaw_sigma: wide.perception.yaw_sigma, ..narrow.perception },
+    }
 }
 
 /// Bit of the palm in [`Truth::touched_by`].

@@ -168,7 +168,10 @@ impl<'a> Setup<'a> {
     /// The same trial as a policy with these `means` begins it: with the other object first, if that promises more. Each object stands, errs
     /// and is as it would in the planned order. A scenario that disturbs the first or the second object keeps the planned order.
     pub fn ordered(&self, bench: &Bench, means: Means) -> Result<Self> {
-        let Some(reversed) = self.plan.reversed.as_deref().filter(|_| self.disturbances.is_none()) else {
+        // What was tried after one hold alone does not compare with what was proven after many.
+        let comparable = |reversed: &&Plan| self.plan.proof.is_none() || reversed.proof.is_some();
+        let reversed = self.plan.reversed.as_deref().filter(comparable);
+        let Some(reversed) = reversed.filter(|_| self.disturbances.is_none()) else {
             return Ok(self.clone());
         };
         let other = Self { plan: reversed.clone(), noise: self.noise.in_other_order(), ..self.clone() };

@@ -48,12 +48,7 @@ pub struct Outcomes {
 
 impl Outcomes {
     fn new(grasp: u32, wide: &[TryOutcome], narrow: &[TryOutcome]) -> Self {
-        let letter = |outcome: &TryOutcome| match outcome {
-            TryOutcome::Held => 'h',
-            TryOutcome::Missed => 'm',
-            TryOutcome::Contact => 'c',
-        };
-        let letters = |outcomes: &[TryOutcome]| outcomes.iter().map(letter).collect();
+        let letters = |outcomes: &[TryOutcome]| outcomes.iter().copied().map(letter).collect();
         Self { grasp, outcomes: letters(wide), near: letters(narrow) }
     }
 
@@ -70,19 +65,32 @@ impl Outcomes {
     /// The rehearsals, with the errors in axes that turn with `grasp`'s heading; first the one without errors, which held.
     pub fn rehearsed(&self, grasp: &Grasp) -> Result<Vec<Rehearsed>> {
         let with = |(error, letter): (TrialNoise, char)| {
-            let outcome = match letter {
-                'h' => TryOutcome::Held,
-                'm' => TryOutcome::Missed,
-                'c' => TryOutcome::Contact,
-                other => bail!("outcomes of grasp {}: found {other:?}, expected h, m or c", self.grasp),
-            };
-            Ok(Rehearsed { error: aim_error(&error, grasp.yaw), outcome })
+            Ok(Rehearsed::new(aim_error(&error, grasp.yaw), outcome(self.grasp, letter)?))
         };
-        let faultless = Rehearsed { error: Vector3::zeros(), outcome: TryOutcome::Held };
+        let faultless = Rehearsed::new(Vector3::zeros(), TryOutcome::Held);
         let wide = wide_errors(self.outcomes.len()).into_iter().zip(self.outcomes.chars());
         let narrow = narrow_errors(self.near.len()).into_iter().zip(self.near.chars());
         std::iter::once(Ok(faultless)).chain(wide.chain(narrow).map(with)).collect()
     }
+}
+
+/// The letter of an outcome in a file.
+pub(super) fn letter(outcome: TryOutcome) -> char {
+    match outcome {
+        TryOutcome::Held => 'h',
+        TryOutcome::Missed => 'm',
+        TryOutcome::Contact => 'c',
+    }
+}
+
+/// The outcome of a letter of a grasp's tries.
+pub(super) fn outcome(grasp: u32, letter: char) -> Result<TryOutcome> {
+    Ok(match letter {
+        'h' => TryOutcome::Held,
+        'm' => TryOutcome::Missed,
+        'c' => TryOutcome::Contact,
+        other => bail!("outcomes of grasp {grasp}: found {other:?}, expected h, m or c"),
+    })
 }
 
 /// What tries with these letters are worth together.
@@ -91,7 +99,7 @@ fn worth(letters: impl Iterator<Item = char>) -> f64 {
 }
 
 /// By how much the second grasp is aimed beside the object, m, in axes turned by `heading` (rad) about the vertical.
-fn aim_error(noise: &TrialNoise, heading: f64) -> Vector3<f64> {
+pub(super) fn aim_error(noise: &TrialNoise, heading: f64) -> Vector3<f64> {
     let world = noise.objects[1].offset + noise.position;
     Rotation3::from_axis_angle(&Vector3::z_axis(), -heading) * world
 }
@@ -178,7 +186,7 @@ impl<'a> Rehearsals<'a> {
             let outcomes = self.outcomes(&hold, &works, GRASPS)?;
             most = most.max(best(&outcomes));
             if !outcomes.is_empty() {
-                others.push(Other { first_grasp: first.id, outcomes });
+                others.push(Other { first_grasp: first.id, outcomes, proof: None });
             }
         }
         Ok(others)

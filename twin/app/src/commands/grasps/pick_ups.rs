@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
 use anyhow::bail;
@@ -9,7 +10,7 @@ use clap::{Args, ValueEnum};
 use grasping::{Repertoire, digit_sets};
 use proving::cache::Steps;
 use proving::pick_ups::{self, Effort, Progress, Wanted};
-use proving::plan::{self, Plans, other_order, outcomes, variations};
+use proving::plan::{self, Plans, other_order, outcomes, proof, variations};
 use proving::preparation::EFFORT;
 use proving::simulated_world::World;
 use scenarios::Scenario;
@@ -61,6 +62,9 @@ pub struct PlanArgs {
     /// Of that file everything stays: only the other order of its objects is planned, where no sequence of grasps is sure.
     #[arg(long, requires = "of", conflicts_with = "vary")]
     pub reverse: bool,
+    /// Of that file everything stays: second grasps are searched for and proven in drawn circumstances, for combinations that have no proof yet.
+    #[arg(long, requires = "of", conflicts_with_all = ["vary", "reverse"])]
+    pub prove: bool,
     /// The plan file to write.
     #[arg(long)]
     pub out: PathBuf,
@@ -186,6 +190,18 @@ pub fn plan(terminal: &Terminal, args: &PlanArgs) -> Outcome {
             plans
         }
     };
+    if args.prove {
+        // Written after each combination: an interruption loses the ones in hand, and `--of` the file that was written goes on.
+        let written = Mutex::new(plans.clone());
+        proof::prove(&world, &repertoire, &mut plans, quiet, |proven| {
+            let mut written = written.lock().unwrap_or_else(PoisonError::into_inner);
+            if let Some(plan) = written.plans.iter_mut().find(|plan| plan.objects() == proven.objects()) {
+                *plan = proven.clone();
+            }
+            written.write(&args.out)
+        })?;
+        return planned(terminal, args, &plans);
+    }
     if args.reverse {
         other_order::rehearse(&world, &repertoire, &mut plans, quiet)?;
         return planned(terminal, args, &plans);
