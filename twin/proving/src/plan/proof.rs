@@ -25,23 +25,32 @@ use crate::rehearsal::circumstances::{Errors, circumstances, errors_of, hold};
 use crate::rehearsal::{Snapshot, misaimed, rehearse_last, try_second, wide_errors};
 use crate::simulated_world::World;
 
-/// Draws under which grasps are selected.
-const SELECTING: usize = 16;
-/// Draws, others than those, under which the selected ones are tried.
-const PROVING: usize = 32;
-/// The first of those, under which they are tried with wide errors too.
-const WIDE: usize = 12;
-/// Proposals beside the grasps that are known, half of them rolled further.
-const PROPOSALS: u32 = 32;
+/// Work for a plan.
+#[derive(Debug, Clone, Copy)]
+pub struct Effort {
+    /// Draws under which grasps are selected.
+    pub selecting: usize,
+    /// Draws, others than those, under which the selected ones are tried.
+    pub proving: usize,
+    /// The first of those, under which they are tried with wide errors too.
+    pub wide: usize,
+    /// Proposals beside the grasps that are known, half of them rolled further.
+    pub proposals: u32,
+    /// Rounds of variations at most.
+    pub rounds: usize,
+    /// Variations a round.
+    pub batch: usize,
+}
+
+/// The work for the benchmark's own plans.
+pub const EFFORT: Effort = Effort { selecting: 16, proving: 32, wide: 12, proposals: 32, rounds: 2, batch: 12 };
+
 /// Greatest further roll, rad.
 const ROLL: f64 = 0.75;
-/// Heats: draws that a grasp has met after it, and grasps that go on.
-const HEATS: [(usize, usize); 4] = [(1, 24), (3, 12), (8, 6), (SELECTING, 4)];
+/// Heats before the last one, which has all draws: draws that a grasp has met after it, and grasps that go on.
+const HEATS: [(usize, usize); 3] = [(1, 24), (3, 12), (8, 6)];
 /// The same of the variations of a round.
-const VARIED: [(usize, usize); 4] = [(1, 10), (3, 5), (8, 3), (SELECTING, 3)];
-/// Rounds of variations at most, and variations a round.
-const ROUNDS: usize = 2;
-const BATCH: usize = 12;
+const VARIED: [(usize, usize); 3] = [(1, 10), (3, 5), (8, 3)];
 /// Grasps that a round starts from.
 const PARENTS: usize = 3;
 /// No further round is played once so many grasps have held under all draws.
@@ -115,13 +124,14 @@ pub fn prove(
     world: &World,
     repertoire: &Repertoire,
     plans: &mut Plans,
+    effort: Effort,
     quiet: bool,
     done: impl Fn(&Plan) -> Result<()> + Sync,
 ) -> Result<()> {
     let board = TactileBoard::unit(&world.cell.robot.hand, 0);
     plans.try_each("plans proven", quiet, |plan| {
         if plan.proof.is_none() {
-            if let Some((proof, found)) = Race::new(world, repertoire, &board, plan)?.run(plan)? {
+            if let Some((proof, found)) = Race::new(world, repertoire, &board, plan, effort)?.run(plan)? {
                 plan.proof = Some(proof);
                 plan.variations.extend(found);
             }
@@ -129,7 +139,7 @@ pub fn prove(
         }
         let unsure = plan.proof.as_ref().is_some_and(|proof| proof.best() < SURE);
         if unsure && plan.others.iter().all(|other| other.proof.is_none()) {
-            prove_another(world, repertoire, &board, plan)?;
+            prove_another(world, repertoire, &board, plan, effort)?;
             done(plan)?;
         }
         Ok(())
@@ -137,9 +147,15 @@ pub fn prove(
 }
 
 /// Proves second grasps after that first grasp of the repertoire, other than the planned one, after which those that are proven go best.
-fn prove_another(world: &World, repertoire: &Repertoire, board: &TactileBoard, plan: &mut Plan) -> Result<()> {
+fn prove_another(
+    world: &World,
+    repertoire: &Repertoire,
+    board: &TactileBoard,
+    plan: &mut Plan,
+    effort: Effort,
+) -> Result<()> {
     let hand = &world.cell.robot.hand;
-    let race = Race::new(world, repertoire, board, plan)?;
+    let race = Race::new(world, repertoire, board, plan, effort)?;
     let Some(proof) = &plan.proof else { return Ok(()) };
     let proven = |grasp: &&Grasp| proof.grasps.iter().any(|proven| proven.grasp == grasp.id);
     let sets = digit_sets(hand, 2);
@@ -189,8 +205,8 @@ impl Entrant {
         self.tried.get(draw) == Some(&TryOutcome::Held)
     }
 
-    fn always_held(&self) -> bool {
-        self.tried.len() == SELECTING && self.tried.iter().all(|outcome| *outcome == TryOutcome::Held)
+    fn always_held(&self, draws: usize) -> bool {
+        self.tried.len() == draws && self.tried.iter().all(|outcome| *outcome == TryOutcome::Held)
     }
 }
 
@@ -204,6 +220,7 @@ struct Race<'a> {
     world: &'a World,
     repertoire: &'a Repertoire,
     board: &'a TactileBoard,
+    effort: Effort,
     first: Grasp,
     /// The planned grasp of the second object.
     planned: Grasp,
@@ -214,7 +231,13 @@ struct Race<'a> {
 }
 
 impl<'a> Race<'a> {
-    fn new(world: &'a World, repertoire: &'a Repertoire, board: &'a TactileBoard, plan: &Plan) -> Result<Self> {
+    fn new(
+        world: &'a World,
+        repertoire: &'a Repertoire,
+        board: &'a TactileBoard,
+        plan: &Plan,
+        effort: Effort,
+    ) -> Result<Self> {
         let grasps = plan.grasps(&world.cell.robot.hand, repertoire)?;
         let planned = grasps.second.first().map(|planned| planned.grasp.clone());
         let planned = planned.with_context(|| format!("the plan of {} has no second grasp", plan.first))?;
@@ -223,6 +246,7 @@ impl<'a> Race<'a> {
             world,
             repertoire,
             board,
+            effort,
             first: grasps.first,
             planned,
             rng,
@@ -245,29 +269,34 @@ impl<'a> Race<'a> {
 
     /// The proof of the best grasps that are found, and those of them that nobody knew; none where the first grasp holds too seldom.
     fn run(mut self, plan: &Plan) -> Result<Option<(Proof, Vec<Grasp>)>> {
-        let mut holds = Vec::with_capacity(SELECTING);
-        for number in 0..2 * SELECTING {
-            if holds.len() < SELECTING {
+        let Effort { selecting, rounds, batch, .. } = self.effort;
+        let mut holds = Vec::with_capacity(selecting);
+        for number in 0..2 * selecting {
+            if holds.len() < selecting {
                 holds.extend(self.hold(Errors::Wider, number)?);
             }
         }
-        if holds.len() < SELECTING {
+        if holds.len() < selecting {
             return Ok(None);
         }
         let mut entrants = self.entrants(plan)?;
-        heats(&mut entrants, &HEATS, &holds)?;
-        for _ in 0..ROUNDS {
-            if entrants.is_empty() || entrants.iter().filter(|entrant| entrant.always_held()).count() >= ENOUGH {
+        heats(&mut entrants, (&HEATS, KEPT), &holds)?;
+        for _ in 0..rounds {
+            if entrants.is_empty() || entrants.iter().filter(|entrant| entrant.always_held(selecting)).count() >= ENOUGH
+            {
                 break;
             }
             let parents: Vec<Grasp> = entrants.iter().take(PARENTS).map(|entrant| entrant.grasp.clone()).collect();
             let mut varied: Vec<Entrant> =
-                (0..BATCH).map(|n| Entrant::new(self.varied(&parents[n % parents.len()]))).collect();
-            heats(&mut varied, &VARIED, &holds)?;
+                (0..batch).map(|n| Entrant::new(self.varied(&parents[n % parents.len()]))).collect();
+            heats(&mut varied, (&VARIED, PARENTS), &holds)?;
             entrants.append(&mut varied);
             rank(&mut entrants);
         }
-        let kept = complementary(entrants).into_iter().map(|entrant| seen(entrant, &holds)).collect::<Result<_>>()?;
+        let kept = complementary(entrants, selecting)
+            .into_iter()
+            .map(|entrant| seen(entrant, &holds))
+            .collect::<Result<_>>()?;
         drop(holds);
         self.try_kept(kept).map(Some)
     }
@@ -285,7 +314,7 @@ impl<'a> Race<'a> {
         let mut entrants: Vec<Entrant> = known.cloned().map(Entrant::new).collect();
         let (form, extent) = (HandForm::of(hand), extent(&*self.world.object(&plan.second)?));
         let side = if hand.parameters.handedness == Handedness::Left { 1.0 } else { -1.0 };
-        for n in 0..PROPOSALS {
+        for n in 0..self.effort.proposals {
             let Some(mut grasp) = propose(&form, &extent, &digits, self.number, &mut self.rng) else { break };
             self.number += 1;
             if n % 2 == 1 {
@@ -306,11 +335,11 @@ impl<'a> Race<'a> {
         if !kept.iter().any(|grasp| grasp.id == self.planned.id) {
             kept.push(self.planned.clone());
         }
-        let wide = wide_errors(WIDE);
+        let wide = wide_errors(self.effort.wide);
         let (mut holds, mut grasps) = (Vec::new(), Vec::new());
         grasps.extend(kept.iter().map(|grasp| Proven { grasp: grasp.id, ..Proven::default() }));
         let shape = &self.world.object(&self.first.object)?.shape;
-        for number in 0..PROVING {
+        for number in 0..self.effort.proving {
             let Some(hold) = self.hold(Errors::LeftOver, number)? else {
                 holds.push(None);
                 continue;
@@ -331,9 +360,11 @@ impl<'a> Race<'a> {
     }
 }
 
-/// Plays the heats; the grasps that are left, the best first.
-fn heats(entrants: &mut Vec<Entrant>, heats: &[(usize, usize)], holds: &[Snapshot]) -> Result<()> {
-    for (draws, going_on) in heats {
+/// Plays the heats and one under all draws, after which so many grasps are left, the best first.
+fn heats(entrants: &mut Vec<Entrant>, (heats, left): (&[(usize, usize)], usize), holds: &[Snapshot]) -> Result<()> {
+    let last = (holds.len(), left);
+    for (draws, going_on) in heats.iter().chain([&last]) {
+        let draws = &holds.len().min(*draws);
         for entrant in entrants.iter_mut() {
             while entrant.tried.len() < *draws {
                 entrant.tried.push(try_second(&holds[entrant.tried.len()], &entrant.grasp)?);
@@ -347,11 +378,11 @@ fn heats(entrants: &mut Vec<Entrant>, heats: &[(usize, usize)], holds: &[Snapsho
 }
 
 /// The best of `entrants`, and then those that hold most often where none of those before does.
-fn complementary(mut entrants: Vec<Entrant>) -> Vec<Entrant> {
+fn complementary(mut entrants: Vec<Entrant>, draws: usize) -> Vec<Entrant> {
     let mut kept: Vec<Entrant> = Vec::new();
     while kept.len() < KEPT && !entrants.is_empty() {
         let open = |draw: &usize| !kept.iter().any(|known| known.held(*draw));
-        let covered = |entrant: &Entrant| (0..SELECTING).filter(open).filter(|draw| entrant.held(*draw)).count();
+        let covered = |entrant: &Entrant| (0..draws).filter(open).filter(|draw| entrant.held(*draw)).count();
         // Of those that cover as much the one that is worth more: they are in this order.
         let best = (0..entrants.len()).rev().max_by_key(|n| covered(&entrants[*n])).unwrap_or(0);
         let best = entrants.remove(best);
@@ -387,7 +418,7 @@ mod tests {
     }
 
     fn entrant(id: u32, letters: &str) -> Entrant {
-        let letters = letters.chars().cycle().take(SELECTING);
+        let letters = letters.chars().cycle().take(16);
         Entrant { grasp: grasp(id), tried: letters.map(|letter| outcome(id, letter).expect("a letter")).collect() }
     }
 
@@ -396,8 +427,31 @@ mod tests {
     fn kept_grasps_complement_each_other() {
         let mut entrants = vec![entrant(1, "hhhm"), entrant(2, "hhmm"), entrant(3, "hhmm"), entrant(4, "mmmh")];
         rank(&mut entrants);
-        let kept: Vec<u32> = complementary(entrants).iter().map(|entrant| entrant.grasp.id).collect();
+        let kept: Vec<u32> = complementary(entrants, 16).iter().map(|entrant| entrant.grasp.id).collect();
         assert_eq!(kept, [1, 4, 2, 3]);
+    }
+
+    /// With little work a plan that is sure gets a proof: some grasps, among them the planned one, and a letter for each draw that has a hold.
+    /// Found grasps are the plan's, and say where they hold the object.
+    #[test]
+    fn a_plan_is_proven() {
+        let world =
+            World::new(&hand_model::RobotModel::ftac_gen3(), scenarios::Scenario::benchmark()).expect("the world");
+        let repertoire = crate::builtin::repertoire().expect("the built-in repertoire");
+        let mut plans = crate::builtin::plans().expect("the built-in plans");
+        plans.plans.retain(|plan| plan.objects() == ["ball_45", "box_50"]);
+        plans.plans[0].proof = None;
+        let effort = Effort { selecting: 2, proving: 3, wide: 1, proposals: 2, rounds: 1, batch: 2 };
+        prove(&world, &repertoire, &mut plans, effort, true, |_| Ok(())).expect("a proof");
+        let plan = &plans.plans[0];
+        let proof = plan.proof.as_ref().expect("a proof");
+        let held = proof.holds.iter().flatten().count();
+        assert!(proof.holds.len() == 3 && held > 0 && proof.best() > 0.5, "{proof:?}");
+        assert!(proof.grasps.iter().all(|proven| proven.near.len() == held && proven.wide.len() <= 1), "{proof:?}");
+        let grasps = plan.grasps(&world.cell.robot.hand, &repertoire).expect("the grasps");
+        assert!(!grasps.second[0].rehearsed.is_empty());
+        let found = plan.variations.iter().filter(|grasp| grasp.id >= FIRST_NUMBER);
+        assert!(found.into_iter().all(|grasp| grasp.held.is_some()));
     }
 
     /// Letters come back with the errors and holds of their draws; a draw in which the first grasp did not hold has none.

@@ -193,7 +193,7 @@ pub fn plan(terminal: &Terminal, args: &PlanArgs) -> Outcome {
     if args.prove {
         // Written after each combination: an interruption loses the ones in hand, and `--of` the file that was written goes on.
         let written = Mutex::new(plans.clone());
-        proof::prove(&world, &repertoire, &mut plans, quiet, |proven| {
+        proof::prove(&world, &repertoire, &mut plans, proof::EFFORT, quiet, |proven| {
             let mut written = written.lock().unwrap_or_else(PoisonError::into_inner);
             if let Some(plan) = written.plans.iter_mut().find(|plan| plan.objects() == proven.objects()) {
                 *plan = proven.clone();
