@@ -179,7 +179,7 @@ fn every_try_is_a_row() {
     assert_eq!(trials, ROWS);
 }
 
-/// Where the first object was felt, every condition foretells how far the planned grasp keeps the objects apart; those that choose, also of
+/// If the first object was felt, every condition foretells how far the planned grasp keeps the objects apart; those that choose, also of
 /// the chosen one.
 #[test]
 fn separations_are_foretold() {

@@ -49,7 +49,7 @@ fn figures(outcomes: &[Outcome]) -> Vec<Guarded> {
     ]
 }
 
-/// What has left its interval, in words.
+/// The figures that have left their intervals, in words.
 fn departures(guard: &[Guarded], found: &[Guarded]) -> Vec<String> {
     let left = guard.iter().zip(found).filter(|(guard, found)| !(guard.low..=guard.high).contains(&found.measured));
     left.map(|(guard, found)| {

@@ -25,7 +25,7 @@ impl Extent {
         }))
     }
 
-    /// How much what is known of one hold counts for the other, 1 where they are the same.
+    /// The weight that knowledge of one hold has for the other, 1 where they are the same.
     pub fn likeness(&self, other: &Self) -> f64 {
         let squares = self.0.iter().zip(other.0).map(|(one, other)| ((one - other) / ALIKE).powi(2));
         (-0.5 * squares.sum::<f64>()).exp()

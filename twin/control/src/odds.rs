@@ -27,7 +27,7 @@ const NARROWEST: f64 = 0.004;
 const UNKNOWN: f64 = 0.2;
 /// What a rehearsal of another grasp of the same object counts.
 const OTHERS: f64 = 0.2;
-/// What a rehearsal after another hold counts at least: with few draws of the hold none is near in all of its parts.
+/// Least weight of a rehearsal after another hold: with few draws of the hold none is near in all of its parts.
 const ANY_HOLD: f64 = 0.1;
 /// Aims along each axis of the square of [`Belief::odds_around`], an odd number.
 pub const AIMS: usize = 5;
@@ -55,7 +55,7 @@ pub struct Rehearsed {
     /// The first object as it was held; `None` where all rehearsals have the plan's hold.
     pub hold: Option<Extent>,
     pub outcome: TryOutcome,
-    /// What it counts for the hold that is felt, 1 for its own.
+    /// Its weight for the hold that is felt, 1 for its own.
     pub weight: f64,
 }
 

@@ -264,7 +264,7 @@ impl Plan {
     }
 }
 
-/// Whether grasp `id` was tried under errors.
+/// True of a grasp that was tried under errors.
 fn tried(outcomes: &[Outcomes], proof: &Option<Proof>, id: u32) -> bool {
     let proven = proof.iter().flat_map(|proof| &proof.grasps).any(|proven| proven.grasp == id);
     proven || outcomes.iter().any(|outcomes| outcomes.grasp == id)

@@ -173,7 +173,7 @@ mod tests {
         }
     }
 
-    /// What others state has a mean and a standard deviation, but no dot.
+    /// A figure that others state has a mean and a standard deviation, but no dot.
     #[test]
     fn a_stated_figure_is_a_mean_with_whiskers() {
         let stated = Group { dots: vec![], count: 60, mean_sd: Some((0.9, 0.3)), ..group("blind", &[]) };

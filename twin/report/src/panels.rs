@@ -39,7 +39,7 @@ struct Side {
     samples: Vec<Sample>,
 }
 
-/// Whether a trial counts, if that can be said of it.
+/// True of a trial that counts; none where that cannot be said of it.
 type Counted = fn(Count, &TrialRecord) -> Option<bool>;
 
 /// The panels that can be drawn of `records`.

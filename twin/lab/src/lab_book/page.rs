@@ -47,7 +47,7 @@ pub fn page(figures: &[Figure]) -> String {
     page
 }
 
-/// Whether it is the paper's own: another source's names it, as in `Taxim: 31.4`.
+/// True of the paper's own: another source's names it, as in `Taxim: 31.4`.
 fn is_of_the_paper(stated: &str) -> bool {
     !stated.is_empty() && !stated.contains(": ")
 }

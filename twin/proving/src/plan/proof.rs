@@ -75,7 +75,7 @@ pub struct Proof {
     pub grasps: Vec<Proven>,
 }
 
-/// How a grasp went.
+/// Outcomes of one grasp.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Proven {
     /// Number of the grasp.
@@ -98,7 +98,7 @@ impl Proof {
         self.grasps.iter().map(held).max().unwrap_or(0) as f64 / self.holds.len().max(1) as f64
     }
 
-    /// How `grasp` went, with the errors in axes that turn with its heading; none where it is not among those that were proven.
+    /// The rehearsals of `grasp`, with the errors in axes that turn with its heading; none where it is not among those that were proven.
     pub fn rehearsed(&self, grasp: &Grasp) -> Result<Option<Vec<Rehearsed>>> {
         let Some(proven) = self.grasps.iter().find(|proven| proven.grasp == grasp.id) else { return Ok(None) };
         let narrow = (0..self.holds.len()).map(|number| errors_of(Errors::LeftOver, number));

@@ -24,7 +24,7 @@ const LEFT_OVER: [f64; 2] = [0.4, 1.8];
 /// See [`LEFT_OVER`].
 const TELLS_LITTLE: f64 = 0.2;
 
-/// How far objects are beside where they are aimed at.
+/// Size of the errors of an object's place beside the hand's aim.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Errors {
     /// As after a touch.

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use scenarios::{Condition, TrialRecord};
 use statistics::MeanSd;
 
-/// How a collision is counted.
+/// A count of collisions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Count {
     /// An unwanted contact in the trial.
@@ -24,7 +24,7 @@ impl Count {
         }
     }
 
-    /// Whether the plan collided; `None` where nothing was predicted.
+    /// True where the plan collided; `None` where nothing was predicted.
     pub fn collided(self, record: &TrialRecord) -> Option<bool> {
         match self {
             Self::Contact => Some(record.contact),
@@ -32,7 +32,7 @@ impl Count {
         }
     }
 
-    /// Whether what is carried out succeeds: the plan, or what touch chose in its place.
+    /// True where the grasp that is carried out succeeds: the plan, or the one that touch chose in its place.
     pub fn succeeded(self, record: &TrialRecord) -> Option<bool> {
         match self {
             Self::Contact => Some(record.clean_success),

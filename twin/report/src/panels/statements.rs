@@ -1,4 +1,4 @@
-//! What the paper's text states beside its figure, and the commands that play what it shows without figures.
+//! Statements of the paper's text beside its figure, and the commands that play what it shows without figures.
 
 use std::collections::HashMap;
 
@@ -12,7 +12,7 @@ use crate::comparisons::with_interval;
 use crate::html::{Column, Table, number};
 use crate::paper;
 
-/// What the paper shows without figures, and the command that plays it.
+/// An event that the paper shows without figures, and the command that plays it.
 const SHOWN: [(&str, &str); 5] = [
     (
         "Four balls, one of them pushed while it is grasped (its illustration of the methods)",
