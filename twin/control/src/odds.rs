@@ -387,7 +387,7 @@ mod tests {
         let odds = |felt: &Extent| {
             let rehearsed: Arc<[Rehearsed]> = tried.iter().map(|one| one.beside(felt)).collect();
             let aimed = Aimed { all: rehearsed.clone(), rehearsed, heading: 0.0, aim: Vector3::zeros() };
-            Belief::new(&UNCERTAINTY).odds(&aimed, 1)
+            Belief::located(&Matrix3::from_diagonal_element(1e-6)).expect("positive").odds(&aimed, 1)
         };
         assert!(odds(&low).contact > 0.7 && odds(&high).held > 0.7, "{:?} {:?}", odds(&low), odds(&high));
     }
