@@ -5,7 +5,7 @@
 //! scores contact points for force closure, [`mechanism`] describes what the actuators move, and [`energy`] adds all
 //! other terms. [`langevin`] is the sampler's kernel, and [`chain`] runs it from a random start to a posture. [`posture`]
 //! projects that posture to one that cables and springs can hold, and opens it clear of the object. Closing it in physics
-//! is up to the caller. [`held`] is the result, [`grasp_file`] keeps those of one search, [`collection`] stores the grasps of many objects in one compact file, and
+//! is up to the caller. [`tabletop`] makes proposals for pick-ups from a table of such postures. [`held`] is the result, [`grasp_file`] keeps those of one search, [`collection`] stores the grasps of many objects in one compact file, and
 //! [`kind`] sorts them and [`diversity`] measures how different they are.
 
 pub mod chain;
@@ -22,3 +22,4 @@ pub mod langevin;
 pub mod mechanism;
 pub mod posture;
 pub mod surface;
+pub mod tabletop;

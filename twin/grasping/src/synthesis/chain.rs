@@ -75,8 +75,18 @@ pub fn start(energy: &GraspEnergy, rng: &mut impl Rng) -> HandState {
     let roll = Rotation3::from_axis_angle(&Vector3::z_axis(), rng.random_range(0.0..std::f64::consts::TAU));
     let tilt = Vector3::from_fn(|_, _| 0.2 * rng.sample::<f64, _>(StandardNormal));
     let rotation = UnitQuaternion::from_scaled_axis(tilt) * facing * UnitQuaternion::from_rotation_matrix(&roll);
+    beside(energy, rotation, &away, rng)
+}
+
+/// A random start with the palm turned by `rotation`, on the side of the object that `away` points to.
+pub fn beside(
+    energy: &GraspEnergy,
+    rotation: UnitQuaternion<f64>,
+    away: &Vector3<f64>,
+    rng: &mut impl Rng,
+) -> HandState {
     let (low, high) = energy.field.extent();
-    let reach = support(&low.coords, &high.coords, &energy.field.center.coords, &away);
+    let reach = support(&low.coords, &high.coords, &energy.field.center.coords, away);
     let center_in_palm = Vector3::new(
         rng.random_range(-0.03..0.03),
         rng.random_range(-0.06..0.05),
@@ -145,8 +155,23 @@ pub fn run(
     schedule: &Schedule,
     rng: &mut impl Rng,
 ) -> ChainEnd {
+    let state = start(energy, rng);
+    run_from(energy, frames, state, contacts, schedule, rng)
+}
+
+/// [`run`] from `state`.
+///
+/// # Panics
+/// With more contacts than the energy takes, or none.
+pub fn run_from(
+    energy: &GraspEnergy,
+    frames: &mut Frames,
+    mut state: HandState,
+    contacts: usize,
+    schedule: &Schedule,
+    rng: &mut impl Rng,
+) -> ChainEnd {
     let candidates = energy.surface.candidates.len();
-    let mut state = start(energy, rng);
     let mut held: Vec<usize> = (0..contacts).map(|_| rng.random_range(0..candidates)).collect();
     let freedom = state.freedom();
     let (mut gradient, mut there) = (vec![0.0; freedom], vec![0.0; freedom]);

@@ -105,6 +105,14 @@ impl HandSurface {
         Self { links: links.collect(), candidates, pairs }
     }
 
+    /// Adds points (palm frame, m) that move with the palm: what it holds.
+    pub fn extend_palm(&mut self, points: &[Vector3<f64>]) {
+        let (palm, mut points) = (&mut self.links[0], points.to_vec());
+        tiles(&mut points, palm.points.len(), &mut palm.patches);
+        palm.points.append(&mut points);
+        palm.bound = around(&palm.points);
+    }
+
     pub fn len(&self) -> usize {
         self.links.iter().map(|link| link.points.len()).sum()
     }

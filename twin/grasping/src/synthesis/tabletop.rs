@@ -1,0 +1,191 @@
+//! Proposals for an object that rests on a table: the chain samples postures above the table, and what it finds becomes a [`Grasp`].
+//!
+//! Beside the terms of the energy the task constrains the hand. Only the digits that take the object and the palm may touch it, the other digits
+//! stay as they are, and an object that is held already is a part of the palm: it keeps clear of the table and of what is taken.
+
+use hand_model::{Digit, Hand};
+use nalgebra::{Point3, UnitQuaternion, Vector3};
+use rand::{Rng, RngExt};
+
+use super::chain::{self, Schedule};
+use super::energy::{GraspEnergy, Plane, Weights};
+use super::field::DistanceField;
+use super::frames::Frames;
+use super::mechanism::Mechanism;
+use super::posture::open_clear;
+use super::surface::HandSurface;
+use crate::grasp::{Grasp, palm_rotation};
+use crate::sampler::{self, HandForm, ObjectExtent};
+
+/// Points on the hand's surface.
+const POINTS: usize = 600;
+/// A chain has to find a posture fast: many of them are tried in physics.
+const SCHEDULE: Schedule = Schedule { burn_in: 1000, steady: 150, hot: 2.0, cold: 0.02, contact_share: 0.3 };
+/// Chains until one ends in a posture that an arm above the table can take.
+const CHAINS: usize = 4;
+/// Contact points of a chain at least and at most.
+const CONTACTS: (usize, usize) = (3, 5);
+/// Greatest heading relative to the object, rad.
+const HEADING: f64 = 0.6;
+/// Pitch and roll at which chains begin, rad.
+const PITCH: [f64; 2] = [-0.3, 0.9];
+const ROLL: [f64; 2] = [-1.4, 1.4];
+/// Pitch of a posture that is proposed, rad.
+const STEEPEST: [f64; 2] = [-0.5, 1.3];
+/// A sample is no posture where a point of the hand is deeper in the object, or a contact farther from it, m.
+const DEEPEST: f64 = 6e-3;
+const FARTHEST: f64 = 0.02;
+
+/// An object as it rests.
+pub struct Resting<'a> {
+    pub extent: &'a ObjectExtent,
+    pub field: &'a DistanceField,
+    /// Object frame.
+    pub table: Plane,
+    /// `world_from_object` at yaw 0.
+    pub rest: UnitQuaternion<f64>,
+}
+
+/// What the hand holds already.
+pub struct Carried {
+    /// Points on its surface, palm frame, m.
+    pub points: Vec<Vector3<f64>>,
+    /// Joint angles of the hand that holds it, rad.
+    pub joints: Vec<f64>,
+}
+
+/// Proposes grasps with some digits of a hand.
+pub struct Tabletop<'a> {
+    hand: &'a Hand,
+    digits: Vec<Digit>,
+    form: HandForm,
+    surface: HandSurface,
+    mechanism: Mechanism,
+}
+
+impl<'a> Tabletop<'a> {
+    /// For `digits` of a hand that is empty or holds what is `carried`. None of a hand with jaws.
+    pub fn new(hand: &'a Hand, digits: Vec<Digit>, carried: Option<&Carried>) -> Option<Self> {
+        if hand.jaws().is_some() {
+            return None;
+        }
+        let mut surface = HandSurface::new(hand, POINTS);
+        let links: Vec<usize> = digits.iter().flat_map(|digit| hand.links(*digit)).map(|joint| joint + 1).collect();
+        surface.candidates.retain(|candidate| candidate.link == 0 || links.contains(&candidate.link));
+        if let Some(carried) = carried {
+            surface.extend_palm(&carried.points);
+        }
+        let mut mechanism = Mechanism::of(hand);
+        for (joint, limits) in mechanism.limits.iter_mut().enumerate() {
+            if !links.contains(&(joint + 1)) {
+                let angle = carried.map_or(0.0, |carried| carried.joints[joint]).clamp(limits.0, limits.1);
+                *limits = (angle, angle);
+            }
+        }
+        let moves =
+            |line: &super::mechanism::ActuatorLine| line.joints.iter().all(|joint| links.contains(&(joint + 1)));
+        mechanism.lines.retain(moves);
+        Some(Self { hand, digits, form: HandForm::of(hand), surface, mechanism })
+    }
+
+    /// A posture that one of a few chains finds, with tensions, delays and rise as the hand's file has them for such digits. None where no chain
+    /// ends in a posture of balanced contacts that faces the table, or nothing is known of such digits.
+    pub fn propose(&self, object: &Resting, id: u32, rng: &mut impl Rng) -> Option<Grasp> {
+        let drawn = sampler::propose(&self.form, object.extent, &self.digits, id, rng)?;
+        let (mechanism, weights) = (self.mechanism.clone(), Weights::default());
+        let energy = GraspEnergy::of_mechanism(mechanism, &self.surface, object.field, weights, Some(object.table));
+        let mut frames = Frames::new(&self.hand.tree);
+        (0..CHAINS).find_map(|_| self.posture(&energy, &mut frames, object, &drawn, rng))
+    }
+
+    fn posture(
+        &self,
+        energy: &GraspEnergy,
+        frames: &mut Frames,
+        object: &Resting,
+        drawn: &Grasp,
+        rng: &mut impl Rng,
+    ) -> Option<Grasp> {
+        let heading = if object.extent.yaw_matters { rng.random_range(-HEADING..HEADING) } else { 0.0 };
+        let (pitch, roll) = (rng.random_range(PITCH[0]..PITCH[1]), rng.random_range(ROLL[0]..ROLL[1]));
+        let rotation = object.rest.inverse() * palm_rotation(heading, pitch, roll);
+        let begun = chain::beside(energy, rotation, &(rotation * Vector3::z()), rng);
+        let contacts = rng.random_range(CONTACTS.0..=CONTACTS.1);
+        let end = chain::run_from(energy, frames, begun, contacts, &SCHEDULE, rng).best;
+        if end.terms.deepest > DEEPEST || end.terms.farthest > FARTHEST {
+            return None;
+        }
+        let opened = open_clear(self.hand, &self.surface, object.field, frames, &end.state)?;
+        let palm = opened.state.object_from_palm;
+        // Rz(heading) Ry(pitch) Rx(roll), as a grasp counts them.
+        let level = palm_rotation(0.0, 0.0, 0.0);
+        let (roll, pitch, heading) = (object.rest * palm.rotation * level.inverse()).euler_angles();
+        let yaw = if object.extent.yaw_matters { heading } else { 0.0 };
+        let faces_down = (palm_rotation(yaw, pitch, roll) * -Vector3::z()).z < 0.3;
+        if yaw.abs() > HEADING || !(STEEPEST[0]..STEEPEST[1]).contains(&pitch) || !faces_down {
+            return None;
+        }
+        let mut grasp = Grasp { yaw, pitch, roll, ..drawn.clone() };
+        grasp.center = palm.inverse_transform_point(&Point3::origin()).coords.into();
+        if self.digits.contains(&Digit::Thumb) {
+            grasp.opposition = opened.aimed.opposition;
+        }
+        for digit in &self.digits {
+            let pre = &mut grasp.pre_tension[digit.index()];
+            *pre = pre.min(opened.open.tensions[digit.index()]);
+        }
+        Some(grasp)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Unit;
+    use rand::SeedableRng;
+    use rand_chacha::ChaCha8Rng;
+
+    use super::super::field::tests::ball;
+    use super::*;
+
+    const RADIUS: f64 = 0.025;
+
+    fn proposals(digits: &[Digit], carried: Option<&Carried>) -> Vec<Grasp> {
+        let hand = Hand::ftac();
+        let extent = ObjectExtent { name: "ball".into(), half: Vector3::repeat(RADIUS), yaw_matters: false };
+        let table = Plane { normal: Unit::new_unchecked(Vector3::z()), offset: -RADIUS };
+        let object = Resting { extent: &extent, field: &ball(RADIUS), table, rest: UnitQuaternion::identity() };
+        let tabletop = Tabletop::new(&hand, digits.to_vec(), carried).expect("no jaws");
+        let of = |id| tabletop.propose(&object, id, &mut ChaCha8Rng::seed_from_u64(u64::from(id)));
+        (0..8).filter_map(of).collect()
+    }
+
+    /// Only the digits that are asked for pull, whichever they are; the ball is near the palm, and the palm above the table.
+    #[test]
+    fn any_digits_propose() {
+        for digits in [&[Digit::Ring, Digit::Little][..], &[Digit::Thumb, Digit::Index], &[Digit::Little]] {
+            let found = proposals(digits, None);
+            assert!(found.len() >= 4, "{digits:?}: {} of 8", found.len());
+            for grasp in &found {
+                assert_eq!(crate::grasp::pulled(&grasp.close_tension), digits);
+                let palm = grasp.palm_pose(&Point3::new(0.0, 0.0, RADIUS), 0.0).translation.vector;
+                assert!(palm.norm() < 0.2 && palm.z > 0.0, "{digits:?}: {palm}");
+            }
+            assert_eq!(found, proposals(digits, None));
+        }
+    }
+
+    /// What is held stays out of the table: a long thing under the palm's edge raises that edge.
+    #[test]
+    fn what_is_held_stays_above_the_table() {
+        let points: Vec<Vector3<f64>> = (0..20).map(|n| Vector3::new(-0.03, 0.0, -0.005 * f64::from(n))).collect();
+        let carried = Carried { points, joints: vec![0.0; 15] };
+        let lowest = |carried: Option<&Carried>| {
+            let found = proposals(&[Digit::Thumb, Digit::Index, Digit::Middle], carried);
+            let tip =
+                |grasp: &Grasp| grasp.palm_pose(&Point3::new(0.0, 0.0, RADIUS), 0.0) * Point3::new(-0.03, 0.0, -0.095);
+            found.iter().map(|grasp| tip(grasp).z).fold(f64::INFINITY, f64::min)
+        };
+        assert!(lowest(Some(&carried)) > -0.01, "{}", lowest(Some(&carried)));
+        assert!(lowest(None) < lowest(Some(&carried)), "{}", lowest(None));
+    }
+}
