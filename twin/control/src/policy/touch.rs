@@ -14,7 +14,7 @@ mod beside;
 pub(super) mod empty_hand;
 mod exploration;
 
-use grasping::Grasp;
+use grasping::{Grasp, digit_sets};
 use nalgebra::Vector3;
 use touch::{InHand, PoseEstimate};
 
@@ -177,7 +177,8 @@ impl<'a> Touch<'a> {
     fn within_reach(&self, index: usize, executor: &Executor, seen: &Percept) -> Vec<Candidate> {
         let candidates = [&self.first, self.following(executor).1][index];
         let (object, tracked) = (&*self.knowledge.objects[index], &self.objects[index]);
-        let digits = &executor.target(index).grasp.digits;
+        // A grasp may leave out one of the digits that are there for the object.
+        let digits = &digit_sets(executor.motion().hand(), self.objects.len())[index];
         within_reach(&self.knowledge, &Wanted { object, digits, candidates, tracked }, seen)
     }
 

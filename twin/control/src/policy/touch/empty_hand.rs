@@ -27,15 +27,17 @@ pub(in crate::policy) fn candidates(knowledge: &Knowledge, senses: &Senses, plan
     // One object alone is what the trial asks for, whatever its grasp leaves free.
     let alone = knowledge.objects.len() == 1;
     let as_planned = if alone { 1.0 } else { promise(&knowledge.second, &belief) };
-    let worth = |first: &Grasp| match knowledge.others.iter().find(|other| other.first.id == first.id) {
-        Some(other) => promise(&other.second, &belief) / SWITCH_GAIN,
-        None if alone => as_planned,
-        None => worth::UNREHEARSED * as_planned,
-    };
-    let name = &knowledge.objects[0].name;
-    let others = knowledge.repertoire.of(name, &planned.digits).filter(|first| first.id != planned.id);
-    let others = others.map(|first| Candidate::new(first.clone(), first.score * worth(first)));
-    std::iter::once(Candidate::new(planned.clone(), planned.score * as_planned)).chain(others).collect()
+    // What was tried after a first grasp says more of it than the repertoire, which may lack it.
+    let tried = knowledge.others.iter().map(|other| {
+        let worth = other.first.score * promise(&other.second, &belief) / SWITCH_GAIN;
+        Candidate::new(other.first.clone(), worth)
+    });
+    let unknown = if alone { as_planned } else { worth::UNREHEARSED * as_planned };
+    let known = |id: u32| id == planned.id || knowledge.others.iter().any(|other| other.first.id == id);
+    let untried = knowledge.repertoire.of(&knowledge.objects[0].name, &planned.digits);
+    let untried = untried.filter(|first| !known(first.id));
+    let untried = untried.map(|first| Candidate::new(first.clone(), first.score * unknown));
+    std::iter::once(Candidate::new(planned.clone(), planned.score * as_planned)).chain(tried).chain(untried).collect()
 }
 
 impl Touch<'_> {
