@@ -69,6 +69,14 @@ pub struct Scenario {
     pub effects: Effects,
     /// What happens beside noise.
     pub disturbance: Disturbances,
+    /// Level of the effort with which second grasps of pairs that come without a plan are searched for and proven in drawn circumstances; 0: they are
+    /// planned and tried under errors of their aim alone.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub effort: u32,
+}
+
+fn is_zero(level: &u32) -> bool {
+    *level == 0
 }
 
 impl Scenario {

@@ -58,6 +58,8 @@ struct ScenarioFile {
     without: Vec<Effect>,
     #[serde(default)]
     disturbance: Disturbances,
+    #[serde(default)]
+    effort: u32,
 }
 
 /// What an extending file has of the benchmark unless it says otherwise; of a table it may state some fields only, at any depth.
@@ -130,6 +132,7 @@ impl ScenarioFile {
                 .iter()
                 .fold(self.effects.unwrap_or_default(), |effects, effect| effects.without(*effect)),
             disturbance: self.disturbance,
+            effort: self.effort,
         })
     }
 }
