@@ -264,3 +264,25 @@ fn grasps_are_exported() {
         stderr(&refused)
     );
 }
+
+/// A search for proofs leaves alone what was proven with as much effort, and asks for a file of plans.
+#[test]
+fn proven_plans_stay() {
+    let folder = tempdir().expect("a folder");
+    let (of, out) = (folder.path().join("of.json"), folder.path().join("out.json"));
+    let built_in = fs::read_to_string(root().join("twin/proving/data/plans.json")).expect("the built-in plans");
+    let mut plans: Value = serde_json::from_str(&built_in).expect("JSON");
+    let all = plans["plans"].as_array_mut().expect("plans");
+    all.truncate(2);
+    all.iter_mut().for_each(|plan| plan["proven"] = 2.into());
+    fs::write(&of, plans.to_string()).expect("written");
+    let prove = ["grasps", "plan", "--of", text(&of), "--prove", "--effort", "2", "--quiet", "--out", text(&out)];
+    let output = run(&prove);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let written: Value = serde_json::from_str(&fs::read_to_string(&out).expect("written")).expect("JSON");
+    assert_eq!(written, plans);
+    let without_of = run(&["grasps", "plan", "--prove", "--out", text(&out)]);
+    assert!(stderr(&without_of).contains("--of"), "{}", stderr(&without_of));
+    let none = run(&[&prove[..6], &["0", "--out", text(&out)]].concat());
+    assert_eq!(none.status.code(), Some(2), "{}", stderr(&none));
+}

@@ -66,6 +66,9 @@ pub struct RunRequest {
     /// Factor of the scenario's noise.
     #[serde(default = "unscaled")]
     pub noise_scale: f64,
+    /// Effort of proofs for pairs without a plan; none: the scenario's.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub effort: Option<u32>,
     /// The scenario's text.
     pub scenario: String,
     /// The robot's files; none for the built-in one.
@@ -163,6 +166,7 @@ impl RunRequest {
         let mut scenario = Scenario::parse(&self.scenario, Path::new("run.json"))?;
         scenario.noise = scenario.noise.scaled(self.noise_scale);
         scenario.effects = scenario.effects.scaled(self.noise_scale);
+        scenario.effort = self.effort.unwrap_or(scenario.effort);
         scenario.effects = self.without.iter().fold(scenario.effects, |effects, effect| effects.without(*effect));
         Ok(scenario)
     }

@@ -38,6 +38,7 @@ fn request(conditions: &[Condition], record: Record) -> RunRequest {
         uncertainty: None,
         policy: None,
         noise_scale: 1.0,
+        effort: None,
         scenario: scenarios::scenario::BENCHMARK.into(),
         robot_model: None,
         individual: None,

@@ -16,6 +16,7 @@ pub mod cache;
 pub mod pick_ups;
 pub mod plan;
 pub mod preparation;
+pub mod proposals;
 pub mod rehearsal;
 pub mod simulated_world;
 pub mod skills;

@@ -11,6 +11,7 @@ use std::time::Instant;
 use anyhow::{Context, Result};
 use grasping::repertoire::{Repertoire, VERSION};
 use grasping::sampler::{HandForm, ObjectExtent, propose, vary};
+use grasping::synthesis::tabletop::Carried;
 use grasping::{Grasp, digit_sets};
 use hand_model::Digit;
 use indicatif::ProgressBar;
@@ -23,6 +24,7 @@ use sim::tactile::TactileBoard;
 use world::objects::{ObjectModel, Symmetry};
 
 use crate::cache::Steps;
+use crate::proposals::{Proposals, carried};
 use crate::rehearsal::{
     FirstRehearsal, HoldOutcome, Snapshot, StartPosture, misaimed, proving_errors, rehearse_first, rehearse_last,
     wide_errors,
@@ -112,7 +114,6 @@ fn stream(seed: u64, object: &str, place: usize, id: u32) -> ChaCha8Rng {
 struct Search<'a> {
     world: &'a World,
     effort: Effort,
-    form: HandForm,
     /// Digits that take what comes in each place.
     sets: &'a [Vec<Digit>],
     /// Draws all proposals.
@@ -168,10 +169,8 @@ pub fn generate(
 ) -> Result<()> {
     let Wanted { names, places, effort } = *wanted;
     repertoire.version = VERSION;
-    let form = HandForm::of(&world.cell.robot.hand);
     let sets = digit_sets(&world.cell.robot.hand, 2);
-    let search =
-        Search { world, effort, form, sets: &sets, seed: repertoire.seed, board: TactileBoard::blank(), progress };
+    let search = Search { world, effort, sets: &sets, seed: repertoire.seed, board: TactileBoard::blank(), progress };
     for (place, digits) in sets.iter().enumerate().filter(|(place, _)| places.contains(place)) {
         let reference = if place > 0 { reference_hold(world, names, repertoire)? } else { Vec::new() };
         for name in names {
@@ -194,18 +193,18 @@ pub fn generate(
 
 impl Search<'_> {
     fn find_first(&self, name: &str) -> Result<Vec<Grasp>> {
-        let extent = extent(&*self.world.object(name)?);
-        let bystander = self.bystander(&extent)?;
+        let object = self.world.object(name)?;
+        let bystander = self.bystander(&object)?;
         let attempt = |grasp: &Grasp, noise: &TrialNoise| -> Result<Option<HoldOutcome>> {
             let outcome = self.rehearse_first(&[grasp, &bystander], noise)?;
             Ok(outcome.map(|(_, outcome)| outcome).filter(|outcome| outcome.slip < SLIP_LIMIT))
         };
-        self.find(&extent, 0, attempt)
+        self.find(&object, 0, None, attempt)
     }
 
     fn find_second(&self, name: &str, reference: &[Grasp]) -> Result<Vec<Grasp>> {
-        let extent = extent(&*self.world.object(name)?);
-        let bystander = self.bystander(&extent)?;
+        let object = self.world.object(name)?;
+        let bystander = self.bystander(&object)?;
         // A hold of the reference object with this object standing by.
         let mut hold: Option<Snapshot> = None;
         for first in reference {
@@ -215,11 +214,12 @@ impl Search<'_> {
             }
         }
         let hold = &hold.context("no reference hold could be made")?;
+        let held = self.world.object(&reference[0].object)?;
         let attempt = |grasp: &Grasp, noise: &TrialNoise| -> Result<Option<HoldOutcome>> {
             let (collided, outcome) = rehearse_last(hold, &misaimed(grasp, noise, 1))?;
             Ok((outcome.held && !collided && outcome.slip < 2.0 * SLIP_LIMIT).then_some(outcome))
         };
-        self.find(&extent, 1, attempt)
+        self.find(&object, 1, Some(&carried(hold, &held)), attempt)
     }
 
     fn rehearse_first(&self, grasps: &[&Grasp], noise: &TrialNoise) -> Result<Option<(Snapshot, HoldOutcome)>> {
@@ -229,27 +229,44 @@ impl Search<'_> {
     }
 
     /// A grasp of the object as it stands by; it is never closed.
-    fn bystander(&self, extent: &ObjectExtent) -> Result<Grasp> {
-        self.propose(extent, 1, 0)
+    fn bystander(&self, object: &ObjectModel) -> Result<Grasp> {
+        let form = HandForm::of(&self.world.cell.robot.hand);
+        let grasp = propose(&form, &extent(object), &self.sets[1], 0, &mut stream(self.seed, &object.name, 1, 0));
+        grasp.with_context(|| self.no_ranges(1))
     }
 
-    fn propose(&self, extent: &ObjectExtent, place: usize, id: u32) -> Result<Grasp> {
+    fn no_ranges(&self, place: usize) -> String {
         let (digits, hand) = (&self.sets[place], &self.world.cell.robot.hand.parameters.name);
-        propose(&self.form, extent, digits, id, &mut stream(self.seed, &extent.name, place, id)).with_context(|| {
-            format!("{hand}: grasps.set: found no ranges like those of {digits:?}, expected a set of its own")
-        })
+        format!("{hand}: grasps.set: found no ranges like those of {digits:?}, expected a set of its own")
+    }
+
+    fn proposals<'o>(
+        &'o self,
+        object: &'o ObjectModel,
+        place: usize,
+        carried: Option<&Carried>,
+    ) -> Result<Proposals<'o>> {
+        Proposals::new(&self.world.cell.robot.hand, object, &self.sets[place], carried, false)
+    }
+
+    /// Proposal number `id`: the even ones are drawn from the hand's ranges, the odd ones synthesized.
+    fn propose(&self, proposals: &Proposals, place: usize, id: u32) -> Result<Grasp> {
+        let rng = &mut stream(self.seed, proposals.object(), place, id);
+        let synthesized = if id % 2 == 1 { proposals.synthesized(id, rng) } else { None };
+        synthesized.or_else(|| proposals.drawn(id, rng)).with_context(|| self.no_ranges(place))
     }
 
     /// Proposals until enough hold, then variations of those while too few do; all that held are tried again under noise, and
     /// variations of the most robust ones replace those that are less so.
     fn find(
         &self,
-        extent: &ObjectExtent,
+        object: &ObjectModel,
         place: usize,
+        carried: Option<&Carried>,
         attempt: impl Fn(&Grasp, &TrialNoise) -> Result<Option<HoldOutcome>> + Sync,
     ) -> Result<Vec<Grasp>> {
         let errors = &(if place == 0 { wide_errors } else { proving_errors })(errors(place))[..];
-        let Effort { proposals, variations, .. } = self.effort;
+        let Effort { variations, .. } = self.effort;
         let keep = self.effort.kept(place);
         let Progress { bar, pace, .. } = self.progress;
         let measured = AtomicBool::new(false);
@@ -260,7 +277,7 @@ impl Search<'_> {
                 attempt(grasp, noise)
             };
             let one = |grasp: Grasp| {
-                self.progress.tried(&step(&extent.name, place, grasp.id, errors.len()), || {
+                self.progress.tried(&step(&object.name, place, grasp.id, errors.len()), || {
                     let tried = prove(grasp, errors, failures, &counted);
                     bar.inc(1 + errors.len() as u64);
                     tried
@@ -273,12 +290,14 @@ impl Search<'_> {
             }
             proven.into_iter().filter_map(Result::transpose).collect()
         };
-        let random = |id: u32| stream(self.seed, &extent.name, place, id);
+        let random = |id: u32| stream(self.seed, &object.name, place, id);
+        let proposals = self.proposals(object, place, carried)?;
         let enough = self.effort.proven(place);
         let mut found: Vec<Grasp> = Vec::new();
         let mut id = 0;
-        while id < proposals && found.len() < enough {
-            let batch = (id..id + BATCH).map(|id| self.propose(extent, place, id)).collect::<Result<_>>()?;
+        while id < self.effort.proposals && found.len() < enough {
+            let ids: Vec<u32> = (id..id + BATCH).collect();
+            let batch = ids.into_par_iter().map(|id| self.propose(&proposals, place, id)).collect::<Result<_>>()?;
             found.extend(run(batch, &[], 0)?);
             id += BATCH;
         }

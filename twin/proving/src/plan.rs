@@ -25,7 +25,7 @@ use std::path::Path;
 use anyhow::{Context, Result, bail};
 use control::worth::{Candidate, Sequence};
 use grasping::{Grasp, Repertoire, digit_sets};
-use hand_model::Hand;
+use hand_model::{Digit, Hand};
 use indicatif::ProgressBar;
 use rayon::prelude::*;
 use scenarios::Scenario;
@@ -65,18 +65,25 @@ pub struct Plan {
     /// The same after other first grasps.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub others: Vec<Other>,
-    /// Second grasps of this combination alone, which the repertoire lacks; outcomes name them like its own.
+    /// Grasps of this combination alone, which the repertoire lacks; outcomes and proofs name them like its own.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub variations: Vec<Grasp>,
     /// Second grasps after the plan's first one that were found and tried in drawn circumstances.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub proof: Option<Proof>,
+    /// Level of the effort with which proofs were looked for; 0 where they were not, or not to the end.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub proven: u32,
     /// Third object, and (number of the grasp, worth in this combination), the plan first; none where there are fewer.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub third: Option<(String, Vec<(u32, f64)>)>,
     /// The plan of the same two objects in the same places, taken in the other order.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reversed: Option<Box<Plan>>,
+}
+
+fn is_zero(level: &u32) -> bool {
+    *level == 0
 }
 
 /// Another way to take the first object than the plan's, and how second grasps went after it.
@@ -185,6 +192,7 @@ impl Plan {
             others: Vec::new(),
             variations: Vec::new(),
             proof: None,
+            proven: 0,
             third: None,
             reversed: None,
         }
@@ -197,9 +205,16 @@ impl Plan {
         all.map(String::as_str).filter(|name| !name.is_empty()).collect()
     }
 
+    /// Grasps of this combination alone that take an object with these digits, or with some of them.
+    fn varied<'a>(&'a self, object: &'a str, digits: &'a [Digit]) -> impl Iterator<Item = &'a Grasp> {
+        self.variations
+            .iter()
+            .filter(move |grasp| grasp.object == object && grasp.digits.iter().all(|digit| digits.contains(digit)))
+    }
+
     /// Leaves out the variations with their outcomes, and the proof.
     fn forget_variations(&mut self) {
-        self.proof = None;
+        (self.proof, self.proven) = (None, 0);
         let gone: Vec<u32> = self.variations.drain(..).map(|grasp| grasp.id).collect();
         let known = |outcomes: &Outcomes| !gone.contains(&outcomes.grasp);
         self.outcomes.retain(known);
@@ -213,10 +228,9 @@ impl Plan {
     pub fn grasps(&self, hand: &Hand, repertoire: &Repertoire) -> Result<PlannedGrasps> {
         let sets = digit_sets(hand, self.objects().len());
         let find = |object: &str, place: usize, id: u32| {
-            let varied = self.variations.iter().filter(|grasp| grasp.object == object && grasp.digits == sets[place]);
             repertoire
                 .of(object, &sets[place])
-                .chain(varied)
+                .chain(self.varied(object, &sets[place]))
                 .find(|grasp| grasp.id == id)
                 .cloned()
                 .with_context(|| format!("the plan names grasp {id} of {object}, which the repertoire lacks"))

@@ -34,7 +34,7 @@ use crate::simulated_world::World;
 use crate::skills;
 
 /// Rises when a rule of the search changes, or the engine does: what was kept is then searched anew.
-const RULES: u32 = 2;
+const RULES: u32 = 3;
 /// Draws the proposals of pick-ups: they do not depend on a run's own seed.
 const SEED: u64 = 1;
 /// The work that goes into each object and place, as for the benchmark's own.
@@ -109,22 +109,33 @@ pub fn prepare(world: &World, count: usize, seed: u64, cache: &Cache, quiet: boo
     let board = TactileBoard::unit(&world.cell.robot.hand, 0);
     let mut open = Vec::new();
     for pair in draw_combinations(&world.scenario, count, seed) {
-        if decided(&pair).is_none() && !cache.has(&plan_key(world, &repertoire, &pair)?) {
+        let key = plan_key(world, &repertoire, &pair)?;
+        let key = if world.scenario.effort == 0 { key } else { key.with(&("proof", world.scenario.effort))? };
+        if decided(&pair).is_none() && !cache.has(&key) {
             open.push(pair);
         }
     }
     if !open.is_empty() && !quiet {
-        say(&forecast::of_plans(open.len(), pace(world, &repertoire, &board, &open)?));
+        say(&forecast::of_plans(open.len(), pace(world, &repertoire, &board, &open)?, world.scenario.effort));
     }
     let plans = plan::make_plans(&world.scenario, count, seed, quiet, |pair| {
         if let Some(decided) = decided(pair) {
             return Ok(decided.cloned());
         }
-        cache.get_or(&plan_key(world, &repertoire, pair)?, |steps| {
-            stepwise::plan(world, &repertoire, &board, pair, steps)
-        })
+        let key = plan_key(world, &repertoire, pair)?;
+        let mut planned = cache.get_or(&key, |steps| stepwise::plan(world, &repertoire, &board, pair, steps))?;
+        for level in 1..=if pair.objects.len() == 2 { world.scenario.effort } else { 0 } {
+            let Some(plan) = planned.take() else { break };
+            let key = key.clone().with(&("proof", level))?;
+            planned = cache.get_or(&key, |steps| stepwise::prove(world, &repertoire, plan, level, steps))?;
+        }
+        Ok(planned)
     })?;
     let said = notes.len();
+    notes.extend(forecast::of_proofs(plans.plans.iter().filter(|plan| {
+        let pair = Combination { id: 0, objects: plan.objects().into_iter().map(str::to_owned).collect() };
+        decided(&pair).is_none()
+    })));
     let left_out = left_out::of(world, &repertoire, &plans, count, &mut notes)?;
     left_out.iter().chain(&notes[said..]).for_each(|line| say(line));
     Ok(Prepared { repertoire, plans, notes, left_out })

@@ -130,6 +130,7 @@ impl Plan {
             without: Vec::new(),
             uncertainty: None,
             noise_scale: 1.0,
+            effort: None,
             scenario: scenarios::scenario::BENCHMARK.to_owned(),
             policy: None,
             robot_model: None,

@@ -78,6 +78,10 @@ pub struct BenchArgs {
     /// from their models, eyes that are late and take one way to lie for another; see --without and --no-errors.
     #[arg(long, default_value_t = 1.0)]
     pub noise_scale: f64,
+    /// Effort with which grasps of pairs that come without a plan are searched for and proven in drawn circumstances, from 0 to 9, in the place of the
+    /// scenario's: at 1 some 3 to 12 minutes of a core a pair, kept for later runs.
+    #[arg(long, value_parser = clap::value_parser!(u32).range(..=9), conflicts_with = "resume")]
+    pub effort: Option<u32>,
     /// No errors and no effects at all, as --noise-scale 0 --without all; the controller expects none either.
     #[arg(long, conflicts_with_all = ["noise_scale", "without", "resume"])]
     pub no_errors: bool,
@@ -204,6 +208,7 @@ fn request(terminal: &Terminal, args: &BenchArgs) -> Result<(RunRequest, PathBuf
         uncertainty: uncertainty(args.uncertainty.as_deref())?,
         policy: policy(args)?,
         noise_scale,
+        effort: args.effort,
         scenario: text,
         places: args.places.places(args.robot)?,
         individual: individual(args.individual.as_deref(), &model)?.0,

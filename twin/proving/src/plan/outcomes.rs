@@ -94,7 +94,7 @@ pub(super) fn outcome(grasp: u32, letter: char) -> Result<TryOutcome> {
 }
 
 /// What tries with these letters are worth together.
-fn worth(letters: impl Iterator<Item = char>) -> f64 {
+pub(super) fn worth(letters: impl Iterator<Item = char>) -> f64 {
     letters.map(|letter| if letter == 'h' { 1.0 } else { MISSED * f64::from(letter == 'm') }).sum()
 }
 

@@ -5,24 +5,23 @@
 //! proposals that are rolled further, so that ring and little finger with what they hold are lifted off the table. Variations of the best race in
 //! their turn. What is kept is a set in which one grasp holds where another does not, and its letters come from draws that selected nothing.
 
-use anyhow::{Context as _, Result};
+mod firsts;
+mod race;
+
+use std::borrow::Cow;
+
+use anyhow::Result;
 use control::extent::Extent;
-use control::odds::{Rehearsed, TryOutcome};
-use control::worth::MISSED;
-use grasping::sampler::{HandForm, propose, vary};
+use control::odds::Rehearsed;
 use grasping::{Grasp, Repertoire, digit_sets};
-use hand_model::parameters::Handedness;
-use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
-use sha2::{Digest as _, Sha256};
 use sim::tactile::TactileBoard;
 
-use super::outcomes::{aim_error, letter, outcome};
-use super::{Other, Plan, Plans};
-use crate::pick_ups::extent;
-use crate::rehearsal::circumstances::{Errors, circumstances, errors_of, hold};
-use crate::rehearsal::{Snapshot, misaimed, rehearse_last, try_second, wide_errors};
+use self::race::Race;
+use super::outcomes::{aim_error, outcome};
+use super::{Other, Plan, Plans, plan_pair};
+use crate::rehearsal::circumstances::{Errors, errors_of};
+use crate::rehearsal::wide_errors;
 use crate::simulated_world::World;
 
 /// Work for a plan.
@@ -34,45 +33,46 @@ pub struct Effort {
     pub proving: usize,
     /// The first of those, under which they are tried with wide errors too.
     pub wide: usize,
-    /// Proposals beside the grasps that are known, half of them rolled further.
-    pub proposals: u32,
+    /// Proposals from the hand's ranges beside the grasps that are known, half of them rolled further.
+    pub drawn: u32,
+    /// Proposals by synthesis.
+    pub synthesized: u32,
     /// Rounds of variations at most.
     pub rounds: usize,
     /// Variations a round.
     pub batch: usize,
+    /// A proof that is not sure is looked for again with a higher one.
+    pub level: u32,
 }
 
-/// The work for the benchmark's own plans.
-pub const EFFORT: Effort = Effort { selecting: 16, proving: 32, wide: 12, proposals: 32, rounds: 2, batch: 12 };
+impl Effort {
+    /// The work at a level from 1 on: some 3 minutes of a core for a plan that is sure at once, and up to four times as many where other first
+    /// grasps and the other order are tried; twice and three times the proposals at the next levels.
+    pub fn of_level(level: u32) -> Self {
+        let (drawn, synthesized) = (16 * level, 16 * level);
+        Self { selecting: 16, proving: 32, wide: 12, drawn, synthesized, rounds: 2, batch: 12, level }
+    }
+}
 
-/// Greatest further roll, rad.
-const ROLL: f64 = 0.75;
-/// Heats before the last one, which has all draws: draws that a grasp has met after it, and grasps that go on.
-const HEATS: [(usize, usize); 3] = [(1, 24), (3, 12), (8, 6)];
-/// The same of the variations of a round.
-const VARIED: [(usize, usize); 3] = [(1, 10), (3, 5), (8, 3)];
-/// Grasps that a round starts from.
-const PARENTS: usize = 3;
-/// No further round is played once so many grasps have held under all draws.
-const ENOUGH: usize = 3;
-/// Grasps that are kept.
-const KEPT: usize = 4;
-/// Numbers of the grasps found begin here.
-const FIRST_NUMBER: u32 = 2_000_000;
-/// Those after another first grasp so much higher.
-const ANOTHER: u32 = 100_000;
 /// A plan is sure if its best second grasp holds in this share of the draws: no other first grasp is looked for.
 const SURE: f64 = 0.92;
-/// Draws in which other first grasps are compared.
-const GLANCE: usize = 6;
+/// The other order is looked for where the best holds in less than this.
+const POOR: f64 = 0.8;
 
 /// Second grasps after one first grasp, with how they went in drawn circumstances.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Proof {
+    /// [`Effort::level`] of the race.
+    #[serde(default = "first_level")]
+    pub effort: u32,
     /// Of each draw the extent of the held object in the palm ([`Extent`]), mm; none where the first grasp did not hold.
     pub holds: Vec<Option<[f64; 6]>>,
     /// The grasps, the best first.
     pub grasps: Vec<Proven>,
+}
+
+fn first_level() -> u32 {
+    1
 }
 
 /// Outcomes of one grasp.
@@ -118,8 +118,8 @@ impl Proof {
     }
 }
 
-/// Proves second grasps for those of the `plans` that have no proof, and after another first grasp where that leaves them unsure; `done` is told
-/// after each of them. Shows a progress bar unless `quiet`.
+/// Proves second grasps for those of the `plans` that have no proof, or one that leaves them unsure and took less than this effort. `done` is told
+/// after each step. Shows a progress bar unless `quiet`.
 pub fn prove(
     world: &World,
     repertoire: &Repertoire,
@@ -128,307 +128,146 @@ pub fn prove(
     quiet: bool,
     done: impl Fn(&Plan) -> Result<()> + Sync,
 ) -> Result<()> {
-    let board = TactileBoard::unit(&world.cell.robot.hand, 0);
+    let prover = Prover::new(world, repertoire, effort);
     plans.try_each("plans proven", quiet, |plan| {
-        if plan.proof.is_none() {
-            if let Some((proof, found)) = Race::new(world, repertoire, &board, plan, effort)?.run(plan)? {
-                plan.proof = Some(proof);
-                plan.variations.extend(found);
-            }
-            done(plan)?;
+        if plan.proven >= effort.level {
+            return Ok(());
         }
-        let unsure = plan.proof.as_ref().is_some_and(|proof| proof.best() < SURE);
-        if unsure && plan.others.iter().all(|other| other.proof.is_none()) {
-            prove_another(world, repertoire, &board, plan, effort)?;
+        for step in STEPS {
+            prover.step(step, plan)?;
             done(plan)?;
         }
         Ok(())
     })
 }
 
-/// Proves second grasps after that first grasp of the repertoire, other than the planned one, after which those that are proven go best.
-fn prove_another(
-    world: &World,
-    repertoire: &Repertoire,
-    board: &TactileBoard,
-    plan: &mut Plan,
-    effort: Effort,
-) -> Result<()> {
-    let hand = &world.cell.robot.hand;
-    let race = Race::new(world, repertoire, board, plan, effort)?;
-    let Some(proof) = &plan.proof else { return Ok(()) };
-    let proven = |grasp: &&Grasp| proof.grasps.iter().any(|proven| proven.grasp == grasp.id);
-    let sets = digit_sets(hand, 2);
-    let known = repertoire.of(&plan.second, &sets[1]).chain(&plan.variations);
-    let seconds: Vec<Grasp> = known.filter(proven).cloned().collect();
-    let mut best: Option<(f64, Grasp)> = None;
-    for first in repertoire.of(&plan.first, &sets[0]).filter(|first| first.id != plan.first_grasp) {
-        let share = Race { first: first.clone(), ..race.clone() }.glance(&seconds)?;
-        if best.as_ref().is_none_or(|(most, _)| share > *most) {
-            best = Some((share, first.clone()));
-        }
-    }
-    let Some((_, first)) = best else { return Ok(()) };
-    let first_grasp = first.id;
-    let another = Race { first, first_number: FIRST_NUMBER + ANOTHER, number: FIRST_NUMBER + ANOTHER, ..race };
-    let Some((proof, found)) = another.run(plan)? else { return Ok(()) };
-    plan.variations.extend(found);
-    match plan.others.iter_mut().find(|other| other.first_grasp == first_grasp) {
-        Some(other) => other.proof = Some(proof),
-        None => plan.others.push(Other { first_grasp, outcomes: Vec::new(), proof: Some(proof) }),
-    }
-    Ok(())
-}
-
-/// A grasp and how it went under the draws so far.
-#[derive(Clone)]
-struct Entrant {
-    grasp: Grasp,
-    tried: Vec<TryOutcome>,
-}
-
-impl Entrant {
-    fn new(grasp: Grasp) -> Self {
-        Self { grasp, tried: Vec::new() }
-    }
-
-    fn worth(&self) -> f64 {
-        let worth = |outcome: &TryOutcome| match outcome {
-            TryOutcome::Held => 1.0,
-            TryOutcome::Missed => MISSED,
-            TryOutcome::Contact => 0.0,
-        };
-        self.tried.iter().map(worth).sum::<f64>() / self.tried.len().max(1) as f64
-    }
-
-    fn held(&self, draw: usize) -> bool {
-        self.tried.get(draw) == Some(&TryOutcome::Held)
-    }
-
-    fn always_held(&self, draws: usize) -> bool {
-        self.tried.len() == draws && self.tried.iter().all(|outcome| *outcome == TryOutcome::Held)
+impl Plan {
+    /// Share of the draws in which the best second grasp holds its object, after whatever first grasp.
+    pub fn best(&self) -> f64 {
+        let others = self.others.iter().filter_map(|other| other.proof.as_ref());
+        self.proof.iter().chain(others).map(Proof::best).fold(0.0, f64::max)
     }
 }
 
-fn rank(entrants: &mut [Entrant]) {
-    entrants.sort_by(|a, b| b.worth().total_cmp(&a.worth()).then(a.grasp.id.cmp(&b.grasp.id)));
+/// A step of the search for a plan's proofs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ProofStep {
+    /// After the planned first grasp.
+    Planned,
+    /// After another one, where the plan is unsure.
+    Another,
+    /// In the other order, where it is poor; with it the search is done.
+    OtherOrder,
 }
 
-/// A race for one plan.
-#[derive(Clone)]
-struct Race<'a> {
-    world: &'a World,
+/// The steps in their order.
+pub const STEPS: [ProofStep; 3] = [ProofStep::Planned, ProofStep::Another, ProofStep::OtherOrder];
+
+/// What proofs are made with.
+pub struct Prover<'a> {
+    world: Cow<'a, World>,
     repertoire: &'a Repertoire,
-    board: &'a TactileBoard,
+    board: TactileBoard,
     effort: Effort,
-    first: Grasp,
-    /// The planned grasp of the second object.
-    planned: Grasp,
-    rng: ChaCha8Rng,
-    /// Numbers of the grasps found begin here, and the next of them.
-    first_number: u32,
-    number: u32,
 }
 
-impl<'a> Race<'a> {
-    fn new(
-        world: &'a World,
-        repertoire: &'a Repertoire,
-        board: &'a TactileBoard,
-        plan: &Plan,
-        effort: Effort,
-    ) -> Result<Self> {
-        let grasps = plan.grasps(&world.cell.robot.hand, repertoire)?;
-        let planned = grasps.second.first().map(|planned| planned.grasp.clone());
-        let planned = planned.with_context(|| format!("the plan of {} has no second grasp", plan.first))?;
-        let rng = ChaCha8Rng::from_seed(Sha256::digest(format!("proof of {}, {}", plan.first, plan.second)).into());
-        Ok(Self {
-            world,
-            repertoire,
-            board,
-            effort,
-            first: grasps.first,
-            planned,
-            rng,
-            first_number: FIRST_NUMBER,
-            number: FIRST_NUMBER,
-        })
+impl<'a> Prover<'a> {
+    pub fn new(world: &'a World, repertoire: &'a Repertoire, effort: Effort) -> Self {
+        let board = TactileBoard::unit(&world.cell.robot.hand, 0);
+        Self { world: Cow::Borrowed(world), repertoire, board, effort }
     }
 
-    /// Share of a few draws in which the best of `seconds` holds.
-    fn glance(&self, seconds: &[Grasp]) -> Result<f64> {
-        let mut held = vec![0; seconds.len()];
-        for number in 0..GLANCE {
-            let Some(hold) = self.hold(Errors::Wider, number)? else { continue };
-            for (second, held) in seconds.iter().zip(&mut held) {
-                *held += usize::from(try_second(&hold, second)? == TryOutcome::Held);
-            }
-        }
-        Ok(held.into_iter().max().unwrap_or(0) as f64 / GLANCE as f64)
-    }
-
-    /// The proof of the best grasps that are found, and those of them that nobody knew; none where the first grasp holds too seldom.
-    fn run(mut self, plan: &Plan) -> Result<Option<(Proof, Vec<Grasp>)>> {
-        let Effort { selecting, rounds, batch, .. } = self.effort;
-        let mut holds = Vec::with_capacity(selecting);
-        for number in 0..2 * selecting {
-            if holds.len() < selecting {
-                holds.extend(self.hold(Errors::Wider, number)?);
-            }
-        }
-        if holds.len() < selecting {
-            return Ok(None);
-        }
-        let mut entrants = self.entrants(plan)?;
-        heats(&mut entrants, (&HEATS, KEPT), &holds)?;
-        for _ in 0..rounds {
-            if entrants.is_empty() || entrants.iter().filter(|entrant| entrant.always_held(selecting)).count() >= ENOUGH
-            {
-                break;
-            }
-            let parents: Vec<Grasp> = entrants.iter().take(PARENTS).map(|entrant| entrant.grasp.clone()).collect();
-            let mut varied: Vec<Entrant> =
-                (0..batch).map(|n| Entrant::new(self.varied(&parents[n % parents.len()]))).collect();
-            heats(&mut varied, (&VARIED, PARENTS), &holds)?;
-            entrants.append(&mut varied);
-            rank(&mut entrants);
-        }
-        let kept = complementary(entrants, selecting)
-            .into_iter()
-            .map(|entrant| seen(entrant, &holds))
-            .collect::<Result<_>>()?;
-        drop(holds);
-        self.try_kept(kept).map(Some)
-    }
-
-    /// The first object held under draw `number`; none where it is not.
-    fn hold(&self, errors: Errors, number: usize) -> Result<Option<Snapshot>> {
-        hold(self.world, [&self.first, &self.planned], &circumstances(self.world, errors, number), self.board)
-    }
-
-    /// The grasps that are known, and proposals.
-    fn entrants(&mut self, plan: &Plan) -> Result<Vec<Entrant>> {
-        let hand = &self.world.cell.robot.hand;
-        let digits = digit_sets(hand, 2).swap_remove(1);
-        let known = self.repertoire.of(&plan.second, &digits).chain(&plan.variations);
-        let mut entrants: Vec<Entrant> = known.cloned().map(Entrant::new).collect();
-        let (form, extent) = (HandForm::of(hand), extent(&*self.world.object(&plan.second)?));
-        let side = if hand.parameters.handedness == Handedness::Left { 1.0 } else { -1.0 };
-        for n in 0..self.effort.proposals {
-            let Some(mut grasp) = propose(&form, &extent, &digits, self.number, &mut self.rng) else { break };
-            self.number += 1;
-            if n % 2 == 1 {
-                grasp.roll += side * self.rng.random_range(0.0..ROLL);
-            }
-            entrants.push(Entrant::new(grasp));
-        }
-        Ok(entrants)
-    }
-
-    fn varied(&mut self, parent: &Grasp) -> Grasp {
-        self.number += 1;
-        vary(parent, self.number - 1, &mut self.rng)
-    }
-
-    /// Tries the `kept` grasps and the planned one under the draws that selected nothing.
-    fn try_kept(&self, mut kept: Vec<Grasp>) -> Result<(Proof, Vec<Grasp>)> {
-        if !kept.iter().any(|grasp| grasp.id == self.planned.id) {
-            kept.push(self.planned.clone());
-        }
-        let wide = wide_errors(self.effort.wide);
-        let (mut holds, mut grasps) = (Vec::new(), Vec::new());
-        grasps.extend(kept.iter().map(|grasp| Proven { grasp: grasp.id, ..Proven::default() }));
-        let shape = &self.world.object(&self.first.object)?.shape;
-        for number in 0..self.effort.proving {
-            let Some(hold) = self.hold(Errors::LeftOver, number)? else {
-                holds.push(None);
-                continue;
-            };
-            let truth = hold.robot.truth();
-            let Extent(extent) = Extent::of(shape, &(truth.palm.inverse() * truth.objects[0]));
-            holds.push(Some(extent.map(|reach| (reach * 1e5).round() / 1e2)));
-            for (grasp, proven) in kept.iter().zip(&mut grasps) {
-                proven.near.push(letter(try_second(&hold, grasp)?));
-                if let Some(error) = wide.get(number) {
-                    proven.wide.push(letter(try_second(&hold, &misaimed(grasp, error, 1))?));
+    /// Does a step for a plan.
+    pub fn step(&self, step: ProofStep, plan: &mut Plan) -> Result<()> {
+        match step {
+            ProofStep::OtherOrder => {
+                if plan.best() < POOR {
+                    self.prove_other_order(plan)?;
                 }
+                plan.proven = self.effort.level;
+                return Ok(());
+            }
+            _ if plan.best() >= SURE => return Ok(()),
+            _ => {}
+        }
+        let race = Race::new(&self.world, self.repertoire, &self.board, plan, self.effort)?;
+        if step == ProofStep::Another {
+            return self.prove_another(&race, plan);
+        }
+        if plan.proof.as_ref().is_none_or(|proof| proof.effort < self.effort.level) {
+            if let Some((proof, found)) = race.run(plan)? {
+                plan.proof = Some(proof);
+                plan.variations.extend(found);
             }
         }
-        // Those that another race has found are the plan's already.
-        kept.retain(|grasp| grasp.id >= self.first_number);
-        Ok((Proof { holds, grasps }, kept))
+        Ok(())
     }
-}
 
-/// Plays the heats and one under all draws, after which so many grasps are left, the best first.
-fn heats(entrants: &mut Vec<Entrant>, (heats, left): (&[(usize, usize)], usize), holds: &[Snapshot]) -> Result<()> {
-    let last = (holds.len(), left);
-    for (draws, going_on) in heats.iter().chain([&last]) {
-        let draws = &holds.len().min(*draws);
-        for entrant in entrants.iter_mut() {
-            while entrant.tried.len() < *draws {
-                entrant.tried.push(try_second(&holds[entrant.tried.len()], &entrant.grasp)?);
+    /// Proves the plan of the same two objects in the other order.
+    fn prove_other_order(&self, plan: &mut Plan) -> Result<()> {
+        let other = Prover { world: Cow::Owned(self.world.in_other_order()), board: self.board.clone(), ..*self };
+        if plan.reversed.as_ref().is_none_or(|reversed| reversed.proof.is_none()) {
+            let reversed = plan_pair(&other.world, self.repertoire, &self.board, [&plan.second, &plan.first])?;
+            plan.reversed = reversed.map(Box::new).or(plan.reversed.take());
+        }
+        let Some(reversed) = &mut plan.reversed else { return Ok(()) };
+        other.step(ProofStep::Planned, reversed)?;
+        other.step(ProofStep::Another, reversed)
+    }
+
+    /// Proves second grasps after that first grasp of the repertoire, other than the planned one and those that were proven, after which those that are
+    /// known to hold go best.
+    fn prove_another(&self, race: &Race, plan: &mut Plan) -> Result<()> {
+        let sets = digit_sets(&self.world.cell.robot.hand, 2);
+        let proven: Vec<u32> = plan.proof.iter().flat_map(|proof| &proof.grasps).map(|proven| proven.grasp).collect();
+        let known = self.repertoire.of(&plan.second, &sets[1]).chain(plan.varied(&plan.second, &sets[1]));
+        let seconds: Vec<Grasp> = known.filter(|grasp| proven.contains(&grasp.id)).cloned().collect();
+        let done = plan.others.iter().filter(|other| other.proof.is_some()).map(|other| other.first_grasp);
+        let done: Vec<u32> = done.chain([plan.first_grasp]).collect();
+        let mut firsts: Vec<Grasp> = self.repertoire.of(&plan.first, &sets[0]).cloned().collect();
+        // Where the first grasp is what fails, others may hold more often than any that is known.
+        if plan.proof.as_ref().is_none_or(|proof| proof.first_holds() < SURE) {
+            let new = race.firsts(plan)?;
+            firsts.extend(
+                new.into_iter().filter(|new| self.repertoire.of(&plan.first, &sets[0]).all(|known| known.id != new.id)),
+            );
+        }
+        let mut best: Option<(f64, Race)> = None;
+        for first in firsts.into_iter().filter(|first| !done.contains(&first.id)) {
+            let after = race.after(plan, first);
+            let share = after.glance(&seconds)?;
+            if best.as_ref().is_none_or(|(most, _)| share > *most) {
+                best = Some((share, after));
             }
         }
-        rank(entrants);
-        entrants.truncate(*going_on);
-        entrants.retain(|entrant| entrant.worth() > MISSED);
-    }
-    Ok(())
-}
-
-/// The best of `entrants`, and then those that hold most often where none of those before does.
-fn complementary(mut entrants: Vec<Entrant>, draws: usize) -> Vec<Entrant> {
-    let mut kept: Vec<Entrant> = Vec::new();
-    while kept.len() < KEPT && !entrants.is_empty() {
-        let open = |draw: &usize| !kept.iter().any(|known| known.held(*draw));
-        let covered = |entrant: &Entrant| (0..draws).filter(open).filter(|draw| entrant.held(*draw)).count();
-        // Of those that cover as much the one that is worth more: they are in this order.
-        let best = (0..entrants.len()).rev().max_by_key(|n| covered(&entrants[*n])).unwrap_or(0);
-        let best = entrants.remove(best);
-        kept.push(best);
-    }
-    kept
-}
-
-/// The grasp of an entrant, with how it holds the object in the first draw in which it does so to the end of the trial.
-fn seen(entrant: Entrant, holds: &[Snapshot]) -> Result<Grasp> {
-    let mut grasp = Grasp { score: entrant.worth(), ..entrant.grasp };
-    for (hold, outcome) in holds.iter().zip(&entrant.tried) {
-        if *outcome != TryOutcome::Held {
-            continue;
+        let Some((_, race)) = best else { return Ok(()) };
+        let first = race.first.clone();
+        let first_grasp = first.id;
+        let Some((proof, found)) = race.run(plan)? else { return Ok(()) };
+        let new = self
+            .repertoire
+            .of(&plan.first, &sets[0])
+            .chain(plan.varied(&plan.first, &sets[0]))
+            .all(|known| known.id != first_grasp);
+        plan.variations.extend(found.into_iter().chain(new.then_some(first)));
+        match plan.others.iter_mut().find(|other| other.first_grasp == first_grasp) {
+            Some(other) => other.proof = Some(proof),
+            None => plan.others.push(Other { first_grasp, outcomes: Vec::new(), proof: Some(proof) }),
         }
-        let (collided, outcome) = rehearse_last(hold, &grasp)?;
-        if outcome.held && !collided {
-            (grasp.held, grasp.held_joints) = (Some(outcome.palm_from_object), Some(outcome.joints));
-            break;
-        }
+        Ok(())
     }
-    Ok(grasp)
 }
 
 #[cfg(test)]
 mod tests {
+    use control::odds::TryOutcome;
+
     use super::*;
 
     fn grasp(id: u32) -> Grasp {
         let repertoire = crate::builtin::repertoire().expect("the built-in repertoire");
         let any = repertoire.grasps.values().flatten().next().expect("a grasp");
         Grasp { id, yaw: 0.0, ..any.clone() }
-    }
-
-    fn entrant(id: u32, letters: &str) -> Entrant {
-        let letters = letters.chars().cycle().take(16);
-        Entrant { grasp: grasp(id), tried: letters.map(|letter| outcome(id, letter).expect("a letter")).collect() }
-    }
-
-    /// After the best grasp comes the one that holds where it does not, although others hold more often.
-    #[test]
-    fn kept_grasps_complement_each_other() {
-        let mut entrants = vec![entrant(1, "hhhm"), entrant(2, "hhmm"), entrant(3, "hhmm"), entrant(4, "mmmh")];
-        rank(&mut entrants);
-        let kept: Vec<u32> = complementary(entrants, 16).iter().map(|entrant| entrant.grasp.id).collect();
-        assert_eq!(kept, [1, 4, 2, 3]);
     }
 
     /// With little work a plan that is sure gets a proof: some grasps, among them the planned one, and a letter for each draw that has a hold.
@@ -441,7 +280,8 @@ mod tests {
         let mut plans = crate::builtin::plans().expect("the built-in plans");
         plans.plans.retain(|plan| plan.objects() == ["ball_45", "box_50"]);
         plans.plans[0].proof = None;
-        let effort = Effort { selecting: 2, proving: 3, wide: 1, proposals: 2, rounds: 1, batch: 2 };
+        let effort =
+            Effort { selecting: 2, proving: 3, wide: 1, drawn: 2, synthesized: 1, rounds: 1, batch: 2, level: 1 };
         prove(&world, &repertoire, &mut plans, effort, true, |_| Ok(())).expect("a proof");
         let plan = &plans.plans[0];
         let proof = plan.proof.as_ref().expect("a proof");
@@ -450,7 +290,7 @@ mod tests {
         assert!(proof.grasps.iter().all(|proven| proven.near.len() == held && proven.wide.len() <= 1), "{proof:?}");
         let grasps = plan.grasps(&world.cell.robot.hand, &repertoire).expect("the grasps");
         assert!(!grasps.second[0].rehearsed.is_empty());
-        let found = plan.variations.iter().filter(|grasp| grasp.id >= FIRST_NUMBER);
+        let found = plan.variations.iter().filter(|grasp| grasp.id >= race::FIRST_NUMBER);
         assert!(found.into_iter().all(|grasp| grasp.held.is_some()));
     }
 
@@ -458,7 +298,7 @@ mod tests {
     #[test]
     fn letters_stand_for_circumstances() {
         let holds = vec![None, Some([1.0, 2.0, 3.0, 4.0, 5.0, 6.0]), Some([0.0; 6])];
-        let proof = Proof { holds, grasps: vec![Proven { grasp: 7, near: "hc".into(), wide: "m".into() }] };
+        let proof = Proof { effort: 1, holds, grasps: vec![Proven { grasp: 7, near: "hc".into(), wide: "m".into() }] };
         assert_eq!(proof.rehearsed(&grasp(8)).expect("letters"), None);
         let tried = proof.rehearsed(&grasp(7)).expect("letters").expect("proven");
         let outcomes: Vec<TryOutcome> = tried.iter().map(|one| one.outcome).collect();

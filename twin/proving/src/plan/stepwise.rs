@@ -1,4 +1,4 @@
-//! The plan of one pair with its odds, in steps that are kept: a pair that was interrupted while it was planned goes on after its last
+//! The plan of one pair with its odds and proofs, in steps that are kept: a pair that was interrupted while it was planned goes on after its last
 //! finished step.
 
 use anyhow::Result;
@@ -6,6 +6,7 @@ use grasping::Repertoire;
 use scenarios::combination::Combination;
 use sim::tactile::TactileBoard;
 
+use super::proof::{self, Effort, Prover};
 use super::{Plan, odds, other_order, plan_one};
 use crate::cache::Steps;
 use crate::simulated_world::World;
@@ -53,4 +54,25 @@ pub fn plan(
         steps.keep(name, &made)?;
     }
     Ok(made)
+}
+
+/// `plan` with proofs at a level of effort, also in steps that are kept.
+pub fn prove(
+    world: &World,
+    repertoire: &Repertoire,
+    mut plan: Plan,
+    level: u32,
+    steps: &Steps<Option<Plan>>,
+) -> Result<Option<Plan>> {
+    let prover = Prover::new(world, repertoire, Effort::of_level(level));
+    for step in proof::STEPS {
+        let name = format!("{step:?}");
+        if let Some(Some(known)) = steps.known(&name) {
+            plan = known.clone();
+            continue;
+        }
+        prover.step(step, &mut plan)?;
+        steps.keep(&name, &Some(plan.clone()))?;
+    }
+    Ok(Some(plan))
 }

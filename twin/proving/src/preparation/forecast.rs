@@ -1,11 +1,15 @@
 //! How long a preparation will take, foretold from a first measurement on this machine.
 
 use super::EFFORT;
+use crate::plan::Plan;
 
 /// Rehearsals of a pair that is planned and tried under errors in both orders, at most, with four first and fourteen second grasps and three
 /// ways in which the second object can have fallen: 60 to choose, 150 for the odds and 210 for what fell, 490 after other first grasps, 400 for
 /// variations.
 const PAIR: f64 = 2.0 * 1310.0;
+/// Rehearsals of a pair that is proven at a level of effort, at most: five races of some 600, for the planned and another first grasp in either order and
+/// for new first grasps.
+const PROOF: f64 = 5.0 * 600.0;
 
 /// What the first search of several says once it knows that a rehearsal takes `seconds` with all threads of this machine; `after` are the
 /// searches that follow. Each search is of what comes in this place, from 0.
@@ -21,14 +25,35 @@ pub fn of_search(name: &str, place: usize, after: &[usize], seconds: f64) -> Str
 }
 
 /// What is said before `pairs` are planned, a rehearsal of which takes `seconds` on one thread; each thread plans a pair.
-pub fn of_plans(pairs: usize, seconds: Option<f64>) -> String {
+pub fn of_plans(pairs: usize, seconds: Option<f64>, effort: u32) -> String {
     let planned = if pairs == 1 { "planning one pair".to_owned() } else { format!("planning {pairs} pairs") };
     let Some(seconds) = seconds else { return format!("{planned} in physics") };
     let rounds = pairs.div_ceil(rayon::current_num_threads().max(1)) as f64;
+    // Each level has as many proposals again as the one before.
+    let proofs: f64 = (1..=effort).map(|level| PROOF * f64::from(level)).sum();
     format!(
         "{planned} in physics, a rehearsal of which takes {seconds:.2} s on this machine: at most {}",
-        time(rounds * PAIR * seconds)
+        time(rounds * (PAIR + proofs) * seconds)
     )
+}
+
+/// How sure pairs are that did not come with a plan: those with a proof by name, the others together.
+pub fn of_proofs<'a>(plans: impl Iterator<Item = &'a Plan>) -> Vec<String> {
+    let (proven, others): (Vec<&Plan>, Vec<&Plan>) = plans.partition(|plan| plan.proof.is_some());
+    let sure = proven.iter().map(|plan| {
+        let best = plan.reversed.iter().map(|other| other.best()).fold(plan.best(), f64::max);
+        let draws = plan.proof.iter().map(|proof| proof.holds.len()).max().unwrap_or(0);
+        format!(
+            "{}: taken one after the other without contact in {:.0} of {draws} drawn trials",
+            plan.objects().join(", "),
+            best * draws as f64
+        )
+    });
+    let unproven = others.iter().filter(|plan| plan.objects().len() == 2).count();
+    let rest = (unproven > 0).then(|| {
+        format!("{unproven} pairs were tried under errors of their aim alone: --effort 1 looks for grasps that hold in trials as they are drawn")
+    });
+    sure.chain(rest).collect()
 }
 
 /// A time as people say it.

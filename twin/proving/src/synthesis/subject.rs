@@ -101,13 +101,17 @@ impl Subject {
     }
 
     fn new(model: ObjectModel) -> Result<Self> {
-        let (low, high) = model.shape.aabb();
-        let cell = FINEST_CELL.max((high - low).max() / MOST_CELLS);
-        let (center, _) = model.shape.inertia(model.mass);
-        let field =
-            DistanceField::sample(&low, &high, &center, cell, MARGIN, |point| model.shape.signed_distance(point))
-                .with_context(|| format!("the distance field of {}", model.name))?;
+        let field = field(&model)?;
         let surface = model.shape.surface_samples(SURFACE_POINTS);
         Ok(Self { model: Arc::new(model), field, surface, origin: Vector3::zeros(), places: Vec::new() })
     }
+}
+
+/// The distance field of an object, in its frame.
+pub fn field(model: &ObjectModel) -> Result<DistanceField> {
+    let (low, high) = model.shape.aabb();
+    let cell = FINEST_CELL.max((high - low).max() / MOST_CELLS);
+    let (center, _) = model.shape.inertia(model.mass);
+    DistanceField::sample(&low, &high, &center, cell, MARGIN, |point| model.shape.signed_distance(point))
+        .with_context(|| format!("the distance field of {}", model.name))
 }

@@ -62,9 +62,13 @@ pub struct PlanArgs {
     /// Of that file everything stays: only the other order of its objects is planned, where no sequence of grasps is sure.
     #[arg(long, requires = "of", conflicts_with = "vary")]
     pub reverse: bool,
-    /// Of that file everything stays: second grasps are searched for and proven in drawn circumstances, for combinations that have no proof yet.
+    /// Of that file everything stays: second grasps are searched for and proven in drawn circumstances, for combinations that have no proof yet, or an
+    /// unsure one that took less effort.
     #[arg(long, requires = "of", conflicts_with_all = ["vary", "reverse"])]
     pub prove: bool,
+    /// Effort of that search: 3 to 12 minutes of a core a combination at 1, with as many proposals again at each level above.
+    #[arg(long, requires = "prove", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=9))]
+    pub effort: u32,
     /// The plan file to write.
     #[arg(long)]
     pub out: PathBuf,
@@ -193,7 +197,7 @@ pub fn plan(terminal: &Terminal, args: &PlanArgs) -> Outcome {
     if args.prove {
         // Written after each combination: an interruption loses the ones in hand, and `--of` the file that was written goes on.
         let written = Mutex::new(plans.clone());
-        proof::prove(&world, &repertoire, &mut plans, proof::EFFORT, quiet, |proven| {
+        proof::prove(&world, &repertoire, &mut plans, proof::Effort::of_level(args.effort), quiet, |proven| {
             let mut written = written.lock().unwrap_or_else(PoisonError::into_inner);
             if let Some(plan) = written.plans.iter_mut().find(|plan| plan.objects() == proven.objects()) {
                 *plan = proven.clone();
