@@ -109,6 +109,11 @@ impl Executor {
         &self.motion
     }
 
+    /// Height to which objects are lifted, m.
+    pub fn lift(&self) -> f64 {
+        self.protocol.lift
+    }
+
     /// The objects to take, in order, as they are planned at present.
     pub fn targets(&self) -> &[Target] {
         &self.targets

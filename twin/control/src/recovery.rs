@@ -53,6 +53,15 @@ impl Next {
         }
     }
 
+    /// The object that touch misses, if it does.
+    pub fn missing(self) -> Option<usize> {
+        match self {
+            Self::GoOn => None,
+            Self::Again(object) => Some(object),
+            Self::StartOver => Some(0),
+        }
+    }
+
     /// The reason in words; `digits` should hold what is taken again.
     pub fn reason(self, digits: &[Digit]) -> String {
         match self {

@@ -33,6 +33,8 @@ use crate::worth::Candidate;
 
 /// Time that a trial needs from a new try of the first object to its end, s: none begins later.
 const TRY_TIME: f64 = 14.0;
+/// What is seen higher above the table than this share of the height to which objects are lifted is in the hand.
+const HANGS: f64 = 0.5;
 /// The felt pose's standard deviation counts up to this, m.
 const MOST_SIGMA: f64 = 0.01;
 
@@ -145,7 +147,21 @@ impl<'a> Touch<'a> {
         eyes: &mut dyn Eyes,
         aside: bool,
     ) -> Result<Step, PolicyError> {
-        for index in object..self.objects.len() {
+        let seen = self.see(object, eyes)?;
+        self.again_at(object, seen, executor, eyes, aside)
+    }
+
+    /// The same of an object that was `seen` just now.
+    fn again_at(
+        &mut self,
+        object: usize,
+        seen: Option<Percept>,
+        executor: &mut Executor,
+        eyes: &mut dyn Eyes,
+        aside: bool,
+    ) -> Result<Step, PolicyError> {
+        self.objects[object].replace(seen, executor);
+        for index in object + 1..self.objects.len() {
             let seen = self.see(index, eyes)?;
             self.objects[index].replace(seen, executor);
         }
@@ -186,7 +202,17 @@ impl<'a> Touch<'a> {
     fn after_look(&mut self, executor: &mut Executor, eyes: &mut dyn Eyes, looked: State) -> Result<Step, PolicyError> {
         let tries = !self.is_late() && self.knowledge.recovery.retry;
         let last = self.knowledge.objects.len() - 1;
-        let next = if tries { Next::after(executor.phase(), self.grip, last) } else { Next::GoOn };
+        let mut next = if tries { Next::after(executor.phase(), self.grip, last) } else { Next::GoOn };
+        let mut seen = None;
+        if let Some(missing) = next.missing() {
+            let there = self.see(missing, eyes)?;
+            if there.is_some_and(|there| self.hangs(missing, &there, executor)) {
+                let name = &self.knowledge.objects[missing].name;
+                self.story.tell(format!("{name} is not felt, but seen above the table: it is held"));
+                next = Next::GoOn;
+            }
+            seen = Some(there);
+        }
         match (looked, next) {
             (State::Carries, Next::GoOn) => return Ok(Step::Finish),
             (State::Takes { object: 1, .. }, Next::GoOn) => {
@@ -214,7 +240,10 @@ impl<'a> Touch<'a> {
                 self.state = State::Carries;
                 Ok(Step::Play)
             }
-            Next::Again(object) => self.again(object, executor, eyes, false),
+            Next::Again(object) => match seen {
+                Some(seen) => self.again_at(object, seen, executor, eyes, false),
+                None => self.again(object, executor, eyes, false),
+            },
             Next::StartOver => self.lay_down(executor),
             Next::GoOn if self.objects[1].hidden => self.again(1, executor, eyes, false),
             Next::GoOn => {
@@ -226,6 +255,14 @@ impl<'a> Touch<'a> {
                 self.touch_or_take(1, executor)
             }
         }
+    }
+
+    /// Whether an object that is seen at `there` is so far above the table that only the hand can have it.
+    fn hangs(&self, object: usize, there: &Percept, executor: &Executor) -> bool {
+        let pose = there.pose();
+        let down = pose.inverse_transform_vector(&-Vector3::z());
+        let lowest = (pose * self.knowledge.objects[object].shape.support(&down)).z;
+        lowest > HANGS * executor.lift()
     }
 
     fn lay_down(&mut self, executor: &mut Executor) -> Result<Step, PolicyError> {
