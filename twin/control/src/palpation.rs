@@ -73,8 +73,8 @@ pub fn way(limits: &PathLimits, here: &Isometry3<f64>, there: &Isometry3<f64>) -
     PosePath::new(stops)
 }
 
-/// Fingers that touch: those that are free while a first object is held.
-fn fingers(hand: &Hand) -> Vec<Digit> {
+/// Fingers that touch: those that are free while a first object is held. The thumb is none of them: a held object may lie on it.
+pub fn fingers(hand: &Hand) -> Vec<Digit> {
     let mut fingers = digit_sets(hand, 2).swap_remove(1);
     fingers.retain(|digit| *digit != Digit::Thumb);
     fingers
@@ -141,8 +141,8 @@ pub fn located(
     let mut touches = senses.perceive(look)?.touches;
     let objects: Vec<InHand> = first.into_iter().chain([InHand { shape, prior: *prior }]).collect();
     pipeline.mark_own(&mut touches, look.readings, &objects)?;
-    let free = &digit_sets(pipeline.hand(), 2)[1];
-    touches.retain(|touch| is_on(pipeline.hand(), touch.pad, free));
+    let fingers = fingers(pipeline.hand());
+    touches.retain(|touch| is_on(pipeline.hand(), touch.pad, &fingers));
     if touches.iter().all(|touch| touch.of_objects().next().is_none()) {
         return Ok(None);
     }

@@ -38,7 +38,7 @@ impl Touch<'_> {
         let name = &self.knowledge.objects[object].name;
         self.story.tell(format!("{name} is touched from above to find out where it is"));
         let hand = executor.motion().hand().clone();
-        let guarded = Guarded::new(onto, &hand, &digit_sets(&hand, 2)[1], |pad| self.senses.uses(&hand, pad));
+        let guarded = Guarded::new(onto, &hand, &palpation::fingers(&hand), |pad| self.senses.uses(&hand, pad));
         executor.palpate(object, way, guarded);
         self.state = State::Palpates { object, found: None };
         Ok(Step::Play)
