@@ -23,6 +23,8 @@ use crate::sensing::{Senses, is_on};
 
 /// Error of the plan's idea of where the object will sit in the hand: standard deviations, m and rad.
 const PRIOR_SIGMA: (f64, f64) = (0.012, 0.35);
+/// The least that is left of it where a grasp knows the spread of its holds.
+const NARROWEST_PRIOR: (f64, f64) = (0.003, 0.08);
 
 /// Cell of the distance grids of meshes and how far they reach beyond the shape, m.
 const GRID: (f64, f64) = (0.001, 0.012);
@@ -217,6 +219,8 @@ fn full_excursion(hand: &Hand, digit: Digit) -> f64 {
 pub struct Expected<'a> {
     /// Where the plan has the first object in the hand: `palm_from_object`.
     pub palm_from_object: Isometry3<f64>,
+    /// Standard deviations of that place, m, and turn, rad.
+    sigma: (f64, f64),
     /// Hold state of each object, in the order in which they are taken.
     pub objects: Vec<Holder<'a>>,
 }
@@ -225,7 +229,16 @@ impl<'a> Expected<'a> {
     /// What `first` and the grasps after it expect of a trial; `percept` is where the first object was seen.
     pub fn of(first: &'a Grasp, percept: &Percept, later: impl IntoIterator<Item = &'a Grasp>) -> Self {
         let objects = std::iter::once(first).chain(later).map(Holder::of).collect();
-        Self { palm_from_object: place_in_hand(first, percept), objects }
+        let sigma = first.held_spread.map_or(PRIOR_SIGMA, |[place, turn]| {
+            (place.clamp(NARROWEST_PRIOR.0, PRIOR_SIGMA.0), turn.clamp(NARROWEST_PRIOR.1, PRIOR_SIGMA.1))
+        });
+        Self { palm_from_object: place_in_hand(first, percept), sigma, objects }
+    }
+
+    /// Where the first object should be in the hand.
+    pub fn prior(&self) -> PosePrior {
+        let (sigma_translation, sigma_rotation) = self.sigma;
+        PosePrior { palm_from_object: self.palm_from_object, sigma_translation, sigma_rotation }
     }
 }
 
@@ -238,7 +251,7 @@ pub fn place_in_hand(grasp: &Grasp, percept: &Percept) -> Isometry3<f64> {
 pub fn feel(senses: &Senses, look: &Look, object: &KnownObject, expected: &Expected) -> Result<Felt, TouchError> {
     let pipeline = senses.pipeline();
     let Perceived { mut touches, faults } = senses.perceive(look)?;
-    let prior = trusted(expected.palm_from_object);
+    let prior = expected.prior();
     pipeline.mark_own(&mut touches, look.readings, &[InHand { shape: object, prior }])?;
     let estimate = pipeline.estimate_pose(&touches, look.readings, &prior, object)?;
     let (servos, q, sigma) = (look.readings.servos, &estimate.q[..], excursion_sigma(pipeline));

@@ -77,6 +77,7 @@ pub fn propose_with(hand: &Hand, digits: &[Digit], object: &str, radius: f64, id
         thumb_delay: if opposed { uniform(-0.25, 0.18) } else { 0.0 },
         held: None,
         held_joints: None,
+        held_spread: None,
         score: 0.0,
     }
 }

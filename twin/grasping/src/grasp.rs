@@ -35,6 +35,10 @@ pub struct Grasp {
     pub held: Option<Isometry3<f64>>,
     /// Finger joint angles at the same time.
     pub held_joints: Option<Vec<f64>>,
+    /// Standard deviations of the object's place (m) and turn (rad) about [`Self::held`], each axis, over the circumstances in which it was held; none where
+    /// it was held in one alone.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub held_spread: Option<[f64; 2]>,
     /// Success rate over the proving runs, which have placement errors.
     pub score: f64,
 }
@@ -56,13 +60,14 @@ struct GraspFields {
     thumb_delay: f64,
     held: Option<Isometry3<f64>>,
     held_joints: Option<Vec<f64>>,
+    held_spread: Option<[f64; 2]>,
     score: f64,
 }
 
 impl From<GraspFields> for Grasp {
     fn from(fields: GraspFields) -> Self {
         let GraspFields { id, object, digits, yaw, pitch, roll, center, pre_tension, close_tension, .. } = fields;
-        let GraspFields { opposition, raise, thumb_delay, held, held_joints, score, .. } = fields;
+        let GraspFields { opposition, raise, thumb_delay, held, held_joints, held_spread, score, .. } = fields;
         let digits = digits.unwrap_or_else(|| pulled(&close_tension));
         Self {
             id,
@@ -79,6 +84,7 @@ impl From<GraspFields> for Grasp {
             thumb_delay,
             held,
             held_joints,
+            held_spread,
             score,
         }
     }
@@ -143,6 +149,7 @@ mod tests {
             thumb_delay: 0.0,
             held: None,
             held_joints: None,
+            held_spread: None,
             score: 0.0,
         }
     }

@@ -154,6 +154,7 @@ mod tests {
             thumb_delay: 0.0,
             held: None,
             held_joints: None,
+            held_spread: None,
             score,
         }
     }

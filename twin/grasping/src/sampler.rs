@@ -99,6 +99,7 @@ pub fn propose(hand: &HandForm, object: &ObjectExtent, digits: &[Digit], id: u32
         thumb_delay: delay,
         held: None,
         held_joints: None,
+        held_spread: None,
         score: 0.0,
     })
 }
@@ -122,6 +123,7 @@ pub fn vary(grasp: &Grasp, id: u32, rng: &mut impl Rng) -> Grasp {
     }
     new.held = None;
     new.held_joints = None;
+    new.held_spread = None;
     new.score = 0.0;
     new
 }

@@ -235,11 +235,13 @@ impl Plan {
                 .cloned()
                 .with_context(|| format!("the plan names grasp {id} of {object}, which the repertoire lacks"))
         };
-        // A grasp that holds the first object in fewer draws than errors of aim alone say is worth that share.
+        // A grasp that holds the first object in fewer draws than errors of aim alone say is worth that share, and has it where those draws have it.
         let first = |id: u32, proof: &Option<Proof>| {
             let first = find(&self.first, 0, id)?;
             let score = proof.as_ref().map_or(first.score, Proof::first_holds);
-            Ok::<_, anyhow::Error>(Grasp { score, ..first })
+            let hold = proof.as_ref().and_then(|proof| proof.hold);
+            let (held, held_spread) = hold.map_or((first.held, None), |hold| (Some(hold.mean), Some(hold.spread)));
+            Ok::<_, anyhow::Error>(Grasp { score, held, held_spread, ..first })
         };
         // A variation after another first grasp is none of the plan's.
         let own = self.variations.iter().filter(|grasp| tried(&self.outcomes, &self.proof, grasp.id));

@@ -45,6 +45,22 @@ impl Symmetry {
         }
     }
 
+    /// The orientation nearest to `to` that cannot be told from `of`.
+    pub fn nearest(&self, of: &UnitQuaternion<f64>, to: &UnitQuaternion<f64>) -> UnitQuaternion<f64> {
+        match self {
+            Self::Full => *to,
+            Self::Axis { flip } => {
+                let (own, wanted) = (of * Vector3::z(), to * Vector3::z());
+                let own = if *flip && own.dot(&wanted) < 0.0 { -own } else { own };
+                UnitQuaternion::rotation_between(&wanted, &own).map_or(*of, |turn| turn * to)
+            }
+            Self::Fold { .. } | Self::Cube | Self::None => {
+                let all = self.turns().into_iter().map(|turn| of * turn);
+                all.min_by(|a, b| a.angle_to(to).total_cmp(&b.angle_to(to))).unwrap_or(*of)
+            }
+        }
+    }
+
     /// The turns of a discrete symmetry, the identity first; only the identity for a continuous one.
     pub fn turns(&self) -> Vec<UnitQuaternion<f64>> {
         let about = |axis: &Unit<Vector3<f64>>, angle: f64| UnitQuaternion::from_axis_angle(axis, angle);
@@ -72,6 +88,26 @@ impl Symmetry {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// The nearest orientation is as far away as the angle says, and cannot be told from the one it stands for.
+    #[test]
+    fn the_nearest_orientation_is_at_the_smallest_angle() {
+        let (one, other) =
+            (UnitQuaternion::from_euler_angles(0.3, -1.1, 2.0), UnitQuaternion::from_euler_angles(-2.0, 0.4, -0.7));
+        let fold = Symmetry::Fold { n: 4, flip: true };
+        for symmetry in [
+            Symmetry::Full,
+            Symmetry::Axis { flip: true },
+            Symmetry::Axis { flip: false },
+            fold,
+            Symmetry::Cube,
+            Symmetry::None,
+        ] {
+            let nearest = symmetry.nearest(&one, &other);
+            assert!((nearest.angle_to(&other) - symmetry.angle(&one, &other)).abs() < 1e-7, "{symmetry:?}");
+            assert!(symmetry.angle(&nearest, &one) < 1e-7, "{symmetry:?}");
+        }
+    }
 
     #[test]
     fn symmetric_turns_cost_nothing() {

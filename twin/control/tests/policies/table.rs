@@ -70,6 +70,7 @@ pub fn grasp(id: u32, object: &str, digits: &[Digit], center: [f64; 3], score: f
         thumb_delay: 0.0,
         held: None,
         held_joints: None,
+        held_spread: None,
         score,
     }
 }

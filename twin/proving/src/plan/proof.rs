@@ -14,8 +14,10 @@ use anyhow::Result;
 use control::extent::Extent;
 use control::odds::Rehearsed;
 use grasping::{Grasp, Repertoire, digit_sets};
+use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 use sim::tactile::TactileBoard;
+use world::objects::Symmetry;
 
 use self::race::Race;
 use super::outcomes::{aim_error, outcome};
@@ -54,6 +56,10 @@ impl Effort {
     }
 }
 
+/// Holds from which a mean and a spread are taken.
+const FEWEST: usize = 8;
+/// Steps towards the mean of turns.
+const MEAN_STEPS: usize = 3;
 /// A plan is sure if its best second grasp holds in this share of the draws: no other first grasp is looked for.
 const SURE: f64 = 0.92;
 /// The other order is looked for where the best holds in less than this.
@@ -67,8 +73,39 @@ pub struct Proof {
     pub effort: u32,
     /// Of each draw the extent of the held object in the palm ([`Extent`]), mm; none where the first grasp did not hold.
     pub holds: Vec<Option<[f64; 6]>>,
+    /// Where the first grasp has its object in the palm.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub hold: Option<Hold>,
     /// The grasps, the best first.
     pub grasps: Vec<Proven>,
+}
+
+/// Place of an object in the hand over the draws in which it was held.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Hold {
+    /// Mean of `palm_from_object`.
+    pub mean: Isometry3<f64>,
+    /// Standard deviations of place (m) and turn (rad), each axis.
+    pub spread: [f64; 2],
+}
+
+impl Hold {
+    /// Of an object of this symmetry; none of fewer than [`FEWEST`] holds.
+    fn of(poses: &[Isometry3<f64>], symmetry: &Symmetry) -> Option<Self> {
+        let like = poses.get(FEWEST - 1).and(poses.first())?.rotation;
+        let turns: Vec<_> = poses.iter().map(|pose| symmetry.nearest(&pose.rotation, &like)).collect();
+        let mut turn = like;
+        for _ in 0..MEAN_STEPS {
+            let off: Vector3<f64> = turns.iter().map(|other| (turn.inverse() * other).scaled_axis()).sum();
+            turn *= UnitQuaternion::new(off / turns.len() as f64);
+        }
+        let count = poses.len() as f64;
+        let place = poses.iter().map(|pose| pose.translation.vector).sum::<Vector3<f64>>() / count;
+        let places: f64 = poses.iter().map(|pose| (pose.translation.vector - place).norm_squared()).sum();
+        let angles: f64 = turns.iter().map(|other| turn.angle_to(other).powi(2)).sum();
+        let spread = [places, angles].map(|squares| (squares / (3.0 * count)).sqrt());
+        Some(Self { mean: Isometry3::from_parts(place.into(), turn), spread })
+    }
 }
 
 fn first_level() -> u32 {
@@ -130,12 +167,14 @@ pub fn prove(
 ) -> Result<()> {
     let prover = Prover::new(world, repertoire, effort);
     plans.try_each("plans proven", quiet, |plan| {
-        if plan.proven >= effort.level {
-            return Ok(());
-        }
-        for step in STEPS {
-            prover.step(step, plan)?;
+        if prover.recall_holds(plan)? {
             done(plan)?;
+        }
+        if plan.proven < effort.level {
+            for step in STEPS {
+                prover.step(step, plan)?;
+                done(plan)?;
+            }
         }
         Ok(())
     })
@@ -175,6 +214,23 @@ impl<'a> Prover<'a> {
     pub fn new(world: &'a World, repertoire: &'a Repertoire, effort: Effort) -> Self {
         let board = TactileBoard::unit(&world.cell.robot.hand, 0);
         Self { world: Cow::Borrowed(world), repertoire, board, effort }
+    }
+
+    /// Takes the first object once more where a proof does not say where it is in the hand; true where that was so.
+    fn recall_holds(&self, plan: &mut Plan) -> Result<bool> {
+        let firsts = plan.grasps(&self.world.cell.robot.hand, self.repertoire)?;
+        let race = Race::new(&self.world, self.repertoire, &self.board, plan, self.effort)?;
+        let firsts: Vec<Grasp> =
+            std::iter::once(firsts.first).chain(firsts.others.into_iter().map(|other| other.first)).collect();
+        let others = plan.others.iter_mut().filter_map(|other| Some((other.first_grasp, other.proof.as_mut()?)));
+        let proofs = plan.proof.as_mut().map(|proof| (plan.first_grasp, proof)).into_iter().chain(others);
+        let mut found = false;
+        for (first, proof) in proofs.filter(|(_, proof)| proof.hold.is_none()) {
+            let Some(first) = firsts.iter().find(|grasp| grasp.id == first) else { continue };
+            proof.hold = race.with_first(first.clone()).recalled()?;
+            found |= proof.hold.is_some();
+        }
+        Ok(found)
     }
 
     /// Does a step for a plan.
@@ -270,6 +326,24 @@ mod tests {
         Grasp { id, yaw: 0.0, ..any.clone() }
     }
 
+    /// Turns of a symmetry are no spread; those that show are, and so are places.
+    #[test]
+    fn holds_have_a_mean_and_a_spread() {
+        let about = |axis: usize, angle: f64| UnitQuaternion::new(Vector3::ith(axis, angle));
+        let pose = |n: usize| {
+            let sign = if n % 2 == 0 { 1.0 } else { -1.0 };
+            let turn = about(0, 0.1 * sign) * about(2, n as f64);
+            Isometry3::from_parts(Vector3::new(0.02 + 0.003 * sign, 0.0, -0.03).into(), turn)
+        };
+        let poses: Vec<_> = (0..FEWEST).map(pose).collect();
+        let hold = Hold::of(&poses, &Symmetry::Axis { flip: false }).expect("enough");
+        assert!((hold.mean.translation.vector - Vector3::new(0.02, 0.0, -0.03)).norm() < 1e-12);
+        assert!((hold.mean * Vector3::z()).angle(&Vector3::z()) < 1e-6);
+        let expected = [0.003, 0.1].map(|one| one / 3f64.sqrt());
+        assert!(hold.spread.iter().zip(expected).all(|(found, expected)| (found - expected).abs() < 1e-6), "{hold:?}");
+        assert_eq!(Hold::of(&poses[1..], &Symmetry::Full), None);
+    }
+
     /// With little work a plan that is sure gets a proof: some grasps, among them the planned one, and a letter for each draw that has a hold.
     /// Found grasps are the plan's, and say where they hold the object.
     #[test]
@@ -298,7 +372,12 @@ mod tests {
     #[test]
     fn letters_stand_for_circumstances() {
         let holds = vec![None, Some([1.0, 2.0, 3.0, 4.0, 5.0, 6.0]), Some([0.0; 6])];
-        let proof = Proof { effort: 1, holds, grasps: vec![Proven { grasp: 7, near: "hc".into(), wide: "m".into() }] };
+        let proof = Proof {
+            effort: 1,
+            holds,
+            hold: None,
+            grasps: vec![Proven { grasp: 7, near: "hc".into(), wide: "m".into() }],
+        };
         assert_eq!(proof.rehearsed(&grasp(8)).expect("letters"), None);
         let tried = proof.rehearsed(&grasp(7)).expect("letters").expect("proven");
         let outcomes: Vec<TryOutcome> = tried.iter().map(|one| one.outcome).collect();

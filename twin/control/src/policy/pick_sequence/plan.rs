@@ -184,6 +184,7 @@ mod tests {
             thumb_delay: 0.0,
             held: None,
             held_joints: None,
+            held_spread: None,
             score,
         };
         Pickup { diameter: 0.04, beside: beside.to_vec(), keeps: digits.to_vec(), grasp }

@@ -7,12 +7,13 @@ use control::worth::MISSED;
 use grasping::sampler::vary;
 use grasping::{Grasp, Repertoire, digit_sets};
 use hand_model::parameters::Handedness;
+use nalgebra::Isometry3;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use sha2::{Digest as _, Sha256};
 use sim::tactile::TactileBoard;
 
-use super::{Effort, Proof, Proven};
+use super::{Effort, Hold, Proof, Proven};
 use crate::plan::Plan;
 use crate::plan::outcomes::{letter, worth};
 use crate::proposals::{Proposals, carried};
@@ -188,6 +189,14 @@ impl<'a> Race<'a> {
         hold(self.world, [&self.first, &self.planned], &circumstances(self.world, errors, number), self.board)
     }
 
+    /// Where the first grasp has its object over the draws of a proof.
+    pub fn recalled(&self) -> Result<Option<Hold>> {
+        let object = self.world.object(&self.first.object)?;
+        let holds = (0..self.effort.proving).map(|number| self.hold(Errors::LeftOver, number));
+        let poses = holds.filter_map(|hold| hold.map(|hold| hold.as_ref().map(in_palm)).transpose());
+        Ok(Hold::of(&poses.collect::<Result<Vec<_>>>()?, &object.symmetry))
+    }
+
     /// The grasps that are known, and proposals beside `hold`.
     fn entrants(&mut self, plan: &Plan, hold: &Snapshot) -> Result<Vec<Entrant>> {
         let hand = &self.world.cell.robot.hand;
@@ -225,14 +234,16 @@ impl<'a> Race<'a> {
         let wide = wide_errors(self.effort.wide);
         let (mut holds, mut grasps) = (Vec::new(), Vec::new());
         grasps.extend(kept.iter().map(|grasp| Proven { grasp: grasp.id, ..Proven::default() }));
-        let shape = &self.world.object(&self.first.object)?.shape;
+        let object = self.world.object(&self.first.object)?;
+        let mut poses = Vec::new();
         for number in 0..self.effort.proving {
             let Some(hold) = self.hold(Errors::LeftOver, number)? else {
                 holds.push(None);
                 continue;
             };
-            let truth = hold.robot.truth();
-            let Extent(extent) = Extent::of(shape, &(truth.palm.inverse() * truth.objects[0]));
+            let pose = in_palm(&hold);
+            poses.push(pose);
+            let Extent(extent) = Extent::of(&object.shape, &pose);
             holds.push(Some(extent.map(|reach| (reach * 1e5).round() / 1e2)));
             for (grasp, proven) in kept.iter().zip(&mut grasps) {
                 proven.near.push(letter(try_second(&hold, grasp)?));
@@ -243,8 +254,15 @@ impl<'a> Race<'a> {
         }
         // Those that races before have found are the plan's already.
         kept.retain(|grasp| grasp.id >= self.first_number && plan.variations.iter().all(|known| known.id != grasp.id));
-        Ok((Proof { effort: self.effort.level, holds, grasps }, kept))
+        let hold = Hold::of(&poses, &object.symmetry);
+        Ok((Proof { effort: self.effort.level, holds, hold, grasps }, kept))
     }
+}
+
+/// `palm_from_object` of the first object.
+fn in_palm(hold: &Snapshot) -> Isometry3<f64> {
+    let truth = hold.robot.truth();
+    truth.palm.inverse() * truth.objects[0]
 }
 
 /// Plays the heats and one under all draws, after which so many grasps are left, the best first.
