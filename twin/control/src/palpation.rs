@@ -184,6 +184,7 @@ mod tests {
         assert_eq!(names(&robot("ftac_more_pads.toml")), outer);
         assert_eq!(names(&robot("ftac_right.toml")), outer);
         assert!(plate(&robot("allegro_gen3.toml")).is_empty());
+        assert_eq!(fingers(&Hand::ftac()), [Digit::Index, Digit::Middle]);
     }
 
     /// Where the guarded motion has come as far as the object is seen, the pads' middle is on its surface and faces it.

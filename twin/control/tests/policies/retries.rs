@@ -124,13 +124,31 @@ fn touch_puts_down_the_second_object_when_the_first_is_lost() {
     run_until(&mut executor, CONFIRM);
     touch.perceive(&executor, in_hand(false, true)).expect("perceived");
     assert_eq!(touch.decide(&mut executor, &mut eyes, 0.0).expect("decided"), Step::Play);
-    assert_eq!((executor.phase(), eyes.asked), (PUT_DOWN, [0, 1]));
+    assert_eq!((executor.phase(), eyes.asked), (PUT_DOWN, [1, 1]));
     while executor.phase() == PUT_DOWN {
         executor.tick(&still()).expect("a command");
     }
     touch.perceive(&executor, in_hand(true, true)).expect("perceived");
     assert_eq!(touch.decide(&mut executor, &mut eyes, 0.0).expect("decided"), Step::Play);
-    assert_eq!((executor.phase(), eyes.asked), (APPROACH_FIRST, [1, 2]));
+    assert_eq!((executor.phase(), eyes.asked), (APPROACH_FIRST, [2, 2]));
+}
+
+/// A second object that pads do not feel is kept where the eyes see it hang, and taken again where they see it on the table or hardly above it.
+#[test]
+fn touch_keeps_what_is_seen_in_the_hand() {
+    for (raised, kept) in [(0.0, false), (0.02, false), (0.12, true)] {
+        let table = Table::new();
+        let mut executor = table.executor();
+        let mut eyes = Watchful { raised: [0.0, raised], ..Watchful::new(&table) };
+        let mut touch = table.touch();
+        run_until(&mut executor, DECIDE);
+        touch.perceive(&executor, in_hand(true, false)).expect("perceived");
+        touch.decide(&mut executor, &mut Watchful::new(&table), 0.0).expect("decided");
+        run_until(&mut executor, CONFIRM);
+        touch.perceive(&executor, in_hand(true, false)).expect("perceived");
+        assert_eq!(touch.decide(&mut executor, &mut eyes, 0.0).expect("decided"), Step::Play);
+        assert_eq!((executor.phase() != APPROACH_SECOND, touch.story().retries == 0), (kept, kept), "{raised} m");
+    }
 }
 
 /// Plays the way aside to the decision after it.

@@ -182,11 +182,13 @@ pub struct Watchful<'a> {
     pub asked: [usize; 2],
     /// How often each object is still hidden.
     pub hidden: [usize; 2],
+    /// How far each is above the table, m.
+    pub raised: [f64; 2],
 }
 
 impl<'a> Watchful<'a> {
     pub fn new(table: &'a Table) -> Self {
-        Self { table, asked: [0, 0], hidden: [0, 0] }
+        Self { table, asked: [0, 0], hidden: [0, 0], raised: [0.0, 0.0] }
     }
 }
 
@@ -197,7 +199,8 @@ impl Eyes for Watchful<'_> {
             self.hidden[object] -= 1;
             return Ok(None);
         }
-        Ok(Some(self.table.place(object).into()))
+        let raised = Translation3::new(0.0, 0.0, self.raised[object]);
+        Ok(Some((raised * self.table.place(object)).into()))
     }
 }
 
