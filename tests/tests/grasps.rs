@@ -286,3 +286,23 @@ fn proven_plans_stay() {
     let none = run(&[&prove[..6], &["0", "--out", text(&out)]].concat());
     assert_eq!(none.status.code(), Some(2), "{}", stderr(&none));
 }
+
+/// Grasps by the little finger alone against the palm are found, and use nothing else.
+#[test]
+fn grasps_use_the_parts_that_are_asked_for() {
+    let folder = tempdir().expect("a folder");
+    let out = folder.path().join("little.jsonl");
+    let generate = ["grasps", "generate", "--object", "can_50", "--n", "16", "--seed", "5", "--quiet"];
+    let output = run(&[&generate[..], &["--parts", "palm,little", "--out", text(&out)]].concat());
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let written = fs::read_to_string(&out).expect("written");
+    let grasps: Vec<Value> = written.lines().skip(1).map(|line| serde_json::from_str(line).expect("JSON")).collect();
+    let found: Vec<&Value> = grasps.iter().filter(|line| line.get("contacts").is_some()).collect();
+    assert!(!found.is_empty(), "{written}");
+    assert!(
+        found.iter().all(|grasp| grasp["digits"] == serde_json::json!(["little"]) && grasp["palm"] == true),
+        "{written}"
+    );
+    let one = run(&[&generate[..], &["--parts", "palm"]].concat());
+    assert!(stderr(&one).contains("--parts: found one part"), "{}", stderr(&one));
+}

@@ -84,6 +84,15 @@ impl Mechanism {
         Self { limits, scale: scale.collect(), lines }
     }
 
+    /// Joints other than those that `moves` says stay at `angles`, rad or m, within their limits.
+    pub fn hold_others(&mut self, moves: impl Fn(usize) -> bool, angles: &[f64]) {
+        for (joint, limits) in self.limits.iter_mut().enumerate().filter(|(joint, _)| !moves(*joint)) {
+            let angle = angles[joint].clamp(limits.0, limits.1);
+            *limits = (angle, angle);
+        }
+        self.lines.retain(|line| line.joints.iter().all(|joint| moves(*joint)));
+    }
+
     /// A step of 1 rad along an actuator's line in its own unit: 1 where its joints turn.
     pub fn unit(&self, line: usize) -> f64 {
         let own = &self.lines[line].joints;
@@ -129,6 +138,15 @@ mod tests {
         shifted.lines[0].offset[1] = 0.1;
         shifted.set_amount(0, 0.3, &mut joints);
         assert!((joints[2] + 0.05).abs() < 1e-12 && (shifted.amount(0, &joints) - 0.3).abs() < 1e-12, "{joints:?}");
+    }
+
+    /// What is held keeps its angle and has no line any more.
+    #[test]
+    fn other_joints_are_held() {
+        let mut mechanism = lines();
+        mechanism.hold_others(|joint| joint != 2, &[0.5, 0.5, 0.5]);
+        assert_eq!(mechanism.limits, [(-1.0, 1.0), (0.3, 0.3), (0.2, 0.2)]);
+        assert!(mechanism.lines.is_empty());
     }
 
     /// One line per cable with the joints of its digit, all closing, near the free postures at other tensions too.

@@ -105,6 +105,11 @@ impl HandSurface {
         Self { links: links.collect(), candidates, pairs }
     }
 
+    /// Only these links may touch an object.
+    pub fn touch_only(&mut self, links: &[usize]) {
+        self.candidates.retain(|candidate| links.contains(&candidate.link));
+    }
+
     /// Adds points (palm frame, m) that move with the palm: what it holds.
     pub fn extend_palm(&mut self, points: &[Vector3<f64>]) {
         let (palm, mut points) = (&mut self.links[0], points.to_vec());

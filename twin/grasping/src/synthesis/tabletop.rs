@@ -70,21 +70,15 @@ impl<'a> Tabletop<'a> {
             return None;
         }
         let mut surface = HandSurface::new(hand, POINTS);
-        let links: Vec<usize> = digits.iter().flat_map(|digit| hand.links(*digit)).map(|joint| joint + 1).collect();
-        surface.candidates.retain(|candidate| candidate.link == 0 || links.contains(&candidate.link));
+        let joints: Vec<usize> = digits.iter().flat_map(|digit| hand.links(*digit)).copied().collect();
+        let links: Vec<usize> = std::iter::once(0).chain(joints.iter().map(|joint| joint + 1)).collect();
+        surface.touch_only(&links);
         if let Some(carried) = carried {
             surface.extend_palm(&carried.points);
         }
         let mut mechanism = Mechanism::of(hand);
-        for (joint, limits) in mechanism.limits.iter_mut().enumerate() {
-            if !links.contains(&(joint + 1)) {
-                let angle = carried.map_or(0.0, |carried| carried.joints[joint]).clamp(limits.0, limits.1);
-                *limits = (angle, angle);
-            }
-        }
-        let moves =
-            |line: &super::mechanism::ActuatorLine| line.joints.iter().all(|joint| links.contains(&(joint + 1)));
-        mechanism.lines.retain(moves);
+        let still = carried.map_or_else(|| hand.open().to_vec(), |carried| carried.joints.clone());
+        mechanism.hold_others(|joint| joints.contains(&joint), &still);
         Some(Self { hand, digits, form: HandForm::of(hand), surface, mechanism })
     }
 

@@ -116,14 +116,14 @@ impl Aim {
         Self { tensions: closing.iter().map(|closing| closing.then_some(CLOSE_TENSION)).collect(), offset: [0.0; 6] }
     }
 
-    /// Tensions from the range `low` to `high` (N), now and then a helper, a small offset.
-    pub fn varied(closing: &[bool], (low, high): (f64, f64), rng: &mut impl Rng) -> Self {
-        let tension = |closing: &bool| {
+    /// Tensions from the range `low` to `high` (N), now and then a helper that `may_close`, a small offset.
+    pub fn varied(closing: &[bool], may_close: &[bool], (low, high): (f64, f64), rng: &mut impl Rng) -> Self {
+        let tension = |(closing, may_close): (&bool, &bool)| {
             let pulls = *closing || rng.random::<f64>() < HELPS;
             let tension = low * (high / low).powf(rng.random());
-            pulls.then_some(tension)
+            (pulls && *may_close).then_some(tension)
         };
-        let tensions = closing.iter().map(tension).collect();
+        let tensions = closing.iter().zip(may_close).map(tension).collect();
         let offset =
             std::array::from_fn(|n| if n < 3 { OFFSET.0 } else { OFFSET.1 } * rng.sample::<f64, _>(StandardNormal));
         Self { tensions, offset }

@@ -8,9 +8,9 @@ use grasping::synthesis::held::HeldGrasp;
 use grasping::synthesis::mechanism::Mechanism;
 use grasping::synthesis::posture::{self, FreePosture};
 use grasping::synthesis::surface::HandSurface;
-use hand_model::Hand;
 use hand_model::hand_mechanism::HandMechanism;
 use hand_model::kinematics::Tree;
+use hand_model::{Digit, Hand};
 use nalgebra::Isometry3;
 use sim::collision_model::CollisionModel;
 use sim::hand_scene::HandScene;
@@ -54,6 +54,8 @@ pub struct GraspingHand {
     /// `palm_from_root`.
     pub palm_from_root: Isometry3<f64>,
     pub sampled: SampledHand,
+    /// For each actuator, whether it may close.
+    pub may_close: Vec<bool>,
     /// The widest that it takes.
     pub opening: Opening,
     /// Range from which an actuator's tension is drawn, N.
@@ -71,10 +73,12 @@ impl GraspingHand {
     /// Of a hand that touches with its pads.
     pub fn of(hand: Arc<Hand>) -> Self {
         let (tree, mechanism) = (hand.tree.clone(), Mechanism::of(&hand));
+        let may_close = vec![true; hand.cables.len()];
         Self {
             body: CollisionModel::new(Arc::new(HandMechanism::of(&hand, OURS))),
             palm_from_root: Isometry3::identity(),
             sampled: SampledHand { tree, mechanism, surface: HandSurface::new(&hand, SURFACE_POINTS) },
+            may_close,
             opening: Opening::ours(),
             tensions: (6.0, 40.0),
             contacts: ContactModel::Hard,
@@ -82,6 +86,19 @@ impl GraspingHand {
             found: None,
             notes: Vec::new(),
         }
+    }
+
+    /// The same where only some digits, and the `palm` or not, may touch an object; the other digits stay open. Of a hand whose digits have no names it is
+    /// the hand as it is.
+    #[must_use]
+    pub fn with_parts(mut self, digits: &[Digit], palm: bool) -> Self {
+        let Some(named) = &self.named else { return self };
+        let joints: Vec<usize> = digits.iter().flat_map(|digit| named.links(*digit)).copied().collect();
+        let links: Vec<usize> = palm.then_some(0).into_iter().chain(joints.iter().map(|joint| joint + 1)).collect();
+        self.sampled.surface.touch_only(&links);
+        self.sampled.mechanism.hold_others(|joint| joints.contains(&joint), &named.open());
+        self.may_close = named.digits().iter().map(|digit| digits.contains(digit)).collect();
+        self
     }
 
     /// Joints, links and actuators.

@@ -152,7 +152,9 @@ impl<'a> Synthesizer<'a> {
         if !plain.as_ref().is_ok_and(Checked::verified) {
             while closings < self.request.closings && !other.as_ref().is_some_and(Checked::verified) {
                 closings += 1;
-                let Ok(closed) = close(&Aim::varied(&closing, hand.tensions, &mut rng)) else { continue };
+                let Ok(closed) = close(&Aim::varied(&closing, &hand.may_close, hand.tensions, &mut rng)) else {
+                    continue;
+                };
                 let (margin, penetration) = self.measure(&closed).with_context(|| format!("chain {chain}"))?;
                 if margin < checks::LEAST_MARGIN || penetration > checks::MOST_PENETRATION {
                     continue;

@@ -3,9 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, bail};
-use clap::Args;
+use clap::{Args, ValueEnum};
 use grasping::synthesis::grasp_file::{GraspWriter, HandSource, Header};
-use hand_model::RobotModel;
+use hand_model::{Digit, RobotModel};
 use proving::synthesis::again;
 use proving::synthesis::evaluation::{self, Evaluation};
 use proving::synthesis::grasp_file::{GraspFile, source};
@@ -27,6 +27,38 @@ const LEAST_DENSE: f64 = 1.0;
 const DENSEST: f64 = 25_000.0;
 const LEAST_FRICTION: f64 = 0.01;
 const MOST_FRICTION: f64 = 3.0;
+
+/// A part of the hand.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Part {
+    Thumb,
+    Index,
+    Middle,
+    Ring,
+    Little,
+    Palm,
+}
+
+impl Part {
+    fn digit(self) -> Option<Digit> {
+        Digit::ALL.get(self as usize).copied()
+    }
+}
+
+/// The built-in hand with the parts of the arguments.
+fn built_in(args: &SynthesisArgs) -> Result<GraspingHand> {
+    let hand = GraspingHand::of(RobotModel::ftac_gen3().hand);
+    if args.parts.is_empty() {
+        return Ok(hand);
+    }
+    let digits: Vec<Digit> = args.parts.iter().filter_map(|part| part.digit()).collect();
+    let palm = args.parts.contains(&Part::Palm);
+    anyhow::ensure!(
+        digits.len() + usize::from(palm) > 1 && !digits.is_empty(),
+        "--parts: found one part, expected a digit and another part"
+    );
+    Ok(hand.with_parts(&digits, palm))
+}
 
 /// What grasps are synthesized for.
 #[derive(Debug, Args)]
@@ -52,6 +84,9 @@ pub struct SynthesisArgs {
     /// Keep the hand out of the table on which the object rests.
     #[arg(long)]
     pub table: bool,
+    /// Parts of the hand that may touch the object, of thumb, index, middle, ring, little and palm; default: all. The other digits stay open.
+    #[arg(long, value_enum, value_delimiter = ',', value_name = "PARTS")]
+    pub parts: Vec<Part>,
     /// Closings tried on each chain's posture until one is verified: the plain one, then varied tensions and small offsets.
     #[arg(long, default_value_t = 8)]
     pub closings: usize,
@@ -73,7 +108,7 @@ pub struct GenerateArgs {
     #[arg(long)]
     pub out: Option<PathBuf>,
     /// Another hand: its URDF.
-    #[arg(long = "urdf", alias = "hand", value_name = "URDF", requires = "pulls")]
+    #[arg(long = "urdf", alias = "hand", value_name = "URDF", requires = "pulls", conflicts_with = "parts")]
     pub hand: Option<PathBuf>,
     /// What pulls on that hand's joints: actuators and their moment arms, TOML.
     #[arg(long, alias = "transmission", requires = "hand")]
@@ -137,7 +172,7 @@ pub fn generate(terminal: &Terminal, args: &GenerateArgs) -> Outcome {
     let (subject, request) = request(terminal, &args.synthesis, args.n, args.keep.unwrap_or(usize::MAX))?;
     let hand = match (&args.hand, &args.pulls) {
         (Some(urdf), Some(pulls)) => describe::read(urdf, pulls)?,
-        _ => GraspingHand::of(RobotModel::ftac_gen3().hand),
+        _ => built_in(&args.synthesis)?,
     };
     let subject = sized(subject, &args.synthesis, &hand.opening)?;
     if !terminal.json {
@@ -188,6 +223,10 @@ fn command(terminal: &Terminal, args: &GenerateArgs) -> String {
     if let (Some(hand), Some(pulls)) = (&args.hand, &args.pulls) {
         options += &format!(" --urdf {} --pulls {}", hand.display(), pulls.display());
     }
+    if !synthesis.parts.is_empty() {
+        let names = synthesis.parts.iter().filter_map(|part| Some(part.to_possible_value()?.get_name().to_owned()));
+        options += &format!(" --parts {}", names.collect::<Vec<_>>().join(","));
+    }
     options += if synthesis.table { " --table" } else { "" };
     options += &format!(" --closings {}", synthesis.closings);
     options += &synthesis.mass.map_or(String::new(), |mass| format!(" --mass {mass}"));
@@ -219,7 +258,7 @@ pub fn eval(terminal: &Terminal, args: &EvalArgs) -> Outcome {
     }
     let (n, args) = (args.n, &args.synthesis);
     let (subject, request) = request(terminal, args, n, usize::MAX)?;
-    let hand = GraspingHand::of(RobotModel::ftac_gen3().hand);
+    let hand = built_in(args)?;
     let subject = sized(subject, args, &hand.opening)?;
     let evaluation = evaluation::evaluate(&Synthesizer::new(&hand, subject, request), n)?;
     terminal.print(&evaluation, &evaluation.text())?;

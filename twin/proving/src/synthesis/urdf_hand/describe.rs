@@ -117,6 +117,7 @@ fn describe(hand: HandMechanism) -> Result<GraspingHand> {
         body,
         palm_from_root,
         sampled: SampledHand { tree, mechanism, surface },
+        may_close: vec![true; hand.pulls.len()],
         opening,
         tensions: (8.0, 60.0),
         contacts: ContactModel::Soft { torsion_arm: TORSION_ARM, torque_arm: TORQUE_ARM },
