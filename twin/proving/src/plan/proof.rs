@@ -353,7 +353,7 @@ mod tests {
         let repertoire = crate::builtin::repertoire().expect("the built-in repertoire");
         let mut plans = crate::builtin::plans().expect("the built-in plans");
         plans.plans.retain(|plan| plan.objects() == ["ball_45", "box_50"]);
-        plans.plans[0].proof = None;
+        (plans.plans[0].proof, plans.plans[0].proven) = (None, 0);
         let effort =
             Effort { selecting: 2, proving: 3, wide: 1, drawn: 2, synthesized: 1, rounds: 1, batch: 2, level: 1 };
         prove(&world, &repertoire, &mut plans, effort, true, |_| Ok(())).expect("a proof");
