@@ -235,7 +235,7 @@ impl<'a> Expected<'a> {
         Self { palm_from_object: place_in_hand(first, percept), sigma, objects }
     }
 
-    /// Where the first object should be in the hand.
+    /// The first object as it should be in the hand.
     pub fn prior(&self) -> PosePrior {
         let (sigma_translation, sigma_rotation) = self.sigma;
         PosePrior { palm_from_object: self.palm_from_object, sigma_translation, sigma_rotation }

@@ -33,7 +33,7 @@ use crate::worth::Candidate;
 
 /// Time that a trial needs from a new try of the first object to its end, s: none begins later.
 const TRY_TIME: f64 = 14.0;
-/// What is seen higher above the table than this share of the height to which objects are lifted is in the hand.
+/// An object that is seen higher above the table than this share of the height to which objects are lifted is in the hand.
 const HANGS: f64 = 0.5;
 /// The felt pose's standard deviation counts up to this, m.
 const MOST_SIGMA: f64 = 0.01;
@@ -257,7 +257,7 @@ impl<'a> Touch<'a> {
         }
     }
 
-    /// Whether an object that is seen at `there` is so far above the table that only the hand can have it.
+    /// True of an object that is seen at `there`, so far above the table that only the hand can have it.
     fn hangs(&self, object: usize, there: &Percept, executor: &Executor) -> bool {
         let pose = there.pose();
         let down = pose.inverse_transform_vector(&-Vector3::z());

@@ -182,7 +182,7 @@ pub struct Watchful<'a> {
     pub asked: [usize; 2],
     /// How often each object is still hidden.
     pub hidden: [usize; 2],
-    /// How far each is above the table, m.
+    /// Height of each above the table, m.
     pub raised: [f64; 2],
 }
 

@@ -140,7 +140,7 @@ mod tests {
         assert!((joints[2] + 0.05).abs() < 1e-12 && (shifted.amount(0, &joints) - 0.3).abs() < 1e-12, "{joints:?}");
     }
 
-    /// What is held keeps its angle and has no line any more.
+    /// A joint that is held keeps its angle and has no line any more.
     #[test]
     fn other_joints_are_held() {
         let mut mechanism = lines();

@@ -46,7 +46,7 @@ pub struct Resting<'a> {
     pub rest: UnitQuaternion<f64>,
 }
 
-/// What the hand holds already.
+/// An object that the hand holds already.
 pub struct Carried {
     /// Points on its surface, palm frame, m.
     pub points: Vec<Vector3<f64>>,
@@ -168,7 +168,7 @@ mod tests {
         }
     }
 
-    /// What is held stays out of the table: a long thing under the palm's edge raises that edge.
+    /// A held object stays out of the table: a long thing under the palm's edge raises that edge.
     #[test]
     fn what_is_held_stays_above_the_table() {
         let points: Vec<Vector3<f64>> = (0..20).map(|n| Vector3::new(-0.03, 0.0, -0.005 * f64::from(n))).collect();

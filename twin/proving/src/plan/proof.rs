@@ -73,7 +73,7 @@ pub struct Proof {
     pub effort: u32,
     /// Of each draw the extent of the held object in the palm ([`Extent`]), mm; none where the first grasp did not hold.
     pub holds: Vec<Option<[f64; 6]>>,
-    /// Where the first grasp has its object in the palm.
+    /// Place of the first object in the palm.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub hold: Option<Hold>,
     /// The grasps, the best first.
@@ -202,7 +202,7 @@ pub enum ProofStep {
 /// The steps in their order.
 pub const STEPS: [ProofStep; 3] = [ProofStep::Planned, ProofStep::Another, ProofStep::OtherOrder];
 
-/// What proofs are made with.
+/// Makes proofs in a world.
 pub struct Prover<'a> {
     world: Cow<'a, World>,
     repertoire: &'a Repertoire,

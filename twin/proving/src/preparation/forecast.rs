@@ -37,7 +37,7 @@ pub fn of_plans(pairs: usize, seconds: Option<f64>, effort: u32) -> String {
     )
 }
 
-/// How sure pairs are that did not come with a plan: those with a proof by name, the others together.
+/// Words on how sure pairs are that did not come with a plan: those with a proof by name, the others together.
 pub fn of_proofs<'a>(plans: impl Iterator<Item = &'a Plan>) -> Vec<String> {
     let (proven, others): (Vec<&Plan>, Vec<&Plan>) = plans.partition(|plan| plan.proof.is_some());
     let sure = proven.iter().map(|plan| {

@@ -52,7 +52,7 @@ impl Entrant {
         Self { grasp, tried: String::new() }
     }
 
-    /// What a try is worth.
+    /// Worth of a try in the mean.
     pub fn worth(&self) -> f64 {
         worth(self.tried.chars()) / self.tried.len().max(1) as f64
     }
@@ -189,7 +189,7 @@ impl<'a> Race<'a> {
         hold(self.world, [&self.first, &self.planned], &circumstances(self.world, errors, number), self.board)
     }
 
-    /// Where the first grasp has its object over the draws of a proof.
+    /// Place of the first object in the palm over the draws of a proof.
     pub fn recalled(&self) -> Result<Option<Hold>> {
         let object = self.world.object(&self.first.object)?;
         let holds = (0..self.effort.proving).map(|number| self.hold(Errors::LeftOver, number));
