@@ -250,11 +250,11 @@ impl<'a> Prover<'a> {
         if step == ProofStep::Another {
             return self.prove_another(&race, plan);
         }
-        if plan.proof.as_ref().is_none_or(|proof| proof.effort < self.effort.level) {
-            if let Some((proof, found)) = race.run(plan)? {
-                plan.proof = Some(proof);
-                plan.variations.extend(found);
-            }
+        if plan.proof.as_ref().is_none_or(|proof| proof.effort < self.effort.level)
+            && let Some((proof, found)) = race.run(plan)?
+        {
+            plan.proof = Some(proof);
+            plan.variations.extend(found);
         }
         Ok(())
     }
@@ -331,7 +331,7 @@ mod tests {
     fn holds_have_a_mean_and_a_spread() {
         let about = |axis: usize, angle: f64| UnitQuaternion::new(Vector3::ith(axis, angle));
         let pose = |n: usize| {
-            let sign = if n % 2 == 0 { 1.0 } else { -1.0 };
+            let sign = if n.is_multiple_of(2) { 1.0 } else { -1.0 };
             let turn = about(0, 0.1 * sign) * about(2, n as f64);
             Isometry3::from_parts(Vector3::new(0.02 + 0.003 * sign, 0.0, -0.03).into(), turn)
         };
