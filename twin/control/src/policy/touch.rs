@@ -205,13 +205,12 @@ impl<'a> Touch<'a> {
         let mut next = if tries { Next::after(executor.phase(), self.grip, last) } else { Next::GoOn };
         let mut seen = None;
         if let Some(missing) = next.missing() {
-            let there = self.see(missing, eyes)?;
-            if there.is_some_and(|there| self.hangs(missing, &there, executor)) {
+            seen = self.see(missing, eyes)?;
+            if seen.is_some_and(|there| self.hangs(missing, &there, executor)) {
                 let name = &self.knowledge.objects[missing].name;
                 self.story.tell(format!("{name} is not felt, but seen above the table: it is held"));
                 next = Next::GoOn;
             }
-            seen = Some(there);
         }
         match (looked, next) {
             (State::Carries, Next::GoOn) => return Ok(Step::Finish),
@@ -240,10 +239,7 @@ impl<'a> Touch<'a> {
                 self.state = State::Carries;
                 Ok(Step::Play)
             }
-            Next::Again(object) => match seen {
-                Some(seen) => self.again_at(object, seen, executor, eyes, false),
-                None => self.again(object, executor, eyes, false),
-            },
+            Next::Again(object) => self.again_at(object, seen, executor, eyes, false),
             Next::StartOver => self.lay_down(executor),
             Next::GoOn if self.objects[1].hidden => self.again(1, executor, eyes, false),
             Next::GoOn => {
