@@ -7,6 +7,7 @@
 //! set of contacts resists.
 //!
 //! [`synthesis`] finds grasp postures for any object from its signed distance alone, by sampling the paper's grasp energy.
+//! [`taxonomy`] has the paper's 19 grasp types, with the rules that give a held grasp its type.
 
 pub mod digit_sets;
 pub mod force_closure;
@@ -14,6 +15,7 @@ pub mod grasp;
 pub mod repertoire;
 pub mod sampler;
 pub mod synthesis;
+pub mod taxonomy;
 
 pub use digit_sets::digit_sets;
 pub use grasp::Grasp;

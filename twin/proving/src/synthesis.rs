@@ -5,7 +5,7 @@
 //! measures how often that works and which metrics predict it. [`load`] says for what mass, [`size`] whether a hand can take an object at all. [`parts`] fills the collection of all objects, one resumable file an
 //! object; [`grasp_file`] reads it and what single searches left. [`again`] closes the grasps of a file once more, and [`export`] writes
 //! them for another engine. [`grasping_hand`] is what all of them ask of a hand; [`urdf_hand`] finds it of a URDF. [`kinds`] sorts what was found, [`hands`] compares
-//! hands on the same objects.
+//! hands on the same objects. A search may be for one [`wanted`] type of the taxonomy.
 
 pub mod again;
 pub mod checks;
@@ -25,3 +25,4 @@ pub mod size;
 pub mod subject;
 pub mod synthesizer;
 pub mod urdf_hand;
+pub mod wanted;

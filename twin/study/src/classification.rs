@@ -3,9 +3,9 @@
 use grasping::synthesis::held::HeldGrasp;
 use hand_model::Hand;
 
-use crate::attributes::{Attributes, ObjectForm};
-use crate::rules::{Decision, Rules};
-use crate::taxonomy::{Category, Taxonomy};
+use grasping::taxonomy::attributes::{Attributes, ObjectForm};
+use grasping::taxonomy::rules::{Decision, Rules};
+use grasping::taxonomy::{Category, Taxonomy};
 
 /// A grasp with its type.
 pub struct ClassifiedGrasp {

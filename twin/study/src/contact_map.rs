@@ -65,7 +65,7 @@ pub fn normalize(maps: &mut [Vec<f64>]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::attributes::tests::grasp;
+    use crate::test_grasp::grasp;
 
     #[test]
     fn omega_at_its_ends() {

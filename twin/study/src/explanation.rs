@@ -6,7 +6,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::classification::{Classification, ClassifiedGrasp};
-use crate::rules::Checked;
+use grasping::taxonomy::rules::Checked;
 
 /// The reasons for the type of a grasp.
 #[derive(Debug, Serialize, JsonSchema)]

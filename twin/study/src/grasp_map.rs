@@ -17,7 +17,7 @@ use crate::boundary::{Boundary, BoundaryError, HeldOut, held_out};
 use crate::classification::Classification;
 use crate::contact_map::{POINTS, contact_map, hand_points, normalize};
 use crate::embedding::{EmbeddingError, farthest_points, pca, tsne};
-use crate::taxonomy::Category;
+use grasping::taxonomy::Category;
 
 /// Principal components that are kept.
 const COMPONENTS: usize = 6;

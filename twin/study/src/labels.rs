@@ -6,7 +6,7 @@ use std::path::Path;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::taxonomy::{DataError, Taxonomy};
+use grasping::taxonomy::{DataError, Taxonomy};
 
 /// Version of the file that the annotation page exports.
 pub const VERSION: u32 = 1;

@@ -1,8 +1,8 @@
 //! The grasp study: the second half of the paper's results, from this project's own verified grasps.
 //!
-//! *Which type is a grasp?* [`taxonomy`] is the paper's table of 19 types. [`attributes`] measures a held grasp, [`rules`] (which
-//! are data) decide on its type, and [`classification`] holds the decisions on a whole set of grasps. [`summary`] counts them,
-//! [`explanation`] gives the reasons for one of them, and [`labels`] and [`raters`] compare them with the types that people give.
+//! *Which type is a grasp?* [`grasping::taxonomy`] has the paper's 19 types and the rules that decide; [`classification`] holds the decisions
+//! on a whole set of grasps. [`distribution`] and [`summary`] count them, [`explanation`] gives the reasons for one of them, and [`labels`] and
+//! [`raters`] compare them with the types that people give.
 //!
 //! *Which grasps are alike?* [`contact_map`] measures how near each part of the hand is to the object, [`embedding`] lays the maps
 //! out in the plane, [`boundary`] separates power from precision grasps, and [`grasp_map`] does all three for a set of grasps.
@@ -12,17 +12,18 @@
 //! [`sensors`] sets the paper's comparison of tactile arrays beside the model's own figures. Nothing here knows the simulator or
 //! the meshes of objects: grasps come in as they were held, objects as distances and points. Pages and figures are drawn by `lab`.
 
-pub mod attributes;
 pub mod boundary;
 pub mod classification;
 pub mod contact_map;
+pub mod distribution;
 pub mod embedding;
 pub mod explanation;
 pub mod grasp_map;
 pub mod labels;
 pub mod landscape;
 pub mod raters;
-pub mod rules;
 pub mod sensors;
 pub mod summary;
-pub mod taxonomy;
+
+#[cfg(test)]
+mod test_grasp;

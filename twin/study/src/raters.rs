@@ -5,7 +5,7 @@ use serde::Serialize;
 
 use crate::classification::Classification;
 use crate::labels::{Agreement, Labels, agreement};
-use crate::taxonomy::Category;
+use grasping::taxonomy::Category;
 
 /// Agreement of two raters on the grasps that both rated.
 #[derive(Debug, Serialize, JsonSchema)]
@@ -71,9 +71,11 @@ mod tests {
     use nalgebra::Point3;
 
     use super::*;
-    use crate::attributes::{ObjectForm, tests::grasp};
+    use grasping::taxonomy::attributes::ObjectForm;
+
     use crate::classification::DuplicateGrasp;
     use crate::summary::Summary;
+    use crate::test_grasp::grasp;
 
     /// Six grasps of two objects.
     fn classified() -> Classification {

@@ -310,14 +310,14 @@ pub(super) mod per_unit {
 }
 
 #[cfg(test)]
-pub(super) mod tests {
+pub(crate) mod tests {
     use super::*;
 
     pub(in super::super) fn used(digits: &[Digit]) -> DigitUse {
         DigitUse { digits: digits.to_vec(), palm: false, approach: [0.0, 0.0, -1.0], room: Some(0.012) }
     }
 
-    pub(in super::super) fn grasp() -> HeldGrasp {
+    pub(crate) fn grasp() -> HeldGrasp {
         HeldGrasp {
             object: "ball".into(),
             chain: 3,

@@ -93,6 +93,12 @@ impl Mechanism {
         self.lines.retain(|line| line.joints.iter().all(|joint| moves(*joint)));
     }
 
+    /// Keeps `joint` within `range` as far as its limits reach, rad or m.
+    pub fn narrow(&mut self, joint: usize, [low, high]: [f64; 2]) {
+        let (lower, upper) = self.limits[joint];
+        self.limits[joint] = (low.clamp(lower, upper), high.clamp(lower, upper));
+    }
+
     /// A step of 1 rad along an actuator's line in its own unit: 1 where its joints turn.
     pub fn unit(&self, line: usize) -> f64 {
         let own = &self.lines[line].joints;

@@ -11,6 +11,7 @@ use super::chain::{self, Schedule};
 use super::energy::{GraspEnergy, Plane, Weights};
 use super::field::DistanceField;
 use super::frames::Frames;
+use super::hand_use::HandUse;
 use super::mechanism::Mechanism;
 use super::posture::open_clear;
 use super::surface::HandSurface;
@@ -70,15 +71,12 @@ impl<'a> Tabletop<'a> {
             return None;
         }
         let mut surface = HandSurface::new(hand, POINTS);
-        let joints: Vec<usize> = digits.iter().flat_map(|digit| hand.links(*digit)).copied().collect();
-        let links: Vec<usize> = std::iter::once(0).chain(joints.iter().map(|joint| joint + 1)).collect();
-        surface.touch_only(&links);
         if let Some(carried) = carried {
             surface.extend_palm(&carried.points);
         }
         let mut mechanism = Mechanism::of(hand);
         let still = carried.map_or_else(|| hand.open().to_vec(), |carried| carried.joints.clone());
-        mechanism.hold_others(|joint| joints.contains(&joint), &still);
+        HandUse::of(digits.clone(), true).limit(hand, &still, &mut surface, &mut mechanism);
         Some(Self { hand, digits, form: HandForm::of(hand), surface, mechanism })
     }
 

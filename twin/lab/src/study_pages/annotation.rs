@@ -3,10 +3,10 @@
 //! Labels stay in the browser until they are exported as the JSON that [`study::labels`] reads. Nothing on the page says what the
 //! rules think: that would make the agreement between people and rules worthless.
 
+use grasping::taxonomy::Taxonomy;
 use maud::html;
 use serde::Serialize;
 use study::labels::VERSION;
-use study::taxonomy::Taxonomy;
 
 use super::html_page::{embedded, whole};
 use super::scene::Scene;
@@ -19,7 +19,7 @@ struct Data<'a> {
     version: u32,
     title: &'a str,
     scene: &'a Scene,
-    types: &'a [study::taxonomy::GraspType],
+    types: &'a [grasping::taxonomy::GraspType],
     examples: serde_json::Value,
 }
 

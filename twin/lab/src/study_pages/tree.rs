@@ -1,8 +1,8 @@
 //! A disconnectivity tree as SVG: leaves at their energies, with circles sized by their basins and coloured by broad type.
 
+use grasping::taxonomy::Category;
 use maud::{Markup, html};
 use study::landscape::disconnectivity::Tree;
-use study::taxonomy::Category;
 
 /// A leaf: one basin.
 #[derive(Debug, Clone)]

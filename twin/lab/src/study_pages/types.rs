@@ -1,10 +1,10 @@
 //! The distribution of types over objects as a picture: a bar an object, a piece of it a type.
 
+use grasping::taxonomy::{Category, Taxonomy};
 use kuva::prelude::{BarPlot, Plot};
 use maud::Markup;
 use report::chart;
-use study::rules::Distribution;
-use study::taxonomy::{Category, Taxonomy};
+use study::distribution::Distribution;
 
 /// Shades of a category's colour: power red, intermediate yellow, precision green, as in the paper.
 pub fn color(taxonomy: &Taxonomy, kind: usize) -> String {
@@ -48,7 +48,7 @@ pub fn svg(taxonomy: &Taxonomy, found: &Distribution) -> Markup {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use study::rules::Decision;
+    use grasping::taxonomy::rules::Decision;
 
     #[test]
     fn every_type_has_its_own_colour_and_every_object_its_bar() {

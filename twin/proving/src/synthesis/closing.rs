@@ -111,9 +111,10 @@ pub struct Aim {
 }
 
 impl Aim {
-    /// Every actuator that is `closing` pulls alike, where the sample is.
-    pub fn plain(closing: &[bool]) -> Self {
-        Self { tensions: closing.iter().map(|closing| closing.then_some(CLOSE_TENSION)).collect(), offset: [0.0; 6] }
+    /// Every actuator that is `closing` pulls alike, with a tension in the range `low` to `high` (N), where the sample is.
+    pub fn plain(closing: &[bool], (low, high): (f64, f64)) -> Self {
+        let tension = CLOSE_TENSION.clamp(low, high);
+        Self { tensions: closing.iter().map(|closing| closing.then_some(tension)).collect(), offset: [0.0; 6] }
     }
 
     /// Tensions from the range `low` to `high` (N), now and then a helper that `may_close`, a small offset.

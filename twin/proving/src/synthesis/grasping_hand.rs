@@ -4,13 +4,14 @@
 
 use std::sync::Arc;
 
+use grasping::synthesis::hand_use::HandUse;
 use grasping::synthesis::held::HeldGrasp;
 use grasping::synthesis::mechanism::Mechanism;
 use grasping::synthesis::posture::{self, FreePosture};
 use grasping::synthesis::surface::HandSurface;
+use hand_model::Hand;
 use hand_model::hand_mechanism::HandMechanism;
 use hand_model::kinematics::Tree;
-use hand_model::{Digit, Hand};
 use nalgebra::Isometry3;
 use sim::collision_model::CollisionModel;
 use sim::hand_scene::HandScene;
@@ -88,16 +89,16 @@ impl GraspingHand {
         }
     }
 
-    /// The same where only some digits, and the `palm` or not, may touch an object; the other digits stay open. Of a hand whose digits have no names it is
-    /// the hand as it is.
+    /// The same where only some parts may touch an object; the other digits stay open. Of a hand whose digits have no names it is the hand as it is.
     #[must_use]
-    pub fn with_parts(mut self, digits: &[Digit], palm: bool) -> Self {
+    pub fn limited(mut self, to: &HandUse) -> Self {
         let Some(named) = &self.named else { return self };
-        let joints: Vec<usize> = digits.iter().flat_map(|digit| named.links(*digit)).copied().collect();
-        let links: Vec<usize> = palm.then_some(0).into_iter().chain(joints.iter().map(|joint| joint + 1)).collect();
-        self.sampled.surface.touch_only(&links);
-        self.sampled.mechanism.hold_others(|joint| joints.contains(&joint), &named.open());
-        self.may_close = named.digits().iter().map(|digit| digits.contains(digit)).collect();
+        let SampledHand { surface, mechanism, .. } = &mut self.sampled;
+        to.limit(named, &named.open(), surface, mechanism);
+        self.may_close = named.digits().iter().map(|digit| to.digits.contains(digit)).collect();
+        if let Some([low, high]) = to.tension {
+            self.tensions = (low, high);
+        }
         self
     }
 

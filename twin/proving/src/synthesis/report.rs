@@ -67,6 +67,8 @@ pub struct Report {
     pub plain: u64,
     /// Checks passed; all three by grasps that are not refused.
     pub verified: Verified,
+    /// Verified grasps of the type that is searched for; none where any type will do.
+    pub of_type: Option<u64>,
     /// Verified grasps that nearly equal an earlier one; they are not written.
     pub duplicates: u64,
     /// Grasps kept and written.
@@ -137,6 +139,9 @@ impl Report {
                 format!("  contacts within {:.1} mm of the links' own surfaces", 1e3 * surface_gap),
                 format!("  of these held without tension {held_without_tension}"),
             ]);
+        }
+        if let Some(of_type) = self.of_type {
+            rows.push(format!("of the type       {}", share(of_type)));
         }
         rows.push(format!("kept              {:5}, without {} near duplicates", self.kept, self.duplicates));
         if !self.digits.is_empty() {

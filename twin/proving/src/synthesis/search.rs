@@ -83,6 +83,12 @@ pub fn search(
             }
             record::count(hand, checked, &mut report);
             let grasp = record::record(hand, subject, *chain, checked);
+            if let Some(of_type) = synthesizer.of_type(|| grasp.clone()) {
+                *report.of_type.get_or_insert(0) += u64::from(of_type);
+                if !of_type {
+                    continue;
+                }
+            }
             if kept.iter().any(|other| other.nearly_equals(&grasp, |a, b| model.symmetry.angle(a, b))) {
                 report.duplicates += 1;
             } else if kept.len() < request.enough {

@@ -6,15 +6,17 @@ use anyhow::{Context, Result};
 use grasping::synthesis::chain::{self, Sample, Schedule};
 use grasping::synthesis::energy::{GraspEnergy, Plane, Weights};
 use grasping::synthesis::frames::Frames;
-use grasping::synthesis::held::Proof;
+use grasping::synthesis::held::{HeldGrasp, Proof};
 use nalgebra::{Unit, Vector3};
 use world::objects::ObjectModel;
 
 use super::checks::{self, Hold};
 use super::closing::{self, Aim, Closed, NotClosed};
 use super::grasping_hand::GraspingHand;
+use super::record;
 use super::subject::Subject;
 use super::urdf_hand::refusal::{self, Refusal};
+use super::wanted::WantedType;
 
 /// What to search for.
 #[derive(Debug, Clone, Copy)]
@@ -48,6 +50,8 @@ pub struct Synthesizer<'a> {
     pub subject: Subject,
     /// What is searched for.
     pub request: Request,
+    /// Verified grasps of other types are not kept.
+    pub wanted: Option<WantedType>,
     schedule: Schedule,
 }
 
@@ -90,7 +94,7 @@ pub struct ChainResult {
     pub sampling_s: f64,
     /// What came of the plain closing: the closed grasp with all checks, or why there is none. Nothing is selected here.
     pub plain: Result<Checked, NotClosed>,
-    /// The first of the other closings that is verified, where the plain one is not; otherwise the last that is refused.
+    /// The first of the other closings that is verified and of the wanted type, where the plain one is not; otherwise the last that holds.
     pub other: Option<Checked>,
     /// Closings tried.
     pub closings: usize,
@@ -116,7 +120,7 @@ pub fn table(model: &ObjectModel) -> Plane {
 impl<'a> Synthesizer<'a> {
     /// For a hand and one object.
     pub fn new(hand: &'a GraspingHand, subject: Subject, request: Request) -> Self {
-        Self { hand, subject, request, schedule: Schedule::default() }
+        Self { hand, subject, request, wanted: None, schedule: Schedule::default() }
     }
 
     fn table(&self) -> Option<Plane> {
@@ -141,7 +145,7 @@ impl<'a> Synthesizer<'a> {
         let sampling_s = start.elapsed().as_secs_f64();
         let closing = hand.closing(&end.best.contacts);
         let mut close = |aim: &Aim| closing::close(hand, &self.subject, &end.best, &mut frames, aim);
-        let plain = match close(&Aim::plain(&closing)) {
+        let plain = match close(&Aim::plain(&closing, hand.tensions)) {
             Err(reason) => Err(reason),
             Ok(closed) => {
                 let measured = self.measure(&closed).with_context(|| format!("chain {chain}"))?;
@@ -149,8 +153,9 @@ impl<'a> Synthesizer<'a> {
             }
         };
         let (mut other, mut closings) = (None, 1);
-        if !plain.as_ref().is_ok_and(Checked::verified) {
-            while closings < self.request.closings && !other.as_ref().is_some_and(Checked::verified) {
+        let good = |checked: &Checked| self.is_good(chain, checked);
+        if !plain.as_ref().is_ok_and(good) {
+            while closings < self.request.closings && !other.as_ref().is_some_and(good) {
                 closings += 1;
                 let Ok(closed) = close(&Aim::varied(&closing, &hand.may_close, hand.tensions, &mut rng)) else {
                     continue;
@@ -185,6 +190,17 @@ impl<'a> Synthesizer<'a> {
             checked.refusal = self.hand.found.as_ref().and_then(refused);
         }
         checked
+    }
+
+    /// Whether it is verified, and of the type that is searched for.
+    fn is_good(&self, chain: u64, checked: &Checked) -> bool {
+        checked.verified() && self.of_type(|| record::record(self.hand, &self.subject, chain, checked)) != Some(false)
+    }
+
+    /// Whether a verified grasp is of the type that is searched for; none where any will do.
+    pub fn of_type(&self, grasp: impl FnOnce() -> HeldGrasp) -> Option<bool> {
+        let (wanted, named) = (self.wanted.as_ref()?, self.hand.named.as_ref()?);
+        Some(wanted.is(named, &grasp()))
     }
 
     /// What a verified grasp is good for.

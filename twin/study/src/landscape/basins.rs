@@ -12,7 +12,7 @@ use super::exploration::{Minimum, Sweep};
 use super::grasps::GraspState;
 use super::mapping::{Basin, Mapping};
 use crate::classification::{Classification, ClassifiedGrasp};
-use crate::taxonomy::Category;
+use grasping::taxonomy::Category;
 
 /// Basins of the first grasps.
 #[derive(Debug, Serialize, JsonSchema)]

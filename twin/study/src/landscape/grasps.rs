@@ -275,8 +275,8 @@ impl Landscape for GraspLandscape<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::attributes::tests::grasp;
     use crate::landscape::attraction::{Attraction, both_ways};
+    use crate::test_grasp::grasp;
     use grasping::synthesis::energy::Weights;
     use grasping::synthesis::field::DistanceField;
     use grasping::synthesis::surface::HandSurface;

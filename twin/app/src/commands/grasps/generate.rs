@@ -5,6 +5,8 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, Result, bail};
 use clap::{Args, ValueEnum};
 use grasping::synthesis::grasp_file::{GraspWriter, HandSource, Header};
+use grasping::synthesis::hand_use::HandUse;
+use grasping::taxonomy::{GraspType, Taxonomy};
 use hand_model::{Digit, RobotModel};
 use proving::synthesis::again;
 use proving::synthesis::evaluation::{self, Evaluation};
@@ -15,6 +17,7 @@ use proving::synthesis::size::Opening;
 use proving::synthesis::subject::{Subject, TEST_FRICTION};
 use proving::synthesis::synthesizer::{Request, Synthesizer};
 use proving::synthesis::urdf_hand::describe;
+use proving::synthesis::wanted::WantedType;
 
 use crate::options::object_name::object_name;
 use crate::options::own_hand;
@@ -45,11 +48,15 @@ impl Part {
     }
 }
 
-/// The built-in hand with the parts of the arguments.
-fn built_in(args: &SynthesisArgs) -> Result<GraspingHand> {
+/// The built-in hand with the parts of the arguments, and as grasps of type `kind` use it.
+fn built_in(args: &SynthesisArgs, kind: Option<&GraspType>) -> Result<GraspingHand> {
     let hand = GraspingHand::of(RobotModel::ftac_gen3().hand);
+    let form = kind.map(|kind| kind.form.clone());
     if args.parts.is_empty() {
-        return Ok(hand);
+        return Ok(match form {
+            Some(form) => hand.limited(&form),
+            None => hand,
+        });
     }
     let digits: Vec<Digit> = args.parts.iter().filter_map(|part| part.digit()).collect();
     let palm = args.parts.contains(&Part::Palm);
@@ -57,7 +64,21 @@ fn built_in(args: &SynthesisArgs) -> Result<GraspingHand> {
         digits.len() + usize::from(palm) > 1 && !digits.is_empty(),
         "--parts: found one part, expected a digit and another part"
     );
-    Ok(hand.with_parts(&digits, palm))
+    let parts = HandUse::of(digits, palm);
+    let in_use = match form {
+        Some(form) => HandUse { digits: parts.digits, palm, ..form },
+        None => parts,
+    };
+    Ok(hand.limited(&in_use))
+}
+
+/// A type of the taxonomy by its name, however it was typed.
+fn grasp_type(text: &str) -> Result<GraspType, String> {
+    let folded = |name: &str| name.trim().to_lowercase().replace(['_', '-'], " ");
+    let Taxonomy { types } = Taxonomy::paper();
+    let names: Vec<String> = types.iter().map(|kind| kind.name.clone()).collect();
+    let found = types.into_iter().find(|kind| folded(&kind.name) == folded(text));
+    found.ok_or_else(|| format!("expected one of {}", names.join(", ")))
 }
 
 /// What grasps are synthesized for.
@@ -101,6 +122,10 @@ pub struct GenerateArgs {
     /// Chains, each of which may leave one grasp.
     #[arg(long, default_value_t = 512)]
     pub n: u64,
+    /// Only grasps of this type of the taxonomy, such as "Pincer" or "Heavy Wrap": chains use the hand as the type does, and verified grasps
+    /// that do not meet its conditions are left out. With --parts, with those digits instead of the type's own.
+    #[arg(long = "type", value_name = "TYPE", value_parser = grasp_type)]
+    pub kind: Option<GraspType>,
     /// Stop when so many different grasps are verified.
     #[arg(long, conflicts_with = "hand")]
     pub keep: Option<usize>,
@@ -108,7 +133,7 @@ pub struct GenerateArgs {
     #[arg(long)]
     pub out: Option<PathBuf>,
     /// Another hand: its URDF.
-    #[arg(long = "urdf", alias = "hand", value_name = "URDF", requires = "pulls", conflicts_with = "parts")]
+    #[arg(long = "urdf", alias = "hand", value_name = "URDF", requires = "pulls", conflicts_with_all = ["parts", "kind"])]
     pub hand: Option<PathBuf>,
     /// What pulls on that hand's joints: actuators and their moment arms, TOML.
     #[arg(long, alias = "transmission", requires = "hand")]
@@ -172,17 +197,20 @@ pub fn generate(terminal: &Terminal, args: &GenerateArgs) -> Outcome {
     let (subject, request) = request(terminal, &args.synthesis, args.n, args.keep.unwrap_or(usize::MAX))?;
     let hand = match (&args.hand, &args.pulls) {
         (Some(urdf), Some(pulls)) => describe::read(urdf, pulls)?,
-        _ => built_in(&args.synthesis)?,
+        _ => built_in(&args.synthesis, args.kind.as_ref())?,
     };
     let subject = sized(subject, &args.synthesis, &hand.opening)?;
     if !terminal.json {
         hand.notes.iter().for_each(|line| eprintln!("{line}"));
     }
     let writer = writer(terminal, args, hand.name().into())?;
-    let synthesizer = Synthesizer::new(&hand, subject, request);
+    let mut synthesizer = Synthesizer::new(&hand, subject, request);
+    synthesizer.wanted = args.kind.as_ref().and_then(|kind| WantedType::new(&kind.name, &synthesizer.subject));
     let (report, _) = search::search(&synthesizer, Start::default(), writer, &terminal.progress())?;
     terminal.print(&report, &report.text())?;
-    Ok((report.verified.all == 0).then(|| format!("no grasp of {} was verified in {} chains", report.object, args.n)))
+    let found = report.of_type.unwrap_or(report.verified.all);
+    let kind = args.kind.as_ref().map_or(String::new(), |kind| format!(" of type {}", kind.name));
+    Ok((found == 0).then(|| format!("no grasp{kind} of {} was verified in {} chains", report.object, args.n)))
 }
 
 /// A user's object for a hand of this opening; the set's are known to go.
@@ -214,7 +242,7 @@ fn writer(terminal: &Terminal, args: &GenerateArgs, name: String) -> Result<Opti
 
 /// The command that makes the same file again.
 fn command(terminal: &Terminal, args: &GenerateArgs) -> String {
-    let GenerateArgs { synthesis, n, keep, .. } = args;
+    let GenerateArgs { synthesis, n, keep, kind, .. } = args;
     let what = match (&synthesis.object, &synthesis.mesh) {
         (Some(name), _) => format!("--object {name}"),
         (None, mesh) => format!("--mesh {}", mesh.as_deref().unwrap_or(Path::new("")).display()),
@@ -222,6 +250,9 @@ fn command(terminal: &Terminal, args: &GenerateArgs) -> String {
     let mut options = keep.map_or(String::new(), |keep| format!(" --keep {keep}"));
     if let (Some(hand), Some(pulls)) = (&args.hand, &args.pulls) {
         options += &format!(" --urdf {} --pulls {}", hand.display(), pulls.display());
+    }
+    if let Some(kind) = kind {
+        options += &format!(" --type \"{}\"", kind.name);
     }
     if !synthesis.parts.is_empty() {
         let names = synthesis.parts.iter().filter_map(|part| Some(part.to_possible_value()?.get_name().to_owned()));
@@ -258,7 +289,7 @@ pub fn eval(terminal: &Terminal, args: &EvalArgs) -> Outcome {
     }
     let (n, args) = (args.n, &args.synthesis);
     let (subject, request) = request(terminal, args, n, usize::MAX)?;
-    let hand = built_in(args)?;
+    let hand = built_in(args, None)?;
     let subject = sized(subject, args, &hand.opening)?;
     let evaluation = evaluation::evaluate(&Synthesizer::new(&hand, subject, request), n)?;
     terminal.print(&evaluation, &evaluation.text())?;

@@ -6,14 +6,11 @@ use std::sync::Arc;
 use anyhow::{Context, Result, bail};
 use grasping::synthesis::collection::Collection;
 use grasping::synthesis::held::HeldGrasp;
+use grasping::taxonomy::attributes::{FORM_POINTS, ObjectForm};
 use hand_model::{Hand, RobotModel};
 use proving::synthesis::grasp_file;
-use study::attributes::ObjectForm;
 use study::classification::Classification;
 use world::objects::{ObjectModel, ObjectSet};
-
-/// Points on an object's surface from which its form is read.
-const FORM_POINTS: usize = 1500;
 
 /// Grasps and their objects.
 pub struct Source {

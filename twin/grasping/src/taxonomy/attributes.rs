@@ -6,9 +6,10 @@
 //! phalanx, y out of its palmar face, z across; in the palm's frame x points to the thumb's side, y to the fingertips, -z
 //! out of the palm.
 
-use grasping::synthesis::held::{HeldGrasp, pose_from_array};
 use hand_model::{Digit, Hand};
-use nalgebra::{Matrix3, Point3, SymmetricEigen, Vector3};
+use nalgebra::{Isometry3, Matrix3, Point3, SymmetricEigen, Vector3};
+
+use crate::synthesis::held::{HeldContact, HeldGrasp, pose_from_array};
 
 /// Least share of the contact force for a part of the hand to count as in contact.
 const TOUCHES: f64 = 0.02;
@@ -54,6 +55,9 @@ pub struct ObjectForm {
     pub ball: f64,
 }
 
+/// Points on an object's surface from which its form is read.
+pub const FORM_POINTS: usize = 1500;
+
 /// Ratio of extents below which they count as similar.
 const ALIKE: f64 = 1.08;
 
@@ -86,6 +90,22 @@ impl ObjectForm {
     }
 }
 
+/// A grasp as it holds an object.
+#[derive(Debug, Clone, Copy)]
+pub struct Hold<'a> {
+    pub palm_from_object: Isometry3<f64>,
+    /// rad.
+    pub joints: &'a [f64],
+    /// Palm frame.
+    pub contacts: &'a [HeldContact],
+}
+
+impl<'a> From<&'a HeldGrasp> for Hold<'a> {
+    fn from(grasp: &'a HeldGrasp) -> Self {
+        Self { palm_from_object: pose_from_array(&grasp.closed), joints: &grasp.joints, contacts: &grasp.contacts }
+    }
+}
+
 /// The attributes of one grasp, in the order of [`ATTRIBUTES`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct Attributes(pub [f64; ATTRIBUTES.len()]);
@@ -100,15 +120,16 @@ impl Attributes {
         Self::index(name).map(|n| self.0[n])
     }
 
-    /// The attributes of `grasp` on an object of `form`. Without contact force all shares are 0.
-    pub fn of(hand: &Hand, form: &ObjectForm, grasp: &HeldGrasp) -> Self {
-        let links = hand.tree.forward(&grasp.joints);
+    /// The attributes of a grasp on an object of `form`. Without contact force all shares are 0.
+    pub fn of<'a>(hand: &Hand, form: &ObjectForm, grasp: impl Into<Hold<'a>>) -> Self {
+        let grasp = grasp.into();
+        let links = hand.tree.forward(grasp.joints);
         let total: f64 = grasp.contacts.iter().map(|contact| contact.force).sum();
         let share = |part: f64, whole: f64| if whole > 0.0 { part / whole } else { 0.0 };
         let (mut palm, mut digits, mut sides) = (0.0, [0.0; 5], [0.0; 5]);
         let (mut tips, mut roots) = (0.0, 0.0);
         let (mut push, mut spread) = (Vector3::zeros(), Matrix3::zeros());
-        for contact in &grasp.contacts {
+        for contact in grasp.contacts {
             let normal = Vector3::from(contact.normal);
             spread += normal * normal.transpose() * contact.force;
             let Some(link) = contact.link else {
@@ -138,7 +159,7 @@ impl Attributes {
         let direction = push.try_normalize(1e-9).unwrap_or_default();
         let (opposed, rounded, line) = normals(&spread, total);
         // An object without an axis, such as a cube, takes the straight direction of the touched surface.
-        let axis = form.axis.map_or(line, |axis| pose_from_array(&grasp.closed).rotation * axis);
+        let axis = form.axis.map_or(line, |axis| grasp.palm_from_object.rotation * axis);
         let others: Vec<usize> = touching.iter().copied().filter(|digit| *digit != 1).collect();
         Self([
             share(palm, total),
@@ -182,38 +203,20 @@ fn normals(spread: &Matrix3<f64>, total: f64) -> (f64, f64, Vector3<f64>) {
 }
 
 #[cfg(test)]
-pub(crate) mod tests {
+mod tests {
     use super::*;
-    use grasping::synthesis::held::{ClosedPose, DigitUse, HeldContact};
+    use crate::synthesis::held::{self, ClosedPose};
 
     /// A grasp with the given contacts (link, normal in the palm frame, force) at joint angles of `bend`.
-    pub(crate) fn grasp(bend: f64, contacts: &[(Option<usize>, [f64; 3], f64)]) -> HeldGrasp {
+    fn grasp(bend: f64, contacts: &[(Option<usize>, [f64; 3], f64)]) -> HeldGrasp {
         HeldGrasp {
-            object: "thing".into(),
-            chain: 0,
             closed: ClosedPose::PalmFromObject([0.0, 0.0, -0.04, 0.0, 0.0, 0.0, 1.0]),
             joints: [bend; 15].into_iter().collect(),
-            start: [0.0, 0.0, -0.04, 0.0, 0.0, 0.0, 1.0],
-            open_joints: [0.0; 15].into_iter().collect(),
-            open_tensions: None,
-            tensions: [0.0; 5].into_iter().collect(),
-            opposition: Some(bend),
             contacts: contacts
                 .iter()
                 .map(|&(link, normal, force)| HeldContact { link, point: [0.0; 3], normal, force })
                 .collect(),
-            digit_use: Some(DigitUse {
-                digits: Vec::new(),
-                palm: contacts.iter().any(|(link, _, _)| link.is_none()),
-                approach: [0.0, 0.0, -1.0],
-                room: None,
-            }),
-            margin: 1.0,
-            penetration: 0.0,
-            held_without_tension: None,
-            moved: Some([0.0; 2]),
-            energy: Some(0.0),
-            proof: None,
+            ..held::tests::grasp()
         }
     }
 

@@ -1,10 +1,15 @@
 //! The paper's 19 grasp types: Feix's 33, merged where hand and opposition are the same. The table is data
-//! (`data/types.toml`).
+//! (`data/types.toml`). [`attributes`] measures a held grasp, and [`rules`] decide on its type.
 
 use std::path::{Path, PathBuf};
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+
+use crate::synthesis::hand_use::HandUse;
+
+pub mod attributes;
+pub mod rules;
 
 /// Feix's three broad kinds of grasps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
@@ -32,7 +37,7 @@ impl Category {
 }
 
 /// One of the 19 types.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GraspType {
     /// Name in the paper's table.
@@ -42,9 +47,11 @@ pub struct GraspType {
     pub category: Category,
     /// One sentence.
     pub definition: String,
+    /// Limits of a search for grasps of this type.
+    pub form: HandUse,
 }
 
-/// Errors of the study's data files.
+/// Errors of the taxonomy's data files, and of files of people's labels.
 #[derive(Debug, thiserror::Error)]
 pub enum DataError {
     #[error("{path}: {source}")]
@@ -64,7 +71,7 @@ struct File {
 }
 
 /// The table of types.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Taxonomy {
     /// In the table's order.
     pub types: Vec<GraspType>,
@@ -84,6 +91,14 @@ impl Taxonomy {
         let File { types } = toml::from_str(text)
             .map_err(|error| DataError::Format { path: path.into(), message: error.to_string() })?;
         for (n, kind) in types.iter().enumerate() {
+            if kind.form.digits.is_empty() {
+                return Err(DataError::Field {
+                    path: path.into(),
+                    field: format!("type[{n}].form.digits"),
+                    found: "none".into(),
+                    expected: "at least one".into(),
+                });
+            }
             if types[..n].iter().any(|other| other.name == kind.name) {
                 return Err(DataError::Field {
                     path: path.into(),
