@@ -71,6 +71,48 @@ fn grasps_are_shown() {
     assert_eq!(answer["objects"].as_array().map(Vec::len), Some(23));
 }
 
+/// Grasps of one type are found, and the rules call every one of them that; a type that is none is named with the known ones.
+#[test]
+fn grasps_of_one_type() {
+    let folder = tempdir().expect("a folder");
+    let file = folder.path().join("rings.jsonl");
+    let wanted = ["grasps", "generate", "--object", "cube_45", "--contacts", "2-5", "--n", "16", "--json", "--type"];
+    let output =
+        run(&[&wanted[..], &["ring", "--closings", "24", "--seed", "3", "--out", text(&file)]].concat());
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let answer: Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    assert!(answer["of_type"].as_u64() < answer["verified"]["all"].as_u64(), "others are left out: {answer}");
+    let output = run(&["grasps", "classify", "--grasps", text(&file), "--json"]);
+    let types: Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    let decisions = types["decisions"].as_array().expect("a list");
+    assert_eq!(Some(decisions.len() as u64), answer["kept"].as_u64());
+    for decision in decisions {
+        assert_eq!(decision["type"], "Ring");
+        assert!(decision["margin"].as_f64() >= Some(0.0), "{decision}");
+    }
+    let output = run(&[&wanted[..], &["no such type"]].concat());
+    assert_eq!(output.status.code(), Some(2));
+    assert!(stderr(&output).contains("Writing Tripod"), "{}", stderr(&output));
+}
+
+/// As many grasps of the built-in collection as can be had with people's shares.
+#[test]
+fn grasps_with_the_shares_of_people() {
+    let folder = tempdir().expect("a folder");
+    let file = folder.path().join("like_people.jsonl");
+    let output = run(&["grasps", "classify", "--like-people", text(&file)]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let output = run(&["grasps", "classify", "--grasps", text(&file), "--json"]);
+    let answer: Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    let ways = answer["people"].as_array().expect("a list");
+    assert_eq!(ways.len(), 5);
+    for way in ways {
+        let [people, share] = ["people", "share"].map(|field| way[field].as_f64().expect("a number"));
+        assert!((people - share).abs() < 0.02, "{way}");
+    }
+    assert!(answer["grasps"].as_u64() > Some(100), "{answer}");
+}
+
 /// Radius of the ball, m.
 const BALL: f64 = 0.025;
 

@@ -10,6 +10,7 @@
 //! the plan and the first of the alternatives under errors, for the odds that a policy goes by; where all of them are poor, also
 //! second grasps after other first grasps, and [`other_order`] plans the two objects the other way round.
 
+pub mod holds;
 mod odds;
 pub mod other_order;
 pub mod outcomes;

@@ -13,6 +13,7 @@ use control::motion::Protocol;
 use control::odds::TryOutcome;
 use grasping::Grasp;
 use grasping::grasp::pregrasp_pose;
+use grasping::synthesis::held::HeldContact;
 use hand_model::hand::MOST_HAND_JOINTS;
 use hand_model::{ArmVector, Digit, Hand};
 use nalgebra::Isometry3;
@@ -39,6 +40,8 @@ pub struct HoldOutcome {
     pub slip: f64,
     /// Finger angles at the end, rad.
     pub joints: Vec<f64>,
+    /// Contacts with the hand at the end, palm frame.
+    pub contacts: Vec<HeldContact>,
 }
 
 /// A snapshot: body and controller together.
@@ -368,7 +371,20 @@ fn hold_outcome(before: &Truth, after: &Truth, index: usize) -> HoldOutcome {
         palm_from_object: b,
         slip: (a.translation.vector - b.translation.vector).norm(),
         joints: after.hand.clone(),
+        contacts: contacts_in_palm(after, index),
     }
+}
+
+/// Contacts of object `index` with the hand, palm frame.
+fn contacts_in_palm(truth: &Truth, index: usize) -> Vec<HeldContact> {
+    let own = truth.contacts.iter().filter(|contact| contact.object == index && contact.force.norm() > 0.0);
+    let in_palm = own.map(|contact| HeldContact {
+        link: contact.link,
+        point: truth.palm.inverse_transform_point(&contact.point).coords.into(),
+        normal: truth.palm.inverse_transform_vector(&contact.force.normalize()).into(),
+        force: contact.force.norm(),
+    });
+    in_palm.collect()
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 //!
 //! *Which type is a grasp?* [`grasping::taxonomy`] has the paper's 19 types and the rules that decide; [`classification`] holds the decisions
 //! on a whole set of grasps. [`distribution`] and [`summary`] count them, [`explanation`] gives the reasons for one of them, and [`labels`] and
-//! [`raters`] compare them with the types that people give.
+//! [`raters`] compare them with the types that people give, [`people`] with how often people hold things in which way.
 //!
 //! *Which grasps are alike?* [`contact_map`] measures how near each part of the hand is to the object, [`embedding`] lays the maps
 //! out in the plane, [`boundary`] separates power from precision grasps, and [`grasp_map`] does all three for a set of grasps.
@@ -21,6 +21,7 @@ pub mod explanation;
 pub mod grasp_map;
 pub mod labels;
 pub mod landscape;
+pub mod people;
 pub mod raters;
 pub mod sensors;
 pub mod summary;

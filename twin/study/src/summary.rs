@@ -6,9 +6,10 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::classification::{Classification, ClassifiedGrasp};
+use crate::distribution::Distribution;
+use crate::people::{self, People, WayShare};
 use crate::raters::RaterPair;
-use crate::rules::Distribution;
-use crate::taxonomy::{Category, GraspType};
+use grasping::taxonomy::{Category, GraspType, Taxonomy};
 
 /// A type and its grasps.
 #[derive(Debug, Serialize, JsonSchema)]
@@ -72,6 +73,8 @@ pub struct Figures {
     /// Grasp types of the paper.
     types: Vec<TypeRow>,
     by_object: Distribution,
+    /// Beside the shares of the ways in which people hold things.
+    people: Vec<WayShare>,
     /// Agreement with people's labels.
     agreement: Vec<RaterPair>,
     /// A grasp each.
@@ -138,6 +141,11 @@ impl Summary {
         self.types_with(|kind| kind.grasps)
     }
 
+    /// The ways in which people hold things, and the shares of these grasps.
+    fn people(&self, taxonomy: &Taxonomy) -> Vec<WayShare> {
+        People::known(taxonomy).compare(&self.distribution.totals())
+    }
+
     /// The summary, every decision and the raters' agreement.
     pub fn figures(&self, classification: &Classification, agreement: Vec<RaterPair>) -> Figures {
         let kinds = &classification.taxonomy.types;
@@ -169,6 +177,7 @@ impl Summary {
             categories: CategoryCounts { power, intermediate, precision },
             types: kinds.iter().zip(&self.types).map(row).collect(),
             by_object: self.distribution.clone(),
+            people: self.people(&classification.taxonomy),
             agreement,
             decisions: classification.grasps.iter().map(decision).collect(),
         }
@@ -199,7 +208,7 @@ impl Summary {
             "ambiguous {ambiguous} ({:.1} %), of them {unfit} fit no type's conditions",
             share(ambiguous)
         );
-        text
+        text + &people::table(&self.people(&classification.taxonomy))
     }
 }
 

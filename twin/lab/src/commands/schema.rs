@@ -10,7 +10,7 @@ use study::explanation::Explanation;
 use study::{grasp_map, landscape, summary};
 
 use super::rows::Checked;
-use super::study::{annotate::Annotation, report::Study};
+use super::study::{annotate::Annotation, pick_ups::PickUpTypes, report::Study};
 use super::touch::train_network::Trained;
 use super::{hand, lab_book};
 
@@ -20,6 +20,7 @@ const OUTPUTS: &[Output] = &[
     ("grasps annotate", of::<Annotation>),
     ("grasps classify", of::<summary::Figures>),
     ("grasps classify", of::<Explanation>),
+    ("grasps classify", of::<PickUpTypes>),
     ("grasps hands", of::<Comparison>),
     ("grasps landscape", of::<landscape::basins::Figures>),
     ("grasps map", of::<grasp_map::Figures>),

@@ -69,7 +69,13 @@ fn neighbours_are_thinned_out() {
 /// A grasp's score is the share of tries that held; one that fails too often, or without any error, is dropped at once.
 #[test]
 fn scores_are_shares_of_tries() {
-    let held = HoldOutcome { held: true, palm_from_object: Isometry3::identity(), slip: 0.0, joints: Vec::new() };
+    let held = HoldOutcome {
+        held: true,
+        palm_from_object: Isometry3::identity(),
+        slip: 0.0,
+        joints: Vec::new(),
+        contacts: Vec::new(),
+    };
     let errors = proving_errors(4);
     let failing = |count: usize| {
         let held = held.clone();

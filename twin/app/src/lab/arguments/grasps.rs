@@ -21,6 +21,9 @@ pub enum GraspsLabCommand {
     Landscape(LandscapeArgs),
 }
 
+/// Says the plans that come with the program in the place of a file.
+pub const BUILT_IN: &str = "built-in";
+
 /// Where the grasps come from.
 #[derive(Debug, Clone, Args)]
 pub struct GraspsArgs {
@@ -75,6 +78,18 @@ pub struct ClassifyArgs {
     /// Folder for types.svg and classes.json.
     #[arg(long)]
     pub out: Option<PathBuf>,
+    /// File for a collection chosen from the grasps: as many as can be had with the shares in which people hold things, objects in turn.
+    #[arg(long, value_name = "FILE")]
+    pub like_people: Option<PathBuf>,
+    /// The pick-ups of the benchmark's plans instead, as they hold their objects in trials without errors; of this plan file, or the built-in one.
+    #[arg(
+        long,
+        value_name = "FILE",
+        num_args = 0..=1,
+        default_missing_value = BUILT_IN,
+        conflicts_with_all = ["paths", "explain", "labels", "out", "like_people"]
+    )]
+    pub plans: Option<PathBuf>,
 }
 
 /// Arguments of `grasps annotate`.

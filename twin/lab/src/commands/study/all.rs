@@ -70,7 +70,9 @@ pub fn run(terminal: &Terminal, args: &StudyArgs) -> Outcome {
 
 fn types(_: &Terminal, args: &StudyArgs, out: PathBuf) -> Result<Told> {
     let grasps = args.grasps.clone();
-    classify::make(&ClassifyArgs { grasps, explain: None, labels: Vec::new(), out: Some(out) }).map(told)
+    let args =
+        ClassifyArgs { grasps, explain: None, labels: Vec::new(), out: Some(out), like_people: None, plans: None };
+    classify::make(&args).map(told)
 }
 
 fn maps(terminal: &Terminal, args: &StudyArgs, out: PathBuf) -> Result<Told> {

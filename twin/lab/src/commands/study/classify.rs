@@ -1,24 +1,31 @@
 //! `ftac grasps classify`: one of the 19 types for every grasp, by rules, with the reasons on demand.
 
 use std::collections::BTreeSet;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use ftac::lab::arguments::grasps::ClassifyArgs;
 use ftac::terminal::{Made, Outcome, Terminal};
+use grasping::synthesis::collection::{Collection, Header, ObjectGrasps, Summary, VERSION};
+use grasping::synthesis::held::HeldGrasp;
 use lab::study_pages::types;
 use platform::data::write_whole;
 use report::chart;
 use study::classification::Classification;
 use study::explanation::{self, Explanation};
 use study::labels::Labels;
+use study::people::{self, People};
 use study::raters::{RaterPair, agreements};
-use study::summary::{Figures, Summary};
+use study::summary::{self, Figures};
 
+use super::pick_ups;
 use super::source::Source;
 
 /// `ftac grasps classify`.
 pub fn run(terminal: &Terminal, args: &ClassifyArgs) -> Outcome {
+    if let Some(file) = &args.plans {
+        return terminal.finish(pick_ups::make(terminal, file)?);
+    }
     match &args.explain {
         Some(id) => explain(terminal, &Source::read(&args.grasps.paths)?.classification, id),
         None => terminal.finish(make(args)?),
@@ -28,8 +35,12 @@ pub fn run(terminal: &Terminal, args: &ClassifyArgs) -> Outcome {
 /// The types of all grasps.
 pub fn make(args: &ClassifyArgs) -> Result<Made<Figures>> {
     let classification = Source::read(&args.grasps.paths)?.classification;
+    let mut choice = String::new();
+    if let Some(file) = &args.like_people {
+        choice = choose(&classification, file)?;
+    }
     let pairs = agreements(&classification, &labels(&classification, &args.labels)?);
-    let summary = Summary::of(&classification);
+    let summary = summary::Summary::of(&classification);
     let agreement: String = pairs.iter().map(RaterPair::text).map(|line| line + "\n").collect();
     let answer = summary.figures(&classification, pairs);
     if let Some(folder) = &args.out {
@@ -41,9 +52,38 @@ pub fn make(args: &ClassifyArgs) -> Result<Made<Figures>> {
     let (present, all) = (summary.present(), summary.types.len());
     Ok(Made {
         json: answer,
-        text: summary.table(&classification) + &agreement,
+        text: summary.table(&classification) + &agreement + &choice,
         shortfall: (present < all).then(|| format!("{present} of the {all} types are present")),
     })
+}
+
+/// Writes the grasps that have people's shares, and says what they are.
+fn choose(classification: &Classification, file: &Path) -> Result<String> {
+    let (grasps, people) = (&classification.grasps, People::known(&classification.taxonomy));
+    let types: Vec<usize> = grasps.iter().map(|grasp| grasp.decision.kind).collect();
+    // Objects in turn, of each the clearest first.
+    let mut by_object: Vec<Vec<usize>> = vec![Vec::new(); classification.objects.len()];
+    grasps.iter().enumerate().for_each(|(n, grasp)| by_object[grasp.object].push(n));
+    for own in &mut by_object {
+        own.sort_by(|a, b| grasps[*b].decision.margin.total_cmp(&grasps[*a].decision.margin));
+    }
+    let longest = by_object.iter().map(Vec::len).max().unwrap_or(0);
+    let order: Vec<usize> =
+        (0..longest).flat_map(|turn| by_object.iter().filter_map(move |own| own.get(turn))).copied().collect();
+    let chosen = people.choose(&types, &order, grasps.len());
+    let objects = classification.objects.iter().enumerate().map(|(number, object)| {
+        let own = chosen.iter().filter(|grasp| grasps[**grasp].object == number);
+        let own: Vec<HeldGrasp> = own.map(|grasp| grasps[*grasp].grasp.clone()).collect();
+        let chains = own.iter().map(|grasp| grasp.chain + 1).max().unwrap_or(0);
+        let summary = Summary { object: object.clone(), wanted: own.len(), kept: own.len(), chains, short: None };
+        ObjectGrasps { summary, grasps: own }
+    });
+    let header = Header { version: VERSION, command: "ftac grasps classify --like-people".into(), seed: 0 };
+    let collection = Collection { header, objects: objects.collect() };
+    write_whole(file, collection.to_text()?.as_bytes()).with_context(|| format!("--like-people {}", file.display()))?;
+    let mut counts = vec![0; classification.taxonomy.types.len()];
+    chosen.iter().for_each(|grasp| counts[types[*grasp]] += 1);
+    Ok(format!("{}: {} grasps\n{}", file.display(), chosen.len(), people::table(&people.compare(&counts))))
 }
 
 fn explain(terminal: &Terminal, classification: &Classification, id: &str) -> Outcome {

@@ -1,0 +1,108 @@
+//! `ftac grasps classify --plans`: types of the pick-ups of the benchmark, by the place of their object.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use anyhow::Result;
+use ftac::lab::arguments::grasps::BUILT_IN;
+use ftac::terminal::{Made, Terminal};
+use grasping::taxonomy::attributes::{Attributes, FORM_POINTS, Hold, ObjectForm};
+use grasping::taxonomy::rules::Rules;
+use grasping::taxonomy::{Category, Taxonomy};
+use hand_model::RobotModel;
+use proving::plan::{Plans, holds};
+use proving::simulated_world::World;
+use scenarios::Scenario;
+use schemars::JsonSchema;
+use serde::Serialize;
+use study::people::{self, People, WayShare};
+
+/// A pick-up with its type.
+#[derive(Debug, Serialize, JsonSchema)]
+struct TypedPickUp {
+    /// Names of the objects of its combination.
+    combination: [String; 2],
+    /// Place of its object in the combination, from 1.
+    place: usize,
+    grasp: u32,
+    /// Grasp type of the paper.
+    #[serde(rename = "type")]
+    kind: String,
+    /// By which all of its conditions are met; negative where not.
+    margin: f64,
+    /// True if the type is not clear.
+    ambiguous: bool,
+}
+
+/// Pick-ups of a type.
+#[derive(Debug, Serialize, JsonSchema)]
+struct TypeRow {
+    name: String,
+    category: Category,
+    /// Of objects in the first place and in the second one.
+    places: [usize; 2],
+    /// Those of both that meet all of its conditions.
+    fit: usize,
+}
+
+/// Types of the pick-ups of plans.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct PickUpTypes {
+    /// Grasp types of the paper.
+    types: Vec<TypeRow>,
+    /// Beside the shares of the ways in which people hold things.
+    people: Vec<WayShare>,
+    pick_ups: Vec<TypedPickUp>,
+}
+
+impl PickUpTypes {
+    fn text(&self) -> String {
+        let present = self.types.iter().filter(|kind| kind.places != [0, 0]).count();
+        let mut text = format!("{} pick-ups of {present} of {} types\n", self.pick_ups.len(), self.types.len());
+        text += &format!("{:24} {:13} {:>7} {:>7} {:>7}\n", "type", "category", "first", "second", "fit");
+        for TypeRow { name, category, places: [first, second], fit } in &self.types {
+            text += &format!("{name:24} {:13} {first:>7} {second:>7} {fit:>7}\n", category.name());
+        }
+        text + &people::table(&self.people)
+    }
+}
+
+/// Plays the pick-ups of the plan file, or of the built-in plans, and gives each its type.
+pub fn make(terminal: &Terminal, file: &Path) -> Result<Made<PickUpTypes>> {
+    let plans = if file == Path::new(BUILT_IN) { proving::builtin::plans()? } else { Plans::read(file)? };
+    let robot = RobotModel::ftac_gen3();
+    let world = World::new(&robot, Scenario::benchmark())?;
+    let quiet = terminal.quiet || terminal.json;
+    let held = holds::of_plans(&world, &proving::builtin::repertoire()?, &plans, quiet)?;
+    let taxonomy = Taxonomy::paper();
+    let rules = Rules::shipped(&taxonomy);
+    let mut forms: BTreeMap<&str, ObjectForm> = BTreeMap::new();
+    let mut pick_ups = Vec::new();
+    let mut types: Vec<TypeRow> = taxonomy
+        .types
+        .iter()
+        .map(|kind| TypeRow { name: kind.name.clone(), category: kind.category, places: [0; 2], fit: 0 })
+        .collect();
+    for one in &held {
+        let object = one.grasp.object.as_str();
+        if !forms.contains_key(object) {
+            forms.insert(object, ObjectForm::of(&world.object(object)?.shape.surface_samples(FORM_POINTS)));
+        }
+        let hold = Hold { palm_from_object: one.palm_from_object, joints: &one.joints, contacts: &one.contacts };
+        let decision = rules.decide(&taxonomy, &Attributes::of(&robot.hand, &forms[object], hold));
+        let row = &mut types[decision.kind];
+        row.places[one.place] += 1;
+        row.fit += usize::from(decision.margin >= 0.0);
+        pick_ups.push(TypedPickUp {
+            combination: one.combination.clone(),
+            place: one.place + 1,
+            grasp: one.grasp.id,
+            kind: row.name.clone(),
+            margin: (1e3 * decision.margin.max(-99.0)).round() / 1e3,
+            ambiguous: decision.ambiguous,
+        });
+    }
+    let counts: Vec<usize> = types.iter().map(|kind| kind.places.iter().sum()).collect();
+    let answer = PickUpTypes { types, people: People::known(&taxonomy).compare(&counts), pick_ups };
+    Ok(Made { text: answer.text(), json: answer, shortfall: None })
+}
