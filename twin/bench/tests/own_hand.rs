@@ -103,7 +103,7 @@ fn a_held_object_is_felt_as_before() {
         let hand = &bench.world.cell.robot.hand;
         let frames = board.capture(hand, 0.0, &grasp.pads, &grasp.forces, &objects);
         let mut touches = bench.pipeline.perceive_frames(&frames, &[]).expect("images").touches;
-        let (servos, prior) = (grasp.servos(), trusted(grasp.expected));
+        let (servos, prior) = (grasp.servos(), grasp.prior);
         let readings = grasp.readings(&servos);
         for (n, errors) in errors.iter_mut().enumerate() {
             let estimate = bench.pipeline.estimate_pose(&touches, readings, &prior, known).expect("a pose");

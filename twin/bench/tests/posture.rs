@@ -36,7 +36,7 @@ fn joint_angles_are_as_uncertain_as_they_say() {
         let mut board = bench.board.with_noise(combination as u64);
         let frames = board.capture(hand, 0.0, &grasp.pads, &grasp.forces, &objects);
         let touches = bench.pipeline.perceive_frames(&frames, &[]).expect("images").touches;
-        let prior = control::perception::trusted(grasp.expected);
+        let prior = grasp.prior;
         let estimate =
             bench.pipeline.estimate_pose(&touches, grasp.readings(&grasp.servos()), &prior, known).expect("a pose");
         for digit in Digit::ALL {

@@ -7,7 +7,7 @@ use hand_model::robot::ServoState;
 use nalgebra::{Isometry3, UnitQuaternion};
 use proving::rehearsal::in_hand;
 use serde::{Deserialize, Serialize};
-use touch::Readings;
+use touch::{PosePrior, Readings};
 
 use super::setup::Setup;
 use super::shared::Bench;
@@ -25,8 +25,8 @@ pub struct HeldGrasp {
     servos: ActuatorVector<[f64; 2]>,
     /// How the palm is turned in the world, by the arm's encoders.
     turned: UnitQuaternion<f64>,
-    /// Where the plan has the object.
-    pub expected: Isometry3<f64>,
+    /// The object as the plan has it.
+    pub prior: PosePrior,
     /// Where it is.
     pub truth: Isometry3<f64>,
     /// Where the pads are.
@@ -66,7 +66,7 @@ impl Bench {
             object: start.objects[0].name.clone(),
             servos: snapshot.executor.motion().servos().iter().map(|servo| [servo.position, servo.current]).collect(),
             turned: snapshot.executor.motion().palm().rotation,
-            expected: Expected::of(&first.grasp, &first.percept, second).palm_from_object,
+            prior: Expected::of(&first.grasp, &first.percept, second).prior(),
             truth: palm * truth.objects[0],
             pads: self.world.cell.robot.hand.pad_poses(&links),
             joints: truth.hand,

@@ -5,7 +5,6 @@ use std::path::Path;
 use anyhow::{Context, Result};
 use bench::recording::drawn;
 use bench::trial::{Bench, HeldGrasp};
-use control::perception::trusted;
 use hand_model::Hand;
 use hand_model::pads::{Camera, IMAGE_SIZE as N};
 use image::imageops::{self, FilterType};
@@ -42,14 +41,14 @@ pub fn write(bench: &Bench, eyes: &Eyes, grasps: &[HeldGrasp], folder: &Path) ->
         let frames = eyes.look(grasp, &known.model.shape, bench.seed ^ (n as u64) << 20);
         let touches = bench.pipeline.perceive_frames(&frames, &[])?.touches;
         let estimate =
-            bench.pipeline.estimate_pose(&touches, grasp.readings(&grasp.servos()), &trusted(grasp.expected), known)?;
+            bench.pipeline.estimate_pose(&touches, grasp.readings(&grasp.servos()), &grasp.prior, known)?;
         let hand = &bench.world.cell.robot.hand;
         let raw = |camera: usize| frames.iter().find(|frame| frame.camera == camera).map(|frame| &frame.image.rgb);
         let sheet = sheet(hand, &touches, raw);
         let path = |kind: &str| folder.join(format!("felt_{}.{kind}", grasp.object));
         sheet.save(path("png")).with_context(|| path("png").display().to_string())?;
         let [mm, deg] = apart(&known.model, &estimate.palm_from_object, &grasp.truth);
-        let [plan_mm, plan_deg] = apart(&known.model, &grasp.expected, &grasp.truth);
+        let [plan_mm, plan_deg] = apart(&known.model, &grasp.prior.palm_from_object, &grasp.truth);
         let (sigma, turn) = estimate.sigma();
         let scene = FeltScene {
             text: format!(

@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use anyhow::Result;
 use bench::trial::{Bench, HeldGrasp};
-use control::perception::{KnownObject, trusted};
+use control::perception::KnownObject;
 use nalgebra::{Isometry3, Matrix3, UnitQuaternion};
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -137,7 +137,7 @@ pub fn feel(
             };
             let mut points_only = pipeline.clone().into_owned();
             points_only.pose = PoseOptions { use_clear: false, sigma_normal: f64::INFINITY, ..pipeline.pose };
-            let (prior, servos) = (trusted(grasp.expected), grasp.servos());
+            let (prior, servos) = (grasp.prior, grasp.servos());
             let readings = grasp.readings(&servos);
             let begun = Instant::now();
             let mut touches = pipeline.perceive_frames(&frames, &[])?.touches;
@@ -149,7 +149,7 @@ pub fn feel(
             let [there, below] = pipeline.costs_from_pose(&touches, readings, &prior, known, &truth)?;
             let points = points_only.estimate_pose(&touches, readings, &prior, known)?;
             seen();
-            let poses = [grasp.expected, points.palm_from_object, estimate.palm_from_object];
+            let poses = [prior.palm_from_object, points.palm_from_object, estimate.palm_from_object];
             let errors = poses.map(|pose| apart(object, &pose, &grasp.truth));
             Ok(FeltGrasp {
                 object: object.name.clone(),

@@ -3,6 +3,7 @@
 use hand_model::Hand;
 use hand_model::transmission::friction::CableLosses;
 use nalgebra::Isometry3;
+use serde::{Deserialize, Serialize};
 
 use super::shape::KnownShape;
 use crate::pad_touch::PadTouch;
@@ -21,7 +22,7 @@ pub struct PoseInputs<'a> {
 }
 
 /// The planned pose of the object with its uncertainty.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct PosePrior {
     /// `palm_from_object`.
     pub palm_from_object: Isometry3<f64>,

@@ -137,11 +137,12 @@ impl<'a> Race<'a> {
         Self { first_number: first, number: known.map_or(first, |known| known + 1), ..self }
     }
 
-    /// Share of a few draws in which the best of `seconds` holds.
+    /// Share of a few draws in which the best of `seconds` holds; without any, in which the first grasp does.
     pub fn glance(&self, seconds: &[Grasp]) -> Result<f64> {
-        let mut held = vec![0; seconds.len()];
+        let mut held = vec![0; seconds.len().max(1)];
         for number in 0..GLANCE {
             let Some(hold) = self.hold(Errors::Wider, number)? else { continue };
+            held[0] += usize::from(seconds.is_empty());
             for (second, held) in seconds.iter().zip(&mut held) {
                 *held += usize::from(try_second(&hold, second)? == TryOutcome::Held);
             }
