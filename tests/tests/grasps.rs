@@ -77,8 +77,7 @@ fn grasps_of_one_type() {
     let folder = tempdir().expect("a folder");
     let file = folder.path().join("rings.jsonl");
     let wanted = ["grasps", "generate", "--object", "cube_45", "--contacts", "2-5", "--n", "16", "--json", "--type"];
-    let output =
-        run(&[&wanted[..], &["ring", "--closings", "24", "--seed", "3", "--out", text(&file)]].concat());
+    let output = run(&[&wanted[..], &["ring", "--closings", "24", "--seed", "3", "--out", text(&file)]].concat());
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
     let answer: Value = serde_json::from_slice(&output.stdout).expect("JSON");
     assert!(answer["of_type"].as_u64() < answer["verified"]["all"].as_u64(), "others are left out: {answer}");

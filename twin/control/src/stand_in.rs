@@ -99,7 +99,7 @@ fn taken_over(grasp: &Grasp, object: &ObjectModel, percept: &Percept, yaw: f64, 
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use nalgebra::{Point3, UnitQuaternion};
 
     use super::*;
@@ -111,7 +111,7 @@ mod tests {
         Percept { position: Point3::new(0.6, 0.1, 0.0225), rotation, yaw: 0.4 }
     }
 
-    fn grasp(object: &str, id: u32) -> Grasp {
+    pub(crate) fn grasp(object: &str, id: u32) -> Grasp {
         Grasp {
             id,
             object: object.into(),

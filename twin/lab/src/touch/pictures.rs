@@ -40,8 +40,7 @@ pub fn write(bench: &Bench, eyes: &Eyes, grasps: &[HeldGrasp], folder: &Path) ->
         let known = &bench.known[&grasp.object];
         let frames = eyes.look(grasp, &known.model.shape, bench.seed ^ (n as u64) << 20);
         let touches = bench.pipeline.perceive_frames(&frames, &[])?.touches;
-        let estimate =
-            bench.pipeline.estimate_pose(&touches, grasp.readings(&grasp.servos()), &grasp.prior, known)?;
+        let estimate = bench.pipeline.estimate_pose(&touches, grasp.readings(&grasp.servos()), &grasp.prior, known)?;
         let hand = &bench.world.cell.robot.hand;
         let raw = |camera: usize| frames.iter().find(|frame| frame.camera == camera).map(|frame| &frame.image.rgb);
         let sheet = sheet(hand, &touches, raw);

@@ -7,6 +7,7 @@ use touch::{InHand, PoseEstimate, PosePrior};
 
 use super::{State, Touch};
 use crate::executor::Executor;
+use crate::extent::Extent;
 use crate::guarded::Guarded;
 use crate::odds::Belief;
 use crate::palpation::{self, Touching, located};
@@ -14,10 +15,13 @@ use crate::percept::Percept;
 use crate::perception::{Expected, trusted};
 use crate::policy::{Knowledge, PolicyError, Step};
 use crate::sensing::Senses;
-use crate::strategy::{Held, clearest};
+use crate::strategy::{Held, clearest, promise};
+use crate::worth::Candidate;
 
 /// Standard deviation of how an object is turned, rad.
 const TURNED: f64 = 0.08;
+/// A touch takes some 3 s. It pays where the best grasp is worth so much more after it; set by hand.
+const TOUCH_PAYS: f64 = 0.06;
 
 /// Whether an object is touched before it is grasped: there are pads for it that make one surface, and it leaves less doubt about where the object is than `sigma`
 /// (m, each axis), which the controller expects without.
@@ -30,8 +34,17 @@ pub(super) fn explores(knowledge: &Knowledge, senses: &Senses, sigma: f64) -> bo
 }
 
 impl Touch<'_> {
-    /// Touches the first or second `object` to find out where it is, if that is possible; else takes it.
+    /// Touches the first or second `object` to find out where it is, if that is possible and pays; else takes it.
     pub(super) fn touch_or_take(&mut self, object: usize, executor: &mut Executor) -> Result<Step, PolicyError> {
+        if let Some([seen, touched]) = self.prospects(object, executor)
+            && touched - seen < TOUCH_PAYS
+        {
+            let name = &self.knowledge.objects[object].name;
+            self.story.tell(format!(
+                "{name} is not touched: the best grasp promises {seen:.2} where it is seen, and {touched:.2} where it is felt"
+            ));
+            return self.take(object, executor);
+        }
         let Some(Touching { way, onto }) = self.exploration(object, executor)? else {
             return self.take(object, executor);
         };
@@ -42,6 +55,16 @@ impl Touch<'_> {
         executor.palpate(object, way, guarded);
         self.state = State::Palpates { object, found: None };
         Ok(Step::Play)
+    }
+
+    /// [`prospects`] of the second object; none of the first one, and where no touch is possible.
+    fn prospects(&self, object: usize, executor: &Executor) -> Option<[f64; 2]> {
+        let felt = self.felt.as_ref().filter(|_| object == 1)?;
+        explores(&self.knowledge, &self.senses, self.expected_error(object)).then_some(())?;
+        let extent = Extent::of(&self.knowledge.objects[0].shape, &felt.estimate.palm_from_object);
+        let (_, following) = self.following(executor);
+        let candidates: Vec<Candidate> = following.iter().map(|candidate| candidate.beside(&extent)).collect();
+        prospects(&candidates, &self.belief)
     }
 
     /// How an object would be touched; `None` if there is nothing to touch it with, or the arm does not get there.
@@ -118,6 +141,14 @@ impl Touch<'_> {
     }
 }
 
+/// What the best of the `candidates` promises where the eyes see its object, of which `belief` knows the error, and once it has been touched; none
+/// where nothing was rehearsed.
+fn prospects(candidates: &[Candidate], belief: &Belief) -> Option<[f64; 2]> {
+    candidates.iter().any(|candidate| !candidate.rehearsed.is_empty()).then_some(())?;
+    let touched = Belief::located(&Matrix3::from_diagonal_element(palpation::LEFT_OVER.powi(2)))?;
+    Some([belief, &touched].map(|belief| promise(candidates, belief)))
+}
+
 /// An empty hand in which the digits are closed that take the first object.
 pub(super) fn empty(hand: &Hand) -> Held<'static> {
     let digits = digit_sets(hand, 2).swap_remove(0);
@@ -126,4 +157,42 @@ pub(super) fn empty(hand: &Hand) -> Held<'static> {
         joints[joint] = hand.tree.joints[joint].upper;
     }
     Held { name: "nothing", solids: &[], pose: Isometry3::identity(), joints, digits, sigma: 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use nalgebra::Vector3;
+
+    use super::*;
+    use crate::odds::{Rehearsed, TryOutcome};
+    use crate::stand_in::tests::grasp;
+    use crate::uncertainty::Uncertainty;
+
+    /// A grasp that holds within `reach` (m) of its aim and touches beyond, rehearsed on a grid of 4 mm.
+    fn candidate(reach: f64) -> Candidate {
+        let steps = || (-6..=6).map(|n| 0.004 * f64::from(n));
+        let errors = steps().flat_map(|x| steps().map(move |y| Vector3::new(x, y, 0.0)));
+        let outcome = |error: &Vector3<f64>| match error.norm() <= reach {
+            true => TryOutcome::Held,
+            false => TryOutcome::Contact,
+        };
+        let rehearsed: Arc<[Rehearsed]> = errors.map(|error| Rehearsed::new(error, outcome(&error))).collect();
+        Candidate { rehearsed, ..Candidate::new(grasp("ball_45", 1), 1.0) }
+    }
+
+    /// A grasp that holds wherever the object may be needs no touch, and neither does one that never holds; one that has to be aimed well does.
+    #[test]
+    fn a_touch_pays_where_the_aim_decides() {
+        let belief = Belief::new(&Uncertainty { arm: 0.004, eyes: 0.006, eyes_lasting: 0.5 });
+        let gain = |reach: f64| {
+            let [seen, touched] = prospects(&[candidate(reach)], &belief).expect("rehearsed");
+            touched - seen
+        };
+        assert!(gain(0.1) < TOUCH_PAYS && gain(0.0) < TOUCH_PAYS, "{} {}", gain(0.1), gain(0.0));
+        assert!(gain(0.008) > TOUCH_PAYS, "{}", gain(0.008));
+        let unknown = Candidate { rehearsed: Arc::default(), ..candidate(0.0) };
+        assert_eq!(prospects(&[unknown], &belief), None);
+    }
 }
