@@ -123,7 +123,7 @@ fn policies_live_behind_the_wall() {
 }
 
 /// Every Rust file below a folder, with its text.
-fn rust_files(folder: &Path) -> Vec<(PathBuf, String)> {
+pub(crate) fn rust_files(folder: &Path) -> Vec<(PathBuf, String)> {
     let mut files = Vec::new();
     let mut open = vec![folder.to_owned()];
     while let Some(next) = open.pop() {

@@ -13,6 +13,7 @@ mod hand_over;
 mod headline;
 mod interrupted;
 mod json_output;
+mod language;
 mod lists;
 mod operator;
 mod optics;
