@@ -1,17 +1,18 @@
 //! Sets of digits: those that take the objects of a trial in turn, and proposals for any set.
 //!
 //! [`crate::sampler`] covers the two ways in which the benchmark's pairs are picked up. To carry more than two objects,
-//! each must be held with fewer digits: a ball by one or more fingers against the palm, or between thumb and fingers. The distributions of
-//! [`propose_with`] are wide; which proposals hold is decided in physics.
+//! each must be held with fewer digits: a ball by one or more fingers against the palm, or between thumb and fingers.
+//! The distributions of [`propose_with`] are wide, and physics decides which proposals hold.
 
 use hand_model::{Digit, Hand};
 use rand::{Rng, RngExt};
 
 use crate::grasp::Grasp;
 
-/// The digits that take each of so many objects in turn, as the hand's file has them; an empty set where no digit is left. Without such data thumb, index
-/// and middle finger take the last object, and the other digits those before it; an object alone is taken by these others, if there are any. Of more
-/// objects than sets each but the last gets one digit, the outermost first.
+/// Returns the set of digits that takes each of `objects` objects in turn, as given by the hand's file. A set is empty
+/// if no digit is left for it. Without such data, thumb, index and middle finger take the last object and the other
+/// digits those before it. A single object is taken by these other digits, if there are any. If there are more objects
+/// than sets, each object but the last gets one digit, the outermost first.
 pub fn digit_sets(hand: &Hand, objects: usize) -> Vec<Vec<Digit>> {
     let own = hand.parameters.grasps.as_ref().map_or(&[][..], |grasps| &grasps.set);
     let has = |set: &[Digit]| set.iter().all(|digit| hand.digits().contains(digit));
@@ -33,7 +34,7 @@ pub fn digit_sets(hand: &Hand, objects: usize) -> Vec<Vec<Digit>> {
     sets
 }
 
-/// Digits in words: "thumb, index and middle finger".
+/// Formats digits as text: "thumb, index and middle finger".
 pub fn in_words(digits: &[Digit]) -> String {
     let names: Vec<&str> = digits.iter().map(|digit| digit.name()).collect();
     match names.split_last() {
@@ -43,7 +44,7 @@ pub fn in_words(digits: &[Digit]) -> String {
     }
 }
 
-/// A random grasp of a ball of `radius` (m) called `object` with `digits`.
+/// Proposes a random grasp of a ball of `radius` (m) called `object` with `digits`.
 pub fn propose_with(hand: &Hand, digits: &[Digit], object: &str, radius: f64, id: u32, rng: &mut impl Rng) -> Grasp {
     let mut uniform = |low: f64, high: f64| rng.random_range(low..high);
     let deg = std::f64::consts::PI / 180.0;
@@ -96,7 +97,8 @@ mod tests {
         digit_sets(&Hand::parse(&text, &path).expect(file), objects)
     }
 
-    /// The file's sets, one digit each where they are not enough; derived where the file says nothing.
+    /// The sets are those of the file, with one digit each if there are not enough. They are derived if the file says
+    /// nothing.
     #[test]
     fn objects_are_taken_by_sets_of_digits() {
         let pinch = vec![Thumb, Index, Middle];
@@ -108,7 +110,8 @@ mod tests {
         assert_eq!(sets("robots/franka_hand.toml", 2), [vec![Thumb, Index], vec![]]);
     }
 
-    /// A file may name other digits than are derived; digits that take two objects are refused with the field.
+    /// A file may name digits other than the derived ones. Digits that take two objects are refused with the field's
+    /// name.
     #[test]
     fn a_file_names_the_sets() {
         let text = include_str!("../../../hand-model/data/ftac_hand.toml");

@@ -1,15 +1,15 @@
 //! Force closure: the disturbance that a set of frictional point contacts resists.
 //!
 //! Contact i presses with f_i inside its friction cone (Coulomb: |tangential| <= mu * normal, pushing only). All forces
-//! together exert the wrench G f, with the torque taken about `center` and divided by a length so that both halves are in
-//! N. [`wrench_margin`] solves for the largest t such that G f = t d has a solution with a total normal force within the
-//! limit, for d along each of the 12 directions +-x, y, z of force and torque, and returns the least. Each is a
-//! second-order-cone program; f = 0 solves it for t = 0, so the result is never negative.
+//! together exert the wrench G f, with the torque taken about `center` and divided by a length so that both halves are
+//! in N. [`wrench_margin`] solves for the largest t such that G f = t d has a solution with a total normal force within
+//! the limit. It does so for d along each of the 12 directions +-x, y, z of force and torque, and returns the least t.
+//! Each is a second-order-cone program. Since f = 0 solves it for t = 0, the result is never negative.
 //!
 //! Twelve directions decide closure exactly: without closure the resisted wrenches lie in a half space a . w >= 0, and
-//! the direction against any non-zero component of a lies outside it. As a size, the margin is an upper bound of the
-//! radius of the resisted ball (the set also contains the cross-polytope of the 12 points, so the ball's radius is at
-//! least margin / sqrt 6).
+//! the direction against any non-zero component of a lies outside it. As a magnitude, the margin is an upper bound of
+//! the radius of the resisted ball. The resisted set also contains the cross-polytope of the 12 points, so the ball's
+//! radius is at least margin / sqrt 6.
 //!
 //! [`dfc_residual`] is the paper's cheap estimator for its search (supplement, "Differentiable force closure estimator"):
 //! friction is ignored and all normal forces are equal.
@@ -21,13 +21,13 @@ use clarabel::solver::{
 };
 use nalgebra::{Point3, UnitVector3, Vector3, Vector6};
 
-/// Share of the force limit below which a resisted wrench is solver rounding and counts as 0.
+/// Threshold below which a resisted wrench is solver rounding and counts as 0, as a share of the force limit.
 const NOTHING: f64 = 1e-6;
 
 /// One frictional point contact.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Contact {
-    /// Where the hand touches the object, m.
+    /// Contact point on the object, m.
     pub point: Point3<f64>,
     /// Direction in which the hand pushes: the surface normal *into* the object.
     pub normal: UnitVector3<f64>,
@@ -35,13 +35,13 @@ pub struct Contact {
     pub friction: f64,
 }
 
-/// Why a margin could not be computed.
+/// Errors of computing a margin.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ForceClosureError {
-    /// An argument makes no sense.
+    /// Invalid argument.
     #[error("{field}: found {found}, expected {expected}")]
     Argument {
-        /// Which argument, such as `contacts[2].friction`.
+        /// Name of the argument, such as `contacts[2].friction`.
         field: String,
         found: f64,
         expected: &'static str,
@@ -56,8 +56,9 @@ pub enum ForceClosureError {
     },
 }
 
-/// The largest wrench resisted in the worst of the 12 axis directions, N (torques divided by `length_scale`, m, taken about
-/// `center`), when the normal forces of all contacts add up to at most `max_normal_force`, N. 0 without force closure.
+/// Computes the wrench margin: the largest wrench resisted in the worst of the 12 axis directions, N (torques divided
+/// by `length_scale`, m, taken about `center`), when the normal forces of all contacts add up to at most
+/// `max_normal_force`, N. It is 0 without force closure.
 ///
 /// ```
 /// use grasping::force_closure::{Contact, wrench_margin};
@@ -85,9 +86,10 @@ pub fn wrench_margin(
     soft_wrench_margin(contacts, 0.0, center, length_scale, max_normal_force)
 }
 
-/// As [`wrench_margin`], of soft fingertips: a contact that presses with f on an area also bears a torque of mu f `torsion_arm` (m)
-/// about its normal, less as it bears more friction along the surface (the ellipsoid of Howe and Cutkosky 1996). A pair of opposed contacts then resists the
-/// torque about the line through them, which point contacts do not.
+/// Computes the margin as [`wrench_margin`] does, for soft fingertips. A contact that presses with f on an area also
+/// bears a torque of mu f `torsion_arm` (m) about its normal, less as it bears more friction along the surface (the
+/// ellipsoid of Howe and Cutkosky 1996). A pair of opposed contacts then resists the torque about the line through
+/// them, which point contacts do not.
 pub fn soft_wrench_margin(
     contacts: &[Contact],
     torsion_arm: f64,
@@ -110,14 +112,14 @@ pub fn soft_wrench_margin(
     Ok(worst * max_normal_force)
 }
 
-/// The paper's ||G c||: the imbalance of unit forces along all normals, with torques about the origin of the points'
-/// frame; 0 is best. Force (dimensionless) and torque (m) enter one norm, as published.
+/// Computes the paper's ||G c||: the imbalance of unit forces along all normals, with torques about the origin of the
+/// points' frame. 0 is best. Force (dimensionless) and torque (m) enter one norm, as published.
 pub fn dfc_residual(contacts: &[Contact]) -> f64 {
     let sum: Vector6<f64> = contacts.iter().map(|c| wrench(&c.point.coords, &c.normal)).sum();
     sum.norm()
 }
 
-/// Force and its torque as one vector.
+/// Returns a force and its torque as one vector.
 fn wrench(arm: &Vector3<f64>, force: &Vector3<f64>) -> Vector6<f64> {
     let torque = arm.cross(force);
     Vector6::new(force.x, force.y, force.z, torque.x, torque.y, torque.z)
@@ -140,11 +142,11 @@ fn check(contacts: &[Contact], length_scale: f64, max_normal_force: f64) -> Resu
     Ok(())
 }
 
-/// The largest t with G f = t d for one direction, under a total normal force of 1.
+/// Returns the largest t with G f = t d for one direction, under a total normal force of 1.
 ///
-/// Unknowns: per contact its normal force and, with friction, two tangential forces, and the torque about its normal over `torsion_arm` if
-/// that is not 0; last t. In the solver's form
-/// A x + s = b, s in cones: 6 rows of balance, the total normal force, then one cone per contact.
+/// The unknowns are, for each contact, its normal force and, with friction, two tangential forces, plus the torque
+/// about its normal over `torsion_arm` if that is not 0. The last unknown is t. In the solver's form A x + s = b with s
+/// in cones, there are 6 rows of balance and one for the total normal force, then one cone per contact.
 fn resisted(
     contacts: &[Contact],
     torsion_arm: f64,
@@ -219,7 +221,7 @@ fn resisted(
     }
 }
 
-/// Two unit vectors that complete `normal` to a right-handed frame.
+/// Returns two unit vectors that complete `normal` to a right-handed frame.
 fn tangents(normal: &UnitVector3<f64>) -> [Vector3<f64>; 2] {
     let helper = if normal.x.abs() < 0.7 { Vector3::x() } else { Vector3::y() };
     let first = normal.cross(&helper).normalize();
@@ -271,7 +273,8 @@ mod tests {
         }
     }
 
-    /// Two opposed soft contacts are: about the line through them they resist mu times the force times the torsion's arm, and no more.
+    /// Two opposed soft contacts are closure: about the line through them they resist mu times the force times the
+    /// torsion arm, and no more.
     #[test]
     fn two_opposed_soft_contacts_bear_torsion() {
         let pair = on_sphere(&[Vector3::x(), -Vector3::x()], 0.03, 0.6);
@@ -366,7 +369,7 @@ mod tests {
     }
 
     proptest! {
-        /// Any contacts, closed or not: the program ends, and one contact more never resists less.
+        /// For any contacts, closed or not, the program ends, and adding a contact never reduces the resistance.
         #[test]
         fn another_contact_never_harms(
             contacts in prop::collection::vec((direction(), direction(), 0.0..1.2_f64), 1..7),

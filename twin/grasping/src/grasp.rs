@@ -11,13 +11,13 @@ pub struct Grasp {
     /// Number within the repertoire.
     pub id: u32,
     pub object: String,
-    /// Those that close, in the order of [`Digit::ALL`].
+    /// Digits that close, in the order of [`Digit::ALL`].
     pub digits: Vec<Digit>,
     /// Rotation of the hand about the vertical, relative to the object's yaw.
     pub yaw: f64,
-    /// Positive with the fingers down.
+    /// Pitch, positive with the fingers down.
     pub pitch: f64,
-    /// About the finger axis; negative turns the ulnar edge down.
+    /// Roll about the finger axis. Negative values turn the ulnar edge down.
     pub roll: f64,
     /// Centre of the object in the palm frame when the digits start to close.
     pub center: [f64; 3],
@@ -27,7 +27,7 @@ pub struct Grasp {
     pub close_tension: DigitVector,
     /// Angle of the thumb's opposition.
     pub opposition: f64,
-    /// How far the hand rises while the digits close.
+    /// Distance by which the hand rises while the digits close.
     pub raise: f64,
     /// Delay of the thumb's closing after the fingers', s; negative if it closes first.
     pub thumb_delay: f64,
@@ -35,15 +35,15 @@ pub struct Grasp {
     pub held: Option<Isometry3<f64>>,
     /// Finger joint angles at the same time.
     pub held_joints: Option<Vec<f64>>,
-    /// Standard deviations of the object's place (m) and turn (rad) about [`Self::held`], each axis, over the circumstances in which it was held; none where
-    /// it was held in one alone.
+    /// Standard deviations of the object's position (m) and rotation (rad) about [`Self::held`], per axis, over the
+    /// circumstances in which it was held. `None` if it was held in a single one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub held_spread: Option<[f64; 2]>,
     /// Success rate over the proving runs, which have placement errors.
     pub score: f64,
 }
 
-/// A grasp as files have it: where they do not name its digits, those whose cables are pulled close.
+/// Fields of a grasp in a file. If a file does not name the digits, they are those whose cables are pulled when closed.
 #[derive(Deserialize)]
 struct GraspFields {
     id: u32,
@@ -90,18 +90,18 @@ impl From<GraspFields> for Grasp {
     }
 }
 
-/// Digits whose cables are pulled.
+/// Returns the digits whose cables are pulled.
 pub fn pulled(tensions: &[f64]) -> Vec<Digit> {
     Digit::ALL.into_iter().zip(tensions).filter(|(_, tension)| **tension > 0.0).map(|(digit, _)| digit).collect()
 }
 
 impl Grasp {
-    /// Rotation `world_from_palm` for an object whose yaw is `object_yaw`.
+    /// Returns the rotation `world_from_palm` for an object whose yaw is `object_yaw`.
     pub fn palm_rotation(&self, object_yaw: f64) -> UnitQuaternion<f64> {
         palm_rotation(self.yaw + object_yaw, self.pitch, self.roll)
     }
 
-    /// `world_from_palm` at which an object at `object` with `object_yaw` has its centre at [`Self::center`].
+    /// Returns `world_from_palm` for which an object at `object` with `object_yaw` has its centre at [`Self::center`].
     pub fn palm_pose(&self, object: &Point3<f64>, object_yaw: f64) -> Isometry3<f64> {
         let rotation = self.palm_rotation(object_yaw);
         let center = rotation * Vector3::from(self.center);
@@ -109,13 +109,15 @@ impl Grasp {
     }
 }
 
-/// A grasp pose of `hand` moved back by `distance` (m): jaws along themselves, another hand away from the object and up.
+/// Returns a grasp pose of `hand` moved back by `distance` (m): along the jaws for a gripper, away from the object and
+/// up for any other hand.
 pub fn pregrasp_pose(hand: &Hand, grasp: &Isometry3<f64>, distance: f64) -> Isometry3<f64> {
     let away = if hand.jaws().is_some() { grasp * -Vector3::y() } else { grasp * Vector3::z() + Vector3::z() * 0.5 };
     Isometry3::from_parts(Translation3::from(grasp.translation.vector + away.normalize() * distance), grasp.rotation)
 }
 
-/// Rotation `world_from_palm` of a hand with this heading about the vertical, pitch and roll (rad), as a [`Grasp`] counts them.
+/// Returns the rotation `world_from_palm` of a hand with this heading about the vertical, pitch and roll (rad), as
+/// defined by [`Grasp`].
 pub fn palm_rotation(heading: f64, pitch: f64, roll: f64) -> UnitQuaternion<f64> {
     let z = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), heading);
     let y = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), pitch);
@@ -123,7 +125,8 @@ pub fn palm_rotation(heading: f64, pitch: f64, roll: f64) -> UnitQuaternion<f64>
     z * y * x * level()
 }
 
-/// Palm level, facing down, fingers along world x: palm y is world x, palm z is world z.
+/// Returns the level orientation: palm facing down, fingers along world x, so that palm y is world x and palm z is
+/// world z.
 fn level() -> UnitQuaternion<f64> {
     let columns = Matrix3::from_columns(&[-Vector3::y(), Vector3::x(), Vector3::z()]);
     UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(columns))
@@ -154,7 +157,7 @@ mod tests {
         }
     }
 
-    /// A file that does not name the digits of a grasp means those that it pulls.
+    /// If a file does not name the digits of a grasp, they are those that it pulls.
     #[test]
     fn digits_are_named_or_pulled() {
         let mut pulling = grasp();
@@ -173,7 +176,8 @@ mod tests {
         assert!((pose.inverse_transform_point(&object).coords - Vector3::from(grasp().center)).norm() < 1e-12);
     }
 
-    /// Level: fingers forward, palm down; negative roll puts the ulnar edge (palm -x) down, positive pitch the fingers.
+    /// At level, the fingers point forward and the palm faces down. Negative roll puts the ulnar edge (palm -x) down,
+    /// positive pitch the fingers.
     #[test]
     fn signs_of_the_angles() {
         let mut g = Grasp { yaw: 0.0, pitch: 0.0, roll: 0.0, ..grasp() };

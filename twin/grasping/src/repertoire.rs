@@ -1,4 +1,4 @@
-//! A repertoire: ranked grasps of each object, with the seed and the command that generated them.
+//! Repertoire: ranked grasps of each object, with the seed and the command that generated them.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -33,7 +33,7 @@ pub struct Repertoire {
     /// Command that generated it.
     pub command: String,
     pub seed: u64,
-    /// Name of the robot, and SHA-256 of its [mechanics](RobotModel::mechanics); none for the built-in one.
+    /// Name of the robot and SHA-256 of its [mechanics](RobotModel::mechanics). `None` for the built-in robot.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub robot: Option<[String; 2]>,
     /// Grasps by object, best first.
@@ -51,7 +51,7 @@ impl Repertoire {
         Ok(repertoire)
     }
 
-    /// As written for `robot` in a repertoire's field of that name.
+    /// Returns the value of a repertoire's field `robot` for this robot.
     pub fn mark(robot: &RobotModel) -> Option<[String; 2]> {
         let other = !robot.moves_like(&RobotModel::ftac_gen3());
         other.then(|| [robot.name.clone(), sha256(robot.mechanics().as_bytes())])
@@ -60,7 +60,7 @@ impl Repertoire {
     /// Reads a file of grasps of `robot`.
     ///
     /// # Errors
-    /// [`RepertoireError::Robot`] for a file of a robot that moves otherwise.
+    /// [`RepertoireError::Robot`] for a file of a robot that moves differently.
     pub fn read_for(robot: &RobotModel, path: &Path) -> Result<Self, RepertoireError> {
         let (found, expected) = (Self::read(path)?, Self::mark(robot));
         let digest = |mark: &Option<[String; 2]>| mark.as_ref().map(|[_, digest]| digest.clone());
@@ -72,7 +72,7 @@ impl Repertoire {
         Err(RepertoireError::Robot { path: path.into(), found, expected: robot.name.clone() })
     }
 
-    /// Every grasp has a tension for each digit of `robot` and an angle for each joint.
+    /// Checks that every grasp has a tension for each digit of `robot` and an angle for each joint.
     fn check(&self, robot: &RobotModel, path: &Path) -> Result<(), RepertoireError> {
         let (digits, joints) = (robot.hand.cables.len(), robot.hand.tree.len());
         for grasp in self.grasps.values().flatten() {
@@ -96,7 +96,7 @@ impl Repertoire {
         Self::parse(&text, path)
     }
 
-    /// Writes a file with one grasp per line, whole or not at all.
+    /// Writes a file with one grasp per line. It is written whole or not at all.
     pub fn write(&self, path: &Path) -> Result<(), RepertoireError> {
         let robot = self.robot.as_ref().map_or(String::new(), |mark| format!("\"robot\":{},", serde_json::json!(mark)));
         let mut text = format!(
@@ -118,7 +118,7 @@ impl Repertoire {
         write_whole(path, text.as_bytes()).map_err(|source| RepertoireError::Io { path: path.into(), source })
     }
 
-    /// Grasps of `object` that close these `digits`, best first.
+    /// Returns the grasps of `object` that close these `digits`, best first.
     pub fn of<'a, 'd>(&'a self, object: &str, digits: &'d [Digit]) -> impl Iterator<Item = &'a Grasp> + use<'a, 'd> {
         self.grasps.get(object).into_iter().flatten().filter(move |grasp| grasp.digits == digits)
     }
@@ -178,7 +178,7 @@ mod tests {
         assert_eq!(repertoire.of("pawn", FIRST).count(), 0);
     }
 
-    /// The file is written by hand for one grasp per line: it must still be the JSON that is read.
+    /// The writer formats one grasp per line itself. The result must still be valid JSON that can be read.
     #[test]
     fn a_written_file_has_one_grasp_per_line_and_is_read_back() {
         let path = std::env::temp_dir().join(format!("repertoire-{}.json", std::process::id()));
@@ -191,7 +191,7 @@ mod tests {
         assert_eq!(text.lines().filter(|line| line.starts_with("{\"id\":")).count(), 5);
     }
 
-    /// A grasp with a tension too few is refused by name, not met by an index out of range in a trial.
+    /// A grasp with too few tensions is refused by name, instead of an index out of range in a trial.
     #[test]
     fn grasps_of_another_hand_are_refused() {
         let path = std::env::temp_dir().join(format!("short-repertoire-{}.json", std::process::id()));

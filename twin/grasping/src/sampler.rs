@@ -1,7 +1,8 @@
 //! Proposals: random grasps around the ways in which a hand picks up an object and keeps digits free.
 //!
-//! Their ranges are data of the hand ([`Grasps`]), wide enough that physics decides which proposals hold. They are those of a left hand of the file's size,
-//! which a right hand mirrors and one of another size scales. A parallel gripper takes an object from above between its jaws ([`jaws`]).
+//! Their ranges are data of the hand ([`Grasps`]), wide enough that physics decides which proposals hold. They describe
+//! a left hand of the file's size. A right hand mirrors them, and a hand of another size scales them. A parallel
+//! gripper takes an object from above between its jaws ([`jaws`]).
 
 mod jaws;
 
@@ -19,21 +20,21 @@ pub struct ObjectExtent {
     pub name: String,
     /// Half extents of the resting object in world axes at yaw 0, m.
     pub half: Vector3<f64>,
-    /// Whether the object is not symmetric about the vertical.
+    /// True if the object is not symmetric about the vertical.
     pub yaw_matters: bool,
 }
 
-/// Form of a hand, as proposals depend on it.
+/// Form of a hand, as far as proposals depend on it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HandForm {
     /// 1 for a left hand, -1 for a right one.
     side: f64,
-    /// Its size over that of the hand for which the ranges are.
+    /// Ratio of its size to that of the hand for which the ranges are given.
     scale: f64,
-    /// How many digits it has.
+    /// Number of its digits.
     digits: usize,
     grasps: Grasps,
-    /// Of a parallel gripper.
+    /// Jaws of a parallel gripper.
     jaws: Option<Jaws>,
 }
 
@@ -48,7 +49,8 @@ impl HandForm {
         Self { side, scale, digits: hand.digits().len(), grasps, jaws: hand.jaws() }
     }
 
-    /// The ranges for a set of digits: its own, or those of the first set with a thumb, or without one, as it is.
+    /// Returns the ranges for a set of digits: its own, or those of the first set that agrees with it in having a thumb
+    /// or not.
     fn ranges(&self, digits: &[Digit]) -> Option<&GraspRanges> {
         let opposed = digits.contains(&Digit::Thumb);
         let own = self.grasps.set.iter().find(|set| set.digits == digits);
@@ -56,7 +58,7 @@ impl HandForm {
     }
 }
 
-/// A random proposal for `digits` of a hand; `None` where nothing is known of sets like this one.
+/// Proposes a random grasp with `digits` of a hand. Returns `None` if there are no ranges for a set like this one.
 pub fn propose(hand: &HandForm, object: &ObjectExtent, digits: &[Digit], id: u32, rng: &mut impl Rng) -> Option<Grasp> {
     if let Some(jaws) = &hand.jaws {
         return Some(jaws::propose(jaws, object, digits, id, rng));
@@ -104,7 +106,7 @@ pub fn propose(hand: &HandForm, object: &ObjectExtent, digits: &[Digit], id: u32
     })
 }
 
-/// A proposal near `grasp`: a small random change of each of its parameters.
+/// Varies `grasp` by a small random change of each of its parameters.
 pub fn vary(grasp: &Grasp, id: u32, rng: &mut impl Rng) -> Grasp {
     let mut near = |value: f64, spread: f64| value + spread * rng.random_range(-1.0..1.0);
     let mut new = grasp.clone();
@@ -145,7 +147,7 @@ mod tests {
         assert_ne!(draw(3), draw(4));
     }
 
-    /// A right hand's proposals are the mirror image of a left hand's; those of the built-in hand are the distributions' own.
+    /// A right hand's proposals are the mirror image of a left hand's. Those of the built-in hand are unscaled.
     #[test]
     fn a_right_hand_mirrors_proposals() {
         let object = ObjectExtent { name: "ball".into(), half: Vector3::repeat(0.02), yaw_matters: true };
@@ -159,7 +161,7 @@ mod tests {
         assert!((mirrored.component_mul(&Vector3::new(1.0, -1.0, 1.0)) - found).norm() < 1e-12, "{mirrored} {found}");
     }
 
-    /// Only the digits of the set are ever pulled, whether the hand's file has ranges for it or not.
+    /// Only the digits of the set are pulled, even if the hand's file has no ranges for the set.
     #[test]
     fn only_its_digits_are_pulled() {
         let object = ObjectExtent { name: "ball".into(), half: Vector3::repeat(0.02), yaw_matters: false };

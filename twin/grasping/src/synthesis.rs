@@ -1,12 +1,17 @@
 //! Grasp synthesis for any object: the paper's grasp energy, sampled by a Metropolis-adjusted Langevin chain.
 //!
-//! [`field`] is the object, sampled once as signed distance and normal; [`surface`] is the hand's surface and where it
-//! may touch. [`frames`] places the surface on the object and maps forces back to pose and joints. [`closure_energy`]
-//! scores contact points for force closure, [`mechanism`] describes what the actuators move, and [`energy`] adds all
-//! other terms; [`hand_use`] limits them to parts of the hand. [`langevin`] is the sampler's kernel, and [`chain`] runs it from a random start to a posture. [`posture`]
-//! projects that posture to one that cables and springs can hold, and opens it clear of the object. Closing it in physics
-//! is up to the caller. [`tabletop`] makes proposals for pick-ups from a table of such postures. [`held`] is the result, [`grasp_file`] keeps those of one search, [`collection`] stores the grasps of many objects in one compact file, and
-//! [`kind`] sorts them and [`diversity`] measures how different they are.
+//! [`field`] is the object, sampled once as signed distance and normal. [`surface`] is the hand's surface with its
+//! contact candidates. [`frames`] places the surface on the object and maps forces back to pose and joints.
+//! [`closure_energy`] scores contact points for force closure, [`mechanism`] describes the joint motion of each
+//! actuator, and [`energy`] adds all other terms. [`hand_use`] limits a search to parts of the hand.
+//!
+//! [`langevin`] is the sampler's kernel, and [`chain`] runs it from a random start to a posture. [`posture`] projects
+//! that posture to one that cables and springs can hold, and opens it clear of the object. Closing it in physics is up
+//! to the caller. [`tabletop`] turns such postures into proposals for pick-ups from a table.
+//!
+//! [`held`] is the result of a synthesis. [`grasp_file`] keeps the grasps of one search, and [`collection`] stores the
+//! grasps of many objects in one compact file. [`kind`] sorts grasps, and [`diversity`] measures how different they
+//! are.
 
 pub mod chain;
 pub mod closure_energy;

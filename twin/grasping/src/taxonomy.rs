@@ -1,5 +1,5 @@
 //! The paper's 19 grasp types: Feix's 33, merged where hand and opposition are the same. The table is data
-//! (`data/types.toml`). [`attributes`] measures a held grasp, and [`rules`] decide on its type.
+//! (`data/types.toml`). [`attributes`] measures a held grasp, and [`rules`] decides on its type.
 
 use std::path::{Path, PathBuf};
 
@@ -17,14 +17,14 @@ pub mod rules;
 pub enum Category {
     /// Held rigidly: only the arm moves the object.
     Power,
-    /// Between the two.
+    /// Between power and precision.
     Intermediate,
-    /// Held between fingertips, which can move it.
+    /// Held between fingertips, which can move the object.
     Precision,
 }
 
 impl Category {
-    /// In the order of the paper's table.
+    /// All categories, in the order of the paper's table.
     pub const ALL: [Category; 3] = [Category::Power, Category::Intermediate, Category::Precision];
 
     pub fn name(self) -> &'static str {
@@ -45,7 +45,7 @@ pub struct GraspType {
     /// Feix's types that it includes.
     pub includes: Vec<String>,
     pub category: Category,
-    /// One sentence.
+    /// Definition in one sentence.
     pub definition: String,
     /// Limits of a search for grasps of this type.
     pub form: HandUse,
@@ -73,12 +73,12 @@ struct File {
 /// The table of types.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Taxonomy {
-    /// In the table's order.
+    /// Types in the table's order.
     pub types: Vec<GraspType>,
 }
 
 impl Taxonomy {
-    /// The paper's 19 types.
+    /// Returns the paper's 19 types.
     ///
     /// # Panics
     /// Never in a tested build: the file is compiled in and a test reads it.
@@ -111,7 +111,7 @@ impl Taxonomy {
         Ok(Self { types })
     }
 
-    /// Index of the type called `name`.
+    /// Returns the index of the type called `name`.
     pub fn find(&self, name: &str) -> Option<usize> {
         self.types.iter().position(|kind| kind.name == name)
     }

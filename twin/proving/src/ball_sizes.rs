@@ -1,4 +1,5 @@
-//! Balls of other sizes: each diameter of a scenario's sweep becomes an object of its own, with the grasps of the ball it replaces.
+//! Balls of other sizes: each diameter of a scenario's sweep becomes an object of its own, with the grasps of the ball
+//! that it replaces.
 
 use std::sync::Arc;
 
@@ -11,7 +12,7 @@ use world::objects::ObjectModel;
 use crate::plan::Plan;
 use crate::simulated_world::World;
 
-/// Adds the balls of `sweep` to the world's objects and to the repertoire; they are given back.
+/// Adds the balls of `sweep` to the world's objects and to the repertoire, and returns them.
 pub fn add(sweep: &SizeSweep, world: &mut World, repertoire: &mut Repertoire) -> Result<Vec<Arc<ObjectModel>>> {
     let names = match sweep.object {
         Which::First => world.scenario.first.clone(),
@@ -34,7 +35,7 @@ pub fn add(sweep: &SizeSweep, world: &mut World, repertoire: &mut Repertoire) ->
     Ok(added)
 }
 
-/// The plan of a trial of the sweep.
+/// Returns the plan of a trial of the sweep.
 pub fn plan_of(plan: &Plan, sweep: &SizeSweep, trial: usize) -> Plan {
     let mut other = plan.clone();
     let ball = match sweep.object {
@@ -49,8 +50,8 @@ fn name(ball: &str, diameter: f64) -> String {
     format!("{ball}_as_{:.1}_mm", diameter * 1e3)
 }
 
-/// `grasp` for a ball whose radius is larger by `growth` (m): its centre is that much farther from the palm, whose normal points
-/// to it along -z.
+/// Adapts `grasp` to a ball whose radius is larger by `growth` (m). Its centre is that much farther from the palm,
+/// whose normal points to it along -z.
 pub fn resized(grasp: &Grasp, object: &str, growth: f64) -> Grasp {
     let mut other = Grasp { object: object.to_owned(), ..grasp.clone() };
     other.center[2] -= growth;
@@ -68,7 +69,7 @@ mod tests {
 
     const SIDE: [Digit; 2] = [Digit::Ring, Digit::Little];
 
-    /// The palm stays as far from the surface as it was; numbers and digits stay the same.
+    /// The palm stays at the same distance from the surface. Numbers and digits stay the same.
     #[test]
     fn the_palm_keeps_its_distance() {
         let mut world = World::new(&RobotModel::ftac_gen3(), Scenario::benchmark()).unwrap();

@@ -1,4 +1,4 @@
-//! The proven grasps and plans that come with the program.
+//! Built-in proven grasps and plans, which come with the program.
 
 use std::path::Path;
 
@@ -8,18 +8,18 @@ use hand_model::RobotModel;
 
 use crate::plan::Plans;
 
-/// The benchmark's repertoire of pick-ups.
+/// Returns the benchmark's repertoire of pick-ups.
 pub fn repertoire() -> Result<Repertoire> {
     Ok(Repertoire::parse(include_str!("../data/repertoire.json"), Path::new("data/repertoire.json"))?)
 }
 
-/// Whether grasps and plans that come with the program are those of `robot`: it moves like the built-in one, or is an individual of one that
+/// True if the built-in grasps and plans fit `robot`: it moves like the built-in robot, or is an individual of one that
 /// does.
 pub fn fits(robot: &RobotModel) -> Result<bool> {
     Ok(robot.sources.is_none() || Repertoire::mark(&robot.nominal()?).is_none())
 }
 
-/// The benchmark's 60 combinations, planned without noise.
+/// Returns the benchmark's 60 combinations, planned without noise.
 pub fn plans() -> Result<Plans> {
     Plans::parse(include_str!("../data/plans.json"), Path::new("data/plans.json"))
 }
@@ -32,8 +32,8 @@ mod tests {
 
     use super::*;
 
-    /// Every plan names a first grasp of its first object and second grasps of its second one, and no ordered pair of objects is
-    /// planned twice.
+    /// Every plan names a first grasp of its first object and second grasps of its second object. No ordered pair of
+    /// objects is planned twice.
     #[test]
     fn plans_name_grasps_of_the_repertoire() {
         let (repertoire, plans) = (repertoire().unwrap(), plans().unwrap());
@@ -70,7 +70,7 @@ mod tests {
         }
     }
 
-    /// A number names one grasp of an object and set of digits: a plan that names it cannot mean another.
+    /// A number identifies one grasp of an object and set of digits, so that a plan that names it is unambiguous.
     #[test]
     fn numbers_of_grasps_are_unique() {
         let repertoire = repertoire().unwrap();

@@ -1,6 +1,6 @@
-//! Results of long searches, kept in a folder by what they were made from: whatever goes into a search goes into its key, so that a
-//! changed mesh, hand or rule finds nothing and is searched anew. Of a search under way its finished steps are kept ([`Steps`]), so that one
-//! that was interrupted goes on where it was.
+//! Cache for the results of long searches, a folder with one file per result. The key of a result holds everything that
+//! goes into its search, so that a changed mesh, hand or rule finds nothing and is searched anew. For a search under
+//! way, its finished steps are kept ([`Steps`]), so that an interrupted search resumes where it stopped.
 
 use std::collections::BTreeMap;
 use std::fs::{File, OpenOptions};
@@ -14,28 +14,28 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use sha2::{Digest as _, Sha256};
 
-/// A folder with one JSON file a result.
+/// Cache folder with one JSON file per result.
 #[derive(Debug, Clone)]
 pub struct Cache {
     folder: PathBuf,
 }
 
-/// What a result was made from.
+/// Key of a result: a digest of everything that it was made from.
 #[derive(Debug, Clone)]
 pub struct Key {
-    /// For people who look into the folder.
+    /// Readable name, for people who look into the folder.
     label: String,
     digest: Sha256,
 }
 
 impl Key {
-    /// Of a result called `label`: small letters, digits, `_` and `-`.
+    /// Creates the key of a result called `label`: small letters, digits, `_` and `-`.
     pub fn new(label: String) -> Self {
         let digest = Sha256::new_with_prefix(label.as_bytes());
         Self { label, digest }
     }
 
-    /// With one more thing that goes into it.
+    /// Adds one more part that goes into the result.
     pub fn with(mut self, part: &impl Serialize) -> Result<Self> {
         let bytes = serde_json::to_vec(part)?;
         self.digest.update(bytes.len().to_le_bytes());
@@ -43,7 +43,7 @@ impl Key {
         Ok(self)
     }
 
-    /// The label and the first 64 bits of the SHA-256 of all parts.
+    /// Returns the file name: the label and the first 64 bits of the SHA-256 of all parts.
     pub(crate) fn file_name(&self) -> String {
         let digest = self.digest.clone().finalize();
         format!("{}-{}.json", self.label, hexadecimal(&digest[..8]))
@@ -51,7 +51,7 @@ impl Key {
 }
 
 impl Cache {
-    /// The user's cache folder: `$XDG_CACHE_HOME/ftac`, or `~/.cache/ftac`.
+    /// Opens the user's cache folder: `$XDG_CACHE_HOME/ftac`, or `~/.cache/ftac`.
     pub fn standard() -> Result<Self> {
         let set = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
         let base = set("XDG_CACHE_HOME").or_else(|| set("HOME").map(|home| home.join(".cache")));
@@ -61,29 +61,29 @@ impl Cache {
         ))
     }
 
-    /// A folder, which is made when something is kept.
+    /// Opens a folder as a cache. It is created when something is kept.
     pub fn at(folder: PathBuf) -> Self {
         Self { folder }
     }
 
-    /// Where the results are.
+    /// Returns the folder of the results.
     pub fn folder(&self) -> &Path {
         &self.folder
     }
 
-    /// What was kept under `key`; a file that cannot be read is named on stderr, and counts as none.
+    /// Returns the result kept under `key`. A file that cannot be read is reported on stderr and counts as none.
     pub fn get<T: DeserializeOwned>(&self, key: &Key) -> Option<T> {
         let path = self.folder.join(key.file_name());
         let text = std::fs::read_to_string(&path).ok()?;
         serde_json::from_str(&text).map_err(|error| eprintln!("{}: {error}; searched anew", path.display())).ok()
     }
 
-    /// Whether something is kept under `key`.
+    /// True if a result is kept under `key`.
     pub fn has(&self, key: &Key) -> bool {
         self.folder.join(key.file_name()).is_file()
     }
 
-    /// Keeps `result`, whole or not at all.
+    /// Keeps `result`. The file is written whole or not at all.
     pub fn put(&self, key: &Key, result: &impl Serialize) -> Result<()> {
         std::fs::create_dir_all(&self.folder).with_context(|| self.folder.display().to_string())?;
         let path = self.folder.join(key.file_name());
@@ -91,8 +91,8 @@ impl Cache {
         platform::file::write_whole(&path, &text).with_context(|| path.display().to_string())
     }
 
-    /// What was kept under `key`, or what `search` finds, which is then kept; a search that was interrupted has its finished steps. Where it
-    /// cannot be kept, a line on stderr says so.
+    /// Returns the result kept under `key`, or runs `search` and keeps its result. A search that was interrupted gets
+    /// its finished steps. A result that cannot be kept is reported on stderr.
     pub fn get_or<T, S>(&self, key: &Key, search: impl FnOnce(&Steps<S>) -> Result<T>) -> Result<T>
     where
         T: Serialize + DeserializeOwned,
@@ -111,7 +111,8 @@ impl Cache {
     }
 }
 
-/// The finished steps of a search under way, by name: a line of JSON each in a file that grows. A line cut off by a kill counts as none.
+/// Finished steps of a search under way, by name, as a growing file with one line of JSON per step. A line cut off by a
+/// kill counts as none.
 #[derive(Debug)]
 pub struct Steps<S> {
     path: Option<PathBuf>,
@@ -120,7 +121,7 @@ pub struct Steps<S> {
 }
 
 impl<S: Serialize + DeserializeOwned> Steps<S> {
-    /// Of a search of which nothing is kept.
+    /// Creates the steps of a search that are kept nowhere.
     pub fn unkept() -> Self {
         Self { path: None, known: BTreeMap::new(), file: Mutex::new(None) }
     }
@@ -142,17 +143,17 @@ impl<S: Serialize + DeserializeOwned> Steps<S> {
         Self { path: Some(path), known: known.into_iter().collect(), file: Mutex::new(file) }
     }
 
-    /// What was kept of a step.
+    /// Returns the result that was kept of a step.
     pub fn known(&self, step: &str) -> Option<&S> {
         self.known.get(step)
     }
 
-    /// The names of the steps that were kept.
+    /// Returns the names of the steps that were kept.
     pub fn names(&self) -> impl Iterator<Item = &str> {
         self.known.keys().map(String::as_str)
     }
 
-    /// Keeps the result of a step.
+    /// Keeps the result of a step. If the file cannot be written, this is reported on stderr.
     pub fn keep(&self, step: &str, result: &S) -> Result<()> {
         let mut line = serde_json::to_vec(&(step, result))?;
         line.push(b'\n');
@@ -166,9 +167,9 @@ impl<S: Serialize + DeserializeOwned> Steps<S> {
         Ok(())
     }
 
-    /// Removes the file: the search is done.
+    /// Removes the file once the search is done.
     fn remove(self) {
-        // What stays behind is found by nobody.
+        // A file that stays behind is never looked up.
         self.path.into_iter().for_each(|path| drop(std::fs::remove_file(path)));
     }
 }
@@ -177,7 +178,7 @@ impl<S: Serialize + DeserializeOwned> Steps<S> {
 mod tests {
     use super::*;
 
-    /// What was kept is found under the same parts, and under no others; damage is searched anew.
+    /// A result is found again under the same parts and under no others. A damaged file is searched anew.
     #[test]
     fn results_are_found_by_what_they_were_made_from() {
         let folder = tempfile::tempdir().expect("a folder");
@@ -193,7 +194,8 @@ mod tests {
         assert_eq!(search(0.3, 8), 8);
     }
 
-    /// A search that was killed in the middle of a line goes on from its finished steps; nothing of them is left once it is done.
+    /// A search that was killed in the middle of a line resumes from its finished steps. None of them is left once it
+    /// is done.
     #[test]
     fn an_interrupted_search_goes_on() {
         let folder = tempfile::tempdir().expect("a folder");
@@ -218,7 +220,7 @@ mod tests {
         assert!(!file.exists() && cache.get::<u32>(&key) == Some(6));
     }
 
-    /// Where two parts meet is part of the key.
+    /// The boundary between two parts is part of the key.
     #[test]
     fn parts_are_told_apart() {
         let key = |parts: [&str; 2]| Key::new("k".into()).with(&parts[0]).and_then(|key| key.with(&parts[1]));

@@ -1,12 +1,13 @@
 //! Proofs of grasps in physics.
 //!
-//! A grasp counts only when it has closed and held in the simulator. [`simulated_world`] is the robot with its scenario, [`rehearsal`] closes and
-//! holds one grasp, [`pick_ups`] fills the benchmark's repertoire, [`plan`] pairs grasps into combinations, [`preparation`] does both for
-//! objects of a user's own and keeps them in a [`cache`], and [`synthesis`] verifies sampled grasps of any object by any hand. [`twin`] plays tries
-//! before a policy chooses one. The proven
-//! grasps and plans of the benchmark are in `data/`.
+//! A grasp counts only when it has closed and held in the simulator. [`simulated_world`] is the robot with its
+//! scenario, and [`rehearsal`] closes and holds one grasp in a rollout of the physics. [`pick_ups`] fills the
+//! benchmark's repertoire and [`plan`] pairs grasps into combinations. [`preparation`] does both for a user's own
+//! objects and keeps the results in a [`cache`]. [`synthesis`] verifies sampled grasps of any object by any hand.
+//! [`twin`] plays rollouts of a try before a policy chooses one. The proven grasps and plans of the benchmark are in
+//! `data/`.
 
-// What is printed may hold text of others: `eprintln!` is the one that makes it printable.
+// Printed text may come from others. The `eprintln!` of `progress` makes it printable.
 #[macro_use]
 extern crate progress;
 

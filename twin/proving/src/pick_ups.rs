@@ -1,9 +1,9 @@
-//! The benchmark's repertoire of pick-ups.
+//! Repertoire of pick-ups of the benchmark.
 //!
-//! Random proposals are closed and held in physics. Those that hold are varied and tried again under errors, and the repertoire
-//! keeps the ones that held in the largest share of tries. First grasps meet errors as wide as a controller of the benchmark's robot
-//! expects, because nothing but the eyes says where the object stands; second grasps meet fewer, because [`crate::plan::outcomes`]
-//! tries them again in each plan.
+//! Random proposals are closed and held in physics. Those that hold are varied and tried again under errors, and the
+//! repertoire keeps the grasps that held in the largest share of tries. First grasps meet errors as wide as a
+//! controller of the benchmark's robot expects, because only vision says where the object stands. Second grasps meet
+//! fewer draws, because [`crate::plan::outcomes`] tries them again in each plan.
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Instant;
@@ -31,65 +31,66 @@ use crate::rehearsal::{
 };
 use crate::simulated_world::World;
 
-/// Draws of wide errors under which a first grasp's robustness is measured, after a try without any.
+/// Number of wide draws under which a first grasp's robustness is measured, after a try without errors.
 const WIDE: usize = 12;
-/// Draws of the expected noise for a second grasp.
+/// Number of draws of the expected noise for a second grasp.
 const EXPECTED: usize = 9;
-/// A hold that slips more than this in the time it is watched is none, m.
+/// Largest slip of a hold while it is watched, m. A hold that slips more counts as none.
 const SLIP_LIMIT: f64 = 0.004;
 
-/// Work for each object in each place.
+/// Search effort for each object in each place.
 ///
-/// What is taken with an empty hand comes in place 0, what is taken beside it in place 1.
+/// An object that is taken with an empty hand comes in place 0, an object that is taken beside it in place 1.
 #[derive(Debug, Clone, Copy)]
 pub struct Effort {
-    /// Random proposals at most; fewer where enough hold.
+    /// Maximum number of random proposals. Fewer are tried if enough of them hold.
     pub proposals: u32,
-    /// Variations of proposals that held, at most.
+    /// Maximum number of variations of proposals that held.
     pub variations: u32,
-    /// First grasps kept.
+    /// Number of first grasps kept.
     pub keep_first: usize,
-    /// Second grasps kept.
+    /// Number of second grasps kept.
     pub keep_second: usize,
 }
 
 impl Effort {
-    /// Rehearsals for an object in a place at most: each grasp that is closed counts, and each try of it under an error.
+    /// Returns the maximum number of rehearsals for an object in a place. Each grasp that is closed counts, and so does
+    /// each try of it under an error.
     pub fn rehearsals(&self, place: usize) -> u64 {
         let tries = 1 + errors(place) as u64;
         let proven = self.proven(place) as u64 + CLIMBS as u64 * u64::from(BATCH);
         u64::from(self.proposals + self.variations) + proven * tries
     }
 
-    /// Grasps kept of an object in a place.
+    /// Returns the number of grasps kept of an object in a place.
     fn kept(&self, place: usize) -> usize {
         if place == 0 { self.keep_first } else { self.keep_second }
     }
 
-    /// Grasps that are tried under errors at most, before any climb.
+    /// Returns the maximum number of grasps that are tried under errors before any climb.
     fn proven(&self, place: usize) -> usize {
         let keep = self.kept(place);
         (keep + keep / 2).max(ENOUGH)
     }
 }
 
-/// Draws of errors under which a grasp for a place is tried.
+/// Returns the number of error draws under which a grasp for a place is tried.
 fn errors(place: usize) -> usize {
     if place == 0 { WIDE } else { EXPECTED }
 }
 
-/// What a search is for.
+/// Objects, places and effort of a search.
 #[derive(Debug, Clone, Copy)]
 pub struct Wanted<'a> {
-    /// Objects.
+    /// Names of the objects.
     pub names: &'a [String],
-    /// The places in which they come.
+    /// Places in which they come.
     pub places: &'a [usize],
-    /// For each object and place.
+    /// Effort for each object and place.
     pub effort: Effort,
 }
 
-/// What the sampler needs to know of an object.
+/// Returns the extent of an object, as the sampler needs it.
 pub fn extent(object: &ObjectModel) -> ObjectExtent {
     let reach = |axis: Vector3<f64>| {
         let local = object.rest.inverse() * axis;
@@ -110,31 +111,31 @@ fn stream(seed: u64, object: &str, place: usize, id: u32) -> ChaCha8Rng {
     ChaCha8Rng::seed_from_u64(hash)
 }
 
-/// A search of pick-ups in a world.
+/// Search for pick-ups in a world.
 struct Search<'a> {
     world: &'a World,
     effort: Effort,
-    /// Digits that take what comes in each place.
+    /// Digits that take the object in each place.
     sets: &'a [Vec<Digit>],
-    /// Draws all proposals.
+    /// Seed of all proposals.
     seed: u64,
-    /// Blank: grasps are proven without touch.
+    /// Blank, because grasps are proven without touch.
     board: TactileBoard,
     progress: &'a Progress<'a>,
 }
 
-/// What is told and kept of a search while it runs.
+/// Progress of a running search: what is reported and kept of it.
 pub struct Progress<'a> {
     /// Runs to [`Effort::rehearsals`] for each object and place, or to less as soon as that is known.
     pub bar: &'a ProgressBar,
     /// Grasps that were tried before the search was interrupted, and those tried now.
     pub steps: &'a Steps<Option<Grasp>>,
-    /// Is told, once, how long a rehearsal takes on this machine with all its threads, s.
+    /// Called once with the time of a rehearsal on this machine with all its threads, s.
     pub pace: &'a (dyn Fn(f64) + Sync),
 }
 
 impl Progress<'_> {
-    /// What was kept of a grasp's trial, or what comes of it now.
+    /// Returns the kept result of a grasp's trial, or runs the trial and keeps its result.
     fn tried(&self, name: &str, try_it: impl FnOnce() -> Result<Option<Grasp>>) -> Result<Option<Grasp>> {
         match self.steps.known(name) {
             Some(known) => Ok(known.clone()),
@@ -147,19 +148,19 @@ impl Progress<'_> {
     }
 }
 
-/// The name of the step that tries a grasp under so many errors.
+/// Returns the name of the step that tries a grasp under this number of errors.
 fn step(object: &str, place: usize, grasp: u32, errors: usize) -> String {
     format!("{object} {} {grasp} {errors}", ["First", "Second"][place.min(1)])
 }
 
-/// Rehearsals that the kept steps of a search stand for.
+/// Returns the number of rehearsals that the kept steps of a search stand for.
 pub fn kept(steps: &Steps<Option<Grasp>>) -> u64 {
     let errors = |name: &str| name.rsplit(' ').next().and_then(|errors| errors.parse::<u64>().ok()).unwrap_or(0);
     steps.names().map(|name| 1 + errors(name)).sum()
 }
 
-/// Fills `repertoire` with the grasps that are `wanted`; its seed draws them. `found` is told of each object and place that is done, and of
-/// the digits.
+/// Fills `repertoire` with the `wanted` grasps, drawn by its seed. `found` is called with each object and place that is
+/// done and with its digits.
 pub fn generate(
     world: &World,
     wanted: &Wanted<'_>,
@@ -205,7 +206,7 @@ impl Search<'_> {
     fn find_second(&self, name: &str, reference: &[Grasp]) -> Result<Vec<Grasp>> {
         let object = self.world.object(name)?;
         let bystander = self.bystander(&object)?;
-        // A hold of the reference object with this object standing by.
+        // Hold of the reference object, with this object standing by.
         let mut hold: Option<Snapshot> = None;
         for first in reference {
             hold = self.rehearse_first(&[first, &bystander], &TrialNoise::none())?.map(|(snapshot, _)| snapshot);
@@ -228,7 +229,7 @@ impl Search<'_> {
         rehearse_first(self.world, &rehearsal, &self.board)
     }
 
-    /// A grasp of the object as it stands by; it is never closed.
+    /// Returns a grasp of the object that stands by. It is never closed.
     fn bystander(&self, object: &ObjectModel) -> Result<Grasp> {
         let form = HandForm::of(&self.world.cell.robot.hand);
         let grasp = propose(&form, &extent(object), &self.sets[1], 0, &mut stream(self.seed, &object.name, 1, 0));
@@ -249,15 +250,15 @@ impl Search<'_> {
         Proposals::new(&self.world.cell.robot.hand, object, &self.sets[place], carried, false)
     }
 
-    /// Proposal number `id`: the even ones are drawn from the hand's ranges, the odd ones synthesized.
+    /// Returns proposal number `id`. Even numbers are drawn from the hand's ranges, odd ones are synthesized.
     fn propose(&self, proposals: &Proposals, place: usize, id: u32) -> Result<Grasp> {
         let rng = &mut stream(self.seed, proposals.object(), place, id);
         let synthesized = if id % 2 == 1 { proposals.synthesized(id, rng) } else { None };
         synthesized.or_else(|| proposals.drawn(id, rng)).with_context(|| self.no_ranges(place))
     }
 
-    /// Proposals until enough hold, then variations of those while too few do; all that held are tried again under noise, and
-    /// variations of the most robust ones replace those that are less so.
+    /// Tries proposals until enough hold, then variations of those if too few do. All that held are tried again under
+    /// noise, and variations of the most robust grasps replace less robust ones.
     fn find(
         &self,
         object: &ObjectModel,
@@ -309,7 +310,7 @@ impl Search<'_> {
             id += BATCH;
         }
         let chosen = spread(found, enough);
-        // From here on it is known what the search still needs at most.
+        // From here on, the maximum remaining work of the search is known.
         let tries = 1 + errors.len() as u64;
         bar.set_length(bar.position() + (chosen.len() as u64 + CLIMBS as u64 * u64::from(BATCH)) * tries);
         let mut proven = run(chosen, errors, errors.len())?;
@@ -319,7 +320,7 @@ impl Search<'_> {
             if parents.is_empty() || parents.iter().all(|grasp| grasp.score >= ROBUST) {
                 break;
             }
-            // A variation is of use if it is better than the worst of the parents.
+            // A variation is useful if it is better than the worst of the parents.
             let worst = parents.iter().map(|grasp| grasp.score).fold(1.0, f64::min);
             let failures = ((1.0 - worst) * (1 + errors.len()) as f64).round() as usize;
             let vary_one = |id: u32| vary(&parents[id as usize % parents.len()], id, &mut random(id));
@@ -331,18 +332,20 @@ impl Search<'_> {
     }
 }
 
-/// Grasps that hold without errors and are tried under them, at least where so many are found.
+/// Minimum number of grasps that hold without errors and are tried under errors, if that many are found.
 const ENOUGH: usize = 16;
-/// Rounds of variation around the most robust grasps, until they hold in this share of tries.
+/// Maximum number of rounds of variation around the most robust grasps. They end once these hold in the share
+/// [`ROBUST`] of the tries.
 const CLIMBS: usize = 4;
 const ROBUST: f64 = 0.9;
-/// Grasps tried at once; the search stops between batches, so that its result does not depend on the number of threads.
+/// Batch size: grasps tried at once. The search stops between batches, so its result does not depend on the number of
+/// threads.
 const BATCH: u32 = 16;
-/// Grasps that climbs start from.
+/// Number of grasps that a climb starts from.
 const PARENTS: usize = 4;
 
-/// Tries `grasp` without error and, if that holds, under `errors`; its score is the share that held. Gives up, with `None`, as
-/// soon as more than `failures` of them did not.
+/// Tries `grasp` without errors and, if that holds, under `errors`. Its score is the share of tries that held. Returns
+/// `None` as soon as more than `failures` of them did not hold.
 fn prove(
     grasp: Grasp,
     errors: &[TrialNoise],
@@ -366,8 +369,8 @@ fn rank(grasps: &mut [Grasp]) {
     grasps.sort_by(|a, b| b.score.total_cmp(&a.score).then(a.id.cmp(&b.id)));
 }
 
-/// Keeps the best of each neighbourhood: two grasps whose object sits within 4 mm and whose hand is turned by less than 0.1
-/// rad are the same.
+/// Keeps the best grasp of each neighbourhood. Two grasps are the same if their object positions differ by less than 4
+/// mm and their hand orientations by less than 0.1 rad.
 fn spread(grasps: Vec<Grasp>, keep: usize) -> Vec<Grasp> {
     let mut kept: Vec<Grasp> = Vec::new();
     for grasp in grasps {
@@ -382,7 +385,8 @@ fn spread(grasps: Vec<Grasp>, keep: usize) -> Vec<Grasp> {
     kept
 }
 
-/// The first grasps that hold the smallest graspable object: what occupies the first digits while second grasps are proven.
+/// Returns the first grasps that hold the smallest graspable object. It occupies the first digits while second grasps
+/// are proven.
 pub fn reference_hold(world: &World, names: &[String], repertoire: &Repertoire) -> Result<Vec<Grasp>> {
     let mut candidates: Vec<(f64, Vec<Grasp>)> = Vec::new();
     let first = &digit_sets(&world.cell.robot.hand, 2)[0];

@@ -1,14 +1,15 @@
-//! Plans: for each combination a first grasp and the second grasps that may follow it, rehearsed without noise; for a single object the grasp that
-//! holds it to the end of the trial.
+//! Plans: for each combination, a first grasp and the second grasps that may follow it, rehearsed without noise. For a
+//! single object, the plan is the grasp that holds it to the end of the trial.
 //!
-//! All combinations of the scenario's objects are shuffled by the seed and rehearsed in that order. A pair becomes a combination
-//! if some first grasp can be followed by some second grasp without a collision; otherwise it is listed as rejected and the next
-//! pair takes its place. What blind and touch achieve has no part in it.
+//! All combinations of the scenario's objects are shuffled by the seed and rehearsed in that order. A pair becomes a
+//! combination if some first grasp can be followed by some second grasp without a collision. Otherwise it is listed as
+//! rejected and the next pair takes its place. The results of the policies blind and touch play no part in this.
 //!
-//! The plan is made as in the paper, without any disturbance: the first grasp of the repertoire's order that holds its object, and
-//! after it the first second grasp of the repertoire's order that works. The other second grasps are alternatives. [`outcomes`] tries
-//! the plan and the first of the alternatives under errors, for the odds that a policy goes by; where all of them are poor, also
-//! second grasps after other first grasps, and [`other_order`] plans the two objects the other way round.
+//! The plan is made as in the paper, without any disturbance: the first grasp in the repertoire's order that holds its
+//! object, and after it the first second grasp in the repertoire's order that works. The other second grasps are
+//! alternatives. [`outcomes`] tries the plan and the first alternatives under errors, for the odds that a policy uses.
+//! If all of them are poor, it also tries second grasps after other first grasps, and [`other_order`] plans the two
+//! objects in the reverse order.
 
 pub mod holds;
 mod odds;
@@ -42,43 +43,45 @@ use self::proof::Proof;
 
 /// Format version of plan files.
 const VERSION: u32 = 1;
-/// What a grasp that failed in this pair's rehearsal is still worth, as a share of its general score.
+/// Factor on the general score of a grasp that failed in this pair's rehearsal.
 const FAILED_WORTH: f64 = 0.3;
 
-/// One combination's plan.
+/// Plan of one combination.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Plan {
     /// First object.
     pub first: String,
-    /// Second object; empty where there is none.
+    /// Second object. Empty if there is none.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub second: String,
     /// Number of the first grasp in its repertoire.
     pub first_grasp: u32,
     /// (number of the second grasp, worth in this combination), the plan first.
     pub second_grasps: Vec<(u32, f64)>,
-    /// How the first of them went under errors of their aim.
+    /// Outcomes of the first of them under aim errors.
     #[serde(default)]
     pub outcomes: Vec<Outcomes>,
-    /// The same of grasps of the second object where it fell over, by the name of the way in which it lies.
+    /// Outcomes of grasps of the fallen second object under aim errors, by the name of its resting pose.
     #[serde(default)]
     pub fallen: BTreeMap<String, Vec<Outcomes>>,
-    /// The same after other first grasps.
+    /// Other first grasps, with the outcomes of second grasps after them.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub others: Vec<Other>,
-    /// Grasps of this combination alone, which the repertoire lacks; outcomes and proofs name them like its own.
+    /// Grasps of this combination alone, which the repertoire lacks. Outcomes and proofs refer to them as to the
+    /// repertoire's own.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub variations: Vec<Grasp>,
-    /// Second grasps after the plan's first one that were found and tried in drawn circumstances.
+    /// Second grasps after the planned first grasp, found and tried in drawn circumstances.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub proof: Option<Proof>,
-    /// Level of the effort with which proofs were looked for; 0 where they were not, or not to the end.
+    /// Level of effort of the search for proofs. 0 if there was none, or if it did not finish.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub proven: u32,
-    /// Third object, and (number of the grasp, worth in this combination), the plan first; none where there are fewer.
+    /// Third object and its grasps, as (number of the grasp, worth in this combination), the planned grasp first.
+    /// `None` if there are fewer objects.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub third: Option<(String, Vec<(u32, f64)>)>,
-    /// The plan of the same two objects in the same places, taken in the other order.
+    /// Plan of the same two objects in the same places, taken in the other order.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reversed: Option<Box<Plan>>,
 }
@@ -87,48 +90,48 @@ fn is_zero(level: &u32) -> bool {
     *level == 0
 }
 
-/// Another way to take the first object than the plan's, and how second grasps went after it.
+/// Another way to take the first object than the plan's, with the outcomes of second grasps after it.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Other {
     /// Number of the first grasp in its repertoire.
     pub first_grasp: u32,
-    /// How second grasps went under errors of their aim.
+    /// Outcomes of second grasps under aim errors.
     pub outcomes: Vec<Outcomes>,
-    /// Those after it that were found and tried in drawn circumstances.
+    /// Second grasps after it, found and tried in drawn circumstances.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub proof: Option<Proof>,
 }
 
-/// The grasps that a plan names.
+/// Grasps that a plan names.
 #[derive(Debug, Clone)]
 pub struct PlannedGrasps {
     pub first: Grasp,
-    /// The plan, then its alternatives; none for a single object.
+    /// Second grasps: the planned one, then its alternatives. Empty for a single object.
     pub second: Vec<Candidate>,
-    /// The same of the third object; none where there are fewer.
+    /// Grasps of the third object in the same order. Empty if there are fewer objects.
     pub third: Vec<Candidate>,
-    /// Rehearsed grasps of the second object in the ways in which it can fall over: each names its way as its object.
+    /// Rehearsed grasps of the second object in its fallen poses. Each names its pose as its object.
     pub fallen: Vec<Candidate>,
-    /// Other first grasps, with the second grasps rehearsed after each.
+    /// Other first grasps, each with the second grasps rehearsed after it.
     pub others: Vec<Sequence>,
 }
 
 impl PlannedGrasps {
-    /// The planned grasp of each object, in the order in which they are taken.
+    /// Returns the planned grasp of each object, in the order in which they are taken.
     pub fn planned(&self) -> Vec<&Grasp> {
         let others = [&self.second, &self.third].into_iter().filter_map(|candidates| candidates.first());
         std::iter::once(&self.first).chain(others.map(|candidate| &candidate.grasp)).collect()
     }
 }
 
-/// All plans of a scenario.
+/// Plans of a scenario.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Plans {
     /// Format version.
     pub version: u32,
     /// Seed of the draw.
     pub seed: u64,
-    /// Combinations for which nothing worked without noise, in the order in which they were drawn.
+    /// Combinations for which nothing worked without noise, in the order of the draw.
     pub rejected: Vec<Vec<String>>,
     /// The combinations.
     pub plans: Vec<Plan>,
@@ -149,13 +152,14 @@ impl Plans {
         Ok(plans)
     }
 
-    /// What these plans say of a combination: its plan, or that it cannot be done; none where they say nothing of it.
+    /// Returns the plan of a combination, or `Some(None)` if it was rejected. Returns `None` if these plans do not know
+    /// the combination.
     pub fn of(&self, combination: &Combination) -> Option<Option<&Plan>> {
         let planned = self.plans.iter().find(|plan| plan.objects() == combination.objects).map(Some);
         planned.or_else(|| self.rejected.contains(&combination.objects).then_some(None))
     }
 
-    /// Writes the file, whole or not at all.
+    /// Writes the file. It is written whole or not at all.
     pub fn write(&self, path: &Path) -> Result<()> {
         let lines: Vec<String> = self.plans.iter().map(serde_json::to_string).collect::<Result<_, _>>()?;
         let rejected = serde_json::to_string(&self.rejected)?;
@@ -167,7 +171,7 @@ impl Plans {
         platform::file::write_whole(path, text.as_bytes()).with_context(|| format!("cannot write {}", path.display()))
     }
 
-    /// Does `work` on every plan, in parallel; shows a progress bar called `what` unless `quiet`.
+    /// Runs `work` on every plan in parallel. Shows a progress bar called `what` unless `quiet`.
     fn try_each(&mut self, what: &str, quiet: bool, work: impl Fn(&mut Plan) -> Result<()> + Sync) -> Result<()> {
         let progress = progress::bar(self.plans.len() as u64, what, quiet);
         self.plans.par_iter_mut().try_for_each(|plan| {
@@ -181,7 +185,7 @@ impl Plans {
 }
 
 impl Plan {
-    /// Of these objects with these grasps, nothing of which has been tried under errors.
+    /// Creates a plan of these objects with these grasps, before anything has been tried under errors.
     pub(crate) fn new([first, second]: [&str; 2], first_grasp: u32, second_grasps: Vec<(u32, f64)>) -> Self {
         Self {
             first: first.to_owned(),
@@ -199,21 +203,21 @@ impl Plan {
         }
     }
 
-    /// Names of the objects, in the order in which they are taken.
+    /// Returns the names of the objects, in the order in which they are taken.
     pub fn objects(&self) -> Vec<&str> {
         let third = self.third.iter().map(|(name, _)| name);
         let all = [&self.first, &self.second].into_iter().chain(third);
         all.map(String::as_str).filter(|name| !name.is_empty()).collect()
     }
 
-    /// Grasps of this combination alone that take an object with these digits, or with some of them.
+    /// Returns the grasps of this combination alone that take an object with these digits, or with some of them.
     fn varied<'a>(&'a self, object: &'a str, digits: &'a [Digit]) -> impl Iterator<Item = &'a Grasp> {
         self.variations
             .iter()
             .filter(move |grasp| grasp.object == object && grasp.digits.iter().all(|digit| digits.contains(digit)))
     }
 
-    /// Leaves out the variations with their outcomes, and the proof.
+    /// Removes the variations with their outcomes, and the proofs.
     fn forget_variations(&mut self) {
         (self.proof, self.proven) = (None, 0);
         let gone: Vec<u32> = self.variations.drain(..).map(|grasp| grasp.id).collect();
@@ -225,7 +229,7 @@ impl Plan {
         }
     }
 
-    /// The grasps of `hand` behind the numbers.
+    /// Returns the grasps of `hand` behind the plan's numbers.
     pub fn grasps(&self, hand: &Hand, repertoire: &Repertoire) -> Result<PlannedGrasps> {
         let sets = digit_sets(hand, self.objects().len());
         let find = |object: &str, place: usize, id: u32| {
@@ -236,7 +240,8 @@ impl Plan {
                 .cloned()
                 .with_context(|| format!("the plan names grasp {id} of {object}, which the repertoire lacks"))
         };
-        // A grasp that holds the first object in fewer draws than errors of aim alone say is worth that share, and has it where those draws have it.
+        // The proof's draws may hold the first object less often than errors of aim alone suggest. The score is then
+        // the proof's share, and the held pose is the mean over its draws.
         let first = |id: u32, proof: &Option<Proof>| {
             let first = find(&self.first, 0, id)?;
             let score = proof.as_ref().map_or(first.score, Proof::first_holds);
@@ -244,7 +249,7 @@ impl Plan {
             let (held, held_spread) = hold.map_or((first.held, None), |hold| (Some(hold.mean), Some(hold.spread)));
             Ok::<_, anyhow::Error>(Grasp { score, held, held_spread, ..first })
         };
-        // A variation after another first grasp is none of the plan's.
+        // Variations after another first grasp do not belong to the plan's own sequence.
         let own = self.variations.iter().filter(|grasp| tried(&self.outcomes, &self.proof, grasp.id));
         let named = self.second_grasps.iter().copied().chain(own.map(|grasp| (grasp.id, grasp.score)));
         let second = named.map(|(id, worth)| candidate(find(&self.second, 1, id)?, worth, &self.outcomes, &self.proof));
@@ -254,7 +259,7 @@ impl Plan {
             let worth = grasp.score;
             candidate(grasp, worth, outcomes, &None)
         });
-        // What was tried after one hold alone does not compare with what was proven after many.
+        // Outcomes after a single hold are not comparable with proofs after many holds.
         let others = self.others.iter().filter(|other| self.proof.is_none() || other.proof.is_some());
         let others = others.map(|other| {
             let proven = other.proof.iter().flat_map(|proof| proof.grasps.iter().map(|proven| proven.grasp));
@@ -281,13 +286,14 @@ impl Plan {
     }
 }
 
-/// True of a grasp that was tried under errors.
+/// True if the grasp was tried under errors.
 fn tried(outcomes: &[Outcomes], proof: &Option<Proof>, id: u32) -> bool {
     let proven = proof.iter().flat_map(|proof| &proof.grasps).any(|proven| proven.grasp == id);
     proven || outcomes.iter().any(|outcomes| outcomes.grasp == id)
 }
 
-/// A grasp with its rehearsals. Where some were proven, those of the others say too much: they come from one hold alone, and are left out.
+/// Returns a grasp with its rehearsals. If some grasps were proven, the rehearsals of the others are too optimistic,
+/// because they start from a single hold. They are then left out.
 fn candidate(grasp: Grasp, worth: f64, outcomes: &[Outcomes], proof: &Option<Proof>) -> Result<Candidate> {
     let rehearsed = match proof {
         Some(proof) => proof.rehearsed(&grasp)?,
@@ -299,9 +305,10 @@ fn candidate(grasp: Grasp, worth: f64, outcomes: &[Outcomes], proof: &Option<Pro
     Ok(Candidate { rehearsed: rehearsed.unwrap_or_default().into(), ..Candidate::new(grasp, worth) })
 }
 
-/// Plans combinations of `scenario`, drawn by `seed`, until `count` stand, or all have been tried; `plan` gives none of one
-/// that cannot be done without noise. Where the scenario has objects of a user's own, those with each of them come first, until one of them
-/// can be done. Shows a progress bar unless `quiet`.
+/// Plans combinations of `scenario`, drawn by `seed`, until there are `count` plans or all combinations have been
+/// tried. `plan` returns `None` for a combination that cannot be done without noise. If the scenario has objects of a
+/// user's own, the combinations with each of them come first, until one of them can be done. Shows a progress bar
+/// unless `quiet`.
 pub fn make_plans(
     scenario: &Scenario,
     count: usize,
@@ -345,12 +352,13 @@ pub fn make_plans(
     Ok(drawn.plans)
 }
 
-/// The combinations of a scenario in the order in which they are drawn, and what has come of them.
+/// Combinations of a scenario in the order of the draw, with their plans so far.
 struct Drawn {
     pairs: Vec<Combination>,
-    /// What came of those that were planned, by their place; several are planned at once, and some in vain.
+    /// Results of the combinations that were planned, by their place in the draw. Several are planned at once, and some
+    /// in vain.
     made: BTreeMap<usize, Option<Plan>>,
-    /// Places whose plan or rejection stands.
+    /// Places in the draw whose plan or rejection is final.
     taken: BTreeSet<usize>,
     plans: Plans,
     count: usize,
@@ -365,7 +373,7 @@ impl Drawn {
         (0..self.pairs.len()).filter(|place| wanted(&self.pairs[*place])).collect()
     }
 
-    /// Plans those that have not been.
+    /// Plans the combinations of `batch` that have not been planned yet.
     fn make(&mut self, batch: &[usize], plan: &(impl Fn(&Combination) -> Result<Option<Plan>> + Sync)) -> Result<()> {
         let open: Vec<usize> = batch.iter().copied().filter(|place| !self.made.contains_key(place)).collect();
         let made: Vec<Result<Option<Plan>>> = open.par_iter().map(|place| plan(&self.pairs[*place])).collect();
@@ -375,7 +383,7 @@ impl Drawn {
         Ok(())
     }
 
-    /// Lets a plan or a rejection stand, as long as plans are wanted.
+    /// Makes the plan or rejection of `place` final, as long as more plans are wanted.
     fn take(&mut self, place: usize, bar: &ProgressBar) {
         if self.is_full() || !self.taken.insert(place) {
             return;
@@ -391,8 +399,8 @@ impl Drawn {
     }
 }
 
-/// The plan of a combination, without odds; none if nothing works without errors. `board` has cameras, as in a trial: a look ends when its
-/// images have come.
+/// Plans a combination, without odds. Returns `None` if nothing works without errors. `board` has cameras as in a
+/// trial, because a look ends when its images have arrived.
 pub fn plan_one(
     world: &World,
     repertoire: &Repertoire,
@@ -407,7 +415,7 @@ pub fn plan_one(
     }
 }
 
-/// The plan of an object alone: the first grasp of the repertoire's order that holds it to the end of the trial.
+/// Plans a single object: the first grasp in the repertoire's order that holds it to the end of the trial.
 fn plan_single(world: &World, repertoire: &Repertoire, board: &TactileBoard, name: &str) -> Result<Option<Plan>> {
     for grasp in repertoire.of(name, &digit_sets(&world.cell.robot.hand, 1)[0]) {
         let grasps = [grasp];
@@ -419,7 +427,7 @@ fn plan_single(world: &World, repertoire: &Repertoire, board: &TactileBoard, nam
     Ok(None)
 }
 
-/// The plan of two objects.
+/// Plans two objects.
 fn plan_pair(
     world: &World,
     repertoire: &Repertoire,
@@ -445,7 +453,8 @@ fn plan_pair(
     Ok(None)
 }
 
-/// The grasps that work, then those that do not, each in their own order: (number, worth). Empty if none works.
+/// Returns the grasps that work, then those that do not, each group in its own order, as (number, worth). Empty if none
+/// works.
 fn ranked(grasps: &[&Grasp], works: impl Fn(&Grasp) -> Result<bool>) -> Result<Vec<(u32, f64)>> {
     let (mut worked, mut failed) = (Vec::new(), Vec::new());
     for grasp in grasps {

@@ -1,9 +1,10 @@
 //! Preparation: grasps and plans for a scenario that has objects or pairs of a user's own.
 //!
-//! What comes with the program is used where it fits. Objects of the user's own are searched for pick-ups in physics, for the places in
-//! which the scenario names them, and pairs without a plan are planned and tried under errors, both by the rules of the benchmark
-//! itself. Each result is kept in a [`Cache`], and of a search under way its finished steps, so that an interrupted preparation goes on where
-//! it was, and a second run begins at once. What cannot be played is told ([`left_out`]), never replaced without a word.
+//! The grasps and plans that come with the program are used where they fit. The user's own objects are searched for
+//! pick-ups in physics, at the places in which the scenario names them. Pairs without a plan are planned and tried
+//! under errors. Both follow the rules of the benchmark itself. Each result is kept in a [`Cache`], and so are the
+//! finished steps of a search under way. An interrupted preparation resumes where it stopped, and a second run begins
+//! at once. Anything that cannot be played is reported ([`left_out`]), never replaced silently.
 
 mod forecast;
 mod left_out;
@@ -33,26 +34,27 @@ use crate::rehearsal::{FirstRehearsal, rehearse_first, try_second};
 use crate::simulated_world::World;
 use crate::skills;
 
-/// Rises when a rule of the search changes, or the engine does: what was kept is then searched anew.
+/// Version of the search rules. It rises when a rule of the search or the engine changes, so that everything kept is
+/// searched anew.
 const RULES: u32 = 3;
-/// Draws the proposals of pick-ups: they do not depend on a run's own seed.
+/// Seed of the proposals of pick-ups. They do not depend on a run's own seed.
 const SEED: u64 = 1;
-/// The work that goes into each object and place, as for the benchmark's own.
+/// Search effort for each object and place, the same as for the benchmark's own objects.
 pub const EFFORT: Effort = Effort { proposals: 128, variations: 64, keep_first: 4, keep_second: 14 };
 
-/// What trials of a scenario choose from.
+/// Grasps and plans from which the trials of a scenario choose.
 pub struct Prepared {
     pub repertoire: Repertoire,
-    /// As many as were asked for, or as can be done.
+    /// Plans, as many as were asked for or as can be done.
     pub plans: Plans,
-    /// What is not as the files of the scenario's own objects have it, and what cannot be done with them.
+    /// Deviations from the files of the scenario's own objects, and requests that cannot be met with them.
     pub notes: Vec<String>,
-    /// What of the scenario is not played at all.
+    /// Objects of the scenario that are not played at all, with the reasons.
     pub left_out: Vec<String>,
 }
 
-/// Grasps and plans for `count` combinations of the world's scenario, drawn by `seed`, or for as many as can be done. Refused with
-/// [`NotPlayable`] where the scenario has objects of its own and none of them can be played.
+/// Prepares grasps and plans for `count` combinations of the world's scenario, drawn by `seed`, or for as many as can
+/// be done. Returns [`NotPlayable`] if the scenario has objects of its own and none of them can be played.
 pub fn prepare(world: &World, count: usize, seed: u64, cache: &Cache, quiet: bool) -> Result<Prepared> {
     let say = |line: &str| {
         if !quiet {
@@ -141,17 +143,19 @@ pub fn prepare(world: &World, count: usize, seed: u64, cache: &Cache, quiet: boo
     Ok(Prepared { repertoire, plans, notes, left_out })
 }
 
-/// The digits that take each of the scenario's objects in turn.
+/// Returns the digits that take each of the scenario's objects in turn.
 fn digit_sets(world: &World) -> Vec<Vec<Digit>> {
     grasping::digit_sets(&world.cell.robot.hand, world.scenario.lists().len())
 }
 
-/// The same where grasps are searched for by pick-ups; none in trials of more than two objects.
+/// Returns the sets of digits for which grasps are searched by pick-ups. There are none in trials of more than two
+/// objects.
 fn searched_sets(world: &World) -> Vec<Vec<Digit>> {
     if world.scenario.lists().len() > 2 { Vec::new() } else { digit_sets(world) }
 }
 
-/// How long a rehearsal of the first of these pairs that has grasps takes on this machine on one thread, s; none where none has.
+/// Measures the time of one rehearsal on this machine on one thread, s, with the first of these pairs that has grasps.
+/// Returns `None` if no pair has any.
 fn pace(world: &World, repertoire: &Repertoire, board: &TactileBoard, pairs: &[Combination]) -> Result<Option<f64>> {
     let sets = digit_sets(world);
     for pair in pairs {
@@ -168,16 +172,16 @@ fn pace(world: &World, repertoire: &Repertoire, board: &TactileBoard, pairs: &[C
     Ok(None)
 }
 
-/// A search for grasps of an object.
+/// Search for grasps of an object.
 struct Search<'a> {
     object: &'a ObjectModel,
-    /// Number of others that are held when it is taken.
+    /// Number of objects that are already held when it is taken.
     place: usize,
-    /// Those that take it.
+    /// Digits that take it.
     digits: Vec<Digit>,
 }
 
-/// Findings of a search, in words.
+/// Describes the result of a search.
 fn found(search: &Search, count: usize) -> String {
     let (object, order, digits) = (search.object, ordinal(search.place), in_words(&search.digits));
     if count > 0 {
@@ -191,8 +195,8 @@ fn found(search: &Search, count: usize) -> String {
     )
 }
 
-/// Searches for the objects whose grasps are not known, and for the ways in which those can have fallen that are taken beside others: the scenario's own
-/// where the robot is `builtin`, else all.
+/// Returns the searches for the objects whose grasps are not known, and for the fallen poses of those that are taken
+/// beside others. These are the scenario's own objects if the robot is `builtin`, and all objects otherwise.
 fn searches(world: &World, builtin: bool) -> Vec<Search<'_>> {
     let scenario = &world.scenario;
     let mut searches = Vec::new();
@@ -209,12 +213,12 @@ fn searches(world: &World, builtin: bool) -> Vec<Search<'_>> {
             }
         }
     }
-    // Second grasps are proven beside the smallest thing that can be held: first grasps come first.
+    // Second grasps are proven beside the smallest object that can be held, so first grasps come first.
     searches.sort_by_key(|search| search.place);
     searches
 }
 
-/// Grasps of an object, kept or searched; `after` are the searches that follow.
+/// Returns the grasps of an object, kept or searched. `after` are the searches that follow.
 fn pick_up(
     world: &World,
     repertoire: &Repertoire,
@@ -253,7 +257,7 @@ fn pick_up(
     })
 }
 
-/// The built-in plans, where the scenario's objects stand and start as in the benchmark.
+/// Returns the built-in plans if the scenario's places and start are those of the benchmark.
 fn known_plans(scenario: &Scenario) -> Result<Option<Plans>> {
     let benchmark = Scenario::benchmark();
     let placed = |scenario: &Scenario| (scenario.layout.first, scenario.layout.second, scenario.start);
@@ -261,7 +265,7 @@ fn known_plans(scenario: &Scenario) -> Result<Option<Plans>> {
     same.then(crate::builtin::plans).transpose()
 }
 
-/// The key of a plan: its world, its objects and all grasps that it may name.
+/// Returns the key of a plan: its world, its objects and all grasps that it may name.
 fn plan_key(world: &World, repertoire: &Repertoire, pair: &Combination) -> Result<Key> {
     let mut key = ground(world, pair.objects.join("-"))?;
     let sets = digit_sets(world);
@@ -276,8 +280,8 @@ fn plan_key(world: &World, repertoire: &Repertoire, pair: &Combination) -> Resul
     Ok(key)
 }
 
-/// What every rehearsal of a scenario depends on: the rules, hand and arm, where things stand, how a trial goes, and the effects that
-/// are there without errors.
+/// Returns a key with everything that each rehearsal of a scenario depends on: the rules, hand and arm, the layout, the
+/// protocol of a trial, and the effects that are present without errors.
 fn ground(world: &World, label: String) -> Result<Key> {
     let scenario = &world.scenario;
     let kept = [Effect::Pads, Effect::Gel, Effect::Cables, Effect::Floor, Effect::Time];
@@ -294,7 +298,7 @@ fn ground(world: &World, label: String) -> Result<Key> {
     }
 }
 
-/// An object as a key has it.
+/// Description of an object in a key.
 #[derive(Serialize)]
 struct Described<'a> {
     name: &'a str,
@@ -302,7 +306,7 @@ struct Described<'a> {
     friction: f64,
     rest: [f64; 4],
     symmetry: String,
-    /// Vertices of a mesh and the corners of its triangles, or the measures of a simple shape.
+    /// Vertices and triangles of a mesh, or the dimensions of a simple shape.
     shape: (Vec<[f64; 3]>, Vec<[u32; 3]>),
 }
 

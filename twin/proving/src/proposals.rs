@@ -1,4 +1,5 @@
-//! Proposals for pick-ups of one object: by the ranges of the hand's file, and by Langevin synthesis above the table.
+//! Proposals for pick-ups of one object: drawn from the ranges of the hand's file, or synthesized by Langevin sampling
+//! above the table.
 
 use anyhow::Result;
 use grasping::Grasp;
@@ -14,24 +15,25 @@ use crate::rehearsal::Snapshot;
 use crate::synthesis::subject;
 use crate::synthesis::synthesizer::table;
 
-/// Points on the surface of what is held.
+/// Number of points on the surface of the held object.
 const HELD_POINTS: usize = 80;
-/// Share of the proposals by synthesis that leave a digit out, where that may be.
+/// Share of the synthesized proposals that leave a digit out, if that is allowed.
 const FEWER: f64 = 0.4;
 
-/// Proposals of grasps of an object with some digits.
+/// Source of grasp proposals for an object with some digits.
 pub struct Proposals<'a> {
     form: HandForm,
     digits: &'a [Digit],
     object: &'a ObjectModel,
     extent: ObjectExtent,
     field: DistanceField,
-    /// One for each set of digits that may take the object, all of them first; none of a hand with jaws.
+    /// One sampler for each set of digits that may take the object, the full set first. Empty for a hand with jaws.
     tabletops: Vec<Tabletop<'a>>,
 }
 
 impl<'a> Proposals<'a> {
-    /// With `digits` of a hand that is empty or holds what is `carried`; where `fewer` may do, the synthesis leaves a digit out now and then.
+    /// Creates proposals with `digits` of a hand that is empty or holds the `carried` object. If `fewer` is true, the
+    /// synthesis leaves a digit out now and then.
     pub fn new(
         hand: &'a Hand,
         object: &'a ObjectModel,
@@ -50,17 +52,17 @@ impl<'a> Proposals<'a> {
         })
     }
 
-    /// Name of the object.
+    /// Returns the name of the object.
     pub fn object(&self) -> &str {
         &self.extent.name
     }
 
-    /// A draw from the hand's ranges; none where its file has none for such digits.
+    /// Draws a grasp from the hand's ranges. Returns `None` if its file has no ranges for these digits.
     pub fn drawn(&self, id: u32, rng: &mut impl Rng) -> Option<Grasp> {
         sampler::propose(&self.form, &self.extent, self.digits, id, rng)
     }
 
-    /// A posture that the synthesis finds; none where it finds none.
+    /// Synthesizes a grasp. Returns `None` if none is found.
     pub fn synthesized(&self, id: u32, rng: &mut impl Rng) -> Option<Grasp> {
         let all = self.tabletops.first()?;
         let fewer = self.tabletops.len() > 1 && rng.random::<f64>() < FEWER;
@@ -70,14 +72,14 @@ impl<'a> Proposals<'a> {
     }
 }
 
-/// Sets of one digit less that can hold as those can: with the thumb, if it is among them, and a finger.
+/// Returns the sets with one digit less that can still hold: a thumb stays in the set, and so does at least one finger.
 fn without_one(digits: &[Digit]) -> Vec<Vec<Digit>> {
     let left_out = digits.iter().filter(|digit| **digit != Digit::Thumb);
     let sets = left_out.map(|out| digits.iter().copied().filter(|digit| digit != out).collect::<Vec<_>>());
     sets.filter(|set| set.iter().any(|digit| *digit != Digit::Thumb)).collect()
 }
 
-/// The first object as it is held in a snapshot.
+/// Returns the first object as it is held in a snapshot.
 pub fn carried(hold: &Snapshot, object: &ObjectModel) -> Carried {
     let truth = hold.robot.truth();
     let palm_from_object = truth.palm.inverse() * truth.objects[0];
@@ -91,7 +93,7 @@ mod tests {
 
     use super::*;
 
-    /// A pinch stays a pinch; a finger alone has none to leave out.
+    /// A pinch stays a pinch. A finger alone has no digit to leave out.
     #[test]
     fn digits_that_can_be_left_out() {
         assert_eq!(without_one(&[Thumb, Index, Middle]), [[Thumb, Middle], [Thumb, Index]]);

@@ -1,7 +1,8 @@
-//! Rehearsals: a grasp is proven by closing and holding it in physics, without errors or under given ones.
+//! Rehearsals (rollouts) of grasps: a grasp is proven by closing and holding it in physics, without errors or under
+//! given ones.
 //!
-//! A *first* grasp is proven alone: pick up, lift, hold. A *second* grasp is proven while ring and little finger already hold an
-//! object: the rehearsal starts from a snapshot of that hold and runs to the end of the trial.
+//! A *first* grasp is proven alone: pick up, lift, hold. A *second* grasp is proven while the ring and little fingers
+//! already hold an object: the rehearsal starts from a snapshot of that hold and runs to the end of the trial.
 
 pub mod circumstances;
 
@@ -26,25 +27,25 @@ use world::objects::ObjectModel;
 
 use crate::simulated_world::{World, drive, tick};
 
-/// Seed of the errors under which grasps are proven; no trial of a benchmark draws them.
+/// Seed of the errors under which grasps are proven. No benchmark trial draws from it.
 const PROVING_SEED: u64 = 0x005e_ed0f_9a05;
 
-/// How the hold at the end of a rehearsal went.
+/// Result of the hold at the end of a rehearsal.
 #[derive(Debug, Clone)]
 pub struct HoldOutcome {
-    /// Lifted, held to the end, off the table.
+    /// True if the object was lifted, is held to the end and is off the table.
     pub held: bool,
-    /// Object in the palm at the end.
+    /// Pose of the object in the palm frame at the end.
     pub palm_from_object: Isometry3<f64>,
-    /// How far it moved in the hand while held, m.
+    /// Slip: distance that the object moved in the hand while held, m.
     pub slip: f64,
-    /// Finger angles at the end, rad.
+    /// Finger joint angles at the end, rad.
     pub joints: Vec<f64>,
     /// Contacts with the hand at the end, palm frame.
     pub contacts: Vec<HeldContact>,
 }
 
-/// A snapshot: body and controller together.
+/// Snapshot of a rollout: the body together with its controller.
 #[derive(Clone)]
 pub struct Snapshot<R = SimulatedRobot> {
     /// The body.
@@ -53,22 +54,22 @@ pub struct Snapshot<R = SimulatedRobot> {
     pub executor: Executor,
 }
 
-/// What a trial begins with, beside the world and the tactile sensors.
+/// Initial conditions of a trial, besides the world and the tactile sensors.
 #[derive(Debug, Clone, Copy)]
 pub struct TrialStart<'a> {
     /// Distances and times.
     pub protocol: Protocol,
-    /// The grasps that are planned, one an object.
+    /// Planned grasps, one per object.
     pub grasps: &'a [&'a Grasp],
-    /// Errors of the arm and of prior perception.
+    /// Errors of the arm and of the prior perception.
     pub noise: &'a TrialNoise,
     /// Posture of the arm, rad.
     pub arm: ArmVector,
 }
 
 impl Snapshot {
-    /// A trial about to begin: `objects` stand in the places of those that the grasps are for, and are seen with the errors of
-    /// the noise.
+    /// Creates the snapshot of a trial that is about to begin. `objects` stand at the places of the objects that the
+    /// grasps are for, and are perceived with the errors of the noise.
     pub fn at_start(
         world: &World,
         start: &TrialStart<'_>,
@@ -86,48 +87,49 @@ impl Snapshot {
     }
 }
 
-/// Whether object `index` hangs in the hand, however low: touched by it, off the table, near the palm.
+/// True if object `index` is in the grip of the hand at any height: touched by the hand, off the table and near the
+/// palm.
 pub fn in_grip(truth: &Truth, index: usize) -> bool {
     GRIPPED.holds(&truth.support(index))
 }
 
-/// Whether object `index` is in the hand, and lifted.
+/// True if object `index` is in the hand and lifted.
 pub fn in_hand(truth: &Truth, index: usize) -> bool {
     LIFTED.holds(&truth.support(index))
 }
 
-/// Where the arm is when a rehearsal begins.
+/// Posture of the arm at the start of a rehearsal.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum StartPosture {
-    /// In the posture in which every trial starts: the rehearsal is then the trial's ideal run, bit by bit.
+    /// The posture in which every trial starts. The rehearsal is then bit for bit the ideal run of the trial.
     Ready,
     /// Right before the grasp, which saves time.
     Near,
 }
 
-/// What is rehearsed of a first grasp.
+/// Parameters of the rehearsal of a first grasp.
 #[derive(Debug, Clone, Copy)]
 pub struct FirstRehearsal<'a> {
     /// Distances and times.
     pub protocol: Protocol,
-    /// Where the arm is at the beginning.
+    /// Posture of the arm at the start.
     pub start: StartPosture,
-    /// The first grasp, and one of each object that stands by.
+    /// The first grasp, then one grasp for each object that stands by.
     pub grasps: &'a [&'a Grasp],
-    /// Errors of the arm and of prior perception.
+    /// Errors of the arm and of the prior perception.
     pub noise: &'a TrialNoise,
 }
 
 impl<'a> FirstRehearsal<'a> {
-    /// The ideal run's first half.
+    /// Creates the first half of the ideal run: no errors, and the arm starts in the ready posture.
     pub fn ideal(world: &World, grasps: &'a [&'a Grasp]) -> Self {
         static NONE: LazyLock<TrialNoise> = LazyLock::new(TrialNoise::none);
         Self { protocol: world.protocol(), start: StartPosture::Ready, grasps, noise: &NONE }
     }
 }
 
-/// Takes the first object and plays the trial up to the decision on the second grasp. None where the arm does not reach the
-/// object or the grasp does not hold it.
+/// Takes the first object and plays the trial up to the decision on the second grasp. Returns `None` if the arm does
+/// not reach the object or the grasp does not hold it.
 pub fn rehearse_first(
     world: &World,
     rehearsal: &FirstRehearsal<'_>,
@@ -158,11 +160,11 @@ pub fn rehearse_first(
     Ok(outcome.held.then_some((snapshot, outcome)))
 }
 
-/// Watches a try at an object after the first by the referee's rule.
+/// Watches a try at a later object, by the referee's rule for collisions.
 struct NextWatch {
     /// Index of the object.
     object: usize,
-    /// Bits of the digits that hold those before it, and of each free digit.
+    /// Bits of the digits that hold the earlier objects.
     holding: u32,
     free: Vec<u32>,
     gripped: bool,
@@ -190,16 +192,16 @@ impl NextWatch {
         Ok(())
     }
 
-    /// Takes in what touched the object in the last tick.
+    /// Records the contacts of the object in the last tick.
     fn note(&mut self, robot: &SimulatedRobot, executor: &Executor) {
-        // The palm may touch what two free digits have.
+        // The palm may touch an object that two free digits hold.
         self.gripped |= self.free.iter().filter(|digit| robot.touches(self.object, **digit)).count() >= 2;
         let unwanted = if self.gripped { self.holding } else { self.holding | PALM };
         self.collided = !executor.phase().lifts(self.object) && robot.touches(self.object, unwanted);
     }
 }
 
-/// From a hold of the only object, plays the rest of the trial: how the hold went.
+/// Plays the rest of the trial from a hold of the only object. Returns the result of the hold.
 pub fn rehearse_carry(snapshot: &Snapshot) -> Result<HoldOutcome> {
     let Snapshot { mut robot, mut executor } = snapshot.clone();
     executor.carry_aside()?;
@@ -209,8 +211,9 @@ pub fn rehearse_carry(snapshot: &Snapshot) -> Result<HoldOutcome> {
     Ok(hold_outcome(&before, &robot.truth(), 0))
 }
 
-/// From a hold of the objects before it, takes `object` with `grasp`, up to the decision on what follows. None where any
-/// of them is not in the hand then. Contacts are the referee's to count: neighbouring fingers meet on small things.
+/// Takes `object` with `grasp` from a hold of the objects before it, up to the decision on what follows. Returns `None`
+/// if any of them is not in the hand then. Collisions are left to the referee, because neighbouring fingers meet on
+/// small objects.
 pub fn rehearse_next(snapshot: &Snapshot, object: usize, grasp: &Grasp) -> Result<Option<Snapshot>> {
     let Snapshot { mut robot, mut executor } = snapshot.clone();
     if executor.take_with(object, grasp.clone()).is_err() {
@@ -226,8 +229,9 @@ pub fn rehearse_next(snapshot: &Snapshot, object: usize, grasp: &Grasp) -> Resul
     Ok((0..=object).all(|one| in_hand(&truth, one)).then_some(Snapshot { robot, executor }))
 }
 
-/// From a hold of all objects but the last, plays the rest of the trial with `grasp` of that one. Returns whether there was a collision before the
-/// digits had closed, and how the hold went. A trial that can no longer succeed is not played to the end.
+/// Plays the rest of the trial from a hold of all objects but the last, with `grasp` for the last one. Returns true if
+/// there was a collision before the digits had closed, and the result of the hold. A trial that can no longer succeed
+/// is not played to the end.
 pub fn rehearse_last(snapshot: &Snapshot, grasp: &Grasp) -> Result<(bool, HoldOutcome)> {
     let Snapshot { mut robot, mut executor } = snapshot.clone();
     let last = executor.targets().len() - 1;
@@ -261,14 +265,14 @@ pub fn rehearse_last(snapshot: &Snapshot, grasp: &Grasp) -> Result<(bool, HoldOu
     Ok((watch.collided, outcome))
 }
 
-/// From a hold of the first object, plays one try of `second` up to the end of its lift.
+/// Plays one try of `second` from a hold of the first object, up to the end of its lift.
 pub fn try_second(snapshot: &Snapshot, second: &Grasp) -> Result<TryOutcome> {
     let Snapshot { mut robot, mut executor } = snapshot.clone();
     executor.take_with(1, second.clone())?;
     play_try(&mut robot, &mut executor)
 }
 
-/// Plays a try at the second object, which `executor` is about to approach, until both are carried.
+/// Plays a try at the second object, which `executor` is about to approach, until both objects are carried.
 pub fn play_try_and_carry(mut robot: SimulatedRobot, mut executor: Executor) -> Result<TryOutcome> {
     let lifted = play_try(&mut robot, &mut executor)?;
     if lifted != TryOutcome::Held {
@@ -297,9 +301,9 @@ fn play_try(robot: &mut SimulatedRobot, executor: &mut Executor) -> Result<TryOu
     Ok(if in_hand(&truth, 0) && in_hand(&truth, 1) { TryOutcome::Held } else { TryOutcome::Missed })
 }
 
-/// `grasp` as it comes out under the errors of `noise` when it takes object `index`, to first order in the errors. The planner
-/// aims at the object where it sees it; relative to the hand, an error of perception or of the arm then shifts and turns the
-/// object the other way.
+/// Returns `grasp` as it turns out under the errors of `noise` when it takes object `index`, to first order in the
+/// errors. The planner aims at the perceived object. An error of perception or of the arm therefore shifts and turns
+/// the object the other way relative to the hand.
 pub fn misaimed(grasp: &Grasp, noise: &TrialNoise, index: usize) -> Grasp {
     let mut misaimed = grasp.clone();
     let seen = noise.objects[index];
@@ -307,46 +311,47 @@ pub fn misaimed(grasp: &Grasp, noise: &TrialNoise, index: usize) -> Grasp {
     for axis in 0..3 {
         misaimed.center[axis] -= shift[axis];
     }
-    // Small turns about the world's axes, which are those of roll, pitch and yaw while the hand points ahead.
+    // Small rotations about the world's axes, which coincide with roll, pitch and yaw while the hand points forward.
     misaimed.roll += noise.rotation.x;
     misaimed.pitch += noise.rotation.y;
     misaimed.yaw += noise.rotation.z + seen.yaw;
     misaimed
 }
 
-/// The errors a planner expects: grasps are proven and ranked under these, whatever a scenario's trials bring.
+/// Noise that a planner expects. Grasps are proven and ranked under it, whatever noise a scenario's trials have.
 const EXPECTED_NOISE: NoiseLevels = NoiseLevels {
     execution: ExecutionNoise { position_sigma: 0.003, rotation_sigma: 0.01 },
     perception: PerceptionNoise { xy_sigma: 0.004, z_sigma: 0.0015, yaw_sigma: 0.05 },
 };
 
-/// `count` draws of the noise a planner expects: under these, the same ones for every grasp, robustness is measured.
+/// Draws `count` samples of the noise that a planner expects. They are the same for every grasp, and robustness is
+/// measured under them.
 pub fn proving_errors(count: usize) -> Vec<TrialNoise> {
     let mut rng = trial_rng(PROVING_SEED, 0, 0);
     (0..count).map(|_| TrialNoise::draw(&EXPECTED_NOISE, 2, &mut rng)).collect()
 }
 
-/// Factor of the expected noise under which the odds of second grasps are rehearsed: wide enough to hold what controllers of the
-/// benchmark's robot expect.
+/// Factor on the expected noise under which the odds of second grasps are rehearsed. It is wide enough to cover what
+/// controllers of the benchmark's robot expect.
 const WIDE: f64 = 1.6;
-/// The same for places alone, once the object has been touched where it stands; turns are as wide.
+/// Factor on the position noise once the object has been touched where it stands. The rotation noise keeps [`WIDE`].
 const NARROW: f64 = 0.5;
 
-/// `count` draws of more than the noise a planner expects, the same ones for every grasp.
+/// Draws `count` samples of noise wider than a planner expects (`WIDE`), the same ones for every grasp.
 pub fn wide_errors(count: usize) -> Vec<TrialNoise> {
     let levels = EXPECTED_NOISE.scaled(WIDE);
     let mut rng = trial_rng(PROVING_SEED, 1, 0);
     (0..count).map(|_| TrialNoise::draw(&levels, 2, &mut rng)).collect()
 }
 
-/// `count` draws of what is left of the noise once the object has been touched, the same ones for every grasp.
+/// Draws `count` samples of the noise that remains once the object has been touched, the same ones for every grasp.
 pub fn narrow_errors(count: usize) -> Vec<TrialNoise> {
     let levels = narrow_levels();
     let mut rng = trial_rng(PROVING_SEED, 2, 0);
     (0..count).map(|_| TrialNoise::draw(&levels, 2, &mut rng)).collect()
 }
 
-/// The errors that are left of the place of an object that has been touched; turns are as wide as before.
+/// Returns the noise of the pose of an object that has been touched. The rotation noise is as wide as before.
 fn narrow_levels() -> NoiseLevels {
     let (wide, narrow) = (EXPECTED_NOISE.scaled(WIDE), EXPECTED_NOISE.scaled(NARROW));
     NoiseLevels {
@@ -358,7 +363,7 @@ fn narrow_levels() -> NoiseLevels {
 /// Bit of the palm in [`Truth::touched_by`].
 pub const PALM: u32 = 1 << MOST_HAND_JOINTS;
 
-/// Bits of the links of `digits` in [`Truth::touched_by`].
+/// Returns the bits of the links of `digits` in [`Truth::touched_by`].
 pub fn digit_bits(hand: &Hand, digits: &[Digit]) -> u32 {
     digits.iter().flat_map(|digit| hand.links(*digit)).fold(0, |bits, link| bits | 1 << link)
 }
@@ -375,7 +380,7 @@ fn hold_outcome(before: &Truth, after: &Truth, index: usize) -> HoldOutcome {
     }
 }
 
-/// Contacts of object `index` with the hand, palm frame.
+/// Returns the contacts of object `index` with the hand, palm frame.
 fn contacts_in_palm(truth: &Truth, index: usize) -> Vec<HeldContact> {
     let own = truth.contacts.iter().filter(|contact| contact.object == index && contact.force.norm() > 0.0);
     let in_palm = own.map(|contact| HeldContact {

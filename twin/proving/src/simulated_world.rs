@@ -1,4 +1,4 @@
-//! What every command that moves the simulated robot shares: the robot, where it stands, the objects.
+//! World of the simulated robot, shared by every command that moves it: the robot, its base pose, and the objects.
 
 use std::sync::Arc;
 
@@ -18,26 +18,27 @@ use scenarios::noise::TrialNoise;
 use sim::{ObjectPlacement, SceneSetup, SimulatedRobot};
 use world::objects::{ObjectModel, ObjectSet};
 
-/// What every trial of a scenario shares.
+/// Setup that every trial of a scenario shares.
 #[derive(Clone)]
 pub struct World {
-    /// The robot as the control stack knows it, and where it stands.
+    /// The robot as the control stack knows it, and its base pose.
     pub cell: Workcell,
-    /// All objects, in every way in which they can lie.
+    /// All objects, in every resting pose, also fallen over.
     pub objects: ObjectSet,
-    /// What is done and how it is judged.
+    /// Task and success criteria.
     pub scenario: Scenario,
-    /// Where the arm's base really stands in the simulated world, before a trial's own errors. The controller knows `cell.world_from_base`.
+    /// True pose of the arm's base in the simulated world, before a trial's own errors. The controller knows
+    /// `cell.world_from_base`.
     pub stands: Isometry3<f64>,
-    /// The simulated robot, where it is not the one that the control stack knows.
+    /// The simulated robot if it differs from the one that the control stack knows.
     pub plant: Option<RobotModel>,
 }
 
 impl World {
-    /// A robot, of which the control stack knows everything, among the objects of a scenario.
+    /// Creates the world of a robot that the control stack knows fully, among the objects of a scenario.
     ///
     /// # Errors
-    /// A scenario whose start is out of the arm's reach, or with an object that cannot be read.
+    /// Returns an error if the scenario's start is out of the arm's reach, or if an object of it cannot be read.
     pub fn new(robot: &RobotModel, scenario: Scenario) -> Result<Self> {
         if let Err((field, found, expected)) = scenario.disturbance.check_pads(&robot.hand) {
             bail!("{}: {field}: found {found}, expected {expected}", scenario.name);
@@ -55,12 +56,13 @@ impl World {
         Ok(Self { cell, objects, scenario, stands: Isometry3::identity(), plant: None })
     }
 
-    /// The simulated robot.
+    /// Returns the simulated robot.
     pub fn body(&self) -> &RobotModel {
         self.plant.as_ref().unwrap_or(&self.cell.robot)
     }
 
-    /// The same where the object that is taken first stands in the layout's second place, and the other in its first.
+    /// Returns the world with the two places of the layout swapped: the object that is taken first stands in the second
+    /// place, and the other in the first.
     #[must_use]
     pub fn in_other_order(&self) -> Self {
         let mut other = self.clone();
@@ -68,26 +70,27 @@ impl World {
         other
     }
 
-    /// Arm posture for a palm pose, or an error that says it is out of reach.
+    /// Returns the arm posture for a palm pose, or an error that says that it is out of reach.
     pub fn posture(&self, palm: &Isometry3<f64>, seed: &Joints) -> Result<Joints> {
         self.cell
             .posture(palm, seed)
             .ok_or_else(|| anyhow!("no arm posture reaches the palm at {:.3?}", palm.translation.vector.as_slice()))
     }
 
-    /// Where the objects of a trial stand: in the layout's places, shifted as drawn for the trial.
+    /// Returns the poses of a trial's objects: the places of the layout, shifted as drawn for the trial.
     pub fn places(&self, objects: &[Arc<ObjectModel>], noise: &TrialNoise) -> Vec<Isometry3<f64>> {
         let places = self.scenario.layout.places().into_iter().zip(&noise.shifts);
         places.zip(objects).map(|((place, shift), object)| place.shifted(shift).pose(object)).collect()
     }
 
-    /// The objects in their places as prior perception reports them under `noise`.
+    /// Returns the objects in their places as the prior perception reports them under `noise`.
     pub fn percepts(&self, objects: &[Arc<ObjectModel>], noise: &TrialNoise) -> Vec<Percept> {
         let poses = self.places(objects, noise).into_iter().zip(&noise.objects);
         poses.zip(objects).map(|((pose, error), object)| Percept::of(object, &error.perceived(&pose))).collect()
     }
 
-    /// The scene of a trial: objects in their places, the arm in posture `start` and off by `noise`'s errors.
+    /// Returns the scene of a trial: the objects in their places, and the arm in posture `start` with the errors of
+    /// `noise`.
     pub fn scene(&self, objects: &[Arc<ObjectModel>], start: ArmVector, noise: &TrialNoise) -> SceneSetup {
         SceneSetup {
             objects: objects
@@ -99,7 +102,7 @@ impl World {
         }
     }
 
-    /// The same without any object.
+    /// Returns the scene of a trial without any object.
     pub fn bare_scene(&self, start: ArmVector, noise: &TrialNoise) -> SceneSetup {
         SceneSetup {
             world_from_base: Isometry3::from_parts(noise.position.into(), UnitQuaternion::identity()) * self.stands,
@@ -115,7 +118,7 @@ impl World {
         }
     }
 
-    /// What cables and gears of the scenario's hand take.
+    /// Returns the losses in the cables and gears of the scenario's hand: friction and backlash.
     pub fn cable_losses(&self) -> CableLosses {
         let CableFriction { coefficient, .. } = self.cell.robot.hand.parameters.cable.friction;
         self.scenario.effects.cables.map_or(CableLosses::NONE, |cables| CableLosses {
@@ -127,7 +130,8 @@ impl World {
         })
     }
 
-    /// What a controller knows of its cables: the guides as the hand's data file has them, the gear's play as its data sheet.
+    /// Returns the cable losses that a controller knows: the guide friction of the hand's data file and the backlash of
+    /// the gear's data sheet.
     pub fn known_cable_losses(&self) -> CableLosses {
         self.scenario.effects.cables.map_or(CableLosses::NONE, |cables| CableLosses {
             friction: self.cell.robot.hand.parameters.cable.friction,
@@ -135,7 +139,7 @@ impl World {
         })
     }
 
-    /// Distances and times of a trial for the executor.
+    /// Returns the distances and times of a trial for the executor.
     pub fn protocol(&self) -> Protocol {
         let p = &self.scenario.protocol;
         Protocol {
@@ -147,17 +151,17 @@ impl World {
         }
     }
 
-    /// The protocol of rehearsals: the trial's own with a shorter hold.
+    /// Returns the protocol of rehearsals: the trial's own with a shorter hold.
     pub fn rehearsal_protocol(&self) -> Protocol {
         Protocol { hold: 1.0, ..self.protocol() }
     }
 
-    /// Objects by name.
+    /// Returns objects by name.
     pub fn models(&self, names: &[&str]) -> Result<Vec<Arc<ObjectModel>>> {
         names.iter().map(|name| self.object(name)).collect()
     }
 
-    /// An object by name.
+    /// Returns an object by name.
     pub fn object(&self, name: &str) -> Result<Arc<ObjectModel>> {
         self.objects
             .get(name)
@@ -166,7 +170,7 @@ impl World {
     }
 }
 
-/// Drives `robot` with `executor` until `phase` is reached; `watch` sees every tick.
+/// Drives `robot` with `executor` until `phase` is reached. `watch` is called after every tick.
 pub fn drive(
     robot: &mut SimulatedRobot,
     executor: &mut Executor,
@@ -180,7 +184,7 @@ pub fn drive(
     Ok(())
 }
 
-/// One tick of `robot` as `executor` commands it.
+/// Runs one tick of `robot` with the command of `executor`.
 pub fn tick(robot: &mut SimulatedRobot, executor: &mut Executor) -> Result<()> {
     let command = executor.tick(&robot.observe())?;
     robot.send(&command);
@@ -195,7 +199,7 @@ mod tests {
     use scenarios::generator::trial_rng;
     use scenarios::noise::draw_shifts;
 
-    /// Objects and what is seen of them are in the drawn places; the plan's noiseless run is in the nominal ones.
+    /// Objects and their percepts are in the drawn places. The plan's noiseless run is in the nominal ones.
     #[test]
     fn a_spread_moves_objects_and_what_is_seen_of_them() {
         let mut scenario = Scenario::benchmark();
@@ -215,8 +219,8 @@ mod tests {
         assert!((seen[0].yaw - shifts[0].yaw).abs() < 1e-9);
     }
 
-    /// Root mean square of the palm's position and rotation error, each axis, over drawn arms and the postures of the repertoire's
-    /// grasps in their places.
+    /// Returns the root mean square of the palm's position and rotation error per axis, over drawn arms and the
+    /// postures of the repertoire's grasps in their places.
     fn palm_errors(world: &World) -> (f64, f64) {
         let repertoire = crate::builtin::repertoire().unwrap();
         let layout = &world.scenario.layout;
@@ -244,7 +248,7 @@ mod tests {
         ((squares / count).sqrt(), (turns / count).sqrt())
     }
 
-    /// The arm's errors by joints, mount and load are as large at the palm as the constant error in whose place they are.
+    /// The errors of joints, mount and load are as large at the palm as the constant error that they replace.
     #[test]
     fn arm_errors_are_as_large_as_the_constant_one() {
         let world = World::new(&RobotModel::ftac_gen3(), Scenario::benchmark()).unwrap();

@@ -1,7 +1,8 @@
 //! Skills: ways to pick up a ball while other digits hold something, each closed and held in physics.
 //!
-//! Those that come with the program are in `data/transport.json`, beside the balls' grasps of the benchmark's repertoire. A ball
-//! of another size is taken with the grasps of the ball nearest in size, moved so that the palm keeps its distance.
+//! The built-in skills are in `data/transport.json`, in addition to the balls' grasps of the benchmark's repertoire. A
+//! ball of another size is taken with the grasps of the ball nearest in size, moved so that the palm keeps its
+//! distance.
 
 use std::path::Path;
 
@@ -16,11 +17,11 @@ use crate::simulated_world::World;
 
 /// Format version of skill files.
 const VERSION: u32 = 1;
-/// Sizes that count as the same, m.
+/// Tolerance within which sizes count as the same, m.
 const SAME: f64 = 5e-4;
-/// Grasps are taken over to balls that differ by no more than this part of the diameter ...
+/// Largest difference of diameters across which grasps are adapted, as a share of the diameter.
 const ALIKE: f64 = 0.16;
-/// ... and count less there.
+/// Factor on the score of an adapted grasp.
 const RESIZED_WORTH: f64 = 0.8;
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -33,12 +34,12 @@ pub struct SkillFile {
 }
 
 impl SkillFile {
-    /// A file of `skills`.
+    /// Creates a file of `skills`.
     pub fn new(command: String, skills: Vec<Pickup>) -> Self {
         Self { version: VERSION, command, skills }
     }
 
-    /// Those that come with the program.
+    /// Returns the built-in skills.
     pub fn builtin() -> Result<Self> {
         Self::parse(include_str!("../data/transport.json"), Path::new("data/transport.json"))
     }
@@ -52,7 +53,7 @@ impl SkillFile {
         Ok(file)
     }
 
-    /// Writes the file, a skill a line, whole or not at all.
+    /// Writes the file with one skill per line. It is written whole or not at all.
     pub fn write(&self, path: &Path) -> Result<()> {
         let lines: Vec<String> = self.skills.iter().map(serde_json::to_string).collect::<Result<_, _>>()?;
         let command = serde_json::Value::from(self.command.clone());
@@ -61,7 +62,8 @@ impl SkillFile {
     }
 }
 
-/// The balls' grasps of the benchmark's repertoire as skills: ring and little finger first, then thumb, index and middle finger.
+/// Converts the balls' grasps of the benchmark's repertoire to skills: ring and little finger first, then thumb, index
+/// and middle finger.
 pub fn of_repertoire(world: &World, repertoire: &Repertoire) -> Result<Vec<Pickup>> {
     let mut skills = Vec::new();
     let first = &digit_sets(&world.cell.robot.hand, 2)[0];
@@ -79,7 +81,8 @@ pub fn of_repertoire(world: &World, repertoire: &Repertoire) -> Result<Vec<Picku
     Ok(skills)
 }
 
-/// The grasps of the built-in skills with which exactly `digits` take and keep those of the objects `names` that are balls.
+/// Returns the grasps of the built-in skills with which exactly `digits` take and keep an object, for those of the
+/// objects `names` that are balls.
 pub fn by_digits(world: &World, names: &[String], digits: &[Digit]) -> Result<Vec<Grasp>> {
     let mut proven = SkillFile::builtin()?.skills;
     proven.retain(|skill| skill.keeps == digits && skill.grasp.digits == digits);
@@ -96,7 +99,7 @@ pub fn by_digits(world: &World, names: &[String], digits: &[Digit]) -> Result<Ve
     Ok(grasps)
 }
 
-/// The skills for balls of each of `diameters` (m), with the number of the diameter that each is for.
+/// Returns the skills for balls of each of `diameters` (m), each with the index of its diameter.
 pub fn for_sizes(proven: &[Pickup], diameters: &[f64]) -> Vec<(usize, Pickup)> {
     let mut skills = Vec::new();
     for (n, &diameter) in diameters.iter().enumerate() {
@@ -135,7 +138,8 @@ mod tests {
         }
     }
 
-    /// A ball of a known size has its own grasps alone; another one those of balls nearly as large; a very large one none.
+    /// A ball of a known size has only its own grasps. A ball of another size has those of balls of nearly its size,
+    /// and a very large one has none.
     #[test]
     fn sizes() {
         let world = World::new(&RobotModel::ftac_gen3(), Scenario::benchmark()).unwrap();

@@ -1,11 +1,16 @@
-//! Grasps for any object, sampled, closed by cables and held in physics.
+//! Grasp synthesis for any object: grasps are sampled, closed by cables and held in physics.
 //!
-//! [`subject`] makes an object ready for sampling, [`closing`] turns a sampled posture into a closed grasp, and [`checks`] verifies it.
-//! [`synthesizer`] does all three for one chain, [`search`] runs many chains and keeps the [`record`]s of grasps that pass with a [`report`], and [`evaluation`]
-//! measures how often that works and which metrics predict it. [`load`] says for what mass, [`size`] whether a hand can take an object at all. [`parts`] fills the collection of all objects, one resumable file an
-//! object; [`grasp_file`] reads it and what single searches left. [`again`] closes the grasps of a file once more, and [`export`] writes
-//! them for another engine. [`grasping_hand`] is what all of them ask of a hand; [`urdf_hand`] finds it of a URDF. [`kinds`] sorts what was found, [`hands`] compares
-//! hands on the same objects. A search may be for one [`wanted`] type of the taxonomy.
+//! [`subject`] makes an object ready for sampling, [`closing`] turns a sampled posture into a closed grasp, and
+//! [`checks`] verifies it. [`synthesizer`] does all three for one chain. [`search`] runs many chains and keeps the
+//! [`record`]s of the grasps that pass, with a [`report`]. [`evaluation`] measures the success rate and how well each
+//! metric predicts it. [`load`] states the mass for which grasps are verified, and [`size`] decides if a hand can take
+//! an object at all.
+//!
+//! [`parts`] fills the collection of all objects, one resumable file per object. [`grasp_file`] reads the collection
+//! and the files of single searches. [`again`] closes and checks the grasps of a file once more, and [`export`] writes
+//! them for another physics engine. [`grasping_hand`] is the interface that all of them need of a hand, and
+//! [`urdf_hand`] derives it from a URDF. [`kinds`] sorts the grasps that were found, and [`hands`] compares hands on
+//! the same objects. A search may be for one [`wanted`] type of the taxonomy.
 
 pub mod again;
 pub mod checks;

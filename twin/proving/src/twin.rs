@@ -1,9 +1,11 @@
-//! The twin of a scene: a simulated robot in the state that a controller believes in, to play tries before one is chosen.
+//! Digital twin of a scene: a simulated robot in the state that a controller believes in, for rollouts of tries before
+//! one is chosen.
 //!
-//! It is built from what the controller knows: the robot as drawn or identified, the objects' models, measured joint angles, the held
-//! object as felt, the target as seen. It never meets the body that the trial is played on. A hold is made anew for each draw: the held
-//! object is fastened where it is felt in digits that are as felt, servos and tensions are as measured, and it is let go. The arm's height
-//! over the table takes up what is not known of the target's height, because that stands on the table.
+//! It is built from the controller's knowledge: the robot as drawn or identified, the objects' models, measured joint
+//! angles, the held object as felt, and the target as seen. It never uses the body on which the trial is played. A hold
+//! is built anew for each draw: the held object is fastened at its felt pose in digits at their felt angles, with
+//! servos and tensions as measured, and is then released. The uncertainty of the target's height goes into the arm's
+//! height over the table, because the target stands on the table.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -23,27 +25,27 @@ use world::objects::ObjectModel;
 use crate::rehearsal::{in_grip, play_try_and_carry};
 use crate::simulated_world::{World, tick};
 
-/// Time in which digits press on the fastened object, and in which it then settles, s.
+/// Times for which the digits press on the fastened object, and in which it then settles, s.
 const PRESSING: (f64, f64) = (0.15, 0.25);
-/// How far above its place the target waits for that, m.
+/// Height above its place at which the target waits meanwhile, m.
 const ASIDE: f64 = 1.0;
-/// Seed of the individual objects of the draws; no trial of a benchmark draws them.
+/// Seed of the individual properties of the objects in the draws. No benchmark trial draws from it.
 const SEED: u64 = 0x7477_696e;
 
-/// Builds scenes of a world as its controller knows it.
+/// Builder of scenes of a world as its controller knows it.
 pub struct SceneTwin {
     world: World,
     board: TactileBoard,
 }
 
 impl SceneTwin {
-    /// Of a world; nothing is drawn with `board`.
+    /// Creates the twin of a world. Nothing is drawn with `board`.
     pub fn new(world: World, board: TactileBoard) -> Self {
         Self { world, board }
     }
 
-    /// The objects of draw `number`: as much lighter or heavier, smoother or rougher, smaller or larger than their models as the world's objects
-    /// are in their spread. The same ones in every scene.
+    /// Returns the objects of draw `number`, which differ from their models in mass, friction and size within the
+    /// spread of the world's objects. They are the same in every scene.
     fn objects(&self, models: [&Arc<ObjectModel>; 2], number: usize) -> Result<[Arc<ObjectModel>; 2]> {
         let Some(spread) = &self.world.scenario.effects.objects else { return Ok(models.map(Arc::clone)) };
         let mut rng = trial_rng(SEED, 0, number);
@@ -51,7 +53,8 @@ impl SceneTwin {
         Ok([first?, second?])
     }
 
-    /// The robot with the first object in its hand and the second one in its place, as one draw has it; none if it is not held.
+    /// Returns the robot of one draw, with the first object in its hand and the second one in its place. `None` if the
+    /// first object is not held.
     fn hold(&self, scene: &Scene, number: usize, draw: &Draw) -> Result<Option<SimulatedRobot>> {
         let [first, second] = self.objects([&scene.objects[0], &scene.objects[1]], number)?;
         let (target, above) = standing(&second, &draw.target);
@@ -89,10 +92,11 @@ impl SceneTwin {
     }
 }
 
-/// The holds of a scene under its draws.
+/// Holds of a scene, one per draw.
 struct Holds(Vec<Option<SimulatedRobot>>);
 
-/// The pose in which an object stands on the table that is believed to be at `pose`, and how much higher that is, m.
+/// Returns the pose of an object that stands on the table and is believed to be at `pose`, and how much higher it is
+/// than believed, m.
 fn standing(object: &ObjectModel, pose: &Isometry3<f64>) -> (Isometry3<f64>, f64) {
     let upright = |yaw: f64| UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw) * object.rest;
     let rotation = object.standing_yaw(&pose.rotation).map_or(pose.rotation, upright);
@@ -101,7 +105,7 @@ fn standing(object: &ObjectModel, pose: &Isometry3<f64>) -> (Isometry3<f64>, f64
     (Isometry3::from_parts(Translation3::new(at.x, at.y, height), rotation), height - at.z)
 }
 
-/// `executor` waits for `time` s.
+/// Lets `executor` wait for `time` s.
 fn play(robot: &mut SimulatedRobot, executor: &mut Executor, time: f64) -> Result<()> {
     for _ in 0..(time / robot.tick_length()).round() as usize {
         tick(robot, executor)?;

@@ -15,10 +15,10 @@ use serde::Serialize;
 
 /// Stopping tolerance of the solver.
 const TOLERANCE: f64 = 1e-3;
-/// Bootstrap resamples for the interval.
+/// Number of bootstrap resamples for the interval.
 const RESAMPLES: usize = 2000;
 
-/// Fewest objects of which an interval is given, as of samples in the benchmark.
+/// Fewest objects for which an interval is given, as for samples in the benchmark.
 const FEWEST_OBJECTS: usize = 5;
 
 /// Errors of fitting a boundary.
@@ -31,7 +31,7 @@ pub enum BoundaryError {
     Solver(String),
 }
 
-/// A fitted boundary; `true` stands for power.
+/// A fitted boundary. `true` stands for power.
 #[derive(Debug)]
 pub struct Boundary {
     svm: Svm<f64, bool>,
@@ -56,17 +56,17 @@ impl Boundary {
         Ok(Self { svm })
     }
 
-    /// Whether the point lies on the power side.
+    /// True if the point lies on the power side.
     pub fn power(&self, point: &[f64]) -> bool {
         self.svm.predict(Array1::from(point.to_vec()))
     }
 
-    /// Number of support vectors.
+    /// Returns the number of support vectors.
     pub fn support(&self) -> usize {
         self.svm.nsupport()
     }
 
-    /// Balanced accuracy: the mean of the two classes' accuracies, 0.5 for a constant answer.
+    /// Computes the balanced accuracy: the mean of the two classes' accuracies, 0.5 for a constant answer.
     pub fn balanced(&self, points: &[Vec<f64>], power: &[bool]) -> f64 {
         let of = |class: bool| {
             let own = points.iter().zip(power).filter(|(_, power)| **power == class);
@@ -77,7 +77,7 @@ impl Boundary {
         0.5 * (of(true) + of(false))
     }
 
-    /// Share of `points` on the correct side.
+    /// Returns the share of `points` on the correct side.
     pub fn accuracy(&self, points: &[Vec<f64>], power: &[bool]) -> f64 {
         let right = points.iter().zip(power).filter(|(point, power)| self.power(point) == **power).count();
         right as f64 / points.len().max(1) as f64
@@ -89,13 +89,14 @@ impl Boundary {
 pub struct HeldOut {
     /// Share of correct answers on objects that were left out of the fit.
     pub accuracy: f64,
-    /// 2.5 % and 97.5 % quantiles over resampled objects; none of fewer than five objects, or where all have the same share of correct answers.
+    /// 2.5 % and 97.5 % quantiles over resampled objects. `None` for fewer than five objects, or if all have the same
+    /// share of correct answers.
     pub interval: Option<[f64; 2]>,
     /// Mean of the two classes' accuracies, 0.5 for a constant answer.
     pub balanced: f64,
     /// Share of the larger class: the accuracy of always answering it.
     pub majority: f64,
-    /// (object, correct answers, grasps).
+    /// Results by object: (object, correct answers, grasps).
     pub objects: Vec<(String, usize, usize)>,
 }
 
@@ -106,7 +107,7 @@ pub fn held_out(points: &[Vec<f64>], power: &[bool], objects: &[&str], seed: u64
     names.sort_unstable();
     names.dedup();
     let mut found = Vec::new();
-    // Correct and total, for precision, then power.
+    // Correct and total answers, for precision, then power.
     let mut by_class = [[0usize; 2]; 2];
     for name in &names {
         let pick = |inside: bool| (0..points.len()).filter(move |n| (objects[*n] == *name) == inside);
@@ -196,7 +197,7 @@ mod tests {
         assert!(good.accuracy > 0.97 && good.balanced > 0.97, "{good:?}");
     }
 
-    /// A small class is not sacrificed to a large one around it.
+    /// The accuracy of a small class is not sacrificed to a large class around it.
     #[test]
     fn few_against_many() {
         let (points, power) = ring(400, 5);

@@ -1,4 +1,4 @@
-//! A set of verified grasps, each with what was measured on it and the type that the rules give it.
+//! Classification: a set of verified grasps, each with its measured attributes and the type that the rules assign.
 
 use grasping::synthesis::held::HeldGrasp;
 use hand_model::Hand;
@@ -9,19 +9,19 @@ use grasping::taxonomy::{Category, Taxonomy};
 
 /// A grasp with its type.
 pub struct ClassifiedGrasp {
-    /// `object/chain`.
+    /// Name, `object/chain`.
     pub id: String,
     /// Index of the object in [`Classification::objects`].
     pub object: usize,
-    /// As it was held.
+    /// The grasp as it was held.
     pub grasp: HeldGrasp,
-    /// What the rules are asked about.
+    /// Attributes on which the rules decide.
     pub attributes: Attributes,
-    /// Their answer.
+    /// Decision of the rules.
     pub decision: Decision,
 }
 
-/// The same grasp was added twice.
+/// Error: the same grasp was added twice.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("chain: found {0} twice, expected each grasp once")]
 pub struct DuplicateGrasp(pub String);
@@ -39,7 +39,7 @@ pub struct Classification {
 }
 
 impl Default for Classification {
-    /// No grasps yet; the paper's types and the rules that come with the program.
+    /// Starts without grasps, with the paper's types and the built-in rules.
     fn default() -> Self {
         let taxonomy = Taxonomy::paper();
         let rules = Rules::shipped(&taxonomy);
@@ -48,7 +48,7 @@ impl Default for Classification {
 }
 
 impl Classification {
-    /// Adds an object; grasps added from now on are of this one.
+    /// Adds an object. Grasps that are added later are of this object.
     pub fn add_object(&mut self, name: &str) {
         self.objects.push(name.to_owned());
     }
@@ -66,27 +66,27 @@ impl Classification {
         Ok(())
     }
 
-    /// The grasp called `id`.
+    /// Returns the grasp called `id`.
     pub fn find(&self, id: &str) -> Option<&ClassifiedGrasp> {
         self.grasps.iter().find(|grasp| grasp.id == id)
     }
 
-    /// Name of a grasp's object.
+    /// Returns the name of a grasp's object.
     pub fn object(&self, grasp: &ClassifiedGrasp) -> &str {
         &self.objects[grasp.object]
     }
 
-    /// Name of a grasp's type.
+    /// Returns the name of a grasp's type.
     pub fn type_name(&self, grasp: &ClassifiedGrasp) -> &str {
         &self.taxonomy.types[grasp.decision.kind].name
     }
 
-    /// Broad type of a grasp.
+    /// Returns the broad type of a grasp.
     pub fn category(&self, grasp: &ClassifiedGrasp) -> Category {
         self.taxonomy.types[grasp.decision.kind].category
     }
 
-    /// Grasps of a broad type.
+    /// Returns the number of grasps of a broad type.
     pub fn count(&self, category: Category) -> usize {
         self.grasps.iter().filter(|grasp| self.category(grasp) == category).count()
     }

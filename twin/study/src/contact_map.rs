@@ -11,15 +11,15 @@ use nalgebra::{Isometry3, Point3};
 
 /// Number of points on the hand.
 pub const POINTS: usize = 2170;
-/// Keeps the logarithm finite, m.
+/// Offset that keeps the logarithm finite, m.
 pub const EPSILON_1: f64 = 1e-4;
-/// Largest distance, m.
+/// Distance at which larger distances are clipped, m.
 pub const EPSILON_2: f64 = 0.05;
 
 /// A point fixed to a link: 0 is the palm, i + 1 the link that joint i moves; m, link frame.
 pub type HandPoint = (usize, Point3<f64>);
 
-/// [`POINTS`] points spread evenly over the covers of `hand`.
+/// Returns [`POINTS`] points spread evenly over the covers of `hand`.
 pub fn hand_points(hand: &Hand) -> Vec<HandPoint> {
     let surface = HandSurface::new(hand, POINTS);
     let all: Vec<HandPoint> = surface
@@ -28,16 +28,17 @@ pub fn hand_points(hand: &Hand) -> Vec<HandPoint> {
         .enumerate()
         .flat_map(|(link, own)| own.points.iter().map(move |point| (link, Point3::from(*point))))
         .collect();
-    // The surface has a few points too many: drop some evenly.
+    // The surface has a few points too many, so some are dropped evenly.
     (0..POINTS).map(|n| all[n * all.len() / POINTS]).collect()
 }
 
-/// Omega of a signed distance, m.
+/// Computes Omega of a signed distance, m.
 pub fn omega(distance: f64) -> f64 {
     (EPSILON_1 + distance.abs().min(EPSILON_2)).ln()
 }
 
-/// The contact map of `grasp`: Omega at each of `points`. `distance` is the object's signed distance, m, object frame.
+/// Computes the contact map of `grasp`: Omega at each of `points`. `distance` is the object's signed distance, m,
+/// object frame.
 pub fn contact_map(
     hand: &Hand,
     points: &[HandPoint],
@@ -51,7 +52,7 @@ pub fn contact_map(
     points.iter().map(|(link, point)| omega(distance(&(placed[*link] * point)))).collect()
 }
 
-/// Normalises every point's values to mean 0 and variance 1 over all maps; constant values become 0.
+/// Normalises every point's values to mean 0 and variance 1 over all maps. Constant values become 0.
 pub fn normalize(maps: &mut [Vec<f64>]) {
     let n = maps.len() as f64;
     for point in 0..maps.first().map_or(0, Vec::len) {

@@ -5,14 +5,14 @@ use grasping::taxonomy::{Category, Taxonomy};
 use schemars::JsonSchema;
 use serde::Serialize;
 
-/// Number of grasps of each object and type, and of ambiguous ones.
+/// Number of grasps of each object and type, and number of ambiguous ones.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Distribution {
     /// Objects in order of first appearance.
     pub objects: Vec<String>,
-    /// By object, then by type.
+    /// Number of grasps by object, then by type.
     pub counts: Vec<Vec<usize>>,
-    /// By object.
+    /// Number of ambiguous grasps by object.
     pub ambiguous: Vec<usize>,
 }
 
@@ -33,13 +33,13 @@ impl Distribution {
         found
     }
 
-    /// Grasps of each type over all objects.
+    /// Returns the number of grasps of each type over all objects.
     pub fn totals(&self) -> Vec<usize> {
         let types = self.counts.first().map_or(0, Vec::len);
         (0..types).map(|kind| self.counts.iter().map(|row| row[kind]).sum()).collect()
     }
 
-    /// Grasps of each category over all objects.
+    /// Returns the number of grasps of each category over all objects.
     pub fn categories(&self, taxonomy: &Taxonomy) -> [usize; 3] {
         let totals = self.totals();
         Category::ALL.map(|category| {

@@ -1,4 +1,4 @@
-//! From high-dimensional vectors to a plane: principal components, farthest-point sampling, t-SNE.
+//! Embedding of high-dimensional vectors in a plane: principal components, farthest-point sampling, t-SNE.
 
 use linfa::traits::Transformer;
 use linfa_tsne::TSneParams;
@@ -10,7 +10,7 @@ use rand_chacha::ChaCha8Rng;
 
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum EmbeddingError {
-    /// An argument does not suit the data.
+    /// An argument does not fit the data.
     #[error("{field}: found {found}, expected {expected}")]
     Argument { field: &'static str, found: String, expected: String },
     #[error("t-SNE: {0}")]
@@ -19,7 +19,7 @@ pub enum EmbeddingError {
 
 /// Additional vectors in the subspace iteration, which speed up the convergence of the last requested component.
 const SPARE: usize = 6;
-/// Largest number of iterations; the variances converge to 1e-10 long before.
+/// Maximum number of iterations. The variances converge to 1e-10 long before.
 const ROUNDS: usize = 300;
 
 /// The leading principal components.
@@ -31,7 +31,7 @@ pub struct Pca {
     pub explained: Vec<f64>,
 }
 
-/// The first `count` principal components of `rows` by subspace iteration from a seeded start.
+/// Computes the first `count` principal components of `rows` by subspace iteration from a seeded start.
 pub fn pca(rows: &[Vec<f64>], count: usize, seed: u64) -> Result<Pca, EmbeddingError> {
     let (n, width) = (rows.len(), rows.first().map_or(0, Vec::len));
     if count == 0 || count > width.min(n.saturating_sub(1)) {
@@ -86,8 +86,8 @@ fn squared(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum()
 }
 
-/// Farthest-point sampling: indices of up to `count` rows, starting with `first`, each with the largest distance from
-/// those before it (the first of equals).
+/// Selects rows by farthest-point sampling: indices of up to `count` rows, starting with `first`, each with the largest
+/// distance from those before it (the first of equals).
 pub fn farthest_points(rows: &[Vec<f64>], count: usize, first: usize) -> Vec<usize> {
     let mut chosen = Vec::new();
     let mut distance = vec![f64::INFINITY; rows.len()];
@@ -110,8 +110,8 @@ pub fn farthest_points(rows: &[Vec<f64>], count: usize, first: usize) -> Vec<usi
     chosen
 }
 
-/// A t-SNE map of `rows` into the plane. `linfa-tsne` always starts from the same small random positions; the seed
-/// permutes their assignment to the rows.
+/// Computes a t-SNE map of `rows` into the plane. `linfa-tsne` always starts from the same small random positions, so
+/// the seed permutes their assignment to the rows.
 pub fn tsne(rows: &[Vec<f64>], perplexity: f64, iterations: usize, seed: u64) -> Result<Vec<[f64; 2]>, EmbeddingError> {
     let (n, width) = (rows.len(), rows.first().map_or(0, Vec::len));
     if width < 2 || (n.saturating_sub(1) as f64) < 3.0 * perplexity {
@@ -147,7 +147,7 @@ mod tests {
             .collect()
     }
 
-    /// Subspace iteration finds what a full singular value decomposition finds.
+    /// Subspace iteration finds the components of a full singular value decomposition.
     #[test]
     fn components_of_a_small_cloud() {
         let rows = cloud(40, 12, 1);

@@ -1,4 +1,5 @@
-//! Why a grasp has its type: every condition of the best and of the second best type, with the margin by which it is met.
+//! Explanation of a grasp's type: every condition of the best and of the second best type, with the margin by which it
+//! is met.
 
 use std::fmt::Write as _;
 
@@ -8,24 +9,24 @@ use serde::Serialize;
 use crate::classification::{Classification, ClassifiedGrasp};
 use grasping::taxonomy::rules::Checked;
 
-/// The reasons for the type of a grasp.
+/// Reasons for the type of a grasp.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Explanation<'a> {
-    /// The grasp's.
+    /// Name of the grasp.
     id: &'a str,
     /// Grasp type of the paper.
     #[serde(rename = "type")]
     kind: &'a str,
-    /// By which all of its conditions are met; negative where not.
+    /// Margin by which all of its conditions are met. Negative if they are not.
     margin: f64,
     /// True if the type is not clear.
     ambiguous: bool,
-    /// One entry a condition of the type.
+    /// One entry per condition of the type.
     conditions: Vec<Checked>,
     /// Second best type.
     second: &'a str,
     second_margin: f64,
-    /// One entry a condition of the second best type.
+    /// One entry per condition of the second best type.
     second_conditions: Vec<Checked>,
 }
 
@@ -46,7 +47,7 @@ impl<'a> Explanation<'a> {
     }
 }
 
-/// The reasons in words, a line a condition.
+/// Formats the reasons as text with a line per condition.
 pub fn text(classification: &Classification, grasp: &ClassifiedGrasp) -> String {
     let (types, decision, rules) = (&classification.taxonomy.types, &grasp.decision, &classification.rules);
     let verdict = if decision.ambiguous { ", ambiguous" } else { "" };

@@ -1,8 +1,8 @@
-//! A map of grasps by what touches, with the boundary between power and precision.
+//! Map of grasps by their contacts, with the boundary between power and precision grasps.
 //!
-//! As in the paper's supplement: contact maps are normalised and reduced to six principal components, 1,000 grasps are taken by
-//! farthest-point sampling, t-SNE places them in the plane, and a support-vector machine draws the boundary. Beside its accuracy on
-//! the training data stands the accuracy on objects left out.
+//! The method is that of the paper's supplement. Contact maps are normalised and reduced to six principal components.
+//! Farthest-point sampling takes 1,000 grasps, t-SNE places them in the plane, and a support-vector machine draws the
+//! boundary. The accuracy on the training data is given together with the accuracy on objects left out.
 
 use std::fmt::Write as _;
 
@@ -19,99 +19,99 @@ use crate::contact_map::{POINTS, contact_map, hand_points, normalize};
 use crate::embedding::{EmbeddingError, farthest_points, pca, tsne};
 use grasping::taxonomy::Category;
 
-/// Principal components that are kept.
+/// Number of principal components kept.
 const COMPONENTS: usize = 6;
 const PERPLEXITY: f64 = 30.0;
 const ITERATIONS: usize = 1000;
 
-/// Why there is no map.
+/// Errors of making a map.
 #[derive(Debug, thiserror::Error)]
 pub enum MapError {
-    /// Of the projection.
+    /// Error of the projection.
     #[error(transparent)]
     Embedding(#[from] EmbeddingError),
     #[error(transparent)]
     Boundary(#[from] BoundaryError),
 }
 
-/// The boundaries of one map.
+/// Boundaries of one map.
 #[derive(Debug, Serialize, JsonSchema)]
 struct SeedFigures {
     /// Seed of the map.
     seed: u64,
-    /// On the map.
+    /// Boundary in the plane of the map.
     map: FittedBoundary,
-    /// In the space of the principal components.
+    /// Boundary in the space of the principal components.
     components: FittedBoundary,
 }
 
-/// The figures of all maps, as `map.json` has them.
+/// Figures of all maps, as written to `map.json`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Figures {
     grasps: usize,
-    /// Grasps on a map.
+    /// Number of grasps on a map.
     sampled: usize,
-    /// Points of a contact map.
+    /// Number of points of a contact map.
     points: usize,
     /// Share of the variance that each principal component explains.
     explained: Vec<f64>,
-    /// Power grasps.
+    /// Number of power grasps.
     power: usize,
-    /// Precision grasps.
+    /// Number of precision grasps.
     precision: usize,
-    /// Intermediate grasps.
+    /// Number of intermediate grasps.
     intermediate: usize,
-    /// Least and largest accuracy on the training set of a map.
+    /// Smallest and largest accuracy on the training set of a map, over the seeds.
     training_over_seeds: [f64; 2],
     seeds: Vec<SeedFigures>,
 }
 
-/// What is drawn.
+/// Settings of the maps.
 #[derive(Debug, Clone, Copy)]
 pub struct MapSettings {
-    /// Grasps on a map at most.
+    /// Maximum number of grasps on a map.
     pub most: usize,
-    /// Maps, from as many seeds.
+    /// Number of maps, each from its own seed.
     pub maps: u64,
-    /// The first of the seeds.
+    /// First seed.
     pub seed: u64,
 }
 
-/// A boundary in one space.
+/// Fitted boundary in one space.
 #[derive(Debug, Clone, Serialize, JsonSchema)]
 pub struct FittedBoundary {
     /// Accuracy on the points it was fitted to.
     pub training: f64,
-    /// The same as the mean over both classes.
+    /// Balanced accuracy on those points: the mean over both classes.
     pub training_balanced: f64,
     pub support_vectors: usize,
     /// Accuracy on objects left out.
     pub held_out: HeldOut,
 }
 
-/// One seed's map.
+/// Map of one seed.
 pub struct GraspMap {
     /// Indices of the grasps on the map.
     pub sampled: Vec<usize>,
-    /// Where they are, in the same order.
+    /// Positions of these grasps on the map, in the same order.
     pub places: Vec<[f64; 2]>,
-    /// The boundary in the plane of the map.
+    /// Boundary in the plane of the map.
     pub boundary: Boundary,
-    /// How well that boundary separates.
+    /// Accuracy of that boundary.
     pub plane: FittedBoundary,
-    /// How well the one in the space of the components does.
+    /// Accuracy of the boundary in the space of the components.
     pub components: FittedBoundary,
 }
 
-/// The maps of a set of grasps.
+/// Maps of a set of grasps.
 pub struct GraspMaps {
     /// Share of the variance that each component explains.
     pub explained: Vec<f64>,
-    /// A map for each seed.
+    /// One map per seed.
     pub maps: Vec<GraspMap>,
 }
 
-/// Refuses grasps that leave no boundary to draw: it takes some of both broad types.
+/// Returns an error unless there are grasps of both broad types, power and precision. A boundary needs both.
 pub fn check_both_classes(classification: &Classification) -> Result<(), BoundaryError> {
     let [power, precision] = [Category::Power, Category::Precision].map(|category| classification.count(category));
     if power == 0 || precision == 0 {
@@ -120,8 +120,8 @@ pub fn check_both_classes(classification: &Classification) -> Result<(), Boundar
     Ok(())
 }
 
-/// Normalised contact maps of all grasps. `distance` is the signed distance to an object, which is named by its index, of a
-/// point in the object's frame, m.
+/// Computes the normalised contact maps of all grasps. `distance` returns the signed distance, m, of a point in the
+/// object's frame to the object with the given index.
 pub fn contact_maps(
     hand: &Hand,
     classification: &Classification,
@@ -147,7 +147,7 @@ pub fn contact_maps(
 }
 
 impl GraspMaps {
-    /// Maps of the grasps of `classification`, whose contact maps are `contacts`.
+    /// Computes maps of the grasps of `classification`, whose contact maps are `contacts`.
     pub fn of(
         classification: &Classification,
         contacts: &[Vec<f64>],
@@ -161,7 +161,7 @@ impl GraspMaps {
         Ok(Self { explained: found.explained, maps })
     }
 
-    /// Lowest and highest training accuracy in the plane over the seeds.
+    /// Returns the lowest and highest training accuracy in the plane over the seeds.
     fn training(&self) -> (f64, f64) {
         self.maps
             .iter()
@@ -169,7 +169,7 @@ impl GraspMaps {
             .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)))
     }
 
-    /// The figures; the seeds count up from `seed`.
+    /// Returns the figures. The seeds count up from `seed`.
     pub fn figures(&self, classification: &Classification, seed: u64) -> Figures {
         let seeds = (seed..).zip(&self.maps);
         let (low, high) = self.training();
@@ -188,7 +188,7 @@ impl GraspMaps {
         }
     }
 
-    /// The figures in words; `grasps` is the number of all grasps.
+    /// Formats the figures as text. `grasps` is the number of all grasps.
     pub fn text(&self, grasps: usize) -> String {
         let Some(first) = self.maps.first() else { return String::new() };
         let explained: f64 = self.explained.iter().sum();
@@ -236,7 +236,7 @@ fn draw(
     let first = seed as usize % contacts.len();
     let sampled = farthest_points(contacts, most, first);
     let rows: Vec<Vec<f64>> = sampled.iter().map(|row| scores[*row].clone()).collect();
-    // Few grasps have fewer neighbours.
+    // A small set of grasps needs a lower perplexity.
     let perplexity = PERPLEXITY.min((sampled.len() as f64 - 1.0) / 3.5);
     let places = tsne(&rows, perplexity, ITERATIONS, seed)?;
     let category = |row: usize| classification.category(&classification.grasps[row]);

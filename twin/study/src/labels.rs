@@ -60,7 +60,7 @@ pub struct Agreement {
     pub kappa: Option<f64>,
 }
 
-/// Cohen's kappa of pairs of ratings with `kinds` classes; `None` without pairs.
+/// Computes Cohen's kappa of pairs of ratings with `kinds` classes. Returns `None` without pairs.
 pub fn agreement(pairs: &[(usize, usize)], kinds: usize) -> Option<Agreement> {
     if pairs.is_empty() {
         return None;

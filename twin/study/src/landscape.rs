@@ -1,10 +1,12 @@
 //! Energy landscapes mapped by attraction and diffusion (ADELM: Hill, Nijkamp and Zhu 2019).
 //!
-//! [`attraction`] asks whether a chain drawn towards a minimum reaches it, and over which energy; [`mapping`] sorts minima into
-//! basins by that question and measures the barriers between them. [`metastability`] finds the pull at which minima stop being
-//! reachable, so that it need not be guessed, and [`disconnectivity`] makes the tree. Two landscapes are mapped: [`multi_well`],
-//! whose minima and barriers are exact, and [`grasps`], the energy of grasps on several objects. For the latter [`calibration`]
-//! sets the pull, [`exploration`] runs the mapping and [`basins`] says what was found.
+//! [`attraction`] tests if a chain drawn towards a minimum reaches it, and over which energy. [`mapping`] sorts minima
+//! into basins by that test and measures the barriers between them. [`metastability`] finds the pull at which minima
+//! are no longer reachable, so that it need not be guessed, and [`disconnectivity`] builds the tree.
+//!
+//! Two landscapes are mapped: [`multi_well`], whose minima and barriers are exact, and [`grasps`], the energy of grasps
+//! on several objects. For the latter, [`calibration`] sets the pull, [`exploration`] runs the mapping, and [`basins`]
+//! reports the result.
 
 pub mod attraction;
 pub mod basins;
@@ -30,8 +32,8 @@ pub trait Landscape: Sync {
     /// Starts a chain at `state`.
     fn enter(&self, state: &Self::State) -> Self::Walker;
 
-    /// One Metropolis-Hastings step at `temperature` on the energy plus `pull` times the distance to `target`. Returns
-    /// the energy without the pull, and the distance, after the step.
+    /// Runs one Metropolis-Hastings step at `temperature` on the energy plus `pull` times the distance to `target`.
+    /// Returns the energy without the pull, and the distance, after the step.
     fn step(
         &self,
         walker: &mut Self::Walker,

@@ -1,4 +1,4 @@
-//! How people hold things (`data/people.toml`), and choices of grasps that come near it.
+//! Frequencies of the ways in which people hold things (`data/people.toml`), and choices of grasps that match them.
 
 use std::path::Path;
 
@@ -11,9 +11,9 @@ use serde::{Deserialize, Serialize};
 #[serde(deny_unknown_fields)]
 struct Way {
     name: String,
-    /// Of the time in which hands are used.
+    /// Share of the time in which hands are used, %.
     percent: f64,
-    /// Names of the types that count as it.
+    /// Names of the types that count as this way.
     types: Vec<String>,
 }
 
@@ -27,7 +27,7 @@ struct File {
 #[derive(Debug, Clone)]
 pub struct People {
     ways: Vec<Way>,
-    /// By type, the index of its way.
+    /// Index of the way of each type.
     way_of: Vec<usize>,
 }
 
@@ -35,15 +35,15 @@ pub struct People {
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct WayShare {
     pub name: String,
-    /// Of people's grasps.
+    /// Share of people's grasps.
     pub people: f64,
-    /// Of these grasps.
+    /// Share of the counted grasps.
     pub share: f64,
     pub grasps: usize,
 }
 
 impl People {
-    /// The shares that come with the program.
+    /// Returns the built-in shares.
     ///
     /// # Panics
     /// Never in a tested build: the file is compiled in and a test reads it.
@@ -52,7 +52,7 @@ impl People {
             .expect("the built-in shares are valid")
     }
 
-    /// Parses shares; each type of the `taxonomy` is of one way. `path` is used in errors.
+    /// Parses shares. Each type of the `taxonomy` belongs to exactly one way. `path` is used in errors.
     pub fn parse(text: &str, path: &Path, taxonomy: &Taxonomy) -> Result<Self, DataError> {
         let File { way: ways } = toml::from_str(text)
             .map_err(|error| DataError::Format { path: path.into(), message: error.to_string() })?;
@@ -85,7 +85,7 @@ impl People {
         self.ways[way].percent / self.ways.iter().map(|way| way.percent).sum::<f64>()
     }
 
-    /// Shares of grasps whose counts by type are `types`, beside people's.
+    /// Compares the shares of grasps whose counts by type are `types` with people's shares.
     pub fn compare(&self, types: &[usize]) -> Vec<WayShare> {
         let all = types.iter().sum::<usize>().max(1) as f64;
         let row = |way: usize| {
@@ -96,8 +96,9 @@ impl People {
         (0..self.ways.len()).map(row).collect()
     }
 
-    /// Of grasps of these types (indices), at most `most`, as many as can be had with people's shares: numbers of the chosen ones. Within a way
-    /// those that come first in `order` are taken, a list of numbers of grasps.
+    /// Chooses at most `most` grasps, as many as possible with people's shares, and returns their numbers. `types`
+    /// gives the type index of each grasp. Within a way, the grasps that come first in `order`, a list of grasp
+    /// numbers, are taken.
     pub fn choose(&self, types: &[usize], order: &[usize], most: usize) -> Vec<usize> {
         let of = |way: usize| order.iter().copied().filter(move |grasp| self.way_of[types[*grasp]] == way);
         let bound = |way: usize| of(way).count() as f64 / self.share(way);
@@ -109,12 +110,12 @@ impl People {
     }
 }
 
-/// Half the sum of the differences between the shares: 0 where they are alike, 1 where they have nothing in common.
+/// Computes half the sum of the differences between the shares: 0 if they are equal, 1 if they have nothing in common.
 pub fn distance(ways: &[WayShare]) -> f64 {
     0.5 * ways.iter().map(|way| (way.people - way.share).abs()).sum::<f64>()
 }
 
-/// The shares as a table, a line a way.
+/// Formats the shares as a table with a line per way.
 pub fn table(ways: &[WayShare]) -> String {
     let mut text = format!("{:24} {:>8} {:>8} {:>7}\n", "way of people", "people", "here", "grasps");
     for way in ways {
@@ -128,7 +129,7 @@ pub fn table(ways: &[WayShare]) -> String {
 mod tests {
     use super::*;
 
-    /// Every type is of one way, and shares leave out what is no grasp.
+    /// Every type belongs to one way, and the shares leave out the ways that are not grasps.
     #[test]
     fn shares_of_people() {
         let taxonomy = Taxonomy::paper();
@@ -142,7 +143,7 @@ mod tests {
         assert!(error.contains("p.toml") && error.contains("Pincer"), "{error}");
     }
 
-    /// Where the rarest way bounds the number, the choice has people's shares all the same.
+    /// Even if the rarest way bounds the number, the choice has people's shares.
     #[test]
     fn a_choice_has_the_shares() {
         let taxonomy = Taxonomy::paper();

@@ -10,18 +10,18 @@ use grasping::taxonomy::Category;
 /// Agreement of two raters on the grasps that both rated.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct RaterPair {
-    /// An annotator.
+    /// Name of an annotator.
     pub first: String,
-    /// Another one, or `rules`.
+    /// Name of another annotator, or `rules`.
     pub second: String,
-    /// On the 19 types.
+    /// Agreement on the 19 types.
     pub types: Agreement,
-    /// On the three broad types.
+    /// Agreement on the three broad types.
     pub categories: Agreement,
 }
 
 impl RaterPair {
-    /// The pair in a line of words.
+    /// Formats the pair as one line of text.
     pub fn text(&self) -> String {
         let kappa = |found: &Agreement| found.kappa.map_or("none".into(), |kappa| format!("{kappa:.3}"));
         format!(
@@ -37,7 +37,8 @@ impl RaterPair {
     }
 }
 
-/// Agreement of every annotator with the rules and with every annotator before; pairs with no grasp in common are left out.
+/// Computes the agreement of every annotator with the rules and with every earlier annotator. Pairs with no grasp in
+/// common are left out.
 pub fn agreements(classification: &Classification, annotators: &[Labels]) -> Vec<RaterPair> {
     let taxonomy = &classification.taxonomy;
     let label = |labels: &Labels, id: &str| labels.labels.get(id).and_then(|name| taxonomy.find(name));
@@ -114,7 +115,7 @@ mod tests {
         assert_eq!(made.object(made.find("die/1").expect("there")), "die");
     }
 
-    /// One annotator agrees with the rules on all grasps, the other labels one grasp and is wrong about it.
+    /// One annotator agrees with the rules on all grasps. The other labels a single grasp and gets it wrong.
     #[test]
     fn everyone_is_compared_with_everyone_before() {
         let made = classified();

@@ -8,7 +8,7 @@ use serde::Serialize;
 /// One of the six sensor configurations.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Configuration {
-    /// `a` to `f`.
+    /// Letter of the configuration, `a` to `f`.
     pub letter: char,
     /// Number of pads on the hand.
     pub pads: usize,
@@ -38,7 +38,7 @@ pub struct Array {
     pub pitch_mm: f64,
 }
 
-/// The tables' figures of `hand`.
+/// Computes the figures of the tables for `hand`.
 pub fn array(hand: &Hand) -> Array {
     let mut configurations: Vec<Configuration> = Vec::new();
     for pad in &hand.pads {
@@ -85,7 +85,7 @@ pub const OTHERS: [System; 6] = [
 mod tests {
     use super::*;
 
-    /// The paper's table of dimensions, and pixels that add up.
+    /// The dimensions are those of the paper's table, and the pixels add up.
     #[test]
     fn tables_of_the_hand() {
         let found = array(&Hand::ftac());

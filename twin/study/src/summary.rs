@@ -1,4 +1,5 @@
-//! What the rules say of a set of grasps: how many of each type, how many of them beyond doubt, as JSON and as a table.
+//! Summary of the rules' decisions on a set of grasps: the number of grasps of each type and the number that are clear,
+//! as JSON and as a table.
 
 use std::fmt::Write as _;
 
@@ -11,30 +12,30 @@ use crate::people::{self, People, WayShare};
 use crate::raters::RaterPair;
 use grasping::taxonomy::{Category, GraspType, Taxonomy};
 
-/// A type and its grasps.
+/// A type with its counts.
 #[derive(Debug, Serialize, JsonSchema)]
 struct TypeRow {
-    /// Its name.
+    /// Name of the type.
     name: String,
     category: Category,
-    /// Grasps for which it is the best type.
+    /// Number of grasps for which it is the best type.
     grasps: usize,
-    /// Those that meet all of its conditions.
+    /// Number of these that meet all of its conditions.
     fit: usize,
-    /// Those for which the decision is not ambiguous.
+    /// Number of these for which the decision is not ambiguous.
     clear: usize,
 }
 
-/// The type of a grasp.
+/// Type of a grasp.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct TypeDecision {
-    /// The grasp's.
+    /// Name of the grasp.
     id: String,
     /// Grasp type of the paper.
     #[serde(rename = "type")]
     kind: String,
     category: Category,
-    /// By which all of its conditions are met; negative where not.
+    /// Margin by which all of its conditions are met. Negative if they are not.
     margin: f64,
     /// True if the type is not clear.
     ambiguous: bool,
@@ -43,67 +44,67 @@ pub struct TypeDecision {
     second_margin: f64,
 }
 
-/// Grasps of the three broad types.
+/// Counts of the three broad types.
 #[derive(Debug, Serialize, JsonSchema)]
 struct CategoryCounts {
-    /// Power grasps.
+    /// Number of power grasps.
     power: usize,
-    /// Intermediate grasps.
+    /// Number of intermediate grasps.
     intermediate: usize,
-    /// Precision grasps.
+    /// Number of precision grasps.
     precision: usize,
 }
 
-/// The figures of a classification, as `classes.json` has them.
+/// Figures of a classification, as written to `classes.json`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Figures {
     grasps: usize,
     objects: usize,
-    /// Types of which there is a grasp.
+    /// Number of types with a grasp.
     types_present: usize,
-    /// Types of which a grasp meets all conditions.
+    /// Number of types with a grasp that meets all conditions.
     types_fitted: usize,
-    /// Types of which a grasp is not ambiguous.
+    /// Number of types with a grasp that is not ambiguous.
     types_clear: usize,
-    /// Grasps whose type is not clear.
+    /// Number of grasps whose type is not clear.
     ambiguous: usize,
-    /// Grasps that meet no type's conditions.
+    /// Number of grasps that meet no type's conditions.
     fit_no_type: usize,
     categories: CategoryCounts,
-    /// Grasp types of the paper.
+    /// Counts of the paper's grasp types.
     types: Vec<TypeRow>,
     by_object: Distribution,
-    /// Beside the shares of the ways in which people hold things.
+    /// Comparison with the shares of the ways in which people hold things.
     people: Vec<WayShare>,
     /// Agreement with people's labels.
     agreement: Vec<RaterPair>,
-    /// A grasp each.
+    /// Decisions, one per grasp.
     pub decisions: Vec<TypeDecision>,
 }
 
-/// Grasps of one type.
+/// Counts of one type.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct TypeCount {
-    /// All for which it is the best type.
+    /// Number of grasps for which it is the best type.
     pub grasps: usize,
-    /// Those that meet all of its conditions.
+    /// Number of these that meet all of its conditions.
     pub fit: usize,
-    /// Those for which the decision is not ambiguous.
+    /// Number of these for which the decision is not ambiguous.
     pub clear: usize,
 }
 
 /// Counts of a classification.
 pub struct Summary {
-    /// By object and type.
+    /// Counts by object and type.
     pub distribution: Distribution,
-    /// By type, in the order of the taxonomy.
+    /// Counts by type, in the order of the taxonomy.
     pub types: Vec<TypeCount>,
-    /// Power, intermediate, precision.
+    /// Numbers of power, intermediate and precision grasps.
     pub categories: [usize; 3],
     pub grasps: usize,
-    /// Grasps whose type is ambiguous.
+    /// Number of grasps whose type is ambiguous.
     pub ambiguous: usize,
-    /// Grasps that meet no type's conditions.
+    /// Number of grasps that meet no type's conditions.
     pub unfit: usize,
 }
 
@@ -136,17 +137,17 @@ impl Summary {
         self.types.iter().filter(|kind| count(kind) > 0).count()
     }
 
-    /// Types of which there is a grasp.
+    /// Returns the number of types with a grasp.
     pub fn present(&self) -> usize {
         self.types_with(|kind| kind.grasps)
     }
 
-    /// The ways in which people hold things, and the shares of these grasps.
+    /// Returns the ways in which people hold things, with the shares of these grasps.
     fn people(&self, taxonomy: &Taxonomy) -> Vec<WayShare> {
         People::known(taxonomy).compare(&self.distribution.totals())
     }
 
-    /// The summary, every decision and the raters' agreement.
+    /// Returns the summary, every decision and the raters' agreement.
     pub fn figures(&self, classification: &Classification, agreement: Vec<RaterPair>) -> Figures {
         let kinds = &classification.taxonomy.types;
         let row = |(kind, count): (&GraspType, &TypeCount)| TypeRow {
@@ -183,7 +184,7 @@ impl Summary {
         }
     }
 
-    /// The counts as a table, a line a type.
+    /// Formats the counts as a table with a line per type.
     pub fn table(&self, classification: &Classification) -> String {
         let mut text = format!(
             "{} grasps of {} objects: {} of 19 types present, {} by grasps that meet all conditions, {} by clear ones\n",
@@ -212,7 +213,7 @@ impl Summary {
     }
 }
 
-/// To three digits; a type that is out of the question has -99.
+/// Rounds a margin to three digits. A type that is far from fitting has -99.
 fn rounded(margin: f64) -> f64 {
     (margin.max(-99.0) * 1e3).round() / 1e3
 }

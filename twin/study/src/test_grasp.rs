@@ -2,7 +2,7 @@
 
 use grasping::synthesis::held::{ClosedPose, DigitUse, HeldContact, HeldGrasp};
 
-/// A grasp with the given contacts (link, normal in the palm frame, force) at joint angles of `bend`.
+/// Builds a grasp with the given contacts (link, normal in the palm frame, force) at joint angles of `bend`.
 pub(crate) fn grasp(bend: f64, contacts: &[(Option<usize>, [f64; 3], f64)]) -> HeldGrasp {
     HeldGrasp {
         object: "thing".into(),

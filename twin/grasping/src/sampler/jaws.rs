@@ -1,4 +1,4 @@
-//! Proposals of a parallel gripper: from above, the jaws beside the object.
+//! Proposals for a parallel gripper, which comes from above with its jaws beside the object.
 
 use std::f64::consts::FRAC_PI_2;
 
@@ -9,16 +9,16 @@ use rand::{Rng, RngExt};
 use super::ObjectExtent;
 use crate::grasp::Grasp;
 
-/// The jaws open at least this much wider than an object that they take, m.
+/// Least clearance between the jaws' opening and an object that they take, m.
 const PLAY: f64 = 0.006;
-/// Distance of the jaws' tips from the table, and of the palm from the object's top, at least, m.
+/// Least distance of the jaws' tips from the table, and of the palm from the object's top, m.
 const CLEARANCE: f64 = 0.005;
 /// Range of heights at which an object is taken, m.
 const HEIGHTS: f64 = 0.018;
-/// Force of each jaw, N.
+/// Range of the force of each jaw, N.
 const FORCE: [f64; 2] = [12.0, 40.0];
 
-/// A random proposal.
+/// Draws a random proposal.
 pub fn propose(jaws: &Jaws, object: &ObjectExtent, digits: &[Digit], id: u32, rng: &mut impl Rng) -> Grasp {
     // Jaws close along the object's y at yaw 0 and along its x at a quarter turn.
     let quarters = [(0.0, object.half.y), (FRAC_PI_2, object.half.x), (-FRAC_PI_2, object.half.x)];
@@ -27,10 +27,10 @@ pub fn propose(jaws: &Jaws, object: &ObjectExtent, digits: &[Digit], id: u32, rn
     let quarter =
         if object.yaw_matters && !narrow.is_empty() { narrow[rng.random_range(0..narrow.len())] } else { 0.0 };
     let mut uniform = |low: f64, high: f64| rng.random_range(low..high);
-    // How far the pads' middle is above the object's centre.
+    // Height of the pads' centre above the object's centre.
     let lowest = (jaws.tip + CLEARANCE - object.half.z).max(object.half.z + CLEARANCE - jaws.depth);
     let force = uniform(FORCE[0], FORCE[1]);
-    // Both jaws pull alike, or none.
+    // Both jaws pull with the same force, or neither does.
     let pull = |value: f64| -> DigitVector { [if digits.is_empty() { 0.0 } else { value }; 2].into_iter().collect() };
     Grasp {
         id,

@@ -35,9 +35,9 @@ impl Default for Schedule {
     }
 }
 
-/// The object's surface begins at most this far behind the palm frame's origin, along the palm's z, m.
+/// Largest distance of the object's surface behind the palm frame's origin at a start, along the palm's z, m.
 const BEHIND: f64 = 0.0156;
-/// Largest standard deviation of the noise at step 1: of translations (m), rotations and joints (rad).
+/// Largest standard deviations of the noise at step 1: translations (m), rotations and joints (rad).
 const WIDEST: [f64; 3] = [0.01, 0.15, 0.2];
 
 #[derive(Debug, Clone)]
@@ -58,15 +58,16 @@ pub struct ChainEnd {
     pub steps: usize,
 }
 
-/// Random generator of chain number `chain`.
+/// Returns the random generator of chain number `chain`.
 pub fn stream(seed: u64, chain: u64) -> ChaCha8Rng {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     rng.set_stream(chain);
     rng
 }
 
-/// A random start: the palm faces the object from a random side at a small distance, with the object between wrist and
-/// fingertips and joint angles scattered around a random mean; or one of the energy's places is between the fingers.
+/// Draws a random start. The palm faces the object from a random side at a small distance, with the object between
+/// wrist and fingertips and joint angles scattered around a random mean. If the energy has places, one of them lies
+/// between the fingers instead.
 pub fn start(energy: &GraspEnergy, rng: &mut impl Rng) -> HandState {
     let away = Vector3::from_fn(|_, _| rng.sample::<f64, _>(StandardNormal)).normalize();
     // The palm's z points away from the object; the rotation about it is random.
@@ -78,7 +79,7 @@ pub fn start(energy: &GraspEnergy, rng: &mut impl Rng) -> HandState {
     beside(energy, rotation, &away, rng)
 }
 
-/// A random start with the palm turned by `rotation`, on the side of the object that `away` points to.
+/// Draws a random start with the palm rotated by `rotation`, on the side of the object that `away` points to.
 pub fn beside(
     energy: &GraspEnergy,
     rotation: UnitQuaternion<f64>,
@@ -94,7 +95,7 @@ pub fn beside(
     );
     let translation = match energy.places.len() {
         0 => energy.field.center.coords - rotation * center_in_palm,
-        // Such a place is between the fingers at once: the rest of the object is too large to begin outside of it.
+        // Such a place starts between the fingers, because the rest of the object is too large to start outside it.
         count => energy.places[rng.random_range(0..count)] - rotation * PIVOT,
     };
     let mean = rng.random_range(0.15..0.9);
@@ -109,7 +110,7 @@ pub fn beside(
     HandState { object_from_palm: Isometry3::from_parts(Translation3::from(translation), rotation), joints }
 }
 
-/// Extent of a box from `center` along `direction`.
+/// Returns the extent of a box from `center` along `direction`.
 fn support(low: &Vector3<f64>, high: &Vector3<f64>, center: &Vector3<f64>, direction: &Vector3<f64>) -> f64 {
     (0..3)
         .map(|axis| {
@@ -119,13 +120,15 @@ fn support(low: &Vector3<f64>, high: &Vector3<f64>, center: &Vector3<f64>, direc
         .sum()
 }
 
-/// [`Langevin::new`]'s widest noise for a state with `freedom` degrees of freedom: translation (m), rotation, joints (rad).
+/// Returns the widest noise ([`Langevin::new`]) for a state with `freedom` degrees of freedom: translation (m),
+/// rotation, joints (rad).
 pub fn widest_noise(freedom: usize) -> Vec<f64> {
     (0..freedom).map(|n| WIDEST[(n / 3).min(2)]).collect()
 }
 
-/// The contact move: proposes to replace one of the contact points `held` by a uniform draw from the candidates. Returns the
-/// contact points' new energy if the move is accepted; `before` is their energy, and `frames` must be at the chain's state.
+/// Runs the contact move: proposes to replace one of the contact points `held` by a uniform draw from the candidates.
+/// Returns the contact points' new energy if the move is accepted. `before` is their energy, and `frames` must be at
+/// the chain's state.
 pub fn replace_contact(
     energy: &GraspEnergy,
     frames: &mut Frames,
@@ -159,7 +162,7 @@ pub fn run(
     run_from(energy, frames, state, contacts, schedule, rng)
 }
 
-/// [`run`] from `state`.
+/// Runs a chain as [`run`] does, but from `state`.
 ///
 /// # Panics
 /// With more contacts than the energy takes, or none.
@@ -181,7 +184,7 @@ pub fn run_from(
     widest[6..].iter_mut().zip(&energy.mechanism().scale).for_each(|(width, scale)| *width /= scale);
     let mut kernel = Langevin::new(0.5, &widest, schedule.hot);
     let mut terms = energy.evaluate(&state, &held, frames, &mut gradient);
-    // Whether `frames` is at `state`; a rejected proposal leaves it elsewhere.
+    // True if `frames` is at `state`. A rejected proposal leaves it elsewhere.
     let mut placed = true;
     let mut best: Option<Sample> = None;
     let (mut proposed, mut accepted) = (0usize, 0usize);
@@ -254,8 +257,8 @@ mod tests {
         assert_ne!(a[0].best.state, a[1].best.state);
     }
 
-    /// Most chains on a ball end with balanced forces, little penetration and contact points on average a few millimetres
-    /// from the surface, which closing in physics then brings into contact.
+    /// Most chains on a ball end with balanced forces, little penetration and contact points that are on average a few
+    /// millimetres from the surface. Closing in physics then brings them into contact.
     #[test]
     fn chains_find_grasps_of_a_ball() {
         let ends = ends(12, &Schedule::default());

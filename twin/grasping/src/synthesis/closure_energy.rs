@@ -1,10 +1,10 @@
-//! The differentiable force-closure estimator (supplement, "Differentiable force closure estimator"), with a rank term
-//! that works.
+//! The differentiable force-closure estimator (supplement, "Differentiable force closure estimator"), with an effective
+//! rank term.
 //!
-//! For contacts at x_i (from the centre of mass, over the object's length) with unit forces c_i, the grasp map is G with
-//! blocks [I; [x_i]x]. *Balance* is |G c| / n, the deviation of equal forces from equilibrium. *Rank* is -log det(G G' /
-//! n + delta I), which grows without bound as the contacts approach a line and is flat where they span space; the
-//! published term lambda_0(G G' - eps I) is numerically ineffective at its eps.
+//! For contacts at x_i (from the centre of mass, over the object's length) with unit forces c_i, the grasp map is G
+//! with blocks [I; [x_i]x]. *Balance* is |G c| / n, the deviation of equal forces from equilibrium. *Rank* is -log
+//! det(G G' / n + delta I). It grows without bound as the contacts approach a line and is flat where they span space.
+//! The published term lambda_0(G G' - eps I) is numerically ineffective at its eps.
 //!
 //! The determinant needs no 6 x 6 matrix: eliminating the force block leaves 3 ln(1 + delta) + ln det C with C = delta
 //! I + J(Q) - J(m m') / (1 + delta), where m and Q are the first two moments of the x_i and J(A) = tr(A) I - A turns a
@@ -12,7 +12,7 @@
 
 use nalgebra::{Matrix3, Vector3, Vector6};
 
-/// The delta of the rank term.
+/// Delta of the rank term.
 pub const RANK_DELTA: f64 = 0.01;
 
 /// Balance and rank of one set of contacts.
@@ -65,13 +65,14 @@ fn rank(determinant: f64) -> f64 {
     -(3.0 * (1.0 + RANK_DELTA).ln() + determinant.max(f64::MIN_POSITIVE).ln())
 }
 
-/// Balance and rank of contacts at `points` (dimensionless) pushing along the unit vectors `pushes`.
+/// Computes balance and rank of contacts at `points` (dimensionless) pushing along the unit vectors `pushes`.
 pub fn closure(points: &[Vector3<f64>], pushes: &[Vector3<f64>]) -> Closure {
     let moments = moments(points, pushes);
     Closure { balance: moments.wrench.norm(), rank: rank(reduced(&moments).determinant()) }
 }
 
-/// As [`closure`]; adds the derivatives of `weights.0` * balance + `weights.1` * rank to `by_points` and `by_pushes`.
+/// Computes the same as [`closure`], and adds the derivatives of `weights.0` * balance + `weights.1` * rank to
+/// `by_points` and `by_pushes`.
 pub fn closure_with_gradient(
     points: &[Vector3<f64>],
     pushes: &[Vector3<f64>],
@@ -106,7 +107,7 @@ mod tests {
         prop::collection::vec([-1.0..1.0_f64, -1.0..1.0, -1.0..1.0].prop_map(Vector3::from), n)
     }
 
-    /// G G' / n + delta I explicitly.
+    /// Computes G G' / n + delta I explicitly.
     fn full(points: &[Vector3<f64>]) -> Matrix6<f64> {
         let mut sum = Matrix6::identity() * RANK_DELTA;
         for x in points {

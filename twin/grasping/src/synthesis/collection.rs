@@ -1,9 +1,10 @@
-//! The synthesized grasps of many objects in one compact file, for distribution with the code and for other programs.
+//! Collection: the synthesized grasps of many objects in one compact file, for distribution with the code and for other
+//! programs.
 //!
-//! JSON lines. The first is the header: version, command, seed. Then, object by object, a line with the summary of the
-//! search and a line for each of its grasps: an array of integers in the order of [`Row`], in fixed units (lengths 0.01
-//! mm, angles 1e-4 rad, forces 1 mN; the palm is link -1). Derived fields (digits, palm contact) are not stored. A grasp
-//! is read bit for bit as [`HeldGrasp::rounded`] left it.
+//! The format is JSON lines. The first is the header: version, command, seed. Then, object by object, there is a line
+//! with the summary of the search and a line for each of its grasps: an array of integers in the order of [`Row`], in
+//! fixed units (lengths 0.01 mm, angles 1e-4 rad, forces 1 mN; the palm is link -1). Derived fields (digits, palm
+//! contact) are not stored. A grasp is read bit for bit as [`HeldGrasp::rounded`] left it.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -18,7 +19,7 @@ use super::held::{ClosedPose, DigitUse, HeldContact, HeldGrasp, Proof, per_unit}
 /// Version of the file format.
 pub const VERSION: u32 = 1;
 
-/// First line.
+/// First line of the file.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Header {
@@ -35,11 +36,11 @@ pub struct Summary {
     pub object: String,
     /// Number of grasps requested.
     pub wanted: usize,
-    /// Number of grasps kept, which follow.
+    /// Number of grasps kept; their lines follow.
     pub kept: usize,
     /// Number of chains run.
     pub chains: u64,
-    /// Reason for a shortfall.
+    /// Reason why fewer grasps were kept than requested.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub short: Option<String>,
 }
@@ -48,11 +49,11 @@ pub struct Summary {
 #[derive(Debug, Clone, PartialEq)]
 pub struct ObjectGrasps {
     pub summary: Summary,
-    /// Ordered by chain.
+    /// Grasps, ordered by chain.
     pub grasps: Vec<HeldGrasp>,
 }
 
-/// A repertoire of synthesized grasps.
+/// Synthesized grasps of many objects.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Collection {
     pub header: Header,
@@ -62,12 +63,12 @@ pub struct Collection {
 /// Link (-1 is the palm), point, normal, force.
 type ContactRow = (i64, [i64; 3], [i64; 3], i64);
 
-/// Joints and digits of the F-TAC Hand, whose grasps a collection holds.
+/// Numbers of joints and digits of the F-TAC Hand, whose grasps a collection holds.
 const JOINTS: usize = 15;
 const DIGITS: usize = 5;
 
-/// Chain; palm_from_object; joints; start; open joints; tensions; opposition; contacts; approach; room; margin, penetration and, where the
-/// file has them, mass, friction, payload; moved; energy.
+/// Chain; palm_from_object; joints; start; open joints; tensions; opposition; contacts; approach; room; margin and
+/// penetration, and in files that have them mass, friction and payload; moved; energy.
 type Row = (
     u64,
     [i64; 7],
@@ -94,11 +95,11 @@ fn values<const N: usize>(steps: &[i64; N], per_unit: f64) -> [f64; N] {
     steps.map(|n| n as f64 / per_unit)
 }
 
-/// Fields of a record of the F-TAC Hand, in words.
+/// Fields of a record of the F-TAC Hand, for error messages.
 pub const EXPECTED: &str =
     "15 joints, 5 tensions, opposition, digits, palm, approach, room, moved and energy of the F-TAC Hand";
 
-/// None of a grasp that is not of the F-TAC Hand.
+/// Converts a grasp to a row. Returns `None` for a grasp that is not of the F-TAC Hand.
 fn row(grasp: &HeldGrasp) -> Option<Row> {
     if [grasp.joints.len(), grasp.open_joints.len(), grasp.tensions.len()] != [JOINTS, JOINTS, DIGITS] {
         return None;
@@ -131,7 +132,7 @@ fn row(grasp: &HeldGrasp) -> Option<Row> {
     ))
 }
 
-/// The grasp of a row; the error names the field, the found value and the expected one.
+/// Converts a row to a grasp. An error names the field, the found value and the expected one.
 fn grasp(object: &str, row: Row) -> Result<HeldGrasp, String> {
     let (chain, pose, joints, start, open, tensions, opposition, rows, approach, room, checks, moved, energy) = row;
     let mut contacts = Vec::with_capacity(rows.len());
@@ -194,13 +195,13 @@ fn grasp(object: &str, row: Row) -> Result<HeldGrasp, String> {
     })
 }
 
-/// True of a grasp of the F-TAC Hand.
+/// True if the grasp is a complete record of the F-TAC Hand.
 pub fn is_whole(grasp: &HeldGrasp) -> bool {
     row(grasp).is_some()
 }
 
 impl Collection {
-    /// The grasps of an object.
+    /// Returns the grasps of an object.
     pub fn of(&self, object: &str) -> Option<&ObjectGrasps> {
         self.objects.iter().find(|entry| entry.summary.object == object)
     }
@@ -209,7 +210,7 @@ impl Collection {
         self.objects.iter().flat_map(|entry| &entry.grasps)
     }
 
-    /// The file's text.
+    /// Formats the collection as the file's text.
     pub fn to_text(&self) -> Result<String, serde_json::Error> {
         let mut text = serde_json::to_string(&self.header)? + "\n";
         for entry in &self.objects {
@@ -229,7 +230,7 @@ impl Collection {
         Self::parse(&text, path)
     }
 
-    /// As [`Self::read`], from text; `path` is used in errors.
+    /// Parses the text of a file. `path` is used in errors.
     pub fn parse(text: &str, path: &Path) -> Result<Self, GraspFileError> {
         let fault = |line: usize, message: String| GraspFileError::Line { path: path.into(), line: line + 1, message };
         let mut lines = text.lines().enumerate();

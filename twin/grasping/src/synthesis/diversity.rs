@@ -42,8 +42,8 @@ impl Opposition {
     }
 }
 
-/// Unit direction in which the thumb or the palm, whichever presses harder, presses on the object (palm frame); `None`
-/// without contact of either.
+/// Returns the unit direction in which the thumb or the palm, whichever presses harder, presses on the object (palm
+/// frame). `None` if neither is in contact.
 pub fn pressing(grasp: &HeldGrasp) -> Option<Vector3<f64>> {
     let sum = |of: &dyn Fn(Option<usize>) -> bool| -> Vector3<f64> {
         let own = grasp.contacts.iter().filter(|contact| of(contact.link));
@@ -54,7 +54,7 @@ pub fn pressing(grasp: &HeldGrasp) -> Option<Vector3<f64>> {
     if thumb.norm() >= palm.norm() { thumb } else { palm }.try_normalize(1e-9)
 }
 
-/// The kind of opposition of a grasp.
+/// Returns the kind of opposition of a grasp.
 pub fn opposition(grasp: &HeldGrasp) -> Opposition {
     match pressing(grasp).map(|direction| direction.iamax()) {
         Some(0) => Opposition::Side,
@@ -64,7 +64,7 @@ pub fn opposition(grasp: &HeldGrasp) -> Opposition {
     }
 }
 
-/// Initials of the digits in contact, `TIMRL` for all, with a leading `P` if the palm is in contact.
+/// Returns the initials of the digits in contact, `TIMRL` for all, with a leading `P` if the palm is in contact.
 pub fn digit_set(grasp: &HeldGrasp) -> String {
     let letter = |digit: &Digit| digit.name().chars().next().map(|letter| letter.to_ascii_uppercase());
     grasp.palm().then_some('P').into_iter().chain(grasp.digits().iter().filter_map(letter)).collect()
@@ -77,7 +77,7 @@ pub struct Diversity {
     pub grasps: usize,
     /// Share of the grasps in which each digit is in contact, thumb first.
     pub digits: [f64; 5],
-    /// Share with palm contact.
+    /// Share of the grasps with palm contact.
     pub palm: f64,
     /// Number of grasps with each set of digits; see [`digit_set`].
     pub sets: BTreeMap<String, usize>,
@@ -93,7 +93,7 @@ pub struct Diversity {
     pub room: Option<f64>,
 }
 
-/// Statistics of `grasps`.
+/// Computes the statistics of `grasps`.
 pub fn describe<'a>(grasps: impl IntoIterator<Item = &'a HeldGrasp>) -> Diversity {
     let grasps: Vec<&HeldGrasp> = grasps.into_iter().collect();
     let n = grasps.len().max(1) as f64;
@@ -122,7 +122,7 @@ pub fn describe<'a>(grasps: impl IntoIterator<Item = &'a HeldGrasp>) -> Diversit
     }
 }
 
-/// Cumulative shares of the joint angles' variance, largest component first; empty without variance.
+/// Returns the cumulative shares of the joint angles' variance, largest component first. Empty without variance.
 fn explained(grasps: &[&HeldGrasp]) -> Vec<f64> {
     let Some(first) = grasps.first() else { return Vec::new() };
     let joints = first.joints.len();

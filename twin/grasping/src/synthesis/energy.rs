@@ -1,4 +1,4 @@
-//! The grasp energy of the paper's Methods with its gradient: E(T, q, x | O) for a pose T, joints q and contact points x.
+//! Grasp energy of the paper's Methods with its gradient: E(T, q, x | O) for a pose T, joints q and contact points x.
 //!
 //! | term | requirement |
 //! |---|---|
@@ -29,23 +29,23 @@ pub const MAX_CONTACTS: usize = 8;
 /// Weights of the terms.
 #[derive(Debug, Clone, Copy)]
 pub struct Weights {
-    /// Per unit of |G c| / n.
+    /// Weight per unit of |G c| / n.
     pub balance: f64,
-    /// Per unit of -log det.
+    /// Weight per unit of -log det.
     pub rank: f64,
-    /// 1/m, per contact.
+    /// Weight of the distance of a contact point from the surface, 1/m, per contact.
     pub distance: f64,
-    /// Per contact: 1 + cos of the angle between pad and surface normal.
+    /// Weight of 1 + cos of the angle between pad and surface normal, per contact.
     pub facing: f64,
-    /// 1/m, per surface point (for 2,000 points on the hand; fewer weigh more).
+    /// Weight of the depth of a surface point, 1/m, per point (for 2,000 points on the hand; fewer weigh more).
     pub penetration: f64,
-    /// 1/m, per pair of balls.
+    /// Weight of the overlap of two balls, 1/m, per pair of balls.
     pub self_penetration: f64,
-    /// 1/rad.
+    /// Weight of exceeding a joint limit, 1/rad.
     pub limits: f64,
-    /// 1/rad2.
+    /// Weight of the squared distance of a joint from its cable's line, 1/rad2.
     pub cable: f64,
-    /// 1/m, per patch.
+    /// Weight of the depth below the table, 1/m, per patch.
     pub table: f64,
 }
 
@@ -65,53 +65,53 @@ impl Default for Weights {
     }
 }
 
-/// A table top: x . normal >= offset is free (object frame).
+/// A table top: the half space x . normal >= offset is free (object frame).
 #[derive(Debug, Clone, Copy)]
 pub struct Plane {
-    /// Up.
+    /// Up direction.
     pub normal: Unit<Vector3<f64>>,
-    /// m.
+    /// Offset along the normal, m.
     pub offset: f64,
 }
 
-/// The weighted terms, and some of the quantities behind them.
+/// Weighted terms of the energy, and some of the quantities behind them.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Terms {
     pub total: f64,
     /// Balance and rank.
     pub closure: f64,
-    /// Contact distances.
+    /// Contact points off the surface.
     pub distance: f64,
-    /// Pads against surfaces.
+    /// Pads not parallel to the surfaces they touch.
     pub facing: f64,
-    /// Hand in object.
+    /// Hand inside the object.
     pub penetration: f64,
-    /// Hand in hand.
+    /// Links of the hand inside each other.
     pub self_penetration: f64,
-    /// Limits, cable and table.
+    /// Joint limits, cables and table.
     pub posture: f64,
     /// |G c| / n.
     pub balance: f64,
     /// Largest distance of a contact point from the surface, m.
     pub farthest: f64,
-    /// Deepest surface point, m.
+    /// Depth of the deepest surface point, m.
     pub deepest: f64,
 }
 
 impl Terms {
-    /// The part that depends on the contact points.
+    /// Returns the part that depends on the contact points.
     pub fn of_contacts(&self) -> f64 {
         self.closure + self.distance + self.facing
     }
 }
 
-/// The energy of one hand on one object.
+/// Energy of one hand on one object.
 #[derive(Debug, Clone)]
 pub struct GraspEnergy<'a> {
     pub field: &'a DistanceField,
     pub surface: &'a HandSurface,
     pub weights: Weights,
-    /// Places at which chains begin, object frame, m; around the whole object where there are none.
+    /// Places at which chains begin, object frame, m. If empty, they begin around the whole object.
     pub places: &'a [Vector3<f64>],
     table: Option<Plane>,
     mechanism: Mechanism,
@@ -119,7 +119,7 @@ pub struct GraspEnergy<'a> {
 }
 
 impl<'a> GraspEnergy<'a> {
-    /// For `hand` with its `surface` on the object of `field`, with or without a `table`.
+    /// Creates the energy of `hand` with its `surface` on the object of `field`, with or without a `table`.
     pub fn new(
         hand: &Hand,
         surface: &'a HandSurface,
@@ -130,7 +130,7 @@ impl<'a> GraspEnergy<'a> {
         Self::of_mechanism(Mechanism::of(hand), surface, field, weights, table)
     }
 
-    /// For any mechanism whose links have this `surface`.
+    /// Creates the energy of any mechanism whose links have this `surface`.
     pub fn of_mechanism(
         mechanism: Mechanism,
         surface: &'a HandSurface,
@@ -149,18 +149,19 @@ impl<'a> GraspEnergy<'a> {
         }
     }
 
-    /// Joint limits and actuator lines.
+    /// Returns the joint limits and actuator lines.
     pub fn mechanism(&self) -> &Mechanism {
         &self.mechanism
     }
 
-    /// Joint limits, rad or m.
+    /// Returns the joint limits, rad or m.
     pub fn limits(&self) -> &[(f64, f64)] {
         &self.mechanism.limits
     }
 
-    /// The energy of `state` with the contact candidates `contacts`, and its gradient (overwritten): translation, rotation
-    /// about the pivot, joints. `frames` is working space for the same hand; afterwards it is at `state`.
+    /// Evaluates the energy of `state` with the contact candidates `contacts`, and its gradient (overwritten):
+    /// translation, rotation about the pivot, joints. `frames` is working space for the same hand, and is at `state`
+    /// afterwards.
     ///
     /// # Panics
     /// With more than [`MAX_CONTACTS`] contacts.
@@ -178,7 +179,8 @@ impl<'a> GraspEnergy<'a> {
         terms
     }
 
-    /// The part of the energy that depends on the contact points, at the state of `frames`, whose wrenches are overwritten.
+    /// Evaluates the part of the energy that depends on the contact points, at the state of `frames`, whose wrenches
+    /// are overwritten.
     pub fn contact_energy(&self, contacts: &[usize], frames: &mut Frames) -> f64 {
         let mut terms = Terms::default();
         self.contacts(contacts, frames, &mut terms);
@@ -320,7 +322,7 @@ impl<'a> GraspEnergy<'a> {
         }
         for line in &self.mechanism.lines {
             let n = line.joints.len() as f64;
-            // Position along the line: the mean of the angles, signed by the line's direction.
+            // Position along the line: the mean of the joint coordinates, signed by the line's direction.
             let along = |k: usize| line.share[k].signum() * (state.joints[line.joints[k]] - line.offset[k]);
             let mean = (0..line.joints.len()).map(along).sum::<f64>() / n;
             let off = |k: usize| state.joints[line.joints[k]] - line.offset[k] - line.share[k] * mean;

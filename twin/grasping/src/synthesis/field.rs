@@ -1,4 +1,5 @@
-//! The object for the sampler: signed distance and surface normal on one regular grid, interpolated trilinearly.
+//! Distance field of the object for the sampler: signed distance and surface normal on one regular grid, interpolated
+//! trilinearly.
 //!
 //! A node holds the distance d and the outward unit normal n of the nearest surface as four adjacent numbers, so that a
 //! look-up reads eight neighbours and gives d, n and all their derivatives. The normals are interpolated themselves
@@ -21,7 +22,7 @@ const MAX_NODES: usize = 4_000_000;
 /// Errors of sampling a field.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum FieldError {
-    /// An argument makes no sense.
+    /// Invalid argument.
     #[error("{field}: found {found}, expected {expected}")]
     Argument { field: &'static str, found: f64, expected: &'static str },
 }
@@ -29,7 +30,7 @@ pub enum FieldError {
 /// Distance and normal at one point, with derivatives.
 #[derive(Debug, Clone, Copy)]
 pub struct FieldSample {
-    /// m, negative inside.
+    /// Signed distance, m, negative inside.
     pub distance: f64,
     /// Derivative of the distance.
     pub gradient: Vector3<f64>,
@@ -113,7 +114,7 @@ impl DistanceField {
         })
     }
 
-    /// Lowest and highest corner of the object's bounding box, m.
+    /// Returns the lowest and highest corner of the object's bounding box, m.
     pub fn extent(&self) -> (Point3<f64>, Point3<f64>) {
         (self.low, self.high)
     }
@@ -135,7 +136,7 @@ impl DistanceField {
         Place { node, part, beyond }
     }
 
-    /// Distance, m.
+    /// Interpolates the distance, m.
     pub fn distance(&self, point: &Vector3<f64>) -> f64 {
         let Place { node, part: [x, y, z], beyond } = self.place(point);
         let (row, layer) = (self.size[0], self.size[0] * self.size[1]);
@@ -153,7 +154,7 @@ impl DistanceField {
         if beyond == Vector3::zeros() { inside } else { inside + beyond.norm() }
     }
 
-    /// Distance (m) and its derivative.
+    /// Interpolates the distance (m) and its derivative.
     pub fn distance_gradient(&self, point: &Vector3<f64>) -> (f64, Vector3<f64>) {
         let Place { node, part: [x, y, z], beyond } = self.place(point);
         let (row, layer) = (self.size[0], self.size[0] * self.size[1]);
@@ -173,7 +174,7 @@ impl DistanceField {
         extended(mix(near, far, z), gradient, &beyond)
     }
 
-    /// Distance and normal with derivatives.
+    /// Interpolates distance and normal with their derivatives.
     pub fn at(&self, point: &Vector3<f64>) -> FieldSample {
         let Place { node, part: [x, y, z], beyond } = self.place(point);
         let (row, layer) = (self.size[0], self.size[0] * self.size[1]);
@@ -219,7 +220,7 @@ pub(crate) mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// A ball of 30 mm radius around the origin.
+    /// Returns the field of a ball of `radius` (m) around the origin.
     pub(crate) fn ball(radius: f64) -> DistanceField {
         let corner = Point3::new(radius, radius, radius);
         DistanceField::sample(&-corner, &corner, &Point3::origin(), 0.002, 0.03, |p| {
@@ -273,7 +274,7 @@ pub(crate) mod tests {
             }
         }
 
-        /// The bound by which the energy skips patches.
+        /// The bound that lets the energy skip patches holds.
         #[test]
         fn slope_is_bounded(p in [-0.12..0.12_f64, -0.12..0.12, -0.12..0.12], q in [-0.12..0.12_f64, -0.12..0.12, -0.12..0.12]) {
             let field = ball(0.03);

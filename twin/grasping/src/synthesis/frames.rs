@@ -21,19 +21,20 @@ pub struct HandState {
 }
 
 impl HandState {
-    /// Degrees of freedom.
+    /// Returns the number of degrees of freedom.
     pub fn freedom(&self) -> usize {
         6 + self.joints.len()
     }
 
-    /// The state moved by a displacement: translation (m), rotation vector about the pivot (rad), joints (rad).
+    /// Returns the state moved by a displacement: translation (m), rotation vector about the pivot (rad), joints (rad
+    /// or m).
     pub fn moved(&self, by: &[f64]) -> Self {
         let mut moved = self.clone();
         moved.set_moved(self, by);
         moved
     }
 
-    /// [`HandState::moved`] into an existing state of the same hand.
+    /// Moves a state as [`HandState::moved`] does, into an existing state of the same hand.
     pub fn set_moved(&mut self, from: &Self, by: &[f64]) {
         let turn = nalgebra::UnitQuaternion::from_scaled_axis(Vector3::new(by[3], by[4], by[5]));
         let pose = &from.object_from_palm;
@@ -67,7 +68,7 @@ pub struct Wrench {
     pub torque: Vector3<f64>,
 }
 
-/// Link poses in the object frame, and the wrenches on them; reused for every state.
+/// Link poses in the object frame, and the wrenches on them. Reused for every state.
 #[derive(Debug, Clone)]
 pub struct Frames {
     joints: Vec<Joint>,
@@ -80,7 +81,7 @@ pub struct Frames {
 }
 
 impl Frames {
-    /// For the joints of `tree`.
+    /// Creates frames for the joints of `tree`.
     pub fn new(tree: &Tree) -> Self {
         let joints: Vec<Joint> = tree
             .joints
@@ -127,7 +128,7 @@ impl Frames {
         }
     }
 
-    /// A link's point in the object frame.
+    /// Returns a link's point in the object frame.
     pub fn point(&self, link: usize, local: &Vector3<f64>) -> Vector3<f64> {
         self.rotation[link] * local + self.translation[link]
     }
@@ -192,7 +193,7 @@ mod tests {
         }
     }
 
-    /// The same with joints that slide among them: poses as the tree's, the gradient that of finite differences.
+    /// With sliding joints among them, the poses are those of the tree, and the gradient is that of finite differences.
     #[test]
     fn slides_move_along_their_axes() {
         let mut tree = Hand::ftac().tree;

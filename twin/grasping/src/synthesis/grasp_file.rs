@@ -1,7 +1,8 @@
 //! Files of the grasps that one search found.
 //!
-//! JSON lines: a header, then one [`HeldGrasp`] per line, so that an interrupted run leaves whole grasps. They are of our own hand, or of
-//! another that the header names. Poses of an object of the set are in the set's frame, those of a mesh in the frame of its file.
+//! The format is JSON lines: a header, then one [`HeldGrasp`] per line, so that an interrupted run leaves whole grasps.
+//! The grasps are of our own hand, or of another hand that the header names. Poses of an object of the set are in the
+//! set's frame, those of a mesh in the frame of its file.
 
 use std::io::{BufRead, BufReader, Read as _, Write};
 use std::path::{Path, PathBuf};
@@ -21,22 +22,22 @@ pub struct Header {
     /// Command that generated it.
     pub command: String,
     pub seed: u64,
-    /// The hand, where it is not our own.
+    /// The hand, if it is not our own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub hand: Option<HandSource>,
-    /// The object's mesh, in m, where it is not of the set.
+    /// Mesh of the object, in m, if the object is not of the set.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mesh: Option<Source>,
 }
 
 impl Header {
-    /// Of our own hand and an object of the set.
+    /// Creates a header for our own hand and an object of the set.
     pub fn new(command: String, seed: u64) -> Self {
         Self { version: VERSION, command, seed, hand: None, mesh: None }
     }
 }
 
-/// A file that something was made from.
+/// A source file with its digest.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Source {
@@ -45,28 +46,28 @@ pub struct Source {
     pub sha256: String,
 }
 
-/// A hand from files.
+/// A hand read from files.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct HandSource {
     /// Name of the URDF's robot.
     pub name: String,
     pub urdf: Source,
-    /// What pulls on its joints.
+    /// Pulls file: the actuators on its joints.
     pub pulls: Source,
 }
 
 /// Errors of files of grasps.
 #[derive(Debug, thiserror::Error)]
 pub enum GraspFileError {
-    /// Not readable or writable.
+    /// File that cannot be read or written.
     #[error("{path}: {source}")]
     Io { path: PathBuf, source: std::io::Error },
     /// Invalid line.
     #[error("{path}:{line}: {message}")]
     Line {
         path: PathBuf,
-        /// From 1.
+        /// Line number, from 1.
         line: usize,
         message: String,
     },
@@ -130,7 +131,7 @@ pub fn read(path: &Path) -> Result<(Header, Vec<HeldGrasp>), GraspFileError> {
 /// Longest header, bytes.
 const LONGEST_HEADER: u64 = 1 << 20;
 
-/// The header alone; of a file that is none of this kind an error.
+/// Reads the header alone. A file of another format is an error.
 pub fn read_header(path: &Path) -> Result<Header, GraspFileError> {
     let io = |source| GraspFileError::Io { path: path.into(), source };
     let mut first = String::new();
@@ -173,7 +174,7 @@ mod tests {
         std::fs::remove_file(&path).expect("removed");
     }
 
-    /// A run killed in the middle of a line continues after the last whole one; another command's file is not changed.
+    /// A run killed in the middle of a line continues after the last whole one. Another command's file is not changed.
     #[test]
     fn an_interrupted_file_goes_on() {
         let path = std::env::temp_dir().join(format!("resumed-{}.jsonl", std::process::id()));

@@ -1,4 +1,4 @@
-//! Limits of a search: parts of the hand that may touch the object, and postures that its digits stay in.
+//! Limits of a search: the parts of the hand that may touch the object, and the ranges of its joints.
 
 use hand_model::{Digit, Hand};
 use serde::{Deserialize, Serialize};
@@ -6,39 +6,39 @@ use serde::{Deserialize, Serialize};
 use super::mechanism::Mechanism;
 use super::surface::HandSurface;
 
-/// Greatest angle of the two outer joints of a digit that stays straight, rad.
+/// Largest angle of the two outer joints of a digit that stays straight, rad.
 const STRAIGHT: f64 = 0.45;
 
 /// Digits and palm in use.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct HandUse {
-    /// Digits that may touch the object; the others stay still.
+    /// Digits that may touch the object. The others stay still.
     pub digits: Vec<Digit>,
-    /// Whether the palm may touch it too.
+    /// True if the palm may touch it too.
     #[serde(default)]
     pub palm: bool,
-    /// Whether digits touch it with their last phalanges only.
+    /// True if digits touch it with their last phalanges only.
     #[serde(default)]
     pub tips: bool,
-    /// Least and greatest opposition of the thumb, rad.
+    /// Smallest and largest opposition angle of the thumb, rad.
     #[serde(default)]
     pub opposition: Option<[f64; 2]>,
     /// Digits whose two outer joints stay nearly straight.
     #[serde(default)]
     pub straight: Vec<Digit>,
-    /// Least and greatest tension with which a cable closes, N.
+    /// Smallest and largest tension with which a cable closes, N.
     #[serde(default)]
     pub tension: Option<[f64; 2]>,
 }
 
 impl HandUse {
-    /// Any part of these digits, and the palm or not, in any posture.
+    /// Allows any part of these digits in any posture, and the palm if `palm` is true.
     pub fn of(digits: Vec<Digit>, palm: bool) -> Self {
         Self { digits, palm, tips: false, opposition: None, straight: Vec::new(), tension: None }
     }
 
-    /// Limits the contact candidates and the joints of `hand`; joints of other digits stay at `still`, rad or m.
+    /// Limits the contact candidates and the joints of `hand`. Joints of other digits stay at `still`, rad or m.
     pub fn limit(&self, hand: &Hand, still: &[f64], surface: &mut HandSurface, mechanism: &mut Mechanism) {
         let chains = || self.digits.iter().map(|digit| hand.links(*digit));
         let joints: Vec<usize> = chains().flatten().copied().collect();
@@ -61,7 +61,8 @@ impl HandUse {
 mod tests {
     use super::*;
 
-    /// Candidates are on the last phalanges alone, the index finger's outer joints stay straight, and idle fingers do not move.
+    /// Candidates are on the last phalanges alone, the outer joints of the index finger stay straight, and idle fingers
+    /// do not move.
     #[test]
     fn links_and_joints_are_limited() {
         let hand = Hand::ftac();

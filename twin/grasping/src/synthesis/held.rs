@@ -1,10 +1,11 @@
 //! A synthesized grasp as it was held in physics.
 //!
-//! Unlike [`crate::Grasp`], which is a recipe for picking up in the two-object benchmark, this is a *state*: the pose of
-//! the object, all joint angles, tensions and contacts. It also has what a plan for several objects needs: the digits it
-//! uses, the approach direction, the clearance of the free digits, and the wrench margin.
-//! In files of the built-in hand lengths are rounded to 0.01 mm, angles to 1e-4 rad, forces to 1 mN. Files of a hand from a URDF name
-//! joints and actuators.
+//! Unlike [`crate::Grasp`], which is a recipe for picking up in the two-object benchmark, this is a *state*: the pose
+//! of the object, all joint angles, tensions and contacts. It also has the data that a plan for several objects needs:
+//! the digits in use, the approach direction, the clearance of the free digits, and the wrench margin.
+//!
+//! In files of the built-in hand, lengths are rounded to 0.01 mm, angles to 1e-4 rad and forces to 1 mN. Files of a
+//! hand from a URDF name joints and actuators.
 
 use std::ops::{Deref, DerefMut};
 
@@ -13,13 +14,13 @@ use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// A contact of a held grasp, palm frame. In the file it is a list of its four fields.
+/// A contact of a held grasp, palm frame. In a file it is a list of its four fields.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(from = "ContactRow", into = "ContactRow")]
 pub struct HeldContact {
     /// Link in joint order, `None` for the palm.
     pub link: Option<usize>,
-    /// m.
+    /// Contact point, m.
     pub point: [f64; 3],
     /// Unit normal into the object.
     pub normal: [f64; 3],
@@ -41,14 +42,14 @@ impl From<HeldContact> for ContactRow {
     }
 }
 
-/// What a grasp was verified for.
+/// Load for which a grasp was verified.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Proof {
     /// Mass of the object, kg.
     pub mass: f64,
-    /// Coulomb coefficient between hand and object.
+    /// Coulomb friction coefficient between hand and object.
     pub friction: f64,
-    /// Largest mass that it was found to hold in six directions, kg.
+    /// Payload: largest mass that the grasp was found to hold in six directions, kg.
     pub payload: f64,
 }
 
@@ -56,7 +57,7 @@ pub struct Proof {
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(from = "ValuesRow", into = "ValuesRow")]
 pub struct Values {
-    /// One a value; none of the built-in hand, whose files have the values alone.
+    /// One name per value. Empty for the built-in hand, whose files have the values alone.
     pub names: Vec<String>,
     pub values: Vec<f64>,
 }
@@ -106,13 +107,14 @@ impl DerefMut for Values {
     }
 }
 
-/// Pose of the object in the closed hand: x, y, z, then the quaternion's i, j, k, w. The variant is the field's name in a file.
+/// Pose of the object in the closed hand: x, y, z, then the quaternion's i, j, k, w. The variant is the field's name in
+/// a file.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ClosedPose {
-    /// In the palm of the built-in hand, which is its root.
+    /// Pose in the palm frame of the built-in hand, whose palm is its root.
     PalmFromObject([f64; 7]),
-    /// In the URDF's root link.
+    /// Pose in the root link of the URDF.
     RootFromObject([f64; 7]),
 }
 
@@ -134,7 +136,7 @@ impl DerefMut for ClosedPose {
     }
 }
 
-/// Schema of a [`ClosedPose`]: one of its fields is there.
+/// Schema of a [`ClosedPose`]: exactly one of its fields is present.
 #[derive(Serialize, JsonSchema)]
 struct ClosedPoseFields {
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -143,13 +145,13 @@ struct ClosedPoseFields {
     root_from_object: Option<[f64; 7]>,
 }
 
-/// Parts of a hand with named digits that hold an object, and the rest of it.
+/// Parts of a hand with named digits that hold an object, and the clearance of the others.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct DigitUse {
     /// Digits in contact.
     #[schemars(with = "Vec<String>")]
     pub digits: Vec<Digit>,
-    /// Whether the palm is in contact.
+    /// True if the palm is in contact.
     pub palm: bool,
     /// Direction in which the palm faces and the hand approaches, object frame.
     pub approach: [f64; 3],
@@ -171,40 +173,40 @@ pub struct HeldGrasp {
     pub joints: Values,
     /// `root_from_object` with the hand open, before it closes.
     pub start: [f64; 7],
-    /// Joint coordinates then.
+    /// Joint coordinates with the hand open.
     pub open_joints: Values,
-    /// Tensions that hold the open posture; none where they follow from it.
+    /// Tensions that hold the open posture. `None` if they follow from it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub open_tensions: Option<Values>,
     /// Tensions of the actuators when closed.
     pub tensions: Values,
-    /// Angle of the thumb's opposition; none of a hand without its drive.
+    /// Opposition angle of the thumb. `None` for a hand without an opposition drive.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub opposition: Option<f64>,
     pub contacts: Vec<HeldContact>,
-    /// None of a hand whose digits have no names.
+    /// Parts of the hand in use. `None` for a hand whose digits have no names.
     #[serde(flatten)]
     pub digit_use: Option<DigitUse>,
     /// Wrench margin, N (see [`crate::force_closure`]).
     pub margin: f64,
-    /// Deepest penetration of hand and object, or of two links that collide.
+    /// Deepest penetration of hand and object, or of two colliding links.
     pub penetration: f64,
-    /// True if it still held when nothing pulled; none where that was not tried.
+    /// True if it still held without tension. `None` if that was not tried.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub held_without_tension: Option<bool>,
-    /// Distance and angle by which closing moved the object.
+    /// Distance and angle by which the closing moved the object.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub moved: Option<[f64; 2]>,
     /// Energy of the sample it came from.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub energy: Option<f64>,
-    /// What it was verified for; `None` in files without it, whose grasps hold 0.1 kg at friction 0.6.
+    /// Load for which it was verified. `None` in files without it, whose grasps hold 0.1 kg at friction 0.6.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub proof: Option<Proof>,
 }
 
 impl HeldGrasp {
-    /// Digits in contact; none of a hand whose digits have no names.
+    /// Returns the digits in contact. Empty for a hand whose digits have no names.
     pub fn digits(&self) -> &[Digit] {
         self.digit_use.as_ref().map_or(&[], |used| &used.digits)
     }
@@ -214,7 +216,7 @@ impl HeldGrasp {
         self.contacts.iter().any(|contact| contact.link.is_none())
     }
 
-    /// The same grasp with the object's frame moved by `shift` (m, along the object's own axes).
+    /// Returns the same grasp with the object's frame moved by `shift` (m, along the object's own axes).
     #[must_use]
     pub fn with_frame_moved(mut self, shift: &Vector3<f64>) -> Self {
         for pose in [&mut *self.closed, &mut self.start] {
@@ -223,13 +225,13 @@ impl HeldGrasp {
         self
     }
 
-    /// The grasp as files have it: of the built-in hand rounded, of another to the last bit.
+    /// Returns the grasp as files record it: rounded for the built-in hand, exact for any other.
     #[must_use]
     pub fn rounded(mut self) -> Self {
         if matches!(self.closed, ClosedPose::RootFromObject(_)) {
             return self;
         }
-        // A quotient by a whole number prints short.
+        // Division by a whole number gives short decimals.
         let to =
             |values: &mut [f64], per_unit: f64| values.iter_mut().for_each(|x| *x = (*x * per_unit).round() / per_unit);
         for pose in [&mut *self.closed, &mut self.start] {
@@ -258,9 +260,10 @@ impl HeldGrasp {
         self
     }
 
-    /// True if two grasps are the same for practical purposes: same object and digits, the object's position in the hand within 5 mm,
-    /// its orientation within 0.15 rad, every joint within 0.2 rad. `turn` gives the angle between two orientations of the object,
-    /// reduced by its symmetry. Grasps of a hand whose digits have no names are never said to be.
+    /// True if two grasps are the same for practical purposes: same object and digits, the object's position in the
+    /// hand within 5 mm, its orientation within 0.15 rad, and every joint within 0.2 rad. `turn` gives the angle
+    /// between two orientations of the object, reduced by its symmetry. Always false for a hand whose digits have no
+    /// names.
     pub fn nearly_equals(
         &self,
         other: &Self,
@@ -276,13 +279,13 @@ impl HeldGrasp {
     }
 }
 
-/// A pose as position and quaternion (i, j, k, w).
+/// Converts a pose to position and quaternion (i, j, k, w).
 pub fn pose_to_array(pose: &Isometry3<f64>) -> [f64; 7] {
     let (t, q) = (pose.translation.vector, pose.rotation.quaternion());
     [t.x, t.y, t.z, q.i, q.j, q.k, q.w]
 }
 
-/// The inverse of [`pose_to_array`].
+/// Inverts [`pose_to_array`].
 pub fn pose_from_array(a: &[f64; 7]) -> Isometry3<f64> {
     let rotation = UnitQuaternion::from_quaternion(Quaternion::new(a[6], a[3], a[4], a[5]));
     Isometry3::from_parts(Translation3::new(a[0], a[1], a[2]), rotation)
@@ -292,9 +295,9 @@ pub fn pose_from_array(a: &[f64; 7]) -> Isometry3<f64> {
 pub(super) mod per_unit {
     /// Lengths (m) and quaternions.
     pub const POSE: f64 = 1e5;
-    /// rad.
+    /// Joint angles, rad.
     pub const ANGLE: f64 = 1e4;
-    /// N.
+    /// Forces, N.
     pub const FORCE: f64 = 1e3;
     /// Unit vectors.
     pub const DIRECTION: f64 = 1e4;
@@ -303,7 +306,7 @@ pub(super) mod per_unit {
     /// Motion of the object, m and rad.
     pub const MOTION: f64 = 1e4;
     pub const ENERGY: f64 = 1e3;
-    /// kg.
+    /// Masses, kg.
     pub const MASS: f64 = 1e4;
     /// Friction coefficients.
     pub const FRICTION: f64 = 1e4;
@@ -342,7 +345,7 @@ pub(crate) mod tests {
         }
     }
 
-    /// Moving the object's frame moves no point of the object: a point's place in the hand stays.
+    /// Moving the object's frame moves no point of the object: each point keeps its position in the hand.
     #[test]
     fn a_moved_frame_moves_no_point() {
         let (shift, grasp) = (Vector3::new(0.01, -0.02, 0.03), grasp());

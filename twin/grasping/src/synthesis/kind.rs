@@ -8,19 +8,19 @@ use serde::Serialize;
 use super::diversity::{digit_set, opposition};
 use super::held::HeldGrasp;
 
-/// A kind of grasp: how many there are of it, and the one with the largest wrench margin.
+/// A kind of grasp: the number of its grasps, and the one with the largest wrench margin.
 #[derive(Debug, Clone, Serialize, JsonSchema)]
 pub struct Kind<'a> {
-    /// What makes the kind, in words.
+    /// Name of the kind, as text.
     #[serde(rename = "kind")]
     pub name: String,
-    /// Grasps of this kind.
+    /// Number of grasps of this kind.
     pub count: usize,
-    /// The best of them.
+    /// Grasp with the largest wrench margin.
     pub best: &'a HeldGrasp,
 }
 
-/// The kinds among `grasps` by `name`, the most frequent first; the best is the first of the largest margin.
+/// Sorts `grasps` into kinds by `name`, the most frequent first. The best is the first with the largest margin.
 pub fn kinds(grasps: &[HeldGrasp], name: impl Fn(&HeldGrasp) -> String) -> Vec<Kind<'_>> {
     let mut found: BTreeMap<String, Kind<'_>> = BTreeMap::new();
     for grasp in grasps {
@@ -36,12 +36,13 @@ pub fn kinds(grasps: &[HeldGrasp], name: impl Fn(&HeldGrasp) -> String) -> Vec<K
     kinds
 }
 
-/// The kinds among the F-TAC Hand's `grasps`, the most frequent first: a kind is a set of digits with a kind of opposition.
+/// Sorts the F-TAC Hand's `grasps` into kinds, the most frequent first. A kind is a set of digits with a kind of
+/// opposition.
 pub fn hand_kinds(grasps: &[HeldGrasp]) -> Vec<Kind<'_>> {
     kinds(grasps, |grasp| format!("{} {}", digit_set(grasp), opposition(grasp).name()))
 }
 
-/// The kinds as a table, a line a kind.
+/// Formats the kinds as a table with a line per kind.
 pub fn table(kinds: &[Kind<'_>]) -> String {
     let by_digits = kinds.iter().any(|kind| kind.best.digit_use.is_some());
     let width = kinds.iter().map(|kind| kind.name.len()).max().unwrap_or(0).max(if by_digits { 18 } else { 4 });
@@ -69,7 +70,7 @@ mod tests {
     use super::super::held::tests::{grasp, used};
     use super::*;
 
-    /// Kinds come by frequency; each keeps its grasp with the largest margin.
+    /// Kinds come by frequency. Each keeps its grasp with the largest margin.
     #[test]
     fn the_most_frequent_kind_comes_first() {
         let of = |digits: &[Digit], margin: f64| HeldGrasp { digit_use: Some(used(digits)), margin, ..grasp() };

@@ -31,13 +31,13 @@ pub struct Langevin {
 }
 
 impl Langevin {
-    /// Starts with the noise widths `widest`, times `step`, at `temperature`.
+    /// Creates a kernel with the noise widths `widest`, times `step`, at `temperature`.
     pub fn new(step: f64, widest: &[f64], temperature: f64) -> Self {
         let curvature = widest.iter().map(|width| temperature / (width * width)).collect();
         Self { step, curvature, widest: widest.to_vec() }
     }
 
-    /// Noise width and drift of one coordinate.
+    /// Returns the noise width and the drift of one coordinate.
     fn kernel(&self, n: usize, gradient: f64, temperature: f64) -> (f64, f64) {
         let width = self.step * (temperature / self.curvature[n]).sqrt();
         let drift = -0.5 * self.step * self.step * gradient / self.curvature[n];
@@ -52,7 +52,8 @@ impl Langevin {
         }
     }
 
-    /// Logarithm of the Metropolis-Hastings ratio of moving by `displacement` from (energy, gradient) `from` to `to`.
+    /// Returns the logarithm of the Metropolis-Hastings ratio of moving by `displacement` from (energy, gradient)
+    /// `from` to `to`.
     pub fn log_ratio(&self, from: (f64, &[f64]), to: (f64, &[f64]), displacement: &[f64], temperature: f64) -> f64 {
         let mut log = (from.0 - to.0) / temperature;
         for (n, moved) in displacement.iter().enumerate() {
@@ -64,8 +65,8 @@ impl Langevin {
         log
     }
 
-    /// One step of adaptation from the current gradient and the acceptance probability of the last proposal. For burn-in
-    /// only: an adaptive kernel is not reversible.
+    /// Adapts the kernel by one step, from the current gradient and the acceptance probability of the last proposal.
+    /// For burn-in only, because an adaptive kernel is not reversible.
     pub fn adapt(&mut self, gradient: &[f64], acceptance: f64, temperature: f64) {
         for (n, slope) in gradient.iter().enumerate() {
             // In a quadratic bowl of curvature h the mean squared gradient is h T.
@@ -84,7 +85,7 @@ mod tests {
     use rand::SeedableRng;
     use rand_chacha::ChaCha8Rng;
 
-    /// E = x' A x / 2 at temperature T has covariance T A^-1.
+    /// Returns the matrix A of E = x' A x / 2, which at temperature T has covariance T A^-1.
     fn bowl() -> Matrix3<f64> {
         Matrix3::new(4.0, 1.5, 0.0, 1.5, 1.0, 0.2, 0.0, 0.2, 9.0)
     }

@@ -1,10 +1,10 @@
-//! The hand's mechanism for the energy: joint limits, and the lines in joint space along which actuators move.
+//! Mechanism of the hand for the energy: joint limits, and the lines in joint space along which actuators move.
 
 use hand_model::Hand;
 use hand_model::hand_mechanism::HandMechanism;
 use hand_model::kinematics::JointKind;
 
-/// A metre of a slide counts as many radians of a turn: what a fingertip 50 mm from its joint makes of them.
+/// Radians that a metre of a sliding joint counts as: the angle by which a fingertip 50 mm from its joint moves as far.
 const RADIANS_PER_METRE: f64 = 20.0;
 
 /// A line in joint space along which one actuator moves its joints, free of contact.
@@ -23,14 +23,15 @@ pub struct ActuatorLine {
 pub struct Mechanism {
     /// Lower and upper limit of each joint, rad or m.
     pub limits: Vec<(f64, f64)>,
-    /// Radians that a unit of each joint's coordinate counts as: 1 of a turn.
+    /// Radians that a unit of each joint's coordinate counts as. 1 for a revolute joint.
     pub scale: Vec<f64>,
-    /// One per actuator.
+    /// Lines, one per actuator.
     pub lines: Vec<ActuatorLine>,
 }
 
 impl Mechanism {
-    /// Of the F-TAC Hand: the free posture at a medium tension gives the direction in which a cable moves its joints.
+    /// Builds the mechanism of the F-TAC Hand. The free posture at a medium tension gives the direction in which a
+    /// cable moves its joints.
     pub fn of(hand: &Hand) -> Self {
         let lines = (0..hand.transmission.cables.len()).map(|cable| {
             let angles = hand.transmission.free_angles(cable, 5.0);
@@ -48,12 +49,12 @@ impl Mechanism {
         }
     }
 
-    /// Of a hand from a URDF: equal springs against the moment arms, and coupled joints with their leaders. Joints without an
-    /// actuator stay at rest: both limits are the rest angle.
+    /// Builds the mechanism of a hand from a URDF: equal springs against the moment arms, and coupled joints with their
+    /// leaders. Joints without an actuator stay at rest: both limits are the rest angle.
     pub fn of_urdf(hand: &HandMechanism) -> Self {
         let rest = hand.rest();
         let mut limits: Vec<(f64, f64)> = rest.iter().map(|q| (*q, *q)).collect();
-        // Where springs rest a line has its zero; a joint that follows is then where its leader's rest makes it.
+        // A line has its zero where its springs rest. A coupled joint is then where its leader's rest position puts it.
         let offset = |joint: usize| {
             let follower = hand.followers.iter().find(|follower| follower.joint == joint);
             follower.map_or(hand.spring_rest[joint], |own| own.multiplier * hand.spring_rest[own.leader] + own.offset)
@@ -84,7 +85,7 @@ impl Mechanism {
         Self { limits, scale: scale.collect(), lines }
     }
 
-    /// Joints other than those that `moves` says stay at `angles`, rad or m, within their limits.
+    /// Holds the joints for which `moves` is false at `angles`, rad or m, within their limits.
     pub fn hold_others(&mut self, moves: impl Fn(usize) -> bool, angles: &[f64]) {
         for (joint, limits) in self.limits.iter_mut().enumerate().filter(|(joint, _)| !moves(*joint)) {
             let angle = angles[joint].clamp(limits.0, limits.1);
@@ -93,19 +94,20 @@ impl Mechanism {
         self.lines.retain(|line| line.joints.iter().all(|joint| moves(*joint)));
     }
 
-    /// Keeps `joint` within `range` as far as its limits reach, rad or m.
+    /// Narrows the limits of `joint` to `range`, rad or m, as far as they overlap.
     pub fn narrow(&mut self, joint: usize, [low, high]: [f64; 2]) {
         let (lower, upper) = self.limits[joint];
         self.limits[joint] = (low.clamp(lower, upper), high.clamp(lower, upper));
     }
 
-    /// A step of 1 rad along an actuator's line in its own unit: 1 where its joints turn.
+    /// Returns a step of 1 rad along an actuator's line in its own unit: 1 if its joints are revolute.
     pub fn unit(&self, line: usize) -> f64 {
         let own = &self.lines[line].joints;
         own.len() as f64 / own.iter().map(|joint| self.scale[*joint]).sum::<f64>()
     }
 
-    /// Position along an actuator's line, rad: the mean of its joint angles, signed by the line's direction.
+    /// Returns the position along an actuator's line, rad: the mean of its joint coordinates, signed by the line's
+    /// direction.
     pub fn amount(&self, line: usize, joints: &[f64]) -> f64 {
         let ActuatorLine { joints: own, share, offset } = &self.lines[line];
         let along = own.iter().zip(share).zip(offset);
@@ -146,7 +148,7 @@ mod tests {
         assert!((joints[2] + 0.05).abs() < 1e-12 && (shifted.amount(0, &joints) - 0.3).abs() < 1e-12, "{joints:?}");
     }
 
-    /// A joint that is held keeps its angle and has no line any more.
+    /// A joint that is held keeps its coordinate and no longer has a line.
     #[test]
     fn other_joints_are_held() {
         let mut mechanism = lines();

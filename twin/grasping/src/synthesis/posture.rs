@@ -1,8 +1,9 @@
-//! From a sampled posture to one that cables and springs can hold: the sampler moves joints, of which a hand has more than actuators.
+//! Projection of a sampled posture to one that cables and springs can hold: the sampler moves joints, and a hand has
+//! more joints than actuators.
 //!
-//! A cable at a given tension holds its joints, free of contact, on a curve; a posture is projected to the point of the
+//! A cable at a given tension holds its joints, free of contact, on a curve. A posture is projected to the point of the
 //! curve with the same mean angle. From there a digit *opens* along its curve until it is clear of the object. This is
-//! the posture in which the hand approaches; increasing the tension closes it.
+//! the posture in which the hand approaches. Increasing the tension closes it.
 
 use hand_model::Hand;
 use nalgebra::Vector3;
@@ -20,18 +21,19 @@ const OPENING: f64 = 0.08;
 /// Largest number of steps that move the palm out of the object.
 const RETREATS: usize = 12;
 
-/// A posture the actuators can hold without contact.
+/// A posture that the actuators can hold without contact.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FreePosture {
     /// Tensions of the actuators, N.
     pub tensions: Vec<f64>,
-    /// Opposition angle, rad; 0 of a hand without an opposition drive.
+    /// Opposition angle, rad. 0 for a hand without an opposition drive.
     pub opposition: f64,
     /// Resulting joint coordinates, rad or m.
     pub joints: Vec<f64>,
 }
 
-/// Tension at which the mean angle of a free cable's joints is `mean` (rad), by bisection: the angle increases with tension.
+/// Finds the tension at which the mean angle of a free cable's joints is `mean` (rad), by bisection: the angle
+/// increases with tension.
 fn tension_for_mean(hand: &Hand, cable: usize, mean: f64) -> f64 {
     let at = |tension: f64| {
         let angles = hand.transmission.free_angles(cable, tension);
@@ -56,7 +58,7 @@ fn mean_angle(hand: &Hand, cable: usize, joints: &[f64]) -> f64 {
     path.iter().map(|crossing| joints[crossing.joint]).sum::<f64>() / path.len() as f64
 }
 
-/// The free posture with the same opposition angle and the same mean angle of each digit as `joints`.
+/// Returns the free posture with the same opposition angle and the same mean angle of each digit as `joints`.
 pub fn project(hand: &Hand, joints: &[f64]) -> FreePosture {
     let drive = hand.transmission.opposition;
     let opposition =
@@ -79,7 +81,7 @@ fn set_mean(hand: &Hand, posture: &mut FreePosture, cable: usize, mean: f64) {
     }
 }
 
-/// Least distance (m) of a link's surface from the object, and the object's normal there.
+/// Returns the least distance (m) of a link's surface from the object, and the object's normal there.
 fn clearance(frames: &Frames, surface: &HandSurface, field: &DistanceField, link: usize) -> (f64, Vector3<f64>) {
     let mut least = (f64::INFINITY, Vector3::zeros());
     for local in &surface.links[link].points {
@@ -98,7 +100,7 @@ pub struct Opened {
     /// Pose and joints, clear of the object.
     pub state: HandState,
     pub open: FreePosture,
-    /// The projected posture, before opening.
+    /// Projected posture, before opening.
     pub aimed: FreePosture,
 }
 
@@ -113,7 +115,7 @@ pub fn open_clear(
 ) -> Option<Opened> {
     let aimed = project(hand, &state.joints);
     let mut state = HandState { object_from_palm: state.object_from_palm, joints: aimed.joints.clone() };
-    // The palm and the thumb's first link are not moved by cables: the whole hand retreats.
+    // Cables do not move the palm and the thumb's first link, so the whole hand retreats.
     let fixed: Vec<usize> = std::iter::once(0).chain(hand.transmission.opposition.map(|joint| joint + 1)).collect();
     for retreat in 0.. {
         frames.place(&state);

@@ -12,14 +12,14 @@ use nalgebra::{Point3, Vector3};
 const TILE: usize = 3;
 /// Spacing of contact candidates on a pad, m.
 const CANDIDATE_SPACING: f64 = 0.003;
-/// Largest distance of a contact candidate from the cover, m: a pad's rim may be further off.
+/// Largest distance of a contact candidate from the cover, m. A pad's rim may be farther off.
 const OFF_COVER: f64 = 1.0e-3;
 
 #[derive(Debug, Clone, Copy)]
 pub struct Ball {
-    /// m.
+    /// Centre, m.
     pub center: Vector3<f64>,
-    /// m.
+    /// Radius, m.
     pub radius: f64,
 }
 
@@ -49,7 +49,7 @@ pub struct Candidate {
     /// Link: 0 is the palm.
     pub link: usize,
     pub pad: usize,
-    /// In the link's frame, m.
+    /// Position in the link's frame, m.
     pub point: Vector3<f64>,
     /// Unit normal out of the hand, link frame.
     pub normal: Vector3<f64>,
@@ -67,12 +67,13 @@ pub struct HandSurface {
 }
 
 impl HandSurface {
-    /// At least `count` points (and few more), evenly spread on the covers of `hand`, and the candidates of its pads.
+    /// Places at least `count` points (and few more) evenly on the covers of `hand`, and the candidates on its pads.
     pub fn new(hand: &Hand, count: usize) -> Self {
         let covers: Vec<CoverShape> = std::iter::once(hand.palm_cover).chain(hand.covers.iter().copied()).collect();
         let area: f64 =
             covers.iter().map(|c| 8.0 * (c.half.x * c.half.y + c.half.y * c.half.z + c.half.z * c.half.x)).sum();
-        // Rounding to whole steps on every face may give too few points: reduce the spacing until there are enough.
+        // Rounding to whole steps on every face may give too few points. The spacing is then reduced until there are
+        // enough.
         let mut spacing = (area / count.max(1) as f64).sqrt();
         let links = loop {
             let links: Vec<LinkSurface> = covers.iter().map(|cover| link_surface(cover, spacing)).collect();
@@ -89,7 +90,8 @@ impl HandSurface {
         Self { links, candidates: candidates(hand, &covers), pairs }
     }
 
-    /// From links given as points on their surface and balls that fill them (link frames, m), palm first.
+    /// Builds the surface from links given as points on their surface and balls that fill them (link frames, m), palm
+    /// first.
     pub fn of_points(
         links: Vec<(Vec<Vector3<f64>>, Vec<Ball>)>,
         candidates: Vec<Candidate>,
@@ -105,12 +107,12 @@ impl HandSurface {
         Self { links: links.collect(), candidates, pairs }
     }
 
-    /// Only these links may touch an object.
+    /// Limits the contact candidates to these links.
     pub fn touch_only(&mut self, links: &[usize]) {
         self.candidates.retain(|candidate| links.contains(&candidate.link));
     }
 
-    /// Adds points (palm frame, m) that move with the palm: what it holds.
+    /// Adds points of a held object (palm frame, m), which move with the palm.
     pub fn extend_palm(&mut self, points: &[Vector3<f64>]) {
         let (palm, mut points) = (&mut self.links[0], points.to_vec());
         tiles(&mut points, palm.points.len(), &mut palm.patches);
@@ -127,7 +129,7 @@ impl HandSurface {
     }
 }
 
-/// Nearest point of a rounded box's surface and the outward normal there, box frame.
+/// Returns the nearest point of a rounded box's surface and the outward normal there, box frame.
 fn nearest(cover: &CoverShape, p: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
     let inner = cover.half.add_scalar(-cover.radius);
     let core = p.zip_map(&inner, |x, limit| x.clamp(-limit, limit));
@@ -138,7 +140,7 @@ fn nearest(cover: &CoverShape, p: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>)
             Vector3::ith(axis, 1.0_f64.copysign(p[axis]))
         }
     };
-    // Inside the core the nearest face applies, elsewhere the rounding.
+    // The nearest face applies inside the core, the rounding elsewhere.
     let reach = if p == &core { (inner - p.abs()).min() } else { 0.0 };
     (core + normal * (cover.radius + reach), normal)
 }
@@ -171,7 +173,7 @@ fn link_surface(cover: &CoverShape, spacing: f64) -> LinkSurface {
     LinkSurface { bound: around(&points), balls: fill(cover), points, patches }
 }
 
-/// Bounding ball of points, centred on their mean.
+/// Returns the bounding ball of points, centred on their mean.
 fn around(points: &[Vector3<f64>]) -> Ball {
     let center = points.iter().sum::<Vector3<f64>>() / points.len() as f64;
     Ball { center, radius: points.iter().map(|p| (p - center).norm()).fold(0.0, f64::max) }
@@ -197,7 +199,7 @@ fn tiles(points: &mut [Vector3<f64>], first: usize, patches: &mut Vec<Patch>) {
     tiles(right, first + half, patches);
 }
 
-/// Balls of the box's least half extent, at most a radius apart.
+/// Fills a box with balls of its least half extent, at most a radius apart.
 fn fill(cover: &CoverShape) -> Vec<Ball> {
     let radius = cover.half.min();
     let room = cover.half.add_scalar(-radius);

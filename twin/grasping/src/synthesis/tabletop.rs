@@ -1,7 +1,9 @@
-//! Proposals for an object that rests on a table: the chain samples postures above the table, and what it finds becomes a [`Grasp`].
+//! Proposals for an object that rests on a table: the chain samples postures above the table, and each posture it finds
+//! becomes a [`Grasp`].
 //!
-//! Beside the terms of the energy the task constrains the hand. Only the digits that take the object and the palm may touch it, the other digits
-//! stay as they are, and an object that is held already is a part of the palm: it keeps clear of the table and of what is taken.
+//! In addition to the terms of the energy, the task constrains the hand. Only the palm and the digits that take the
+//! object may touch it, and the other digits stay as they are. An object that is already held is treated as part of the
+//! palm, so that it keeps clear of the table and of the object to be taken.
 
 use hand_model::{Digit, Hand};
 use nalgebra::{Point3, UnitQuaternion, Vector3};
@@ -18,36 +20,36 @@ use super::surface::HandSurface;
 use crate::grasp::{Grasp, palm_rotation};
 use crate::sampler::{self, HandForm, ObjectExtent};
 
-/// Points on the hand's surface.
+/// Number of points on the hand's surface.
 const POINTS: usize = 600;
-/// A chain has to find a posture fast: many of them are tried in physics.
+/// Short schedule: a chain has to find a posture fast, because many postures are tried in physics.
 const SCHEDULE: Schedule = Schedule { burn_in: 1000, steady: 150, hot: 2.0, cold: 0.02, contact_share: 0.3 };
-/// Chains until one ends in a posture that an arm above the table can take.
+/// Maximum number of chains until one ends in a posture that an arm above the table can take.
 const CHAINS: usize = 4;
-/// Contact points of a chain at least and at most.
+/// Fewest and most contact points of a chain.
 const CONTACTS: (usize, usize) = (3, 5);
-/// Greatest heading relative to the object, rad.
+/// Largest heading relative to the object, rad.
 const HEADING: f64 = 0.6;
-/// Pitch and roll at which chains begin, rad.
+/// Ranges of pitch and roll at which chains begin, rad.
 const PITCH: [f64; 2] = [-0.3, 0.9];
 const ROLL: [f64; 2] = [-1.4, 1.4];
-/// Pitch of a posture that is proposed, rad.
+/// Range of the pitch of a proposed posture, rad.
 const STEEPEST: [f64; 2] = [-0.5, 1.3];
-/// A sample is no posture where a point of the hand is deeper in the object, or a contact farther from it, m.
+/// Thresholds that reject a sample, m: depth of a point of the hand in the object, and distance of a contact from it.
 const DEEPEST: f64 = 6e-3;
 const FARTHEST: f64 = 0.02;
 
-/// An object as it rests.
+/// An object at rest on the table.
 pub struct Resting<'a> {
     pub extent: &'a ObjectExtent,
     pub field: &'a DistanceField,
-    /// Object frame.
+    /// Table, object frame.
     pub table: Plane,
     /// `world_from_object` at yaw 0.
     pub rest: UnitQuaternion<f64>,
 }
 
-/// An object that the hand holds already.
+/// An object that the hand already holds.
 pub struct Carried {
     /// Points on its surface, palm frame, m.
     pub points: Vec<Vector3<f64>>,
@@ -55,7 +57,7 @@ pub struct Carried {
     pub joints: Vec<f64>,
 }
 
-/// Proposes grasps with some digits of a hand.
+/// Proposer of grasps with some digits of a hand.
 pub struct Tabletop<'a> {
     hand: &'a Hand,
     digits: Vec<Digit>,
@@ -65,7 +67,8 @@ pub struct Tabletop<'a> {
 }
 
 impl<'a> Tabletop<'a> {
-    /// For `digits` of a hand that is empty or holds what is `carried`. None of a hand with jaws.
+    /// Creates a proposer for `digits` of a hand that is empty or holds the `carried` object. Returns `None` for a hand
+    /// with jaws.
     pub fn new(hand: &'a Hand, digits: Vec<Digit>, carried: Option<&Carried>) -> Option<Self> {
         if hand.jaws().is_some() {
             return None;
@@ -80,8 +83,9 @@ impl<'a> Tabletop<'a> {
         Some(Self { hand, digits, form: HandForm::of(hand), surface, mechanism })
     }
 
-    /// A posture that one of a few chains finds, with tensions, delays and rise as the hand's file has them for such digits. None where no chain
-    /// ends in a posture of balanced contacts that faces the table, or nothing is known of such digits.
+    /// Proposes a posture that one of a few chains finds, with tensions, delays and rise from the ranges of the hand's
+    /// file for these digits. Returns `None` if no chain ends in a posture of balanced contacts that faces the table,
+    /// or if the file has no ranges for such digits.
     pub fn propose(&self, object: &Resting, id: u32, rng: &mut impl Rng) -> Option<Grasp> {
         let drawn = sampler::propose(&self.form, object.extent, &self.digits, id, rng)?;
         let (mechanism, weights) = (self.mechanism.clone(), Weights::default());
@@ -109,7 +113,7 @@ impl<'a> Tabletop<'a> {
         }
         let opened = open_clear(self.hand, &self.surface, object.field, frames, &end.state)?;
         let palm = opened.state.object_from_palm;
-        // Rz(heading) Ry(pitch) Rx(roll), as a grasp counts them.
+        // Rz(heading) Ry(pitch) Rx(roll), as defined by a grasp.
         let level = palm_rotation(0.0, 0.0, 0.0);
         let (roll, pitch, heading) = (object.rest * palm.rotation * level.inverse()).euler_angles();
         let yaw = if object.extent.yaw_matters { heading } else { 0.0 };
@@ -151,7 +155,7 @@ mod tests {
         (0..8).filter_map(of).collect()
     }
 
-    /// Only the digits that are asked for pull, whichever they are; the ball is near the palm, and the palm above the table.
+    /// Only the requested digits pull, whichever they are. The ball is near the palm, and the palm is above the table.
     #[test]
     fn any_digits_propose() {
         for digits in [&[Digit::Ring, Digit::Little][..], &[Digit::Thumb, Digit::Index], &[Digit::Little]] {
@@ -166,7 +170,7 @@ mod tests {
         }
     }
 
-    /// A held object stays out of the table: a long thing under the palm's edge raises that edge.
+    /// A held object stays out of the table: a long object under the palm's edge raises that edge.
     #[test]
     fn what_is_held_stays_above_the_table() {
         let points: Vec<Vector3<f64>> = (0..20).map(|n| Vector3::new(-0.03, 0.0, -0.005 * f64::from(n))).collect();

@@ -43,7 +43,7 @@ pub const ATTRIBUTES: [(&str, &str); 25] = [
     ("axis_out", "cosine between the object's axis and the palm's normal"),
 ];
 
-/// The object's shape.
+/// Shape of an object.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ObjectForm {
     /// The principal axis whose extent differs most from its neighbour's (a can's axis, the normal of a slab's large
@@ -55,14 +55,14 @@ pub struct ObjectForm {
     pub ball: f64,
 }
 
-/// Points on an object's surface from which its form is read.
+/// Number of points on an object's surface from which its form is measured.
 pub const FORM_POINTS: usize = 1500;
 
 /// Ratio of extents below which they count as similar.
 const ALIKE: f64 = 1.08;
 
 impl ObjectForm {
-    /// From points spread evenly over the surface (object frame, m).
+    /// Measures the form from points spread evenly over the surface (object frame, m).
     pub fn of(points: &[Point3<f64>]) -> Self {
         let mean = points.iter().map(|p| p.coords).sum::<Vector3<f64>>() / points.len().max(1) as f64;
         let mut second = Matrix3::zeros();
@@ -90,13 +90,13 @@ impl ObjectForm {
     }
 }
 
-/// A grasp as it holds an object.
+/// A grasp in the state in which it holds an object.
 #[derive(Debug, Clone, Copy)]
 pub struct Hold<'a> {
     pub palm_from_object: Isometry3<f64>,
-    /// rad.
+    /// Joint angles, rad.
     pub joints: &'a [f64],
-    /// Palm frame.
+    /// Contacts, palm frame.
     pub contacts: &'a [HeldContact],
 }
 
@@ -111,7 +111,7 @@ impl<'a> From<&'a HeldGrasp> for Hold<'a> {
 pub struct Attributes(pub [f64; ATTRIBUTES.len()]);
 
 impl Attributes {
-    /// Index of the attribute called `name`.
+    /// Returns the index of the attribute called `name`.
     pub fn index(name: &str) -> Option<usize> {
         ATTRIBUTES.iter().position(|(known, _)| *known == name)
     }
@@ -120,7 +120,7 @@ impl Attributes {
         Self::index(name).map(|n| self.0[n])
     }
 
-    /// The attributes of a grasp on an object of `form`. Without contact force all shares are 0.
+    /// Measures the attributes of a grasp on an object of `form`. Without contact force all shares are 0.
     pub fn of<'a>(hand: &Hand, form: &ObjectForm, grasp: impl Into<Hold<'a>>) -> Self {
         let grasp = grasp.into();
         let links = hand.tree.forward(grasp.joints);
@@ -191,8 +191,8 @@ impl Attributes {
     }
 }
 
-/// Largest and least share of the normals along a line, and the line with the least: the touched surface is straight
-/// along it.
+/// Returns the largest and the least share of the normals along a line, and the line with the least share, along which
+/// the touched surface is straight.
 fn normals(spread: &Matrix3<f64>, total: f64) -> (f64, f64, Vector3<f64>) {
     if total <= 0.0 {
         return (0.0, 0.0, Vector3::zeros());

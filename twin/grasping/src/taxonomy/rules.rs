@@ -1,9 +1,9 @@
-//! The rules that give a grasp its type. They are data (`data/rules.toml`): each names a type, and conditions with an
+//! Rules that assign a type to a grasp. They are data (`data/rules.toml`): each names a type, and conditions with an
 //! attribute, bounds and a reason.
 //!
 //! A condition's *margin* is the distance of the attribute inside the bounds in units of the condition's width, at most
-//! 1, negative outside. A rule's margin is its worst condition's, so every rule gives each grasp a number up to 1,
-//! possibly far below 0. The best rule decides. If its margin is below [`Rules::clear`], or another type's margin is
+//! 1, negative outside. A rule's margin is that of its worst condition, so every rule gives each grasp a number up to
+//! 1, possibly far below 0. The best rule decides. If its margin is below [`Rules::clear`], or another type's margin is
 //! within [`Rules::clear`] of it, the grasp is *ambiguous*, and both types are named.
 
 use std::collections::BTreeSet;
@@ -27,19 +27,19 @@ pub struct Condition {
     pub at_most: Option<f64>,
     /// Distance inside a bound at which the condition is clearly met.
     pub width: f64,
-    /// Why the type requires it.
+    /// Reason why the type requires it.
     pub reason: String,
 }
 
 impl Condition {
-    /// Distance of `value` inside the bounds in widths, at most 1.
+    /// Returns the distance of `value` inside the bounds in widths, at most 1.
     fn margin(&self, value: f64) -> f64 {
         let above = self.at_least.map_or(f64::INFINITY, |bound| value - bound);
         let below = self.at_most.map_or(f64::INFINITY, |bound| bound - value);
         (above.min(below) / self.width).min(1.0)
     }
 
-    /// The bounds as text.
+    /// Formats the bounds as text.
     fn bounds(&self) -> String {
         match (self.at_least, self.at_most) {
             (Some(low), Some(high)) => format!("{low} to {high}"),
@@ -59,7 +59,7 @@ pub struct Rule {
     pub kind: String,
     /// Conditions that must all hold.
     pub when: Vec<Condition>,
-    /// More specific types: if one of them fits, this one does not.
+    /// More specific types. This type does not fit if one of them does.
     #[serde(default)]
     pub unless: Vec<String>,
 }
@@ -110,7 +110,7 @@ pub struct Decision {
 }
 
 impl Rules {
-    /// The shipped rules, for the paper's types.
+    /// Returns the shipped rules, for the paper's types.
     ///
     /// # Panics
     /// Never in a tested build: the file is compiled in and a test reads it.
@@ -119,7 +119,7 @@ impl Rules {
         Self::parse(include_str!("../../data/rules.toml"), path, taxonomy).expect("the built-in rules are valid")
     }
 
-    /// Parses rules; every type of `taxonomy` needs one. `path` is used in errors.
+    /// Parses rules. Every type of `taxonomy` needs at least one. `path` is used in errors.
     pub fn parse(text: &str, path: &Path, taxonomy: &Taxonomy) -> Result<Self, DataError> {
         let File { clear, rule: rules } = toml::from_str(text)
             .map_err(|error| DataError::Format { path: path.into(), message: error.to_string() })?;
@@ -173,25 +173,25 @@ impl Rules {
         Ok(Self { clear, rules, resolved })
     }
 
-    /// Margin of a rule's own conditions.
+    /// Returns the margin of a rule's own conditions.
     fn own(&self, rule: usize, attributes: &Attributes) -> f64 {
         let conditions = self.rules[rule].when.iter().zip(&self.resolved[rule].attributes);
         conditions.map(|(condition, index)| condition.margin(attributes.0[*index])).fold(1.0, f64::min)
     }
 
-    /// Best margin of type `kind` by its rules' own conditions.
+    /// Returns the best margin of type `kind` by its rules' own conditions.
     fn fits(&self, kind: usize, attributes: &Attributes) -> f64 {
         let own = (0..self.rules.len()).filter(|rule| self.resolved[*rule].kind == kind);
         own.map(|rule| self.own(rule, attributes)).fold(f64::NEG_INFINITY, f64::max)
     }
 
-    /// Margin of a rule: the least of its own and of minus the margins of more specific types.
+    /// Returns the margin of a rule: the least of its own margin and of the negated margins of more specific types.
     fn margin(&self, rule: usize, attributes: &Attributes) -> f64 {
         let unless = self.resolved[rule].unless.iter().map(|kind| -self.fits(*kind, attributes));
         unless.fold(self.own(rule, attributes), f64::min)
     }
 
-    /// Best margin of every type.
+    /// Returns the best margin of every type.
     pub fn margins(&self, types: usize, attributes: &Attributes) -> Vec<f64> {
         let mut margins = vec![f64::NEG_INFINITY; types];
         for (rule, resolved) in self.resolved.iter().enumerate() {
@@ -200,7 +200,7 @@ impl Rules {
         margins
     }
 
-    /// Classifies one grasp. Of equal margins the first type in the table wins, and the grasp is ambiguous.
+    /// Classifies one grasp. If margins are equal, the first type in the table wins and the grasp is ambiguous.
     pub fn decide(&self, taxonomy: &Taxonomy, attributes: &Attributes) -> Decision {
         let mut order: Vec<(usize, f64)> =
             self.margins(taxonomy.types.len(), attributes).into_iter().enumerate().collect();
@@ -210,7 +210,7 @@ impl Rules {
         Decision { kind: best.0, margin: best.1, second, ambiguous }
     }
 
-    /// Explanation: every condition of the best rule for type `kind`.
+    /// Explains a decision: returns every condition of the best rule for type `kind`.
     pub fn explain(&self, kind: usize, attributes: &Attributes) -> Vec<Checked> {
         let own = (0..self.rules.len()).filter(|rule| self.resolved[*rule].kind == kind);
         let best = own.max_by(|a, b| self.margin(*a, attributes).total_cmp(&self.margin(*b, attributes)));

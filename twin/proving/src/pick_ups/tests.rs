@@ -10,7 +10,7 @@ fn object(name: &str) -> ObjectModel {
     (*world.object(name).expect("known")).clone()
 }
 
-/// A box's half sizes are along the axes of the world in which it rests, not of its own frame.
+/// The half sizes of a box are along the axes of the world in which it rests, not of its own frame.
 #[test]
 fn extents_are_those_of_the_resting_object() {
     let half = Vector3::new(0.01, 0.02, 0.03);
@@ -23,7 +23,7 @@ fn extents_are_those_of_the_resting_object() {
     assert!((tipped.half - Vector3::new(0.01, 0.03, 0.02)).norm() < 1e-9, "{}", tipped.half);
 }
 
-/// Balls have one radius in all directions and no yaw; the objects that have one are searched over it.
+/// Balls have one radius in all directions and no yaw. Objects that have a yaw are searched over it.
 #[test]
 fn yaw_matters_unless_the_object_is_a_ball() {
     let ball = object("golf_ball");
@@ -35,7 +35,7 @@ fn yaw_matters_unless_the_object_is_a_ball() {
     assert!(extent(&turned).yaw_matters);
 }
 
-/// The centre of what rests on the table is as high as the extent says, for every object of the benchmark.
+/// The centre of a resting object is as high as its extent says, for every object of the benchmark.
 #[test]
 fn the_vertical_extent_is_the_rest_height() {
     let world = World::new(&RobotModel::ftac_gen3(), Scenario::benchmark()).expect("the world");
@@ -55,7 +55,8 @@ fn grasp(id: u32, score: f64, x: f64) -> Grasp {
     Grasp { id, score, center: [x, 0.0, -0.05], ..any.clone() }
 }
 
-/// The best of each neighbourhood stays: the list is in order of score, and near ones of a kept grasp go.
+/// The best grasp of each neighbourhood stays. The list is in order of score, and the neighbours of a kept grasp are
+/// removed.
 #[test]
 fn neighbours_are_thinned_out() {
     let mut all = vec![grasp(1, 0.5, 0.0), grasp(2, 0.9, 0.003), grasp(3, 0.5, 0.02), grasp(0, 0.5, 0.04)];
@@ -66,7 +67,8 @@ fn neighbours_are_thinned_out() {
     assert_eq!(spread(all, 2).len(), 2);
 }
 
-/// A grasp's score is the share of tries that held; one that fails too often, or without any error, is dropped at once.
+/// A grasp's score is the share of tries that held. A grasp that fails too often, or without any error, is dropped at
+/// once.
 #[test]
 fn scores_are_shares_of_tries() {
     let held = HoldOutcome {

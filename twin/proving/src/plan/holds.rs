@@ -1,4 +1,4 @@
-//! The grasps of plans as they hold their objects: each is played once without errors, up to the end of the trial.
+//! Holds of planned grasps: each grasp is played once without errors, up to the end of the trial.
 
 use anyhow::Result;
 use control::odds::TryOutcome;
@@ -12,23 +12,23 @@ use super::{Plan, Plans};
 use crate::rehearsal::{FirstRehearsal, HoldOutcome, rehearse_first, rehearse_last};
 use crate::simulated_world::World;
 
-/// A grasp of a plan that holds its object.
+/// Grasp of a plan that holds its object.
 #[derive(Debug, Clone)]
 pub struct PlannedHold {
     /// Names of the objects of the combination.
     pub combination: [String; 2],
-    /// Place of the grasp's object in it, from 0.
+    /// Place of the grasp's object in the combination, from 0.
     pub place: usize,
     pub grasp: Grasp,
     pub palm_from_object: Isometry3<f64>,
-    /// rad.
+    /// Joint angles, rad.
     pub joints: Vec<f64>,
-    /// Palm frame.
+    /// Contacts, palm frame.
     pub contacts: Vec<HeldContact>,
 }
 
-/// Of each combination the planned first grasp and those that its proofs know, each with the second grasp that holds most often after it. Those that do
-/// not hold without errors are left out. Shows a progress bar unless `quiet`.
+/// Plays, for each combination, the planned first grasp and those of its proofs, each with the second grasp that holds
+/// most often after it. Grasps that do not hold without errors are left out. Shows a progress bar unless `quiet`.
 pub fn of_plans(world: &World, repertoire: &Repertoire, plans: &Plans, quiet: bool) -> Result<Vec<PlannedHold>> {
     let board = TactileBoard::unit(&world.cell.robot.hand, 0);
     let progress = progress::bar(plans.plans.len() as u64, "combinations played", quiet);
@@ -49,7 +49,7 @@ fn of_plan(world: &World, repertoire: &Repertoire, plan: &Plan, board: &TactileB
     let mut held = Vec::new();
     for (first, seconds) in sequences {
         let share = |n: &usize| seconds[*n].rehearsed.iter().filter(|one| one.outcome == TryOutcome::Held).count();
-        // Of equals the first, which is the planned one.
+        // The first of equals, which is the planned one.
         let Some(best) = (0..seconds.len()).rev().max_by_key(share) else { continue };
         let second = seconds[best].grasp.clone();
         let both = [&first, &second];

@@ -1,4 +1,4 @@
-//! All that is rehearsed of one plan for the odds of its second grasps.
+//! Rehearsals of one plan for the odds of its second grasps.
 
 use anyhow::Result;
 use grasping::Repertoire;
@@ -8,7 +8,8 @@ use super::outcomes::Rehearsals;
 use super::{Plan, variations};
 use crate::simulated_world::World;
 
-/// A step of all that is rehearsed of one plan: 0 tries its second grasps, 1 those after other first grasps, 2 variations of them.
+/// Runs one step of a plan's rehearsals: 0 tries its second grasps, 1 those after other first grasps, 2 variations of
+/// them.
 pub(super) fn step(
     number: usize,
     world: &World,
@@ -25,7 +26,7 @@ pub(super) fn step(
     Ok(())
 }
 
-/// All steps for one plan.
+/// Runs all steps for one plan.
 pub(super) fn rehearse(world: &World, repertoire: &Repertoire, board: &TactileBoard, plan: &mut Plan) -> Result<()> {
     (0..3).try_for_each(|number| step(number, world, repertoire, board, plan))
 }

@@ -1,8 +1,9 @@
-//! Outcomes: second grasps of a plan tried under drawn errors of their aim, for the odds that a policy goes by. Some draws are as wide
-//! as what is expected of an object that was only seen, the others as what is left once it was touched where it stands.
+//! Outcomes: second grasps of a plan tried under drawn aim errors, for the odds that a policy uses. Some draws are as
+//! wide as the error expected for an object that was only seen. The others are as wide as the error that remains once
+//! the object was touched where it stands.
 //!
-//! All grasps meet the same draws, so a file keeps a letter for each draw, the wide ones and the near ones apart: `h` held, `m` missed,
-//! `c` contact.
+//! All grasps meet the same draws. A file therefore keeps one letter per draw, with the wide and the near draws apart:
+//! `h` held, `m` missed, `c` contact.
 
 use std::ops::Range;
 
@@ -19,29 +20,30 @@ use super::{FAILED_WORTH, Other, Plan, PlannedGrasps, Plans};
 use crate::rehearsal::{FirstRehearsal, Snapshot, misaimed, narrow_errors, rehearse_first, try_second, wide_errors};
 use crate::simulated_world::World;
 
-/// Other first grasps are tried until some second grasp after one of them is worth this much, near where it was rehearsed.
+/// Threshold: other first grasps are tried until some second grasp after one of them is worth this much near its
+/// rehearsed pose.
 pub(super) const GOOD: f64 = 0.85;
-/// Draws of wide errors under which a grasp is tried.
+/// Number of wide draws under which a grasp is tried.
 const WIDE: usize = 12;
-/// Draws of the errors that are left once the object has been touched.
+/// Number of draws of the errors that remain once the object has been touched.
 pub(super) const NARROW: usize = 10;
-/// The first draws of either kind, under which every grasp is tried that works without errors.
+/// Number of draws of either kind in the first heat. Every grasp that works without errors is tried under them.
 const HEAT: usize = 3;
-/// Grasps of a plan that went best under those, and are tried under all.
+/// Number of a plan's best grasps in the first heat that are tried under all draws.
 const GRASPS: usize = 4;
-/// For each way in which the second object can have fallen over, so many of its grasps that work are tried.
+/// Number of working grasps that are tried for each resting pose of the fallen second object.
 const FALLEN: usize = 4;
-/// So many of them under all errors.
+/// Number of these that are tried under all draws.
 const FALLEN_GRASPS: usize = 2;
 
-/// How a second grasp went under each draw.
+/// Outcomes of a second grasp under each draw.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Outcomes {
     /// Number of the grasp.
     pub grasp: u32,
-    /// A letter for each wide draw.
+    /// One letter per wide draw.
     pub outcomes: String,
-    /// A letter for each narrow draw.
+    /// One letter per narrow draw.
     #[serde(default)]
     pub near: String,
 }
@@ -52,17 +54,18 @@ impl Outcomes {
         Self { grasp, outcomes: letters(wide), near: letters(narrow) }
     }
 
-    /// What it is worth by its letters: a miss counts as much as to a policy that may try again.
+    /// Returns the worth of all tries together. A miss counts as much as to a policy that may try again.
     fn worth(&self) -> f64 {
         worth(self.outcomes.chars().chain(self.near.chars()))
     }
 
-    /// What a try is worth under narrow errors: 0 where few were drawn.
+    /// Returns the worth of a try under narrow errors, or 0 if too few were drawn.
     pub(super) fn worth_once_touched(&self) -> f64 {
         if self.near.len() < NARROW { 0.0 } else { worth(self.near.chars()) / self.near.len() as f64 }
     }
 
-    /// The rehearsals, with the errors in axes that turn with `grasp`'s heading; first the one without errors, which held.
+    /// Returns the rehearsals, with the errors in axes that turn with `grasp`'s heading. The first one is without
+    /// errors and held.
     pub fn rehearsed(&self, grasp: &Grasp) -> Result<Vec<Rehearsed>> {
         let with = |(error, letter): (TrialNoise, char)| {
             Ok(Rehearsed::new(aim_error(&error, grasp.yaw), outcome(self.grasp, letter)?))
@@ -74,7 +77,7 @@ impl Outcomes {
     }
 }
 
-/// The letter of an outcome in a file.
+/// Returns the letter of an outcome in a file.
 pub(super) fn letter(outcome: TryOutcome) -> char {
     match outcome {
         TryOutcome::Held => 'h',
@@ -83,7 +86,7 @@ pub(super) fn letter(outcome: TryOutcome) -> char {
     }
 }
 
-/// The outcome of a letter of a grasp's tries.
+/// Parses the letter of a try of `grasp`.
 pub(super) fn outcome(grasp: u32, letter: char) -> Result<TryOutcome> {
     Ok(match letter {
         'h' => TryOutcome::Held,
@@ -93,26 +96,26 @@ pub(super) fn outcome(grasp: u32, letter: char) -> Result<TryOutcome> {
     })
 }
 
-/// What tries with these letters are worth together.
+/// Returns the summed worth of tries with these letters.
 pub(super) fn worth(letters: impl Iterator<Item = char>) -> f64 {
     letters.map(|letter| if letter == 'h' { 1.0 } else { MISSED * f64::from(letter == 'm') }).sum()
 }
 
-/// By how much the second grasp is aimed beside the object, m, in axes turned by `heading` (rad) about the vertical.
+/// Returns the aim error of the second grasp, m, in axes turned by `heading` (rad) about the vertical.
 pub(super) fn aim_error(noise: &TrialNoise, heading: f64) -> Vector3<f64> {
     let world = noise.objects[1].offset + noise.position;
     Rotation3::from_axis_angle(&Vector3::z_axis(), -heading) * world
 }
 
-/// Tries the second grasps of all `plans` under errors, in the place of what they knew; shows a progress bar unless `quiet`. Takes
-/// a minute of a core for each plan.
+/// Tries the second grasps of all `plans` under errors and replaces their earlier outcomes. Shows a progress bar unless
+/// `quiet`. Takes a minute of one core per plan.
 pub fn rehearse(world: &World, repertoire: &Repertoire, plans: &mut Plans, quiet: bool) -> Result<()> {
     let board = TactileBoard::unit(&world.cell.robot.hand, 0);
     let rehearsals = Rehearsals::new(world, &board);
     plans.try_each("plans tried", quiet, |plan| rehearsals.rehearse(repertoire, plan))
 }
 
-/// The same after other first grasps, for those of the `plans` none of whose second grasps goes well.
+/// Tries second grasps after other first grasps, for those of the `plans` none of whose second grasps goes well.
 pub fn rehearse_others(world: &World, repertoire: &Repertoire, plans: &mut Plans, quiet: bool) -> Result<()> {
     let board = TactileBoard::unit(&world.cell.robot.hand, 0);
     let rehearsals = Rehearsals::new(world, &board);
@@ -122,7 +125,7 @@ pub fn rehearse_others(world: &World, repertoire: &Repertoire, plans: &mut Plans
     })
 }
 
-/// What all rehearsals share.
+/// Data that all rehearsals share.
 pub(super) struct Rehearsals<'a> {
     world: &'a World,
     board: &'a TactileBoard,
@@ -131,12 +134,13 @@ pub(super) struct Rehearsals<'a> {
 }
 
 impl<'a> Rehearsals<'a> {
-    /// With the errors that all grasps meet.
+    /// Draws the errors that all grasps meet.
     pub(super) fn new(world: &'a World, board: &'a TactileBoard) -> Self {
         Self { world, board, wide: wide_errors(WIDE), narrow: narrow_errors(NARROW) }
     }
 
-    /// Tries the second grasps of `plan` that work without errors; nothing where its first grasp does not hold.
+    /// Tries the second grasps of `plan` that work without errors. There are no outcomes if its first grasp does not
+    /// hold.
     pub(super) fn rehearse(&self, repertoire: &Repertoire, plan: &mut Plan) -> Result<()> {
         plan.forget_variations();
         let PlannedGrasps { first, second, .. } = plan.grasps(&self.world.cell.robot.hand, repertoire)?;
@@ -165,7 +169,7 @@ impl<'a> Rehearsals<'a> {
         Ok(())
     }
 
-    /// Other first grasps, in the repertoire's order, until a second grasp goes well after one.
+    /// Tries other first grasps in the repertoire's order, until a second grasp goes well after one.
     pub(super) fn others(&self, repertoire: &Repertoire, plan: &Plan) -> Result<Vec<Other>> {
         let best = |outcomes: &[Outcomes]| outcomes.iter().map(Outcomes::worth_once_touched).fold(0.0, f64::max);
         let sets = digit_sets(&self.world.cell.robot.hand, 2);
@@ -192,7 +196,7 @@ impl<'a> Rehearsals<'a> {
         Ok(others)
     }
 
-    /// The first object held beside the second, which lies as grasp `any` of it expects.
+    /// Returns the hold of the first object beside the second, which lies as the grasp `any` expects.
     pub(super) fn hold(&self, first: &Grasp, any: Option<&Grasp>) -> Result<Option<Snapshot>> {
         let Some(any) = any else { return Ok(None) };
         let grasps = [first, any];
@@ -200,7 +204,7 @@ impl<'a> Rehearsals<'a> {
         Ok(rehearse_first(self.world, &rehearsal, self.board)?.map(|(hold, _)| hold))
     }
 
-    /// How `grasps` go under the first errors of either kind, and the `best` of them under all.
+    /// Tries `grasps` under the first errors of either kind, and the `best` of them under all.
     pub(super) fn outcomes(&self, hold: &Snapshot, grasps: &[&Grasp], best: usize) -> Result<Vec<Outcomes>> {
         let under = |grasp: &Grasp, draws: Range<usize>| -> Result<Outcomes> {
             let tries = |errors: &[TrialNoise]| -> Result<Vec<TryOutcome>> {
@@ -225,7 +229,7 @@ impl<'a> Rehearsals<'a> {
 mod tests {
     use super::*;
 
-    /// A plan's letters come back as the errors they were drawn for, turned with the grasp; another letter is refused.
+    /// A plan's letters come back as the errors they were drawn for, turned with the grasp. Another letter is refused.
     #[test]
     fn letters_stand_for_draws() {
         let repertoire = crate::builtin::repertoire().expect("the built-in repertoire");

@@ -1,9 +1,12 @@
-//! Proofs: second grasps of a plan that hold in the circumstances that really happen, found by a race of many and a climb from the best.
+//! Proofs: second grasps of a plan that hold in realistic circumstances, found by a race of many grasps and a climb
+//! from the best.
 //!
-//! Each draw of the circumstances ([`circumstances`]) has a hold of the first object of its own, and grasps are tried from it up to the end of the
-//! lift. Many grasps meet few draws and few meet many (successive halving, Karnin, Koren and Somekh 2013): those that are known, proposals, and
-//! proposals that are rolled further, so that ring and little finger with what they hold are lifted off the table. Variations of the best race in
-//! their turn. What is kept is a set in which one grasp holds where another does not, and its letters come from draws that selected nothing.
+//! Each draw of the circumstances (`rehearsal::circumstances`) has its own hold of the first object. Grasps are tried
+//! from it up to the end of the lift. Many grasps meet few draws and few grasps meet many (successive halving, Karnin,
+//! Koren and Somekh 2013). The entrants are the known grasps, proposals, and proposals that are rolled further, so that
+//! the ring and little fingers with the object they hold are lifted off the table. Variations of the best then race in
+//! turn. The grasps that are kept form a set in which one holds where another does not. Their outcome letters come from
+//! draws that played no part in the selection.
 
 mod firsts;
 mod race;
@@ -26,71 +29,73 @@ use crate::rehearsal::circumstances::{Errors, errors_of};
 use crate::rehearsal::wide_errors;
 use crate::simulated_world::World;
 
-/// Work for a plan.
+/// Search effort for a plan.
 #[derive(Debug, Clone, Copy)]
 pub struct Effort {
-    /// Draws under which grasps are selected.
+    /// Number of draws under which grasps are selected.
     pub selecting: usize,
-    /// Draws, others than those, under which the selected ones are tried.
+    /// Number of separate draws under which the selected grasps are tried.
     pub proving: usize,
-    /// The first of those, under which they are tried with wide errors too.
+    /// Number of the first of those draws under which they are also tried with wide errors.
     pub wide: usize,
-    /// Proposals from the hand's ranges beside the grasps that are known, half of them rolled further.
+    /// Number of proposals from the hand's ranges, besides the known grasps. Half of them are rolled further.
     pub drawn: u32,
-    /// Proposals by synthesis.
+    /// Number of proposals by synthesis.
     pub synthesized: u32,
-    /// Rounds of variations at most.
+    /// Maximum number of rounds of variations.
     pub rounds: usize,
-    /// Variations a round.
+    /// Number of variations per round.
     pub batch: usize,
-    /// A proof that is not sure is looked for again with a higher one.
+    /// Level of effort. A proof that is not sure is searched for again at a higher level.
     pub level: u32,
 }
 
 impl Effort {
-    /// The work at a level from 1 on: some 3 minutes of a core for a plan that is sure at once, and up to four times as many where other first
-    /// grasps and the other order are tried; twice and three times the proposals at the next levels.
+    /// Returns the effort at a level from 1 on. Level 1 takes about 3 minutes of one core for a plan that is sure at
+    /// once, and up to four times as much if other first grasps and the other order are tried. Levels 2 and 3 make two
+    /// and three times the proposals.
     pub fn of_level(level: u32) -> Self {
         let (drawn, synthesized) = (16 * level, 16 * level);
         Self { selecting: 16, proving: 32, wide: 12, drawn, synthesized, rounds: 2, batch: 12, level }
     }
 }
 
-/// Holds from which a mean and a spread are taken.
+/// Minimum number of holds for a mean and a spread.
 const FEWEST: usize = 8;
-/// Steps towards the mean of turns.
+/// Iterations of the mean rotation.
 const MEAN_STEPS: usize = 3;
-/// A plan is sure if its best second grasp holds in this share of the draws: no other first grasp is looked for.
+/// Threshold above which a plan is sure: the share of the draws in which its best second grasp holds. No other first
+/// grasp is searched for then.
 const SURE: f64 = 0.92;
-/// The other order is looked for where the best holds in less than this.
+/// Threshold on the same share below which the other order is searched.
 const POOR: f64 = 0.8;
 
-/// Second grasps after one first grasp, with how they went in drawn circumstances.
+/// Second grasps after one first grasp, with their outcomes in drawn circumstances.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Proof {
-    /// [`Effort::level`] of the race.
+    /// Level of effort of the race ([`Effort::level`]).
     #[serde(default = "first_level")]
     pub effort: u32,
-    /// Of each draw the extent of the held object in the palm ([`Extent`]), mm; none where the first grasp did not hold.
+    /// Extent of the held object in the palm per draw ([`Extent`]), mm. `None` if the first grasp did not hold.
     pub holds: Vec<Option<[f64; 6]>>,
-    /// Place of the first object in the palm.
+    /// Pose of the first object in the palm.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub hold: Option<Hold>,
-    /// The grasps, the best first.
+    /// Proven grasps, the best first.
     pub grasps: Vec<Proven>,
 }
 
-/// Place of an object in the hand over the draws in which it was held.
+/// Pose of an object in the hand over the draws in which it was held.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Hold {
     /// Mean of `palm_from_object`.
     pub mean: Isometry3<f64>,
-    /// Standard deviations of place (m) and turn (rad), each axis.
+    /// Standard deviations of position (m) and rotation (rad), per axis.
     pub spread: [f64; 2],
 }
 
 impl Hold {
-    /// Of an object of this symmetry; none of fewer than [`FEWEST`] holds.
+    /// Computes the hold of an object of this symmetry. Returns `None` for fewer than [`FEWEST`] holds.
     fn of(poses: &[Isometry3<f64>], symmetry: &Symmetry) -> Option<Self> {
         let like = poses.get(FEWEST - 1).and(poses.first())?.rotation;
         let turns: Vec<_> = poses.iter().map(|pose| symmetry.nearest(&pose.rotation, &like)).collect();
@@ -117,25 +122,26 @@ fn first_level() -> u32 {
 pub struct Proven {
     /// Number of the grasp.
     pub grasp: u32,
-    /// A letter for each draw that has a hold.
+    /// One outcome letter per draw that has a hold.
     pub near: String,
-    /// The same of the first draws, with a wide error beside the narrow one.
+    /// Outcome letters of the first draws, with a wide error added to the narrow one.
     pub wide: String,
 }
 
 impl Proof {
-    /// Share of the draws in which the first grasp holds.
+    /// Returns the share of the draws in which the first grasp holds.
     pub fn first_holds(&self) -> f64 {
         self.holds.iter().flatten().count() as f64 / self.holds.len().max(1) as f64
     }
 
-    /// Share of the draws in which the grasp that holds most often holds its object.
+    /// Returns the share of the draws in which the grasp that holds most often holds its object.
     pub fn best(&self) -> f64 {
         let held = |proven: &Proven| proven.near.chars().filter(|letter| *letter == 'h').count();
         self.grasps.iter().map(held).max().unwrap_or(0) as f64 / self.holds.len().max(1) as f64
     }
 
-    /// The rehearsals of `grasp`, with the errors in axes that turn with its heading; none where it is not among those that were proven.
+    /// Returns the rehearsals of `grasp`, with the errors in axes that turn with its heading. `None` if it is not among
+    /// the proven grasps.
     pub fn rehearsed(&self, grasp: &Grasp) -> Result<Option<Vec<Rehearsed>>> {
         let Some(proven) = self.grasps.iter().find(|proven| proven.grasp == grasp.id) else { return Ok(None) };
         let narrow = (0..self.holds.len()).map(|number| errors_of(Errors::LeftOver, number));
@@ -155,8 +161,8 @@ impl Proof {
     }
 }
 
-/// Proves second grasps for those of the `plans` that have no proof, or one that leaves them unsure and took less than this effort. `done` is told
-/// after each step. Shows a progress bar unless `quiet`.
+/// Proves second grasps for those of the `plans` that have no proof, or an unsure one that took less than this effort.
+/// `done` is called after each step. Shows a progress bar unless `quiet`.
 pub fn prove(
     world: &World,
     repertoire: &Repertoire,
@@ -181,28 +187,28 @@ pub fn prove(
 }
 
 impl Plan {
-    /// Share of the draws in which the best second grasp holds its object, after whatever first grasp.
+    /// Returns the share of the draws in which the best second grasp holds its object, after any of the first grasps.
     pub fn best(&self) -> f64 {
         let others = self.others.iter().filter_map(|other| other.proof.as_ref());
         self.proof.iter().chain(others).map(Proof::best).fold(0.0, f64::max)
     }
 }
 
-/// A step of the search for a plan's proofs.
+/// Step of the search for a plan's proofs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ProofStep {
-    /// After the planned first grasp.
+    /// Proves second grasps after the planned first grasp.
     Planned,
-    /// After another one, where the plan is unsure.
+    /// Proves second grasps after another first grasp, if the plan is not sure.
     Another,
-    /// In the other order, where it is poor; with it the search is done.
+    /// Proves the reversed plan, if the plan is poor. The search is complete after this step.
     OtherOrder,
 }
 
-/// The steps in their order.
+/// Steps in their order.
 pub const STEPS: [ProofStep; 3] = [ProofStep::Planned, ProofStep::Another, ProofStep::OtherOrder];
 
-/// Makes proofs in a world.
+/// Prover of plans in a world.
 pub struct Prover<'a> {
     world: Cow<'a, World>,
     repertoire: &'a Repertoire,
@@ -216,7 +222,7 @@ impl<'a> Prover<'a> {
         Self { world: Cow::Borrowed(world), repertoire, board, effort }
     }
 
-    /// Takes the first object once more where a proof does not say where it is in the hand; true where that was so.
+    /// Takes the first object once more if a proof lacks its pose in the hand. Returns true if a pose was added.
     fn recall_holds(&self, plan: &mut Plan) -> Result<bool> {
         let firsts = plan.grasps(&self.world.cell.robot.hand, self.repertoire)?;
         let race = Race::new(&self.world, self.repertoire, &self.board, plan, self.effort)?;
@@ -233,7 +239,7 @@ impl<'a> Prover<'a> {
         Ok(found)
     }
 
-    /// Does a step for a plan.
+    /// Runs one step for a plan.
     pub fn step(&self, step: ProofStep, plan: &mut Plan) -> Result<()> {
         match step {
             ProofStep::OtherOrder => {
@@ -271,8 +277,8 @@ impl<'a> Prover<'a> {
         other.step(ProofStep::Another, reversed)
     }
 
-    /// Proves second grasps after that first grasp of the repertoire, other than the planned one and those that were proven, after which those that are
-    /// known to hold go best.
+    /// Proves second grasps after another first grasp, known or newly found: of those that are neither planned nor
+    /// proven, the one after which the known second grasps go best.
     fn prove_another(&self, race: &Race, plan: &mut Plan) -> Result<()> {
         let sets = digit_sets(&self.world.cell.robot.hand, 2);
         let proven: Vec<u32> = plan.proof.iter().flat_map(|proof| &proof.grasps).map(|proven| proven.grasp).collect();
@@ -281,7 +287,7 @@ impl<'a> Prover<'a> {
         let done = plan.others.iter().filter(|other| other.proof.is_some()).map(|other| other.first_grasp);
         let done: Vec<u32> = done.chain([plan.first_grasp]).collect();
         let mut firsts: Vec<Grasp> = self.repertoire.of(&plan.first, &sets[0]).cloned().collect();
-        // Where the first grasp is what fails, others may hold more often than any that is known.
+        // If the first grasp is the one that fails, new first grasps may hold more often than any known one.
         if plan.proof.as_ref().is_none_or(|proof| proof.first_holds() < SURE) {
             let new = race.firsts(plan)?;
             firsts.extend(
@@ -326,7 +332,7 @@ mod tests {
         Grasp { id, yaw: 0.0, ..any.clone() }
     }
 
-    /// Turns of a symmetry are no spread; those that show are, and so are places.
+    /// Rotations of a symmetry add no spread. Visible rotations do, and so do positions.
     #[test]
     fn holds_have_a_mean_and_a_spread() {
         let about = |axis: usize, angle: f64| UnitQuaternion::new(Vector3::ith(axis, angle));
@@ -344,8 +350,9 @@ mod tests {
         assert_eq!(Hold::of(&poses[1..], &Symmetry::Full), None);
     }
 
-    /// With little work a plan that is sure gets a proof: some grasps, among them the planned one, and a letter for each draw that has a hold.
-    /// Found grasps are the plan's, and say where they hold the object.
+    /// With little effort, a plan that is sure gets a proof: some grasps, among them the planned one, and a letter for
+    /// each draw that has a hold. Grasps that were found belong to the plan and have the pose in which they hold the
+    /// object.
     #[test]
     fn a_plan_is_proven() {
         let world =
@@ -368,7 +375,8 @@ mod tests {
         assert!(found.into_iter().all(|grasp| grasp.held.is_some()));
     }
 
-    /// Letters come back with the errors and holds of their draws; a draw in which the first grasp did not hold has none.
+    /// Letters come back with the errors and holds of their draws. A draw in which the first grasp did not hold has
+    /// none.
     #[test]
     fn letters_stand_for_circumstances() {
         let holds = vec![None, Some([1.0, 2.0, 3.0, 4.0, 5.0, 6.0]), Some([0.0; 6])];

@@ -1,5 +1,5 @@
-//! The plan of one pair with its odds and proofs, in steps that are kept: a pair that was interrupted while it was planned goes on after its last
-//! finished step.
+//! Plan of one pair with its odds and proofs, in steps that are kept. A pair that was interrupted while it was planned
+//! resumes after its last finished step.
 
 use anyhow::Result;
 use grasping::Repertoire;
@@ -11,8 +11,8 @@ use super::{Plan, odds, other_order, plan_one};
 use crate::cache::Steps;
 use crate::simulated_world::World;
 
-/// What is done to a plan after its grasps have been chosen, in this order; those of the other order are done to the plan of the same two
-/// objects the other way round.
+/// Names of the steps, in this order: the choice of the grasps, then the rehearsals for the odds. The steps after
+/// "other order" are done for the reversed plan of the same two objects.
 const STEPS: [&str; 8] = [
     "plan",
     "odds",
@@ -24,7 +24,7 @@ const STEPS: [&str; 8] = [
     "its variations",
 ];
 
-/// The plan of a combination; none if nothing works without errors.
+/// Plans a combination in steps that are kept. Returns `None` if nothing works without errors.
 pub fn plan(
     world: &World,
     repertoire: &Repertoire,
@@ -34,7 +34,7 @@ pub fn plan(
 ) -> Result<Option<Plan>> {
     let mut made: Option<Plan> = None;
     let turned = world.in_other_order();
-    // Odds and orders are those of two objects.
+    // Odds and orders exist for two objects only.
     let steps_of = if pair.objects.len() == 2 { &STEPS[..] } else { &STEPS[..1] };
     for (number, name) in steps_of.iter().enumerate() {
         if let Some(known) = steps.known(name) {
@@ -48,7 +48,7 @@ pub fn plan(
             (_, Some(Plan { reversed: Some(reversed), .. })) => {
                 odds::step(number - 5, &turned, repertoire, board, reversed)?;
             }
-            // Nothing to be done.
+            // Nothing to do.
             _ => continue,
         }
         steps.keep(name, &made)?;
@@ -56,7 +56,7 @@ pub fn plan(
     Ok(made)
 }
 
-/// `plan` with proofs at a level of effort, also in steps that are kept.
+/// Adds proofs to `plan` at a level of effort, in steps that are kept.
 pub fn prove(
     world: &World,
     repertoire: &Repertoire,

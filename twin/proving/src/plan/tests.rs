@@ -1,13 +1,13 @@
 use super::*;
 
-/// Grasps with these scores, numbered from 0.
+/// Returns grasps with these scores, numbered from 0.
 fn grasps(scores: &[f64]) -> Vec<Grasp> {
     let repertoire = crate::builtin::repertoire().expect("the built-in repertoire");
     let any = repertoire.of("golf_ball", &digit_sets(&Hand::ftac(), 2)[1]).next().expect("a grasp").clone();
     scores.iter().enumerate().map(|(n, score)| Grasp { id: n as u32, score: *score, ..any.clone() }).collect()
 }
 
-/// Grasps that work come first, in the repertoire's order; those that failed follow in theirs, at a discount.
+/// Grasps that work come first, in the repertoire's order. Those that failed follow in theirs, at a discount.
 #[test]
 fn grasps_that_work_come_first() {
     let made = grasps(&[0.9, 0.5, 0.4, 1.0]);

@@ -1,6 +1,7 @@
-//! The plan of three objects: the little finger takes one, the ring finger the next, thumb, index and middle finger the last.
+//! Plans of three objects: the little finger takes one, the ring finger the next, and thumb, index and middle finger
+//! the last.
 //!
-//! Each grasp is rehearsed without errors from the hold that those before it give, in the repertoire's order.
+//! Each grasp is rehearsed without errors from the hold that the grasps before it give, in the repertoire's order.
 
 use anyhow::Result;
 use control::worth::UNREHEARSED;
@@ -11,10 +12,11 @@ use super::{FAILED_WORTH, Plan};
 use crate::rehearsal::{FirstRehearsal, rehearse_first, rehearse_last, rehearse_next};
 use crate::simulated_world::World;
 
-/// Grasps of each object that are tried, the best ones.
+/// Number of grasps of each object that are tried, the best ones.
 const TRIED: [usize; 3] = [2, 3, 8];
 
-/// The first sequence of grasps that holds all three to the end of the trial, without a collision; none if none does.
+/// Returns the first sequence of grasps that holds all three objects to the end of the trial without a collision, or
+/// `None`.
 pub(super) fn plan(
     world: &World,
     repertoire: &Repertoire,
@@ -46,7 +48,8 @@ pub(super) fn plan(
     Ok(None)
 }
 
-/// The first grasp that works, those that were not tried after it, and those that failed: (number, worth). None if none works.
+/// Returns the first grasp that works, then those that were not tried, then those that failed, as (number, worth).
+/// `None` if none works.
 fn ranked(grasps: &[&Grasp], works: impl Fn(&Grasp) -> Result<bool>) -> Result<Option<Vec<(u32, f64)>>> {
     for (n, grasp) in grasps.iter().enumerate() {
         if works(grasp)? {

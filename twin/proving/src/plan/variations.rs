@@ -1,7 +1,8 @@
-//! Variations: where no second grasp of a combination goes well, others are looked for around its best ones, in the combination itself.
+//! Variations: if no second grasp of a combination goes well, the search continues around its best ones, in the
+//! combination itself.
 //!
-//! A variation is selected under narrow errors that no odds are counted from, and then tried under those that all grasps meet: being
-//! selected does not flatter its odds.
+//! A variation is selected under narrow errors that do not count for any odds. It is then tried under the errors that
+//! all grasps meet, so that the selection does not bias its odds.
 
 use anyhow::Result;
 use grasping::sampler::vary;
@@ -18,30 +19,31 @@ use crate::rehearsal::{Snapshot, misaimed, narrow_errors, rehearse_last, try_sec
 use crate::simulated_world::World;
 use control::odds::TryOutcome;
 
-/// Rounds of variation around the best grasps so far.
+/// Number of rounds of variation around the best grasps so far.
 const ROUNDS: usize = 2;
-/// Variations a round.
+/// Number of variations per round.
 const BATCH: u32 = 16;
-/// Grasps that a round starts from.
+/// Number of grasps that a round starts from.
 const PARENTS: usize = 3;
-/// Variations that a combination keeps.
+/// Number of variations that a combination keeps.
 const KEPT: usize = 2;
-/// Numbers of variations begin here: beyond those of a repertoire, also without some digits.
+/// First number of variations, beyond those of a repertoire, also of one without some digits.
 const FIRST_NUMBER: u32 = 1_000_000;
 
-/// Looks for variations for those of the `plans` none of whose second grasps goes well; shows a progress bar unless `quiet`.
+/// Searches variations for those of the `plans` none of whose second grasps goes well. Shows a progress bar unless
+/// `quiet`.
 pub fn rehearse(world: &World, repertoire: &Repertoire, plans: &mut Plans, quiet: bool) -> Result<()> {
     let board = TactileBoard::unit(&world.cell.robot.hand, 0);
     plans.try_each("plans varied", quiet, |plan| rehearse_one(world, repertoire, &board, plan))
 }
 
-/// The same for one plan.
+/// Searches variations for one plan.
 pub fn rehearse_one(world: &World, repertoire: &Repertoire, board: &TactileBoard, plan: &mut Plan) -> Result<()> {
     plan.forget_variations();
     let sequences = std::iter::once((plan.first_grasp, &plan.outcomes))
         .chain(plan.others.iter().map(|other| (other.first_grasp, &other.outcomes)));
     let best = |outcomes: &[Outcomes]| outcomes.iter().map(Outcomes::worth_once_touched).fold(0.0, f64::max);
-    // Of sequences that are worth the same the first: the plan's own.
+    // The first of sequences of equal worth, which is the plan's own.
     let Some((first, outcomes)) = sequences.reduce(|a, b| if best(b.1) > best(a.1) { b } else { a }) else {
         return Ok(());
     };
@@ -71,15 +73,15 @@ pub fn rehearse_one(world: &World, repertoire: &Repertoire, board: &TactileBoard
     Ok(())
 }
 
-/// A climb from grasps to better ones beside a hold.
+/// Climb from known grasps to better ones, while the first object is held.
 struct Climb<'a> {
     hold: &'a Snapshot,
-    /// Under these a variation is selected.
+    /// Errors under which a variation is selected.
     errors: Vec<TrialNoise>,
 }
 
 impl Climb<'_> {
-    /// The best variations of `parents`, (grasp, worth), that are better than the best of these.
+    /// Returns the best variations of `parents`, (grasp, worth), that are better than the best parent.
     fn run(&self, mut parents: Vec<(Grasp, f64)>, plan: &Plan) -> Result<Vec<Grasp>> {
         let mut rng = ChaCha8Rng::from_seed(Sha256::digest(format!("{}, {}", plan.first, plan.second)).into());
         let rank =
@@ -103,7 +105,8 @@ impl Climb<'_> {
         Ok(better.map(|(grasp, _)| grasp).take(KEPT).collect())
     }
 
-    /// `grasp` with how it holds and its share of held tries; none if it fails without errors, or cannot come to `least` any more.
+    /// Returns `grasp` with its held pose and its share of held tries. `None` if it fails without errors or can no
+    /// longer reach `least`.
     fn select(&self, grasp: Grasp, least: f64) -> Result<Option<(Grasp, f64)>> {
         let (collided, outcome) = rehearse_last(self.hold, &grasp)?;
         if collided || !outcome.held {

@@ -1,7 +1,8 @@
-//! Plans without some digits: the grasps of the repertoire with those digits slack, as far as they still hold in physics.
+//! Plans without some digits: the grasps of the repertoire with those digits slack, as far as they still hold in
+//! physics.
 //!
-//! A grasp has to pass what the repertoire had to pass: it is closed in physics and has to hold. The digits that are left do more
-//! work, so each grasp that loses a digit is tried with the same tension and with more.
+//! A grasp has to pass the same test as in the repertoire: it is closed in physics and has to hold. The remaining
+//! digits do more work, so each grasp that loses a digit is tried with the same tension and with more.
 
 use anyhow::Result;
 use grasping::{Grasp, Repertoire, digit_sets};
@@ -13,26 +14,26 @@ use super::{Plan, Plans, plan_pair};
 use crate::rehearsal::{FirstRehearsal, rehearse_first};
 use crate::simulated_world::World;
 
-/// Tension of the remaining digits, as a multiple of what it was.
+/// Factors on the tension of the remaining digits.
 const PULLS: [f64; 2] = [1.0, 1.8];
-/// Numbers of grasps that pull harder begin this much higher for each entry of [`PULLS`].
+/// Offset of the numbers of grasps that pull harder, per entry of [`PULLS`].
 const NUMBERS: u32 = 100_000;
-/// No cable is pulled harder than this, N.
+/// Largest tension to which the tension of a cable is raised, N.
 const MOST: f64 = 60.0;
-/// First grasps that second ones are tried after, and second grasps that are tried, the best ones.
+/// Number of first grasps after which second grasps are tried, the best ones.
 const FIRSTS: usize = 2;
-/// See [`FIRSTS`].
+/// Number of second grasps that are tried, the best ones.
 const SECONDS: usize = 16;
-/// What a grasp without one of its digits is worth against the same with it, before it is proven.
+/// Factor on the score of a grasp that has lost a digit, before it is proven.
 const WORTH: f64 = 0.7;
 
 /// Grasps and plans without some digits.
 pub struct Without {
-    /// The grasps that are left.
+    /// Remaining grasps.
     pub repertoire: Repertoire,
-    /// A plan for each combination; those that cannot be done keep the old one.
+    /// One plan per combination. A combination that cannot be done keeps its old plan.
     pub plans: Plans,
-    /// Combinations that cannot be done, by number, and why.
+    /// Combinations that cannot be done, by number, with the reason.
     pub impossible: std::collections::BTreeMap<usize, String>,
 }
 
@@ -65,7 +66,7 @@ pub fn plan_without(world: &World, repertoire: &Repertoire, plans: &Plans, digit
     Ok(without)
 }
 
-/// The proven first grasps of a combination and its plan, or why there is none.
+/// Proven first grasps of a combination with its plan, or the reason why there is no plan.
 type Planned = (Vec<Grasp>, Result<Plan, String>);
 
 fn plan_one(world: &World, slack: &Repertoire, plan: &Plan, digits: &[Digit], board: &TactileBoard) -> Result<Planned> {
@@ -103,7 +104,7 @@ fn plan_one(world: &World, slack: &Repertoire, plan: &Plan, digits: &[Digit], bo
     Ok((proven, planned))
 }
 
-/// Those of `firsts` that hold beside what `bystander` is for, with where they hold it.
+/// Returns those of `firsts` that hold beside the object of `bystander`, with the object's pose in the hand.
 fn prove(world: &World, firsts: &[&Grasp], bystander: Option<&Grasp>, board: &TactileBoard) -> Result<Vec<Grasp>> {
     let Some(bystander) = bystander else { return Ok(Vec::new()) };
     let mut proven = Vec::new();
@@ -118,13 +119,14 @@ fn prove(world: &World, firsts: &[&Grasp], bystander: Option<&Grasp>, board: &Ta
     Ok(proven)
 }
 
-/// The grasps that have a digit left, with `digits` slack; those that lose one also with more tension.
+/// Returns the grasps that have a digit left, with `digits` slack. Grasps that lose a digit are also added with more
+/// tension.
 fn masked(repertoire: &Repertoire, digits: &[Digit]) -> Repertoire {
     let mut masked = Repertoire { grasps: Default::default(), ..repertoire.clone() };
     for grasp in repertoire.grasps.values().flatten() {
         let left = grasp.digits.iter().filter(|digit| !digits.contains(digit)).count();
         let lost = grasp.digits.len() - left;
-        // One digit beside a thumb has nothing to close against; where no thumb closes, the palm is there.
+        // A single digit besides a thumb has nothing to close against. If no thumb closes, the palm is the opponent.
         let enough = if grasp.digits.contains(&Digit::Thumb) { 2 } else { 1 };
         if left < enough {
             continue;
@@ -168,7 +170,7 @@ mod tests {
         crate::builtin::repertoire().unwrap()
     }
 
-    /// No grasp pulls what has no power; grasps that never used it are as they were.
+    /// No grasp pulls a digit that has no power. Grasps that never used it are unchanged.
     #[test]
     fn what_has_no_power_is_not_pulled() {
         let (whole, index) = (repertoire(), Digit::Index);

@@ -1,18 +1,18 @@
-//! How long a preparation will take, foretold from a first measurement on this machine.
+//! Forecast of the time that a preparation takes, from a first measurement on this machine.
 
 use super::EFFORT;
 use crate::plan::Plan;
 
-/// Rehearsals of a pair that is planned and tried under errors in both orders, at most, with four first and fourteen second grasps and three
-/// ways in which the second object can have fallen: 60 to choose, 150 for the odds and 210 for what fell, 490 after other first grasps, 400 for
-/// variations.
+/// Maximum number of rehearsals of a pair that is planned and tried under errors in both orders, with four first and
+/// fourteen second grasps and three fallen poses of the second object. In each order: 60 to choose, 150 for the odds
+/// and 210 for the fallen poses, 490 after other first grasps, 400 for variations.
 const PAIR: f64 = 2.0 * 1310.0;
-/// Rehearsals of a pair that is proven at a level of effort, at most: five races of some 600, for the planned and another first grasp in either order and
-/// for new first grasps.
+/// Maximum number of rehearsals of a pair that is proven at a level of effort: five races of some 600, for the planned
+/// and another first grasp in either order and for new first grasps.
 const PROOF: f64 = 5.0 * 600.0;
 
-/// What the first search of several says once it knows that a rehearsal takes `seconds` with all threads of this machine; `after` are the
-/// searches that follow. Each search is of what comes in this place, from 0.
+/// Returns the forecast of a search in `place` (from 0) once a rehearsal is known to take `seconds` with all threads of
+/// this machine. `after` are the places of the searches that follow.
 pub fn of_search(name: &str, place: usize, after: &[usize], seconds: f64) -> String {
     let most = |place: usize| seconds * EFFORT.rehearsals(place) as f64;
     let one = most(place);
@@ -24,12 +24,13 @@ pub fn of_search(name: &str, place: usize, after: &[usize], seconds: f64) -> Str
     format!("a rehearsal of {name} takes {seconds:.2} s on this machine: this search at most {}{rest}", time(one))
 }
 
-/// What is said before `pairs` are planned, a rehearsal of which takes `seconds` on one thread; each thread plans a pair.
+/// Returns the forecast before `pairs` are planned, if a rehearsal takes `seconds` on one thread. Each thread plans one
+/// pair.
 pub fn of_plans(pairs: usize, seconds: Option<f64>, effort: u32) -> String {
     let planned = if pairs == 1 { "planning one pair".to_owned() } else { format!("planning {pairs} pairs") };
     let Some(seconds) = seconds else { return format!("{planned} in physics") };
     let rounds = pairs.div_ceil(rayon::current_num_threads().max(1)) as f64;
-    // Each level has as many proposals again as the one before.
+    // Level n makes n times the proposals of the first level.
     let proofs: f64 = (1..=effort).map(|level| PROOF * f64::from(level)).sum();
     format!(
         "{planned} in physics, a rehearsal of which takes {seconds:.2} s on this machine: at most {}",
@@ -37,7 +38,7 @@ pub fn of_plans(pairs: usize, seconds: Option<f64>, effort: u32) -> String {
     )
 }
 
-/// Words on how sure pairs are that did not come with a plan: those with a proof by name, the others together.
+/// Describes how reliable the pairs are that did not come with a plan: those with a proof by name, the others together.
 pub fn of_proofs<'a>(plans: impl Iterator<Item = &'a Plan>) -> Vec<String> {
     let (proven, others): (Vec<&Plan>, Vec<&Plan>) = plans.partition(|plan| plan.proof.is_some());
     let sure = proven.iter().map(|plan| {
@@ -56,7 +57,7 @@ pub fn of_proofs<'a>(plans: impl Iterator<Item = &'a Plan>) -> Vec<String> {
     sure.chain(rest).collect()
 }
 
-/// A time as people say it.
+/// Formats a time for people.
 fn time(seconds: f64) -> String {
     match seconds {
         short if short < 90.0 => format!("{short:.0} s"),
@@ -69,7 +70,7 @@ fn time(seconds: f64) -> String {
 mod tests {
     use super::*;
 
-    /// Twice as slow a machine is foretold twice the time; what follows is added.
+    /// A machine that is twice as slow gets twice the forecast, and the searches that follow are added.
     #[test]
     fn times_follow_the_measurement() {
         let one = of_search("mug", 0, &[], 0.1);

@@ -1,4 +1,4 @@
-//! What of a scenario is not played, and why: never another benchmark in its place without a word.
+//! Objects of a scenario that are not played, with the reasons. Another benchmark never takes their place silently.
 
 use std::fmt;
 
@@ -10,7 +10,7 @@ use world::objects::ObjectFile;
 use crate::plan::Plans;
 use crate::simulated_world::World;
 
-/// None of the scenario's own objects can be played; with the reasons.
+/// Error: none of the scenario's own objects can be played. Holds the reasons.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct NotPlayable(pub String);
 
@@ -22,13 +22,13 @@ impl fmt::Display for NotPlayable {
 
 impl std::error::Error for NotPlayable {}
 
-/// What is not as the files of the own objects have it.
+/// Returns the deviations of the own objects from their files.
 pub fn notes(world: &World) -> Vec<String> {
     let notes = |file: &ObjectFile| world.objects.get(&file.name).map(|model| file.notes(model)).unwrap_or_default();
     world.scenario.object.iter().flat_map(notes).collect()
 }
 
-/// The digits that would take an object where the scenario names it, with the name of the list.
+/// Returns the sets of digits that would take an object in the lists that name it, with the name of each list.
 fn places(world: &World, name: &str) -> Vec<(Vec<Digit>, &'static str)> {
     let lists = world.scenario.lists().into_iter().zip(super::searched_sets(world));
     lists
@@ -37,7 +37,7 @@ fn places(world: &World, name: &str) -> Vec<(Vec<Digit>, &'static str)> {
         .collect()
 }
 
-/// Why no grasp of an own object can be used in any combination, if that is so.
+/// Returns the reason why no grasp of an own object can be used in any combination, or `None` if one can.
 fn unpickable(world: &World, repertoire: &Repertoire, name: &str) -> Option<String> {
     let sets = places(world, name);
     if sets.is_empty() {
@@ -48,7 +48,7 @@ fn unpickable(world: &World, repertoire: &Repertoire, name: &str) -> Option<Stri
     none.then(|| format!("{name} is not played: no grasp was found that holds it as {} object", places.join(" or ")))
 }
 
-/// Ends a preparation whose own objects are all out of the question, before anything is planned.
+/// Returns an error if none of the own objects can be picked up, before anything is planned.
 pub fn refuse_unpickable(world: &World, repertoire: &Repertoire) -> Result<()> {
     let own = &world.scenario.object;
     let reasons: Vec<String> = own.iter().filter_map(|file| unpickable(world, repertoire, &file.name)).collect();
@@ -58,7 +58,8 @@ pub fn refuse_unpickable(world: &World, repertoire: &Repertoire) -> Result<()> {
     bail!(NotPlayable(format!("none of the scenario's own objects can be played: {}", reasons.join("; "))))
 }
 
-/// What is not played: own objects that cannot be in any combination. Adds to `notes` what else was asked for and is not there.
+/// Returns the own objects that cannot be in any combination, with the reasons. Adds the other requests that were not
+/// met to `notes`.
 pub fn of(
     world: &World,
     repertoire: &Repertoire,

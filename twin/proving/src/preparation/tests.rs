@@ -5,7 +5,7 @@ use scenarios::Combination;
 
 use super::*;
 
-/// The benchmark with a cube of `mass` kg and `side` m that comes second only, and a ball that comes first.
+/// Returns the benchmark with a cube of `mass` kg and `side` m that only comes second, and a ball that comes first.
 fn world(mass: f64, side: f64) -> World {
     let text = format!(
         r#"
@@ -32,7 +32,8 @@ fn world(mass: f64, side: f64) -> World {
         .expect("a world")
 }
 
-/// Objects are searched for grasps in the places in which the scenario names them; those that come with the program are not.
+/// Objects are searched for grasps in the places in which the scenario names them. Those that come with the program are
+/// not searched.
 #[test]
 fn own_objects_are_searched_in_their_places() {
     let world = world(0.1, 0.05);
@@ -40,11 +41,11 @@ fn own_objects_are_searched_in_their_places() {
         searches(&world, builtin).into_iter().map(|search| (search.object.name.as_str(), search.place)).collect()
     };
     assert_eq!(wanted(true), [("my_ball", 0), ("my_cube", 1)]);
-    // For a robot of one's own nothing is known.
+    // Nothing is known for a user's own robot.
     assert!(wanted(false).contains(&("golf_ball", 0)) && wanted(false).len() > 2, "{:?}", wanted(false));
 }
 
-/// A plan is found again for the same things and grasps only.
+/// A plan is found again for the same objects and grasps only.
 #[test]
 fn a_changed_object_or_grasp_is_another_key() {
     let pair = Combination { id: 0, objects: vec!["golf_ball".into(), "my_cube".into()] };
@@ -67,7 +68,7 @@ fn a_changed_object_or_grasp_is_another_key() {
     assert_ne!(first, key(&world(0.1, 0.05), &repertoire), "grasps");
 }
 
-/// Pairs of the benchmark keep its plans, also where a scenario adds objects; places of its own need plans of their own.
+/// Pairs of the benchmark keep its plans, also if a scenario adds objects. Places of its own need plans of their own.
 #[test]
 fn plans_of_the_benchmark_are_used_where_they_fit() {
     let builtin = crate::builtin::plans().expect("the built-in plans");
@@ -82,7 +83,7 @@ fn plans_of_the_benchmark_are_used_where_they_fit() {
     assert!(known_plans(&scenario).expect("plans").is_none());
 }
 
-/// What cannot be picked up is named, with what was tried.
+/// An object that cannot be picked up is named, with the number of tries.
 #[test]
 fn what_cannot_be_picked_is_named() {
     let world = world(0.1, 0.05);
@@ -91,20 +92,20 @@ fn what_cannot_be_picked_is_named() {
     assert!(text.contains("my_cube") && text.contains("50 x 50 x 50 mm") && text.contains("128"), "{text}");
 }
 
-/// A plan of a pair by numbers that stand for none.
+/// Returns a plan of a pair with placeholder grasp numbers.
 fn plan_of(pair: &Combination) -> plan::Plan {
     let mut plan = crate::builtin::plans().expect("the built-in plans").plans.swap_remove(0);
     (plan.first, plan.second) = (pair.objects[0].clone(), pair.objects[1].clone());
     plan
 }
 
-/// Plans of the test world's four pairs, of which only those can be done that `works` says.
+/// Returns plans of the test world's four pairs. Only the pairs for which `works` is true can be done.
 fn plans_of(world: &World, count: usize, works: impl Fn(&Combination) -> bool + Sync) -> Plans {
     let made = plan::make_plans(&world.scenario, count, 1, true, |pair| Ok(works(pair).then(|| plan_of(pair))));
     made.expect("plans")
 }
 
-/// Each own object is in a combination as soon as one of its pairs can be done, also where the first ones drawn cannot.
+/// Each own object is in a combination as soon as one of its pairs can be done, also if the first ones drawn cannot.
 #[test]
 fn an_own_object_is_played_instead_of_another_benchmark() {
     let world = world(0.1, 0.05);
@@ -114,7 +115,7 @@ fn an_own_object_is_played_instead_of_another_benchmark() {
         assert!(plans.plans.len() == count && has(&plans, "my_ball"), "{count}");
         assert!(count < 2 || has(&plans, "my_cube"));
     }
-    // What works is found by the second or third try; a shorter run is the beginning of a longer one.
+    // A pair that works is found by the second or third try. A shorter run is the beginning of a longer one.
     let only = |pair: &Combination| pair.objects[0] == "golf_ball";
     let (one, all) = (plans_of(&world, 1, only), plans_of(&world, 4, only));
     assert_eq!((one.plans[0].second.as_str(), all.plans[0].second.as_str()), ("my_cube", "my_cube"));
@@ -133,7 +134,8 @@ fn an_own_object_is_played_instead_of_another_benchmark() {
     assert!(notes.len() == 1 && notes[0].contains("my_ball + my_cube"), "{notes:?}");
 }
 
-/// Nothing of one's own can be picked up, or paired: an error that says why, not other objects in their place.
+/// If none of the user's objects can be picked up or paired, the result is an error with the reasons, not other objects
+/// in their place.
 #[test]
 fn a_scenario_without_its_own_objects_is_refused() {
     let world = world(0.1, 0.05);

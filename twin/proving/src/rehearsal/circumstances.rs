@@ -1,8 +1,9 @@
-//! Circumstances: what differs from trial to trial when objects are taken, drawn for proofs.
+//! Circumstances: everything that differs from trial to trial when objects are taken, drawn for proofs.
 //!
-//! A draw has the errors that are left of an object's place once it was touched, those of the arm, where the objects stand in the layout's spread, and
-//! the individuals that they are. The first object is taken under it, so that each draw has a hold of its own. Draws for a selection
-//! have wider errors ([`Errors::Wider`]): few of them tell good grasps from better ones.
+//! A draw has the residual errors of an object's place after a touch, the errors of the arm, the places of the objects
+//! within the layout's spread, and the individual properties of the objects. The first object is taken under the draw,
+//! so that each draw has its own hold. Draws for a selection have wider errors ([`Errors::Wider`]), under which few
+//! draws tell good grasps from better ones.
 
 use anyhow::Result;
 use control::executor::{Phase, Skill};
@@ -18,22 +19,23 @@ use sim::tactile::TactileBoard;
 use super::{PROVING_SEED, Snapshot, TrialStart, in_hand, narrow_levels};
 use crate::simulated_world::{World, drive};
 
-/// Factors of the errors of place of [`Errors::Wider`] for a touch that tells all and one that tells little, and the share of the latter. From 63 touches
-/// of second objects on seed 1: errors of 0.88, 0.44 and 0.79 mm in the median along x, y and z of the world, 2.0, 2.9 and 2.3 mm root mean square.
+/// Factors on the position errors of [`Errors::Wider`] for an informative touch and for one that tells little.
+/// [`TELLS_LITTLE`] is the share of the latter. Measured on 63 touches of second objects on seed 1: errors of 0.88,
+/// 0.44 and 0.79 mm in the median along x, y and z of the world, 2.0, 2.9 and 2.3 mm root mean square.
 const LEFT_OVER: [f64; 2] = [0.4, 1.8];
-/// See [`LEFT_OVER`].
+/// Share of the touches that tell little, see [`LEFT_OVER`].
 const TELLS_LITTLE: f64 = 0.2;
 
-/// Size of the errors of an object's place beside the hand's aim.
+/// Magnitude of the errors of an object's place relative to the hand's aim.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Errors {
-    /// As after a touch.
+    /// The residual errors after a touch.
     LeftOver,
-    /// 2.5 mm along each axis.
+    /// Standard deviations of 2.5 mm along x and y and 1.7 mm along z.
     Wider,
 }
 
-/// Draw `number` of the circumstances of a trial of two objects, the same one for every grasp.
+/// Returns draw `number` of the circumstances of a trial of two objects. The draw is the same for every grasp.
 pub fn circumstances(world: &World, errors: Errors, number: usize) -> TrialNoise {
     let (mut noise, mut rng) = drawn(errors, number);
     noise.shifts = draw_shifts(&world.scenario.layout, 2, &mut rng);
@@ -43,12 +45,12 @@ pub fn circumstances(world: &World, errors: Errors, number: usize) -> TrialNoise
     noise
 }
 
-/// The errors of draw `number` alone.
+/// Returns only the errors of draw `number`.
 pub fn errors_of(errors: Errors, number: usize) -> TrialNoise {
     drawn(errors, number).0
 }
 
-/// The errors of draw `number`, and the generator of all else in it.
+/// Returns the errors of draw `number`, and the random generator for everything else in it.
 fn drawn(errors: Errors, number: usize) -> (TrialNoise, ChaCha8Rng) {
     let stream = match errors {
         Errors::Wider => 3,
@@ -61,14 +63,14 @@ fn drawn(errors: Errors, number: usize) -> (TrialNoise, ChaCha8Rng) {
             let little = rng.random::<f64>() < TELLS_LITTLE;
             object.offset = (object.offset + noise.position) * LEFT_OVER[usize::from(little)];
         }
-        // A touch tells where an object is beside the hand, whatever the arm's error is.
+        // A touch gives the object's place relative to the hand, whatever the arm's error is.
         noise.position = Vector3::zeros();
     }
     (noise, rng)
 }
 
-/// The first of `grasps` has taken its object in the circumstances of `noise`, up to the decision on the second. None where it does not reach or
-/// hold it.
+/// Takes the first object with the first of `grasps` in the circumstances of `noise`, and plays up to the decision on
+/// the second. Returns `None` if the grasp does not reach or hold the object.
 pub fn hold(world: &World, grasps: [&Grasp; 2], noise: &TrialNoise, board: &TactileBoard) -> Result<Option<Snapshot>> {
     let models = world.models(&grasps.map(|grasp| grasp.object.as_str()))?;
     let start = TrialStart { protocol: world.protocol(), grasps: &grasps, noise, arm: world.cell.ready };

@@ -5,7 +5,7 @@ use scenarios::noise::ObjectNoise;
 
 use super::*;
 
-/// A small error of every kind at once: m, rad.
+/// Returns small errors of every kind at once, m and rad.
 fn errors(scale: f64) -> TrialNoise {
     let offset = Vector3::new(0.6, -0.8, 0.5) * scale;
     let object = ObjectNoise { offset, yaw: -0.9 * scale, ..ObjectNoise::default() };
@@ -18,8 +18,8 @@ fn errors(scale: f64) -> TrialNoise {
     }
 }
 
-/// Where a level grasp that is aimed under `noise` really puts the object in the hand, by composing poses: the planner sends the
-/// palm where the object is seen, and the arm goes there with its own error.
+/// Returns the true pose of the object in the hand for a level grasp that is aimed under `noise`, by composing poses.
+/// The planner sends the palm to the perceived object, and the arm goes there with its own error.
 fn by_composition(grasp: &Grasp, noise: &TrialNoise, center: &Point3<f64>) -> Isometry3<f64> {
     let seen = center + noise.objects[1].offset;
     let world_from_palm = noise.executed(&grasp.palm_pose(&seen, noise.objects[1].yaw));
@@ -31,14 +31,14 @@ fn by_misaiming(grasp: &Grasp, noise: &TrialNoise, center: &Point3<f64>) -> Isom
     world_from_palm.inverse() * Isometry3::translation(center.x, center.y, center.z)
 }
 
-/// How far two poses are apart: m, rad.
+/// Returns the distance between two poses: m, rad.
 fn apart(a: &Isometry3<f64>, b: &Isometry3<f64>) -> (f64, f64) {
     ((a.translation.vector - b.translation.vector).norm(), a.rotation.angle_to(&b.rotation))
 }
 
-/// An error of the world is an error of the object's place in the hand, to first order: what is left falls with the square of the
-/// error. The hand points ahead and level, where the world's axes are those of roll, pitch and yaw, and grasps the object at the
-/// palm's origin, about which the arm's error turns it.
+/// An error in the world is an error of the object's place in the hand, to first order: the residual falls with the
+/// square of the error. The hand points ahead and is level, so that the world's axes are those of roll, pitch and yaw.
+/// It grasps the object at the palm's origin, about which the arm's error turns it.
 #[test]
 fn a_misaimed_grasp_is_the_composition_of_the_errors() {
     let repertoire = crate::builtin::repertoire().expect("the built-in repertoire");

@@ -1,6 +1,8 @@
-//! The grasps of a file closed once more from their open hands and checked once more, with negative controls.
+//! Repeated verification: the grasps of a file are closed once more from their open hands and checked once more, with
+//! negative controls.
 //!
-//! A file says that its grasps were verified; this shows it, on this machine and with this version of the physics.
+//! A file claims that its grasps were verified. This repeats the verification on this machine and with this version of
+//! the physics.
 
 use std::time::Instant;
 
@@ -16,16 +18,16 @@ use super::grasp_file::GraspFile;
 use super::grasping_hand::GraspingHand;
 use super::subject::{Subject, verified_for};
 
-/// What is known of a grasp that is closed again: metrics of the evaluation.
+/// Metrics of the evaluation that are known for a grasp that is closed again.
 const METRICS: [&str; 2] = ["margin", "contacts"];
 
-/// An evaluation for each object of `file`, or for `object` alone.
+/// Returns an evaluation for each object of `file`, or for `object` alone.
 pub fn evaluate(file: &GraspFile, object: Option<&str>) -> Result<Vec<Evaluation>> {
     let wanted = |entry: &&ObjectGrasps| object.is_none_or(|name| name == entry.summary.object);
     file.collection.objects.iter().filter(wanted).map(|entry| of_object(file, entry)).collect()
 }
 
-/// Closes every grasp of an object with the mass and friction that it was verified for.
+/// Closes every grasp of an object with the mass and friction for which it was verified.
 fn of_object(file: &GraspFile, entry: &ObjectGrasps) -> Result<Evaluation> {
     let (name, grasps) = (&entry.summary.object, &entry.grasps);
     let start = Instant::now();
@@ -45,10 +47,10 @@ fn of_object(file: &GraspFile, entry: &ObjectGrasps) -> Result<Evaluation> {
     Ok(Evaluation { wall_s: start.elapsed().as_secs_f64(), ..evaluation::summarize(name, &rows, &METRICS) })
 }
 
-/// A grasp closed once more; none if it does not close.
+/// Closes a grasp once more. Returns `None` if it does not close.
 fn row(hand: &GraspingHand, subject: &Subject, grasp: &HeldGrasp) -> Result<Option<Row>> {
     let (open, tensions) = (hand.reopened(grasp), grasp.tensions.to_vec());
-    // A grasp that asks for more than the hand's joints bear is none.
+    // A grasp that needs more effort than the hand's joints bear counts as not held.
     let bearable = hand.bearable(&tensions) == tensions;
     let Ok(closed) = closing::pull(hand, subject, pose_from_array(&grasp.start), open, tensions) else {
         return Ok(None);

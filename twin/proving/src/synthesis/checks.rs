@@ -1,4 +1,4 @@
-//! What a closed grasp has to pass: (a) the friction-cone program, (b) penetration, (c) holding against forces in physics.
+//! Checks of a closed grasp: (a) the friction-cone program, (b) penetration, (c) holding against forces in physics.
 
 use anyhow::Result;
 use grasping::force_closure::{Contact, soft_wrench_margin, wrench_margin};
@@ -14,26 +14,27 @@ use super::subject::Subject;
 
 /// Acceleration of the holding test, m/s2 (DexGraspBench).
 pub const PULL: f64 = 10.0;
-/// Force limit of the friction-cone program: all normal forces together, N (the paper's total grasp force).
+/// Force limit of the friction-cone program: sum of all normal forces, N (the paper's total grasp force).
 pub const TOTAL_FORCE: f64 = 10.3;
-/// (b) m.
+/// (b) Largest penetration, m.
 pub const MOST_PENETRATION: f64 = 1e-3;
-/// (c) Time for each direction, s, and how far the object may move: m, rad.
+/// (c) Time for each direction, s, and largest motion of the object: m, rad.
 pub const HOLD_TIME: f64 = 2.0;
 pub const MOST_MOTION: (f64, f64) = (0.05, 15.0 * std::f64::consts::PI / 180.0);
-/// Steps between two looks at the object in the holding test, and how far it and the joints move between two at rest: m, rad. At that
-/// pace the object would be at a thousandth of the limits in the end.
+/// Steps between two samples of the object's pose in the holding test, and largest motion of the object and the joints
+/// between two samples at rest: m, rad. At that rate the object would move a thousandth of the limits until the end.
 const LOOK: usize = 24;
 const AT_REST: f64 = 1e-6;
-/// A payload is searched for up to this mass, kg, and until it is known to this ratio.
+/// Upper limit of the payload search, kg, and ratio to which the payload is determined.
 const MOST_PAYLOAD: f64 = 10.0;
 const PAYLOAD_RATIO: f64 = 1.1;
 
-/// (a) The margin has to be at least this, N, with [`TOTAL_FORCE`]: the weight of 0.1 kg in the holding test. It judges where the
-/// contacts are, whatever the object weighs: a heavier one may be pressed harder. Whether it is held, (c) tells.
+/// (a) Least wrench margin, N, with [`TOTAL_FORCE`]: the weight of 0.1 kg in the holding test. It judges the contact
+/// positions, whatever the object weighs, because a heavier object may be pressed harder. The holding test (c) decides
+/// if it is held.
 pub const LEAST_MARGIN: f64 = 1.0;
 
-/// Wrench margin of a closed grasp, N.
+/// Computes the wrench margin of a closed grasp, N.
 pub fn margin(hand: &GraspingHand, subject: &Subject, closed: &Closed) -> Result<f64> {
     let contact =
         |touch: &Touch| Contact { point: touch.point, normal: touch.normal, friction: subject.model.friction };
@@ -47,7 +48,7 @@ pub fn margin(hand: &GraspingHand, subject: &Subject, closed: &Closed) -> Result
     })
 }
 
-/// Deepest penetration in a closed grasp, m.
+/// Computes the deepest penetration in a closed grasp, m.
 pub fn penetration(hand: &GraspingHand, subject: &Subject, closed: &Closed) -> f64 {
     match &hand.named {
         Some(named) => covers_penetration(named, &hand.sampled.surface, subject, closed),
@@ -55,7 +56,8 @@ pub fn penetration(hand: &GraspingHand, subject: &Subject, closed: &Closed) -> f
     }
 }
 
-/// Of a hand with covers: points of the hand in the object, and points of the object in the hand.
+/// Computes the penetration for a hand with covers: of the hand's points in the object, and of the object's points in
+/// the hand.
 fn covers_penetration(hand: &Hand, surface: &HandSurface, subject: &Subject, closed: &Closed) -> f64 {
     let palm_from_object = closed.scene.object();
     let object_from_palm = palm_from_object.inverse();
@@ -66,7 +68,8 @@ fn covers_penetration(hand: &Hand, surface: &HandSurface, subject: &Subject, clo
         let object_from_link = object_from_palm * pose(link);
         for p in &own.points {
             let (rough, _) = subject.field.distance_gradient(&(object_from_link * Point3::from(*p)).coords);
-            // The grid is off by some hundredths of a millimetre on a face, by more at an edge: ask the shape itself.
+            // The error of the grid is some hundredths of a millimetre on a face and more at an edge, so the shape
+            // itself is queried.
             if rough < 1e-3 {
                 let (distance, _) = subject.model.shape.signed_distance(&(object_from_link * Point3::from(*p)));
                 deepest = deepest.max(-distance);
@@ -81,23 +84,23 @@ fn covers_penetration(hand: &Hand, surface: &HandSurface, subject: &Subject, clo
     deepest
 }
 
-/// Signed distance to a rounded box in its own frame, m.
+/// Computes the signed distance to a rounded box in its own frame, m.
 fn cover_distance(cover: &CoverShape, p: &Point3<f64>) -> f64 {
     let q = p.coords.abs() - cover.half.add_scalar(-cover.radius);
     q.map(|x| x.max(0.0)).norm() + q.max().min(0.0) - cover.radius
 }
 
-/// How far the object moved under one force, until it had gone too far.
+/// Motion of the object under one force, until it exceeded the limits.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Motion {
-    /// m.
+    /// Translation, m.
     distance: f64,
-    /// rad.
+    /// Rotation, rad.
     angle: f64,
 }
 
 impl Motion {
-    /// Of what is allowed: above one it is not held.
+    /// Returns the motion as a share of its limits. Above one, the object is not held.
     fn share(&self) -> f64 {
         (self.distance / MOST_MOTION.0).max(self.angle / MOST_MOTION.1)
     }
@@ -107,17 +110,17 @@ impl Motion {
     }
 }
 
-/// How a holding test went.
+/// Result of a holding test.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hold {
-    /// Within the limits in all six directions.
+    /// True if the motion was within the limits in all six directions.
     pub held: bool,
-    /// Largest motion in each direction as a share of what is allowed; none where an earlier direction failed.
+    /// Largest motion in each direction as a share of the limit. Zero if an earlier direction failed.
     pub shares: [f64; 6],
 }
 
 impl Hold {
-    /// The directions, the one with the largest motion first.
+    /// Returns the directions, the one with the largest motion first.
     fn weakest_first(&self) -> [usize; 6] {
         let mut order = [0, 1, 2, 3, 4, 5];
         order.sort_by(|a, b| self.shares[*b].total_cmp(&self.shares[*a]));
@@ -125,8 +128,9 @@ impl Hold {
     }
 }
 
-/// (c) The DexGraspBench protocol: from the closed grasp, the force of 10 m/s2 on `mass` (kg) along each of the six axes for 2 s
-/// each, every time from the same state; stops at the first direction that fails. Motion counts from the closed grasp.
+/// (c) Runs the DexGraspBench protocol: from the closed grasp, the force of 10 m/s2 on `mass` (kg) along each of the
+/// six axes for 2 s each, every time from the same state. It stops at the first direction that fails. Motion is
+/// measured from the closed grasp.
 pub fn hold(closed: &impl Pulling, mass: f64) -> Hold {
     let mut hold = Hold { held: true, shares: [0.0; 6] };
     for direction in 0..6 {
@@ -139,13 +143,14 @@ pub fn hold(closed: &impl Pulling, mass: f64) -> Hold {
     hold
 }
 
-/// The largest mass (kg) that is held in six directions, to within a tenth below it: upwards from `mass`, for which `hold` was passed.
-/// The closed grasp stays the one of that mass.
+/// Returns the payload: the largest mass (kg) that is held in six directions, to within a tenth below it. The search
+/// goes up from `mass`, for which `hold` was passed. The closed grasp remains the one of that mass.
 pub fn payload(closed: &impl Pulling, mass: f64, hold: &Hold) -> f64 {
     largest(mass, hold.weakest_first(), |direction, mass| along(closed, direction, mass).is_held())
 }
 
-/// The motion in one direction of the holding test. What has come to rest stays, so that the rest of the time is spared.
+/// Returns the motion in one direction of the holding test. It stops early once everything is at rest, because nothing
+/// moves after that.
 fn along(closed: &impl Pulling, direction: usize, mass: f64) -> Motion {
     let (start, mut pulling) = (closed.object(), closed.clone());
     let sign = if direction.is_multiple_of(2) { 1.0 } else { -1.0 };
@@ -168,14 +173,14 @@ fn along(closed: &impl Pulling, direction: usize, mass: f64) -> Motion {
     most
 }
 
-/// Whether object and joints did not move between two looks.
+/// True if object and joints did not move between two samples.
 fn at_rest(before: &(Isometry3<f64>, Vec<f64>), now: &(Isometry3<f64>, Vec<f64>)) -> bool {
     let (distance, angle) = displacement(&before.0, &now.0);
     distance < AT_REST && angle < AT_REST && before.1.iter().zip(&now.1).all(|(a, b)| (a - b).abs() < AT_REST)
 }
 
-/// The masses among which a payload is searched for, upwards from `held`: every second one doubles, and between two lie as many as make
-/// [`PAYLOAD_RATIO`].
+/// Returns the masses among which a payload is searched for, in rising order from `held`: the doublings of `held`, each
+/// interval halved geometrically until neighbours differ by at most [`PAYLOAD_RATIO`].
 fn masses(held: f64) -> Vec<f64> {
     fn between(low: f64, high: f64, into: &mut Vec<f64>) {
         if high > PAYLOAD_RATIO * low {
@@ -196,8 +201,9 @@ fn masses(held: f64) -> Vec<f64> {
     masses
 }
 
-/// The largest of [`masses`] that `holds` in every direction; the first is known to. What one direction holds is mostly held by the next,
-/// so that one question is enough for it, above all where the weakest comes first.
+/// Returns the largest of [`masses`] that `holds` in every direction. The first is known to hold. A mass that holds in
+/// one direction mostly holds in the next, so one query per direction is usually enough, above all if the weakest comes
+/// first.
 fn largest(held: f64, directions: [usize; 6], holds: impl Fn(usize, f64) -> bool) -> f64 {
     let masses = masses(held);
     let [weakest, others @ ..] = directions;
@@ -231,8 +237,8 @@ mod tests {
         assert!((at(0.02, 0.01, 0.01) - corner).abs() < 1e-12, "the corner is rounded off");
     }
 
-    /// Known to a tenth, from below, whichever direction is weakest; never below what is known to hold, never above the most that
-    /// is tried.
+    /// The payload is found to a tenth, from below, whichever direction is weakest. It is never below the mass that is
+    /// known to hold, and never above the largest mass that is tried.
     #[test]
     fn the_largest_mass_is_found() {
         for most in [0.1, 0.137, 0.4, 2.9, 9.0] {
@@ -247,7 +253,7 @@ mod tests {
         assert_eq!(largest(0.1, [0, 1, 2, 3, 4, 5], |_, _| false), 0.1);
     }
 
-    /// Every mass is a tenth above the one before, or less, and doublings of the first are among them.
+    /// Each mass is at most a tenth above the one before, and the doublings of the first are among them.
     #[test]
     fn masses_are_close() {
         let masses = masses(0.1);
@@ -255,7 +261,7 @@ mod tests {
         assert!([0.1, 0.2, 0.4, 0.8, 1.6, 3.2, 6.4].iter().all(|doubled| masses.contains(doubled)), "{masses:?}");
     }
 
-    /// An object that jumps away after a second, and a joint that turns at this pace, rad a step.
+    /// An object that jumps away after a second, and a joint that turns at this rate, rad per step.
     #[derive(Clone)]
     struct Late {
         steps: usize,
@@ -282,7 +288,7 @@ mod tests {
         }
     }
 
-    /// Only what is at rest as a whole is not looked at any longer.
+    /// The test ends early only if object and joints are all at rest.
     #[test]
     fn a_joint_that_creeps_keeps_the_test_going() {
         let held = |turn| along(&Late { steps: 0, turn, joint: [0.0] }, 0, 0.1).is_held();
@@ -290,7 +296,7 @@ mod tests {
         assert!(held(0.0), "nothing moves, so nothing can come");
     }
 
-    /// An object that nothing touches flies off: the test can fail, and says which way the motion was.
+    /// An object that nothing touches flies off. The test can fail, and it reports the direction of the motion.
     #[test]
     fn a_floating_object_is_not_held() {
         let hand = Arc::new(Hand::ftac());

@@ -1,11 +1,12 @@
-//! From a sampled posture to a closed grasp: open clear of the object, pull, and see what touches.
+//! Closing of a sampled posture: the hand opens clear of the object, pulls, and touches it.
 //!
-//! The palm stands still and the object floats. While the digits close, the object's motion is damped, as a table or a slowly
-//! closing hand would; once they have, the damping goes and the grasp has to come to rest by itself.
+//! The palm stands still and the object floats. While the digits close, the object's motion is damped, as a table or a
+//! slowly closing hand would damp it. Once they have closed, the damping is removed and the grasp has to come to rest
+//! by itself.
 //!
-//! What a sample does not say is how hard each digit has to pull so that the object stays between them. A closing costs a
-//! thirtieth of a chain, so that several [`Aim`]s are tried: the plain one first, then ones with other tensions, helpers and
-//! a little offset.
+//! A sample does not say how hard each digit has to pull to keep the object between the digits. A closing costs a
+//! thirtieth of a chain, so several [`Aim`]s are tried: the plain one first, then others with different tensions,
+//! helping actuators and a small offset.
 
 use grasping::synthesis::chain::Sample;
 use grasping::synthesis::frames::{Frames, HandState};
@@ -20,53 +21,54 @@ use super::grasping_hand::GraspingHand;
 use super::subject::Subject;
 use super::urdf_hand::open_posture;
 
-/// Tension of an actuator that closes plainly, N.
+/// Tension of an actuator in a plain closing, N.
 const CLOSE_TENSION: f64 = 30.0;
-/// Chance that an actuator without a contact point helps.
+/// Probability that an actuator without a contact point helps.
 const HELPS: f64 = 0.25;
-/// Standard deviation of an offset of the hand: m, rad.
+/// Standard deviation of the hand's offset: m, rad.
 const OFFSET: (f64, f64) = (3e-3, 0.06);
-/// The tension rises over this time, s.
+/// Rise time of the tension, s.
 pub const RISE: f64 = 0.4;
-/// Then the damped object has time to come to rest, and the free one, s.
+/// Settling time of the damped object after the rise, s.
 pub const SETTLE_DAMPED: f64 = 0.3;
-/// See [`SETTLE_DAMPED`].
+/// Settling time of the free object after that, s.
 pub const SETTLE_FREE: f64 = 0.3;
-/// Damping of the object while the digits close, 1/s.
+/// Damping of the object's motion while the digits close, 1/s.
 pub const DAMPING: f64 = 100.0;
 
-/// An object that moves further than this while the digits close was pushed away, not grasped: m, rad.
+/// Thresholds on the object's motion while the digits close: m, rad. An object that moves farther was pushed away, not
+/// grasped.
 const PUSHED_AWAY: (f64, f64) = (0.03, 0.6);
 
-/// A closed grasp that pulls on; cloned for every test.
+/// Closed grasp that keeps pulling. It is cloned for every test.
 pub trait Pulling: Clone {
-    /// Length of a step, s.
+    /// Returns the time step, s.
     fn dt(&self) -> f64;
-    /// Pose of the object.
+    /// Returns the pose of the object.
     fn object(&self) -> Isometry3<f64>;
-    /// Angles of the joints, rad.
+    /// Returns the joint angles, rad.
     fn joints(&self) -> &[f64];
-    /// One step with a force (N) on the object's centre of mass.
+    /// Runs one step with a force (N) on the object's centre of mass.
     fn step(&mut self, force: &Vector3<f64>);
 }
 
-/// A closed grasp, at rest.
+/// Closed grasp at rest.
 #[derive(Clone)]
 pub struct Closed {
-    /// Scene at rest; cloned for every test.
+    /// Scene at rest. It is cloned for every test.
     pub scene: HandScene,
     pub pull: Pull,
-    /// The posture it started from.
+    /// Open posture from which it closed.
     pub open: FreePosture,
     /// `root_from_object` before closing.
     pub start: Isometry3<f64>,
-    /// How far the object moved while the digits closed: m, rad.
+    /// Motion of the object while the digits closed: m, rad.
     pub moved: (f64, f64),
     pub touches: Vec<Touch>,
 }
 
 impl Closed {
-    /// The same with nothing that pulls.
+    /// Returns the grasp with all tensions zero.
     pub fn slack(&self) -> Self {
         let mut slack = self.clone();
         slack.pull.tensions.fill(0.0);
@@ -92,32 +94,34 @@ impl Pulling for Closed {
     }
 }
 
-/// Why a sample did not become a closed grasp.
+/// Reason why a sample did not become a closed grasp.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum NotClosed {
-    /// Palm or a digit cannot be cleared of the object.
+    /// The palm or a digit cannot be cleared of the object.
     Blocked,
     /// The closing digits pushed the object away.
     PushedAway,
 }
 
-/// One way to close on a sample.
+/// Tensions and offset of one closing of a sample.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Aim {
-    /// What each actuator pulls with, N; the others hold their open posture.
+    /// Tension of each actuator, N. Actuators with `None` hold their open posture.
     pub tensions: Vec<Option<f64>>,
-    /// Displacement of the hand from the sample: m, rad.
+    /// Offset of the hand from the sample: m, rad.
     pub offset: [f64; 6],
 }
 
 impl Aim {
-    /// Every actuator that is `closing` pulls alike, with a tension in the range `low` to `high` (N), where the sample is.
+    /// Creates the plain aim: every actuator that is `closing` pulls with the same tension, within the range `low` to
+    /// `high` (N), and the hand stays at the sample.
     pub fn plain(closing: &[bool], (low, high): (f64, f64)) -> Self {
         let tension = CLOSE_TENSION.clamp(low, high);
         Self { tensions: closing.iter().map(|closing| closing.then_some(tension)).collect(), offset: [0.0; 6] }
     }
 
-    /// Tensions from the range `low` to `high` (N), now and then a helper that `may_close`, a small offset.
+    /// Draws an aim with tensions from the range `low` to `high` (N), now and then a helping actuator that `may_close`,
+    /// and a small offset.
     pub fn varied(closing: &[bool], may_close: &[bool], (low, high): (f64, f64), rng: &mut impl Rng) -> Self {
         let tension = |(closing, may_close): (&bool, &bool)| {
             let pulls = *closing || rng.random::<f64>() < HELPS;
@@ -131,7 +135,7 @@ impl Aim {
     }
 }
 
-/// Closes `sample` on the object as `aim` says.
+/// Closes `sample` on the object with the tensions and offset of `aim`.
 pub fn close(
     hand: &GraspingHand,
     subject: &Subject,
@@ -181,7 +185,7 @@ pub fn pull(
     Ok(Closed { scene, pull, open, start, moved, touches })
 }
 
-/// A touch as files have it, at `point` (root frame, m).
+/// Returns a touch as files record it, at `point` (root frame, m).
 pub fn contact(touch: &Touch, point: &Point3<f64>) -> HeldContact {
     HeldContact {
         link: touch.link,
@@ -191,12 +195,13 @@ pub fn contact(touch: &Touch, point: &Point3<f64>) -> HeldContact {
     }
 }
 
-/// Whether an object that moved so far (m, rad) was pushed away.
+/// True if a motion of the object (m, rad) means that it was pushed away.
 fn pushed_away(moved: (f64, f64)) -> bool {
     moved.0 > PUSHED_AWAY.0 || moved.1 > PUSHED_AWAY.1
 }
 
-/// The nearest posture that the actuators hold clear of the object, and `root_from_object` there; none if the hand is not cleared.
+/// Returns the nearest posture that the actuators hold clear of the object, and `root_from_object` there. `None` if the
+/// hand cannot be cleared.
 fn open_clear(
     hand: &GraspingHand,
     subject: &Subject,

@@ -1,7 +1,8 @@
-//! How well synthesis works: rates with intervals, negative controls, and how well each metric predicts that a grasp holds.
+//! Evaluation of the synthesis: rates with intervals, negative controls, and how well each metric predicts that a grasp
+//! holds.
 //!
-//! Metrics and controls look at plain closings, of which nothing is selected: every chain's one sample is closed if it can be,
-//! and every closed grasp takes every check. What further closings add is a rate of its own.
+//! Metrics and controls use plain closings, of which nothing is selected: every chain's one sample is closed if
+//! possible, and every closed grasp takes every check. The gain of further closings is a rate of its own.
 
 use std::collections::BTreeMap;
 use std::time::Instant;
@@ -19,24 +20,26 @@ use super::synthesizer::{ChainResult, Checked, Synthesizer};
 /// Friction coefficient of the slippery control.
 const SLIPPERY: f64 = 0.1;
 
-/// What `eval` prints.
+/// Evaluation of the synthesis on one object, as `eval` prints it.
 #[derive(Debug, Clone, Serialize, JsonSchema)]
 pub struct Evaluation {
     pub object: String,
     /// Chains that ended in a closed grasp.
     pub found: Rate,
-    /// (a), (b), (c) and all three at the plain closing, and all three after all closings tried, of all chains.
+    /// Rates of (a) the friction-cone margin, (b) penetration, (c) the holding test and all three at the plain closing,
+    /// and of all three after all closings tried, out of all chains.
     pub verified: BTreeMap<&'static str, Rate>,
-    /// The holding test on the grasps that passed it, without tension and with little friction: should fail.
+    /// Negative controls: the holding test on the grasps that passed it, without tension and with little friction. Both
+    /// should fail.
     pub controls: BTreeMap<&'static str, Rate>,
     /// Area under the ROC curve of each metric for holding, over the closed grasps.
     pub roc_area: BTreeMap<&'static str, Option<f64>>,
-    /// s.
+    /// Wall time, s.
     pub wall_s: f64,
 }
 
 impl Evaluation {
-    /// The evaluation in words.
+    /// Formats the evaluation as text.
     pub fn text(&self) -> String {
         let row = |name: &str, rate: &Rate| match rate.rate {
             Some(p) => {
@@ -56,17 +59,17 @@ impl Evaluation {
     }
 }
 
-/// What became of one closed grasp.
+/// Results of one closed grasp.
 pub(super) struct Row {
-    /// (a), (b), (c).
+    /// Verdicts of the checks (a), (b), (c).
     pub verdicts: [bool; 3],
-    /// In the order of the evaluation's metrics.
+    /// Metrics, in the order of the evaluation's names.
     pub metrics: Vec<f64>,
-    /// Whether it still held without tension, and with little friction, where (c) was passed.
+    /// True if the grasp still held without tension, and with little friction. `None` if it did not pass (c).
     pub controls: Option<[bool; 2]>,
 }
 
-/// Metric names, in the order of `Row::metrics`; all are higher for better grasps.
+/// Metric names, in the order of `Row::metrics`. All are higher for better grasps.
 const METRICS: [&str; 5] = ["margin", "energy", "balance", "total_force", "contacts"];
 
 fn row(checked: &Checked) -> Row {
@@ -79,7 +82,8 @@ fn row(checked: &Checked) -> Row {
     Row { verdicts, metrics, controls }
 }
 
-/// The negative controls on a closed grasp of an object of `mass` (kg): whether it holds without tension, and with little friction.
+/// Runs the negative controls on a closed grasp of an object of `mass` (kg): returns true if it holds without tension,
+/// and with little friction.
 pub(super) fn controls(closed: &Closed, mass: f64) -> [bool; 2] {
     let mut slippery = closed.clone();
     slippery.scene.set_friction(SLIPPERY);
@@ -103,7 +107,7 @@ pub fn evaluate(synthesizer: &Synthesizer<'_>, chains: u64) -> Result<Evaluation
     Ok(evaluation)
 }
 
-/// What `rows` come to; none where a grasp did not close. The metrics are those of the rows, by name.
+/// Summarizes `rows`, with `None` for a grasp that did not close. `metrics` are the names of the rows' metrics.
 pub(super) fn summarize(object: &str, rows: &[Option<Row>], metrics: &[&'static str]) -> Evaluation {
     let (all, closed) = (rows.len() as u64, rows.iter().flatten().collect::<Vec<&Row>>());
     let rate = |passed: &dyn Fn(&Row) -> bool| Rate::new(closed.iter().filter(|row| passed(row)).count() as u64, all);

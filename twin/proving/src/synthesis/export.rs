@@ -1,4 +1,5 @@
-//! A held grasp as a scene for a second engine: the open hand around its object, what closes it, and what it then has to bear.
+//! Export of a held grasp as a scene for a second engine: the open hand around its object, the commands that close it,
+//! and the load that it then has to bear.
 //!
 //! `tests/mujoco/shake.py` closes and shakes it in MuJoCo.
 
@@ -20,9 +21,9 @@ use super::closing::{DAMPING, RISE, SETTLE_DAMPED, SETTLE_FREE};
 use super::grasping_hand::GraspingHand;
 use super::subject::verified_for;
 
-/// Writes `grasp` of `object` into `folder`: an MJCF scene whose keyframe is the open hand, and a JSON file with the commands, the
-/// test, and what was found here. The object has the mass and friction of the grasp's proof, whatever its own are. Answers with both
-/// files.
+/// Writes `grasp` of `object` into `folder`: an MJCF scene whose keyframe is the open hand, and a JSON file with the
+/// commands, the test and the results found here. The object has the mass and friction of the grasp's proof, whatever
+/// its own are. Returns the paths of both files.
 pub fn write(hand: &GraspingHand, object: &ObjectModel, grasp: &HeldGrasp, folder: &Path) -> Result<[PathBuf; 2]> {
     let (mass, friction) = verified_for(grasp);
     let props = [(Prop::new("object", object.shape.clone(), mass, friction), pose_from_array(&grasp.start))];
@@ -39,7 +40,7 @@ pub fn write(hand: &GraspingHand, object: &ObjectModel, grasp: &HeldGrasp, folde
         gravity: Vector3::zeros(),
         dt: EngineSettings::default().dt,
     });
-    // What a second engine has to do, and how much the object may move; SI units.
+    // Commands for the second engine, and the limits on the object's motion. SI units.
     let mut test = json!({
         "object": grasp.object, "chain": grasp.chain, "mass": mass, "friction": friction,
         "rise": RISE, "settle_damped": SETTLE_DAMPED, "settle_free": SETTLE_FREE, "damping": DAMPING,

@@ -1,8 +1,8 @@
-//! Grasps from a file, with what it takes to use them: the hand that found them, and its objects.
+//! Grasps from a file, with everything needed to use them: the hand that found them, and its objects.
 //!
-//! A file is the collection of all objects, which comes with the program, or what one search left: of our own hand, or of another,
-//! which is read from the files that its header names. Poses of an object from a mesh file are in that file's frame on disk, and in
-//! a frame at the centre of mass here.
+//! A file is the built-in collection of all objects, or the result of one search. A search may be of our own hand, or
+//! of another hand, which is read from the files that the header names. Poses of an object from a mesh file are in that
+//! file's frame on disk, and in a frame at the centre of mass here.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -21,18 +21,18 @@ use super::kinds;
 use super::subject::Subject;
 use super::urdf_hand::describe;
 
-/// Grasps and what they are of.
+/// Grasps of a file, with their hand and objects.
 pub struct GraspFile {
     pub collection: Collection,
     /// The hand that found them.
     pub hand: GraspingHand,
     set: ObjectSet,
-    /// The object from a mesh file.
+    /// Object from a mesh file.
     own: Option<Subject>,
 }
 
 impl GraspFile {
-    /// Reads `file`, or the collection that comes with the program. Grasps are `ours` where the file names no other hand.
+    /// Reads `file`, or the built-in collection. The grasps belong to the hand `ours` if the file names no other hand.
     pub fn read_or_built_in(file: Option<&Path>, ours: Arc<Hand>) -> Result<Self> {
         match file {
             Some(path) => Self::read(path, ours).with_context(|| format!("--grasps {}", path.display())),
@@ -60,7 +60,7 @@ impl GraspFile {
         Ok(Self { collection, hand, set: ObjectSet::repertoire(), own })
     }
 
-    /// The grasps of `object`, or of all; an object of which there is none is refused.
+    /// Returns the grasps of `object`, or of all objects. An unknown object is an error.
     pub fn objects(&self, object: Option<&str>) -> Result<Vec<&ObjectGrasps>> {
         let all = &self.collection.objects;
         let found: Vec<_> = all.iter().filter(|entry| object.is_none_or(|name| name == entry.summary.object)).collect();
@@ -71,12 +71,12 @@ impl GraspFile {
         Ok(found)
     }
 
-    /// The kinds among an object's grasps, the most frequent first.
+    /// Returns the kinds among an object's grasps, the most frequent first.
     pub fn kinds<'a>(&self, entry: &'a ObjectGrasps) -> Vec<Kind<'a>> {
         kinds::kinds(&self.hand, &entry.grasps)
     }
 
-    /// The model of an object: of the set, or of the file's own mesh.
+    /// Returns the model of an object, from the set or from the file's own mesh.
     pub fn model(&self, name: &str) -> Result<Arc<ObjectModel>> {
         let own = self.own.as_ref().filter(|own| own.model.name == name).map(|own| &own.model);
         own.or_else(|| self.set.get(name)).cloned().with_context(|| {
@@ -84,7 +84,7 @@ impl GraspFile {
         })
     }
 
-    /// An object made ready for closings, of the mass (kg) and the friction for which `proof` stands.
+    /// Returns an object ready for closings, with the mass (kg) and friction for which the grasps were verified.
     pub fn subject(&self, name: &str, mass: f64, friction: f64) -> Result<Subject> {
         let subject = match &self.own {
             Some(own) if own.model.name == name => own.clone(),
@@ -94,14 +94,15 @@ impl GraspFile {
     }
 }
 
-/// What a file is now.
+/// Returns a file's path with the digest of its present content.
 pub fn source(path: &Path) -> Result<Source> {
     let bytes =
         platform::file::read_regular(path, platform::file::LARGEST).with_context(|| path.display().to_string())?;
     Ok(Source { path: path.into(), sha256: sha256(&bytes) })
 }
 
-/// Where a file that `field` of a header names is now: where the header says, or beside the grasps. Refused if it has changed.
+/// Locates a file that `field` of a header names: at the header's path, or beside the grasps. A file that has changed
+/// is an error.
 fn unchanged(named: &Source, grasps: &Path, field: &str) -> Result<PathBuf> {
     let beside = named.path.file_name().map(|name| grasps.with_file_name(name));
     let path = [Some(named.path.clone()), beside].into_iter().flatten().find(|path| path.exists());
@@ -157,7 +158,7 @@ fn of_urdf(path: &Path, source: &HandSource) -> Result<(Collection, GraspingHand
     Ok((of_one_search(&header, grasps), hand))
 }
 
-/// The grasps that one search left, as a collection.
+/// Returns the grasps of one search as a collection.
 fn of_one_search(header: &Header, grasps: Vec<HeldGrasp>) -> Collection {
     let mut objects: Vec<ObjectGrasps> = Vec::new();
     for grasp in grasps {
@@ -177,7 +178,8 @@ fn of_one_search(header: &Header, grasps: Vec<HeldGrasp>) -> Collection {
     Collection { header: collection::Header { version: collection::VERSION, command, seed }, objects }
 }
 
-/// Reads our own hand's grasps: a collection, or the file of one search; which it is shows in the line after the header.
+/// Reads our own hand's grasps from a collection or from the file of one search. The line after the header shows which
+/// of the two it is.
 pub fn read(path: &Path) -> Result<Collection> {
     if let Some(hand) = grasp_file::read_header(path).ok().and_then(|header| header.hand) {
         bail!(
@@ -190,7 +192,7 @@ pub fn read(path: &Path) -> Result<Collection> {
     let found = match (Collection::read(path), grasp_file::read(path)) {
         (Ok(collection), _) if !collection.objects.is_empty() => collection,
         (_, Ok((header, grasps))) => of_one_search(&header, grasps),
-        // The reader that got further is the one that was meant.
+        // The reader that got further is the intended one.
         (Err(compact), Err(single)) if line(&compact) >= line(&single) => Err(compact)?,
         (_, Err(error)) => Err(error)?,
     };
@@ -202,7 +204,7 @@ pub fn read(path: &Path) -> Result<Collection> {
     Ok(found)
 }
 
-/// The collection that comes with the program.
+/// Returns the built-in collection.
 pub fn built_in() -> Result<Collection> {
     Ok(Collection::parse(include_str!("../../data/synthesized.jsonl"), Path::new("data/synthesized.jsonl"))?)
 }

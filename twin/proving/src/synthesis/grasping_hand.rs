@@ -1,6 +1,7 @@
-//! The hand as the synthesis of grasps needs it: how it may touch, open, pull and hold.
+//! Hand model of the grasp synthesis: how a hand may touch, open, pull and hold.
 //!
-//! [`GraspingHand::of`] makes it of a hand whose digits and pads are known, [`super::urdf_hand::describe`] of any URDF.
+//! [`GraspingHand::of`] builds it from a hand whose digits and pads are known, and [`super::urdf_hand::describe`] from
+//! any URDF.
 
 use std::sync::Arc;
 
@@ -22,56 +23,56 @@ use super::urdf_hand::found_surface::FoundSurface;
 
 /// Name of our own hand.
 const OURS: &str = "F-TAC";
-/// Points on the surface of a hand with pads.
+/// Number of points on the surface of a hand with pads.
 const SURFACE_POINTS: usize = 2000;
 
-/// A hand as it is sampled, in the palm frame: the object comes along -z.
+/// A hand as it is sampled, in the palm frame. The object comes along -z.
 pub struct SampledHand {
     pub tree: Tree,
     /// Joint limits and actuator lines.
     pub mechanism: Mechanism,
-    /// Points, contact candidates, pairs of links that may collide.
+    /// Surface points, contact candidates, and pairs of links that may collide.
     pub surface: HandSurface,
 }
 
-/// Forces that a contact bears.
+/// Contact model: the forces that a contact bears.
 #[derive(Debug, Clone, Copy)]
 pub enum ContactModel {
-    /// Friction along the surface; torques count over the object's size.
+    /// Friction along the surface. Torques are scaled by the object's size.
     Hard,
-    /// Friction about the normal as well.
+    /// Torsional friction about the normal as well.
     Soft {
-        /// Arm of that friction, m.
+        /// Arm of the torsional friction, m.
         torsion_arm: f64,
-        /// Torques count as forces at this arm, m.
+        /// Arm at which torques count as forces, m.
         torque_arm: f64,
     },
 }
 
 /// A hand for which grasps are synthesized.
 pub struct GraspingHand {
-    /// With its collision shapes.
+    /// The hand with its collision shapes.
     pub body: CollisionModel,
     /// `palm_from_root`.
     pub palm_from_root: Isometry3<f64>,
     pub sampled: SampledHand,
-    /// For each actuator, whether it may close.
+    /// True for each actuator that may close.
     pub may_close: Vec<bool>,
-    /// The widest that it takes.
+    /// Opening: width of the widest object that it takes.
     pub opening: Opening,
     /// Range from which an actuator's tension is drawn, N.
     pub tensions: (f64, f64),
     pub contacts: ContactModel,
-    /// The hand whose digits have names, each closed by a cable of its own; none of one from a URDF.
+    /// The hand with named digits, each closed by its own cable. `None` for a hand from a URDF.
     pub named: Option<Arc<Hand>>,
-    /// Surface and palm where they are found, not given; grasps are refused by them.
+    /// Surface and palm derived from the hand's files, by which grasps are refused. `None` if they are given.
     pub found: Option<FoundSurface>,
-    /// Findings in words; warnings begin with `WARNING`.
+    /// Findings as text. Warnings begin with `WARNING`.
     pub notes: Vec<String>,
 }
 
 impl GraspingHand {
-    /// Of a hand that touches with its pads.
+    /// Builds it from a hand that touches with its pads.
     pub fn of(hand: Arc<Hand>) -> Self {
         let (tree, mechanism) = (hand.tree.clone(), Mechanism::of(&hand));
         let may_close = vec![true; hand.cables.len()];
@@ -89,7 +90,8 @@ impl GraspingHand {
         }
     }
 
-    /// The same where only some parts may touch an object; the other digits stay open. Of a hand whose digits have no names it is the hand as it is.
+    /// Returns the hand limited to the parts that may touch an object. The other digits stay open. A hand whose digits
+    /// have no names is returned unchanged.
     #[must_use]
     pub fn limited(mut self, to: &HandUse) -> Self {
         let Some(named) = &self.named else { return self };
@@ -102,7 +104,7 @@ impl GraspingHand {
         self
     }
 
-    /// Joints, links and actuators.
+    /// Returns the mechanism: joints, links and actuators.
     pub fn mechanism(&self) -> &Arc<HandMechanism> {
         self.body.hand()
     }
@@ -111,8 +113,8 @@ impl GraspingHand {
         &self.mechanism().name
     }
 
-    /// For each actuator, true if it closes a sample with these contact candidates: where digits have cables of their own, those in
-    /// contact.
+    /// Returns, for each actuator, true if it closes a sample with these contact candidates. If digits have their own
+    /// cables, only the digits in contact close.
     pub fn closing(&self, contacts: &[usize]) -> Vec<bool> {
         let on = |joint: &usize| contacts.iter().any(|c| joint + 1 == self.sampled.surface.candidates[*c].link);
         match &self.named {
@@ -121,19 +123,20 @@ impl GraspingHand {
         }
     }
 
-    /// `tensions` (N) as far as the joints bear them.
+    /// Returns `tensions` (N) limited to the efforts that the joints bear.
     pub fn bearable(&self, tensions: &[f64]) -> Vec<f64> {
         self.mechanism().within_efforts(tensions).0
     }
 
-    /// The hand with its joints at `joints` (rad or m) and the floating object at `start` (`root_from_object`).
+    /// Builds the scene of the hand with its joints at `joints` (rad or m) and the floating object at `start`
+    /// (`root_from_object`).
     pub fn scene(&self, subject: &Subject, start: &Isometry3<f64>, joints: &[f64]) -> HandScene {
         let mut scene = HandScene::new(&self.body, joints);
         scene.place(&subject.model, start);
         scene
     }
 
-    /// The open posture of a record.
+    /// Returns the open posture of a record.
     pub fn reopened(&self, grasp: &HeldGrasp) -> FreePosture {
         match (&self.named, &grasp.open_tensions) {
             (Some(hand), _) => posture::project(hand, &grasp.open_joints),

@@ -1,6 +1,6 @@
-//! Hands compared on the same objects, by the same search and the same checks.
+//! Comparison of hands on the same objects, by the same search and the same checks.
 //!
-//! A cell is one hand on one object. It is kept in a file of its own, so that a comparison that was interrupted goes on after
+//! A cell is one hand on one object. It is kept in a file of its own, so that an interrupted comparison resumes after
 //! the last cell.
 
 use std::collections::BTreeMap;
@@ -28,12 +28,12 @@ use super::urdf_hand::describe;
 /// A hand of the comparison.
 pub struct ComparedHand {
     pub hand: GraspingHand,
-    /// SHA-256 of its files; none of our own.
+    /// SHA-256 of its files. Empty for our own hand.
     files: String,
 }
 
 impl ComparedHand {
-    /// Our own.
+    /// Creates the entry of our own hand.
     pub fn of(hand: Arc<Hand>) -> Self {
         Self { hand: GraspingHand::of(hand), files: String::new() }
     }
@@ -44,14 +44,14 @@ impl ComparedHand {
     }
 }
 
-/// What decides a cell.
+/// Inputs that determine the result of a cell.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Asked {
     /// Name of the hand.
     pub hand: String,
     /// Name of the object.
     pub object: String,
-    /// Chains that were run.
+    /// Number of chains.
     pub chains: u64,
     contacts: (usize, usize),
     closings: usize,
@@ -63,7 +63,7 @@ pub struct Asked {
     files: String,
 }
 
-/// A grasp that held, as it is drawn. Palm frame, m, rad.
+/// A grasp that held, as it is drawn. Palm frame, m and rad.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct BestGrasp {
     /// x, y, z, then i, j, k, w.
@@ -79,20 +79,20 @@ pub struct BestGrasp {
 /// One hand on one object.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Cell {
-    /// What was asked.
+    /// Inputs of the cell.
     pub asked: Asked,
-    /// Chains that ended in a closed grasp.
+    /// Number of chains that ended in a closed grasp.
     closed: u64,
-    /// Checks passed.
+    /// Counts of checks passed.
     verified: Verified,
-    /// Verified grasps that held when nothing pulled; not tried for our own hand.
+    /// Number of verified grasps that held without tension. Not tried for our own hand.
     held_without_tension: Option<u64>,
     /// The verified grasp with the largest wrench margin.
     pub best: Option<BestGrasp>,
 }
 
 impl Cell {
-    /// The cell as an earlier run left it in `folder`, or made now and left there.
+    /// Reads the cell that an earlier run left in `folder`, or computes it and writes it there.
     pub fn resume(hand: &ComparedHand, object: &str, request: &Request, folder: &Path) -> Result<Self> {
         let subject = Subject::named(object)?;
         let asked = Asked {
@@ -129,7 +129,7 @@ impl Cell {
         Ok(made)
     }
 
-    /// Share of the chains that left a verified grasp.
+    /// Returns the share of the chains that left a verified grasp.
     pub fn rate(&self) -> Rate {
         Rate::new(self.verified.all, self.asked.chains)
     }
@@ -143,7 +143,7 @@ fn cell(hand: &GraspingHand, subject: Subject, asked: Asked, request: &Request) 
     Ok(Cell { asked, closed: report.found, verified: report.verified, held_without_tension: slack, best })
 }
 
-/// A record in the palm frame.
+/// Converts a record to the palm frame.
 fn in_palm_frame(hand: &GraspingHand, grasp: &HeldGrasp) -> BestGrasp {
     let point = |point: &[f64; 3]| (hand.palm_from_root * Point3::from(*point)).coords.into();
     BestGrasp {
@@ -154,40 +154,41 @@ fn in_palm_frame(hand: &GraspingHand, grasp: &HeldGrasp) -> BestGrasp {
     }
 }
 
-/// The rate of a hand over all of its cells together.
+/// Returns the rate of a hand over all of its cells together.
 pub fn total(cells: &[Cell], hand: &str) -> Rate {
     let own = cells.iter().filter(|cell| cell.asked.hand == hand);
     let (count, of) = own.fold((0, 0), |(count, of), cell| (count + cell.verified.all, of + cell.asked.chains));
     Rate::new(count, of)
 }
 
-/// A hand on an object.
+/// One hand on one object.
 #[derive(Debug, Serialize, JsonSchema)]
 struct Row {
     /// Name of the hand.
     hand: String,
     /// Name of the object.
     object: String,
-    /// Chains that pass (a) the cone program, (b) penetration, (c) the holding test, and all three.
+    /// Number of chains whose grasp passes (a) the cone program, (b) penetration and (c) the holding test, and is not
+    /// refused.
     verified: u64,
-    /// Out of how many.
+    /// Number of chains run.
     of: u64,
     /// Lower end of the 95 % interval.
     low: f64,
     /// Upper end of the 95 % interval.
     high: f64,
-    /// Chains that ended in a closed grasp.
+    /// Number of chains that ended in a closed grasp.
     closed: u64,
-    /// Chains that pass each check.
+    /// Number of chains that pass each check.
     checks: Verified,
-    /// Verified grasps that hold when nothing pulls: few. Null of our own hand.
+    /// Number of verified grasps that hold without tension, which should be small. Null for our own hand.
     held_without_tension: Option<u64>,
 }
 
-/// The cells and each hand's total, as `hands.json` has them.
+/// Cells and the total of each hand, as written to `hands.json`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Comparison {
-    /// One entry a hand and object.
+    /// One entry per hand and object.
     rows: Vec<Row>,
     /// Rates by hand.
     hands: BTreeMap<String, Rate>,
@@ -214,7 +215,8 @@ impl Comparison {
     }
 }
 
-/// A line an object, a column a hand. `cells` are in the order of `hands`.
+/// Formats the comparison as a table, with a line per object and a column per hand. `cells` are in the order of
+/// `hands`.
 pub fn table(hands: &[ComparedHand], objects: &[String], cells: &[Cell]) -> String {
     let percent = |rate: &Rate| {
         let (low, high) = (100.0 * rate.low, 100.0 * rate.high);

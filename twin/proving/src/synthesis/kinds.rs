@@ -1,5 +1,5 @@
-//! Kinds of a hand's grasps: a set of digits with a kind of opposition, or, where digits have no names, a set of actuators whose links
-//! touch, with or without the palm.
+//! Kinds of a hand's grasps: a set of digits with a kind of opposition. If digits have no names, a kind is the set of
+//! actuators whose links touch, with or without the palm.
 
 use std::collections::BTreeSet;
 
@@ -8,7 +8,7 @@ use grasping::synthesis::kind::{self, Kind, hand_kinds};
 
 use super::grasping_hand::GraspingHand;
 
-/// The actuators whose links touch, in the hand's order, and the palm.
+/// Returns the name of a kind: the actuators whose links touch, in the hand's order, and the palm.
 fn name(hand: &GraspingHand, grasp: &HeldGrasp) -> String {
     let touching: BTreeSet<usize> = grasp.contacts.iter().filter_map(|contact| contact.link).collect();
     let moves = |line: usize| {
@@ -20,7 +20,7 @@ fn name(hand: &GraspingHand, grasp: &HeldGrasp) -> String {
     names.chain(grasp.palm().then_some("palm")).collect::<Vec<_>>().join("+")
 }
 
-/// The kinds among `grasps`, the most frequent first.
+/// Returns the kinds among `grasps`, the most frequent first.
 pub fn kinds<'a>(hand: &GraspingHand, grasps: &'a [HeldGrasp]) -> Vec<Kind<'a>> {
     match hand.named {
         Some(_) => hand_kinds(grasps),

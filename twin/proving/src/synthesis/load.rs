@@ -1,4 +1,4 @@
-//! For what mass grasps are verified, and how much more they hold.
+//! Load of a search: the mass for which grasps are verified, and their payloads.
 
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -7,16 +7,16 @@ use world::objects::ObjectModel;
 /// Mass and friction of a search, with the payloads of its verified grasps.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, JsonSchema)]
 pub struct Load {
-    /// kg.
+    /// Mass of the object, kg.
     pub mass: f64,
     /// Coulomb coefficient between hand and object.
     pub friction: f64,
-    /// Least, median and largest payload of the grasps, kg; none where there is no grasp.
+    /// Least, median and largest payload of the grasps, kg. `None` without grasps.
     pub payload: Option<[f64; 3]>,
 }
 
 impl Load {
-    /// Of grasps of `model` with these payloads (kg).
+    /// Summarizes grasps of `model` with these payloads (kg).
     pub fn of(model: &ObjectModel, payloads: impl Iterator<Item = f64>) -> Self {
         let mut payloads: Vec<f64> = payloads.collect();
         payloads.sort_by(f64::total_cmp);
@@ -27,7 +27,7 @@ impl Load {
         Self { mass: model.mass, friction: model.friction, payload }
     }
 
-    /// The load in words.
+    /// Formats the load as text.
     pub fn text(&self) -> String {
         let grams = |kg: f64| format!("{:.*} g", if kg < 0.01 { 1 } else { 0 }, 1e3 * kg);
         let range = self.payload.map_or(String::new(), |[least, median, most]| {

@@ -1,7 +1,7 @@
-//! The parts of the collection: one file of verified grasps an object, which grows while the search runs.
+//! Parts of the collection: one file of verified grasps per object, which grows while the search runs.
 //!
-//! A search that was interrupted goes on from its file. The grasps are the same either way, because a chain is its number and
-//! grasps are taken in the order of their chains. A search that wants more goes on from one that wanted fewer.
+//! An interrupted search resumes from its file. The grasps are the same either way, because a chain is determined by
+//! its number and grasps are taken in the order of their chains. A search for more grasps resumes from one for fewer.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -20,19 +20,19 @@ use super::search::{self, Start};
 use super::subject::Subject;
 use super::synthesizer::{Request, Synthesizer};
 
-/// The part of one object.
+/// Part of one object.
 #[derive(Debug, Clone, Copy)]
 pub struct Part<'a> {
     /// Name of the object.
     pub object: &'a str,
-    /// Where its grasps are kept.
+    /// File of its grasps.
     pub file: &'a Path,
-    /// The file's header: what decides the object's grasps. How many of them are wanted does not.
+    /// The file's header: the inputs that determine the object's grasps. The number of grasps wanted is not among them.
     pub header: &'a Header,
 }
 
 impl Part<'_> {
-    /// Goes on with the search until `request` is met, and answers with the object's grasps.
+    /// Continues the search until `request` is met, and returns the object's grasps.
     pub fn fill(&self, hand: &Arc<Hand>, request: Request, progress: &ProgressBar) -> Result<ObjectGrasps> {
         let (writer, kept) = self.open()?;
         let chain = kept.last().map_or(0, |grasp| grasp.chain + 1);
@@ -58,7 +58,7 @@ impl Part<'_> {
         Ok(self.grasps(request.enough, grasps, chains, short))
     }
 
-    /// The object's grasps as far as they were found, at most `wanted`.
+    /// Returns the object's grasps found so far, at most `wanted`.
     pub fn found(&self, wanted: usize) -> Result<ObjectGrasps> {
         if !self.file.exists() {
             return Ok(self.grasps(wanted, Vec::new(), 0, Some("not searched yet".into())));
@@ -84,12 +84,12 @@ impl Part<'_> {
     }
 }
 
-/// Chains that it took to find `grasps`.
+/// Returns the number of chains that it took to find `grasps`.
 fn chains_behind(grasps: &[HeldGrasp]) -> u64 {
     grasps.last().map_or(0, |grasp| grasp.chain + 1)
 }
 
-/// One line an object and one for all: how many grasps, from how many chains, and how different they are.
+/// Formats one line per object and one for all: number of grasps, number of chains, and diversity.
 pub fn table(collection: &Collection) -> String {
     let mut text = format!(
         "{:16} {:>6} {:>6} {:>4}  {:>4} {:>4} {:>4} {:>4} {:>4} {:>4}  {:>4} {:>4} {:>4} {:>4}  {:>6} {:>4} {:>4} {:>4}\n",

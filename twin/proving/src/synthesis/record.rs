@@ -1,4 +1,4 @@
-//! Records of verified grasps, and what a search counts of them.
+//! Records of verified grasps, and their counts in a search's report.
 
 use grasping::synthesis::held::{ClosedPose, DigitUse, HeldGrasp, Proof, Values, pose_to_array};
 use hand_model::{Digit, Hand};
@@ -13,7 +13,7 @@ use super::subject::Subject;
 use super::synthesizer::Checked;
 use super::urdf_hand::refusal;
 
-/// An empty report of a search.
+/// Creates an empty report of a search.
 pub fn report(hand: &GraspingHand) -> Report {
     let judgement = hand.found.as_ref().map(|_| Judgement::default());
     Report { hand: hand.name().into(), notes: hand.notes.clone(), judgement, ..Report::default() }
@@ -35,7 +35,7 @@ pub fn count(hand: &GraspingHand, checked: &Checked, report: &mut Report) {
     }
 }
 
-/// The record of a verified grasp but for its proof.
+/// Returns the record of a verified grasp without its proof.
 pub fn record(hand: &GraspingHand, subject: &Subject, chain: u64, checked: &Checked) -> HeldGrasp {
     let (closed, mechanism, named) = (&checked.closed, hand.mechanism(), hand.named.is_some());
     let (pose, links) = (pose_to_array(&closed.scene.object()), closed.scene.links());
@@ -88,7 +88,7 @@ fn digit_use(hand: &GraspingHand, named: &Hand, subject: &Subject, closed: &Clos
     }
 }
 
-/// Completes a record.
+/// Completes a record with its proof.
 pub fn prove(hand: &GraspingHand, checked: &Checked, proof: Proof, grasp: &mut HeldGrasp) {
     let slack = || checks::hold(&checked.closed.slack(), checked.mass).held;
     grasp.held_without_tension = hand.found.as_ref().map(|_| slack());
@@ -96,7 +96,7 @@ pub fn prove(hand: &GraspingHand, checked: &Checked, proof: Proof, grasp: &mut H
     *grasp = grasp.clone().rounded();
 }
 
-/// Digits in contact, and the others.
+/// Returns the digits in contact, and the others.
 fn digits(hand: &Hand, touches: &[Touch]) -> (Vec<Digit>, Vec<Digit>) {
     let touching =
         |digit: &Digit| touches.iter().any(|touch| touch.link.is_some_and(|link| hand.links(*digit).contains(&link)));

@@ -1,4 +1,4 @@
-//! Results of a search of grasps, in figures and in words.
+//! Results of a search for grasps, as numbers and as text.
 
 use std::collections::BTreeMap;
 
@@ -11,18 +11,18 @@ use super::urdf_hand::refusal::Refused;
 /// Counts of passed checks.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Verified {
-    /// Friction-cone margin.
+    /// Passed (a), the friction-cone margin.
     pub a: u64,
-    /// Penetration.
+    /// Passed (b), penetration.
     pub b: u64,
-    /// Held against the six forces.
+    /// Passed (c), held against the six forces.
     pub c: u64,
-    /// All three.
+    /// Passed all three.
     pub all: u64,
 }
 
 impl Verified {
-    /// Counts one more.
+    /// Counts one more grasp with these verdicts.
     pub fn add(&mut self, [a, b, c]: [bool; 3]) {
         self.a += u64::from(a);
         self.b += u64::from(b);
@@ -31,16 +31,17 @@ impl Verified {
     }
 }
 
-/// Figures of a search with a hand whose surface and palm are found, not given.
+/// Results for a hand whose surface and palm are derived from its files.
 #[derive(Debug, Clone, Default, Serialize, JsonSchema)]
 pub struct Judgement {
-    /// Grasps that passed all three checks and are none all the same.
+    /// Grasps that passed all three checks but are refused.
     pub refused: Refused,
     /// Verified grasps in which two digits press against each other.
     pub opposed: u64,
-    /// Largest distance of a verified grasp's contact from its link's own surface, m; where it is kept, it lies on that.
+    /// Largest distance of a verified grasp's contact from its link's own surface, m. In the record, the contact is
+    /// moved onto that surface.
     pub surface_gap: f64,
-    /// Verified grasps that still held when nothing pulled: has to be few.
+    /// Number of verified grasps that still held without tension, which has to be small.
     pub held_without_tension: u64,
 }
 
@@ -49,46 +50,46 @@ pub struct Judgement {
 pub struct Report {
     pub hand: String,
     pub object: String,
-    /// Contact candidates on the hand.
+    /// Number of contact candidates on the hand.
     pub candidates: usize,
-    /// Points on the hand's surface.
+    /// Number of points on the hand's surface.
     pub surface_points: usize,
-    /// Chains run.
+    /// Number of chains run.
     pub requested: u64,
-    /// Chains that ended in a closed grasp.
+    /// Number of chains that ended in a closed grasp.
     pub found: u64,
-    /// Chains whose posture could not be opened clear of the object.
+    /// Number of chains whose posture could not be opened clear of the object.
     pub blocked: u64,
-    /// Chains whose closing digits pushed the object away.
+    /// Number of chains whose closing digits pushed the object away.
     pub pushed_away: u64,
-    /// Closings tried in all.
+    /// Number of closings tried in all.
     pub closings: u64,
-    /// Chains whose first, plain closing passed all checks.
+    /// Number of chains whose first, plain closing passed all checks.
     pub plain: u64,
-    /// Checks passed; all three by grasps that are not refused.
+    /// Counts of checks passed. All three counts only grasps that are not refused.
     pub verified: Verified,
-    /// Verified grasps of the type that is searched for; none where any type will do.
+    /// Number of verified grasps of the wanted type. `None` if any type will do.
     pub of_type: Option<u64>,
-    /// Verified grasps that nearly equal an earlier one; they are not written.
+    /// Number of verified grasps that nearly equal an earlier one. They are not written.
     pub duplicates: u64,
-    /// Grasps kept and written.
+    /// Number of grasps kept and written.
     pub kept: usize,
     #[serde(flatten)]
     pub judgement: Option<Judgement>,
-    /// Mass (kg) and friction for which grasps are verified, and how much those kept hold.
+    /// Mass (kg) and friction for which grasps are verified, and the payloads of those kept.
     pub load: Load,
     /// Wall time, s.
     pub wall_s: f64,
     /// Iterations of the sampler per second and thread.
     pub grasp_steps_per_s: f64,
-    /// Digits used, by name, in verified grasps; none of a hand whose digits have no names.
+    /// Number of verified grasps by digit used. Empty for a hand whose digits have no names.
     pub digits: BTreeMap<&'static str, u64>,
-    /// Findings about the hand, in words; warnings begin with `WARNING`.
+    /// Findings about the hand, as text. Warnings begin with `WARNING`.
     pub notes: Vec<String>,
 }
 
 impl Report {
-    /// A warning if the hand holds, but never between digits that oppose each other.
+    /// Returns a warning if the hand holds objects, but never between digits that oppose each other.
     pub(super) fn opposition_warning(&self) -> Option<String> {
         let all = self.verified.all;
         let alike = all > 0 && self.judgement.as_ref().is_some_and(|judgement| judgement.opposed == 0);
@@ -100,7 +101,7 @@ impl Report {
         })
     }
 
-    /// The report in words.
+    /// Formats the report as text.
     pub fn text(&self) -> String {
         let share = |count: u64| format!("{count:5} ({:.1} %)", 100.0 * count as f64 / self.requested as f64);
         let mut rows = vec![

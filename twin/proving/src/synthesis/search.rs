@@ -1,4 +1,5 @@
-//! The search for one object: chains run in batches, each is closed and checked, and verified grasps are written as they are found.
+//! Search for one object: chains run in batches, each is closed and checked, and verified grasps are written as they
+//! are found.
 
 use std::path::Path;
 use std::time::Instant;
@@ -15,10 +16,10 @@ use super::record;
 use super::report::Report;
 use super::synthesizer::{ChainResult, Checked, Synthesizer};
 
-/// Chains between two visits to the file: all threads have work, and an interruption loses little.
+/// Number of chains between two writes to the file. All threads have work, and an interruption loses little.
 const BATCH: u64 = 32;
 
-/// Where a search begins: after an interrupted one, or from nothing.
+/// Start of a search, from nothing or from an interrupted search.
 #[derive(Debug, Default)]
 pub struct Start {
     /// Number of the first chain.
@@ -27,8 +28,8 @@ pub struct Start {
     pub kept: Vec<HeldGrasp>,
 }
 
-/// Runs all chains; every verified grasp that is no near duplicate goes to `writer` when its batch is done. Answers with what
-/// it came to and all grasps kept.
+/// Runs all chains. Every verified grasp that is not a near duplicate goes to `writer` when its batch is done. Returns
+/// the report and all grasps kept.
 pub fn search(
     synthesizer: &Synthesizer<'_>,
     from: Start,
@@ -96,7 +97,7 @@ pub fn search(
                 fresh.push(checked);
             }
         }
-        // A proof costs more than all that went before, so only what is kept gets one.
+        // A proof costs more than all earlier steps, so only the grasps that are kept get one.
         kept[before..].par_iter_mut().zip(fresh).for_each(|(grasp, checked)| {
             let proof: Proof = synthesizer.proof(checked);
             record::prove(hand, checked, proof, grasp);
@@ -122,7 +123,7 @@ pub fn search(
     Ok((report, kept))
 }
 
-/// Makes `progress` that of a search of so many chains for an object.
+/// Sets up `progress` for a search of this number of chains for an object.
 fn show_chains(progress: &ProgressBar, object: &str, chains: u64) -> Result<()> {
     progress.set_length(chains);
     let template = format!("{object:16} {{bar:30}} {{pos}}/{{len}} chains, {{msg}} verified [{{elapsed}} < {{eta}}]");
@@ -141,7 +142,7 @@ pub fn parse_contacts(text: &str) -> Result<(usize, usize)> {
     }
 }
 
-/// Checks that a result file can be made before any work is done.
+/// Checks that a result file can be created, before any work is done.
 pub fn check_writable(path: &Path) -> Result<()> {
     if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
         anyhow::ensure!(
@@ -182,7 +183,7 @@ mod tests {
         (report.verified, lines)
     }
 
-    /// Any number of threads finds the same grasps, to the last digit, in the same order.
+    /// Any number of threads finds the same grasps, to the last digit and in the same order.
     #[test]
     fn same_grasps_on_one_and_two_threads() {
         let (one, two) = (verified(1), verified(2));

@@ -1,33 +1,33 @@
-//! Places where an object is thin enough for a hand: its handle, its rim, its edge, or all of it.
+//! Graspable places: where an object is thin enough for a hand, such as its handle, its rim, its edge, or all of it.
 
 use anyhow::{Result, bail};
 use nalgebra::{Point3, Vector3};
 use world::geometry::Shape;
 use world::objects::ObjectModel;
 
-/// Points of the surface that are looked at.
+/// Number of surface points that are examined.
 const SAMPLES: usize = 600;
-/// Share of them at which the object has to be thin: a fingertip needs some room.
+/// Least share of them at which the object has to be thin, because a fingertip needs some room.
 const LEAST_SHARE: f64 = 0.02;
 /// Cosine between the normals on both sides of a place below which they oppose each other.
 const OPPOSED: f64 = -0.7;
-/// Least step into the object, m, and steps at most.
+/// Least step into the object, m, and maximum number of steps.
 const STEP: f64 = 5e-4;
 const MOST_STEPS: usize = 2000;
-/// Places that a search begins at.
+/// Maximum number of places at which a search begins.
 const PIVOTS: usize = 64;
 
-/// A hand's opening.
+/// Opening of a hand.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Opening {
-    /// The widest that goes between its fingers, m.
+    /// Width of the widest object that fits between its fingers, m.
     pub width: f64,
     /// Name of the hand.
     pub hand: String,
 }
 
 impl Opening {
-    /// Of the F-TAC Hand.
+    /// Returns the opening of the F-TAC Hand.
     pub fn ours() -> Self {
         Self { width: 0.11, hand: "the F-TAC Hand".into() }
     }
@@ -37,12 +37,12 @@ impl Opening {
 #[derive(Debug, Clone, Copy)]
 struct Place {
     middle: Point3<f64>,
-    /// m.
+    /// Thickness, m.
     thickness: f64,
 }
 
-/// Refuses an object that the hand can take nowhere. Of one that is wider as a whole than the hand opens, answers with the middles of the
-/// places where it is not, object frame: a search begins there.
+/// Finds the places where the hand can take an object, as points in the object frame from which a search begins. An
+/// object that fits into the hand as a whole has none. An object that the hand can take nowhere is an error.
 pub fn graspable(object: &ObjectModel, opening: &Opening) -> Result<Vec<Vector3<f64>>> {
     let shape = &object.shape;
     let (low, high) = shape.aabb();
@@ -68,7 +68,7 @@ pub fn graspable(object: &ObjectModel, opening: &Opening) -> Result<Vec<Vector3<
     Ok(thin.into_iter().step_by(every).map(|place| place.middle.coords).collect())
 }
 
-/// The way through the object from a point of its surface to the opposite side.
+/// Measures the thickness of the object from a point of its surface to the opposite side.
 fn place(shape: &Shape, point: &Point3<f64>) -> Option<Place> {
     let (_, outward) = shape.signed_distance(point);
     let mut depth = STEP;
@@ -94,7 +94,7 @@ mod tests {
         shape.surface_samples(SAMPLES).iter().filter_map(|point| place(shape, point)).collect()
     }
 
-    /// A plate is as thick as it is, but for its narrow sides; a ball is so everywhere.
+    /// A plate has its thickness everywhere but on its narrow sides. A ball has it everywhere.
     #[test]
     fn thickness_is_measured_across() {
         let plate = Shape::Cuboid { half: Vector3::new(0.15, 0.15, 0.002), radius: 0.0 };
@@ -105,7 +105,7 @@ mod tests {
         assert!(ball.iter().all(|place| place.thickness > 0.15), "{ball:?}");
     }
 
-    /// The set's objects go whole; a hand that opens less takes them where they are thin, or not at all.
+    /// The set's objects fit as a whole. A hand with a smaller opening takes them where they are thin, or not at all.
     #[test]
     fn an_object_is_judged_by_its_thin_places() {
         let open = |width| Opening { width, hand: "the clamp".into() };

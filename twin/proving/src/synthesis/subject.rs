@@ -1,4 +1,4 @@
-//! An object made ready for sampling: its distance field, its surface, and its stand-in for the holding test.
+//! Object prepared for sampling: its distance field, its surface, and its model for the holding test.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -12,40 +12,43 @@ use world::objects::{ObjectModel, ObjectSet, Symmetry};
 
 use super::size::{self, Opening};
 
-/// Mass of a mesh in the holding test where none is given, kg (DexGraspBench).
+/// Default mass of a mesh in the holding test, kg (DexGraspBench).
 pub const TEST_MASS: f64 = 0.1;
-/// Friction coefficient in the holding test where none is given (DexGraspBench); the objects' own are larger.
+/// Default friction coefficient in the holding test (DexGraspBench). The objects' own are larger.
 pub const TEST_FRICTION: f64 = 0.6;
-/// Mass (kg) and friction for which a grasp was verified; files that do not say are of [`TEST_MASS`] and [`TEST_FRICTION`].
+/// Returns the mass (kg) and friction for which a grasp was verified. Files without a proof were verified for
+/// [`TEST_MASS`] and [`TEST_FRICTION`].
 pub fn verified_for(grasp: &HeldGrasp) -> (f64, f64) {
     grasp.proof.map_or((TEST_MASS, TEST_FRICTION), |proof| (proof.mass, proof.friction))
 }
 
-/// Cells of the distance field: this small where the object allows, m; never more than this many along its longest side.
+/// Smallest cell of the distance field, m, and largest number of cells along the object's longest side.
 const FINEST_CELL: f64 = 2.0e-3;
 const MOST_CELLS: f64 = 80.0;
-/// The field reaches this far beyond the object, m.
+/// Margin of the field around the object, m.
 const MARGIN: f64 = 0.02;
-/// Points on the object's surface, for measuring penetration.
+/// Number of points on the object's surface, for measuring penetration.
 const SURFACE_POINTS: usize = 800;
-/// The largest extent is at least a fingertip's width, m.
+/// Least value of the object's largest extent, m: a fingertip's width.
 const SMALLEST: f64 = 0.008;
 
-/// An object ready for sampling.
+/// Object prepared for sampling.
 #[derive(Clone)]
 pub struct Subject {
-    /// As it is tested, with the mass and the friction of the test.
+    /// The object as it is tested, with the mass and friction of the test.
     pub model: Arc<ObjectModel>,
     pub field: DistanceField,
     pub surface: Vec<Point3<f64>>,
-    /// Origin of the frame of the object's file, in the object's own frame, m: a mesh is tested in a frame at its centre of mass.
+    /// Origin of the frame of the object's file, in the object's own frame, m. A mesh is tested in a frame at its
+    /// centre of mass.
     pub origin: Vector3<f64>,
-    /// Starts of a search, object frame, m: places where the object is thin enough, of one that is not as a whole.
+    /// Start points of a search, object frame, m: places where the object is thin enough. Empty if the object is thin
+    /// enough as a whole.
     pub places: Vec<Vector3<f64>>,
 }
 
 impl Subject {
-    /// An object of the set, of its own mass.
+    /// Prepares an object of the set, with its own mass.
     pub fn named(name: &str) -> Result<Self> {
         let set = ObjectSet::repertoire();
         let Some(object) = set.get(name) else {
@@ -54,11 +57,12 @@ impl Subject {
         Self::new(ObjectModel { friction: TEST_FRICTION, ..(**object).clone() })
     }
 
-    /// A user's mesh, in metres, of the mass [`TEST_MASS`]; what is broken of it is mended, and the second answer says so.
+    /// Prepares a user's mesh, in metres, with the mass [`TEST_MASS`]. A broken mesh is repaired, and the second value
+    /// describes the repair.
     pub fn from_mesh(path: &Path) -> Result<(Self, Option<String>)> {
         let refuse =
             |found: String, expected: &str| bail!("--mesh {}: found {found}, expected {expected}", path.display());
-        // The errors' own text has their cause in it already.
+        // The text of these errors already contains their cause.
         let (mesh, repair) = Mesh::load(path).map_err(|error| anyhow!("--mesh: {error}"))?;
         let note = (!repair.is_none()).then(|| repair.to_string());
         let (low, high) = mesh.aabb();
@@ -69,7 +73,7 @@ impl Subject {
                 "at least 8 mm: it would vanish between two fingertips (is the file in metres?)",
             );
         }
-        // The frame moves to the centre of mass, as it is for all objects.
+        // The frame moves to the centre of mass, as for all objects.
         let origin = -mesh.center_of_mass().coords;
         let mesh = mesh.centered().with_context(|| format!("--mesh {}", path.display()))?;
         let name = path.file_stem().map_or("mesh".into(), |stem| stem.to_string_lossy().into_owned());
@@ -82,19 +86,19 @@ impl Subject {
             rest: UnitQuaternion::identity(),
             symmetry: Symmetry::None,
         };
-        // What would fall over as it is given lies on the table as it would come to rest.
+        // An object that would fall over as given is placed on the table as it would come to rest.
         let mut subject = Self::new(model.clone().at_rest().unwrap_or(model))?;
         subject.origin = origin;
         Ok((subject, note))
     }
 
-    /// The same object for a hand of this opening; refused if the hand can take it nowhere.
+    /// Returns the object for a hand of this opening. An object that the hand can take nowhere is an error.
     pub fn for_opening(mut self, opening: &Opening) -> Result<Self> {
         self.places = size::graspable(&self.model, opening)?;
         Ok(self)
     }
 
-    /// The same object of another mass (kg) and friction coefficient.
+    /// Returns the object with another mass (kg) and friction coefficient.
     pub fn tested_at(mut self, mass: f64, friction: f64) -> Self {
         self.model = Arc::new(ObjectModel { mass, friction, ..(*self.model).clone() });
         self
@@ -107,7 +111,7 @@ impl Subject {
     }
 }
 
-/// The distance field of an object, in its frame.
+/// Computes the distance field of an object, in its frame.
 pub fn field(model: &ObjectModel) -> Result<DistanceField> {
     let (low, high) = model.shape.aabb();
     let cell = FINEST_CELL.max((high - low).max() / MOST_CELLS);

@@ -1,4 +1,4 @@
-//! A chain from its random start to a checked grasp.
+//! One chain of the search, from its random start to a checked grasp.
 
 use std::time::Instant;
 
@@ -18,90 +18,92 @@ use super::subject::Subject;
 use super::urdf_hand::refusal::{self, Refusal};
 use super::wanted::WantedType;
 
-/// What to search for.
+/// Parameters of a search.
 #[derive(Debug, Clone, Copy)]
 pub struct Request {
-    /// Chains at most, each of which may leave one grasp.
+    /// Maximum number of chains; each may leave one grasp.
     pub chains: u64,
-    /// Enough grasps: the search stops after the batch of chains that reaches it, and keeps no more.
+    /// Number of grasps that is enough. The search stops after the batch of chains that reaches it, and keeps no more.
     pub enough: usize,
-    /// Contact points of a chain: this many at least and at most, taken in turn.
+    /// Contact points of a chain, (fewest, most). The chains take the numbers of this range in turn.
     pub contacts: (usize, usize),
     /// Closings tried on a chain's sample, at least 1.
     pub closings: usize,
     /// Seed of all chains.
     pub seed: u64,
-    /// Whether the object rests on a table, which the hand keeps out of.
+    /// True if the object rests on a table, which the hand keeps out of.
     pub table: bool,
 }
 
 impl Request {
-    /// Contact points of chain number `chain`.
+    /// Returns the number of contact points of chain number `chain`.
     pub fn contacts_of(&self, chain: u64) -> usize {
         let (fewest, most) = self.contacts;
         fewest + (chain as usize) % (most - fewest + 1)
     }
 }
 
-/// Everything that chains share.
+/// Data that all chains share.
 pub struct Synthesizer<'a> {
     pub hand: &'a GraspingHand,
     /// The object.
     pub subject: Subject,
-    /// What is searched for.
+    /// Parameters of the search.
     pub request: Request,
-    /// Verified grasps of other types are not kept.
+    /// Type of grasp that is searched for. Verified grasps of other types are not kept; `None` keeps all.
     pub wanted: Option<WantedType>,
     schedule: Schedule,
 }
 
-/// A closed grasp with what the checks found.
+/// A closed grasp with the results of its checks.
 pub struct Checked {
     /// The sample it came from.
     pub sample: Sample,
     /// The closed grasp.
     pub closed: Closed,
-    /// N.
+    /// Wrench margin, N.
     pub margin: f64,
-    /// m.
+    /// Deepest penetration, m.
     pub penetration: f64,
-    /// The holding test.
+    /// Result of the holding test.
     pub hold: Hold,
     /// Mass of the object in the holding test, kg.
     pub mass: f64,
-    /// The reason for which it is no grasp though it passed all checks.
+    /// Reason to refuse the grasp although it passed all checks.
     pub refusal: Option<Refusal>,
 }
 
 impl Checked {
-    /// Verdicts (a), (b), (c).
+    /// Returns the verdicts of the checks (a) wrench margin, (b) penetration and (c) holding test.
     pub fn verdicts(&self) -> [bool; 3] {
         let margin = self.margin >= checks::LEAST_MARGIN;
         [margin, self.penetration <= checks::MOST_PENETRATION, self.hold.held]
     }
 
-    /// Whether it passed all three and is not refused.
+    /// True if the grasp passed all three checks and is not refused.
     pub fn verified(&self) -> bool {
         self.verdicts() == [true; 3] && self.refusal.is_none()
     }
 }
 
-/// How a chain ended.
+/// Result of a chain.
 pub struct ChainResult {
     /// Iterations of the sampler.
     pub steps: usize,
-    /// Seconds of its thread in the sampler.
+    /// Time that the chain's thread spent in the sampler, s.
     pub sampling_s: f64,
-    /// What came of the plain closing: the closed grasp with all checks, or why there is none. Nothing is selected here.
+    /// Result of the plain closing: the closed grasp with all checks, or the reason why there is none. Nothing is
+    /// selected here.
     pub plain: Result<Checked, NotClosed>,
-    /// The first of the other closings that is verified and of the wanted type, where the plain one is not; otherwise the last that holds.
+    /// Result of the further closings, which are tried only if the plain one is not verified and of the wanted type. It
+    /// is the first that is, or else the last that holds.
     pub other: Option<Checked>,
-    /// Closings tried.
+    /// Number of closings tried.
     pub closings: usize,
 }
 
 impl ChainResult {
-    /// The chain's grasp: the verified one if there is one.
+    /// Returns the chain's grasp: the verified one if there is one.
     pub fn grasp(&self) -> Result<&Checked, NotClosed> {
         match (&self.other, &self.plain) {
             (Some(other), _) => Ok(other),
@@ -111,14 +113,14 @@ impl ChainResult {
     }
 }
 
-/// The table on which an object rests, object frame.
+/// Returns the table on which an object rests, object frame.
 pub fn table(model: &ObjectModel) -> Plane {
     let up = model.rest.inverse() * Vector3::z();
     Plane { normal: Unit::new_normalize(up), offset: -model.rest_height() }
 }
 
 impl<'a> Synthesizer<'a> {
-    /// For a hand and one object.
+    /// Creates a synthesizer for a hand and one object.
     pub fn new(hand: &'a GraspingHand, subject: Subject, request: Request) -> Self {
         Self { hand, subject, request, wanted: None, schedule: Schedule::default() }
     }
@@ -173,13 +175,13 @@ impl<'a> Synthesizer<'a> {
         Ok(ChainResult { steps: end.steps, sampling_s, plain, other, closings })
     }
 
-    /// Wrench margin (N) and penetration (m) of a closed grasp.
+    /// Returns the wrench margin (N) and the penetration (m) of a closed grasp.
     fn measure(&self, closed: &Closed) -> Result<(f64, f64)> {
         let margin = checks::margin(self.hand, &self.subject, closed)?;
         Ok((margin, checks::penetration(self.hand, &self.subject, closed)))
     }
 
-    /// The other checks of a closed grasp.
+    /// Runs the remaining checks of a closed grasp.
     fn check(&self, sample: &Sample, closed: Closed, (margin, penetration): (f64, f64)) -> Checked {
         let mass = self.subject.model.mass;
         let hold = checks::hold(&closed, mass);
@@ -192,18 +194,18 @@ impl<'a> Synthesizer<'a> {
         checked
     }
 
-    /// Whether it is verified, and of the type that is searched for.
+    /// True if the grasp is verified and of the wanted type.
     fn is_good(&self, chain: u64, checked: &Checked) -> bool {
         checked.verified() && self.of_type(|| record::record(self.hand, &self.subject, chain, checked)) != Some(false)
     }
 
-    /// Whether a verified grasp is of the type that is searched for; none where any will do.
+    /// Returns true if a verified grasp is of the wanted type, and `None` if any type will do.
     pub fn of_type(&self, grasp: impl FnOnce() -> HeldGrasp) -> Option<bool> {
         let (wanted, named) = (self.wanted.as_ref()?, self.hand.named.as_ref()?);
         Some(wanted.is(named, &grasp()))
     }
 
-    /// What a verified grasp is good for.
+    /// Returns the proof of a verified grasp: the mass, friction and payload for which it holds.
     pub fn proof(&self, checked: &Checked) -> Proof {
         let payload = checks::payload(&checked.closed, checked.mass, &checked.hold);
         Proof { mass: checked.mass, friction: self.subject.model.friction, payload }

@@ -1,7 +1,7 @@
-//! Properties found of a hand that is known from its URDF and what pulls on its joints.
+//! Properties of a hand that is known only from its URDF and from the pulls file of its actuators.
 //!
-//! [`describe`] finds surface, contact candidates and palm frame, and [`refusal`] says which of the grasps that pass the checks are
-//! none of the hand as it is.
+//! [`describe`] finds surface, contact candidates and palm frame. [`refusal`] rejects grasps that pass the checks but
+//! are not possible with the hand as it is.
 
 pub mod describe;
 pub mod found_surface;

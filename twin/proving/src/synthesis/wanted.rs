@@ -1,4 +1,4 @@
-//! The type of grasps that a search is for.
+//! Grasp type that a search is limited to.
 
 use grasping::synthesis::held::HeldGrasp;
 use grasping::taxonomy::Taxonomy;
@@ -8,7 +8,7 @@ use hand_model::Hand;
 
 use super::subject::Subject;
 
-/// A type, by the rules that decide on it.
+/// A grasp type with the rules that decide on it.
 pub struct WantedType {
     taxonomy: Taxonomy,
     rules: Rules,
@@ -17,7 +17,7 @@ pub struct WantedType {
 }
 
 impl WantedType {
-    /// The type called `name`, for grasps of the `subject`; none if there is no such type.
+    /// Finds the type called `name`, for grasps of the `subject`. Returns `None` if there is no such type.
     pub fn new(name: &str, subject: &Subject) -> Option<Self> {
         let taxonomy = Taxonomy::paper();
         let kind = taxonomy.find(name)?;
@@ -29,7 +29,7 @@ impl WantedType {
         &self.taxonomy.types[self.kind].name
     }
 
-    /// Whether a grasp is of this type and meets all of its conditions.
+    /// True if a grasp is of this type and meets all of its conditions.
     pub fn is(&self, hand: &Hand, grasp: &HeldGrasp) -> bool {
         let decision = self.rules.decide(&self.taxonomy, &Attributes::of(hand, &self.object, grasp));
         decision.kind == self.kind && decision.margin >= 0.0

@@ -22,7 +22,8 @@ pub struct Attraction {
     pub chains: usize,
 }
 
-/// The highest energy on the path of one chain from `from` to `to`, including both ends; `None` if it does not arrive.
+/// Runs one chain from `from` to `to`. Returns the highest energy on its path, including both ends, or `None` if it
+/// does not arrive.
 pub fn attract<L: Landscape>(
     landscape: &L,
     from: &L::State,
@@ -50,7 +51,8 @@ pub fn attract<L: Landscape>(
     Some(barrier)
 }
 
-/// A random generator for each pair of states, chain and direction, so that results do not depend on the order of evaluation.
+/// Returns a random generator for each pair of states, chain and direction, so that results do not depend on the order
+/// of evaluation.
 pub fn stream(seed: u64, question: [u64; 4]) -> ChaCha8Rng {
     let mut key = [0u8; 32];
     for (n, word) in question.into_iter().enumerate() {
@@ -61,7 +63,7 @@ pub fn stream(seed: u64, question: [u64; 4]) -> ChaCha8Rng {
     rng
 }
 
-/// The lowest barrier of the chains in both directions between two states that arrive.
+/// Returns the lowest barrier of the chains that arrive, in both directions between two states.
 pub fn both_ways<L: Landscape>(
     landscape: &L,
     a: &L::State,
@@ -88,8 +90,8 @@ mod tests {
 
     const SETTINGS: Attraction = Attraction { pull: 2.0, temperature: 0.05, near: 0.1, patience: 200, chains: 4 };
 
-    /// With a strong pull a chain crosses, and its barrier is at or slightly above the saddle's energy; with a weak one
-    /// it does not.
+    /// With a strong pull a chain crosses, and its barrier is at or slightly above the saddle's energy. With a weak
+    /// pull it does not cross.
     #[test]
     fn crosses_when_pulled_and_only_then() {
         let wells = MultiWell::uneven();

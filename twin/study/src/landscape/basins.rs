@@ -1,5 +1,5 @@
-//! What a mapped landscape of grasps shows: which grasps share a basin, of which broad type most of them are, and how the number
-//! of basins grows with the number of grasps.
+//! Results of a mapped landscape of grasps: the grasps that share a basin, the broad type of most of them, and the
+//! growth of the number of basins with the number of grasps.
 
 use std::fmt::Write as _;
 
@@ -14,43 +14,43 @@ use super::mapping::{Basin, Mapping};
 use crate::classification::{Classification, ClassifiedGrasp};
 use grasping::taxonomy::Category;
 
-/// Basins of the first grasps.
+/// Number of basins of the first grasps.
 #[derive(Debug, Serialize, JsonSchema)]
 struct Growth {
     grasps: usize,
-    /// Basins of the energy landscape.
+    /// Number of basins of the energy landscape.
     basins: usize,
 }
 
-/// A basin.
+/// A basin with its grasps.
 #[derive(Debug, Serialize, JsonSchema)]
 struct BasinFigures {
-    /// In units of the landscape.
+    /// Energy of its minimum, in units of the landscape.
     energy: f64,
-    /// Grasps in it.
+    /// Names of its grasps.
     members: Vec<String>,
-    /// Their objects.
+    /// Names of their objects.
     objects: Vec<String>,
-    /// The broad type of most of them.
+    /// Broad type of most of them.
     majority: Category,
 }
 
-/// The figures of a mapped landscape, as `landscape.json` has them.
+/// Figures of a mapped landscape, as written to `landscape.json`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Figures {
     grasps: usize,
-    /// Basins of the energy landscape.
+    /// Number of basins of the energy landscape.
     basins: usize,
-    /// Basins found with ever more grasps.
+    /// Number of basins found with growing numbers of grasps.
     growth: Vec<Growth>,
-    /// Basins with one grasp.
+    /// Number of basins with one grasp.
     basins_of_one: usize,
     basins_with_several_objects: usize,
-    /// Basins of power grasps.
+    /// Number of basins of power grasps.
     power: usize,
-    /// Basins of intermediate grasps.
+    /// Number of basins of intermediate grasps.
     intermediate: usize,
-    /// Basins of precision grasps.
+    /// Number of basins of precision grasps.
     precision: usize,
     /// Number of trees.
     trees: usize,
@@ -60,41 +60,41 @@ pub struct Figures {
     temperature: f64,
     /// Pulls at which chains between two grasps arrive.
     thresholds: Vec<f64>,
-    /// Pairs of grasps whose threshold was looked for.
+    /// Number of pairs of grasps whose threshold was searched for.
     pairs: usize,
-    /// At which energy basins join.
+    /// Merges of basins, with the energies at which they join.
     merges: Vec<Merge>,
     /// Two basins and the height of the barrier between them, in units of the energy.
     barriers: Vec<(usize, usize, f64)>,
-    /// One entry a basin.
+    /// One entry per basin.
     list: Vec<BasinFigures>,
     /// Basins over temperature, pull and seeds.
     sweep: Option<Sweep>,
 }
 
-/// A mapped landscape with the grasps behind its minima.
+/// Mapped landscape with the grasps behind its minima.
 pub struct MappedGrasps<'a> {
     pub classification: &'a Classification,
-    /// Their minima, in the order in which they were sorted.
+    /// Minima of the grasps, in the order in which they were sorted.
     pub minima: &'a [Minimum],
     /// Basins and barriers.
     pub map: &'a Mapping<GraspState>,
-    /// The tree of the basins.
+    /// Tree of the basins.
     pub tree: &'a Tree,
 }
 
 impl<'a> MappedGrasps<'a> {
-    /// The grasps in a basin.
+    /// Returns the grasps in a basin.
     pub fn members(&self, basin: &Basin<GraspState>) -> Vec<&'a ClassifiedGrasp> {
         basin.members.iter().map(|n| self.grasp(*n)).collect()
     }
 
-    /// The grasp of minimum number `n`.
+    /// Returns the grasp of minimum number `n`.
     fn grasp(&self, n: usize) -> &'a ClassifiedGrasp {
         &self.classification.grasps[self.minima[n].grasp]
     }
 
-    /// The broad type of most grasps of a basin; of equal counts the first in the table.
+    /// Returns the broad type of most grasps of a basin. If counts are equal, the first in the table wins.
     pub fn majority(&self, basin: &Basin<GraspState>) -> Category {
         let grasps = self.members(basin);
         let count = |category: &Category| {
@@ -104,14 +104,15 @@ impl<'a> MappedGrasps<'a> {
         best.copied().unwrap_or(Category::Power)
     }
 
-    /// The grasp whose minimum is the basin's.
+    /// Returns the grasp whose minimum is the basin's.
     pub fn lowest(&self, basin: &Basin<GraspState>) -> &'a ClassifiedGrasp {
         let own = basin.members.iter().copied();
         let is_minimum = |n: &usize| self.map.basins.iter().any(|basin| basin.minimum == self.minima[*n].state);
         self.grasp(own.clone().find(is_minimum).or(own.min()).unwrap_or(0))
     }
 
-    /// (grasps, basins): basins after the first grasps, their number doubling: objects take turns, so that each has its share at any time.
+    /// Returns (grasps, basins): the number of basins after the first grasps, whose number doubles. Objects take turns,
+    /// so that each has its share at any time.
     pub fn growth(&self) -> Vec<(usize, usize)> {
         let mut counts: Vec<usize> = (0..).map(|k| self.map.sorted >> k).take_while(|n| *n > 5).collect();
         counts.reverse();
@@ -130,7 +131,7 @@ impl<'a> MappedGrasps<'a> {
         BasinFigures { energy: basin.energy, members, objects, majority: self.majority(basin) }
     }
 
-    /// The figures, with those of the `calibration` of its pull.
+    /// Returns the figures, with those of the `calibration` of its pull.
     pub fn figures(&self, calibration: Calibration, sweep: Option<Sweep>) -> Figures {
         let basins: Vec<_> = self.map.basins.iter().map(|basin| self.basin(basin)).collect();
         let shared = basins.iter().filter(|basin| basin.objects.len() > 1).count();
@@ -161,7 +162,7 @@ impl<'a> MappedGrasps<'a> {
 }
 
 impl Figures {
-    /// The figures in words.
+    /// Formats the figures as text.
     pub fn text(&self) -> String {
         let mut text = format!(
             "{} grasps in {} basins (paper 79 over six objects): {} power, {} intermediate, {} precision; {} hold several objects\n",

@@ -11,27 +11,27 @@ use super::attraction::{Attraction, stream};
 use super::grasps::{GraspLandscape, GraspState};
 use super::metastability::thresholds;
 
-/// A calibration begins with this pull.
+/// Pull at which a calibration begins.
 pub const STRONGEST: f64 = 40.0;
-/// Pairs of minima, and trials for each pull and pair.
+/// Number of pairs of minima, and number of trials for each pull and pair.
 const PAIRS: usize = 16;
 const TRIALS: usize = 6;
 
-/// Thresholds of pairs of minima; kept, so that going on does not repeat the work.
+/// Thresholds of pairs of minima. They are kept, so that a resumed run does not repeat the work.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Calibration {
-    /// What was calibrated, in words.
+    /// Description of the calibrated minima, with the seed.
     pub subject: String,
-    /// Thresholds in increasing order; pairs out of reach even of [`STRONGEST`] have none.
+    /// Thresholds in increasing order. Pairs that are out of reach even of [`STRONGEST`] have none.
     pub thresholds: Vec<f64>,
-    /// Pairs that were tried.
+    /// Number of pairs that were tried.
     pub pairs: usize,
 }
 
-/// What can be wrong with the file of a calibration.
+/// Errors of the file of a calibration.
 #[derive(Debug, thiserror::Error)]
 pub enum CalibrationError {
-    /// Not writable.
+    /// File that cannot be written.
     #[error("cannot write {path}: {source}")]
     Write {
         /// The file.
@@ -39,28 +39,29 @@ pub enum CalibrationError {
         /// The operating system's reason.
         source: std::io::Error,
     },
-    /// Not what a calibration writes.
+    /// Text that is not a calibration.
     #[error("{path}: {source}")]
     Format {
         /// The file.
         path: PathBuf,
-        /// Where and what.
+        /// Position and cause.
         source: serde_json::Error,
     },
 }
 
 impl Calibration {
-    /// No calibration: the pull is given.
+    /// Returns an empty calibration, for a pull that is given.
     pub fn none(subject: &str) -> Self {
         Self { subject: subject.to_owned(), thresholds: Vec::new(), pairs: 0 }
     }
 
-    /// The median threshold.
+    /// Returns the median threshold.
     pub fn pull(&self) -> Option<f64> {
         self.thresholds.get(self.thresholds.len() / 2).copied()
     }
 
-    /// The calibration in `file` if it is of the same subject and seed; otherwise a new one, which is written there.
+    /// Reads the calibration in `file` if it is of the same subject and seed. Otherwise measures a new one and writes
+    /// it there.
     pub fn resume(
         landscape: &GraspLandscape,
         minima: &[GraspState],
@@ -100,9 +101,9 @@ impl Calibration {
 
 #[derive(Debug, Clone, Copy)]
 pub struct Question<'a> {
-    /// The minima, in words: a file of other ones does not count.
+    /// Description of the minima. A file with another one is not used.
     pub subject: &'a str,
-    /// The chains; their pull is where the search for the threshold begins.
+    /// Settings of the chains. The search for the threshold begins at their pull.
     pub attraction: Attraction,
     pub seed: u64,
 }

@@ -1,5 +1,5 @@
-//! The disconnectivity tree (Becker and Karplus 1997) by its exact rule: two minima join at the lowest energy over which
-//! a path connects them (minimax). Merging by increasing barrier is single linkage; the merges are the tree.
+//! The disconnectivity tree (Becker and Karplus 1997) by its exact rule: two minima join at the lowest energy over
+//! which a path connects them (minimax). Merging by increasing barrier is single linkage, and the merges are the tree.
 
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -12,7 +12,7 @@ pub struct Merge {
     pub branches: [usize; 2],
 }
 
-/// A tree, or several without a known path between them.
+/// A tree, or several trees without a known path between them.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Tree {
     /// Energies of the minima.
@@ -21,7 +21,7 @@ pub struct Tree {
     pub merges: Vec<Merge>,
     /// Branches that never merge.
     pub roots: Vec<usize>,
-    /// Minima from left to right, so that no branches cross; the lowest side of each merge first.
+    /// Minima from left to right, so that no branches cross. The lower side of each merge comes first.
     pub order: Vec<usize>,
 }
 
@@ -71,7 +71,7 @@ fn find(group: &mut [usize], mut x: usize) -> usize {
 }
 
 impl Tree {
-    /// Energy of the lowest known path between two minima, if any.
+    /// Returns the energy of the lowest known path between two minima, if there is one.
     pub fn minimax(&self, a: usize, b: usize) -> Option<f64> {
         if a == b {
             return Some(self.energies[a]);
@@ -92,7 +92,8 @@ impl Tree {
         None
     }
 
-    /// Horizontal position of every branch: minima in order at 0, 1, 2...; a merge halfway between its two branches.
+    /// Returns the horizontal position of every branch: minima in order at 0, 1, 2..., and a merge halfway between its
+    /// two branches.
     pub fn places(&self) -> Vec<f64> {
         let n = self.energies.len();
         let mut places = vec![0.0; n + self.merges.len()];

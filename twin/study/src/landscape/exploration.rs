@@ -1,4 +1,5 @@
-//! The landscape of a set of grasps: every grasp cools to its minimum, minima are sorted into basins, barriers are measured.
+//! Exploration of the landscape of a set of grasps: every grasp cools to its minimum, minima are sorted into basins,
+//! and barriers are measured.
 
 use std::io::Write as _;
 use std::path::Path;
@@ -14,17 +15,17 @@ use super::grasps::{GraspLandscape, GraspState};
 use super::mapping::{JournalError, Mapping, Plan};
 use crate::classification::Classification;
 
-/// Steps of a grasp's way to its minimum.
+/// Number of steps in which a grasp cools to its minimum.
 const COOLING: usize = 800;
-/// Distance at which a chain counts as arrived, in units of [`GraspState`]'s distance: 0.7 is 0.15 rad in every joint with 12 mm
-/// of the object's place.
+/// Distance at which a chain counts as arrived, in units of [`GraspState`]'s distance: 0.7 is 0.15 rad in every joint
+/// together with 12 mm in the object's position.
 const NEAR: f64 = 0.7;
 const PATIENCE: usize = 120;
 const CHAINS: usize = 2;
 const DOUBLINGS: u32 = 5;
 const NEIGHBORS: usize = 6;
 
-/// Basins at a temperature and a pull.
+/// Number of basins at a temperature and a pull.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct SweepPoint {
     /// Temperature of the chains, in units of the energy.
@@ -34,36 +35,37 @@ pub struct SweepPoint {
     pub basins: usize,
 }
 
-/// Basins of a few minima over temperature and pull, and over seeds.
+/// Number of basins of a few minima over temperature and pull, and over seeds.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Sweep {
-    /// Minima that were sorted.
+    /// Number of minima that were sorted.
     pub minima: usize,
     pub grid: Vec<SweepPoint>,
-    /// Basins with each seed.
+    /// Number of basins with each seed.
     pub over_seeds: Vec<usize>,
 }
 
-/// The minimum below a grasp.
+/// Minimum below a grasp.
 #[derive(Debug, Clone)]
 pub struct Minimum {
     /// Index of the grasp in its classification.
     pub grasp: usize,
-    /// Where it came to rest.
+    /// State in which it came to rest.
     pub state: GraspState,
 }
 
-/// The chains that explore at `temperature`.
+/// Returns the settings of the chains that explore at `temperature`.
 pub fn attraction(pull: f64, temperature: f64) -> Attraction {
     Attraction { pull, temperature, near: NEAR, patience: PATIENCE, chains: CHAINS }
 }
 
-/// How minima are sorted and barriers measured by chains of `attraction`; `subject` says what is mapped.
+/// Returns the plan by which chains of `attraction` sort minima and measure barriers. `subject` describes the
+/// landscape.
 pub fn plan(attraction: Attraction, seed: u64, subject: String) -> Plan {
     Plan { attraction, doublings: DOUBLINGS, neighbors: NEIGHBORS, seed, subject }
 }
 
-/// Lists of grasps, one for each object, as one list in which the objects take turns: (index of the list, grasp).
+/// Merges lists of grasps, one per object, into one list in which the objects take turns: (index of the list, grasp).
 pub fn in_turn(by_object: &[Vec<usize>]) -> Vec<(usize, usize)> {
     let longest = by_object.iter().map(Vec::len).max().unwrap_or(0);
     let round = |k: usize| {
@@ -72,8 +74,8 @@ pub fn in_turn(by_object: &[Vec<usize>]) -> Vec<(usize, usize)> {
     (0..longest).flat_map(round).collect()
 }
 
-/// The minima below `chosen` grasps: (index of the object in the landscape, index of the grasp). A grasp on which fewer than two
-/// links touch has no minimum of its own and is left out.
+/// Finds the minima below the `chosen` grasps: (index of the object in the landscape, index of the grasp). A grasp with
+/// fewer than two links in contact has no minimum of its own and is left out.
 pub fn minima(
     landscape: &GraspLandscape,
     classification: &Classification,
@@ -93,7 +95,7 @@ pub fn minima(
         .collect()
 }
 
-/// Sorts all minima and measures all barriers; goes on from `journal` where that holds an interrupted run.
+/// Sorts all minima and measures all barriers. Resumes from `journal` if that holds an interrupted run.
 pub fn explore(
     landscape: &GraspLandscape,
     states: &[GraspState],
@@ -120,7 +122,7 @@ pub fn explore(
     Ok(map)
 }
 
-/// Basins over temperature and pull, and over seeds, of `states`, which are a few of the minima.
+/// Counts the basins of `states`, a few of the minima, over temperature and pull, and over seeds.
 pub fn sweep(
     landscape: &GraspLandscape,
     states: &[GraspState],
@@ -155,7 +157,7 @@ pub fn sweep(
 mod tests {
     use super::*;
 
-    /// Short lists run out; nothing is lost and the order within a list stays.
+    /// Short lists run out. Nothing is lost, and the order within a list stays.
     #[test]
     fn objects_take_turns() {
         let lists = [vec![1, 2, 3], vec![], vec![10]];

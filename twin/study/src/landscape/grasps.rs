@@ -1,9 +1,9 @@
 //! The energy of grasps as a landscape, over several objects at once.
 //!
-//! A state is a hand on one of the objects with its contact points. Two grasps are the same strategy if the hand holds in
-//! the same way, whatever it holds. The distance therefore compares joint angles and the position of the object's centre
-//! in the palm, and grasps of different objects can be close. A chain stays on its object: drawn towards a grasp of
-//! another one, it tests whether its own object can be held in that way, and over which energy.
+//! A state is a hand on one of the objects with its contact points. Two grasps are the same strategy if the hand holds
+//! in the same way, whatever the object. The distance therefore compares joint angles and the position of the object's
+//! centre in the palm, and grasps of different objects can be close. A chain stays on its object. If it is drawn
+//! towards a grasp of another object, it tests if its own object can be held in that way, and over which energy.
 
 use grasping::synthesis::chain::{replace_contact, widest_noise};
 use grasping::synthesis::energy::{GraspEnergy, MAX_CONTACTS};
@@ -18,11 +18,11 @@ use serde::{Deserialize, Serialize};
 
 use super::Landscape;
 
-/// Displacement of the object in the palm, m, that counts as much as a radian in a joint.
+/// Displacement of the object in the palm that counts as much as a radian in a joint, m.
 const PLACE: f64 = 0.03;
 /// Share of the steps that replace a contact point.
 const CONTACT_SHARE: f64 = 0.15;
-/// Largest number of contact points of a state: the paper's grasps have 2 to 5.
+/// Largest number of contact points of a state. The paper's grasps have 2 to 5.
 const CONTACTS: usize = 5;
 
 /// A state of the landscape.
@@ -67,13 +67,13 @@ pub struct GraspWalker {
 }
 
 impl<'a> GraspLandscape<'a> {
-    /// For `hand` with one energy per object.
+    /// Creates a landscape of `hand` with one energy per object.
     pub fn new(hand: &'a Hand, energies: Vec<GraspEnergy<'a>>) -> Self {
         Self { hand, energies }
     }
 
-    /// The local minimum near a grasp held in physics: its contacts are moved to the nearest candidates, then a chain
-    /// cools from `temperature`. `None` for a grasp with fewer than two links in contact.
+    /// Finds the local minimum near a grasp held in physics: its contacts are moved to the nearest candidates, then a
+    /// chain cools from `temperature`. Returns `None` for a grasp with fewer than two links in contact.
     pub fn minimum(
         &self,
         object: usize,
@@ -115,7 +115,7 @@ impl<'a> GraspLandscape<'a> {
         Some(GraspState { object, pose, joints: best.1.joints, contacts: best.2, kernel: learnt })
     }
 
-    /// The candidates nearest to a grasp's contacts: one per link, largest force first.
+    /// Returns the candidates nearest to a grasp's contacts: one per link, largest force first.
     fn candidates(&self, object: usize, grasp: &HeldGrasp) -> Vec<usize> {
         let surface = self.energies[object].surface;
         let links = self.hand.tree.forward(&grasp.joints);
@@ -144,7 +144,7 @@ impl<'a> GraspLandscape<'a> {
         by_link.iter().filter_map(nearest).collect()
     }
 
-    /// Position of the object's centre in the palm frame, m.
+    /// Returns the position of the object's centre in the palm frame, m.
     fn center(&self, object: usize, hand: &HandState) -> Vector3<f64> {
         hand.object_from_palm.inverse_transform_point(&self.energies[object].field.center).coords
     }
@@ -154,7 +154,7 @@ impl<'a> GraspLandscape<'a> {
         (joints + ((self.center(object, hand) - target.center) / PLACE).norm_squared()).sqrt()
     }
 
-    /// Adds the gradient of the pull towards `target` to `gradient`; returns the pull's energy.
+    /// Adds the gradient of the pull towards `target` to `gradient`. Returns the pull's energy.
     fn pull(&self, object: usize, hand: &HandState, target: &Target, weight: f64, gradient: &mut [f64]) -> f64 {
         let distance = self.apart(object, hand, target).max(1e-9);
         let scale = weight / distance;
@@ -174,7 +174,7 @@ impl<'a> GraspLandscape<'a> {
         weight * distance
     }
 
-    /// One step on the energy plus the pull, if any; `learning` adapts the kernel.
+    /// Runs one step on the energy plus the pull, if there is one. `learning` adapts the kernel.
     fn advance(
         &self,
         walker: &mut GraspWalker,
@@ -194,7 +194,7 @@ impl<'a> GraspLandscape<'a> {
             }
             return;
         }
-        // The pull's gradient depends on the target; the landscape's own gradient is kept in the walker.
+        // The pull's gradient depends on the target. The landscape's own gradient is kept in the walker.
         let mut slope = w.gradient.clone();
         let before = w.energy + pull.map_or(0.0, |(to, weight)| self.pull(w.object, &w.state, to, weight, &mut slope));
         w.kernel.propose(&slope, temperature, rng, &mut w.displacement);

@@ -1,5 +1,5 @@
-//! The ADELM loop: every sampled minimum joins the basin that it reaches over the lowest barrier, or starts a new one;
-//! then the barriers between basins are measured with a stronger pull.
+//! The ADELM loop: every sampled minimum joins the basin that it reaches over the lowest barrier, or starts a new one.
+//! The barriers between basins are then measured with a stronger pull.
 //!
 //! Results are written to a journal as they are found, one line per minimum and one per basin's barriers. A run resumed
 //! from a journal ends as if it had not been interrupted, because every pair has its own random generator.
@@ -27,17 +27,17 @@ pub struct Plan {
     /// Number of nearest basins to which each basin's barriers are measured.
     pub neighbors: usize,
     pub seed: u64,
-    /// Description of the landscape: a journal with another one is refused.
+    /// Description of the landscape. A journal with another one is refused.
     pub subject: String,
 }
 
 #[derive(Debug, Clone, PartialEq)]
 pub struct Basin<S> {
-    /// Its lowest minimum.
+    /// Lowest minimum of the basin.
     pub minimum: S,
-    /// Energy there.
+    /// Energy of that minimum.
     pub energy: f64,
-    /// Indices of its samples.
+    /// Indices of the samples in the basin.
     pub members: Vec<usize>,
 }
 
@@ -54,25 +54,25 @@ enum Line<S> {
 
 #[derive(Debug, thiserror::Error)]
 pub enum JournalError {
-    /// Not readable or writable, or with a line that is none of a journal.
+    /// File that cannot be read or written, or with a line that does not belong to a journal.
     #[error(transparent)]
     Data(#[from] DataError),
     /// Invalid line.
     #[error("{path}:{line}: {message}")]
     Line {
         path: PathBuf,
-        /// From 1.
+        /// Line number, from 1.
         line: usize,
-        /// What is wrong.
+        /// Description of the error.
         message: String,
     },
     /// Journal of another run.
     #[error("{path}: found a journal of {found}, expected {expected}; give another folder or remove it")]
     OtherRun {
         path: PathBuf,
-        /// Its plan.
+        /// Plan of the journal.
         found: String,
-        /// This run's.
+        /// Plan of this run.
         expected: String,
     },
 }
@@ -81,9 +81,9 @@ pub enum JournalError {
 #[derive(Debug)]
 pub struct Mapping<S> {
     pub plan: Plan,
-    /// In order of discovery.
+    /// Basins in order of discovery.
     pub basins: Vec<Basin<S>>,
-    /// Lowest barrier found between two basins, smaller index first.
+    /// Lowest barrier found between two basins, by indices with the smaller one first.
     pub barriers: BTreeMap<(usize, usize), f64>,
     /// Number of samples sorted so far.
     pub sorted: usize,
@@ -93,7 +93,7 @@ pub struct Mapping<S> {
 }
 
 impl<S: Clone + Send + Sync + Serialize + DeserializeOwned> Mapping<S> {
-    /// An empty mapping without a journal.
+    /// Creates an empty mapping without a journal.
     pub fn new(plan: Plan) -> Self {
         Self { plan, basins: Vec::new(), barriers: BTreeMap::new(), sorted: 0, measured: 0, journal: None }
     }
@@ -189,8 +189,8 @@ impl<S: Clone + Send + Sync + Serialize + DeserializeOwned> Mapping<S> {
         *known = known.min(barrier);
     }
 
-    /// Measures the barriers from the next basin to its nearest ones, doubling the pull until a chain arrives. False when
-    /// all basins are done.
+    /// Measures the barriers from the next basin to its nearest ones, doubling the pull until a chain arrives. Returns
+    /// false when all basins are done.
     pub fn measure<L: Landscape<State = S>>(&mut self, landscape: &L) -> Result<bool, JournalError> {
         let (n, plan) = (self.measured, &self.plan);
         if n == self.basins.len() {
@@ -228,12 +228,12 @@ impl<S: Clone + Send + Sync + Serialize + DeserializeOwned> Mapping<S> {
         self.measured += 1;
     }
 
-    /// Number of basins with measured barriers.
+    /// Returns the number of basins with measured barriers.
     pub fn measured(&self) -> usize {
         self.measured
     }
 
-    /// Barriers as a list, each at least the energy of the higher minimum.
+    /// Returns the barriers as a list, each at least the energy of the higher minimum.
     pub fn edges(&self) -> Vec<(usize, usize, f64)> {
         let above = |a: usize, b: usize| self.basins[a].energy.max(self.basins[b].energy);
         self.barriers.iter().map(|(&(a, b), &barrier)| (a, b, barrier.max(above(a, b)))).collect()
@@ -285,7 +285,7 @@ mod tests {
         }
     }
 
-    /// A strong pull leaves one basin; a weak one leaves one per well.
+    /// A strong pull leaves one basin. A weak one leaves one per well.
     #[test]
     fn basins_over_pull() {
         let wells = MultiWell::uneven();

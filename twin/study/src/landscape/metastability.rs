@@ -11,10 +11,10 @@ use super::attraction::{Attraction, attract, stream};
 
 const COARSE: f64 = 0.7;
 const FINE: f64 = 0.97;
-/// Share of the initial pull below which the search stops: there is no significant barrier.
+/// Share of the initial pull below which the search stops, because there is no significant barrier.
 const LEAST: f64 = 1e-3;
 
-/// The threshold of one pair; `None` if no chain arrives even at the initial `settings.pull`.
+/// Finds the threshold of one pair. Returns `None` if no chain arrives even at the initial `settings.pull`.
 pub fn threshold<L: Landscape>(
     landscape: &L,
     [a, b]: [&L::State; 2],
@@ -45,7 +45,7 @@ pub fn threshold<L: Landscape>(
     Some(pull)
 }
 
-/// Thresholds of `pairs` of states, sorted, without pairs that are out of reach.
+/// Finds the thresholds of `pairs` of states, sorted, without pairs that are out of reach.
 pub fn thresholds<L: Landscape>(
     landscape: &L,
     pairs: &[(L::State, L::State)],

@@ -10,10 +10,10 @@ use rand_distr::StandardNormal;
 
 use super::Landscape;
 
-/// Noise width at step size 1: small enough not to jump over a saddle.
+/// Noise width at step size 1, small enough not to jump over a saddle.
 const STEP: f64 = 0.1;
 
-/// One coordinate's double well.
+/// Double well of one coordinate.
 #[derive(Debug, Clone, Copy)]
 struct Well {
     height: f64,
@@ -41,19 +41,19 @@ pub struct MultiWell {
 }
 
 impl MultiWell {
-    /// Saddles of different heights, minima of different depths.
+    /// Returns wells with saddles of different heights and minima of different depths.
     pub fn uneven() -> Self {
         Self { wells: [Well { height: 1.0, tilt: 0.3 }, Well { height: 1.6, tilt: -0.45 }] }
     }
 
-    /// The four minima.
+    /// Returns the four minima.
     pub fn minima(&self) -> [[f64; 2]; 4] {
         [[-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]]
     }
 
-    /// Exact energy of the saddle between two minima; the minimum's own energy if they are the same.
+    /// Returns the exact energy of the saddle between two minima, or the minimum's own energy if they are the same.
     pub fn barrier(&self, a: [f64; 2], b: [f64; 2]) -> f64 {
-        // Paths along one coordinate, or along both in either order: the lowest of their highest points.
+        // Paths along one coordinate, or along both in either order. The barrier is the lowest of their highest points.
         let [x, y] = self.wells;
         let along_x = |fixed: f64| x.pass() + y.energy(fixed);
         let along_y = |fixed: f64| y.pass() + x.energy(fixed);
@@ -65,7 +65,7 @@ impl MultiWell {
         }
     }
 
-    /// Gradient descent from `start` to the minimum below it.
+    /// Descends the gradient from `start` to the minimum below it.
     pub fn descend(&self, start: [f64; 2]) -> [f64; 2] {
         let mut at = start;
         for _ in 0..4000 {
@@ -79,7 +79,7 @@ impl MultiWell {
     }
 }
 
-/// Energy with the pull, and its gradient.
+/// Returns the energy with the pull, and its gradient.
 fn pulled(wells: &MultiWell, at: &[f64; 2], target: &[f64; 2], pull: f64) -> (f64, [f64; 2]) {
     let distance = wells.distance(at, target).max(1e-9);
     let slope = wells.slope(at);
@@ -124,7 +124,7 @@ impl Landscape for MultiWell {
     }
 }
 
-/// Minima found from `count` random points in the square from -1.8 to 1.8.
+/// Returns minima found from `count` random points in the square from -1.8 to 1.8.
 pub fn samples(wells: &MultiWell, count: usize, rng: &mut ChaCha8Rng) -> Vec<[f64; 2]> {
     (0..count)
         .map(|_| {
@@ -160,7 +160,7 @@ mod tests {
             let near = |t: f64| ((t + 1.6) / 3.2 * 160.0).round() as usize;
             near(p[1]) * n + near(p[0])
         };
-        // Flood from the lowest cell up: two minima meet at their barrier.
+        // Flood from the lowest cell up. Two minima meet at their barrier.
         let mut order: Vec<usize> = (0..n * n).collect();
         order.sort_by(|a, b| energy(*a).total_cmp(&energy(*b)));
         let [a, b, ..] = wells.minima();

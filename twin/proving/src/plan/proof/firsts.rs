@@ -10,12 +10,12 @@ use crate::plan::Plan;
 use crate::proposals::Proposals;
 use crate::rehearsal::circumstances::Errors;
 
-/// First grasps that are found are as many at most.
+/// Maximum number of first grasps that are found.
 const FOUND: usize = 4;
 
 impl Race<'_> {
-    /// The first grasps that hold most often under the draws that select: known ones of the repertoire and of the plan, proposals, and variations of
-    /// the best.
+    /// Returns the first grasps that hold most often under the selecting draws: known ones of the repertoire and of the
+    /// plan, proposals, and variations of the best.
     pub fn firsts(&self, plan: &Plan) -> Result<Vec<Grasp>> {
         let mut race = self.clone().numbered(plan, FIRST_NUMBER + 2 * ANOTHER);
         let hand = &self.world.cell.robot.hand;
@@ -52,7 +52,7 @@ impl Race<'_> {
         Ok(if hold.is_some() { TryOutcome::Held } else { TryOutcome::Missed })
     }
 
-    /// The grasp of an entrant, with how it holds the object in the first draw in which it does so.
+    /// Returns the grasp of an entrant with the pose in which it holds the object in the first draw in which it does.
     fn seen_first(&self, entrant: Entrant) -> Result<Grasp> {
         let Some(draw) = entrant.first_held().filter(|_| entrant.grasp.held.is_none()) else {
             return Ok(entrant.grasp);

@@ -1,4 +1,5 @@
-//! A race: many grasps of a second object meet few draws of the circumstances and few meet many, then variations of the best do.
+//! A race (successive halving): many grasps of a second object meet few draws of the circumstances and few grasps meet
+//! many. Variations of the best then race in turn.
 
 use anyhow::{Context as _, Result};
 use control::extent::Extent;
@@ -21,26 +22,26 @@ use crate::rehearsal::circumstances::{Errors, circumstances, hold};
 use crate::rehearsal::{Snapshot, misaimed, rehearse_last, try_second, wide_errors};
 use crate::simulated_world::World;
 
-/// Greatest further roll, rad.
+/// Largest additional roll, rad.
 const ROLL: f64 = 0.75;
-/// Heats before the last one, which has all draws: draws that a grasp has met after it, and grasps that go on.
+/// Heats before the last one, which has all draws. Each is (draws that a grasp has met after it, grasps that go on).
 pub(super) const HEATS: [(usize, usize); 3] = [(1, 24), (3, 12), (8, 6)];
-/// The same of the variations of a round.
+/// Heats of the variations of a round, likewise.
 pub(super) const VARIED: [(usize, usize); 3] = [(1, 10), (3, 5), (8, 3)];
-/// Grasps that a round starts from.
+/// Number of grasps that a round starts from.
 pub(super) const PARENTS: usize = 3;
-/// No further round is played once so many grasps have held under all draws.
+/// Number of grasps that have held under all draws after which no further round is played.
 const ENOUGH: usize = 3;
-/// Grasps that are kept.
+/// Number of grasps that are kept.
 const KEPT: usize = 4;
-/// Numbers of the grasps found begin here.
+/// First number of the grasps that are found.
 pub(super) const FIRST_NUMBER: u32 = 2_000_000;
-/// Those after another first grasp so much higher.
+/// Offset of the numbers of grasps found after another first grasp.
 pub(super) const ANOTHER: u32 = 100_000;
-/// Draws in which other first grasps are compared.
+/// Number of draws in which other first grasps are compared.
 const GLANCE: usize = 6;
 
-/// A grasp and how it went under the draws so far, a letter each.
+/// A grasp with its outcomes under the draws so far, one letter each.
 #[derive(Clone)]
 pub(super) struct Entrant {
     pub grasp: Grasp,
@@ -52,7 +53,7 @@ impl Entrant {
         Self { grasp, tried: String::new() }
     }
 
-    /// Worth of a try in the mean.
+    /// Returns the mean worth of a try.
     pub fn worth(&self) -> f64 {
         worth(self.tried.chars()) / self.tried.len().max(1) as f64
     }
@@ -61,7 +62,7 @@ impl Entrant {
         self.tried.as_bytes().get(draw) == Some(&b'h')
     }
 
-    /// The first draw in which it held its object.
+    /// Returns the first draw in which it held its object.
     pub fn first_held(&self) -> Option<usize> {
         self.tried.find('h')
     }
@@ -75,7 +76,7 @@ pub(super) fn rank(entrants: &mut [Entrant]) {
     entrants.sort_by(|a, b| b.worth().total_cmp(&a.worth()).then(a.grasp.id.cmp(&b.grasp.id)));
 }
 
-/// A race for one plan.
+/// Race for one plan.
 #[derive(Clone)]
 pub(super) struct Race<'a> {
     pub world: &'a World,
@@ -83,16 +84,16 @@ pub(super) struct Race<'a> {
     pub board: &'a TactileBoard,
     pub effort: Effort,
     pub first: Grasp,
-    /// The planned grasp of the second object.
+    /// Planned grasp of the second object.
     planned: Grasp,
     pub rng: ChaCha8Rng,
-    /// Numbers of the grasps found in races after this first grasp begin here, and the next of them.
+    /// First number of the grasps found in races after this first grasp. `number` is the next one.
     first_number: u32,
     pub number: u32,
 }
 
 impl<'a> Race<'a> {
-    /// After the planned first grasp.
+    /// Creates a race after the planned first grasp.
     pub fn new(
         world: &'a World,
         repertoire: &'a Repertoire,
@@ -120,24 +121,25 @@ impl<'a> Race<'a> {
         Ok(race.numbered(plan, FIRST_NUMBER))
     }
 
-    /// The same with `first` as the first grasp.
+    /// Returns the race with `first` as the first grasp.
     pub fn with_first(&self, first: Grasp) -> Self {
         Self { first, ..self.clone() }
     }
 
-    /// The same after another first grasp.
+    /// Returns the race after another first grasp, with numbers of its own.
     pub fn after(&self, plan: &Plan, first: Grasp) -> Self {
         self.with_first(first).numbered(plan, FIRST_NUMBER + ANOTHER)
     }
 
-    /// New grasps get numbers from `first` on that the plan does not have yet.
+    /// Numbers new grasps from `first` on, beyond those that the plan already has.
     pub fn numbered(self, plan: &Plan, first: u32) -> Self {
         let block = first..first + ANOTHER;
         let known = plan.variations.iter().map(|grasp| grasp.id).filter(|id| block.contains(id)).max();
         Self { first_number: first, number: known.map_or(first, |known| known + 1), ..self }
     }
 
-    /// Share of a few draws in which the best of `seconds` holds; without any, in which the first grasp does.
+    /// Returns the share of a few draws in which the best of `seconds` holds. If `seconds` is empty, it is the share in
+    /// which the first grasp holds.
     pub fn glance(&self, seconds: &[Grasp]) -> Result<f64> {
         let mut held = vec![0; seconds.len().max(1)];
         for number in 0..GLANCE {
@@ -150,7 +152,8 @@ impl<'a> Race<'a> {
         Ok(held.into_iter().max().unwrap_or(0) as f64 / GLANCE as f64)
     }
 
-    /// The proof of the best grasps that are found, and those of them that nobody knew; none where the first grasp holds too seldom.
+    /// Runs the race. Returns the proof of the best grasps and those of them that are new, or `None` if the first grasp
+    /// holds too seldom.
     pub fn run(mut self, plan: &Plan) -> Result<Option<(Proof, Vec<Grasp>)>> {
         let Effort { selecting, rounds, batch, .. } = self.effort;
         let mut holds = Vec::with_capacity(selecting);
@@ -185,12 +188,12 @@ impl<'a> Race<'a> {
         self.try_kept(kept, plan).map(Some)
     }
 
-    /// The first object held under draw `number`; none where it is not.
+    /// Returns the hold of the first object under draw `number`, or `None` if it is not held.
     pub fn hold(&self, errors: Errors, number: usize) -> Result<Option<Snapshot>> {
         hold(self.world, [&self.first, &self.planned], &circumstances(self.world, errors, number), self.board)
     }
 
-    /// Place of the first object in the palm over the draws of a proof.
+    /// Returns the pose of the first object in the palm over the draws of a proof.
     pub fn recalled(&self) -> Result<Option<Hold>> {
         let object = self.world.object(&self.first.object)?;
         let holds = (0..self.effort.proving).map(|number| self.hold(Errors::LeftOver, number));
@@ -198,7 +201,7 @@ impl<'a> Race<'a> {
         Ok(Hold::of(&poses.collect::<Result<Vec<_>>>()?, &object.symmetry))
     }
 
-    /// The grasps that are known, and proposals beside `hold`.
+    /// Returns the known grasps and the proposals next to the object held in `hold`.
     fn entrants(&mut self, plan: &Plan, hold: &Snapshot) -> Result<Vec<Entrant>> {
         let hand = &self.world.cell.robot.hand;
         let digits = digit_sets(hand, 2).swap_remove(1);
@@ -227,7 +230,7 @@ impl<'a> Race<'a> {
         vary(parent, self.number - 1, &mut self.rng)
     }
 
-    /// Tries the `kept` grasps and the planned one under the draws that selected nothing.
+    /// Tries the `kept` grasps and the planned one under the draws that played no part in the selection.
     fn try_kept(&self, mut kept: Vec<Grasp>, plan: &Plan) -> Result<(Proof, Vec<Grasp>)> {
         if !kept.iter().any(|grasp| grasp.id == self.planned.id) {
             kept.push(self.planned.clone());
@@ -253,20 +256,20 @@ impl<'a> Race<'a> {
                 }
             }
         }
-        // Those that races before have found are the plan's already.
+        // Grasps that earlier races found already belong to the plan.
         kept.retain(|grasp| grasp.id >= self.first_number && plan.variations.iter().all(|known| known.id != grasp.id));
         let hold = Hold::of(&poses, &object.symmetry);
         Ok((Proof { effort: self.effort.level, holds, hold, grasps }, kept))
     }
 }
 
-/// `palm_from_object` of the first object.
+/// Returns `palm_from_object` of the first object.
 fn in_palm(hold: &Snapshot) -> Isometry3<f64> {
     let truth = hold.robot.truth();
     truth.palm.inverse() * truth.objects[0]
 }
 
-/// Plays the heats and one under all draws, after which so many grasps are left, the best first.
+/// Plays the heats, then one under all draws. `left` entrants remain at most, the best first.
 pub(super) fn heats(
     entrants: &mut Vec<Entrant>,
     (heats, left): (&[(usize, usize)], usize),
@@ -288,13 +291,14 @@ pub(super) fn heats(
     Ok(())
 }
 
-/// The best of `entrants`, and then those that hold most often where none of those before does.
+/// Returns the best of `entrants`, then those that hold most often where none of the earlier ones does.
 fn complementary(mut entrants: Vec<Entrant>, draws: usize) -> Vec<Entrant> {
     let mut kept: Vec<Entrant> = Vec::new();
     while kept.len() < KEPT && !entrants.is_empty() {
         let open = |draw: &usize| !kept.iter().any(|known| known.held(*draw));
         let covered = |entrant: &Entrant| (0..draws).filter(open).filter(|draw| entrant.held(*draw)).count();
-        // Of those that cover as much the one that is worth more: they are in this order.
+        // The entrants are in order of worth: of those that cover as many draws, the one with the larger worth is
+        // taken.
         let best = (0..entrants.len()).rev().max_by_key(|n| covered(&entrants[*n])).unwrap_or(0);
         let best = entrants.remove(best);
         kept.push(best);
@@ -302,7 +306,8 @@ fn complementary(mut entrants: Vec<Entrant>, draws: usize) -> Vec<Entrant> {
     kept
 }
 
-/// The grasp of an entrant, with how it holds the object in the first draw in which it does so to the end of the trial.
+/// Returns the grasp of an entrant with the pose in which it holds the object, from the first draw in which it holds to
+/// the end of the trial.
 fn seen(entrant: Entrant, holds: &[Snapshot]) -> Result<Grasp> {
     let score = entrant.worth();
     let mut grasp = Grasp { score, ..entrant.grasp };

@@ -1,9 +1,9 @@
-//! What sampling has to know of a hand, found from its URDF and pulls alone, with notes on what was found.
+//! Description of a hand for sampling, derived from its URDF and pulls file alone, with notes on the findings.
 //!
-//! Surface points lie on the collision shapes. Where the hand may touch is found by moving it: a point of a moving link is a
-//! contact candidate if the closing hand moves it the way it faces; a point of the palm is one if it faces the place on which
-//! the fingers close. That place is also the pivot of the sampler's turns, seen from a frame laid out like our hand's palm: the
-//! object comes along -z.
+//! Surface points lie on the collision shapes. The contact candidates are found by moving the hand. A point of a moving
+//! link is a candidate if the closing hand moves it in the direction that it faces. A point of the palm is a candidate
+//! if it faces the closing point, on which the fingers close. The closing point is also the pivot of the sampler's
+//! rotations, seen from a frame laid out like our hand's palm: the object comes along -z.
 
 mod palm;
 
@@ -27,23 +27,25 @@ use super::solids::{LinkShapes, SurfacePoint, fill, name, number, shapes, surfac
 use super::true_surface::TrueSurfaces;
 
 const MOST_CANDIDATES: usize = 700;
-/// Cosine between a point's motion and its normal from which on it is a candidate.
+/// Cosine between a point's motion and its normal above which it is a candidate.
 const FACES_MOTION: f64 = 0.5;
-/// Cosine between a palm point's normal and the way to the place on which the fingers close.
+/// Cosine between a palm point's normal and the direction to the closing point above which it is a candidate.
 const FACES_CLOSING_POINT: f64 = 0.7;
-/// How far a point has to move in the middle quarter of the closing motion, m: not one beside its own hinge.
+/// Least motion of a candidate in the middle quarter of the closing motion, m. It excludes points beside their own
+/// hinge.
 const LEAST_MOTION: f64 = 2e-3;
-/// The same in rad, of what slides: it has no hinge.
+/// Least motion of a candidate on a sliding link, m. Such a link has no hinge.
 const LEAST_SLIDE: f64 = 0.2e-3;
-/// Steps of the closing motion that are looked at.
+/// Steps into which the closing motion is divided.
 const STEPS: usize = 8;
-/// A point of a part is a candidate if the link's own surface is within this, m.
+/// Largest distance of a candidate on a collision part from the link's own surface, m.
 const ON_SURFACE: f64 = 1.5e-3;
-/// Arm of the friction that a fingertip bears about its normal, m: 3 pi / 16 of the radius of its contact (Hertz), which is 5 mm for soft tips.
+/// Arm of the torsional friction that a fingertip bears about its normal, m: 3 pi / 16 of the radius of its contact
+/// (Hertz), which is 5 mm for soft tips.
 const TORSION_ARM: f64 = 3.0 * std::f64::consts::PI / 16.0 * 5e-3;
-/// Torques count as forces at this arm, m: as far beside its middle as an object's weight may act.
+/// Arm at which torques count as forces, m: the lever arm at which an object's weight may act.
 const TORQUE_ARM: f64 = 0.01;
-/// Tension up to which actuators are not told to be weak, N.
+/// Tension below which a note says that an actuator is weak, N.
 const STRONG: f64 = 60.0;
 
 /// Reads and describes a hand.
@@ -127,7 +129,7 @@ fn describe(hand: HandMechanism) -> Result<GraspingHand> {
     })
 }
 
-/// Says what bears an object where the pulls file does not name the palm.
+/// Returns a warning about the parts that may bear an object if the pulls file does not name the palm.
 fn palm_note(hand: &HandMechanism, shapes: &LinkShapes) -> Option<String> {
     let mut owners: Vec<&str> =
         hand.solids.iter().filter(|solid| solid.link.is_none()).map(|solid| solid.owner.as_str()).collect();
@@ -168,7 +170,7 @@ fn check(hand: &HandMechanism, notes: &mut Vec<String>) -> Result<()> {
                 notes.push(format!("{}: follows {leader} times {}{offset}", joint.name, follower.multiplier));
                 continue;
             }
-            // The hand's reader holds what nothing pulls.
+            // The hand's reader holds joints that no actuator pulls.
             (false, None) => continue,
         }
         if !(joint.lower.is_finite() && joint.upper.is_finite()) {
@@ -181,14 +183,14 @@ fn check(hand: &HandMechanism, notes: &mut Vec<String>) -> Result<()> {
     Ok(())
 }
 
-/// Joint angles from open to closed.
+/// Returns the joint coordinates of the closing motion, from open to closed.
 fn closing_motion(hand: &HandMechanism, mechanism: &Mechanism) -> Vec<Vec<f64>> {
     let open = hand.rest();
     (0..=STEPS)
         .map(|step| {
             let mut joints = open.clone();
             for (line, own) in mechanism.lines.iter().enumerate() {
-                // As far as its joints go on average.
+                // The mean of its joints' ranges.
                 let far: f64 = own
                     .joints
                     .iter()
@@ -209,12 +211,12 @@ fn closing_motion(hand: &HandMechanism, mechanism: &Mechanism) -> Vec<Vec<f64>> 
         .collect()
 }
 
-/// The pose of a link at joint angles, root frame.
+/// Returns the pose of a link at joint coordinates, root frame.
 fn pose(hand: &HandMechanism, joints: &[f64], link: usize) -> Isometry3<f64> {
     if link == 0 { Isometry3::identity() } else { hand.tree.forward(joints)[link - 1] }
 }
 
-/// Where the fingers close: the mean of the last links' middles in the middle of the motion, root frame.
+/// Returns the closing point: the mean of the last links' centres in the middle of the closing motion, root frame.
 fn closing_point(
     hand: &HandMechanism,
     mechanism: &Mechanism,
@@ -239,7 +241,8 @@ fn closing_point(
     Ok(Point3::from(middles.iter().sum::<Vector3<f64>>() / middles.len() as f64))
 }
 
-/// Whether the closing hand moves a point the way it faces; for the palm, whether it faces where the fingers close.
+/// True if the closing hand moves a point in the direction that it faces. For the palm, true if the point faces the
+/// closing point.
 fn may_touch(
     hand: &HandMechanism,
     closing_motion: &[Vec<f64>],
@@ -264,8 +267,9 @@ fn may_touch(
         && normal.dot(&motion) > FACES_MOTION * motion.norm()
 }
 
-/// Pairs of links whose balls the sampler keeps apart: not joined, and not overlapping already at rest, as published boxes often
-/// do. The balls lie inside the shapes: what collides in physics is among these pairs.
+/// Returns the pairs of links whose balls the sampler keeps apart. Links that are joined are left out, and so are links
+/// that already overlap at rest, as published boxes often do. The balls lie inside the shapes, so everything that
+/// collides in physics is among these pairs.
 fn pairs(body: &CollisionModel, balls: &[Vec<Ball>], notes: &mut Vec<String>) -> Vec<(usize, usize)> {
     let hand = &**body.hand();
     let open = hand.rest();
@@ -301,7 +305,7 @@ pub(super) mod tests {
     use super::*;
     use grasping::synthesis::frames::PIVOT;
 
-    /// Two jaws on a base, one pulled and one following the other way.
+    /// Builds two jaws on a base, one of them pulled and the other following in the opposite direction.
     pub fn clamp(arms: &str) -> Result<GraspingHand> {
         let link = |name: &str| {
             format!(
@@ -345,13 +349,13 @@ pub(super) mod tests {
         for link in 0..3 {
             assert!(clamp.sampled.surface.candidates.iter().filter(|c| c.link == link).count() > 10, "link {link}");
         }
-        // The jaws close before the base, which lies behind them along +z.
+        // The jaws close in front of the base, which lies behind them along +z.
         let place = clamp.palm_from_root * Point3::new(0.06, 0.0, 0.0);
         assert!((place.coords - PIVOT).norm() < 0.02, "{place}");
         assert!(clamp.notes.iter().any(|line| line.contains("b: follows a times -1")), "{:?}", clamp.notes);
     }
 
-    /// A hand whose arms open it is refused with the reason; one that nothing pulls is too.
+    /// A hand that cannot close is refused with the reason.
     #[test]
     fn hands_that_cannot_close_are_refused() {
         let error = clamp("{ }").err().map(|error| format!("{error:#}")).unwrap_or_default();

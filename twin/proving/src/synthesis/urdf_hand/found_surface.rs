@@ -1,11 +1,11 @@
-//! Surface and palm of a hand, found in its files.
+//! Surface and palm of a hand, derived from its files.
 
 use nalgebra::Point3;
 
 use super::solids::{LinkPart, number};
 use super::true_surface::TrueSurfaces;
 
-/// Surface and palm of a hand as its files have them.
+/// Surface and palm of a hand as given by its files.
 pub struct FoundSurface {
     /// The root's collision shapes, root frame.
     pub(super) root: Vec<LinkPart>,
@@ -13,13 +13,13 @@ pub struct FoundSurface {
 }
 
 impl FoundSurface {
-    /// True if the root's part nearest to `point` (root frame) belongs to the palm.
+    /// True if the part of the root nearest to `point` (root frame) belongs to the palm.
     pub fn on_palm(&self, point: &Point3<f64>) -> bool {
         let distance = |part: &LinkPart| part.shape.signed_distance(&part.pose.inverse_transform_point(point)).0;
         self.root.iter().min_by(|a, b| distance(a).total_cmp(&distance(b))).is_some_and(|part| part.bears)
     }
 
-    /// The point of a link's own surface (`None` is the root) that is nearest to `point`, both in the link's frame.
+    /// Returns the point of a link's own surface (`None` is the root) nearest to `point`, both in the link's frame.
     pub fn on_surface(&self, link: Option<usize>, point: &Point3<f64>) -> Point3<f64> {
         self.true_surfaces.nearest(number(link), point)
     }

@@ -1,4 +1,4 @@
-//! From a sampled posture of a hand from a URDF to one that its actuators hold, clear of the object.
+//! Projection of a sampled posture of a URDF hand to one that its actuators hold, clear of the object.
 
 use grasping::synthesis::field::DistanceField;
 use grasping::synthesis::frames::{Frames, HandState};
@@ -6,13 +6,14 @@ use nalgebra::Vector3;
 
 use crate::synthesis::grasping_hand::GraspingHand;
 
-/// A link opens until it is this clear of the object, m.
+/// Clearance to which a link opens, m.
 const CLEAR: f64 = 1.5e-3;
-/// How far one step opens an actuator, rad, and how many steps and retreats there are at most.
+/// Opening of an actuator per step, rad, and maximum number of steps and retreats.
 const OPENING: f64 = 0.06;
 const MOST_STEPS: usize = 60;
 
-/// Projects a sample onto the actuators' lines and opens it until it is clear of the object; the amounts on the lines as well.
+/// Projects a sample onto the actuators' lines and opens it until it is clear of the object. Returns the state and the
+/// amounts on the lines.
 pub fn open_clear(
     hand: &GraspingHand,
     field: &DistanceField,
@@ -58,7 +59,7 @@ pub fn open_clear(
     None
 }
 
-/// Whether an actuator moves a link (0 is the root).
+/// True if an actuator moves a link (0 is the root).
 fn moves(hand: &GraspingHand, line: usize, link: usize) -> bool {
     link > 0
         && hand
@@ -69,7 +70,7 @@ fn moves(hand: &GraspingHand, line: usize, link: usize) -> bool {
             .any(|joint| hand.sampled.mechanism.lines[line].joints.contains(joint))
 }
 
-/// The tension that holds an actuator `amount` along its line, free of contact, N.
+/// Returns the tension that holds an actuator `amount` along its line, free of contact, N.
 pub fn holding(hand: &GraspingHand, line: usize, amount: f64) -> f64 {
     let Some((joint, arm)) = hand.mechanism().pulls[line].constant_arms().next() else { return 0.0 };
     let own = &hand.sampled.mechanism.lines[line];

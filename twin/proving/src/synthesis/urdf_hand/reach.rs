@@ -1,7 +1,8 @@
-//! The open hand's way to the place where it closes, swept backwards.
+//! Reachability: the path of the open hand to the pose where it closes, checked backwards.
 //!
-//! From its open posture before the object the hand draws back along a straight line until it is clear, first as it is, then opened all the
-//! way. A way is free if no point of the hand's surface gets into the object, or below the table.
+//! The hand starts in its open posture at the object and draws back along a straight line until it is clear, first as
+//! it is, then fully opened. A path is free if no point of the hand's surface enters the object or goes below the
+//! table.
 
 use grasping::synthesis::energy::Plane;
 use grasping::synthesis::frames::{Frames, HandState};
@@ -10,17 +11,17 @@ use nalgebra::{Isometry3, Rotation3, Unit, Vector3};
 use crate::synthesis::grasping_hand::GraspingHand;
 use crate::synthesis::subject::Subject;
 
-/// Points of the hand may be this deep in the object on the way, m: its field is that coarse.
+/// Tolerated penetration of the hand's points on the path, m, because the distance field is that coarse.
 const GRAZE: f64 = 1e-3;
-/// Steps of the way back, m, and beyond the object's own size.
+/// Step of the path, m, and its length beyond the object's own size.
 const STEP: f64 = 4e-3;
 const BEYOND: f64 = 0.05;
-/// Steps in which the hand opens before it draws back.
+/// Number of steps in which the hand opens before it draws back.
 const OPENING_STEPS: usize = 10;
-/// Angles (rad) between the way back and the palm's own direction, and how many ways there are at each.
+/// Angles (rad) between the retreat and the palm's own direction, and the number of directions at each.
 const TILTS: [(f64, usize); 3] = [(0.0, 1), (std::f64::consts::FRAC_PI_4, 8), (std::f64::consts::FRAC_PI_2, 8)];
 
-/// True if a free way leads to the object at `start` (`root_from_object`) with the joints at `open` (rad or m).
+/// True if a free path leads to the object at `start` (`root_from_object`) with the joints at `open` (rad or m).
 pub fn reachable(
     hand: &GraspingHand,
     subject: &Subject,
@@ -39,7 +40,7 @@ pub fn reachable(
     };
     let (low, high) = subject.field.extent();
     let far = (high - low).norm() + BEYOND;
-    // The object comes along the palm's -z: the hand draws back along its z.
+    // The object comes along the palm's -z, so the hand draws back along its z.
     let back = object_from_palm.rotation * Vector3::z();
     let free = |points: &[Vector3<f64>]| ways(&back).any(|way| is_free(subject, points, &way, far, table));
     let as_it_is: Vec<Vector3<f64>> = place(open.to_vec());
@@ -61,7 +62,7 @@ pub fn reachable(
     false
 }
 
-/// Directions around `back`, the straight one first.
+/// Returns the directions around `back`, the straight one first.
 fn ways(back: &Vector3<f64>) -> impl Iterator<Item = Vector3<f64>> {
     let axis = Unit::new_normalize(*back);
     let helper = if axis.x.abs() < 0.7 { Vector3::x() } else { Vector3::y() };

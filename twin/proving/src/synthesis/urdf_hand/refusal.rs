@@ -1,4 +1,4 @@
-//! Reasons to refuse a grasp that passed all three checks: it would not be one of the hand as it is.
+//! Reasons to refuse a grasp that passed all three checks but is not possible with the hand as it is.
 
 use grasping::synthesis::energy::Plane;
 use nalgebra::{Isometry3, Point3};
@@ -12,42 +12,42 @@ use crate::synthesis::closing::Closed;
 use crate::synthesis::grasping_hand::GraspingHand;
 use crate::synthesis::subject::Subject;
 
-/// Share of all normal forces that fixed parts other than the palm may bear.
+/// Largest share of all normal forces that fixed parts other than the palm may bear.
 const MOST_LEANING: f64 = 0.05;
-/// A contact may be this far from its link's own surface, m.
+/// Largest distance of a contact from its link's own surface, m.
 const MOST_GAP: f64 = 2e-3;
-/// Cosine between the normals of two contacts from which on they oppose each other.
+/// Cosine between the normals of two contacts below which they oppose each other.
 const OPPOSED: f64 = -0.5;
 
 /// Reason to refuse a grasp.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Refusal {
-    /// A fixed part that is not the palm bears the object.
+    /// A fixed part other than the palm bears the object.
     Leans,
     /// A contact lies off its link's own surface.
     Floats,
-    /// The open hand cannot get there.
+    /// The open hand cannot reach the grasp.
     Unreachable,
 }
 
-/// Refused grasps by reason.
+/// Counts of refused grasps by reason.
 #[derive(Debug, Clone, Default, Serialize, JsonSchema)]
 pub struct Refused {
-    /// They bear on fixed parts that are no palm.
+    /// A fixed part other than the palm bears the object.
     pub leans_on_fixed_part: u64,
-    /// A contact is off its link's surface.
+    /// A contact lies off its link's own surface.
     pub contact_off_surface: u64,
-    /// The open hand does not get there.
+    /// The open hand cannot reach the grasp.
     pub unreachable: u64,
 }
 
 impl Refused {
-    /// How many there are.
+    /// Returns the number of refused grasps.
     pub fn all(&self) -> u64 {
         self.leans_on_fixed_part + self.contact_off_surface + self.unreachable
     }
 
-    /// Counts one more.
+    /// Counts one more refused grasp.
     pub fn add(&mut self, refusal: Refusal) {
         match refusal {
             Refusal::Leans => self.leans_on_fixed_part += 1,
@@ -57,7 +57,7 @@ impl Refused {
     }
 }
 
-/// The reason to refuse a closed grasp, if there is one.
+/// Returns the reason to refuse a closed grasp, or `None`.
 pub fn of(
     hand: &GraspingHand,
     found: &FoundSurface,
@@ -81,13 +81,13 @@ fn leans(found: &FoundSurface, touches: &[Touch]) -> bool {
     fixed.map(|touch| touch.force).sum::<f64>() > MOST_LEANING * total
 }
 
-/// The nearest point of its link's own surface to a contact, root frame.
+/// Returns the point of the link's own surface that is nearest to a contact, root frame.
 pub fn on_surface(found: &FoundSurface, links: &[Isometry3<f64>], touch: &Touch) -> Point3<f64> {
     let pose = touch.link.map_or(Isometry3::identity(), |link| links[link]);
     pose * found.on_surface(touch.link, &pose.inverse_transform_point(&touch.point))
 }
 
-/// Distance of a contact from its link's own surface, m.
+/// Returns the distance of a contact from its link's own surface, m.
 pub fn gap(found: &FoundSurface, links: &[Isometry3<f64>], touch: &Touch) -> f64 {
     (on_surface(found, links, touch) - touch.point).norm()
 }

@@ -1,4 +1,4 @@
-//! The collision shapes of a hand known from its URDF, the points on their surfaces and the balls that fill them.
+//! Collision shapes of a URDF hand, points on their surfaces, and balls that fill them.
 
 use std::sync::Arc;
 
@@ -8,40 +8,41 @@ use hand_model::hand_mechanism::{HandMechanism, SolidShape};
 use nalgebra::{Isometry3, Point3, Vector3};
 use world::geometry::{GeometryError, Mesh, Shape, hull_mesh};
 
-/// Corners of a hull in line with others are moved out by this at most, m.
+/// Largest distance by which collinear corners of a hull are moved out, m.
 const SET_APART: f64 = 2e-5;
 const GOLDEN_RATIO: f64 = 0.618_033_988_749_895;
-/// Points on the whole hand.
+/// Number of points on the whole hand.
 const POINTS: usize = 2000;
 
-/// A point of the surface with its normal, link frame (the root's for the palm).
+/// Surface point with its normal, in the link's frame (the root's for the palm).
 pub struct SurfacePoint {
     pub point: Vector3<f64>,
     pub normal: Vector3<f64>,
-    /// It may bear an object.
+    /// True if it may bear an object.
     pub bears: bool,
 }
 
-/// A collision shape of a link.
+/// Collision shape of a link.
 pub struct LinkPart {
     /// `link_from_shape`.
     pub pose: Isometry3<f64>,
     pub shape: Shape,
-    /// It stands for (a part of) a mesh.
+    /// True if it stands for a mesh or a part of one.
     pub of_mesh: bool,
-    /// It may bear an object: every one of a moving link; of the root those that the pulls file names as palm.
+    /// True if it may bear an object: every part of a moving link, and of the root the parts that the pulls file names
+    /// as palm.
     pub bears: bool,
 }
 
 /// Shapes by link (0 is the root).
 pub type LinkShapes = Vec<Vec<LinkPart>>;
 
-/// Number of a link: 0 is the root.
+/// Returns the number of a link, with 0 for the root.
 pub fn number(link: Option<usize>) -> usize {
     link.map_or(0, |link| link + 1)
 }
 
-/// The collision shapes of every link.
+/// Returns the collision shapes of every link.
 pub fn shapes(hand: &HandMechanism) -> Result<LinkShapes> {
     let mut found: LinkShapes = Vec::new();
     found.resize_with(hand.tree.len() + 1, Vec::new);
@@ -70,13 +71,13 @@ pub fn shapes(hand: &HandMechanism) -> Result<LinkShapes> {
     Ok(found)
 }
 
-/// The hull of points as a mesh. Corners of a cut lie in line with others, which leaves triangles without an area: then they are set apart
-/// by [`SET_APART`].
+/// Computes the hull of points as a mesh. Corners of a cut are collinear with others, which gives triangles without
+/// area. They are then moved apart by up to [`SET_APART`].
 fn hull(points: &[Point3<f64>]) -> Result<Mesh, GeometryError> {
     hull_mesh(points).or_else(|_| {
         let middle = points.iter().map(|point| point.coords).sum::<Vector3<f64>>() / points.len().max(1) as f64;
         let out = |(n, point): (usize, &Point3<f64>)| {
-            // Shares without a pattern, the same in every run.
+            // Quasi-random shares, the same in every run.
             let share = (n as f64 * GOLDEN_RATIO).fract();
             point + (point.coords - middle).try_normalize(1e-9).unwrap_or_else(Vector3::zeros) * (SET_APART * share)
         };
@@ -93,7 +94,7 @@ fn surface_area(shape: &Shape) -> f64 {
     triangles.iter().map(area).sum()
 }
 
-/// Points spread evenly over all links, those inside another shape of the same link left out.
+/// Returns points spread evenly over all links, without those inside another shape of the same link.
 pub fn surface_points(shapes: &LinkShapes) -> Vec<Vec<SurfacePoint>> {
     let total: f64 = shapes.iter().flatten().map(|part| surface_area(&part.shape)).sum();
     let on_link = |parts: &Vec<LinkPart>| {
@@ -116,12 +117,12 @@ pub fn surface_points(shapes: &LinkShapes) -> Vec<Vec<SurfacePoint>> {
     shapes.iter().map(on_link).collect()
 }
 
-/// Name of a link (0 is the root).
+/// Returns the name of a link (0 is the root).
 pub fn name(hand: &HandMechanism, link: usize) -> String {
     link.checked_sub(1).map_or("root".into(), |joint| hand.tree.joints[joint].name.clone())
 }
 
-/// Balls inside the shapes of one link: grid points that are nearly as deep as any.
+/// Fills the shapes of one link with balls, centred on the grid points that are nearly as deep as any.
 pub fn fill(shapes: &[LinkPart]) -> Vec<Ball> {
     let mut balls = Vec::new();
     for LinkPart { pose, shape, .. } in shapes {

@@ -1,4 +1,4 @@
-//! The surface of a hand's links as its files have it, beside the convex parts that collide for it.
+//! Surface of a hand's links as given by its files, in addition to the convex parts that stand for it in collisions.
 
 use hand_model::hand_mechanism::HandMechanism;
 use nalgebra::{Isometry3, Point3};
@@ -13,12 +13,12 @@ pub struct TrueSurfaces(Vec<LinkSurface>);
 struct LinkSurface {
     /// Meshes with `link_from_mesh`.
     meshes: Vec<(Isometry3<f64>, TriangleSurface)>,
-    /// Boxes, balls and cylinders, which are their own surface, with `link_from_shape`.
+    /// Boxes, spheres and cylinders, which are their own surface, with `link_from_shape`.
     simple: Vec<(Isometry3<f64>, Shape)>,
 }
 
 impl TrueSurfaces {
-    /// Of a hand whose collision shapes are `shapes`.
+    /// Collects the surfaces of a hand whose collision shapes are `shapes`.
     pub fn new(hand: &HandMechanism, shapes: &LinkShapes) -> Self {
         let mut found: Vec<LinkSurface> = Vec::new();
         found.resize_with(hand.tree.len() + 1, LinkSurface::default);
@@ -33,7 +33,8 @@ impl TrueSurfaces {
         Self(found)
     }
 
-    /// The point of a link's surface that is nearest to `point`, both in the link's frame. A link without a mesh is as it collides.
+    /// Returns the point of a link's surface nearest to `point`, both in the link's frame. For a link without a mesh,
+    /// the collision shape counts and `point` is returned.
     pub fn nearest(&self, link: usize, point: &Point3<f64>) -> Point3<f64> {
         let own = &self.0[link];
         if own.meshes.is_empty() {

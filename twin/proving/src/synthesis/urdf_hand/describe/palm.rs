@@ -1,4 +1,4 @@
-//! Place and facing of a hand's palm, and the opening of its fingers.
+//! Pose of a hand's palm, and the opening of its fingers.
 
 use anyhow::{Context, Result};
 use grasping::synthesis::frames::PIVOT;
@@ -10,10 +10,12 @@ use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use super::super::solids::LinkShapes;
 use super::{LEAST_MOTION, STEPS, pose};
 
-/// Cosine between a contact candidate's normal and the way to another from which on the two face each other.
+/// Cosine between a contact candidate's normal and the direction to another candidate above which the two face each
+/// other.
 const FACE_EACH_OTHER: f64 = 0.8;
 
-/// The palm frame: its pivot on the place, its -z the way that the pulls file says, or away from the palm's nearest surface.
+/// Returns the palm frame. Its pivot is on `place`, and its -z is the direction of the pulls file, or else away from
+/// the palm's nearest surface.
 pub fn palm_frame(
     hand: &HandMechanism,
     shapes: &LinkShapes,
@@ -58,8 +60,8 @@ pub fn palm_frame(
     Ok(Isometry3::from_parts(Translation3::from(PIVOT - turn * place.coords), turn))
 }
 
-/// A warning if closing takes the last links away from the palm: where the palm's facing was found from another part of the root,
-/// or the arms' signs open the hand.
+/// Returns a warning if closing moves the last links away from the palm. The palm's facing was then found from another
+/// part of the root, or the arms' signs open the hand.
 pub fn facing_warning(
     hand: &HandMechanism,
     mechanism: &Mechanism,
@@ -87,8 +89,9 @@ pub fn facing_warning(
     })
 }
 
-/// Largest distance of two candidates on different digits, or on a digit and the palm, that face each other, m: the widest object between
-/// them. Without such a pair, the largest distance of candidates on different digits.
+/// Returns the opening, m: the largest distance of two candidates that face each other, on different digits or on a
+/// digit and the palm, which is the width of the widest object between them. Without such a pair, it is the largest
+/// distance of candidates on different digits.
 pub fn opening(hand: &HandMechanism, closing_motion: &[Vec<f64>], candidates: &[Candidate]) -> f64 {
     let digit = |link: usize| link.checked_sub(1).map(|joint| hand.tree.chain(joint)[0]);
     let (mut facing, mut any) = (0.0f64, 0.0f64);
@@ -109,7 +112,7 @@ pub fn opening(hand: &HandMechanism, closing_motion: &[Vec<f64>], candidates: &[
                 }
                 let (out, home) = (normal.dot(&way), -back.dot(&way));
                 if out.min(home) > FACE_EACH_OTHER * distance {
-                    // Across, not along a diagonal.
+                    // Across the object, not along a diagonal.
                     facing = facing.max(out.min(home));
                 }
             }
