@@ -1,4 +1,5 @@
-//! Prints which palm poses over the working area the arm reaches, and how low its wrist comes, by pedestal height.
+//! Prints which palm poses over the working area the arm can reach, and the lowest wrist height, for several pedestal
+//! heights.
 use control::inverse_kinematics::{ArmKinematics, ArmServo, IkSettings, Joints, Mount, Rehearsal};
 use control::trajectory::{PathLimits, PosePath};
 use hand_model::{Arm, Hand};
@@ -6,7 +7,7 @@ use nalgebra::{Isometry3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
 const RADIUS: f64 = 0.045;
 
-/// Lowest point (m) of links 5 to 7 as capsules.
+/// Height (m) of the lowest point of links 5 to 7, modelled as capsules.
 fn lowest(kinematics: &ArmKinematics, q: &Joints) -> f64 {
     let links = kinematics.link_poses(q);
     let tool = links[6] * kinematics.arm().last_from_tool;
@@ -14,7 +15,8 @@ fn lowest(kinematics: &ArmKinematics, q: &Joints) -> f64 {
     ends.iter().map(|pose| pose.translation.z).fold(f64::INFINITY, f64::min) - RADIUS
 }
 
-/// Smallest distance (m) of the capsules of links 5 to 7 from the base's axis line below the shoulder, less both radii.
+/// Smallest distance (m) between the capsules of links 5 to 7 and the axis of the base below the shoulder, less both
+/// radii.
 fn base_gap(kinematics: &ArmKinematics, q: &Joints) -> f64 {
     let links = kinematics.link_poses(q);
     let top = kinematics.mount().world_from_base.translation.z + 0.30;
@@ -28,7 +30,8 @@ fn base_gap(kinematics: &ArmKinematics, q: &Joints) -> f64 {
     gap
 }
 
-/// Whether the servo gets there from home: straight to 0.15 m above, then down, then to rest.
+/// Rehearses a motion from home: straight to 0.15 m above `goal`, then down to it, then at rest. `None` if the servo
+/// does not arrive there.
 fn walk(kinematics: &ArmKinematics, goal: &Isometry3<f64>, share: f64) -> Option<Rehearsal> {
     let servo = ArmServo::new(kinematics.clone(), IkSettings::default(), Arm::gen3().home);
     let servo = servo.ok()?;

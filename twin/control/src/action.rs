@@ -1,7 +1,7 @@
-//! What a policy that drives the robot step by step may ask of it, and its limits.
+//! Actions of a policy that drives the robot step by step, and their limits.
 //!
-//! A step is a twentieth of a second. An action out of its limits is refused, with the place and the limits in the error: it is not cut to fit.
-//! [`Stepper`] turns actions into what arm and servos are asked for in every tick.
+//! A step lasts a twentieth of a second. An action beyond its limits is refused rather than clamped; the error names
+//! the value and its limits. [`Stepper`] turns an action into the set-points of arm and servos for every tick.
 
 use hand_model::robot::ServoGoal;
 use hand_model::{ActuatorVector, ArmVector, DigitVector};
@@ -16,49 +16,49 @@ pub use self::stepper::{Stepper, TICKS};
 
 mod stepper;
 
-/// Current with which the opposition servo holds its angle at most, A.
+/// Current limit of the opposition servo while it holds its angle, A.
 const OPPOSITION_CURRENT: f64 = 0.6;
 
-/// Limit of a joint that turns without end, rad.
+/// Stand-in for the limits of a continuous joint, rad.
 const ENDLESS: f64 = 100.0;
 
-/// What the arm is asked to do during one step.
+/// Command to the arm for one step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum ArmAction {
-    /// Move the palm with this twist: m/s of its origin and rad/s, world axes.
+    /// Move the palm with this twist: linear velocity of its origin (m/s) and angular velocity (rad/s), world axes.
     Twist(Twist),
-    /// Go to these joint set-points, rad.
+    /// Move to these joint set-points, rad.
     Joints(Joints),
 }
 
-/// What the hand's servos are asked to do during one step.
+/// Command to the servos of the hand for one step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum HandAction {
-    /// Pull the cables, and turn the thumb's opposition joint.
+    /// Pull the cables with given tensions, and turn the opposition joint of the thumb.
     Tensions {
-        /// At the spools, N: thumb, index, middle, ring, little. Reached evenly over the step.
+        /// Tensions at the spools, N: thumb, index, middle, ring, little. They change linearly over the step.
         tensions: DigitVector,
-        /// rad.
+        /// Angle of the opposition joint, rad.
         opposition: f64,
     },
-    /// Turn the servos to these output angles, rad: a larger one winds more cable.
+    /// Turn the servos to these output angles, rad. A larger angle winds up more cable.
     Spools(ActuatorVector),
 }
 
-/// What is asked of the robot during one step.
+/// Command to the robot for one step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Action {
     pub arm: ArmAction,
     pub hand: HandAction,
 }
 
-/// Why an action is not carried out; the scene is as it was.
+/// Error of a refused action. The scene stays as it was.
 #[derive(Debug, thiserror::Error)]
 pub enum ActionError {
-    /// A value is not a number, or out of its limits.
+    /// A value is not a number or lies outside its limits.
     #[error("{what}[{index}]: found {found}, expected {low} to {high} {unit}")]
     Range { what: &'static str, index: usize, found: f64, low: f64, high: f64, unit: &'static str },
-    /// Another number of values than the robot has joints, cables or servos.
+    /// The number of values differs from the number of joints, cables or servos of the robot.
     #[error("{what}: found {found} values, expected {expected}")]
     Count { what: &'static str, found: usize, expected: usize },
     /// The arm's reference cannot be moved.
@@ -69,26 +69,26 @@ pub enum ActionError {
 /// Limits of actions.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ActionLimits {
-    /// Of each axis of the palm's velocity, m/s.
+    /// Limit of each component of the palm's linear velocity, m/s.
     pub speed: f64,
-    /// Of each axis of its angular velocity, rad/s.
+    /// Limit of each component of the palm's angular velocity, rad/s.
     pub turn_speed: f64,
-    /// Of the arm's joints, rad; wide where a joint is continuous.
+    /// Position limits of the arm's joints, rad; wide for a continuous joint.
     pub joints: ArmVector<[f64; 2]>,
-    /// Greatest tension of a cable, N.
+    /// Largest tension of a cable, N.
     pub tension: f64,
-    /// Of the opposition joint, rad.
+    /// Position limits of the opposition joint, rad.
     pub opposition: [f64; 2],
-    /// Of the servos' output angles, rad.
+    /// Limits of the servos' output angles, rad.
     pub spools: ActuatorVector<[f64; 2]>,
-    /// Greatest current of a cable's servo, A.
+    /// Current limit of a cable servo, A.
     current: f64,
-    /// How many digits have a cable.
+    /// Number of digits that are driven by a cable.
     pub digits: usize,
 }
 
 impl ActionLimits {
-    /// Of the robot in this cell.
+    /// Limits of the robot in `cell`.
     pub fn of(cell: &Workcell) -> Self {
         let (hand, PathLimits { speed, turn_speed, .. }) = (&cell.robot.hand, PathLimits::default());
         let opposition = hand.transmission.opposition.map_or([0.0; 2], |joint| {
@@ -117,7 +117,7 @@ impl ActionLimits {
         }
     }
 
-    /// Whether an action keeps to the limits.
+    /// Checks an action against the limits.
     pub fn check(&self, action: &Action) -> Result<(), ActionError> {
         match action.arm {
             ArmAction::Twist(twist) => {
@@ -143,7 +143,7 @@ impl ActionLimits {
         }
     }
 
-    /// What the servos are asked for by spool angles (rad).
+    /// Servo goals for spool angles (rad).
     fn spool_goals(&self, angles: &[f64]) -> ActuatorVector<ServoGoal> {
         let goal = |(n, angle): (usize, &f64)| {
             let current_limit = if n + 1 == self.spools.len() { OPPOSITION_CURRENT } else { self.current };
@@ -152,7 +152,7 @@ impl ActionLimits {
         angles.iter().enumerate().map(goal).collect()
     }
 
-    /// What the servos are asked for by tensions (N) and the angle of the opposition joint (rad).
+    /// Servo goals for cable tensions (N) and the angle of the opposition joint (rad).
     fn tension_goals(cell: &Workcell, tensions: &[f64], opposition: f64) -> ActuatorVector<ServoGoal> {
         cell.robot.hand.servo_goals(tensions, opposition, OPPOSITION_CURRENT)
     }

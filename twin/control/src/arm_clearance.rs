@@ -1,8 +1,8 @@
-//! How near the arm comes to itself and to the hand it carries: self-collision.
+//! Self-collision: distances of the arm from itself and from the hand that it carries.
 //!
-//! Each link is a capsule from its joint to the next one's, the hand its palm and a box around the open digits. Links that a
-//! joint connects are not compared, nor the wrist with the palm it carries, nor what overlaps in the home posture already: there
-//! the capsules are wider than the links.
+//! Each link is a capsule from its joint to the next one. The hand is its palm and a box around the open digits. Not
+//! compared are links that a joint connects, the wrist with the palm that it carries, and pairs that overlap in the
+//! home posture already, because the capsules are wider than the links.
 
 use hand_model::Hand;
 use nalgebra::{Isometry3, Point3, Vector3};
@@ -12,31 +12,31 @@ use parry3d_f64::shape::SharedShape;
 use crate::collision::{CollisionError, Solid, hand_solids, signed_distance};
 use crate::inverse_kinematics::{ArmKinematics, Joints};
 
-/// So many of the last links are the wrist that carries the hand.
+/// Number of links, counted from the last, that form the wrist and carry the hand.
 const WRIST: usize = 3;
 
-/// The bodies of arm and hand, each in its link's frame.
+/// Bodies of arm and hand, each in the frame of its link.
 #[derive(Clone)]
 pub struct ArmBodies {
-    /// Base, then the moving links.
+    /// The base, then the moving links.
     links: Vec<Solid>,
-    /// Palm and digits, palm frame.
+    /// Palm and digits, in the palm frame.
     hand: Vec<Solid>,
-    /// Links that are compared with each other, and (hand, link).
+    /// Pairs that are compared: (link, link), and (hand body, link).
     compared: [Vec<(usize, usize)>; 2],
 }
 
-/// The nearest two bodies.
+/// The closest pair of bodies.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SelfClearance {
     /// Distance, m; negative where they overlap.
     pub distance: f64,
-    /// Names of the two.
+    /// Names of the two bodies.
     pub between: [String; 2],
 }
 
 impl ArmBodies {
-    /// Bodies of the arm of `kinematics` with `hand` open.
+    /// Bodies of the arm of `kinematics` and of the open `hand`.
     pub fn new(kinematics: &ArmKinematics, hand: &Hand) -> Result<Self, CollisionError> {
         let arm = kinematics.arm();
         let ends = arm.tube_ends();
@@ -62,7 +62,7 @@ impl ArmBodies {
         Ok(bodies)
     }
 
-    /// Distance (m) of each two bodies that are compared, at joint angles `q` (rad).
+    /// Computes the distance (m) of every compared pair at joint angles `q` (rad).
     fn distances(&self, kinematics: &ArmKinematics, q: &Joints) -> Result<[Vec<f64>; 2], CollisionError> {
         let mut poses = vec![kinematics.mount().world_from_base];
         poses.extend(kinematics.link_poses(q));
@@ -78,7 +78,7 @@ impl ArmBodies {
         Ok([among.collect::<Result<_, _>>()?, with_hand.collect::<Result<_, _>>()?])
     }
 
-    /// The nearest two bodies that could touch, at joint angles `q` (rad).
+    /// Finds the closest of the compared pairs at joint angles `q` (rad).
     pub fn clearance(&self, kinematics: &ArmKinematics, q: &Joints) -> Result<SelfClearance, CollisionError> {
         let mut nearest = SelfClearance { distance: f64::INFINITY, between: [String::new(), String::new()] };
         let bodies = [&self.links, &self.hand];
@@ -92,7 +92,8 @@ impl ArmBodies {
         Ok(nearest)
     }
 
-    /// The lowest point of the links from the elbow on and of the hand over the plane z = 0 of the world, m.
+    /// Height (m) above the plane z = 0 of the world of the lowest point of the hand and of the links from the third
+    /// joint on.
     pub fn height(&self, kinematics: &ArmKinematics, q: &Joints) -> Result<f64, CollisionError> {
         let table = Solid::table(0.0);
         let palm = kinematics.palm_pose(q);
@@ -131,7 +132,7 @@ mod tests {
         }
     }
 
-    /// Folded at the elbow as far as it goes, the wrist turned in, the hand runs into the upper arm.
+    /// With the elbow folded as far as it goes and the wrist turned in, the hand runs into the upper arm.
     #[test]
     fn folded_in_it_runs_into_itself() {
         let (kinematics, bodies) = arm();
@@ -140,7 +141,7 @@ mod tests {
         assert!(clearance.distance < 0.0, "{clearance:?}");
     }
 
-    /// Upright, the lowest body above the elbow is the tube that begins at the third joint.
+    /// With the arm upright, the lowest of the checked bodies is the tube that begins at the third joint.
     #[test]
     fn height_is_the_geometry_s() {
         let (kinematics, bodies) = arm();

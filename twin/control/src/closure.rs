@@ -1,32 +1,34 @@
-//! Closing of a digit, told by its cable: on what its grasp holds, and on nothing.
+//! Cable evidence for a hold: distinguishes a digit that has closed on its object from one that has closed on nothing.
 //!
-//! Pads tell a hold where a digit bears them on all of its links. A digit with bare links often holds with those, and nothing feels it. Its
-//! cable tells: a digit that holds something stops about where its grasp held when it was verified, and one that holds nothing goes on
-//! until the hand itself stops it. Where that is follows from statics: from the measured posture the digit goes on under its tension until it
-//! rests against palm and other digits. A thumb that lies on a closed finger is then behind it, not in its way.
+//! If all links of a digit bear pads, the pads feel a hold. A digit with bare links often holds with those, where
+//! nothing feels it; then the cable excursion gives the evidence. A digit that holds something stops near the excursion
+//! at which its grasp held when it was verified. A digit that holds nothing closes until the hand itself stops it. That
+//! stop follows from statics: starting from the measured posture, the digit closes under its tension until it rests
+//! against the palm and other digits. A thumb that lies on a closed finger is then behind that finger, not in its way.
 
 use hand_model::robot::ServoState;
 use hand_model::{Digit, Hand, statics};
 use nalgebra::{Point3, Vector3};
 use touch::posture::{cable_excursion, cable_tension};
 
-/// Stiffness of a link that presses on another, Pa/m: no gel gives way where links are bare.
+/// Contact stiffness between two links, Pa/m: where links are bare, no gel yields.
 const RIGID: f64 = 2e9;
-/// Share of a closing on nothing up to which a digit has something in its way whose grasp was never verified.
+/// Threshold for a digit whose grasp was never verified: below this share of the empty closing, something is in its
+/// way.
 const UNVERIFIED: f64 = 0.9;
 
-/// True if a digit bears pads on all of its links.
+/// True if every link of the digit bears a pad.
 pub fn has_pads_throughout(hand: &Hand, digit: Digit) -> bool {
     hand.links(digit).iter().all(|link| hand.pads.iter().any(|pad| pad.link == Some(*link)))
 }
 
-/// Cable (m) that a digit takes up under `tension` (N) if nothing holds it at `q` (rad), the other joints at rest. `None` where statics
-/// finds no posture at rest.
+/// Cable excursion (m) at which a digit comes to rest under `tension` (N) if nothing is in its grasp. It closes from
+/// the joint angles `q` (rad) while the other joints stay at rest. `None` where statics finds no equilibrium.
 pub fn on_nothing(hand: &Hand, digit: Digit, tension: f64, q: &[f64]) -> Option<f64> {
     let links = hand.tree.forward(q);
     let others: Vec<usize> = (0..links.len()).filter(|link| hand.digit_of(Some(*link)) != Some(digit)).collect();
     let obstacle = |link: usize, point: &Point3<f64>| {
-        // A joint connects palm and first link: their covers never touch.
+        // A joint connects the palm to the first link, so their covers never touch.
         let palm = hand.tree.joints[link].parent.map(|_| hand.palm_cover.signed_distance(point));
         let other = others.iter().map(|other| {
             let (distance, outward) =
@@ -39,9 +41,10 @@ pub fn on_nothing(hand: &Hand, digit: Digit, tension: f64, q: &[f64]) -> Option<
     Some(hand.transmission.cables[digit.index()].excursion(&closed))
 }
 
-/// True if a pulled digit has stopped earlier than on nothing: nearer to where it is when its grasp holds (`held`, all joints, rad), if that is known.
-/// `q` are the joints as they are, rad; an excursion is known to `sigma`, m. A digit that the grasp leaves as near to a closing on nothing as can be
-/// measured says nothing.
+/// True if a pulled digit has stopped earlier than it would on nothing: its excursion is closer to that of its verified
+/// hold (`held`, all joints, rad; if known) than to that of an empty closing. `q` are the present joint angles, rad,
+/// and `sigma` is the standard deviation of an excursion, m. False if hold and empty closing are too close together to
+/// be told apart.
 pub fn stops_early(
     hand: &Hand,
     (digit, servo): (Digit, &ServoState),
@@ -83,15 +86,15 @@ mod tests {
         ServoState { position: wound / cable.spool_radius, velocity: 0.0, current, temperature: 25.0 }
     }
 
-    /// The fingers of the F-TAC Hand bear pads all over; those of the Allegro Hand at their tips.
+    /// The fingers of the F-TAC Hand bear pads on all links, those of the Allegro Hand only at their tips.
     #[test]
     fn pads_throughout() {
         assert!(Hand::ftac().digits().iter().all(|digit| has_pads_throughout(&Hand::ftac(), *digit)));
         assert!(!allegro().digits().iter().any(|digit| has_pads_throughout(&allegro(), *digit)));
     }
 
-    /// An empty finger's tip comes to rest on the palm where it does in physics, as a share of a full closing (simulated trials in which
-    /// the object was missed); a thumb that lies before the palm stops the index finger earlier.
+    /// The tip of an empty finger comes to rest on the palm at the same share of a full closing as in physics
+    /// (simulated trials in which the object was missed). A thumb in front of the palm stops the index finger earlier.
     #[test]
     fn the_palm_stops_an_empty_finger() {
         let hand = allegro();
@@ -113,7 +116,8 @@ mod tests {
         assert!(met < 0.95 * free, "{met} {free}");
     }
 
-    /// Nearer to the verified hold than to a closing on nothing is early; a hold that cannot be told from nothing tells nothing.
+    /// An excursion closer to the verified hold than to an empty closing counts as early. A hold that cannot be told
+    /// from nothing gives no evidence.
     #[test]
     fn a_hold_lies_before_a_closing_on_nothing() {
         let hand = allegro();

@@ -1,9 +1,9 @@
-//! How close a planned motion brings the hand, and what it holds, to what stands around it.
+//! Clearance between the hand, with the object it holds, and its surroundings along a planned motion.
 //!
-//! The hand is its covers (rounded boxes) at given joint angles; all moving solids are rigid in the palm frame while the
-//! palm follows a [`PosePath`]. Distances are signed: negative is penetration depth. Meshes are surfaces, not solids: a
-//! solid wholly inside a closed mesh is at a positive distance from it, so give bodies as convex parts
-//! (`SharedShape::compound` of hulls) wherever they are to be solid.
+//! The hand is represented by its covers (rounded boxes) at given joint angles. All moving solids are rigid in the palm
+//! frame while the palm follows a [`PosePath`]. Distances are signed; a negative one is a penetration depth. Meshes are
+//! surfaces, not solids: a solid wholly inside a closed mesh is at a positive distance from it. Bodies that are to be
+//! solid must therefore be given as convex parts (`SharedShape::compound` of hulls).
 
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
@@ -17,10 +17,10 @@ use thiserror::Error;
 
 use crate::trajectory::PosePath;
 
-/// How far (m) the reported clearance may lie above the true minimum, where the number of steps allows it.
+/// Tolerance (m): excess of the reported clearance over the true minimum, if the number of steps allows it.
 pub const TOLERANCE: f64 = 2e-4;
 
-/// Why a clearance could not be computed.
+/// Error in a clearance computation.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum CollisionError {
     /// The geometry library has no distance between these two shapes.
@@ -31,19 +31,19 @@ pub enum CollisionError {
         /// Name of the fixed solid.
         fixed: String,
     },
-    /// A moving solid without bounds.
+    /// A moving solid is unbounded.
     #[error("{0} is unbounded and cannot move")]
     Unbounded(String),
 }
 
-/// A body for the check: a core shape, grown by a margin, at a pose.
+/// A body for collision checks: a core shape, grown by a margin, at a pose.
 #[derive(Clone)]
 pub struct Solid {
-    /// What it is, for reports.
+    /// Name for reports.
     pub name: String,
     /// Core shape.
     pub shape: SharedShape,
-    /// Growth of the core on all sides, m: a rounding radius, plus a safety distance where one is wanted.
+    /// Growth of the core on all sides, m: a rounding radius, plus a safety distance if one is wanted.
     pub margin: f64,
     /// `palm_from_solid` of a moving solid, `world_from_solid` of a fixed one.
     pub pose: Isometry3<f64>,
@@ -78,8 +78,8 @@ impl Solid {
     }
 }
 
-/// The covers of `digits` at `joint_angles` (rad), in the palm frame, and the palm's own if `palm`. Names are those of the
-/// links (`index_2`), and `palm`.
+/// Covers of `digits` at `joint_angles` (rad), in the palm frame, and the cover of the palm if `palm`. The solids bear
+/// the names of the links (`index_2`) and `palm`.
 ///
 /// # Panics
 /// If `joint_angles` has another length than the hand has joints.
@@ -104,17 +104,17 @@ pub struct Clearance {
     pub moving: String,
     /// Name of the fixed solid.
     pub fixed: String,
-    /// How many distances were computed.
+    /// Number of distance queries.
     pub queries: usize,
 }
 
-/// Smallest distance of the `moving` solids (in the palm frame) to the `fixed` ones (in the world) while the palm follows
-/// `path`; `None` if there is no pair.
+/// Computes the smallest distance between the `moving` solids (palm frame) and the `fixed` ones (world frame) while the
+/// palm follows `path`. `None` if there is no pair.
 ///
-/// Branch and bound over time: no point of a solid moves faster than the path's speed bound and its reach allow, so the
-/// distances at both ends of a stretch of time bound those in between from below. Stretches are halved, the most promising
-/// first, until none can hold anything lower than the best found less [`TOLERANCE`], or until they are shorter than
-/// duration / `steps`.
+/// Branch and bound over time. No point of a solid moves faster than the path's speed bound and the solid's reach
+/// allow, so the distances at both ends of an interval bound the distances in between from below. Intervals are halved,
+/// the most promising first, until none can contain a distance lower than the best one less [`TOLERANCE`], or until
+/// they are shorter than duration / `steps`.
 pub fn clearance_along(
     path: &PosePath,
     moving: &[Solid],
@@ -127,7 +127,7 @@ pub fn clearance_along(
     let mut stretches = BinaryHeap::new();
     for a in moving {
         let sphere = a.shape.compute_local_bounding_sphere();
-        // Farthest point of the solid from the palm's origin: turning moves nothing faster than rate x reach.
+        // Farthest point of the solid from the palm's origin: a rotation moves no point faster than rate x reach.
         let center = a.pose.translation.vector.norm() + sphere.center.length();
         let reach = center + sphere.radius + a.margin;
         if !(reach.is_finite() && reach < 1e3) {
@@ -163,7 +163,7 @@ pub fn clearance_along(
     }))
 }
 
-/// The best so far, and the way to better it.
+/// Branch-and-bound search with the best pair so far: distance (m), time (s), moving and fixed solid.
 struct Search<'a> {
     path: &'a PosePath,
     queries: usize,
@@ -185,11 +185,11 @@ impl<'a> Search<'a> {
 struct Pair<'a> {
     a: &'a Solid,
     b: &'a Solid,
-    /// m, from the palm's origin.
+    /// Largest distance of the moving solid's points from the palm's origin, m.
     reach: f64,
 }
 
-/// A stretch of time of a pair: (s, m) at both ends, and the lower bound (m) of the distance within.
+/// Time interval of a pair: (time s, distance m) at both ends, and the lower bound (m) of the distance within.
 struct Stretch<'a> {
     pair: Pair<'a>,
     from: (f64, f64),
@@ -211,7 +211,8 @@ impl<'a> Stretch<'a> {
     }
 }
 
-/// The lowest bound comes first out of a max-heap; ties by time, so that the search is deterministic.
+/// Orders intervals so that the lowest bound comes first out of a max-heap; ties by time, so that the search is
+/// deterministic.
 impl Ord for Stretch<'_> {
     fn cmp(&self, other: &Self) -> Ordering {
         other.bound.total_cmp(&self.bound).then(other.from.0.total_cmp(&self.from.0))
@@ -232,7 +233,7 @@ impl PartialEq for Stretch<'_> {
 
 impl Eq for Stretch<'_> {}
 
-/// Smallest distance with the palm resting at `world_from_palm`.
+/// Computes the smallest distance while the palm rests at `world_from_palm`.
 pub fn clearance_at(
     world_from_palm: &Isometry3<f64>,
     moving: &[Solid],
@@ -244,7 +245,7 @@ pub fn clearance_at(
     }
 }
 
-/// Signed distance of two solids, the first at `world_from_a`.
+/// Signed distance (m) between two solids, the first at `world_from_a`.
 pub(crate) fn signed_distance(a: &Solid, world_from_a: &Isometry3<f64>, b: &Solid) -> Result<f64, CollisionError> {
     let (pose_a, pose_b) = (parry_pose(world_from_a), parry_pose(&b.pose));
     let core = if let Some(plane) = b.shape.as_halfspace() {
@@ -267,7 +268,7 @@ fn between(pose_a: &Pose, a: &dyn Shape, pose_b: &Pose, b: &dyn Shape) -> Option
     Some(contact.map_or(0.0, |contact| contact.dist.min(0.0)))
 }
 
-/// Height of a shape's lowest point over the plane through the origin with this normal; exact, and signed.
+/// Signed height of the lowest point of a shape above the plane through the origin with this normal; exact.
 fn over_plane(shape: &dyn Shape, plane_from_shape: &Pose, normal: Vector) -> Option<f64> {
     if let Some(support) = shape.as_support_map() {
         return Some(support.support_point(plane_from_shape, -normal).dot(normal));
@@ -283,7 +284,7 @@ fn over_plane(shape: &dyn Shape, plane_from_shape: &Pose, normal: Vector) -> Opt
     lowest
 }
 
-/// A pose in the geometry library's own type.
+/// Converts a pose to the type of the geometry library.
 pub fn parry_pose(pose: &Isometry3<f64>) -> Pose {
     Pose::from_parts(pose.translation.into(), pose.rotation.into())
 }

@@ -1,10 +1,11 @@
-//! The executor: carries out a queue of skills, each on one of the objects of a list, tick by tick on whatever robot it is given.
+//! The executor: carries out a queue of skills, each on one object of a list, tick by tick on any robot.
 //!
-//! It sees what a robot measures and nothing else. Every skill is one palm path of its [`Motion`], or a few. Taking an object is an
-//! approach, a grasp, a lift and a look; a palpation may come before, and what is held is carried, held still and verified, or laid down.
-//! When the queue is empty the executor waits for a policy ([`Phase::waits`]) to begin what comes next: [`Executor::take`],
-//! [`Executor::palpate`], [`Executor::carry_aside`], [`Executor::deliver`], [`Executor::put_down`], [`Executor::step_aside`]. How many objects
-//! there are, and in which order they are taken, is the policy's list. Cloning it, together with a clone of a simulated robot, branches a trial.
+//! It receives only the measurements of the robot. Every skill consists of one or a few palm paths of its [`Motion`].
+//! Taking an object is an approach, a grasp, a lift and a look, sometimes after a palpation. Held objects are carried,
+//! held still and verified, or laid down. When the queue is empty, the executor waits ([`Phase::waits`]) until a policy
+//! begins the next skill: [`Executor::take`], [`Executor::palpate`], [`Executor::carry_aside`], [`Executor::deliver`],
+//! [`Executor::put_down`], [`Executor::step_aside`]. The policy's list determines the number of objects and their
+//! order. A clone, together with a clone of a simulated robot, branches a trial.
 
 mod grip;
 mod paths;
@@ -29,52 +30,53 @@ use crate::slip::{self, SlipWatch};
 use crate::trajectory::PosePath;
 use crate::watch::Watch;
 
-/// Share of the way to a touch after which pads are looked at untouched: digits have opened by then.
+/// Fraction of the motion towards a palpation after which the pads are imaged untouched: the digits have opened by
+/// then.
 const UNTOUCHED: f64 = 0.4;
-/// Share of the rise from a touch, and of the whole approach at most, in which the digits that touched keep still: closing for the
-/// grasp at once they would drag the object along.
+/// Digits that touched keep still for this fraction of the rise after a palpation, and for at most this fraction of the
+/// whole approach. If they closed for the grasp at once, they would drag the object along.
 const LEAVING: (f64, f64) = (0.9, 0.5);
-/// Lowering of the palm that releases what was delivered, as a share of the lift.
+/// Distance by which the palm is lowered while it releases a delivered object, as a share of the lift.
 const LOWERING: f64 = 0.6;
 
-/// An object to take: with which grasp, and where it is seen.
+/// An object to take: its grasp and its percept.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Target {
-    /// Its tensions are those that hold the object once it is taken.
+    /// The grasp; its closing tensions hold the object once it is taken.
     pub grasp: Grasp,
-    /// The pose that the grasp aims at.
+    /// The pose at which the grasp is aimed.
     pub percept: Percept,
 }
 
-/// Runs one task; see the module's page.
+/// Runs one task; see the module documentation.
 #[derive(Clone)]
 pub struct Executor {
     motion: Motion,
     protocol: Protocol,
-    /// The objects in the order in which they are taken.
+    /// The objects, in the order in which they are taken.
     targets: Vec<Target>,
     /// Skills that follow the present one without a decision.
     queue: VecDeque<Phase>,
     phase: Phase,
-    /// The digits of so many targets keep what they have.
+    /// Number of targets, from the first, whose digits keep their tension.
     held: usize,
-    /// Of the thumb, rad.
+    /// Set-point of the opposition joint of the thumb, rad.
     opposition: f64,
-    /// Time on the path of a laying down at which the digits open, s.
+    /// Path time of a put-down at which the digits open, s.
     open_from: f64,
-    /// When images were last asked for between looks, s.
+    /// Time of the last image request between looks, s.
     last_images: f64,
-    /// Images that nothing is decided by.
+    /// Image requests for a recording; no decision depends on them.
     watch: Watch,
     slip: Option<SlipWatch>,
     /// The guarded motion of a palpation.
     guarded: Option<Guarded>,
-    /// Start height of the retreat after a palpation, m.
+    /// Palm height at which the retreat after a palpation began, m; `None` once the hand has left the object.
     left_from: Option<f64>,
 }
 
 impl Executor {
-    /// An executor that waits to begin, with its arm at rest in `servo`'s posture; `tick` s is the length of a tick.
+    /// An executor that waits to begin, with its arm at rest in the posture of `servo`. A tick lasts `tick` s.
     pub fn new(
         hand: Arc<Hand>,
         servo: ArmServo,
@@ -99,27 +101,27 @@ impl Executor {
         })
     }
 
-    /// The present phase.
+    /// Returns the present phase.
     pub fn phase(&self) -> Phase {
         self.phase
     }
 
-    /// Posture, palm, images and servo readings.
+    /// Motion state: posture, palm, images and servo readings.
     pub fn motion(&self) -> &Motion {
         &self.motion
     }
 
-    /// Height to which objects are lifted, m.
+    /// Height by which objects are lifted, m.
     pub fn lift(&self) -> f64 {
         self.protocol.lift
     }
 
-    /// The objects to take, in order, as they are planned at present.
+    /// Planned targets, in the order in which they are taken.
     pub fn targets(&self) -> &[Target] {
         &self.targets
     }
 
-    /// Object `object` of the list.
+    /// Target number `object` of the list.
     ///
     /// # Panics
     /// If the list has no such object.
@@ -127,18 +129,18 @@ impl Executor {
         &self.targets[object]
     }
 
-    /// Asks for images every `period` (s) throughout, for a recording, or as often as the link brings them where that is less often; nothing is
-    /// decided by them.
+    /// Requests images every `period` (s) throughout the task, for a recording, or as often as the link delivers them
+    /// if that is less often. No decision depends on them.
     pub fn watch_images(&mut self, period: f64) {
         self.watch.begin(period);
     }
 
-    /// `object` is now seen at `percept`.
+    /// Updates the percept of `object`.
     pub fn see(&mut self, object: usize, percept: Percept) {
         self.targets[object].percept = percept;
     }
 
-    /// Takes `object` of the list as it is planned, beside those before it, which are held.
+    /// Takes `object` of the list as planned. The objects before it stay in the hand.
     pub fn take_planned(&mut self, object: usize) -> Result<(), MotionError> {
         let Target { grasp, percept } = self.target(object);
         let path = self.motion.approach(&self.protocol.limits, grasp, percept)?;
@@ -148,13 +150,14 @@ impl Executor {
         Ok(())
     }
 
-    /// Takes `object` of the list with another `grasp` than the planned one.
+    /// Takes `object` of the list with `grasp` instead of the planned one.
     pub fn take_with(&mut self, object: usize, grasp: Grasp) -> Result<(), MotionError> {
         self.targets[object].grasp = grasp;
         self.take_planned(object)
     }
 
-    /// At a decision, goes on as planned: takes the next object of the list, or carries everything aside. Elsewhere nothing changes.
+    /// At a decision, continues as planned: takes the next object of the list, or carries everything aside. Does
+    /// nothing elsewhere.
     pub fn go_on(&mut self) -> Result<(), MotionError> {
         let Phase { skill, object, .. } = self.phase;
         match skill {
@@ -166,7 +169,7 @@ impl Executor {
         }
     }
 
-    /// Takes `target` as object `object` of the list, which grows by one at most.
+    /// Takes `target` as number `object` of the list, which grows by one at most.
     pub fn take(&mut self, object: usize, target: Target) -> Result<(), MotionError> {
         if object == self.targets.len() {
             self.targets.push(target);
@@ -176,26 +179,27 @@ impl Executor {
         self.take_planned(object)
     }
 
-    /// Takes `path` instead of the straight approach that has just begun.
+    /// Replaces the straight approach that has just begun with `path`.
     pub fn redirect(&mut self, path: PosePath) {
         self.motion.redirect(path);
     }
 
-    /// Touches `object` before it is grasped: along `way`, then on as `guarded` says.
+    /// Palpates `object` before it is grasped: follows `way`, then the guarded motion `guarded`.
     pub fn palpate(&mut self, object: usize, way: PosePath, guarded: Guarded) {
         self.guarded = Some(guarded);
-        // Of an empty hand, the digits of the first grasp close out of the way.
+        // With an empty hand, the digits of the first grasp close to be out of the way.
         self.held = object.max(1);
         self.start(Phase::palpate(object, Stage::Reach), way);
     }
 
-    /// Carries everything that is held to the side by the protocol's distance, holds it for its time and verifies it.
+    /// Carries everything that is held to the side by the protocol's distance, holds it for the protocol's time and
+    /// verifies it.
     pub fn carry_aside(&mut self) -> Result<(), MotionError> {
         let aside = self.motion.end().translation.vector + Vector3::y() * self.protocol.carry;
         self.carry(aside, &[Skill::Hold, Skill::Verify])
     }
 
-    /// Brings the palm over (x, y), m, holds what it has for the protocol's time, and releases everything there.
+    /// Brings the palm over (x, y), m, holds everything there for the protocol's time, and releases it.
     pub fn deliver(&mut self, [x, y]: [f64; 2]) -> Result<(), MotionError> {
         let there = Vector3::new(x, y, self.motion.end().translation.z);
         self.carry(there, &[Skill::Hold, Skill::PutDown])
@@ -218,7 +222,7 @@ impl Executor {
         Ok(())
     }
 
-    /// Moves the hand with what it holds out of the detector's view, to look for `object`.
+    /// Moves the hand with everything it holds out of the detector's view, in order to look for `object`.
     pub fn step_aside(&mut self, object: usize) -> Result<(), MotionError> {
         let path = self.motion.home(&self.protocol.limits)?;
         self.held = object.max(1);
@@ -226,7 +230,7 @@ impl Executor {
         Ok(())
     }
 
-    /// Begins a skill at a decision: nothing follows it so far.
+    /// Begins a skill at a decision and clears the queue.
     fn start(&mut self, phase: Phase, path: PosePath) {
         self.queue.clear();
         self.enter(phase, path);
@@ -241,7 +245,7 @@ impl Executor {
         self.motion.begin(path);
     }
 
-    /// Goes on to the next phase when the present one is over, if no decision is needed.
+    /// Enters the next phase when the present one is over, unless a decision is needed.
     fn advance(&mut self) -> Result<(), MotionError> {
         let touched = |guarded: &Guarded| self.is_touching() && guarded.is_over(self.motion.clock());
         let over = self.motion.is_over() || self.guarded.as_ref().is_some_and(touched);
@@ -257,7 +261,7 @@ impl Executor {
         let path = self.path_of(next)?;
         match next.skill {
             Skill::Lift => self.held = object + 1,
-            // What is delivered is released on the way down.
+            // Delivered objects are released on the way down.
             Skill::PutDown if !next.waits() => {
                 (self.opposition, self.held, self.open_from) = (self.target(self.held - 1).grasp.opposition, 0, 0.0);
             }
@@ -268,7 +272,7 @@ impl Executor {
         Ok(())
     }
 
-    /// The palm's path in a phase that follows another without a decision, or waits for one.
+    /// Palm path of a phase that follows another one without a decision, or that waits for a decision.
     fn path_of(&self, phase: Phase) -> Result<PosePath, MotionError> {
         let (motion, Protocol { limits, lift, hold, .. }) = (&self.motion, &self.protocol);
         Ok(match (phase.skill, phase.stage) {
@@ -306,7 +310,7 @@ impl Executor {
         self.phase.skill == Skill::Palpate && self.phase.waits()
     }
 
-    /// Notes when the hand has risen from an object that it touched.
+    /// Ends the retreat once the hand has risen far enough from the object that it touched.
     fn leave(&mut self) {
         let height = self.motion.palm().translation.z - LEAVING.0 * palpation::RISE;
         if self.left_from.is_some_and(|from| height > from) || self.motion.progress() > LEAVING.1 {
@@ -318,12 +322,12 @@ impl Executor {
         self.phase.carries() && !self.phase.waits()
     }
 
-    /// Takes what was measured in a tick in which somebody else commands.
+    /// Records the measurements of a tick in which another controller commands the robot.
     pub fn attend(&mut self, observation: &Observation) {
         self.motion.measure(observation, &[]);
     }
 
-    /// One tick: takes what was measured, gives the command.
+    /// Runs one tick: takes the measurements and returns the command.
     pub fn tick(&mut self, observation: &Observation) -> Result<Command, MotionError> {
         let images = self.watch.others(&observation.tactile, self.motion.tick_length());
         self.motion.measure(observation, if self.is_looking() { &images } else { &[] });

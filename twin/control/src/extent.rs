@@ -1,22 +1,23 @@
-//! Extent: how far a held object reaches in the palm along its axes, for the odds of a grasp beside it.
+//! Extent of a held object: its reach along the palm's axes, used for the odds of a grasp beside it.
 //!
-//! Unlike a pose it is the same however an object is turned about an axis of its own symmetry, and it is what another object meets.
+//! Unlike a pose, the extent is invariant under the object's own symmetries. It is also what another object collides
+//! with.
 
 use nalgebra::{Isometry3, Vector3};
 use world::geometry::Shape;
 
-/// Directions in the palm.
+/// Directions in the palm frame.
 const DIRECTIONS: [[f64; 3]; 6] =
     [[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, -1.0]];
-/// Differences of extents, m, at which what is known of one hold counts less by a factor of exp(-1/2) for another.
+/// Kernel width, m: at this difference of extents, knowledge of one hold counts for the other by a factor of exp(-1/2).
 const ALIKE: f64 = 0.006;
 
-/// Farthest an object reaches from the palm's origin along x, -x, y, -y, z and -z of the palm, m.
+/// Farthest reach of an object from the palm's origin along x, -x, y, -y, z and -z of the palm, m.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Extent(pub [f64; 6]);
 
 impl Extent {
-    /// Of an object of this shape that is held at `palm_from_object`.
+    /// Extent of an object of this shape that is held at `palm_from_object`.
     pub fn of(shape: &Shape, palm_from_object: &Isometry3<f64>) -> Self {
         Self(DIRECTIONS.map(|direction| {
             let direction = Vector3::from(direction);
@@ -25,7 +26,7 @@ impl Extent {
         }))
     }
 
-    /// The weight that knowledge of one hold has for the other, 1 where they are the same.
+    /// Weight (0 to 1) of the knowledge of one hold for the other; 1 where they are the same.
     pub fn likeness(&self, other: &Self) -> f64 {
         let squares = self.0.iter().zip(other.0).map(|(one, other)| ((one - other) / ALIKE).powi(2));
         (-0.5 * squares.sum::<f64>()).exp()
@@ -38,7 +39,7 @@ mod tests {
 
     use super::*;
 
-    /// A ball has the same extent however it is turned; a box has another.
+    /// A ball has the same extent in any orientation; a box does not.
     #[test]
     fn turns_count_only_where_they_show() {
         let turned = Isometry3::from_parts(

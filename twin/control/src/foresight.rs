@@ -1,10 +1,10 @@
-//! Foresight: the best few grasps of the second object are played in a twin of the scene, from the state as felt, before one is chosen.
+//! Foresight: rollouts of the best second grasps in a twin of the scene, from the state as felt, before one is chosen.
 //!
-//! Rehearsals ([`crate::odds`]) were played from the plan's hold of the first object, with both objects in their nominal places. A twin
-//! plays a try from where everything is believed to be now. What is not known is drawn ([`draws`]): the held object's pose in the hand
-//! from its covariance, the error of the aim from the [`Belief`], the target's turn. The same draws for all grasps, so that these
-//! are compared under the same errors; those of the hold come in pairs that mirror each other, so that their mean is the estimate. The outcomes count
-//! beside the odds ([`Foreseen::with`]).
+//! The rehearsals of [`crate::odds`] started from the planned hold of the first object, with both objects at their
+//! nominal poses. A twin plays a try from the estimated state. Unknowns are sampled ([`draws`]): the in-hand pose of
+//! the held object from its covariance, the error of the aim from the [`Belief`], and the yaw of the target. All grasps
+//! are compared under the same samples. Samples of the hold come in antithetic pairs, so that their mean is the
+//! estimate. The outcomes update the odds ([`Foreseen::with`]).
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -19,89 +19,89 @@ use crate::executor::Executor;
 use crate::odds::{Belief, Odds, TryOutcome};
 use crate::percept::Percept;
 
-/// Draws of what is not known, twice this many: each comes with its mirror image.
+/// Number of antithetic pairs of samples: each sample comes with its mirror image.
 pub(crate) const PAIRS: usize = 4;
-/// How many are played at most beside the plan.
+/// Largest number of grasps that are played besides the plan.
 const OTHERS: usize = 10;
-/// The odds by rehearsal count as this many plays. Set by hand on seed 1.
+/// Weight of the odds from rehearsals, as a number of plays. Set by hand on seed 1.
 const PRIOR: f64 = 4.0;
-/// Standard deviation of how the target is turned about the vertical, rad.
+/// Standard deviation of the target's yaw, rad.
 const TURNED: f64 = 0.08;
-/// Seed of the standard normals behind the draws: the same ones for every decision.
+/// Seed of the standard normal numbers behind the samples, which are the same for every decision.
 const SEED: u64 = 0x7477_696e;
 
-/// One possible state of what is not known.
+/// One sample of the unknown state.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Draw {
     /// `palm_from_object` of the held object.
     pub held: Isometry3<f64>,
-    /// `world_from_object` of the target, in the world as the arm believes in it.
+    /// `world_from_object` of the target, in the world frame that the arm assumes.
     pub target: Isometry3<f64>,
 }
 
-/// The scene as it is believed to be.
+/// The scene as estimated.
 pub struct Scene<'a> {
-    /// In a decision, with the first object in the hand.
+    /// An executor at a decision, with the first object in the hand.
     pub executor: &'a Executor,
     /// The held object and the target.
     pub objects: &'a [Arc<ObjectModel>],
-    /// Angles of the finger joints as felt, rad.
+    /// Finger joint angles as felt, rad.
     pub joints: &'a [f64],
-    /// What is not known.
+    /// Samples of the unknowns.
     pub draws: &'a [Draw],
 }
 
-/// Why the twin failed.
+/// Failure of the twin.
 #[derive(Debug, thiserror::Error)]
 #[error("the twin of the scene: {0}")]
 pub struct TwinError(#[from] pub Box<dyn std::error::Error + Send + Sync>);
 
-/// A model of robot and objects in which tries can be played.
+/// A model of the robot and the objects in which tries can be played.
 pub trait Twin: Sync {
-    /// Gets ready to play tries in a scene.
+    /// Prepares the twin to play tries in a scene.
     fn imagine(&self, scene: &Scene) -> Result<Box<dyn Imagined>, TwinError>;
 }
 
-/// A scene in the twin, under each of its draws.
+/// A scene in the twin, under each of its samples.
 pub trait Imagined {
-    /// How `going`, which is about to approach the second object, ends under each of these draws; `None` where the draw's hold of the
-    /// first object is none in the twin.
+    /// Plays `going`, which is about to approach the second object, under the samples `draws` and returns the outcomes.
+    /// `None` where the sampled hold of the first object is not a hold in the twin.
     fn play(&self, going: &Executor, draws: Range<usize>) -> Result<Vec<Option<TryOutcome>>, TwinError>;
 }
 
-/// How a policy plays second grasps before it chooses one.
+/// Settings for playing second grasps in a twin before one is chosen.
 #[derive(Clone, Copy)]
 pub struct Foresees<'a> {
     pub twin: &'a dyn Twin,
-    /// How many are played at most beside the plan.
+    /// Largest number of grasps that are played besides the plan.
     pub others: usize,
 }
 
 impl<'a> Foresees<'a> {
-    /// The plan and the best others.
+    /// Plays the plan and the best other grasps.
     pub fn best(twin: &'a dyn Twin) -> Self {
         Self { twin, others: OTHERS }
     }
 
-    /// The plan alone.
+    /// Plays the plan alone.
     pub fn plan(twin: &'a dyn Twin) -> Self {
         Self { twin, others: 0 }
     }
 }
 
-/// What is not known when the second object is to be taken.
+/// Unknowns at the time when the second object is to be taken.
 pub(crate) struct Unknown<'a> {
-    /// `palm_from_object` of the held object and its covariance (m and rad, palm axes).
+    /// Estimated `palm_from_object` of the held object and its covariance (m and rad, palm axes).
     pub held: (Isometry3<f64>, &'a Matrix6<f64>),
-    /// The target as it is seen, or was felt.
+    /// The target as seen, or as felt.
     pub target: Percept,
-    /// What is known about the error of the aim.
+    /// Belief about the error of the aim.
     pub belief: &'a Belief,
-    /// How many looks the target's place is the mean of.
+    /// Number of looks over which the target's position is averaged.
     pub looks: u32,
 }
 
-/// Draws of `unknown`.
+/// Samples the unknowns.
 pub(crate) fn draws(unknown: &Unknown) -> Vec<Draw> {
     let mut rng = ChaCha8Rng::seed_from_u64(SEED);
     let root = unknown.held.1.symmetric_eigen();
@@ -124,7 +124,8 @@ pub(crate) fn draws(unknown: &Unknown) -> Vec<Draw> {
     draws
 }
 
-/// `pose` moved by a translation (m) and turned by a rotation vector (rad) about its own origin, both along the axes that it is given in.
+/// Moves `pose` by a translation (m) and rotates it by a rotation vector (rad) about its own origin, both in the axes
+/// of its parent frame.
 fn moved(pose: &Isometry3<f64>, off: &Vector6<f64>) -> Isometry3<f64> {
     let (shift, turn) = (off.fixed_rows::<3>(0).into_owned(), off.fixed_rows::<3>(3).into_owned());
     Isometry3::from_parts(
@@ -133,25 +134,26 @@ fn moved(pose: &Isometry3<f64>, off: &Vector6<f64>) -> Isometry3<f64> {
     )
 }
 
-/// `world_from_object` of what is seen at `percept`, `off` (m) beside it and turned about the vertical by `turn` (rad).
+/// `world_from_object` of the object at `percept`, displaced by `off` (m) and rotated about the vertical by `turn`
+/// (rad).
 fn beside(percept: &Percept, off: &Vector3<f64>, turn: f64) -> Isometry3<f64> {
     let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), turn);
     Isometry3::from_parts(Translation3::from(percept.position.coords + off), turn * percept.rotation)
 }
 
-/// What came of a grasp in the twin.
+/// Outcomes of a grasp in the twin.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Foreseen {
-    /// How often it was played.
+    /// Number of plays.
     pub played: u32,
-    /// How often it held the object without a contact.
+    /// Number of plays in which it held the object without an unwanted contact.
     pub held: u32,
-    /// How often it made a contact.
+    /// Number of plays with an unwanted contact.
     pub contact: u32,
 }
 
 impl Foreseen {
-    /// Counts `outcomes` too.
+    /// Adds `outcomes` to the counts.
     pub(crate) fn count(&mut self, outcomes: &[Option<TryOutcome>]) {
         for outcome in outcomes.iter().flatten() {
             self.played += 1;
@@ -160,13 +162,13 @@ impl Foreseen {
         }
     }
 
-    /// The same if `more` plays held the object.
+    /// Counts as they would be if `more` further plays all held the object.
     pub(crate) fn at_best(self, more: u32) -> Self {
         Self { played: self.played + more, held: self.held + more, ..self }
     }
 
-    /// The `odds` with these outcomes: the mean of the Dirichlet distribution that they leave of a prior with that mean, worth
-    /// [`PRIOR`] plays.
+    /// Updates `odds` with these outcomes: the posterior mean under a Dirichlet prior whose mean is `odds` and whose
+    /// weight is [`PRIOR`] plays.
     pub(crate) fn with(&self, odds: &Odds) -> Odds {
         let share = |prior: f64, count: u32| (PRIOR * prior + f64::from(count)) / (PRIOR + f64::from(self.played));
         Odds { held: share(odds.held, self.held), contact: share(odds.contact, self.contact) }
@@ -194,7 +196,7 @@ mod tests {
         })
     }
 
-    /// Nothing unknown: all draws are what is believed, but for the target's turn.
+    /// Without uncertainty all samples are the estimate, except for the yaw of the target.
     #[test]
     fn without_doubt_all_draws_are_the_estimate() {
         for draw in some_draws(&Matrix6::zeros(), &(Matrix3::identity() * 1e-16)) {
@@ -203,7 +205,7 @@ mod tests {
         }
     }
 
-    /// The hold's draws come in pairs that mirror each other, spread only along what is not known, and are the same every time.
+    /// Samples of the hold come in mirrored pairs, spread only along uncertain directions, and are the same every time.
     #[test]
     fn draws_mirror_each_other_about_the_estimate() {
         let mut held = Matrix6::zeros();
@@ -223,20 +225,20 @@ mod tests {
         assert!((0.3..3.0).contains(&(spread.sqrt() / 0.004)), "{spread}");
     }
 
-    /// By how much the draws put the target beside where it is seen, m.
+    /// Offsets (m) of the target from its seen position in the samples.
     fn offs(belief: &Belief) -> Vec<Vector3<f64>> {
         let held = (Isometry3::identity(), &Matrix6::zeros());
         let all = draws(&Unknown { held, target: percept(), belief, looks: 1 });
         all.iter().map(|draw| draw.target.translation.vector - percept().position.coords).collect()
     }
 
-    /// The hand that goes too far along x finds the target too far back.
+    /// If the hand goes too far along x, the target appears too far back.
     #[test]
     fn an_error_of_the_aim_is_a_target_on_the_other_side() {
         let mut belief = Belief::located(&(Matrix3::identity() * 0.003_f64.powi(2))).expect("positive definite");
         let mean = |belief: &Belief| offs(belief).iter().sum::<Vector3<f64>>() / (2 * PAIRS) as f64;
         assert!(mean(&belief).norm() < 0.003, "{}", mean(&belief));
-        // What failed wherever the error is positive has taught that it is.
+        // Failures wherever the error is positive have taught that it is positive.
         let outcome = |x: f64| if x < 0.0 { TryOutcome::Held } else { TryOutcome::Missed };
         let rehearsed: Arc<[Rehearsed]> = (-20..=20)
             .map(|n| 0.001 * f64::from(n))

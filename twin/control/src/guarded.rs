@@ -1,6 +1,6 @@
-//! Guarded motion: the palm goes on slowly until a pad feels something, and a little further, so that it feels it well.
+//! Guarded motion: the palm advances slowly until a pad feels a contact, and a little further to press firmly.
 //!
-//! Pads are looked at throughout. A picture that is no longer the one from the way there is a touch.
+//! Pads are imaged throughout the motion. A change from the image taken on the way there counts as a touch.
 
 use std::sync::Arc;
 
@@ -12,47 +12,47 @@ use touch::colour_change::find_change;
 use crate::sensing::is_on;
 use crate::trajectory::PosePath;
 
-/// How often pads are looked at on the way, s.
+/// Period of the image requests during the motion, s.
 pub const LOOK_PERIOD: f64 = 0.04;
 
-/// How long the motion goes on after a touch, s.
+/// Time for which the motion continues after a touch, s.
 const PRESSING: f64 = 0.2;
 
-/// A guarded motion; see the module's page.
+/// A guarded motion; see the module documentation.
 #[derive(Debug, Clone)]
 pub struct Guarded {
     path: PosePath,
-    /// Cameras whose pads end it.
+    /// Cameras whose pads end the motion.
     watched: Vec<bool>,
-    /// Their first pictures.
+    /// Reference images of the untouched pads.
     pictures: Vec<Option<Arc<TactileImage>>>,
-    /// Time on the path at which something was felt, s.
+    /// Path time at which a touch was detected, s.
     felt: Option<f64>,
 }
 
 impl Guarded {
-    /// Along `path`, until a pad of `digits` feels something, as far as `used` lets it.
+    /// A motion along `path` until a pad of `digits` feels a contact. Only pads for which `used` is true are watched.
     pub fn new(path: PosePath, hand: &Hand, digits: &[Digit], used: impl Fn(usize) -> bool) -> Self {
         let watched = hand.cameras.iter().map(|camera| is_on(hand, camera.pad, digits) && used(camera.pad)).collect();
         Self { path, watched, pictures: vec![None; hand.cameras.len()], felt: None }
     }
 
-    /// The whole way.
+    /// Returns the whole path.
     pub fn path(&self) -> &PosePath {
         &self.path
     }
 
-    /// Whether the motion is over at `clock` (s on its path).
+    /// True if the motion is over at `clock` (s on its path).
     pub fn is_over(&self, clock: f64) -> bool {
         clock + 1e-9 >= self.path.duration() || self.felt.is_some_and(|felt| clock >= felt + PRESSING)
     }
 
-    /// Whether the pictures of untouched pads have arrived.
+    /// True if the reference images of all watched pads have arrived.
     pub fn knows_untouched(&self) -> bool {
         self.watched.iter().zip(&self.pictures).all(|(watched, picture)| !watched || picture.is_some())
     }
 
-    /// Takes images that arrived at `clock` (s on the path; `None` on the way to where it begins).
+    /// Takes images that arrived at `clock` (s on the path; `None` on the way to its start).
     pub fn see(&mut self, arrived: &[TactileFrame], clock: Option<f64>) {
         for frame in arrived.iter().filter(|frame| self.watched.get(frame.camera).is_some_and(|watched| *watched)) {
             let picture = &mut self.pictures[frame.camera];
@@ -80,7 +80,7 @@ mod tests {
         TactileFrame { camera, time: 0.0, sequence: 0, image }
     }
 
-    /// A pad of the digits that changes ends the motion a little later; other pads, and what was there on the way, do not.
+    /// A changed pad of the digits ends the motion a little later; other pads and earlier images do not.
     #[test]
     fn a_touch_ends_it() {
         let hand = Hand::ftac();
@@ -96,7 +96,7 @@ mod tests {
         assert!(!guarded.is_over(1.9) && guarded.is_over(2.0));
         guarded.see(&[frame(index, 110)], Some(0.5));
         assert!(!guarded.is_over(0.6) && guarded.is_over(0.5 + PRESSING));
-        // What is felt later does not put the end off.
+        // Later touches do not postpone the end.
         guarded.see(&[frame(index, 140)], Some(0.6));
         assert!(guarded.is_over(0.5 + PRESSING));
     }

@@ -1,4 +1,4 @@
-//! The arm's inverse kinematics: a velocity-level program solved every tick, and a pose solver for planning.
+//! Inverse kinematics of the arm: a velocity-level program solved every tick, and a pose solver for planning.
 //!
 //! [`ArmServo`] owns a reference posture and moves it towards a palm pose. Every tick it solves
 //!
@@ -6,10 +6,11 @@
 //! min |W (J qd - s v)|^2 + k |W v|^2 (1 - s)^2 + d |qd - qd_comfort|^2    over qd, s
 //! s.t. qd in [lo, hi], 0 <= s <= 1
 //! ```
-//! where v is the wanted twist (feed-forward and feedback on the pose error), s slows it down along its own direction before
-//! it is bent, d grows near singularities, and [lo, hi] holds speed limits, acceleration limits and the speed from which the
-//! joint can still brake before its position limit. The comfort term acts in the null space only, so that it never shifts the
-//! palm. Set-points are the integral of qd: they cannot jump, whatever the target does.
+//! where v is the desired twist (feed-forward plus feedback on the pose error). The scale s slows the motion down along
+//! its own direction before the direction is changed, d grows near singularities, and [lo, hi] combines speed limits,
+//! acceleration limits and the speed from which a joint can still brake before its position limit. The comfort term
+//! acts in the null space only, so it never shifts the palm. Set-points are the integral of qd: they cannot jump,
+//! whatever the target does.
 
 use std::sync::Arc;
 
@@ -28,48 +29,49 @@ pub use servo::{ArmServo, IkStep, Rehearsal};
 
 /// Angles (rad) or speeds (rad/s) of the arm's joints.
 pub type Joints = ArmVector;
-/// A column for each joint that an arm can have; 0 beyond the last.
+/// Jacobian with one column per joint an arm can have; 0 beyond the last joint.
 pub(crate) type Jacobian = SMatrix<f64, 6, MOST_ARM_JOINTS>;
-/// 0 beyond the last joint.
+/// Vector over the joints; 0 beyond the last joint.
 pub(crate) type JointVector = SVector<f64, MOST_ARM_JOINTS>;
 
-/// Why a step could not be made.
+/// Invalid input to the inverse kinematics.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 pub enum IkError {
     /// The time step is not a positive number.
     #[error("time step {0} s is not positive")]
     TimeStep(f64),
-    /// Target or feed-forward is not finite.
+    /// The target or the feed-forward twist is not finite.
     #[error("the target pose or its twist is not finite")]
     Target,
-    /// The joint angles given are not finite or beyond the limits of a joint.
+    /// A given joint angle is not finite or beyond the limits of its joint.
     #[error("joint {joint}: {angle} rad is not within its limits")]
     Posture {
         /// Number of the joint, from 1.
         joint: usize,
-        /// rad.
+        /// Angle of the joint, rad.
         angle: f64,
     },
 }
 
-/// Where the arm stands and what it carries.
+/// Mounting of the arm: the pose of its base, and the frame it controls.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Mount {
     /// Pose of the arm's base.
     pub world_from_base: Isometry3<f64>,
-    /// The controlled frame in the arm's tool frame.
+    /// Pose of the controlled frame in the arm's tool frame.
     pub tool_from_palm: Isometry3<f64>,
 }
 
 impl Default for Mount {
-    /// Base in the world's origin, the tool itself controlled.
+    /// The base at the world's origin, with the tool frame as the controlled frame.
     fn default() -> Self {
         Self { world_from_base: Isometry3::identity(), tool_from_palm: Isometry3::identity() }
     }
 }
 
 impl Mount {
-    /// The palm of `hand` controlled, the base in the world's origin on a pedestal of `height` (m).
+    /// Mounting with the palm of `hand` as the controlled frame and the base above the world's origin, on a pedestal of
+    /// `height` (m).
     pub fn of_hand(hand: &hand_model::Hand, height: f64) -> Self {
         Self {
             world_from_base: Isometry3::translation(0.0, 0.0, height),
@@ -81,35 +83,35 @@ impl Mount {
 /// Gains and weights of the inverse kinematics.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct IkSettings {
-    /// Feedback on the pose error, 1/s.
+    /// Feedback gain on the pose error, 1/s.
     pub gain: f64,
-    /// Greatest palm speed, m/s, and the deceleration planned for towards the target, m/s2.
+    /// Largest palm speed, m/s.
     pub speed: f64,
-    /// m/s2.
+    /// Planned deceleration of the palm towards the target, m/s2.
     pub deceleration: f64,
-    /// Greatest turning speed, rad/s.
+    /// Largest angular speed of the palm, rad/s.
     pub turn_speed: f64,
-    /// rad/s2.
+    /// Planned angular deceleration of the palm, rad/s2.
     pub turn_deceleration: f64,
-    /// What a radian of rotation error weighs against a metre, m/rad.
+    /// Weight of a radian of rotation error relative to a metre, m/rad.
     pub turn_weight: f64,
-    /// Weight of slowing down against leaving the direction (k above); below 1 slows down first.
+    /// Weight of slowing down relative to leaving the direction (k above); below 1, slowing down comes first.
     pub slowdown: f64,
     /// Damping far from singularities, m/rad.
     pub damping: f64,
     /// Damping added in a singularity, m/rad.
     pub singular_damping: f64,
-    /// Smallest singular value (m/rad) below which damping grows.
+    /// Smallest singular value (m/rad) below which the damping grows.
     pub singular_value: f64,
-    /// Pull towards the comfortable posture in the null space, 1/s, and its greatest speed, rad/s.
+    /// Gain of the pull towards the comfortable posture in the null space, 1/s.
     pub comfort_gain: f64,
-    /// rad/s.
+    /// Largest joint speed of that pull, rad/s.
     pub comfort_speed: f64,
     /// Share of the arm's published speed limits that is used.
     pub joint_speed_share: f64,
     /// Share of the arm's published acceleration limits that is used.
     pub joint_acceleration_share: f64,
-    /// Distance kept from position limits, rad.
+    /// Distance kept from the joints' position limits, rad.
     pub joint_margin: f64,
 }
 
@@ -135,7 +137,7 @@ impl Default for IkSettings {
     }
 }
 
-/// The arm with its mount: forward kinematics, and [`ArmKinematics::solve`].
+/// An arm with its mounting: forward kinematics, and [`ArmKinematics::solve`].
 #[derive(Debug, Clone)]
 pub struct ArmKinematics {
     arm: Arc<Arm>,
@@ -152,7 +154,7 @@ impl ArmKinematics {
         &self.arm
     }
 
-    /// Where it stands and what it carries.
+    /// Returns the mounting of the arm.
     pub fn mount(&self) -> &Mount {
         &self.mount
     }
@@ -182,7 +184,7 @@ impl ArmKinematics {
         (self.mount.world_from_base * palm, jacobian)
     }
 
-    /// Whether every angle is finite and within its limits, less `margin` (rad).
+    /// Checks that every angle is finite and within its limits, less `margin` (rad).
     pub fn within_limits(&self, q: &Joints, margin: f64) -> Result<(), IkError> {
         for (i, (joint, &angle)) in self.arm.tree.joints.iter().zip(q).enumerate() {
             if !(angle.is_finite() && angle >= joint.lower + margin && angle <= joint.upper - margin) {
@@ -193,7 +195,7 @@ impl ArmKinematics {
     }
 }
 
-/// The angle in (-pi, pi].
+/// Wraps an angle to (-pi, pi].
 pub(crate) fn wrap(angle: f64) -> f64 {
     use std::f64::consts::{PI, TAU};
     let turned = (angle + PI).rem_euclid(TAU) - PI;

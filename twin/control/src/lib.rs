@@ -1,18 +1,24 @@
-//! The brain: everything that moves the robot, interprets what it feels and decides what comes next.
+//! The controller: moves the robot, interprets what it feels and decides what comes next.
 //!
-//! - **Motion.** [`trajectory`] makes palm paths within Cartesian limits, [`inverse_kinematics`] turns palm poses into joint set-points
-//!   within the arm's, [`motion`] follows one path after another with cables and cameras. [`executor`] carries out a queue of skills
-//!   on it, for any number of objects; [`action`] carries out what a policy asks for step by step, with [`pad_images`] of one size; [`outage`] says how long it holds for a robot that fails. [`guarded`] stops where a pad feels something,
-//!   [`slip`] answers slip while carrying; `watch` takes the images of a recording, by which nothing is decided.
-//! - **Perception.** A [`look`] is all that perception takes. [`perception`] says what is in the hand and where, [`closure`] what a cable tells of that, [`sensing`] what an
-//!   ablation leaves of the senses. [`percept`] is how objects on the table are reported, [`palpation`] how one is touched to find out
-//!   where it is. [`registration`] finds where the arm stands from known points that were touched.
-//! - **Decision.** [`collision`] and [`arm_clearance`] measure distances along a planned motion, [`odds`] says what rehearsals after holds of some [`extent`] and under
-//!   errors make of an aim under the [`uncertainty`] that is expected, [`foresight`] what a twin of the scene does, [`strategy`] chooses a grasp and its aim by them. [`recovery`] says what follows a failed one, [`stand_in`]
-//!   finds grasps for what fell over, and [`worth`] holds the factors by which grasps are ranked.
-//!   [`policy`] puts it together.
+//! - **Motion.** [`trajectory`] makes palm paths within Cartesian limits. [`inverse_kinematics`] turns palm poses into
+//!   joint set-points within the limits of the arm. [`motion`] follows one path after another and drives cables and
+//!   cameras. On top of it, [`executor`] carries out a queue of skills for any number of objects. [`action`] carries
+//!   out the commands of a policy that acts step by step, with tactile images of one size from [`pad_images`].
+//!   [`outage`] defines how long the controller holds when the robot fails. [`guarded`] stops a motion when a pad feels
+//!   a contact, [`slip`] reacts to slip while carrying, and `watch` takes the images of a recording, on which no
+//!   decision depends.
+//! - **Perception.** A [`look`] is the input of perception. [`perception`] estimates which objects are in the hand and
+//!   their poses, [`closure`] adds the evidence of the cables, and [`sensing`] restricts the senses for an ablation.
+//!   [`percept`] is the report of an object on the table, and [`palpation`] touches an object to locate it.
+//!   [`registration`] finds the pose of the arm's base from known points that were touched.
+//! - **Decision.** [`collision`] and [`arm_clearance`] measure distances along a planned motion. [`odds`] predicts the
+//!   outcome of an aim from rehearsals under errors and after holds of some [`extent`], given the expected
+//!   [`uncertainty`]. [`foresight`] adds rollouts in a twin of the scene. From these, [`strategy`] chooses a grasp and
+//!   its aim. [`recovery`] decides what follows a failed grasp, [`stand_in`] finds grasps for objects that fell over,
+//!   and [`worth`] holds the factors by which grasps are ranked. [`policy`] puts it together.
 //!
-//! [`workcell`] is the robot as the controller knows it. This crate never knows the simulator, the bridge or the scene's truth.
+//! [`workcell`] is the robot as the controller knows it. This crate never knows the simulator, the bridge or the
+//! scene's truth.
 
 pub mod action;
 pub mod arm_clearance;

@@ -1,15 +1,15 @@
-//! What perception takes: the tactile images of one look and the servos' readings at the same moment.
+//! Input of perception: the tactile images of one look, and the servo readings at the same moment.
 
 use hand_model::robot::TactileFrame;
 use touch::Readings;
 
-/// Measurements of one look. No executor, no plan: whoever moves the hand can be felt with.
+/// Measurements of one look. It needs no executor and no plan, so that perception works whoever moves the hand.
 #[derive(Debug, Clone, Copy)]
 pub struct Look<'a> {
-    /// Images of the look, at most one a camera.
+    /// Images of the look, at most one per camera.
     pub images: &'a [TactileFrame],
-    /// Sequence number that each camera had sent before the images were asked for: what is not newer is stale.
+    /// Sequence number of the last image of each camera before the request; an image that is not newer is stale.
     pub sequences_before: &'a [Option<u64>],
-    /// Newest servo readings, and how the palm is turned.
+    /// Newest servo readings, and the orientation of the palm.
     pub readings: Readings<'a>,
 }

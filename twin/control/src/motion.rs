@@ -1,6 +1,7 @@
-//! The motion that every executor shares: the arm's servo follows a palm path, cables pull, tactile images are collected.
+//! Motion shared by all executors: the arm servo follows a palm path, the cables pull, and tactile images are
+//! collected.
 //!
-//! An executor decides which path comes next and which tensions are wanted; [`Motion`] carries that out tick by tick.
+//! An executor decides which path comes next and which tensions are desired; [`Motion`] carries that out tick by tick.
 //! [`approach`] makes the paths to a grasp, [`tension`] the tensions over time.
 
 pub mod approach;
@@ -22,40 +23,41 @@ use crate::look::Look;
 use crate::percept::Percept;
 use crate::trajectory::{PathError, PathLimits, PosePath};
 
-/// Time the digits are given to close, s.
+/// Time given to the digits to close, s.
 pub const CLOSING_TIME: f64 = 1.1;
-/// Rest before the picture is taken and after it, s.
+/// Rest before and after the images of a look are taken, s.
 pub const LOOK_TIME: f64 = 0.3;
-/// Time the digits are given to open when objects are put down, s.
+/// Time given to the digits to open when objects are put down, s.
 pub const OPENING_TIME: f64 = 0.7;
-/// Share of the speed limits with which objects are lifted and put down.
+/// Share of the speed limits at which objects are lifted and put down.
 const LIFTING: f64 = 0.7;
 
-/// How far the palm may leave a path, m. Where every path is worse, the arm lags behind the first that ends well.
+/// Tolerance of the palm's distance from a path, m. If every path exceeds it, the first path that ends well is taken.
 const OFF_PATH: f64 = 0.02;
-/// How far it may be from a path's end, m and rad.
+/// Tolerance of the palm's error at the end of a path, m and rad.
 const OFF_END: (f64, f64) = (0.002, 0.02);
 /// Shares of the speed limits that are tried: joints in an unfavourable posture cannot follow at full speed.
 const SPEEDS: [f64; 2] = [1.0, 0.5];
-/// Tick of a path's rehearsal by the arm servo and the time it may settle at the end, s: coarser than the real ones.
+/// Time step of a path's rehearsal by the arm servo, and its settling time at the end, s. Both are coarser than the
+/// real ones.
 const REHEARSAL: (f64, f64) = (1.0 / 40.0, 0.1);
 
 /// Distances, times and limits of an executor's motions.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Protocol {
-    /// How far objects are lifted, m.
+    /// Height by which objects are lifted, m.
     pub lift: f64,
-    /// How far they are carried sideways, m.
+    /// Distance by which they are carried sideways, m.
     pub carry: f64,
-    /// How long they are held at the end, s.
+    /// Time for which they are held at the end, s.
     pub hold: f64,
     /// Cartesian limits of free motion.
     pub limits: PathLimits,
-    /// What the cables' guides are known to take: servos pull that much harder.
+    /// Known friction in the cable guides, for which the servos compensate by pulling harder.
     pub friction: CableFriction,
 }
 
-/// Why a motion cannot go on.
+/// Error that stops a motion.
 #[derive(Debug, thiserror::Error)]
 pub enum MotionError {
     /// A path could not be made.
@@ -76,7 +78,7 @@ pub struct Motion {
     path: PosePath,
     /// Time on the present path, s.
     clock: f64,
-    /// N.
+    /// Present tension set-points, N.
     tension: DigitVector,
     images: Vec<TactileFrame>,
     newest: Vec<TactileFrame>,
@@ -88,7 +90,7 @@ pub struct Motion {
 }
 
 impl Motion {
-    /// At rest in `servo`'s posture with slack cables; `tick` s is the length of a tick.
+    /// At rest in the posture of `servo` with slack cables. A tick lasts `tick` s.
     pub fn new(hand: Arc<Hand>, servo: ArmServo, tick: f64) -> Result<Self, MotionError> {
         let (home, still) = (servo.palm_pose(), *servo.qd());
         Ok(Self {
@@ -108,7 +110,7 @@ impl Motion {
         })
     }
 
-    /// The hand that is moved.
+    /// Returns the hand that is moved.
     pub fn hand(&self) -> &Arc<Hand> {
         &self.hand
     }
@@ -123,12 +125,12 @@ impl Motion {
         self.clock
     }
 
-    /// `world_from_palm` wanted at present.
+    /// Present set-point of `world_from_palm`.
     pub fn palm(&self) -> Isometry3<f64> {
         self.path.sample(self.clock).0
     }
 
-    /// The arm's reference posture, rad.
+    /// Reference posture of the arm, rad.
     pub fn posture(&self) -> &Joints {
         self.servo.q()
     }
@@ -143,34 +145,34 @@ impl Motion {
         &self.arm
     }
 
-    /// Newest images of all cameras, taken at any time.
+    /// Newest image of each camera, whenever it was taken.
     pub fn newest_images(&self) -> &[TactileFrame] {
         &self.newest
     }
 
-    /// The last look that was completed or is under way.
+    /// The last look, completed or in progress.
     pub fn look(&self) -> Look<'_> {
         let readings = Readings::new(&self.servos, &self.palm().rotation);
         Look { images: &self.images, sequences_before: &self.sequences_before, readings }
     }
 
-    /// Largest distance between wanted and reached palm reference, m.
+    /// Largest distance so far between the palm's set-point and the reached reference, m.
     pub fn worst_tracking(&self) -> f64 {
         self.worst_tracking
     }
 
-    /// Part of the present path that is over, 0 to 1.
+    /// Fraction of the present path that is over, 0 to 1.
     pub fn progress(&self) -> f64 {
         let whole = self.path.duration();
         if whole > 0.0 { (self.clock / whole).min(1.0) } else { 1.0 }
     }
 
-    /// Whether the present path is over.
+    /// True if the present path is over.
     pub fn is_over(&self) -> bool {
         self.clock + 1e-9 >= self.path.duration()
     }
 
-    /// Where the present path ends.
+    /// Palm pose at the end of the present path.
     pub fn end(&self) -> Isometry3<f64> {
         self.path.end()
     }
@@ -186,43 +188,44 @@ impl Motion {
         self.path = path;
     }
 
-    /// A rest of `time` s at the end of the present path.
+    /// Path that rests for `time` s at the end of the present path.
     pub fn rest(&self, time: f64) -> Result<PosePath, PathError> {
         PosePath::new(vec![(0.0, self.end()), (time, self.end())])
     }
 
-    /// A rest of `time` s where the palm is at present, on the way.
+    /// Path that rests for `time` s at the present palm pose, on the way.
     pub fn stop(&self, time: f64) -> Result<PosePath, PathError> {
         PosePath::new(vec![(0.0, self.palm()), (time, self.palm())])
     }
 
-    /// No motion at all: the executor waits for a decision.
+    /// Path without motion: the executor waits for a decision.
     pub fn wait(&self) -> Result<PosePath, PathError> {
         PosePath::new(vec![(0.0, self.end())])
     }
 
-    /// The palm rises by `raise` m while the digits close.
+    /// Path on which the palm rises by `raise` m while the digits close.
     pub fn close(&self, raise: f64) -> Result<PosePath, PathError> {
         PosePath::new(vec![(0.0, self.end()), (CLOSING_TIME, self.above(raise))])
     }
 
-    /// Straight to `target` within `limits`.
+    /// Straight path to `target` within `limits`.
     pub fn straight(&self, limits: &PathLimits, target: Isometry3<f64>) -> Result<PosePath, PathError> {
         let here = self.end();
         PosePath::new(vec![(0.0, here), (duration(limits, &here, &target), target)])
     }
 
-    /// To the pose at the very beginning, slowly: from there the hand hides nothing that stands before it.
+    /// Slow path to the pose at the very beginning, from which the hand occludes nothing in front of it.
     pub fn home(&self, limits: &PathLimits) -> Result<PosePath, PathError> {
         self.straight(&limits.scaled(LIFTING), self.home)
     }
 
-    /// Up by `height` m, slowly.
+    /// Slow path up by `height` m.
     pub fn lift(&self, limits: &PathLimits, height: f64) -> Result<PosePath, PathError> {
         self.straight(&limits.scaled(LIFTING), self.above(height))
     }
 
-    /// Down by `height` m, a pause in which the digits open, and up again; with the time at which they are to open, s.
+    /// Path down by `height` m, with a pause in which the digits open, and up again. Also returns the path time at
+    /// which they are to open, s.
     pub fn put_down(&self, limits: &PathLimits, height: f64) -> Result<(PosePath, f64), PathError> {
         let (here, down) = (self.end(), self.above(-height));
         let time = duration(&limits.scaled(LIFTING), &here, &down);
@@ -230,22 +233,22 @@ impl Motion {
         Ok((PosePath::new(vec![(0.0, here), (time, down), (opened, down), (opened + time, here)])?, time))
     }
 
-    /// The end of the present path, `height` m higher.
+    /// End of the present path, `height` m higher.
     fn above(&self, height: f64) -> Isometry3<f64> {
         let here = self.end();
         Isometry3::from_parts(Translation3::from(here.translation.vector + Vector3::z() * height), here.rotation)
     }
 
-    /// Straight from the end of the present path to where `grasp` closes on what is seen at `percept`.
+    /// Straight path from the end of the present path to the pose at which `grasp` closes on the object at `percept`.
     pub fn approach(&self, limits: &PathLimits, grasp: &Grasp, percept: &Percept) -> Result<PosePath, PathError> {
         approach((self.hand(), limits), &[self.end()], grasp, percept)
     }
 
-    /// The same by way of `stops`, rehearsed by the arm servo: straight or through the pose at the very beginning, at full speed or
-    /// slower.
+    /// Path like [`Motion::approach`] by way of `stops`, rehearsed by the arm servo: straight or through the pose at
+    /// the very beginning, at full speed or slower.
     ///
-    /// A straight path from where a failed try ended can lead the joints to their limits with the palm decimetres off, although
-    /// another posture would reach the target. `None` if no path ends there.
+    /// A straight path from the end of a failed try can lead the joints to their limits with the palm decimetres off,
+    /// although another posture would reach the target. `None` if no path ends there.
     pub fn rehearsed_approach(
         &self,
         limits: &PathLimits,
@@ -259,8 +262,8 @@ impl Motion {
         self.rehearsed(limits, paths)
     }
 
-    /// Of the `paths` at full speed and at lower ones the first that the arm can follow; if it lags behind all of them, the first
-    /// at whose end it arrives.
+    /// Returns the first of the `paths`, at full speed and then at lower speeds, that the arm can follow. If the arm
+    /// lags behind on all of them, returns the first path whose end it reaches.
     pub fn rehearsed<P: IntoIterator<Item = Result<PosePath, PathError>>>(
         &self,
         limits: &PathLimits,
@@ -277,13 +280,13 @@ impl Motion {
         lagging
     }
 
-    /// The end of the present path, and the place `rise` m above it if that is another.
+    /// End of the present path, and the pose `rise` m above it if that differs.
     pub fn stops(&self, rise: f64) -> Vec<Isometry3<f64>> {
         let here = self.end();
         if rise > 0.0 { vec![here, self.above(rise)] } else { vec![here] }
     }
 
-    /// How far the palm would leave `path` on the way, m; `None` if it would not get to its end.
+    /// Largest distance (m) of the palm from `path` on the way; `None` if the palm would not reach its end.
     fn off_path(&self, path: &PosePath) -> Option<f64> {
         let (tick, settle) = REHEARSAL;
         let done = self.servo.rehearse(path, settle, tick).ok()?;
@@ -291,7 +294,7 @@ impl Motion {
         there.then_some(done.worst_position_error)
     }
 
-    /// A look begins: earlier images do not count.
+    /// Begins a look. Earlier images do not count.
     pub fn begin_look(&mut self) {
         self.images.clear();
         for frame in &self.newest {
@@ -301,17 +304,17 @@ impl Motion {
         }
     }
 
-    /// Whether the images of a look have arrived, or will not arrive any more.
+    /// True if the images of a look have arrived, or will not arrive any more.
     pub fn has_looked(&self) -> bool {
         self.images.len() >= self.hand.cameras.len() || self.clock > 2.0 * LOOK_TIME
     }
 
-    /// Whether the images of a look are to be asked for in this tick: at its end, when everything rests.
+    /// True if the images of a look are to be requested in this tick: at the end of the path, when everything rests.
     pub fn captures_look(&self) -> bool {
         (self.clock - self.path.duration() + self.tick).abs() < 0.6 * self.tick
     }
 
-    /// Takes what was measured; those of the images that arrived that are `looked` at belong to a look.
+    /// Takes the measurements. Of the images that arrived, those in `looked` belong to a look.
     pub fn measure(&mut self, observation: &Observation, looked: &[TactileFrame]) {
         self.servos = observation.servos;
         self.arm = observation.arm;
@@ -321,7 +324,7 @@ impl Motion {
         }
     }
 
-    /// One tick along the path: the arm's set-points, rad.
+    /// Advances one tick along the path and returns the set-points of the arm, rad.
     pub fn follow(&mut self) -> Result<Joints, MotionError> {
         self.clock += self.tick;
         let (palm, twist) = self.path.sample(self.clock);
@@ -330,14 +333,14 @@ impl Motion {
         Ok(step.q)
     }
 
-    /// The tick's command: tensions move towards `wanted` (N), the opposition joint goes to `opposition` (rad).
+    /// Command of a tick: the tensions move towards `wanted` (N), the opposition joint goes to `opposition` (rad).
     pub fn command(&mut self, arm: Joints, wanted: &[f64], opposition: f64, capture: bool) -> Command {
         approach_tension(&mut self.tension, wanted, self.tick);
         Command { arm, servos: servo_goals(&self.hand, &self.tension, opposition), capture }
     }
 }
 
-/// Replaces each camera's frame by its newer one: a real board's images arrive one after the other.
+/// Replaces the frame of each camera by its newer one. The images of a real board arrive one after the other.
 fn keep_newest(kept: &mut Vec<TactileFrame>, arrived: &[TactileFrame]) {
     for frame in arrived {
         match kept.iter_mut().find(|known| known.camera == frame.camera) {

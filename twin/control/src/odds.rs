@@ -1,15 +1,18 @@
-//! The odds of a try: what rehearsals under drawn errors say about an aim that is off by something unknown.
+//! Odds of a try: success and contact probabilities from rehearsals under sampled errors, for an aim with an unknown
+//! error.
 //!
-//! A grasp was rehearsed in physics under errors of its aim, and each rehearsal held, missed or touched what it must not. In a trial
-//! the aim is off by b + n: b lasts through the trial (the arm's error and the lasting part of vision's), n is new at each look. A
-//! [`Belief`] is a set of weighted values of b. The odds at one b are the rehearsals near it, weighted by a Gaussian kernel as wide
-//! as n (Nadaraya and Watson's estimate); the odds of the try are their mean over the belief. A try that failed makes those b more
-//! likely at which it had to fail.
+//! A grasp was rehearsed in physics under errors of its aim, and each rehearsal held, missed or made an unwanted
+//! contact. In a trial the error of the aim is b + n: b persists through the trial (the error of the arm and the
+//! persistent part of vision's error), n is new at each look. A [`Belief`] is a set of weighted samples of b. The odds
+//! at one b come from the rehearsals near it, weighted by a Gaussian kernel as wide as n (the Nadaraya-Watson
+//! estimator). The odds of the try are their mean over the belief. A failed try makes those b more likely at which it
+//! had to fail.
 //!
-//! Two dozen draws alone are too few to tell grasps apart: the best of many such estimates is mostly the luckiest. The draws of the
-//! other grasps that were rehearsed for the same object therefore count too, each as part of one.
+//! Two dozen rehearsals alone are too few to tell grasps apart: the best of many such estimates is mostly the luckiest.
+//! Rehearsals of the other grasps of the same object therefore count too, each with a reduced weight.
 //!
-//! Rehearsals after many holds of the first object count by how alike their hold is to the one that is felt ([`Rehearsed::beside`]).
+//! Rehearsals after various holds of the first object are weighted by the similarity of their hold to the felt one
+//! ([`Rehearsed::beside`]).
 
 use std::f64::consts::TAU;
 use std::sync::Arc;
@@ -19,53 +22,56 @@ use nalgebra::{Matrix3, Rotation2, Vector2, Vector3};
 use crate::extent::Extent;
 use crate::uncertainty::Uncertainty;
 
-/// Values of the lasting error in a belief.
+/// Number of samples of the persistent error in a belief.
 const VALUES: usize = 96;
-/// Narrowest kernel, m: with about this width rehearsals that are left out are foretold best by the others.
+/// Smallest kernel width, m: at about this width, left-out rehearsals are predicted best by the others.
 const NARROWEST: f64 = 0.004;
-/// Where no rehearsal is near, a try counts as this much of one that went half wrong: it holds nothing, and touches as often as not.
+/// Kernel weight of a default outcome that dominates where no rehearsal is near: no hold, and a contact in half of the
+/// cases.
 const UNKNOWN: f64 = 0.2;
-/// What a rehearsal of another grasp of the same object counts.
+/// Weight of a rehearsal of any grasp of the same object; those of the grasp itself count with the rest of 1 in
+/// addition.
 const OTHERS: f64 = 0.2;
-/// Least weight of a rehearsal after another hold: with few draws of the hold none is near in all of its parts.
+/// Smallest weight of a rehearsal after another hold: with few sampled holds, none is similar to the felt one in all
+/// components.
 const ANY_HOLD: f64 = 0.1;
-/// Aims along each axis of the square of [`Belief::odds_around`], an odd number.
+/// Number of aims along each axis of the grid of [`Belief::odds_around`]; odd.
 pub const AIMS: usize = 5;
-/// Their distance, m.
+/// Spacing of the aims, m.
 const AIM_STEP: f64 = 0.004;
-/// Largest logarithm of a factor between neighbours in that square: beyond it no kernel reaches.
+/// Largest logarithm of the factor between neighbours in that grid; no kernel reaches beyond it.
 const MOST_APART: f64 = 300.0;
 
-/// How a try at the second object went.
+/// Outcome of a try at the second object.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TryOutcome {
-    /// The object is lifted, the first one still held.
+    /// The object is lifted, and the first one is still held.
     Held,
-    /// It is not, and nothing was touched that must not be.
+    /// The object is not lifted, and there was no unwanted contact.
     Missed,
-    /// What holds the first object, that object or the palm touched the second one.
+    /// The first object, the digits that hold it, or the palm touched the second object.
     Contact,
 }
 
 /// One rehearsal of a grasp.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Rehearsed {
-    /// By how much the aim was off, m, in axes that turn with the grasp's heading.
+    /// Error of the aim, m, in axes that turn with the grasp's heading.
     pub error: Vector3<f64>,
-    /// The first object as it was held; `None` where all rehearsals have the plan's hold.
+    /// Extent of the first object as it was held; `None` if all rehearsals have the planned hold.
     pub hold: Option<Extent>,
     pub outcome: TryOutcome,
-    /// Its weight for the hold that is felt, 1 for its own.
+    /// Weight for the felt hold; 1 for its own hold.
     pub weight: f64,
 }
 
 impl Rehearsed {
-    /// After the plan's hold.
+    /// A rehearsal after the planned hold.
     pub fn new(error: Vector3<f64>, outcome: TryOutcome) -> Self {
         Self { error, hold: None, outcome, weight: 1.0 }
     }
 
-    /// The same for a hold that is felt.
+    /// Weights the rehearsal by the similarity of its hold to the felt one.
     #[must_use]
     pub fn beside(&self, felt: &Extent) -> Self {
         let weight = |hold: Extent| ANY_HOLD + (1.0 - ANY_HOLD) * hold.likeness(felt);
@@ -73,39 +79,39 @@ impl Rehearsed {
     }
 }
 
-/// Probabilities of a try's outcomes; a miss is the rest.
+/// Probabilities of a try's outcomes; the rest is the probability of a miss.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Odds {
     pub held: f64,
     pub contact: f64,
 }
 
-/// A try, as far as its odds depend on it.
+/// Properties of a try that determine its odds.
 #[derive(Debug, Clone)]
 pub struct Aimed {
     /// Rehearsals of the grasp.
     pub rehearsed: Arc<[Rehearsed]>,
-    /// Those of all grasps of the object, this one among them.
+    /// Rehearsals of all grasps of the object, including this one.
     pub all: Arc<[Rehearsed]>,
-    /// Turn of the grasp about the vertical in the world, rad.
+    /// Yaw of the grasp in the world, rad.
     pub heading: f64,
-    /// Where the hand is sent beside what is seen, m, world.
+    /// Offset of the aim from the seen position, m, world.
     pub aim: Vector3<f64>,
 }
 
-/// What is known about the error of the aim that lasts through a trial.
+/// Belief about the persistent error of the aim: weighted samples (a particle set).
 #[derive(Debug, Clone)]
 pub struct Belief {
-    /// m, world.
+    /// Samples of the error, m, world.
     values: Vec<Vector3<f64>>,
-    /// They add up to 1.
+    /// Weights of the samples; they add up to 1.
     weights: Vec<f64>,
-    /// Standard deviation of vision's new error, m.
+    /// Standard deviation of the part of vision's error that is new at each look, m.
     fresh: f64,
 }
 
 impl Belief {
-    /// Before anything was tried.
+    /// Prior belief, before any try.
     pub fn new(uncertainty: &Uncertainty) -> Self {
         let level = uncertainty.lasting();
         let sigmas = Vector3::new(level, level, uncertainty.arm);
@@ -113,15 +119,15 @@ impl Belief {
         Self { values, weights: vec![1.0 / VALUES as f64; VALUES], fresh: uncertainty.fresh_look() }
     }
 
-    /// About an object that was touched where it stands, so that its place beside the hand is known with this covariance (m2, world);
-    /// `None` if it is not positive definite.
+    /// Belief about an object that was located by touch, so that its position relative to the hand is known with this
+    /// covariance (m2, world). `None` if the covariance is not positive definite.
     pub fn located(covariance: &Matrix3<f64>) -> Option<Self> {
         let root = covariance.cholesky()?.l();
         let values = (1..=VALUES).map(|n| root * normals(n)).collect();
         Some(Self { values, weights: vec![1.0 / VALUES as f64; VALUES], fresh: 0.0 })
     }
 
-    /// The odds of a try at an object whose place is the mean of `looks` looks.
+    /// Odds of a try at an object whose position is the mean of `looks` looks.
     pub fn odds(&self, aimed: &Aimed, looks: u32) -> Odds {
         let mut odds = Odds { held: 0.0, contact: 0.0 };
         for (value, weight) in self.values.iter().zip(&self.weights) {
@@ -132,10 +138,11 @@ impl Belief {
         odds
     }
 
-    /// [`Self::odds`] of a square of aims: the middle one is that of `aimed`, [`aim_beside`] tells where the others are.
+    /// [`Self::odds`] for a square grid of aims, centred on that of `aimed`; [`aim_beside`] gives the offsets of the
+    /// others.
     ///
-    /// A kernel is a product over the world's axes, and along an axis its values at evenly spaced aims are those of a power series:
-    /// `exp(-(d - n s)^2 / 2 w^2) = exp(-d^2 / 2 w^2) exp(d s / w^2)^n exp(-s^2 / 2 w^2)^(n^2)`.
+    /// A kernel is a product over the world's axes. Along an axis, its values at evenly spaced aims form a power
+    /// series: `exp(-(d - n s)^2 / 2 w^2) = exp(-d^2 / 2 w^2) exp(d s / w^2)^n exp(-s^2 / 2 w^2)^(n^2)`.
     pub fn odds_around(&self, aimed: &Aimed, looks: u32) -> [[Odds; AIMS]; AIMS] {
         let width = self.fresh(looks).max(NARROWEST);
         let inverse = 1.0 / (width * width);
@@ -150,7 +157,7 @@ impl Belief {
         let rehearsals: Vec<_> = own.chain(all).collect();
         let mut odds = [[Odds { held: 0.0, contact: 0.0 }; AIMS]; AIMS];
         for (value, weight) in self.values.iter().zip(&self.weights) {
-            // Sums over rehearsals that held, touched and missed.
+            // Sums over rehearsals that held, made a contact and missed.
             let mut sums = [[[0.0; AIMS]; AIMS]; 3];
             for (error, share, outcome) in &rehearsals {
                 let off = error - value;
@@ -177,7 +184,7 @@ impl Belief {
         odds
     }
 
-    /// Takes in that a try did not hold the object.
+    /// Updates the belief after a try that did not hold the object.
     pub fn failed(&mut self, aimed: &Aimed, looks: u32) {
         let likely: Vec<f64> = self.values.iter().map(|value| 1.0 - self.at(aimed, value, looks).held).collect();
         let sum: f64 = self.weights.iter().zip(&likely).map(|(weight, likely)| weight * likely).sum();
@@ -186,12 +193,12 @@ impl Belief {
         }
     }
 
-    /// The mean of the lasting error, m.
+    /// Mean of the persistent error, m, world.
     pub fn mean(&self) -> Vector3<f64> {
         self.values.iter().zip(&self.weights).map(|(value, weight)| value * *weight).sum()
     }
 
-    /// Number `n` of `of` values of the lasting error that stand for all of them: each for an equal share of the weights, m.
+    /// The `n`-th of `of` equal-weight samples of the persistent error, m, world.
     pub(crate) fn value(&self, n: usize, of: usize) -> Vector3<f64> {
         let mut left = (n as f64 + 0.5) / of as f64;
         let reached = |weight: &f64| {
@@ -202,12 +209,12 @@ impl Belief {
         self.values[place]
     }
 
-    /// Standard deviation of the part of the error that is new in the mean of `looks` looks, each of x and y, m.
+    /// Standard deviation of the non-persistent error in the mean of `looks` looks, for each of x and y, m.
     pub(crate) fn fresh(&self, looks: u32) -> f64 {
         self.fresh / f64::from(looks.max(1)).sqrt()
     }
 
-    /// Standard deviation of the lasting error, root of the mean over the axes, m.
+    /// Standard deviation of the persistent error, m: root of the mean variance over the axes.
     pub fn sigma(&self) -> f64 {
         let mean = self.mean();
         let squares =
@@ -215,7 +222,7 @@ impl Belief {
         (squares.sum::<f64>() / 3.0).sqrt()
     }
 
-    /// The odds if the lasting error were `value`.
+    /// Odds under the assumption that the persistent error is `value`.
     fn at(&self, aimed: &Aimed, value: &Vector3<f64>, looks: u32) -> Odds {
         let width = self.fresh(looks).max(NARROWEST);
         let off = value + aimed.aim;
@@ -237,13 +244,13 @@ impl Belief {
     }
 }
 
-/// Where an aim of [`Belief::odds_around`] is beside the middle one along an axis, m.
+/// Offset of the `n`-th aim of [`Belief::odds_around`] from the middle one along an axis, m.
 pub fn aim_beside(n: usize) -> f64 {
     (n as f64 - (AIMS / 2) as f64) * AIM_STEP
 }
 
-/// The kernel along an axis at the aims [`aim_beside`] the middle one, over its value there: `slope` is d s / w^2 and `fall`
-/// exp(-s^2 / 2 w^2), as [`Belief::odds_around`] names them.
+/// Kernel along an axis at the aims of [`aim_beside`], relative to its value at the middle one: `slope` is d s / w^2
+/// and `fall` is exp(-s^2 / 2 w^2), in the notation of [`Belief::odds_around`].
 fn beside(slope: f64, fall: f64) -> [f64; AIMS] {
     let step = slope.clamp(-MOST_APART, MOST_APART).exp();
     let (mut values, back) = ([1.0; AIMS], step.recip());
@@ -257,14 +264,15 @@ fn beside(slope: f64, fall: f64) -> [f64; AIMS] {
     values
 }
 
-/// Point number `n` (from 1) of three standard normals that fill space evenly: Halton's sequence by Box and Muller's transform.
+/// Point number `n` (from 1) of a low-discrepancy sequence of three standard normals: Halton's sequence through the
+/// Box-Muller transform.
 fn normals(n: usize) -> Vector3<f64> {
     let [a, b, c, d] = [2, 3, 5, 7].map(|base| halton(n, base));
     let [one, two] = [a, c].map(|uniform| (-2.0 * uniform.ln()).sqrt());
     Vector3::new(one * (TAU * b).cos(), one * (TAU * b).sin(), two * (TAU * d).cos())
 }
 
-/// The digits of `n` in `base`, mirrored at the point.
+/// Van der Corput sequence: the digits of `n` in `base`, mirrored at the point.
 fn halton(mut n: usize, base: usize) -> f64 {
     let (mut value, mut place) = (0.0, 1.0);
     while n > 0 {
@@ -281,7 +289,8 @@ mod tests {
 
     const UNCERTAINTY: Uncertainty = Uncertainty { arm: 0.005, eyes: 0.006, eyes_lasting: 0.5 };
 
-    /// Rehearsals on a grid of 3 mm: contact where the error is below -4 mm along x, missed above 8 mm, held between.
+    /// Rehearsals on a grid of 3 mm: contact where the error is below -4 mm along x, a miss above 8 mm, a hold in
+    /// between.
     fn wall() -> Arc<[Rehearsed]> {
         let steps = || (-6..=6).map(|n| 0.003 * f64::from(n));
         let outcome = |x: f64| match x {
@@ -311,14 +320,14 @@ mod tests {
         assert!(belief.mean().norm() < 0.001);
     }
 
-    /// The odds are those of the normal distribution: contact left of the wall, held right of it.
+    /// The odds are integrals of the normal distribution: contact left of the wall, hold right of it.
     #[test]
     fn odds_are_integrals() {
         let belief = Belief::new(&UNCERTAINTY);
         let sigma = UNCERTAINTY.arm.hypot(UNCERTAINTY.eyes);
         let below = |x: f64| 0.5 * libm::erfc(-x / (sigma * 2.0_f64.sqrt()));
         for x in [-0.003, 0.0, 0.004] {
-            // Half-way between the grid's points.
+            // Halfway between the points of the grid.
             let odds = belief.odds(&aimed(x), 1);
             assert!((odds.contact - below(-0.0045 - x)).abs() < 0.06, "{x}: {odds:?} {}", below(-0.0045 - x));
             assert!((odds.held - (below(0.0075 - x) - below(-0.0045 - x))).abs() < 0.08, "{x}: {odds:?}");
@@ -326,7 +335,7 @@ mod tests {
         assert!(belief.odds(&aimed(0.006), 1).contact < belief.odds(&aimed(0.0), 1).contact);
     }
 
-    /// The square of aims has the odds of each of them, near rehearsals and far from all.
+    /// The grid of aims has the same odds as each aim alone, near rehearsals and far from all of them.
     #[test]
     fn odds_around_are_those_of_each_aim() {
         let mut belief = Belief::new(&UNCERTAINTY);
@@ -345,14 +354,14 @@ mod tests {
         }
     }
 
-    /// What is rehearsed nowhere near holds nothing.
+    /// Far from all rehearsals, no hold is promised.
     #[test]
     fn far_from_all_rehearsals_nothing_is_promised() {
         let odds = Belief::new(&UNCERTAINTY).odds(&aimed(0.1), 1);
         assert!(odds.held < 1e-6 && (odds.contact - 0.5).abs() < 1e-6, "{odds:?}");
     }
 
-    /// After a failure errors are likelier at which the try fails, and the way out is to aim elsewhere.
+    /// After a failure, errors at which the try fails are more likely, and aiming elsewhere pays.
     #[test]
     fn failures_teach() {
         let mut belief = Belief::new(&UNCERTAINTY);
@@ -362,13 +371,13 @@ mod tests {
         }
         assert!((belief.weights.iter().sum::<f64>() - 1.0).abs() < 1e-12);
         assert!(belief.odds(&aimed(0.0), 1).held < before.held - 0.1);
-        // A try that aims far to the right and fails says that the error is not far to the left.
+        // A try that aims far to the right and fails indicates that the error is not far to the left.
         let mut right = Belief::new(&UNCERTAINTY);
         right.failed(&aimed(0.010), 1);
         assert!(right.mean().x > 0.0);
     }
 
-    /// An object that was touched where it stands is taken by what was rehearsed right there.
+    /// An object that was located by touch is predicted by the rehearsals close to its position.
     #[test]
     fn what_was_located_leaves_little_doubt() {
         let covariance = Matrix3::identity() * 0.001_f64.powi(2);
@@ -378,7 +387,8 @@ mod tests {
         assert!(Belief::located(&Matrix3::zeros()).is_none());
     }
 
-    /// A hold that is felt to be like those after which a grasp touched makes a contact likely, another one does not.
+    /// A contact is likely if the felt hold is similar to the holds after which the grasp made contact, and unlikely
+    /// otherwise.
     #[test]
     fn odds_depend_on_the_felt_hold() {
         let (low, high) = (Extent([0.0; 6]), Extent([0.0, 0.0, 0.0, 0.0, 0.0, 0.02]));
@@ -392,7 +402,7 @@ mod tests {
         assert!(odds(&low).contact > 0.7 && odds(&high).held > 0.7, "{:?} {:?}", odds(&low), odds(&high));
     }
 
-    /// A grasp that was lucky in its few draws is not believed to be much better than the others of its object.
+    /// A grasp that was lucky in its few rehearsals is not believed to be much better than the others of its object.
     #[test]
     fn luck_counts_for_less() {
         let with = |outcome| [Rehearsed::new(Vector3::zeros(), outcome); 40];
@@ -405,7 +415,7 @@ mod tests {
         assert!(alone > 0.75 && (0.4 * alone..0.6 * alone).contains(&among), "{alone} {among}");
     }
 
-    /// Axes turn with the grasp: an error along the world's y is one along x for a grasp turned by a quarter.
+    /// The axes turn with the grasp: an error along the world's y is an error along x for a grasp turned by 90 degrees.
     #[test]
     fn errors_turn_with_the_grasp() {
         let belief = Belief::new(&UNCERTAINTY);

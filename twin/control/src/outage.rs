@@ -1,11 +1,12 @@
-//! A robot that cannot observe or send for a while: the controller holds, and gives up once that has lasted.
+//! Tolerance of outages: the controller holds while the robot cannot observe or send, and gives up after a limit.
 
 use hand_model::robot::{Command, Observation, Readings, RobotError};
 
-/// Calls in a row that may fail, one a tick: half a second of ticks.
+/// Number of consecutive failed calls that are tolerated, at one per tick: half a second.
 pub const MOST_FAILURES: u32 = 60;
 
-/// Number of failed calls of a robot in a row. While they do, a controller decides nothing: the robot keeps its last command.
+/// Counts consecutive failed calls of a robot. Meanwhile the controller makes no decision and the robot keeps its last
+/// command.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Outage {
     observing: u32,
@@ -13,18 +14,18 @@ pub struct Outage {
 }
 
 impl Outage {
-    /// Notes what was observed; none while the controller has to hold.
+    /// Records the result of an observation; `None` while the controller has to hold.
     ///
     /// # Errors
-    /// Why nothing is observed, after [`MOST_FAILURES`].
+    /// Returns the error of the observation after [`MOST_FAILURES`] failed calls.
     pub fn observed(&mut self, readings: Result<Readings, RobotError>) -> Result<Option<Observation>, RobotError> {
         note(&mut self.observing, readings.and_then(Readings::complete))
     }
 
-    /// Notes what was sent; none if nothing was.
+    /// Records the result of sending a command; `None` if nothing was sent.
     ///
     /// # Errors
-    /// Why nothing is sent, after [`MOST_FAILURES`].
+    /// Returns the error of sending after [`MOST_FAILURES`] failed calls.
     pub fn sent(&mut self, sent: Result<Command, RobotError>) -> Result<Option<Command>, RobotError> {
         note(&mut self.sending, sent)
     }
@@ -55,7 +56,7 @@ mod tests {
         for _ in 0..MOST_FAILURES {
             assert_eq!(failed(&mut outage), Ok(false));
         }
-        // Sending has an outage of its own, and each begins anew after a success.
+        // Sending has a counter of its own, and each counter restarts after a success.
         assert_eq!(outage.sent(Err(RobotError::NotSent(0.05))), Ok(None));
         let seen = outage.observed(Ok(Observation::default().into())).expect("observed");
         assert!(seen.is_some());
@@ -65,7 +66,7 @@ mod tests {
         assert_eq!(failed(&mut outage), Err(gone.clone()));
     }
 
-    /// What was never read is an outage too.
+    /// Readings that were never complete count as an outage too.
     #[test]
     fn incomplete_readings_are_no_observation() {
         let mut outage = Outage::default();

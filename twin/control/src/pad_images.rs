@@ -1,4 +1,4 @@
-//! The cameras' frames as one picture a pad, all of one size.
+//! Combines the camera frames into one image per pad, all of one size.
 
 use std::sync::Arc;
 
@@ -8,22 +8,24 @@ use hand_model::robot::{TactileFrame, TactileImage};
 
 use crate::action::TICKS;
 
-/// Smallest side of a picture, pixels.
+/// Smallest side of an image, pixels.
 pub const LEAST_SIDE: usize = 8;
 
-/// A size that pictures cannot have.
+/// An invalid image size.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("side of the tactile images: found {0} pixels, expected {LEAST_SIDE} to {IMAGE_SIZE}")]
 pub struct ImageSizeError(pub usize);
 
-/// Tick of a step, from 1, whose images arrive within the step if they take `delay` s.
+/// Tick of a step, counted from 1, at which images must be captured to arrive within the step, given a latency of
+/// `delay` s.
 pub fn capture_at(delay: f64, tick: f64) -> usize {
-    // Times are sums of ticks: a thousandth of one is no tick.
+    // Times are sums of ticks: tolerate rounding up to a thousandth of a tick.
     let under_way = (delay / tick - 1e-3).ceil().max(0.0) as usize;
     TICKS.saturating_sub(under_way).max(1)
 }
 
-/// The newest picture of every pad. A pixel is the mean of those of the cameras that it covers; the two cameras of a pad show its halves.
+/// The newest image of every pad. A pixel is the mean of the camera pixels it covers. Where a pad has two cameras, each
+/// shows one half.
 #[derive(Debug, Clone)]
 pub struct PadImages {
     side: usize,
@@ -33,7 +35,7 @@ pub struct PadImages {
 }
 
 impl PadImages {
-    /// Black pictures of `side` x `side` pixels.
+    /// Black images of `side` x `side` pixels.
     pub fn new(hand: &Hand, side: usize) -> Result<Self, ImageSizeError> {
         if !(LEAST_SIDE..=IMAGE_SIZE).contains(&side) {
             return Err(ImageSizeError(side));
@@ -47,7 +49,7 @@ impl PadImages {
         })
     }
 
-    /// Pixels along a side.
+    /// Side of an image, pixels.
     pub fn side(&self) -> usize {
         self.side
     }
@@ -57,12 +59,12 @@ impl PadImages {
         &self.rgb
     }
 
-    /// When each pad's picture was taken, s; `None`: before the scene began.
+    /// Capture time of each pad's image, s; `None` for an image from before the scene began.
     pub fn times(&self) -> &[Option<f64>] {
         &self.times
     }
 
-    /// Shows untouched pads: an image a camera.
+    /// Shows the images of the untouched pads, one per camera.
     pub fn show_backgrounds(&mut self, hand: &Hand, images: Vec<Arc<TactileImage>>) {
         for (newest, image) in self.newest.iter_mut().zip(images) {
             *newest = Some(image);
@@ -72,7 +74,7 @@ impl PadImages {
         }
     }
 
-    /// Shows what has arrived.
+    /// Takes the frames that arrived and redraws the pads whose image changed.
     pub fn show(&mut self, hand: &Hand, frames: Vec<TactileFrame>) {
         let mut changed = vec![false; hand.pads.len()];
         for frame in frames {
@@ -88,7 +90,8 @@ impl PadImages {
         }
     }
 
-    /// Makes a pad's picture from its cameras' newest images, from the distal one to the proximal one, once there is one of the same size of each.
+    /// Composes the image of a pad from the newest images of its cameras, distal to proximal. Does nothing until there
+    /// is one of each camera and all have the same size.
     fn draw(&mut self, hand: &Hand, pad: usize) {
         let images: Option<Vec<&TactileImage>> =
             hand.pads[pad].cameras.iter().rev().map(|camera| self.newest[*camera].as_deref()).collect();
@@ -99,7 +102,7 @@ impl PadImages {
     }
 }
 
-/// `images`, all of one size, one below the other, as a picture of `side` x `side` pixels.
+/// Stacks `images`, all of one size, and resamples them to a picture of `side` x `side` pixels.
 fn shrink(images: &[&TactileImage], side: usize, picture: &mut [u8]) {
     let size = images.first().map_or(0, |image| (image.rgb.len() / 3).isqrt());
     if let ([image], true) = (images, size == side) {
@@ -109,7 +112,7 @@ fn shrink(images: &[&TactileImage], side: usize, picture: &mut [u8]) {
     let rows = images.len() * size;
     let span = |at: usize, whole: usize| at * whole / side..(at + 1) * whole / side;
     let columns: Vec<_> = (0..side).map(|column| span(column, size)).collect();
-    // Rows first: whole rows add up many values at a time.
+    // Rows first, because whole rows add up many values at a time.
     let mut sums = vec![0_u32; 3 * size];
     for (at, line) in picture.chunks_exact_mut(3 * side).enumerate() {
         sums.fill(0);
@@ -153,7 +156,7 @@ mod tests {
         assert!((mean(&small) - mean(&full)).abs() < 0.6);
     }
 
-    /// The camera at the fingers' side of the palm's ulnar pad is above the other one.
+    /// Of the two cameras of the palm's ulnar pad, the one on the fingers' side is shown above the other.
     #[test]
     fn two_cameras_show_the_halves_of_a_pad() {
         let hand = Hand::ftac();

@@ -1,8 +1,8 @@
-//! Palpation: free digits touch an object before it is grasped, to find out where it is.
+//! Palpation: free digits touch an object before it is grasped, in order to locate it.
 //!
-//! Vision and arm err by as much as a finger is wide, and both err alike in the touch and in the grasp that follows it at the same
-//! place. Index and middle finger, stretched out, come down on the object's rim from above, slowly, until a pad feels it. The
-//! pads then show where the object is in the hand, as they do with a held one.
+//! The errors of vision and arm are as large as the width of a finger, and they are the same in the touch and in the
+//! grasp that follows it at the same place. Index and middle finger, stretched out, come down slowly on the object's
+//! rim from above until a pad feels it. The pads then show the object's pose in the hand, as they do for a held object.
 
 use grasping::digit_sets;
 use grasping::grasp::palm_rotation;
@@ -18,37 +18,38 @@ use crate::perception::KnownObject;
 use crate::sensing::{Senses, is_on};
 use crate::trajectory::{PathError, PathLimits, PosePath};
 
-/// Cosine of the largest angle between a pad that touches and the palm's face, the fingers stretched.
+/// Cosine of the largest angle between the normals of a touching pad and of the palm's face, with the fingers
+/// stretched.
 const FACING: f64 = 0.5;
-/// Turns of the hand while it touches, rad, fingers down, and where beside the pads' middle the object is touched, m towards the
-/// thumb: what is held is to stay clear of table and object.
+/// Candidate ways to touch: pitch of the hand, fingers down, rad, and offset of the contact from the middle of the pads
+/// towards the thumb, m. The held object must stay clear of the table and the touched object.
 const WAYS: [(f64, f64); 6] = [(0.5, 0.0), (0.7, 0.0), (0.5, 0.012), (0.7, 0.012), (0.3, 0.0), (0.9, 0.012)];
-/// Time in which hand and object come to rest before the picture is taken, s.
+/// Time for hand and object to come to rest before the images are taken, s.
 pub const SETTLING: f64 = 0.1;
-/// The guarded motion begins so far before the object as it is seen and ends so far beyond, m.
+/// Distances before and beyond the seen surface at which the guarded motion begins and ends, m.
 const AROUND: (f64, f64) = (0.012, 0.018);
 /// Mean speed of the guarded motion, m/s.
 const SPEED: f64 = 0.025;
-/// What is found so many of the prior's standard deviations away is something else.
+/// Gate: estimates farther than this many prior standard deviations are rejected.
 const FARTHEST: f64 = 4.0;
-/// What a touch says that it leaves of the doubt about where an object is, each axis, m; measured on seed 1.
+/// Assumed standard deviation of an object's position after a touch, each axis, m; measured on seed 1.
 pub const LEFT_OVER: f64 = 0.003;
-/// The hand comes from so far above, m.
+/// Height above the start of the guarded motion from which the hand descends, m.
 const ABOVE: f64 = 0.04;
-/// It leaves so far upwards, m: the fingertips pass above the object when they close.
+/// Rise after a palpation, m: the fingertips then pass above the object when they close.
 pub const RISE: f64 = 0.07;
 
-/// The palm's way onto an object.
+/// Paths of the palm for touching an object.
 #[derive(Debug, Clone)]
 pub struct Touching {
-    /// To where the guarded motion begins.
+    /// Path to the start of the guarded motion.
     pub way: PosePath,
     /// The guarded motion.
     pub onto: PosePath,
 }
 
-/// The guarded motions with which the hand can touch an object of this `shape` that is seen at `percept`, the usual one
-/// first: from above, turned about the vertical by `heading` (rad).
+/// Guarded motions with which the hand can touch an object of this `shape` seen at `percept`, the preferred one first:
+/// from above, with the hand yawed by `heading` (rad).
 pub fn touches(hand: &Hand, heading: f64, (shape, percept): (&Shape, &Percept)) -> Vec<PosePath> {
     let (middle, facing) = middle_of_pads(hand);
     let pose = percept.pose();
@@ -65,7 +66,7 @@ pub fn touches(hand: &Hand, heading: f64, (shape, percept): (&Shape, &Percept)) 
     WAYS.iter().filter_map(onto).collect()
 }
 
-/// From `here` to `there`, where a guarded motion begins, by way of a place above it.
+/// Path from `here` to `there`, the start of a guarded motion, by way of a pose above it.
 pub fn way(limits: &PathLimits, here: &Isometry3<f64>, there: &Isometry3<f64>) -> Result<PosePath, PathError> {
     let above = there.translation.vector + Vector3::z() * ABOVE;
     let above = Isometry3::from_parts(Translation3::from(above), there.rotation);
@@ -73,14 +74,15 @@ pub fn way(limits: &PathLimits, here: &Isometry3<f64>, there: &Isometry3<f64>) -
     PosePath::new(stops)
 }
 
-/// Fingers that touch: those that are free while a first object is held. The thumb is none of them: a held object may lie on it.
+/// Fingers that palpate: those that stay free while a first object is held. The thumb is excluded, because a held
+/// object may lie on it.
 pub fn fingers(hand: &Hand) -> Vec<Digit> {
     let mut fingers = digit_sets(hand, 2).swap_remove(1);
     fingers.retain(|digit| *digit != Digit::Thumb);
     fingers
 }
 
-/// Tensions of the cables while fingers touch, N.
+/// Cable tensions during palpation, N.
 pub fn tensions(hand: &Hand) -> DigitVector {
     let mut tensions = hand.slack();
     for digit in fingers(hand) {
@@ -89,8 +91,8 @@ pub fn tensions(hand: &Hand) -> DigitVector {
     tensions
 }
 
-/// Pads that touch, and their places in the palm frame with the fingers stretched: those of the touching fingers beyond each finger's first link
-/// and on the palm's side of it. None in a hand whose file says nothing of palpation.
+/// Palpating pads and their poses in the palm frame with the fingers stretched: the pads on the palmar side of the
+/// palpating fingers beyond the first link of each. None in a hand whose file has no parameters for palpation.
 fn touching(hand: &Hand) -> impl Iterator<Item = (usize, Isometry3<f64>)> {
     let known = hand.parameters.palpation;
     let links = hand.tree.forward(&hand.each_joint(|_| known.map_or(0.0, |known| known.curl)));
@@ -103,8 +105,9 @@ fn touching(hand: &Hand) -> impl Iterator<Item = (usize, Isometry3<f64>)> {
     places.filter(|(_, place)| -(place * Vector3::z()).z > FACING)
 }
 
-/// The pads that touch, where they make one surface: nothing as wide as a pad comes between those of neighbouring fingers. None in a
-/// hand with fingers farther apart, between which a ball is felt by neither, and in one without such pads.
+/// Palpating pads, provided that they form one surface: the gaps between the pads of neighbouring fingers are smaller
+/// than a pad's width. None for a hand whose fingers are farther apart, because neither finger would feel a ball in
+/// between, and none for a hand without such pads.
 pub fn plate(hand: &Hand) -> Vec<usize> {
     let pads: Vec<_> = touching(hand).collect();
     let apart = |(one, at): &(usize, Isometry3<f64>), (other, there): &(usize, Isometry3<f64>)| {
@@ -120,7 +123,7 @@ fn on_one_digit(hand: &Hand, one: usize, other: usize) -> bool {
     hand.digit_of(hand.pads[one].link) == hand.digit_of(hand.pads[other].link)
 }
 
-/// The middle of the pads that touch and the way that they face, both in the palm frame, with the fingers stretched.
+/// Centre of the palpating pads and their mean normal, both in the palm frame, with the fingers stretched.
 fn middle_of_pads(hand: &Hand) -> (Point3<f64>, Vector3<f64>) {
     let places: Vec<_> = touching(hand).map(|(_, place)| place).collect();
     let middle = places.iter().map(|place| place.translation.vector).sum::<Vector3<f64>>() / places.len() as f64;
@@ -128,8 +131,8 @@ fn middle_of_pads(hand: &Hand) -> (Point3<f64>, Vector3<f64>) {
     (middle.into(), facing.normalize())
 }
 
-/// Where an object is in the hand that touches it with free digits; `None` if they feel nothing that can be it. `first` is what is
-/// held, if anything is.
+/// Estimates the pose of a touched object in the hand from the free digits. `None` if they feel nothing that can be the
+/// object. `first` is the held object, if there is one.
 pub fn located(
     senses: &Senses,
     look: &Look,
@@ -151,8 +154,9 @@ pub fn located(
     Ok((off.norm() < FARTHEST * prior.sigma_translation).then_some(found))
 }
 
-/// An object was found `off` (m, world) beside where it was seen, with this covariance (m2), from a prior as wide in all directions
-/// as the first of `sigmas` (m). It stands on the table: its height is known as well as the second one says.
+/// Conditions a touch on the fact that the object stands on the table, so that its height is known. The object was
+/// found `off` (m, world) from its seen position, with this covariance (m2), from an isotropic prior with the first of
+/// `sigmas` (m) as standard deviation. The second one is the standard deviation of its height.
 pub fn standing(off: Vector3<f64>, covariance: &Matrix3<f64>, sigmas: (f64, f64)) -> (Vector3<f64>, Matrix3<f64>) {
     let (prior, level) = sigmas;
     let information = level.powi(-2) - prior.powi(-2);
@@ -170,8 +174,8 @@ mod tests {
 
     use super::*;
 
-    /// The outer pads of index and middle finger touch, of which a robot with pads on backs and sides has no more; the Allegro Hand's
-    /// fingertips are 56 mm apart, and nothing as wide as a pad may come between.
+    /// The outer pads of index and middle finger touch, also on a robot with further pads on backs and sides. The
+    /// fingertips of the Allegro Hand are 56 mm apart, which leaves room for something as wide as a pad.
     #[test]
     fn pads_that_touch_make_one_surface() {
         let robot = |file: &str| {
@@ -187,7 +191,8 @@ mod tests {
         assert_eq!(fingers(&Hand::ftac()), [Digit::Index, Digit::Middle]);
     }
 
-    /// Where the guarded motion has come as far as the object is seen, the pads' middle is on its surface and faces it.
+    /// Once the guarded motion has come as far as the seen surface, the centre of the pads is on that surface and faces
+    /// it.
     #[test]
     fn pads_meet_the_object_where_it_is_seen() {
         let hand = Hand::ftac();
@@ -209,7 +214,8 @@ mod tests {
         }
     }
 
-    /// With nothing but the prior, the height takes its own standard deviation and the rest stays; a correlated axis follows it.
+    /// With only the prior, the height takes its own standard deviation and the rest stays; a correlated axis changes
+    /// with it.
     #[test]
     fn the_table_tells_the_height() {
         let (off, found) = standing(Vector3::new(0.0, 0.001, 0.004), &(Matrix3::identity() * 1e-4), (0.01, 0.005));
@@ -219,7 +225,7 @@ mod tests {
         (covariance[(0, 2)], covariance[(2, 0)]) = (0.8e-4, 0.8e-4);
         let (off, found) = standing(Vector3::new(0.003, 0.0, 0.004), &covariance, (0.01, 0.005));
         assert!(found[(0, 0)] < 0.6e-4 && off.x < 0.001, "{found} {off}");
-        // A prior that knows the height better already is left as it is.
+        // A prior that knows the height better is left unchanged.
         assert_eq!(standing(off, &covariance, (0.004, 0.005)), (off, covariance));
     }
 }

@@ -1,26 +1,27 @@
-//! Objects as prior perception reports them, and the door through which it is asked.
+//! Objects as prior perception reports them, and the interface through which it is asked.
 
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion};
 use world::objects::ObjectModel;
 
-/// Two looks at the same place are at most this many standard deviations of a look's own error apart ...
+/// Gate of two looks at the same place: largest distance, in standard deviations of a look's own error.
 const AGREES: f64 = 4.0;
-/// ... and this much turned, rad: an object that has fallen over, or is taken for one, is turned by more.
+/// Gate of two looks at the same place: largest rotation between them, rad. An object that fell over, or is mistaken
+/// for a fallen one, is turned by more.
 const ALIKE: f64 = 0.5;
 
-/// An object as prior perception (a camera over the table, say) reports it, error included.
+/// An object as reported by prior perception (a camera over the table, for instance), error included.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Percept {
     /// Centre, m, world.
     pub position: Point3<f64>,
     /// Orientation `world_from_object`.
     pub rotation: UnitQuaternion<f64>,
-    /// Turn about the vertical from the object's rest pose, rad; 0 where it lies in another way.
+    /// Yaw from the object's rest pose, rad; 0 if it lies in another way.
     pub yaw: f64,
 }
 
 impl Percept {
-    /// `object` reported at `world_from_object`.
+    /// Percept of `object` reported at `world_from_object`.
     pub fn of(object: &ObjectModel, world_from_object: &Isometry3<f64>) -> Self {
         Self {
             position: world_from_object.translation.vector.into(),
@@ -29,28 +30,28 @@ impl Percept {
         }
     }
 
-    /// A ball reported at `world_from_object`: all its turns look the same.
+    /// Percept of a ball reported at `world_from_object`; its rotation is ignored.
     pub fn of_ball(world_from_object: &Isometry3<f64>) -> Self {
         Self { position: world_from_object.translation.vector.into(), rotation: UnitQuaternion::identity(), yaw: 0.0 }
     }
 
-    /// `world_from_object`.
+    /// Returns `world_from_object`.
     pub fn pose(&self) -> Isometry3<f64> {
         Isometry3::from_parts(Translation3::from(self.position.coords), self.rotation)
     }
 }
 
-/// An object's place as the mean of several looks.
+/// Position of an object, averaged over several looks.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Looked {
     pub mean: Percept,
-    /// How many looks it is the mean of.
+    /// Number of looks over which the mean is taken.
     pub looks: u32,
 }
 
 impl Looked {
-    /// With one look more, whose own error has the standard deviation `sigma` (m, each of x and y). A look that does not agree with
-    /// the mean is believed in its place: the object was moved, or was taken for another way to lie.
+    /// Adds one look whose own error has the standard deviation `sigma` (m, each of x and y). A look that disagrees
+    /// with the mean replaces it: the object was moved, or the way it lies was mistaken before.
     #[must_use]
     pub fn again(self, seen: Percept, sigma: f64) -> Self {
         let apart = seen.position - self.mean.position;
@@ -68,23 +69,23 @@ impl Looked {
     }
 }
 
-/// Why an object could not be looked at.
+/// Failure to look at an object.
 #[derive(Debug, thiserror::Error)]
 #[error("looking at object {object}: {source}")]
 pub struct EyesError {
     /// Number of the object.
     pub object: usize,
-    /// What failed.
+    /// Underlying error.
     #[source]
     pub source: Box<dyn std::error::Error + Send + Sync>,
 }
 
-/// An object as a look reports it.
+/// Report of an object from one look.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sighted {
     /// `world_from_object`, with the look's error.
     pub pose: Isometry3<f64>,
-    /// What the look states of its own error, standard deviation of each of x and y, m; the usual one where it states none.
+    /// Standard deviation that the look states for its own error, each of x and y, m; `None` for the usual one.
     pub sigma: Option<f64>,
 }
 
@@ -96,7 +97,7 @@ impl From<Isometry3<f64>> for Sighted {
 
 /// Prior perception: simulated with errors, a camera, or an operator who puts the object in its place.
 pub trait Eyes {
-    /// Looks at object number `object` anew; none if it is not to be seen.
+    /// Looks at object number `object` again; `None` if it is not visible.
     fn look(&mut self, object: usize) -> Result<Option<Sighted>, EyesError>;
 }
 
@@ -118,7 +119,7 @@ mod tests {
         assert!(three.mean.rotation.angle_to(&seen(0.0, 0.04).rotation) < 1e-9);
     }
 
-    /// What was moved, or fell over, is where it was seen last.
+    /// An object that was moved or fell over is where it was seen last.
     #[test]
     fn a_look_that_disagrees_is_believed() {
         let one = Looked { mean: seen(0.0, 0.0), looks: 4 };

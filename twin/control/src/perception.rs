@@ -1,4 +1,4 @@
-//! From tactile images to what is held: which objects are in the hand, and where they sit in it.
+//! Perception of holds: estimates from tactile images which objects are in the hand, and their poses in it.
 
 use std::sync::{Arc, OnceLock};
 
@@ -21,16 +21,16 @@ use crate::look::Look;
 use crate::percept::Percept;
 use crate::sensing::{Senses, is_on};
 
-/// Error of the plan's idea of where the object will sit in the hand: standard deviations, m and rad.
+/// Standard deviations of the planned pose of an object in the hand, m and rad.
 const PRIOR_SIGMA: (f64, f64) = (0.012, 0.35);
-/// The least that is left of it where a grasp knows the spread of its holds.
+/// Lower bounds of these standard deviations for a grasp whose spread of holds is known, m and rad.
 const NARROWEST_PRIOR: (f64, f64) = (0.003, 0.08);
 
-/// Cell of the distance grids of meshes and how far they reach beyond the shape, m.
+/// Cell size of the distance grids of meshes, and their margin around the shape, m.
 const GRID: (f64, f64) = (0.001, 0.012);
 
-/// An object whose shape can be registered quickly: a mesh gets a distance grid, which takes some tenths of a second, when it is
-/// prepared or first asked for a distance.
+/// An object whose shape can be registered quickly. A mesh gets a distance grid, which takes some tenths of a second to
+/// compute, when it is prepared or first asked for a distance.
 #[derive(Debug, Clone)]
 pub struct KnownObject {
     pub model: Arc<ObjectModel>,
@@ -42,7 +42,7 @@ impl KnownObject {
         Self { model, grid: OnceLock::new() }
     }
 
-    /// Makes the grid if there is none yet, so that no decision waits for it.
+    /// Computes the distance grid if there is none yet, so that no decision has to wait for it.
     pub fn prepare(&self) {
         if let shape @ Shape::Mesh(_) = &self.model.shape {
             self.grid_of(shape);
@@ -70,17 +70,17 @@ pub struct Felt {
     pub object: usize,
     /// One entry a pad.
     pub touches: Vec<PadTouch>,
-    /// Cameras that had no say, and why.
+    /// Cameras that were left out, with the reasons.
     pub faults: Vec<CameraFault>,
     /// Estimate of the held object's pose.
     pub estimate: PoseEstimate,
-    /// What the plan had expected: `palm_from_object`.
+    /// Planned `palm_from_object`.
     pub prior: Isometry3<f64>,
-    /// What is held.
+    /// Objects felt to be in the hand.
     pub grip: Grip,
 }
 
-/// Which objects are felt to be in the hand, in the order in which they are taken.
+/// Set of the objects that are felt to be in the hand, in the order in which they are taken.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Grip([bool; MOST_OBJECTS]);
 
@@ -92,12 +92,12 @@ impl FromIterator<bool> for Grip {
     }
 }
 
-/// An object that should be in the hand.
+/// Expected hold of an object.
 #[derive(Debug, Clone, Copy)]
 pub struct Holder<'a> {
-    /// Those that hold it.
+    /// Digits that hold the object.
     pub digits: &'a [Digit],
-    /// Joint angles where its grasp holds, rad, if that is known.
+    /// Joint angles of the verified hold, rad, if known.
     pub joints: Option<&'a [f64]>,
 }
 
@@ -107,7 +107,7 @@ impl<'a> Holder<'a> {
     }
 }
 
-/// Readings that tell which objects are in the hand.
+/// Evidence on which objects are in the hand.
 #[derive(Clone, Copy)]
 pub struct Signs<'a> {
     pub limits: &'a HoldLimits,
@@ -116,11 +116,11 @@ pub struct Signs<'a> {
     pub servos: &'a [ServoState],
     /// Joint angles, rad.
     pub q: &'a [f64],
-    /// The objects, in the order in which they are taken.
+    /// Expected holds, in the order in which the objects are taken.
     pub objects: &'a [Holder<'a>],
     /// Pads that rest on the first object.
     pub on_first: &'a [usize],
-    /// Standard deviation of a cable's excursion, m.
+    /// Standard deviation of a cable excursion, m.
     pub sigma: f64,
 }
 
@@ -130,19 +130,21 @@ impl Grip {
         self.0.get(object).is_some_and(|held| *held)
     }
 
-    /// The first object up to the `last` that is not in the hand.
+    /// Returns the first object up to the `last` that is not in the hand.
     pub fn missing(&self, last: usize) -> Option<usize> {
         (0..=last).find(|object| !self.holds(*object))
     }
 
-    /// An object counts as held when at least two of the parts that hold it feel something, or the only one that has pads: its digits
-    /// and the palm for the first, its digits for a later one. Digits often hold with their sides, where no pad is; an
-    /// object is therefore also taken to be held when a cable says that a finger did not close.
+    /// Decides which objects are held. An object counts as held if at least two of the parts that hold it feel
+    /// something, or the only part that has pads. The parts are the digits and the palm for the first object, and the
+    /// digits for a later one. Digits often hold with their sides, which bear no pads. An object therefore also counts
+    /// as held if a cable shows that a finger did not close.
     ///
-    /// A finger that has no part in a later grasp where that holds, or is stopped much later, has met the thumb and not the object.
-    /// So has one that feels another part of the hand, or of which a pad rests on the first object: what those feel is not a later one.
-    /// A finger with links that bear no pad is compared with its grasp's hold and with a closing on nothing ([`stops_early`]).
-    /// Jaws have nothing else to meet: one that did not close holds the first object.
+    /// A finger that takes no part in the verified hold of a later grasp, or that stops much later than in that hold,
+    /// has met the thumb and not the object. So has a finger that feels another part of the hand, or of which a pad
+    /// rests on the first object: such contacts are no evidence of a later object. A finger with links that bear no pad
+    /// is compared with its grasp's hold and with an empty closing ([`stops_early`]). Jaws can meet nothing else: a jaw
+    /// that did not close holds the first object.
     pub fn of(hand: &Hand, signs: &Signs) -> Self {
         let Signs { limits, touches, servos, q, objects, on_first, sigma } = *signs;
         let of = |digit: Option<Digit>| {
@@ -177,7 +179,8 @@ impl Grip {
                 && takes_part(object, digit)
                 && expected(object, digit).is_none_or(|share| closure(hand, servos, digit) < share + limits.late)
         };
-        // A closed thumb lies where the fingers of the first object close: then only what pads feel counts, or a digit with a blind one.
+        // A closed thumb lies where the fingers of the first object close. Then only the pads count, or a digit with a
+        // blind pad.
         let thumb = cable_tension(hand, Digit::Thumb.index(), &servos[Digit::Thumb.index()]) > limits.pulled;
         let blind = |digit: Digit| of(Some(digit)).any(|touch| touch.blind);
         let holds = |digit: &&Digit| feels(Some(**digit)) || blind(**digit) && !bare(**digit) && blocked(**digit);
@@ -198,14 +201,14 @@ impl Grip {
     }
 }
 
-/// Whether something is in a closing digit's way: its cable is taken up by less than a full closing. A digit that is not pulled
-/// tells nothing.
+/// True if something blocks a closing digit: its cable is taken up by less than a full closing. A digit that is not
+/// pulled gives no evidence.
 pub fn blocked(hand: &Hand, limits: &HoldLimits, servos: &[ServoState], digit: Digit) -> bool {
     let pulled = cable_tension(hand, digit.index(), &servos[digit.index()]) > limits.pulled;
     pulled && closure(hand, servos, digit) < limits.blocked
 }
 
-/// How far a digit has closed, as a share of a full closing.
+/// Closure of a digit, as a share of full closing.
 fn closure(hand: &Hand, servos: &[ServoState], digit: Digit) -> f64 {
     cable_excursion(hand, digit.index(), &servos[digit.index()]) / full_excursion(hand, digit)
 }
@@ -214,19 +217,19 @@ fn full_excursion(hand: &Hand, digit: Digit) -> f64 {
     hand.transmission.cables[digit.index()].full_excursion()
 }
 
-/// The plan of a trial's grasps, as far as perception needs it.
+/// Expected holds of a trial's planned grasps, as far as perception needs them.
 #[derive(Debug, Clone)]
 pub struct Expected<'a> {
-    /// Where the plan has the first object in the hand: `palm_from_object`.
+    /// Planned `palm_from_object` of the first object.
     pub palm_from_object: Isometry3<f64>,
-    /// Standard deviations of that place, m, and turn, rad.
+    /// Standard deviations of that position, m, and rotation, rad.
     sigma: (f64, f64),
-    /// Hold state of each object, in the order in which they are taken.
+    /// Expected hold of each object, in the order in which they are taken.
     pub objects: Vec<Holder<'a>>,
 }
 
 impl<'a> Expected<'a> {
-    /// What `first` and the grasps after it expect of a trial; `percept` is where the first object was seen.
+    /// Expectations from the `first` grasp and the ones after it; `percept` is the percept of the first object.
     pub fn of(first: &'a Grasp, percept: &Percept, later: impl IntoIterator<Item = &'a Grasp>) -> Self {
         let objects = std::iter::once(first).chain(later).map(Holder::of).collect();
         let sigma = first.held_spread.map_or(PRIOR_SIGMA, |[place, turn]| {
@@ -235,14 +238,14 @@ impl<'a> Expected<'a> {
         Self { palm_from_object: place_in_hand(first, percept), sigma, objects }
     }
 
-    /// The first object as it should be in the hand.
+    /// Prior of the first object's pose in the hand.
     pub fn prior(&self) -> PosePrior {
         let (sigma_translation, sigma_rotation) = self.sigma;
         PosePrior { palm_from_object: self.palm_from_object, sigma_translation, sigma_rotation }
     }
 }
 
-/// `palm_from_object` where a grasp has an object that is seen at `percept`.
+/// Planned `palm_from_object` of an object at `percept` after `grasp`.
 pub fn place_in_hand(grasp: &Grasp, percept: &Percept) -> Isometry3<f64> {
     grasp.held.unwrap_or_else(|| grasp.palm_pose(&percept.position, percept.yaw).inverse() * percept.pose())
 }
@@ -261,8 +264,8 @@ pub fn feel(senses: &Senses, look: &Look, object: &KnownObject, expected: &Expec
     Ok(Felt { object: 0, touches, faults, estimate, prior: prior.palm_from_object, grip })
 }
 
-/// Interprets what was perceived in a look at a hand that holds objects with digits of their own: what is felt of each. Of each its number, its shape, its
-/// digits and where it should be (`palm_from_object`) are given.
+/// Interprets a look, already perceived, at a hand that holds each object with digits of its own, and estimates the
+/// pose of each. Every object is given by its number, its shape, its digits and its expected `palm_from_object`.
 pub fn feel_each(
     senses: &Senses,
     look: &Look,
@@ -276,7 +279,8 @@ pub fn feel_each(
         .collect();
     pipeline.mark_own(&mut touches, look.readings, &in_hand)?;
     let pads = hand.pad_poses(&hand.tree.forward(&loaded_posture(hand, &touches, look.readings, &pipeline.pose)?));
-    // Which object a patch is of: the nearest one. A digit keeps its patches for what it holds, unless they lie on another object.
+    // Each patch belongs to the nearest object. A digit keeps its patches for the object it holds, unless they lie on
+    // another one.
     let owner = |pad: usize, patch: &Patch| {
         let nearest = nearest(&in_hand, &pads[pad], patch)?;
         let holds = objects.iter().position(|(_, _, digits, _)| is_on(hand, pad, digits));
@@ -295,7 +299,7 @@ pub fn feel_each(
     Ok(felt)
 }
 
-/// Which of `objects` has its surface nearest to a patch on a pad, and how far the patch is from it on average, m.
+/// Returns the object whose surface is nearest to a patch on a pad, and the mean distance (m) of the patch from it.
 fn nearest(objects: &[InHand], palm_from_pad: &Isometry3<f64>, patch: &Patch) -> Option<(usize, f64)> {
     let distance = |object: &InHand| {
         let object_from_pad = object.prior.palm_from_object.inverse() * palm_from_pad;
@@ -306,12 +310,12 @@ fn nearest(objects: &[InHand], palm_from_pad: &Isometry3<f64>, patch: &Patch) ->
     objects.iter().map(distance).enumerate().min_by(|a, b| a.1.total_cmp(&b.1))
 }
 
-/// The plan's idea of where an object is in the hand, with how far it is trusted.
+/// Prior for a planned pose of an object in the hand, with the default standard deviations.
 pub fn trusted(palm_from_object: Isometry3<f64>) -> PosePrior {
     PosePrior { palm_from_object, sigma_translation: PRIOR_SIGMA.0, sigma_rotation: PRIOR_SIGMA.1 }
 }
 
-/// Which objects a look says are in the hand; `objects` are those that should be, the first one first.
+/// Determines from a look which objects are in the hand; `objects` are the expected ones, the first one first.
 pub fn grip(senses: &Senses, look: &Look, expected: &Expected, objects: &[InHand]) -> Result<Grip, TouchError> {
     let Perceived { mut touches, .. } = senses.perceive(look)?;
     senses.pipeline().mark_own(&mut touches, look.readings, objects)?;
@@ -325,7 +329,7 @@ pub fn grip(senses: &Senses, look: &Look, expected: &Expected, objects: &[InHand
     Ok(Grip::of(hand, &signs))
 }
 
-/// Standard deviation of a measured excursion, m.
+/// Standard deviation of a measured cable excursion, m.
 fn excursion_sigma(pipeline: &TouchPipeline) -> f64 {
     posture::excursion_sigma(pipeline.hand(), pipeline.pose.sigma_excursion, &pipeline.pose.cables)
 }
@@ -346,7 +350,8 @@ pub(crate) mod tests {
     use super::*;
     use hand_model::ActuatorVector;
 
-    /// Servos of a hand whose cables are pulled with `tension` (N) and taken up by `share` of a full closing, thumb first.
+    /// Servo readings of a hand whose cables are pulled with `tension` (N) and taken up by `share` of a full closing,
+    /// thumb first.
     fn pulled(hand: &Hand, share: [f64; 5], tension: f64) -> ActuatorVector<ServoState> {
         let cable = &hand.parameters.cable;
         hand.each_actuator(|n| {
@@ -361,7 +366,7 @@ pub(crate) mod tests {
         pulled(hand, share, 10.0)
     }
 
-    /// What servos alone tell, with the second grasp's hold.
+    /// Grip from the servos alone, with the verified hold of the second grasp.
     fn told(hand: &Hand, servos: &[ServoState], second: Option<&[f64]>) -> Grip {
         let (q, sets) = (hand.open(), grasping::digit_sets(hand, 2));
         let objects = [Holder { digits: &sets[0], joints: None }, Holder { digits: &sets[1], joints: second }];
@@ -369,7 +374,7 @@ pub(crate) mod tests {
         Grip::of(hand, &Signs { limits, touches: &[], servos, q: &q, objects, on_first: &[], sigma: 1.5e-4 })
     }
 
-    /// A digit without power stays open; that is no object.
+    /// A digit without power stays open, which does not count as an object.
     #[test]
     fn a_slack_finger_holds_nothing() {
         let hand = Hand::ftac();
@@ -377,7 +382,7 @@ pub(crate) mod tests {
         assert_eq!(slack, Grip::default());
     }
 
-    /// Fingers that close all the way hold nothing; an index finger that stops half-way does.
+    /// Fingers that close completely hold nothing; an index finger that stops halfway does.
     #[test]
     fn a_blocked_finger_holds_something() {
         let hand = Hand::ftac();
@@ -387,7 +392,8 @@ pub(crate) mod tests {
         assert_eq!(blocked, Grip::from_iter([false, true]));
     }
 
-    /// A middle finger that stops later than where the grasp holds has met the thumb; so has one that takes no part in it.
+    /// A middle finger that stops later than at its verified hold has met the thumb, and so has one that takes no part
+    /// in the grasp.
     #[test]
     fn a_finger_that_met_the_thumb_holds_nothing() {
         let hand = Hand::ftac();

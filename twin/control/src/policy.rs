@@ -1,9 +1,11 @@
 //! Policies: everything that decides, retries, aims and gives up.
 //!
-//! A policy sees what a robot measures and what its [`Eyes`] report. It is asked at the decisions of a trial, acts on the
-//! [`Executor`], and answers how far to play. [`blind`] carries out the plan, [`touch`] adapts to what is felt, [`in_turn`] does so with more than two objects, [`chosen`] asks
-//! somebody else, [`order`] says which object is taken first, [`pick_sequence`] decides what a transport takes next; [`reach`] finds the grasps that the arm can carry out. No type here can name the scene's truth:
-//! the true-pose ablation is an [`Injected`] estimate that comes from outside.
+//! A policy receives the measurements of the robot and the reports of its [`Eyes`]. It is asked at the decisions of a
+//! trial, acts on the [`Executor`], and answers how to go on. [`blind`] carries out the plan, and [`touch`] adapts to
+//! tactile perception. [`in_turn`] does so with more than two objects. [`chosen`] delegates the choice to an external
+//! chooser. [`order`] determines which object is taken first, [`pick_sequence`] decides the picks of a transport, and
+//! [`reach`] finds the grasps that the arm can carry out. No type here can name the scene's truth: the true-pose
+//! ablation is an [`Injected`] estimate from outside.
 
 pub mod blind;
 pub mod chosen;
@@ -33,118 +35,119 @@ use crate::uncertainty::Uncertainty;
 use crate::workcell::Workcell;
 use crate::worth::{Candidate, Sequence};
 
-/// What a policy knows before a trial begins.
+/// Knowledge of a policy before a trial begins.
 #[derive(Clone)]
 pub struct Knowledge<'a> {
     /// Hand and arm.
     pub cell: &'a Workcell,
-    /// All objects, in every way in which they can lie.
+    /// All objects, in every pose in which they can lie.
     pub library: &'a ObjectSet,
-    /// Proven grasps.
+    /// Grasps proven in simulation.
     pub repertoire: &'a Repertoire,
     /// The objects of the trial, in the order in which they are taken.
     pub objects: Vec<Arc<ObjectModel>>,
-    /// The same, ready to be registered.
+    /// The same objects, prepared for registration.
     pub known: Vec<&'a KnownObject>,
-    /// Grasps of the second object, the planned one first; none in a trial of one.
+    /// Grasps of the second object, the planned one first; empty in a trial of one object.
     pub second: Vec<Candidate>,
-    /// Grasps of the third object, the planned one first; none in a trial of fewer.
+    /// Grasps of the third object, the planned one first; empty in a trial of fewer objects.
     pub third: Vec<Candidate>,
-    /// Rehearsed grasps of the second object in the ways in which it can fall over: each names its way as its object.
+    /// Rehearsed grasps of the second object for the ways in which it can fall over; the object of each names that way.
     pub fallen: Vec<Candidate>,
-    /// Other first grasps, with the second grasps rehearsed after each.
+    /// Alternative first grasps, each with the second grasps rehearsed after it.
     pub others: Vec<Sequence>,
-    /// Errors that the controller expects of its robot.
+    /// Standard deviations of the errors that the controller expects of its robot.
     pub uncertainty: Uncertainty,
-    /// What the first look at each object states of its own error, m ([`crate::percept::Sighted::sigma`]).
+    /// Standard deviation that the first look at each object states for its own error, m
+    /// ([`crate::percept::Sighted::sigma`]).
     pub sighted: [Option<f64>; MOST_OBJECTS],
-    /// Time after which a trial counts as failed, s.
+    /// Time limit of a trial, s.
     pub time_limit: f64,
-    /// How it may try again.
+    /// Permitted retries.
     pub recovery: Recovery,
-    /// Whether it touches objects to find out where they are, before it grasps them.
+    /// True if the policy palpates objects to locate them before it grasps them.
     pub explores: bool,
-    /// How it plays second grasps in a twin of the scene before it chooses one, if it does.
+    /// Settings for playing second grasps in a twin of the scene before one is chosen, if that is enabled.
     pub foresees: Option<Foresees<'a>>,
-    /// Why the objects are taken in another order than planned, if they are.
+    /// Expected results of both orders, if the objects are taken in another order than planned.
     pub reordered: Option<Reordered>,
 }
 
-/// The other order must promise this many times as much. Where no sequence of the plan is sure, the plans of both orders were searched for
-/// the best of many odds, and the best of many is partly the luckiest. Set by hand on seed 1.
+/// Factor by which the other order must promise more than the planned one. Where no sequence of the plan is sure, the
+/// best of many odds was searched in both orders, and the best of many is partly the luckiest. Set by hand on seed 1.
 const GAIN: f64 = 1.1;
 
-/// What two orders promise, where the other one promises more than the planned one.
+/// Expected results of two orders, where the other order promises more than the planned one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reordered {
-    /// Of the planned order.
+    /// Promise of the planned order.
     pub planned: f64,
-    /// Of the other one.
+    /// Promise of the other order.
     pub other: f64,
 }
 
 impl Reordered {
-    /// `Some` if the other order should be taken.
+    /// Returns `Some` if the other order should be taken.
     pub fn of(planned: f64, other: f64) -> Option<Self> {
         (other > GAIN * planned).then_some(Self { planned, other })
     }
 }
 
-/// How a policy may try again: everything, but in an ablation.
+/// Permitted retries; restricted only in an ablation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Recovery {
-    /// Tries again what failed.
+    /// True if failed grasps are tried again.
     pub retry: bool,
-    /// Looks at the objects anew before it does.
+    /// True if the objects are looked at again before a retry.
     pub new_look: bool,
 }
 
 impl Recovery {
-    /// Everything.
+    /// All retries permitted.
     pub const FULL: Self = Self { retry: true, new_look: true };
 }
 
-/// What is in the hand, from a source other than touch: an ablation's upper bound.
+/// Contents of the hand from a source other than touch: the upper bound of an ablation.
 #[derive(Debug, Clone, Copy)]
 pub struct Injected {
     /// Pose of the first object in the hand.
     pub palm_from_object: Isometry3<f64>,
-    /// Which objects are in the hand.
+    /// Objects in the hand.
     pub grip: Grip,
 }
 
-/// How a trial goes on after a decision.
+/// Continuation of a trial after a decision.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Step {
     /// Play until the next decision.
     Play,
     /// The trial is over.
     Finish,
-    /// The trial is given up: no grasp is in reach.
+    /// The trial is given up: no grasp is within reach.
     GiveUp,
-    /// The trial is given up: a contact is likelier than a hold, whatever is tried.
+    /// The trial is given up: a contact is likelier than a hold for every grasp.
     Decline,
-    /// The trial is given up: an object that is needed is nowhere to be seen.
+    /// The trial is given up: a required object is not visible.
     NotSeen,
-    /// The trial is given up: who decides has failed.
+    /// The trial is given up: the decision maker has failed.
     Failed,
 }
 
-/// A decision for whoever watches: what was weighed, and what came of it.
+/// A decision for an observer: the options that were weighed, and the result.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Choice {
     /// The candidates.
     pub weighed: Vec<Weighed>,
-    /// Place of the chosen one among them; `None` if none was taken.
+    /// Index of the chosen candidate; `None` if none was taken.
     pub chosen: Option<usize>,
-    /// How the plan would have gone, if something else was chosen.
+    /// Predicted course of the plan, if another option was chosen.
     pub rejected: Option<Course>,
-    /// How the chosen one goes.
+    /// Predicted course of the chosen option.
     pub course: Option<Course>,
 }
 
 impl Choice {
-    /// `decision` as it was made; `declined`: nothing is taken.
+    /// Record of `decision`; with `declined`, nothing is taken.
     fn of(decision: &Decision, declined: bool) -> Self {
         let Decision { weighed, choice, rejected, course, .. } = decision;
         Self {
@@ -156,62 +159,62 @@ impl Choice {
     }
 }
 
-/// The planned second grasp and the chosen one, as the first decision assessed them.
+/// The planned and the chosen second grasp, as assessed by the first decision.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FirstDecision {
-    /// Of the plan, aimed at what is seen.
+    /// Assessment of the plan, aimed at the seen position.
     pub plan: Assessment,
-    /// Of the chosen grasp; `None` where the policy declined.
+    /// Assessment of the chosen grasp; `None` if the policy declined.
     pub chosen: Option<Assessment>,
 }
 
-/// What a policy did in a trial, for its record.
+/// Record of a policy's actions in a trial.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Story {
-    /// How often a grasp was tried again.
+    /// Number of retries.
     pub retries: u32,
-    /// Whether a second grasp other than the planned one was chosen.
+    /// True if a second grasp other than the planned one was chosen.
     pub switched: bool,
-    /// Whether the second grasp was aimed elsewhere than at what was seen first.
+    /// True if the second grasp was aimed away from the position that was seen first.
     pub aimed: bool,
-    /// Decisions how to take the second object.
+    /// Number of decisions on how to take the second object.
     pub decisions: u32,
-    /// The first decision how to take the second object.
+    /// The first decision on how to take the second object.
     pub first_decision: Option<FirstDecision>,
-    /// What was attempted after the first grasp, in order.
+    /// Attempts after the first grasp, in order.
     pub attempts: Vec<Attempt>,
     /// Reasons in words, in order.
     pub reasons: Vec<String>,
-    /// What is about to be done and why, for whoever watches.
+    /// Announcements of upcoming actions with their reasons, for an observer.
     announcements: Vec<String>,
-    /// The latest decision, until somebody takes it.
+    /// The latest decision, until an observer takes it.
     choice: Option<Choice>,
 }
 
 impl Story {
-    /// Whether everything so far is what the plan says.
+    /// True if everything so far follows the plan.
     pub fn is_as_planned(&self) -> bool {
         self.retries == 0 && !self.switched && !self.aimed
     }
 
-    /// What was announced since the last call.
+    /// Takes the announcements since the last call.
     pub fn take_announcements(&mut self) -> Vec<String> {
         std::mem::take(&mut self.announcements)
     }
 
-    /// The decision that was made since the last call.
+    /// Takes the decision since the last call, if there was one.
     pub fn take_choice(&mut self) -> Option<Choice> {
         self.choice.take()
     }
 
-    /// A reason that is recorded and announced.
+    /// Records and announces a reason.
     fn tell(&mut self, reason: String) {
         self.announcements.push(reason.clone());
         self.reasons.push(reason);
     }
 }
 
-/// Why a policy cannot go on.
+/// Error that stops a policy.
 #[derive(Debug, thiserror::Error)]
 pub enum PolicyError {
     /// Perception failed.
@@ -226,21 +229,21 @@ pub enum PolicyError {
     /// Prior perception failed.
     #[error(transparent)]
     Eyes(#[from] EyesError),
-    /// The plan names no second grasp.
+    /// The plan has no second grasp.
     #[error("the plan for {0} has no second grasp")]
     NoPlan(String),
 }
 
-/// A policy of a trial. It is asked whenever the executor waits: first it perceives, then it decides.
+/// Policy of a trial. It is asked whenever the executor waits: first it perceives, then it decides.
 pub trait Policy {
-    /// Takes in what the last look measured.
+    /// Perceives the measurements of the last look.
     fn perceive(&mut self, executor: &Executor, injected: Option<Injected>) -> Result<(), PolicyError>;
     /// Decides at `time` (s, the robot's clock) and acts on the executor.
     fn decide(&mut self, executor: &mut Executor, eyes: &mut dyn Eyes, time: f64) -> Result<Step, PolicyError>;
-    /// What it did so far.
+    /// Returns the record of its actions so far.
     fn story(&mut self) -> &mut Story;
     /// Pose estimate of each object in the hand at the last look.
     fn felt(&self) -> &[Felt];
-    /// Whether its decisions are made from measurements, and so take time.
+    /// True if its decisions depend on measurements, and therefore take time.
     fn deliberates(&self) -> bool;
 }

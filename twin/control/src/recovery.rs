@@ -1,4 +1,4 @@
-//! Recovery: what to do next, given what touch says is in the hand after a grasp was tried.
+//! Recovery: the next action, given the objects that touch finds in the hand after a grasp was tried.
 
 use grasping::digit_sets::in_words;
 use hand_model::Digit;
@@ -7,17 +7,17 @@ use world::phase::{Phase, ordinal};
 
 use crate::perception::Grip;
 
-/// How far an aim is probed, in standard deviations of the arm's error.
+/// Length of a probe of the aim, in standard deviations of the arm's error.
 const PROBE_REACH: f64 = 1.5;
 
-/// Where to aim beside what is seen after `failures` failed grasps in a row, m: the arm errs by something unknown with standard
-/// deviation `sigma` (m) that stays the same, so that the same aim would fail again. The first retry trusts the new look; then
-/// follow the six directions along the axes and the eight between them, over and over.
+/// Offset of the aim from the seen position after `failures` failed grasps in a row, m. The arm has an unknown constant
+/// error with standard deviation `sigma` (m), so the same aim would fail again. The first retry trusts the new look.
+/// The following ones go through the six directions along the axes and the eight between them, over and over.
 pub fn probe(failures: usize, sigma: f64) -> Vector3<f64> {
     let Some(n) = failures.checked_sub(2) else { return Vector3::zeros() };
     let direction = match n % 14 {
         axis @ 0..6 => {
-            // Up first: a hand that is too low is stopped by the table.
+            // Up first, because a hand that is too low is stopped by the table.
             let mut direction = Vector3::zeros();
             direction[2 - axis / 2] = if axis % 2 == 0 { 1.0 } else { -1.0 };
             direction
@@ -30,19 +30,19 @@ pub fn probe(failures: usize, sigma: f64) -> Vector3<f64> {
     direction * (PROBE_REACH * sigma)
 }
 
-/// What to do next.
+/// Next action after a look.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Next {
-    /// On as planned.
+    /// Go on as planned.
     GoOn,
-    /// What was taken before is held, or nothing was: this object again.
+    /// Take this object again: all objects before it are held, or nothing is.
     Again(usize),
-    /// An object is lost that was taken before the last one: lay down what is held and start over.
+    /// An earlier object was lost: lay down everything that is held and start over.
     StartOver,
 }
 
 impl Next {
-    /// After the look that ends in `phase`, in a trial whose `last` object has this index.
+    /// Next action after the look that ends in `phase`, in a trial whose `last` object has this index.
     pub fn after(phase: Phase, grip: Grip, last: usize) -> Self {
         let taken = (0..=last).rev().find(|object| phase.has_lifted(*object)).unwrap_or(0);
         match grip.missing(taken) {
@@ -53,7 +53,7 @@ impl Next {
         }
     }
 
-    /// The object that touch misses, if it does.
+    /// Object that touch finds missing, if there is one.
     pub fn missing(self) -> Option<usize> {
         match self {
             Self::GoOn => None,
@@ -62,7 +62,7 @@ impl Next {
         }
     }
 
-    /// The reason in words; `digits` should hold what is taken again.
+    /// Describes the reason in words; `digits` should hold the object that is taken again.
     pub fn reason(self, digits: &[Digit]) -> String {
         match self {
             Self::GoOn => "touch feels what should be in the hand".to_owned(),
@@ -84,7 +84,7 @@ mod tests {
 
     use super::*;
 
-    /// Nothing at first, then fourteen different directions of the same length, then the same again.
+    /// No offset at first, then fourteen different directions of the same length, then the same again.
     #[test]
     fn probes_go_everywhere() {
         assert!(probe(0, 0.004).norm() == 0.0 && probe(1, 0.004).norm() == 0.0);

@@ -1,49 +1,51 @@
-//! Registration: where the arm's base stands beside the table, from known points that the hand has touched.
+//! Registration: the pose of the arm's base relative to the table, from known points that the hand has touched.
 //!
-//! Every point is known on the table and felt in the frame of the arm's base. The rigid transform between both is the least-squares
-//! one (Arun, Huang and Blostein 1987; Kabsch 1976), with the covariance that the touches' own covariances and the residuals give it.
+//! Every point is known in the world frame of the table and felt in the frame of the arm's base. The transform between
+//! the two is the least-squares rigid one (Arun, Huang and Blostein 1987; Kabsch 1976). Its covariance follows from the
+//! covariances of the touches and from the residuals.
 
 use nalgebra::{Isometry3, Matrix3, Matrix6, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
-/// Points whose spread across their longest line is less than this are taken for a line, m: they leave a rotation open.
+/// Tolerance of collinearity, m: points whose spread across their longest line is smaller leave a rotation
+/// undetermined.
 const SPREAD: f64 = 0.02;
 
-/// A point that was touched.
+/// A touched point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Touched {
-    /// Where it is on the table, m, world.
+    /// Known position on the table, m, world.
     pub known: Point3<f64>,
-    /// Where it was felt, m, in the frame of the arm's base.
+    /// Felt position, m, in the frame of the arm's base.
     pub felt: Point3<f64>,
-    /// Covariance of that, m2.
+    /// Covariance of the felt position, m2.
     pub covariance: Matrix3<f64>,
 }
 
-/// Where the arm stands.
+/// Estimated pose of the arm's base.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Registration {
     pub world_from_base: Isometry3<f64>,
-    /// Covariance of the place of the points' middle (m) and of the rotation (rad, rotation vector), world axes.
+    /// Covariance of the position of the points' centre (m) and of the rotation (rad, rotation vector), world axes.
     pub covariance: Matrix6<f64>,
-    /// The middle of the known points, m, world.
+    /// Centre of the known points, m, world.
     pub middle: Point3<f64>,
-    /// How far each point stays from where it is known to be, m.
+    /// Residual of each point: its distance from the known position, m.
     pub residuals: Vec<f64>,
 }
 
-/// Why points do not register.
+/// Registration failure.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum RegistrationError {
     #[error("points: found {0}, expected at least 3")]
     TooFew(usize),
     #[error("points: found them within {:.0} mm of one line, expected a triangle", 1e3 * .0)]
     Line(f64),
-    /// A number that is none, or a covariance without an inverse.
+    /// A value is not finite, or a covariance is not positive definite.
     #[error(
         "point {0}: found a place or a covariance that cannot be, expected finite numbers and a positive definite covariance"
     )]
     Numbers(usize),
-    /// The points do not fit together.
+    /// A residual is too large: the points do not fit together.
     #[error(
         "point {point}: it stays {:.1} mm from where it is known to be, expected at most {:.1} mm: is it in its place?",
         1e3 * residual,
@@ -52,14 +54,14 @@ pub enum RegistrationError {
     Residual {
         /// Number of the point, from 1.
         point: usize,
-        /// m.
+        /// Residual of the point, m.
         residual: f64,
-        /// m.
+        /// Largest permitted residual, m.
         most: f64,
     },
 }
 
-/// The rigid transform that brings the felt points to the known ones; none of them may stay further away than `most` (m).
+/// Computes the rigid transform from the felt points to the known ones. No residual may exceed `most` (m).
 pub fn register(points: &[Touched], most: f64) -> Result<Registration, RegistrationError> {
     if points.len() < 3 {
         return Err(RegistrationError::TooFew(points.len()));
@@ -89,7 +91,7 @@ pub fn register(points: &[Touched], most: f64) -> Result<Registration, Registrat
     }
     let svd = cross.svd(true, true);
     let (Some(u), Some(v_t)) = (svd.u, svd.v_t) else { return Err(RegistrationError::Numbers(1)) };
-    // A reflection is no motion.
+    // Excludes reflections.
     let handed = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, (u * v_t).determinant().signum()));
     let turn = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(u * handed * v_t));
     let world_from_base = Isometry3::from_parts(Translation3::from(known.coords - turn * felt.coords), turn);
@@ -104,7 +106,8 @@ pub fn register(points: &[Touched], most: f64) -> Result<Registration, Registrat
     Ok(Registration { world_from_base, covariance, middle: known, residuals })
 }
 
-/// Of the weighted least-squares solution; residuals that are larger than the touches' covariances promise make it wider.
+/// Covariance of the weighted least-squares solution. It is enlarged if the residuals exceed what the covariances of
+/// the touches predict.
 fn covariance(
     points: &[Touched],
     (information, off): (&[Matrix3<f64>], &[Vector3<f64>]),
@@ -154,14 +157,14 @@ mod tests {
         assert!((found.world_from_base.translation.vector - truth().translation.vector).norm() < 1e-12);
         assert!(found.world_from_base.rotation.angle_to(&truth().rotation) < 1e-12);
         assert!(found.residuals.iter().all(|residual| *residual < 1e-12));
-        // Three points known to 1 mm: their middle to a root of three better; turns by the points' lever arms.
+        // Three points known to 1 mm: their centre is known to 1 mm / sqrt(3), rotations by the points' lever arms.
         let sigma = |n: usize| found.covariance[(n, n)].sqrt();
         assert!((sigma(0) - 1e-3 / 3.0_f64.sqrt()).abs() < 1e-9, "{}", sigma(0));
         let lever = MARKS.iter().map(|[_, y]| y * y).sum::<f64>().sqrt();
         assert!((sigma(3) - 1e-3 / lever).abs() < 1e-9, "{}", sigma(3));
     }
 
-    /// Over drawn errors the stated covariance is the scatter of the results.
+    /// Over sampled errors, the stated covariance agrees with the scatter of the results.
     #[test]
     fn the_covariance_is_what_comes_of_drawn_errors() {
         use rand_chacha::rand_core::SeedableRng;
@@ -192,7 +195,7 @@ mod tests {
         let mut numbers = good.clone();
         numbers[1].felt.x = f64::NAN;
         assert_eq!(register(&numbers, 0.01), Err(RegistrationError::Numbers(2)));
-        // A ball beside its mark.
+        // One ball is beside its mark.
         let moved = touched([Vector3::zeros(), Vector3::zeros(), Vector3::new(0.03, 0.0, 0.0)]);
         let error = register(&moved, 0.005).expect_err("refused").to_string();
         assert!(error.contains("expected at most 5.0 mm"), "{error}");

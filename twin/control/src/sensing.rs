@@ -1,4 +1,4 @@
-//! Perception with as much of the senses as an ablation leaves.
+//! Perception restricted to the senses that an ablation leaves.
 
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -12,12 +12,12 @@ use world::Sensing;
 
 use crate::look::Look;
 
-/// Pixels along each side that a coarse image makes one.
+/// Side of the blocks of pixels that a coarse image averages, pixels.
 const BLOCK: usize = 10;
-/// Of so many pads one is left in [`Sensing::QuarterOfPads`].
+/// One of this many pads is left in [`Sensing::QuarterOfPads`].
 const EVERY: usize = 4;
 
-/// A hand's perception and what it may use.
+/// Perception of a hand, restricted to the senses it may use.
 #[derive(Debug, Clone)]
 pub struct Senses<'a> {
     pipeline: Cow<'a, TouchPipeline>,
@@ -26,10 +26,10 @@ pub struct Senses<'a> {
 }
 
 impl<'a> Senses<'a> {
-    /// What `sensing` leaves of `pipeline`.
+    /// Restricts `pipeline` to `sensing`.
     ///
     /// # Errors
-    /// [`TouchError::Hand`] where the hand's file has no signs of a hold.
+    /// [`TouchError::Hand`] if the hand's file has no thresholds for a hold.
     pub fn new(pipeline: &'a TouchPipeline, sensing: Sensing) -> Result<Self, TouchError> {
         let mut pipeline = Cow::Borrowed(pipeline);
         match sensing {
@@ -47,17 +47,17 @@ impl<'a> Senses<'a> {
         Ok(Self { pipeline, sensing, hold })
     }
 
-    /// The perception itself.
+    /// Returns the touch pipeline.
     pub fn pipeline(&self) -> &TouchPipeline {
         &self.pipeline
     }
 
-    /// Signs by which the hand holds something.
+    /// Thresholds of the signs that the hand holds something.
     pub fn hold(&self) -> &HoldLimits {
         &self.hold
     }
 
-    /// What the pads feel in a look. Cameras that may not be used are not counted as faults.
+    /// Perceives the contacts on the pads in a look. Cameras that may not be used do not count as faults.
     pub fn perceive(&self, look: &Look) -> Result<Perceived, TouchError> {
         let hand = self.pipeline.hand();
         let frames = self.left(look.images);
@@ -66,7 +66,7 @@ impl<'a> Senses<'a> {
         Ok(perceived)
     }
 
-    /// Whether a pad may be used.
+    /// True if a pad may be used.
     pub fn uses(&self, hand: &Hand, pad: usize) -> bool {
         let link = hand.pads[pad].link;
         match self.sensing {
@@ -96,12 +96,13 @@ impl<'a> Senses<'a> {
     }
 }
 
-/// Whether a pad is on one of `digits`.
+/// True if a pad is on one of `digits`.
 pub fn is_on(hand: &Hand, pad: usize, digits: &[Digit]) -> bool {
     hand.digit_of(hand.pads[pad].link).is_some_and(|digit| digits.contains(&digit))
 }
 
-/// The image with every block of [`BLOCK`] x [`BLOCK`] pixels at its mean; one of another size stays as it is, to be refused.
+/// Replaces every block of [`BLOCK`] x [`BLOCK`] pixels by its mean. An image of another size is returned unchanged, to
+/// be refused later.
 fn coarsen(image: &TactileImage) -> TactileImage {
     const N: usize = IMAGE_SIZE;
     let mut rgb = image.rgb.clone();
@@ -136,7 +137,7 @@ mod tests {
         for channel in 0..3 {
             assert!((mean(&coarse.rgb, channel) - mean(&rgb, channel)).abs() <= 0.5);
         }
-        // Constant inside a block, and done once: again changes nothing.
+        // The image is constant within a block, and coarsening it again changes nothing.
         assert_eq!(coarse.rgb[0], coarse.rgb[3 * (IMAGE_SIZE * 9 + 9)]);
         assert_eq!(coarsen(&coarse), coarse);
     }

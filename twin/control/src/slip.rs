@@ -1,9 +1,9 @@
-//! Slip while carrying: felt by the pads or by a digit that closes on, answered by tension.
+//! Reaction to slip while carrying: slip is detected by pads and cables and answered with more tension.
 //!
-//! While objects are carried nothing should move in the hand. Two signs say that something does: a pad's picture is no
-//! longer the one it was, or a digit's cable is taken up further, because what the digit leant on went away. Either way all
-//! digits that hold the same object pull harder by a step, up to a limit. When nothing more is felt for a while the addition
-//! fades; it never takes away from the plan.
+//! While objects are carried, nothing should move in the hand. Slip has two signs: the image of a pad changes, or the
+//! cable of a digit is taken up further because its support has gone. In either case all digits that hold the same
+//! object pull harder by one step, up to a limit. If no further slip is detected for a while, the additional tension
+//! decays. The tension never falls below the plan.
 
 use std::sync::Arc;
 
@@ -12,56 +12,56 @@ use hand_model::{Digit, DigitVector, Hand};
 
 use crate::sensing::is_on;
 
-/// How often pads are looked at while carrying, s.
+/// Period of the pad images while carrying, s.
 pub const LOOK_PERIOD: f64 = 0.1;
-/// A digit that takes up this much more cable closes on, m.
+/// Threshold of a cable's additional excursion that counts as slip, m.
 const CLOSING_ON: f64 = 0.0012;
-/// Mean change of a pad's picture that is a slip, grey levels.
+/// Threshold of the mean change of a pad's image that counts as slip, grey levels.
 const PICTURE_CHANGE: f64 = 1.5;
-/// One step of additional tension, as a share of the plan's, and the most.
+/// Step of the additional tension, as a share of the plan's.
 const STEP: f64 = 0.25;
-/// See [`STEP`].
+/// Largest additional tension, as a share of the plan's; see [`STEP`].
 const MOST: f64 = 1.0;
-/// Time after a step, and after the start, during which the hand settles and nothing is taken for a slip, s.
+/// Settling time after a step, and after the start, during which nothing counts as slip, s.
 const SETTLING: f64 = 0.15;
-/// How fast an addition fades when nothing is felt, share of the plan's tension a second, and how long that is waited for, s.
+/// Rate at which the additional tension decays without slip, share of the plan's tension per second.
 const FADING: f64 = 0.1;
-/// See [`FADING`].
+/// Time without slip after which the decay begins, s; see [`FADING`].
 const CALM: f64 = 1.0;
-/// Every how many bytes of a picture are compared: coprime with three, so that all colours take their turn.
+/// Stride of the bytes that are compared in an image. It is coprime with three, so that all colours take their turn.
 const STRIDE: usize = 31;
 
-/// Watches carries, one after the other.
+/// Slip detection for carries, one after the other.
 #[derive(Debug, Clone, Default)]
 pub struct SlipWatch {
-    /// One an object.
+    /// One entry per object.
     grips: Vec<GripWatch>,
     pictures: Vec<Option<Arc<TactileImage>>>,
 }
 
-/// The most that every servo can pull, N.
+/// Largest tension that every cable servo can pull, N.
 pub fn most_tension(hand: &Hand) -> f64 {
     let pull = |n: usize| hand.servos[n].current_limit * hand.servos[n].torque_constant / hand.cables[n].spool_radius;
     (0..hand.cables.len()).map(pull).fold(f64::INFINITY, f64::min)
 }
 
-/// What holds one object.
+/// Slip state of one object.
 #[derive(Debug, Clone, Default)]
 struct GripWatch {
-    /// Those that hold it.
+    /// Digits that hold the object.
     digits: Vec<Digit>,
-    /// Additional tension, share of the plan's.
+    /// Additional tension, as a share of the plan's.
     added: f64,
-    /// Steps taken.
+    /// Number of steps taken.
     steps: u32,
-    /// Cable positions that are taken for rest, m; none while the hand settles.
+    /// Cable positions at rest, m; `None` while the hand settles.
     rest: Option<DigitVector>,
     /// Time since the last step or the start, s.
     calm: f64,
 }
 
 impl SlipWatch {
-    /// A carry begins, of objects that these `digits` hold, with nothing added to the plan.
+    /// Begins a carry of objects that are held by these `digits`, with no additional tension.
     pub fn begin(&mut self, digits: impl Iterator<Item = Vec<Digit>>) {
         let steps = self.steps();
         let grip =
@@ -70,12 +70,13 @@ impl SlipWatch {
         self.pictures.fill(None);
     }
 
-    /// How often each object was felt to slip, in all carries.
+    /// Number of slips felt of each object, over all carries.
     pub fn steps(&self) -> Vec<u32> {
         self.grips.iter().map(|grip| grip.steps).collect()
     }
 
-    /// One tick of `dt` (s): the tensions to be had (N), given the `plan`'s and the `most` that a servo can pull.
+    /// Runs one tick of `dt` (s) and returns the tension set-points (N), given those of the `plan` and the largest one,
+    /// `most`, that a servo can pull.
     pub fn tick(
         &mut self,
         hand: &Hand,
@@ -90,7 +91,7 @@ impl SlipWatch {
         let mut tension: DigitVector = plan.iter().copied().collect();
         for (n, changed) in seen.into_iter().enumerate() {
             if self.grips[n].tick(&cables, changed, dt) {
-                // What the pads show from now on is the new state of things.
+                // The present images of the pads become the new reference.
                 for camera in 0..self.pictures.len() {
                     if self.owner(hand, camera) == n {
                         self.pictures[camera] = None;
@@ -106,7 +107,7 @@ impl SlipWatch {
         tension
     }
 
-    /// Whether pads of each grip show something else than before.
+    /// Finds, for each grip, whether a pad's image has changed.
     fn seen(&mut self, hand: &Hand, arrived: &[TactileFrame]) -> Vec<bool> {
         self.pictures.resize(hand.cameras.len(), None);
         let mut seen = vec![false; self.grips.len()];
@@ -123,7 +124,7 @@ impl SlipWatch {
         seen
     }
 
-    /// The grip whose pads a camera looks through: the palm's belong to the first, which leans on it.
+    /// Index of the grip to which a camera's pad belongs. The palm belongs to the first one, which leans on it.
     fn owner(&self, hand: &Hand, camera: usize) -> usize {
         let pad = hand.cameras[camera].pad;
         self.grips.iter().skip(1).position(|grip| is_on(hand, pad, &grip.digits)).map_or(0, |n| n + 1)
@@ -131,7 +132,7 @@ impl SlipWatch {
 }
 
 impl GripWatch {
-    /// Whether a slip is felt; then the tension takes a step.
+    /// True if slip is detected; the tension is then raised by one step.
     fn tick(&mut self, cables: &[f64], seen: bool, dt: f64) -> bool {
         self.calm += dt;
         if self.calm < SETTLING {
@@ -151,7 +152,7 @@ impl GripWatch {
     }
 }
 
-/// Mean difference of two pictures, grey levels.
+/// Mean difference of two images, grey levels.
 fn change(before: &Arc<TactileImage>, after: &Arc<TactileImage>) -> f64 {
     if Arc::ptr_eq(before, after) || before.rgb.len() != after.rgb.len() {
         return 0.0;
@@ -175,7 +176,7 @@ mod tests {
         })
     }
 
-    /// A watch of two objects, by ring and little finger and by the others.
+    /// A watch of two objects, held by ring and little finger and by the other digits.
     fn watching() -> SlipWatch {
         let mut watch = SlipWatch::default();
         let digits = [&[Digit::Ring, Digit::Little][..], &[Digit::Thumb, Digit::Index, Digit::Middle]];
@@ -183,7 +184,7 @@ mod tests {
         watch
     }
 
-    /// Runs `seconds` with the ring finger's cable at `ring` (m), returns the last tensions.
+    /// Runs for `seconds` with the ring finger's cable at `ring` (m) and returns the last tensions.
     fn run(watch: &mut SlipWatch, hand: &Hand, ring: impl Fn(f64) -> f64, seconds: f64) -> DigitVector {
         let mut tension = hand.slack();
         for tick in 0..(seconds / DT) as usize {
@@ -199,7 +200,8 @@ mod tests {
         assert_eq!(watch.steps()[..], [0, 0]);
     }
 
-    /// A ring finger that closes on raises ring and little, the others stay; calm brings the plan back, and no less.
+    /// If the ring finger closes further, ring and little finger pull harder and the others stay. Calm restores the
+    /// plan, and no less.
     #[test]
     fn tension_rises_on_slip_within_limits_and_falls_back() {
         let (hand, mut watch) = (Hand::ftac(), watching());
@@ -215,7 +217,7 @@ mod tests {
         assert_eq!(watch.tick(&hand, &servos(&hand, 0.1), &[], &PLAN, 5.0, DT)[0], 20.0, "never below the plan");
     }
 
-    /// A pad of the little finger that shows something else is a slip of the first grip; the same picture is none.
+    /// A changed image of a pad of the little finger is a slip of the first grip; an unchanged one is none.
     #[test]
     fn a_pad_feels_it() {
         let hand = Hand::ftac();

@@ -1,9 +1,9 @@
-//! Stand-ins: grasps for an object that fell over and now lies as none of its own grasps expects it.
+//! Stand-ins: substitute grasps for an object that fell over and lies in a way that none of its own grasps expects.
 //!
-//! For many of them the repertoire has grasps: a fallen can is a thing of its own there. What it has none for
-//! is grasped like the thing in the repertoire that is most like it from above: round things like a ball
-//! whose centre is as high over the table, things with flat sides like a box as high. A rod is grasped across: fingers and
-//! thumb close at right angles to its axis.
+//! For many such objects the repertoire has grasps, because it lists a fallen can, for example, as an object of its
+//! own. Any other object is grasped like the most similar object of the repertoire as seen from above: a round one like
+//! a ball whose centre is at the same height, one with flat sides like a box of the same height. A rod is grasped
+//! across: fingers and thumb close at right angles to its axis.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::sync::Arc;
@@ -16,15 +16,15 @@ use world::objects::{ObjectModel, ObjectSet, Symmetry};
 use crate::percept::Percept;
 use crate::worth::{self, Candidate};
 
-/// How many grasps of the thing most alike are taken over.
+/// Number of grasps that are adopted from the most similar object.
 const TAKEN_OVER: usize = 6;
-/// Stand-ins' numbers begin here, so that they are not mistaken for the object's own grasps.
+/// First identifier of stand-ins, so that they are not mistaken for the object's own grasps.
 const NUMBERS_FROM: u32 = 1000;
-/// Turns tried with something that has no axis, rad.
+/// Yaws that are tried with an object that has no axis, rad.
 const ANY_SIDE: [f64; 5] = [0.0, 0.5, -0.5, 1.0, -1.0];
 
-/// Grasps by `digits` for `object`, seen at `percept`, none of whose own grasps fits the way it lies. Some of them were `rehearsed`
-/// together with what is held.
+/// Finds grasps with `digits` for `object`, seen at `percept`, which lies in a way that none of its own grasps fits.
+/// Some of them were `rehearsed` together with the held object.
 pub fn stand_ins(
     (objects, repertoire): (&ObjectSet, &Repertoire),
     (object, percept): (&ObjectModel, &Percept),
@@ -70,7 +70,7 @@ fn is_flat(object: &ObjectModel) -> bool {
     matches!(object.symmetry, Symmetry::Cube | Symmetry::Fold { .. })
 }
 
-/// Yaws of the hand that suit the way the object lies, the smallest turn first, rad.
+/// Yaws of the hand that suit the way the object lies, rad, the smallest one first.
 fn sides(object: &ObjectModel, percept: &Percept) -> Vec<f64> {
     let azimuth = |axis: Vector3<f64>| axis.y.atan2(axis.x);
     let turned = |yaw: f64, step: f64| yaw - step * (yaw / step).round();
@@ -89,7 +89,8 @@ fn sides(object: &ObjectModel, percept: &Percept) -> Vec<f64> {
     }
 }
 
-/// `grasp` of another thing made one of `object`: it will sit in the hand where that other thing would, turned as it lies now.
+/// Adapts `grasp` of another object to `object`: its place in the hand is that of the other object, its rotation that
+/// of its present pose.
 fn taken_over(grasp: &Grasp, object: &ObjectModel, percept: &Percept, yaw: f64, id: u32) -> Grasp {
     let mut taken = Grasp { id, object: object.name.clone(), yaw, held_joints: None, ..grasp.clone() };
     let rotation = taken.palm_rotation(percept.yaw).inverse() * percept.rotation;
@@ -132,7 +133,7 @@ pub(crate) mod tests {
         }
     }
 
-    /// A rod that points ahead is grasped with the hand turned by a quarter; one that lies crosswise with the hand ahead.
+    /// A rod that points ahead is grasped with the hand turned by 90 degrees, a crosswise one with the hand ahead.
     #[test]
     fn rods_are_grasped_across() {
         let set = ObjectSet::standard();
@@ -143,7 +144,7 @@ pub(crate) mod tests {
         assert!(sides(rod, &lying(crosswise))[0].abs() < 1e-9);
     }
 
-    /// What was rehearsed of a fallen thing's own grasps comes with them; a grasp of another number has nothing.
+    /// Rehearsals of a fallen object's own grasps come with them. A grasp with another number has none.
     #[test]
     fn rehearsals_of_fallen_things_are_known() {
         let set = ObjectSet::standard().with_fallen();
@@ -159,7 +160,8 @@ pub(crate) mod tests {
         assert_eq!(known, [0, 1]);
     }
 
-    /// The grasp of the ball that is as high is taken over, and the hand comes from the wanted side whatever the percept's yaw.
+    /// The grasp of the ball of the same height is adopted, and the hand comes from the intended side whatever the
+    /// percept's yaw.
     #[test]
     fn a_lying_can_is_grasped_like_the_ball_as_high() {
         let set = ObjectSet::standard();

@@ -1,13 +1,14 @@
-//! Strategy: given where the held object really sits, which grasp takes the next object without a collision, and where is it aimed?
+//! Strategy: chooses the grasp of the next object and its aim, given the felt pose of the held object.
 //!
-//! A candidate's odds (held, missed, contact) come from its rehearsals under errors ([`crate::odds`]), for that aim beside what is
-//! seen which is worth most. What was rehearsed is the plan's hold; the hold as felt is compared with it by geometry: the union of
-//! the held object (with the digits holding it) and the target is checked along the whole motion, the approach and the target's way
-//! into its place in the hand while the digits close. By as much as the probability that this clearance is negative grows from the
-//! rehearsed hold to the felt one, a contact becomes more likely. A candidate that was proven after many holds has odds that count those most which are
-//! like the felt one ([`crate::extent`]); what is in its way at the object is in them. A candidate without rehearsals has its proven worth and the whole
-//! of that probability. A miss without contact is worth part of a hold, because it can be tried again. The plan is kept unless
-//! another candidate is worth clearly more.
+//! The odds of a candidate (held, missed, contact) come from its rehearsals under errors ([`crate::odds`]), at the
+//! offset of the aim with the highest utility. Rehearsals used the planned hold. The felt hold is compared with it by
+//! geometry: the union of the held object (with the digits that hold it) and the target is checked along the whole
+//! motion, which is the approach and the way of the target into the hand while the digits close. The probability that
+//! this clearance is negative may be larger for the felt hold than for the rehearsed one; the probability of a contact
+//! rises by the difference. The odds of a candidate that was proven after many holds give most weight to those similar
+//! to the felt one ([`crate::extent`]) and already include obstacles at the object. A candidate without rehearsals has
+//! its proven worth and the whole of that probability. A miss without contact is worth part of a hold, because it can
+//! be tried again. The plan is kept unless another candidate is clearly better.
 
 mod foreseen;
 mod passage;
@@ -33,71 +34,71 @@ use self::passage::{Passage, Scene};
 pub use self::solids::{Held, object_solids, placed};
 pub use self::ways::{CLEAR, clear_stops, clearest};
 
-/// One candidate's assessment.
+/// Assessment of one candidate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Assessment {
-    /// Smallest distance along the whole motion, m; negative is a collision.
+    /// Smallest distance along the whole motion, m; negative for a collision.
     pub clearance: f64,
-    /// Distance between the held object alone and the next one in its place, when the palm is at the grasp and before the digits close, m;
-    /// negative where the two overlap, which is the paper's collision.
+    /// Distance between the held object alone and the next object at its place, with the palm at the grasp and the
+    /// digits not yet closed, m. Negative where the two overlap, which is a collision in the sense of the paper.
     pub separation: f64,
     /// Probability of an unwanted contact.
     pub risk: f64,
     /// Probability that the object is held after this try.
     pub held: f64,
-    /// What the try is worth, 0 to 1.
+    /// Utility of the try, 0 to 1.
     pub utility: f64,
 }
 
-/// One candidate as it was weighed.
+/// Record of one weighed candidate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Weighed {
     /// Number of the grasp.
     pub grasp: u32,
-    /// Where it would aim beside what is seen, m, world.
+    /// Offset of its aim from the seen position, m, world.
     pub aim: Vector3<f64>,
-    /// Its odds; with a clearance only where it could still win.
+    /// Clearance, m; only for candidates that could still win.
     pub clearance: Option<f64>,
     /// Probability of an unwanted contact.
     pub risk: f64,
     /// Probability that the object is held.
     pub held: f64,
-    /// What the try is worth, 0 to 1.
+    /// Utility of the try, 0 to 1.
     pub utility: f64,
-    /// Whether this is the plan.
+    /// True for the plan.
     pub planned: bool,
 }
 
-/// What was decided, and why.
+/// A decision with its reasons.
 #[derive(Debug, Clone)]
 pub struct Decision {
-    /// All candidates, the plan as seen first, then by their odds.
+    /// All candidates: the plan, aimed at the seen position, first, then the others by their odds.
     pub weighed: Vec<Weighed>,
-    /// Place of the chosen one among them.
+    /// Index of the chosen candidate.
     pub choice: usize,
-    /// How the plan would have gone, if another grasp or aim was chosen.
+    /// Predicted course of the plan, if another grasp or aim was chosen.
     pub rejected: Option<Course>,
-    /// How the chosen one goes.
+    /// Predicted course of the chosen option.
     pub course: Course,
-    /// The grasp to use.
+    /// Chosen grasp.
     pub grasp: Grasp,
-    /// Where to aim beside what is seen, m, world.
+    /// Offset of its aim from the seen position, m, world.
     pub aim: Vector3<f64>,
-    /// Its rehearsals and aim, to learn from how it goes.
+    /// Rehearsals and aim of the chosen grasp, for learning from its outcome.
     pub aimed: Aimed,
-    /// Stops on the way to its approach pose.
+    /// Via poses on the way to its approach pose.
     pub way: Vec<Isometry3<f64>>,
-    /// Whether it is another than planned.
+    /// True if it differs from the planned grasp.
     pub switched: bool,
-    /// Assessment of the plan, aimed at what is seen.
+    /// Assessment of the plan, aimed at the seen position.
     pub plan: Assessment,
     /// Assessment of the chosen grasp.
     pub chosen: Assessment,
-    /// The reason in words.
+    /// Reason in words.
     pub reason: String,
 }
 
-/// Why no decision could be made.
+/// Failure to make a decision.
 #[derive(Debug, thiserror::Error)]
 pub enum StrategyError {
     /// The geometric check failed.
@@ -111,28 +112,29 @@ pub enum StrategyError {
     Twin(#[from] TwinError),
 }
 
-/// What a choice depends on.
+/// Inputs of a choice.
 pub struct Situation<'a> {
-    /// Where the palm is, and where the target is seen.
+    /// Executor with the present palm pose and the target's percept.
     pub executor: &'a Executor,
     pub hand: &'a Hand,
-    /// What it holds.
+    /// Contents of the hand.
     pub held: &'a Held<'a>,
-    /// The hold of the same object after which candidates were rehearsed: `palm_from_object` and finger angles, rad.
+    /// Hold of the same object after which the candidates were rehearsed: `palm_from_object` and finger joint angles,
+    /// rad.
     pub rehearsed: Option<(Isometry3<f64>, &'a [f64])>,
-    /// The object to take next, in its own frame: [`object_solids`].
+    /// Solids of the object to take next, in its own frame: [`object_solids`].
     pub target: &'a [Solid],
-    /// Standard deviation of perceiving and reaching the target, m.
+    /// Standard deviation of the target's position relative to the hand, from perceiving and reaching it, m.
     pub target_sigma: f64,
     /// Rehearsals of all candidates.
     pub all: Arc<[Rehearsed]>,
-    /// What is known about the error of the aim.
+    /// Belief about the error of the aim.
     pub belief: &'a Belief,
-    /// How many looks the target's place is the mean of.
+    /// Number of looks over which the target's position is averaged.
     pub looks: u32,
-    /// Where to aim with a grasp that was not rehearsed, m, world.
+    /// Offset of the aim for a grasp that was not rehearsed, m, world.
     pub probe: Vector3<f64>,
-    /// A twin in which the best are played before one is chosen.
+    /// Twin in which the best candidates are played before one is chosen.
     pub foresight: Option<Foresight<'a>>,
 }
 
@@ -144,7 +146,7 @@ struct Aiming<'a> {
 }
 
 impl<'a> Aiming<'a> {
-    /// `candidate` sent `aim` beside what is seen.
+    /// `candidate` with its aim at the offset `aim` (m) from the seen position.
     fn at(situation: &Situation, candidate: &'a Candidate, aim: Vector3<f64>) -> Self {
         let heading = candidate.grasp.yaw + situation.executor.target(1).percept.yaw;
         let (rehearsed, all) = (candidate.rehearsed.clone(), situation.all.clone());
@@ -153,7 +155,7 @@ impl<'a> Aiming<'a> {
         Self { candidate, aimed, odds }
     }
 
-    /// `candidate` with the aim that is worth most.
+    /// `candidate` with the aim of the highest utility.
     fn best(situation: &Situation, candidate: &'a Candidate) -> Self {
         if candidate.rehearsed.is_empty() {
             return Self::at(situation, candidate, situation.probe);
@@ -171,12 +173,12 @@ impl<'a> Aiming<'a> {
         best
     }
 
-    /// Whether it is the same grasp with the same aim.
+    /// True if grasp and aim are the same.
     fn is(&self, other: &Aiming) -> bool {
         self.candidate.grasp.id == other.candidate.grasp.id && self.aimed.aim == other.aimed.aim
     }
 
-    /// With how it goes there.
+    /// Assesses the option with the geometry of its motion.
     fn assess(&self, executor: &Executor, scene: &Scene) -> Result<(Assessment, Passage), StrategyError> {
         let passage = scene.passage(executor, self.candidate, &self.aimed.aim)?;
         let (clearance, separation, free) = (passage.clearance, passage.separation, 1.0 - passage.contact);
@@ -187,7 +189,7 @@ impl<'a> Aiming<'a> {
         ))
     }
 
-    /// As it was weighed: by its odds alone, or with what is in its way.
+    /// Record of the option, with its odds alone or with its assessment.
     fn weighed(&self, assessed: Option<&Assessment>, planned: bool) -> Weighed {
         let Odds { held, contact } = self.odds;
         let (held, risk, worth) = match assessed {
@@ -199,7 +201,7 @@ impl<'a> Aiming<'a> {
     }
 }
 
-/// The odds of a candidate sent as `aimed`, given a belief and the looks at the object.
+/// Odds of a candidate with the aim `aimed`, given a belief and the number of looks at the object.
 fn candidate_odds(candidate: &Candidate, aimed: &Aimed, (belief, looks): (&Belief, u32)) -> Odds {
     if candidate.rehearsed.is_empty() {
         return Odds { held: candidate.worth * (1.0 - UNREHEARSED_CONTACT), contact: UNREHEARSED_CONTACT };
@@ -213,7 +215,7 @@ pub fn rehearsals(candidates: &[Candidate]) -> Arc<[Rehearsed]> {
     candidates.iter().flat_map(|candidate| candidate.rehearsed.iter().copied()).collect()
 }
 
-/// What the best of `candidates` is worth at an object whose place is known as `belief` says.
+/// Utility of the best of `candidates` at an object whose position has the error of `belief`.
 pub fn promise(candidates: &[Candidate], belief: &Belief) -> f64 {
     let all = rehearsals(candidates);
     let worth = |candidate: &Candidate| {
@@ -224,23 +226,23 @@ pub fn promise(candidates: &[Candidate], belief: &Belief) -> f64 {
     candidates.iter().map(worth).fold(0.0, f64::max)
 }
 
-/// What a try with these odds is worth.
+/// Utility of a try with these odds.
 fn utility(odds: &Odds) -> f64 {
     odds.held + MISSED * (1.0 - odds.held - odds.contact)
 }
 
-/// A candidate whose way was looked at.
+/// A candidate whose motion was checked.
 struct Considered<'a> {
-    /// Its place among those that were weighed.
+    /// Its index among the weighed candidates.
     place: usize,
     aiming: Aiming<'a>,
     assessment: Assessment,
     passage: Passage,
-    /// What came of it in the twin.
+    /// Outcomes in the twin, if it was played.
     foreseen: Option<Foreseen>,
 }
 
-/// Chooses among `candidates`; the first is the plan. None if there are none.
+/// Chooses among `candidates`, the first of which is the plan. `None` if there are none.
 pub fn choose(situation: &Situation, candidates: &[Candidate]) -> Result<Option<Decision>, StrategyError> {
     let Some(planned) = candidates.first() else { return Ok(None) };
     let scene = Scene::new(situation);
@@ -290,8 +292,8 @@ pub fn choose(situation: &Situation, candidates: &[Candidate]) -> Result<Option<
     }))
 }
 
-/// The best of `options`, ranked by their odds, if it is worth clearly more than the `plan`. What is in the way only takes away from an
-/// option's worth: those that cannot win are not looked at.
+/// Best of `options`, ranked by their odds, if it is clearly better than the `plan`. Obstacles can only lower the
+/// utility of an option, so those that cannot win are not checked.
 fn best_by_odds<'a>(
     executor: &Executor,
     scene: &Scene,
@@ -315,7 +317,7 @@ fn best_by_odds<'a>(
     Ok(best)
 }
 
-/// The choice in words.
+/// Describes the choice in words.
 fn reason(held: &str, plan: (&Grasp, &Assessment), chosen: (&Aiming, &Assessment)) -> String {
     let odds = |assessed: &Assessment| format!("holds with {:.2}, contact {:.2}", assessed.held, assessed.risk);
     let (grasp, aim) = (&chosen.0.candidate.grasp, chosen.0.aimed.aim * 1e3);

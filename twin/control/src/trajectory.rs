@@ -1,20 +1,20 @@
 //! Cartesian palm paths: straight lines and constant-axis turns between waypoints, with minimum-jerk time scaling.
 //!
-//! The motion rests at every waypoint, so a path is smooth (continuous acceleration) whatever its corners are.
+//! The motion rests at every waypoint, so that a path is smooth (continuous acceleration) whatever its corners.
 
 use nalgebra::{Isometry3, Translation3, Vector3};
 use thiserror::Error;
 
 use crate::Twist;
 
-/// Peak speed of the minimum-jerk profile over its mean speed.
+/// Ratio of peak speed to mean speed of the minimum-jerk profile.
 const PEAK_SPEED: f64 = 1.875;
-/// Peak acceleration of the minimum-jerk profile over length / duration^2 (10 / sqrt 3).
+/// Peak acceleration of the minimum-jerk profile relative to length / duration^2 (10 / sqrt 3).
 const PEAK_ACCELERATION: f64 = 5.773_502_691_896_258;
-/// Shortest time given to a segment that moves at all, s.
+/// Shortest duration of a segment that moves at all, s.
 const SHORTEST: f64 = 1e-3;
 
-/// Why a path could not be made.
+/// Invalid path or limits.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 pub enum PathError {
     /// A path needs at least its start.
@@ -28,7 +28,7 @@ pub enum PathError {
         /// Its duration, s.
         duration: f64,
     },
-    /// Two different poses with no time between them.
+    /// Two different poses have no time between them.
     #[error("waypoint {index}: no time is given to reach it from a different pose")]
     NoTime {
         /// Index of the waypoint.
@@ -42,26 +42,27 @@ pub enum PathError {
 /// Cartesian limits of a path.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PathLimits {
-    /// m/s.
+    /// Largest speed, m/s.
     pub speed: f64,
-    /// rad/s.
+    /// Largest angular speed, rad/s.
     pub turn_speed: f64,
-    /// m/s2.
+    /// Largest acceleration, m/s2.
     pub acceleration: f64,
-    /// rad/s2.
+    /// Largest angular acceleration, rad/s2.
     pub turn_acceleration: f64,
 }
 
 impl Default for PathLimits {
-    /// The Gen3's published twist speeds. Its joints follow them only where a motion suits them (a sidewards move with a turn
-    /// does not); `ArmServo::rehearse` tells what they make of a path, and [`PathLimits::scaled`] slows it down.
+    /// The published twist speeds of the Gen3. Its joints reach them only in favourable motions (not in a sideways
+    /// motion with a turn, for example). `ArmServo::rehearse` predicts the tracking of a path, and
+    /// [`PathLimits::scaled`] slows it down.
     fn default() -> Self {
         Self { speed: 0.5, turn_speed: 1.74, acceleration: 1.5, turn_acceleration: 4.0 }
     }
 }
 
 impl PathLimits {
-    /// The limits with speeds scaled by `factor` and accelerations by its square: the same path `1 / factor` times as long.
+    /// Scales speeds by `factor` and accelerations by its square: the same path takes `1 / factor` times as long.
     pub fn scaled(self, factor: f64) -> Self {
         Self {
             speed: self.speed * factor,
@@ -77,7 +78,7 @@ impl PathLimits {
             .all(|limit| limit.is_finite() && *limit > 0.0)
     }
 
-    /// Shortest minimum-jerk duration (s) of a move of `length` (m) and `angle` (rad).
+    /// Shortest minimum-jerk duration (s) of a motion of `length` (m) and `angle` (rad).
     pub fn duration(self, length: f64, angle: f64) -> f64 {
         if length == 0.0 && angle == 0.0 {
             return 0.0;
@@ -107,18 +108,18 @@ struct Segment {
     turn: Vector3<f64>,
 }
 
-/// Greatest speeds of a stretch of a path.
+/// Upper bounds of the speeds over an interval of a path.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SpeedBound {
-    /// m/s, of the moving frame's origin.
+    /// Linear speed of the moving frame's origin, m/s.
     pub linear: f64,
-    /// rad/s.
+    /// Angular speed, rad/s.
     pub angular: f64,
     /// Path time up to which the bound holds, s.
     pub until: f64,
 }
 
-/// A timed path of a frame (usually `world_from_palm`); see the module's page.
+/// A timed path of a frame (usually `world_from_palm`); see the module documentation.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PosePath {
     start: Isometry3<f64>,
@@ -126,7 +127,7 @@ pub struct PosePath {
 }
 
 impl PosePath {
-    /// A path through `waypoints`, each with the time (s) it takes to reach it from the one before. The first is the start;
+    /// A path through `waypoints`, each with the time (s) to reach it from the one before. The first is the start, and
     /// its time is a rest there. Equal neighbours with time between them are a rest.
     pub fn new(waypoints: Vec<(f64, Isometry3<f64>)>) -> Result<Self, PathError> {
         let (_, start) = *waypoints.first().ok_or(PathError::Empty)?;
@@ -150,12 +151,12 @@ impl PosePath {
         Ok(Self { start, segments })
     }
 
-    /// The fastest path through `waypoints` (the first is the start) that holds `limits`.
+    /// The fastest path through `waypoints` (the first is the start) within `limits`.
     pub fn timed(waypoints: &[Isometry3<f64>], limits: PathLimits) -> Result<Self, PathError> {
         Self::new(stretch(waypoints.iter().map(|pose| (0.0, *pose)).collect(), limits)?)
     }
 
-    /// This path with every segment stretched, where needed, so that `limits` hold. Rests stay as they are.
+    /// Stretches every segment as far as `limits` require. Rests stay as they are.
     pub fn stretched(&self, limits: PathLimits) -> Result<Self, PathError> {
         let waypoints: Vec<_> =
             std::iter::once((0.0, self.start)).chain(self.segments.iter().map(|s| (s.duration, s.to))).collect();
@@ -176,7 +177,7 @@ impl PosePath {
         self.segments.last().map_or(self.start, |segment| segment.to)
     }
 
-    /// Pose and twist at time `t` (s); before the start and after the end the path rests.
+    /// Pose and twist at time `t` (s). The path rests before its start and after its end.
     pub fn sample(&self, t: f64) -> (Isometry3<f64>, Twist) {
         let Some(segment) = self.segment(t) else {
             return (if t <= 0.0 { self.start } else { self.end() }, Twist::zeros());
@@ -192,7 +193,7 @@ impl PosePath {
         (pose, Twist::new(v.x, v.y, v.z, w.x, w.y, w.z))
     }
 
-    /// Greatest speeds from time `t` to the end of the segment that `t` lies in.
+    /// Upper bounds of the speeds from time `t` to the end of the segment that contains `t`.
     pub fn speed_bound(&self, t: f64) -> SpeedBound {
         self.segment(t.max(0.0)).map_or(SpeedBound { linear: 0.0, angular: 0.0, until: f64::INFINITY }, |segment| {
             SpeedBound {
@@ -203,14 +204,14 @@ impl PosePath {
         })
     }
 
-    /// The same path seen from, or for, another frame: every pose becomes `left * pose * right`.
+    /// Transforms the path to another frame: every pose becomes `left * pose * right`.
     pub fn transformed(&self, left: &Isometry3<f64>, right: &Isometry3<f64>) -> Result<Self, PathError> {
         let waypoints = std::iter::once((0.0, left * self.start * right))
             .chain(self.segments.iter().map(|s| (s.duration, left * s.to * right)));
         Self::new(waypoints.collect())
     }
 
-    /// The segment that contains `t`, unless `t` is outside the path.
+    /// Segment that contains `t`; `None` if `t` is outside the path.
     fn segment(&self, t: f64) -> Option<&Segment> {
         if !(t >= 0.0 && t < self.duration()) {
             return None;
@@ -220,7 +221,8 @@ impl PosePath {
     }
 }
 
-/// Twist of a point rigidly attached to a moving frame: `offset` (m, world axes) leads from the frame's origin to the point.
+/// Twist of a point that is rigidly attached to a moving frame. `offset` (m, world axes) leads from the frame's origin
+/// to the point.
 pub fn shift_twist(twist: &Twist, offset: &Vector3<f64>) -> Twist {
     let w = Vector3::new(twist[3], twist[4], twist[5]);
     let v = Vector3::new(twist[0], twist[1], twist[2]) + w.cross(offset);
@@ -236,7 +238,7 @@ pub fn displacement(from: &Isometry3<f64>, to: &Isometry3<f64>) -> (Vector3<f64>
     (to.translation.vector - from.translation.vector, turn.scaled_axis())
 }
 
-/// Waypoints with durations raised, where needed, until `limits` hold.
+/// Raises the durations of waypoints as far as `limits` require.
 fn stretch(
     mut waypoints: Vec<(f64, Isometry3<f64>)>,
     limits: PathLimits,

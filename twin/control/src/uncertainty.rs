@@ -1,27 +1,28 @@
-//! The errors that a controller expects of its own robot: a file's, found by calibration, whatever really goes wrong.
+//! Errors that a controller expects of its own robot. They come from a file with values found by calibration, whatever
+//! the actual errors are.
 
 use std::path::Path;
 
 use platform::data::{DataError, parse_toml};
 use serde::Deserialize;
 
-/// Standard deviations that the controller expects, and how they are made up.
+/// Standard deviations of the errors that the controller expects, and their persistent share.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Uncertainty {
-    /// Lasting error of the arm, each axis, m.
+    /// Persistent error of the arm, each axis, m.
     pub arm: f64,
     /// Error of prior perception, each of x and y, m.
     pub eyes: f64,
-    /// Share of its variance that stays the same over the looks of a trial.
+    /// Share of the variance of `eyes` that stays the same over the looks of a trial.
     pub eyes_lasting: f64,
 }
 
 impl Uncertainty {
-    /// That of a robot and eyes that have been measured to be exact: a tenth of a millimetre is as much as anybody can say.
+    /// Errors of a robot and eyes that were measured to be exact: nobody can claim less than a tenth of a millimetre.
     pub const EXACT: Self = Self { arm: 1e-4, eyes: 1e-4, eyes_lasting: 0.5 };
 
-    /// That of the robot that comes with the program, `control/data/uncertainty.toml`.
+    /// Errors of the robot that comes with the program, `control/data/uncertainty.toml`.
     ///
     /// # Panics
     /// Never in a tested build: the file is compiled in and a test reads it.
@@ -30,7 +31,7 @@ impl Uncertainty {
         Self::parse(text, Path::new("uncertainty.toml")).expect("the built-in uncertainties are valid")
     }
 
-    /// The same where a look states its own standard deviation, m, each of x and y.
+    /// Replaces the error of the eyes by the standard deviation that a look states, m, each of x and y.
     #[must_use]
     pub fn stated(self, sigma: Option<f64>) -> Self {
         Self { eyes: sigma.unwrap_or(self.eyes), ..self }
@@ -41,17 +42,19 @@ impl Uncertainty {
         self.eyes * (1.0 - self.eyes_lasting).sqrt()
     }
 
-    /// Standard deviation of what stays the same through a trial in where the hand goes beside an object, each of x and y, m.
+    /// Standard deviation of the part of the hand's position error relative to an object that persists through a trial,
+    /// each of x and y, m.
     pub fn lasting(&self) -> f64 {
         self.arm.hypot(self.eyes * self.eyes_lasting.sqrt())
     }
 
-    /// Standard deviation of where the hand goes beside an object whose place is the mean of `looks` looks, each axis, m.
+    /// Standard deviation of the hand's position relative to an object whose position is the mean of `looks` looks,
+    /// each axis, m.
     pub fn target(&self, looks: u32) -> f64 {
         self.lasting().hypot(self.fresh_look() / f64::from(looks.max(1)).sqrt())
     }
 
-    /// Reads and checks a file's text; `path` is used in errors.
+    /// Parses and checks the text of a file; `path` is used in errors.
     pub fn parse(text: &str, path: &Path) -> Result<Self, DataError> {
         let read: Self = parse_toml(text, path)?;
         for (field, value) in [("arm", read.arm), ("eyes", read.eyes)] {

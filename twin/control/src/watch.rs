@@ -1,20 +1,21 @@
-//! Images that are taken for a recording. Nothing may be decided by them: a trial that is recorded is the same one.
+//! Image requests for a recording. No decision may depend on these images: a recorded trial is the same as an
+//! unrecorded one.
 
 use hand_model::robot::{Observation, TactileFrame};
 
-/// Longest wait for images that were asked for before others are, s.
+/// Time limit for requested images, s; after it, new ones are requested.
 const LOST: f64 = 1.0;
 
-/// Asks for images now and then, where nobody else does.
+/// Requests images at intervals while nobody else does.
 #[derive(Debug, Clone)]
 pub struct Watch {
-    /// How often, s; never where there is none.
+    /// Period of the requests, s; `None` for no requests.
     period: Option<f64>,
-    /// When it asked last, s.
+    /// Time of the last request of its own, s.
     last: f64,
-    /// Whether images have come since any were asked for last.
+    /// True if images have arrived since the last request.
     answered: bool,
-    /// When it asked for the images that may still be on their way, s.
+    /// Times of its own requests whose images may still be on their way, s.
     asked: Vec<f64>,
 }
 
@@ -25,20 +26,20 @@ impl Default for Watch {
 }
 
 impl Watch {
-    /// Asks every `period` (s) from now on, whatever clock it went by before.
+    /// Requests images every `period` (s) from now on, independent of any earlier clock.
     pub fn begin(&mut self, period: f64) {
         (self.period, self.last) = (Some(period), f64::NEG_INFINITY);
     }
 
-    /// Those of the images that `arrived` that it did not ask for. A simulated camera exposes at the end of the `tick` (s) in which it is
-    /// asked; what a real one takes at any other time counts as somebody else's.
+    /// Images out of `arrived` that others requested. A simulated camera exposes at the end of the `tick` (s) of the
+    /// request. Images that a real camera takes at any other time count as requested by others.
     pub fn others(&self, arrived: &[TactileFrame], tick: f64) -> Vec<TactileFrame> {
         let own = |frame: &TactileFrame| self.asked.iter().any(|asked| (frame.time - asked - tick).abs() < 0.5 * tick);
         arrived.iter().filter(|frame| !own(frame)).cloned().collect()
     }
 
-    /// Whether images are to be taken in this tick: where `others` want some, and, where they are `free` of others for the time being and the
-    /// link is too, as often as it wants some itself.
+    /// True if images are to be captured in this tick. That is the case if `others` request some. It is also the case
+    /// at its own period, provided that others leave the cameras `free` for the time being and that the link is idle.
     pub fn captures(&mut self, observation: &Observation, others: bool, free: bool) -> bool {
         let now = observation.time;
         self.asked.retain(|asked| now < asked + LOST);
@@ -74,7 +75,8 @@ mod tests {
         Observation { time, sequence: 0, servos, arm: ArmState::default(), tactile }
     }
 
-    /// It asks at its period where nobody else does, waits for the answer, and knows its images again among others'.
+    /// It requests images at its period while nobody else does, waits for the answer, and recognises its own images
+    /// among those of others.
     #[test]
     fn its_images_are_told_from_those_of_others() {
         let mut watch = Watch { period: Some(0.1), ..Watch::default() };

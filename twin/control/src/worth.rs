@@ -1,7 +1,8 @@
-//! What a grasp is worth: every factor that multiplies a proven score, in one place.
+//! Worth of a grasp: all factors that multiply a proven score, in one place.
 //!
-//! A grasp's score is the share of rehearsals under the expected noise in which it held. Its worth in a given situation is that
-//! score times the factors below. They rank alternatives; only ratios matter. All were set by hand.
+//! The score of a grasp is the share of rehearsals under the expected noise in which it held. Its worth in a given
+//! situation is that score times the factors below. They rank alternatives, so only ratios matter. All were set by
+//! hand.
 
 use std::sync::Arc;
 
@@ -10,32 +11,34 @@ use grasping::Grasp;
 use crate::extent::Extent;
 use crate::odds::Rehearsed;
 
-/// A grasp that failed in this very trial or transport: the factor of each failure.
+/// Factor for each failure of a grasp in this very trial or transport.
 pub const FAILED: f64 = 0.5;
-/// A grasp that was not rehearsed together with the other object of the combination.
+/// Factor of a grasp that was not rehearsed together with the other object of the combination.
 pub const UNREHEARSED: f64 = 0.9;
-/// A grasp taken over from another object of similar shape.
+/// Factor of a grasp taken over from another object of similar shape.
 pub const STAND_IN: f64 = 0.5;
-/// A pick that was not proven with these digits occupied.
+/// Factor of a pick that was not proven with these digits occupied.
 pub const UNPROVEN_BESIDE: f64 = 0.5;
-/// A pick sequence continues only with picks worth at least this much: a failed one may lose what is held.
+/// Threshold below which a pick sequence makes no further pick: a failed one may lose the held objects.
 pub const LEAST: f64 = 0.25;
-/// A candidate replaces the plan only if it is worth this many times as much.
+/// Threshold for replacing the plan: a candidate must be worth this many times as much.
 pub const SWITCH_GAIN: f64 = 1.05;
-/// A try that misses without a contact, against one that holds: of such trials a quarter to a third still end well without a contact.
+/// Value of a miss without contact relative to a hold: a quarter to a third of such trials still end well without a
+/// contact.
 pub const MISSED: f64 = 0.35;
-/// Probability of a contact of a grasp that was not rehearsed under errors.
+/// Probability of a contact for a grasp that was not rehearsed under errors.
 pub const UNREHEARSED_CONTACT: f64 = 0.25;
 
 /// A grasp that might take an object, and its worth in this situation.
 #[derive(Debug, Clone)]
 pub struct Candidate {
     pub grasp: Grasp,
-    /// Probability of success when nothing is in the way.
+    /// Probability of success without obstacles.
     pub worth: f64,
-    /// What is left of it after failures in this very trial, 1 before any: what was rehearsed is not all that happens.
+    /// Factor on the worth and on the odds of a hold after failures in this very trial, 1 before any. It accounts for
+    /// effects that rehearsals lack.
     pub trust: f64,
-    /// How it went under errors of its aim, after the first grasp of the plan; empty where that was not rehearsed.
+    /// Rehearsals under errors of the aim, after the first grasp of the plan; empty if it was not rehearsed.
     pub rehearsed: Arc<[Rehearsed]>,
 }
 
@@ -45,7 +48,7 @@ impl Candidate {
         Self { grasp, worth, trust: 1.0, rehearsed: Arc::default() }
     }
 
-    /// The same with what its rehearsals count for beside the first object as it is felt.
+    /// Weights the rehearsals for the felt hold of the first object.
     #[must_use]
     pub fn beside(&self, felt: &Extent) -> Self {
         Self { rehearsed: self.rehearsed.iter().map(|rehearsed| rehearsed.beside(felt)).collect(), ..self.clone() }

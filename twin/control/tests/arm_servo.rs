@@ -1,4 +1,4 @@
-//! The arm servo as its users see it: tracking, limits, behaviour out of reach, and time per step.
+//! The arm servo from its users' point of view: tracking, limits, behaviour out of reach, and time per step.
 use std::f64::consts::PI;
 use std::time::Instant;
 
@@ -16,7 +16,7 @@ fn servo(posture: Joints) -> ArmServo {
     ArmServo::new(kinematics, IkSettings::default(), posture).expect("within limits")
 }
 
-/// One step, checked against every joint limit and for continuity of the set-points.
+/// Makes one step and checks every joint limit and the continuity of the set-points.
 fn checked(servo: &mut ArmServo, target: &Isometry3<f64>, feedforward: &Twist, dt: f64) -> IkStep {
     let (q, qd) = (*servo.q(), *servo.qd());
     let step = servo.step(target, feedforward, dt).expect("valid input");
@@ -81,7 +81,7 @@ fn tracks_a_line_with_a_turn() {
             assert!(r.worst_position_error < 2e-3 && r.saturated_ticks < 20, "{r:?}");
         }
     }
-    // A snapshot goes on exactly as the original does.
+    // A snapshot continues exactly as the original does.
     let mut copy = servo.clone();
     let start = path.start();
     assert_eq!(copy.step(&start, &Twist::zeros(), DT), servo.step(&start, &Twist::zeros(), DT));
@@ -116,7 +116,8 @@ fn out_of_reach_is_reported_and_calm() {
             last.position_error, last.rotation_error, last.speed_scale
         );
         assert!(last.saturated, "{last:?}");
-        // Stretched out, it comes back. (Folded onto its base it may end up against a joint limit: a local minimum, reported.)
+        // From a stretched-out posture it comes back. (Folded onto its base it may end up against a joint limit: a
+        // local minimum, reported.)
         if far.norm() < 1.0 {
             continue;
         }
@@ -154,7 +155,7 @@ fn brakes_to_rest() {
     assert_eq!(servo.qd()[..], [0.0; 7]);
 }
 
-/// Not an assertion on time (machines differ): prints what a step costs, apart for both ways of solving.
+/// Prints the cost of a step, separately for both ways of solving. Not an assertion on time, because machines differ.
 #[test]
 fn time_per_step() {
     let mut servo = servo(Arm::gen3().home);
@@ -177,7 +178,7 @@ fn time_per_step() {
 
 proptest! {
     #![proptest_config(ProptestConfig { cases: 24, failure_persistence: None, ..ProptestConfig::default() })]
-    /// Whatever the targets, however they jump and whatever they claim to move with: limits hold.
+    /// Limits hold for any targets, however they jump and whatever twist they claim.
     #[test]
     fn limits_hold_over_random_targets(raw in proptest::collection::vec(-1.0f64..1.0, 5 * 12), dt in 0.001f64..0.02) {
         let mut servo = servo(Arm::gen3().home);
@@ -190,7 +191,7 @@ proptest! {
         }
     }
 
-    /// What one posture reaches, the pose solver reaches; always with the same answer.
+    /// The pose solver reaches every pose that some posture reaches, always with the same answer.
     #[test]
     fn solve_finds_reachable_poses(raw in proptest::collection::vec(-1.0f64..1.0, 7)) {
         let kinematics = ArmKinematics::new(Arm::gen3(), Mount::of_hand(&Hand::ftac(), 0.1));

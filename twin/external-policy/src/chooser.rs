@@ -1,4 +1,4 @@
-//! A policy that chooses grasps, asked through its host.
+//! A chooser whose decisions come from an external policy, through its host.
 
 use std::sync::Arc;
 
@@ -10,18 +10,18 @@ use serde_json::Value;
 use super::host::{Array, Host};
 use super::message;
 
-/// Asks a host.
+/// Asks a host for the decisions.
 pub struct HostChooser<'a> {
     host: &'a mut dyn Host,
     hand: &'a Hand,
     /// Images of the untouched pads, one a camera.
     untouched: &'a [Arc<TactileImage>],
-    /// What is asked first.
+    /// Question that is asked before the first decision.
     reset: Option<Value>,
 }
 
 impl<'a> HostChooser<'a> {
-    /// For a trial that begins with the question `reset`, on a hand whose pads look like `untouched` before anything touches them.
+    /// A chooser for a trial that begins with the question `reset`; `untouched` are the images of the untouched pads.
     pub fn new(host: &'a mut dyn Host, hand: &'a Hand, untouched: &'a [Arc<TactileImage>], reset: Value) -> Self {
         Self { host, hand, untouched, reset: Some(reset) }
     }

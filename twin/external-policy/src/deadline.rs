@@ -1,4 +1,5 @@
-//! The end of a policy's process: at a time limit, at the operator's wish, or because nobody asks it any more; never left behind.
+//! Termination of a policy's process: at a time limit, at the operator's request, or when it is no longer needed. No
+//! process is left behind.
 
 use std::process::Stdio;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
@@ -8,34 +9,35 @@ use platform::child;
 
 use progress::interrupt;
 
-/// Between two looks at whether the operator wants to end while an answer is awaited.
+/// Polling interval for the operator's request to stop while an answer is awaited.
 const LOOK: Duration = Duration::from_millis(50);
-/// How long an answer may still take once the operator wants to end.
+/// Grace period for an answer after the operator's request to stop.
 const GRACE: Duration = Duration::from_secs(1);
 
-/// Why a process was ended.
+/// Cause of the end of a process.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ended {
-    /// It took longer than this.
+    /// It exceeded this time limit.
     Late(Duration),
-    /// The operator wanted to end.
+    /// The operator requested a stop.
     Interrupted,
 }
 
 #[derive(Debug, Default)]
 struct State {
-    /// Until when an answer must be there, and how long that is.
+    /// Deadline of the awaited answer, and its time limit.
     awaited: Option<(Instant, Duration)>,
-    /// Since when the operator wants to end.
+    /// Time at which the operator requested a stop.
     wished: Option<Instant>,
-    /// The leader of the process group, as long as the group may be there.
+    /// Leader of the process group, as long as the group may exist.
     group: Option<u32>,
     ended: Option<Ended>,
-    /// Nobody awaits anything any more.
+    /// True if no answer will be awaited any more.
     over: bool,
 }
 
-/// Watches over one process group from a thread of its own: whoever reads from or writes to the process is set free by its end.
+/// Supervises one process group from a thread of its own. A blocking read from or write to the process returns when the
+/// process ends.
 #[derive(Debug)]
 pub struct Deadline {
     shared: Arc<(Mutex<State>, Condvar)>,
@@ -46,7 +48,7 @@ fn lock(state: &Mutex<State>) -> MutexGuard<'_, State> {
 }
 
 impl Deadline {
-    /// Over the process group that the process `leader` leads.
+    /// Supervises the process group of the process `leader`.
     pub fn over(leader: u32) -> Self {
         let state = State { group: Some(leader), ..State::default() };
         let shared = Arc::new((Mutex::new(state), Condvar::new()));
@@ -55,8 +57,8 @@ impl Deadline {
         Self { shared }
     }
 
-    /// Waits for `answer`, which reads or writes, for no longer than `limit`. What ended the process meanwhile is told instead of the error that this
-    /// led to.
+    /// Waits for `answer`, which reads or writes, for at most `limit`. If the process is ended meanwhile, returns the
+    /// reason for that instead of the resulting error.
     pub fn within<T, E>(&self, limit: Duration, answer: impl FnOnce() -> Result<T, E>) -> Result<T, Result<Ended, E>> {
         let (state, changed) = &*self.shared;
         {
@@ -70,7 +72,7 @@ impl Deadline {
         answer.map_err(|error| state.ended.ok_or(error))
     }
 
-    /// Ends every process of the group, for good: its number may be another's later.
+    /// Ends every process of the group, once only, because its number may belong to another group later.
     pub fn end(&self) {
         end(&mut lock(&self.shared.0));
     }
@@ -85,7 +87,8 @@ impl Drop for Deadline {
 
 fn end(state: &mut State) {
     if let Some(group) = state.group.take() {
-        // The shell's own: the standard library signals no groups. One that has ended by itself is as good.
+        // The shell's own `kill`, because the standard library cannot signal groups. A group that has ended by itself
+        // is fine.
         let kill = ["-c", "kill -s KILL -- -\"$1\"", "sh", &group.to_string()].map(str::to_owned);
         let _ =
             child::command("sh").args(kill).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null()).status();

@@ -1,4 +1,4 @@
-//! Whoever answers for a policy.
+//! Hosts: they answer the questions to a policy.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -7,51 +7,51 @@ use hand_model::robot::TactileImage;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-/// On which level a policy decides.
+/// Level at which a policy decides.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Level {
-    /// It chooses how the second object is taken.
+    /// The policy chooses how the second object is taken.
     Choose,
-    /// It moves the robot, twenty times a second.
+    /// The policy moves the robot, twenty times a second.
     Act,
 }
 
-/// A policy as it introduces itself.
+/// Introduction of a policy.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Guest {
-    /// Of its class.
+    /// Name of its class.
     pub name: String,
     pub level: Level,
-    /// Side of the tactile images of a policy that acts, pixels; without it, it gets none.
+    /// Side of the tactile images for a policy that acts, pixels. Without it, the policy gets no images.
     pub images: Option<usize>,
 }
 
-/// Why there is no answer.
+/// Failure to get an answer.
 #[derive(Debug, thiserror::Error)]
 pub enum HostError {
-    /// The policy has failed, in its own words: an exception with its traceback, or an answer that cannot be.
+    /// The policy has failed, in its own words: an exception with its traceback, or an invalid answer.
     #[error("the policy failed: {0}")]
     Failed(String),
-    /// Its process has ended.
+    /// The policy's process has ended.
     #[error("the policy's process has ended ({0})")]
     Ended(String),
-    /// What it says is no answer.
+    /// The reply is not a valid answer.
     #[error("the policy's answer: {0}")]
     Answer(String),
-    /// It took too long.
+    /// The policy exceeded its time limit.
     #[error("the policy has not answered within {} s (--policy-timeout): its process was ended", .0.as_secs())]
     Late(Duration),
-    /// The operator wanted to end while it thought.
+    /// The operator requested a stop while the policy was thinking.
     #[error("interrupted while the policy thought")]
     Interrupted,
-    /// The pipes to it do not work.
+    /// The pipes to the policy failed.
     #[error("the policy's process: {0}")]
     Pipe(#[from] std::io::Error),
 }
 
-/// Bytes that belong to a question, and their shape.
+/// Bytes that accompany a question, and their shape.
 #[derive(Debug, Clone)]
 pub struct Array<'a> {
     pub shape: Vec<usize>,
@@ -59,15 +59,16 @@ pub struct Array<'a> {
 }
 
 impl<'a> Array<'a> {
-    /// A camera's picture.
+    /// The image of a camera.
     pub fn picture(image: &'a Arc<TactileImage>) -> Self {
         let side = (image.rgb.len() / 3).isqrt();
         Self { shape: vec![side, side, 3], bytes: &image.rgb }
     }
 }
 
-/// Answers for a policy: a process of its own, or an object in this one.
+/// Answers the questions to a policy: a separate process, or an object in this one.
 pub trait Host {
-    /// Asks a question, to which `arrays` belong, and waits for the answer: as long as it takes, or as its host lets it.
+    /// Asks a question, accompanied by `arrays`, and waits for the answer without limit, or up to the host's time
+    /// limit.
     fn ask(&mut self, question: &Value, arrays: &[Array]) -> Result<Value, HostError>;
 }

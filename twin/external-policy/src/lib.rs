@@ -1,11 +1,13 @@
-//! Policies of the user's own: a condition of the benchmark whose decisions somebody else makes.
+//! Policies of the user's own: a condition of the benchmark with an external decision maker.
 //!
-//! [`host`] is whoever answers for a policy, and what it is asked; [`message`] writes a question from what a controller may know. [`process`] runs a
-//! policy in a process of its own by the [`python`] that is there, which a deadline ends, [`pool`] keeps such processes for a run. [`chooser`] is a policy that chooses grasps.
-//! One that moves the robot itself is played by the benchmark.
+//! [`host`] is the interface to whatever answers for a policy, including the introduction of the policy. [`message`]
+//! composes a question from information that a controller may have. [`process`] runs a policy in a process of its own,
+//! with the [`python`] that is installed and under a time limit, and [`pool`] keeps such processes for a run.
+//! [`chooser`] is a policy that chooses grasps. A policy that moves the robot itself is played by the benchmark.
 //!
-//! A policy is told what the built-in ones know: measurements, images, what vision reports, and what touch makes of it. It runs outside of this
-//! process, or behind Python's door: nothing but the answers to these questions reaches it.
+//! A policy receives the same information as the built-in ones: measurements, images, the reports of vision, and the
+//! results of touch. It runs outside of this process, or behind the Python interface. It can influence this process
+//! only through its answers to these questions.
 
 pub mod chooser;
 mod deadline;

@@ -1,4 +1,4 @@
-//! What a policy is asked, as JSON: from measurements and estimates alone.
+//! Questions to a policy, as JSON. They contain only measurements and estimates.
 
 use control::action::{Action, ActionLimits, ArmAction, HandAction};
 use control::policy::chosen::{Aim, Answer, Situation};
@@ -11,37 +11,39 @@ use serde_json::{Value, json};
 
 use super::host::HostError;
 
-/// x, y, z (m) and the quaternion's x, y, z, w, whose w is not negative: one pose has one row.
+/// Pose as x, y, z (m) and the quaternion's x, y, z, w. Its w is not negative, so that each pose has one
+/// representation.
 pub fn pose_row(pose: &Isometry3<f64>) -> [f64; 7] {
     let (t, q) = (pose.translation.vector, pose.rotation.coords);
     let sign = if q.w < 0.0 { -1.0 } else { 1.0 };
     [t.x, t.y, t.z, sign * q.x, sign * q.y, sign * q.z, sign * q.w]
 }
 
-/// A row a servo: angle (rad), speed (rad/s), current (A).
+/// One row per servo: angle (rad), speed (rad/s), current (A).
 pub fn servo_rows(servos: &[ServoState]) -> Vec<[f64; 3]> {
     servos.iter().map(|servo| [servo.position, servo.velocity, servo.current]).collect()
 }
 
-/// A row a joint: angle (rad), speed (rad/s), torque (N m).
+/// One row per joint: angle (rad), speed (rad/s), torque (N m).
 pub fn arm_rows(arm: &ArmState) -> Vec<[f64; 3]> {
     (0..arm.position.len()).map(|n| [arm.position[n], arm.velocity[n], arm.torque[n]]).collect()
 }
 
-/// What a policy is told before a trial.
+/// Information for a policy before a trial.
 #[derive(Debug, Clone)]
 pub struct Info<'a> {
     pub combination: usize,
     pub trial: usize,
-    /// For what is random in the policy; it says nothing of what is random in the trial.
+    /// Seed for the random numbers of the policy. It reveals nothing about the random numbers of the trial.
     pub seed: u32,
     pub objects: Vec<&'a str>,
-    /// Turns about the vertical from the rest pose, as seen, rad.
+    /// Yaws of the objects from their rest poses, as seen, rad.
     pub yaws: Vec<f64>,
     pub limits: &'a ActionLimits,
 }
 
-/// A trial begins. To a policy that acts and wants images belongs an array: pictures of the untouched pads.
+/// Question at the beginning of a trial. For a policy that acts and wants images, an array with the images of the
+/// untouched pads accompanies it.
 pub fn reset(info: &Info) -> Value {
     json!({
         "ask": "reset",
@@ -52,7 +54,8 @@ pub fn reset(info: &Info) -> Value {
     })
 }
 
-/// How the second object is to be taken. Arrays that belong to it: the situation's images, then those of all untouched pads, one a camera.
+/// Question how to take the second object. Accompanying arrays: the images of the situation, then those of all
+/// untouched pads, one per camera.
 pub fn choose(hand: &Hand, situation: &Situation) -> Value {
     let camera = |camera: usize| hand.cameras.get(camera).map_or("", |camera| camera.name.as_str());
     let covariance = situation.felt.map(|felt| {
@@ -85,21 +88,21 @@ pub fn choose(hand: &Hand, situation: &Situation) -> Value {
     })
 }
 
-/// What a policy that acts is told.
+/// Observation for a policy that acts.
 pub struct Observed<'a> {
-    /// s since the robot was started.
+    /// Time since the robot was started, s.
     pub time: f64,
-    /// Until the trial has failed, s.
+    /// Time left until the trial fails, s.
     pub time_left: f64,
     pub servos: &'a [ServoState],
     pub arm: &'a ArmState,
-    /// `world_from_palm` by the arm's encoders.
+    /// `world_from_palm` from the arm's encoders.
     pub palm: Isometry3<f64>,
-    /// `world_from_object` as vision reported it when the trial began.
+    /// `world_from_object` of each object, as reported by vision at the start of the trial.
     pub seen: Vec<Isometry3<f64>>,
 }
 
-/// What is to be done in the coming step.
+/// Question for the action of the coming step.
 pub fn act(observed: &Observed) -> Value {
     json!({
         "ask": "act",
@@ -117,11 +120,12 @@ pub fn act(observed: &Observed) -> Value {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Chosen {
-    /// Place among the candidates, x and y (m) and turn (rad) of the aim.
+    /// Index of the candidate, and x and y (m) and yaw (rad) of the aim's offset; `None` to keep the contents of the
+    /// hand.
     choice: Option<(usize, f64, f64, f64)>,
 }
 
-/// The answer to [`choose`].
+/// Reads the answer to [`choose`].
 pub fn chosen(answer: Value) -> Result<Answer, HostError> {
     let Chosen { choice } = read(answer)?;
     Ok(choice.map_or(Answer::Keep, |(candidate, x, y, yaw)| Answer::Take { candidate, aim: Aim { x, y, yaw } }))
@@ -141,7 +145,7 @@ struct Asked {
     opposition: f64,
 }
 
-/// The answer to [`act`]; `None`: the policy has finished.
+/// Reads the answer to [`act`]; `None` if the policy has finished.
 pub fn acted(answer: Value) -> Result<Option<Action>, HostError> {
     let Acted { action } = read(answer)?;
     Ok(action.map(|Asked { twist, tensions, opposition }| Action {

@@ -1,4 +1,4 @@
-//! The processes that answer for the user's policy of a run.
+//! Pool of the processes that answer for the user's policy in a run.
 
 use std::sync::{Mutex, PoisonError};
 
@@ -8,7 +8,7 @@ use super::host::{Guest, Host};
 use super::process::{Interrupted, Process};
 use super::source::Source;
 
-/// The user's policy, and its processes that wait: one for every thread that plays.
+/// The user's policy with its idle processes, up to one for every thread that plays.
 pub struct Own {
     pub source: Source,
     pub guest: Guest,
@@ -16,16 +16,17 @@ pub struct Own {
 }
 
 impl Own {
-    /// Starts a first process: a policy that cannot be asked is found before anything is played.
+    /// Starts a first process, so that a policy that does not work is found before anything is played.
     pub fn start(source: Source) -> Result<Self> {
         let (process, guest) = Process::start(&source)?;
         Ok(Self { source, guest, waiting: Mutex::new(vec![process]) })
     }
 
-    /// Plays with a process that nobody else asks. One that failed is not asked again.
+    /// Plays with a process that nobody else uses. A process that failed is not used again.
     ///
     /// # Errors
-    /// Those of `play`; [`Interrupted`] where the operator wanted to end while the policy thought: the trial is none.
+    /// Those of `play`, and [`Interrupted`] if the operator requested a stop while the policy was thinking; the trial
+    /// then does not count.
     pub fn with<T>(&self, play: impl FnOnce(&mut dyn Host) -> Result<T>) -> Result<T> {
         let waiting = self.waiting.lock().unwrap_or_else(PoisonError::into_inner).pop();
         let mut process = match waiting {

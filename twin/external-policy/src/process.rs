@@ -1,7 +1,9 @@
-//! A policy in a process of its own: `python3 -m ftac.policy_host FILE:CLASS ARGUMENTS`, the arguments as a JSON object.
+//! A policy in a process of its own: `python3 -m ftac.policy_host FILE:CLASS ARGUMENTS`, with the arguments as a JSON
+//! object.
 //!
-//! Questions go to its standard input: a line of JSON, whose `shapes` say which arrays of bytes follow. Answers come from its standard output, a
-//! line of JSON each: `{"error": ...}` is a policy that failed. Its first line introduces it. What the policy prints goes to standard error.
+//! Questions go to its standard input: a line of JSON, whose `shapes` describe the arrays of bytes that follow. Answers
+//! come from its standard output, one line of JSON each; `{"error": ...}` means that the policy failed. Its first line
+//! introduces the policy. The output that the policy prints goes to standard error.
 
 use std::io::{BufRead as _, BufReader, BufWriter, Read as _, Write as _};
 use std::os::unix::process::CommandExt as _;
@@ -16,26 +18,26 @@ use super::host::{Array, Guest, Host, HostError};
 use super::python;
 use super::source::Source;
 
-/// How long a process may take to end once nobody asks it any more.
+/// Time limit for a process to end by itself once it is no longer needed.
 const PATIENCE: Duration = Duration::from_millis(500);
-/// How long a policy may take to introduce itself: large libraries and weights are read meanwhile.
+/// Time limit for the introduction of a policy, which includes loading large libraries and weights.
 const START: Duration = Duration::from_secs(300);
 
-/// The longest answer, bytes.
+/// Largest answer, bytes.
 const LONGEST: u64 = 1 << 24;
 
-/// A policy's process.
+/// The process of a policy.
 pub struct Process {
     pipes: Pipes,
     deadline: Deadline,
-    /// For an answer.
+    /// Time limit of an answer.
     limit: Duration,
-    /// Whether every question was answered.
+    /// True if every question was answered.
     well: bool,
     interrupted: bool,
 }
 
-/// The process itself, and the ways to it.
+/// The child process and its pipes.
 struct Pipes {
     child: Child,
     questions: Option<BufWriter<ChildStdin>>,
@@ -43,13 +45,14 @@ struct Pipes {
 }
 
 impl Process {
-    /// Starts the process of a policy, and waits until it introduces itself.
+    /// Starts the process of a policy and waits for its introduction.
     pub fn start(source: &Source) -> Result<(Self, Guest)> {
         let asked = format!("{}:{}", source.file.display(), source.class);
         let mut command = python::module("ftac.policy_host");
         command.arg(&asked).arg(serde_json::to_string(&source.arguments)?);
         command.stdin(Stdio::piped()).stdout(Stdio::piped());
-        // Ctrl-C is for this program, which finishes the trials in progress. A group of its own ends as one.
+        // Ctrl-C is meant for this program, which finishes the trials in progress. A process group of its own can be
+        // ended as a whole.
         let mut child = command.process_group(0).spawn().with_context(|| python::missing("--policy"))?;
         let deadline = Deadline::over(child.id());
         let (Some(input), Some(output)) = (child.stdin.take(), child.stdout.take()) else {
@@ -80,17 +83,17 @@ impl Process {
         }
     }
 
-    /// Whether it can be asked more.
+    /// True if it can be asked again.
     pub fn is_well(&self) -> bool {
         self.well
     }
 
-    /// Whether the operator wanted to end while it thought.
+    /// True if the operator requested a stop while the policy was thinking.
     pub fn was_interrupted(&self) -> bool {
         self.interrupted
     }
 
-    /// What `talk` with the process comes to within `limit`.
+    /// Runs `talk` with the process under the time limit `limit`.
     fn within(
         &mut self,
         limit: Duration,
@@ -133,7 +136,7 @@ impl Pipes {
             to.flush()
         };
         match put() {
-            // Nobody reads any more: how it ended says more.
+            // The reader is gone: the exit status of the process says more.
             Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => {
                 Err(HostError::Ended(self.child.wait()?.to_string()))
             }
@@ -150,19 +153,19 @@ impl Host for Process {
 
 impl Drop for Process {
     fn drop(&mut self) {
-        // The end of its input is its end.
+        // The process ends at the end of its input.
         drop(self.pipes.questions.take());
         let begun = Instant::now();
         while begun.elapsed() < PATIENCE && matches!(self.pipes.child.try_wait(), Ok(None)) {
             std::thread::sleep(Duration::from_millis(5));
         }
-        // It, if it did not end, and what it has started.
+        // Ends the process if it has not ended, and every process that it has started.
         self.deadline.end();
         let _ = self.pipes.child.wait();
     }
 }
 
-/// The operator wanted to end while a policy thought.
+/// The operator requested a stop while a policy was thinking.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("interrupted while the policy thought: this trial is left out, what is finished is kept")]
 pub struct Interrupted;

@@ -1,23 +1,24 @@
-//! The Python that has the package `ftac`.
+//! The Python interpreter that has the package `ftac`.
 
 use std::process::Command;
 
 use platform::child;
 
-/// Names it.
+/// Environment variable that names the interpreter.
 const VARIABLE: &str = "FTAC_POLICY_PYTHON";
-/// What it must have.
+/// Requirements on the interpreter, for error messages.
 pub const EXPECTED: &str =
     "expected Python with the package ftac (`pip install ./twin/python`), or its path in FTAC_POLICY_PYTHON";
 
-/// `python3`, or whatever [`VARIABLE`] names.
+/// Returns `python3`, or the interpreter that [`VARIABLE`] names.
 pub fn name() -> String {
     std::env::var(VARIABLE).unwrap_or_else(|_| "python3".to_owned())
 }
 
-/// Runs a module of the package.
+/// Command that runs a module of the package.
 ///
-/// Unlike `python -m`, it finds no modules in the current folder: that may be a stranger's, with results or sessions in it.
+/// Unlike `python -m`, it finds no modules in the current folder, which may be a stranger's, with results or sessions
+/// in it.
 pub fn module(module: &str) -> Command {
     let mut command = child::command(name());
     let run = format!(
@@ -28,7 +29,7 @@ pub fn module(module: &str) -> Command {
     command
 }
 
-/// That it could not be started, for `what`.
+/// Error message for an interpreter that could not be started, for `what`.
 pub fn missing(what: &str) -> String {
     format!("{what}: cannot start `{}`; {EXPECTED}", name())
 }

@@ -1,4 +1,4 @@
-//! The user's policy of a run: file, class, and what passes while it thinks.
+//! Source of the user's policy in a run: its file, its class, and the passage of time while it thinks.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -9,35 +9,35 @@ use platform::file::{LARGEST, read_regular};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-/// What passes while a policy thinks.
+/// Passage of simulated time while a policy thinks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Pace {
-    /// No simulated time: results repeat.
+    /// No simulated time passes: results are repeatable.
     #[default]
     Stand,
-    /// As much simulated time as on the wall: results depend on the computer.
+    /// As much simulated time passes as real time: results depend on the computer.
     Wall,
 }
 
-/// Where a policy comes from.
+/// Origin of a policy.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Source {
     pub file: PathBuf,
     pub class: String,
-    /// Of the file, SHA-256, hexadecimal: a run that goes on goes on with the same policy.
+    /// SHA-256 of the file, hexadecimal: a run is continued with the same policy only.
     pub sha256: String,
     #[serde(default)]
     pub pace: Pace,
-    /// What the class is made with, by name.
+    /// Arguments of the class, by name.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub arguments: BTreeMap<String, Value>,
-    /// How long it may take for an answer, s.
+    /// Time limit of an answer, s.
     #[serde(default = "timeout", skip_serializing_if = "is_usual")]
     pub timeout: u32,
 }
 
-/// How long a policy may take for an answer unless something else is asked for, s.
+/// Default time limit of an answer, s.
 pub const TIMEOUT: u32 = 60;
 
 fn timeout() -> u32 {
@@ -49,7 +49,7 @@ fn is_usual(timeout: &u32) -> bool {
 }
 
 impl Source {
-    /// What `FILE.py:CLASS` names, made with `arguments`, each `KEY=VALUE`.
+    /// Parses `FILE.py:CLASS` and the arguments of the class, each `KEY=VALUE`.
     pub fn parse(text: &str, arguments: &[String], pace: Pace) -> Result<Self> {
         let parts = text.rsplit_once(':').filter(|(file, class)| !file.is_empty() && !class.is_empty());
         let Some((file, class)) = parts else {
@@ -67,7 +67,7 @@ impl Source {
         Ok(Self { sha256, file, class, pace, arguments: by_name, timeout: TIMEOUT })
     }
 
-    /// Whether the file is still what it was.
+    /// Checks that the file has not changed.
     pub fn check(&self) -> Result<()> {
         let found = digest(&self.file)?;
         if found != self.sha256 {
@@ -81,7 +81,7 @@ impl Source {
     }
 }
 
-/// `KEY=VALUE`: a value that is JSON is what it says, any other is text.
+/// Parses `KEY=VALUE`. A value that is valid JSON is read as such, any other as text.
 fn argument(text: &str) -> Result<(String, Value)> {
     let named = |name: &str| {
         let begins = |letter: char| letter.is_alphabetic() || letter == '_';
@@ -144,7 +144,7 @@ mod tests {
             let error = parse(arguments).unwrap_err().to_string();
             assert!(error.contains(words), "{error}");
         }
-        // What was written before there were arguments is the same run.
+        // Text from before there were arguments describes the same run.
         let text = serde_json::to_string(&parse(&[]).unwrap()).unwrap();
         assert!(!text.contains("arguments") && !text.contains("timeout"), "{text}");
         let read: Source = serde_json::from_str(&text).unwrap();

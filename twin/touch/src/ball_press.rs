@@ -1,9 +1,10 @@
-//! Where a ball of known radius is that is pressed into a pad, from the images before and during the press.
+//! Locates a ball of known radius that is pressed into a pad, from the images before and during the press.
 //!
-//! The ball's middle is where the gel's surface under it ([`impression`]) has the slopes that photometric stereo sees. A calibration
-//! made on another unit sees slopes that are too steep or too flat, and turned, by much the same over one contact. A linear map
-//! between seen and true slopes is therefore fitted beside the place: the slopes vanish below the ball's middle whatever the map, and
-//! the contact's rim, where they break off, tells the depth.
+//! The ball's centre is where the gel's surface under it ([`impression`]) has the slopes that photometric stereo
+//! measures. A calibration made on another unit measures slopes that are too steep or too flat, and rotated, by much
+//! the same over one contact. A linear map between measured and true slopes is therefore fitted together with the
+//! position. Whatever the map, the slopes vanish below the ball's centre, and the rim of the contact, where they break
+//! off, determines the depth.
 
 mod impression;
 mod own_calibration;
@@ -25,26 +26,28 @@ use crate::photometric_stereo::{Gradients, gradients};
 use crate::poisson::{PoissonSolver, rest_level};
 use impression::{Ball, impression};
 
-/// Every so many pixels along both axes are compared.
+/// Stride, along both axes, of the pixels that are compared.
 const STRIDE: usize = 3;
-/// How far beyond the contact's rim the slopes are compared, as a share of the gel's thickness.
+/// Distance beyond the contact's rim up to which slopes are compared, as a share of the gel's thickness.
 const BEYOND: f64 = 0.8;
-/// Change of the place for derivatives, m.
+/// Step of the position for finite differences, m.
 const DIFFERENCE: f64 = 2e-5;
-/// Most steps of the fit, and the step after which it ends, m.
+/// Largest number of steps of the fit, and the step below which it ends, m.
 const MOST_STEPS: usize = 20;
 const STILL: f64 = 2e-6;
-/// Largest depth as a share of the gel's thickness: deeper, the gel gives way in ways of its own.
+/// Largest depth as a share of the gel's thickness; deeper, the gel deforms in other ways.
 const DEEPEST: f64 = 0.96;
-/// Least share of the seen slopes' squares that a ball's impression explains.
+/// Least share of the sum of squares of the measured slopes that a ball's impression explains.
 const LEAST_EXPLAINED: f64 = 0.8;
-/// Compared pixels that err alike: photometric stereo errs by place and slope, which change slowly over the contact.
+/// Number of compared pixels with a common error: the error of photometric stereo depends on position and slope, which
+/// change slowly over the contact.
 const ALIKE: f64 = 25.0;
-/// What no linear map takes away: by how much the slope below the ball's middle is seen wrong (standard deviation), and how far the
-/// rim's seen place is wrong, told as depth (m). Measured on presses into pads of units that the calibration was not made on.
+/// Errors that no linear map removes: the standard deviation of the measured slope below the ball's centre, and the
+/// error of the rim's position, expressed as depth (m). Measured on presses into pads of units on which the calibration
+/// was not made.
 const OFF_LEVEL: f64 = 0.0055;
 const OFF_DEPTH: f64 = 3.5e-5;
-/// Largest change of the lamps' or the exposure's strength between background and press that is taken out, as a share.
+/// Largest change of the brightness of lamps or exposure between background and press that is compensated, as a share.
 const MOST_DRIFT: f32 = 0.05;
 
 /// One image of a ball of known radius pressed into the pad that a camera looks at.
@@ -56,23 +59,23 @@ pub struct BallPress {
     pub image: Arc<TactileImage>,
     /// The image of the untouched pad.
     pub background: Arc<TactileImage>,
-    /// Of the ball, m.
+    /// Radius of the ball, m.
     pub radius: f64,
 }
 
-/// Where the ball's middle is.
+/// Estimated position of the ball's centre.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BallPlace {
-    /// m, pad frame.
+    /// Centre, m, pad frame.
     pub center: Point3<f64>,
-    /// Of the middle, m2.
+    /// Covariance of the centre, m2.
     pub covariance: Matrix3<f64>,
     /// Radius of the circle in which the ball passes through the undeformed surface, m.
     pub contact_radius: f64,
 }
 
-/// Finds the ball; `None` if the pad is untouched, if the image's border cuts the contact, if it is as deep as the gel is thick, or if
-/// what is seen is no ball of this radius.
+/// Locates the ball. `None` if the pad is untouched, if the image's border clips the contact, if the contact is as deep
+/// as the gel is thick, or if it is not that of a ball of this radius.
 pub fn locate(
     hand: &Hand,
     calibration: &PhotometricCalibration,
@@ -85,7 +88,7 @@ pub fn locate(
     Ok(coarse(hand, press, &seen).and_then(|start| Fit::new(hand, press, &seen, &start).run(start)))
 }
 
-/// A first guess of the ball, from the strongest contact in the height map.
+/// First guess of the ball, from the strongest contact in the height map.
 fn coarse(hand: &Hand, press: &BallPress, seen: &Gradients) -> Option<Ball> {
     let camera = &hand.cameras[press.camera];
     let pad = &hand.pads[camera.pad];
@@ -99,13 +102,13 @@ fn coarse(hand: &Hand, press: &BallPress, seen: &Gradients) -> Option<Ball> {
     Some(Ball { center: Point3::new(x, y, pad.surface_height(x, y) + radius - depth), radius })
 }
 
-/// Slopes at the compared pixels, and the place whose impression has them.
+/// Slopes at the compared pixels, and the fit of a ball whose impression has these slopes.
 struct Fit<'a> {
     hand: &'a Hand,
     press: &'a BallPress,
-    /// Compared pixels.
+    /// Indices of the compared pixels.
     pixels: Vec<usize>,
-    /// x components of the seen normals at those pixels, then their y components.
+    /// x components of the measured normals at those pixels, then their y components.
     seen: DMatrix<f64>,
 }
 
@@ -125,7 +128,7 @@ impl<'a> Fit<'a> {
         Self { hand, press, pixels, seen }
     }
 
-    /// Seen normals less those of the impression, after the linear map that brings them nearest; and whether the contact is clipped.
+    /// Measured normals less those of the impression after the best linear map, and a flag for a clipped contact.
     fn residuals(&self, ball: &Ball) -> Option<(DVector<f64>, bool)> {
         let impression = impression(self.hand, self.press.camera, ball);
         let pixel = self.hand.cameras[self.press.camera].pixel_size();
@@ -196,7 +199,7 @@ fn normal(gx: f64, gy: f64) -> [f64; 2] {
     [gx * nz, gy * nz]
 }
 
-/// How far a ball lies below the undeformed surface at its middle, m.
+/// Depth of a ball below the undeformed surface at its centre, m.
 fn depth(hand: &Hand, camera: usize, ball: &Ball) -> f64 {
     let pad = &hand.pads[hand.cameras[camera].pad];
     pad.surface_height(ball.center.x, ball.center.y) + ball.radius - ball.center.z

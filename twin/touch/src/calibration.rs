@@ -1,4 +1,4 @@
-//! The photometric model: from the colour change of a pixel at its position to the slope of the gel.
+//! Photometric model: maps the colour change of a pixel and its position to the slope of the gel.
 //!
 //! A press of a body of known shape at a known position labels every pixel with the true slope. The model is linear in
 //! features of the relative colour change (up to third order) times features of the position (up to second order), fitted
@@ -27,8 +27,9 @@ pub const COLOUR_FEATURES: usize = 19;
 pub const PLACE_FEATURES: usize = 6;
 const FEATURES: usize = COLOUR_FEATURES * PLACE_FEATURES;
 const VERSION: u32 = 1;
-/// Ridge of a fit to presses alone, and of one to the change of a model, relative to each feature's own energy in the presses. The larger
-/// one keeps the features of steep slopes, which a ball shows at its contact's rim only, near the model's.
+/// Ridge parameter of a fit to presses alone, and of a fit to the change of a model, relative to each feature's own
+/// energy in the presses. The larger one keeps the features of steep slopes, which a ball shows only at its contact's
+/// rim, near those of the model.
 const RIDGE: f64 = 1e-5;
 const KEPT: f64 = 0.1;
 /// Largest sine of a predicted slope angle.
@@ -50,7 +51,7 @@ pub struct CalibrationPress {
 /// The model of one sensor configuration.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PhotometricModel {
-    /// For each colour feature the weights of the position features, for the normal's x and y components.
+    /// Weights of the position features for each colour feature, for the x and y components of the normal.
     weights: Vec<[[f32; 2]; PLACE_FEATURES]>,
 }
 
@@ -59,7 +60,7 @@ pub struct PhotometricModel {
 pub struct PhotometricCalibration {
     /// Version of the file format.
     pub version: u32,
-    /// By the configuration's letter, a to f.
+    /// Models by the letter of the configuration, a to f.
     pub configurations: BTreeMap<char, PhotometricModel>,
 }
 
@@ -74,7 +75,7 @@ pub struct AngularError {
 }
 
 impl AngularError {
-    /// Statistics of angles, degrees.
+    /// Computes the statistics of angles, degrees.
     pub fn of(mut errors: Vec<f64>) -> Self {
         errors.sort_by(f64::total_cmp);
         let at = |fraction: f64| errors.get((fraction * errors.len() as f64) as usize).copied().unwrap_or(f64::NAN);
@@ -101,7 +102,7 @@ pub fn angle(press: &CalibrationPress, i: usize, pixel: (f64, f64), [px, py]: [f
     cross.atan2(gx * px + gy * py + 1.0).to_degrees()
 }
 
-/// Pixels that are computed together.
+/// Number of pixels that are computed together.
 const LANES: usize = 8;
 
 /// Features of colour changes, pixel by pixel: first, second and third order.
@@ -119,7 +120,7 @@ fn place(column: usize, row: usize) -> (f32, f32) {
     ((column as f32 + 0.5) / half - 1.0, 1.0 - (row as f32 + 0.5) / half)
 }
 
-/// A model for one image row: with its v substituted, the weights are quadratics in u.
+/// The model for one image row: with v substituted, the weights are quadratics in u.
 pub(crate) struct RowModel([[[f32; 2]; 3]; COLOUR_FEATURES]);
 
 impl RowModel {
@@ -143,7 +144,8 @@ impl RowModel {
         }
     }
 
-    /// The same of one pixel, with steep ones beyond what a normal can have.
+    /// x and y components of the normal of one pixel, unbounded: on steep slopes they may exceed those of a unit
+    /// vector.
     fn unbounded(&self, column: usize, change: [f32; 3]) -> [f64; 2] {
         let (u, _) = place(column, 0);
         let mut normal = [0.0; 2];
@@ -155,13 +157,13 @@ impl RowModel {
         normal
     }
 
-    /// Gradients (dh/dx, dh/dy) of those pixels.
+    /// Gradients (dh/dx, dh/dy) of consecutive pixels from `column` on.
     pub(crate) fn gradients(&self, column: usize, changes: &[[f32; 3]], gx: &mut [f32], gy: &mut [f32]) {
         self.normals(column, changes, |i, normal| [gx[i], gy[i]] = gradient_of(normal));
     }
 }
 
-/// x and y components of a normal, scaled down to the limit of the slope.
+/// Scales the x and y components of a normal down to the limit of the slope.
 pub(crate) fn bounded([nx, ny]: [f32; 2]) -> [f32; 2] {
     let sine = (nx * nx + ny * ny).sqrt();
     let scale = if sine > STEEPEST { STEEPEST / sine } else { 1.0 };
@@ -175,7 +177,7 @@ pub(crate) fn gradient_of([nx, ny]: [f32; 2]) -> [f32; 2] {
 }
 
 impl PhotometricModel {
-    /// An error unless there is a finite weight for every feature.
+    /// Checks that there is a finite weight for every feature.
     pub fn check(&self) -> Result<(), TouchError> {
         if self.weights.len() != COLOUR_FEATURES {
             let (found, expected) = (self.weights.len(), COLOUR_FEATURES);
@@ -205,7 +207,8 @@ impl PhotometricModel {
         Self::corrected(None, configuration, presses)
     }
 
-    /// The same, from a model `before` that stays as it is where the presses say little, as of slopes steeper than theirs.
+    /// Fits a correction to the model `before`, which stays as it is where the presses give little evidence, as for
+    /// slopes steeper than theirs.
     pub fn corrected(
         before: Option<&Self>,
         configuration: char,
@@ -214,7 +217,7 @@ impl PhotometricModel {
         let mut normal = DMatrix::<f64>::zeros(FEATURES, FEATURES);
         let mut right = DMatrix::<f64>::zeros(FEATURES, 2);
         let mut samples = 0;
-        // Blocks of rows make the normal equations a matrix product.
+        // Blocks of rows turn the normal equations into a matrix product.
         const BLOCK: usize = 512;
         let mut rows = DMatrix::<f64>::zeros(FEATURES, BLOCK);
         let mut labels = DMatrix::<f64>::zeros(2, BLOCK);
@@ -296,8 +299,8 @@ impl PhotometricCalibration {
         Self::fit_from(None, hand, presses)
     }
 
-    /// This calibration corrected by presses: where they say little, it stays as it is. Configurations that do not occur in `presses` are
-    /// kept.
+    /// Corrects this calibration by presses. It stays as it is where they give little evidence. Configurations that do
+    /// not occur in `presses` are kept.
     pub fn corrected(&self, hand: &Hand, presses: &[CalibrationPress]) -> Result<Self, TouchError> {
         let corrected = Self::fit_from(Some(self), hand, presses)?;
         let mut configurations = self.configurations.clone();
@@ -352,7 +355,7 @@ impl PhotometricCalibration {
         Self::parse(&text, path)
     }
 
-    /// The same from a file's text; `path` is used in errors.
+    /// Parses the text of a calibration file; `path` is used in errors.
     pub fn parse(text: &str, path: &Path) -> Result<Self, TouchError> {
         let fault = |message: String| TouchError::Format { path: path.into(), message };
         let calibration: Self = serde_json::from_str(text).map_err(|error| fault(error.to_string()))?;
@@ -381,7 +384,7 @@ fn check(hand: &Hand, press: &CalibrationPress) -> Result<(), TouchError> {
     }
 }
 
-/// An error unless the hand has the camera and a press's image and background have its size.
+/// Checks that the hand has the camera and that the image and the background of a press have its size.
 pub(crate) fn check_images(hand: &Hand, camera: usize, images: [&TactileImage; 2]) -> Result<(), TouchError> {
     if camera >= hand.cameras.len() {
         return Err(TouchError::Size { what: "camera index of a press", found: camera, expected: hand.cameras.len() });

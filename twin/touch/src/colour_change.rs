@@ -1,4 +1,5 @@
-//! Where a tactile image differs from the background of its untouched pad, and by how much relative to it.
+//! Detection of the region in which a tactile image differs from the background of its untouched pad, and the relative
+//! colour change.
 
 mod drift;
 
@@ -20,8 +21,8 @@ pub struct StereoOptions {
     pub least_blocks: usize,
     /// Blocks added around the changed region.
     pub margin: usize,
-    /// Largest uniform change of a channel's brightness between background and image that is taken for drift of lamps or
-    /// exposure and compensated, as a share; at 0 images are compared as they are.
+    /// Largest uniform relative change of a channel's brightness between background and image that is attributed to
+    /// drift of lamps or exposure and compensated. At 0, images are compared as they are.
     pub most_drift: f32,
 }
 
@@ -52,20 +53,20 @@ impl Region {
     }
 }
 
-/// Where an image differs from its background.
+/// Difference between an image and its background.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Change {
     pub region: Region,
-    /// Brightness of each channel of the untouched gel in the image over that in the background.
+    /// Brightness of each channel of the untouched gel in the image relative to the background.
     pub gain: [f32; 3],
 }
 
 impl Change {
-    /// The whole image, as bright as the background.
+    /// The whole image, at the brightness of the background.
     pub(crate) const WHOLE: Self = Self { region: Region::FULL, gain: [1.0; 3] };
 }
 
-/// Where `image` differs from `background`; `None` if the pad is untouched.
+/// Finds the region in which `image` differs from `background`; `None` if the pad is untouched.
 pub fn find_change(image: &TactileImage, background: &TactileImage, options: &StereoOptions) -> Option<Change> {
     if options.most_drift > 0.0 {
         return drift::find_change(image, background, options);
@@ -73,7 +74,8 @@ pub fn find_change(image: &TactileImage, background: &TactileImage, options: &St
     changed_region(image, background, options).map(|region| Change { region, gain: [1.0; 3] })
 }
 
-/// The region in which `image` differs from `background` as it is; `None` if the pad is untouched.
+/// Finds the region in which `image` differs from `background` without drift compensation; `None` if the pad is
+/// untouched.
 fn changed_region(image: &TactileImage, background: &TactileImage, options: &StereoOptions) -> Option<Region> {
     if image.rgb == background.rgb {
         return None;
@@ -101,7 +103,7 @@ fn changed_region(image: &TactileImage, background: &TactileImage, options: &Ste
     (count >= options.least_blocks.max(1)).then(|| around(low, high, options.margin))
 }
 
-/// The region from block (column, row) `low` to `high`, both within, and `margin` blocks around them.
+/// Region from block (column, row) `low` to `high`, both included, with `margin` blocks around it.
 fn around(low: (usize, usize), high: (usize, usize), margin: usize) -> Region {
     Region {
         column_begin: low.0.saturating_sub(margin) * BLOCK,
@@ -111,8 +113,8 @@ fn around(low: (usize, usize), high: (usize, usize), margin: usize) -> Region {
     }
 }
 
-/// The changed region of an image and the relative colour change of its pixels, as the methods of photometric stereo see it (others 0);
-/// `None` if the pad is untouched.
+/// Changed region of an image and the relative colour change of its pixels (0 elsewhere), which is the input of the
+/// photometric stereo methods. `None` if the pad is untouched.
 pub fn relative_change(
     image: &TactileImage,
     background: &TactileImage,
@@ -122,13 +124,14 @@ pub fn relative_change(
     Some((change.region, colour_change(image, background, change)))
 }
 
-/// Relative colour change of every pixel of an image that is as bright as its background.
+/// Relative colour change of every pixel of an image that has the brightness of its background.
 pub fn whole_change(image: &TactileImage, background: &TactileImage) -> Vec<[f32; 3]> {
     colour_change(image, background, Change::WHOLE)
 }
 
-/// Relative colour change of every pixel of the changed region (others 0), smoothed by a 3 x 3 binomial filter. Dividing by the
-/// background's brightness, as it is in the image, compensates for uneven lighting; the floor limits the gain in dark corners.
+/// Relative colour change of every pixel of the changed region (0 elsewhere), smoothed by a 3 x 3 binomial filter.
+/// Dividing by the background's brightness, with drift applied, compensates for uneven lighting. The floor limits the
+/// gain in dark corners.
 #[allow(clippy::needless_range_loop)] // three arrays share the index
 pub(crate) fn colour_change(image: &TactileImage, background: &TactileImage, change: Change) -> Vec<[f32; 3]> {
     const FLOOR: f32 = 40.0;

@@ -43,7 +43,7 @@ impl Default for ContactOptions {
 /// A point on the object's surface as a pad feels it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SurfacePoint {
-    /// m, pad frame.
+    /// Position of the point, m, pad frame.
     pub point: Point3<f64>,
     /// Unit vector out of the object, pad frame: it points into the pad.
     pub normal: Vector3<f64>,
@@ -69,7 +69,7 @@ pub struct Patch {
     /// Largest indentation, m.
     pub peak: f64,
     pub points: Vec<SurfacePoint>,
-    /// Whether another part of the hand presses here, and no object: see [`crate::own_hand`].
+    /// True if another part of the hand presses here, and no object: see [`crate::own_hand`].
     pub own: bool,
 }
 
@@ -83,17 +83,17 @@ fn slope(height: &[f32], column: usize, row: usize, (dx, dy): (f64, f64)) -> (f6
     )
 }
 
-/// One camera's height map with the pad it is of.
+/// Height map of one camera, with the camera's pad.
 #[derive(Clone, Copy)]
 struct View<'a> {
     pad: &'a Pad,
     camera_index: usize,
     camera: &'a Camera,
-    /// m, row-major.
+    /// Height map, m, row-major.
     height: &'a [f32],
 }
 
-/// The object's surface at a pixel in contact.
+/// Point on the object's surface at a contact pixel.
 fn surface_point(View { pad, camera, height, .. }: View, column: usize, row: usize) -> SurfacePoint {
     const STEP: f64 = 1e-4;
     let (x, y) = camera.pixel_center(column, row);
@@ -128,8 +128,8 @@ pub fn find_contacts(
         if top < options.peak {
             continue;
         }
-        // Within a hill, each connected summit above the contact level is a contact; the hill's volume is shared between
-        // them.
+        // Within a hill, each connected summit above the contact level is a contact. The volume of the whole hill is
+        // divided between them.
         let level = options.raised.max(options.contact_fraction * top);
         let summits = summits(height, &mut label, &mut next, &hill, level, options.least_pixels);
         let volume = |pixels: &[usize]| pixels.iter().map(|&i| f64::from(height[i])).sum::<f64>();
@@ -142,7 +142,7 @@ pub fn find_contacts(
     patches
 }
 
-/// Pixels connected to `start` above `level`; marks them with `mark`.
+/// Finds and marks with `mark` the pixels connected to `start` above `level`.
 fn flood(height: &[f32], label: &mut [u32], start: usize, mark: u32, level: f32) -> Vec<usize> {
     let mut found = vec![start];
     label[start] = mark;
@@ -167,7 +167,7 @@ fn flood(height: &[f32], label: &mut [u32], start: usize, mark: u32, level: f32)
     found
 }
 
-/// Connected parts of a hill above `level`.
+/// Finds the connected parts of a hill above `level`.
 fn summits(
     height: &[f32],
     label: &mut [u32],
@@ -190,7 +190,7 @@ fn summits(
     summits
 }
 
-/// The patch of one contact. `share` scales the volume over `pixels` up to that of the bulge around them.
+/// Describes the patch of one contact. `share` scales the volume over `pixels` up to that of the bulge around them.
 fn describe(view: View, gel: Gel, pixels: &[usize], share: f64, options: &ContactOptions) -> Patch {
     let View { camera_index, camera, height, .. } = view;
     let (dx, dy) = camera.pixel_size();
@@ -255,8 +255,8 @@ fn describe(view: View, gel: Gel, pixels: &[usize], share: f64, options: &Contac
     }
 }
 
-/// Points of the pad's surface (pad frame) on an even grid of `nx` by `ny` over the camera's view where nothing presses;
-/// all of them if `height` is `None`. The object cannot be there.
+/// Points of the pad's surface (pad frame) on an even grid of `nx` by `ny` over the camera's view where nothing
+/// presses; all of them if `height` is `None`. The object cannot be at these points.
 pub fn clear_points(
     pad: &Pad,
     camera: &Camera,
@@ -312,7 +312,7 @@ mod tests {
         assert_eq!(patches.len(), 1);
         let patch = &patches[0];
         assert!((patch.centroid - Point3::new(0.001, 0.004, -0.0005)).xy().norm() < 5e-5, "{:?}", patch.centroid);
-        // Volume of the cap times the foundation's stiffness.
+        // Volume of the cap times the stiffness of the foundation.
         let truth = hand.gel().stiffness * std::f64::consts::PI * depth * depth * (r - depth / 3.0);
         assert!((patch.force / truth - 1.0).abs() < 0.03, "{} {truth}", patch.force);
         assert!((20..=60).contains(&patch.points.len()), "{}", patch.points.len());

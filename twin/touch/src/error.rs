@@ -8,24 +8,24 @@ pub enum TouchError {
     /// A file could not be read or written.
     #[error("{path}: {source}")]
     Io { path: PathBuf, source: std::io::Error },
-    /// Not a photometric calibration.
+    /// A file is not a photometric calibration.
     #[error("{path}: not a calibration: {message}")]
     Format {
         path: PathBuf,
         /// Parser message or found value.
         message: String,
     },
-    /// Not a network.
+    /// A file is not a network.
     #[error("{path}: not a network: {message}")]
     NetworkFormat {
         path: PathBuf,
         /// Parser message or found value.
         message: String,
     },
-    /// The hand's file lacks what its readings are judged by.
+    /// The hand's file lacks the parameters by which its readings are judged.
     #[error(transparent)]
     Hand(#[from] platform::data::DataError),
-    /// Untouched pads are shown by no image of this camera.
+    /// No image of this camera shows its pad untouched.
     #[error("camera {0}: found no image of its untouched pad, expected one before anything was touched")]
     NoBackground(usize),
     /// There is no photometric model for a sensor configuration.
@@ -43,10 +43,10 @@ pub enum TouchError {
     NoBetter {
         /// Mean angular error of the calibration at hand, degrees.
         before: f64,
-        /// That of the one from presses.
+        /// Mean angular error of the calibration from presses, degrees.
         after: f64,
     },
-    /// Wrong number of elements.
+    /// The number of elements is wrong.
     #[error("{what}: found {found}, expected {expected}")]
     Size { what: &'static str, found: usize, expected: usize },
     /// A value is infinite or not a number.

@@ -1,4 +1,4 @@
-//! Which of the camera board's frames are valid.
+//! Validity of the frames of the camera board.
 //!
 //! A camera that is dead, frozen or blinded must not read as "nothing touches here". Its image is left out, the fault is
 //! reported, and its pad counts as [blind](crate::PadTouch::blind) in all later steps.
@@ -10,16 +10,16 @@ use hand_model::robot::{TactileFrame, TactileImage};
 
 use crate::PIXELS;
 
-/// Mean grey level under which an image is black.
+/// Mean grey level below which an image counts as black.
 const BLACK: f64 = 8.0;
-/// Least saturated value.
+/// Smallest value that counts as saturated.
 const SATURATED: u8 = 250;
 /// Largest share of saturated values in a valid image.
 const SATURATED_SHARE: f64 = 0.25;
 /// Every `STRIDE`-th value is examined.
 const STRIDE: usize = 31;
 
-/// Why a camera is left out.
+/// Fault for which a camera is left out.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum Fault {
     /// No image.
@@ -70,8 +70,8 @@ pub fn fault_of(image: &TactileImage) -> Option<Fault> {
     (share > SATURATED_SHARE).then_some(Fault::Saturated { share })
 }
 
-/// The newest valid image of every camera, in camera order, and the faults of the other cameras. `before` has each
-/// camera's sequence number from before the images were requested, as far as there is one.
+/// Returns the newest valid image of every camera, in camera order, and the faults of the other cameras. `before` has
+/// the last sequence number of each camera from before the images were requested, if there was one.
 pub fn valid_images(
     hand: &Hand,
     frames: &[TactileFrame],

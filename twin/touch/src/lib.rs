@@ -1,14 +1,14 @@
 //! Tactile perception: images become surface gradients, heights, contact patches and an in-hand object pose.
 //!
-//! [`frames`] decides which camera images are valid. [`colour_change`] finds where an image differs from its background.
-//! [`calibration`] fits the relation between colour change and slope to labelled presses; [`photometric_stereo`] applies
-//! it pixel by pixel, and [`network`] with each pixel's surroundings. [`poisson`] integrates slopes to a height map.
-//! [`contacts`] finds contact patches in it, and [`slip`] their motion; [`pad_touch`] is the result for one pad.
-//! [`own_hand`] tells what the hand feels of itself from what it feels of objects.
-//! [`posture`] estimates joint angles from fewer servos. [`pose`] registers patches, untouched pads and servo
-//! readings to the known shape of the object. [`pipeline`] runs all of it for the 18 cameras of the hand.
+//! [`frames`] decides which camera images are valid. [`colour_change`] finds the region in which an image differs from
+//! its background. [`calibration`] fits the relation between colour change and slope to labelled presses;
+//! [`photometric_stereo`] applies it pixel by pixel, and [`network`] uses each pixel's surroundings as well.
+//! [`poisson`] integrates slopes to a height map. [`contacts`] finds contact patches in it, and [`slip`] their motion;
+//! [`pad_touch`] is the result for one pad. [`own_hand`] distinguishes contacts of the hand with itself from contacts
+//! with objects. [`posture`] estimates joint angles from fewer servos. [`pose`] registers patches, untouched pads and
+//! servo readings to the known shape of the object. [`pipeline`] runs all of it for the 18 cameras of the hand.
 //!
-//! [`ball_press`] finds a ball of known radius that is pressed into a pad.
+//! [`ball_press`] locates a ball of known radius that is pressed into a pad.
 //!
 //! This crate knows the hand model and nothing of simulators or hardware, and it never sees ground truth.
 //!
@@ -49,5 +49,5 @@ pub use slip::Slip;
 
 pub use hand_model::pads::IMAGE_SIZE;
 
-/// Pixels of one tactile image.
+/// Number of pixels of one tactile image.
 pub const PIXELS: usize = IMAGE_SIZE * IMAGE_SIZE;

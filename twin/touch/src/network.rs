@@ -41,7 +41,7 @@ pub enum Kind {
     PerPixel,
 }
 
-/// Planes in, planes out and kernel of a layer.
+/// Number of input planes, number of output planes, and kernel size of a layer.
 pub type LayerShape = (usize, usize, usize);
 
 impl Kind {
@@ -85,7 +85,7 @@ pub struct Network {
 }
 
 impl Network {
-    /// From weights and biases by layer.
+    /// A network from the weights and biases of its layers.
     pub fn new(kind: Kind, recipe: String, weights: Vec<Vec<f32>>, biases: Vec<Vec<f32>>) -> Result<Self, TouchError> {
         let network = Self { version: VERSION, kind, recipe, conditioning: None, weights, biases };
         network.check().map(|()| network)
@@ -154,8 +154,8 @@ pub struct PreparedNetwork {
 }
 
 impl PreparedNetwork {
-    /// As [`gradients`](crate::photometric_stereo::gradients), by the network; `model` is that of the pad's
-    /// `configuration`. `None` if the pad is untouched.
+    /// Computes [`gradients`](crate::photometric_stereo::gradients) with the network; `model` is the photometric model
+    /// of the pad's `configuration`. `None` if the pad is untouched.
     pub fn gradients(
         &self,
         image: &TactileImage,
@@ -205,7 +205,7 @@ impl PreparedNetwork {
         normals
     }
 
-    /// Planes of the last layer for planes of inputs.
+    /// Evaluates the network on input planes and returns the planes of the last layer.
     pub fn output(&self, planes: &Planes) -> Planes {
         match (self.kind, self.layers.as_slice()) {
             (Kind::EncoderDecoder, [down, further, middle, up, decode, last]) => {
@@ -261,7 +261,7 @@ impl Sight<'_> {
         }
     }
 
-    /// The normal to which the network's output is added.
+    /// Normal to which the network's output is added.
     pub fn start(&self, kind: Kind, row: usize, column: usize) -> [f32; 2] {
         match kind {
             Kind::EncoderDecoder => self.read[row * (self.region.column_end - self.region.column_begin) + column],
@@ -270,7 +270,7 @@ impl Sight<'_> {
     }
 }
 
-/// The region extended to multiples of 4.
+/// Extends the region to multiples of 4.
 fn multiple_of_four(region: Region) -> Region {
     let (down, up) = (|at: usize| at / 4 * 4, |at: usize| at.next_multiple_of(4).min(N));
     Region {

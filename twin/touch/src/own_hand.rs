@@ -1,9 +1,11 @@
-//! What the hand feels of itself: a finger on another, the thumb on a finger, a finger on the palm.
+//! Self-contact: identifies contacts of the hand with itself, such as a finger on another, the thumb on a finger, a
+//! finger on the palm.
 //!
-//! A patch is the hand's own if another link's cover, at the posture that servos and pad forces give, lies where the patch is
-//! felt and faces it, and no expected object explains the patch better: distance and angle of each surface to the patch are taken
-//! as normal with its own standard deviations, and the likelier one has pressed. Three joints of a digit hang on one cable, so
-//! that a digit in contact is known to some millimetres only: see [`OwnHandOptions`].
+//! A patch is a self-contact under two conditions. At the posture from servos and pad forces, the cover of another link
+//! lies at the patch and faces it, and no expected object explains the patch better. Distance and angle of each surface
+//! to the patch are modelled as normal with its own standard deviations, and the likelier one counts as the cause. The
+//! three joints of a digit share one cable, so that the posture of a digit in contact is known only to some
+//! millimetres: see [`OwnHandOptions`].
 
 use hand_model::Hand;
 use nalgebra::{Isometry3, Point3, Vector3};
@@ -14,10 +16,10 @@ use crate::pad_touch::PadTouch;
 use crate::pose::{KnownShape, PoseOptions, PosePrior, loaded_posture};
 use crate::posture::Readings;
 
-/// Points of a patch that are looked at.
+/// Number of points of a patch that are examined.
 const POINTS: usize = 8;
 
-/// How far off a cover may be from a patch that it presses, given how well the posture is known.
+/// Tolerances between a cover and a patch that it presses, given the uncertainty of the posture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct OwnHandOptions {
     /// Largest distance of the cover's surface from the patch, m.
@@ -31,9 +33,9 @@ pub struct OwnHandOptions {
 }
 
 impl Default for OwnHandOptions {
-    /// From 226 patches that nothing but the hand pressed, in 40 trials of the benchmark: the cover was 1.1 mm off in the median,
-    /// 2.5 mm at the 90th percentile and 6.3 mm at the 95th, and turned by 0.37, 0.63 and 0.94 rad. Of 685 patches that objects
-    /// pressed, one in ten had a cover within 10 mm, hardly any of them one that faced it.
+    /// From 226 patches that only the hand pressed, in 40 trials of the benchmark. The distance of the cover was 1.1 mm
+    /// in the median, 2.5 mm at the 90th percentile and 6.3 mm at the 95th; the angle was 0.37, 0.63 and 0.94 rad. Of
+    /// 685 patches pressed by objects, one in ten had a cover within 10 mm, and hardly any of these faced the patch.
     fn default() -> Self {
         Self { most_distance: 0.006, most_angle: 0.8, sigma_distance: 0.002, sigma_angle: 0.4 }
     }
@@ -42,13 +44,13 @@ impl Default for OwnHandOptions {
 /// An object that is expected in the hand.
 #[derive(Clone, Copy)]
 pub struct InHand<'a> {
-    /// Its shape.
+    /// Shape of the object.
     pub shape: &'a dyn KnownShape,
-    /// Where, and how sure that is.
+    /// Prior of its pose, with standard deviations.
     pub prior: PosePrior,
 }
 
-/// How far a surface is from a patch, and how much it is turned against it.
+/// Distance and angle between a surface and a patch.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Fit {
     /// Mean distance of the patch's points from the surface, m, negative inside.
@@ -58,7 +60,7 @@ struct Fit {
 }
 
 impl Fit {
-    /// Of a surface's `distance` (signed, with its gradient) to the `points` of a patch with their normals.
+    /// Fit of a surface, given by its signed `distance` with gradient, to the `points` of a patch with their normals.
     fn of(points: &[(Point3<f64>, Vector3<f64>)], distance: impl Fn(&Point3<f64>) -> (f64, Vector3<f64>)) -> Self {
         let (mut sum, mut turned) = (0.0, 0.0);
         for (point, normal) in points {
@@ -77,7 +79,7 @@ impl Fit {
     }
 }
 
-/// Marks the patches that other links' covers press rather than `objects`.
+/// Marks the patches that are explained by other links' covers rather than by `objects`.
 pub fn mark_own(
     hand: &Hand,
     touches: &mut [PadTouch],
@@ -103,19 +105,19 @@ pub fn mark_own(
     Ok(())
 }
 
-/// Some of a patch's points and normals in the palm frame.
+/// Subsample of a patch's points and normals, in the palm frame.
 fn felt(patch: &Patch, place: &Isometry3<f64>) -> Vec<(Point3<f64>, Vector3<f64>)> {
     let stride = patch.points.len().div_ceil(POINTS).max(1);
     patch.points.iter().step_by(stride).map(|felt| (place * felt.point, place * felt.normal)).collect()
 }
 
-/// Whether covers of these two links (`None` is the palm) never touch: a joint connects them.
+/// True if a joint connects these two links (`None` is the palm), so that their covers never touch.
 fn neighbours(hand: &Hand, a: Option<usize>, b: Option<usize>) -> bool {
     let parent = |link: Option<usize>| link.map(|link| hand.tree.joints[link].parent);
     a == b || parent(a) == Some(b) || parent(b) == Some(a)
 }
 
-/// How well the cover that fits best explains a patch on `link`; `None` if none is near enough.
+/// Misfit of the best-fitting cover for a patch on `link`; `None` if no cover is within the tolerances.
 fn nearest_cover(
     hand: &Hand,
     links: &[Isometry3<f64>],
@@ -138,7 +140,7 @@ fn nearest_cover(
     near.map(|fit| fit.misfit(options.sigma_distance, options.sigma_angle)).reduce(f64::min)
 }
 
-/// How well an object explains a patch, in the units of [`nearest_cover`].
+/// Misfit of an object for a patch, in the units of [`nearest_cover`].
 fn object_misfit(object: &InHand, points: &[(Point3<f64>, Vector3<f64>)], options: &OwnHandOptions) -> f64 {
     let PosePrior { palm_from_object, sigma_translation, sigma_rotation } = object.prior;
     let fit = Fit::of(points, |point| {

@@ -1,4 +1,4 @@
-//! What one pad feels: contact patches, free surface, and the height maps they were found in.
+//! Tactile perception of one pad: contact patches, contact-free surface, and the height maps in which they were found.
 
 use std::sync::Arc;
 
@@ -13,15 +13,15 @@ pub struct HeightMap {
     pub camera: usize,
     /// Indentation, m, [`PIXELS`] values.
     pub height: Vec<f32>,
-    /// Its slopes from photometric stereo.
+    /// Slopes of the indentation from photometric stereo.
     pub gradients: Gradients,
 }
 
-/// What one pad feels.
+/// Tactile perception of one pad.
 #[derive(Debug, Clone, Default)]
 pub struct PadTouch {
     pub pad: usize,
-    /// Contact patches of all its cameras, the hand's own among them.
+    /// Contact patches of all its cameras, including self-contacts of the hand.
     pub patches: Vec<Patch>,
     /// Sum of the patches' normal forces, N.
     pub force: f64,
@@ -29,17 +29,17 @@ pub struct PadTouch {
     pub heights: Vec<Arc<HeightMap>>,
     /// Points of the surface without contact (m, pad frame).
     pub clear: Vec<Point3<f64>>,
-    /// A camera of the pad is left out: contact there is unknown.
+    /// True if a camera of the pad is left out, so that contact there is unknown.
     pub blind: bool,
 }
 
 impl PadTouch {
-    /// Whether it feels something that is not the hand itself.
+    /// True if the pad feels something other than the hand itself.
     pub fn touched(&self) -> bool {
         self.of_objects().next().is_some()
     }
 
-    /// Contact patches that are not the hand's own.
+    /// Contact patches that are not self-contacts of the hand.
     pub fn of_objects(&self) -> impl Iterator<Item = &Patch> {
         self.patches.iter().filter(|patch| !patch.own)
     }

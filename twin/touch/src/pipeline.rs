@@ -1,4 +1,4 @@
-//! From the images of the hand's cameras to what each pad feels.
+//! Processing of the camera images of a hand into the tactile perception of each pad.
 
 use std::sync::Arc;
 
@@ -21,12 +21,12 @@ use crate::poisson::{PoissonSolver, rest_level};
 use crate::pose::{KnownShape, PoseEstimate, PoseInputs, PoseOptions, PosePrior, costs_from_pose, estimate_pose};
 use crate::posture::Readings;
 
-/// Columns and rows of the grid of free points on an untouched pad.
+/// Columns and rows of the grid of contact-free points on an untouched pad.
 const CLEAR: (usize, usize) = (4, 6);
-/// The same on a pad that is touched elsewhere: its free points show where the object ends.
+/// Columns and rows of that grid on a pad that is touched elsewhere, where the points mark the limits of the object.
 const CLEAR_BESIDE: (usize, usize) = (10, 14);
 
-/// One image of each of so many cameras, of untouched pads.
+/// Collects one image of each of the `cameras`, taken with the pads untouched.
 pub fn backgrounds(frames: &[TactileFrame], cameras: usize) -> Result<Vec<Arc<TactileImage>>, TouchError> {
     let image = |camera: usize| {
         let frame = frames.iter().rev().find(|frame| frame.camera == camera);
@@ -35,10 +35,10 @@ pub fn backgrounds(frames: &[TactileFrame], cameras: usize) -> Result<Vec<Arc<Ta
     (0..cameras).map(image).collect()
 }
 
-/// What the pads feel, and the cameras that are left out.
+/// Perception of all pads, and the cameras that are left out.
 #[derive(Debug, Clone, Default)]
 pub struct Perceived {
-    /// One per pad.
+    /// One entry per pad.
     pub touches: Vec<PadTouch>,
     pub faults: Vec<CameraFault>,
 }
@@ -54,13 +54,13 @@ pub struct TouchPipeline {
     pub stereo: StereoOptions,
     pub contacts: ContactOptions,
     pub pose: PoseOptions,
-    /// How the hand's own contacts are told from those of objects; without it, every contact is an object's.
+    /// Thresholds for self-contacts of the hand. Without them, every contact counts as one with an object.
     pub own_hand: Option<OwnHandOptions>,
 }
 
 impl TouchPipeline {
-    /// `backgrounds` has an image of every untouched camera, in camera order. Pads that `calibration` does not cover are
-    /// blind.
+    /// Creates the pipeline. `backgrounds` has an image of every untouched camera, in camera order. Pads that
+    /// `calibration` does not cover are blind.
     pub fn new(
         hand: &Hand,
         calibration: PhotometricCalibration,
@@ -96,16 +96,17 @@ impl TouchPipeline {
         Ok(Self { backgrounds, ..self.clone() })
     }
 
-    /// What the pads feel, from a valid image of every camera; for frames that may be faulty see
-    /// [`Self::perceive_frames`]. Cameras are processed in parallel; the result does not depend on the number of threads.
+    /// Perceives the contacts of all pads from a valid image of every camera; for frames that may be faulty see
+    /// [`Self::perceive_frames`]. Cameras are processed in parallel; the result does not depend on the number of
+    /// threads.
     pub fn perceive(&self, images: &[Arc<TactileImage>]) -> Result<Vec<PadTouch>, TouchError> {
         check_images(&self.hand, "tactile image", images)?;
         self.touches(&images.iter().cloned().map(Some).collect::<Vec<_>>())
     }
 
-    /// What the pads feel, from the camera board's frames. A camera whose image is missing, of the wrong size, frozen
-    /// (`before` has the sequence numbers of earlier images), black or saturated, or whose pad is not calibrated, is
-    /// reported as a fault, and its pad is blind.
+    /// Perceives the contacts of all pads from the camera board's frames. A camera is reported as a fault, and its pad
+    /// is blind, if its image is missing, of the wrong size, frozen (`before` has the sequence numbers of earlier
+    /// images), black or saturated, or if its pad is not calibrated.
     pub fn perceive_frames(&self, frames: &[TactileFrame], before: &[Option<u64>]) -> Result<Perceived, TouchError> {
         let (mut images, mut faults) = valid_images(&self.hand, frames, before);
         for (camera, image) in images.iter_mut().enumerate().filter(|(_, image)| image.is_some()) {
@@ -171,8 +172,8 @@ impl TouchPipeline {
         Ok(Some(HeightMap { camera, height, gradients }))
     }
 
-    /// Marks the patches that the hand itself presses, if the pipeline tells them from objects' ([`Self::own_hand`]); `objects` are
-    /// those expected in the hand.
+    /// Marks the patches that the hand itself presses, if the pipeline identifies self-contacts ([`Self::own_hand`]);
+    /// `objects` are those expected in the hand.
     pub fn mark_own(&self, touches: &mut [PadTouch], readings: Readings, objects: &[InHand]) -> Result<(), TouchError> {
         match &self.own_hand {
             Some(options) => mark_own(&self.hand, touches, readings, objects, (options, &self.pose)),
@@ -180,7 +181,7 @@ impl TouchPipeline {
         }
     }
 
-    /// In-hand pose of an object of known shape, from touches and servo readings.
+    /// Estimates the in-hand pose of an object of known shape from touches and servo readings.
     pub fn estimate_pose(
         &self,
         touches: &[PadTouch],
@@ -191,7 +192,7 @@ impl TouchPipeline {
         estimate_pose(&self.pose_inputs(touches, readings, prior, shape))
     }
 
-    /// Costs of a given pose of the object (palm frame) under the same evidence: see [`costs_from_pose`].
+    /// Computes the costs of a given pose of the object (palm frame) under the same evidence: see [`costs_from_pose`].
     pub fn costs_from_pose(
         &self,
         touches: &[PadTouch],

@@ -42,8 +42,8 @@ impl PoissonSolver {
         }
     }
 
-    /// Height (m, of zero mean) from gradients `gx` = dh/dx and `gy` = dh/dy in the pad frame (y against the row order), with
-    /// pixels of `dx` by `dy` m.
+    /// Integrates the gradients `gx` = dh/dx and `gy` = dh/dy in the pad frame (y against the row order) to heights (m,
+    /// zero mean), with pixels of `dx` by `dy` m.
     ///
     /// # Panics
     /// If a field does not have [`PIXELS`] elements.
@@ -101,7 +101,8 @@ pub fn rest_level(height: &[f32], region: Region) -> f32 {
     *border.select_nth_unstable_by(at, f32::total_cmp).1
 }
 
-/// Divergence of the gradients, times dx^2, from half-pixel gradients that are means of neighbours; zero flux at the border.
+/// Divergence of the gradients, times dx^2. Half-pixel gradients are means of neighbours; there is zero flux at the
+/// border.
 fn divergence(gx: &[f32], gy: &[f32], (dx, dy): (f32, f32)) -> Vec<f32> {
     let mut field = vec![0.0f32; PIXELS];
     let (ax, ay) = (0.5 * dx, -0.5 * dx * dx / dy);

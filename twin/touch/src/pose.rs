@@ -1,12 +1,12 @@
 //! In-hand object pose by registration of contacts, and of their absence, to a known shape.
 //!
-//! Unknown are the object's pose in the palm frame, the joint angles of every digit in contact, and for every pressed pad
-//! the offset of the object from the measured heights along the pad's normal. The evidence is: surface points of the
-//! patches lie on the object; their normals are the object's normals; points without contact are outside the object; the
-//! cable excursions are as measured; springs, cable tensions and contact torques balance at each joint; joints are within
-//! their limits; the plan gives a prior of the pose. Many orientations are screened. Levenberg-Marquardt descends from
-//! those that differ, first with large standard deviations, later with a Huber loss and the heights' full precision, and
-//! the lowest cost wins.
+//! Unknown are the object's pose in the palm frame, the joint angles of every digit in contact, and, for every pressed
+//! pad, the offset of the object from the measured heights along the pad's normal. The evidence is as follows. Surface
+//! points of the patches lie on the object, and their normals are the object's normals. Points without contact are
+//! outside the object. The cable excursions are as measured. Springs, cable tensions and contact torques balance at
+//! each joint, and joints are within their limits. The plan gives a prior of the pose. Many orientations are screened.
+//! Levenberg-Marquardt descends from distinct ones, first with large standard deviations, later with a Huber loss and
+//! the heights' full precision, and the lowest cost wins.
 
 mod evidence;
 mod inputs;
@@ -31,7 +31,7 @@ use crate::posture::{JointCovariance, Readings};
 pub use inputs::{PoseInputs, PoseOptions, PosePrior};
 pub use shape::KnownShape;
 
-/// Factor from the covariance of a good fit to that of its 95 % region, set on 218 simulated grasps of one seed.
+/// Factor from the covariance of a good fit to that of its 95 % region, calibrated on 218 simulated grasps of one seed.
 const REGION: f64 = 4.0;
 
 /// An estimated pose with its uncertainty.
@@ -41,7 +41,7 @@ pub struct PoseEstimate {
     pub palm_from_object: Isometry3<f64>,
     /// Covariance of position (m; of the object's origin) and rotation (rad; rotation vector), both along the palm's axes.
     pub covariance: Matrix6<f64>,
-    /// By how much the residuals exceed what their standard deviations promise, at least 1.
+    /// Ratio of the cost to the one that the standard deviations predict, at least 1.
     pub misfit: f64,
     /// Joint angles, rad: estimated for digits in contact, in free equilibrium for the others.
     pub q: HandVector,
@@ -72,9 +72,9 @@ impl PoseEstimate {
         (trace(0).sqrt(), trace(3).sqrt())
     }
 
-    /// Covariance whose 95 % ellipsoid holds 95 % of true positions. It is wider than [`Self::covariance`], because errors have heavy tails:
-    /// most estimates are better than it says, some lie in another local minimum. A decision that takes it for the spread of a
-    /// normal distribution shies away from what would mostly work.
+    /// Covariance whose 95 % ellipsoid contains 95 % of true positions. It is wider than [`Self::covariance`], because
+    /// errors have heavy tails: most estimates are better than it indicates, and some lie in another local minimum. A
+    /// decision that takes it for the spread of a normal distribution avoids grasps that would mostly work.
     pub fn region(&self) -> Matrix6<f64> {
         self.covariance * (REGION * self.misfit)
     }
@@ -92,8 +92,8 @@ pub fn estimate_pose(inputs: &PoseInputs) -> Result<PoseEstimate, TouchError> {
     let mut found = descend(&problem, starts, &mut steps);
     let bad = |cost: f64| cost > options.good_cost * problem.patch_count() as f64;
     if problem.has_contact() && found.first().is_some_and(|best| bad(best.0)) {
-        // A solution with a high cost is probably wrong (another face of a box, for example): screen orientations around
-        // it too.
+        // A solution with a high cost is probably wrong (another face of a box, for example), so orientations around it
+        // are screened too.
         let around = screen(&problem, prior, &found[0].1, options.starts);
         found.extend(descend(&problem, around, &mut steps));
         found.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -117,8 +117,8 @@ pub fn estimate_pose(inputs: &PoseInputs) -> Result<PoseEstimate, TouchError> {
     })
 }
 
-/// Cost of an object that is at `pose` (palm frame), in the units of [`PoseEstimate::cost`], with the joints where they fit
-/// best, and the least cost that the search reaches downhill from there. With the true pose this distinguishes the two
+/// Costs of an object at `pose` (palm frame), in the units of [`PoseEstimate::cost`]: first with the joints that fit
+/// best, then at the minimum that the search reaches downhill from there. At the true pose this distinguishes the two
 /// causes of a wrong estimate: the evidence favours the wrong pose, or the search missed the right one.
 pub fn costs_from_pose(inputs: &PoseInputs, pose: &Isometry3<f64>) -> Result<[f64; 2], TouchError> {
     let (problem, rest, _) = prepared(inputs)?;
@@ -130,8 +130,8 @@ pub fn costs_from_pose(inputs: &PoseInputs, pose: &Isometry3<f64>) -> Result<[f6
     Ok([after(Evidence::Posture), after(Evidence::All)])
 }
 
-/// Joint angles (rad) as servos, springs and the forces on the pads have them, whatever presses there: for digits without contact
-/// those of [`free_posture`](crate::posture::free_posture).
+/// Joint angles (rad) from servos, springs and the forces on the pads, whatever presses there. For digits without
+/// contact they are those of [`free_posture`](crate::posture::free_posture).
 pub fn loaded_posture(
     hand: &Hand,
     touches: &[PadTouch],
@@ -148,8 +148,8 @@ pub fn loaded_posture(
     Ok(prepared(&PoseInputs { hand, touches, readings, prior: &prior, shape: &Nothing, options })?.1.q)
 }
 
-/// Checks the inputs; gives the problem, its start (joints as servos and contact forces have them without the object, the
-/// object as planned) and the steps that took.
+/// Checks the inputs. Returns the problem, its start (joints from servos and contact forces without the object, the
+/// object as planned) and the number of steps for it.
 fn prepared<'a>(inputs: &PoseInputs<'a>) -> Result<(Problem<'a>, State, usize), TouchError> {
     let PoseInputs { hand, touches, readings, prior, .. } = *inputs;
     if let Some(touch) = touches.iter().find(|touch| touch.pad >= hand.pads.len()) {
@@ -174,8 +174,9 @@ fn prepared<'a>(inputs: &PoseInputs<'a>) -> Result<(Problem<'a>, State, usize), 
     Ok((problem, rest, steps))
 }
 
-/// Descends from every start in three stages, each with the best of the stage before. Returns the final solutions with
-/// their costs, best first. Starts are processed in parallel; the result does not depend on the number of threads.
+/// Descends from every start in three stages, each with the best solutions of the stage before. Returns the final
+/// solutions with their costs, best first. Starts are processed in parallel; the result does not depend on the number
+/// of threads.
 fn descend(problem: &Problem, starts: Vec<State>, steps: &mut usize) -> Vec<(f64, State)> {
     let options = problem.options();
     let mut ranked: Vec<(f64, State)> = starts.into_iter().map(|start| (0.0, start)).collect();

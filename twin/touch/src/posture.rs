@@ -1,4 +1,4 @@
-//! Joint angles from servo readings: more joints than servos.
+//! Joint angles from servo readings, although there are more joints than servos.
 //!
 //! Each cable's servo measures two quantities: the excursion of its digit (the cable length that the three joints have
 //! taken up) and the cable's tension. With the springs this gives four equations for three angles: excursion(q) is known,
@@ -11,21 +11,21 @@ use hand_model::transmission::{Crossing, SPANS};
 use hand_model::{DigitVector, GRAVITY, Hand, HandVector};
 use nalgebra::{DMatrix, SMatrix, SVector, UnitQuaternion, Vector3};
 
-/// What the posture follows from, beside what the pads feel.
+/// Readings from which the posture follows, in addition to the contacts on the pads.
 #[derive(Debug, Clone, Copy)]
 pub struct Readings<'a> {
     pub servos: &'a [ServoState],
-    /// Gravity along the palm's axes, m/s2; zero where nothing says how the palm is turned.
+    /// Gravity along the palm's axes, m/s2; zero if the orientation of the palm is unknown.
     pub gravity: Vector3<f64>,
 }
 
 impl<'a> Readings<'a> {
-    /// Of a hand whose palm is turned as `palm`, by the arm's encoders.
+    /// Readings of a hand with the orientation `palm` from the arm's encoders.
     pub fn new(servos: &'a [ServoState], palm: &UnitQuaternion<f64>) -> Self {
         Self { servos, gravity: palm.inverse() * Vector3::new(0.0, 0.0, -GRAVITY) }
     }
 
-    /// Of a hand that may be turned in any way.
+    /// Readings of a hand whose orientation is unknown.
     pub fn weightless(servos: &'a [ServoState]) -> Self {
         Self { servos, gravity: Vector3::zeros() }
     }
@@ -47,13 +47,13 @@ pub fn cable_tension(hand: &Hand, cable: usize, servo: &ServoState) -> f64 {
     (hand.servos[cable].torque_constant * servo.current / hand.cables[cable].spool_radius).max(0.0)
 }
 
-/// Excursion (m) of a cable: the wound length less the cable's stretch. Negative for a slack cable.
+/// Excursion (m) of a cable: the wound length less the stretch of the cable. Negative for a slack cable.
 pub fn cable_excursion(hand: &Hand, cable: usize, servo: &ServoState) -> f64 {
     let own = &hand.cables[cable];
     servo.position * own.spool_radius - cable_tension(hand, cable, servo) / own.stiffness
 }
 
-/// The opposition joint and its angle (rad), within its limits; none in a hand without it.
+/// The opposition joint and its angle (rad), clamped to its limits; `None` for a hand without it.
 fn opposition(hand: &Hand, servos: &[ServoState]) -> Option<(usize, f64)> {
     let joint = hand.transmission.opposition?;
     let (limits, last) = (&hand.tree.joints[joint], hand.cables.len());
@@ -61,7 +61,7 @@ fn opposition(hand: &Hand, servos: &[ServoState]) -> Option<(usize, f64)> {
     Some((joint, angle.clamp(limits.lower, limits.upper)))
 }
 
-/// The posture of a hand that touches nothing: the spring equilibrium that takes up the measured excursions.
+/// Posture of a hand that touches nothing: the spring equilibrium that takes up the measured excursions.
 pub fn free_posture(hand: &Hand, servos: &[ServoState]) -> Posture {
     let mut q = hand.open();
     if let Some((joint, angle)) = opposition(hand, servos) {
@@ -79,9 +79,9 @@ pub fn free_posture(hand: &Hand, servos: &[ServoState]) -> Posture {
 /// Covariance of all joint angles, rad2.
 pub type JointCovariance = DMatrix<f64>;
 
-/// Covariance of the joints on `cable` of a free digit at `excursion` (m), by their place on it: from an excursion known to `sigma`
-/// (m) and the gear's play, and from friction, which shares an excursion out among the joints in another way after closing than after
-/// opening. `q` are the angles without friction.
+/// Covariance of the joints on `cable` of a free digit at `excursion` (m), in the order of the joints along the cable.
+/// It includes the error of the excursion (`sigma`, m), the backlash of the gear, and friction, which distributes an
+/// excursion among the joints differently after closing than after opening. `q` are the angles without friction.
 pub fn free_covariance(
     hand: &Hand,
     cable: usize,
@@ -92,7 +92,7 @@ pub fn free_covariance(
     let path = &hand.transmission.cables[cable];
     let mut covariance = SMatrix::zeros();
     let mut add = |spread: SVector<f64, SPANS>| covariance += spread * spread.transpose();
-    // How far each joint goes with the tension that balances the springs, and with the excursion.
+    // Response of each joint, and of the excursion, to the tension, at the one that balances the springs.
     let needed = hand.transmission.tension_for(cable, q, &hand.open());
     let (mut give, mut taken) = (SVector::zeros(), 0.0);
     for (slot, (joint, residual_slope)) in spring_residuals(hand, cable, q, needed).map(|(j, _, s)| (j, s)).enumerate()
@@ -111,12 +111,12 @@ pub fn free_covariance(
     covariance
 }
 
-/// Angles (joint, rad) on `cable` in spring equilibrium without contact at the given `excursion` (m).
+/// Joint angles (joint, rad) on `cable` in spring equilibrium without contact at the given `excursion` (m).
 pub fn free_digit(hand: &Hand, cable: usize, excursion: f64) -> Vec<(usize, f64)> {
     free_digit_sliding(hand, cable, excursion, &CableFriction::NONE, 0.0)
 }
 
-/// As [`free_digit`], with all guides in the same `state` of friction: 1 after closing, -1 after opening.
+/// [`free_digit`] with all guides in the same `state` of friction: 1 after closing, -1 after opening.
 pub fn free_digit_sliding(
     hand: &Hand,
     cable: usize,
@@ -130,7 +130,7 @@ pub fn free_digit_sliding(
     let taken_up = |angles: &[(usize, f64)]| -> f64 {
         path.joints.iter().zip(angles).map(|(crossing, (_, angle))| crossing.lever.excursion(*angle)).sum()
     };
-    // Excursion increases with tension: bisect for the tension that a free digit would need.
+    // The excursion increases with the tension: bisect for the tension that a free digit would need.
     let (mut low, mut high) = (0.0, 1.0);
     while taken_up(&angles(high)) < excursion && high < 1e3 {
         high *= 2.0;
@@ -142,7 +142,8 @@ pub fn free_digit_sliding(
     angles(0.5 * (low + high))
 }
 
-/// Excursion residual (m) of `cable` at joint angles `q`, and its derivative (the moment arms) for each joint it crosses.
+/// Excursion residual (m) of `cable` at joint angles `q`, and its derivative (the moment arm) for each joint that it
+/// crosses.
 pub fn excursion_residual(hand: &Hand, cable: usize, q: &[f64], excursion: f64) -> (f64, [(usize, f64); 3]) {
     let path = &hand.transmission.cables[cable];
     let mut derivative = [(usize::MAX, 0.0); 3];
@@ -164,9 +165,9 @@ pub fn spring_residuals(hand: &Hand, cable: usize, q: &[f64], tension: f64) -> i
     })
 }
 
-/// By how much (N m, standard deviation) friction in the guides of `cable` leaves the torque of its `tension` (N) open, at each
-/// joint it crosses in order. A guide that sticks passes on anything from exp(-mu wrap) to exp(mu wrap) of the tension at the spool.
-/// One that slides is at an end of that range, so half the range is taken for the standard deviation.
+/// Standard deviation (N m) of the torque of `cable` at each joint that it crosses, in order, due to friction in the
+/// guides, for a `tension` (N). A sticking guide transmits anything from exp(-mu wrap) to exp(mu wrap) of the tension
+/// at the spool. A sliding one is at an end of that range, so half the range is taken as the standard deviation.
 pub fn friction_sigmas(hand: &Hand, cable: usize, q: &[f64], tension: f64, losses: &CableLosses) -> [f64; SPANS] {
     let path = &hand.transmission.cables[cable];
     let friction = hand.guides(cable, &losses.friction);
@@ -177,7 +178,8 @@ pub fn friction_sigmas(hand: &Hand, cable: usize, q: &[f64], tension: f64, losse
     sigmas
 }
 
-/// Standard deviation of a measured excursion, m: `sigma` and half the play of the servo's gear at the largest spool.
+/// Standard deviation of a measured excursion, m: `sigma` combined with half the backlash of the servo gear at the
+/// largest spool.
 pub fn excursion_sigma(hand: &Hand, sigma: f64, losses: &CableLosses) -> f64 {
     let radius = hand.cables.iter().map(|cable| cable.spool_radius).fold(0.0, f64::max);
     sigma.hypot(0.5 * losses.backlash * radius)

@@ -7,7 +7,7 @@ use nalgebra::Vector2;
 
 use crate::contacts::Patch;
 
-/// Largest displacement (m) of one contact between two images.
+/// Largest displacement (m) of the same contact between two images.
 const SAME_CONTACT: f64 = 4e-3;
 
 /// Motion of a patch between two images.
@@ -15,16 +15,16 @@ const SAME_CONTACT: f64 = 4e-3;
 pub struct Slip {
     /// Index of the patch in the earlier and in the later list.
     pub patches: [usize; 2],
-    /// Shift of its centre in the pad's plane, m.
+    /// Displacement of the patch's centre in the pad's plane, m.
     pub shift: Vector2<f64>,
-    /// Length of the shift less what the change of size explains, m.
+    /// Length of the displacement less the part that the change of size explains, m.
     pub unexplained: f64,
     /// Change of the normal force, N.
     pub force: f64,
 }
 
 impl Slip {
-    /// Whether the unexplained displacement exceeds `threshold` (m).
+    /// True if the unexplained displacement exceeds `threshold` (m).
     pub fn slides(&self, threshold: f64) -> bool {
         self.unexplained > threshold
     }
@@ -70,7 +70,7 @@ mod tests {
     use crate::{IMAGE_SIZE as N, PIXELS};
     use hand_model::Hand;
 
-    /// Patches of a ball of 8 mm radius pressed `depth` deep at `x` on the index finger's distal pad.
+    /// Patches of a ball of 8 mm radius pressed `depth` (m) deep at `x` on the distal pad of the index finger.
     fn ball(hand: &Hand, x: f64, depth: f64) -> Vec<Patch> {
         let index = hand.pad("index_distal").expect("pad");
         let pad = &hand.pads[index];

@@ -1,5 +1,5 @@
-//! From rendered tactile images to heights: calibration, height maps, forces and faults, on images of a small Lambertian
-//! renderer with near-field lamps behind the gel.
+//! Processing of rendered tactile images to heights: calibration, height maps, forces and faults, on images of a small
+//! Lambertian renderer with near-field lamps behind the gel.
 
 use std::sync::Arc;
 
@@ -22,7 +22,7 @@ impl Noise {
     }
 }
 
-/// Indentation (m) by a ball of radius `r` pressed `depth` deep at (x, y), the gel smoothing its rim.
+/// Indentation (m) by a ball of radius `r` pressed `depth` deep at (x, y), with the rim smoothed by the gel.
 fn ball(hand: &Hand, camera: usize, r: f64, x: f64, y: f64, depth: f64) -> Vec<f32> {
     let view = &hand.cameras[camera];
     let pad = &hand.pads[view.pad];
@@ -52,7 +52,8 @@ fn ball(hand: &Hand, camera: usize, r: f64, x: f64, y: f64, depth: f64) -> Vec<f
     h
 }
 
-/// The image of a camera: six lamps (two a colour) around the view 9 mm behind the surface, gamma, noise of 1.5 counts.
+/// Renders the image of a camera: six lamps (two per colour) around the view 9 mm behind the surface, gamma, noise of
+/// 1.5 grey levels.
 fn render(hand: &Hand, camera: usize, h: &[f32], noise: &mut Noise) -> Arc<TactileImage> {
     let view = &hand.cameras[camera];
     let pad = &hand.pads[view.pad];
@@ -118,7 +119,7 @@ fn press(hand: &Hand, camera: usize, r: f64, noise: &mut Noise, background: &Arc
 const PADS: [&str; 6] =
     ["index_distal", "index_middle", "index_proximal", "thumb_metacarpal", "palm_radial", "palm_ulnar"];
 
-/// A hand whose configurations are all calibrated with presses of two balls, and the images of its untouched pads.
+/// A hand with all configurations calibrated by presses of two balls, and the images of its untouched pads.
 struct Calibrated {
     hand: Hand,
     noise: Noise,
@@ -189,7 +190,7 @@ fn presses_of_known_depth_are_perceived() {
     assert!(again.iter().zip(&touches).all(|(a, b)| a.patches == b.patches), "deterministic");
 }
 
-/// One patch, with height, force and centre near the true ones.
+/// Checks that there is one patch, with height, force and centre near the true ones.
 fn check_touch(hand: &Hand, camera: usize, touch: &PadTouch, truth: &[f32], name: &str) {
     let view = &hand.cameras[camera];
     assert_eq!(touch.patches.len(), 1, "{name}");
@@ -206,7 +207,8 @@ fn check_touch(hand: &Hand, camera: usize, touch: &PadTouch, truth: &[f32], name
     assert!(off < 5e-4, "{name}: centroid off by {off} m");
 }
 
-/// A dead camera is named and its pad blind; all others are unchanged. A pad without calibration is blind too.
+/// A dead camera is reported by name and its pad is blind; all other pads are unchanged. A pad without calibration is
+/// blind too.
 #[test]
 fn faults_are_named_and_blind_only_their_own_pad() {
     let mut of = calibrated();

@@ -1,5 +1,5 @@
-//! In-hand pose with the hand's own kinematics: a quasi-static grasp is computed (springs, cables, Winkler contact), noise is
-//! added to what pads and servos would report, and the pose is estimated from a plan that is wrong.
+//! In-hand pose with the hand's own kinematics: a quasi-static grasp is computed (springs, cables, Winkler contact),
+//! noise is added to the readings of pads and servos, and the pose is estimated from a wrong plan.
 
 mod shapes;
 
@@ -29,7 +29,7 @@ impl Noise {
     }
 }
 
-/// How deep the object is in the gel at a pad's surface point, along the pad's normal.
+/// Indentation of the gel by the object at a surface point of a pad, along the pad's normal, m.
 fn indentation(shape: &dyn KnownShape, object_from_pad: &Isometry3<f64>, surface: &Point3<f64>) -> f64 {
     let mut depth = 0.0;
     for _ in 0..12 {
@@ -110,7 +110,8 @@ fn close(hand: &Hand, shape: &dyn KnownShape, pose: &Isometry3<f64>, tensions: &
     q
 }
 
-/// What pads and servos report, with noise: points 20 um, normals 3 deg, depths 10 % and a tilt, currents 3 %, cables 0.2 mm.
+/// Readings of pads and servos with noise: points 20 um, normals 3 deg, depths 10 % and a tilt, currents 3 %, cables
+/// 0.2 mm.
 fn feel(
     hand: &Hand,
     shape: &dyn KnownShape,
@@ -155,7 +156,7 @@ fn feel(
     (touches, servos)
 }
 
-/// Error in mm and, where it can be seen, degrees.
+/// Error of the position, mm, and of the rotation, degrees.
 fn error(estimate: &Isometry3<f64>, truth: &Isometry3<f64>) -> (f64, f64) {
     (
         (estimate.translation.vector - truth.translation.vector).norm() * 1e3,
@@ -197,7 +198,7 @@ fn cases() -> Vec<Case> {
     ]
 }
 
-/// The estimate with default options but for `use_clear`.
+/// Estimates the pose with default options except for `use_clear`.
 fn estimate(
     hand: &Hand,
     (touches, servos): (&[PadTouch], &[ServoState; 6]),
@@ -283,7 +284,7 @@ fn poses_are_recovered_from_wrong_plans() {
     }
 }
 
-/// The object is 20 mm off the plan: the estimate follows the contacts.
+/// With the object 20 mm off the plan, the estimate follows the contacts.
 #[test]
 fn follows_the_touch_not_the_plan() {
     let hand = Hand::ftac();
@@ -302,7 +303,7 @@ fn follows_the_touch_not_the_plan() {
 }
 
 /// A long box lies flat on the palm and reaches beyond the wrist; half-closed fingers in front of it feel nothing. The
-/// felt points do not constrain it along its length, and the plan has it among the fingers: only the untouched pads
+/// felt points do not constrain it along its length, and the plan has it among the fingers. Only the untouched pads
 /// contradict that.
 #[test]
 fn untouched_pads_matter() {
@@ -332,7 +333,7 @@ fn untouched_pads_matter() {
     assert!(with < 0.85 * without);
 }
 
-/// The pad with the largest force goes blind: the estimate stays close and its standard deviation grows.
+/// If the pad with the largest force goes blind, the estimate stays close and its standard deviation grows.
 #[test]
 fn a_blind_pad_lowers_the_confidence() {
     let hand = Hand::ftac();

@@ -1,4 +1,4 @@
-//! Actions turned into set-points, tick by tick.
+//! Converts actions into set-points, tick by tick.
 
 use hand_model::robot::ServoGoal;
 use hand_model::{ActuatorVector, DigitVector};
@@ -9,22 +9,22 @@ use crate::Twist;
 use crate::inverse_kinematics::{ArmServo, IkError, Joints};
 use crate::workcell::Workcell;
 
-/// Ticks of the robot in a step: six of 1/120 s.
+/// Ticks per step: six of 1/120 s.
 pub const TICKS: usize = 6;
 
-/// What the arm follows.
+/// Reference that the arm follows.
 #[derive(Debug, Clone)]
 enum Reference {
-    /// The palm's twist.
+    /// A palm twist, tracked by the arm servo.
     Palm(Box<ArmServo>),
     /// Joint set-points as they were sent, rad.
     Joints(Joints),
 }
 
-/// What a tick asks of arm (rad) and servos.
+/// Set-points of one tick: arm joints (rad) and servo goals.
 pub type Goals = (Joints, ActuatorVector<ServoGoal>);
 
-/// Carries actions out. A clone goes its own way from the same bits.
+/// Carries out actions. A clone continues independently from an identical state.
 #[derive(Debug, Clone)]
 pub struct Stepper {
     cell: Workcell,
@@ -34,7 +34,8 @@ pub struct Stepper {
 }
 
 impl Stepper {
-    /// Of a robot whose arm's set-points are `posture` (rad), and whose cables are pulled with `tensions` (N).
+    /// A stepper for a robot whose arm is at the set-points `posture` (rad) and whose cables are pulled with `tensions`
+    /// (N).
     pub fn new(cell: &Workcell, posture: Joints, tensions: DigitVector) -> Result<Self, IkError> {
         let reference = Reference::Palm(Box::new(cell.arm_servo(posture)?));
         Ok(Self { cell: cell.clone(), limits: ActionLimits::of(cell), reference, tensions })
@@ -45,7 +46,8 @@ impl Stepper {
         &self.limits
     }
 
-    /// All of a step in ticks of `tick` s, before any of it is carried out. An error leaves everything as it was.
+    /// Computes all ticks of a step, of `tick` s each, before any of them is carried out. On an error the state is
+    /// unchanged.
     pub fn step(&mut self, action: &Action, tick: f64) -> Result<[Goals; TICKS], ActionError> {
         self.limits.check(action)?;
         let mut reference = match (action.arm, &self.reference) {
@@ -72,14 +74,14 @@ impl Stepper {
         Ok(std::array::from_fn(|n| (wanted[n], self.servo_goals(&action.hand, &before, (n + 1) as f64 / TICKS as f64))))
     }
 
-    /// What was sent to the arm last, after limits: joint set-points go on from there.
+    /// Takes over the set-points that were last sent to the arm after limiting. Joint set-points continue from there.
     pub fn sent(&mut self, arm: Joints) {
         if let Reference::Joints(joints) = &mut self.reference {
             *joints = arm;
         }
     }
 
-    /// Goals of a tick when `part` of the step is over and the tensions were `before` it, N.
+    /// Servo goals of a tick after the fraction `part` of the step; `before` are the tensions (N) at its start.
     fn servo_goals(&self, action: &HandAction, before: &[f64], part: f64) -> ActuatorVector<ServoGoal> {
         match action {
             HandAction::Tensions { tensions, opposition } => {
@@ -92,7 +94,7 @@ impl Stepper {
     }
 }
 
-/// `pose` after `time` (s) with `twist`.
+/// Pose reached from `pose` after `time` (s) of motion with `twist`.
 fn moved(pose: &Isometry3<f64>, twist: &Twist, time: f64) -> Isometry3<f64> {
     let (linear, angular): (Vector3<f64>, Vector3<f64>) =
         (twist.fixed_rows::<3>(0).into(), twist.fixed_rows::<3>(3).into());

@@ -29,7 +29,7 @@ fn sphere_passes_sphere() {
     assert!((through.min_distance + 0.04).abs() < TOLERANCE, "{through:?}");
 }
 
-/// A box turned onto its corner edge while it goes down: lowest point is known.
+/// The lowest point of a box that turns onto its edge while it goes down is known.
 #[test]
 fn box_over_table() {
     let down = Isometry3::new(Vector3::new(0.2, 0.0, 0.1), Vector3::x() * std::f64::consts::FRAC_PI_4);
@@ -42,7 +42,7 @@ fn box_over_table() {
     assert!((sunk.min_distance - expected + 0.08).abs() < TOLERANCE, "{sunk:?}");
 }
 
-/// A long lever sweeps past a post only in the middle of a turn on the spot: neither end pose sees it.
+/// A long lever passes a post only in the middle of a turn on the spot, which neither end pose shows.
 #[test]
 fn turning_lever_is_caught() {
     let way = path(&[Isometry3::identity(), Isometry3::rotation(Vector3::z() * FRAC_PI_2)]);
@@ -99,7 +99,7 @@ fn hand_over_table() {
     );
 }
 
-/// What the check of a typical transport costs: whole hand and a held bottle, over a table with three things on it.
+/// Cost of a typical check: the whole hand with a held bottle, over a table with three objects.
 #[test]
 fn typical_motion_is_quick() {
     let hand = Hand::ftac();
@@ -120,7 +120,7 @@ fn typical_motion_is_quick() {
     let start = std::time::Instant::now();
     let found = check(&way, &moving, &fixed);
     println!("{found:?} in {:.2} ms", start.elapsed().as_secs_f64() * 1e3);
-    // Nothing on a fine grid of times is closer.
+    // No time on a fine grid gives a smaller distance.
     for n in 0..=400 {
         let (pose, _) = way.sample(way.duration() * n as f64 / 400.0);
         let grid = clearance_at(&pose, &moving, &fixed).expect("supported").expect("a pair");

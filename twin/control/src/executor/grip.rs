@@ -1,4 +1,4 @@
-//! The executor's grip: what the digits hold, and how hard they pull.
+//! Grip of the executor: which digits hold, and their cable tensions.
 
 use grasping::grasp::pulled;
 use hand_model::robot::{Observation, TactileFrame};
@@ -10,12 +10,12 @@ use crate::palpation;
 use crate::slip::{self, SlipWatch};
 
 impl Executor {
-    /// Digits that keep what they have.
+    /// Digits that keep their tension because they hold an object.
     pub fn holding(&self) -> Vec<Digit> {
         pulled(&self.kept(self.held))
     }
 
-    /// Digits other than `holding` open: they have nothing.
+    /// Opens all digits except `holding`.
     pub fn keep_only(&mut self, holding: &[Digit]) {
         for target in &mut self.targets[..self.held] {
             for digit in self.motion.hand().digits().iter().filter(|digit| !holding.contains(digit)) {
@@ -24,17 +24,17 @@ impl Executor {
         }
     }
 
-    /// From now on slip while carrying is answered with tension; images are taken for that.
+    /// Enables the reaction to slip while carrying: more tension. Requests images for it.
     pub fn react_to_slip(&mut self) {
         self.slip = Some(SlipWatch::default());
     }
 
-    /// Slips felt of each object so far; none are listed where they are not answered.
+    /// Number of slips felt of each object so far; empty if slip reaction is disabled.
     pub fn slips(&self) -> Vec<u32> {
         self.slip.as_ref().map_or_else(Vec::new, SlipWatch::steps)
     }
 
-    /// Tensions wanted at present, with what the reaction to slip adds, N.
+    /// Present tension set-points, N, including the increments of the slip reaction.
     pub(super) fn held_tension(&mut self, observation: &Observation, images: &[TactileFrame]) -> DigitVector {
         let (plan, carrying) = (self.wanted_tensions(), self.is_carrying());
         let (hand, tick) = (self.motion.hand(), self.motion.tick_length());
@@ -49,7 +49,7 @@ impl Executor {
         watch.tick(hand, &observation.servos, images, &plan, most, tick)
     }
 
-    /// The thumb opposes as the grasp wants that is under way, or was last: one that holds something stays as it is.
+    /// Sets the opposition of the thumb for the present or the last grasp. A thumb that holds something stays as it is.
     pub(super) fn oppose(&mut self) {
         let current = match self.phase.skill {
             Skill::Begin => Some(0),
@@ -73,7 +73,7 @@ impl Executor {
         kept
     }
 
-    /// Tensions that the grasps want in the present phase, N.
+    /// Tensions that the grasps require in the present phase, N.
     pub fn wanted_tensions(&self) -> DigitVector {
         let Phase { skill, object, stage } = self.phase;
         let leaves = skill == Skill::Approach && self.left_from.is_some();

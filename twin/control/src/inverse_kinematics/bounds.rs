@@ -1,4 +1,4 @@
-//! One box of joint speeds for a tick: speed, acceleration and position limits together.
+//! Joint speed bounds of a tick, combined from speed, acceleration and position limits.
 
 use hand_model::Arm;
 
@@ -11,10 +11,11 @@ pub(crate) struct SpeedBounds {
     pub upper: JointVector,
 }
 
-/// Bounds for a tick of `dt` (s) from `q` (rad), which was moving with `qd` (rad/s).
+/// Speed bounds for a tick of `dt` (s) from joint angles `q` (rad) and speeds `qd` (rad/s).
 ///
-/// From a state within its limits, a joint that keeps to them is again in one: v dt + v^2 / 2a <= distance to the limit is
-/// kept by braking with a. From outside (another `dt`, limits changed) it brakes as hard as it may.
+/// A joint that starts within its limits and obeys the bounds stays within them: braking with a preserves v dt + v^2 /
+/// 2a <= distance to the limit. A joint that starts outside (after a change of `dt` or of the limits) brakes as hard as
+/// it may.
 pub(crate) fn speed_bounds(arm: &Arm, settings: &IkSettings, q: &Joints, qd: &Joints, dt: f64) -> SpeedBounds {
     let mut bounds = SpeedBounds { lower: JointVector::zeros(), upper: JointVector::zeros() };
     for i in 0..arm.joints() {

@@ -1,4 +1,4 @@
-//! Joint angles for a palm pose: damped least squares from several seeds. Deterministic.
+//! Pose solver: joint angles for a palm pose, by damped least squares from several seeds. Deterministic.
 
 use std::f64::consts::{PI, TAU};
 
@@ -8,28 +8,29 @@ use nalgebra::{Isometry3, Matrix6, Vector6};
 use super::{ArmKinematics, Joints, wrap};
 use crate::trajectory::displacement;
 
-/// A pose is reached within these (m, rad).
+/// Tolerances within which a pose counts as reached (m, rad).
 const POSITION_TOLERANCE: f64 = 1e-6;
 const ROTATION_TOLERANCE: f64 = 1e-5;
 /// Distance kept from position limits, rad.
 const MARGIN: f64 = 0.01;
 const ITERATIONS: usize = 80;
-/// A descent ends where the error has not come down to this share of what it was this many steps before. Of 566 reachable palm poses over
-/// the table all are still found, by other seeds where not by the same one; poses out of reach take a third of the steps.
+/// Stopping rule: a descent ends if the error has not fallen below this share of its value this many steps earlier. All
+/// of 566 reachable palm poses over the table are still found, some from other seeds. Unreachable poses take a third of
+/// the steps.
 const PROGRESS: (f64, usize) = (0.9, 10);
-/// Spread seeds tried after the given ones.
+/// Number of spread seeds that are tried after the given ones.
 const SPREAD_SEEDS: u32 = 40;
-/// Weight of a radian against a metre.
+/// Weight of a radian relative to a metre.
 const TURN: f64 = 0.25;
 
 impl ArmKinematics {
-    /// Joint angles (rad) that put the palm at `world_from_palm`, within limits; `None` if no seed leads there. The posture
-    /// that comes from `seed` is preferred; continuous joints are turned to within half a turn of it.
+    /// Finds joint angles (rad) within limits that put the palm at `world_from_palm`; `None` if no seed leads there.
+    /// The solution reached from `seed` is preferred. Continuous joints are turned to within half a turn of `seed`.
     pub fn solve(&self, world_from_palm: &Isometry3<f64>, seed: &Joints) -> Option<Joints> {
         self.seeds(seed).find_map(|start| self.descend(world_from_palm, start)).map(|q| self.near(q, seed))
     }
 
-    /// All different postures (farther than 0.05 rad from each other) that the seeds lead to, that of `seed` first.
+    /// Finds all distinct postures (more than 0.05 rad apart) that the seeds lead to, that of `seed` first.
     pub fn solutions(&self, world_from_palm: &Isometry3<f64>, seed: &Joints) -> Vec<Joints> {
         let mut found: Vec<Joints> = Vec::new();
         for q in self.seeds(seed).filter_map(|start| self.descend(world_from_palm, start)) {
@@ -44,7 +45,7 @@ impl ArmKinematics {
     fn seeds(&self, seed: &Joints) -> impl Iterator<Item = Joints> + '_ {
         const PRIMES: [u32; MOST_ARM_JOINTS] = [2, 3, 5, 7, 11, 13, 17];
         let home = self.arm.home;
-        // The wrist's three joints turned to its other solution.
+        // The three wrist joints turned to their other solution.
         let mirrored = home.iter().enumerate().map(|(i, &angle)| match home.len() - i {
             1 | 3 => angle + PI,
             2 => -angle,
@@ -91,7 +92,7 @@ impl ArmKinematics {
         None
     }
 
-    /// Continuous joints turned to within half a turn of `seed`.
+    /// Turns continuous joints to within half a turn of `seed`.
     fn near(&self, mut q: Joints, seed: &Joints) -> Joints {
         for i in 0..q.len() {
             if !self.arm.tree.joints[i].lower.is_finite() {

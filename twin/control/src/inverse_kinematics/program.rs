@@ -1,8 +1,9 @@
-//! The quadratic program of a tick: its variables are the joints' speeds and the speed scale. Joints that an arm lacks stay at 0.
+//! Quadratic program of a tick. Its variables are the joint speeds and the speed scale. Joints that an arm lacks stay
+//! at 0.
 //!
-//! Where the minimum without bounds lies inside them it is the answer, and a Cholesky factor gives it. Otherwise Newton's method projected
-//! onto the bounds (Bertsekas 1982) finds it: the program is strictly convex and every bound is on one variable. An interior-point solver,
-//! the reference of the tests, takes ten times as long.
+//! If the unconstrained minimum lies within the bounds, it is the answer, and a Cholesky factorisation gives it.
+//! Otherwise the projected Newton method (Bertsekas 1982) finds the minimum: the program is strictly convex and every
+//! bound is on one variable. An interior-point solver, the reference of the tests, takes ten times as long.
 
 use hand_model::arm::MOST_ARM_JOINTS;
 use nalgebra::{SMatrix, SVector, Vector6};
@@ -13,26 +14,26 @@ use super::{Jacobian, JointVector};
 const N: usize = MOST_ARM_JOINTS + 1;
 type Variables = SVector<f64, N>;
 type Hessian = SMatrix<f64, N, N>;
-/// Newton steps at most, and the step (rad/s) below which the minimum is found.
+/// Largest number of Newton steps, and the step (rad/s) below which the minimum counts as found.
 const STEPS: usize = 50;
 const FOUND: f64 = 1e-12;
-/// Share of the foretold descent that a step must make, and the smallest share of a step that is tried: below it rounding is all that is
-/// left to gain.
+/// Share of the predicted decrease that a step must achieve, and the smallest fraction of a step that is tried; below
+/// it only rounding errors are left.
 const DESCENT: f64 = 1e-4;
 const SMALLEST: f64 = 1e-9;
 
-/// How a tick's program was solved.
+/// Method by which the program of a tick was solved.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum QpPath {
-    /// No bound is active: in closed form.
+    /// No bound is active: solved in closed form.
     Interior,
-    /// At one bound or more.
+    /// At least one bound is active.
     Bounded,
-    /// The solver gave up; the joints brake.
+    /// The solver gave up, and the joints brake.
     Failed,
 }
 
-/// What to minimise; see the module page above.
+/// Terms of the cost; see the documentation of the parent module.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Task {
     /// Weighted Jacobian and twist.
@@ -84,8 +85,9 @@ fn cost(task: &Task) -> (Hessian, Variables) {
     (hessian, gradient)
 }
 
-/// The minimum of `x H x / 2 + g x` within bounds, searched from `start`. In each step the variables that their bounds hold back stay there,
-/// the others take a Newton step, cut off at the bounds and halved until the cost falls. `None` if it is not found.
+/// Minimises `x H x / 2 + g x` within bounds, starting at `start`. In each step the variables that their bounds hold
+/// back stay there. The others take a Newton step, clipped to the bounds and halved until the cost falls. `None` if no
+/// minimum is found.
 fn bounded(hessian: &Hessian, gradient: &Variables, bounds: &SpeedBounds, start: &Variables) -> Option<Variables> {
     let lower = Variables::from_fn(|i, _| if i < N - 1 { bounds.lower[i] } else { 0.0 });
     let upper = Variables::from_fn(|i, _| if i < N - 1 { bounds.upper[i] } else { 1.0 });
@@ -131,7 +133,7 @@ mod tests {
 
     use super::*;
 
-    /// The same minimum by an interior-point solver.
+    /// Finds the same minimum by an interior-point solver.
     fn by_interior_points(hessian: &Hessian, gradient: &Variables, bounds: &SpeedBounds) -> Variables {
         // Upper triangle by columns.
         let upper_triangle = || (0..N).flat_map(|column| (0..=column).map(move |row| (row, column)));
@@ -158,7 +160,7 @@ mod tests {
     }
 
     proptest! {
-        /// Bounds hold, and nothing within them costs less than what an interior-point solver finds.
+        /// Bounds hold, and the cost is no higher than that of the interior-point solution.
         #[test]
         fn the_minimum_is_that_of_an_interior_point_solver(
             raw in proptest::collection::vec(-1.0f64..1.0, 42 + 6 + 7 + 14), damping in 1e-5f64..0.02, slowdown in 0.01f64..2.0,

@@ -1,4 +1,4 @@
-//! The arm's reference and its step.
+//! Arm servo: the reference posture of the arm and its step.
 
 use nalgebra::{Isometry3, Matrix6, Vector3, Vector6};
 
@@ -6,44 +6,45 @@ use super::{ArmKinematics, IkError, IkSettings, Jacobian, JointVector, Joints, Q
 use crate::Twist;
 use crate::trajectory::{PosePath, displacement};
 
-/// What a step came to.
+/// Result of a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct IkStep {
     /// Set-points after the step, rad.
     pub q: Joints,
-    /// Their speeds, rad/s.
+    /// Joint speeds after the step, rad/s.
     pub qd: Joints,
     /// Distance of the reference palm from the target after the step, m.
     pub position_error: f64,
-    /// Angle between them, rad.
+    /// Angle between the reference palm and the target after the step, rad.
     pub rotation_error: f64,
-    /// The share of the wanted twist that is carried out, 0 to 1.
+    /// Share of the desired twist that is carried out, 0 to 1.
     pub speed_scale: f64,
-    /// Limits or a singularity keep the arm from the wanted twist: it lags, or the target is out of reach.
+    /// True if limits or a singularity keep the arm from the desired twist: it lags, or the target is out of reach.
     pub saturated: bool,
-    /// How the program was solved; [`QpPath::Failed`] means that the arm brakes.
+    /// Method by which the program was solved; with [`QpPath::Failed`] the arm brakes.
     pub solved: QpPath,
 }
 
-/// What following a whole path comes to.
+/// Tracking errors over a whole path, from a rehearsal.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Rehearsal {
-    /// Greatest distance from the path, m.
+    /// Largest distance from the path, m.
     pub worst_position_error: f64,
-    /// Greatest angle from it, rad.
+    /// Largest angle from the path, rad.
     pub worst_rotation_error: f64,
-    /// Distance from the path's end at the end, m.
+    /// Final distance from the path's end, m.
     pub position_error: f64,
-    /// Angle from it, rad.
+    /// Final angle from the path's end, rad.
     pub rotation_error: f64,
-    /// Ticks in which limits or a singularity held the arm back, of `ticks`.
+    /// Number of ticks, out of `ticks`, in which limits or a singularity held the arm back.
     pub saturated_ticks: usize,
     pub ticks: usize,
-    /// Posture at the end, rad.
+    /// Final posture, rad.
     pub q: Joints,
 }
 
-/// The arm's reference, moved tick by tick towards palm poses; see the module's page. A clone is a full snapshot.
+/// The arm's reference, moved tick by tick towards palm poses; see the documentation of the parent module. A clone is a
+/// full snapshot.
 #[derive(Debug, Clone)]
 pub struct ArmServo {
     kinematics: ArmKinematics,
@@ -55,7 +56,7 @@ pub struct ArmServo {
 }
 
 impl ArmServo {
-    /// A servo at rest at `q` (rad), which must be within the joints' limits and is its comfortable posture.
+    /// A servo at rest at `q` (rad), which must be within the joint limits and becomes its comfortable posture.
     pub fn new(kinematics: ArmKinematics, settings: IkSettings, q: Joints) -> Result<Self, IkError> {
         kinematics.within_limits(&q, 0.0)?;
         let qd_ref = kinematics.arm().each(|_| 0.0);
@@ -67,7 +68,7 @@ impl ArmServo {
         &self.q_ref
     }
 
-    /// Its speed, rad/s.
+    /// Reference joint speeds, rad/s.
     pub fn qd(&self) -> &Joints {
         &self.qd_ref
     }
@@ -90,8 +91,8 @@ impl ArmServo {
         self.comfort = comfort;
     }
 
-    /// Moves the reference by one tick of `dt` (s) towards `target` (`world_from_palm` at the end of the tick), which itself
-    /// moves with the twist `feedforward` (world axes, at the palm's origin).
+    /// Moves the reference by one tick of `dt` (s) towards `target` (`world_from_palm` at the end of the tick), which
+    /// itself moves with the twist `feedforward` (world axes, at the palm's origin).
     pub fn step(&mut self, target: &Isometry3<f64>, feedforward: &Twist, dt: f64) -> Result<IkStep, IkError> {
         if !(dt.is_finite() && dt > 0.0) {
             return Err(IkError::TimeStep(dt));
@@ -121,8 +122,8 @@ impl ArmServo {
         })
     }
 
-    /// Follows `path` with a copy of this servo, in ticks of `dt` (s), and `settle` (s) beyond its end: what a motion will come
-    /// to before it is made. It takes some 4 us a tick.
+    /// Rehearses `path` with a copy of this servo, in ticks of `dt` (s) and for `settle` (s) beyond its end, to predict
+    /// the tracking errors of a motion before it is made. Takes about 4 us per tick.
     pub fn rehearse(&self, path: &PosePath, settle: f64, dt: f64) -> Result<Rehearsal, IkError> {
         let mut servo = self.clone();
         let mut out = Rehearsal { q: servo.q_ref, ..Rehearsal::default() };
@@ -140,7 +141,7 @@ impl ArmServo {
         Ok(out)
     }
 
-    /// Brakes all joints to rest, within their acceleration limits; call it until `qd` is zero.
+    /// Brakes all joints to rest within their acceleration limits. To be called until `qd` is zero.
     pub fn brake(&mut self, dt: f64) -> Result<Joints, IkError> {
         if !(dt.is_finite() && dt > 0.0) {
             return Err(IkError::TimeStep(dt));
@@ -153,12 +154,12 @@ impl ArmServo {
         Ok(self.q_ref)
     }
 
-    /// Feed-forward and feedback. Feedback slows down in time to stop at the target.
+    /// Desired twist: feed-forward plus feedback. The feedback slows down in time to stop at the target.
     fn wanted_twist(&self, palm: &Isometry3<f64>, target: &Isometry3<f64>, feedforward: &Twist, dt: f64) -> Twist {
         let s = &self.settings;
         let gain = s.gain.min(0.5 / dt);
         let (shift, turn) = displacement(palm, target);
-        // Error against where the target is now, a tick before `target`.
+        // Error relative to the target's present pose, one tick before `target`.
         let shift = shift - feedforward.fixed_rows::<3>(0) * dt;
         let turn = turn - feedforward.fixed_rows::<3>(3) * dt;
         let toward = |error: Vector3<f64>, deceleration: f64| {
@@ -185,7 +186,7 @@ impl ArmServo {
         let smallest = square.symmetric_eigenvalues().min().max(0.0).sqrt();
         let closeness = (1.0 - smallest / s.singular_value).max(0.0);
         let damping = s.damping * s.damping + (s.singular_damping * closeness).powi(2);
-        // Comfort motion without its part that moves the palm.
+        // Comfort motion without the part that moves the palm.
         let arm = self.kinematics.arm();
         let pull = JointVector::from_fn(|i, _| {
             if i >= arm.joints() {

@@ -8,22 +8,22 @@ use nalgebra::Isometry3;
 use crate::percept::Percept;
 use crate::trajectory::{PathError, PathLimits, PosePath};
 
-/// Distance from which the hand approaches a grasp, m.
+/// Distance of the approach pose from the grasp, m.
 pub const APPROACH_DISTANCE: f64 = 0.09;
-/// Share of the speed limits on the last stretch of an approach.
+/// Share of the speed limits on the last part of an approach.
 const LAST_STRETCH: f64 = 0.6;
-/// Shortest time of a motion, s.
+/// Shortest duration of a motion, s.
 const SHORTEST: f64 = 0.05;
 
-/// Time of a motion between two poses within limits, s.
+/// Duration (s) of a motion between two poses within limits.
 pub fn duration(limits: &PathLimits, from: &Isometry3<f64>, to: &Isometry3<f64>) -> f64 {
     let length = (to.translation.vector - from.translation.vector).norm();
     let angle = from.rotation.angle_to(&to.rotation);
     limits.duration(length, angle).max(SHORTEST)
 }
 
-/// The path from the first of `stops` through the others and the grasp's approach pose to where the digits of `grasp` close on
-/// what is seen at `percept`.
+/// Path from the first of `stops` through the others and the approach pose of `grasp` to the pose at which the digits
+/// close on the object at `percept`.
 pub fn approach(
     (hand, limits): (&Hand, &PathLimits),
     stops: &[Isometry3<f64>],
@@ -35,7 +35,7 @@ pub fn approach(
     PosePath::new(waypoints)
 }
 
-/// The same path in two parts: to the approach pose, and from there.
+/// The path of [`approach`] in two parts: up to the approach pose, and from there.
 pub fn in_parts(
     (hand, limits): (&Hand, &PathLimits),
     stops: &[Isometry3<f64>],
@@ -47,7 +47,7 @@ pub fn in_parts(
     Ok([PosePath::new(way)?, PosePath::new(from.into_iter().chain([last]).collect())?])
 }
 
-/// Waypoints, with the times from each to the next, up to the approach pose; and the last.
+/// Waypoints up to the approach pose, each with its time from the one before, and the last waypoint.
 fn waypoints(
     (hand, limits): (&Hand, &PathLimits),
     stops: &[Isometry3<f64>],
@@ -64,5 +64,5 @@ fn waypoints(
     (waypoints, (duration(&limits.scaled(LAST_STRETCH), &before, &target), target))
 }
 
-/// Time (s) from the one before, and pose.
+/// Time (s) from the waypoint before, and pose.
 type Waypoint = (f64, Isometry3<f64>);

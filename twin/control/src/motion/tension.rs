@@ -1,4 +1,4 @@
-//! Cable tensions over time, and the servo goals that make them.
+//! Cable tensions over time, and the servo goals that produce them.
 
 use std::f64::consts::FRAC_PI_2;
 
@@ -10,7 +10,7 @@ use touch::posture::cable_excursion;
 
 /// Current limit of the opposition servo, A.
 const OPPOSITION_CURRENT: f64 = 0.6;
-/// Rate limit of a cable's tension, N/s.
+/// Rate limit of a cable tension, N/s.
 const TENSION_RATE: f64 = 80.0;
 
 /// Servo goals for cable tensions (N) and the angle of the opposition joint (rad).
@@ -18,8 +18,8 @@ pub(super) fn servo_goals(hand: &Hand, tension: &[f64], opposition: f64) -> Actu
     hand.servo_goals(tension, opposition, OPPOSITION_CURRENT)
 }
 
-/// What servos are to pull (N) for the joints of closing digits to feel the tensions `wanted` (N): more by what the guides take
-/// up to the middle joint of a digit whose joints share its measured excursion alike.
+/// Servo tensions (N) for which the joints of closing digits feel the tensions `wanted` (N). They compensate for the
+/// guide friction up to the middle joint of a digit whose measured excursion is shared equally among its joints.
 pub fn against_friction(hand: &Hand, friction: &CableFriction, servos: &[ServoState], wanted: &[f64]) -> DigitVector {
     if friction.coefficient == 0.0 {
         return wanted.iter().copied().collect();
@@ -27,7 +27,7 @@ pub fn against_friction(hand: &Hand, friction: &CableFriction, servos: &[ServoSt
     hand.each_digit(|cable| {
         let full = hand.transmission.cables[cable].full_excursion();
         let angle = FRAC_PI_2 * (cable_excursion(hand, cable, &servos[cable]) / full).clamp(0.0, 1.0);
-        // All of the first joint's turn is behind the guide before the second joint, and half of the second's own.
+        // Wrap of the cable up to the middle joint: all of the first joint's angle and half of its own.
         let friction = hand.guides(cable, friction);
         wanted[cable] / friction.ratio(1.0, friction.routing + 1.5 * angle)
     })
@@ -40,7 +40,8 @@ pub fn approach_tension(now: &mut DigitVector, wanted: &[f64], tick: f64) {
     }
 }
 
-/// Tension of a digit (N) after `grasp` has been closing for `time` (s): the thumb may start later or earlier than the fingers.
+/// Tension of a digit (N) after `grasp` has been closing for `time` (s). The thumb may start later or earlier than the
+/// fingers.
 pub fn closing_tension(grasp: &Grasp, digit: usize, time: f64) -> f64 {
     let delay = if digit == Digit::Thumb.index() { grasp.thumb_delay.max(0.0) } else { (-grasp.thumb_delay).max(0.0) };
     if time >= delay { grasp.close_tension[digit] } else { grasp.pre_tension[digit] }
@@ -50,7 +51,8 @@ pub fn closing_tension(grasp: &Grasp, digit: usize, time: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// The middle joint of a half-closed digit feels what is wanted; an open one's loses no more than the palm's turn takes.
+    /// The middle joint of a half-closed digit feels the desired tension; an open digit loses only what the wrap at the
+    /// palm takes.
     #[test]
     fn the_middle_joint_feels_what_is_wanted() {
         let hand = Hand::ftac();

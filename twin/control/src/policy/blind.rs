@@ -1,4 +1,4 @@
-//! The policy `blind`: carries out the plan and asks nobody.
+//! The policy `blind`: carries out the plan without any feedback.
 
 use grasping::Grasp;
 use world::attempt::Attempt;
@@ -8,7 +8,7 @@ use crate::executor::{Executor, Skill};
 use crate::percept::Eyes;
 use crate::perception::Felt;
 
-/// Takes one object after the other with its planned grasp, whatever happened to those before.
+/// Takes one object after another with its planned grasp, whether or not the previous ones were held.
 #[derive(Debug, Clone)]
 pub struct Blind {
     grasps: Vec<Grasp>,
@@ -16,7 +16,7 @@ pub struct Blind {
 }
 
 impl Blind {
-    /// With the planned grasp of each object.
+    /// The policy with the planned grasp of each object.
     pub fn new(grasps: Vec<Grasp>) -> Self {
         Self { grasps, story: Story::default() }
     }

@@ -1,8 +1,9 @@
-//! A policy that asks somebody else: which grasp takes the second object, aimed where, and whether to try again.
+//! A policy that delegates to a chooser: the grasp of the second object, its aim, and whether to try again.
 //!
-//! The [`Chooser`] is told what this crate's own policies know, measurements and estimates, and answers with one of the candidates. Everything
-//! else is as in [`super::touch`]: the look is interpreted, the eyes look anew before a choice, paths are rehearsed, no try begins too late for
-//! the trial. The first object is taken as planned. A chooser that fails, or answers what cannot be, ends its trial with the reason in the record.
+//! The [`Chooser`] receives the knowledge of this crate's own policies, measurements and estimates, and answers with
+//! one of the candidates. Everything else is as in [`super::touch`]: the look is interpreted, the eyes look again
+//! before a choice, paths are rehearsed, and no try begins too late for the trial. The first object is taken as
+//! planned. A chooser that fails, or gives an invalid answer, ends its trial with the reason in the record.
 
 use grasping::Grasp;
 use hand_model::robot::{ArmState, ServoState, TactileFrame};
@@ -17,32 +18,33 @@ use crate::perception::{Expected, Felt, Grip, feel, grip, trusted};
 use crate::sensing::Senses;
 use crate::worth::Candidate;
 
-/// Time that a trial needs from a new try to its end, s: no choice is asked for later.
+/// Time that a trial needs from the start of a try to its end, s. No choice is requested if less time is left.
 const TRY_TIME: f64 = 10.0;
-/// Farthest that an aim may be beside what is seen along an axis, m, and in angle, rad.
+/// Largest offset of an aim from the seen pose along an axis, m, and in yaw, rad.
 const FARTHEST: (f64, f64) = (0.1, std::f64::consts::PI);
 
-/// What a chooser knows when it is asked.
+/// Information for a chooser.
 pub struct Situation<'a> {
-    /// The decision after a look at the first object, which should be in the hand, or at the second one, which has been tried and lifted.
+    /// The decision: after a look at the first object, which should be in the hand, or at the second one, which has
+    /// been tried and lifted.
     pub phase: Phase,
     /// The robot's clock, s.
     pub time: f64,
-    /// Until the trial has failed, s.
+    /// Time left until the trial fails, s.
     pub time_left: f64,
-    /// Tries at the second object so far.
+    /// Number of tries at the second object so far.
     pub tries: u32,
     pub servos: &'a [ServoState],
     pub arm: &'a ArmState,
-    /// `world_from_palm` as commanded.
+    /// Commanded `world_from_palm`.
     pub palm: Isometry3<f64>,
-    /// Tactile images of the last look, one a camera that has sent one.
+    /// Tactile images of the last look, one per camera that has sent one.
     pub images: &'a [TactileFrame],
     /// Names of the first and the second object.
     pub objects: Vec<&'a str>,
-    /// Where they were seen last.
+    /// Their latest percepts.
     pub seen: Vec<Percept>,
-    /// Whether the second one was seen just now; it is hidden otherwise.
+    /// True if the second object was seen just now; otherwise it is hidden.
     pub sees_second: bool,
     /// The grasp that took the first object.
     pub first: &'a Grasp,
@@ -50,44 +52,44 @@ pub struct Situation<'a> {
     pub candidates: &'a [Candidate],
     /// The first object as felt after its lift.
     pub felt: Option<&'a Felt>,
-    /// What is felt to be in the hand now.
+    /// Objects that are felt to be in the hand now.
     pub grip: Grip,
 }
 
-/// How far beside the place where it is seen an object is aimed at.
+/// Offset of an aim from the seen pose of an object.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Aim {
-    /// m, world.
+    /// Offset along x, m, world.
     pub x: f64,
-    /// m, world.
+    /// Offset along y, m, world.
     pub y: f64,
-    /// rad, about the vertical.
+    /// Offset in yaw about the vertical, rad.
     pub yaw: f64,
 }
 
-/// What a chooser answers.
+/// Answer of a chooser.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Answer {
-    /// Take the second object, once more if it has been tried.
+    /// Take the second object, or try again if it has been tried.
     Take {
-        /// Place among the candidates.
+        /// Index of the candidate.
         candidate: usize,
         aim: Aim,
     },
-    /// Carry away what is in the hand. Before the second object was tried: leave it alone.
+    /// Carry away the contents of the hand. Before the second object was tried, this leaves it alone.
     Keep,
 }
 
-/// What a chooser may fail with.
+/// Error of a chooser.
 pub type ChooserError = Box<dyn std::error::Error + Send + Sync>;
 
-/// Somebody who chooses.
+/// Decision maker for the second grasp.
 pub trait Chooser {
-    /// Chooses in a situation. It may take as long as it likes: the robot's clock stands.
+    /// Chooses in a situation. It may take any time: the robot's clock stands still.
     fn choose(&mut self, situation: &Situation) -> Result<Answer, ChooserError>;
 }
 
-/// Asks a [`Chooser`]; see the module's page. A trial of two objects is what it can be asked about.
+/// Asks a [`Chooser`]; see the module documentation. Supports trials of two objects.
 pub struct Chosen<'a> {
     knowledge: Knowledge<'a>,
     senses: Senses<'a>,
@@ -99,12 +101,12 @@ pub struct Chosen<'a> {
 }
 
 impl<'a> Chosen<'a> {
-    /// A trial's policy with somebody's choices.
+    /// The policy of a trial with the choices of `chooser`.
     pub fn new(knowledge: Knowledge<'a>, senses: Senses<'a>, chooser: &'a mut dyn Chooser) -> Self {
         Self { knowledge, senses, chooser, story: Story::default(), tries: 0, felt: None, grip: Grip::default() }
     }
 
-    /// What the chooser says; why that cannot be, in words.
+    /// Asks the chooser and checks its answer. On an invalid answer, the error is the reason in words.
     fn ask(&mut self, executor: &Executor, time: f64, sees_second: bool) -> Result<Answer, String> {
         let look = executor.motion().look();
         let situation = Situation {
@@ -139,7 +141,7 @@ impl<'a> Chosen<'a> {
         Ok(answer)
     }
 
-    /// Takes the second object with a candidate, aimed beside where it is seen.
+    /// Takes the second object with a candidate, aimed at an offset from its seen pose.
     fn take(&mut self, executor: &mut Executor, candidate: usize, aim: Aim) -> Result<Step, PolicyError> {
         let grasp = self.knowledge.second[candidate].grasp.clone();
         let seen = executor.target(1).percept;

@@ -1,8 +1,10 @@
-//! The policy of a trial of more than two objects: takes one after the other, each by digits of its own, and goes by what they feel.
+//! The policy for a trial of more than two objects: takes one after the other, each with its own digits, and relies on
+//! touch.
 //!
-//! Before each grasp the eyes look anew, and looks that agree are averaged. After each grasp every object that should be in the hand is asked for
-//! at its own digits ([`feeling`]): what is missing of the last one is taken again, with the grasp that is worth most now; where one that was taken
-//! before is gone, everything is laid down and the list begins anew. Where each sits in the hand is estimated from the pads of its digits and the palm.
+//! Before each grasp the eyes look again, and looks that agree are averaged. After each grasp, the digits of every
+//! object that should be in the hand are checked ([`feeling`]). If the last object is missing, it is taken again with
+//! the grasp that is worth most at that time. If an earlier object is missing, everything is laid down and the list
+//! begins anew. The pose of each object in the hand is estimated from the pads of its digits and the palm.
 
 use grasping::Grasp;
 use grasping::digit_sets::in_words;
@@ -18,12 +20,12 @@ use crate::perception::{Felt, Grip, feel_each, place_in_hand};
 use crate::sensing::Senses;
 use crate::worth::{self, Candidate};
 
-/// Time that a trial needs for each object that is still to be taken, and from the last one to its end, s: nothing is taken again later.
+/// Time that a trial needs for each object that is still to be taken, s. A retry begins only if enough time is left.
 const TAKE_TIME: f64 = 9.0;
-/// See [`TAKE_TIME`].
+/// Time that a trial needs from the last object to its end, s; see [`TAKE_TIME`].
 const CARRY_TIME: f64 = 7.0;
 
-/// Takes the objects in turn; see the module's page.
+/// Takes the objects in turn; see the module documentation.
 pub struct InTurn<'a> {
     knowledge: Knowledge<'a>,
     senses: Senses<'a>,
@@ -37,7 +39,7 @@ pub struct InTurn<'a> {
 }
 
 impl<'a> InTurn<'a> {
-    /// The policy of a trial in which each object is planned to be taken with one of `planned`.
+    /// The policy of a trial in which each object has a planned grasp in `planned`.
     pub fn new(knowledge: Knowledge<'a>, senses: Senses<'a>, planned: &[&Grasp]) -> Self {
         let proven = [&[][..], &knowledge.second, &knowledge.third];
         let known = |(n, grasp): (usize, &&Grasp)| match proven.get(n) {
@@ -54,7 +56,7 @@ impl<'a> InTurn<'a> {
         Self { knowledge, senses, candidates, objects, grip: Grip::default(), felt: Vec::new(), story }
     }
 
-    /// Looks at an object anew; false if it is hidden.
+    /// Looks at an object again. Returns false if it is hidden.
     fn see(
         &mut self,
         object: usize,
@@ -68,7 +70,7 @@ impl<'a> InTurn<'a> {
         let tracked = &mut self.objects[object];
         let Some(seen) = tracked.look(&self.knowledge, eyes)? else { return Ok(false) };
         if again {
-            // What was touched may have moved: only the new look counts.
+            // A touched object may have moved: only the new look counts.
             tracked.replace(Some(seen), executor);
         } else {
             tracked.refine(seen, &self.knowledge, executor);
@@ -76,7 +78,7 @@ impl<'a> InTurn<'a> {
         Ok(true)
     }
 
-    /// Takes an object with the grasp that is worth most now and that the arm gets to.
+    /// Takes an object with the most valuable grasp that the arm can reach now.
     fn take(&mut self, object: usize, why: String, executor: &mut Executor) -> Result<Step, PolicyError> {
         let (candidates, tracked) = (&self.candidates[object], &self.objects[object]);
         let mut order: Vec<(f64, &Candidate)> = candidates
@@ -123,7 +125,7 @@ impl<'a> InTurn<'a> {
         Ok(Step::NotSeen)
     }
 
-    /// Whether there is time to take the objects from this one on.
+    /// True if there is time to take the objects from this one on.
     fn has_time(&self, object: usize, time: f64) -> bool {
         let left = (self.objects.len() - object) as f64;
         self.knowledge.recovery.retry && time + left * TAKE_TIME + CARRY_TIME < self.knowledge.time_limit

@@ -1,4 +1,5 @@
-//! The policy of a transport: which object to take next with which digits, and when to carry away, by what is felt after each pick.
+//! The policy of a transport: decides after each pick, by touch, which object to take next with which digits, and when
+//! to deliver.
 //!
 //! Each pick is the next object of the executor's list. After a delivery the list begins anew.
 
@@ -22,11 +23,11 @@ use crate::workcell::Workcell;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PickMode {
-    /// One object a trip, with touch: what mode together is compared to.
+    /// One object per trip, with touch: the baseline of the comparison.
     OneByOne,
-    /// As many as fit, all as planned, unfelt.
+    /// As many objects as fit, as planned, without touch.
     Blind,
-    /// As many as fit, by what is felt after each pick.
+    /// As many objects as fit, replanned from touch after each pick.
     Touch,
 }
 
@@ -41,10 +42,10 @@ impl std::str::FromStr for PickMode {
 }
 
 impl PickMode {
-    /// All, the baseline first.
+    /// All modes, the baseline first.
     pub const ALL: [Self; 3] = [Self::OneByOne, Self::Blind, Self::Touch];
 
-    /// As the command line writes it.
+    /// Name of the mode on the command line.
     pub fn argument(self) -> &'static str {
         match self {
             Self::OneByOne => "one-by-one",
@@ -53,7 +54,7 @@ impl PickMode {
         }
     }
 
-    /// In words.
+    /// Name of the mode in words.
     pub fn name(self) -> &'static str {
         match self {
             Self::OneByOne => "one by one",
@@ -63,13 +64,13 @@ impl PickMode {
     }
 }
 
-/// Something to be carried.
+/// An object to be carried.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Item {
     pub name: String,
-    /// m3.
+    /// Volume, m3.
     pub volume: f64,
-    /// Numbers of the pickups that suit it.
+    /// Indices of the pickups that suit the object.
     pub pickups: Vec<usize>,
 }
 
@@ -82,9 +83,9 @@ pub struct PickTask<'a> {
     pub pickups: &'a [Pickup],
     /// The objects to carry.
     pub items: &'a [Item],
-    /// Over which place it is released, m.
+    /// Position of the palm above the place of release, m.
     pub goal: [f64; 2],
-    /// Picks tried at most.
+    /// Largest number of picks.
     pub tries: usize,
 }
 
@@ -95,27 +96,27 @@ struct Had {
     digits: Vec<Digit>,
 }
 
-/// Decides a transport.
+/// Policy of a transport.
 pub struct PickSequence<'a> {
     task: PickTask<'a>,
     mode: PickMode,
     senses: Senses<'a>,
-    /// Objects that are believed to be on the table still.
+    /// Objects that are believed to be still on the table.
     left: Vec<usize>,
     had: Vec<Had>,
-    /// What the plan goes on with.
+    /// Remaining picks of the plan.
     planned: Vec<Pick>,
     /// The pick under way.
     picking: Option<Pick>,
     failures: Vec<(usize, usize)>,
     picks: usize,
-    /// Picks tried since the last delivery: objects in the executor's list.
+    /// Number of picks since the last delivery, which is the length of the executor's list.
     in_list: usize,
     reasons: Vec<String>,
 }
 
 impl<'a> PickSequence<'a> {
-    /// A transport of everything, with an empty hand.
+    /// A transport of all objects, beginning with an empty hand.
     pub fn new(task: PickTask<'a>, mode: PickMode, senses: Senses<'a>) -> Self {
         Self {
             left: (0..task.items.len()).collect(),
@@ -132,17 +133,17 @@ impl<'a> PickSequence<'a> {
         }
     }
 
-    /// Picks tried so far.
+    /// Number of picks so far.
     pub fn picks(&self) -> usize {
         self.picks
     }
 
-    /// What was decided and felt since the last call, in words.
+    /// Takes the decisions and tactile findings since the last call, in words.
     pub fn take_reasons(&mut self) -> Vec<String> {
         std::mem::take(&mut self.reasons)
     }
 
-    /// Decides what comes next and begins it: a pick, or the delivery of everything that is held.
+    /// Decides on the next action and begins it: a pick, or the delivery of everything that is held.
     pub fn decide(&mut self, executor: &mut Executor, eyes: &mut dyn Eyes) -> Result<Step, PolicyError> {
         let next = if self.picks < self.task.tries { self.next_pick(eyes)? } else { None };
         if let Some((pick, percept)) = next {
@@ -159,7 +160,7 @@ impl<'a> PickSequence<'a> {
         Ok(Step::Play)
     }
 
-    /// What to take next, if anything, and where it is seen.
+    /// Next pick and the percept of its object; `None` if there is nothing to take.
     fn next_pick(&mut self, eyes: &mut dyn Eyes) -> Result<Option<(Pick, Percept)>, PolicyError> {
         let most = match self.mode {
             PickMode::OneByOne => 1_usize.saturating_sub(self.had.len()),
@@ -191,7 +192,7 @@ impl<'a> PickSequence<'a> {
         self.had.iter().flat_map(|had| had.digits.iter().copied()).collect()
     }
 
-    /// The pickups for `object` where it is seen, turned about the vertical into the arm's reach.
+    /// Pickups for `object` at its percept that a rotation about the vertical brings within the arm's reach.
     fn ready(&self, object: usize, percept: &Percept) -> Ready {
         let failed = |pickup: usize| self.failures.iter().filter(|failed| **failed == (object, pickup)).count() as i32;
         let item = &self.task.items[object];
@@ -199,7 +200,7 @@ impl<'a> PickSequence<'a> {
         Ready { object, volume: item.volume, pickups: pickups.map(|pickup| (*pickup, failed(*pickup))).collect() }
     }
 
-    /// The smallest turn that brings a pickup's grasp into the arm's reach, rad.
+    /// Smallest yaw (rad) that brings the grasp of a pickup within the arm's reach.
     fn turn(&self, pickup: usize, percept: &Percept) -> Option<f64> {
         let grasp = &self.task.pickups[pickup].grasp;
         TURNS.into_iter().find(|turn| self.task.cell.reaches(&grasp.palm_pose(&percept.position, percept.yaw + turn)))
@@ -227,7 +228,8 @@ impl<'a> PickSequence<'a> {
         let pickup = &self.task.pickups[pick.pickup];
         let turn = self.turn(pick.pickup, percept).unwrap_or(0.0);
         let grasp = Grasp { yaw: pickup.grasp.yaw + turn, ..pickup.grasp.clone() };
-        // A digit that is felt to have nothing may still keep an object from rolling out: it opens where it is needed, no earlier.
+        // A digit that seems empty may still keep an object from rolling out. It therefore opens only when it is
+        // needed.
         let holding = self.holding();
         let needed = |digit: &Digit| pickup.grasp.digits.contains(digit) && !holding.contains(digit);
         let kept: Vec<Digit> = executor.holding().into_iter().filter(|digit| !needed(digit)).collect();
@@ -236,7 +238,7 @@ impl<'a> PickSequence<'a> {
         Ok(executor.take(self.in_list - 1, Target { grasp, percept: *percept })?)
     }
 
-    /// After a pick was played: what is in the hand now.
+    /// Determines the contents of the hand after a pick was played.
     pub fn perceive(&mut self, executor: &mut Executor) -> Result<(), PolicyError> {
         let Some(pick) = self.picking.take() else { return Ok(()) };
         let pickup = &self.task.pickups[pick.pickup];

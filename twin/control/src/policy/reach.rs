@@ -1,4 +1,4 @@
-//! Grasps that the arm can carry out on an object as it is seen, turned about the vertical where the object allows it.
+//! Grasps that the arm can carry out at an object's percept, turned about the vertical where the object allows it.
 
 use grasping::Grasp;
 use hand_model::Digit;
@@ -10,10 +10,11 @@ use crate::percept::Percept;
 use crate::stand_in::stand_ins;
 use crate::worth::Candidate;
 
-/// Turns about the vertical that are tried when an object is out of the planned grasp's reach, rad.
+/// Yaws that are tried if an object is out of reach of the planned grasp, rad.
 pub const TURNS: [f64; 15] = [0.0, 0.2, -0.2, 0.4, -0.4, 0.6, -0.6, 0.8, -0.8, 1.0, -1.0, 1.2, -1.2, 1.4, -1.4];
 
-/// `grasp` from all sides from which the object looks the same, as far as the arm has a posture for it: unturned first.
+/// Variants of `grasp` from all sides from which the object looks the same, as far as the arm can reach them; the
+/// unturned one first.
 pub fn turned<'a>(
     knowledge: &'a Knowledge,
     grasp: &'a Grasp,
@@ -32,18 +33,18 @@ pub fn turned<'a>(
         .filter(|grasp| knowledge.cell.reaches(&grasp.palm_pose(&seen.position, seen.yaw)))
 }
 
-/// What a search for grasps begins with.
+/// Inputs of a search for grasps.
 pub struct Wanted<'a> {
     pub object: &'a ObjectModel,
-    /// Digits that take it.
+    /// Digits that take the object.
     pub digits: &'a [Digit],
-    /// Grasps for it while it stands as the plan expects.
+    /// Grasps of the object in the pose that the plan expects.
     pub candidates: &'a [Candidate],
-    /// Failures in this trial.
+    /// Record of the failures in this trial.
     pub tracked: &'a Tracked,
 }
 
-/// The candidates whose grasp the arm reaches; for an object that fell over, grasps of what lies like it.
+/// Candidates whose grasp the arm can reach. For an object that fell over, grasps of objects that lie like it.
 pub fn within_reach(knowledge: &Knowledge, wanted: &Wanted, seen: &Percept) -> Vec<Candidate> {
     let turn_into_reach = |candidate: &Candidate| {
         let grasp = turned(knowledge, &candidate.grasp, seen, wanted.object).next()?;

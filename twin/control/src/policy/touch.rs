@@ -1,14 +1,15 @@
-//! The policy `touch`: decides by what is felt, and tries again what touch says has failed.
+//! The policy `touch`: decides on tactile perception, and retries a grasp that has failed according to touch.
 //!
-//! At each decision the look is interpreted ([`crate::perception`]), [`crate::recovery`] says what should come next, and
-//! [`crate::strategy`] chooses the grasp of the second object given the pose of the first as felt. What failed is tried again where
-//! the eyes see it now. Where they do not see what is to be taken, the hand steps aside and they look once more; what only comes
-//! later is taken to be where it was seen last, and looked for when its turn comes. Before an object is taken it is touched
-//! (`exploration`): where the first one sits in the hand decides how well the second one can be taken. `empty_hand` takes what comes first, and `beside`
-//! what comes while something is held.
+//! At each decision the look is interpreted ([`crate::perception`]), [`crate::recovery`] determines the next step, and
+//! [`crate::strategy`] chooses the grasp of the second object given the felt pose of the first. A failed grasp is tried
+//! again at the object's new percept. If a required object is not visible, the hand steps aside and the eyes look
+//! again. An object that comes later is assumed to be where it was last seen, and is looked for when its turn comes. An
+//! object is palpated before it is taken (`exploration`), because the pose of the first one in the hand determines how
+//! well the second one can be taken. `empty_hand` takes the first object, and `beside` an object beside held ones.
 //!
-//! Each decision leads from one `State` to another: `Start -> Palpates(0) -> Takes(0) -> Palpates(1) -> Takes(1) -> Carries` where all goes
-//! well, and from `Takes(0)` to `Carries` in a trial of one object. What is lost leads back to a palpation or to `LaysDown`, what is hidden to `StepsAside`; a decision that begins nothing ends the trial.
+//! Each decision leads from one `State` to another: `Start -> Palpates(0) -> Takes(0) -> Palpates(1) -> Takes(1) ->
+//! Carries` if all goes well, and from `Takes(0)` to `Carries` in a trial of one object. A lost object leads back to a
+//! palpation or to `LaysDown`, a hidden one to `StepsAside`. A decision that begins nothing ends the trial.
 
 mod beside;
 pub(super) mod empty_hand;
@@ -31,49 +32,49 @@ use crate::sensing::Senses;
 use crate::strategy::object_solids;
 use crate::worth::Candidate;
 
-/// Time that a trial needs from a new try of the first object to its end, s: none begins later.
+/// Time that a trial needs from the start of a new try at the first object to its end, s; no try begins later.
 const TRY_TIME: f64 = 14.0;
-/// An object that is seen higher above the table than this share of the height to which objects are lifted is in the hand.
+/// Height above the table, as a share of the lift, above which a seen object must be in the hand.
 const HANGS: f64 = 0.5;
-/// The felt pose's standard deviation counts up to this, m.
+/// Upper limit on the standard deviation that is assumed for the felt pose, m.
 const MOST_SIGMA: f64 = 0.01;
 
-/// The executor's work until the next decision.
+/// Activity of the executor until the next decision.
 enum State {
-    /// It waits to begin, or takes the first object as planned.
+    /// Waiting to begin, or taking the first object as planned.
     Start,
-    /// It touches an object; where that is in the hand, if it was felt.
+    /// Palpating an object; `found` is its pose in the hand, if it was felt.
     Palpates { object: usize, found: Option<Box<PoseEstimate>> },
-    /// It takes an object; the aim, if only the detector said where the object is.
+    /// Taking an object; `aimed` is the aim, if only the detector located the object.
     Takes { object: usize, aimed: Option<Aimed> },
-    /// It carries what it has.
+    /// Carrying the held objects.
     Carries,
-    /// It lays everything down. The first object comes next, without a look at the hand.
+    /// Laying everything down. The first object comes next, without a look at the hand.
     LaysDown,
-    /// It moves out of the detector's view, to look for an object.
+    /// Moving out of the detector's view, in order to look for an object.
     StepsAside { sought: usize },
 }
 
-/// What the policy knows while a trial goes on.
+/// State of the policy during a trial.
 pub struct Touch<'a> {
     knowledge: Knowledge<'a>,
     senses: Senses<'a>,
-    /// The objects' own solids.
+    /// Solids of each object, in its own frame.
     solids: Vec<Vec<Solid>>,
-    /// Grasps of the first object, the planned one first; a worth counts the second grasps that can follow.
+    /// Grasps of the first object, the planned one first; their worth includes the second grasps that can follow.
     first: Vec<Candidate>,
     story: Story,
     state: State,
-    /// The robot's clock at the present decision, s.
+    /// Time of the present decision, by the robot's clock, s.
     time: f64,
     objects: Vec<Tracked>,
-    /// Grasps that failed in a row.
+    /// Number of consecutive failed grasps.
     in_a_row: usize,
-    /// The objects as they were seen first.
+    /// First percepts of the objects.
     seen: Option<Vec<Percept>>,
-    /// Offset of the aim from what is seen, m, where no rehearsal says better: kept while it works.
+    /// Offset of the aim from the seen position, m, where no rehearsal suggests a better one. Kept while it works.
     aim: Vector3<f64>,
-    /// Error of the aim at the second object where only the detector has found it.
+    /// Belief about the error of the aim at the second object, if only the detector has located it.
     belief: Belief,
     felt: Option<Felt>,
     grip: Grip,
@@ -105,7 +106,7 @@ impl<'a> Touch<'a> {
         }
     }
 
-    /// The objects where they should be in the hand: the first as it was felt last, the second as its grasp holds it.
+    /// Expected poses of the objects in the hand: of the first as it was last felt, of the second from its grasp.
     fn in_hand(&self, expected: &Expected, second: Option<&Grasp>) -> Vec<InHand<'_>> {
         let felt = self.felt.as_ref().map(|felt| felt.estimate.palm_from_object);
         let first = trusted(felt.unwrap_or(expected.palm_from_object));
@@ -115,7 +116,7 @@ impl<'a> Touch<'a> {
         std::iter::once(first).chain(second).collect()
     }
 
-    /// A grasp that just failed is worth less for the rest of the trial, and the next one aims elsewhere.
+    /// Lowers the worth of a failed grasp for the rest of the trial, and changes the aim of the next one.
     fn mark_down(&mut self, next: Next, executor: &Executor) {
         let (object, failed) = match next {
             Next::GoOn => return,
@@ -131,7 +132,7 @@ impl<'a> Touch<'a> {
         }
     }
 
-    /// The eyes look at an object anew. None if it is hidden.
+    /// Looks at an object again; `None` if it is hidden.
     fn see(&mut self, index: usize, eyes: &mut dyn Eyes) -> Result<Option<Percept>, PolicyError> {
         match self.seen.as_ref().filter(|_| !self.knowledge.recovery.new_look) {
             Some(seen) => Ok(Some(seen[index])),
@@ -139,7 +140,8 @@ impl<'a> Touch<'a> {
         }
     }
 
-    /// Looks at an object and all after it, which a try may have moved, and takes it; `aside`: the hand is out of the way already.
+    /// Looks at an object and all later ones, which a try may have moved, and takes it. With `aside`, the hand is out
+    /// of the way already.
     fn again(
         &mut self,
         object: usize,
@@ -151,7 +153,7 @@ impl<'a> Touch<'a> {
         self.again_at(object, seen, executor, eyes, aside)
     }
 
-    /// The same of an object that was `seen` just now.
+    /// Like [`Self::again`], for an object that was `seen` just now.
     fn again_at(
         &mut self,
         object: usize,
@@ -172,12 +174,12 @@ impl<'a> Touch<'a> {
         }
     }
 
-    /// Takes an object where it is seen or was felt.
+    /// Takes an object at its seen or felt position.
     fn take(&mut self, object: usize, executor: &mut Executor) -> Result<Step, PolicyError> {
         if object == 0 { self.take_with_empty_hand(executor) } else { self.take_beside(object, executor) }
     }
 
-    /// An object that is needed now is hidden: the hand steps aside once, or, where it has done so, the trial is given up.
+    /// Handles a required object that is hidden: the hand steps aside once; after that, the trial is given up.
     fn seek(&mut self, index: usize, executor: &mut Executor, aside: bool) -> Result<Step, PolicyError> {
         let name = &self.knowledge.objects[index].name;
         if aside {
@@ -193,12 +195,12 @@ impl<'a> Touch<'a> {
     fn within_reach(&self, index: usize, executor: &Executor, seen: &Percept) -> Vec<Candidate> {
         let candidates = [&self.first, self.following(executor).1][index];
         let (object, tracked) = (&*self.knowledge.objects[index], &self.objects[index]);
-        // A grasp may leave out one of the digits that are there for the object.
+        // A grasp may leave out one of the digits that are meant for the object.
         let digits = &digit_sets(executor.motion().hand(), self.objects.len())[index];
         within_reach(&self.knowledge, &Wanted { object, digits, candidates, tracked }, seen)
     }
 
-    /// Goes on by what the look at the hand has told after what was done in the state `looked`.
+    /// Decides from the look at the hand after the activity of the state `looked`.
     fn after_look(&mut self, executor: &mut Executor, eyes: &mut dyn Eyes, looked: State) -> Result<Step, PolicyError> {
         let tries = !self.is_late() && self.knowledge.recovery.retry;
         let last = self.knowledge.objects.len() - 1;
@@ -253,7 +255,7 @@ impl<'a> Touch<'a> {
         }
     }
 
-    /// True of an object that is seen at `there`, so far above the table that only the hand can have it.
+    /// True if an object seen at `there` is so far above the table that only the hand can hold it.
     fn hangs(&self, object: usize, there: &Percept, executor: &Executor) -> bool {
         let pose = there.pose();
         let down = pose.inverse_transform_vector(&-Vector3::z());
@@ -267,7 +269,7 @@ impl<'a> Touch<'a> {
         Ok(Step::Play)
     }
 
-    /// Whether no try begins any more.
+    /// True when it is too late to begin another try.
     fn is_late(&self) -> bool {
         self.time + TRY_TIME > self.knowledge.time_limit
     }

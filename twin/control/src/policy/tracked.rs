@@ -9,24 +9,24 @@ use crate::percept::{Eyes, Looked, Percept};
 use crate::uncertainty::Uncertainty;
 use crate::worth;
 
-/// Looks at an object, and tries that failed.
+/// Looks at an object and failed tries.
 pub struct Tracked {
-    /// Number in the trial.
+    /// Number of the object in the trial.
     object: usize,
-    /// Looks that its place is the mean of.
+    /// Number of looks over which its position is averaged.
     pub looks: u32,
-    /// Standard deviation that the latest look states, m.
+    /// Standard deviation stated by the latest look, m.
     sighted: Option<f64>,
-    /// Error of its place since it was touched where it stands.
+    /// Belief about the error of its position since it was touched; `None` if it was only seen.
     pub located: Option<Belief>,
-    /// It was hidden when it was last looked for.
+    /// True if it was hidden when it was last looked for.
     pub hidden: bool,
-    /// Count of failures of each grasp, by its number.
+    /// Number of failures of each grasp, by the grasp's number.
     failures: BTreeMap<u32, i32>,
 }
 
 impl Tracked {
-    /// All objects of a trial, each of which was looked at once.
+    /// Records for all objects of a trial, each of which was looked at once.
     pub fn all(knowledge: &Knowledge) -> Vec<Self> {
         let one = |object| Self {
             object,
@@ -39,19 +39,20 @@ impl Tracked {
         (0..knowledge.objects.len()).map(one).collect()
     }
 
-    /// The errors that are expected of where it is seen and of the arm that goes there.
+    /// Expected errors of its seen position and of the arm.
     pub fn uncertainty(&self, knowledge: &Knowledge) -> Uncertainty {
         knowledge.uncertainty.stated(self.sighted)
     }
 
-    /// The eyes look at it anew; none if it is hidden.
+    /// Looks at the object again; `None` if it is hidden.
     pub fn look(&mut self, knowledge: &Knowledge, eyes: &mut dyn Eyes) -> Result<Option<Percept>, PolicyError> {
         let Some(sighted) = eyes.look(self.object)? else { return Ok(None) };
         self.sighted = sighted.sigma;
         Ok(Some(Percept::of(&knowledge.objects[self.object], &sighted.pose)))
     }
 
-    /// It was `seen`, and something may have moved it since the looks before, or it is hidden.
+    /// Replaces the percept by `seen`, because something may have moved the object since the previous looks; `None` if
+    /// it is hidden.
     pub fn replace(&mut self, seen: Option<Percept>, executor: &mut Executor) {
         self.hidden = seen.is_none();
         if let Some(seen) = seen {
@@ -60,7 +61,7 @@ impl Tracked {
         }
     }
 
-    /// It was `seen` once more, and nothing has moved it: its place is the mean of all looks that agree.
+    /// Adds the look `seen` of an object that nothing has moved: its position is the mean of all looks that agree.
     pub fn refine(&mut self, seen: Percept, knowledge: &Knowledge, executor: &mut Executor) {
         let known = Looked { mean: executor.target(self.object).percept, looks: self.looks };
         let Looked { mean, looks } = known.again(seen, self.uncertainty(knowledge).fresh_look());
@@ -68,7 +69,7 @@ impl Tracked {
         self.looks = looks;
     }
 
-    /// A grasp of it failed.
+    /// Counts a failure of a grasp of this object.
     pub fn failed(&mut self, grasp: u32) {
         *self.failures.entry(grasp).or_default() += 1;
     }

@@ -1,4 +1,5 @@
-//! The choice by foresight: those that are best by odds and geometry are played in the twin, one after the other, until one is good.
+//! Choice by foresight: the options that are best by odds and geometry are played in the twin, one after another, until
+//! one is good.
 
 use std::sync::Arc;
 
@@ -13,14 +14,14 @@ use crate::odds::Odds;
 use crate::percept::Percept;
 use crate::worth::SWITCH_GAIN;
 
-/// No other is played after one that is worth at least this much. Set by hand on seed 1.
+/// Utility from which on no further option is played. Set by hand on seed 1.
 const GOOD: f64 = 0.9;
 
-/// How often and by how much (m) the aim of the best is moved where none is good.
+/// Number of rounds in which the aim of the best option is shifted if none is good, and the size of the shift (m).
 const ROUNDS: usize = 2;
 const STEP: f64 = 0.005;
 
-/// What it takes to play candidates.
+/// Inputs for playing candidates in the twin.
 #[derive(Clone, Copy)]
 pub struct Foresight<'a> {
     pub foresees: Foresees<'a>,
@@ -31,8 +32,8 @@ pub struct Foresight<'a> {
 }
 
 impl Foresight<'_> {
-    /// The best of `options`, ranked by their odds, if it is worth clearly more than the `plan`. Each is played in its turn, until one is
-    /// good.
+    /// Best of `options`, ranked by their odds, if it is clearly better than the `plan`. They are played in turn until
+    /// one is good.
     pub(super) fn best<'a>(
         &self,
         situation: &Situation,
@@ -81,7 +82,7 @@ impl Foresight<'_> {
         Ok(best.filter(|best| best.assessment.utility > SWITCH_GAIN * plan.assessment.utility))
     }
 
-    /// While nothing is good, the grasp that is best is aimed a little to every side of where it is aimed best.
+    /// Shifts the aim of the best option to every side, as long as no option is good.
     fn search_aims<'a>(
         &self,
         situation: &Situation,
@@ -115,13 +116,13 @@ impl Foresight<'_> {
     }
 }
 
-/// What one is worth, if there is one.
+/// Utility of an option; negative infinity if there is none.
 fn worth(one: Option<&Considered>) -> f64 {
     one.map_or(f64::NEG_INFINITY, |one| one.assessment.utility)
 }
 
-/// Plays `one` under half of the draws, and under the others if it can still be worth more than `least`. If the arm finds no way, it keeps
-/// its odds.
+/// Plays `one` under half of the samples, and under the others if its utility can still exceed `least`. If the arm
+/// finds no way, the odds stay.
 fn play(executor: &Executor, twin: &dyn Imagined, one: &mut Considered, least: f64) -> Result<(), StrategyError> {
     let Some(going) = going(executor, one)? else { return Ok(()) };
     let odds = Odds { held: one.assessment.held, contact: one.assessment.risk };
@@ -138,7 +139,7 @@ fn play(executor: &Executor, twin: &dyn Imagined, one: &mut Considered, least: f
     Ok(())
 }
 
-/// The executor on its way to try `one`; none if the arm does not get there.
+/// The executor on its way to try `one`; `None` if the arm cannot get there.
 fn going(executor: &Executor, one: &Considered) -> Result<Option<Executor>, StrategyError> {
     let (seen, grasp) = (executor.target(1).percept, &one.aiming.candidate.grasp);
     let beside = Percept { position: seen.position + one.aiming.aimed.aim, ..seen };

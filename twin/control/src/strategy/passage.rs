@@ -1,4 +1,5 @@
-//! The geometry of a decision: how what is held passes the target on the way there, and while the digits close.
+//! Geometry of a decision: clearance between the held object and the target on the way there and while the digits
+//! close.
 
 use grasping::Grasp;
 use nalgebra::{Isometry3, Translation3, Vector3};
@@ -12,30 +13,31 @@ use crate::percept::Percept;
 use crate::trajectory::PosePath;
 use crate::worth::Candidate;
 
-/// Stages of the target's way into the hand that are checked.
+/// Number of checked stages of the target's way into the hand.
 const CLOSING_STAGES: usize = 4;
-/// Poses that stand for each of the two parts of a course, less one.
+/// Number of intervals between the sampled poses of each of the two parts of a course.
 const COURSE: usize = 16;
-/// Beyond this many standard deviations a clearance says nothing.
+/// Threshold in standard deviations: with a larger clearance no contact is expected.
 const FAR: f64 = 2.0;
 
-/// A way of the hand that was weighed, as the held object would go.
+/// Motion of the held object along a weighed path.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Course {
     /// `world_from_object` of the held object along the way.
     pub poses: Vec<Isometry3<f64>>,
-    /// Where it comes nearest to the target, and the distance there, m; negative is a collision. `None` where that is before the
-    /// last stretch.
+    /// Pose of its closest approach to the target, and the distance there, m; negative for a collision. `None` if that
+    /// is before the last part of the approach.
     pub nearest: Option<(Isometry3<f64>, f64)>,
 }
 
-/// The geometry of a decision: what moves with the palm (palm frame), as felt and as rehearsed, and the target (its own frame).
+/// Geometry of a decision: the solids that move with the palm (palm frame), as felt and as rehearsed, and the target
+/// (its own frame).
 pub(super) struct Scene<'a> {
     /// The held object alone.
     object: Vec<Solid>,
-    /// With the digits that hold it.
+    /// The held object with the digits that hold it.
     moving: Vec<Solid>,
-    /// That and the rest of the hand, which is to stay clear on the way to the approach pose.
+    /// These and the rest of the hand, which must stay clear on the way to the approach pose.
     whole: Vec<Solid>,
     rehearsed: Option<Vec<Solid>>,
     target: &'a [Solid],
@@ -58,8 +60,8 @@ impl<'a> Scene<'a> {
         }
     }
 
-    /// The way to the approach pose of `grasp` that keeps the whole hand clear of the target, which is seen at `percept`: of those
-    /// that do so the first, else the one that does best. With its smallest distance, m.
+    /// Way to the approach pose of `grasp` that keeps the whole hand clear of the target at `percept`: the first one
+    /// that does so, else the one with the largest clearance. Returned with its smallest distance, m.
     fn way(
         &self,
         executor: &Executor,
@@ -76,8 +78,8 @@ impl<'a> Scene<'a> {
         Ok(best.unwrap_or((f64::NEG_INFINITY, Vec::new())))
     }
 
-    /// Smallest distance of `moving` to the target, which is seen at `percept`, while `path` is followed and `grasp` closes; and the
-    /// palm's pose there.
+    /// Smallest distance (m) of `moving` from the target at `percept` while `path` is followed and `grasp` closes, and
+    /// the palm pose there.
     fn clearance(
         &self,
         moving: &[Solid],
@@ -93,7 +95,7 @@ impl<'a> Scene<'a> {
         if let Some(after) = grasp.held {
             for stage in 1..=CLOSING_STAGES {
                 let part = stage as f64 / CLOSING_STAGES as f64;
-                // Only the place matters for most targets; the turn into the hand is taken over at the end.
+                // Only the position matters for most targets; the rotation in the hand is applied at the end.
                 let place = before.translation.vector.lerp(&after.translation.vector, part);
                 let rotation = if stage == CLOSING_STAGES { after.rotation } else { before.rotation };
                 let there = Isometry3::from_parts(Translation3::from(place), rotation);
@@ -106,13 +108,14 @@ impl<'a> Scene<'a> {
         Ok((clearance, palm))
     }
 
-    /// Distance of the held object alone to the target, which is seen at `percept`, when the palm has arrived at the end of `path`, m.
+    /// Distance (m) of the held object alone from the target at `percept` when the palm has arrived at the end of
+    /// `path`.
     fn separation(&self, path: &PosePath, percept: &Percept) -> Result<f64, StrategyError> {
         let found = clearance_at(&path.end(), &self.object, &placed(self.target, &percept.pose()))?;
         Ok(found.map_or(f64::INFINITY, |found| found.min_distance))
     }
 
-    /// How the hold as felt gets to the target and takes it with `candidate`, aimed `aim` beside what is seen.
+    /// Passage of the felt hold to the target and its grasp with `candidate`, at the offset `aim` (m) of the aim.
     pub(super) fn passage(
         &self,
         executor: &Executor,
@@ -125,7 +128,7 @@ impl<'a> Scene<'a> {
         let (there, stops) = self.way(executor, grasp, (&percept, &beside))?;
         let [first, last] = executor.path_to(&stops, grasp, &beside)?;
         let (taking, palm) = self.clearance(&self.moving, &last, grasp, &percept)?;
-        // Rehearsals after many holds have met what is in the way of each of them.
+        // Rehearsals after many holds have met the obstacles of each of them.
         let proven = candidate.rehearsed.iter().any(|rehearsed| rehearsed.hold.is_some());
         let contact = if proven || taking > FAR * self.sigma {
             0.0
@@ -146,25 +149,25 @@ impl<'a> Scene<'a> {
     }
 }
 
-/// How what is held passes the target.
+/// Passage of the held object by the target.
 pub(super) struct Passage {
     /// Smallest distance, m.
     pub clearance: f64,
     /// See [`super::Assessment::separation`].
     pub separation: f64,
-    /// Probability of a contact beyond what rehearsals have seen: they began where the trial's plan does, and took the same last
-    /// stretch.
+    /// Probability of a contact that the rehearsals did not include. They began at the planned pose of the trial, with
+    /// the same last part of the approach.
     pub contact: f64,
-    /// Of the way to the approach pose.
+    /// Via poses of the way to the approach pose.
     pub stops: Vec<Isometry3<f64>>,
-    /// That way, and the last stretch.
+    /// The way to the approach pose, and the last part of the approach.
     path: [PosePath; 2],
-    /// The palm's pose where the clearance is smallest, if that is on the last stretch.
+    /// Palm pose at the smallest clearance, if that is on the last part of the approach.
     nearest: Option<Isometry3<f64>>,
 }
 
 impl Passage {
-    /// The same as it goes for the object that is held at `palm_from_object`.
+    /// Course of the object that is held at `palm_from_object`.
     pub fn course(&self, palm_from_object: &Isometry3<f64>) -> Course {
         let sampled = |path: &PosePath| {
             let step = path.duration() / COURSE as f64;
@@ -175,7 +178,7 @@ impl Passage {
     }
 }
 
-/// Distribution function of the standard normal.
+/// Cumulative distribution function of the standard normal distribution.
 fn normal_cdf(x: f64) -> f64 {
     0.5 * libm::erfc(-x / std::f64::consts::SQRT_2)
 }

@@ -1,4 +1,5 @@
-//! Solids of what a decision is about, for distance queries: an object, what is held and what holds it, the rest of the hand.
+//! Solids of a decision for distance queries: an object, the held object with the digits that hold it, and the rest of
+//! the hand.
 
 use hand_model::{Digit, Hand};
 use nalgebra::{Isometry3, Point3, Vector3};
@@ -8,20 +9,20 @@ use world::objects::ObjectModel;
 
 use crate::collision::{Solid, hand_solids};
 
-/// Points kept of a convex part for distance queries, whose cost goes with their number.
+/// Number of points kept of a convex part for distance queries, whose cost grows with it.
 const HULL_POINTS: usize = 96;
-/// A mesh counts as convex here while its hull has less than this many times its volume.
+/// Threshold below which a mesh counts as convex: the volume of its hull relative to its own.
 const NEARLY_CONVEX: f64 = 1.03;
 
-/// What is in the hand, as estimated.
+/// The held object, as estimated.
 #[derive(Clone)]
 pub struct Held<'a> {
     pub name: &'a str,
-    /// In the object's frame: [`object_solids`].
+    /// Solids in the object's frame: [`object_solids`].
     pub solids: &'a [Solid],
     /// `palm_from_object`.
     pub pose: Isometry3<f64>,
-    /// Finger angles, rad.
+    /// Finger joint angles, rad.
     pub joints: Vec<f64>,
     /// Digits that hold it.
     pub digits: Vec<Digit>,
@@ -43,7 +44,8 @@ pub fn object_solids(object: &ObjectModel) -> Vec<Solid> {
             let hull_of = |points: &[Point3<f64>]| {
                 Some(Solid::new(object.name.clone(), SharedShape::convex_hull(&outline(points))?, pose))
             };
-            // Distances to one hull cost a fraction of those to many: slices of what is nearly convex are put together.
+            // Distances to one hull cost a fraction of those to many, so the slices of a nearly convex mesh are
+            // combined.
             let whole = hull_mesh(mesh.vertices()).ok().filter(|hull| hull.volume() < NEARLY_CONVEX * mesh.volume());
             match whole.and_then(|hull| hull_of(hull.vertices())) {
                 Some(hull) => vec![hull],
@@ -53,7 +55,7 @@ pub fn object_solids(object: &ObjectModel) -> Vec<Solid> {
     }
 }
 
-/// The extreme points of a convex part in evenly spread directions: within half a millimetre of the part at these sizes.
+/// Extreme points of a convex part in evenly spread directions: within half a millimetre of the part at these sizes.
 fn outline(points: &[Point3<f64>]) -> Vec<parry3d_f64::math::Vector> {
     let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
     let mut kept: Vec<usize> = (0..HULL_POINTS)
@@ -70,19 +72,19 @@ fn outline(points: &[Point3<f64>]) -> Vec<parry3d_f64::math::Vector> {
     kept.iter().map(|n| parry3d_f64::math::Vector::new(points[*n].x, points[*n].y, points[*n].z)).collect()
 }
 
-/// `solids` of an object that is at `pose`.
+/// Moves the `solids` of an object to `pose`.
 pub fn placed(solids: &[Solid], pose: &Isometry3<f64>) -> Vec<Solid> {
     solids.iter().map(|solid| Solid { pose: pose * solid.pose, ..solid.clone() }).collect()
 }
 
-/// What moves with the palm (palm frame) when the held object is at a pose in it, with its digits at these angles.
+/// Solids that move with the palm (palm frame): the held object at a pose in it, with its digits at these angles.
 pub(super) fn held_solids(hand: &Hand, held: &Held, (pose, joints): (&Isometry3<f64>, &[f64])) -> Vec<Solid> {
     let mut moving = placed(held.solids, pose);
     moving.extend(hand_solids(hand, joints, &held.digits, false));
     moving
 }
 
-/// The rest of the hand: its palm and the digits that hold nothing, in the palm frame.
+/// Solids of the rest of the hand: its palm and the digits that hold nothing, in the palm frame.
 pub(super) fn free_solids(hand: &Hand, held: &Held) -> Vec<Solid> {
     let free: Vec<Digit> = hand.digits().iter().copied().filter(|digit| !held.digits.contains(digit)).collect();
     hand_solids(hand, &held.joints, &free, true)

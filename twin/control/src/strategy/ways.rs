@@ -1,4 +1,4 @@
-//! Ways of the hand that stay clear of things: of those that do, the first.
+//! Collision-free ways of the hand: the first way that stays clear of given solids.
 
 use hand_model::Hand;
 use nalgebra::Isometry3;
@@ -11,11 +11,11 @@ use crate::palpation::Touching;
 use crate::percept::Percept;
 use crate::trajectory::PosePath;
 
-/// What is held stays clear enough of things while others are touched, m.
+/// Clearance that the held object keeps from other solids during a palpation, m.
 pub const CLEAR: f64 = 0.012;
 
-/// Smallest distance (m) of `moving` to `fixed` along `path` by way of `stops`: of two stops from the second on, because the hand
-/// may touch something where it is and rises from there.
+/// Smallest distance (m) of `moving` from `fixed` along `path` by way of `stops`. With two stops or more it is computed
+/// from the second one on, because the hand may touch something at the first one and rises from there.
 pub(super) fn clearance_after(
     stops: &[Isometry3<f64>],
     moving: &[Solid],
@@ -26,7 +26,8 @@ pub(super) fn clearance_after(
     Ok(clearance_along(&path, moving, fixed, 2000)?.map_or(f64::INFINITY, |found| found.min_distance))
 }
 
-/// Of `options` the first whose clearance (m) is more than `enough`, else the one with the largest; with its clearance.
+/// Returns the first of `options` whose clearance (m) exceeds `enough`, else the one with the largest, together with
+/// its clearance.
 pub(super) fn clear_enough<T>(
     options: impl Iterator<Item = T>,
     enough: f64,
@@ -45,8 +46,8 @@ pub(super) fn clear_enough<T>(
     Ok(best)
 }
 
-/// The stops of the first way that keeps the hand, `moving` with the palm, clear of `fixed`, else of the one that does best; with its
-/// smallest distance, m. `path` leads by way of stops to the approach pose.
+/// Via poses of the first way that keeps the hand, `moving` with the palm, clear of `fixed`, else of the way with the
+/// largest clearance. Returned with the smallest distance, m. `path` leads by way of stops to the approach pose.
 pub fn clear_stops(
     moving: &[Solid],
     fixed: &[Solid],
@@ -57,8 +58,8 @@ pub fn clear_stops(
     Ok(best.unwrap_or((f64::NEG_INFINITY, Vec::new())))
 }
 
-/// The way that keeps what is held clearest of table and `target`, which is seen at `percept`; of those that keep it clear enough,
-/// the first. `None` where every way brings them together.
+/// First way that keeps the held object clear enough of the table and of `target` at `percept`, else the way with the
+/// largest clearance. `None` if every way makes them collide.
 pub fn clearest(
     hand: &Hand,
     held: &Held,

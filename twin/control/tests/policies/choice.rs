@@ -14,7 +14,7 @@ use world::objects::{ObjectModel, ObjectSet};
 
 use crate::table::*;
 
-/// The choice with a bar of 16 mm x 16 mm x 120 mm, along the palm's normal, held at `x` (m, palm frame).
+/// Chooses with a held bar of 16 mm x 16 mm x 120 mm, along the palm's normal, at `x` (m, palm frame).
 fn with_bar_at(x: f64) -> (bool, Assessment) {
     let table = Table::new();
     let mut executor = table.executor();
@@ -54,7 +54,8 @@ fn bar() -> ObjectModel {
     ObjectModel { name: "bar".into(), shape, ..(*cube).clone() }
 }
 
-/// A held bar that stands where the plan closes on the next object makes the plan switch to the grasp that closes below it.
+/// A held bar at the place where the plan closes on the next object makes the choice switch to the grasp that closes
+/// below it.
 #[test]
 fn a_bar_in_the_way_switches_the_grasp() {
     let (switched, plan) = with_bar_at(0.02);
@@ -62,7 +63,7 @@ fn a_bar_in_the_way_switches_the_grasp() {
     assert!(switched);
 }
 
-/// Digits that are in the way are no overlap of the two objects.
+/// Digits in the way do not count as an overlap of the two objects.
 #[test]
 fn objects_are_no_nearer_than_what_holds_them() {
     for x in [-0.10, -0.05, 0.0, 0.02, 0.05] {
@@ -79,12 +80,12 @@ fn a_bar_out_of_the_way_keeps_the_plan() {
     assert!(!switched);
 }
 
-/// What a choice comes to with rehearsals (plan, other grasp) and a held object that is out of the way.
+/// Decision with given rehearsals (plan, other grasp) and a held object that is out of the way.
 fn with_rehearsals(rehearsals: [fn(&Vector3<f64>) -> TryOutcome; 2]) -> Decision {
     with_twin(rehearsals, None)
 }
 
-/// A twin in which the grasp of this number touches, and every other one holds.
+/// A twin in which the grasp of this number makes contact and every other one holds.
 struct Touches(u32);
 
 impl Twin for Touches {
@@ -100,7 +101,7 @@ impl Imagined for Touches {
     }
 }
 
-/// The same for one who plays it in a twin first.
+/// Like [`with_rehearsals`], with a twin in which the candidates are played first.
 fn with_twin(rehearsals: [fn(&Vector3<f64>) -> TryOutcome; 2], twin: Option<&dyn Twin>) -> Decision {
     let table = Table::new();
     let mut executor = table.executor();
@@ -148,7 +149,7 @@ fn with_twin(rehearsals: [fn(&Vector3<f64>) -> TryOutcome; 2], twin: Option<&dyn
     choose(&situation, &candidates).expect("geometry").expect("a plan")
 }
 
-/// A plan that touches is left for a grasp that misses where the plan touches, because a miss can be tried again.
+/// A plan that makes contact is given up for a grasp that only misses, because a miss can be tried again.
 #[test]
 fn a_miss_is_better_than_a_contact() {
     use TryOutcome::{Contact, Held, Missed};
@@ -159,7 +160,7 @@ fn a_miss_is_better_than_a_contact() {
     assert!(decision.switched && decision.chosen.risk < 0.1 && decision.plan.risk > 0.3, "{}", decision.reason);
 }
 
-/// A plan that touches on one side only is kept and aimed away from it.
+/// A plan that makes contact on one side only is kept and aimed away from that side.
 #[test]
 fn the_aim_leaves_the_side_that_touches() {
     use TryOutcome::{Contact, Held};
@@ -168,7 +169,7 @@ fn the_aim_leaves_the_side_that_touches() {
     assert!(decision.chosen.risk < decision.plan.risk - 0.1, "{}", decision.reason);
 }
 
-/// A plan that rehearsals trust is left when it touches in the twin, and says so.
+/// A plan that is good in rehearsals is given up when it makes contact in the twin, and the reason says so.
 #[test]
 fn what_touches_in_the_twin_is_left() {
     let held: [fn(&Vector3<f64>) -> TryOutcome; 2] = [|_| TryOutcome::Held, |_| TryOutcome::Held];

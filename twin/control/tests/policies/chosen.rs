@@ -1,4 +1,4 @@
-//! The policy that asks somebody else.
+//! The policy that delegates to a chooser.
 
 use control::executor::Phase;
 use control::policy::chosen::{Aim, Answer, Chooser, ChooserError, Chosen, Situation};
@@ -8,7 +8,7 @@ use world::Sensing;
 
 use crate::table::*;
 
-/// Gives its answers one after the other, and keeps what it was told.
+/// Gives its answers one after the other and records the situations.
 struct Told {
     answers: Vec<Result<Answer, &'static str>>,
     tries: Vec<(Phase, u32, bool, bool)>,
@@ -33,7 +33,7 @@ fn take(candidate: usize) -> Result<Answer, &'static str> {
     Ok(Answer::Take { candidate, aim: Aim::default() })
 }
 
-/// Plays a trial whose decisions come at `time`, until it ends; with what was tried and told.
+/// Plays a trial whose decisions come at `time` until it ends; returns the tries and the story too.
 fn played(told: &mut Told, time: f64) -> (Step, Vec<u32>, Vec<String>) {
     let table = Table::new();
     let (mut executor, mut eyes) = (table.executor(), Watchful::new(&table));

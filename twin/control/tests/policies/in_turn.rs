@@ -1,4 +1,5 @@
-//! Three objects in turn: what is missing from the hand is taken again, what was lost earlier begins the list anew.
+//! Three objects in turn: an object missing from the hand is taken again, and an object lost earlier begins the list
+//! anew.
 
 use control::executor::{Executor, Phase, Skill};
 use control::percept::{Eyes, EyesError, Sighted};
@@ -10,7 +11,7 @@ use world::Sensing;
 use crate::lists::{SETS, target};
 use crate::table::*;
 
-/// Sees everything where the second object of the table stands.
+/// Sees every object at the pose of the table's second object.
 struct Seeing<'a>(&'a Table);
 
 impl Eyes for Seeing<'_> {
@@ -19,8 +20,8 @@ impl Eyes for Seeing<'_> {
     }
 }
 
-/// Plays a trial in which the first two objects are felt as `felt` says in each phase and the third never is, and decides at `time` (s): the
-/// objects that were gone for, how often something was tried again, and the phases in which a decision was made.
+/// Plays a trial in which the first two objects are felt as `felt` says in each phase, the third never is, and
+/// decisions come at `time` (s). Returns the attempted objects, the number of retries, and the phases of the decisions.
 fn play(time: f64, felt: impl Fn(Phase) -> [bool; 2]) -> (Vec<usize>, u32, Vec<Phase>) {
     let table = Table::new();
     let mut executor: Executor = table.with_list(SETS.iter().map(|digits| target(&table, digits)).collect());
@@ -45,7 +46,7 @@ fn play(time: f64, felt: impl Fn(Phase) -> [bool; 2]) -> (Vec<usize>, u32, Vec<P
     (attempts, policy.story().retries, phases)
 }
 
-/// The look after an object has been taken.
+/// Phase of the look after an object has been taken.
 fn after(object: usize) -> Phase {
     Phase::decide(Skill::Look, object)
 }
@@ -62,7 +63,7 @@ fn what_was_lost_earlier_begins_the_list_anew() {
     assert_eq!((&attempts[..], phases[3]), (&[0, 1, 0, 1][..], Phase::decide(Skill::PutDown, 0)));
 }
 
-/// When no try can end in time any more the list is gone through to its end, whatever is felt.
+/// If no try can end in time any more, the list is completed whatever is felt.
 #[test]
 fn late_nothing_is_taken_again() {
     let (attempts, retries, phases) = play(TIME_LIMIT, |_| [false, false]);

@@ -7,7 +7,7 @@ use crate::table::*;
 
 pub const SETS: [&[Digit]; 3] = [&[Digit::Little], &[Digit::Ring], &[Digit::Thumb, Digit::Index, Digit::Middle]];
 
-/// What is taken with `digits`, that pull by 10 N and before they close by 2 N.
+/// Target of a grasp with `digits`, which pull with 10 N, and with 2 N before they close.
 pub fn target(table: &Table, digits: &[Digit]) -> Target {
     let mut grasp = grasp(0, SECOND, PINCH, [0.02, 0.09, -0.05], 1.0);
     grasp.digits = digits.to_vec();
@@ -19,7 +19,7 @@ fn pull(digits: &[Digit], tension: f64) -> DigitVector {
     Digit::ALL.map(|digit| if digits.contains(&digit) { tension } else { 0.0 }).into()
 }
 
-/// Every list is worked off object by object to its end, and digits keep what they have while others close.
+/// A list of any length is worked off object by object, and digits keep their hold while others close.
 #[test]
 fn a_list_of_any_length_is_carried_out() {
     let table = Table::new();
@@ -59,7 +59,7 @@ fn a_list_of_any_length_is_carried_out() {
     }
 }
 
-/// What is delivered is released over the goal, and the list begins anew; digits that have nothing open where they are told to.
+/// Delivered objects are released over the goal, and the list begins anew. Digits that hold nothing open when told to.
 #[test]
 fn a_delivery_empties_the_hand() {
     let table = Table::new();

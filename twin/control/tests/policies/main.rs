@@ -1,4 +1,4 @@
-//! The policies and the choice of grasps, on situations made up for the purpose: no simulator, no images.
+//! The policies and the choice of grasps in constructed situations: no simulator, no images.
 
 mod choice;
 mod chosen;
@@ -30,7 +30,7 @@ fn blind_carries_out_the_plan_and_never_looks() {
     assert!(blind.story().is_as_planned() && blind.story().reasons.is_empty());
 }
 
-/// The pose that a percept reports is the pose it was made of.
+/// A percept returns the pose from which it was made.
 #[test]
 fn a_percept_keeps_the_pose() {
     let table = Table::new();

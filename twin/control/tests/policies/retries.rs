@@ -1,4 +1,4 @@
-//! What the policy `touch` does as objects are held, lost, seen and hidden.
+//! Behaviour of the policy `touch` as objects are held, lost, seen and hidden.
 
 use control::executor::{Executor, Phase, Skill};
 use control::percept::Percept;
@@ -10,7 +10,8 @@ use world::Sensing;
 
 use crate::table::*;
 
-/// With the first object felt in the hand the second is looked at once more and approached; with both, they are carried; then the trial is over.
+/// With the first object felt in the hand, the second is looked at again and approached. With both, they are carried,
+/// and the trial ends.
 #[test]
 fn touch_goes_on_while_everything_is_in_the_hand() {
     let table = Table::new();
@@ -31,7 +32,8 @@ fn touch_goes_on_while_everything_is_in_the_hand() {
     assert_eq!(felt, in_hand(true, false).expect("injected").palm_from_object);
 }
 
-/// Where it may, it touches the second object before it takes it; what it does not feel is taken where it is seen.
+/// If permitted, it palpates the second object before it takes it. An object that it does not feel is taken at its seen
+/// position.
 #[test]
 fn touch_feels_for_the_second_object_first() {
     let table = Table::new();
@@ -65,8 +67,8 @@ fn touch_feels_for_the_second_object_first() {
     }
 }
 
-/// A trial that waits for it begins with a touch of the first object, without images with the planned grasp. The digits that
-/// touched keep still until the hand has risen.
+/// A trial that waits for its start begins with a palpation of the first object, or without images with the planned
+/// grasp. The digits that touched keep still until the hand has risen.
 #[test]
 fn touch_feels_for_the_first_object_too() {
     let table = Table::new();
@@ -95,7 +97,8 @@ fn touch_feels_for_the_first_object_too() {
     }
 }
 
-/// An empty hand makes it look at both objects and try the first one again; a grasp that failed gives way to the other.
+/// With an empty hand, it looks at both objects and tries the first one again. A grasp that failed gives way to the
+/// other.
 #[test]
 fn touch_tries_again_what_is_missing() {
     let table = Table::new();
@@ -106,12 +109,13 @@ fn touch_tries_again_what_is_missing() {
     touch.perceive(&executor, in_hand(false, false)).expect("perceived");
     assert_eq!(touch.decide(&mut executor, &mut eyes, 0.0).expect("decided"), Step::Play);
     assert_eq!((executor.phase(), eyes.asked), (APPROACH_FIRST, [1, 1]));
-    // 1.0 halved by its failure is less than 0.9 x 0.9 of the grasp that was not planned.
+    // 1.0 halved by its failure is less than 0.9 x 0.9 of the unplanned grasp.
     assert_eq!((executor.target(0).grasp.id, touch.story().retries), (1, 1));
     assert!(!touch.story().is_as_planned() && touch.story().take_announcements().len() == 1);
 }
 
-/// With only the second object in the hand, it is put down, and the first one comes next without another look at the hand.
+/// If only the second object is in the hand, it is put down. The first one comes next, without another look at the
+/// hand.
 #[test]
 fn touch_puts_down_the_second_object_when_the_first_is_lost() {
     let table = Table::new();
@@ -133,7 +137,8 @@ fn touch_puts_down_the_second_object_when_the_first_is_lost() {
     assert_eq!((executor.phase(), eyes.asked), (APPROACH_FIRST, [2, 2]));
 }
 
-/// A second object that pads do not feel is kept where the eyes see it hang, and taken again where they see it on the table or hardly above it.
+/// A second object that the pads do not feel is kept if the eyes see it hang, and taken again if it is on the table or
+/// hardly above it.
 #[test]
 fn touch_keeps_what_is_seen_in_the_hand() {
     for (raised, kept) in [(0.0, false), (0.02, false), (0.12, true)] {
@@ -151,7 +156,7 @@ fn touch_keeps_what_is_seen_in_the_hand() {
     }
 }
 
-/// Plays the way aside to the decision after it.
+/// Plays the motion aside up to the decision after it.
 fn aside(executor: &mut Executor) {
     assert_eq!(executor.phase(), STEP_ASIDE);
     while executor.phase() == STEP_ASIDE {
@@ -160,7 +165,7 @@ fn aside(executor: &mut Executor) {
     assert_eq!(executor.phase(), Phase::decide(Skill::StepAside, 0));
 }
 
-/// What is needed and hidden is looked for from aside; what comes later is looked for when its turn comes.
+/// The hand steps aside to look for a required object that is hidden. A later object is looked for when its turn comes.
 #[test]
 fn touch_steps_aside_to_see_what_it_needs() {
     let table = Table::new();
@@ -176,7 +181,7 @@ fn touch_steps_aside_to_see_what_it_needs() {
     assert_eq!(decide(&mut executor, &mut touch, in_hand(false, false)), Step::Play);
     let last = executor.target(1).percept;
     aside(&mut executor);
-    // The grip of a moment ago stands: nothing is felt on the way aside.
+    // The previous grip stays valid: nothing is felt on the way aside.
     assert_eq!(decide(&mut executor, &mut touch, None), Step::Play);
     assert_eq!((executor.phase(), executor.target(1).percept), (APPROACH_FIRST, last));
     run_until(&mut executor, DECIDE);
@@ -187,7 +192,7 @@ fn touch_steps_aside_to_see_what_it_needs() {
     assert_eq!((eyes.asked, eyes.hidden), ([2, 4], [0, 0]));
 }
 
-/// What is not seen from aside either is nowhere: the trial is given up, and the reason says what is missing.
+/// If an object stays hidden after the hand has stepped aside, the trial is given up, and the reason names it.
 #[test]
 fn touch_gives_up_what_is_nowhere_to_be_seen() {
     for (phase, grip, missing) in [(DECIDE, in_hand(false, false), FIRST), (CONFIRM, in_hand(true, false), SECOND)] {
@@ -211,7 +216,7 @@ fn touch_gives_up_what_is_nowhere_to_be_seen() {
     }
 }
 
-/// Near the time limit no new try begins, whatever is missing.
+/// Near the time limit no new try begins, even if an object is missing.
 #[test]
 fn touch_begins_no_try_that_cannot_end_in_time() {
     let table = Table::new();
@@ -224,14 +229,14 @@ fn touch_begins_no_try_that_cannot_end_in_time() {
     assert_eq!((step, touch.story().retries), (Step::Play, 0));
 }
 
-/// A target that no turn brings within reach ends the trial, and the reason says where it is.
+/// A target that no rotation brings within reach ends the trial, and the reason gives its position.
 #[test]
 fn touch_gives_up_what_is_out_of_reach() {
     let table = Table::new();
     let mut executor = table.executor();
     let far = Percept { position: [3.0, 0.0, 0.02].into(), ..table.percept(1) };
     executor.see(1, far);
-    // It is not seen better.
+    // The next look does not find it either.
     let mut eyes = Watchful { hidden: [0, 1], ..Watchful::new(&table) };
     let mut touch = table.touch();
     run_until(&mut executor, DECIDE);

@@ -1,4 +1,4 @@
-//! A table, a robot above it and its eyes, made up for the purpose.
+//! A constructed table, with a robot above it and its eyes.
 
 use std::sync::Arc;
 
@@ -26,17 +26,17 @@ use world::objects::{ObjectModel, ObjectSet};
 pub const TICK: f64 = 0.02;
 pub const FIRST: &str = "cube_45";
 pub const SECOND: &str = "golf_ball";
-/// Digits that take the first object, and the second.
+/// Digits that take the first object, and those that take the second.
 pub const SIDE: &[Digit] = &[Digit::Ring, Digit::Little];
 pub const PINCH: &[Digit] = &[Digit::Thumb, Digit::Index, Digit::Middle];
 pub const TIME_LIMIT: f64 = 120.0;
 
-/// Of a robot that has not moved.
+/// Observation of a robot that has not moved.
 pub fn still() -> Observation {
     Observation { servos: [ServoState::default(); 6].into(), ..Observation::default() }
 }
 
-/// The executor's phases in a trial of two objects.
+/// Phases of the executor in a trial of two objects.
 pub const REACH_FIRST: Phase = Phase::palpate(0, Stage::Reach);
 pub const LOCATE_FIRST: Phase = Phase::decide(Skill::Palpate, 0);
 pub const APPROACH_FIRST: Phase = Phase::run(Skill::Approach, 0);
@@ -75,7 +75,7 @@ pub fn grasp(id: u32, object: &str, digits: &[Digit], center: [f64; 3], score: f
     }
 }
 
-/// A robot above a table with two objects in front of it, and what is known about them.
+/// A robot above a table with two objects in front of it, and the knowledge about them.
 pub struct Table {
     pub cell: Workcell,
     pub library: ObjectSet,
@@ -117,7 +117,7 @@ impl Table {
         Percept::of(&self.objects[index], &self.place(index))
     }
 
-    /// Second grasps; the first one is the plan. They differ in where the object is in the palm's frame.
+    /// Second grasps, the plan first. They differ in the object's position in the palm frame.
     pub fn second(&self) -> Vec<Candidate> {
         [[0.02, 0.09, -0.05], [0.02, 0.09, -0.12]]
             .iter()
@@ -140,7 +140,7 @@ impl Table {
         self.with_list(grasps.map(|(n, grasp)| Target { grasp, percept: self.percept(n) }).collect())
     }
 
-    /// The same with any list of objects.
+    /// An executor with any list of objects.
     pub fn with_list(&self, targets: Vec<Target>) -> Executor {
         let servo = self.cell.arm_servo(self.cell.ready).expect("at rest");
         let (limits, friction) = (PathLimits::default(), CableFriction::NONE);
@@ -176,13 +176,13 @@ impl Table {
     }
 }
 
-/// Sees the objects in their places and counts how often it was asked.
+/// Sees the objects at their poses and counts the looks.
 pub struct Watchful<'a> {
     pub table: &'a Table,
     pub asked: [usize; 2],
-    /// How often each object is still hidden.
+    /// Number of further looks for which each object is hidden.
     pub hidden: [usize; 2],
-    /// Height of each above the table, m.
+    /// Height of each object above the table, m.
     pub raised: [f64; 2],
 }
 
@@ -204,7 +204,7 @@ impl Eyes for Watchful<'_> {
     }
 }
 
-/// Ticks until `phase`, without any image: looks end by their time limit.
+/// Runs ticks until `phase`, without any image: looks end by their time limit.
 pub fn run_until(executor: &mut Executor, phase: Phase) {
     for _ in 0..100_000 {
         if executor.phase() == phase {
@@ -215,7 +215,7 @@ pub fn run_until(executor: &mut Executor, phase: Phase) {
     panic!("{phase} is not reached");
 }
 
-/// Ticks until the next decision.
+/// Runs ticks until the next decision.
 pub fn run_on(executor: &mut Executor) {
     while !executor.phase().waits() {
         executor.tick(&still()).expect("a command");

@@ -1,4 +1,4 @@
-//! What the policy `touch` does where every grasp of the second object promises more contact than hold.
+//! Behaviour of the policy `touch` if every grasp of the second object is likelier to make contact than to hold.
 
 use std::sync::Arc;
 
@@ -13,7 +13,7 @@ use world::Sensing;
 
 use crate::table::*;
 
-/// Second grasps that went like that in rehearsals, wherever they were aimed.
+/// Second grasps with the given outcome in all rehearsals, whatever the error of the aim.
 fn rehearsed(table: &Table, outcome: TryOutcome) -> Vec<Candidate> {
     let steps = || (-4..=4).map(|n| 0.004 * f64::from(n));
     let errors = steps().flat_map(|x| steps().map(move |y| Vector3::new(x, y, 0.0)));
@@ -21,8 +21,8 @@ fn rehearsed(table: &Table, outcome: TryOutcome) -> Vec<Candidate> {
     table.second().into_iter().map(|candidate| Candidate { rehearsed: rehearsed.clone(), ..candidate }).collect()
 }
 
-/// What is done with the first object in the hand, second grasps that touch after the planned first grasp, and what was rehearsed
-/// after the other one.
+/// Decision with the first object in the hand, second grasps that make contact after the planned first grasp, and
+/// rehearsals after the other first grasp as given by `others`.
 fn with_contacts_after_the_plan(others: Option<TryOutcome>, recovery: Recovery, time: f64) -> (Step, Phase, String) {
     let table = Table::new();
     let mut executor = table.executor();
@@ -53,7 +53,8 @@ fn with_contacts_after_the_plan(others: Option<TryOutcome>, recovery: Recovery, 
     (step, executor.phase(), told)
 }
 
-/// Where another first grasp was rehearsed and the second object can be taken after it, the first one is put down and taken so.
+/// If another first grasp was rehearsed and the second object can be taken after it, the first one is put down and
+/// taken that way.
 #[test]
 fn the_first_object_is_put_down_and_taken_otherwise() {
     let (step, phase, told) = with_contacts_after_the_plan(Some(TryOutcome::Held), Recovery::FULL, 0.0);
@@ -61,8 +62,8 @@ fn the_first_object_is_put_down_and_taken_otherwise() {
     assert!(told.contains("put down"), "{told}");
 }
 
-/// Where nothing else is known, what else is known is no better, no time is left or nothing may be tried again, the second object is
-/// left alone.
+/// The second object is left alone if no other first grasp is known, if the known one is no better, if no time is left,
+/// or if retries are not permitted.
 #[test]
 fn a_likely_contact_is_declined() {
     let once = Recovery { retry: false, ..Recovery::FULL };

@@ -1,7 +1,7 @@
 //! The gel's surface under a ball, over the pad's flat middle and its rounded edges alike.
 //!
-//! Inside the contact the gel lies on the ball. Beyond it the gel leaves the ball gradually: the indentation is smoothed with ever
-//! narrower kernels, and after each raised to the ball's own depth again.
+//! Inside the contact the gel lies on the ball. Beyond it the gel leaves the ball gradually: the indentation is
+//! smoothed with ever narrower kernels, and after each one it is raised to the depth of the ball again.
 
 use std::ops::Range;
 
@@ -13,7 +13,7 @@ use crate::PIXELS;
 
 /// Standard deviations of the kernels, as shares of the gel's thickness.
 const KERNELS: [f64; 4] = [0.32, 0.16, 0.08, 0.04];
-/// Standard deviations after which a kernel ends.
+/// Truncation radius of a kernel, in standard deviations.
 const REACH: f64 = 3.0;
 
 /// A ball in a pad's frame, m.
@@ -27,17 +27,17 @@ pub(super) struct Ball {
 pub(super) struct Impression {
     /// Indentation of the gel's surface, m, [`PIXELS`] values.
     pub indentation: Vec<f32>,
-    /// Whether the image's border cuts the contact.
+    /// True if the image's border clips the contact.
     pub clipped: bool,
 }
 
-/// The gel under a ball as the camera numbered `camera` sees it.
+/// Computes the gel's surface under a ball as seen by camera number `camera`.
 pub(super) fn impression(hand: &Hand, camera: usize, ball: &Ball) -> Impression {
     let view = &hand.cameras[camera];
     let pad = &hand.pads[view.pad];
     let (dx, dy) = view.pixel_size();
     let widest = REACH * KERNELS[0] * hand.gel().thickness;
-    // No contact is wider than where the ball passes through the pad's plane.
+    // No contact is wider than the circle in which the ball passes through the pad's plane.
     let low = ball.center.z.clamp(0.0, ball.radius);
     let reach = (ball.radius * ball.radius - low * low).sqrt() + widest;
     let (left, top) = view.pixel_center(0, 0);
@@ -71,13 +71,13 @@ pub(super) fn impression(hand: &Hand, camera: usize, ball: &Ball) -> Impression 
     Impression { indentation, clipped }
 }
 
-/// The pixels of a line within `reach` of `middle`.
+/// Pixels of a line within `reach` of `middle`.
 fn span(middle: f64, reach: f64) -> Range<usize> {
     let end = |at: f64| at.clamp(0.0, N as f64) as usize;
     end((middle - reach).ceil())..end((middle + reach).floor() + 1.0)
 }
 
-/// Weights of a Gaussian of a standard deviation in pixels, its middle first.
+/// Weights of a Gaussian with a standard deviation in pixels, from its centre outwards.
 fn weights(deviation: f64) -> Vec<f32> {
     let reach = (REACH * deviation).ceil() as usize;
     let half: Vec<f64> = (0..=reach).map(|k| (-0.5 * (k as f64 / deviation).powi(2)).exp()).collect();
@@ -85,7 +85,7 @@ fn weights(deviation: f64) -> Vec<f32> {
     half.into_iter().map(|weight| (weight / sum) as f32).collect()
 }
 
-/// Smooths each row of `width` values; beyond its ends they go on as there.
+/// Smooths each row of `width` values; the end values continue beyond its ends.
 fn along_rows(from: &[f32], width: usize, deviation: f64) -> Vec<f32> {
     let weights = weights(deviation);
     let reach = weights.len() - 1;
@@ -103,7 +103,7 @@ fn along_rows(from: &[f32], width: usize, deviation: f64) -> Vec<f32> {
     to
 }
 
-/// Smooths across rows of `width` values; beyond the first and the last they go on as there.
+/// Smooths across rows of `width` values; the first and the last row continue beyond the ends.
 fn along_columns(from: &[f32], width: usize, deviation: f64) -> Vec<f32> {
     let weights = weights(deviation);
     let (reach, last) = (weights.len() - 1, from.len() / width - 1);

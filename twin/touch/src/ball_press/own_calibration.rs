@@ -1,8 +1,8 @@
-//! The pads' own photometric calibration from presses on a ball, which label themselves.
+//! Photometric calibration of a hand's own pads from presses on a ball. The presses label themselves.
 //!
-//! The calibration at hand locates the balls, the impressions of the located balls label the presses, and the calibration corrected by
-//! them locates the balls anew, until they stay where they are. A ball shows slopes up to its contact's rim only: steeper ones stay as
-//! the calibration at hand has them.
+//! The calibration at hand locates the balls, and the impressions of the located balls label the presses. The
+//! calibration corrected by these labels locates the balls anew, until the positions converge. A ball shows slopes only
+//! up to those at its contact's rim; steeper ones stay as in the calibration at hand.
 
 use hand_model::Hand;
 use rayon::prelude::*;
@@ -12,28 +12,29 @@ use super::{BallPress, locate};
 use crate::calibration::{AngularError, CalibrationPress, PhotometricCalibration};
 use crate::error::TouchError;
 
-/// Most rounds of locating and fitting, and the mean step of the balls after which they stand still, m.
+/// Largest number of rounds of locating and fitting, and the mean step of the balls below which they count as
+/// converged, m.
 const MOST_ROUNDS: usize = 5;
 const STILL: f64 = 1e-5;
-/// Every so many-th press is held out.
+/// One of this many presses is held out.
 const FOLD: usize = 5;
 
-/// How good a calibration from presses on a ball is.
+/// Quality of a calibration from presses on a ball.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct OwnCalibrationReport {
-    /// Presses in which the ball was found, of all.
+    /// Number of presses in which the ball was found.
     pub located: usize,
     pub rounds: usize,
-    /// Mean step of the balls' middles in the last round, m.
+    /// Mean step of the balls' centres in the last round, m.
     pub step: f64,
-    /// Of the held-out presses' normals, by the calibration at the start ...
+    /// Error of the held-out presses' normals with the initial calibration.
     pub before: AngularError,
-    /// ... and by it corrected by the other presses.
+    /// Error of the held-out presses' normals with the calibration corrected by the other presses.
     pub after: AngularError,
 }
 
-/// Calibrates a hand's pads to presses on a ball, from a calibration of another hand with which the balls are found at first. Refuses a
-/// result that is no better than it on presses that were held out. Presses in which no ball is found are left out.
+/// Calibrates a hand's pads from presses on a ball. The initial calibration, of another hand, locates the balls at
+/// first. Fails if the result is no better than it on held-out presses. Presses in which no ball is found are left out.
 pub fn calibrate(
     hand: &Hand,
     presses: &[BallPress],
@@ -68,7 +69,7 @@ pub fn calibrate(
     Ok((start.corrected(hand, &all)?, report))
 }
 
-/// The balls of those presses in which one is found.
+/// Locates the balls of the presses; `None` where no ball is found.
 fn places(
     hand: &Hand,
     presses: &[BallPress],
@@ -81,13 +82,13 @@ fn places(
     presses.par_iter().map(ball).collect()
 }
 
-/// The located presses, the held-out ones or the others.
+/// Located presses, either the held-out ones or the others.
 fn every(located: &[Option<Ball>], held_out: bool) -> impl Iterator<Item = (usize, Ball)> {
     let balls = located.iter().enumerate().filter_map(|(at, ball)| Some((at, (*ball)?)));
     balls.filter(move |(at, _)| (at % FOLD == FOLD - 1) == held_out)
 }
 
-/// A press labelled by the ball's impression.
+/// Labels a press with the impression of its ball.
 fn labelled(hand: &Hand, press: &BallPress, ball: &Ball) -> CalibrationPress {
     CalibrationPress {
         camera: press.camera,
@@ -97,7 +98,7 @@ fn labelled(hand: &Hand, press: &BallPress, ball: &Ball) -> CalibrationPress {
     }
 }
 
-/// How far balls that are found both times lie apart on the mean, m.
+/// Mean distance between the positions of the balls that are found both times, m.
 fn mean_step(before: &[Option<Ball>], after: &[Option<Ball>]) -> f64 {
     let step = |(before, after): (&Option<Ball>, &Option<Ball>)| {
         Some((before.as_ref()?.center - after.as_ref()?.center).norm())

@@ -1,21 +1,22 @@
-//! The change of an image against a background that was taken some time before: lamps and exposure have drifted since, and both
-//! have read-out noise.
+//! Change detection against an older background: lamps and exposure may have drifted since, and both images have
+//! read-out noise.
 //!
-//! Drift changes the brightness of a channel by the same factor everywhere, touch only somewhere and by many factors. The factor
-//! that most blocks of the image share, within [`SHARED`], is therefore the drift's. The threshold of a block's change follows
-//! from the noise, which is measured in the pair of images itself: neighbouring pixels of their difference differ by little else.
+//! Drift changes the brightness of a channel by the same factor everywhere; a touch changes it only in some places and
+//! by various factors. The factor shared by the most blocks of the image, within [`SHARED`], is therefore attributed to
+//! drift. The threshold for the change of a block follows from the noise. The noise is measured in the pair of images
+//! itself, because neighbouring pixels of their difference differ by little else.
 
 use hand_model::pads::IMAGE_SIZE as N;
 use hand_model::robot::TactileImage;
 
 use super::{BLOCK, BLOCKS, Change, StereoOptions, around};
 
-/// Width of the band of factors that count as the same. Noise of 0.7 grey levels in both images gives the factor of a block of
-/// 36 pixels of 60 to 120 grey levels a standard deviation of 0.0014 to 0.003.
+/// Width of the band of factors that count as equal. Noise of 0.7 grey levels in both images gives the factor of a
+/// block of 36 pixels of 60 to 120 grey levels a standard deviation of 0.0014 to 0.003.
 const SHARED: f32 = 0.008;
-/// Least share of all blocks that must agree on a factor; else there is none.
+/// Least share of all blocks that must agree on a factor; below it, no drift is assumed.
 const AGREE: f32 = 0.1;
-/// Blocks darker than this tell nothing, grey levels.
+/// Grey level below which blocks are too dark to be used.
 const DARK: u32 = 12;
 /// Threshold of a block's mean change, in standard deviations of its noise.
 const SIGMAS: f32 = 6.0;
@@ -23,7 +24,7 @@ const SIGMAS: f32 = 6.0;
 /// Sums over the blocks, row by row, of one channel.
 type Sums = Vec<u32>;
 
-/// As [`super::find_change`], with drift compensated.
+/// [`super::find_change`] with drift compensation.
 pub(super) fn find_change(image: &TactileImage, background: &TactileImage, options: &StereoOptions) -> Option<Change> {
     let (now, before) = (block_sums(image), block_sums(background));
     let gain: [f32; 3] =
@@ -64,7 +65,7 @@ fn block_sums(image: &TactileImage) -> [Sums; 3] {
     sums
 }
 
-/// The factor between two images' blocks that most of them share, within `most` of 1; 1 where too few share any.
+/// Finds the factor between two images' blocks that the most blocks share, within `most` of 1; 1 if too few share any.
 fn shared_gain(now: &[u32], before: &[u32], most: f32) -> f32 {
     let bright = DARK * (BLOCK * BLOCK) as u32;
     let pairs = now.iter().zip(before).filter(|(_, before)| **before > bright);
@@ -88,8 +89,8 @@ fn shared_gain(now: &[u32], before: &[u32], most: f32) -> f32 {
     gain.clamp(1.0 - most, 1.0 + most)
 }
 
-/// Standard deviation of the noise in the difference of two images, grey levels: from the mean size of its change from pixel to
-/// pixel, in the calmer rows.
+/// Standard deviation of the noise in the difference of two images, grey levels: from its mean change between
+/// neighbouring pixels, in the calmer rows.
 fn noise(image: &TactileImage, background: &TactileImage) -> f32 {
     let row = |row: usize| {
         let line = 3 * N * row..3 * N * (row + 1);
@@ -98,7 +99,7 @@ fn noise(image: &TactileImage, background: &TactileImage) -> f32 {
     };
     let mut rows: Vec<u32> = (0..BLOCKS).map(|strip| row(strip * BLOCK + BLOCK / 2)).collect();
     let calm = *rows.select_nth_unstable(BLOCKS / 4).1 as f32 / (3 * (N - 1)) as f32;
-    // The difference of two normal draws of standard deviation s has the mean size 2 s / sqrt(pi).
+    // The difference of two normal samples of standard deviation s has the mean absolute value 2 s / sqrt(pi).
     0.5 * std::f32::consts::PI.sqrt() * calm
 }
 
@@ -119,7 +120,7 @@ mod tests {
             let (pixel, channel) = (at / 3, at % 3);
             let (column, row) = (pixel % N, pixel / N);
             let lit = 60.0 + 0.3 * column as f32 + 20.0 * channel as f32;
-            // Twelve even draws are nearly normal.
+            // The sum of twelve uniform samples is nearly normal.
             let draw: f32 = (0..12).map(|_| rng.random::<f32>()).sum::<f32>() - 6.0;
             (gain * (lit + touch(column, row)) + noise * draw).round().clamp(0.0, 255.0) as u8
         };
@@ -139,12 +140,12 @@ mod tests {
                 assert!((found - gain).abs() < 5e-4, "{found} {gain}");
             }
             let found = noise(&image, &background);
-            // Both images' noise and rounding.
+            // Noise and rounding of both images.
             assert!((found / (2.0f32 * (0.49 + 1.0 / 12.0)).sqrt() - 1.0).abs() < 0.1, "{found}");
         }
     }
 
-    /// Two thirds of the pad are touched: the rest tells the drift.
+    /// With two thirds of the pad touched, the rest determines the drift.
     #[test]
     fn a_wide_touch_is_found_where_it_is() {
         let rng = &mut ChaCha8Rng::seed_from_u64(2);
@@ -158,7 +159,7 @@ mod tests {
         assert!(region.row_begin == 0 && (160..=174).contains(&region.row_end), "{region:?}");
     }
 
-    /// A faint touch counts where the cameras are quiet; the same change in noise of many grey levels does not.
+    /// A faint touch counts if the cameras are quiet; the same change in noise of many grey levels does not.
     #[test]
     fn the_threshold_follows_the_noise() {
         let rng = &mut ChaCha8Rng::seed_from_u64(3);

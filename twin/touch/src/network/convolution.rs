@@ -1,8 +1,8 @@
-//! Convolution layers on planes with a zero border, computed in blocks that fit into registers.
+//! Convolution layers on zero-padded planes, computed in blocks that fit into registers.
 
-/// Outputs that are computed together.
+/// Number of output planes that are computed together.
 const BLOCK: usize = 4;
-/// Pixels of a row that are computed together.
+/// Number of pixels of a row that are computed together.
 const LANES: usize = 8;
 
 /// Planes of numbers, row-major, each with a border of one zero on every side.
@@ -36,7 +36,7 @@ impl Planes {
         planes
     }
 
-    /// Start of a row (-1 to height) with its border.
+    /// Index of the start of a row (-1 to height), including its border.
     fn index(&self, plane: usize, row: isize) -> usize {
         (plane * (self.height + 2) + (row + 1) as usize) * self.pitch
     }
@@ -59,7 +59,7 @@ impl Planes {
         }
     }
 
-    /// A row's values for each of the three kernel columns, each at least `width / stride` long.
+    /// Values of a row for each of the three kernel columns, each at least `width / stride` long.
     fn taps(&self, plane: usize, row: isize, stride: usize, scratch: &mut [Vec<f32>; 3]) {
         let line = &self.data[self.index(plane, row)..self.index(plane, row) + self.pitch];
         for (shift, tap) in scratch.iter_mut().enumerate() {
@@ -96,7 +96,7 @@ impl Layer {
         Self { inputs, outputs, kernel, weights: laid, biases: biases.to_vec() }
     }
 
-    /// Applies the layer with a stride of 1 or 2, of which the sides are multiples; `rectify` sets negative values to 0.
+    /// Applies the layer with a stride of 1 or 2, which must divide the sides. `rectify` sets negative values to 0.
     pub fn run(&self, planes: &Planes, stride: usize, rectify: bool) -> Planes {
         let (height, width) = (planes.height / stride, planes.width / stride);
         let mut out = Planes::zero(self.outputs, height, width);
@@ -158,7 +158,7 @@ mod tests {
         ((k * 7919) % 101) as f32 / 50.0 - 1.0
     }
 
-    /// Compared with the explicit sum.
+    /// The layer agrees with the explicit sum.
     #[test]
     fn layers_are_sums_over_the_neighbourhood() {
         for (inputs, outputs, kernel, stride) in [(3, 5, 3, 1), (2, 4, 3, 2), (5, 8, 1, 1)] {

@@ -1,4 +1,4 @@
-//! The evidence of the pads in the frames of the links that carry them, with its standard deviations and weights.
+//! Evidence of the pads in the frames of the links that carry them, with its standard deviations and weights.
 
 use hand_model::transmission::Crossing;
 use std::collections::BTreeMap;
@@ -75,8 +75,8 @@ impl LinkPatch {
     }
 }
 
-/// Where another part of the hand presses, in the frame of the link that carries the pad: it loads joints and says nothing about
-/// an object.
+/// Self-contact of the hand, in the frame of the link that carries the pad. It loads joints and gives no evidence of an
+/// object.
 pub(super) struct OwnContact {
     pub link: Option<usize>,
     pub centroid: Point3<f64>,
@@ -158,7 +158,7 @@ fn trust(normal: &Vector3<f64>) -> f64 {
     1.0 / (1.0 + (tilt / STEEP).powi(2))
 }
 
-/// Whether something keeps a digit from closing as far as its cable tension would.
+/// True if something keeps a digit from closing as far as its cable tension would.
 pub(super) fn obstructed(hand: &Hand, posture: &Posture, cable: usize) -> bool {
     let path = &hand.transmission.cables[cable];
     let joints = path.joints.iter().map(|Crossing { joint, lever, .. }| {

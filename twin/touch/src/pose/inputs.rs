@@ -13,7 +13,7 @@ use crate::posture::Readings;
 #[derive(Clone, Copy)]
 pub struct PoseInputs<'a> {
     pub hand: &'a Hand,
-    /// What the pads feel, at most one element a pad; a pad that is not listed is no evidence.
+    /// Touches of the pads, at most one per pad. A pad that is not listed gives no evidence.
     pub touches: &'a [PadTouch],
     pub readings: Readings<'a>,
     pub prior: &'a PosePrior,
@@ -42,43 +42,44 @@ impl PosePrior {
 /// Standard deviations of the evidence, and computational effort.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PoseOptions {
-    /// Common error of the heights of a broad patch, m; narrow patches have a larger one.
+    /// Standard deviation of the common error of the heights of a broad patch, m; larger for narrow patches.
     pub sigma_height: f64,
-    /// Deviation of the deepest point of a pressed pad from where `sinking` places it, m.
+    /// Standard deviation of the deepest point of a pressed pad from the position given by `sinking`, m.
     pub sigma_lift: f64,
-    /// Each component of a measured normal, rad.
+    /// Standard deviation of each component of a measured normal, rad.
     pub sigma_normal: f64,
-    /// Cable excursion, m, without the gear's play.
+    /// Standard deviation of a cable excursion, m, without the backlash of the gear.
     pub sigma_excursion: f64,
-    /// What guides and gears take: the tension at a joint is known up to the capstan's factor, the excursion up to the play.
+    /// Losses in guides and gears: the tension at a joint is known up to the capstan factor, the excursion up to the
+    /// backlash.
     pub cables: CableLosses,
-    /// Torque balance of a joint whose cable is slack, N m.
+    /// Standard deviation of the torque balance of a joint whose cable is slack, N m.
     pub sigma_torque: f64,
     /// Additional error of the torque balance as a fraction of the cable's torque, added in quadrature.
     pub tension_torque_fraction: f64,
     /// Additional error of the torque balance as a fraction of the measured contact torque, added in quadrature.
     pub contact_torque_fraction: f64,
-    /// Depth of a point without contact inside the object, m.
+    /// Standard deviation of the depth of a contact-free point inside the object, m.
     pub sigma_clear: f64,
-    /// Angle beyond a joint limit, rad.
+    /// Standard deviation of an angle beyond a joint limit, rad.
     pub sigma_limit: f64,
     /// Huber threshold, in standard deviations.
     pub huber: f64,
-    /// Share of a measured indentation by which the object really moves towards the link. It is 1 on a gel that yields,
-    /// and 0 in a simulation with rigid covers whose images are computed from forces: there the deepest point is on the
-    /// pad's untouched surface.
+    /// Share of a measured indentation by which the object really moves towards the link. It is 1 on a gel that yields.
+    /// It is 0 in a simulation with rigid covers whose images are computed from forces: there the deepest point is on
+    /// the untouched surface of the pad.
     pub sinking: f64,
-    /// Whether points without contact are used.
+    /// True if points without contact are used.
     pub use_clear: bool,
-    /// Orientations kept after screening around the planned one.
+    /// Number of orientations kept after screening around the planned one.
     pub starts: usize,
-    /// Steps per start in the first two stages.
+    /// Number of steps per start in the first two stages.
     pub coarse_steps: usize,
-    /// Solutions kept after the first stage.
+    /// Number of solutions kept after the first stage.
     pub kept: usize,
-    /// Solutions in the last stage.
+    /// Number of solutions in the last stage.
     pub finished: usize,
-    /// Steps per solution in the last stage.
+    /// Number of steps per solution in the last stage.
     pub fine_steps: usize,
     /// Cost per patch above which a solution is considered wrong and more orientations are screened around it.
     pub good_cost: f64,

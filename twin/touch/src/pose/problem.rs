@@ -1,4 +1,4 @@
-//! The estimation problem: the evidence, and the state that is sought. [`super::residuals`] gives the cost of a state.
+//! The estimation problem: the evidence, and the state to be estimated. [`super::residuals`] gives the cost of a state.
 //!
 //! A step (rho, phi, dq, ds) moves a state by pose <- pose * exp(rho, phi) in the object's own axes, and joints and lifts of
 //! pressed pads by addition.
@@ -13,7 +13,7 @@ use super::shape::KnownShape;
 use super::system::{Kinematics, evenly};
 use crate::posture::{Posture, excursion_sigma, free_posture, friction_sigmas};
 
-/// Torque that a contact on a blind pad may have about a joint, N m.
+/// Standard deviation of the torque about a joint from a contact on a blind pad, N m.
 const UNFELT_TORQUE: f64 = 0.2;
 
 /// Subsets and weightings of the evidence.
@@ -49,7 +49,7 @@ pub(super) struct Problem<'a> {
     pub(super) options: &'a PoseOptions,
     pub(super) posture: Posture,
     pub(super) patches: Vec<LinkPatch>,
-    /// Where the hand presses on itself.
+    /// Self-contacts of the hand.
     pub(super) own: Vec<OwnContact>,
     pub(super) pressed: Vec<PressedPad>,
     pub(super) clear: Vec<ClearSpot>,
@@ -64,7 +64,7 @@ pub(super) struct Problem<'a> {
     pub(super) chains: Vec<Vec<usize>>,
     /// Columns that a point on each link depends on, ascending; the palm's last.
     pub(super) reach: Vec<Vec<usize>>,
-    /// The same for a point of each pressed pad: with its lift, whose column comes last.
+    /// Columns that a point of each pressed pad depends on; the column of its lift comes last.
     pub(super) pressed_reach: Vec<Vec<usize>>,
     /// Gravity in the palm's frame, m/s2.
     pub(super) gravity: Vector3<f64>,
@@ -113,7 +113,8 @@ impl<'a> Problem<'a> {
                 columns += 1;
             }
         }
-        // An obstructed digit without measured contact is not where a free one would be: its free points are not used.
+        // An obstructed digit without measured contact is not where a free one would be, so its contact-free points are
+        // not used.
         clear.retain(|pad| {
             let digit = hand.digit_of(pad.link).map(|digit| digit.index());
             digit.is_none_or(|digit| cables.contains(&digit) || !obstructed(hand, &posture, digit))
@@ -196,7 +197,8 @@ impl<'a> Problem<'a> {
         self.patches.len()
     }
 
-    /// Sets what the digits' weight has of each joint's torque balance, and the balance's standard deviation, from the torques at `q`.
+    /// Computes, from the torques at `q`, the torque of the digits' weight about each joint and the standard deviation
+    /// of the torque balance.
     pub fn settle_torques(&mut self, q: &[f64]) {
         let kinematics = Kinematics::new(self.hand, &self.chains, q);
         for (joint, rubbing) in self.friction_sigmas(q).into_iter().enumerate() {
@@ -220,7 +222,7 @@ impl<'a> Problem<'a> {
         cables.map(of_cable).sum()
     }
 
-    /// Torque about `joint` of the links that it carries, N m.
+    /// Gravity torque about `joint` of the links that it carries, N m.
     fn weight_torque(&self, kinematics: &Kinematics, joint: usize) -> f64 {
         let carried = (0..self.hand.masses.len()).filter(|link| kinematics.chain(Some(*link)).contains(&joint));
         let moment = carried.map(|link| {
@@ -232,13 +234,14 @@ impl<'a> Problem<'a> {
         kinematics.axes[joint].dot(&moment.sum::<Vector3<f64>>())
     }
 
-    /// The felt forces (N) with where they act (m), in the frame of the link that carries them: an object's and the hand's own.
+    /// Felt forces (N) with their points of application (m), in the frame of the link that carries the pad: from
+    /// objects and self-contacts.
     fn forces(&self) -> impl Iterator<Item = (Option<usize>, (Point3<f64>, Vector3<f64>))> {
         let objects = self.patches.iter().map(|patch| (patch.link, (patch.centroid, patch.force)));
         objects.chain(self.own.iter().map(|own| (own.link, (own.centroid, own.force))))
     }
 
-    /// What friction in the guides leaves open of each joint's torque at `q`: standard deviations, N m.
+    /// Standard deviation of each joint's torque at `q` due to the friction in the guides, N m.
     fn friction_sigmas(&self, q: &[f64]) -> HandVector {
         let mut sigmas = self.hand.each_joint(|_| 0.0);
         for (cable, path) in self.hand.transmission.cables.iter().enumerate() {
@@ -289,7 +292,7 @@ impl<'a> Problem<'a> {
         &self.reach[link.unwrap_or(self.chains.len())]
     }
 
-    /// `state` moved by a step.
+    /// Applies a step to `state`.
     pub fn moved(&self, state: &State, step: &DVector<f64>) -> State {
         let rho = Vector3::new(step[0], step[1], step[2]);
         let phi = Vector3::new(step[3], step[4], step[5]);
@@ -336,7 +339,7 @@ mod tests {
         }
     }
 
-    /// The weight's torque about a joint is what its turning takes from the potential energy.
+    /// The torque of the weight about a joint is the negative derivative of the potential energy.
     #[test]
     fn weight_does_the_work_that_the_links_lose() {
         let (hand, options) = (Hand::ftac(), PoseOptions::default());

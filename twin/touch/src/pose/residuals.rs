@@ -16,7 +16,7 @@ use crate::posture::{excursion_residual, spring_residuals};
 const RELIEF: (f64, f64) = (0.5, 5e-5);
 /// Largest weight of a patch's points, as a number of independent points.
 const INDEPENDENT_POINTS: f64 = 6.0;
-/// The same for its normals.
+/// Largest weight of a patch's normals, as a number of independent normals.
 const INDEPENDENT_NORMALS: f64 = 2.0;
 /// Finite-difference step for the curvature of the shape, m.
 const CURVATURE_STEP: f64 = 4e-4;
@@ -27,9 +27,9 @@ const MIDDLE: (f64, f64) = (4e-4, 6e-4);
 /// Huber threshold of the prior's rotation, in standard deviations: objects roll as the hand closes, so the planned
 /// orientation is at times far off.
 const TURNED: f64 = 2.0;
-/// The first stage uses every n-th point of a patch and of free surface.
+/// Stride of the points of a patch and of contact-free surface in the first stage.
 const SOFT_STEP: usize = 3;
-/// Indentation below which a contact may go undetected, m.
+/// Indentation below which a contact may remain undetected, m.
 const SHALLOW: f64 = 1.5e-4;
 
 /// A state with the link poses that follow from it.
@@ -302,7 +302,7 @@ mod tests {
 
     struct Ellipsoid(Vector3<f64>);
     impl KnownShape for Ellipsoid {
-        /// A function with the ellipsoid as its zero, and its true gradient: all that derivatives need.
+        /// A function with the ellipsoid as its zero set, and its true gradient; derivatives need no more.
         fn signed_distance(&self, p: &Point3<f64>) -> (f64, Vector3<f64>) {
             let inner = p.coords.component_div(&self.0);
             let (norm, least) = (inner.norm(), self.0.min());
@@ -343,9 +343,9 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(24))]
 
-        /// The gradient of the cost is that of finite differences, for the pose, the joints and the lifts, at states
-        /// where every kind of evidence takes part. (Normals are left out: their derivative is taken at the shape's
-        /// normal on purpose.)
+        /// The gradient of the cost agrees with finite differences, for the pose, the joints and the lifts, at states
+        /// in which every kind of evidence takes part. (Normals are left out, because their derivative is taken at the
+        /// shape's normal on purpose.)
         #[test]
         fn the_gradient_is_that_of_the_cost(
             shift in prop::array::uniform3(-2e-3..2e-3f64), turn in prop::array::uniform3(-0.1..0.1f64),
@@ -357,7 +357,7 @@ mod tests {
             let options = PoseOptions { sinking, sigma_normal: f64::INFINITY, ..PoseOptions::default() };
             let servos = [ServoState { position: 1.0, current: 0.1, ..ServoState::default() }; 6];
             let palm = hand.pad_poses(&hand.tree.forward(&[bend; 15]));
-            // Slightly inside the palm pad: contact points are off the surface, and free points are inside.
+            // Slightly inside the palm pad: contact points are off the surface, and contact-free points are inside.
             let middle = palm[hand.pad("palm_ulnar").expect("a pad")] * Point3::new(0.0, 0.0, 0.024);
             let pose = Isometry3::from_parts((middle.coords + Vector3::from(shift)).into(), UnitQuaternion::identity());
             let prior = PosePrior::weak(pose * Isometry3::new(Vector3::new(4e-3, -6e-3, 2e-3), Vector3::from(turn) * 0.3));

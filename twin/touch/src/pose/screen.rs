@@ -1,7 +1,7 @@
-//! Screening of initial orientations: many are tried around the planned one, each translated to fit the contact points;
-//! the best are kept.
+//! Screening of initial orientations: many are tried around the planned one, each translated to fit the contact points,
+//! and the best are kept.
 //!
-//! The joints stay as the servos have them, so that a candidate costs only a few distance evaluations.
+//! The joints stay as given by the servos, so that a candidate costs only a few distance evaluations.
 
 use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion, Vector3};
 

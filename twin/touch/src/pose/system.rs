@@ -3,10 +3,10 @@
 use hand_model::Hand;
 use nalgebra::{DMatrix, DVector, Isometry3, Vector3};
 
-/// Loss of a residual in standard deviations.
+/// Loss function of a residual, which is given in standard deviations.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Loss {
-    /// Half its square.
+    /// Half the square.
     Square,
     /// Quadratic up to this many standard deviations, linear beyond (Huber).
     Huber(f64),
@@ -20,7 +20,7 @@ impl Loss {
         }
     }
 
-    /// Weight of the square with the same slope.
+    /// Weight of the squared residual with the same slope.
     fn weight(self, residual: f64) -> f64 {
         match self {
             Self::Square => 1.0,
@@ -120,7 +120,7 @@ impl<'a> Kinematics<'a> {
     }
 }
 
-/// At most `most` of `items`, evenly spread.
+/// Returns at most `most` of `items`, evenly spread.
 pub(super) fn evenly<T: Copy>(items: &[T], most: usize) -> Vec<T> {
     let count = items.len().min(most);
     (0..count).map(|k| items[(2 * k + 1) * items.len() / (2 * count)]).collect()

@@ -6,13 +6,13 @@ use nalgebra::{DMatrix, Isometry3, Matrix3, Matrix6, Vector3, Vector6};
 use super::problem::{Evidence, Problem, State};
 use crate::posture::{JointCovariance, free_covariance};
 
-/// Difference of cost at which a solution is less likely by the factor e.
+/// Cost difference at which a solution is less likely by the factor e.
 const DOUBT: f64 = 2.0;
 /// Factor on a solution's covariance for unmodelled errors, calibrated so that errors of simulated grasps lie within it
 /// as often as it predicts.
 const UNMODELLED: f64 = 1.5;
 
-/// Distinct solutions elsewhere that cost little more than the best.
+/// Distinct solutions, away from the best one, with little additional cost.
 pub(super) fn alternatives(found: &[(f64, State)]) -> Vec<(Isometry3<f64>, f64)> {
     const LITTLE: f64 = 2.0;
     const ELSEWHERE: (f64, f64) = (3e-3, 0.17);
@@ -50,8 +50,8 @@ pub(super) fn mixed_covariance(problem: &Problem, found: &[(f64, State)]) -> Opt
     (whole > 0.0).then(|| sum / whole)
 }
 
-/// By how much the residuals of the best solution exceed what the standard deviations promise, at least 1: the Birge ratio of
-/// metrology, by which such a fit's covariance is to be multiplied.
+/// Ratio of the best solution's cost to the one that the standard deviations predict, at least 1: the Birge ratio of
+/// metrology, by which the covariance of such a fit is to be multiplied.
 pub(super) fn misfit(problem: &Problem, cost: f64) -> f64 {
     let promised = problem.options().good_cost * problem.patch_count().max(1) as f64;
     (cost / promised).max(1.0)
@@ -68,7 +68,7 @@ fn palm_covariance(problem: &Problem, state: &State) -> Option<Matrix6<f64>> {
     Some(turn * local * turn.transpose())
 }
 
-/// Covariance of everything that is estimated.
+/// Covariance of all estimated parameters.
 fn inverse_hessian(problem: &Problem, state: &State) -> Option<DMatrix<f64>> {
     let (mut hessian, _) = problem.linearise(state, Evidence::All);
     for k in 0..hessian.nrows() {
@@ -77,7 +77,8 @@ fn inverse_hessian(problem: &Problem, state: &State) -> Option<DMatrix<f64>> {
     Some(hessian.cholesky()?.inverse())
 }
 
-/// Covariance of the joint angles: of digits in contact marginal to pose and lifts, of the others that of free digits.
+/// Covariance of the joint angles. For digits in contact, pose and lifts are integrated out; for the others, it is that
+/// of free digits.
 pub(super) fn joint_covariance(problem: &Problem, state: &State) -> Option<JointCovariance> {
     let inverse = inverse_hessian(problem, state)?;
     let options = problem.options();

@@ -1,8 +1,10 @@
-//! The plan of a pick sequence: which objects to take into the hand, in which order and with which digits, so that as much as possible is carried.
+//! Planning of a pick sequence: which objects to take, in which order and with which digits, so that the carried volume
+//! is largest.
 //!
-//! Every [`Pickup`] closes digits that are still free and keeps those that hold; the others open again. A plan's worth is the sum over its picks of the object's volume times the
-//! probability that this pick and all before it hold; the best plan is found by trying every order, which is quick because a
-//! hand has five digits. After each pick touch says which digits hold something, and what follows is planned anew.
+//! Every [`Pickup`] closes digits that are still free and keeps those that hold the object; the others open again. The
+//! value of a plan is the sum over its picks of the object's volume times the probability that this pick and all before
+//! it hold. The best plan is found by exhaustive search, which is quick because a hand has five digits. After each
+//! pick, touch determines which digits hold something, and the rest is replanned.
 
 use grasping::Grasp;
 use grasping::digit_sets;
@@ -15,45 +17,45 @@ use touch::PadTouch;
 use crate::perception::blocked;
 use crate::worth;
 
-/// In cubic centimetres.
+/// Conversion from m3 to cubic centimetres.
 const TO_CM3: f64 = 1e6;
 
 /// A way to pick up a ball while other digits hold something.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Pickup {
-    /// Of the ball that it was proven with, m.
+    /// Diameter of the ball with which it was proven, m.
     pub diameter: f64,
     /// Digits that held something when it was proven.
     pub beside: Vec<Digit>,
-    /// Of the digits that close, those that have the ball then.
+    /// Closing digits that hold the ball afterwards.
     pub keeps: Vec<Digit>,
-    /// The grasp; its object is the kind of thing it is for, its score the share of tries under errors that held.
+    /// The grasp. Its object is the kind of object it is for, its score the share of successful tries under errors.
     pub grasp: Grasp,
 }
 
-/// Something that stands ready to be taken.
+/// An object that is ready to be taken.
 #[derive(Debug, Clone)]
 pub struct Ready {
-    /// Its number among all objects.
+    /// Number of the object among all objects.
     pub object: usize,
-    /// m3.
+    /// Volume, m3.
     pub volume: f64,
-    /// Numbers of the pickups that suit it and are within the arm's reach, with how often each has failed.
+    /// Indices of the suitable pickups within the arm's reach, each with its number of failures.
     pub pickups: Vec<(usize, i32)>,
 }
 
 /// One pick of a plan.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pick {
-    /// Number of the object.
+    /// Index of the object.
     pub object: usize,
-    /// Number of the pickup.
+    /// Index of the pickup.
     pub pickup: usize,
-    /// Probability that it holds, given that those before it do.
+    /// Probability that this pick holds, given that those before it do.
     pub score: f64,
 }
 
-/// What to take, in order.
+/// Picks in order.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct PickPlan {
     pub picks: Vec<Pick>,
@@ -61,7 +63,7 @@ pub struct PickPlan {
     pub volume: f64,
 }
 
-/// The plan worth most for a hand whose digits `holding` are taken, of at most `most` picks.
+/// Plan with the largest expected volume for a hand whose digits `holding` are occupied, with at most `most` picks.
 pub fn plan(pickups: &[Pickup], ready: &[Ready], holding: &[Digit], most: usize) -> PickPlan {
     if most == 0 {
         return PickPlan::default();
@@ -81,7 +83,7 @@ pub fn plan(pickups: &[Pickup], ready: &[Ready], holding: &[Digit], most: usize)
     best
 }
 
-/// The best pickup for `thing` for each set of free digits that will hold it.
+/// Best pickup for `thing` for each set of free digits that will hold it.
 fn distinct(pickups: &[Pickup], thing: &Ready, holding: &[Digit]) -> Vec<Pick> {
     let mut picks: Vec<Pick> = Vec::new();
     for &(number, failures) in &thing.pickups {
@@ -105,7 +107,7 @@ fn distinct(pickups: &[Pickup], thing: &Ready, holding: &[Digit]) -> Vec<Pick> {
     picks
 }
 
-/// The plan in words; `names` are those of all objects.
+/// Describes the plan in words; `names` are those of all objects.
 pub fn in_words(plan: &PickPlan, pickups: &[Pickup], names: &[String]) -> String {
     let one = |pick: &Pick| {
         let digits = digit_sets::in_words(&pickups[pick.pickup].keeps);
@@ -115,7 +117,8 @@ pub fn in_words(plan: &PickPlan, pickups: &[Pickup], names: &[String]) -> String
     format!("{}, {:.0} cm3 expected", picks.join(", then "), plan.volume * TO_CM3)
 }
 
-/// Why `planned`, which was to go on with digits that are held now, is given up for `now`; `None` where it stands.
+/// Explains why `planned`, the remaining picks, are given up for `now`, given the digits that hold something. `None` if
+/// they stay.
 pub fn why_not(
     planned: &[Pick],
     now: &PickPlan,
@@ -140,9 +143,10 @@ pub fn why_not(
     Some(format!("{} as planned {because}", names[was.object]))
 }
 
-/// Which of `pulled`, digits that close on one thing, have it. A finger does if its pads feel something, if a blind pad hides what
-/// they would, or if its cable says that something stops it: fingers often hold with their sides, where no pad is. The thumb
-/// closes against fingers, so that only they tell whether it holds something; alone it holds nothing.
+/// Digits out of `pulled`, which close on one object, that hold it. A finger holds if its pads feel something, if a
+/// blind pad may hide a contact, or if its cable shows that something blocks it: fingers often hold with their sides,
+/// which bear no pads. The thumb closes against fingers, so only they can tell that it holds something. Alone it holds
+/// nothing.
 pub fn feeling(
     (hand, limits): (&Hand, &HoldLimits),
     touches: &[PadTouch],
@@ -193,8 +197,8 @@ mod tests {
     const REST: [Digit; 4] = [Digit::Thumb, Digit::Index, Digit::Middle, Digit::Ring];
     const THREE: [Digit; 3] = [Digit::Thumb, Digit::Index, Digit::Middle];
 
-    /// The paper's story: golf ball with the little finger, softball with the rest; with another finger on the golf ball the
-    /// softball's grasp is out, and a smaller ball is taken.
+    /// The example of the paper: the golf ball with the little finger, the softball with the rest. With another finger
+    /// on the golf ball, the softball's grasp is impossible, and a smaller ball is taken.
     fn story() -> (Vec<Pickup>, Vec<Ready>, Vec<String>) {
         let pickups = vec![
             pickup("golf", &[Digit::Little], &[], 0.9),
@@ -229,12 +233,12 @@ mod tests {
             why,
             "soft as planned needs thumb, index, middle and ring finger, of which ring finger holds something already"
         );
-        // With the little finger on it everything stays as it was.
+        // With the little finger on it, the plan stays.
         let as_planned = plan(&pickups, &ready[1..], &[Digit::Little], 2);
         assert!(why_not(&planned.picks[1..], &as_planned, &pickups, &[Digit::Little], &names).is_none());
     }
 
-    /// What has failed or was never tried beside these digits counts less, and what is unlikely is not tried at all.
+    /// Failed pickups and those never proven beside these digits count less, and improbable ones are not tried.
     #[test]
     fn doubts_count() {
         let (pickups, mut ready, _) = story();
@@ -244,7 +248,8 @@ mod tests {
         assert!(plan(&pickups, &ready[2..], &[Digit::Ring], 1).picks.is_empty());
     }
 
-    /// A pad that cannot tell, or a finger that is stopped, holds; a thumb holds with fingers only, and what does not close nothing.
+    /// A digit with a blind pad, or a blocked finger, holds. A thumb holds only with fingers, and a digit that does not
+    /// close holds nothing.
     #[test]
     fn only_digits_that_close_and_are_stopped_hold() {
         let hand = Hand::ftac();

@@ -1,4 +1,4 @@
-//! Taking an object beside what is held: with the grasp and the aim that promise most beside the first object as it is felt in the hand.
+//! Takes an object beside a held one, with the best grasp and aim given the felt pose of the first object in the hand.
 
 use world::attempt::Attempt;
 
@@ -13,7 +13,7 @@ use crate::strategy::{Assessment, Decision, Foresight, Held, Situation, choose, 
 use crate::worth::{Candidate, SWITCH_GAIN};
 
 impl Touch<'_> {
-    /// What is in the hand.
+    /// The held first object, as felt.
     pub(super) fn held<'h>(&'h self, executor: &'h Executor, felt: &Felt) -> Held<'h> {
         Held {
             name: &self.knowledge.objects[0].name,
@@ -25,7 +25,7 @@ impl Touch<'_> {
         }
     }
 
-    /// Decides how to take an object beside the first, and begins.
+    /// Decides how to take an object beside the first one, and begins.
     pub(super) fn take_beside(&mut self, object: usize, executor: &mut Executor) -> Result<Step, PolicyError> {
         let seen = executor.target(object).percept;
         let mut within = self.within_reach(object, executor, &seen);
@@ -52,7 +52,7 @@ impl Touch<'_> {
                 continue;
             };
             self.story.switched |= decision.switched;
-            // What failed at an object that was touched tells nothing of where the eyes see things.
+            // A failure at an object that was located by touch teaches nothing about the error of the eyes.
             let aimed = self.objects[object].located.is_none().then_some(decision.aimed);
             executor.take(object, Target { grasp: decision.grasp, percept: beside })?;
             executor.redirect(path);
@@ -63,7 +63,7 @@ impl Touch<'_> {
         }
     }
 
-    /// The grasp for an object, given what is felt of the first.
+    /// Chooses the grasp of an object, given the felt pose of the first.
     fn choose(
         &self,
         object: usize,
@@ -97,8 +97,8 @@ impl Touch<'_> {
         choose(&situation, &candidates)?.ok_or_else(|| PolicyError::NoPlan(self.knowledge.objects[object].name.clone()))
     }
 
-    /// What is done where a contact is likelier than a hold: the first object is put down and taken otherwise, if that promises
-    /// more, else the second one is left alone.
+    /// Handles the case in which a contact is likelier than a hold. The first object is put down and taken with another
+    /// grasp if that promises more; otherwise the second object is left alone.
     fn way_out(&mut self, executor: &mut Executor, decision: &Decision) -> Result<Step, PolicyError> {
         let Assessment { held, risk, utility, .. } = decision.chosen;
         let odds = format!("the best grasp holds with {held:.2} and touches with {risk:.2}");
@@ -115,7 +115,7 @@ impl Touch<'_> {
     }
 }
 
-/// A try at an object, as decided.
+/// Record of a try at an object, as decided.
 fn attempt(object: usize, decision: &Decision, felt: &Felt) -> Attempt {
     let (pose, covariance) = (felt.estimate.palm_from_object, &felt.estimate.covariance);
     let (at, turn) = (pose.translation.vector, pose.rotation.scaled_axis());

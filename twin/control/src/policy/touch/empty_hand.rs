@@ -1,4 +1,5 @@
-//! Taking an object with an empty hand: with the grasp that is worth most together with the grasps of the next object that can follow it.
+//! Takes an object with an empty hand, with the grasp that is worth most together with the grasps of the next object
+//! that can follow.
 
 use grasping::Grasp;
 use nalgebra::{Matrix3, Vector3};
@@ -18,16 +19,17 @@ use crate::strategy::{CLEAR, StrategyError, clear_stops, placed, promise};
 use crate::trajectory::PosePath;
 use crate::worth::{self, Candidate, SWITCH_GAIN};
 
-/// Grasps of the first object, the planned one first, worth what they and the best second grasp after them promise.
+/// Grasps of the first object, the planned one first. The worth of each is its expected success together with its best
+/// second grasp.
 pub(in crate::policy) fn candidates(knowledge: &Knowledge, senses: &Senses, planned: &Grasp) -> Vec<Candidate> {
     let touched = Matrix3::from_diagonal_element(palpation::LEFT_OVER.powi(2));
     let uncertainty = knowledge.uncertainty.stated(knowledge.sighted[1]);
     let belief = Belief::located(&touched).filter(|_| explores(knowledge, senses, uncertainty.target(1)));
     let belief = belief.unwrap_or_else(|| Belief::new(&uncertainty));
-    // One object alone is what the trial asks for, whatever its grasp leaves free.
+    // A trial of one object asks only for that object, whatever its grasp leaves free.
     let alone = knowledge.objects.len() == 1;
     let as_planned = if alone { 1.0 } else { promise(&knowledge.second, &belief) };
-    // What was tried after a first grasp says more of it than the repertoire, which may lack it.
+    // Rehearsals after a first grasp say more about it than the repertoire, which may lack it.
     let tried = knowledge.others.iter().map(|other| {
         let worth = other.first.score * promise(&other.second, &belief) / SWITCH_GAIN;
         Candidate::new(other.first.clone(), worth)
@@ -41,7 +43,7 @@ pub(in crate::policy) fn candidates(knowledge: &Knowledge, senses: &Senses, plan
 }
 
 impl Touch<'_> {
-    /// The first grasp in use as it was rehearsed, and the second grasps to choose from after it.
+    /// The first grasp in use, as it was rehearsed, and the candidate second grasps after it.
     pub(super) fn following(&self, executor: &Executor) -> (&Grasp, &[Candidate]) {
         let present = executor.target(0).grasp.id;
         match self.knowledge.others.iter().find(|other| other.first.id == present) {
@@ -50,7 +52,7 @@ impl Touch<'_> {
         }
     }
 
-    /// What the best first grasp with rehearsed second grasps is worth, but for the `present` one.
+    /// Worth of the best first grasp with rehearsed second grasps, except the `present` one.
     pub(super) fn otherwise(&self, present: u32) -> Option<f64> {
         let planned = self.first[0].grasp.id;
         let rehearsed = |id: u32| id == planned || self.knowledge.others.iter().any(|other| other.first.id == id);
@@ -59,7 +61,7 @@ impl Touch<'_> {
         others.map(worth).max_by(f64::total_cmp)
     }
 
-    /// Takes the first object where it is seen or was felt.
+    /// Takes the first object at its seen or felt position.
     pub(super) fn take_with_empty_hand(&mut self, executor: &mut Executor) -> Result<Step, PolicyError> {
         let seen = executor.target(0).percept;
         let aim = if self.objects[0].located.is_some() { Vector3::zeros() } else { self.aim };
@@ -80,8 +82,8 @@ impl Touch<'_> {
         Ok(Step::Play)
     }
 
-    /// The best of `candidates` that the arm gets to from where it is without coming near another object, and how; where each comes
-    /// near, the one that does so least.
+    /// Best of `candidates` that the arm can reach from its present pose without coming close to another object, with
+    /// its path. If each comes close, the one that stays farthest away.
     fn best_approach(
         &self,
         executor: &Executor,

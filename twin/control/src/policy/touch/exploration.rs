@@ -1,4 +1,4 @@
-//! The exploratory motion of the policy `touch`: it touches an object where it stands, and takes in where it is.
+//! Exploratory motion of the policy `touch`: palpates an object where it stands, and updates its position.
 
 use grasping::digit_sets;
 use hand_model::Hand;
@@ -18,23 +18,23 @@ use crate::sensing::Senses;
 use crate::strategy::{Held, clearest, promise};
 use crate::worth::Candidate;
 
-/// Standard deviation of how an object is turned, rad.
+/// Standard deviation of an object's rotation in the prior, rad.
 const TURNED: f64 = 0.08;
-/// A touch takes some 3 s. It pays where the best grasp is worth so much more after it; set by hand.
+/// Smallest increase of the best grasp's worth for which a touch, which takes some 3 s, pays; set by hand.
 const TOUCH_PAYS: f64 = 0.06;
 
-/// Whether an object is touched before it is grasped: there are pads for it that make one surface, and it leaves less doubt about where the object is than `sigma`
-/// (m, each axis), which the controller expects without.
+/// True if an object is palpated before it is grasped. That requires usable pads that form one surface, and a touch
+/// that locates the object more precisely than `sigma` (m, each axis), the standard deviation without it.
 pub(super) fn explores(knowledge: &Knowledge, senses: &Senses, sigma: f64) -> bool {
     let hand = &knowledge.cell.robot.hand;
     let touches = |pad: &usize| senses.uses(hand, *pad);
-    // Jaws have no digit to touch with that stays free.
+    // Jaws have no free digit to touch with.
     let free = hand.jaws().is_none() && palpation::plate(hand).iter().any(touches);
     knowledge.explores && sigma > palpation::LEFT_OVER && free
 }
 
 impl Touch<'_> {
-    /// Touches the first or second `object` to find out where it is, if that is possible and pays; else takes it.
+    /// Palpates the first or second `object` to locate it, if that is possible and pays; otherwise takes it.
     pub(super) fn touch_or_take(&mut self, object: usize, executor: &mut Executor) -> Result<Step, PolicyError> {
         if let Some([seen, touched]) = self.prospects(object, executor)
             && touched - seen < TOUCH_PAYS
@@ -57,7 +57,7 @@ impl Touch<'_> {
         Ok(Step::Play)
     }
 
-    /// [`prospects`] of the second object; none of the first one, and where no touch is possible.
+    /// [`prospects`] of the second object; `None` for the first one, and where no touch is possible.
     fn prospects(&self, object: usize, executor: &Executor) -> Option<[f64; 2]> {
         let felt = self.felt.as_ref().filter(|_| object == 1)?;
         explores(&self.knowledge, &self.senses, self.expected_error(object)).then_some(())?;
@@ -67,7 +67,7 @@ impl Touch<'_> {
         prospects(&candidates, &self.belief)
     }
 
-    /// How an object would be touched; `None` if there is nothing to touch it with, or the arm does not get there.
+    /// Palpation of an object; `None` if there are no pads for it, or the arm cannot get there.
     fn exploration(&self, object: usize, executor: &Executor) -> Result<Option<Touching>, PolicyError> {
         if !explores(&self.knowledge, &self.senses, self.expected_error(object)) {
             return Ok(None);
@@ -83,13 +83,13 @@ impl Touch<'_> {
         Ok(clearest(hand, &held, (&self.solids[object], seen), ways)?)
     }
 
-    /// Standard deviation of where the hand goes beside an object that only the eyes have found, each axis, m.
+    /// Standard deviation of the hand's position relative to an object that only the eyes have located, each axis, m.
     fn expected_error(&self, object: usize) -> f64 {
         let tracked = &self.objects[object];
         tracked.uncertainty(&self.knowledge).target(tracked.looks)
     }
 
-    /// Where an object is in the hand that has just touched it.
+    /// Estimates the pose in the hand of an object that it has just touched.
     pub(super) fn perceive_touch(
         &mut self,
         object: usize,
@@ -109,7 +109,7 @@ impl Touch<'_> {
         Ok(())
     }
 
-    /// Takes in what the touch of an object told.
+    /// Updates the percept and the belief with the result of a touch.
     pub(super) fn locate(&mut self, object: usize, executor: &mut Executor, found: Option<Box<PoseEstimate>>) {
         let (palm, seen) = (executor.motion().palm(), executor.target(object).percept);
         let Some((found, covariance)) = self.found(object, found, palm, &seen) else { return };
@@ -118,7 +118,8 @@ impl Touch<'_> {
         (tracked.located, tracked.looks) = (Belief::located(&covariance), 1);
     }
 
-    /// Where the touched `object` is that was `found` in the hand, and `seen`, and the covariance of its place, m2; in the world.
+    /// Percept of the touched `object` from its estimate `found` in the hand and its percept `seen`, and the covariance
+    /// of its position, m2; world frame.
     fn found(
         &mut self,
         object: usize,
@@ -141,15 +142,15 @@ impl Touch<'_> {
     }
 }
 
-/// What the best of the `candidates` promises where the eyes see its object, of which `belief` knows the error, and once it has been touched; none
-/// where nothing was rehearsed.
+/// Worth of the best of the `candidates` while the object is only seen, with the error of `belief`, and once it has
+/// been touched. `None` if nothing was rehearsed.
 fn prospects(candidates: &[Candidate], belief: &Belief) -> Option<[f64; 2]> {
     candidates.iter().any(|candidate| !candidate.rehearsed.is_empty()).then_some(())?;
     let touched = Belief::located(&Matrix3::from_diagonal_element(palpation::LEFT_OVER.powi(2)))?;
     Some([belief, &touched].map(|belief| promise(candidates, belief)))
 }
 
-/// An empty hand in which the digits are closed that take the first object.
+/// An empty hand with the digits closed that take the first object.
 pub(super) fn empty(hand: &Hand) -> Held<'static> {
     let digits = digit_sets(hand, 2).swap_remove(0);
     let mut joints = vec![0.0; hand.tree.joints.len()];
@@ -170,7 +171,7 @@ mod tests {
     use crate::stand_in::tests::grasp;
     use crate::uncertainty::Uncertainty;
 
-    /// A grasp that holds within `reach` (m) of its aim and touches beyond, rehearsed on a grid of 4 mm.
+    /// A grasp that holds within `reach` (m) of its aim and makes contact beyond, rehearsed on a grid of 4 mm.
     fn candidate(reach: f64) -> Candidate {
         let steps = || (-6..=6).map(|n| 0.004 * f64::from(n));
         let errors = steps().flat_map(|x| steps().map(move |y| Vector3::new(x, y, 0.0)));
@@ -182,7 +183,8 @@ mod tests {
         Candidate { rehearsed, ..Candidate::new(grasp("ball_45", 1), 1.0) }
     }
 
-    /// A grasp that holds wherever the object may be needs no touch, and neither does one that never holds; one that has to be aimed well does.
+    /// A touch does not pay for a grasp that holds wherever the object may be, nor for one that never holds. It pays
+    /// for one that needs a precise aim.
     #[test]
     fn a_touch_pays_where_the_aim_decides() {
         let belief = Belief::new(&Uncertainty { arm: 0.004, eyes: 0.006, eyes_lasting: 0.5 });
