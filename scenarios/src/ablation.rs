@@ -1,39 +1,39 @@
-//! Ablations: the policy `touch` with one of its means taken away, on the same trials.
+//! Ablations: the policy `touch` with one of its parts removed, on the same trials.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use world::sensing::Sensing;
 
-/// What is taken from the policy `touch`. The condition `reflex` is `touch` without any image.
+/// The part that is removed from the policy `touch`. The condition `reflex` is `touch` without any image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Ablation {
-    /// Everything but the pads of the palm.
+    /// All pads but those of the palm.
     PalmOnly,
-    /// Everything but the pads of the five last phalanges.
+    /// All pads but those of the five distal phalanges.
     Fingertips,
     /// Three of four pads.
     QuarterOfPads,
     /// Resolution: images at a tenth of it along each side.
     CoarseImages,
-    /// Normals, and what feels nothing, in the pose estimate.
+    /// Surface normals and no-contact evidence in the pose estimate.
     PointsOnly,
-    /// Every error of what it believes is in the hand: what no sensing can better.
+    /// All errors of its in-hand pose estimate: an upper bound that no sensing can exceed.
     TruePose,
-    /// Further tries: it decides once.
+    /// Retries: it decides once.
     NoRetry,
-    /// New looks: it tries again where the first look saw the objects.
+    /// New looks: it retries where the first look saw the objects.
     NoNewLook,
-    /// The touch of the second object before it is grasped.
+    /// The exploratory touch of the second object before it is grasped.
     NoExploration,
 }
 
-/// A name that is no ablation's.
+/// Error: no ablation has this name.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("ablation: found `{found}`, expected one of {}", Ablation::ALL.map(Ablation::name).join(", "))]
 pub struct UnknownAblation {
-    /// What was given.
+    /// The name that was given.
     pub found: String,
 }
 
@@ -51,7 +51,7 @@ impl Ablation {
         Self::NoExploration,
     ];
 
-    /// As files and the command line write it.
+    /// Name in files and on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::PalmOnly => "palm_only",
@@ -66,7 +66,7 @@ impl Ablation {
         }
     }
 
-    /// In words.
+    /// Name in words.
     pub fn label(self) -> &'static str {
         match self {
             Self::NoRetry => "touch without retry",
@@ -76,7 +76,7 @@ impl Ablation {
         }
     }
 
-    /// The senses that are left.
+    /// Returns the sensing that remains.
     pub fn sensing(self) -> Sensing {
         match self {
             Self::PalmOnly => Sensing::PalmOnly,

@@ -1,4 +1,4 @@
-//! Combinations of objects, drawn from a scenario.
+//! Combinations of objects drawn from a scenario.
 
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -7,18 +7,18 @@ use serde::{Deserialize, Serialize};
 use crate::generator::split_mix;
 use crate::scenario::Scenario;
 
-/// One object or several, in the order in which they are to be picked up.
+/// Objects of a trial, in the order in which they are to be picked.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Combination {
     /// Position in the draw, from 0.
     pub id: usize,
-    /// Their names.
+    /// Names of the objects.
     pub objects: Vec<String>,
 }
 
-/// The first `n` combinations of all that take one name of each of the scenario's lists, shuffled by `seed`: fewer ones end the draw early, and a
-/// shorter draw is the beginning of a longer one. Where the scenario has objects of a user's own, combinations with them come first, until each
-/// is in one.
+/// Returns the first `n` of all combinations, shuffled by `seed`; a combination takes one name from each of the
+/// scenario's lists. If fewer than `n` combinations exist, the draw ends early. A shorter draw is a prefix of a longer
+/// one. Combinations with the user's own objects come first, until each own object is in one.
 pub fn draw_combinations(scenario: &Scenario, n: usize, seed: u64) -> impl Iterator<Item = Combination> {
     let longer = |all: Vec<Vec<String>>, (_, names): (&str, &[String])| -> Vec<Vec<String>> {
         let with = |before: &Vec<String>| {
@@ -38,7 +38,8 @@ pub fn draw_combinations(scenario: &Scenario, n: usize, seed: u64) -> impl Itera
     all.into_iter().enumerate().map(|(id, objects)| Combination { id, objects })
 }
 
-/// The combinations in their order, but for each of the scenario's own objects in turn that is in none before, the first with it to the front.
+/// Moves combinations to the front: for each of the scenario's own objects that is in none of those moved before, the
+/// first combination that contains it. The rest keep their order.
 fn own_first(scenario: &Scenario, all: Vec<Vec<String>>) -> Vec<Vec<String>> {
     let (mut front, mut rest) = (Vec::<Vec<String>>::new(), all);
     for object in &scenario.object {
@@ -59,7 +60,8 @@ mod tests {
 
     use super::*;
 
-    /// One own object among the benchmark's is in the first combination, whatever the seed; the others are drawn as without the rule.
+    /// Own objects among the benchmark's appear in the first combinations, whatever the seed. The others are drawn as
+    /// without this rule.
     #[test]
     fn own_objects_are_drawn_first() {
         let ball = "mass = 0.1\nfriction = 0.6\nsymmetry = \"full\"\nshape.sphere.diameter = 0.05\n";
@@ -95,7 +97,7 @@ mod tests {
         assert_eq!(draw_combinations(&scenario, 100_000, 1).count(), scenario.combinations());
     }
 
-    /// A combination takes one name of each list that has any, in the lists' order.
+    /// A combination takes one name from each nonempty list, in the lists' order.
     #[test]
     fn a_list_of_one_two_or_three() {
         let benchmark = Scenario::benchmark();

@@ -1,8 +1,8 @@
-//! Disturbances: what happens to a trial beside its noise, as a scenario file's `[disturbance]` tables say.
+//! Disturbances: events in a trial beside its noise, from the `[disturbance]` tables of a scenario file.
 //!
-//! Every kind is optional, and several can be asked for at once. They happen under the conditions `blind` and `touch`, in the
-//! same way in both; `ideal` shows what the plan is worth when nothing goes wrong. What is random in a trial stays its noise:
-//! a disturbance is the same in every trial.
+//! Every kind is optional, and several can be combined. They occur under the conditions `blind` and `touch`, identically in
+//! both; `ideal` shows the worth of the plan when nothing goes wrong. Only the noise of a trial is random: a disturbance is
+//! the same in every trial.
 
 use hand_model::{Digit, Hand};
 use nalgebra::Vector3;
@@ -12,24 +12,24 @@ use serde::{Deserialize, Serialize};
 use world::layout::MOST_OBJECTS;
 use world::phase::{Phase, Skill};
 
-/// One of the two objects.
+/// One of the first two objects.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Which {
-    /// The one picked up first.
+    /// The object picked up first.
     First,
-    /// The other.
+    /// The object picked up second.
     Second,
 }
 
 impl Which {
-    /// 0 or 1.
+    /// Index of the object, 0 or 1.
     pub fn index(self) -> usize {
         self as usize
     }
 }
 
-/// What a push acts on.
+/// Body on which a push acts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Target {
@@ -42,7 +42,7 @@ pub enum Target {
 }
 
 impl Target {
-    /// Index of the object; `None` is the hand.
+    /// Index of the object; `None` for the hand.
     pub fn object(self) -> Option<usize> {
         match self {
             Self::First => Some(0),
@@ -52,65 +52,65 @@ impl Target {
     }
 }
 
-/// When something happens: once a trial, the first time that this part of a phase is over.
+/// Time of an event: once per trial, the first time that this fraction of the phase has passed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Moment {
     pub phase: Phase,
-    /// Part of it that is over, 0 to 1.
+    /// Fraction of the phase that has passed, 0 to 1.
     pub at: f64,
-    /// How long it lasts, s.
+    /// Duration of the event, s.
     pub duration: f64,
 }
 
-/// A force for a while: somebody's hand in between.
+/// A force for a limited time, as when somebody's hand gets in the way.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Push {
     pub on: Target,
-    /// N, world axes.
+    /// Force in world axes, N.
     pub force: [f64; 3],
-    /// See [`Moment`].
+    /// Phase in which it begins; see [`Moment`].
     pub phase: Phase,
-    /// See [`Moment`].
+    /// Fraction of that phase that has passed when it begins, 0 to 1; see [`Moment`].
     pub at: f64,
-    /// See [`Moment`].
+    /// Duration, s; see [`Moment`].
     pub duration: f64,
 }
 
 impl Push {
-    /// When.
+    /// Time of the push.
     pub fn moment(&self) -> Moment {
         Moment { phase: self.phase, at: self.at, duration: self.duration }
     }
 }
 
-/// A held object that is tugged, or becomes slippery, for a while.
+/// Slip of a held object: for a while it is tugged, or its friction drops.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Slip {
     pub object: Which,
-    /// What its friction is multiplied by.
+    /// Factor on the object's friction.
     pub friction: f64,
-    /// The tug, N, world axes.
+    /// Tug in world axes, N.
     pub force: [f64; 3],
-    /// See [`Moment`].
+    /// Phase in which it begins; see [`Moment`].
     pub phase: Phase,
-    /// See [`Moment`].
+    /// Fraction of that phase that has passed when it begins, 0 to 1; see [`Moment`].
     pub at: f64,
-    /// See [`Moment`].
+    /// Duration, s; see [`Moment`].
     pub duration: f64,
-    /// Whether the policy `touch` may raise tensions when it feels a slip.
+    /// True if the policy `touch` may raise tensions when it feels slip.
     pub reaction: bool,
 }
 
 impl Slip {
-    /// When.
+    /// Time of the slip.
     pub fn moment(&self) -> Moment {
         Moment { phase: self.phase, at: self.at, duration: self.duration }
     }
 }
 
-/// Prior perception that errs: by `offset` in every look at the object until the hand has touched it.
+/// Biased prior perception: `offset` is added to every look at the object until the hand has touched it.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WrongPosition {
@@ -119,51 +119,52 @@ pub struct WrongPosition {
     pub offset: [f64; 3],
 }
 
-/// An object of another size than the control stack believes.
+/// An object whose size differs from the size that the control stack assumes.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WrongSize {
     pub object: Which,
-    /// True size over the believed one.
+    /// True size divided by assumed size.
     pub factor: f64,
 }
 
-/// Balls of other sizes, one after the other. Their size is known; their grasps are those of the ball they replace.
+/// Balls of different sizes, one after the other. Their size is known; they are grasped with the grasps of the ball
+/// they replace.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SizeSweep {
-    /// Which object; all its names in the scenario must be balls.
+    /// The object to be replaced; all its names in the scenario must be balls.
     pub object: Which,
-    /// m.
+    /// Diameters, m.
     pub diameters: Vec<f64>,
 }
 
 impl SizeSweep {
-    /// Diameter of the ball in trial `trial`, m: over and over from the beginning.
+    /// Returns the diameter of the ball in trial `trial`, m; the list repeats cyclically.
     pub fn diameter(&self, trial: usize) -> f64 {
         self.diameters[trial % self.diameters.len()]
     }
 }
 
-/// Digits without power, and a control stack that knows it.
+/// Digits without power, of which the control stack knows.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DisabledDigits {
-    /// Which.
+    /// The unpowered digits.
     pub digits: Vec<Digit>,
 }
 
-/// Pads whose cameras have failed from the beginning.
+/// Pads whose cameras have failed from the beginning of the trial.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BlindPads {
-    /// Their names, such as `ring_distal`.
+    /// Names of the pads, such as `ring_distal`.
     pub pads: Vec<String>,
-    /// What comes instead of images.
+    /// Failure mode of their cameras.
     pub frames: Blindness,
 }
 
-/// All that happens beside noise.
+/// All disturbances of a scenario.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Disturbances {
@@ -183,21 +184,21 @@ pub struct Disturbances {
     pub blind_pads: Option<BlindPads>,
 }
 
-/// A value that no trial can be run with: field, what was found, what was expected.
+/// Invalid value: field, value found, value expected.
 pub type Fault = (String, String, String);
 
 impl Disturbances {
-    /// Whether nothing happens.
+    /// True if there is no disturbance.
     pub fn is_none(&self) -> bool {
         *self == Self::default()
     }
 
-    /// Digits without power.
+    /// Returns the digits without power.
     pub fn disabled(&self) -> &[Digit] {
         self.disabled_digits.as_ref().map_or(&[], |disabled| &disabled.digits)
     }
 
-    /// The fields that name an object, with its index.
+    /// Returns the fields that name an object, each with the object's index.
     pub(crate) fn objects(&self) -> Vec<(&'static str, usize)> {
         let all = [
             ("push.on", self.push.as_ref().and_then(|push| push.on.object())),
@@ -209,7 +210,7 @@ impl Disturbances {
         all.into_iter().filter_map(|(field, index)| Some((field, index?))).collect()
     }
 
-    /// True size over the model's size of each object.
+    /// Returns the true size of each object divided by its model's size.
     pub fn sizes(&self) -> [f64; MOST_OBJECTS] {
         let mut sizes = [1.0; MOST_OBJECTS];
         if let Some(wrong) = self.wrong_size {
@@ -218,7 +219,7 @@ impl Disturbances {
         sizes
     }
 
-    /// What no trial can be run with.
+    /// Checks every value and returns the first that no trial can be run with.
     pub(crate) fn check(&self) -> Result<(), Fault> {
         if let Some(push) = &self.push {
             check_moment("push", &push.moment())?;
@@ -262,10 +263,10 @@ impl Disturbances {
         Ok(())
     }
 
-    /// Whether `hand` has the pads that are named.
+    /// Checks that `hand` has the pads that are named.
     ///
     /// # Errors
-    /// The field, what it says, and what would be right.
+    /// The field, the value found, and the values that would be valid.
     pub fn check_pads(&self, hand: &Hand) -> Result<(), Fault> {
         if let Some(BlindPads { pads, .. }) = &self.blind_pads {
             let names: Vec<&str> = hand.pads.iter().map(|pad| pad.name.as_str()).collect();
@@ -286,7 +287,7 @@ fn check_range(field: &str, value: f64, [low, high]: [f64; 2]) -> Result<(), Fau
 }
 
 fn check_vector(field: &str, value: &[f64; 3], most: f64, unit: &str) -> Result<(), Fault> {
-    // A value that is not a number has no norm below the limit.
+    // NaN fails this comparison and is refused.
     if Vector3::from(*value).norm() <= most {
         return Ok(());
     }
@@ -296,7 +297,7 @@ fn check_vector(field: &str, value: &[f64; 3], most: f64, unit: &str) -> Result<
 fn check_moment(kind: &str, moment: &Moment) -> Result<(), Fault> {
     check_range(&format!("disturbance.{kind}.at"), moment.at, [0.0, 1.0])?;
     check_range(&format!("disturbance.{kind}.duration"), moment.duration, [0.01, 30.0])?;
-    // These last as long as a decision does: they have no parts.
+    // These phases last as long as a decision does, so they have no fractions.
     let phase = moment.phase;
     if phase.waits() && !matches!(phase.skill, Skill::Begin | Skill::Palpate) || phase.object > 1 {
         let expected = "a phase in which the robot acts, in a trial with two objects";

@@ -1,8 +1,8 @@
-//! Effects: what a real table, hand, arm and camera do that an ideal one does not, as a scenario file's `[effects]` tables say.
+//! Effects: imperfections of a real table, hand, arm and camera, from the `[effects]` tables of a scenario file.
 //!
-//! An effect that a file does not name is off. With all of them off, pads feel objects only, cables run free, eyes err anew at
-//! each look, and decisions take no time. What is random in an effect is drawn from a stream of its own
-//! ([`Effect::stream`]), so that one effect switched off leaves the draws of the others as they are.
+//! An effect that a file does not name is off. With all effects off, pads feel objects only, cables run without friction,
+//! vision errors are independent at each look, and decisions take no time. The random part of an effect is drawn from a
+//! stream of its own ([`Effect::stream`]), so that switching one effect off leaves the draws of the others unchanged.
 
 use hand_model::arm::MOST_ARM_JOINTS;
 use plant::draws::{gaussian, vector};
@@ -14,33 +14,33 @@ use serde::{Deserialize, Serialize};
 
 use crate::generator::trial_rng;
 
-/// Every effect, by its table's name.
+/// The effects, named after their tables.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Effect {
-    /// Pads feel fingers, palm and table, and idle frames are noisy.
+    /// Pads feel fingers, palm and table, and their idle frames are noisy.
     Pads,
-    /// Covers give way as the gel does.
+    /// Pad covers yield viscoelastically, as gel does.
     Gel,
-    /// Cables rub in their guides and gears have play.
+    /// Cables rub in their guides, and gears have backlash.
     Cables,
-    /// Vision errs in ways that last, and does not see everything.
+    /// Vision has persistent errors, and does not see everything.
     Eyes,
-    /// The arm errs by its encoders, its mount and its load.
+    /// The arm has errors of its encoders, its mount and its payload.
     Arm,
-    /// Individuals differ from their models.
+    /// Individual objects differ from their models.
     Objects,
-    /// There is a floor under the table.
+    /// A floor lies under the table.
     Floor,
-    /// Frames and decisions take time.
+    /// Frames and decisions have latency.
     Time,
 }
 
-/// A name that is no effect's.
+/// Error: no effect has this name.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("effect: found `{found}`, expected one of {}", Effect::ALL.map(Effect::name).join(", "))]
 pub struct UnknownEffect {
-    /// What was given.
+    /// The name that was given.
     pub found: String,
 }
 
@@ -49,7 +49,7 @@ impl Effect {
     pub const ALL: [Self; 8] =
         [Self::Pads, Self::Gel, Self::Cables, Self::Eyes, Self::Arm, Self::Objects, Self::Floor, Self::Time];
 
-    /// As files and the command line write it.
+    /// Name in files and on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Pads => "pads",
@@ -63,7 +63,7 @@ impl Effect {
         }
     }
 
-    /// The generator of this effect's draws in one trial: another stream of the trial's generator.
+    /// Returns the generator of this effect's draws in one trial: a separate stream of the trial's generator.
     pub fn stream(self, seed: u64, combination: usize, trial: usize) -> ChaCha8Rng {
         let mut rng = trial_rng(seed, combination, trial);
         rng.set_stream(1 + self as u64);
@@ -86,68 +86,71 @@ impl std::str::FromStr for Effect {
     }
 }
 
-/// What pads show beside the objects that press into them.
+/// Sensor effects of pads, beside the objects that press into them.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Pads {
-    /// Fingers, palm and table press into pads too.
+    /// True if fingers, palm and table press into pads too.
     pub self_contact: bool,
-    /// Drift of an untouched pad's brightness (lamps and exposure warm up): standard deviation of its rate, share a minute.
+    /// Brightness drift of an untouched pad (lamps and exposure warm up): standard deviation of its relative rate,
+    /// 1/min.
     pub drift: f64,
-    /// Age of the frame that serves as the background when a trial begins, s.
+    /// Age of the background frame when a trial begins, s.
     pub background_age: f64,
 }
 
 impl Pads {
-    /// How fast the brightness of each of `cameras` cameras drifts in one trial, share a minute.
+    /// Draws the brightness drift rates of `cameras` cameras in one trial, relative, 1/min.
     pub fn draw_rates(&self, cameras: usize, rng: &mut impl Rng) -> Vec<f64> {
         (0..cameras).map(|_| self.drift * rng.sample::<f64, _>(StandardNormal)).collect()
     }
 }
 
-/// What cables and gears do beside pulling.
+/// Friction and backlash of cables and gears.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Cables {
-    /// Friction of cable on guide, times the coefficient in the hand's data file.
+    /// Factor on the friction coefficient between cable and guide in the hand's data file.
     pub friction: f64,
-    /// Play of the servo's gear, rad at its output.
+    /// Backlash of the servo's gear, rad at its output.
     pub backlash: f64,
 }
 
-/// Prior perception beside its Gaussian errors.
+/// Prior perception (vision), beside its Gaussian errors.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Eyes {
-    /// Share of the variance of the errors in `[noise.perception]` that lasts over all looks of a trial and is the same for all
+    /// Share of the error variance in `[noise.perception]` that persists over all looks of a trial and is common to all
     /// objects: the camera's own pose is not known better.
     pub lasting: f64,
-    /// Tilt error about each horizontal axis, standard deviation, rad, new at each look.
+    /// Standard deviation of the tilt error about each horizontal axis, rad; new at each look.
     pub tilt_sigma: f64,
-    /// Probability that a look takes an object for lying in another of its resting poses.
+    /// Probability that a look reports an object in another of its resting poses.
     pub mistaken: f64,
-    /// Age of what is reported, s.
+    /// Latency: age of a report, s.
     pub latency: f64,
-    /// Where the camera is, m, world.
+    /// Position of the camera in the world frame, m.
     pub camera: [f64; 3],
 }
 
-/// How the arm errs; in the place of `[noise.execution]`.
+/// Errors of the arm; they replace `[noise.execution]`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ArmErrors {
-    /// Offsets of the joints' encoders, standard deviation, rad.
+    /// Standard deviation of the joint encoders' offsets, rad.
     pub encoder_sigma: f64,
-    /// Position of the hand on its flange, standard deviation of each axis, m.
+    /// Standard deviation of the hand's position on its flange, each axis, m.
     pub mount_position_sigma: f64,
-    /// Its turn, standard deviation about each axis, rad.
+    /// Standard deviation of the hand's orientation on its flange, about each axis, rad.
     pub mount_rotation_sigma: f64,
-    /// Mass at the palm that gravity compensation does not know, standard deviation, kg.
+    /// Standard deviation of the payload at the palm that gravity compensation does not know, kg.
     pub payload_sigma: f64,
 }
 
 impl ArmErrors {
-    /// Draws an arm, with offsets for the most joints that one can have: the rest is drawn alike for all arms. Gaussians cut at three standard deviations; of the payload, which nobody takes away, the absolute value.
+    /// Draws the defects of an arm: Gaussians truncated at three standard deviations, and the absolute value for the
+    /// payload, which is an added mass. Encoder offsets are drawn for [`MOST_ARM_JOINTS`] joints, so that the remaining
+    /// draws are the same for all arms.
     pub fn draw(&self, rng: &mut ChaCha8Rng) -> ArmDefects {
         ArmDefects {
             encoders: (0..MOST_ARM_JOINTS).map(|_| gaussian(rng) * self.encoder_sigma).collect(),
@@ -158,20 +161,20 @@ impl ArmErrors {
     }
 }
 
-/// How individuals differ from their models: standard deviations as shares.
+/// Spread of individual objects about their models: relative standard deviations.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Individuals {
-    /// Of the mass.
+    /// Relative standard deviation of the mass.
     pub mass_sigma: f64,
-    /// Of the friction coefficient.
+    /// Relative standard deviation of the friction coefficient.
     pub friction_sigma: f64,
-    /// Of the size, the same along all axes.
+    /// Relative standard deviation of the size, the same along all axes.
     pub size_sigma: f64,
 }
 
 impl Individuals {
-    /// Draws an object: Gaussians cut at three standard deviations.
+    /// Draws an object: Gaussians truncated at three standard deviations.
     pub fn draw(&self, rng: &mut ChaCha8Rng) -> Individual {
         let Self { mass_sigma, friction_sigma, size_sigma } = *self;
         let [mass, friction, size] = [mass_sigma, friction_sigma, size_sigma].map(|sigma| 1.0 + gaussian(rng) * sigma);
@@ -183,21 +186,22 @@ impl Individuals {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Floor {
-    /// Height of its surface, m; the table's top is at 0.
+    /// Height of the floor's surface, m; the top of the table is at 0.
     pub height: f64,
 }
 
-/// What thinking and looking take.
+/// Latencies of frames and decisions.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TimeBudget {
-    /// From a camera's exposure to its frame in the controller, s.
+    /// Latency from a camera's exposure to the arrival of its frame in the controller, s.
     pub frame: f64,
-    /// A decision that is made from measurements, s: the simulated robot waits so long, however long it took.
+    /// Duration of a decision from measurements, s. The simulated robot waits this long, however long the computation
+    /// took.
     pub decision: f64,
 }
 
-/// The effects of a scenario; what is `None` is off.
+/// The effects of a scenario; `None` means off.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Effects {
@@ -228,7 +232,7 @@ pub struct Effects {
 }
 
 impl Effects {
-    /// The same without `effect`.
+    /// Returns the effects without `effect`.
     #[must_use]
     pub fn without(mut self, effect: Effect) -> Self {
         match effect {
@@ -244,7 +248,7 @@ impl Effects {
         self
     }
 
-    /// The same with the arm's and the eyes' own standard deviations times `factor`.
+    /// Returns the effects with the arm's and the eyes' own standard deviations multiplied by `factor`.
     #[must_use]
     pub fn scaled(mut self, factor: f64) -> Self {
         if let Some(eyes) = &mut self.eyes {
@@ -259,7 +263,7 @@ impl Effects {
         self
     }
 
-    /// What goes wrong whatever [`Self::scaled`] does, in words.
+    /// Describes in words the effects that [`Self::scaled`] leaves unchanged.
     pub fn unscaled(&self) -> Vec<String> {
         let mut words = Vec::new();
         if let Some(pads) = &self.pads {
@@ -288,7 +292,7 @@ impl Effects {
         words
     }
 
-    /// What a file has wrong: field, found, expected.
+    /// Checks all values. The error is the first invalid one: field, found, expected.
     pub(crate) fn check(&self) -> Result<(), (String, String, String)> {
         let mut values: Vec<(&str, f64, [f64; 2])> = Vec::new();
         if let Some(Pads { drift, background_age, .. }) = self.pads {
@@ -369,7 +373,8 @@ mod tests {
         }
     }
 
-    /// 3000 draws: the mean within 4 standard errors of 0, the standard deviation within 6 % (4.6 of its own) of what is stated.
+    /// From 3000 draws, the mean is within 4 standard errors of 0, and the standard deviation within 6 % (4.6 of its
+    /// own) of the stated one.
     #[test]
     fn cameras_drift_as_stated() {
         let pads = Pads { self_contact: false, drift: 0.02, background_age: 0.0 };
@@ -383,7 +388,8 @@ mod tests {
         assert_eq!(Pads { drift: 0.0, ..pads }.draw_rates(18, &mut Effect::Pads.stream(1, 0, 0)), [0.0; 18]);
     }
 
-    /// `--noise-scale 0` once said that all errors were scaled, while objects still differed from their models.
+    /// Regression: `--noise-scale 0` once said that all errors were scaled, while objects still differed from their
+    /// models.
     #[test]
     fn what_a_scale_leaves_is_said() {
         let scaled = crate::Scenario::benchmark().effects.scaled(0.0);

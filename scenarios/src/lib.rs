@@ -1,12 +1,14 @@
-//! The benchmark's rules: what is done, and how it is judged.
+//! Rules of the benchmark: the trials, and how they are judged.
 //!
-//! A [`scenario`] file says which objects of [`world`] come first and second, where they stand and how a trial goes, and
-//! [`combination`] draws pairs. [`noise`] draws the errors of a trial, [`sight`] what an object detector makes of the
-//! scene; [`effects`] are what reality adds to an ideal robot, with the draws of the [`plant`]'s hidden parameters, and [`disturbance`] says what is done to a
-//! trial on purpose. The [`referee`] judges a trial from ground truth, by the phases that the controller reports or that [`stages`] reads
-//! from the scene. A [`record::TrialRecord`] keeps the result and a [`tries::TryRecord`] that of each try, an [`record::AblatedTrial`]
-//! that of a trial with fewer means ([`ablation`]); [`summary`] sums them up. [`transport`] says which balls are to be carried, as many
-//! as fit at once.
+//! A [`scenario`] file lists the objects of [`world`] that come first and second, their layout, and the protocol of a trial;
+//! [`combination`] draws pairs of them. [`noise`] draws the errors of a trial, and [`sight`] turns the scene into the reports
+//! of an object detector. [`effects`] are the imperfections of a real robot that an ideal one does not have, with draws of
+//! the [`plant`]'s hidden parameters; a [`disturbance`] is a deliberate intervention in a trial.
+//!
+//! The [`referee`] judges a trial from ground truth, by the phases that the controller reports or that [`stages`] infers from
+//! the scene. A [`record::TrialRecord`] stores the result of a trial, a [`tries::TryRecord`] that of each try, and a
+//! [`record::AblatedTrial`] that of a trial under an [`ablation`]; [`summary`] aggregates them. [`transport`] describes tasks
+//! in which balls are carried, as many at once as the hand can hold.
 
 pub mod ablation;
 pub mod combination;

@@ -1,7 +1,7 @@
-//! What goes wrong: constant execution error of the arm and perception error of each object, drawn once a trial.
+//! Noise: a constant execution error of the arm and a perception error of each object, drawn once per trial.
 //!
-//! A trial's generator depends on nothing but the seed, the combination and the trial: not on the thread, the order of the
-//! trials or the condition, so that `blind` and `touch` meet the same errors.
+//! The generator of a trial depends only on the seed, the combination and the trial. It does not depend on the thread, the
+//! order of the trials or the condition, so that `blind` and `touch` meet the same errors.
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector2, Vector3};
 use rand::Rng;
@@ -13,40 +13,40 @@ use plant::draws::{gaussian, vector};
 use plant::{ArmDefects, Individual};
 use world::layout::{Layout, MOST_OBJECTS, Shift};
 
-/// Standard deviations of the arm's constant error.
+/// Standard deviations of the arm's constant execution error.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ExecutionNoise {
-    /// m, each axis.
+    /// Position, each axis, m.
     pub position_sigma: f64,
-    /// rad, each axis.
+    /// Rotation, about each axis, rad.
     pub rotation_sigma: f64,
 }
 
-/// Standard deviations of an object's pose as vision gives it.
+/// Standard deviations of the error of an object's pose as vision reports it.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PerceptionNoise {
-    /// m, each of x and y.
+    /// Position, each of x and y, m.
     pub xy_sigma: f64,
-    /// m.
+    /// Height, m.
     pub z_sigma: f64,
-    /// rad, about the vertical.
+    /// Rotation about the vertical, rad.
     pub yaw_sigma: f64,
 }
 
-/// How much noise there is.
+/// Levels of execution and perception noise.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct NoiseLevels {
-    /// Of the arm.
+    /// Execution noise of the arm.
     pub execution: ExecutionNoise,
-    /// Of each object.
+    /// Perception noise of each object.
     pub perception: PerceptionNoise,
 }
 
 impl NoiseLevels {
-    /// All standard deviations times `factor`.
+    /// Returns the levels with all standard deviations multiplied by `factor`.
     #[must_use]
     pub fn scaled(self, factor: f64) -> Self {
         let Self { execution, perception } = self;
@@ -64,30 +64,30 @@ impl NoiseLevels {
     }
 }
 
-/// What vision takes an object for that lies otherwise.
+/// Wrong resting pose in which vision reports an object.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Mistaken {
-    /// Reported in the place of the true orientation.
+    /// Orientation reported instead of the true one.
     pub rotation: UnitQuaternion<f64>,
-    /// By how much higher the centre of an object is that really lies so, m.
+    /// Height of the object's centre in the reported resting pose less that in the true one, m.
     pub rise: f64,
 }
 
-/// Perceived minus true pose of one object.
+/// Perception error of one object: perceived minus true pose.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct ObjectNoise {
-    /// m, world axes.
+    /// Position error in world axes, m.
     pub offset: Vector3<f64>,
-    /// rad, about the world's z through the object's origin.
+    /// Rotation about the world's z axis through the object's origin, rad.
     pub yaw: f64,
-    /// Rotation vector of the tilt, rad, about the world's x and y through the object's origin.
+    /// Rotation vector of the tilt about the world's x and y axes through the object's origin, rad.
     pub tilt: Vector2<f64>,
-    /// The way to lie that the object is taken to be in, if it is the wrong one.
+    /// Resting pose that is wrongly reported, if any.
     pub mistaken: Option<Mistaken>,
 }
 
 impl ObjectNoise {
-    /// `world_from_object` as vision gives it.
+    /// Returns the perceived pose, `world_from_object`, given the true one.
     pub fn perceived(&self, world_from_object: &Isometry3<f64>) -> Isometry3<f64> {
         let mut position = world_from_object.translation.vector + self.offset;
         let mut rotation = world_from_object.rotation;
@@ -103,25 +103,25 @@ impl ObjectNoise {
     }
 }
 
-/// What is random in one trial: errors of the arm and of perception, and where the objects really stand.
+/// Random part of one trial: errors of the arm and of perception, and the true places and properties of the objects.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct TrialNoise {
-    /// Added to where the palm is sent, m, world axes.
+    /// Position error of the palm, added to its commanded position, world axes, m.
     pub position: Vector3<f64>,
-    /// Rotation vector by which the palm is turned, about its own origin, rad, world axes.
+    /// Rotation error of the palm: rotation vector about the palm's own origin, world axes, rad.
     pub rotation: Vector3<f64>,
-    /// Of each object, in the order in which they are taken.
+    /// Perception error of each object, in the order in which they are picked.
     pub objects: [ObjectNoise; MOST_OBJECTS],
-    /// Of each object, from the place that the plan was made for. Not an error: perception sees it.
+    /// Shift of each object from the place for which the plan was made. It is not an error: perception sees it.
     pub shifts: [Shift; MOST_OBJECTS],
-    /// Of the arm, in the place of the constant error.
+    /// Defects of the arm, which replace the constant error.
     pub arm: ArmDefects,
-    /// The objects as they really are.
+    /// True mass, friction and size of the objects relative to their models.
     pub individuals: [Individual; MOST_OBJECTS],
 }
 
 impl TrialNoise {
-    /// No errors: the condition `ideal`.
+    /// Returns no errors: the condition `ideal`.
     pub fn none() -> Self {
         Self {
             position: Vector3::zeros(),
@@ -133,7 +133,8 @@ impl TrialNoise {
         }
     }
 
-    /// Draws the errors of a trial of `count` objects: Gaussian, cut at three standard deviations. The objects stand in their places.
+    /// Draws the errors of a trial of `count` objects: Gaussian, truncated at three standard deviations. The objects
+    /// stand in their nominal places.
     pub fn draw(levels: &NoiseLevels, count: usize, rng: &mut ChaCha8Rng) -> Self {
         let NoiseLevels { execution, perception } = levels;
         let position = vector(rng, execution.position_sigma);
@@ -148,7 +149,8 @@ impl TrialNoise {
         Self { position, rotation, objects, ..Self::none() }
     }
 
-    /// The same with what the effects `arm` and `objects` draw for this trial; the arm's errors take the place of the constant one.
+    /// Returns the noise with the draws of the effects `arm` and `objects` for this trial. The arm's errors replace the
+    /// constant one.
     #[must_use]
     pub fn with_effects(mut self, effects: &Effects, seed: u64, combination: usize, trial: usize) -> Self {
         if let Some(errors) = &effects.arm {
@@ -162,7 +164,7 @@ impl TrialNoise {
         self
     }
 
-    /// The same errors where the object that was second is the first.
+    /// Returns the same errors with the first and the second object exchanged.
     #[must_use]
     pub fn in_other_order(mut self) -> Self {
         self.objects.swap(0, 1);
@@ -171,7 +173,7 @@ impl TrialNoise {
         self
     }
 
-    /// Where the palm really goes when it is sent to `world_from_palm`.
+    /// Returns the palm pose that results from the command `world_from_palm`.
     pub fn executed(&self, world_from_palm: &Isometry3<f64>) -> Isometry3<f64> {
         Isometry3::from_parts(
             Translation3::from(world_from_palm.translation.vector + self.position),
@@ -180,13 +182,13 @@ impl TrialNoise {
     }
 }
 
-/// Evenly from (0, 1), 53 bits.
+/// Draws uniformly from (0, 1), with 53 bits.
 pub(crate) fn uniform(rng: &mut ChaCha8Rng) -> f64 {
     ((rng.next_u64() >> 11) as f64 + 0.5) / (1_u64 << 53) as f64
 }
 
-/// Offsets of the `count` objects of one trial from their places: uniform within the layout's spread. Nothing is drawn from `rng` where there is
-/// no spread.
+/// Draws the offsets of the `count` objects of one trial from their nominal places: uniform within the layout's spread.
+/// Draws nothing from `rng` if there is no spread.
 pub fn draw_shifts(layout: &Layout, count: usize, rng: &mut ChaCha8Rng) -> [Shift; MOST_OBJECTS] {
     let Layout { spread_xy, spread_yaw, .. } = *layout;
     if spread_xy == 0.0 && spread_yaw == 0.0 {
@@ -267,7 +269,7 @@ mod tests {
                 }
             }
         }
-        // The largest of 400 even draws is within a few per cent of the spread.
+        // The largest of 400 uniform draws is within a few per cent of the spread.
         for (most, spread) in farthest.into_iter().zip([0.01, 0.01, 0.5]) {
             assert!(most <= spread && most > 0.95 * spread, "{most} of {spread}");
         }

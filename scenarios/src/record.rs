@@ -1,4 +1,4 @@
-//! What is kept of a trial, and `trials.csv`.
+//! Records of trials, and `trials.csv`.
 
 use std::io::{Read, Write};
 
@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use crate::ablation::Ablation;
 use crate::referee::{ContactWith, FailureCause};
 
-/// The conditions of the benchmark.
+/// Experimental conditions of the benchmark.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Condition {
@@ -16,11 +16,11 @@ pub enum Condition {
     Ideal,
     /// Noise, policy `blind`.
     Blind,
-    /// The same noise, policy `touch` without any tactile image: it looks and tries again by encoders and currents.
+    /// The same noise, policy `touch` without tactile images: it looks and tries again by encoders and currents.
     Reflex,
     /// The same noise, policy `touch`.
     Touch,
-    /// The same noise, a policy of the user's own.
+    /// The same noise, the user's own policy.
     Own,
 }
 
@@ -28,13 +28,13 @@ impl Condition {
     /// All conditions in order.
     pub const ALL: [Self; 5] = [Self::Ideal, Self::Blind, Self::Reflex, Self::Touch, Self::Own];
 
-    /// Those that come with the program.
+    /// Conditions that come with the program.
     pub const BUILT_IN: [Self; 4] = [Self::Ideal, Self::Blind, Self::Reflex, Self::Touch];
 
-    /// Those of a trial with noise.
+    /// Conditions with noise.
     pub const NOISY: [Self; 4] = [Self::Blind, Self::Reflex, Self::Touch, Self::Own];
 
-    /// As files and the command line write it.
+    /// Name in files and on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Ideal => "ideal",
@@ -46,7 +46,7 @@ impl Condition {
     }
 }
 
-/// No condition has that name.
+/// Error: no condition has this name.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("condition: found {found}, expected one of {}", Condition::ALL.map(Condition::name).join(", "))]
 pub struct UnknownCondition {
@@ -68,10 +68,10 @@ impl std::fmt::Display for Condition {
     }
 }
 
-/// Which trial, under which condition. The order is that of `trials.csv`.
+/// Key of a trial under one condition. Its order is that of `trials.csv`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct TrialId {
-    /// [`crate::Combination::id`].
+    /// Number of the combination, [`crate::Combination::id`].
     pub combination: usize,
     /// Number of the trial within its combination, from 0.
     pub trial: usize,
@@ -85,11 +85,11 @@ impl std::fmt::Display for TrialId {
     }
 }
 
-/// One trial under one condition: a row of `trials.csv`, whose columns stand in this order. All but
-/// `decision_ms` are the same at every repetition.
+/// One trial under one condition: a row of `trials.csv`, whose columns are in this order. All columns but `decision_ms`
+/// are the same in every repetition.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct TrialRecord {
-    /// [`crate::Combination::id`].
+    /// Number of the combination, [`crate::Combination::id`].
     pub combination: usize,
     /// Number of the trial within its combination, from 0.
     pub trial: usize,
@@ -99,64 +99,65 @@ pub struct TrialRecord {
     pub first: String,
     /// Name of the second object; empty in a trial of one.
     pub second: String,
-    /// Whether there was an unwanted contact in any try.
+    /// True if there was an unwanted contact in any try.
     pub contact: bool,
-    /// With what the first one was.
+    /// Kind of the first unwanted contact.
     pub contact_with: Option<ContactWith>,
-    /// When it was, s since the trial began.
+    /// Start of the first unwanted contact, s since the trial began.
     pub contact_s: Option<f64>,
-    /// Its greatest force, N.
+    /// Greatest force of the first unwanted contact, N.
     pub contact_n: Option<f64>,
-    /// Whether all objects were held at the end.
+    /// True if all objects were held at the end.
     pub success: bool,
     /// Success without any unwanted contact.
     pub clean_success: bool,
-    /// Why not; empty on success.
+    /// Cause of the failure; empty on success.
     pub cause: Option<FailureCause>,
-    /// Whether the policy left the planned strategy.
+    /// True if the policy left the planned strategy.
     pub switched: bool,
-    /// How often a grasp was tried again.
+    /// Number of retries of a grasp.
     pub retries: u32,
-    /// Why the policy switched and tried again, or did not.
+    /// Reason of the policy for switching strategy and retrying, or for not doing so.
     pub reason: String,
-    /// What was done to the trial beside noise; tables from before disturbances lack it.
+    /// Disturbance applied to the trial beside its noise; missing in tables from before disturbances existed.
     #[serde(default)]
     pub disturbance: String,
-    /// Probability that the planned second grasp ends in an unwanted contact, as predicted at the first decision.
+    /// Predicted probability that the planned second grasp ends in an unwanted contact, at the first decision.
     pub risk: Option<f64>,
-    /// Distance between the first object, as felt in the hand at the first decision, and the second one in its place at the planned grasp,
-    /// mm; negative where they overlap, which is a predicted collision. None where the first object was not felt; tables without this
-    /// column have none.
+    /// Predicted separation at the planned second grasp, mm: the distance between the first object, as felt in the hand
+    /// at the first decision, and the second object in its place. Negative if they overlap, which is a predicted
+    /// collision. None if the first object was not felt, and in tables without this column.
     #[serde(default)]
     pub plan_separation_mm: Option<f64>,
-    /// The same at the second grasp that was chosen; none where the policy does not choose, or declined.
+    /// Predicted separation at the second grasp that was chosen, mm; none if the policy does not choose, or declined.
     #[serde(default)]
     pub chosen_separation_mm: Option<f64>,
     /// Distance between the estimated and the true position of the first object in the hand, mm.
     pub pose_error_mm: Option<f64>,
-    /// Angle between the estimated and the true orientation, given the object's symmetry, deg.
+    /// Angle between the estimated and the true orientation of the first object, modulo its symmetry, deg.
     pub pose_error_deg: Option<f64>,
-    /// The same distance for the plan's guess, before touch, mm.
+    /// Position error of the prior, the plan's guess before touch, mm.
     pub prior_error_mm: Option<f64>,
-    /// Simulated (on hardware: real) time of the trial, s.
+    /// Duration of the trial, s: simulated time or, on hardware, real time.
     pub sim_seconds: f64,
     /// Wall-clock time from the tactile images to the choice of a strategy, ms.
     pub decision_ms: Option<f64>,
-    /// Name of the third object. The column is there where trials have one.
+    /// Name of the third object. The column exists if trials have one.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub third: String,
-    /// Pose errors of the objects after the first in the hand. The column is there where trials have a third object.
+    /// Pose errors in the hand of the objects after the first. The column exists if trials have a third object.
     #[serde(default, skip_serializing_if = "PoseErrors::is_empty")]
     pub later_pose_errors: PoseErrors,
 }
 
-/// Pose errors of several objects in the hand, mm and deg; none of one that was not felt there. In words the numbers of one after the other, `-` for none.
+/// Pose errors of several objects in the hand, `[mm, deg]` each; none for an object that was not felt. As text, the
+/// numbers follow one another, with `-` for none.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(into = "String", try_from = "String")]
 pub struct PoseErrors(pub Vec<Option<[f64; 2]>>);
 
 impl PoseErrors {
-    /// Of no object.
+    /// True if there is no entry.
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
@@ -185,12 +186,12 @@ impl TryFrom<String> for PoseErrors {
 }
 
 impl TrialRecord {
-    /// What `trials.csv` is sorted by.
+    /// Returns the sort key of `trials.csv`.
     pub fn id(&self) -> TrialId {
         TrialId { combination: self.combination, trial: self.trial, condition: self.condition }
     }
 
-    /// Names of the objects, in the order in which they were taken.
+    /// Returns the names of the objects, in the order in which they were picked.
     pub fn objects(&self) -> Vec<&str> {
         [&self.first, &self.second, &self.third]
             .into_iter()
@@ -200,19 +201,19 @@ impl TrialRecord {
     }
 }
 
-/// A trial of the policy `touch` with one of its means taken away: a row of `ablations.csv`.
+/// Trial of the policy `touch` under an ablation: a row of `ablations.csv`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct AblatedTrial {
-    /// What was taken away.
+    /// The ablation: the part of the policy that was removed.
     pub ablation: Ablation,
-    /// How it went.
+    /// Result of the trial.
     pub record: TrialRecord,
 }
 
-/// What can be wrong with a table of trials.
+/// Errors of reading or writing a table of trials.
 #[derive(Debug, thiserror::Error)]
 pub enum RecordError {
-    /// Not a table of trials; the message names the line and the field.
+    /// The text is not a table of trials; the message names the line and the field.
     #[error("trials table: {0}")]
     Table(#[from] csv::Error),
     /// The table could not be read or written.
@@ -220,7 +221,7 @@ pub enum RecordError {
     Io(#[from] std::io::Error),
 }
 
-/// Writes a header and a row per record, sorted by [`TrialRecord::id`].
+/// Writes a header and one row per record, sorted by [`TrialRecord::id`].
 pub fn write_trials(records: &[TrialRecord], to: impl Write) -> Result<(), RecordError> {
     let mut sorted: Vec<&TrialRecord> = records.iter().collect();
     sorted.sort_by_key(|record| record.id());
@@ -235,7 +236,7 @@ pub fn write_trials(records: &[TrialRecord], to: impl Write) -> Result<(), Recor
     Ok(())
 }
 
-/// Writes a header and a row per trial: what was taken away, and then the columns of `trials.csv`.
+/// Writes a header and one row per trial: the ablation, then the columns of `trials.csv`.
 pub fn write_ablated(trials: &[AblatedTrial], to: impl Write) -> Result<(), RecordError> {
     let mut sorted: Vec<&AblatedTrial> = trials.iter().collect();
     sorted.sort_by_key(|trial| (trial.ablation, trial.record.id()));
@@ -250,12 +251,12 @@ pub fn write_ablated(trials: &[AblatedTrial], to: impl Write) -> Result<(), Reco
     Ok(())
 }
 
-/// Reads what [`write_trials`] wrote, in the file's order.
+/// Reads a table written by [`write_trials`], in the file's order.
 pub fn read_trials(from: impl Read) -> Result<Vec<TrialRecord>, RecordError> {
     Ok(csv::Reader::from_reader(from).into_deserialize().collect::<Result<_, _>>()?)
 }
 
-/// The header of `trials.csv`, without the columns of trials of three objects.
+/// Header of `trials.csv`, without the additional columns of trials of three objects.
 pub const COLUMNS: [&str; 24] = [
     "combination",
     "trial",
@@ -338,7 +339,8 @@ pub(crate) mod tests {
         assert_eq!(read_trials(file.as_slice()).unwrap(), sorted);
     }
 
-    /// Trials of three objects have two columns more, whose errors come back; half a pair is refused with what was found.
+    /// Trials of three objects have two more columns, whose pose errors survive a round trip. Half a pair is refused
+    /// with an error that shows it.
     #[test]
     fn three_objects_have_pose_errors_each() {
         let three = TrialRecord {

@@ -1,20 +1,25 @@
-//! Judges a trial from ground truth, which only the simulator has; on hardware the operator is asked instead.
+//! Referee: judges a trial from ground truth, which only the simulator has. On hardware the operator is asked instead.
 //!
 //! # Rules
-//! The objects of a trial are a list, in the order in which they are taken.
-//! - **Contact** (unwanted): before the grasp of an object after the first has closed (up to the end of its [`Skill::Grasp`]), one that is held, taken
-//!   before it, or a digit holding one touches it; or the palm does before two free digits have it (once they have, they may
-//!   draw it against the palm; nor does it count where a single digit takes the object against the palm); or it moves by more than `knock_distance` before
-//!   its grasp begins without a free digit having touched it (a blow shorter than the referee's sampling). Objects that both
-//!   lie on the table, or both hang in the hand in a later try, may touch each other. A trial of one object knows no such contact.
-//! - **In the hand** ([`world::holding`]): the object touches the hand, does not touch the table, and its origin is within
-//!   `palm_distance` of the palm's.
-//! - **Success**: at the end of the hold, which lasted its full time and ended within the time limit, all objects are in the
-//!   hand, and none has moved relative to the palm by more than `slip` since the carry began. A trial that carries again is
-//!   judged by its last carry.
-//! - **Clean success**: success without any unwanted contact in any try.
+//! The objects of a trial are a list, in the order in which they are picked.
+//! - **Unwanted contact**: from the second object on, any of these events before the grasp of the object has closed (the end
+//!   of its [`Skill::Grasp`]):
+//!   - An object picked earlier and still held, or a digit that holds one, touches the object.
+//!   - The palm touches the object before two free digits have it. Once they have it, they may draw it against the palm.
+//!     A grasp by a single digit against the palm is exempt.
+//!   - The object moves by more than `knock_distance` before its grasp begins and before a free digit has touched it. This
+//!     catches a blow shorter than the referee's sampling interval.
 //!
-//! A contact does not end a trial, and a trial with a contact can succeed. A **try** begins with an approach.
+//!   Objects that both lie on the table, or both hang in the hand in a later try, may touch each other. A trial of one object
+//!   has no unwanted contacts.
+//! - **In the hand** ([`world::holding`]): the object touches the hand, does not touch the table, and its origin is within
+//!   `palm_distance` of the palm's origin.
+//! - **Success**: at the end of the hold, all objects are in the hand, and none has moved relative to the palm by more than
+//!   `slip` since the carry began. The hold must have lasted its full time and ended within the time limit. A trial that
+//!   carries more than once is judged by its last carry.
+//! - **Clean success**: success without an unwanted contact in any try.
+//!
+//! A contact does not end a trial, and a trial with a contact can still succeed. A **try** begins with an approach.
 
 use nalgebra::{Isometry3, Point3};
 use schemars::JsonSchema;
@@ -24,56 +29,56 @@ use world::holding::{HoldingRule, Support};
 use world::layout::MOST_OBJECTS;
 use world::phase::{Phase, Skill};
 
-/// Thresholds.
+/// Thresholds of the referee.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RefereeRules {
-    /// m.
+    /// Greatest distance of a held object's origin from the palm's origin, m.
     pub palm_distance: f64,
-    /// m.
+    /// Greatest displacement of a held object relative to the palm since the carry began (slip), m.
     pub slip: f64,
-    /// m.
+    /// Displacement beyond which an untouched object counts as knocked, m.
     pub knock_distance: f64,
 }
 
-/// The scene as it is.
+/// Ground truth of the scene at one instant.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SceneTruth {
-    /// s since the trial began.
+    /// Time since the trial began, s.
     pub time: f64,
-    /// What the controller says it is doing.
+    /// Phase that the controller reports.
     pub phase: Phase,
-    /// The objects in the order in which they are taken.
+    /// Objects in the order in which they are picked.
     pub objects: Vec<ObjectTruth>,
-    /// `world_from_palm`.
+    /// Pose of the palm, `world_from_palm`.
     pub world_from_palm: Isometry3<f64>,
 }
 
-/// One object as it is.
+/// Ground truth of one object.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ObjectTruth {
-    /// Indices of the objects taken before it that touch it.
+    /// Indices of the objects picked before this one that touch it.
     pub touching_objects: Vec<usize>,
-    /// A digit that holds one of those touches it. Before anything is held: none does.
+    /// True if a digit that holds one of the earlier objects touches this one; false before anything is held.
     pub holding_digits_touch: bool,
-    /// The palm touches it.
+    /// True if the palm touches it.
     pub palm_touches: bool,
-    /// How many of the digits that are not for those touch it.
+    /// Number of digits that touch it and hold no earlier object.
     pub free_digits: usize,
-    /// A single digit takes it, against the palm: then the palm may touch it.
+    /// True if the grasp uses a single digit against the palm; the palm may then touch the object.
     pub palm_takes: bool,
-    /// What presses on it at this moment; not seen of the first object.
+    /// Loaded contacts on it at this instant; not recorded for the first object.
     pub pressed_by: Vec<Touch>,
-    /// Contacts with the hand.
+    /// Number of contacts with the hand.
     pub hand_contacts: usize,
-    /// Whether it touches the table.
+    /// True if it touches the table.
     pub on_table: bool,
-    /// `world_from_object`.
+    /// Pose of the object, `world_from_object`.
     pub world_from_object: Isometry3<f64>,
 }
 
 impl ObjectTruth {
-    /// An object that touches nothing but the table.
+    /// Returns an object that touches nothing but the table.
     pub fn standing(world_from_object: Isometry3<f64>) -> Self {
         Self {
             touching_objects: Vec::new(),
@@ -88,7 +93,7 @@ impl ObjectTruth {
         }
     }
 
-    /// True where it is not in the hand.
+    /// True if the object is not in the hand.
     fn lies(&self) -> bool {
         self.on_table || self.hand_contacts == 0
     }
@@ -98,7 +103,7 @@ impl ObjectTruth {
     }
 }
 
-/// What can press on an object after the first.
+/// Bodies that can press on an object after the first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Toucher {
@@ -108,39 +113,39 @@ pub enum Toucher {
     SecondObject,
     /// The palm.
     Palm,
-    /// A link of a digit, by its number.
+    /// A link of a digit, by its index.
     Link(usize),
 }
 
 /// A loaded contact on an object after the first.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Touch {
-    /// What presses.
+    /// The body that presses.
     pub by: Toucher,
-    /// Whether that is a link of a digit that holds an object taken before.
+    /// True if `by` is a link of a digit that holds an earlier object.
     pub holding: bool,
-    /// m, world.
+    /// Contact point in the world frame, m.
     pub point: Point3<f64>,
     /// Normal force, N.
     pub force: f64,
 }
 
-/// What an unwanted contact was with.
+/// Kind of an unwanted contact.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ContactWith {
-    /// A held object touched the one that was to be taken.
+    /// A held object touched the object to be picked next.
     HeldObject,
-    /// A digit holding an object did.
+    /// A digit that holds an object touched it.
     HoldingDigits,
-    /// The palm did, before two free digits had it.
+    /// The palm touched it before two free digits had it.
     Palm,
-    /// It was moved.
+    /// It was knocked: it moved before its grasp began, without a touch by a free digit.
     Knocked,
 }
 
 impl ContactWith {
-    /// As files write it.
+    /// Name in files.
     pub fn name(self) -> &'static str {
         match self {
             Self::HeldObject => "held_object",
@@ -154,36 +159,36 @@ impl ContactWith {
 /// An unwanted contact.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Contact {
-    /// With what.
+    /// Kind of the contact.
     pub with: ContactWith,
-    /// What pressed first; none where the contact was too short to be seen.
+    /// Body with the greatest normal force when the contact began; none if the contact was too short to be sampled.
     pub by: Option<Toucher>,
-    /// When it began.
+    /// Phase in which it began.
     pub phase: Phase,
-    /// When it began, s.
+    /// Time at which it began, s since the trial began.
     pub time: f64,
-    /// Where it began, m, world.
+    /// Point of the greatest normal force when it began, world frame, m.
     pub point: Option<Point3<f64>>,
-    /// Greatest sum of the normal forces while the try lasted, N.
+    /// Greatest sum of the normal forces during the try, N.
     pub force: f64,
 }
 
-/// How a try went.
+/// Outcome of one try.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct TryVerdict {
-    /// Index of the object that was to be taken.
+    /// Index of the object to be picked.
     pub object: usize,
-    /// s since the trial began.
+    /// Start of the try, s since the trial began.
     pub begun: f64,
-    /// s since the trial began: the next try begins, or the trial ends.
+    /// End of the try, s since the trial began: the next try begins, or the trial ends.
     pub ended: f64,
-    /// The first unwanted contact.
+    /// First unwanted contact of the try.
     pub contact: Option<Contact>,
-    /// Whether the object was in the hand when its lift had ended; none where it was never lifted.
+    /// True if the object was in the hand at the end of its lift; none if it was never lifted.
     pub picked: Option<bool>,
 }
 
-/// Why a trial failed.
+/// Cause of a trial's failure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum FailureCause {
@@ -199,23 +204,23 @@ pub enum FailureCause {
     ThirdNotPicked,
     /// The third object was picked up and lost.
     ThirdDropped,
-    /// Both were picked up and lost.
+    /// Both objects of a trial of two were picked up and lost.
     BothDropped,
-    /// Of three, several were picked up and lost.
+    /// Two or more objects of a trial of three were picked up and lost.
     SeveralDropped,
-    /// All are in the hand, but one moved in it by more than the rules allow.
+    /// All objects are in the hand, but one slipped: it moved relative to the palm by more than the rules allow.
     Slipped,
-    /// The controller found no way to reach an object.
+    /// The controller found no reachable way to an object.
     Unreachable,
-    /// The controller left an object alone: a contact was likelier than a hold.
+    /// The controller declined an object: a contact was more likely than a hold.
     Declined,
-    /// An object was nowhere to be seen.
+    /// An object was not detected anywhere.
     NotSeen,
     /// The controller found no strategy left to try.
     NoStrategy,
-    /// Whoever decides has failed, or has answered what cannot be.
+    /// The decision maker (policy) failed, or gave an invalid answer.
     PolicyFailed,
-    /// The body failed: a servo, a link, a limit.
+    /// The robot failed: a servo, a link, a limit.
     RobotFault,
     /// The trial ended before the hold was over.
     NotFinished,
@@ -250,68 +255,68 @@ impl std::fmt::Display for FailureCause {
 /// The referee's judgement.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Verdict {
-    /// Whether there was an unwanted contact in any try.
+    /// True if there was an unwanted contact in any try.
     pub contact: bool,
-    /// The first one; none where it was not measured.
+    /// First unwanted contact; none if contacts were not measured.
     pub first_contact: Option<Contact>,
-    /// Whether the trial succeeded.
+    /// True if the trial succeeded.
     pub success: bool,
-    /// Why not; none on success.
+    /// Cause of the failure; none on success.
     pub cause: Option<FailureCause>,
 }
 
-/// Causes of a failure with each object: it was dropped, or not picked up.
+/// Failure causes of each object: dropped, and not picked up.
 const OF_OBJECT: [[FailureCause; 2]; MOST_OBJECTS] = [
     [FailureCause::FirstDropped, FailureCause::FirstNotPicked],
     [FailureCause::SecondDropped, FailureCause::SecondNotPicked],
     [FailureCause::ThirdDropped, FailureCause::ThirdNotPicked],
 ];
 
-/// Slower than this an object rests, m/s.
+/// Speed below which an object counts as at rest, m/s.
 const AT_REST: f64 = 0.002;
 
-/// Times of a trial, s.
+/// Times that a trial is judged by, s.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Limits {
-    /// How long the objects must be held.
+    /// Required duration of the hold.
     pub hold: f64,
-    /// When the hold must be over.
+    /// Time limit for the end of the hold.
     pub trial: f64,
 }
 
-/// How an object has fared.
+/// State that the referee keeps of one object.
 #[derive(Debug, Clone, Default)]
 struct Watched {
-    /// From where it counts as knocked, m, world.
+    /// Position in the world frame from which a knock is measured, m.
     start: Option<Point3<f64>>,
-    /// It rested at the last sight.
+    /// True if it was at rest at the last sample.
     rests: bool,
     free_touch: bool,
-    /// Two free digits have had it in this try.
+    /// True if two free digits have touched it in this try.
     gripped: bool,
-    /// It was in the hand when its own lift had ended.
+    /// True if it was in the hand at the end of its own lift.
     picked: bool,
 }
 
-/// Watches one trial.
+/// Referee of one trial.
 #[derive(Debug, Clone)]
 pub struct Referee {
     rules: RefereeRules,
     limits: Limits,
     tries: Vec<TryVerdict>,
-    /// The objects as far as they have been seen.
+    /// State of the objects seen so far.
     watched: Vec<Watched>,
-    /// Their origins in the palm frame when the carry began, m.
+    /// Origins of the objects in the palm frame when the carry began, m.
     carry_start: Option<Vec<Point3<f64>>>,
     slipped: bool,
     hold_start: Option<f64>,
-    /// Newest truth up to the hold's end.
+    /// Newest ground truth up to the end of the hold.
     last: Option<SceneTruth>,
     given_up: Option<FailureCause>,
 }
 
 impl Referee {
-    /// A referee who has seen nothing yet.
+    /// Creates a referee that has seen nothing yet.
     pub fn new(rules: RefereeRules, limits: Limits) -> Self {
         Self {
             rules,
@@ -326,7 +331,8 @@ impl Referee {
         }
     }
 
-    /// Takes the scene after one physics step or control tick, in order of time. The first one is taken before anything moves.
+    /// Takes the ground truth after a physics step or control tick. Samples come in order of time, the first one before
+    /// anything moves.
     pub fn see(&mut self, truth: &SceneTruth) {
         if truth.phase.is_done() {
             return;
@@ -336,7 +342,7 @@ impl Referee {
         for object in 1..truth.objects.len() {
             self.watch(truth, object);
         }
-        // What counts is the end of the lift, or, if that was skipped, the first sight after it.
+        // The end of the lift decides or, if the lift was skipped, the first sample after it.
         for object in 0..truth.objects.len() {
             let skipped =
                 truth.phase.has_lifted(object) && self.last.as_ref().is_none_or(|last| !last.phase.lifts(object));
@@ -349,7 +355,7 @@ impl Referee {
             }
         }
         if !truth.phase.carries() {
-            // What was carried and lost is tried again: the carry and the hold that count are the last ones.
+            // An object that was carried and lost is tried again. The last carry and hold count.
             (self.carry_start, self.hold_start, self.slipped) = (None, None, false);
         } else {
             let now = in_palm(truth);
@@ -362,28 +368,29 @@ impl Referee {
         self.last = Some(truth.clone());
     }
 
-    /// The controller gave up, for a cause the scene does not show. Only the first cause counts.
+    /// Notes that the controller gave up, for a cause that the scene does not show. Only the first cause counts.
     pub fn give_up(&mut self, cause: FailureCause) {
         self.given_up.get_or_insert(cause);
     }
 
-    /// The judgement on all that was seen.
+    /// Returns the verdict on everything seen so far.
     pub fn verdict(&self) -> Verdict {
         let cause = self.cause();
         let first_contact = self.tries.iter().find_map(|one| one.contact);
         Verdict { contact: first_contact.is_some(), first_contact, success: cause.is_none(), cause }
     }
 
-    /// All tries so far, in order.
+    /// Returns all tries so far, in order.
     pub fn tries(&self) -> &[TryVerdict] {
         &self.tries
     }
 
-    /// A try begins when an approach does.
+    /// Begins a new try when an approach begins.
     fn note_try(&mut self, truth: &SceneTruth) {
         let Phase { skill, object, .. } = truth.phase;
         if skill == Skill::Approach && self.last.as_ref().is_none_or(|last| last.phase != truth.phase) {
-            // What still rolls after an earlier try has not been knocked: its place counts from when it rests.
+            // An object still rolling after an earlier try has not been knocked: its reference position is taken once
+            // it rests.
             for (n, watched) in self.watched.iter_mut().enumerate() {
                 watched.start = self.last.as_ref().filter(|_| watched.rests).map(|last| last.objects[n].position());
                 (watched.free_touch, watched.gripped) = (false, false);
@@ -395,7 +402,7 @@ impl Referee {
         }
     }
 
-    /// Looks for what an object after the first must not meet.
+    /// Checks an object after the first for unwanted contacts.
     fn watch(&mut self, truth: &SceneTruth, index: usize) {
         let (object, last) = (&truth.objects[index], self.last.as_ref());
         let (now, watched) = (object.position(), &mut self.watched[index]);
@@ -470,12 +477,13 @@ impl Referee {
                 })
             }
         };
-        // A touch of the table as the lift begins must not pass for a drop: before Look nothing can have been dropped.
+        // A touch of the table as the lift begins must not pass for a drop: nothing can have been dropped before Look.
         let seen = seen.filter(|_| last.phase.has_lifted(0));
         if seen.is_some() || self.given_up.is_some() {
             return seen.or(self.given_up);
         }
-        // A tick of tolerance: the first and the last sample of the hold are one tick closer than the hold is long.
+        // Tolerance of one tick: the first and the last sample of the hold are one tick closer together than the hold
+        // is long.
         let finished = self.hold_start.is_some_and(|start| last.time - start >= self.limits.hold - 0.02);
         match (finished, self.slipped, last.time > self.limits.trial) {
             (false, ..) => Some(FailureCause::NotFinished),
@@ -486,12 +494,12 @@ impl Referee {
     }
 }
 
-/// Distance of an object's origin from the palm's, m.
+/// Returns the distance of an object's origin from the palm's origin, m.
 pub(crate) fn distance_in_palm(truth: &SceneTruth, object: usize) -> f64 {
     truth.world_from_palm.inverse_transform_point(&truth.objects[object].position()).coords.norm()
 }
 
-/// Origins of the objects in the palm frame, m.
+/// Returns the origins of the objects in the palm frame, m.
 fn in_palm(truth: &SceneTruth) -> Vec<Point3<f64>> {
     truth.objects.iter().map(|object| truth.world_from_palm.inverse_transform_point(&object.position())).collect()
 }

@@ -1,4 +1,4 @@
-//! The scenario file: which objects come first and second, where they stand, what goes wrong, how a trial goes and is judged.
+//! The scenario file: objects and their order, layout, noise, protocol of a trial, and rules of judgement.
 
 mod checks;
 mod definition;

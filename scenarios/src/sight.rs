@@ -1,7 +1,8 @@
-//! Sight: what vision errs by beside the errors that are new at each look, and what it takes objects for.
+//! Vision: its persistent errors, beside the errors that are new at each look, and its wrongly detected resting poses.
 //!
-//! The error of a look is sqrt(lasting) times a part that is drawn once a trial, in world axes and the same for all objects, plus
-//! sqrt(1 - lasting) times the look's own part; both have the standard deviations of `[noise.perception]`, and so has their sum.
+//! The error of a look is sqrt(lasting) times a persistent part plus sqrt(1 - lasting) times the look's own part. The
+//! persistent part is drawn once per trial, in world axes, and is the same for all objects. Both parts have the standard
+//! deviations of `[noise.perception]`, and so has their sum.
 
 use std::f64::consts::PI;
 
@@ -13,17 +14,17 @@ use crate::noise::{Mistaken, ObjectNoise, PerceptionNoise, uniform};
 use plant::draws::gaussian;
 use world::objects::{ObjectModel, ObjectSet};
 
-/// Vision through one trial; a clone goes on with the same draws.
+/// Vision during one trial; a clone continues with the same random draws.
 #[derive(Debug, Clone)]
 pub struct Sight {
     eyes: Eyes,
-    /// The whole part that lasts.
+    /// Persistent part of the error, before scaling with sqrt(lasting).
     lasting: ObjectNoise,
     rng: ChaCha8Rng,
 }
 
 impl Sight {
-    /// Draws a trial's lasting error from `rng`, which later looks draw from as well.
+    /// Draws the persistent error of a trial from `rng`, which later looks use as well.
     pub fn draw(eyes: Eyes, perception: &PerceptionNoise, mut rng: ChaCha8Rng) -> Self {
         let sigmas = Vector3::new(perception.xy_sigma, perception.xy_sigma, perception.z_sigma);
         let offset = sigmas.map(|sigma| gaussian(&mut rng) * sigma);
@@ -31,13 +32,13 @@ impl Sight {
         Self { eyes, lasting: ObjectNoise { offset, yaw, ..ObjectNoise::default() }, rng }
     }
 
-    /// What the scenario says of it.
+    /// Returns the scenario's parameters of vision.
     pub fn eyes(&self) -> &Eyes {
         &self.eyes
     }
 
-    /// The error of a look whose own part is `fresh` at an `object` of `library` that is oriented as `rotation`. Every look draws
-    /// the same number of times.
+    /// Draws the error of a look at `object` of `library` with orientation `rotation`; `fresh` is the look's own part.
+    /// Every look draws the same number of times.
     pub fn error(
         &mut self,
         fresh: &ObjectNoise,
@@ -59,7 +60,8 @@ impl Sight {
     }
 }
 
-/// Another way to lie than the one that `object` is in: number `which` (0 to 1) of those there are, at any yaw (`turn`, 0 to 1).
+/// Picks a resting pose other than the present one of `object`: `which` (0 to 1) selects among the alternatives, `turn`
+/// (0 to 1) the yaw.
 fn mistaken(
     object: &ObjectModel,
     library: &ObjectSet,
@@ -84,7 +86,7 @@ mod tests {
     use crate::scenario::Scenario;
 
     const TRIALS: usize = 4000;
-    /// Share of a normal distribution's variance that is left when it is cut at three standard deviations.
+    /// Fraction of a normal distribution's variance that remains after truncation at three standard deviations.
     const CUT: f64 = 0.9733;
 
     struct Looks {
@@ -100,7 +102,8 @@ mod tests {
             Self { levels: scenario.noise, eyes: scenario.effects.eyes.unwrap(), library }
         }
 
-        /// Errors of three looks in one trial: the first ones at both objects, and a later one at the first object.
+        /// Returns the errors of three looks in one trial: the first looks at both objects, and a later one at the
+        /// first object.
         fn trial(&self, name: &str, trial: usize) -> [ObjectNoise; 3] {
             let object = self.library.get(name).unwrap();
             let mut rng = trial_rng(3, 0, trial);
@@ -115,8 +118,9 @@ mod tests {
         }
     }
 
-    /// First and later looks have the variances of the draw, and two looks of a trial correlate as much as is said to last; a
-    /// variance from 4000 draws is known to 2.2 %, a correlation of a half to 0.012.
+    /// First and later looks have the stated variances, and the correlation between two looks of a trial is the
+    /// persistent share. The standard error is 2.2 % for a variance from 4000 draws, and 0.012 for a correlation of one
+    /// half.
     #[test]
     fn what_lasts_correlates_and_the_whole_varies_as_asked() {
         let looks = Looks::new();
@@ -148,7 +152,8 @@ mod tests {
         }
     }
 
-    /// However tilted, what stands is seen to stand, with its own yaw, and the tilt is in the orientation that is reported.
+    /// A tilted report of a standing object is still recognised as standing, with its own yaw, and the reported
+    /// orientation contains the tilt.
     #[test]
     fn what_is_seen_tilted_still_stands() {
         let looks = Looks::new();
@@ -166,8 +171,8 @@ mod tests {
         }
     }
 
-    /// The wrong way to lie is one that the object has, with the height that belongs to it; what lies in one way only is never
-    /// mistaken. The share of 4000 looks is known to 0.0016.
+    /// A wrongly detected resting pose is one that the object has, at the height that belongs to it. Objects with a
+    /// single resting pose are never mistaken. The standard error of the share from 4000 looks is 0.0016.
     #[test]
     fn now_and_then_the_wrong_way_to_lie_is_seen() {
         let looks = Looks::new();

@@ -1,39 +1,41 @@
-//! What a controller is doing that names no phases, read from the scene: a referee judges by it.
+//! Phases of a controller that reports none, inferred from the scene, so that a referee can judge the trial.
 //!
-//! The objects are to be taken in their order. Once one is in the hand and lifted the next one is approached; once all are, they are held. An
-//! object that is lost meanwhile is to be taken again.
+//! The objects are to be picked in their order. Once an object is in the hand and lifted, the next one is approached. Once
+//! all are lifted, they are held. An object that is lost meanwhile is to be picked again.
 
 use crate::referee::{SceneTruth, distance_in_palm};
 use world::holding::{HoldingRule, Support};
 use world::phase::{Phase, Skill};
 
-/// Follows one trial.
+/// Infers the phases of one trial.
 #[derive(Debug, Clone)]
 pub struct Stages {
     /// Distance from the palm up to which an object counts as in the hand, m.
     reach: f64,
-    /// How far an object must have risen, m.
+    /// Height by which an object must have risen, m.
     lift: f64,
-    /// How long all must be held, s.
+    /// Required duration of the hold, s.
     hold: f64,
     phase: Phase,
-    /// Heights at which the objects were first seen, m.
+    /// Heights of the objects at the first sample, m.
     rest: Option<Vec<f64>>,
     held_since: Option<f64>,
 }
 
 impl Stages {
-    /// Objects count as lifted from `lift` (m) on, and all must be held for `hold` (s) within `reach` (m) of the palm.
+    /// Creates the follower of one trial. Objects count as lifted when they have risen by `lift` (m), and all must be
+    /// held within `reach` (m) of the palm for `hold` (s).
     pub fn new(reach: f64, lift: f64, hold: f64) -> Self {
         Self { reach, lift, hold, phase: Phase::run(Skill::Approach, 0), rest: None, held_since: None }
     }
 
-    /// The present phase: an approach to an object, or the hold.
+    /// Returns the present phase: an approach to an object, or the hold.
     pub fn phase(&self) -> Phase {
         self.phase
     }
 
-    /// Takes the scene after one tick, in order of time, and says what phase it is in; its own phase is not looked at.
+    /// Takes the scene after one tick, in order of time, and returns its phase. The phase stored in the scene itself is
+    /// ignored.
     pub fn see(&mut self, truth: &SceneTruth) -> Phase {
         let heights: Vec<f64> = truth.objects.iter().map(|object| object.world_from_object.translation.z).collect();
         let rest = self.rest.get_or_insert_with(|| heights.clone());
@@ -49,7 +51,7 @@ impl Stages {
         let held = |object: &usize| in_hand(*object, f64::NEG_INFINITY);
         let lifted = |object: &usize| in_hand(*object, rest[*object] + self.lift);
         let holds = self.phase.skill == Skill::Hold;
-        // Of what was taken before, it counts whether it is in the hand: it hangs low while the hand goes down to the next one.
+        // Objects picked before need only be in the hand: they hang low while the hand goes down to the next one.
         let taken = if holds { count } else { self.phase.object };
         self.phase = match (0..taken).find(|object| !held(object)) {
             None if holds || (0..count).all(|object| lifted(&object)) => Phase::run(Skill::Hold, 0),
@@ -64,9 +66,9 @@ impl Stages {
         self.phase
     }
 
-    /// Whether both objects have been held for long enough at `time` (s).
+    /// True if all objects have been held for long enough at `time` (s).
     pub fn is_done(&self, time: f64) -> bool {
-        // Times are sums of ticks.
+        // Tolerance, because times are sums of ticks.
         self.held_since.is_some_and(|since| time - since > self.hold - 1e-3)
     }
 }
@@ -78,7 +80,7 @@ mod tests {
     use super::*;
     use crate::referee::{FailureCause, Limits, ObjectTruth, Referee, RefereeRules};
 
-    /// A scene in which the objects are so high over the table and touched so.
+    /// Returns a scene with objects at these heights over the table, touched by the hand or not.
     fn scene<const N: usize>(time: f64, heights: [f64; N], touched: [bool; N]) -> SceneTruth {
         SceneTruth {
             time,
@@ -101,15 +103,15 @@ mod tests {
         let mut stages = Stages::new(0.16, 0.05, 1.0);
         let mut see = |time, heights, touched| (stages.see(&scene(time, heights, touched)), stages.is_done(time));
         assert_eq!(see(0.0, [0.03, 0.03], [false; 2]), (Phase::run(Skill::Approach, 0), false));
-        // Touched, raised a little, and raised.
+        // Touched, raised slightly, and raised.
         assert_eq!(see(1.0, [0.03, 0.03], [true, false]).0, Phase::run(Skill::Approach, 0));
         assert_eq!(see(2.0, [0.05, 0.03], [true, false]).0, Phase::run(Skill::Approach, 0));
         assert_eq!(see(3.0, [0.09, 0.03], [true, false]).0, Phase::run(Skill::Approach, 1));
-        // A second grasp goes down again with what is held.
+        // The second grasp goes down again with the held object.
         assert_eq!(see(4.0, [0.05, 0.03], [true, true]).0, Phase::run(Skill::Approach, 1));
         assert_eq!(see(5.0, [0.09, 0.09], [true, true]), (Phase::run(Skill::Hold, 0), false));
         assert_eq!(see(5.5, [0.07, 0.07], [true, true]), (Phase::run(Skill::Hold, 0), false));
-        // The second one is lost, regained, and held for a whole second.
+        // The second object is lost, regained, and held for a whole second.
         assert_eq!(see(5.7, [0.09, 0.06], [true, false]).0, Phase::run(Skill::Approach, 1));
         assert_eq!(see(6.0, [0.09, 0.09], [true, true]), (Phase::run(Skill::Hold, 0), false));
         assert_eq!(see(6.9, [0.09, 0.09], [true, true]), (Phase::run(Skill::Hold, 0), false));
@@ -117,7 +119,8 @@ mod tests {
         assert_eq!(see(8.0, [0.03, 0.09], [true, true]), (Phase::run(Skill::Approach, 0), false));
     }
 
-    /// A referee who goes by these phases finds a trial won in which both are taken and held, and one lost whose hold breaks off.
+    /// A referee that judges by these phases finds a trial successful if both objects are picked and held, and failed
+    /// if the hold is broken off.
     #[test]
     fn a_referee_can_judge_by_them() {
         let rules = RefereeRules { palm_distance: 0.16, slip: 0.02, knock_distance: 0.01 };
@@ -145,7 +148,7 @@ mod tests {
         assert_eq!((lost.success, lost.cause), (false, Some(FailureCause::NotFinished)));
     }
 
-    /// One object is held as soon as it is up; of three, each is gone to in its turn, and one that is lost again.
+    /// One object is held as soon as it is lifted. Of three, each is approached in its turn, and again if it is lost.
     #[test]
     fn a_list_of_one_or_three() {
         let mut one = Stages::new(0.16, 0.05, 1.0);

@@ -1,4 +1,4 @@
-//! Sums trials up: rates per combination, comparisons of conditions, ablations, `summary.json`.
+//! Summaries of trials: rates per combination, comparisons of conditions, ablations, `summary.json`.
 
 mod ablation;
 mod file;

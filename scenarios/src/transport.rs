@@ -1,7 +1,7 @@
-//! Transports: several balls on a table, to be brought to one place with as few trips as the hand allows.
+//! Transports: several balls on a table, to be carried to one place in as few trips as the hand allows.
 //!
-//! A file lists the balls with their true sizes and places, where they go, what goes wrong, and, if somebody interferes, a push
-//! on a ball while the hand closes. Balls that stand where the hand lets go, or in each other, are refused.
+//! A file lists the balls with their true sizes and places, the goal, the noise, and optionally a push on a ball while the
+//! hand closes. Balls that overlap each other, or stand where the hand lets go, are refused.
 
 use std::path::Path;
 
@@ -18,34 +18,34 @@ use world::objects::{ObjectModel, Symmetry};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Ball {
-    /// Unique.
+    /// Unique name.
     pub name: String,
-    /// m.
+    /// Diameter, m.
     pub diameter: f64,
-    /// kg.
+    /// Mass, kg.
     pub mass: f64,
     /// Coulomb friction coefficient against the hand's elastomer.
     pub friction: f64,
-    /// m, world.
+    /// x in the world frame, m.
     pub x: f64,
-    /// m, world.
+    /// y in the world frame, m.
     pub y: f64,
 }
 
 impl Ball {
-    /// m3.
+    /// Returns the volume, m3.
     pub fn volume(&self) -> f64 {
         std::f64::consts::PI / 6.0 * self.diameter.powi(3)
     }
 
-    /// `world_from_object` on the table.
+    /// Returns the pose on the table, `world_from_object`.
     pub fn pose(&self) -> Isometry3<f64> {
         Isometry3::from_parts(Translation3::new(self.x, self.y, 0.5 * self.diameter), UnitQuaternion::identity())
     }
 
-    /// The ball as an object.
+    /// Returns the ball as an object model.
     pub fn model(&self) -> ObjectModel {
-        // Larger balls are redder: they are told apart in a recording.
+        // Larger balls are redder, so that they can be told apart in a recording.
         let tone = (255.0 * (self.diameter / 0.12).min(1.0)) as u8;
         ObjectModel {
             name: self.name.clone(),
@@ -59,37 +59,37 @@ impl Ball {
     }
 }
 
-/// A place on the table.
+/// Goal of a transport on the table.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Goal {
-    /// m, world: where the palm is when the hand lets go.
+    /// x of the palm in the world frame when the hand lets go, m.
     pub x: f64,
-    /// m, world.
+    /// y of the palm in the world frame when the hand lets go, m.
     pub y: f64,
 }
 
-/// Heights and times.
+/// Heights and times of a transport.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Times {
-    /// How far a ball is lifted, m.
+    /// Height by which a ball is lifted, m.
     pub lift_height: f64,
-    /// How long what was carried is held over the goal, s.
+    /// Time for which the carried balls are held over the goal, s.
     pub hold_time: f64,
-    /// Picks tried in a transport at most, for each ball.
+    /// Greatest number of picks tried per ball of a transport.
     pub tries: usize,
 }
 
-/// When somebody pushes: during which part of the first pick.
+/// Part of the first pick during which somebody pushes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PushStage {
-    /// On the way to the first ball.
+    /// The way to the first ball.
     Approach,
-    /// While the digits close on it.
+    /// The closing of the digits on it.
     Close,
-    /// While it is raised.
+    /// The lift.
     Lift,
 }
 
@@ -97,44 +97,44 @@ pub enum PushStage {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BallPush {
-    /// Which ball.
+    /// Name of the ball.
     pub ball: String,
-    /// N, world axes.
+    /// Force in world axes, N.
     pub force: [f64; 3],
-    /// During this part of the first pick ...
+    /// Part of the first pick during which the push begins.
     pub stage: PushStage,
-    /// ... of which this part is over when it begins, 0 to 1.
+    /// Fraction of that part that has passed when the push begins, 0 to 1.
     pub at: f64,
-    /// s.
+    /// Duration, s.
     pub duration: f64,
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Transport {
-    /// [`VERSION`].
+    /// Version of the file format, [`VERSION`].
     pub version: u32,
-    /// For people.
+    /// Name for people.
     pub name: String,
-    /// What is to be carried.
+    /// Balls to be carried.
     pub ball: Vec<Ball>,
-    /// Where it goes.
+    /// Place to which they are carried.
     pub goal: Goal,
-    /// What goes wrong.
+    /// Standard deviations of execution and perception errors.
     pub noise: NoiseLevels,
-    /// Heights and times.
+    /// Heights, times and number of tries.
     pub protocol: Times,
-    /// Somebody's hand.
+    /// Push by somebody's hand.
     pub push: Option<BallPush>,
 }
 
-/// What the arm reaches, (lowest, highest) x and y, m.
+/// Reach of the arm: lowest and highest x, then y, m.
 const REACH: [[f64; 2]; 2] = [[0.45, 0.75], [-0.28, 0.28]];
-/// Most balls.
+/// Greatest number of balls.
 const MOST: usize = 8;
 
 impl Transport {
-    /// The built-in transport of small balls, `scenarios/data/transport/small_balls.toml`.
+    /// Returns the built-in transport of small balls, `scenarios/data/transport/small_balls.toml`.
     ///
     /// # Panics
     /// Never in a tested build: the file is compiled in and a test reads it.
@@ -157,7 +157,7 @@ impl Transport {
         Self::parse(&read_text(path)?, path)
     }
 
-    /// The first value that no transport can be run with: field, found, expected.
+    /// Returns the first invalid value: field, found, expected.
     fn fault(&self) -> Option<(String, String, String)> {
         let between = |field: String, value: f64, [low, high]: [f64; 2], unit: &str| {
             let good = (low..=high).contains(&value);

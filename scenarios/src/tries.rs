@@ -1,4 +1,4 @@
-//! Tries: each attempt at an object within a trial, what was expected of it and what came of it, and `tries.csv`.
+//! Tries: each attempt at an object within a trial, with its predictions and its outcome, and `tries.csv`.
 
 use std::io::Write;
 
@@ -9,13 +9,13 @@ use crate::referee::{Contact, Toucher, TryVerdict};
 use world::attempt::Attempt;
 use world::layout::MOST_OBJECTS;
 
-/// Names of the objects of a trial, in the order in which they are taken.
+/// Names of the places in the picking order.
 const ORDER: [&str; MOST_OBJECTS] = ["first", "second", "third"];
 
-/// A row of `tries.csv`, whose columns stand in this order.
+/// A row of `tries.csv`, whose columns are in this order.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TryRecord {
-    /// [`crate::Combination::id`].
+    /// Number of the combination, [`crate::Combination::id`].
     pub combination: usize,
     /// Number of the trial within its combination, from 0.
     pub trial: usize,
@@ -26,35 +26,35 @@ pub struct TryRecord {
     pub number: usize,
     /// `first`, `second` or `third`.
     pub object: String,
-    /// Number of the grasp.
+    /// Identification number of the grasp.
     pub grasp: u32,
-    /// Why this grasp.
+    /// Reason for this grasp.
     pub why: String,
-    /// Predicted distance between what the hand holds and the object on the way to it, mm.
+    /// Predicted clearance between the held objects and this object on the way to it, mm.
     pub clearance_mm: Option<f64>,
     /// Predicted probability of an unwanted contact.
     pub risk: Option<f64>,
-    /// The first object as felt: position (m) and rotation vector (rad) in the palm's frame, six numbers.
+    /// In-hand pose of the first object as felt, palm frame: position (m) and rotation vector (rad), six numbers.
     pub felt: String,
-    /// Covariance of that: the upper triangle, row by row, 21 numbers.
+    /// Covariance of `felt`: the upper triangle, row by row, 21 numbers.
     pub covariance: String,
-    /// With what the first unwanted contact was; empty where there was none.
+    /// Kind of the first unwanted contact; empty if there was none.
     pub contact_with: String,
-    /// What touched: `first_object`, `second_object`, `palm`, or a link by its number.
+    /// Body that touched: `first_object`, `second_object`, `palm`, or a link by its index.
     pub contact_by: String,
-    /// When, s since the trial began.
+    /// Start of the contact, s since the trial began.
     pub contact_s: Option<f64>,
-    /// In which phase.
+    /// Phase of the contact.
     pub contact_phase: String,
-    /// Where, m, world: three numbers.
+    /// Point of the contact in the world frame, m: three numbers.
     pub contact_at: String,
-    /// Greatest force while the try lasted, N.
+    /// Greatest contact force during the try, N.
     pub contact_n: Option<f64>,
-    /// Whether the object was in the hand when its lift had ended; empty where it was not lifted.
+    /// True if the object was in the hand at the end of its lift; empty if it was not lifted.
     pub picked: Option<bool>,
-    /// s since the trial began.
+    /// Start of the try, s since the trial began.
     pub begun_s: Option<f64>,
-    /// s since the trial began.
+    /// End of the try, s since the trial began.
     pub ended_s: Option<f64>,
 }
 
@@ -63,7 +63,7 @@ fn numbers(values: impl IntoIterator<Item = f64>) -> String {
 }
 
 impl TryRecord {
-    /// Try number `number` of trial `id`; without a verdict where nobody saw the truth.
+    /// Creates the record of try number `number` of trial `id`. There is no verdict if nobody saw the ground truth.
     pub fn new(id: TrialId, number: usize, attempt: &Attempt, verdict: Option<&TryVerdict>) -> Self {
         let contact: Option<Contact> = verdict.and_then(|verdict| verdict.contact);
         let of = |text: fn(&Contact) -> String| contact.as_ref().map(text).unwrap_or_default();
@@ -101,14 +101,14 @@ impl TryRecord {
         }
     }
 
-    /// What `tries.csv` is sorted by.
+    /// Returns the sort key of `tries.csv`.
     fn order(&self) -> (TrialId, usize) {
         let id = TrialId { combination: self.combination, trial: self.trial, condition: self.condition };
         (id, self.number)
     }
 }
 
-/// Writes a header and a row per try, by trial and number; nothing for no tries.
+/// Writes a header and one row per try, by trial and number; writes nothing if there are no tries.
 pub fn write_tries(tries: &[TryRecord], to: impl Write) -> Result<(), RecordError> {
     let mut sorted: Vec<&TryRecord> = tries.iter().collect();
     sorted.sort_by_key(|one| one.order());

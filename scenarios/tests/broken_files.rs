@@ -1,4 +1,4 @@
-//! Damaged files of hands, objects, meshes and scenarios are read or refused: none of them makes the program panic.
+//! Damaged files of hands, objects, meshes and scenarios are either read or refused; none of them makes the program panic.
 //!
 //! `PROPTEST_CASES=1000000 cargo test --release -p scenarios --test broken_files` tries a million of each.
 
@@ -23,7 +23,7 @@ const OBJECTS: [&str; 3] = [
 const SCENARIO: &str = include_str!("../data/benchmark.toml");
 const TRANSPORT: &str = include_str!("../data/transport/four_balls.toml");
 
-/// What stands where something else should.
+/// Odd text to insert in unexpected places.
 const ODD: [&str; 16] = [
     "nan",
     "inf",
@@ -43,14 +43,15 @@ const ODD: [&str; 16] = [
     "true",
 ];
 
-/// One damage: where, what kind, how much of it.
+/// One damage: position, kind, extent.
 type Damage = (usize, u8, usize);
 
 fn damages() -> impl Strategy<Value = Vec<Damage>> {
     prop::collection::vec((any::<usize>(), 0u8..5, 0usize..40), 1..5)
 }
 
-/// `text` with each damage done to it: something odd put in, in place of a number or of a byte, a piece left out or doubled.
+/// Returns `text` with each damage applied: odd text inserted, or put in place of a number or a byte, or a piece
+/// removed or doubled.
 fn damaged(text: &str, damages: &[Damage]) -> String {
     let mut bytes = text.as_bytes().to_vec();
     for &(at, kind, much) in damages {

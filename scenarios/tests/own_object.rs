@@ -1,4 +1,4 @@
-//! A user's own object: a file beside the scenario that names it, with a mesh beside that.
+//! A user's own object: a file beside the scenario that refers to it, with a mesh beside that.
 
 use std::path::{Path, PathBuf};
 
@@ -15,7 +15,7 @@ const OBJECT: &str = "name = \"my_wedge\"\nmass = 0.02\nfriction = 0.6\n[shape.m
 const SCENARIO: &str = "version = 1\nname = \"a wedge\"\nextends = \"benchmark\"\nobjects = [\"things/my_wedge.toml\"]\n\
                         first = [\"golf_ball\"]\nsecond = [\"my_wedge\"]\n";
 
-/// A fresh folder of this test with a scenario, its object and its mesh.
+/// Creates a folder for a test with a scenario, its object and its mesh.
 fn folder(test: &str) -> PathBuf {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("own_object").join(test);
     std::fs::create_dir_all(folder.join("things/meshes")).expect("a folder for the test");
@@ -41,7 +41,7 @@ fn a_scenario_brings_its_own_object_and_it_stands_on_the_table() {
     assert!(set.get("golf_ball").is_some());
 }
 
-/// What a run keeps of its scenario needs neither the object's file nor the mesh.
+/// The text that a run stores of its scenario needs neither the object's file nor the mesh.
 #[test]
 fn a_self_contained_text_is_the_same_scenario_elsewhere() {
     let path = folder("elsewhere").join("mine.toml");
@@ -92,7 +92,8 @@ fn a_mesh_that_is_not_there_is_named() {
     assert!(error.contains("my_wedge.toml: shape.mesh.file: found ") && error.contains("wege.obj"), "{error}");
 }
 
-/// A stranger's scenario, its object or its mesh names a file elsewhere: what is in it is neither read nor told.
+/// If an untrusted scenario, its object or its mesh refers to a file elsewhere, the contents of that file are neither
+/// read nor revealed.
 #[test]
 fn a_scenario_reads_no_file_outside_its_folder() {
     let folder = folder("outside");
@@ -119,12 +120,12 @@ fn a_scenario_reads_no_file_outside_its_folder() {
     }
     let beyond = OBJECT.replace("meshes/wedge.obj", mesh.to_str().expect("text"));
     refused("things/my_wedge.toml", &beyond, "shape.mesh.file: found ");
-    // The user may let it.
+    // The user may allow it.
     let anywhere = Scenario::parse_within(SCENARIO, &folder.join("things/deeper/x.toml"), Reach::Anywhere);
     assert!(anywhere.expect_err("no such file").to_string().contains("things/deeper/things/my_wedge.toml"));
 }
 
-/// A pipe in the place of an object's file or its mesh is refused by name: reading it would not end.
+/// A pipe in place of an object's file or its mesh is refused by name, because reading it would not end.
 #[test]
 fn a_pipe_for_an_object_is_refused() {
     let folder = folder("pipe");
@@ -141,7 +142,7 @@ fn a_pipe_for_an_object_is_refused() {
     }
 }
 
-/// Numbers of a file that ask for more than there can be.
+/// Implausibly large counts in a file are refused.
 #[test]
 fn counts_that_cannot_be_are_refused() {
     let path = Path::new("my_wedge.toml");
@@ -152,7 +153,8 @@ fn counts_that_cannot_be_are_refused() {
     assert!(error.contains("symmetry.fold.n: found 4000000000, expected 1 to 360"), "{error}");
 }
 
-/// Volume (m3) of a loaded mesh, how far its surface is from that of another at most (m), and what was mended.
+/// Returns the volume (m3) of a loaded mesh, the greatest distance between its surface and that of another (m), and the
+/// repairs.
 fn against(broken: &Path, sound: &Path) -> (f64, f64, Repair) {
     let (mesh, repair) = Mesh::load(broken).expect("mended");
     let sound = Mesh::load(sound).expect("a sound mesh").0;
@@ -183,7 +185,7 @@ fn half_flipped_windings_keep_a_blobs_volume() {
     assert!(repair.rebuilt.is_none() && repair.turned > 500, "{repair}");
 }
 
-/// The scan of a bottle with two triangles of no area where its surface touches itself.
+/// Scan of a bottle with two triangles of no area where its surface touches itself.
 #[test]
 fn a_scan_that_touches_itself_is_not_rebuilt() {
     let Some(bottle) = shared_data("objects/ycb/006_mustard_bottle.obj") else { return };
@@ -192,11 +194,11 @@ fn a_scan_that_touches_itself_is_not_rebuilt() {
     assert!(repair.rebuilt.is_none() && repair.off < 1e-6 && mesh.triangles().len() > 16_000, "{repair}");
 }
 
-/// What `grasps generate --mesh` mends, a scenario mends too, and a run keeps the mended mesh and what was done.
+/// A scenario mends the same faults as `grasps generate --mesh`, and a run stores the mended mesh and the report.
 #[test]
 fn a_scenario_mends_what_other_commands_mend() {
     let folder = folder("mends");
-    // Inside out on one side, a doubled triangle, and one of no area.
+    // One inside-out face, a duplicate triangle, and one without an area.
     let broken = WEDGE.replace("f 2 3 6 5\n", "f 5 6 3 2\nf 5 6 3\nf 1 2 2\n");
     std::fs::write(folder.join("things/meshes/wedge.obj"), broken).expect("a file of the test");
     let (mesh, repair) = Mesh::load(&folder.join("things/meshes/wedge.obj")).expect("mended");

@@ -16,14 +16,14 @@ fn error(tables: &str) -> String {
     parse(tables).unwrap_err().to_string()
 }
 
-/// Every file that comes with the program is one that it takes, and disturbs what its name says.
+/// Every scenario file that comes with the program is valid and disturbs what its name says.
 #[test]
 fn the_files_are_sound() {
     let set = ObjectSet::standard();
     let mut kinds = Vec::new();
     for entry in std::fs::read_dir("data").unwrap() {
         let path = entry.unwrap().path();
-        // Transports are of another kind, with a test of their own.
+        // Transports are another kind of file, with a test of their own.
         if path.is_dir() {
             continue;
         }
@@ -39,7 +39,7 @@ fn the_files_are_sound() {
     }
 }
 
-/// What a file does not say is the benchmark's; without a base it has to say everything.
+/// Omitted fields are the benchmark's; without a base, a file has to state everything.
 #[test]
 fn a_file_extends_the_benchmark() {
     let mine = parse("").unwrap();
@@ -96,7 +96,7 @@ fn only_balls_have_any_size() {
     assert_eq!(balls.first, ["golf_ball"]);
 }
 
-/// A sweep goes round; what is scaled has the size that is asked for and the mass that goes with it.
+/// A size sweep is cyclic. A scaled object has the requested size and the corresponding mass.
 #[test]
 fn sizes_go_round() {
     let sweep = SizeSweep { object: Which::First, diameters: vec![0.04, 0.05] };

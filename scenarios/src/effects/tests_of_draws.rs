@@ -7,7 +7,7 @@ use crate::generator::trial_rng;
 use crate::noise::{NoiseLevels, TrialNoise};
 use crate::scenario::Scenario;
 
-/// Share of a normal distribution's variance that is left when it is cut at three standard deviations.
+/// Fraction of a normal distribution's variance that remains after truncation at three standard deviations.
 const CUT: f64 = 0.9733;
 const TRIALS: usize = 4000;
 
@@ -16,14 +16,15 @@ fn drawn(levels: &NoiseLevels, trial: usize) -> TrialNoise {
     TrialNoise::draw(levels, 2, &mut trial_rng(5, 0, trial)).with_effects(&EFFECTS, 5, 0, trial)
 }
 
-/// Mean square of `value` over many trials, over that of a cut normal distribution about `mean`.
+/// Mean square deviation of `value` from `mean` over many trials, relative to that of a truncated normal distribution
+/// with `sigma`.
 fn spread(sigma: f64, mean: f64, value: impl Fn(&TrialNoise) -> f64) -> f64 {
     let levels = Scenario::benchmark().noise;
     let square = |trial| (value(&drawn(&levels, trial)) - mean).powi(2);
     (0..TRIALS).map(square).sum::<f64>() / (TRIALS as f64 * CUT * sigma * sigma)
 }
 
-/// The variance of 4000 draws is known to 2.2 %.
+/// The standard error of a variance from 4000 draws is 2.2 %.
 #[test]
 fn spreads_are_as_asked() {
     let scenario = Scenario::benchmark();
@@ -50,7 +51,7 @@ fn an_arm_that_errs_by_its_joints_has_no_constant_error() {
     assert!(back.iter().zip(posture).all(|(back, angle)| (back - angle).abs() < 1e-15));
 }
 
-/// With an effect off, the draws of everything else keep their bits.
+/// Switching an effect off leaves the draws of everything else bit-identical.
 #[test]
 fn an_effect_off_changes_nothing_else() {
     let (scenario, all) = (Scenario::benchmark(), drawn(&Scenario::benchmark().noise, 7));

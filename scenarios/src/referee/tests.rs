@@ -4,7 +4,7 @@ const RULES: RefereeRules = RefereeRules { palm_distance: 0.15, slip: 0.05, knoc
 const LIMITS: Limits = Limits { hold: 3.0, trial: 120.0 };
 const TICK: f64 = 1.0 / 240.0;
 
-/// The scene of a perfect trial of so many objects in `phase`.
+/// Returns the scene of a perfect trial of `objects` objects in `phase`.
 fn perfect(objects: usize, phase: Phase, time: f64) -> SceneTruth {
     let palm = Isometry3::translation(0.5, 0.0, if phase.lifts(0) { 0.3 } else { 0.1 });
     let in_palm = |up: bool, y: f64| {
@@ -28,13 +28,13 @@ fn perfect(objects: usize, phase: Phase, time: f64) -> SceneTruth {
     }
 }
 
-/// The phases of a trial in which something has to be laid down and looked for at the beginning.
+/// Returns the phases of a trial that begins with putting an object down and stepping aside to look.
 fn phases() -> Vec<Phase> {
     let aside = [Skill::PutDown, Skill::StepAside].map(|skill| Phase::run(skill, 0));
     aside.into_iter().chain(Phase::of_trial(2)).collect()
 }
 
-/// How long each phase takes, s.
+/// Duration of each phase, s.
 const PHASE_TIME: f64 = 4.0;
 
 /// Runs a whole trial with the scene altered by `change`.
@@ -63,7 +63,7 @@ fn approached(truth: &SceneTruth) -> bool {
     truth.phase.begins(1) && truth.phase.skill != Skill::Palpate
 }
 
-/// The first object touches the second, or does not.
+/// Sets whether the first object touches the second.
 fn press(truth: &mut SceneTruth, touches: bool) {
     truth.objects[1].touching_objects = (0..usize::from(touches)).collect();
 }
@@ -112,7 +112,7 @@ fn the_palm_counts_until_two_digits_have_the_object() {
     assert!(one_digit.contact);
 }
 
-/// What lies on the table beside the second object, or hangs in the hand with it, may touch it.
+/// Objects that lie on the table next to each other, or hang in the hand together, may touch.
 #[test]
 fn loose_objects_and_objects_in_the_hand_may_touch_each_other() {
     let touching = |truth: &mut SceneTruth| press(truth, truth.phase == Phase::run(Skill::Approach, 1));
@@ -146,7 +146,7 @@ fn the_time_limit_is_judged() {
     assert_eq!((late(86.0), late(96.0)), (Some(FailureCause::TooLate), None));
 }
 
-/// Two approaches are two tries, each with its own contact, and the greatest force counts.
+/// Two approaches are two tries, each with its own contact and its own greatest force.
 #[test]
 fn tries_are_told_apart() {
     let mut referee = Referee::new(RULES, LIMITS);
@@ -272,7 +272,7 @@ fn the_hold_must_be_whole_and_giving_up_has_its_cause() {
 fn a_trial_that_carries_again_is_judged_by_its_last_carry() {
     let mut referee = Referee::new(RULES, LIMITS);
     let mut time = 0.0;
-    // Without the exploratory motions, to end in time.
+    // The exploratory motions are left out to finish in time.
     let explores = |phase: &Phase| matches!(phase.skill, Skill::Begin | Skill::Palpate);
     let phases = || phases().into_iter().filter(|phase| !explores(phase));
     let first = phases().filter(|phase| !holds(*phase)).map(|phase| (phase, true));
@@ -292,7 +292,7 @@ fn a_trial_that_carries_again_is_judged_by_its_last_carry() {
     assert_eq!(referee.verdict().cause, None);
 }
 
-/// A trial of so many objects, each phase for as long as it takes, with the scene altered by `change`.
+/// Runs a trial of `objects` objects, all phases in turn, with the scene altered by `change`.
 fn run_list(objects: usize, change: impl Fn(&mut SceneTruth)) -> (Verdict, usize) {
     let mut referee = Referee::new(RULES, LIMITS);
     let mut time = 0.0;
@@ -307,7 +307,7 @@ fn run_list(objects: usize, change: impl Fn(&mut SceneTruth)) -> (Verdict, usize
     (referee.verdict(), referee.tries().len())
 }
 
-/// Of one object or three each is judged: it has to be picked up and stay in the hand.
+/// In trials of one and of three objects, each object is judged: it has to be picked up and stay in the hand.
 #[test]
 fn a_list_of_one_or_three_is_judged_object_by_object() {
     for objects in [1, 3] {
@@ -336,7 +336,8 @@ fn a_list_of_one_or_three_is_judged_object_by_object() {
     assert_eq!(lost.cause, Some(FailureCause::SeveralDropped));
 }
 
-/// A held object that touches the third before it is grasped is an unwanted contact, whichever it is, and so is one with a digit that holds one.
+/// A touch between any held object and the third before its grasp is an unwanted contact, and so is a touch by a digit
+/// that holds one.
 #[test]
 fn each_held_object_must_keep_off_the_next() {
     for held in 0..2 {
@@ -350,7 +351,7 @@ fn each_held_object_must_keep_off_the_next() {
     let (digit, _) =
         run_list(3, |truth| truth.objects[2].holding_digits_touch = truth.phase == Phase::run(Skill::Approach, 2));
     assert_eq!(digit.first_contact.map(|contact| contact.with), Some(ContactWith::HoldingDigits));
-    // The second object lies on the table until its turn: it may touch the third there.
+    // The second object lies on the table until its turn and may touch the third there.
     let (lying, _) = run_list(3, |truth| {
         if !truth.phase.lifts(1) {
             truth.objects[2].touching_objects = vec![1];

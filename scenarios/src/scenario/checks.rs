@@ -1,4 +1,4 @@
-//! What no trial can be run with.
+//! Checks of scenarios: values with which no trial can be run are refused.
 
 use std::path::Path;
 
@@ -8,13 +8,14 @@ use super::definition::{Scenario, VERSION};
 use world::geometry::Shape;
 use world::objects::ObjectSet;
 
-/// Most objects of a list.
+/// Greatest number of names in a list.
 const MOST_NAMES: usize = 1000;
-/// Most combinations.
+/// Greatest number of combinations.
 const MOST_COMBINATIONS: usize = 1_000_000;
 
 impl Scenario {
-    /// Checks that `set` has every object named and that all of them stand clear of each other; `path` is used in errors.
+    /// Checks that `set` contains every object named and that the objects stand clear of each other; `path` is named in
+    /// errors.
     pub fn check_objects(&self, set: &ObjectSet, path: &Path) -> Result<(), DataError> {
         let reach = |field: &str, names: &[String]| {
             let mut widest = 0.0_f64;
@@ -45,7 +46,7 @@ impl Scenario {
         Ok(())
     }
 
-    /// Only balls can have any diameter.
+    /// Checks that a size sweep applies to balls only: no other shape can have any diameter.
     fn check_sweep(&self, set: &ObjectSet, path: &Path) -> Result<(), DataError> {
         let Some(sweep) = &self.disturbance.size_sweep else { return Ok(()) };
         let Some((field, names)) = self.lists().into_iter().nth(sweep.object.index()) else { return Ok(()) };
@@ -59,7 +60,7 @@ impl Scenario {
         }
     }
 
-    /// Checks every value; `path` is used in errors.
+    /// Checks every value; `path` is named in errors.
     pub(super) fn check(&self, path: &Path) -> Result<(), DataError> {
         if self.version != VERSION {
             return Err(DataError::field(path, "version", self.version, VERSION.to_string()));

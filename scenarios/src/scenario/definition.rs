@@ -1,4 +1,4 @@
-//! A scenario as trials use it.
+//! Definition of a scenario, as trials use it.
 
 use std::path::Path;
 
@@ -12,65 +12,67 @@ use crate::referee::RefereeRules;
 use world::layout::Layout;
 use world::objects::{ObjectFile, ObjectSet};
 
-/// The version of scenario files this crate reads.
+/// Version of scenario files that this crate reads.
 pub const VERSION: u32 = 1;
 
 /// Heights, distances and times of a trial.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Protocol {
-    /// How far an object is lifted, m.
+    /// Height by which an object is lifted, m.
     pub lift_height: f64,
-    /// How far both are carried, m.
+    /// Distance over which the held objects are carried, m.
     pub carry_distance: f64,
-    /// How long both are held at the end, s.
+    /// Duration of the hold at the end, s.
     pub hold_time: f64,
-    /// How long a trial may take, s.
+    /// Time limit of a trial, s.
     pub time_limit: f64,
 }
 
-/// Where the hand is when a trial begins.
+/// Start pose of the hand.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Start {
-    /// The palm, m, world; it points away from the arm, level unless the robot's file pitches it.
+    /// Position of the palm in the world frame, m. The palm points away from the arm, level unless the robot's file
+    /// pitches it.
     pub palm: [f64; 3],
 }
 
 /// A benchmark: objects, layout, noise, protocol, rules, disturbances.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Scenario {
-    /// [`VERSION`].
+    /// Version of the file format, [`VERSION`].
     pub version: u32,
-    /// For people.
+    /// Name for people.
     pub name: String,
     /// The user's own objects.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub object: Vec<ObjectFile>,
-    /// Objects that may come first.
+    /// Names of the objects that may come first.
     pub first: Vec<String>,
-    /// Objects that may come second; none in a trial of one object.
+    /// Names of the objects that may come second; empty in a trial of one object.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub second: Vec<String>,
-    /// Objects that may come third; none in a trial of two.
+    /// Names of the objects that may come third; empty in a trial of two.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub third: Vec<String>,
-    /// Where they stand.
+    /// Nominal poses of the objects on the table.
     pub layout: Layout,
-    /// What goes wrong.
+    /// Standard deviations of execution and perception errors.
     pub noise: NoiseLevels,
-    /// Where the hand is when a trial begins.
+    /// Start pose of the hand.
     pub start: Start,
     /// Heights, distances and times.
     pub protocol: Protocol,
-    /// How it is judged.
+    /// Thresholds of the referee.
     pub referee: RefereeRules,
-    /// What reality adds to an ideal robot.
+    /// Effects of a real robot and table that an ideal one does not have.
     pub effects: Effects,
-    /// What happens beside noise.
+    /// Disturbances beside the noise.
     pub disturbance: Disturbances,
-    /// Level of the effort with which second grasps of pairs that come without a plan are searched for and proven in drawn circumstances; 0: they are
-    /// planned and tried under errors of their aim alone.
+    /// Effort level of the search for second grasps of pairs that come without a plan. At levels above 0, they are
+    /// searched for and proven in randomly drawn conditions. At 0, they are planned and tested under aiming errors
+    /// alone.
     #[serde(skip_serializing_if = "is_zero")]
     pub effort: u32,
 }
@@ -80,12 +82,13 @@ fn is_zero(level: &u32) -> bool {
 }
 
 impl Scenario {
-    /// The built-in objects and the scenario's own. An error names the scenario where its file is not known.
+    /// Returns the built-in objects and the scenario's own. Errors name the scenario, because its file is not known
+    /// here.
     pub fn object_set(&self) -> Result<ObjectSet, DataError> {
         self.object_set_at(Path::new(&self.name))
     }
 
-    /// The same; `path` is used in errors.
+    /// Like [`Self::object_set`]; `path` is named in errors.
     pub(super) fn object_set_at(&self, path: &Path) -> Result<ObjectSet, DataError> {
         let mut set = ObjectSet::standard();
         for object in &self.object {
@@ -98,7 +101,8 @@ impl Scenario {
         Ok(set)
     }
 
-    /// The fields that list the objects of a trial, in the order in which they are taken: one to three, of which a combination takes one name each.
+    /// Returns the lists of objects with their field names, in picking order: one to three, of which a combination
+    /// takes one name each.
     pub fn lists(&self) -> Vec<(&'static str, &[String])> {
         let all = [("first", &self.first[..]), ("second", &self.second[..]), ("third", &self.third[..])];
         all.into_iter()
@@ -108,19 +112,20 @@ impl Scenario {
             .collect()
     }
 
-    /// Names of all objects of all lists, each once, in alphabetical order.
+    /// Returns the names of all objects of all lists, each once, in alphabetical order.
     pub fn objects(&self) -> Vec<String> {
         let names: std::collections::BTreeSet<&String> =
             self.lists().into_iter().flat_map(|(_, names)| names).collect();
         names.into_iter().cloned().collect()
     }
 
-    /// Whether nothing is drawn and nothing differs from an ideal robot at an ideal table: no noise and no effects.
+    /// True if the scenario has neither noise nor effects: an ideal robot at an ideal table, with nothing drawn at
+    /// random.
     pub fn is_exact(&self) -> bool {
         self.noise == self.noise.scaled(0.0) && self.effects == Effects::default()
     }
 
-    /// How many different combinations there are.
+    /// Returns the number of different combinations.
     pub fn combinations(&self) -> usize {
         self.lists().into_iter().map(|(_, names)| names.len()).product()
     }

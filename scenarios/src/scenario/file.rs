@@ -1,5 +1,7 @@
-//! Reading scenario files. With `extends = "benchmark"`, every field that a file does not say is as in the benchmark; without
-//! it, all but the user's own objects, where a trial starts, the effects and the disturbances must be said; effects are then off.
+//! Reading of scenario files.
+//!
+//! With `extends = "benchmark"`, fields that a file omits are as in the benchmark. Without it, a file must state all fields
+//! but the user's own objects, the start pose, the effects and the disturbances; omitted effects are then off.
 
 use std::path::{Path, PathBuf};
 
@@ -16,29 +18,29 @@ use crate::referee::RefereeRules;
 use world::layout::Layout;
 use world::objects::{ObjectFile, ObjectSet};
 
-/// The text of the built-in benchmark, which is also its documentation.
+/// Text of the built-in benchmark, which is also its documentation.
 pub const BENCHMARK: &str = include_str!("../../data/benchmark.toml");
 
-/// Scenarios that a file can extend.
+/// Base scenarios that a file can extend.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum Base {
     Benchmark,
 }
 
-/// A scenario as its file has it.
+/// Contents of a scenario file.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct ScenarioFile {
     version: u32,
     name: String,
-    /// What it extends has been merged into it.
+    /// Base scenario; already merged in.
     #[serde(rename = "extends")]
     _extends: Option<Base>,
-    /// Files of the user's own objects, relative to this file.
+    /// Paths of files with the user's own objects, relative to this file.
     #[serde(default)]
     objects: Vec<PathBuf>,
-    /// The user's own objects, in the file itself.
+    /// The user's own objects, given in the file itself.
     #[serde(default)]
     object: Vec<ObjectFile>,
     first: Option<Vec<String>>,
@@ -51,7 +53,7 @@ struct ScenarioFile {
     start: Option<Start>,
     protocol: Option<Protocol>,
     referee: Option<RefereeRules>,
-    /// What reality adds; nothing where the file does not say so.
+    /// Effects; all off if the file omits them.
     effects: Option<Effects>,
     /// Effects of the extended scenario that are off.
     #[serde(default)]
@@ -62,10 +64,10 @@ struct ScenarioFile {
     effort: u32,
 }
 
-/// What an extending file has of the benchmark unless it says otherwise; of a table it may state some fields only, at any depth.
+/// Fields inherited from the benchmark. Of a table, the extending file may state some fields only, at any depth.
 const INHERITED: [&str; 8] = ["first", "second", "layout", "noise", "start", "protocol", "referee", "effects"];
 
-/// `own` with the fields that only `base` has.
+/// Adds to `own` the fields that only `base` has.
 fn merge(own: &mut Table, base: &Table) {
     for (key, value) in base {
         match (own.get_mut(key), value) {
@@ -79,7 +81,7 @@ fn merge(own: &mut Table, base: &Table) {
 }
 
 impl ScenarioFile {
-    /// The file with what it inherits.
+    /// Parses the file and merges in the fields that it inherits.
     fn parse(text: &str, path: &Path) -> Result<Self, DataError> {
         let mut own: Table = parse_toml(text, path)?;
         if !own.contains_key("extends") {
@@ -90,7 +92,7 @@ impl ScenarioFile {
         merge(&mut own, &base);
         match own.try_into() {
             Ok(file) => Ok(file),
-            // The text itself knows the line, unless a field is missing that the benchmark has.
+            // Parsing the text itself gives an error with its line, unless a field is missing that the benchmark has.
             Err(error) => match parse_toml::<Self>(text, path) {
                 Err(at_line) if !at_line.to_string().contains("missing field") => Err(at_line),
                 _ => Err(DataError::field(path, "scenario", error.message(), "fields as in benchmark.toml")),
@@ -98,14 +100,14 @@ impl ScenarioFile {
         }
     }
 
-    /// The scenario, with the objects' files that are within `reach`; `path` is used in errors.
+    /// Builds the scenario, with the object files that are within `reach`; `path` is named in errors.
     fn complete(mut self, path: &Path, reach: Reach) -> Result<Scenario, DataError> {
-        // Recordings from before scenarios had a start all began where the benchmark does.
+        // Recordings from before scenarios had a start pose all began at that of the benchmark.
         let start = self.start.map_or_else(|| built_in().map(|base| base.start), Ok)?;
         for (n, file) in self.objects.iter().enumerate() {
             let file = reach.resolve(path, &format!("objects[{n}]"), file)?;
             let object = ObjectFile::read(&file, reach)?;
-            // Here an error can still name the object's file.
+            // Checked here, where an error can still name the object's file.
             object.model(&file)?;
             self.object.push(object);
         }
@@ -137,7 +139,8 @@ impl ScenarioFile {
     }
 }
 
-/// A built-in object's name as it is written, `salt_mill`, where it was typed `salt mill`; other names stay as they are.
+/// Returns the name of a built-in object as files write it: `salt_mill` for `salt mill`. Other names are returned
+/// unchanged.
 fn built_in_name(name: String) -> String {
     if !name.contains([' ', '-']) {
         return name;
@@ -159,7 +162,7 @@ fn given<T>(field: &str, value: Option<T>, path: &Path) -> Result<T, DataError> 
 }
 
 impl Scenario {
-    /// The built-in benchmark, `scenarios/data/benchmark.toml`.
+    /// Returns the built-in benchmark, `scenarios/data/benchmark.toml`.
     ///
     /// # Panics
     /// Never in a tested build: the file is compiled in and a test reads it.
@@ -167,12 +170,13 @@ impl Scenario {
         built_in().expect("the built-in scenario is valid")
     }
 
-    /// Reads and checks the text of a scenario that names no file, as sessions and results keep it. `path` is used in errors.
+    /// Reads and checks the text of a scenario that refers to no other files, as sessions and results store it. `path`
+    /// is named in errors.
     pub fn parse(text: &str, path: &Path) -> Result<Self, DataError> {
         Self::parse_within(text, path, Reach::Nothing)
     }
 
-    /// The same of a text that may name objects' files within `reach`, relative to `path`.
+    /// Like [`Self::parse`], for a text that may refer to object files within `reach`, relative to `path`.
     pub fn parse_within(text: &str, path: &Path, reach: Reach) -> Result<Self, DataError> {
         let file = ScenarioFile::parse(text, path)?;
         let scenario = file.complete(path, reach)?;
@@ -180,13 +184,14 @@ impl Scenario {
         Ok(scenario)
     }
 
-    /// Reads and checks a scenario file; objects' files are below its folder.
+    /// Reads and checks a scenario file. Its object files must be below its folder.
     pub fn read(path: &Path) -> Result<Self, DataError> {
         Self::parse_within(&read_text(path)?, path, Reach::beside(path))
     }
 
-    /// A text of the same scenario that needs no other file: `text` itself, or, where it names objects' files, one with these and
-    /// their meshes in it. A run keeps this text, so that it can go on, or be replayed, elsewhere.
+    /// Returns a text of the same scenario that needs no other file: `text` itself or, if it refers to object files, a
+    /// text that contains these and their meshes. A run stores this text, so that it can be continued or replayed
+    /// elsewhere.
     pub fn self_contained(text: &str, path: &Path, reach: Reach) -> Result<String, DataError> {
         let scenario = Self::parse_within(text, path, reach)?;
         if scenario.object.is_empty() {

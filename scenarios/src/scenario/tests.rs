@@ -83,7 +83,7 @@ fn the_table_lies_under_every_place_within_reach() {
     assert!(table.friction > table.rolling_resistance && contact.damping_ratio >= 1.0);
 }
 
-/// Robots of one drawing differ in encoders and mount by as much as the arms of the benchmark's trials.
+/// Robots drawn from one model differ in encoders and mount by as much as the arms of the benchmark's trials.
 #[test]
 fn individuals_and_trials_have_the_same_arms() {
     use plant::spread::{Quantity, parameters};
@@ -99,7 +99,7 @@ fn individuals_and_trials_have_the_same_arms() {
     }
 }
 
-/// A file lists the objects of one, two or three places; what cannot be names the field.
+/// A file lists the objects of one, two or three places. Errors of invalid lists name the field.
 #[test]
 fn one_two_or_three_lists() {
     let parse = |text: &str| {

@@ -1,4 +1,4 @@
-//! What each of its means is worth: the policy `touch` without it, on the same trials.
+//! Ablation study: results of the policy `touch` with one part removed, on the same trials.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -8,10 +8,10 @@ use super::rates::{combination_rates, pair_up};
 use crate::ablation::Ablation;
 use crate::record::{AblatedTrial, Condition, TrialRecord};
 
-/// The policy `touch` with something taken away. Intervals are over combinations.
+/// Results of the policy `touch` under one ablation. Intervals are over combinations.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct AblationSummary {
-    /// What was taken away.
+    /// The part that was removed.
     pub ablation: Ablation,
     /// Trials run.
     pub trials: usize,
@@ -21,12 +21,13 @@ pub struct AblationSummary {
     pub clean_success: Interval,
     /// Mean contact rate.
     pub contact: Interval,
-    /// Clean success less that of the whole hand on the same combinations.
+    /// Clean success rate less that of the unablated policy on the same combinations.
     pub against_full: Interval,
 }
 
 impl AblationSummary {
-    /// One for each ablation in `ablated`, in the order of [`Ablation::ALL`]; `records` holds the whole hand's trials.
+    /// Returns a summary of each ablation in `ablated`, in the order of [`Ablation::ALL`]; `records` holds the trials
+    /// of the unablated policy.
     pub fn all(records: &[TrialRecord], ablated: &[AblatedTrial]) -> Vec<Self> {
         let full = combination_rates(records, Condition::Touch);
         let of = |ablation: Ablation| -> Option<Self> {
@@ -61,7 +62,7 @@ mod tests {
             record
         };
         let records: Vec<TrialRecord> = (0..7).map(|combination| with(combination, 0, true)).collect();
-        // Six of the seven combinations, five of them lost.
+        // Six of the seven combinations, of which five fail.
         let ablated: Vec<AblatedTrial> = (0..6)
             .map(|combination| AblatedTrial {
                 ablation: Ablation::PalmOnly,

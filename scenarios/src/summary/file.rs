@@ -1,4 +1,4 @@
-//! `summary.json`: what a benchmark comes to.
+//! Results of a benchmark: `summary.json`.
 
 use std::collections::BTreeMap;
 
@@ -12,22 +12,22 @@ use super::rates::{CombinationRates, combination_rates, pair_up};
 use crate::record::{AblatedTrial, Condition, TrialRecord};
 use crate::referee::FailureCause;
 
-/// What a condition comes to, a condition in `summary.json`.
+/// Results of one condition in `summary.json`.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 pub struct ConditionSummary {
     /// Trials run.
     pub trials: usize,
-    /// Over combinations.
+    /// Rate of trials with an unwanted contact; mean and standard deviation over combinations.
     pub contact_rate: MeanSd,
     /// Another name of `contact_rate`.
     pub collision_rate: MeanSd,
-    /// Over combinations.
+    /// Rate of success; mean and standard deviation over combinations.
     pub success_rate: MeanSd,
-    /// Over combinations.
+    /// Rate of clean success; mean and standard deviation over combinations.
     pub clean_success_rate: MeanSd,
-    /// Over combinations.
+    /// Predicted risk of the planned second grasp; mean and standard deviation over combinations.
     pub risk_rate: MeanSd,
-    /// Over combinations, s.
+    /// Duration of a trial, s; mean and standard deviation over combinations.
     pub trial_s: MeanSd,
     /// Trials in which the policy left the planned strategy.
     pub switched: usize,
@@ -49,7 +49,7 @@ pub struct PerCondition<T> {
     pub reflex: T,
     /// Noise, policy `touch`.
     pub touch: T,
-    /// Noise, a policy of the user's own; left out where there was none.
+    /// Noise, the user's own policy; left out if there was none.
     #[serde(default, skip_serializing_if = "is_default")]
     pub own: T,
 }
@@ -59,7 +59,7 @@ fn is_default<T: Default + PartialEq>(value: &T) -> bool {
 }
 
 impl<T> PerCondition<T> {
-    /// The value of `condition`.
+    /// Returns the value of `condition`.
     pub fn of(&self, condition: Condition) -> &T {
         match condition {
             Condition::Ideal => &self.ideal,
@@ -72,27 +72,27 @@ impl<T> PerCondition<T> {
 }
 
 impl PerCondition<ConditionSummary> {
-    /// The conditions that were played, in order: nothing is said of others.
+    /// Returns the conditions with at least one trial, in order. Nothing is reported of the others.
     pub fn played(&self) -> Vec<Condition> {
         Condition::ALL.into_iter().filter(|condition| self.of(*condition).trials > 0).collect()
     }
 }
 
-/// The tests.
+/// One-sided paired t-tests over combinations.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 pub struct Tests {
-    /// Do more contacts happen in `blind` than in `ideal`?
+    /// Tests for more contacts in `blind` than in `ideal`.
     #[serde(rename = "collision")]
     pub contact: TTest,
-    /// Do more trials succeed in `touch` than in `blind`?
+    /// Tests for more successes in `touch` than in `blind`.
     pub success: TTest,
-    /// Do more trials succeed cleanly in `touch` than in `blind`?
+    /// Tests for more clean successes in `touch` than in `blind`.
     pub clean_success: TTest,
-    /// Do more trials succeed cleanly in `touch` than in `reflex`?
+    /// Tests for more clean successes in `touch` than in `reflex`.
     pub touch_over_reflex: TTest,
 }
 
-/// What the paper does not report of its two comparisons.
+/// Effect sizes of the comparisons, which the paper does not report.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 pub struct Differences {
     /// Contacts, `blind` less `ideal`, over combinations.
@@ -105,12 +105,12 @@ pub struct Differences {
     pub touch_over_reflex: Difference,
     /// Success of `touch` against `blind`, trial by trial.
     pub mcnemar: McNemar,
-    /// Paired trials within combinations.
+    /// Mixed-model differences of paired trials within combinations.
     #[serde(default)]
     pub mixed: MixedDifferences,
 }
 
-/// Differences of outcomes trial by trial, with what lies between combinations apart from what lies within them.
+/// Differences of outcomes, trial by trial, with the variance between combinations separated from that within them.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 pub struct MixedDifferences {
     /// Clean success, `touch` less `blind`.
@@ -128,7 +128,7 @@ pub struct DecisionTime {
     pub p50: Option<f64>,
     /// 99th percentile.
     pub p99: Option<f64>,
-    /// Trials whose slowest decision took longer than the time that the scenario gives it.
+    /// Number of trials whose slowest decision exceeded the scenario's decision time.
     #[serde(default)]
     pub over_budget: Option<usize>,
 }
@@ -144,70 +144,71 @@ pub struct MedianP95 {
 /// Error of the in-hand pose estimate.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 pub struct PoseError {
-    /// Position, mm.
+    /// Position error, mm.
     pub mm: MedianP95,
-    /// Orientation, deg.
+    /// Orientation error, deg.
     pub deg: MedianP95,
-    /// Position of the plan's guess before touch, mm.
+    /// Position error of the prior, the plan's guess before touch, mm.
     pub prior_mm: MedianP95,
 }
 
-/// What a summary needs to know besides the records.
+/// Facts about the run that a summary needs besides the records.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RunInfo {
-    /// Of the benchmark.
+    /// Seed of the benchmark.
     pub seed: u64,
     /// `sim`, `hardware` or `emulated`.
     pub robot: String,
     /// Wall-clock time of the run, s.
     pub wall_s: f64,
-    /// Time that the scenario gives a decision, s.
+    /// Decision time that the scenario allows, s.
     pub decision_budget: Option<f64>,
 }
 
-/// `summary.json`.
+/// Contents of `summary.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Summary {
-    /// Different combinations.
+    /// Number of different combinations.
     pub combos: usize,
-    /// Most trials of a combination under one condition.
+    /// Greatest number of trials of a combination under one condition.
     pub trials_per_combo: usize,
-    /// Of the benchmark.
+    /// Seed of the benchmark.
     pub seed: u64,
     /// `sim`, `hardware` or `emulated`.
     pub robot: String,
-    /// Rates and failures.
+    /// Rates and failures of each condition.
     pub conditions: PerCondition<ConditionSummary>,
-    /// Paired over combinations, one-sided.
+    /// One-sided t-tests, paired over combinations.
     pub t_test: Tests,
-    /// Difference sizes with intervals, the exact test by trials, power for fewer combinations.
+    /// Effect sizes with intervals, the exact test over trials, and the power with fewer combinations.
     #[serde(default)]
     pub differences: Differences,
-    /// The policy `touch` with one of its means taken away, where that was run.
+    /// Ablations of the policy `touch`, if they were run.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub ablations: Vec<AblationSummary>,
-    /// Area under the ROC curve of the predicted risk against contact, over blind trials; none without both kinds of trials.
+    /// Area under the ROC curve of the predicted risk as a classifier of contact, over blind trials; none unless trials
+    /// with and without contact exist.
     pub risk_auc: Option<f64>,
-    /// Over all trials of `touch`.
+    /// Decision latency over all trials of `touch`.
     pub decision_ms: DecisionTime,
-    /// Over all trials of `touch` that estimated.
+    /// In-hand pose error over all trials of `touch` that made an estimate.
     pub pose_error: PoseError,
-    /// Simulated time over wall-clock time, all threads together; none of a run that took no time.
+    /// Simulated time divided by wall-clock time, all threads together; none for a run that took no time.
     pub real_time_factor: Option<f64>,
     /// Wall-clock time of the run, s.
     pub wall_s: f64,
-    /// Name of the robot, if it is not the built-in one.
+    /// Name of the robot model, if it is not the built-in one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub robot_model: Option<String>,
-    /// The scenario's own objects that were not played, and why.
+    /// The scenario's own objects that were left out, with the reasons.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub left_out: Vec<String>,
-    /// What was not as their files have it, and what could not be done with them.
+    /// Deviations of objects from their files, and operations that were impossible with them.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub notes: Vec<String>,
 }
 
-/// Sums records up; `ablated` are trials with less of the senses, if any.
+/// Summarises the records. `ablated` holds the trials of ablations, if any.
 pub fn summarise(records: &[TrialRecord], ablated: &[AblatedTrial], run: &RunInfo) -> Summary {
     let per_condition = Condition::ALL.map(|condition| combination_rates(records, condition));
     let [ideal, blind, reflex, touch, own] = &per_condition;

@@ -1,4 +1,4 @@
-//! Trials that two conditions played with the same errors.
+//! Pairs of trials that two conditions ran with the same errors.
 
 use std::collections::HashMap;
 
@@ -6,7 +6,7 @@ use statistics::Prediction;
 
 use crate::record::{Condition, TrialRecord};
 
-/// (combination, `outcome` under `first`, under `second`) of the trials that both conditions played.
+/// Returns (combination, `outcome` under `first`, `outcome` under `second`) of each trial that both conditions ran.
 pub fn paired_outcomes(
     records: &[TrialRecord],
     first: Condition,
@@ -20,7 +20,8 @@ pub fn paired_outcomes(
     of(first).filter_map(pair).collect()
 }
 
-/// The worth of the predicted risk of blind trials, against whether there was an unwanted contact. Those without a prediction are left out.
+/// Evaluates the predicted risk of blind trials as a prediction of unwanted contact. Trials without a predicted risk
+/// are left out.
 pub fn risk_prediction(records: &[TrialRecord]) -> Option<Prediction> {
     let blind = records.iter().filter(|record| record.condition == Condition::Blind);
     Prediction::of(blind.filter_map(|record| Some((record.risk?, record.contact))).collect())

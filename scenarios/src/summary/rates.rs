@@ -1,4 +1,4 @@
-//! Rates of contact and success, combination by combination.
+//! Rates of contact and success per combination.
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -10,27 +10,27 @@ use crate::record::{Condition, TrialRecord};
 /// Rates of one combination under one condition.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct CombinationRates {
-    /// [`crate::Combination::id`].
+    /// Number of the combination, [`crate::Combination::id`].
     pub combination: usize,
     /// Name of the first object.
     pub first: String,
     /// Name of the second object.
     pub second: String,
-    /// Trials counted.
+    /// Number of trials.
     pub trials: usize,
-    /// Trials with an unwanted contact over all, 0 to 1.
+    /// Fraction of trials with an unwanted contact, 0 to 1.
     pub contact_rate: f64,
-    /// Successful trials over all, 0 to 1.
+    /// Fraction of successful trials, 0 to 1.
     pub success_rate: f64,
-    /// Trials that succeeded without any unwanted contact over all, 0 to 1.
+    /// Fraction of trials that succeeded without an unwanted contact, 0 to 1.
     pub clean_success_rate: f64,
-    /// Mean predicted risk of the planned second grasp, over trials that have one.
+    /// Mean predicted risk of the planned second grasp, over the trials that have a prediction.
     pub risk_rate: Option<f64>,
-    /// Mean time of a trial, s.
+    /// Mean duration of a trial, s.
     pub trial_s: f64,
 }
 
-/// Rates of every combination under `condition`, by rising id.
+/// Computes the rates of every combination under `condition`, in order of increasing id.
 pub fn combination_rates(records: &[TrialRecord], condition: Condition) -> Vec<CombinationRates> {
     let mut groups: BTreeMap<usize, Vec<&TrialRecord>> = BTreeMap::new();
     for record in records.iter().filter(|record| record.condition == condition) {
@@ -55,7 +55,7 @@ pub fn combination_rates(records: &[TrialRecord], condition: Condition) -> Vec<C
         .collect()
 }
 
-/// Pairs of `value` over the combinations that both conditions have.
+/// Returns pairs of `value` for the combinations that both `a` and `b` have.
 pub(super) fn pair_up(
     a: &[CombinationRates],
     b: &[CombinationRates],

@@ -1,20 +1,20 @@
-//! An attempt at an object, as the controller announces it.
+//! An attempt at an object, as announced by the controller.
 
-/// Object, grasp and what is expected of it.
+/// Object, grasp and predictions of an attempt.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Attempt {
-    /// The object that is to be taken: 0 or 1.
+    /// Index of the object to be picked.
     pub object: usize,
-    /// Number of the grasp.
+    /// Identification number of the grasp.
     pub grasp: u32,
-    /// Why this grasp.
+    /// Reason for this grasp.
     pub why: String,
-    /// Predicted distance between what the hand holds and the object on the way to it, m.
+    /// Predicted clearance between the held objects and this object on the way to it, m.
     pub clearance: Option<f64>,
     /// Predicted probability of an unwanted contact.
     pub risk: Option<f64>,
-    /// The first object as felt: position (m) and rotation vector (rad) in the palm's frame.
+    /// In-hand pose of the first object as felt, palm frame: position (m) and rotation vector (rad).
     pub felt: Option<[f64; 6]>,
-    /// Covariance of that, rows one after the other.
+    /// Covariance of `felt`, row by row.
     pub covariance: Option<[f64; 36]>,
 }

@@ -1,8 +1,8 @@
-//! Shapes of objects and the questions asked of them: signed distance, ray, volume, inertia, tessellation.
+//! Shapes of objects, with their queries: signed distance, ray, volume, inertia, tessellation.
 //!
-//! A [`Shape`] lives in its own frame (`object/<name>`), metres. Primitives answer in closed form, meshes through parry.
-//! Mesh files are OBJ, STL, PLY or glTF. [`Mesh::load`] reads one and mends what is broken of it ([`Mesh::repaired`], [`Repair`]): the one
-//! way by which all commands come to a user's mesh.
+//! A [`Shape`] is given in its own frame (`object/<name>`), in metres. Queries of primitives are in closed form, those of
+//! meshes go through parry. Mesh files are OBJ, STL, PLY or glTF. All commands load a user's mesh with [`Mesh::load`], which
+//! reads it and mends its faults ([`Mesh::repaired`], [`Repair`]).
 
 mod collada;
 mod decomposition;

@@ -1,44 +1,45 @@
-//! What "in the hand" means, once: something holds the object up that is not the table, and it is within reach of the palm.
+//! Definition of "in the hand": something other than the table supports the object, and it is within reach of the palm.
 //!
-//! Who asks sets the figures: the referee has its distance from the scenario file; rehearsals and transports ask
-//! besides that the object has been lifted, and take a little more distance, because larger things count for them.
+//! The thresholds depend on the user of the rule. The referee takes its distance from the scenario file. Rehearsals (rollouts)
+//! and transports also require that the object has been lifted, and allow a slightly greater distance, because they count
+//! larger objects.
 
-/// How one object is at a moment.
+/// State of one object at an instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Support {
-    /// The hand, or something that the hand holds, touches it.
+    /// True if the hand, or something that the hand holds, touches it.
     pub held: bool,
-    /// The table touches it.
+    /// True if the table touches it.
     pub on_table: bool,
-    /// Distance of its origin from the palm's, m.
+    /// Distance of its origin from the palm's origin, m.
     pub distance: f64,
     /// Height of its origin over the table, m.
     pub height: f64,
 }
 
-/// From where on an object counts as in the hand.
+/// Thresholds for an object to count as in the hand.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct HoldingRule {
     /// Greatest distance from the palm's origin, m.
     pub reach: f64,
-    /// Height over the table above which the object counts as lifted, m; negative infinity where it need not be.
+    /// Height over the table above which the object counts as lifted, m; negative infinity if no lift is required.
     pub lifted: f64,
 }
 
-/// Of a grasp's proof, and of a trial's policy that is told what it holds: lifted.
+/// Rule for the proof of a grasp, and for a policy that is told what it holds: the object must be lifted.
 pub const LIFTED: HoldingRule = HoldingRule { reach: 0.16, lifted: 0.08 };
-/// The same, however low.
+/// Like [`LIFTED`], but at any height.
 pub const GRIPPED: HoldingRule = HoldingRule { lifted: f64::NEG_INFINITY, ..LIFTED };
-/// Of balls in a transport, which may be small, or lie behind others.
+/// Rule for balls in a transport, which may be small or lie behind others.
 pub const TRANSPORTED: HoldingRule = HoldingRule { reach: 0.17, lifted: 0.07 };
 
 impl HoldingRule {
-    /// The rule that asks for the distance alone.
+    /// Returns the rule that tests the distance only.
     pub fn within(reach: f64) -> Self {
         Self { reach, lifted: f64::NEG_INFINITY }
     }
 
-    /// Whether the object is in the hand.
+    /// True if the object is in the hand.
     pub fn holds(&self, object: &Support) -> bool {
         object.held && !object.on_table && object.distance <= self.reach && object.height > self.lifted
     }

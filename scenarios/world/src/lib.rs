@@ -1,8 +1,9 @@
-//! All of the scene that a controller may know.
+//! The part of the scene that a controller may know.
 //!
-//! [`objects`] are what is picked up, each with a [`geometry::Shape`]; they stand as a [`layout`] says on the table of [`physics`].
-//! [`phase`] and [`attempt`] are what a controller says of itself, by which others judge it; [`sensing`] names the sensors that it may
-//! use; [`holding`] says what "in the hand" means. Poses in the scene, errors and verdicts are not here: a controller that depends on this crate cannot name them.
+//! [`objects`] are the objects to be picked, each with a [`geometry::Shape`]. They stand on the table of [`physics`] as a
+//! [`layout`] defines. A controller reports its [`phase`] and [`attempt`], by which others judge it. [`sensing`] names the
+//! sensors that it may use, and [`holding`] defines "in the hand". True poses, errors and verdicts are not in this crate, so
+//! that a controller that depends on it cannot refer to them.
 
 pub mod attempt;
 pub mod geometry;

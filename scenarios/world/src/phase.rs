@@ -1,75 +1,75 @@
-//! Phases of a task: which skill runs, on which object, and at which stage. The executor reports them; the referee, recordings and fault
-//! detection go by them.
+//! Phases of a task: the running skill, its object and its stage. The executor reports them; the referee, recordings
+//! and fault detection rely on them.
 
 use std::borrow::Cow;
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 
-/// A motion with a beginning and an end.
+/// Skill: a motion with a beginning and an end.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Skill {
     /// At rest before anything has moved.
     Begin,
-    /// Touches an object with free digits where it stands.
+    /// Touches an object with free digits where it stands (palpation).
     Palpate,
-    /// The palm goes to an object.
+    /// Moves the palm to an object.
     Approach,
-    /// The digits close on it.
+    /// Closes the digits on it.
     Grasp,
-    /// Raises it.
+    /// Raises the object.
     Lift,
-    /// Rests after a lift, for tactile images of what is held.
+    /// Stays still after a lift, for tactile images of the held objects.
     Look,
-    /// Brings everything that is held somewhere else.
+    /// Carries everything that is held to another place.
     Carry,
-    /// Holds it still.
+    /// Holds everything still.
     Hold,
-    /// Rests after the hold, for tactile images once more.
+    /// Stays still after the hold, for further tactile images.
     Verify,
-    /// Lays everything down and opens the hand.
+    /// Puts everything down and opens the hand.
     PutDown,
     /// Moves the hand out of the detector's view.
     StepAside,
 }
 
-/// Part of a skill.
+/// Stage of a skill.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Stage {
-    /// On the way to where a palpation begins.
+    /// Motion to the start of a palpation.
     Reach,
-    /// Slowly on until a pad feels the object.
+    /// Slow motion until a pad feels the object.
     Touch,
-    /// Still, for tactile images of the touch.
+    /// Standstill for tactile images of the touch.
     Feel,
-    /// Under way: the only stage of the skills without parts.
+    /// Under way: the only stage of skills that are not subdivided.
     Run,
-    /// Over: the executor waits for a decision.
+    /// Finished: the executor waits for a decision.
     Decide,
 }
 
-/// The executor's state at a moment.
+/// State of the executor at an instant.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Phase {
-    /// The motion under way, or the last one.
+    /// Skill under way, or the last one.
     pub skill: Skill,
-    /// Index of the object in the order in which objects are taken; 0 for the skills that are about all that is held.
+    /// Index of the object in picking order; 0 for skills that concern everything held.
     pub object: usize,
-    /// Its part.
+    /// Stage of the skill.
     pub stage: Stage,
 }
 
 impl Phase {
-    /// `skill` on `object`, under way.
+    /// Returns the phase in which `skill` on `object` is under way.
     pub const fn run(skill: Skill, object: usize) -> Self {
         Self { skill, object, stage: Stage::Run }
     }
 
-    /// `skill` on `object`, over.
+    /// Returns the phase after `skill` on `object`, which waits for a decision.
     pub const fn decide(skill: Skill, object: usize) -> Self {
         Self { skill, object, stage: Stage::Decide }
     }
 
-    /// A stage of the palpation of `object`.
+    /// Returns a stage of the palpation of `object`.
     pub const fn palpate(object: usize, stage: Stage) -> Self {
         Self { skill: Skill::Palpate, object, stage }
     }
@@ -84,7 +84,7 @@ impl Phase {
         self == Self::decide(Skill::Verify, 0)
     }
 
-    /// True from the moment the hand goes to `object` until what it took is laid down.
+    /// True from the moment the hand moves to `object` until the held objects are put down.
     pub fn begins(self, object: usize) -> bool {
         match self.skill {
             Skill::Palpate | Skill::Approach | Skill::Grasp | Skill::Lift | Skill::Look => self.object >= object,
@@ -93,7 +93,7 @@ impl Phase {
         }
     }
 
-    /// The same from the grasp of `object` on.
+    /// True from the grasp of `object` until the held objects are put down.
     pub fn closes(self, object: usize) -> bool {
         match self.skill {
             Skill::Palpate | Skill::Approach => self.object > object,
@@ -101,7 +101,8 @@ impl Phase {
         }
     }
 
-    /// The same from the lift of `object` on. The decision after a laying down or a step aside counts as one about the first object.
+    /// True from the lift of `object` until the held objects are put down. The decision after putting down or stepping
+    /// aside counts as one about the first object.
     pub fn lifts(self, object: usize) -> bool {
         match self.skill {
             Skill::Palpate | Skill::Approach | Skill::Grasp => self.object > object,
@@ -112,17 +113,17 @@ impl Phase {
         }
     }
 
-    /// The same from the end of the lift of `object` on.
+    /// True from the end of the lift of `object` until the held objects are put down.
     pub fn has_lifted(self, object: usize) -> bool {
         self.lifts(object) && self != Self::run(Skill::Lift, object)
     }
 
-    /// True from the moment everything is carried to the end of the task.
+    /// True from the start of the carry to the end of the task.
     pub fn carries(self) -> bool {
         matches!(self.skill, Skill::Carry | Skill::Hold | Skill::Verify)
     }
 
-    /// In words, as people and files know it.
+    /// Name in words, as people and files use it.
     pub fn name(self) -> Cow<'static, str> {
         let of = |verb: &str| Cow::Owned(format!("{verb} {}", ordinal(self.object)));
         match (self.skill, self.stage) {
@@ -154,7 +155,7 @@ impl Phase {
         }
     }
 
-    /// All phases of a trial with `objects` objects, in the order in which a trial that explores and succeeds comes to them.
+    /// Returns all phases of a trial with `objects` objects, in the order of a trial that explores and succeeds.
     pub fn of_trial(objects: usize) -> Vec<Self> {
         let mut all = vec![Self::decide(Skill::Begin, 0)];
         for object in 0..objects {
@@ -168,7 +169,7 @@ impl Phase {
         all
     }
 
-    /// The phase with this name, with or without underscores, of a trial with at most eight objects.
+    /// Returns the phase with this name, with or without underscores, of a trial with at most eight objects.
     pub fn named(name: &str) -> Option<Self> {
         let words = name.replace('_', " ");
         let aside = [Skill::PutDown, Skill::StepAside].map(|skill| Self::run(skill, 0));
@@ -176,10 +177,10 @@ impl Phase {
     }
 }
 
-/// Names of places in an order.
+/// Ordinal numbers.
 const ORDINALS: [&str; 8] = ["first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth"];
 
-/// Name of a place in an order, from 0.
+/// Returns the ordinal number of a place counted from 0.
 pub fn ordinal(object: usize) -> Cow<'static, str> {
     ORDINALS.get(object).map_or_else(|| format!("object {}", object + 1).into(), |name| (*name).into())
 }
@@ -190,7 +191,7 @@ impl std::fmt::Display for Phase {
     }
 }
 
-/// As its name with underscores.
+/// Serialized as the name with underscores.
 impl Serialize for Phase {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.serialize_str(&self.name().replace(' ', "_"))
@@ -219,7 +220,7 @@ mod tests {
         assert_eq!(names.join(", "), format!("begin, {first}, decide, {second}, confirm, carry, hold, verify, done"));
     }
 
-    /// Every name of a trial with any number of objects is another one and says which phase it is.
+    /// All phases of trials with any number of objects have distinct names, which can be parsed back.
     #[test]
     fn names_are_read_back() {
         let aside = [Phase::run(Skill::PutDown, 0), Phase::run(Skill::StepAside, 0)];
@@ -232,7 +233,7 @@ mod tests {
         assert!(error.contains("grasp_tenth") && error.contains("approach_first"), "{error}");
     }
 
-    /// On the way through a trial of three objects each object is gone to, closed on and lifted in turn, and stays lifted.
+    /// In a trial of three objects, each object is approached, closed on and lifted in turn, and stays lifted.
     #[test]
     fn objects_are_lifted_one_after_the_other() {
         let phases = Phase::of_trial(3);

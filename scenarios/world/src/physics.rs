@@ -1,4 +1,4 @@
-//! The simulated world beside robot and objects: the table and the law of contacts, from `data/physics.toml`.
+//! Physics of the simulated world besides robot and objects: the table and the contact law, from `data/physics.toml`.
 
 use std::path::Path;
 use std::sync::LazyLock;
@@ -10,37 +10,37 @@ use serde::Deserialize;
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Table {
-    /// m, world.
+    /// Centre in the world frame, m.
     pub center: [f64; 3],
     /// Half extents, m.
     pub half: [f64; 3],
-    /// Coulomb friction coefficient; an object's own applies where it is smaller.
+    /// Coulomb friction coefficient; an object's own coefficient applies if it is smaller.
     pub friction: f64,
-    /// Lever arm of the normal force over the height of the centre of mass of what rolls.
+    /// Rolling resistance: lever arm of the normal force divided by the height of the rolling body's centre of mass.
     pub rolling_resistance: f64,
 }
 
-/// A contact is a spring and damper along its normal.
+/// Contact law: a spring and damper along the normal.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Contact {
-    /// Natural frequency, Hz; twice that with a fixed body.
+    /// Natural frequency, Hz; doubled for contact with a fixed body.
     pub frequency: f64,
-    /// Damping over critical damping.
+    /// Damping ratio: damping divided by critical damping.
     pub damping_ratio: f64,
-    /// Damping of a loose object's spin, 1/s.
+    /// Spin damping of a loose object, 1/s.
     pub spin_damping: f64,
 }
 
-/// Friction as a bristle: surfaces that stick go back where they were.
+/// Bristle friction model: sticking surfaces spring back to their original position.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Sticking {
-    /// Share of the displacement that is undone in a step.
+    /// Fraction of the tangential displacement that is undone per step.
     pub back: f64,
-    /// The displacement of one surface along the other beyond which it slides, m.
+    /// Elastic limit: tangential displacement beyond which the surfaces slide, m.
     pub elastic: f64,
-    /// The turn about the normal beyond which it does, rad.
+    /// Elastic limit of the rotation about the normal, rad.
     pub elastic_turn: f64,
 }
 
@@ -48,11 +48,11 @@ pub struct Sticking {
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Physics {
-    /// What the objects stand on.
+    /// The table on which the objects stand.
     pub table: Table,
-    /// How bodies touch.
+    /// Contact law between bodies.
     pub contact: Contact,
-    /// How what the hand holds sticks to it.
+    /// Friction model between the hand and the objects it holds.
     pub sticking: Sticking,
 }
 
@@ -61,7 +61,7 @@ static STANDARD: LazyLock<Physics> = LazyLock::new(|| {
 });
 
 impl Physics {
-    /// The built-in world, `scenarios/world/data/physics.toml`.
+    /// Returns the built-in world, `scenarios/world/data/physics.toml`.
     ///
     /// # Panics
     /// Never in a tested build: the file is compiled in and a test reads it.

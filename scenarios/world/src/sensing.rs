@@ -1,6 +1,6 @@
-//! What of the hand's senses a policy may use: the whole hand, less of it in an ablation, no image at all in `reflex`.
+//! Sensing that a policy may use: the whole hand, less in an ablation, and no images in `reflex`.
 
-/// What is left of the senses. Encoders and currents of the servos are always there.
+/// Available tactile sensing. Encoders and currents of the servos are always available.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Sensing {
     /// All pads.
@@ -8,22 +8,22 @@ pub enum Sensing {
     Full,
     /// No tactile images at all.
     ServosOnly,
-    /// The pads of the five last phalanges.
+    /// Pads of the five distal phalanges.
     Fingertips,
-    /// The pads of the palm.
+    /// Pads of the palm.
     PalmOnly,
     /// Every fourth pad.
     QuarterOfPads,
     /// All pads, at a tenth of the resolution along each side.
     CoarseImages,
-    /// All pads; the object's pose is made from felt points without their normals and without what feels nothing.
+    /// All pads, but the pose estimate uses contact points only, without their normals and without no-contact evidence.
     PointsOnly,
-    /// The true pose and the true content of the hand instead of perception: what no sensing can better.
+    /// Ground-truth pose and content of the hand instead of perception: an upper bound that no sensing can exceed.
     TruePose,
 }
 
 impl Sensing {
-    /// In words.
+    /// Name in words.
     pub fn label(self) -> &'static str {
         match self {
             Self::Full => "whole hand",

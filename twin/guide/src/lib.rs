@@ -1,22 +1,22 @@
-//! The guide to the F-TAC twin, as pages that build offline:
+//! Guide to the F-TAC twin, as pages that build offline:
 //!
 //! ```sh
 //! cargo doc --workspace --no-deps --open
 //! ```
 //!
-//! | page | for whom |
+//! | page | for readers who |
 //! |---|---|
-//! | [`concepts`] | what is computed, each equation beside the function that computes it |
-//! | [`benchmark`] | you run the benchmark, and read what came out |
-//! | [`sweep`] | you have a question that takes many benchmarks: axes, Slurm, Parquet |
-//! | [`sensor`] | you own a camera-based tactile sensor |
-//! | [`hand`] | you own a hand, or an object that you want grasped |
-//! | [`robot`] | you have another arm, a hand of another size or side, or more pads |
-//! | [`python`] | you write Python: tactile images, learning environments, your own policy in the benchmark |
-//! | [`files`] | what is in each file |
-//! | [`troubleshooting`] | something is not as it should be |
+//! | [`concepts`] | want to know what is computed: each equation beside the function that computes it |
+//! | [`benchmark`] | run the benchmark and read its results |
+//! | [`sweep`] | have a question that takes many benchmarks: axes, Slurm, Parquet |
+//! | [`sensor`] | own a camera-based tactile sensor |
+//! | [`hand`] | own a hand, or an object to be grasped |
+//! | [`robot`] | have another arm, a hand of another size or side, or more pads |
+//! | [`python`] | write Python: tactile images, learning environments, their own policy in the benchmark |
+//! | [`files`] | look up the contents of a file |
+//! | [`troubleshooting`] | have a problem |
 //!
-//! There is no code in this crate. `tests/tests/guide.rs` runs the commands of the pages, `tests/tests/python.rs` the Python examples.
+//! This crate contains no code. `tests/tests/guide.rs` runs the commands of the pages, `tests/tests/python.rs` the Python examples.
 
 #[doc = include_str!("../pages/concepts.md")]
 pub mod concepts {}

@@ -1,36 +1,38 @@
-//! What pushes on the hand, from the torques of the arm's joints.
+//! External force on the hand, from the torques of the arm's joints.
 
 pub use hand_model::load::{Torques, held, torques, weight};
 use hand_model::robot::ArmState;
 use hand_model::{Arm, GRAVITY, RobotModel};
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 
-/// Something is in the hand where at least this share of its weight is felt.
+/// Share of an object's weight that must be felt for it to count as in the hand.
 const FELT: f64 = 0.5;
 
-/// The palm of a robot whose encoders show `angles`, in the frame of the arm's base.
+/// Returns the pose of the palm in the frame of the arm's base for a robot whose encoders show `angles`.
 pub(crate) fn palm(robot: &RobotModel, angles: &[f64]) -> Isometry3<f64> {
     let RobotModel { hand, arm, .. } = robot;
     arm.tool_pose(angles) * hand.palm_from_flange.inverse()
 }
 
-/// The force at the palm ([`force`]).
+/// Returns the force on the hand, assumed to act at the palm's origin ([`force`]).
 pub(crate) fn force_on_palm(own: &RobotModel, states: [&ArmState; 2]) -> Option<Vector3<f64>> {
     force(own, states, &palm(own, &states[1].position).translation.vector.into())
 }
 
-/// Whether the hand bears at least half of a `mass` (kg) more than it did.
+/// True if the additional load on the hand is more than half of the weight of `mass` (kg).
 pub(crate) fn bears(own: &RobotModel, states: [&ArmState; 2], mass: f64) -> bool {
     force_on_palm(own, states).is_some_and(|force| -force.z > FELT * mass * GRAVITY)
 }
 
-/// Torques that hold the last link of an arm whose links are at `poses` against a `force` (N) at a point of it, N m.
+/// Returns the joint torques that hold a `force` (N) at a `point` of the last link of an arm whose links are at
+/// `poses`, N m.
 pub(crate) fn held_by_last(arm: &Arm, poses: &[Isometry3<f64>], point: &Point3<f64>, force: &Vector3<f64>) -> Torques {
     held(arm, poses, arm.last_link(), point, force)
 }
 
-/// The force (N, axes of the arm's base) at `point` of the hand that explains best by how much the arm's torques `now` differ from those `before`,
-/// when nothing touched the hand; a force alone, no torque. None where the arm's posture does not tell.
+/// Estimates the external force (N, axes of the arm's base) at `point` of the hand that best explains the change of the
+/// arm's torques from `before` contact to `now`. It is a pure force without a torque. None if the posture of the arm
+/// does not determine it.
 pub fn force(robot: &RobotModel, [before, now]: [&ArmState; 2], point: &Point3<f64>) -> Option<Vector3<f64>> {
     let arm = &robot.arm;
     let heavier = weight(robot, &now.position) - weight(robot, &before.position);
@@ -48,7 +50,7 @@ mod tests {
 
     use super::*;
 
-    /// A force is found again from the torques that hold it, wherever the arm has gone meanwhile.
+    /// A force is recovered from the torques that hold it, wherever the arm has moved meanwhile.
     #[test]
     fn a_force_is_found_again() {
         let robot = RobotModel::ftac_gen3();

@@ -1,8 +1,8 @@
-//! The ball on which pads are pressed: what the script says of it, and how the arm brings a pad onto it.
+//! Ball on which pads are pressed: its parameters in the script, and the arm motions that bring a pad onto it.
 //!
-//! A ball is fixed on a thin post in the hand's reach. Each camera's part of its pad is pressed on it at several spots, every time with
-//! the hand turned and tilted otherwise: then touches show the arm's joints and the hand's mount as well as the links of the fingers,
-//! which are pushed onto their stops.
+//! A ball is fixed on a thin post within the hand's workspace. Each camera's part of its pad is pressed on it at several spots,
+//! each time with another heading and tilt of the hand. The touches then identify the arm's joints and the hand's mount as well
+//! as the links of the fingers, which are pushed onto their stops.
 
 use control::inverse_kinematics::{ArmKinematics, Joints, Mount};
 use hand_model::hand::CoverShape;
@@ -10,76 +10,78 @@ use hand_model::{Hand, RobotModel};
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
-/// Turns of the hand about the vertical that are tried for a press, ...
+/// Number of headings of the hand about the vertical that are tried for a press.
 const HEADINGS: usize = 16;
-/// ... with these shares of its tilt.
+/// Shares of the press's tilt that are tried.
 const TILTS: [f64; 3] = [1.0, 0.5, 0.0];
-/// Headings, tilts and their directions of successive presses: fractions that never come close to each other again, those of the golden
+/// Increments of heading, tilt and tilt direction between successive presses: low-discrepancy fractions from the golden
 /// ratio and its relatives of higher degree (Roberts 2018).
 const SPREAD: [f64; 3] = [0.819_173, 0.671_044, 0.549_701];
-/// No other link comes closer to the ball than this, m, ...
+/// Least clearance of other links from the ball during a press, m.
 const CLEARANCE: f64 = 0.002;
-/// ... (on the way from one press to the next than this: half of a usual standoff), ...
+/// Least clearance of all links from the ball on the way between presses, m: half of a usual standoff.
 const FREE: f64 = 0.02;
-/// ... nor to the post below it, from its middle line, ...
+/// Least distance of links from the centre line of the post below the ball, m.
 const POST: f64 = 0.012;
-/// ... nor to the table, on which the arm stands.
+/// Least height of links above the table on which the arm stands, m.
 const TABLE: f64 = 0.03;
-/// The joints before the wrist turn by no more than this from where the arm begins, rad: the others would bring its elbow to the other side.
+/// Greatest rotation of the joints before the wrist from their start angles, rad: more would bring the elbow to the
+/// other side.
 const MOST_TURN: f64 = 1.5;
-/// How many joints that are.
+/// Number of joints before the wrist.
 const SIDED: usize = 4;
-/// Where the straight way from press to press is not free the hand rises by one of these, m, by which no joint may turn more than this, rad.
+/// Heights by which the hand rises if the straight way between presses is blocked, m; below, the greatest rotation of a
+/// joint for such a rise, rad.
 const RISES: [f64; 3] = [0.06, 0.1, 0.15];
 const MOST_RISE: f64 = 0.8;
-/// Pieces of such a way that are looked at.
+/// Number of intervals of such a way that are checked for collisions.
 const PLACES: usize = 12;
-/// Points along each axis of a cover that are looked at.
+/// Points on each side of the centre along each axis of a cover that are checked for collisions.
 const GRID: i32 = 3;
 
-/// A ball that is fixed in the hand's reach, and how pads are pressed on it.
+/// A ball that is fixed within the hand's workspace, and the presses of pads on it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Ball {
-    /// m.
+    /// Radius, m.
     pub radius: f64,
-    /// Its middle, m, in the frame of the arm's base, as somebody has measured it.
+    /// Measured position of its centre in the frame of the arm's base, m.
     pub place: [f64; 3],
-    /// Standard deviation of that along each axis, m.
+    /// Standard deviation of `place` along each axis, m.
     pub uncertain: f64,
-    /// Where a camera's part of its pad is pressed, as shares of its width and height from its middle.
+    /// Spots at which a camera's part of its pad is pressed, as shares of its width and height from its centre.
     pub spots: Vec<[f64; 2]>,
-    /// Greatest angle between the direction in which a pad is pressed and the vertical, rad.
+    /// Greatest angle between the pressing direction and the vertical, rad.
     pub tilt: f64,
-    /// Distance from the ball at which the arm goes from one press to the next, m.
+    /// Standoff: distance from the ball at which the arm moves between presses, m.
     pub standoff: f64,
-    /// Between one look at the pad and the next, m.
+    /// Distance between two looks at the pad, m.
     pub stride: f64,
-    /// For which the arm stands before a look, s.
+    /// Settling time of the arm before a look, s.
     pub settle: f64,
-    /// How far a pad is pressed onto the ball at most, m.
+    /// Penetration at which a press ends, m.
     pub depth: f64,
-    /// Pads of the palm then slide over it.
+    /// Slide of the palm's pads over the ball after a press, if any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub slide: Option<Slide>,
 }
 
-/// How a pad slides over the ball, and what is known of its friction.
+/// Slide of a pad over the ball, with the ball's friction.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Slide {
-    /// m, along the pad.
+    /// Length of the slide along the pad, m.
     pub way: f64,
-    /// Of the ball against a pad as drawn, as somebody has measured it.
+    /// Measured friction coefficient of the ball against a nominal pad.
     pub friction: f64,
-    /// Standard deviation of that, as a share of it.
+    /// Relative standard deviation of `friction`.
     pub uncertain: f64,
 }
 
-/// One press.
+/// One press of a pad on the ball.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Press {
-    /// Of all presses of a script.
+    /// Number among all presses of a script.
     pub number: usize,
     /// Index of the camera.
     pub camera: usize,
@@ -87,29 +89,31 @@ pub struct Press {
     pub spot: [f64; 2],
 }
 
-/// Where the arm goes for a press.
+/// Arm trajectory of a press.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Approach {
-    /// On the way there, where the straight way is not free.
+    /// Waypoints on the way there, if the straight way is blocked.
     pub round: Vec<Joints>,
-    /// At the standoff.
+    /// Posture at the standoff.
     pub hover: Joints,
-    /// A stride apart, the deepest last.
+    /// Postures of the press, one stride apart, the deepest last.
     pub way: Vec<Joints>,
 }
 
 impl Ball {
-    /// Its middle, m, in the frame of the arm's base.
+    /// Returns its centre in the frame of the arm's base, m.
     pub fn middle(&self) -> Point3<f64> {
         Point3::from(self.place)
     }
 
-    /// How the pad of a press slides, if it does: those of links do not, because a push from the side may turn them.
+    /// Returns the slide of a press's pad, if it slides. Pads of links do not, because a lateral push may turn the
+    /// links.
     pub fn slide_of(&self, hand: &Hand, press: &Press) -> Option<&Slide> {
         self.slide.as_ref().filter(|_| hand.pads[hand.cameras[press.camera].pad].link.is_none())
     }
 
-    /// All presses: each spot of every camera, spot by spot, so that an unfinished excitation has touched with every pad.
+    /// Returns all presses: each spot of every camera, spot by spot, so that even an unfinished excitation has used
+    /// every pad.
     pub fn presses(&self, hand: &Hand) -> Vec<Press> {
         let of = |spot: &[f64; 2]| (0..hand.cameras.len()).map(move |camera| (camera, *spot)).collect::<Vec<_>>();
         let all = self.spots.iter().flat_map(of).enumerate();
@@ -117,22 +121,22 @@ impl Ball {
     }
 }
 
-/// `palm_from_pad` of an open hand whose links are on their stops.
+/// Returns `palm_from_pad` of an open hand whose links are on their stops.
 pub fn palm_from_pad(hand: &Hand, pad: usize) -> Isometry3<f64> {
     let pad = &hand.pads[pad];
     let link = pad.link.map_or_else(Isometry3::identity, |link| hand.tree.forward(&hand.open())[link]);
     link * pad.link_from_pad
 }
 
-/// Kinematics of a robot whose base is the world's origin.
+/// Returns the kinematics of a robot whose base is the world's origin.
 pub fn kinematics(robot: &RobotModel) -> ArmKinematics {
     let RobotModel { hand, arm, .. } = robot;
     ArmKinematics::new((**arm).clone(), Mount::of_hand(hand, 0.0))
 }
 
-/// How the arm of a robot believed to be `hand` on `arm` brings a pad onto a ball believed to be at `middle`, looking from `early` (m) before
-/// the pad should touch to as much behind its greatest depth. The first heading that the arm reaches with everything else clear; none
-/// where there is no such.
+/// Plans the approach by which the arm of `robot` brings a pad onto a ball at `middle`. It looks from `early` (m)
+/// before the expected contact to as much beyond the greatest depth. Uses the first heading that the arm reaches with
+/// everything else clear; none if there is no such heading.
 pub fn approach(
     robot: &RobotModel,
     ball: &Ball,
@@ -146,7 +150,7 @@ pub fn approach(
     let camera = &hand.cameras[press.camera];
     let pad = &hand.pads[camera.pad];
     let (x, y) = (press.spot[0] * camera.w, camera.center_y + press.spot[1] * camera.h);
-    // Over the flat middle of a pad, where its surface is level.
+    // Over the flat middle of a pad, its surface is level.
     let spot = Point3::new(x, y, pad.surface_height(x, y));
     let palm_from_pad = palm_from_pad(hand, camera.pad);
     let [heading, tilt, side] = SPREAD.map(|step| (0.5 + step * press.number as f64).fract());
@@ -154,7 +158,7 @@ pub fn approach(
     tries.into_iter().find_map(|(share, n)| {
         let (tilt, side) = (share * ball.tilt * tilt.sqrt(), std::f64::consts::TAU * side);
         let down = Vector3::new(tilt.sin() * side.cos(), tilt.sin() * side.sin(), -tilt.cos());
-        // `world_from_palm` with the spot so far from where the ball's surface is, against `down`.
+        // Pose `world_from_palm` with the spot at distance `off` from the ball's surface, against `down`.
         let palm_at = |turn: &UnitQuaternion<f64>, off: f64| {
             let place = middle - down * (ball.radius + off);
             let pose = Isometry3::from_parts(Translation3::from(place - turn * spot), *turn);
@@ -168,7 +172,7 @@ pub fn approach(
             return None;
         }
         let hover = kinematics.solve(&palm_at(&turn, ball.standoff), from)?;
-        // Straight lines of the joints lead from press to press: none may lead round to the other side of the arm.
+        // Straight lines in joint space lead from press to press: none may lead round to the other side of the arm.
         if !keeps_its_side(from, &hover) {
             return None;
         }
@@ -177,7 +181,7 @@ pub fn approach(
         for look in 0..=looks {
             let seed = way.last().unwrap_or(&hover);
             let next = kinematics.solve(&palm_at(&turn, early - look as f64 * ball.stride), seed)?;
-            // Another branch of the arm's posture is no straight way.
+            // A jump to another branch of the inverse kinematics is not a straight way.
             if (0..next.len()).any(|joint| (next[joint] - seed[joint]).abs() > 0.5) {
                 return None;
             }
@@ -187,8 +191,8 @@ pub fn approach(
     })
 }
 
-/// The way of a pad over the ball: from where the arm stands `at` along the pad's width, so that the ball comes towards its middle, in strides.
-/// None where the arm does not reach so far, and for pads that do not slide.
+/// Plans the slide of a pad over the ball from the posture `at` along the pad's width, in strides, so that the ball
+/// moves towards the pad's middle. None if the arm does not reach that far, and for pads that do not slide.
 pub fn sideways(robot: &RobotModel, ball: &Ball, press: &Press, at: &Joints) -> Option<Vec<Joints>> {
     let hand = &robot.hand;
     let slide = ball.slide_of(hand, press)?;
@@ -205,12 +209,12 @@ pub fn sideways(robot: &RobotModel, ball: &Ball, press: &Press, at: &Joints) -> 
     Some(way)
 }
 
-/// Whether an arm that goes `from` one posture `to` another keeps its elbow on the same side.
+/// True if an arm that moves between these postures keeps its elbow on the same side.
 pub(crate) fn keeps_its_side(from: &Joints, to: &Joints) -> bool {
     to.iter().zip(from).take(SIDED).all(|(to, from)| (to - from).abs() <= MOST_TURN)
 }
 
-/// Postures on the straight way of the joints `from` one `to` another, in so many `pieces`, both ends included.
+/// Returns postures on the straight line in joint space, in `pieces` intervals, both ends included.
 pub(crate) fn straight(from: &Joints, to: &Joints, pieces: usize) -> impl Iterator<Item = Joints> {
     let (from, to) = (*from, *to);
     (0..=pieces).map(move |n| {
@@ -219,7 +223,8 @@ pub(crate) fn straight(from: &Joints, to: &Joints, pieces: usize) -> impl Iterat
     })
 }
 
-/// Covers of an open hand with its palm at `palm`: of the palm, which is no link, and of all links, each where the link is.
+/// Returns the covers of an open hand with its palm at `palm`, with their poses: that of the palm, which is no link,
+/// and those of all links.
 pub(crate) fn covers<'a>(
     hand: &'a Hand,
     palm: &Isometry3<f64>,
@@ -231,8 +236,8 @@ pub(crate) fn covers<'a>(
     std::iter::once((None, palm, &hand.palm_cover)).chain(fingers)
 }
 
-/// Where the arm of a robot believed to be `hand` on `arm` goes in between on its way `from` one posture `to` another, both beside the ball: nowhere if
-/// the straight way is free, or else up and down again. None where even so it is not free.
+/// Plans waypoints between two postures beside the ball: none if the straight way is free, otherwise up and down again.
+/// `None` if that is blocked, too.
 pub fn round(robot: &RobotModel, ball: &Ball, middle: &Point3<f64>, [from, to]: [&Joints; 2]) -> Option<Vec<Joints>> {
     let hand = &robot.hand;
     let kinematics = kinematics(robot);
@@ -248,13 +253,13 @@ pub fn round(robot: &RobotModel, ball: &Ball, middle: &Point3<f64>, [from, to]: 
     }
     RISES.iter().find_map(|by| {
         let up = [above(from, *by)?, above(to, *by)?];
-        // What is beside the ball already may be nearer to it than that.
+        // Beside the ball, the start may already be closer to it than the required clearance.
         (free(&up[0], &up[1]) && free(&up[1], to)).then(|| up.to_vec())
     })
 }
 
-/// Whether all links but the one that is pressed (none of it is the palm), or all of them where none is, keep away from ball, post and table with the palm at
-/// `palm`.
+/// True if the links keep clear of ball, post and table with the palm at `palm`. `pressed` is the link that is pressed
+/// and may touch the ball (`Some(None)` for the palm); with `None`, all links must keep clear.
 fn is_clear(
     hand: &Hand,
     pressed: Option<Option<usize>>,
@@ -274,7 +279,7 @@ fn is_clear(
     })
 }
 
-/// A grid of points of a cover, link frame.
+/// Returns a grid of points of a cover, link frame.
 pub(crate) fn points(cover: &CoverShape) -> impl Iterator<Item = Point3<f64>> + '_ {
     let steps = move || -GRID..=GRID;
     let grid = steps().flat_map(move |x| steps().flat_map(move |y| steps().map(move |z| [x, y, z])));

@@ -1,51 +1,52 @@
-//! The links of a digit from the palm out: the torques of weight and speed, their mass matrix, and an implicit step of their joints.
+//! Dynamics of a digit's links from the palm out: torques of weight and velocity, mass matrix, and an implicit step of
+//! the joints.
 
 use hand_model::Hand;
 use hand_model::hand::MassProperties;
 use nalgebra::{Isometry3, Matrix4, UnitQuaternion, Vector3, Vector4};
 
-/// Most joints between palm and fingertip.
+/// Greatest number of joints between palm and fingertip.
 pub const MOST_LINKS: usize = 4;
 
-/// What moves a joint in a step.
+/// Drive of a joint during a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Drive {
-    /// Torque at the present angle, N m, and the stiffness with which it falls as the joint goes on, N m/rad.
+    /// Torque at the present angle, N m, and the stiffness by which it decreases as the joint moves, N m/rad.
     Effort(f64, f64),
-    /// Something stronger turns it at this speed, rad/s.
+    /// Speed prescribed by a stronger drive, rad/s.
     Turned(f64),
 }
 
-/// The links of a digit from the palm out.
+/// Links of a digit from the palm out.
 #[derive(Debug, Clone)]
 pub struct Chain<'a> {
     pub hand: &'a Hand,
     /// Indices of the joints.
     pub links: Vec<usize>,
-    /// Of each of `links`, rad.
+    /// Angle of each joint, rad.
     pub angles: [f64; MOST_LINKS],
-    /// rad/s.
+    /// Speed of each joint, rad/s.
     pub speeds: [f64; MOST_LINKS],
 }
 
-/// What acts on a chain in one posture, and its inertia.
+/// Loads and inertia of a chain in one posture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Dynamics {
     /// Torque of weight, Coriolis and centrifugal forces on each joint, N m.
     pub loads: [f64; MOST_LINKS],
-    /// kg m2; rows and columns without a joint are those of the unit matrix.
+    /// Mass matrix, kg m2; rows and columns without a joint are those of the identity matrix.
     pub masses: Matrix4<f64>,
 }
 
 impl<'a> Chain<'a> {
-    /// At rest, each joint where its spring has it.
+    /// Creates a chain at rest, each joint at the rest angle of its spring.
     pub fn at_rest(hand: &'a Hand, links: Vec<usize>) -> Self {
         let mut angles = [0.0; MOST_LINKS];
         angles.iter_mut().zip(&links).for_each(|(angle, link)| *angle = hand.transmission.rests[*link].max(0.0));
         Self { hand, links, angles, speeds: [0.0; MOST_LINKS] }
     }
 
-    /// Under `gravity` (palm axes, m/s2).
+    /// Computes the dynamics under `gravity` (palm axes, m/s2).
     pub fn dynamics(&self, gravity: &Vector3<f64>) -> Dynamics {
         let poses = self.poses();
         let count = self.links.len();
@@ -55,7 +56,8 @@ impl<'a> Chain<'a> {
         }
         let (mut loads, mut masses) = ([0.0; MOST_LINKS], Matrix4::identity());
         masses.view_mut((0, 0), (count, count)).fill(0.0);
-        // Of the link at hand: its turn, and how its turn and its joint would gather speed if no joint did.
+        // State of the current link: its angular velocity, and its angular acceleration and its joint's acceleration
+        // with zero joint accelerations.
         let (mut turn, mut turning, mut rising) = (Vector3::zeros(), Vector3::zeros(), Vector3::zeros());
         let mut origin = Vector3::zeros();
         for link in 0..count {
@@ -90,8 +92,8 @@ impl<'a> Chain<'a> {
         Dynamics { loads, masses }
     }
 
-    /// An implicit step of `dt` (s) of every joint, which stops at its stops: `(M + A + dt D + dt2 K) v' = (M + A) v + dt torque`, with
-    /// armature `A`, damping `D` and stiffness `K`.
+    /// Takes an implicit step of `dt` (s) of all joints, limited by their stops:
+    /// `(M + A + dt D + dt2 K) v' = (M + A) v + dt torque`, with armature `A`, damping `D` and stiffness `K`.
     pub fn advance(&mut self, dynamics: &Dynamics, drives: &[Drive; MOST_LINKS], dt: f64) {
         let defaults = self.hand.parameters.joint_defaults;
         let mut masses = dynamics.masses;
@@ -142,7 +144,7 @@ impl<'a> Chain<'a> {
     }
 }
 
-/// Solves a symmetric system of which some unknowns are known.
+/// Solves a symmetric system in which some unknowns are prescribed.
 fn with_known(system: &Matrix4<f64>, right: &Vector4<f64>, known: &[Option<f64>; MOST_LINKS]) -> Vector4<f64> {
     let (mut reduced, mut rest) = (*system, *right);
     for (n, value) in known.iter().enumerate() {
@@ -157,7 +159,7 @@ fn with_known(system: &Matrix4<f64>, right: &Vector4<f64>, known: &[Option<f64>;
             rest[n] = *value;
         }
     }
-    // Positive definite: masses are, and what is added to their diagonal is not negative.
+    // Positive definite: the mass matrix is, and the terms added to its diagonal are not negative.
     reduced.cholesky().map_or_else(Vector4::zeros, |root| root.solve(&rest))
 }
 
@@ -167,7 +169,7 @@ mod tests {
 
     const GRAVITY: Vector3<f64> = Vector3::new(2.0, -5.0, 8.0);
 
-    /// A middle finger that nothing damps, in the middle of its travel, moving.
+    /// Returns an undamped middle finger, in the middle of its travel, moving.
     fn swinging(hand: &Hand) -> Chain<'_> {
         let mut chain = Chain::at_rest(hand, hand.tree.chain(8));
         chain.angles = [0.6, 0.8, 0.7, 0.0];
@@ -181,7 +183,7 @@ mod tests {
         hand
     }
 
-    /// J.
+    /// Returns the potential energy, J.
     fn potential(chain: &Chain) -> f64 {
         let poses = chain.poses();
         let of = |(pose, link): (&Isometry3<f64>, &usize)| {
@@ -191,7 +193,7 @@ mod tests {
         poses.iter().zip(&chain.links).map(of).sum()
     }
 
-    /// J, by the links' own speeds over `dt` (s).
+    /// Returns the kinetic energy, J, from finite differences of the links' poses over `dt` (s).
     fn kinetic(chain: &Chain, dt: f64) -> f64 {
         let at = |way: f64| {
             let mut moved = chain.clone();
@@ -208,7 +210,7 @@ mod tests {
         chain.links.iter().enumerate().map(of).sum()
     }
 
-    /// At rest the load is the weight's: the potential energy's gradient.
+    /// At rest, the load is that of the weight: the negative gradient of the potential energy.
     #[test]
     fn a_load_at_rest_is_the_potential_s_gradient() {
         let hand = Hand::ftac();
@@ -236,7 +238,7 @@ mod tests {
         assert!((energy - links).abs() < 1e-6 * links, "{energy} {links}");
     }
 
-    /// Nothing but weight acts on it: Coriolis and centrifugal forces do no work.
+    /// Only weight acts on the chain; Coriolis and centrifugal forces do no work.
     #[test]
     fn a_chain_without_damping_keeps_its_energy() {
         let hand = undamped();
@@ -255,7 +257,7 @@ mod tests {
         assert!((after - before).abs() < 1e-3 * kinetic, "{before} {after} of {kinetic}");
     }
 
-    /// A joint turned by something stronger goes as fast as that, and one at its stop stays there.
+    /// A joint with a prescribed speed moves at that speed, and one at its stop stays there.
     #[test]
     fn turned_joints_turn_and_stops_stop() {
         let hand = Hand::ftac();

@@ -1,11 +1,11 @@
-//! What can keep a robot from being identified.
+//! Errors of identification.
 
 use std::path::PathBuf;
 
 use platform::DataError;
 use session_log::SessionLogError;
 
-/// A session or a script that nothing can be identified from.
+/// A session or a script from which nothing can be identified.
 #[derive(Debug, thiserror::Error)]
 pub enum IdentificationError {
     #[error(transparent)]
@@ -14,7 +14,7 @@ pub enum IdentificationError {
     Session(#[from] SessionLogError),
     #[error("{path}: {source}")]
     Io { path: PathBuf, source: std::io::Error },
-    /// A session of something else.
+    /// The session is not that of an excitation.
     #[error("{path}: {field}: found {found}, expected {expected}")]
     NotAnExcitation { path: PathBuf, field: String, found: String, expected: String },
     /// No session moves this actuator.
@@ -22,7 +22,7 @@ pub enum IdentificationError {
         "{sessions}: motions of `{actuator}`: found none, expected at least one free motion; run `ftac twin excite` to its end"
     )]
     NotExcited {
-        /// The sessions' files.
+        /// Paths of the sessions' files.
         sessions: String,
         actuator: String,
     },

@@ -1,4 +1,4 @@
-//! What was identified beside the truth: for bodies whose parameters somebody drew, and for nobody else.
+//! Comparison of identified parameters with the truth, for robots whose parameters were drawn and are therefore known.
 
 use hand_model::robot::{Command, ServoGoal};
 use hand_model::transmission::friction::CableLosses;
@@ -26,24 +26,24 @@ use crate::free_digit::{fingertip, play};
 use crate::free_motion::FreeMotion;
 use crate::weight::Weight;
 
-/// Density of the ball, kg/m3, and its friction on a pad where no slide asks for it.
+/// Density of the ball, kg/m3; below, its friction coefficient on a pad if no slide specifies it.
 const STEEL: f64 = 7850.0;
 const BALL_FRICTION: f64 = 0.8;
-/// Stream of the generator from which the ball's place is drawn.
+/// Random stream for the ball's position.
 const BALL_STREAM: u64 = (1 << 20) + 1;
-/// The same of the weighed object's mass and place.
+/// Random stream for the mass and position of the weighed object.
 const WEIGHT_STREAM: u64 = (1 << 20) + 2;
-/// Postures of the arm in which fingertips are looked at.
+/// Number of arm postures in which fingertip positions are compared.
 const REACHES: usize = 40;
-/// Half of a 95 % interval, in standard deviations.
+/// Half width of a 95 % interval, in standard deviations.
 const HALF_INTERVAL: f64 = 1.959_964;
 
-/// How many of some parameters lie in their 95 % intervals.
+/// Coverage: the number of parameters that lie in their 95 % intervals.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, JsonSchema)]
 pub struct Coverage {
-    /// Those whose truth is in the 95 % interval.
+    /// Number of parameters whose true value is in the 95 % interval.
     pub inside: usize,
-    /// All of them.
+    /// Number of all parameters.
     pub of: usize,
 }
 
@@ -53,19 +53,19 @@ impl Coverage {
         self.inside += usize::from(inside);
     }
 
-    /// Both together.
+    /// Adds two coverages.
     #[must_use]
     pub fn and(self, other: Self) -> Self {
         Self { inside: self.inside + other.inside, of: self.of + other.of }
     }
 
-    /// Share of those inside.
+    /// Returns the fraction inside.
     pub fn share(self) -> f64 {
         self.inside as f64 / self.of.max(1) as f64
     }
 }
 
-/// Coverage of the parameters that the sessions taught something about, and of the rest.
+/// Returns the coverage of the parameters that the sessions identified, and that of the rest.
 pub fn coverage(found: &IdentifiedRobot, truth: &RobotIndividual) -> [Coverage; 2] {
     let mut counts = [Coverage::default(); 2];
     for (estimate, truth) in found.estimates.iter().zip(truth.deviations()) {
@@ -75,30 +75,32 @@ pub fn coverage(found: &IdentifiedRobot, truth: &RobotIndividual) -> [Coverage; 
     counts
 }
 
-/// How the free motion of the true robot and of a believed one differ.
+/// Differences between the free motion of the true robot and that of a model.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Differences {
-    /// Of every joint that moves, at every sample, rad.
+    /// Differences of every moving joint at every sample, rad.
     pub joints: Vec<f64>,
-    /// Of every moving fingertip in the palm frame, m.
+    /// Distances of every moving fingertip in the palm frame, m.
     pub tips: Vec<f64>,
-    /// Of the servos, rad.
+    /// Differences of the servo angles, rad.
     pub servos: Vec<f64>,
 }
 
 impl Differences {
-    /// Median of the joints' (rad) and of the fingertips' (m) difference, and root mean square of the servos' (rad).
+    /// Returns the median difference of the joints (rad) and of the fingertips (m), and the root mean square difference
+    /// of the servos (rad).
     pub fn summary(&self) -> [f64; 3] {
         [median(&self.joints), median(&self.tips), rms(&self.servos)]
     }
 }
 
-/// Median; NaN of nothing.
+/// Returns the median; NaN for no values.
 pub fn median(values: &[f64]) -> f64 {
     percentile(values, 50.0).unwrap_or(f64::NAN)
 }
 
-/// The simulated robot of an individual, its hand open, the arm in a posture that its encoders show as `start`, with nothing in reach.
+/// Returns the simulated robot of an individual with its hand open and nothing in reach. The arm's encoders show the
+/// posture `start`.
 pub fn body(
     individual: &RobotIndividual,
     nominal: &RobotModel,
@@ -109,30 +111,30 @@ pub fn body(
     SimulatedRobot::new(&individual.robot(nominal), &setup, TactileBoard::blank())
 }
 
-/// An individual's surroundings while it is excited: known to the emulator, and hidden from everything else.
+/// Environment of an individual during its excitation. The emulator knows it; everything else must not.
 #[derive(Clone)]
 pub struct Surroundings {
-    /// Tactile cameras, its own.
+    /// The individual's own tactile cameras.
     pub board: TactileBoard,
-    /// How its covers give way.
+    /// Viscoelasticity of its covers.
     pub gel: Option<Gel>,
     pub ball: Option<TrueBall>,
     pub weight: Option<TrueWeight>,
 }
 
-/// The ball as it really is.
+/// True ball.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TrueBall {
-    /// Its middle, m, in the frame of the arm's base.
+    /// Centre in the frame of the arm's base, m.
     pub middle: Point3<f64>,
-    /// m.
+    /// Radius, m.
     pub radius: f64,
-    /// On a pad as drawn.
+    /// Friction coefficient on a nominal pad.
     pub friction: f64,
 }
 
 impl TrueBall {
-    /// That of individual `number`: drawn about what somebody measured.
+    /// Draws the ball of individual `number` around the measured values.
     pub fn draw(ball: &Ball, number: u64) -> Self {
         let mut rng = ChaCha8Rng::seed_from_u64(number);
         rng.set_stream(BALL_STREAM);
@@ -145,17 +147,17 @@ impl TrueBall {
     }
 }
 
-/// The weighed object as it really is, and where somebody has really put it.
+/// True weighed object and its true place.
 #[derive(Debug, Clone)]
 pub struct TrueWeight {
-    /// Of its true mass; its friction is that on a pad as drawn.
+    /// Object model with the true mass; its friction is that on a nominal pad.
     pub model: ObjectModel,
-    /// In the frame of the arm's base.
+    /// Pose in the frame of the arm's base.
     pub pose: Isometry3<f64>,
 }
 
 impl TrueWeight {
-    /// That of individual `number`: drawn about what the scale and somebody's ruler have shown. None of an unknown object.
+    /// Draws the object of individual `number` around the measured mass and place. None for an unknown object.
     pub fn draw(weight: &Weight, number: u64) -> Option<Self> {
         let mut rng = ChaCha8Rng::seed_from_u64(number);
         rng.set_stream(WEIGHT_STREAM);
@@ -168,7 +170,7 @@ impl TrueWeight {
     }
 }
 
-/// The same robot among its surroundings, as long as it is excited.
+/// Returns the simulated robot of an individual in its environment during the excitation.
 pub fn excited_body(
     individual: &RobotIndividual,
     nominal: &RobotModel,
@@ -204,9 +206,10 @@ pub fn excited_body(
     Ok(robot)
 }
 
-/// How far a fingertip is from where a believed robot has it, m, in the frame of the arm's base: all fingertips of the hand with its joints at
-/// `bend` (rad) in `REACHES` postures of the arm about `start`. Joint 1's encoder is taken as known: it turns the whole robot about its base,
-/// which is where the base stands and no property of the robot's own.
+/// Returns the distances between true and modelled fingertips in the frame of the arm's base, m: all fingertips of the
+/// hand with its joints at `bend` (rad), in `REACHES` postures of the arm about `start`. The encoder of joint 1 is
+/// taken as known: it rotates the whole robot about its base, which is a matter of where the base stands and not a
+/// property of the robot.
 pub fn reach(
     truth: &RobotIndividual,
     believed: &RobotIndividual,
@@ -237,16 +240,17 @@ pub fn reach(
     errors
 }
 
-/// Motions on which nothing was identified: stairs of currents (A), 0.4 s each, one actuator after another.
+/// Motions that were not used for identification: stairs of currents (A), 0.4 s each, one actuator after another.
 const STAIRS: [f64; 10] = [0.02, 0.055, 0.03, 0.06, 0.065, 0.015, 0.045, 0.05, 0.025, 0.0];
-/// Length of a stair, s.
+/// Duration of a stair, s.
 const STAIR: f64 = 0.4;
-/// For so long the hand opens before them, s.
+/// Lead-in in which the hand opens, s.
 const LED: f64 = 1.0;
-/// Added to the last two joints of the arm's posture for them, rad: no posture of the script.
+/// Angles added to the last two joints of the arm's posture for the stairs, rad: not a posture of the script.
 const TURN: [f64; 2] = [0.4, 0.8];
 
-/// Plays the stairs on the true robot, and on the twins of the hands `believed`; `start` is the arm's ready posture.
+/// Plays the stairs on the true robot and on the digital twins of the hands `believed`, and compares them. `start` is
+/// the arm's ready posture.
 pub fn compare(
     truth: &RobotIndividual,
     nominal: &RobotModel,
@@ -272,7 +276,8 @@ pub fn compare(
 
 type Angles = Vec<HandVector>;
 
-/// Plays the stairs with one actuator: the motion as measured, and the true joint angles before each tick behind its lead-in.
+/// Plays the stairs with one actuator. Returns the measured motion, and the true joint angles before each tick after
+/// the lead-in.
 fn stairs(robot: &mut SimulatedRobot, actuator: usize, nominal: &RobotModel) -> (FreeMotion, Angles) {
     let tick = robot.tick_length();
     let mut motion = FreeMotion {
@@ -305,7 +310,8 @@ fn stairs(robot: &mut SimulatedRobot, actuator: usize, nominal: &RobotModel) -> 
     (motion, angles)
 }
 
-/// Adds how the twin of `own` differs from the `real` hand whose joints were at `angles` in `motion`.
+/// Adds the differences between the digital twin of `own` and the `real` hand, whose joints were at `angles` in
+/// `motion`.
 fn note(
     own: &Hand,
     real: &Hand,

@@ -1,4 +1,5 @@
-//! Moves a robot by a [`Script`]: any body, simulated, emulated or real; limits are the body's own.
+//! Excitation: moves a robot by a [`Script`], whether simulated, emulated or real. Limits are enforced by the robot
+//! itself.
 
 mod lifting;
 
@@ -14,72 +15,74 @@ use crate::touches::{PAUSE, PressImages};
 use crate::weight::{Part, Posture};
 use lifting::Ended;
 
-/// How close to a posture the arm's set-points are there, rad.
+/// Tolerance of the set-points for having reached a posture, rad.
 const THERE: f64 = 1e-4;
 
-/// Images that have not come after this time are not waited for, s.
+/// Greatest time to wait for images, s.
 const LATEST: f64 = 0.3;
 
-/// Images of a look, and ticks from one to the next: an odd number, so that what goes to and fro from tick to tick averages out.
+/// Number of images of a look; below, the ticks between them: an odd number, so that an oscillation from tick to tick
+/// averages out.
 const IMAGES: usize = 2;
 const BETWEEN: usize = 5;
 
-/// A press ends where the arm bears more than this, N, whatever the images show: four times what the deepest press
-/// takes. A joint near its stop may look like 9 N.
+/// Force on the arm at which a press ends, N, whatever the images show: four times the force of the deepest press. A
+/// joint near its stop may look like 9 N.
 const MOST_FORCE: f64 = 12.0;
-/// Speed of the fastest joint towards the ball, rad/s: some 2 cm/s of the hand, so that a press that begins early is noticed in time.
+/// Speed of the fastest joint towards the ball, rad/s: about 2 cm/s of the hand, so that early contact is noticed in
+/// time.
 const GUARDED_SPEED: f64 = 0.04;
-/// Ticks for which the hand has to press for that to be a contact and no jolt.
+/// Number of ticks for which the force must persist to count as a contact and not as a jolt.
 const MET_TICKS: u32 = 3;
 
-/// A robot that sends its arm further than this from where it was asked to, rad, ...
+/// Difference between requested and sent set-point beyond which the robot holds its arm back, rad.
 const HELD: f64 = 0.02;
-/// ... for longer than this, s, holds it.
+/// Time for which that difference must persist, s.
 const HELD_TIME: f64 = 1.0;
 
-/// The robot holds the arm: what would be played on would show another posture than the script's.
+/// The robot holds the arm back: continuing would show other postures than the script's.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[error(
     "joint {joint} of the arm is held by the robot: asked for {asked:.3} rad, sent {sent:.3} rad, since {since:.1} s of the session; its limits let no arm go there, or not so fast"
 )]
 pub struct ArmHeld {
-    /// From 1.
+    /// Number of the joint, from 1.
     pub joint: usize,
-    /// Set-point that was asked for, rad.
+    /// Requested set-point, rad.
     pub asked: f64,
-    /// What the robot made of it, rad.
+    /// Set-point that the robot sent instead, rad.
     pub sent: f64,
-    /// When that began, s.
+    /// Time at which that began, s.
     pub since: f64,
 }
 
-/// An excitation ends early.
+/// Reasons for an excitation to end early.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ExcitationError {
     #[error(transparent)]
     Held(#[from] ArmHeld),
-    /// The robot could not observe or send for too long.
+    /// The robot failed to observe or send for too long.
     #[error(transparent)]
     Robot(#[from] RobotError),
 }
 
-/// Where an excitation is.
+/// Progress of an excitation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Progress {
     /// A step begins.
     Begins(usize),
     /// A step is done.
     Done(usize),
-    /// The arm does not get there with everything clear: the step is left out.
+    /// The arm cannot reach the posture with everything clear; the step is skipped.
     OutOfReach(usize),
-    /// No weight is felt in the hand: the step is left out.
+    /// No weight is felt in the hand; the step is skipped.
     NotLifted(usize),
-    /// The robot held the arm, which has gone back: the rest of the step is left out.
+    /// The robot held the arm back, and the arm has returned; the rest of the step is skipped.
     Blocked(usize, ArmHeld),
 }
 
 impl Progress {
-    /// The step that is over with it, played or left out.
+    /// Returns the step that is finished with this event, whether played or skipped.
     pub fn over(self) -> Option<usize> {
         match self {
             Self::Begins(_) => None,
@@ -88,11 +91,11 @@ impl Progress {
     }
 }
 
-/// Plays the script's steps from `first` on, from wherever the robot stands. `heard` is told of
-/// each step; `goes_on` is asked at each tick. Returns whether all was played. The hand is open at the end.
+/// Plays the script's steps from `first` on, from wherever the robot stands. Calls `heard` with the progress of each step, and
+/// `goes_on` at each tick to ask whether to continue. Returns true if all steps were played. The hand is open at the end.
 ///
 /// # Errors
-/// What `heard` says, and [`ExcitationError`].
+/// Errors of `heard`, and [`ExcitationError`].
 pub fn play<R: RobotBackend, E: From<ExcitationError>>(
     robot: &mut R,
     means: &Means,
@@ -161,35 +164,35 @@ pub fn play<R: RobotBackend, E: From<ExcitationError>>(
 
 struct Player<'a, R> {
     robot: &'a mut R,
-    /// Of the newest observation, s.
+    /// Time of the newest observation, s.
     time: f64,
-    /// Set-points, rad.
+    /// Set-points of the arm, rad.
     arm: ArmVector,
-    /// What the arm last reported.
+    /// State that the arm last reported.
     felt: ArmState,
-    /// What the servos last reported.
+    /// State that the servos last reported.
     servos: ActuatorVector<ServoState>,
     script: &'a Script,
     images: PressImages,
-    /// Goals of servos that hold something; none: the hand is open.
+    /// Goals of servos that hold something; none if the hand is open.
     grip: Option<ActuatorVector<ServoGoal>>,
-    /// Of an arm that is sent elsewhere than it was asked to: where to, as long as it lasts.
+    /// Deviation of the sent set-points from the requested ones, as long as it lasts.
     lag: Option<ArmHeld>,
-    /// The same once it has lasted too long.
+    /// The same deviation once it has lasted too long.
     held: Option<ArmHeld>,
     outage: Outage,
-    /// Why the robot could not observe or send any more.
+    /// Error for which the robot can no longer observe or send.
     failed: Option<RobotError>,
 }
 
 impl<R: RobotBackend> Player<'_, R> {
-    /// Goals of servos that hold the hand open, or what is in it.
+    /// Returns the goals of servos that hold the hand open, or hold the object in it.
     fn holding(&self) -> ActuatorVector<ServoGoal> {
         let open = ServoGoal::Position { angle: 0.0, current_limit: self.script.open_current };
         self.grip.unwrap_or_else(|| self.servos.iter().map(|_| open).collect())
     }
 
-    /// A tick in which the hand stays as it is.
+    /// Lets a tick pass in which the hand stays as it is.
     fn tick(&mut self, goes_on: &mut impl FnMut(&mut R) -> bool) -> bool {
         self.tick_and(self.holding(), false, goes_on)
     }
@@ -209,7 +212,7 @@ impl<R: RobotBackend> Player<'_, R> {
         })
     }
 
-    /// Sends, lets a tick pass and observes; false if the arm is held.
+    /// Sends a command, lets a tick pass and observes. Returns false if the arm is held back.
     fn exchange(&mut self, command: &Command) -> Result<bool, RobotError> {
         if let Some(sent) = self.outage.sent(self.robot.send(command))? {
             self.held = self.held.or_else(|| self.lags(&sent.arm));
@@ -225,14 +228,15 @@ impl<R: RobotBackend> Player<'_, R> {
         Ok(true)
     }
 
-    /// Takes an arm that is held back to where the way was free, from where the robot has it.
+    /// Moves an arm that the robot held back to where the way was free, starting from where the robot has it.
     fn goes_back(&mut self, to: &[f64], goes_on: &mut impl FnMut(&mut R) -> bool) -> bool {
         (self.held, self.lag, self.grip) = (None, None, None);
         self.arm = self.felt.position;
         self.go(to, goes_on)
     }
 
-    /// Notes where the robot has `sent` the arm (rad). The joint that is furthest from where it was asked to go, once that has lasted too long.
+    /// Notes the set-points `sent` by the robot (rad). Returns the joint with the greatest deviation once it has lasted
+    /// too long.
     fn lags(&mut self, sent: &[f64]) -> Option<ArmHeld> {
         let off = |joint: &usize| (self.arm[*joint] - sent[*joint]).abs();
         let worst = (0..sent.len()).max_by(|a, b| off(a).total_cmp(&off(b))).filter(|joint| off(joint) > HELD);
@@ -241,7 +245,7 @@ impl<R: RobotBackend> Player<'_, R> {
         self.lag.filter(|_| self.time - since > HELD_TIME)
     }
 
-    /// Holds the hand as it is for a while.
+    /// Holds the hand as it is for `time` (s).
     fn open(&mut self, time: f64, goes_on: &mut impl FnMut(&mut R) -> bool) -> bool {
         let end = self.time + time;
         while self.time < end {
@@ -265,7 +269,7 @@ impl<R: RobotBackend> Player<'_, R> {
         }
         let moved: Vec<usize> = motion.actuators.iter().filter_map(|name| actuator(hand, name)).collect();
         let begun = self.time;
-        // A quarter of a tick: times are sums of ticks.
+        // A quarter of a tick, because times are sums of ticks.
         let early = 0.25 * self.robot.tick_length();
         loop {
             let elapsed = self.time - begun + early;
@@ -278,7 +282,7 @@ impl<R: RobotBackend> Player<'_, R> {
         }
     }
 
-    /// Presses a pad on the ball, deeper from look to look until it is deep enough, slides over it, and leaves it again.
+    /// Presses a pad on the ball, deeper from look to look until it is deep enough, slides over the ball, and retreats.
     fn press(
         &mut self,
         press: &Press,
@@ -313,7 +317,7 @@ impl<R: RobotBackend> Player<'_, R> {
         approach.way.first().is_none_or(|back| self.go(back, goes_on)) && self.go(&approach.hover, goes_on)
     }
 
-    /// Asks for images a few times and waits for them, but not for ever.
+    /// Requests images a few times and waits for them up to a time limit.
     fn look(&mut self, goes_on: &mut impl FnMut(&mut R) -> bool) -> bool {
         for _ in 0..IMAGES {
             let asked = self.time;
@@ -331,12 +335,13 @@ impl<R: RobotBackend> Player<'_, R> {
         true
     }
 
-    /// Moves the arm's set-points in a straight line, all joints at once, at the script's speed.
+    /// Moves the arm's set-points in a straight line in joint space at the script's speed.
     fn go(&mut self, target: &[f64], goes_on: &mut impl FnMut(&mut R) -> bool) -> bool {
         self.go_at(target, self.script.arm_speed, goes_on)
     }
 
-    /// Goes slowly, and stops where `met` is true of what the arm feels for a few ticks: whether it was. None if it was told to stop.
+    /// Moves slowly, and stops if `met` holds for the state of the arm for a few ticks. Returns true if it stopped for
+    /// that, and none if it was told to stop.
     fn go_until(
         &mut self,
         target: &[f64],
@@ -356,7 +361,7 @@ impl<R: RobotBackend> Player<'_, R> {
         Some(false)
     }
 
-    /// The same at `speed` (rad/s) of the fastest joint.
+    /// Like [`Self::go`], with the fastest joint at `speed` (rad/s).
     fn go_at(&mut self, target: &[f64], speed: f64, goes_on: &mut impl FnMut(&mut R) -> bool) -> bool {
         while self.step(target, speed) {
             if !self.tick(goes_on) {
@@ -366,7 +371,8 @@ impl<R: RobotBackend> Player<'_, R> {
         true
     }
 
-    /// Moves the set-points by a tick at `speed` (rad/s) of the fastest joint; false where they are there.
+    /// Moves the set-points by one tick, with the fastest joint at `speed` (rad/s). Returns false if they are at the
+    /// target.
     fn step(&mut self, target: &[f64], speed: f64) -> bool {
         let way: ArmVector = target.iter().zip(self.arm).map(|(target, at)| target - at).collect();
         let longest = way.iter().fold(0.0_f64, |longest, way| longest.max(way.abs()));
@@ -381,7 +387,7 @@ impl<R: RobotBackend> Player<'_, R> {
     }
 }
 
-/// What an operator reads before anything moves: a line a step.
+/// Describes the script for the operator before anything moves, one line per step.
 pub fn described(script: &Script, hand: &Hand) -> Vec<String> {
     let line = |(n, step): (usize, Step)| {
         let (what, how) = match &step {

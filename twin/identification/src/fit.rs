@@ -1,11 +1,14 @@
-//! The parameters with which the twin of one actuator's digit moves as a session shows.
+//! Fit of one actuator's parameters, such that the digital twin of its digit moves as in a session.
 //!
-//! Least squares over the servo's angle at every few ticks, with a prior from the drawing: each deviation is searched in units of its
-//! spread, and counts as one more residual. What the twin leaves unexplained is no white noise: errors of neighbouring samples are
-//! alike. So the residuals are weighted by their own standard deviation times the square root of the number of samples over which
-//! they stay alike, both found in the round before; the covariance is that of the last, with what the fit does not search ([`interval`](crate::interval)).
-//! The cost has several minima: which joint of a digit leaves its stop first is told by small differences only, so the search begins anew
-//! with the springs' rests of neighbouring joints moved apart, either way. Dry friction makes the residuals rough: slopes are those of secants.
+//! Least squares over the servo's angle at every few ticks, with a prior from the nominal model: each deviation is searched in
+//! units of its standard deviation and counts as one more residual. The residuals of the twin are not white noise: errors of
+//! neighbouring samples are correlated. They are therefore weighted by their own standard deviation times the square root of
+//! their correlation length in samples, both estimated in the previous round. The covariance is that of the last round and
+//! includes the parameters that the fit does not search ([`interval`](crate::interval)).
+//!
+//! The cost has several minima: only small differences tell which joint of a digit leaves its stop first. The search is therefore
+//! restarted with the spring rests of neighbouring joints moved apart, either way. Dry friction makes the residuals rough, so
+//! slopes are those of secants.
 
 use hand_model::transmission::friction::CableLosses;
 use hand_model::{ArmVector, Hand, RobotModel};
@@ -19,47 +22,48 @@ use crate::free_motion::FreeMotion;
 use crate::interval::{Piece, covariance};
 use crate::kinematic_calibration::KinematicCalibration;
 
-/// Every so many ticks is a sample.
+/// Number of ticks per sample.
 const THINNED: usize = 6;
 /// Standard deviation of an angle in the first round, rad.
 const FIRST_SIGMA: f64 = 0.01;
-/// Of an encoder's step of 4096 a turn, rad: no residual is known better.
+/// Standard deviation of the encoder's quantisation at 4096 steps per turn, rad: the least one of a residual.
 const QUANTISATION: f64 = 0.000_443;
-/// Residuals beyond this many standard deviations are outliers.
+/// Outlier threshold of the residuals, in standard deviations.
 const OUTLIER: f64 = 4.0;
-/// Deviations are searched within this many spreads.
+/// Bounds of the search for deviations, in prior standard deviations.
 const RANGE: f64 = 4.0;
-/// Standard deviation of the delay between a command and what is measured, s.
+/// Prior standard deviation of the delay between a command and its measurement, s.
 const DELAY: f64 = 0.01;
-/// Half of a secant in the search, in spreads.
+/// Half width of a secant in the search, in prior standard deviations.
 const STEP: f64 = 0.1;
-/// Halves of secants for intervals are as many standard deviations, within ...
+/// Half width of a secant for intervals, in posterior standard deviations.
 const SECANT: f64 = 2.0;
-/// ... these bounds, in spreads.
+/// Bounds of that half width, in prior standard deviations.
 const SECANTS: [f64; 2] = [0.02, 0.5];
-/// Most steps of a search.
+/// Greatest number of steps of a search.
 const STEPS: usize = 12;
-/// Rounds of the search: the residuals' weight, from those of a round before, is right for the last alone.
+/// Number of rounds of the search: residuals are weighted by those of the round before, which is right for the last
+/// round only.
 const ROUNDS: usize = 4;
-/// By how much rests of neighbouring joints are moved apart for another start, in spreads.
+/// Distance by which the rests of neighbouring joints are moved apart for another start, in prior standard deviations.
 const APART: f64 = 1.0;
-/// Postures of the arm closer than this in every joint are one, rad.
+/// Difference of every joint below which two postures of the arm count as one, rad.
 const SAME_POSTURE: f64 = 0.05;
 
-/// What was found of one actuator.
+/// Result of the fit of one actuator.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Fit {
-    /// Places in the individual of what was searched.
+    /// Places of the searched parameters in the individual.
     pub places: Vec<usize>,
     /// Their deviations.
     pub deviations: Vec<f64>,
-    /// Covariance of these.
+    /// Covariance of `deviations`.
     pub covariance: DMatrix<f64>,
-    /// Delay between a command and what is measured, s.
+    /// Delay between a command and its measurement, s.
     pub delay: f64,
-    /// Root mean square of the servo angle's residual under the drawing, and under what was found, rad.
+    /// Root mean square residual of the servo angle, rad: with the nominal parameters, and with those fitted.
     pub residuals: [f64; 2],
-    /// Samples over which residuals stay alike.
+    /// Correlation length of the residuals, in samples.
     pub correlated: f64,
     /// Number of samples.
     pub samples: usize,
@@ -67,7 +71,7 @@ pub struct Fit {
     pub motions: usize,
 }
 
-/// Everything about `actuator` that a free motion may show.
+/// Returns the places of all parameters of `actuator` that a free motion may identify.
 fn searched(individual: &RobotIndividual, hand: &Hand, actuator: usize) -> Vec<usize> {
     let joints: Vec<usize> = match hand.transmission.cables.get(actuator) {
         Some(path) => path.joints.iter().map(|crossing| crossing.joint).collect(),
@@ -86,10 +90,11 @@ fn searched(individual: &RobotIndividual, hand: &Hand, actuator: usize) -> Vec<u
     places
 }
 
-/// What a free motion of `actuator` depends on as well and that it cannot show: where gravity pulls from, and links on their stops.
+/// Returns the places of parameters that influence a free motion of `actuator` but cannot be identified from it:
+/// direction of gravity, and links on their stops.
 fn unsearched(individual: &RobotIndividual, hand: &Hand, actuator: usize) -> Vec<usize> {
     let cables = &hand.transmission.cables;
-    // What the opposition turns is the thumb.
+    // The opposition servo turns the thumb.
     let last = cables.get(actuator).unwrap_or(&cables[0]).joints.last();
     let carried = last.map_or_else(Vec::new, |crossing| hand.tree.chain(crossing.joint));
     let moves = |parameter: &Parameter| match parameter.quantity {
@@ -110,28 +115,28 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// The individual with deviations at `p`, in spreads from their means.
+    /// Returns the individual with deviations at `p`, in standard deviations from their means.
     fn individual(&self, p: &[f64]) -> RobotIndividual {
         let mut individual = self.from.clone();
         for (place, z) in self.places.iter().zip(p) {
             let spread = individual.parameters()[*place].spread.clone();
             let deviation = spread.mean + z * spread.sigma;
-            // Friction takes, it does not give.
+            // Friction only dissipates, so it cannot be negative.
             let friction = individual.parameters()[*place].quantity == Quantity::ServoFriction;
             individual.set(*place, if friction { deviation.max(0.0) } else { deviation });
         }
         individual
     }
 
-    /// Residuals of all samples, rad, with the delay (s) last in `p` in units of [`DELAY`].
+    /// Returns the residuals of all samples, rad. The last element of `p` is the delay (s) in units of [`DELAY`].
     fn angles(&self, p: &[f64]) -> Vec<f64> {
         let hand = self.individual(&p[..self.places.len()]).hand(&self.robot.hand);
         let delay = p[self.places.len()] * DELAY;
         angle_residuals(&hand, self.losses, self.motions, delay)
     }
 
-    /// By how much the samples' residuals at `p` (rad) change with the quantity at `place`, by its drawing's spread, over a secant that goes
-    /// `half` a spread to either side.
+    /// Returns the change of the samples' residuals at `p` (rad) per prior standard deviation of the parameter at
+    /// `place`, by a secant over `half` a standard deviation to either side.
     fn change(&self, p: &[f64], place: usize, half: f64) -> Vec<f64> {
         let delay = p[self.places.len()] * DELAY;
         let moved = |way: f64| {
@@ -145,7 +150,7 @@ impl Search<'_> {
         moved(half).iter().zip(moved(-half)).map(|(up, down)| (up - down) / (2.0 * half)).collect()
     }
 
-    /// Slopes of [`Self::residuals`] over secants that go `halves` to either side.
+    /// Returns the slopes of [`Self::residuals`] over secants with half widths `halves`.
     fn slopes(&self, p: &[f64], sigma: f64, halves: &[f64]) -> DMatrix<f64> {
         let column = |n: usize| {
             let moved = |way: f64| {
@@ -160,7 +165,7 @@ impl Search<'_> {
         DMatrix::from_vec(columns.len() / p.len(), p.len(), columns)
     }
 
-    /// The minimum about `start`.
+    /// Returns the minimum near `start`.
     fn minimise(&self, start: &[f64], sigma: f64) -> Solution {
         let bounds = vec![(-RANGE, RANGE); start.len()];
         let jacobian = |p: &[f64], _: &[f64]| self.slopes(p, sigma, &vec![STEP; p.len()]);
@@ -168,7 +173,7 @@ impl Search<'_> {
         problem.minimise(start, &Options { steps: STEPS, scale: OUTLIER, tolerance: 1e-4 })
     }
 
-    /// The lowest of the minima about `start` and about it with the rests of neighbouring joints moved apart.
+    /// Returns the lowest of the minima near `start`, and near it with the rests of neighbouring joints moved apart.
     fn lowest(&self, start: &[f64], sigma: f64) -> Vec<f64> {
         let is_rest = |n: &usize| self.from.parameters()[self.places[*n]].quantity == Quantity::SpringRest;
         let rests: Vec<usize> = (0..self.places.len()).filter(is_rest).collect();
@@ -194,14 +199,15 @@ impl Search<'_> {
     }
 }
 
-/// Ticks of a motion that are samples. What an encoder at rest shows is off by the same part of its step all the time: it counts once.
+/// Iterates over the ticks of a motion that are samples. An encoder at rest has a constant quantisation error, so it
+/// counts only once.
 fn samples(motion: &FreeMotion) -> impl Iterator<Item = usize> + '_ {
     let angles = motion.measured();
     let mut last = f64::NAN;
     (0..angles.len()).step_by(THINNED).filter(move |n| std::mem::replace(&mut last, angles[*n]) != angles[*n])
 }
 
-/// Of the samples of `motions`: what the twin of `hand` shows less what was measured, rad.
+/// Returns the residuals of the samples of `motions`: angle of the digital twin of `hand` less the measured angle, rad.
 fn angle_residuals(hand: &Hand, losses: CableLosses, motions: &[FreeMotion], delay: f64) -> Vec<f64> {
     let of = |motion: &FreeMotion| {
         let shown = play(hand, losses, motion);
@@ -210,8 +216,8 @@ fn angle_residuals(hand: &Hand, losses: CableLosses, motions: &[FreeMotion], del
     motions.iter().flat_map(of).collect()
 }
 
-/// Fits what `motions` of one actuator show, from and about the individual `from`, of which `touches` say how surely arm, mount and links
-/// are known.
+/// Fits the parameters of one actuator to its `motions`, starting from the individual `from` as the prior. `touches`
+/// gives the uncertainty of arm, mount and links.
 pub fn fit(
     robot: &RobotModel,
     losses: CableLosses,
@@ -262,7 +268,7 @@ pub fn fit(
     }
 }
 
-/// The samples' residuals `at` in pieces: those of all motions in one posture of the arm.
+/// Groups the samples' residuals `at` into clusters, one for all motions in one posture of the arm.
 fn by_posture(motions: &[FreeMotion], at: &[f64]) -> Vec<Piece> {
     let mut pieces: Vec<(ArmVector, Piece)> = Vec::new();
     let mut row = 0;
@@ -281,12 +287,13 @@ fn by_posture(motions: &[FreeMotion], at: &[f64]) -> Vec<Piece> {
     pieces.into_iter().map(|(_, piece)| piece).collect()
 }
 
-/// Root mean square.
+/// Returns the root mean square.
 pub fn rms(values: &[f64]) -> f64 {
     (values.iter().map(|value| value * value).sum::<f64>() / values.len().max(1) as f64).sqrt()
 }
 
-/// Over how many samples a series stays alike: the sum of its autocorrelation up to where it first falls below a twentieth, both ways.
+/// Returns the correlation length of a series in samples: the two-sided sum of its autocorrelation up to where it first
+/// falls below 0.05.
 fn alike(series: &[f64]) -> f64 {
     let power: f64 = series.iter().map(|value| value * value).sum();
     if power <= 0.0 {
@@ -313,7 +320,8 @@ mod tests {
         assert!((alike(&mean) / 8.0 - 1.0).abs() < 0.15, "{}", alike(&mean));
     }
 
-    /// A motion of the twin of `hand` itself, as an encoder shows it: a current rises and falls in `time` (s), the palm hangs as `gravity` says.
+    /// Returns a motion of the digital twin of `hand` as an encoder shows it. The current rises and falls in `time` (s)
+    /// each; `gravity` is in palm axes.
     fn shown(hand: &Hand, losses: CableLosses, actuator: usize, time: f64, gravity: Vector3<f64>) -> FreeMotion {
         let tick = 1.0 / 120.0;
         let ramp = (time / tick) as usize;
@@ -329,7 +337,7 @@ mod tests {
         motion
     }
 
-    /// Which of two joints leaves its stop first is found, though the search begins where both do.
+    /// The joint that leaves its stop first is found, although the search begins where both leave at the same time.
     #[test]
     fn springs_whose_rests_are_far_apart_are_found() {
         let robot = RobotModel::ftac_gen3();
@@ -343,7 +351,7 @@ mod tests {
         let sides = [Vector3::new(0.0, 0.0, -9.8), Vector3::new(0.0, 0.0, 9.8)];
         let motions = sides.map(|gravity| shown(&truth.hand(hand), losses, 1, 2.0, gravity));
         let designed = RobotIndividual::designed(&robot);
-        // The arm of these motions stands for none.
+        // The arm of these motions is a placeholder.
         let touches = KinematicCalibration::unknown(&designed);
         let found = fit(&robot, losses, &motions, &designed, &touches);
         for (place, rest) in rests.into_iter().zip([0.06, -0.05]) {

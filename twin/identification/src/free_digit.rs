@@ -1,8 +1,8 @@
-//! The twin of one digit that moves freely: its servo, its cable and its joints, without the rest of the robot.
+//! Digital twin of one digit that moves freely: its servo, its cable and its joints, without the rest of the robot.
 //!
-//! The servo is the simulator's own. What the joints of a digit feel of each other's acceleration is in their [`chain`](crate::chain)'s mass
-//! matrix; what the arm gives way is left out. Before a motion the digit is led as the robot
-//! was: its servo goes where the encoder showed it, so that cable, guides and gear come to the end of their hystereses at which they were.
+//! The servo model is the simulator's. Dynamic coupling between the joints of a digit is in the mass matrix of its
+//! [`chain`](crate::chain); compliance of the arm is neglected. Before a motion, the digit is led as the robot was: its servo
+//! follows the encoder, so that cable, guides and gear reach the same state of their hystereses.
 
 use hand_model::Hand;
 use hand_model::robot::ServoGoal;
@@ -17,23 +17,23 @@ use crate::chain::{Chain, Drive, MOST_LINKS};
 use crate::free_motion::FreeMotion;
 use crate::script::OPPOSITION;
 
-/// Steps of the twin in a tick: as many as the simulator's.
+/// Integration steps per tick, as in the simulator.
 const STEPS: usize = 2;
-/// For so long a digit comes to rest before it is led, s.
+/// Time for which a digit settles before the lead-in, s.
 const SETTLING: f64 = 0.8;
 
-/// What the twin shows before a tick.
+/// State of the digital twin before a tick.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Shown {
-    /// Servo's output angle, rad.
+    /// Output angle of the servo, rad.
     pub servo: f64,
-    /// Its speed, rad/s.
+    /// Speed of the servo, rad/s.
     pub speed: f64,
-    /// Angles of the joints that it moves, in their order on it, rad.
+    /// Angles of the joints that it moves, from the palm out, rad.
     pub joints: [f64; SPANS],
 }
 
-/// One actuator with the digit on it.
+/// One actuator with its digit.
 struct FreeDigit<'a> {
     hand: &'a Hand,
     actuator: usize,
@@ -45,7 +45,8 @@ struct FreeDigit<'a> {
     servo: ServoModel,
 }
 
-/// Plays a motion: what the twin of `hand` with `losses` in its guides and gears shows before each tick behind the lead-in.
+/// Plays a motion on the digital twin of `hand` with `losses` in its guides and gears. Returns the state before each
+/// tick after the lead-in.
 pub fn play(hand: &Hand, losses: CableLosses, motion: &FreeMotion) -> Vec<Shown> {
     let mut digit = FreeDigit::at_rest(hand, losses, motion);
     for n in 0..motion.lead_in {
@@ -63,7 +64,7 @@ pub fn play(hand: &Hand, losses: CableLosses, motion: &FreeMotion) -> Vec<Shown>
 }
 
 impl<'a> FreeDigit<'a> {
-    /// Open, where the lead-in begins.
+    /// Creates the open digit at the start of the lead-in.
     fn at_rest(hand: &'a Hand, losses: CableLosses, motion: &FreeMotion) -> Self {
         let n = motion.actuator;
         let joints: Vec<usize> = match hand.transmission.cables.get(n) {
@@ -71,7 +72,7 @@ impl<'a> FreeDigit<'a> {
             None => hand.transmission.opposition.into_iter().collect(),
         };
         let last = match n {
-            // What the opposition carries is the whole thumb.
+            // The opposition servo carries the whole thumb.
             OPPOSITION => hand.transmission.cables[0].joints.last().map_or(joints[0], |crossing| crossing.joint),
             _ => joints[joints.len() - 1],
         };
@@ -94,7 +95,7 @@ impl<'a> FreeDigit<'a> {
         Shown { servo: self.servo.angle, speed: self.servo.speed, joints }
     }
 
-    /// Lets tick `n` of the lead-in pass, with the servo where and as fast as the encoder showed it.
+    /// Advances by tick `n` of the lead-in, with the servo's angle and speed prescribed by the encoder.
     fn led(&mut self, motion: &FreeMotion, n: usize) {
         (self.servo.angle, self.servo.speed) =
             (motion.angles[n], (motion.angles[n + 1] - motion.angles[n]) / motion.tick);
@@ -102,7 +103,7 @@ impl<'a> FreeDigit<'a> {
         self.tick(motion, n);
     }
 
-    /// Lets tick `n` of the motion pass.
+    /// Advances by tick `n` of the motion.
     fn tick(&mut self, motion: &FreeMotion, n: usize) {
         let turning = (self.actuator != OPPOSITION && Some(self.chain.links[0]) == self.hand.transmission.opposition)
             .then(|| self.turned_thumb(motion, n));
@@ -117,7 +118,7 @@ impl<'a> FreeDigit<'a> {
         }
     }
 
-    /// Puts the thumb where its opposition servo is, and says how fast that turns it, rad/s.
+    /// Moves the thumb to the angle of its opposition servo. Returns its speed, rad/s.
     fn turned_thumb(&mut self, motion: &FreeMotion, n: usize) -> f64 {
         let ratio = self.hand.servos[OPPOSITION].gear_ratio_opposition;
         let joint = &self.hand.tree.joints[self.chain.links[0]];
@@ -126,7 +127,7 @@ impl<'a> FreeDigit<'a> {
         (at((n + 1).min(motion.opposition.len() - 1)) - at(n)) / motion.tick
     }
 
-    /// What moves each joint of the cable's digit, as in the simulator's drive.
+    /// Returns the drives of the joints of a cable-driven digit, as in the simulator's drive.
     fn pull(&mut self, dt: f64) -> [Drive; MOST_LINKS] {
         let (hand, n) = (self.hand, self.actuator);
         let (path, cable) = (&hand.transmission.cables[n], &hand.cables[n]);
@@ -160,7 +161,8 @@ impl<'a> FreeDigit<'a> {
         drives
     }
 
-    /// What moves each of the thumb's joints while the opposition turns on its shaft: the others hang on their springs, their cable is slack.
+    /// Returns the drives of the thumb's joints while the opposition servo turns its shaft. The other joints hang on
+    /// their springs, and their cable is slack.
     fn turn(&mut self, dt: f64) -> [Drive; MOST_LINKS] {
         let joint = self.chain.links[self.moved[0]];
         let (q, ratio) = (self.chain.angles[self.moved[0]], self.hand.servos[OPPOSITION].gear_ratio_opposition);
@@ -173,7 +175,7 @@ impl<'a> FreeDigit<'a> {
         drives
     }
 
-    /// What springs alone do.
+    /// Returns the drives by the springs alone.
     fn springs(&self) -> [Drive; MOST_LINKS] {
         let mut drives = [Drive::Turned(0.0); MOST_LINKS];
         for ((drive, link), angle) in drives.iter_mut().zip(&self.chain.links).zip(&self.chain.angles) {
@@ -184,7 +186,7 @@ impl<'a> FreeDigit<'a> {
     }
 }
 
-/// A point at the tip of a digit's last link, in its frame: the end of its cover's middle line, m.
+/// Returns a point at the tip of a digit's last link, in its frame: the end of its cover's centre line, m.
 pub fn fingertip(hand: &Hand, link: usize) -> Point3<f64> {
     let cover = &hand.covers[link];
     cover.link_from_cover * Point3::new(cover.half.x, 0.0, 0.0)

@@ -1,4 +1,5 @@
-//! Pieces of a session in which one actuator winds under current while nothing but its own digit is in its way.
+//! Free motions: pieces of a session in which one actuator winds under current control against nothing but its own
+//! digit.
 
 use hand_model::robot::{Observation, ServoGoal};
 use hand_model::{ArmVector, GRAVITY, RobotModel};
@@ -7,33 +8,33 @@ use nalgebra::{Isometry3, Vector3};
 use crate::row::Row;
 use crate::trace::Trace;
 
-/// A motion of one actuator and what led to it, tick by tick.
+/// Motion of one actuator and its lead-in, tick by tick.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FreeMotion {
     /// Index of the actuator.
     pub actuator: usize,
     /// Length of a tick, s.
     pub tick: f64,
-    /// So many ticks lead to it, in which the hand opens and the arm comes.
+    /// Number of ticks of the lead-in, in which the hand opens and the arm moves into place.
     pub lead_in: usize,
-    /// What the servo was sent.
+    /// Goals sent to the servo.
     pub goals: Vec<ServoGoal>,
-    /// What its encoder showed before each tick, rad.
+    /// Encoder angle of the servo before each tick, rad.
     pub angles: Vec<f64>,
     /// Angle of the opposition servo, rad.
     pub opposition: Vec<f64>,
-    /// What the arm's encoders showed, rad.
+    /// Joint angles that the arm's encoders showed, rad.
     pub arm: Vec<ArmVector>,
     /// Gravity along the palm's axes, m/s2.
     pub gravity: Vec<Vector3<f64>>,
 }
 
-/// Shortest motion, in ticks.
+/// Least length of a motion, ticks.
 const SHORTEST: usize = 60;
-/// Longest lead-in, s.
+/// Greatest length of a lead-in, s.
 const LEAD_IN: f64 = 6.0;
 
-/// All motions of `actuator` in a session, by the arm and the hand as they are believed to be.
+/// Returns all motions of `actuator` in a session, with gravity according to the model `robot`.
 pub fn free_motions(trace: &Trace, actuator: usize, robot: &RobotModel) -> Vec<FreeMotion> {
     let under_current = |row: &&Row| matches!(row.goals[actuator], ServoGoal::Current(_));
     let longest = (LEAD_IN / trace.tick) as usize;
@@ -65,18 +66,18 @@ impl FreeMotion {
         }
     }
 
-    /// What the encoder showed before each tick of the motion itself, rad.
+    /// Returns the encoder angles before each tick of the motion proper, rad.
     pub fn measured(&self) -> &[f64] {
         &self.angles[self.lead_in..]
     }
 
-    /// The same motion, of another `hand` on another `arm`: gravity pulls from elsewhere.
+    /// Returns the same motion with gravity according to another `robot`.
     #[must_use]
     pub fn under(&self, robot: &RobotModel) -> Self {
         Self { gravity: self.arm.iter().map(|shown| gravity(robot, shown)).collect(), ..self.clone() }
     }
 
-    /// Appends what was observed before a tick, and what the servo was sent in it, by `hand` and `arm` as they are believed to be.
+    /// Appends the observation before a tick and the goal sent in it, with gravity according to the model `robot`.
     pub fn push(&mut self, observation: &Observation, goal: ServoGoal, robot: &RobotModel) {
         self.goals.push(goal);
         self.angles.push(observation.servos[self.actuator].position);
@@ -86,7 +87,7 @@ impl FreeMotion {
     }
 }
 
-/// Gravity along the palm's axes of an arm whose encoders show `shown`, m/s2; its base stands upright.
+/// Returns gravity along the palm's axes for an arm whose encoders show `shown`, m/s2. The base is upright.
 fn gravity(robot: &RobotModel, shown: &[f64]) -> Vector3<f64> {
     let RobotModel { hand, arm, .. } = robot;
     let palm: Isometry3<f64> = arm.tool_pose(shown) * hand.palm_from_flange.inverse();

@@ -1,4 +1,4 @@
-//! Identifies a robot from its sessions, actuator by actuator.
+//! Identification of a robot from its sessions, actuator by actuator.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -25,23 +25,23 @@ use crate::touches::{LookTouch, deepest, look_touches};
 use crate::trace::Trace;
 use crate::weighing::{Gains, weigh};
 
-/// By so much the logarithm of a torque gain is changed to see what depends on it.
+/// Step of the logarithm of a torque gain for the sensitivity of results, dimensionless.
 const GAIN_STEP: f64 = 0.01;
 
-/// A robot, and how it was found.
+/// An identified robot with the intermediate results.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Identification {
     pub robot: IdentifiedRobot,
-    /// Of each actuator.
+    /// Fit of each actuator.
     pub fits: Vec<Fit>,
-    /// What touches of a ball show; the drawing where there are none.
+    /// Kinematic calibration from touches of a ball; the prior if there are none.
     pub kinematics: KinematicCalibration,
-    /// What a weighed object shows; the drawing where there is none.
+    /// Torque gains from a weighed object; the prior if there is none.
     pub gains: Gains,
 }
 
-/// Identifies the robot of `traces`, one of those built from `hand` and `arm`, whose guides and gears take `losses` as drawn; `pads` reads
-/// images of pressed pads. All touches are of one ball in one place.
+/// Identifies the individual of `robot` that recorded `traces`. `losses` are the nominal losses in guides and gears; `pads` is the
+/// calibration for images of pressed pads. All touches are of one ball in one place.
 ///
 /// # Errors
 /// An actuator that no session moves.
@@ -52,7 +52,7 @@ pub fn identify(
     traces: &[Trace],
 ) -> Result<Identification, IdentificationError> {
     let hand = &robot.hand;
-    // Of one robot, no session may be counted twice.
+    // The same session must not be counted twice.
     let distinct: BTreeMap<&str, &Trace> = traces.iter().map(|trace| (trace.source.sha256.as_str(), trace)).collect();
     let designed = prior(robot);
     let ball = distinct.values().find_map(|trace| trace.ball.as_ref());
@@ -64,9 +64,9 @@ pub fn identify(
         Some(ball) => calibrate(robot, ball, &designed, &felt),
         None => KinematicCalibration::unknown(&designed),
     };
-    // Where gravity pulls from is what touches say of arm and mount.
+    // The direction of gravity follows from the calibration of arm and mount.
     let mut prior = kinematics.individual.clone();
-    // Each weighing has a grip of its own; of several the last one counts.
+    // Each weighing has its own grip; of several, the last one is used.
     let weighed = distinct.values().filter_map(|trace| Some((trace.weighed.as_ref()?, trace.tick)));
     let gains = weighed.filter_map(|weighed| weigh(robot, &kinematics, weighed)).next_back();
     let gains = gains.unwrap_or_else(|| Gains::unknown(&prior));
@@ -102,7 +102,7 @@ pub fn identify(
     }
     let mut fits: Vec<Fit> =
         motions[..OPPOSITION].par_iter().map(|own| fit(robot, losses, own, &prior, &kinematics)).collect();
-    // The opposition turns the thumb as it hangs on its springs.
+    // The opposition servo turns the thumb as it hangs on its springs.
     let mut known = prior.clone();
     for fit in &fits {
         fit.places.iter().zip(&fit.deviations).for_each(|(place, deviation)| known.set(*place, *deviation));
@@ -158,7 +158,8 @@ pub fn identify(
     Ok(Identification { robot, fits, kinematics, gains })
 }
 
-/// The photometric calibration of the pads that the sessions press on a ball, from that of others, `pads`; nothing where none is pressed.
+/// Calibrates the pads that the sessions press on a ball photometrically, starting from the calibration `pads` of others. None if no
+/// pad is pressed.
 ///
 /// # Errors
 /// A result that is no better than `pads`.
@@ -175,7 +176,7 @@ pub fn own_pads(
     (!presses.is_empty()).then(|| ball_press::calibrate(hand, &presses, pads))
 }
 
-/// A covariance by its parameters' names.
+/// Returns a covariance with the names of its parameters.
 fn block(estimates: &[Estimate], places: &[usize], covariance: &DMatrix<f64>) -> Covariance {
     Covariance {
         parameters: places.iter().map(|place| estimates[*place].name.clone()).collect(),
@@ -183,7 +184,7 @@ fn block(estimates: &[Estimate], places: &[usize], covariance: &DMatrix<f64>) ->
     }
 }
 
-/// What is known before any session: the mean of all robots built from the drawing.
+/// Returns the prior before any session: the mean of all robots built from the nominal model.
 fn prior(robot: &RobotModel) -> RobotIndividual {
     let mut prior = RobotIndividual::designed(robot);
     for place in 0..prior.parameters().len() {

@@ -1,24 +1,27 @@
-//! How surely a fit's parameters are known, in spite of what the fit does not search.
+//! Uncertainty of a fit's parameters, including the effect of parameters that the fit does not search.
 //!
-//! The covariance of least squares takes all else to be as drawn. What is not searched is not: it spreads, too, and an estimate pays for it.
-//! Such quantities are those that estimation calls considered (S. F. Schmidt, 1966): each moves the estimate by what the fit would make of
-//! its effect, and counts with its spread.
+//! The covariance of least squares assumes that all other parameters have their nominal values. In fact these have a spread, too,
+//! which adds to the uncertainty of the estimate. Such parameters are called "considered" (S. F. Schmidt, 1966): each shifts the
+//! estimate by the fit's response to its effect, weighted by its spread.
 
 use nalgebra::{DMatrix, DVector};
 
-/// Below this share of its spread a parameter's standard deviation says that the session taught something.
+/// Ratio of posterior to prior standard deviation below which a parameter counts as identified.
 pub const TAUGHT: f64 = 0.8;
 
-/// Rows of a fit's slopes with their residuals.
+/// Cluster of samples: rows of a fit's slopes, each with its residual.
 pub type Piece = Vec<(usize, f64)>;
 
-/// Covariance of the parameters of a fit whose residuals have these `slopes` at its minimum: a row a residual, the prior's last, a column a
-/// parameter. `unsearched` has the changes of the samples' residuals, a column a quantity, by its spread. `clusters` are the samples' residuals
-/// in pieces that err alike, as what the model leaves out is alike within them: where their gradients scatter by more than independent
-/// samples' would, deviations are wider by that (the sandwich of Liang and Zeger 1986).
+/// Returns the covariance of the parameters of a fit.
+///
+/// `slopes` are those of the residuals at the minimum: one row per residual, the prior's last, and one column per parameter.
+/// `unsearched` holds the changes of the samples' residuals per standard deviation of each parameter that is not searched, one
+/// column each. `clusters` are the samples' residuals in groups with correlated model errors. If their gradients scatter by more
+/// than those of independent samples would, the standard deviations are increased accordingly (the sandwich estimator of Liang
+/// and Zeger 1986).
 pub fn covariance(slopes: &DMatrix<f64>, unsearched: &DMatrix<f64>, clusters: &[Piece]) -> DMatrix<f64> {
     let n = slopes.ncols();
-    // Positive definite: the prior's rows are a unit matrix.
+    // Positive definite: the prior's rows are an identity matrix.
     let known = slopes.tr_mul(slopes).cholesky().map_or_else(|| DMatrix::identity(n, n), |found| found.inverse());
     let widened = match clusters.len() {
         0 | 1 => known.clone(),
@@ -45,20 +48,20 @@ mod tests {
 
     use super::*;
 
-    /// Samples of the line; noise on each has a standard deviation of one.
+    /// Number of samples of the line; the noise of each has a standard deviation of one.
     const SAMPLES: usize = 50;
 
     fn x(n: usize) -> f64 {
         (n as f64 + 0.5) / SAMPLES as f64
     }
 
-    /// A line through the origin is fitted to samples whose other term, a square, nobody searches.
+    /// Returns the slopes of a line through the origin, and those of an additional quadratic term that is not searched.
     fn line() -> (DMatrix<f64>, DMatrix<f64>) {
         let slopes = DMatrix::from_fn(SAMPLES + 1, 1, |n, _| if n < SAMPLES { x(n) } else { 1.0 });
         (slopes, DMatrix::from_fn(SAMPLES, 1, |n, _| x(n).powi(2)))
     }
 
-    /// Of mean zero and variance one, nearly normal.
+    /// Draws a nearly normal number with mean zero and variance one.
     fn normal(rng: &mut rand_chacha::ChaCha8Rng) -> f64 {
         (0..12).map(|_| rng.random_range(-0.5..0.5)).sum()
     }
@@ -74,7 +77,8 @@ mod tests {
         assert!((alone - 1.0 / information).abs() < 1e-12, "{alone}");
     }
 
-    /// Of 4000 lines 95 % have their slope in its interval, and far fewer in that of a fit which takes its model to be true.
+    /// Of 4000 lines, 95 % have their slope in the interval, and far fewer in the interval of a fit that assumes its
+    /// model to be true.
     #[test]
     fn intervals_hold_in_spite_of_what_is_not_searched() {
         let (slopes, square) = line();
@@ -95,7 +99,7 @@ mod tests {
         assert!(plain < 0.6, "{plain}");
     }
 
-    /// Samples of a piece that are off together widen the interval; the same errors spread evenly do not.
+    /// A common error of the samples of a cluster widens an interval; the same errors spread evenly do not.
     #[test]
     fn pieces_that_err_alike_widen_an_interval() {
         let (slopes, _) = line();

@@ -1,8 +1,9 @@
-//! Kinematic calibration: the arm's encoders, the hand's mount and the links' stops, from pads that have touched one fixed ball.
+//! Kinematic calibration: the arm's encoders, the hand's mount and the links' stops, from touches of one fixed ball by pads.
 //!
-//! Where a pad feels the ball's middle, the robot's kinematics say where that is in the frame of the arm's base; for the right robot all
-//! touches say the same place: calibration by a single endpoint constraint (Meggiolaro, Scriffignano and Dubowsky 2000), here with a
-//! sensor that says where the end touches. Least squares over encoders, mount, stops and the ball's place, each with its prior.
+//! If a pad feels the ball's centre, forward kinematics give the position of that centre in the frame of the arm's
+//! base. For the true robot, all touches give the same position. This is calibration by a single endpoint constraint
+//! (Meggiolaro, Scriffignano and Dubowsky 2000), here with a sensor that measures where the end touches. The estimate
+//! is by least squares over encoders, mount, stops and the ball's position, each with its prior.
 
 use crate::script::OPPOSITION;
 use control::inverse_kinematics::Joints;
@@ -16,50 +17,54 @@ use plant::spread::Quantity;
 use crate::ball::Ball;
 use crate::interval::TAUGHT;
 
-/// What no model of pad and link explains of a touch, m along the pad and along its normal.
+/// Standard deviation of the unmodelled error of a touch, m: along the pad, and along its normal.
 const UNEXPLAINED: [f64; 2] = [2e-4, 1e-4];
-/// How all touches of a pad err alike, m along each axis: cameras sit a little otherwise, gels differ in thickness.
+/// Standard deviation of the error common to all touches of a pad, m along each axis: its camera is displaced, its gel
+/// differs in thickness.
 const OF_PAD: [f64; 3] = [2e-4, 2.5e-4, 1.5e-4];
-/// How all touches err alike: the gel of all pads is of one batch.
+/// Standard deviation of the error common to all touches, m along each axis: the gel of all pads is of one batch.
 const OF_HAND: [f64; 3] = [1e-4, 1e-4, 2e-4];
-/// How all touches of links err alike: a link swings onto its stop while its cover already sticks to the ball, which shears the cover.
+/// Standard deviation of the error common to all touches by links, m along each axis: a link swings onto its stop while
+/// its cover already sticks to the ball, which shears the cover.
 const OF_LINKS: [f64; 3] = [2e-4, 6e-4, 2e-4];
-/// A spring is at rest at most so far closed, rad: three spreads and a little for its rate.
+/// Greatest closing angle at which a joint's spring is at rest, rad: three standard deviations of the rest angle, and a
+/// margin for the spring rate.
 const CLOSED: f64 = 0.18;
-/// What the weight of links adds, N m.
+/// Torque that the weight of the links adds, N m.
 const WEIGHT: f64 = 0.004;
-/// Residuals beyond this many standard deviations are outliers.
+/// Outlier threshold of the residuals, in standard deviations.
 const OUTLIER: f64 = 3.0;
-/// Deviations are searched within this many spreads.
+/// Bounds of the search for deviations, in prior standard deviations.
 const RANGE: f64 = 5.0;
-/// Step of the differences, in spreads.
+/// Step of the finite differences, in prior standard deviations.
 const STEP: f64 = 1e-3;
 
-/// A touch.
+/// One touch of the ball by a pad.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Touch {
     /// Index of the camera that saw it.
     pub camera: usize,
-    /// What the arm's encoders showed, rad.
+    /// Joint angles that the arm's encoders showed, rad.
     pub arm: Joints,
     /// Angle of the opposition servo, rad.
     pub opposition: f64,
-    /// The ball's middle, m, pad frame.
+    /// Centre of the ball in the pad frame, m.
     pub center: Point3<f64>,
-    /// m2.
+    /// Covariance of `center`, m2.
     pub covariance: Matrix3<f64>,
 }
 
 impl Touch {
-    /// How deep the ball is in the pad, m.
+    /// Returns the penetration of the ball into the pad, m.
     pub fn depth(&self, hand: &Hand, ball: &Ball) -> f64 {
         let pad = &hand.pads[hand.cameras[self.camera].pad];
         let [x, y, z] = self.center.coords.data.0[0];
         pad.surface_height(x, y) + ball.radius - z
     }
 
-    /// Whether it pushes every link between palm and pad onto its stop: its force, by the gel's law, turns each of their joints open by more
-    /// than any spring and the links' own weight turn it shut.
+    /// True if the touch pushes every link between palm and pad onto its stop. The contact force, from the gel's force
+    /// law, must have a greater opening torque about each of their joints than the closing torque of any spring and the
+    /// links' own weight.
     fn is_on_stops(&self, hand: &Hand, ball: &Ball) -> bool {
         let pad = &hand.pads[hand.cameras[self.camera].pad];
         let Some(link) = pad.link else { return true };
@@ -75,28 +80,28 @@ impl Touch {
     }
 }
 
-/// What touches show.
+/// Result of the kinematic calibration.
 #[derive(Debug, Clone, PartialEq)]
 pub struct KinematicCalibration {
-    /// The robot, in everything else that from which the search began.
+    /// Calibrated robot; parameters that were not searched are as in the individual from which the search began.
     pub individual: RobotIndividual,
-    /// Places in it of what was searched.
+    /// Places of the searched parameters in the individual.
     pub places: Vec<usize>,
     /// Covariance of their deviations.
     pub covariance: DMatrix<f64>,
-    /// The ball's middle, m, in the frame of the arm's base.
+    /// Centre of the ball in the frame of the arm's base, m.
     pub ball: Point3<f64>,
-    /// All that was found, from the means in units of the spreads, ...
+    /// All estimated values, as offsets from the prior means in prior standard deviations.
     found: Vec<f64>,
-    /// ... and its covariance.
+    /// Covariance of `found`.
     scaled: DMatrix<f64>,
-    /// Root mean square distance between where touches show the ball and where it is, m: under the drawing with the ball where it fits
-    /// best, and under what was found.
+    /// Root mean square distance between the ball's centre and the positions that the touches give, m: for the prior
+    /// model with the ball at its best-fitting position, and for the calibrated robot.
     pub residuals: [f64; 2],
     pub touches: usize,
 }
 
-/// The kinematic parameters of an individual.
+/// Returns the places of an individual's kinematic parameters.
 pub fn searched(individual: &RobotIndividual) -> Vec<usize> {
     let kinematic = |quantity| {
         use Quantity::{ArmEncoder, JointZero, MountPosition, MountTurn};
@@ -106,7 +111,8 @@ pub fn searched(individual: &RobotIndividual) -> Vec<usize> {
     (0..parameters.len()).filter(|place| kinematic(parameters[*place].quantity)).collect()
 }
 
-/// Where a robot has the ball's middle that one of its pads feels, in the frame of the arm's base.
+/// Returns the centre of the ball that a pad feels, according to `robot`, in the frame of the arm's base, with the pose
+/// of the pad.
 fn felt_at(robot: &RobotModel, touch: &Touch) -> (Point3<f64>, Isometry3<f64>) {
     let RobotModel { hand, arm, .. } = robot;
     let pad = &hand.pads[hand.cameras[touch.camera].pad];
@@ -143,18 +149,18 @@ impl Search<'_> {
         self.ball.middle() + self.ball.uncertain * self.vector(p, 0)
     }
 
-    /// The `n`-th vector behind the individual's parameters: the ball's place, what all touches err by alike, those of links,
-    /// and those of each pad.
+    /// Returns the `n`-th vector after the individual's parameters: the ball's position, the error common to all
+    /// touches, that of links, and that of each pad.
     fn vector(&self, p: &[f64], n: usize) -> Vector3<f64> {
         Vector3::from_fn(|axis, _| p[self.places.len() + 3 * n + axis])
     }
 
-    /// Number of all that is searched.
+    /// Returns the number of searched values.
     fn len(&self) -> usize {
         self.places.len() + 3 * (3 + self.robot.hand.pads.len())
     }
 
-    /// From where the ball is to where each touch has it, m.
+    /// Returns the vector from the ball's centre to the centre that each touch gives, m, with its covariance, m2.
     fn distances(&self, p: &[f64]) -> Vec<(Vector3<f64>, Matrix3<f64>)> {
         let individual = self.individual(p);
         let (robot, middle) = (individual.robot(self.robot), self.middle(p));
@@ -173,7 +179,7 @@ impl Search<'_> {
         self.touches.iter().map(of).collect()
     }
 
-    /// In standard deviations times `scale`, and the prior's.
+    /// Returns the residuals, in standard deviations times `scale`, followed by those of the prior.
     fn residuals(&self, p: &[f64], scale: f64) -> Vec<f64> {
         let whitened = |(off, covariance): (Vector3<f64>, Matrix3<f64>)| {
             let white = covariance.cholesky().and_then(|root| root.l().solve_lower_triangular(&off));
@@ -188,14 +194,14 @@ impl Search<'_> {
     }
 }
 
-/// Root mean square of the distances, m.
+/// Returns the root mean square of the distances, m.
 fn rms(distances: &[(Vector3<f64>, Matrix3<f64>)]) -> f64 {
     let sum: f64 = distances.iter().map(|(off, _)| off.norm_squared()).sum();
     (sum / distances.len().max(1) as f64).sqrt()
 }
 
-/// Calibrates the robot `from`, one of those built from `hand` and `arm`, by those of its touches of a ball that push the links onto their
-/// stops. Without touches: the prior.
+/// Calibrates the individual `from` of `robot` by its touches of a ball. Only touches that push the links onto their
+/// stops are used. Without touches, the result is the prior.
 pub fn calibrate(robot: &RobotModel, ball: &Ball, from: &RobotIndividual, touches: &[Touch]) -> KinematicCalibration {
     let hand = &robot.hand;
     let places = searched(from);
@@ -216,7 +222,8 @@ pub fn calibrate(robot: &RobotModel, ball: &Ball, from: &RobotIndividual, touche
         let white = search.residuals(&p, 1.0);
         let mut squares: Vec<f64> = white[..3 * touches.len()].iter().map(|value| value * value).collect();
         squares.sort_by(f64::total_cmp);
-        // Of a normal distribution the median square is 0.455 variances. No touch is known better than its covariance says.
+        // For a normal distribution, the median square is 0.455 variances. No touch is trusted more than its covariance
+        // allows.
         scale = squares.get(squares.len() / 2).map_or(1.0, |median| (median / 0.455).sqrt().max(1.0));
     }
     let slopes = search.jacobian(&p, &search.residuals(&p, scale), scale);
@@ -235,7 +242,7 @@ pub fn calibrate(robot: &RobotModel, ball: &Ball, from: &RobotIndividual, touche
 }
 
 impl KinematicCalibration {
-    /// Of a robot that has touched nothing, `prior`.
+    /// Returns the calibration of a robot without touches: the prior.
     pub fn unknown(prior: &RobotIndividual) -> Self {
         let places = searched(prior);
         let n = places.len();
@@ -252,8 +259,8 @@ impl KinematicCalibration {
         }
     }
 
-    /// Standard deviation of where a pad that comes to the ball with the arm at `shown` will feel it along its normal, m; `hand` and `arm`
-    /// are the drawing.
+    /// Returns the standard deviation of where a pad will feel the ball along its normal, m, when the arm's encoders
+    /// show `shown`. `robot` is the nominal model.
     pub fn along_normal(&self, robot: &RobotModel, ball: &Ball, camera: usize, shown: &Joints) -> f64 {
         let own = self.individual.robot(robot);
         let touch =
@@ -272,7 +279,8 @@ impl KinematicCalibration {
         (slopes.tr_mul(&self.scaled) * &slopes)[(0, 0)].max(0.0).sqrt()
     }
 
-    /// Root of the covariance of what is at these places of the individual, in spreads: columns of independent errors.
+    /// Returns a square root of the covariance of the parameters at these places of the individual, in prior standard
+    /// deviations. Its columns are independent errors.
     pub fn root(&self, places: &[usize]) -> DMatrix<f64> {
         let own: Vec<Option<usize>> =
             places.iter().map(|place| self.places.iter().position(|known| known == place)).collect();
@@ -284,7 +292,7 @@ impl KinematicCalibration {
         covariance.cholesky().map_or_else(|| DMatrix::identity(places.len(), places.len()), |root| root.l())
     }
 
-    /// Whether the touches say more of what is at `n` of [`Self::places`] than the drawing.
+    /// True if the touches tell more about the parameter at `n` of [`Self::places`] than the prior.
     pub fn taught(&self, n: usize) -> bool {
         self.scaled[(n, n)].sqrt() < TAUGHT
     }
@@ -302,7 +310,8 @@ mod tests {
 
     const DEPTH: f64 = 0.0015;
 
-    /// Exact touches of a ball by `truth`, each pad five times with the arm all around its home posture.
+    /// Returns exact touches of a ball by `truth`, five for each camera, with the arm at random postures around its
+    /// home posture.
     fn touched(truth: &RobotIndividual, ball: &Ball) -> (RobotModel, Vec<Touch>) {
         let robot = RobotModel::ftac_gen3();
         let (hand, own) = (&robot.hand, truth.robot(&robot));
@@ -317,14 +326,14 @@ mod tests {
                 center: Point3::new(0.0, 0.0, ball.radius - DEPTH),
                 covariance: Matrix3::from_diagonal_element(1e-10),
             };
-            // Wherever the arm has the pad, the ball is where it is: a touch at arm's length.
+            // The ball stays in place wherever the arm carries the pad: a touch at a distance.
             let (_, pose) = felt_at(&own, &bare);
             Touch { center: pose.inverse() * middle, ..bare }
         });
         (robot.clone(), touches.collect())
     }
 
-    /// Touches that are exact show a robot to a fraction of a millimetre, and the place of the ball.
+    /// Exact touches identify a robot to a fraction of a millimetre, and the position of the ball.
     #[test]
     fn exact_touches_show_the_robot() {
         let ball = Script::standard(&RobotModel::ftac_gen3()).expect("valid").ball.expect("a ball");
@@ -332,7 +341,7 @@ mod tests {
         let truth = RobotIndividual::draw(&RobotModel::ftac_gen3(), 9);
         let (robot, mut touches) = touched(&truth, &ball);
         let hand = &robot.hand;
-        // A link that a touch does not push onto its stop says nothing: only the palm's are taken.
+        // A link that a touch does not push onto its stop tells nothing, so only the palm's touches are used.
         touches.retain(|touch| hand.pads[hand.cameras[touch.camera].pad].link.is_none());
         let found = calibrate(&robot, &ball, &designed, &touches);
         assert_eq!(found.touches, touches.len());
@@ -348,7 +357,7 @@ mod tests {
         }
     }
 
-    /// Without touches everything stays the drawing's, with its spread.
+    /// Without touches, everything keeps its prior value and spread.
     #[test]
     fn no_touches_say_nothing() {
         let ball = Script::standard(&RobotModel::ftac_gen3()).expect("valid").ball.expect("a ball");
@@ -358,7 +367,7 @@ mod tests {
         assert!((found.ball - ball.middle()).norm() < 1e-12);
     }
 
-    /// A pad that is pressed close to its link's joint does not open that joint: the link hangs on its spring.
+    /// A pad pressed close to its link's joint does not open that joint: the link hangs on its spring.
     #[test]
     fn a_touch_near_a_joint_says_nothing_of_its_stop() {
         let (hand, ball) =

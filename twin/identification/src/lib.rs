@@ -1,10 +1,13 @@
-//! Which one of the robots built from one drawing this is.
+//! Identification of an individual robot among those built from one nominal model.
 //!
-//! The story in order: a [`script`] says how to move a robot so that its motion shows what it is made of, and how to press its pads on a
-//! [`ball`], and to lift a [`weight`]; [`excitation`] does all that, [`pressing`] aims the presses. [`trace`] reads such a session back and cuts the [`free_motion`]s and the [`touches`] out of it.
-//! [`kinematic_calibration`] finds from touches how arm, mount and links differ, [`weighing`] what the arm's torque sensors show of a known weight. [`free_digit`] is the twin of one digit that moves
-//! freely, a [`chain`] on its servo; [`fit`] finds the parameters with which it moves as the session shows, and [`identify`](mod@identify) does so for all actuators;
-//! [`interval`] says how surely they are known; [`evaluation`] sets what was found beside the truth, where there is one to read.
+//! A [`script`] defines how to excite a robot so that its motion reveals its parameters, how to press its pads on a [`ball`], and
+//! how to lift a [`weight`]. [`excitation`] plays the script, and [`pressing`] aims the presses. [`trace`] reads such a session back
+//! and cuts the [`free_motion`]s and the [`touches`] out of it.
+//!
+//! From touches, [`kinematic_calibration`] estimates the deviations of arm, mount and links; [`weighing`] estimates the gains of the
+//! arm's torque sensors from a known weight. [`free_digit`] is the digital twin of one digit that moves freely, a [`chain`] on its
+//! servo. [`fit`] finds the parameters with which it moves as in the session, and [`identify`](mod@identify) does so for all
+//! actuators. [`interval`] computes their uncertainty. [`evaluation`] compares the result with the truth, where that is known.
 
 pub mod arm_load;
 pub mod ball;

@@ -1,4 +1,4 @@
-//! Robot, script and grasps that an excitation goes by.
+//! Inputs of an excitation: robot, script and grasps.
 
 use grasping::Grasp;
 use hand_model::transmission::friction::CableFriction;
@@ -11,13 +11,13 @@ use crate::script::Script;
 #[derive(Debug, Clone, Copy)]
 pub struct Means<'a> {
     pub robot: &'a RobotModel,
-    /// With which the pads are read while they are pressed: that of the drawing's, as long as there is no other.
+    /// Calibration for images of pressed pads: that of the nominal pads, as long as there is no other.
     pub pads: &'a PhotometricCalibration,
     pub script: &'a Script,
-    /// Of the weighed object, best first.
+    /// Grasps of the weighed object, best first.
     pub grasps: &'a [Grasp],
-    /// What guides take as drawn: servos pull that much harder.
+    /// Nominal friction in the cable guides, which the servo forces compensate.
     pub friction: CableFriction,
-    /// Posture that the script's turn from, rad.
+    /// Ready posture of the arm, to which the script's postures are relative, rad.
     pub ready: ArmVector,
 }

@@ -1,8 +1,9 @@
-//! How stiff the gel is and how pads stick, from the arm's torques while pads of the palm press on a ball and slide over it.
+//! Stiffness of the gel and friction of the pads, from the arm's torques while pads of the palm press on a ball and slide over it.
 //!
-//! A pad of the palm is one with the arm: what it bears is what the arm's joints bear ([`arm_load`](crate::arm_load)). Its image says how deep the ball is
-//! in it, so that the gel's law says what it would bear as drawn; the ratio is that of the stiffnesses. While the pad slides, friction over
-//! normal force is the coefficient of friction (Coulomb).
+//! A pad of the palm is rigidly connected to the arm, so the load on it follows from the joint torques
+//! ([`arm_load`](crate::arm_load)). Its image gives the penetration of the ball, from which the gel's law predicts the nominal
+//! load. The ratio of the two is the ratio of the stiffnesses. While the pad slides, friction over normal force is the
+//! coefficient of friction (Coulomb).
 
 use std::collections::BTreeMap;
 
@@ -19,51 +20,52 @@ use crate::row::Row;
 use crate::touches::LookTouch;
 use crate::trace::Trace;
 
-/// Before a look that shows the pad at least so far from the ball nothing bears on it, m.
+/// Distance from the ball beyond which a look shows an unloaded pad, m.
 const CLEAR: f64 = 4e-4;
-/// Least depth at which an image tells the force, m: the error of a depth counts twice.
+/// Least depth at which an image gives the force, m: a relative depth error counts twice.
 const DEEP: f64 = 1e-3;
-/// The ball has left its place in the gel after so much of a slide, m.
+/// Length of a slide after which the ball has left its dent in the gel, m.
 const SLID: f64 = 2.5e-3;
-/// A pad that has risen by more than this slides no longer, m.
+/// Change of height beyond which a pad no longer counts as sliding, m.
 const RISEN: f64 = 3e-4;
-/// Least time for which a pad slides, ticks.
+/// Least duration of a slide, ticks.
 const LONG: usize = 20;
-/// What all presses err by alike, as a share of the stiffness: images show depths 2 to 3 % wrong.
-/// By hand, from individuals 1 to 3.
+/// Relative standard deviation of the stiffness error common to all presses: depths from images are 2 to 3 % off. Set
+/// by hand, from individuals 1 to 3.
 const ALIKE: f64 = 0.03;
-/// What one press errs by, as a share: stiffness, friction. Of few presses the scatter says little; by hand, from individuals 1 to 3.
+/// Least relative standard deviation of one press: stiffness, friction. It is set by hand, from individuals 1 to 3,
+/// because the scatter of a few presses tells little.
 const ONE: [f64; 2] = [0.05, 0.015];
-/// Spacing of the points at which pressure is summed, m.
+/// Spacing of the points over which pressure is summed, m.
 const GRID: f64 = 1e-4;
 
-/// What presses say of a factor on the drawing's value.
+/// Estimate of a factor on the nominal value.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Factor {
-    /// Its logarithm.
+    /// Logarithm of the factor.
     pub deviation: f64,
-    /// Standard deviation of that.
+    /// Standard deviation of the logarithm.
     pub sigma: f64,
 }
 
-/// What presses say of pads and gel; nothing where too little was pressed.
+/// Identified factors of pads and gel; none if there were too few presses.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct PadMechanics {
     pub stiffness: Option<Factor>,
     pub friction: Option<Factor>,
 }
 
-/// What presses of some sessions show, factor by factor.
+/// Results of individual presses in some sessions, for each factor.
 #[derive(Debug, Clone, Default)]
 pub struct Shown {
-    /// Logarithms, one a press.
+    /// Logarithms, one per press.
     stiffness: Vec<f64>,
     friction: Vec<f64>,
 }
 
 impl Shown {
-    /// Adds what a session shows whose looks have `touched`, of a robot that is `own` beside the drawing `hand`, with the ball's middle at `middle` (m, frame
-    /// of the arm's base).
+    /// Adds the results of a session with the touches `touched`, of the robot `own` with the nominal hand `hand` and
+    /// the ball's centre at `middle` (m, frame of the arm's base).
     pub fn add(
         &mut self,
         hand: &Hand,
@@ -99,7 +101,7 @@ impl Shown {
         }
     }
 
-    /// What they say together.
+    /// Combines the presses into one estimate of each factor.
     pub fn together(&self, slide: Option<&Slide>) -> PadMechanics {
         let known = slide.map_or(0.0, |slide| slide.uncertain);
         PadMechanics {
@@ -110,8 +112,8 @@ impl Shown {
 }
 
 impl PadMechanics {
-    /// The same of an arm whose torque gains are as sure as `covariance` of their logarithms says: `moved` is what presses say where the
-    /// logarithm of each in turn is `step` greater.
+    /// Adds the uncertainty of the arm's torque gains, with `covariance` of their logarithms. `moved` holds the
+    /// estimates with the logarithm of each gain in turn increased by `step`.
     #[must_use]
     pub fn under_gains(self, moved: &[Self], step: f64, covariance: &DMatrix<f64>) -> Self {
         let wider = |of: fn(&Self) -> Option<Factor>| {
@@ -126,17 +128,20 @@ impl PadMechanics {
     }
 }
 
-/// The median of presses that err by `one` each, more where they scatter more, and by `alike` all of them.
+/// Returns the median of the presses. Each has an independent error of at least `one`, more if they scatter more;
+/// `alike` is the error common to all.
 fn factor(presses: &[f64], one: f64, alike: f64) -> Option<Factor> {
     let deviation = percentile(presses, 50.0)?;
     let off: Vec<f64> = presses.iter().map(|press| (press - deviation).abs()).collect();
-    // Of a normal distribution the median of what is off is 0.6745 standard deviations, and a median has 1.57 times a mean's variance.
+    // For a normal distribution, the median absolute deviation is 0.6745 standard deviations, and a median has 1.57
+    // times a mean's variance.
     let scatter = percentile(&off, 50.0)? / 0.6745;
     let own = one.max(scatter).powi(2) * 1.57 / presses.len() as f64;
     Some(Factor { deviation, sigma: (own + alike * alike).sqrt() })
 }
 
-/// Force (N) on a ball of this radius (m) whose middle is at `center` (pad frame) under the pressure law `gel`, over all of the pad's surface.
+/// Returns the force (N) on a ball of this radius (m) with its centre at `center` (pad frame) under the pressure law
+/// `gel`, integrated over the pad's surface.
 fn pad_force(pad: &Pad, gel: &Foundation, center: &Point3<f64>, radius: f64) -> f64 {
     let reach = (radius / GRID) as i32;
     let steps = || (-reach..=reach).map(|n| f64::from(n) * GRID);
@@ -149,12 +154,12 @@ fn pad_force(pad: &Pad, gel: &Foundation, center: &Point3<f64>, radius: f64) -> 
     steps().flat_map(|x| steps().map(move |y| (x, y))).map(|(x, y)| pressure(x, y)).sum::<f64>() * GRID * GRID
 }
 
-/// What a pad of the palm bears in a moment of a press.
+/// Load on a pad of the palm at an instant of a press.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Load {
-    /// The ball's middle, m, pad frame, by the arm alone.
+    /// Centre of the ball in the pad frame, from the arm's kinematics alone, m.
     middle: Point3<f64>,
-    /// On the pad, N, pad frame: z is out of it.
+    /// Force on the pad in the pad frame, N; z points out of the pad.
     force: Vector3<f64>,
 }
 
@@ -164,14 +169,14 @@ struct Pressing<'a> {
     middle: &'a Point3<f64>,
     trace: &'a Trace,
     pad: &'a Pad,
-    /// The arm before anything touched the pad.
+    /// State of the arm before anything touched the pad.
     before: ArmState,
     /// Number of the press.
     press: usize,
 }
 
 impl<'a> Pressing<'a> {
-    /// None where no look shows the pad clear of the ball.
+    /// Returns none if no look shows the pad clear of the ball.
     fn new(
         own: &'a RobotModel,
         (ball, middle): (&Ball, &'a Point3<f64>),
@@ -190,7 +195,7 @@ impl<'a> Pressing<'a> {
         Some(pressing)
     }
 
-    /// `base_from_pad` where the arm shows this.
+    /// Returns `base_from_pad` for the state that the arm shows.
     fn pose(&self, shown: &ArmState) -> Isometry3<f64> {
         let RobotModel { hand, arm, .. } = self.own;
         arm.tool_pose(&shown.position) * hand.palm_from_flange.inverse() * self.pad.link_from_pad
@@ -205,7 +210,7 @@ impl<'a> Pressing<'a> {
         &self.trace.rows[at(from)..at(to).max(at(from))]
     }
 
-    /// The mean of what the arm showed in a look.
+    /// Returns the mean state of the arm during a look.
     fn shown(&self, look: usize) -> Option<ArmState> {
         let [from, to] = self.trace.looks.get(look)?.times;
         let half = 0.5 * self.trace.tick;
@@ -231,7 +236,8 @@ impl<'a> Pressing<'a> {
         self.load(&self.shown(look)?)
     }
 
-    /// Median of friction over normal force in the ticks behind the last look in which the pad slides; none where it hardly does.
+    /// Returns the median of friction over normal force during the ticks after the last look in which the pad slides;
+    /// none if there are too few.
     fn sliding(&self) -> Option<f64> {
         let looks = &self.trace.looks;
         let last = looks.iter().rposition(|look| look.press == self.press)?;
@@ -256,7 +262,8 @@ impl<'a> Pressing<'a> {
 mod tests {
     use super::*;
 
-    /// On a pad's flat middle the sum over its surface is the ball's own law; over its edge less bears.
+    /// On a pad's flat middle, the sum over its surface agrees with the closed-form law of a ball. At its edge, the
+    /// force is smaller.
     #[test]
     fn a_pad_bears_less_at_its_edge() {
         let hand = Hand::ftac();
@@ -269,7 +276,8 @@ mod tests {
         assert!(at(0.5 * pad.w - pad.edge_radius) < 0.9 * law);
     }
 
-    /// A stiffness that goes with the mean of all gains is as unsure as that mean; friction that goes with none stays as sure as it was.
+    /// A stiffness proportional to the mean of all gains is as uncertain as that mean. A friction that depends on no
+    /// gain keeps its uncertainty.
     #[test]
     fn unsure_gains_make_stiffness_unsure() {
         let factor = |deviation| Some(Factor { deviation, sigma: 0.03 });
@@ -281,7 +289,8 @@ mod tests {
         assert_eq!(wider.friction, found.friction);
     }
 
-    /// One press that is far off moves a median little and makes it less sure; what all presses err by stays however many they are.
+    /// One outlying press hardly moves the median and makes it less certain. The common error remains, however many
+    /// presses there are.
     #[test]
     fn a_factor_is_the_median_of_its_presses() {
         let presses: Vec<f64> = (0..100).map(|n| 0.1 + 0.01 * f64::from(n % 5 - 2)).chain([9.0]).collect();

@@ -1,7 +1,7 @@
-//! Where to press: by the robot as its presses so far show it.
+//! Aiming of presses, by a model of the robot that is refined with each press.
 //!
-//! A robot as drawn misses a ball by a good part of a pad's width. Each press is aimed with the kinematic calibration of those before it, and
-//! begins as far before the ball as that is unsure.
+//! The nominal model misses a ball by a good part of a pad's width. Each press is aimed with the kinematic calibration from the
+//! presses before it. It begins as far before the ball as that calibration is uncertain.
 
 use control::inverse_kinematics::Joints;
 use hand_model::RobotModel;
@@ -15,14 +15,15 @@ use crate::kinematic_calibration::{KinematicCalibration, Touch, calibrate};
 use crate::means::Means;
 use crate::touches::{PressImages, touches};
 
-/// How far before the ball a press begins, in standard deviations of where it is felt, ...
+/// Distance before the ball at which a press begins, in standard deviations of the expected contact.
 const EARLY: f64 = 3.0;
-/// ... and between these, m.
+/// Bounds of that distance, m.
 const EARLIEST: [f64; 2] = [0.001, 0.02];
-/// With so many touches the aim is as good as it needs to be; it is found again after every so many.
+/// Number of touches up to which the calibration is repeated after every press, and number of touches between
+/// repetitions after that.
 const ENOUGH: (usize, usize) = (12, 6);
 
-/// What presses are aimed by.
+/// Aim of presses.
 pub struct Aim<'a> {
     robot: &'a RobotModel,
     pads: &'a PhotometricCalibration,
@@ -30,12 +31,12 @@ pub struct Aim<'a> {
     ready: Joints,
     touches: Vec<Touch>,
     found: KinematicCalibration,
-    /// The robot that it describes.
+    /// Robot model of that calibration.
     own: RobotModel,
 }
 
 impl<'a> Aim<'a> {
-    /// By the drawing.
+    /// Creates the aim of the nominal model.
     pub fn new(means: &Means<'a>, ball: &'a Ball) -> Self {
         let Means { robot, pads, ready, .. } = *means;
         let found = calibrate(robot, ball, &RobotIndividual::designed(robot), &[]);
@@ -43,17 +44,18 @@ impl<'a> Aim<'a> {
         Self { robot, pads, ball, ready, touches: Vec::new(), found, own }
     }
 
-    /// The robot as its presses so far show it.
+    /// Returns the robot model calibrated by the presses so far.
     pub fn own(&self) -> &RobotModel {
         &self.own
     }
 
-    /// The ball.
+    /// Returns the ball.
     pub fn ball(&self) -> &'a Ball {
         self.ball
     }
 
-    /// The way `from` where the arm is to a press, with the arm bent as in its ready posture: from press to press its joints do not wind up.
+    /// Plans the way from posture `from` to a press. Inverse kinematics starts from the ready posture, so that the
+    /// joints do not wind up from press to press.
     pub fn at(&self, press: &Press, from: &Joints) -> Option<Approach> {
         let way = |early| approach(self.own(), self.ball, press, &self.found.ball, early, &self.ready);
         let near = way(EARLIEST[0])?;
@@ -64,24 +66,25 @@ impl<'a> Aim<'a> {
         Some(Approach { round, ..approach })
     }
 
-    /// The way of a press's pad over the ball from where the arm stands `at`, if it slides.
+    /// Plans the slide of a press's pad over the ball from the posture `at`, if it slides.
     pub fn sideways(&self, press: &Press, at: &Joints) -> Option<Vec<Joints>> {
         sideways(self.own(), self.ball, press, at)
     }
 
-    /// Whether the newest look of `camera` shows the ball deep enough in its pad.
+    /// True if the newest look of `camera` shows the ball deep enough in its pad.
     pub fn is_deep(&self, camera: usize, images: &PressImages) -> bool {
         let newest = images.of_look().filter(|image| image.camera == camera);
         let touch = touches(&self.robot.hand, self.pads, self.ball.radius, newest);
         touch.first().is_some_and(|touch| touch.depth(&self.robot.hand, self.ball) >= self.ball.depth)
     }
 
-    /// How hard something pushes on the hand about where the ball is, N, by the arm's torques `now` beside those `before` it touched.
+    /// Returns the magnitude of the force on the hand near the ball, N, from the arm's torques `now` compared with
+    /// those `before` contact.
     pub fn force(&self, before: &ArmState, now: &ArmState) -> f64 {
         force(self.own(), [before, now], &self.found.ball).map_or(0.0, |force| force.norm())
     }
 
-    /// Takes what the newest press has shown.
+    /// Updates the calibration with the newest press.
     pub fn learn(&mut self, images: &PressImages) {
         let before = self.touches.len();
         self.touches.extend(touches(&self.robot.hand, self.pads, self.ball.radius, images.of_press()));

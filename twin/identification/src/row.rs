@@ -5,22 +5,22 @@ use hand_model::{ActuatorVector, ArmVector};
 
 use crate::weight::Weight;
 
-/// A tick: what was measured at its beginning, and what was sent then.
+/// One tick: the values measured at its beginning, and the goals sent then.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Row {
-    /// s.
+    /// Time, s.
     pub time: f64,
     pub servos: ActuatorVector<ServoState>,
     pub arm: ArmState,
     pub goals: ActuatorVector<ServoGoal>,
 }
 
-/// The weighed object of a session, and the ticks of weighing.
+/// Weighed object of a session, and the ticks of weighing.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Weighed {
     pub weight: Weight,
-    /// Posture that the script's turn from, rad.
+    /// Ready posture of the arm, to which the script's postures are relative, rad.
     pub ready: ArmVector,
-    /// From when the arm first stood in one of the postures.
+    /// Ticks from the time at which the arm first stood in one of the postures.
     pub rows: Vec<Row>,
 }

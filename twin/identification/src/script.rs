@@ -1,4 +1,4 @@
-//! What an excitation does, as data: `data/excitation.toml`.
+//! Script of an excitation, as data: `data/excitation.toml`.
 
 use std::path::Path;
 
@@ -15,32 +15,33 @@ pub const OPPOSITION: usize = MOST_DIGITS;
 /// Greatest current of a motion, A: no more is needed to bend a free finger.
 const MOST_CURRENT: f64 = 0.2;
 
-/// Winding some cables under a current that rises and falls.
+/// Winding of some cables under a current that rises and falls.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Motion {
-    /// Names.
+    /// Names of the actuators.
     pub actuators: Vec<String>,
     /// Greatest current, A.
     pub current: f64,
-    /// In which it rises, and falls again, s.
+    /// Time in which the current rises, and in which it falls again, s.
     pub time: f64,
 }
 
-/// Every motion in every posture, presses of all pads on a ball if there is one, and a weighed object that is lifted.
+/// All motions in all postures, presses of all pads on a ball if there is one, and the lifting of a weighed object if
+/// there is one.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Script {
     pub version: u32,
-    /// Of the position control that opens the hand, A.
+    /// Current limit of the position control that opens the hand, A.
     pub open_current: f64,
-    /// For which the hand opens before a motion, s.
+    /// Time for which the hand opens before a motion, s.
     pub open_time: f64,
-    /// At the greatest current, s.
+    /// Time at the greatest current, s.
     pub stay: f64,
-    /// Without current after it has fallen, s.
+    /// Time at zero current after the fall, s.
     pub slack: f64,
-    /// Of the fastest arm joint, rad/s.
+    /// Speed of the fastest arm joint, rad/s.
     pub arm_speed: f64,
     pub posture: Vec<Posture>,
     pub motion: Vec<Motion>,
@@ -51,13 +52,13 @@ pub struct Script {
 }
 
 impl Posture {
-    /// Whether some joint stands clearly otherwise than in `other`.
+    /// True if some joint differs from that in `other` by at least [`APART`].
     pub fn is_apart(&self, other: &Self) -> bool {
         self.turn.iter().zip(&other.turn).any(|(own, other)| (own - other).abs() >= APART)
     }
 }
 
-/// What is done at one go.
+/// One step of a script.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Step<'a> {
     /// One motion in one posture.
@@ -69,15 +70,15 @@ pub enum Step<'a> {
 }
 
 impl Script {
-    /// The script that comes with the program.
+    /// Returns the script that comes with the program.
     ///
     /// # Errors
-    /// [`DataError`] for a robot that lacks what it names.
+    /// [`DataError`] for a robot that lacks an item named in the script.
     pub fn standard(robot: &RobotModel) -> Result<Self, DataError> {
         Self::parse(include_str!("../data/excitation.toml"), Path::new("excitation.toml"), robot)
     }
 
-    /// Reads and checks a script's text; `path` is used in errors.
+    /// Reads and checks a script's text; `path` is named in errors.
     pub fn parse(text: &str, path: &Path, robot: &RobotModel) -> Result<Self, DataError> {
         let RobotModel { hand, arm, .. } = robot;
         let script: Self = parse_toml(text, path)?;
@@ -136,8 +137,8 @@ impl Script {
         Ok(script)
     }
 
-    /// Its steps with `hand` in order: motions first, so that the ball is put in its place when they are done; the weighed object last, so that the arm is known by
-    /// then.
+    /// Returns the steps for `hand` in order. Motions come first, so that the ball can be put in its place when they
+    /// are done. The weighed object comes last, because the arm is calibrated by then.
     pub fn steps(&self, hand: &Hand) -> Vec<Step<'_>> {
         let of = |posture| self.motion.iter().map(move |motion| Step::Motion(posture, motion));
         let motions = self.posture.iter().flat_map(of);
@@ -148,7 +149,8 @@ impl Script {
         motions.chain(on).chain(weighing).collect()
     }
 
-    /// Current (A) of a motion `elapsed` (s) after its beginning; none when it is over. Whole milliamperes, which is what a servo takes.
+    /// Returns the current (A) of a motion `elapsed` (s) after its beginning, rounded to whole milliamperes, the
+    /// resolution of a servo; none when the motion is over.
     pub fn current(&self, motion: &Motion, elapsed: f64) -> Option<f64> {
         let falls = motion.time + self.stay;
         let share = match elapsed {
@@ -161,7 +163,8 @@ impl Script {
         Some((1e3 * share * motion.current).round() / 1e3)
     }
 
-    /// Length of a step without the arm's way, s; of a press that feels the ball where it is expected.
+    /// Returns the duration of a step without the arm's travel, s. For a press, the ball is assumed to be felt where it
+    /// is expected.
     pub fn length(&self, step: &Step, hand: &Hand) -> f64 {
         match step {
             Step::Motion(_, motion) => self.open_time + 2.0 * motion.time + self.stay + self.slack,
@@ -209,7 +212,7 @@ fn check_ball(ball: &Ball, path: &Path) -> Result<(), DataError> {
     Ok(())
 }
 
-/// Index of an actuator by name.
+/// Returns the index of an actuator by name.
 pub fn actuator(hand: &Hand, name: &str) -> Option<usize> {
     hand.parameters.actuator.iter().position(|actuator| actuator.name == name)
 }
@@ -231,7 +234,7 @@ mod tests {
         assert!((0..hand.cameras.len()).all(|camera| presses.iter().any(|press| press.camera == camera)));
     }
 
-    /// A current rises, stays, falls to nothing and ends.
+    /// A current rises, stays, falls to zero and ends.
     #[test]
     fn a_current_rises_and_falls() {
         let script = Script::standard(&RobotModel::ftac_gen3()).expect("valid");

@@ -1,4 +1,4 @@
-//! An excitation as its session names it.
+//! Task of an excitation, as stored in its session.
 
 use hand_model::Hand;
 use serde::{Deserialize, Serialize};
@@ -12,18 +12,18 @@ pub const NAME: &str = "excitation";
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Task {
-    /// `excitation`.
+    /// The name `excitation`.
     pub task: String,
-    /// Name of the hand's drawing.
+    /// Name of the hand's nominal model.
     pub hand: String,
-    /// What it was moved by.
+    /// Script of the excitation.
     pub script: Script,
     /// Index of the first step of this session.
     pub first: usize,
 }
 
 impl Task {
-    /// Of the steps from `first` on.
+    /// Creates the task of the steps from `first` on.
     pub fn new(hand: &Hand, script: &Script, first: usize) -> Self {
         Self { task: NAME.to_owned(), hand: hand.parameters.name.clone(), script: script.clone(), first }
     }

@@ -1,4 +1,4 @@
-//! Images of pads that are pressed on the ball, as a session has them, and what they say of where it is.
+//! Images of pads that are pressed on the ball, from a session, and the ball positions that they show.
 
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
@@ -15,33 +15,33 @@ use touch::{PhotometricCalibration, StereoOptions};
 
 use crate::kinematic_calibration::Touch;
 
-/// Images that come later than this after those before them are of untouched pads: a press is over, and another begins, s.
+/// Pause between images after which the next press begins, s. The next images are of untouched pads.
 pub const PAUSE: f64 = 0.6;
 
-/// Images that come later than this after those before them belong to another look, s.
+/// Pause between images after which the next look begins, s.
 const LOOK: f64 = 0.1;
 
-/// An image of a pressed pad.
+/// Image of a pressed pad.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PressImage {
     /// Number of the press, in the order of the session.
     pub press: usize,
-    /// Index of the look: the arm stands during a look.
+    /// Index of the look; the arm stands still during a look.
     pub look: usize,
     pub camera: usize,
-    /// What the arm's encoders showed, rad.
+    /// Joint angles that the arm's encoders showed, rad.
     pub arm: Joints,
     /// Angle of the opposition servo, rad.
     pub opposition: f64,
     pub image: Arc<TactileImage>,
-    /// The pad before the press.
+    /// Background: the image of the pad before the press.
     pub background: Arc<TactileImage>,
 }
 
-/// The untouched pads before a press: the first image of each camera after a pause.
+/// Backgrounds of a press: the first image of each camera after a pause, with the pads untouched.
 #[derive(Debug, Clone)]
 struct Backgrounds {
-    /// When images came last, s.
+    /// Time of the newest images, s.
     last: f64,
     images: BTreeMap<usize, Arc<TactileImage>>,
 }
@@ -53,7 +53,7 @@ impl Default for Backgrounds {
 }
 
 impl Backgrounds {
-    /// Notes that images came at `time` (s): whether after a pause.
+    /// Notes that images came at `time` (s). Returns true if that was after a pause.
     fn come(&mut self, time: f64) -> bool {
         let paused = time > self.last + PAUSE;
         if paused {
@@ -63,7 +63,7 @@ impl Backgrounds {
         paused
     }
 
-    /// What a frame is.
+    /// Compares a frame with its background.
     fn compare(&mut self, frame: &TactileFrame) -> Compared<'_> {
         let background = match self.images.entry(frame.camera) {
             Entry::Vacant(place) => {
@@ -77,26 +77,26 @@ impl Backgrounds {
     }
 }
 
-/// A frame beside the untouched pad.
+/// Result of the comparison of a frame with the untouched pad.
 enum Compared<'a> {
-    /// It is the untouched pad.
+    /// The frame is the first one: the untouched pad itself.
     First,
-    /// It looks like it.
+    /// The frame looks like the untouched pad.
     Same,
-    /// It differs from this.
+    /// The frame differs from this background.
     Changed(&'a Arc<TactileImage>),
 }
 
-/// When images were taken that belong together; the arm stood meanwhile.
+/// Look: times of images that belong together; the arm stood still meanwhile.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Look {
     /// Number of the press, in the order of the session.
     pub press: usize,
-    /// When its first and its last image came, s.
+    /// Times of its first and its last image, s.
     pub times: [f64; 2],
 }
 
-/// The images of a session that show something, press by press.
+/// Images of a session that show a contact, press by press.
 #[derive(Debug, Clone, Default)]
 pub struct PressImages {
     press: usize,
@@ -106,7 +106,7 @@ pub struct PressImages {
 }
 
 impl PressImages {
-    /// Takes what a robot observed. The arm stands while images are taken.
+    /// Takes an observation of the robot. The arm stands still while images are taken.
     pub fn see(&mut self, observation: &Observation) {
         if observation.tactile.is_empty() {
             return;
@@ -132,46 +132,46 @@ impl PressImages {
         }
     }
 
-    /// All of them, and all looks.
+    /// Returns all images and all looks.
     pub fn into_all(self) -> (Vec<PressImage>, Vec<Look>) {
         (self.images, self.looks)
     }
 
-    /// Those of the newest press.
+    /// Returns the images of the newest press, newest first.
     pub fn of_press(&self) -> impl Iterator<Item = &PressImage> {
         self.images.iter().rev().take_while(|image| image.press == self.press)
     }
 
-    /// Those of the newest look.
+    /// Returns the images of the newest look, newest first.
     pub fn of_look(&self) -> impl Iterator<Item = &PressImage> {
         self.images.iter().rev().take_while(|image| image.look + 1 == self.looks.len())
     }
 
-    /// When the newest image came, s; before any: minus infinity.
+    /// Returns the time of the newest image, s; negative infinity before any.
     pub fn newest_time(&self) -> f64 {
         self.backgrounds.last
     }
 }
 
-/// A robot that passes on only images that say something: those of untouched pads after a pause, and those of pads that have changed since. A
-/// session of it has a twentieth of the images.
+/// A robot wrapper that passes on only informative images: those of untouched pads after a pause, and those of pads
+/// that have changed since. Its sessions have a twentieth of the images.
 pub struct Thinned<R> {
     robot: R,
     backgrounds: Backgrounds,
 }
 
 impl<R> Thinned<R> {
-    /// Around `robot`.
+    /// Wraps `robot`.
     pub fn new(robot: R) -> Self {
         Self { robot, backgrounds: Backgrounds::default() }
     }
 
-    /// The robot.
+    /// Returns the wrapped robot.
     pub fn robot(&self) -> &R {
         &self.robot
     }
 
-    /// The robot, for itself.
+    /// Unwraps the robot.
     pub fn into_robot(self) -> R {
         self.robot
     }
@@ -182,7 +182,7 @@ impl<R: RobotBackend> RobotBackend for Thinned<R> {
         let mut readings = self.robot.observe()?;
         if !readings.tactile.is_empty() {
             self.backgrounds.come(readings.time);
-            // One frame is always passed on: it says that images came.
+            // At least one frame is passed on, to show that images came.
             let mut passed = 0;
             readings.tactile.retain(|frame| {
                 let says = !matches!(self.backgrounds.compare(frame), Compared::Same) || passed == 0;
@@ -207,13 +207,13 @@ impl<R: RobotBackend> RobotBackend for Thinned<R> {
 }
 
 impl PressImage {
-    /// As perception takes it; `radius` is the ball's, m.
+    /// Returns the image in the form that perception takes; `radius` is the ball's, m.
     pub fn ball_press(&self, radius: f64) -> BallPress {
         BallPress { camera: self.camera, image: self.image.clone(), background: self.background.clone(), radius }
     }
 }
 
-/// What a camera shows of the ball in a look.
+/// Touch that a camera shows in one look.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LookTouch {
     /// Number of the press.
@@ -223,7 +223,8 @@ pub struct LookTouch {
     pub touch: Touch,
 }
 
-/// What each camera shows in each look in which it can tell where the ball is, the mean of its images: in the order of presses and cameras.
+/// Returns the mean touch of each camera in each look in which it can locate the ball, in the order of presses and
+/// cameras.
 pub fn look_touches<'a>(
     hand: &Hand,
     calibration: &PhotometricCalibration,
@@ -242,7 +243,7 @@ pub fn look_touches<'a>(
     looks.iter().filter_map(of).collect()
 }
 
-/// One touch of each camera in each press: that of the look that shows the deepest contact.
+/// Returns one touch of each camera in each press, from the look that shows the deepest contact.
 pub fn deepest(looks: &[LookTouch]) -> Vec<Touch> {
     let mut deepest: BTreeMap<(usize, usize), Touch> = BTreeMap::new();
     for LookTouch { press, touch, .. } in looks {
@@ -254,7 +255,7 @@ pub fn deepest(looks: &[LookTouch]) -> Vec<Touch> {
     deepest.into_values().collect()
 }
 
-/// The [`deepest`] touches of some images.
+/// Returns the [`deepest`] touches of some images.
 pub fn touches<'a>(
     hand: &Hand,
     calibration: &PhotometricCalibration,
@@ -264,10 +265,11 @@ pub fn touches<'a>(
     deepest(&look_touches(hand, calibration, radius, images))
 }
 
-/// The images of a camera in a look that show the ball.
+/// Images of a camera in a look in which the ball was located.
 type Seen<'a> = Vec<(&'a PressImage, BallPlace)>;
 
-/// What the images of a look say together. Their errors are alike: those of calibration and lens.
+/// Averages the images of a look. Their errors are common, from calibration and lens, so the covariance does not
+/// shrink.
 fn mean(look: &Seen) -> Option<Touch> {
     let (first, place) = look.first()?;
     let sum = look.iter().fold(Vector3::zeros(), |sum, (_, place)| sum + place.center.coords);

@@ -1,4 +1,4 @@
-//! A session of an excitation, read back: what was measured and what was sent, tick by tick.
+//! Trace of an excitation, read from a session: measured and sent values, tick by tick.
 
 use std::path::Path;
 
@@ -17,24 +17,24 @@ use crate::task::{NAME, Task};
 use crate::touches::{Look, PressImage, PressImages};
 use crate::weighing::begin;
 
-/// What a session has of a robot.
+/// Data of a robot in a session.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Trace {
-    /// All but those of weighing.
+    /// All ticks but those of weighing.
     pub rows: Vec<Row>,
     /// Images of pressed pads.
     pub pressed: Vec<PressImage>,
-    /// When pads were looked at.
+    /// Looks: times at which images of the pads were taken.
     pub looks: Vec<Look>,
-    /// On what they were pressed, if there was a ball.
+    /// Ball on which pads were pressed, if any.
     pub ball: Option<Ball>,
-    /// What was weighed, if anything.
+    /// Weighed object, if any.
     pub weighed: Option<Weighed>,
     /// Length of a tick, s.
     pub tick: f64,
-    /// Where it comes from.
+    /// Source of the data.
     pub source: Source,
-    /// Whether the file was finished; one cut short has everything up to its last whole tick.
+    /// True if the file was finished. A file that was cut short has everything up to its last whole tick.
     pub whole: bool,
 }
 
@@ -78,7 +78,7 @@ impl Trace {
     }
 }
 
-/// What is kept of a session's ticks.
+/// Ticks of a session that are kept.
 #[derive(Default)]
 struct Ticks {
     observed: Option<Row>,
@@ -98,19 +98,19 @@ impl Ticks {
     }
 }
 
-/// A robot whose ticks are kept in memory instead of in a file.
+/// A robot wrapper that keeps its ticks in memory instead of in a file.
 pub struct Kept<R> {
     robot: R,
     ticks: Ticks,
 }
 
 impl<R: RobotBackend> Kept<R> {
-    /// Around `robot`.
+    /// Wraps `robot`.
     pub fn new(robot: R) -> Self {
         Self { robot, ticks: Ticks::default() }
     }
 
-    /// The trace of all that passed through it under `script`, of a body of this `kind`.
+    /// Returns the trace of everything that passed through the wrapper under `script`, for a robot of this `kind`.
     pub fn trace(self, robot: &RobotModel, kind: &str, script: &Script) -> Trace {
         let Ticks { rows, images, .. } = self.ticks;
         let (pressed, looks) = images.into_all();
@@ -122,7 +122,8 @@ impl<R: RobotBackend> Kept<R> {
     }
 }
 
-/// The ticks before weighing, and those of it. Excitations turn from the posture `ready` (rad).
+/// Splits the ticks into those before weighing and those of weighing. The postures of weighing are relative to the
+/// posture `ready` (rad).
 fn split(mut rows: Vec<Row>, script: &Script, ready: ArmVector, tick: f64) -> (Vec<Row>, Option<Weighed>) {
     let Some(weight) = &script.weight else { return (rows, None) };
     let Some(begin) = begin(&rows, weight, &ready, tick) else { return (rows, None) };
@@ -130,7 +131,7 @@ fn split(mut rows: Vec<Row>, script: &Script, ready: ArmVector, tick: f64) -> (V
     (rows, Some(Weighed { weight: weight.clone(), ready, rows: weighed }))
 }
 
-/// From the first tick to the last, s.
+/// Returns the time from the first tick to the last, s.
 fn seconds(rows: &[Row]) -> f64 {
     rows.last().zip(rows.first()).map_or(0.0, |(last, first)| last.time - first.time)
 }

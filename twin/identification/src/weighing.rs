@@ -1,8 +1,9 @@
-//! What the arm's torque sensors show of a known weight: their gains.
+//! Gains of the arm's torque sensors, from a known weight.
 //!
-//! By how much a joint's torque differs between a full and an empty hand, in the same posture, is its gain times the weight's lever. One
-//! scale gives all gains a common unit (drive gains by a known payload: Gautier and Briot 2011). Where the object's weight acts is not known: its middle
-//! is searched too, in the hand, and from posture to posture it may move a little, with the digits. Least squares with priors.
+//! The difference of a joint's torque between a full and an empty hand, in the same posture, is its gain times the torque of the
+//! weight. One scale gives all gains a common unit (drive gains by a known payload: Gautier and Briot 2011). The point at which
+//! the object's weight acts is not known. Its position in the hand is estimated too, and it may move slightly from posture to
+//! posture, with the digits. The estimate is by least squares with priors.
 
 use hand_model::load::{Torques, torques};
 use hand_model::robot::{ArmState, ServoGoal};
@@ -18,40 +19,43 @@ use crate::kinematic_calibration::KinematicCalibration;
 use crate::row::{Row, Weighed};
 use crate::weight::Weight;
 
-/// The arm stands in a posture whose joints its encoders show within this, rad, ...
+/// Tolerance of the encoder angles for the arm to count as standing in a posture, rad.
 const THERE: f64 = 0.01;
-/// ... for this share of the script's time at least.
+/// Least duration of a stand, as a share of the script's time.
 const LONG: f64 = 0.8;
-/// Of the time in which it stands this part counts, as shares of it: it comes to rest before, and sets off after.
+/// Part of a stand that is evaluated, as shares of its duration: the arm settles before, and sets off after.
 const RESTED: [f64; 2] = [0.5, 0.9];
-/// Spread of where the weight acts about the palm's origin along each axis, m: it is somewhere in the hand.
+/// Prior standard deviation of the weight's point of action about the palm's origin along each axis, m: it is somewhere
+/// in the hand.
 const SOMEWHERE: f64 = 0.06;
-/// How far that moves from posture to posture along each axis, m: the object in its grip, and the digits, which hang otherwise when they are empty.
+/// Standard deviation of that point's motion between postures along each axis, m: the object moves in its grip, and
+/// empty digits hang differently.
 const MOVES: f64 = 0.003;
-/// What torques in one posture err by at least from one time to another, N m: joints come to rest a little otherwise.
+/// Least standard deviation of torques in one posture between repetitions, N m: joints settle slightly differently.
 const REST: f64 = 0.003;
-/// Deviations are searched within this many spreads.
+/// Bounds of the search for deviations, in prior standard deviations.
 const RANGE: f64 = 5.0;
-/// No residual counts as an outlier, whatever its standard deviations: there is one for each joint in each posture.
+/// Outlier threshold of the residuals, in standard deviations; so high that none is an outlier, because there is just
+/// one residual per joint and posture.
 const NO_OUTLIER: f64 = 1e6;
-/// Step of the differences, in spreads.
+/// Step of the finite differences, in prior standard deviations.
 const STEP: f64 = 1e-3;
 
-/// What weighing shows.
+/// Torque sensor gains identified by weighing.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Gains {
     /// Logarithm of each joint's gain.
     pub deviations: ArmVector,
-    /// Of these.
+    /// Covariance of `deviations`.
     pub covariance: DMatrix<f64>,
-    /// In so many postures the object was in the hand.
+    /// Number of postures with the object in the hand.
     pub postures: usize,
-    /// What the weight's torques leave unexplained, root mean square, N m: as drawn, and with what was found.
+    /// Root mean square residual of the weight's torques, N m: with the prior gains, and with those identified.
     pub residuals: [f64; 2],
 }
 
 impl Gains {
-    /// Of an arm with which nothing was weighed.
+    /// Returns the prior gains of an arm that has weighed nothing.
     pub fn unknown(prior: &RobotIndividual) -> Self {
         let spread = spreads(prior);
         let variances = DMatrix::from_diagonal(&DVector::from_iterator(
@@ -66,13 +70,13 @@ impl Gains {
         }
     }
 
-    /// Whether the weight says more of a joint's gain than the drawing did.
+    /// True if the weight tells more about a joint's gain than the prior.
     pub fn taught(&self, joint: usize, prior: &RobotIndividual) -> bool {
         self.covariance[(joint, joint)].sqrt() < TAUGHT * spreads(prior)[joint].1
     }
 }
 
-/// Mean and standard deviation of the gains' logarithms among robots.
+/// Returns mean and standard deviation of the logarithms of the gains among robots.
 fn spreads(prior: &RobotIndividual) -> ArmVector<(f64, f64)> {
     let gains = prior.parameters().iter().filter(|parameter| parameter.quantity == Quantity::ArmTorqueGain);
     gains.map(|parameter| (parameter.spread.mean, parameter.spread.sigma)).collect()
@@ -81,17 +85,17 @@ fn spreads(prior: &RobotIndividual) -> ArmVector<(f64, f64)> {
 /// The arm at rest in one of the postures.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Stand {
-    /// Of the posture.
+    /// Index of the posture.
     posture: usize,
-    /// Whether digits were pulled closed.
+    /// True if digits were pulled closed.
     closed: bool,
-    /// What it showed, on average.
+    /// Mean measured state of the arm.
     shown: ArmState,
     /// Standard deviation of the torques, N m.
     scatter: ArmVector,
 }
 
-/// Which posture of `weight` the arm is in, if it is in one.
+/// Returns the index of the posture of `weight` that the arm is in, if any.
 fn posture_of(row: &Row, weight: &Weight, ready: &ArmVector) -> Option<usize> {
     (0..weight.posture.len()).find(|n| {
         let at = weight.stand(*n, ready);
@@ -99,7 +103,7 @@ fn posture_of(row: &Row, weight: &Weight, ready: &ArmVector) -> Option<usize> {
     })
 }
 
-/// Pieces of a session in which the arm stands in one posture: first row, row behind the last, posture.
+/// Returns the pieces of a session in which the arm stands in one posture: first row, end row (exclusive), posture.
 fn pieces(rows: &[Row], weight: &Weight, ready: &ArmVector, tick: f64) -> Vec<(usize, usize, usize)> {
     let least = (LONG * weight.hold / tick) as usize;
     let postures: Vec<Option<usize>> = rows.iter().map(|row| posture_of(row, weight, ready)).collect();
@@ -112,7 +116,7 @@ fn pieces(rows: &[Row], weight: &Weight, ready: &ArmVector, tick: f64) -> Vec<(u
     found
 }
 
-/// The first row in which the arm stands in a posture of `weight`.
+/// Returns the first row in which the arm stands in a posture of `weight`.
 pub fn begin(rows: &[Row], weight: &Weight, ready: &ArmVector, tick: f64) -> Option<usize> {
     pieces(rows, weight, ready, tick).first().map(|(begin, ..)| *begin)
 }
@@ -148,12 +152,13 @@ fn stands(weighed: &Weighed, tick: f64) -> Vec<Stand> {
 struct Pair {
     empty: ArmState,
     full: ArmState,
-    /// Standard deviation of the difference of their torques, N m.
+    /// Standard deviation of the torque difference, N m.
     sigma: ArmVector,
 }
 
 impl Pair {
-    /// All of a session, by a robot believed to be `own`. The latest of each posture with an empty hand counts.
+    /// Returns all pairs of a session, according to the robot `own`. Of several stands in a posture with an empty hand,
+    /// the last one is used.
     fn of(own: &RobotModel, weighed: &Weighed, tick: f64) -> Vec<Self> {
         let stands = stands(weighed, tick);
         let pair = |full: &Stand| {
@@ -169,17 +174,18 @@ impl Pair {
         stands.iter().filter(|stand| stand.closed).filter_map(pair).collect()
     }
 
-    /// By how much the joints bear more with the object in the hand, N m.
+    /// Returns the increase of the joint torques with the object in the hand, N m.
     fn more(&self) -> Torques {
         torques(&self.full.torque) - torques(&self.empty.torque)
     }
 }
 
-/// A posture as a robot believed to be one has it.
+/// Joint torques of a posture, according to a robot model.
 struct Posture {
-    /// What holds a unit of force down at the palm's origin, N m over N, and for each metre along the palm's axes from there.
+    /// Joint torques that hold a unit downward force, N m per N: at the palm's origin, and their change for each metre
+    /// along the palm's axes.
     levers: [Torques; 4],
-    /// By how much the robot's own weight differs between the two times, N m.
+    /// Difference of the torques of the robot's own weight between the two stands, N m.
     own: Torques,
 }
 
@@ -197,17 +203,17 @@ impl Posture {
         }
     }
 
-    /// What the joints bear more under a mass (kg) whose weight acts at `middle` (m, palm frame), N m.
+    /// Returns the increase of the joint torques under a mass (kg) whose weight acts at `middle` (m, palm frame), N m.
     fn bears(&self, mass: f64, middle: &Vector3<f64>) -> Torques {
         let [origin, x, y, z] = &self.levers;
         self.own + (origin + x * middle.x + y * middle.y + z * middle.z) * (GRAVITY * mass)
     }
 }
 
-/// A search over, in this order: gains, the mass, the middle, and where that moves to in each posture.
+/// Search over, in this order: gains, mass, point of action of the weight, and its motion in each posture.
 struct Search<'a> {
     weight: &'a Weight,
-    /// Of the gains.
+    /// Mean and standard deviation of each gain's prior.
     spread: ArmVector<(f64, f64)>,
     pairs: &'a [Pair],
     postures: Vec<Posture>,
@@ -223,17 +229,17 @@ impl<'a> Search<'a> {
         self.moved(self.pairs.len())
     }
 
-    /// Place of the mass.
+    /// Index of the mass in the parameters.
     fn mass(&self) -> usize {
         self.spread.len()
     }
 
-    /// Place of where the middle moves to in posture `n`.
+    /// Index of the point's motion in posture `n` in the parameters.
     fn moved(&self, n: usize) -> usize {
         self.mass() + 4 + 3 * n
     }
 
-    /// What is left of each pair, N m.
+    /// Returns the residual torques of each pair, N m.
     fn left(&self, p: &[f64]) -> Vec<Torques> {
         let vector = |at: usize, sigma: f64| Vector3::new(p[at], p[at + 1], p[at + 2]) * sigma;
         let mass = self.weight.mass + p[self.mass()] * self.weight.mass_uncertain;
@@ -247,7 +253,7 @@ impl<'a> Search<'a> {
         self.pairs.iter().zip(&self.postures).enumerate().map(left).collect()
     }
 
-    /// In standard deviations times `scale`, and the priors'.
+    /// Returns the residuals, in standard deviations times `scale`, followed by those of the priors.
     fn residuals(&self, p: &[f64], scale: f64) -> Vec<f64> {
         let white = |(left, pair): (Torques, &Pair)| {
             (0..self.spread.len()).map(|joint| left[joint] / (scale * pair.sigma[joint])).collect::<Vec<_>>()
@@ -279,8 +285,8 @@ impl<'a> Search<'a> {
     }
 }
 
-/// The gains of the arm of a robot built from `hand` and `arm` whose kinematics are known as far as `kinematics` says. None where no
-/// object was in the hand.
+/// Identifies the torque gains of the arm of `robot`, whose kinematics are known up to the covariance of `kinematics`.
+/// None if no object was in the hand.
 pub fn weigh(robot: &RobotModel, kinematics: &KinematicCalibration, (weighed, tick): (&Weighed, f64)) -> Option<Gains> {
     let prior = &kinematics.individual;
     let own = prior.robot(robot);
@@ -290,7 +296,8 @@ pub fn weigh(robot: &RobotModel, kinematics: &KinematicCalibration, (weighed, ti
     }
     let search = Search::new(&own, &weighed.weight, prior, &pairs);
     let mut p = search.minimum(1.0);
-    // Torques that scatter more than was thought are known less surely: their own square sums, and those of the priors, over what is measured.
+    // If the torques scatter more than assumed, their standard deviations are scaled: sum of squares, including the
+    // priors', over the number of measurements.
     let squares: f64 = search.residuals(&p, 1.0).iter().map(|value| value * value).sum();
     let scale = (squares / (search.spread.len() * pairs.len()) as f64).sqrt().max(1.0);
     if scale > 1.0 {
@@ -303,7 +310,7 @@ pub fn weigh(robot: &RobotModel, kinematics: &KinematicCalibration, (weighed, ti
     let joints = spread.len();
     let mut covariance = DMatrix::from_fn(joints, joints, |i, j| scaled[(i, j)] * spread[i].1 * spread[j].1);
     let deviations = search.deviations(&p);
-    // Levers are known as surely as arm and mount: what that moves counts as well.
+    // Levers are only as certain as arm and mount, whose uncertainty is propagated.
     let moved = |place: usize, by: f64| {
         let mut other = prior.clone();
         other.set(place, prior.deviations()[place] + by);
@@ -343,8 +350,8 @@ mod tests {
 
     const TICK: f64 = 1.0 / 120.0;
 
-    /// A session in which an arm of these gains (logarithms) stands in every posture of the standard script, with an empty hand and then with a
-    /// weight at `middle` (m, palm frame).
+    /// Returns a session in which an arm with these gains (logarithms) stands in every posture of the standard script,
+    /// with an empty hand and then with a weight at `middle` (m, palm frame).
     fn session(deviations: &[f64], mass: f64, middle: &Vector3<f64>) -> Weighed {
         let robot = RobotModel::ftac_gen3();
         let RobotModel { hand, arm, .. } = &robot;
@@ -381,7 +388,8 @@ mod tests {
         weigh(&robot, &known, (weighed, TICK))
     }
 
-    /// Gains are found again wherever in the hand the weight acts; that of joint 1, whose axis is upright, stays as drawn and is said to.
+    /// Gains are recovered wherever in the hand the weight acts. The gain of joint 1, whose axis is vertical, keeps its
+    /// prior value and is reported as such.
     #[test]
     fn gains_are_found_again() {
         let deviations = [0.04, -0.03, 0.05, 0.03, -0.04, 0.06, 0.01];
@@ -398,7 +406,8 @@ mod tests {
         assert!(!gains.taught(0, &prior) && gains.deviations[0].abs() < 1e-6, "{gains:?}");
     }
 
-    /// A scale that is wrong by so much makes every gain that it shows wrong by as much: the unit of torque is the scale's.
+    /// A relative error of the scale becomes the same relative error of every gain: the scale defines the unit of
+    /// torque.
     #[test]
     fn the_unit_is_the_scales() {
         let mut weighed = session(&[0.0; 7], 0.18 * 0.03_f64.exp(), &Vector3::new(-0.02, 0.03, -0.04));
@@ -409,7 +418,7 @@ mod tests {
         assert!(unsure.covariance[(1, 1)] > 2.0 * gains.covariance[(1, 1)], "{unsure:?} {gains:?}");
     }
 
-    /// Nothing in the hand shows nothing.
+    /// An empty hand gives no result.
     #[test]
     fn an_empty_hand_shows_nothing() {
         assert_eq!(found(&session(&[0.02; 7], 0.0, &Vector3::zeros())), None);

@@ -1,7 +1,8 @@
-//! The weighed object that the hand lifts: what the script says of it, and how the arm picks it up.
+//! Weighed object that the hand lifts: its parameters in the script, and the arm motions that pick it up.
 //!
-//! The arm stands in some postures with an empty hand, and in the same ones with the object in it. By how much its torques differ is
-//! the weight of the object, which a scale has told: that shows the gains of the torque sensors ([`weighing`](crate::weighing)).
+//! The arm stands in some postures with an empty hand, and in the same ones with the object in it. The difference of its torques
+//! is due to the weight of the object, which is known from a scale. It gives the gains of the torque sensors
+//! ([`weighing`](crate::weighing)).
 
 use std::path::Path;
 
@@ -22,83 +23,85 @@ use crate::ball::{covers, keeps_its_side, kinematics, points, straight};
 #[serde(deny_unknown_fields)]
 pub struct Posture {
     pub name: String,
-    /// Added to the ready posture's angles, rad.
+    /// Angles added to those of the ready posture, rad.
     pub turn: ArmVector,
 }
 
-/// Two postures of a script differ by this in some joint at least, rad: a session tells by them what is stood in.
+/// Least difference of some joint between two postures of a script, rad, so that a session can tell them apart.
 pub const APART: f64 = 0.05;
-/// Turns of the hand about an object that looks the same from all sides that are tried.
+/// Number of headings of the hand that are tried about an object that looks the same from all sides.
 const HEADINGS: usize = 16;
 /// Length of a piece of the straight way to the object and up from it, m.
 const PIECE: f64 = 0.005;
-/// Between two pieces no joint turns by more, rad: another branch of the arm's posture is no straight way.
+/// Greatest rotation of a joint between two pieces, rad: a jump to another branch of the inverse kinematics is not a
+/// straight way.
 const MOST_STEP: f64 = 0.3;
-/// No link of the hand comes closer to the table than this on its way to the object, m, ...
+/// Least clearance of the hand's links from the table on the way to the object, m.
 const TABLE: f64 = 0.01;
-/// ... at so many places of the way.
+/// Number of places of the way at which the clearance is checked.
 const PLACES: usize = 20;
 
-/// An object of known mass, and how it is lifted.
+/// An object of known mass that is lifted.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Weight {
-    /// Its name among the built-in objects.
+    /// Name among the built-in objects.
     pub object: String,
-    /// kg, as a scale has shown it.
+    /// Mass measured by a scale, kg.
     pub mass: f64,
-    /// Standard deviation of that, kg.
+    /// Standard deviation of `mass`, kg.
     pub mass_uncertain: f64,
-    /// Where somebody puts it on the table, which the arm stands on: its middle, m, in the frame of the arm's base, unturned.
+    /// Position of its centre on the table on which the arm stands, in the frame of the arm's base, m; its yaw is 0. An
+    /// operator places it there.
     pub place: [f64; 2],
-    /// Standard deviation of that along each axis, m.
+    /// Standard deviation of `place` along each axis, m.
     pub place_uncertain: f64,
-    /// How far it is lifted before it is carried anywhere, m.
+    /// Height by which it is lifted before it is carried, m.
     pub lift: f64,
-    /// For which the arm stands in each posture, s.
+    /// Time for which the arm stands in each posture, s.
     pub hold: f64,
-    /// In which it is held.
+    /// Postures in which it is held.
     pub posture: Vec<Posture>,
 }
 
-/// What is done at one go.
+/// Part of weighing that is done in one step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Part {
-    /// The arm stands in the posture of this index, the hand empty.
+    /// The arm stands in the posture of this index with an empty hand.
     Empty(usize),
     /// The object is picked up, held in every posture, and put down again.
     Lifted,
 }
 
-/// The way of a pick-up.
+/// Arm trajectory of a pick-up.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PickUp {
     pub grasp: Grasp,
-    /// From before the object to where the digits close.
+    /// Postures from before the object to where the digits close.
     pub approach: Vec<Joints>,
-    /// From there on, while they close.
+    /// Postures from there on, while the digits close.
     pub raise: Vec<Joints>,
-    /// Straight up.
+    /// Postures of the lift, straight up.
     pub lift: Vec<Joints>,
 }
 
 impl Weight {
-    /// The object's model; none of an unknown one, which [`Weight::check`] refuses.
+    /// Returns the object's model; none for an unknown object, which [`Weight::check`] refuses.
     pub fn model(&self) -> Option<ObjectModel> {
         ObjectSet::standard().get(&self.object).map(|model| (**model).clone())
     }
 
-    /// All parts, in order.
+    /// Returns all parts, in order.
     pub fn parts(&self) -> Vec<Part> {
         (0..self.posture.len()).map(Part::Empty).chain([Part::Lifted]).collect()
     }
 
-    /// The arm in posture `n` of an arm that is `ready`, rad.
+    /// Returns the joint angles in posture `n` of an arm whose ready posture is `ready`, rad.
     pub fn stand(&self, n: usize, ready: &Joints) -> Joints {
         ready.iter().zip(self.posture[n].turn).map(|(ready, turn)| ready + turn).collect()
     }
 
-    /// Refuses what cannot be lifted; `others` are the script's other postures. `path` is used in errors.
+    /// Refuses an object that cannot be lifted. `others` are the script's other postures; `path` is named in errors.
     pub fn check(&self, others: &[Posture], path: &Path) -> Result<(), DataError> {
         let fault =
             |field: String, found: String, expected: String| Err(DataError::field(path, field, found, expected));
@@ -136,8 +139,8 @@ impl Weight {
         Ok(())
     }
 
-    /// How the arm of a robot believed to be `hand` on `arm` picks up what stands in its place with one of `grasps`, coming from posture `from`: the
-    /// first heading of each grasp that it reaches without going below the table.
+    /// Plans how the arm of `robot` picks up the object at its place, coming from posture `from`: for each of `grasps`,
+    /// with the first heading that the arm reaches without going below the table.
     pub fn pick_ups<'a>(
         &'a self,
         robot: &'a RobotModel,
@@ -159,7 +162,7 @@ impl Weight {
         let kinematics = kinematics(robot);
         let before = pregrasp_pose(hand, target, APPROACH_DISTANCE);
         let begin = kinematics.solve(&before, from)?;
-        // Straight lines of the joints lead there and back: none may lead round to the other side of the arm.
+        // Straight lines in joint space lead there and back: none may lead round to the other side of the arm.
         if !keeps_its_side(from, &begin) {
             return None;
         }
@@ -193,7 +196,7 @@ impl Weight {
     }
 }
 
-/// Whether the open hand with its palm at `palm` is over the table.
+/// True if the open hand with its palm at `palm` is clear of the table.
 fn is_over_table(hand: &Hand, palm: &Isometry3<f64>) -> bool {
     covers(hand, palm).all(|(_, pose, cover)| points(cover).all(|point| (pose * point).z > TABLE))
 }

@@ -1,4 +1,4 @@
-//! A robot that is not the drawing's: what its motion shows of it, and what it does not.
+//! Identification of a robot that differs from its nominal model: what its motion reveals, and what it does not.
 
 use hand_model::transmission::friction::CableLosses;
 use hand_model::{Arm, RobotModel};
@@ -10,12 +10,12 @@ use identification::{Script, identify};
 use plant::RobotIndividual;
 use touch::PhotometricCalibration;
 
-/// That of the designed pads.
+/// Returns the calibration of the nominal pads.
 fn builtin_calibration() -> PhotometricCalibration {
     serde_json::from_str(include_str!("../../bench/data/calibration.json")).expect("a calibration")
 }
 
-/// Short motions in two postures.
+/// Returns short motions in two postures.
 fn short() -> Script {
     let mut script = Script::standard(&RobotModel::ftac_gen3()).expect("valid");
     script.posture.truncate(2);
@@ -44,7 +44,7 @@ fn excited(truth: &RobotIndividual, script: &Script) -> Trace {
     kept.trace(&robot, "sim", script)
 }
 
-/// The twin of a digit moves as the simulated robot does when it knows everything of it.
+/// With the true parameters, the digital twin of a digit moves as the simulated robot does.
 #[test]
 fn the_twin_that_knows_all_moves_as_the_robot_does() {
     let (robot, losses) = drawing();
@@ -53,13 +53,13 @@ fn the_twin_that_knows_all_moves_as_the_robot_does() {
     assert!(joint < 0.002 && tip < 0.0004 && servo < 0.004, "{joint} rad, {tip} m, {servo} rad");
 }
 
-/// Of a robot that is not the drawing's a short excitation shows much of what its free motion depends on, and nothing else.
+/// A short excitation identifies many of the parameters on which a robot's free motion depends, and no others.
 #[test]
 fn an_individual_is_found() {
     let (robot, losses) = drawing();
     let truth = RobotIndividual::draw(&robot, 1);
     let trace = excited(&truth, &short());
-    // The same session twice says no more than once.
+    // Giving the same session twice adds no information.
     let found = identify(&robot, losses, &builtin_calibration(), &[trace.clone(), trace]).unwrap();
     assert_eq!(found.robot.sessions.len(), 1);
     assert!(found.fits.iter().all(|fit| fit.residuals[1] < 0.2 * fit.residuals[0]), "{:?}", found.fits);
@@ -68,9 +68,10 @@ fn an_individual_is_found() {
     let [before, after] = [0, 1].map(|n| both[n].summary()[0]);
     assert!(after < 0.035 && after < 0.5 * before, "{before} rad, {after} rad");
     let [identified, others] = coverage(&found.robot, &truth);
-    // 40 of 66 are in intervals that leave out what is not searched.
+    // Without the uncertainty of unsearched parameters, 40 of 66 would be inside their intervals.
     assert!(identified.of > 30 && identified.share() > 0.75, "{identified:?} {others:?}");
-    // Joints' zeros, the arm and its torque sensors move nothing in a free motion: they stay the prior, and are said to.
+    // Joint zeros, the arm and its torque sensors have no effect on free motion. They keep the prior and are reported
+    // as such.
     for (estimate, parameter) in found.robot.estimates.iter().zip(found.robot.individual.parameters()) {
         if ["joint_zero", "encoder", "position", "turn", "torque_gain"].contains(&parameter.quantity.name()) {
             assert!(!estimate.identified, "{}", estimate.name);

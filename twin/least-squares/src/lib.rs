@@ -1,4 +1,4 @@
-//! Levenberg-Marquardt with bounds and a robust loss.
+//! Nonlinear least squares: Levenberg-Marquardt with bounds and a robust loss.
 //!
 //! Minimises `sum rho(r_i(p))` with the pseudo-Huber loss `rho(r) = 2 s^2 (sqrt(1 + (r/s)^2) - 1)` by iteratively
 //! re-weighted least squares. The loss is quadratic for residuals well below the scale s and linear well above it. A
@@ -9,14 +9,14 @@ use nalgebra::{DMatrix, DVector};
 use schemars::JsonSchema;
 use serde::Serialize;
 
-/// When to stop, and what counts as an outlier.
+/// Termination criteria and outlier scale.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Options {
-    /// Largest number of steps.
+    /// Greatest number of steps.
     pub steps: usize,
     /// Scale s of the loss, in units of the residuals.
     pub scale: f64,
-    /// Stop when a step lowers the cost by less than this fraction.
+    /// Relative decrease of the cost in a step below which the search stops.
     pub tolerance: f64,
 }
 
@@ -26,9 +26,9 @@ pub struct Solution {
     pub parameters: Vec<f64>,
     /// Sum of the losses.
     pub cost: f64,
-    /// Steps taken.
+    /// Number of steps taken.
     pub steps: usize,
-    /// Standard deviation of each parameter; `None` where it sits on a bound or the data do not determine it.
+    /// Standard deviation of each parameter; `None` if it is on a bound or the data do not determine it.
     pub deviations: Vec<Option<f64>>,
 }
 
@@ -38,15 +38,15 @@ pub struct Parameter {
     /// Name with unit.
     pub name: String,
     pub value: f64,
-    /// Standard deviation, with correlated errors within a group accounted for; `None` on a bound or where the data do
-    /// not determine it.
+    /// Standard deviation, accounting for correlated errors within a group; `None` if the value is on a bound or the
+    /// data do not determine it.
     pub deviation: Option<f64>,
-    /// Whether it is on a bound of the search.
+    /// True if the value is on a bound of the search.
     pub on_bound: bool,
 }
 
 impl Solution {
-    /// The first parameters, as many as there are `names`, with the `bounds` they were searched in.
+    /// Describes the first parameters, as many as there are `names`; `bounds` are those of the search.
     pub fn described(&self, names: impl IntoIterator<Item = String>, bounds: &[(f64, f64)]) -> Vec<Parameter> {
         let describe = |(i, name): (usize, String)| {
             let ((low, high), value) = (bounds[i], self.parameters[i]);
@@ -60,9 +60,9 @@ impl Solution {
 
 /// Residuals and their Jacobian (one row per residual, one column per parameter).
 pub struct Problem<R, J> {
-    /// `r(p)`.
+    /// Residual function `r(p)`.
     pub residuals: R,
-    /// `dr/dp`, from p and `r(p)`.
+    /// Jacobian `dr/dp` as a function of p and `r(p)`.
     pub jacobian: J,
     /// Lower and upper bound of each parameter.
     pub bounds: Vec<(f64, f64)>,
@@ -121,15 +121,16 @@ where
         Solution { parameters: p, cost, steps, deviations }
     }
 
-    /// Whether a parameter is on a bound and the descent direction points out of the bounds.
+    /// True if a parameter is on a bound and the descent direction points out of the bounds.
     fn held(&self, index: usize, value: f64, gradient: f64) -> bool {
         let (low, high) = self.bounds[index];
         let near = 1e-9 * (high - low);
         low == high || (value <= low + near && gradient > 0.0) || (value >= high - near && gradient < 0.0)
     }
 
-    /// Standard deviations from the sandwich `A^-1 B A^-1`: A is the weighted normal matrix, B the scatter of the groups'
-    /// gradients, which is `A` times the variance if every residual is its own group. Parameters on a bound are left out.
+    /// Computes standard deviations from the sandwich `A^-1 B A^-1`. A is the weighted normal matrix; B is the scatter
+    /// of the groups' gradients, which is `A` times the variance if every residual is its own group. Parameters on a
+    /// bound are left out.
     fn deviations(&self, p: &[f64], residuals: &[f64], scale: f64) -> Vec<Option<f64>> {
         let jacobian = (self.jacobian)(p, residuals);
         let (normal, _) = weighted(&jacobian, residuals, scale);
@@ -196,7 +197,8 @@ where
     }
 }
 
-/// Jacobian by forward differences: parameter j is moved by `step` times the distance of its bounds, towards the inside.
+/// Computes the Jacobian by forward differences: parameter j is moved by `step` times the distance between its bounds,
+/// towards the inside.
 pub fn forward_differences(
     p: &[f64],
     at_p: &[f64],
@@ -224,7 +226,7 @@ pub fn forward_differences(
 
 fn loss(residuals: &[f64], scale: f64) -> f64 {
     let square = scale * scale;
-    // Equal to the formula above, without its cancellation for small residuals.
+    // Equal to the formula above, but without its cancellation for small residuals.
     residuals.iter().map(|r| 2.0 * r * r / ((1.0 + r * r / square).sqrt() + 1.0)).sum()
 }
 
@@ -232,7 +234,7 @@ fn weight(residual: f64, scale: f64) -> f64 {
     1.0 / (1.0 + (residual / scale).powi(2)).sqrt()
 }
 
-/// `J^T W J` and `J^T W r`.
+/// Returns `J^T W J` and `J^T W r`.
 fn weighted(jacobian: &DMatrix<f64>, residuals: &[f64], scale: f64) -> (DMatrix<f64>, DVector<f64>) {
     let weights: Vec<f64> = residuals.iter().map(|&r| weight(r, scale)).collect();
     let mut heavy = jacobian.clone();

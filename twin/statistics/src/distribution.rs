@@ -6,14 +6,14 @@ use serde::{Deserialize, Serialize};
 /// Mean and sample standard deviation (n - 1).
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 pub struct MeanSd {
-    /// None of no values.
+    /// Mean; none if there are no values.
     pub mean: Option<f64>,
-    /// None of fewer than two values.
+    /// Standard deviation; none if there are fewer than two values.
     pub sd: Option<f64>,
 }
 
 impl MeanSd {
-    /// Of a sample.
+    /// Computes mean and standard deviation of a sample.
     pub fn of(values: &[f64]) -> Self {
         let n = values.len() as f64;
         let mean = (!values.is_empty()).then(|| values.iter().sum::<f64>() / n);
@@ -24,7 +24,8 @@ impl MeanSd {
     }
 }
 
-/// The `percent`-th percentile, between neighbours on a line (as NumPy's default); none of no values. NaNs are passed over.
+/// Returns the `percent`-th percentile by linear interpolation between neighbours (NumPy's default); none if there are
+/// no values. NaNs are ignored.
 pub fn percentile(values: &[f64], percent: f64) -> Option<f64> {
     percentile_of_sorted(&sorted(values), percent)
 }
@@ -40,7 +41,7 @@ fn percentile_of_sorted(sorted: &[f64], percent: f64) -> Option<f64> {
     let below = rank.floor() as usize;
     let above = (below + 1).min(sorted.len() - 1);
     let part = rank - below as f64;
-    // Equal neighbours may be infinite: their difference is not asked for.
+    // Equal neighbours may be infinite, so their difference is not computed.
     Some(if part == 0.0 { sorted[below] } else { sorted[below] + (sorted[above] - sorted[below]) * part })
 }
 
@@ -56,11 +57,11 @@ pub struct BoxPlot {
     pub q3: f64,
     /// Highest value within 1.5 interquartile ranges of the box.
     pub high: f64,
-    /// Values beyond the whiskers, rising.
+    /// Values beyond the whiskers, in rising order.
     pub outliers: Vec<f64>,
 }
 
-/// The box plot of a sample; none of no values.
+/// Computes the box plot of a sample; none if there are no values.
 pub fn box_plot(values: &[f64]) -> Option<BoxPlot> {
     let sorted = sorted(values);
     let quartile = |percent: f64| percentile_of_sorted(&sorted, percent);
@@ -71,8 +72,8 @@ pub fn box_plot(values: &[f64]) -> Option<BoxPlot> {
     Some(BoxPlot { low: *inside.first()?, q1, median, q3, high: *inside.last()?, outliers })
 }
 
-/// Silverman's rule for the bandwidth of a Gaussian kernel, in the values' unit; at least `floor`, which samples that do not
-/// vary need.
+/// Returns the bandwidth of a Gaussian kernel by Silverman's rule, in the values' unit. It is at least `floor`, which
+/// constant samples need.
 pub fn silverman_bandwidth(values: &[f64], floor: f64) -> f64 {
     let sorted = sorted(values);
     let sd = MeanSd::of(&sorted).sd.unwrap_or(0.0);
@@ -82,7 +83,8 @@ pub fn silverman_bandwidth(values: &[f64], floor: f64) -> f64 {
     (0.9 * spread * (sorted.len().max(1) as f64).powf(-0.2)).max(floor)
 }
 
-/// Gaussian kernel density of a sample at each of `at`; its integral is 1. All zeros of no values.
+/// Computes the Gaussian kernel density of a sample at each of `at`; its integral is 1. Returns zeros if there are no
+/// values.
 pub fn density(values: &[f64], bandwidth: f64, at: &[f64]) -> Vec<f64> {
     let scale = (bandwidth * (std::f64::consts::TAU).sqrt() * values.len().max(1) as f64).recip();
     let kernel = |x: f64, value: f64| (-0.5 * ((x - value) / bandwidth).powi(2)).exp();

@@ -1,8 +1,9 @@
 //! Statistics of trials and predictions.
 //!
-//! [`distribution`]: means, percentiles, box plots, densities. [`paired`]: paired differences with intervals, effect sizes, power and tests.
-//! [`mixed`]: paired differences in groups. [`prediction`]: rates with intervals, the ROC curve, calibration.
-//! Of fewer than [`FEWEST_SAMPLES`] samples there is no test and no interval.
+//! [`distribution`]: means, percentiles, box plots, densities. [`paired`]: paired differences with intervals, effect sizes, power
+//! and tests. [`mixed`]: paired differences in groups. [`prediction`]: rates with intervals, the ROC curve, calibration.
+//!
+//! With fewer than [`FEWEST_SAMPLES`] samples, there is no test and no interval.
 
 pub mod distribution;
 pub mod mixed;

@@ -1,4 +1,4 @@
-//! Paired trials within combinations: a linear mixed model with one random effect.
+//! Mixed model of paired trials within combinations: a linear model with one random effect.
 //!
 //! The difference of trial j in combination i is `d_ij = mu + b_i + e_ij`, with `b_i` between combinations and `e_ij` between the
 //! trials of one. The variances are those of the one-way analysis of variance with unequal groups (method of moments, negative
@@ -13,24 +13,24 @@ use statrs::distribution::{ContinuousCDF, StudentsT};
 
 use crate::paired::{FEWEST_SAMPLES, Interval};
 
-/// How a difference between two conditions varies between combinations and between the trials of one.
+/// Variation of a difference between two conditions, between combinations and between the trials of one.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 pub struct Mixed {
-    /// Pairs of trials.
+    /// Number of pairs of trials.
     pub trials: usize,
-    /// `mu` with its 95 % interval: Student's t with one degree of freedom less than combinations, within the possible range of -1 to 1. No
-    /// interval of fewer than [`FEWEST_SAMPLES`] combinations.
+    /// Mean `mu` with its 95 % interval: Student's t with one degree of freedom less than combinations, within the
+    /// possible range of -1 to 1. There is no interval with fewer than [`FEWEST_SAMPLES`] combinations.
     pub difference: Interval,
-    /// Standard deviation of `b_i`; none without combinations of two trials.
+    /// Standard deviation of `b_i`; none unless there are two combinations, and one of them has two trials.
     pub between_sd: Option<f64>,
     /// Standard deviation of `e_ij`.
     pub within_sd: Option<f64>,
-    /// Share of the variance that lies between combinations, 0 to 1.
+    /// Intraclass correlation: share of the variance that lies between combinations, 0 to 1.
     pub intraclass: Option<f64>,
 }
 
 impl Mixed {
-    /// Of pairs (cluster, outcome of the first, of the second): the first less the second.
+    /// Fits pairs (cluster, outcome of the first, outcome of the second); the difference is the first less the second.
     pub fn of(pairs: impl IntoIterator<Item = (usize, bool, bool)>) -> Self {
         let mut groups: BTreeMap<usize, Vec<f64>> = BTreeMap::new();
         for (cluster, first, second) in pairs {
@@ -39,7 +39,7 @@ impl Mixed {
         Self::of_groups(&groups.into_values().collect::<Vec<_>>())
     }
 
-    /// Of differences, a group for each cluster; no group is empty.
+    /// Fits differences, one group per cluster; no group may be empty.
     fn of_groups(groups: &[Vec<f64>]) -> Self {
         let trials: usize = groups.iter().map(Vec::len).sum();
         let (n, k) = (trials as f64, groups.len() as f64);
@@ -83,7 +83,7 @@ impl Mixed {
 mod tests {
     use super::*;
 
-    /// Balanced groups of four with means 1/2 and 0 in turn, by hand.
+    /// Calculated by hand: balanced groups of four with means 1/2 and 0 in turn.
     #[test]
     fn a_balanced_table_by_hand() {
         let groups = [vec![1.0, 1.0, 0.0, 0.0], vec![1.0, 0.0, 0.0, -1.0]];
@@ -93,12 +93,13 @@ mod tests {
         assert_eq!(mixed.between_sd, Some(0.0));
         assert_eq!(mixed.intraclass, Some(0.0));
         assert_eq!(mixed.difference, Interval { value: Some(0.25), low: None, high: None }, "of two combinations");
-        // Six of them: between 4 x 6 x 1/16 / 5 = 0.3, less than within, so that the standard error is that of 24 independent trials; t(5) is 2.571.
+        // Six of them: between 4 x 6 x 1/16 / 5 = 0.3, less than within, so that the standard error is that of 24
+        // independent trials; t(5) is 2.571.
         let six = Mixed::of_groups(&[&groups[..], &groups, &groups].concat());
         assert!((six.difference.high.unwrap() - 0.25 - 2.571 * (0.5f64 / 24.0).sqrt()).abs() < 1e-3);
     }
 
-    /// Five combinations whose trials nearly all differ: the interval ends where differences do.
+    /// In five combinations, nearly all trials differ: the interval is cut at the greatest possible difference.
     #[test]
     fn an_interval_stays_in_the_possible_range() {
         let groups: Vec<Vec<f64>> = (0..5).map(|group| vec![1.0, if group == 0 { 0.0 } else { 1.0 }]).collect();
@@ -108,7 +109,7 @@ mod tests {
         assert_eq!(Mixed::of_groups(&lost).difference.low, Some(-1.0));
     }
 
-    /// Where trials of a combination agree, only combinations count: the interval is that of their means.
+    /// If the trials of a combination agree, only combinations count: the interval is that of their means.
     #[test]
     fn trials_that_agree_add_nothing() {
         let groups: Vec<Vec<f64>> = (0..10).map(|group| vec![f64::from(group % 2); 5]).collect();

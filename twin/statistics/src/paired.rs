@@ -1,4 +1,4 @@
-//! How large a paired difference is, how sure that is, and how few pairs would have shown it.
+//! Paired differences: effect sizes, their uncertainty, and the power of fewer pairs.
 
 use std::collections::BTreeSet;
 
@@ -10,14 +10,15 @@ use statrs::distribution::{Binomial, ContinuousCDF, DiscreteCDF, StudentsT};
 
 use crate::distribution::{MeanSd, percentile};
 
-/// Fewest independent samples of which a test, an interval or a verdict is given. Of four pairs that all differ the same way the sign test,
-/// which assumes nothing about how differences are distributed, has p = 1/16: they show nothing at the 5 % level.
+/// Least number of independent samples for a test, an interval or a verdict. With four pairs that all differ in the
+/// same direction, the sign test, which assumes nothing about the distribution of differences, has p = 1/16: they show
+/// nothing at the 5 % level.
 pub const FEWEST_SAMPLES: usize = 5;
 
-/// Rates carry rounding errors: what varies by less than those does not vary.
+/// Standard deviation below which samples count as constant, because rates carry rounding errors.
 pub const SPREAD_TOLERANCE: f64 = 1e-12;
 
-/// Why a test has no outcome.
+/// Reason for a test without a result.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Untested {
@@ -25,7 +26,7 @@ pub enum Untested {
     NotPlayed,
     /// There are fewer than [`FEWEST_SAMPLES`] pairs.
     TooFew,
-    /// All differences are equal: nothing tells how much another combination would differ.
+    /// All differences are equal, which tells nothing about the variation among combinations.
     NoSpread,
 }
 
@@ -33,17 +34,17 @@ pub enum Untested {
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 pub struct TTest {
     pub t: Option<f64>,
-    /// Pairs less one.
+    /// Degrees of freedom: number of pairs less one.
     pub df: usize,
-    /// Chance of a `t` at least this large if there were no difference.
+    /// Probability of a `t` at least this large if there were no difference.
     pub p: Option<f64>,
-    /// Why there is neither `t` nor `p`.
+    /// Reason why there is neither `t` nor `p`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub untested: Option<Untested>,
 }
 
 impl TTest {
-    /// Why there is no outcome, in words.
+    /// Returns the reason for a missing result, in words.
     pub fn reason(&self) -> Option<String> {
         let pairs = self.df + 1;
         self.untested.map(|untested| match untested {
@@ -54,7 +55,7 @@ impl TTest {
     }
 }
 
-/// Tests whether the first of each pair is larger than the second in the mean.
+/// Tests whether the first of each pair is larger than the second on average.
 pub fn paired_t_test(pairs: &[(f64, f64)]) -> TTest {
     let differences: Vec<f64> = pairs.iter().map(|(a, b)| a - b).collect();
     let df = pairs.len().saturating_sub(1);
@@ -73,22 +74,22 @@ pub fn paired_t_test(pairs: &[(f64, f64)]) -> TTest {
     }
 }
 
-/// Samples drawn with replacement for an interval.
+/// Number of bootstrap samples for an interval.
 const RESAMPLES: usize = 10_000;
-/// Samples drawn with replacement for a power.
+/// Number of bootstrap samples for a power.
 const POWER_RESAMPLES: usize = 2_000;
-/// Seed of the resampling: the same records give the same intervals.
+/// Seed of the resampling, so that the same records give the same intervals.
 const SEED: u64 = 0x0b00_7574_4a90;
-/// A difference counts as shown below this chance of its being none.
+/// Significance level.
 const LEVEL: f64 = 0.05;
-/// Numbers of pairs whose power is stated.
+/// Numbers of pairs for which the power is stated.
 const SMALLER: [usize; 5] = [5, 10, 20, 30, 60];
 
-/// A value and its 95 % bootstrap interval (percentile method); no interval of fewer than [`FEWEST_SAMPLES`] samples, or of samples that are
-/// all equal.
+/// A value and its 95 % bootstrap interval (percentile method). There is no interval with fewer than [`FEWEST_SAMPLES`]
+/// samples, or if all samples are equal.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 pub struct Interval {
-    /// Of the sample itself.
+    /// Value of the sample itself.
     pub value: Option<f64>,
     /// 2.5th percentile over resamples.
     pub low: Option<f64>,
@@ -96,20 +97,21 @@ pub struct Interval {
     pub high: Option<f64>,
 }
 
-/// A paired comparison beyond its t-test.
+/// Effect size and power of a paired comparison, beyond its t-test.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 pub struct Difference {
     /// Mean of the differences.
     pub difference: Interval,
-    /// Cohen's d of paired samples: the mean of the differences over their standard deviation. None where they do not vary, or of fewer than
-    /// [`FEWEST_SAMPLES`].
+    /// Cohen's d of paired samples: the mean of the differences divided by their standard deviation. None if the
+    /// differences do not vary, or with fewer than [`FEWEST_SAMPLES`].
     pub d_z: Interval,
-    /// (pairs, chance that so many pairs, drawn from these, show the difference at the 5 % level in the one-sided t-test).
+    /// Pairs of (number of pairs, power). The power is the probability that this many pairs, drawn from the sample,
+    /// show the difference at the 5 % level in the one-sided t-test.
     pub power: Vec<(usize, f64)>,
 }
 
 impl Difference {
-    /// Of `pairs` (first, second): differences are first less second.
+    /// Analyses `pairs` (first, second); differences are first less second.
     pub fn of(pairs: &[(f64, f64)]) -> Self {
         let differences: Vec<f64> = pairs.iter().map(|(a, b)| a - b).collect();
         if differences.is_empty() {
@@ -156,24 +158,24 @@ fn resample(values: &[f64], n: usize, rng: &mut ChaCha8Rng) -> Vec<f64> {
     (0..n).map(|_| values[rng.random_range(0..values.len())]).collect()
 }
 
-/// McNemar's exact test on pairs of outcomes, each pair of one cluster.
+/// McNemar's exact test on pairs of outcomes, each pair belonging to one cluster.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 pub struct McNemar {
-    /// Pairs of two successes.
+    /// Number of pairs in which both succeeded.
     pub both: usize,
-    /// The first only succeeded.
+    /// Number of pairs in which only the first succeeded.
     pub first_only: usize,
-    /// The second only succeeded.
+    /// Number of pairs in which only the second succeeded.
     pub second_only: usize,
-    /// Neither succeeded.
+    /// Number of pairs in which neither succeeded.
     pub neither: usize,
-    /// One-sided chance of so few pairs won by the second only, were either as likely; none of fewer than [`FEWEST_SAMPLES`] pairs that
-    /// differ, or from fewer clusters.
+    /// One-sided probability of at most this many pairs won by the second only, if both were equally likely. None with
+    /// fewer than [`FEWEST_SAMPLES`] pairs that differ, or with fewer clusters.
     pub p: Option<f64>,
 }
 
 impl McNemar {
-    /// Of pairs (cluster, success of the first, success of the second).
+    /// Tests pairs (cluster, success of the first, success of the second).
     pub fn of(pairs: impl IntoIterator<Item = (usize, bool, bool)>) -> Self {
         let (mut table, mut clusters) = (Self::default(), BTreeSet::new());
         for (cluster, first, second) in pairs {
@@ -210,7 +212,7 @@ mod tests {
         let table = McNemar::of(pairs.iter().copied());
         assert_eq!((table.both, table.first_only, table.second_only, table.neither), (5, 9, 1, 5));
         assert!((table.p.unwrap() - 11.0 / 1024.0).abs() < 1e-12);
-        // Pairs of one cluster are alike, and four that differ say as little.
+        // Pairs from a single cluster, or only four that differ, are too few.
         let alike: Vec<_> = pairs.iter().map(|(_, first, second)| (0, *first, *second)).collect();
         for few in [&alike[..], &pairs[..4], &[]] {
             assert_eq!(McNemar::of(few.iter().copied()).p, None);
@@ -233,7 +235,7 @@ mod tests {
         assert_eq!(effect, Difference::of(&pairs));
     }
 
-    /// Four pairs, and sixty without spread, have a mean and neither interval nor effect size nor power.
+    /// Four pairs, and sixty constant ones, have a mean, but no interval, effect size or power.
     #[test]
     fn no_interval_comes_out_of_nothing() {
         for (pairs, mean) in [(vec![(1.0, 0.0), (0.5, 0.0), (0.0, 0.0), (0.5, 0.0)], 0.5), (vec![(1.0, 0.0); 60], 1.0)]
@@ -243,7 +245,7 @@ mod tests {
         }
     }
 
-    /// No effect: the power is the level of the test, roughly.
+    /// Without an effect, the power is roughly the level of the test.
     #[test]
     fn without_an_effect_there_is_no_power() {
         let pairs: Vec<(f64, f64)> = (0..60).map(|n| (if n % 2 == 0 { 0.1 } else { -0.1 }, 0.0)).collect();

@@ -1,4 +1,4 @@
-//! How well a predicted probability foretells whether something happens: rates with intervals, the ROC curve, calibration.
+//! Quality of predicted probabilities: rates with intervals, the ROC curve, calibration.
 
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -7,26 +7,26 @@ use crate::paired::FEWEST_SAMPLES;
 
 /// Standard normal quantile of a two-sided 95 % interval.
 const Z: f64 = 1.959_963_984_540_054;
-/// Groups of a calibration curve.
+/// Number of groups of a calibration curve.
 const GROUPS: usize = 6;
 
 /// A rate with its Wilson 95 % interval.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
 pub struct Rate {
-    /// Successes.
+    /// Number of successes.
     pub count: u64,
-    /// Trials.
+    /// Number of trials.
     pub of: u64,
-    /// count / of; none without trials.
+    /// Rate `count / of`; none without trials.
     pub rate: Option<f64>,
-    /// Lower end.
+    /// Lower end of the interval.
     pub low: f64,
-    /// Upper end.
+    /// Upper end of the interval.
     pub high: f64,
 }
 
 impl Rate {
-    /// `count` successes in `of` trials.
+    /// Computes the rate of `count` successes in `of` trials.
     pub fn new(count: u64, of: u64) -> Self {
         if of == 0 {
             return Self { count, of, rate: None, low: 0.0, high: 1.0 };
@@ -39,14 +39,15 @@ impl Rate {
     }
 }
 
-/// Area under the ROC curve of scores, each with whether it happened: the chance that something that happened scores higher than
-/// something that did not, ties counting half. None without both.
+/// Computes the area under the ROC curve of scores, each paired with whether the event happened. It is the probability
+/// that an event scores higher than a non-event, with ties counting half. None unless both outcomes occur.
 pub fn roc_area(scored: &[(f64, bool)]) -> Option<f64> {
     let curve = roc(scored)?;
     Some(curve.windows(2).map(|pair| (pair[1][0] - pair[0][0]) * (pair[0][1] + pair[1][1]) / 2.0).sum())
 }
 
-/// The ROC curve from (0, 0) to (1, 1): share of false alarms and share of hits as the threshold falls. None without both outcomes.
+/// Computes the ROC curve from (0, 0) to (1, 1): false positive rate and true positive rate as the threshold falls.
+/// None unless both outcomes occur.
 pub fn roc(scored: &[(f64, bool)]) -> Option<Vec<[f64; 2]>> {
     let mut falling = scored.to_vec();
     falling.sort_by(|a, b| b.0.total_cmp(&a.0));
@@ -65,7 +66,7 @@ pub fn roc(scored: &[(f64, bool)]) -> Option<Vec<[f64; 2]>> {
     Some(curve)
 }
 
-/// Predictions of like size, and what came of them.
+/// Group of similar predictions, with their outcomes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Group {
     /// Mean of the predictions.
@@ -73,23 +74,25 @@ pub struct Group {
     pub observed: Rate,
 }
 
-/// A prediction's worth.
+/// Quality of a set of predictions.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Prediction {
-    /// Each prediction, with whether it happened.
+    /// Each prediction, paired with whether the event happened.
     pub scored: Vec<(f64, bool)>,
-    /// [`roc`].
+    /// ROC curve, see [`roc`].
     pub roc: Vec<[f64; 2]>,
-    /// [`roc_area`].
+    /// Area under it, see [`roc_area`].
     pub area: f64,
-    /// Its 95 % interval; none of fewer than [`FEWEST_SAMPLES`] of either outcome, or where all of one score higher than all of the other.
+    /// 95 % interval of the area; none with fewer than [`FEWEST_SAMPLES`] of either outcome, or if all scores of one
+    /// outcome are higher than all of the other.
     pub interval: Option<[f64; 2]>,
-    /// The calibration curve: groups of as equal numbers as ties allow, the lowest predictions first.
+    /// Calibration curve: groups as equal in number as ties allow, the lowest predictions first.
     pub groups: Vec<Group>,
 }
 
 impl Prediction {
-    /// Of predictions with whether they came true; none without both outcomes. The interval is Hanley and McNeil's (Radiology 143, 1982).
+    /// Evaluates predictions, each paired with whether it came true; none unless both outcomes occur. The interval is
+    /// Hanley and McNeil's (Radiology 143, 1982).
     pub fn of(mut scored: Vec<(f64, bool)>) -> Option<Self> {
         scored.sort_by(|a, b| a.0.total_cmp(&b.0));
         let (roc, area) = (roc(&scored)?, roc_area(&scored)?);
@@ -127,7 +130,7 @@ mod tests {
 
     use super::*;
 
-    /// Known Wilson intervals (tables): 0 of 10, 5 of 10, 287 of 512.
+    /// Wilson intervals from tables: 0 of 10, 5 of 10, 287 of 512.
     #[test]
     fn wilson_intervals() {
         for (count, of, low, high) in [(0, 10, 0.0, 0.2775), (5, 10, 0.2366, 0.7634), (287, 512, 0.5173, 0.6029)] {
@@ -160,7 +163,8 @@ mod tests {
         assert!((area - 0.893).abs() < 5e-4 && ((high - low) / (2.0 * Z) - 0.032).abs() < 1e-3, "{area} {low} {high}");
     }
 
-    /// Two of each, and twenty of each that nothing mixes up, once had an area of 1 with an interval from 1 to 1.
+    /// Regression: two of each outcome, and twenty of each that are perfectly separated, once had an area of 1 with an
+    /// interval from 1 to 1.
     #[test]
     fn no_certainty_about_the_area_comes_out_of_nothing() {
         let apart = |n: usize| (0..n).flat_map(|_| [(0.1, false), (0.9, true)]).collect::<Vec<_>>();
@@ -171,7 +175,7 @@ mod tests {
     }
 
     proptest! {
-        /// The area is the share of pairs in the right order; groups hold every prediction once, in rising order.
+        /// The area is the share of pairs in the right order. Groups contain every prediction once, in rising order.
         #[test]
         fn area_and_groups_are_of_all_predictions(scored in prop::collection::vec((0u8..12, any::<bool>()), 2..80)) {
             let scored: Vec<(f64, bool)> = scored.into_iter().map(|(n, happened)| (f64::from(n) / 11.0, happened)).collect();

@@ -32,7 +32,7 @@ fn the_papers_own_figures_come_out() {
     assert!((1.5e-17..3e-17).contains(&p), "{p:e}");
 }
 
-/// Two combinations with equal differences once had p < 10^-300, which the report took for proof.
+/// Regression: two combinations with equal differences once had p < 10^-300, which the report took for proof.
 #[test]
 fn no_significance_comes_out_of_nothing() {
     let untested = |pairs: &[(f64, f64)]| {

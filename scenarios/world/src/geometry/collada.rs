@@ -1,6 +1,6 @@
-//! Triangles of COLLADA files (.dae), as ROS' robot descriptions have them.
+//! Reader of triangles from COLLADA files (.dae), as ROS robot descriptions use them.
 //!
-//! Coordinates are taken as they stand but for the file's unit: which axis points up is not looked at, as ROS does not.
+//! Coordinates are only scaled by the file's unit. As in ROS, the up axis is ignored.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -9,14 +9,14 @@ use nalgebra::{Matrix4, Point3, Rotation3, Unit, Vector3};
 use platform::data::DataError;
 use roxmltree::{Document, Node, ParsingOptions};
 
-/// Elements of a file at most, and nodes above a geometry.
+/// Limits: number of elements of a file, and depth of nodes above a geometry.
 const MOST_ELEMENTS: u32 = 1_000_000;
 const DEEPEST: usize = 64;
 
-/// A fault: element, what was found, what was expected.
+/// Creates an error from element, value found, and value expected.
 type Fault<'a> = &'a dyn Fn(&str, String, &str) -> DataError;
 
-/// Three corners a triangle, m.
+/// Returns three corners per triangle, m.
 pub fn corners(text: &str, path: &Path) -> Result<Vec<[Point3<f64>; 3]>, DataError> {
     let fault = |field: &str, found: String, expected: &str| DataError::field(path, field, found, expected);
     let options = ParsingOptions { nodes_limit: MOST_ELEMENTS, ..ParsingOptions::default() };
@@ -47,12 +47,12 @@ pub fn corners(text: &str, path: &Path) -> Result<Vec<[Point3<f64>; 3]>, DataErr
     Ok(found)
 }
 
-/// The first child of a name.
+/// Returns the first child with this name.
 fn named<'a, 'i>(node: &Node<'a, 'i>, name: &str) -> Option<Node<'a, 'i>> {
     node.children().find(|child| child.tag_name().name() == name)
 }
 
-/// The element that a reference such as `#id` names.
+/// Returns the element that a reference such as `#id` names.
 fn referred<'a, 'i>(
     node: &Node<'a, 'i>,
     attribute: &str,
@@ -66,7 +66,7 @@ fn referred<'a, 'i>(
     })
 }
 
-/// Geometries with their pose: those of the scene's nodes, or all of them where there is no scene.
+/// Returns geometries with their poses: those of the scene's nodes, or all geometries if there is no scene.
 fn placed<'a, 'i>(
     document: &'a Document<'i>,
     root: &Node<'a, 'i>,
@@ -118,7 +118,7 @@ fn transform(node: &Node<'_, '_>, name: &str, fault: Fault<'_>) -> Result<Matrix
     }
 }
 
-/// The numbers in an element's text.
+/// Returns the numbers in an element's text.
 fn numbers<T: std::str::FromStr>(node: &Node<'_, '_>, fault: Fault<'_>) -> Result<Vec<T>, DataError> {
     let words = node.text().unwrap_or_default().split_whitespace();
     words.map(|word| word.parse().map_err(|_| fault(node.tag_name().name(), format!("`{word}`"), "numbers"))).collect()
@@ -130,7 +130,7 @@ fn geometry_corners(
     fault: Fault<'_>,
 ) -> Result<Vec<[Point3<f64>; 3]>, DataError> {
     let mut found = Vec::new();
-    // Curves and surfaces of other kinds have no <mesh>.
+    // Curves and other kinds of surfaces have no <mesh>.
     let Some(mesh) = named(geometry, "mesh") else { return Ok(found) };
     for primitive in mesh.children().filter(|node| {
         matches!(node.tag_name().name(), "triangles" | "polylist" | "polygons" | "tristrips" | "trifans")
@@ -184,12 +184,12 @@ fn geometry_corners(
     Ok(found)
 }
 
-/// A polygon as triangles.
+/// Splits a polygon into triangles.
 fn fan(at: &[Point3<f64>], found: &mut Vec<[Point3<f64>; 3]>) {
     found.extend((2..at.len()).map(|n| [at[0], at[n - 1], at[n]]));
 }
 
-/// The points of a <source>.
+/// Returns the points of a <source>.
 fn points(source: &Node<'_, '_>, fault: Fault<'_>) -> Result<Vec<Point3<f64>>, DataError> {
     let Some(array) = named(source, "float_array") else {
         return Err(fault("source", "no float_array".into(), "one"));
@@ -223,7 +223,7 @@ mod tests {
 <node><rotate>0 0 1 90</rotate><instance_geometry url="#g"/></node><node><instance_geometry url="#g"/></node></node></visual_scene></library_visual_scenes>
 <scene><instance_visual_scene url="#w"/></scene></COLLADA>"##;
 
-    /// Each node's copy of a polygon in its place, in metres, with its axes as they stand.
+    /// Every node places its own copy of a polygon, in metres, with unchanged axes.
     #[test]
     fn a_geometry_is_placed_by_every_node() {
         let found = corners(FILE, Path::new("tip.dae")).expect("read");

@@ -1,7 +1,7 @@
 //! Convex decomposition of a mesh whose parts follow its concavities.
 //!
-//! VHACD cuts a mesh at the resolution and to the concavity that it is given, relative to the mesh's size. Here it is asked for finer
-//! and finer cuts until no part stands out of the surface by more than a tolerance.
+//! VHACD cuts a mesh at a given resolution and concavity, relative to the mesh's size. Here it is called with finer and finer
+//! settings until no part stands out of the surface by more than a tolerance.
 
 use nalgebra::Point3;
 use parry3d_f64::math::Vector;
@@ -10,15 +10,15 @@ use parry3d_f64::transformation::vhacd::{VHACD, VHACDParameters};
 use super::mesh::{Mesh, from_parry};
 use super::revolution::hull_mesh;
 
-/// (voxels along the mesh, concavity), coarse to fine.
+/// (voxels along the mesh, concavity), from coarse to fine.
 const LEVELS: [(u32, f64); 4] = [(64, 0.01), (96, 0.003), (128, 0.001), (192, 0.0003)];
-/// More parts than this slow the physics down: a finer cut is then not taken.
+/// Greatest number of parts: more would slow the physics down, and the finer cut is then not used.
 const MOST_PARTS: usize = 96;
-/// Distance of the points on a part at which it is compared with the mesh, m.
+/// Spacing of the points on a part at which it is compared with the mesh, m.
 const SPACING: f64 = 1.5e-3;
 
-/// Convex point sets that together fill `mesh`, and how far they stand out of it at most, m: the first cut within
-/// `tolerance`, m, or the best of those with few enough parts.
+/// Returns convex point sets that together fill `mesh`, and the greatest distance by which they stand out of it, m. It
+/// is the first cut within `tolerance`, m, or the best of those with few enough parts.
 pub(super) fn decompose(mesh: &Mesh, tolerance: f64) -> (Vec<Vec<Point3<f64>>>, f64) {
     let mut best: Option<(Vec<Vec<Point3<f64>>>, f64)> = None;
     for (resolution, concavity) in LEVELS {
@@ -43,12 +43,12 @@ pub(super) fn cut(mesh: &Mesh, parameters: VHACDParameters) -> Vec<Vec<Point3<f6
         .compute_exact_convex_hulls(points, triangles)
         .into_iter()
         .map(|(hull, _): (Vec<Vector>, _)| hull.into_iter().map(from_parry).collect::<Vec<_>>())
-        // Some voxels have no piece of the surface in them.
+        // Some voxels contain no piece of the surface.
         .filter(|hull| hull.len() > 3)
         .collect()
 }
 
-/// How far `parts` stand out of `mesh` at most, m, at points [`SPACING`] apart on their faces.
+/// Returns the greatest distance by which `parts` stand out of `mesh`, m, at points [`SPACING`] apart on their faces.
 pub(super) fn excess(mesh: &Mesh, parts: &[Vec<Point3<f64>>]) -> f64 {
     let mut most = 0.0f64;
     for hull in parts.iter().filter_map(|part| hull_mesh(part).ok()) {
@@ -67,8 +67,9 @@ pub(super) fn excess(mesh: &Mesh, parts: &[Vec<Point3<f64>>]) -> f64 {
 }
 
 impl Mesh {
-    /// Convex point sets that together fill the mesh: as given by its builder, itself if convex, or an approximate
-    /// decomposition, worked out at the first call: seconds for a large mesh.
+    /// Returns convex point sets that together fill the mesh: those given by its builder, the mesh itself if it is
+    /// convex, or an approximate decomposition. The first call computes the decomposition, which takes seconds for a
+    /// large mesh.
     pub fn convex_parts(&self) -> &[Vec<Point3<f64>>] {
         let find = || {
             if self.is_convex() {
@@ -87,7 +88,7 @@ mod tests {
     use crate::geometry::Shape;
     use crate::objects::ObjectSet;
 
-    /// A cup: a pot of 60 x 70 mm with walls of 4 mm, without known parts.
+    /// Returns a cup: a pot of 60 x 70 mm with walls of 4 mm, without known parts.
     fn cup() -> Mesh {
         const SEGMENTS: u32 = 24;
         let outline = [[30.0, 0.0], [30.0, 70.0], [26.0, 70.0], [26.0, 4.0]];
@@ -111,7 +112,8 @@ mod tests {
         Mesh::new(vertices, triangles).expect("a closed mesh")
     }
 
-    /// One hull of the cup stands out by the depth of its cavity's nearest wall; cut finely, its parts leave the cavity free.
+    /// A single hull of the cup stands out by the distance to the nearest wall of the cavity. Parts of a fine cut leave
+    /// the cavity free.
     #[test]
     fn parts_follow_a_cavity() {
         let cup = cup();
@@ -130,7 +132,7 @@ mod tests {
         assert_eq!(out, excess(&cup, &parts));
     }
 
-    /// A mesh that may stand out further keeps its first cut.
+    /// A mesh with a larger tolerance keeps its first cut.
     #[test]
     fn what_is_good_enough_stays_coarse() {
         let set = ObjectSet::standard();

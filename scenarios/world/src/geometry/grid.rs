@@ -1,8 +1,8 @@
-//! A signed-distance grid: what a mesh answers in microseconds, answered in tens of nanoseconds.
+//! Signed distance grid: answers in tens of nanoseconds what a mesh answers in microseconds.
 //!
 //! Distances are sampled on a regular grid around the shape and interpolated trilinearly; the gradient is that of the
-//! interpolant. From outside the grid the surface point nearest to the grid's border is looked at, which is a little too far away
-//! at most.
+//! interpolant. A point outside the grid is measured from the surface point nearest to the grid's border, which slightly
+//! overestimates the distance at most.
 
 use nalgebra::{Point3, Vector3};
 
@@ -36,7 +36,7 @@ impl DistanceGrid {
         Self { origin, cell, size, values }
     }
 
-    /// Distance (m, negative inside) and unit gradient.
+    /// Returns the distance (m, negative inside) and the unit gradient.
     pub fn signed_distance(&self, point: &Point3<f64>) -> (f64, Vector3<f64>) {
         let last = Vector3::from_fn(|axis, _| (self.size[axis] - 1) as f64);
         let scaled = (point - self.origin) / self.cell;
@@ -50,7 +50,7 @@ impl DistanceGrid {
         (away.norm(), away.try_normalize(1e-12).unwrap_or(gradient))
     }
 
-    /// At `scaled`, in cells from the grid's origin, within the grid.
+    /// Interpolates at `scaled`, in cells from the grid's origin, within the grid.
     fn interpolate(&self, scaled: &Vector3<f64>) -> (f64, Vector3<f64>) {
         let mut base = [0; 3];
         let mut part = Vector3::zeros();
@@ -82,8 +82,8 @@ impl DistanceGrid {
 mod tests {
     use super::*;
 
-    /// Against the closed form of a ball: distances to 0.05 mm, directions to 4.5 degrees (half a
-    /// cell's diagonal seen from 12 mm is 4.1), away from the centre.
+    /// Agrees with the closed form of a ball, away from the centre: distances to 0.05 mm, directions to 4.5 degrees
+    /// (half a cell's diagonal seen from 12 mm is 4.1).
     #[test]
     fn agrees_with_a_ball() {
         let ball = Shape::Sphere { radius: 0.02 };

@@ -1,6 +1,6 @@
-//! Meshes of a hand's links: any format, cut into convex parts where they are not convex themselves.
+//! Meshes of a hand's links, in any format; concave ones are cut into convex parts.
 //!
-//! A link has many neighbours that its parts may collide with, so that it gets fewer of them than an object.
+//! A link gets fewer parts than an object, because they may collide with many neighbouring links.
 
 use std::path::Path;
 
@@ -14,17 +14,17 @@ use super::decomposition::{cut, excess};
 use super::mesh::Mesh;
 use super::mesh_file::read_triangles;
 
-/// Reader and cutter of a URDF's meshes.
+/// Reader and cutter for the meshes of a URDF.
 pub const LINK_MESHES: MeshTools = MeshTools { read: read_link, cut: cut_link };
 
-/// Parts that stand out of a link's surface further than this are cut more finely, m.
+/// Distance beyond which parts that stand out of a link's surface are cut more finely, m.
 const TOLERANCE: f64 = 1.5e-3;
-/// (voxels along the mesh, concavity), coarse to fine.
+/// (voxels along the mesh, concavity), from coarse to fine.
 const LEVELS: [(u32, f64); 3] = [(40, 0.02), (64, 0.01), (96, 0.003)];
-/// Parts of a link at most: with more, self-collision costs more than the rest of the physics.
+/// Greatest number of parts of a link: with more, self-collision costs more than the rest of the physics.
 const MOST_PARTS: usize = 32;
 
-/// The triangles of a link's mesh file. Robot descriptions take glTF's axes as they stand, unlike objects.
+/// Reads the triangles of a link's mesh file. Unlike objects, robot descriptions use glTF's axes unchanged.
 fn read_link(path: &Path) -> Result<Triangles, DataError> {
     let (mut vertices, triangles) = read_triangles(path)?;
     let extension = path.extension().and_then(|end| end.to_str()).unwrap_or_default().to_lowercase();
@@ -34,14 +34,14 @@ fn read_link(path: &Path) -> Result<Triangles, DataError> {
     Ok((vertices, triangles))
 }
 
-/// The hull of a surface where that stands out of it little, or else its convex parts: the first cut within [`TOLERANCE`], or the best of
-/// those with few enough parts. A surface that does not close is mended for it.
+/// Returns the hull of a surface if it stands out only slightly, otherwise its convex parts: the first cut within
+/// [`TOLERANCE`], or the best of those with few enough parts. An open surface is mended first.
 pub fn cut_link(surface: &Triangles) -> Cut {
     let (vertices, triangles) = surface;
     let whole = vec![vertices.clone()];
     let closed = Mesh::new(vertices.clone(), triangles.clone());
     let Some(mesh) = closed.ok().or_else(|| Some(Mesh::repaired(vertices, triangles).ok()?.0)) else {
-        // Nothing to cut or to measure by.
+        // Nothing to cut or to measure against.
         return Cut { parts: whole, excess: 0.0 };
     };
     let mut best = Cut { excess: excess(&mesh, &whole), parts: whole };
@@ -68,7 +68,8 @@ mod tests {
     use crate::geometry::Shape;
     use nalgebra::Vector3;
 
-    /// An angle of two plates: its hull stands out by the depth of the corner, its parts by less than the tolerance.
+    /// An angle bracket of two plates: its hull stands out by the depth of the corner, its parts by less than the
+    /// tolerance.
     #[test]
     fn hulls_of_concave_links_are_cut() {
         let outline = [[0.0, 0.0], [0.05, 0.0], [0.05, 0.01], [0.01, 0.01], [0.01, 0.05], [0.0, 0.05]];
@@ -90,7 +91,7 @@ mod tests {
         assert!(cut.excess <= TOLERANCE, "{} m", cut.excess);
     }
 
-    /// A convex link stays one hull.
+    /// A convex link remains a single hull.
     #[test]
     fn a_convex_link_is_one_part() {
         let shape = Shape::Cuboid { half: Vector3::new(0.02, 0.01, 0.03), radius: 0.0 };

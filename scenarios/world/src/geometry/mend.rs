@@ -1,8 +1,8 @@
-//! A watertight mesh from any set of triangles: the sign of the distance comes from the winding number, the surface from
-//! marching tetrahedra over a regular grid.
+//! Rebuilding of any set of triangles as a watertight mesh: the sign of the distance comes from the winding number, the surface
+//! from marching tetrahedra over a regular grid.
 //!
 //! Every grid cube is cut into the same six tetrahedra along its diagonal, so that neighbours agree on their common faces and
-//! the surface closes by construction.
+//! the surface is closed by construction.
 
 use std::collections::HashMap;
 
@@ -13,23 +13,23 @@ use parry3d_f64::shape::TriMesh;
 use super::mesh::{GeometryError, Mesh, to_parry};
 use super::winding::Winding;
 
-/// Cells along the longest side.
+/// Number of cells along the longest side.
 const CELLS: f64 = 56.0;
-/// No finer than this, m.
+/// Smallest cell size, m.
 const FINEST: f64 = 1.5e-3;
-/// Surface vertices keep off the ends of their edge by this share of it: no slivers.
+/// Least distance of surface vertices from the ends of their grid edge, as a share of the edge; it avoids slivers.
 const OFF_ENDS: f64 = 0.05;
-/// Cells around the vertices on each side.
+/// Number of cells around the vertices on each side.
 const MARGIN: f64 = 1.5;
-/// Inside is where the surface winds around more than this.
+/// Winding number above which a point is inside.
 const INSIDE: f64 = 0.5;
 
-/// The values at the grid's nodes.
+/// Values at the nodes of a grid.
 struct Grid {
     origin: Point3<f64>,
     cell: f64,
     size: [usize; 3],
-    /// Signed distance, m, negative inside.
+    /// Signed distances, m, negative inside.
     values: Vec<f64>,
 }
 
@@ -45,27 +45,28 @@ impl Grid {
     }
 }
 
-/// The box around vertices, m.
+/// Returns the bounding box of the vertices, m.
 fn bounds(vertices: &[Point3<f64>]) -> (Point3<f64>, Point3<f64>) {
     let start = (Point3::from(Vector3::repeat(f64::INFINITY)), Point3::from(Vector3::repeat(f64::NEG_INFINITY)));
     vertices.iter().fold(start, |(low, high), vertex| (low.inf(vertex), high.sup(vertex)))
 }
 
 impl Mesh {
-    /// The cell of a grid on which triangles with these vertices are rebuilt first, m: a 56th of the longest side, 1.5 mm at least.
+    /// Returns the cell size of the first grid on which triangles with these vertices are rebuilt, m: a 56th of the
+    /// longest side, 1.5 mm at least.
     pub(super) fn rebuilding_cell(vertices: &[Point3<f64>]) -> f64 {
         let (low, high) = bounds(vertices);
         FINEST.max((high - low).max() / CELLS)
     }
 
-    /// Nodes of a grid around these vertices with cells of `cell`, m.
+    /// Returns the number of nodes of a grid around these vertices with cells of `cell`, m.
     pub(super) fn rebuilding_nodes(vertices: &[Point3<f64>], cell: f64) -> f64 {
         let (low, high) = bounds(vertices);
         (high - low).iter().map(|side| side / cell + 2.0 * MARGIN + 1.0).product()
     }
 
-    /// A watertight mesh that follows triangles, which may have holes and overlap, to about half of a grid cell of `cell`, m. All vertices
-    /// are of triangles, and all triangles have an area.
+    /// Returns a watertight mesh that follows triangles, which may have holes and overlap, to about half of a grid cell
+    /// of `cell`, m. All vertices must belong to triangles, and all triangles must have an area.
     pub(super) fn rebuilt(vertices: &[Point3<f64>], triangles: &[[u32; 3]], cell: f64) -> Result<Self, GeometryError> {
         let fault = |found: String, expected: &str| GeometryError::Element {
             element: "mesh".into(),
@@ -102,11 +103,11 @@ fn sample(
         .map(|node| {
             let point = grid.place(node);
             let distance = surface.distance_to_local_point(to_parry(&point), false).max(1e-9);
-            // A surface that is inside out winds the other way.
+            // An inside-out surface has a negative winding number.
             if winding.at(&point).abs() > INSIDE { -distance } else { distance }
         })
         .collect();
-    // The border is outside, whatever a stray triangle makes of it: the surface has to close within the grid.
+    // The border counts as outside, even near stray triangles: the surface has to close within the grid.
     for node in 0..grid.values.len() {
         let (x, rest) = (node % size[0], node / size[0]);
         let at = [x, rest % size[1], rest / size[1]];
@@ -117,7 +118,8 @@ fn sample(
     Ok(grid)
 }
 
-/// Orders in which the three axes are walked from one corner of a cube to the opposite one: a tetrahedron each.
+/// Orders in which the three axes are walked from one corner of a cube to the opposite one; each order defines a
+/// tetrahedron.
 const WALKS: [[usize; 3]; 6] = [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]];
 
 fn march(grid: &Grid) -> (Vec<Point3<f64>>, Vec<[u32; 3]>) {
@@ -176,7 +178,7 @@ mod tests {
         (points, triangles)
     }
 
-    /// A ball with a hole comes back closed, with its volume and its surface; inside out is no matter.
+    /// A ball with a hole is closed again, with its volume and its surface, and so is an inside-out ball.
     #[test]
     fn a_broken_ball_is_closed_again() {
         let (points, mut triangles) = ball();

@@ -10,65 +10,66 @@ use parry3d_f64::query::{PointQueryWithLocation, Ray, RayCast};
 use parry3d_f64::shape::{TriMesh, TriMeshFlags};
 use platform::data::DataError;
 
-/// Vertices (in the file's unit) and triangles.
+/// Vertices (in the file's unit) and triangles (vertex indices).
 pub type Triangles = (Vec<Point3<f64>>, Vec<[u32; 3]>);
 
-/// How far a part may stand out of the mesh if nothing else is said, m: less than a fingertip's pad gives.
+/// Default tolerance of convex parts: greatest distance by which a part may stand out of the mesh, m. It is less than a
+/// fingertip's pad yields.
 pub(super) const TOLERANCE: f64 = 1e-3;
 
-/// The largest extent a mesh may have, m: a larger one is probably in millimetres.
+/// Greatest allowed extent of a mesh, m: a larger one is probably in millimetres.
 pub const MAX_EXTENT: f64 = 1.0;
 
-/// What a closed surface encloses at least, m3: less has neither a centre nor an inertia.
+/// Least volume of a closed surface, m3: below it, centre and inertia are undefined.
 const LEAST_VOLUME: f64 = 1e-15;
 
-/// What can be wrong with a mesh or its file.
+/// Faults of a mesh or its file.
 #[derive(Debug, thiserror::Error)]
 pub enum GeometryError {
-    /// The file could not be read, or a line of it is not what it should be.
+    /// The file could not be read, or one of its lines is invalid.
     #[error(transparent)]
     Data(#[from] DataError),
-    /// The file is well-formed, its mesh is not.
+    /// The file is well-formed, but its mesh is not.
     #[error("{path}: {source}")]
     File {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// What is wrong with the mesh.
+        /// Fault of the mesh.
         source: Box<GeometryError>,
     },
     /// A triangle or vertex is unusable.
     #[error("{element}: found {found}, expected {expected}")]
     Element {
-        /// Such as `triangle 12`.
+        /// The element, such as `triangle 12`.
         element: String,
-        /// What is there.
+        /// The value found.
         found: String,
-        /// What would be right.
+        /// The value expected.
         expected: String,
     },
-    /// The surface has a hole or triangles of opposite sense.
+    /// The surface has a hole, or neighbouring triangles of opposite orientation.
     #[error(
         "mesh is not watertight: edge {from}-{to} found {forward} times one way and {backward} times the other, expected once each \
          ({faults} such edges)"
     )]
     Open {
-        /// Vertex index.
+        /// Index of the edge's first vertex.
         from: u32,
-        /// Vertex index.
+        /// Index of the edge's second vertex.
         to: u32,
-        /// Triangles that run from `from` to `to`.
+        /// Number of triangles that run from `from` to `to`.
         forward: usize,
-        /// Triangles that run from `to` to `from`.
+        /// Number of triangles that run from `to` to `from`.
         backward: usize,
-        /// Edges at fault.
+        /// Number of faulty edges.
         faults: usize,
     },
-    /// A fault that no repair could mend without inventing something.
+    /// A fault that no repair could mend without inventing geometry.
     #[error("{fault}; it cannot be mended: {reason}")]
     Unmended {
-        /// What is wrong with the mesh.
+        /// Fault of the mesh.
         fault: String,
-        /// What a repair came to.
+        /// Reason why the repair failed.
         reason: String,
     },
     /// The mesh is implausibly large.
@@ -76,12 +77,12 @@ pub enum GeometryError {
         "mesh extent: found {found:.3} m, expected at most {MAX_EXTENT} m: the file is probably in millimetres, scale it by 0.001"
     )]
     Units {
-        /// m.
+        /// Extent found, m.
         found: f64,
     },
 }
 
-/// A watertight, outward-oriented triangle mesh, m. Made by [`Mesh::new`], [`Mesh::read`] or the builders.
+/// A watertight, outward-oriented triangle mesh, m. Create it with [`Mesh::new`], [`Mesh::read`] or the builders.
 #[derive(Clone)]
 pub struct Mesh {
     vertices: Vec<Point3<f64>>,
@@ -90,11 +91,11 @@ pub struct Mesh {
     volume: f64,
     center: Point3<f64>,
     unit_inertia: Matrix3<f64>,
-    /// Convex point sets that its builder knows to fill it.
+    /// Convex point sets that fill the mesh, known to its builder.
     pub(super) given: Option<Vec<Vec<Point3<f64>>>>,
-    /// Those that were worked out, where none were given.
+    /// Convex parts from a decomposition, if none were given.
     pub(super) found: OnceLock<Vec<Vec<Point3<f64>>>>,
-    /// How far convex parts may stand out, m.
+    /// Greatest distance by which convex parts may stand out of the mesh, m.
     pub(super) tolerance: f64,
 }
 
@@ -123,7 +124,7 @@ fn vector(v: Vector) -> Vector3<f64> {
 }
 
 impl Mesh {
-    /// Checks that the triangles close a surface and turns them outwards if they all face inwards.
+    /// Checks that the triangles form a closed surface, and flips all of them if they face inwards.
     pub fn new(vertices: Vec<Point3<f64>>, mut triangles: Vec<[u32; 3]>) -> Result<Self, GeometryError> {
         check_elements(&vertices, &triangles)?;
         check_closed(&triangles)?;
@@ -160,17 +161,18 @@ impl Mesh {
         })
     }
 
-    /// The same with convex point sets known to fill it, in the same frame.
+    /// Returns the mesh with `parts`, convex point sets known to fill it, in the same frame.
     pub fn with_parts(self, parts: Vec<Vec<Point3<f64>>>) -> Self {
         Self { given: Some(parts), ..self }
     }
 
-    /// The same with convex parts that stand out of it by at most `tolerance`, m, where it has to be decomposed.
+    /// Returns the mesh with a tolerance for its decomposition: convex parts may stand out of it by at most
+    /// `tolerance`, m.
     pub fn with_tolerance(self, tolerance: f64) -> Self {
         Self { tolerance, ..self }
     }
 
-    /// The same mesh in a frame at its centre of volume.
+    /// Returns the mesh in a frame at its centre of volume.
     pub fn centered(self) -> Result<Self, GeometryError> {
         let shift = self.center.coords;
         let moved = Self::new(self.vertices.iter().map(|vertex| vertex - shift).collect(), self.triangles)?
@@ -183,44 +185,45 @@ impl Mesh {
         })
     }
 
-    /// The same mesh `factor` times as large, its convex parts those of this one: cut anew, it would come apart a little differently.
+    /// Returns the mesh scaled by `factor`, with its convex parts scaled as well: a new decomposition would give
+    /// slightly different parts.
     pub fn scaled(&self, factor: f64) -> Result<Self, GeometryError> {
         let larger = |points: &[Point3<f64>]| points.iter().map(|point| point * factor).collect::<Vec<_>>();
         let mesh = Self::new(larger(&self.vertices), self.triangles.clone())?.with_tolerance(self.tolerance);
         Ok(mesh.with_parts(self.convex_parts().iter().map(|part| larger(part)).collect()))
     }
 
-    /// m.
+    /// Returns the vertices, m.
     pub fn vertices(&self) -> &[Point3<f64>] {
         &self.vertices
     }
 
-    /// Vertex indices, counter-clockwise from outside.
+    /// Returns the triangles as vertex indices, counter-clockwise seen from outside.
     pub fn triangles(&self) -> &[[u32; 3]] {
         &self.triangles
     }
 
-    /// m3.
+    /// Returns the volume, m3.
     pub fn volume(&self) -> f64 {
         self.volume
     }
 
-    /// Centre of volume, m.
+    /// Returns the centre of volume, m.
     pub fn center_of_mass(&self) -> Point3<f64> {
         self.center
     }
 
-    /// Inertia of a uniform body of 1 kg about its centre of mass, m2.
+    /// Returns the inertia of a uniform body of 1 kg about its centre of mass, m2.
     pub fn unit_inertia(&self) -> Matrix3<f64> {
         self.unit_inertia
     }
 
-    /// Lowest and highest corner, m.
+    /// Returns the axis-aligned bounding box: lowest and highest corner, m.
     pub fn aabb(&self) -> (Point3<f64>, Point3<f64>) {
         extent(&self.vertices)
     }
 
-    /// See [`super::Shape::signed_distance`].
+    /// Implements [`super::Shape::signed_distance`].
     pub fn signed_distance(&self, point: &Point3<f64>) -> (f64, Vector3<f64>) {
         let (projection, (triangle, _)) = self.surface.project_local_point_and_get_location(to_parry(point), false);
         let away = point.coords - vector(projection.point);
@@ -234,16 +237,16 @@ impl Mesh {
         }
     }
 
-    /// See [`super::Shape::ray`].
+    /// Implements [`super::Shape::ray`].
     pub fn ray(&self, origin: &Point3<f64>, direction: &Unit<Vector3<f64>>) -> Option<f64> {
         let ray = Ray::new(to_parry(origin), Vector::new(direction.x, direction.y, direction.z));
         let hit = self.surface.cast_local_ray_and_get_normal(&ray, f64::MAX, false)?;
         let normal = vector(self.surface.triangle(hit.subshape).scaled_normal());
-        // A first hit from behind means that the origin is inside.
+        // If the first hit is from behind, the origin is inside.
         Some(if normal.dot(direction) > 0.0 { 0.0 } else { hit.time_of_impact })
     }
 
-    /// See [`super::Shape::support`].
+    /// Implements [`super::Shape::support`].
     pub fn support(&self, direction: &Vector3<f64>) -> Point3<f64> {
         let mut best = (f64::NEG_INFINITY, Point3::origin());
         for vertex in &self.vertices {
@@ -255,7 +258,7 @@ impl Mesh {
         best.1
     }
 
-    /// Whether no vertex stands out of any triangle's plane by more than 1e-6 of the mesh's size.
+    /// True if no vertex stands out of any triangle's plane by more than 1e-6 of the mesh's size.
     pub fn is_convex(&self) -> bool {
         let (low, high) = self.aabb();
         let tolerance = 1e-6 * (high - low).norm();
@@ -266,7 +269,7 @@ impl Mesh {
         })
     }
 
-    /// Vertices and triangles as the decomposition takes them.
+    /// Returns vertices and triangles in the format of the decomposition.
     pub(super) fn surface(&self) -> (&[Vector], &[[u32; 3]]) {
         (self.surface.vertices(), self.surface.indices())
     }
@@ -330,7 +333,8 @@ fn check_closed(triangles: &[[u32; 3]]) -> Result<(), GeometryError> {
     }
 }
 
-/// Signed volume, centre, and the mean of (x - centre)(x - centre)' over the solid, from tetrahedra at the first vertex.
+/// Computes the signed volume, the centre, and the mean of (x - centre)(x - centre)' over the solid, from tetrahedra at
+/// the first vertex.
 fn moments(vertices: &[Point3<f64>], triangles: &[[u32; 3]]) -> (f64, Point3<f64>, Matrix3<f64>) {
     let base = vertices[0];
     let (mut volume, mut first, mut second) = (0.0, Vector3::zeros(), Matrix3::zeros());

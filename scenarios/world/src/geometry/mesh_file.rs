@@ -1,7 +1,7 @@
-//! Triangles from mesh files: OBJ, STL, PLY, COLLADA, and glTF with its buffers in the file or beside it.
+//! Reader of triangles from mesh files: OBJ, STL, PLY, COLLADA, and glTF with its buffers in the file or beside it.
 //!
-//! STL repeats a corner for each triangle and glTF a vertex for each seam of its texture: vertices in the same place become one, so that
-//! a surface that is closed is seen to be. glTF's y axis points up; here, as in the other kinds, z does.
+//! STL repeats a corner for each triangle, and glTF a vertex for each texture seam. Vertices in the same place are therefore
+//! merged, so that a closed surface is recognised as closed. In glTF, y points up; here, as in the other formats, z does.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -20,7 +20,8 @@ use super::obj::parse_triangles;
 use super::repair::Repair;
 
 impl Mesh {
-    /// Reads a mesh file of any of these kinds, in metres, and mends what is broken of it; with what was done.
+    /// Reads a mesh file of any of these formats, in metres, and mends its faults. Also returns a report of the
+    /// repairs.
     pub fn load(path: &Path) -> Result<(Self, Repair), GeometryError> {
         let (vertices, triangles) = read_triangles(path)?;
         Self::repaired(&vertices, &triangles)
@@ -28,10 +29,10 @@ impl Mesh {
     }
 }
 
-/// A mesh file may be this large, bytes.
+/// Greatest size of a mesh file, bytes.
 const LARGEST: u64 = 256 << 20;
 
-/// The vertices and triangles of a mesh file, whether or not they close a surface.
+/// Reads the vertices and triangles of a mesh file, whether or not they form a closed surface.
 pub fn read_triangles(path: &Path) -> Result<Triangles, DataError> {
     let io = |source| DataError::Io { path: path.into(), source };
     let bytes = read_regular(path, LARGEST).map_err(io)?;
@@ -54,7 +55,7 @@ pub fn read_triangles(path: &Path) -> Result<Triangles, DataError> {
     }
 }
 
-/// The same as text of a Wavefront OBJ file.
+/// Formats triangles as the text of a Wavefront OBJ file.
 pub fn to_obj((vertices, triangles): &Triangles) -> String {
     let vertices = vertices.iter().map(|v| format!("v {} {} {}\n", v.x, v.y, v.z));
     let faces = triangles.iter().map(|[a, b, c]| format!("f {} {} {}\n", a + 1, b + 1, c + 1));
@@ -153,7 +154,7 @@ fn gltf(bytes: &[u8], path: &Path) -> Result<Triangles, DataError> {
         file.scenes().flat_map(|scene| scene.nodes().map(|node| (node, upright)).collect::<Vec<_>>()).collect();
     let mut visited = vec![false; file.nodes().len()];
     while let Some((node, parent)) = open.pop() {
-        // A tree, as the format demands: a node below itself would never end.
+        // The format demands a tree: a node below itself would never end.
         if std::mem::replace(&mut visited[node.index()], true) {
             return Err(fault(format!("nodes[{}]", node.index()), "two parents".into(), "one parent at most"));
         }
@@ -187,8 +188,8 @@ fn gltf(bytes: &[u8], path: &Path) -> Result<Triangles, DataError> {
     welded(corners.into_iter(), path)
 }
 
-/// Triangles by their corners as an indexed mesh: corners in the same place are one vertex, and triangles that this leaves without an
-/// area are left out.
+/// Builds an indexed mesh from the corners of triangles: corners in the same place become one vertex, and triangles
+/// that thereby lose their area are dropped.
 fn welded(corners: impl Iterator<Item = [Point3<f64>; 3]>, path: &Path) -> Result<Triangles, DataError> {
     let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
     let mut known: HashMap<[u64; 3], u32> = HashMap::new();

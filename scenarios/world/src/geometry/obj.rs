@@ -1,4 +1,4 @@
-//! Meshes from Wavefront OBJ text: `v` and `f` lines; everything else is passed over.
+//! Reader of meshes from Wavefront OBJ text. It uses `v` and `f` lines and ignores everything else.
 
 use std::path::Path;
 
@@ -8,12 +8,13 @@ use platform::data::DataError;
 use super::mesh::{GeometryError, Mesh, Triangles};
 
 impl Mesh {
-    /// Of an OBJ file's text, in metres. Faces with more than three corners are split into fans; `path` is used in errors.
+    /// Parses an OBJ file's text, in metres. Faces with more than three corners are split into fans; `path` is named in
+    /// errors.
     pub fn parse_obj(text: &str, path: &Path) -> Result<Self, GeometryError> {
         Self::parse_obj_in(text, 1.0, path)
     }
 
-    /// The same of lengths in `unit`, m.
+    /// Like [`Self::parse_obj`], with lengths in `unit`, m.
     pub fn parse_obj_in(text: &str, unit: f64, path: &Path) -> Result<Self, GeometryError> {
         let (mut vertices, triangles) = parse_triangles(text, path)?;
         vertices.iter_mut().for_each(|vertex| vertex.coords *= unit);
@@ -22,7 +23,7 @@ impl Mesh {
     }
 }
 
-/// The vertices and triangles of an OBJ file's text, whether or not they close a surface.
+/// Parses the vertices and triangles of an OBJ file's text, whether or not they form a closed surface.
 pub(super) fn parse_triangles(text: &str, path: &Path) -> Result<Triangles, DataError> {
     let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
     for (number, line) in text.lines().enumerate() {
@@ -61,7 +62,7 @@ pub(super) fn parse_triangles(text: &str, path: &Path) -> Result<Triangles, Data
     Ok((vertices, triangles))
 }
 
-/// Index of a corner written `7`, `7/1`, `7//3` or, counted from the end, `-1`.
+/// Parses the index of a corner written `7`, `7/1`, `7//3` or, counted from the end, `-1`.
 fn corner(word: &str, vertices: usize) -> Option<u32> {
     let number: i64 = word.split('/').next()?.parse().ok()?;
     let index = if number < 0 { vertices as i64 + number } else { number - 1 };
@@ -96,7 +97,7 @@ mod tests {
             let _ = Mesh::parse_obj(&String::from_utf8_lossy(&changed), Path::new("thing.obj"));
         }
 
-        /// Numbers of any size and no order.
+        /// Numbers of any size, in any order.
         #[test]
         fn no_numbers_make_it_panic(numbers in proptest::collection::vec(any::<f64>(), 12), corners in proptest::collection::vec(-6i64..7, 12)) {
             let vertices: String = numbers.chunks(3).map(|v| format!("v {} {} {}\n", v[0], v[1], v[2])).collect();

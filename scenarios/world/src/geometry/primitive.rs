@@ -1,10 +1,10 @@
-//! Closed forms for spheres, cylinders and rounded boxes.
+//! Closed-form queries of spheres, cylinders and rounded boxes.
 
 use std::f64::consts::PI;
 
 use nalgebra::{Point3, Unit, Vector3};
 
-/// A distance below which a direction is not worth normalising, m.
+/// Distance below which a direction is not normalised, m.
 const TINY: f64 = 1e-14;
 
 pub fn sphere_distance(radius: f64, point: &Point3<f64>) -> (f64, Vector3<f64>) {
@@ -19,7 +19,7 @@ pub fn sphere_ray(radius: f64, origin: &Point3<f64>, direction: &Unit<Vector3<f6
     if outside <= 0.0 {
         return Some(0.0);
     }
-    // The closest approach is taken across the ray: far origins lose no digits.
+    // The distance of closest approach is computed across the ray, so that far origins lose no digits.
     let across = (origin.coords - direction.into_inner() * along).norm_squared();
     let half_chord = radius * radius - across;
     (along < 0.0 && half_chord >= 0.0).then(|| (-along - half_chord.sqrt()).max(0.0))
@@ -46,7 +46,7 @@ pub fn cylinder_ray(
     origin: &Point3<f64>,
     direction: &Unit<Vector3<f64>>,
 ) -> Option<f64> {
-    // The solid is a slab cut with an endless cylinder: so are the spans of the ray inside them.
+    // The solid is the intersection of a slab and an infinite cylinder, and so are the spans of the ray inside them.
     let (mut enter, mut leave) = (0.0_f64, f64::INFINITY);
     if direction.z.abs() > TINY {
         let ends = [(-half_height - origin.z) / direction.z, (half_height - origin.z) / direction.z];
@@ -87,8 +87,8 @@ pub fn cuboid_distance(half: &Vector3<f64>, radius: f64, point: &Point3<f64>) ->
     }
 }
 
-/// Newton's method on the signed distance along the ray. The distance to a convex body is a convex function of the way along
-/// a line, so that no step ever overshoots and a tangent that does not fall means a miss.
+/// Finds the hit by Newton's method on the signed distance along the ray. The distance to a convex body is a convex
+/// function of the position along a line. No step therefore overshoots, and a tangent that does not fall means a miss.
 pub fn cuboid_ray(
     half: &Vector3<f64>,
     radius: f64,
@@ -118,7 +118,7 @@ pub fn cuboid_volume(half: &Vector3<f64>, radius: f64) -> f64 {
         + 4.0 / 3.0 * PI * radius.powi(3)
 }
 
-/// Integral of x2 over a rounded box whose inner half extents are `a` (along x), `b` and `c`.
+/// Returns the integral of x2 over a rounded box whose inner half extents are `a` (along x), `b` and `c`.
 fn second_moment(a: f64, b: f64, c: f64, r: f64) -> f64 {
     let line = 2.0 * a.powi(3) / 3.0;
     let core = line * 4.0 * b * c;
@@ -130,7 +130,7 @@ fn second_moment(a: f64, b: f64, c: f64, r: f64) -> f64 {
     core + end_slabs + side_slabs + edges_along + edges_across + corners
 }
 
-/// Diagonal of the inertia of a rounded box of 1 kg, m2.
+/// Returns the diagonal of the inertia of a rounded box of 1 kg, m2.
 pub fn cuboid_unit_inertia(half: &Vector3<f64>, radius: f64) -> Vector3<f64> {
     let inner = half.add_scalar(-radius);
     let moment = |i: usize, j: usize, k: usize| second_moment(inner[i], inner[j], inner[k], radius);

@@ -1,34 +1,35 @@
-//! A mesh as parallel rays see it: the height at which each ray meets the solid first.
+//! Height map of a mesh seen by parallel rays: the height at which each ray first meets the solid.
 //!
-//! A bounding-volume hierarchy answers rays of any direction one by one. Where thousands of them run along the same axis, as under the
-//! pixels of a pad, it is cheaper to project the triangles onto the plane across the axis once and to sort them into the cells of a grid
-//! there: a ray then looks at the few triangles of its cell.
+//! A bounding-volume hierarchy answers rays of any direction one by one. If thousands of them run along the same axis, as under
+//! the pixels of a pad, it is cheaper to project the triangles once onto the plane across the axis and to sort them into the
+//! cells of a grid. A ray then tests only the few triangles of its cell.
 
 use nalgebra::{Isometry3, Point3};
 
 use super::mesh::Mesh;
 
-/// Edge of a cell, m: a few pixels of a pad.
+/// Edge length of a cell, m: a few pixels of a pad.
 const CELL: f64 = 5e-4;
-/// Cells along a side at most: a large mesh gets larger cells.
+/// Greatest number of cells along a side; a large mesh gets larger cells.
 const CELLS: usize = 128;
-/// How far, as a share of the triangle's size, a point beside an edge still counts as on the triangle, so that no ray slips between two.
+/// Tolerance beside a triangle's edge, relative to the triangle's size, so that no ray slips between two triangles.
 const EDGE: f64 = 1e-9;
-/// Triangles whose projection is smaller, m2, stand along the rays: their neighbours take those.
+/// Projected area below which a triangle counts as parallel to the rays, m2; its neighbours catch those rays.
 const LEAST_AREA: f64 = 1e-18;
 
-/// A triangle over the plane. With `(x, y)` from its first corner, the barycentric weight of corner n + 1 is `weights[n] . (x, y)`.
+/// A triangle over the plane. For `(x, y)` relative to its first corner, the barycentric weight of corner n + 1 is
+/// `weights[n] . (x, y)`.
 #[derive(Debug, Clone)]
 struct Face {
     corner: Point3<f64>,
     weights: [[f64; 2]; 2],
-    /// How much higher the other two corners are than the first, m.
+    /// Height of the other two corners over the first, m.
     rises: [f64; 2],
-    /// Whether a ray leaves the solid here.
+    /// True if a ray leaves the solid here.
     leaves: bool,
 }
 
-/// The side of a mesh that looks down the z axis of a frame.
+/// Height map of the side of a mesh that faces down the z axis of a frame.
 #[derive(Debug, Clone)]
 pub struct Relief {
     start: f64,
@@ -42,7 +43,8 @@ pub struct Relief {
 }
 
 impl Relief {
-    /// Of rays that start at `start` (m) on z and run along it, over the rectangle from `low` to `high` (m) of the frame's x and y.
+    /// Builds the height map for rays that start at `start` (m) on z and run along it, over the rectangle from `low` to
+    /// `high` (m) of the frame's x and y.
     pub fn new(mesh: &Mesh, frame_from_mesh: &Isometry3<f64>, start: f64, (low, high): ([f64; 2], [f64; 2])) -> Self {
         let vertices: Vec<Point3<f64>> = mesh.vertices().iter().map(|vertex| frame_from_mesh * vertex).collect();
         let corners = |triangle: &[u32; 3]| triangle.map(|vertex| vertices[vertex as usize]);
@@ -67,7 +69,7 @@ impl Relief {
         relief
     }
 
-    /// A triangle that rays over the grid can meet, with the first and the last cell that it may lie over.
+    /// Returns a triangle that rays over the grid can meet, with the first and the last cell that it may cover.
     fn place(&self, corners: [Point3<f64>; 3]) -> Option<(Face, [[usize; 2]; 2])> {
         if corners.iter().all(|corner| corner.z < self.start) {
             return None;
@@ -76,7 +78,7 @@ impl Relief {
         for axis in 0..2 {
             let along = corners.map(|corner| (corner[axis] - self.low[axis]) / self.cell);
             let (least, most) = (along[0].min(along[1]).min(along[2]), along[0].max(along[1]).max(along[2]));
-            // A little more than the triangle, as its edges take a little more.
+            // Slightly more than the triangle, because of the tolerance at its edges.
             let (least, most) = (least - 1e-6, most + 1e-6);
             if most < 0.0 || least > self.size[axis] as f64 {
                 return None;
@@ -87,7 +89,7 @@ impl Relief {
         Some((Face::new(corners)?, cells))
     }
 
-    /// Keeps these faces, each in the cells from the first to the last.
+    /// Stores these faces, each in the cells from the first to the last.
     fn sort(&mut self, placed: Vec<(Face, [[usize; 2]; 2])>) {
         let width = self.size[0];
         let covered = |[first, last]: &[[usize; 2]; 2]| {
@@ -113,8 +115,8 @@ impl Relief {
         (self.starts, self.members) = (starts, members);
     }
 
-    /// Height (m) at which the ray over (x, y) meets the solid first: its start where that is inside, none where the ray misses or is not
-    /// over the rectangle.
+    /// Returns the height (m) at which the ray over (x, y) first meets the solid. It is the start of the ray if that is
+    /// inside, and none if the ray misses or is outside the rectangle.
     pub fn height(&self, x: f64, y: f64) -> Option<f64> {
         let [column, row] = [(x, 0), (y, 1)].map(|(place, axis)| ((place - self.low[axis]) / self.cell).floor());
         if !(0.0..self.size[0] as f64).contains(&column) || !(0.0..self.size[1] as f64).contains(&row) {
@@ -130,13 +132,13 @@ impl Relief {
                 (first, leaves) = (height, face.leaves);
             }
         }
-        // Where a ray leaves the solid before it has entered, it has begun inside.
+        // A ray that leaves the solid before it has entered must have started inside.
         (first < f64::INFINITY).then_some(if leaves { self.start } else { first })
     }
 }
 
 impl Face {
-    /// None of a triangle that stands along the rays.
+    /// Returns none for a triangle parallel to the rays.
     fn new([a, b, c]: [Point3<f64>; 3]) -> Option<Self> {
         let twice = (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x);
         if twice.abs() < LEAST_AREA {
@@ -146,7 +148,7 @@ impl Face {
         Some(Self { corner: a, weights, rises: [b.z - a.z, c.z - a.z], leaves: twice > 0.0 })
     }
 
-    /// Height over (x, y), m; none beside the triangle.
+    /// Returns the height over (x, y), m; none beside the triangle.
     fn height(&self, x: f64, y: f64) -> Option<f64> {
         let (x, y) = (x - self.corner.x, y - self.corner.y);
         let [b, c] = self.weights.map(|weight| weight[0] * x + weight[1] * y);
@@ -166,7 +168,8 @@ mod tests {
 
     proptest! {
         #![proptest_config(ProptestConfig { cases: 32, failure_persistence: None, ..ProptestConfig::default() })]
-        /// The same heights as of single rays, for rays from outside and from inside, over a rectangle that cuts the mesh.
+        /// The heights agree with those of single rays, for rays from outside and from inside, over a rectangle that
+        /// cuts the mesh.
         #[test]
         fn as_single_rays(turn in prop::array::uniform3(-3.0..3.0_f64), place in prop::array::uniform3(-0.02..0.02_f64)) {
             const START: f64 = -0.006;
@@ -195,7 +198,7 @@ mod tests {
         }
     }
 
-    /// What is outside the rectangle, below the start, or not there at all.
+    /// No height outside the rectangle, nor for a mesh below the start or elsewhere.
     #[test]
     fn what_no_ray_meets() {
         let set = ObjectSet::standard();

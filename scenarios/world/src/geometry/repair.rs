@@ -1,8 +1,8 @@
-//! A closed mesh from the triangles of a file, with the least change: what is sound stays as it is, to the bit.
+//! Repair of a file's triangles into a closed mesh, with the least change: sound parts stay as they are, to the bit.
 //!
-//! In this order: vertices in one place become one, and triangles without an area, doubled ones and flaps are left out; seams are closed;
-//! neighbours are turned to agree on a sense; loose scraps are left out and small holes closed. Only what is open even then is rebuilt on a
-//! grid. The result is compared with the file's triangles: a surface or a volume that they do not imply is refused.
+//! The steps are, in order: merge vertices in one place; drop triangles without an area, duplicates and flaps; close seams; orient
+//! neighbours consistently; drop loose scraps and close small holes. Only pieces that are still open are rebuilt on a grid. The
+//! result is compared with the file's triangles and refused if they do not imply its surface or volume.
 
 mod checks;
 mod holes;
@@ -18,18 +18,18 @@ pub use self::report::Repair;
 use self::soup::Soup;
 use super::mesh::{GeometryError, Mesh};
 
-/// Share of the surface that loose scraps may make up together, to be left out.
+/// Greatest share of the surface that dropped scraps may make up together.
 const MOST_SCRAPS: f64 = 0.01;
-/// A mesh with more triangles is made coarser: its distance field and its convex parts would take minutes.
+/// Number of triangles above which a mesh is simplified: its distance field and convex parts would take minutes.
 pub const MOST_TRIANGLES: usize = 40_000;
 
-/// A fault and why it was not mended.
+/// Returns the error for a fault and the reason why it was not mended.
 fn refused(fault: &str, reason: impl Into<String>) -> GeometryError {
     GeometryError::Unmended { fault: fault.into(), reason: reason.into() }
 }
 
 impl Mesh {
-    /// The closed mesh that triangles are, or are meant to be, in metres; with what was done to them.
+    /// Returns the closed mesh that the triangles form, or are meant to form, in metres, with a report of the repairs.
     pub fn repaired(vertices: &[Point3<f64>], triangles: &[[u32; 3]]) -> Result<(Self, Repair), GeometryError> {
         let fault = match Self::new(vertices.to_vec(), triangles.to_vec()) {
             Ok(mesh) if triangles.len() <= MOST_TRIANGLES && orientation::is_sound(&mesh) => {
@@ -73,7 +73,7 @@ impl Mesh {
     }
 }
 
-/// Leaves out open pieces that are next to nothing of the surface.
+/// Drops open pieces whose share of the surface is negligible.
 fn drop_scraps(soup: &mut Soup, repair: &mut Repair) {
     let (component, count) = soup.components();
     if count < 2 {
@@ -91,7 +91,7 @@ fn drop_scraps(soup: &mut Soup, repair: &mut Repair) {
     soup.keep(|number| !open.contains(&component[number]));
 }
 
-/// Closes holes where all of them together are a small part of the surface.
+/// Closes holes if all of them together are a small part of the surface.
 fn fill_holes(soup: &mut Soup, repair: &mut Repair) {
     let rims = holes::rims(soup);
     if rims.is_empty() {
@@ -112,7 +112,7 @@ fn fill_holes(soup: &mut Soup, repair: &mut Repair) {
     }
 }
 
-/// Rebuilds the pieces that are open, all in one, and leaves the closed ones as they are.
+/// Rebuilds the open pieces, all in one, and leaves the closed ones as they are.
 fn rebuild_open(soup: &mut Soup, repair: &mut Repair) -> Result<(), String> {
     let (component, count) = soup.components();
     let pieces = soup.pieces(&component, count);
@@ -136,7 +136,7 @@ fn rebuild_open(soup: &mut Soup, repair: &mut Repair) -> Result<(), String> {
     Ok(())
 }
 
-/// The mesh itself, or one of fewer triangles where it has very many; as many more of them as it takes to follow it.
+/// Returns the mesh itself or, if it has very many triangles, a simplified one with just enough triangles to follow it.
 fn coarser(mesh: Mesh, repair: &mut Repair) -> Result<Mesh, GeometryError> {
     let before = mesh.triangles().len();
     let mut target = MOST_TRIANGLES;

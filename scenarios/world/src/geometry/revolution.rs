@@ -1,4 +1,4 @@
-//! Meshes built by code: surfaces of revolution and convex hulls.
+//! Meshes built in code: surfaces of revolution and convex hulls.
 
 use std::f64::consts::TAU;
 
@@ -7,16 +7,16 @@ use parry3d_f64::transformation::try_convex_hull;
 
 use super::mesh::{GeometryError, Mesh, Triangles, from_parry, to_parry};
 
-/// How far a convex part may stand out of the surface it replaces, m.
+/// Greatest distance by which a convex part may stand out of the surface it replaces, m.
 const PART_TOLERANCE: f64 = 2.5e-4;
-/// Corners around a convex part.
+/// Number of corners around a convex part.
 const PART_SEGMENTS: usize = 24;
 
-/// The outline of a surface of revolution: (radius, z) from the lowest to the highest point, m. Both ends lie on the axis, z
-/// never falls and all radii in between are positive.
+/// Outline of a surface of revolution: (radius, z) from the lowest to the highest point, m. Both ends lie on the axis,
+/// z never falls, and all radii in between are positive.
 pub type Profile = Vec<[f64; 2]>;
 
-/// Turns a profile about the z axis in `segments` steps. Its convex parts are stacked slices.
+/// Revolves a profile about the z axis in `segments` steps. Its convex parts are stacked slices.
 pub fn revolve(profile: &Profile, segments: usize) -> Result<Mesh, GeometryError> {
     let rings = profile.len().saturating_sub(2);
     let well_formed = rings > 0
@@ -49,13 +49,14 @@ pub fn revolve(profile: &Profile, segments: usize) -> Result<Mesh, GeometryError
     Ok(Mesh::new(vertices, triangles)?.with_parts(slices(profile)))
 }
 
-/// The convex hull of a set of points as a mesh, one convex part.
+/// Returns the convex hull of a set of points as a mesh with a single convex part.
 pub fn hull_mesh(points: &[Point3<f64>]) -> Result<Mesh, GeometryError> {
     let (hull, triangles) = hull_triangles(points)?;
     Ok(Mesh::new(hull.clone(), triangles)?.with_parts(vec![hull]))
 }
 
-/// Corners and triangles of the convex hull of a set of points; among thousands of points some triangles may have next to no area.
+/// Returns corners and triangles of the convex hull of a set of points. Among thousands of points, some triangles may
+/// have almost no area.
 pub fn hull_triangles(points: &[Point3<f64>]) -> Result<Triangles, GeometryError> {
     let points: Vec<_> = points.iter().map(to_parry).collect();
     let (hull, triangles) = try_convex_hull(&points).map_err(|error| GeometryError::Element {
@@ -73,7 +74,7 @@ fn ring([radius, z]: [f64; 2], segments: usize) -> impl Iterator<Item = Point3<f
     })
 }
 
-/// Cuts the profile into runs that are convex to within the tolerance.
+/// Cuts the profile into runs that are convex within the tolerance.
 fn slices(profile: &Profile) -> Vec<Vec<Point3<f64>>> {
     let mut parts = Vec::new();
     let mut start = 0;
@@ -100,12 +101,12 @@ fn slices(profile: &Profile) -> Vec<Vec<Point3<f64>>> {
     parts
 }
 
-/// Height of `point` over the line through `a` and `b`, radius being up, times the line's length.
+/// Returns the height of `point` over the line through `a` and `b`, radius being up, times the line's length.
 fn over(a: [f64; 2], b: [f64; 2], point: [f64; 2]) -> f64 {
     (b[1] - a[1]) * (point[0] - a[0]) - (b[0] - a[0]) * (point[1] - a[1])
 }
 
-/// The outer side of the convex hull of a run of the profile.
+/// Returns the outer side of the convex hull of a run of the profile.
 fn upper_hull(run: &[[f64; 2]]) -> Profile {
     let mut hull: Profile = Vec::new();
     for &point in run {
@@ -117,13 +118,13 @@ fn upper_hull(run: &[[f64; 2]]) -> Profile {
     hull
 }
 
-/// Distance of `point` from the segment's line, m.
+/// Returns the distance of `point` from the line through `a` and `b`, m.
 fn gap(a: [f64; 2], b: [f64; 2], point: [f64; 2]) -> f64 {
     let length = (b[0] - a[0]).hypot(b[1] - a[1]);
     if length > 0.0 { over(a, b, point).abs() / length } else { (point[0] - a[0]).hypot(point[1] - a[1]) }
 }
 
-/// How far the hull of a run stands out of it, m.
+/// Returns the greatest distance by which the hull of a run stands out of it, m.
 fn excess(run: &[[f64; 2]]) -> f64 {
     let hull = upper_hull(run);
     let gap_at = |point: [f64; 2]| {
@@ -135,7 +136,7 @@ fn excess(run: &[[f64; 2]]) -> f64 {
     run.iter().map(|&point| gap_at(point)).filter(|gap| gap.is_finite()).fold(0.0, f64::max)
 }
 
-/// Drops points that lie within `tolerance` of the line between their neighbours that stay.
+/// Drops points that lie within `tolerance` of the line between their remaining neighbours.
 fn simplify(outline: &[[f64; 2]], tolerance: f64) -> Profile {
     let (first, last) = (outline[0], outline[outline.len() - 1]);
     let worst = (1..outline.len() - 1)

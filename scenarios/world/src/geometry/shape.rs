@@ -1,4 +1,4 @@
-//! The shape of an object: primitives in closed form, meshes through parry.
+//! Shapes of objects: primitives in closed form, meshes through parry.
 
 use std::sync::Arc;
 
@@ -13,21 +13,21 @@ use super::tessellation::{self, Tessellation};
 pub enum Shape {
     /// A ball around the origin.
     Sphere {
-        /// m.
+        /// Radius, m.
         radius: f64,
     },
     /// A cylinder around the z axis, centred on the origin.
     Cylinder {
-        /// m.
+        /// Radius, m.
         radius: f64,
-        /// Half of its height, m.
+        /// Half of the height, m.
         half_height: f64,
     },
     /// A box centred on the origin with rounded edges.
     Cuboid {
-        /// Half extents *with* the rounding, m.
+        /// Half extents including the rounding, m.
         half: Vector3<f64>,
-        /// Rounding radius, m; 0 is sharp.
+        /// Rounding radius, m; 0 for sharp edges.
         radius: f64,
     },
     /// A watertight triangle mesh.
@@ -35,7 +35,7 @@ pub enum Shape {
 }
 
 impl Shape {
-    /// The same shape `factor` times as large, about the frame's origin.
+    /// Returns the shape scaled by `factor` about the frame's origin.
     pub fn scaled(&self, factor: f64) -> Result<Self, GeometryError> {
         Ok(match self {
             Self::Sphere { radius } => Self::Sphere { radius: radius * factor },
@@ -47,7 +47,8 @@ impl Shape {
         })
     }
 
-    /// Distance from `point` to the surface, m, negative inside, and its gradient: the unit outward direction.
+    /// Returns the distance from `point` to the surface, m, negative inside, and its gradient: the unit outward
+    /// direction.
     pub fn signed_distance(&self, point: &Point3<f64>) -> (f64, Vector3<f64>) {
         match self {
             Self::Sphere { radius } => primitive::sphere_distance(*radius, point),
@@ -57,7 +58,8 @@ impl Shape {
         }
     }
 
-    /// Distance along the ray to the first point of the solid, m: 0 where the origin is inside already, none on a miss.
+    /// Returns the distance along the ray to the first point of the solid, m: 0 if the origin is inside already, none
+    /// on a miss.
     pub fn ray(&self, origin: &Point3<f64>, direction: &Unit<Vector3<f64>>) -> Option<f64> {
         match self {
             Self::Sphere { radius } => primitive::sphere_ray(*radius, origin, direction),
@@ -67,7 +69,7 @@ impl Shape {
         }
     }
 
-    /// Radius of the smallest ball around the frame's origin that holds the shape, m.
+    /// Returns the radius of the smallest ball around the frame's origin that contains the shape, m.
     pub fn bounding_radius(&self) -> f64 {
         match self {
             Self::Sphere { radius } => *radius,
@@ -77,7 +79,7 @@ impl Shape {
         }
     }
 
-    /// Lowest and highest corner of the axis-aligned box around the shape, m.
+    /// Returns the lowest and highest corner of the axis-aligned bounding box, m.
     pub fn aabb(&self) -> (Point3<f64>, Point3<f64>) {
         let half = match self {
             Self::Sphere { radius } => Vector3::repeat(*radius),
@@ -88,7 +90,7 @@ impl Shape {
         (Point3::from(-half), Point3::from(half))
     }
 
-    /// m3.
+    /// Returns the volume, m3.
     pub fn volume(&self) -> f64 {
         match self {
             Self::Sphere { radius } => 4.0 / 3.0 * std::f64::consts::PI * radius.powi(3),
@@ -98,7 +100,8 @@ impl Shape {
         }
     }
 
-    /// Centre of mass (m) and inertia about it (kg m2, the frame's axes) of a uniform body of `mass` kg.
+    /// Returns the centre of mass (m) and the inertia about it (kg m2, the frame's axes) of a uniform body of `mass`
+    /// kg.
     pub fn inertia(&self, mass: f64) -> (Point3<f64>, Matrix3<f64>) {
         let diagonal = match self {
             Self::Sphere { radius } => Vector3::repeat(0.4 * radius * radius),
@@ -112,7 +115,7 @@ impl Shape {
         (Point3::origin(), Matrix3::from_diagonal(&diagonal) * mass)
     }
 
-    /// The point of the shape farthest along `direction` (any length but 0), m.
+    /// Returns the point of the shape farthest along `direction` (any length but 0), m.
     pub fn support(&self, direction: &Vector3<f64>) -> Point3<f64> {
         match self {
             Self::Sphere { radius } => Point3::from(direction.normalize() * *radius),
@@ -129,14 +132,15 @@ impl Shape {
         }
     }
 
-    /// Height of the lowest point over the frame's origin (negative, m) when the shape is turned by `rotation`: it rests on
-    /// the table z = 0 with its origin at minus this.
+    /// Returns the height of the lowest point relative to the frame's origin (negative, m) when the shape is rotated by
+    /// `rotation`. On the table z = 0, the origin is at minus this height.
     pub fn lowest(&self, rotation: &UnitQuaternion<f64>) -> f64 {
         let down = rotation.inverse_transform_vector(&-Vector3::z());
         -self.support(&down).coords.dot(&down)
     }
 
-    /// A tessellation for drawing: points (m), triangles (counter-clockwise from outside), one unit normal per point.
+    /// Returns a tessellation for drawing: points (m), triangles (counter-clockwise from outside), one unit normal per
+    /// point.
     pub fn triangles(&self) -> Tessellation {
         match self {
             Self::Sphere { radius } => tessellation::sphere(*radius),
@@ -146,7 +150,7 @@ impl Shape {
         }
     }
 
-    /// `n` points spread evenly over the surface, the same ones at every call, m.
+    /// Returns `n` points spread evenly over the surface, the same ones at every call, m.
     pub fn surface_samples(&self, n: usize) -> Vec<Point3<f64>> {
         let (points, triangles, _) = self.triangles();
         let mut samples = tessellation::sample(&points, &triangles, n);
@@ -159,8 +163,8 @@ impl Shape {
         samples
     }
 
-    /// Convex point sets that together fill the shape, for dynamics. Primitives answer with their tessellation's points;
-    /// engines have better primitives of their own.
+    /// Returns convex point sets that together fill the shape, for dynamics. Primitives return the points of their
+    /// tessellation; physics engines have better primitives of their own.
     pub fn convex_parts(&self) -> Vec<Vec<Point3<f64>>> {
         match self {
             Self::Mesh(mesh) => mesh.convex_parts().to_vec(),

@@ -1,21 +1,21 @@
-//! Fewer triangles for a closed surface: edges are collapsed in the order of their quadric error (Garland & Heckbert 1997).
+//! Simplification of a closed surface: edges are collapsed in the order of their quadric error (Garland & Heckbert 1997).
 //!
-//! The surface stays closed and keeps its topology: an edge is collapsed only where its two ends share two neighbours, and where no triangle
-//! is turned over by it.
+//! The surface stays closed and keeps its topology. An edge is collapsed only if its two ends share exactly two neighbours, and
+//! if no triangle is flipped by it.
 
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
 use nalgebra::{Matrix3, Point3, Vector3};
 
-/// A triangle's normal may turn by as much as this cosine in one collapse.
+/// Least cosine of the rotation of a triangle's normal in one collapse.
 const LEAST_COSINE: f64 = 0.2;
-/// Twice the area that a triangle keeps at least, m2.
+/// Least value of twice the area of a triangle, m2.
 const LEAST_DOUBLE_AREA: f64 = 1e-14;
-/// Determinant, over the cube of the trace, from which the best place of a vertex is well determined.
+/// Determinant, relative to the cube of the trace, above which the best position of a vertex is well determined.
 const WELL_DETERMINED: f64 = 1e-4;
 
-/// The sum of squared distances to planes, weighed by their triangles' area: x'Ax + 2 b'x + c.
+/// Sum of squared distances to planes, weighted by their triangles' areas: x'Ax + 2 b'x + c.
 #[derive(Debug, Clone, Copy, Default)]
 struct Quadric {
     a: Matrix3<f64>,
@@ -39,12 +39,12 @@ impl Quadric {
     }
 }
 
-/// An edge that may be collapsed; the cheapest is the greatest.
+/// An edge that may be collapsed. In the order of candidates, the cheapest is the greatest.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Candidate {
     cost: f64,
     ends: (u32, u32),
-    /// Of the two ends, when the cost was worked out.
+    /// Versions of the two ends when the cost was computed.
     versions: (u32, u32),
     place: Point3<f64>,
 }
@@ -108,7 +108,7 @@ impl Surface {
         let determined = quadric.a.determinant() > WELL_DETERMINED * quadric.a.trace().powi(3);
         let best =
             determined.then(|| quadric.a.try_inverse()).flatten().map(|inverse| Point3::from(-(inverse * quadric.b)));
-        // A place far from the edge comes of planes that are nearly parallel.
+        // A position far from the edge results from nearly parallel planes.
         let near = best.filter(|place| (place - nalgebra::center(&a, &b)).norm() < 2.0 * (b - a).norm());
         let choices = [near, Some(nalgebra::center(&a, &b)), Some(a), Some(b)];
         let costs = choices.into_iter().flatten().map(|place| (quadric.at(&place), place));
@@ -117,7 +117,7 @@ impl Surface {
         Candidate { cost, ends: (low, high), versions, place }
     }
 
-    /// Neighbours of a vertex, sorted.
+    /// Returns the neighbours of a vertex, sorted.
     fn neighbours(&self, vertex: u32) -> Vec<u32> {
         let corners =
             self.around[vertex as usize].iter().filter_map(|number| self.triangles[*number as usize]).flatten();
@@ -166,7 +166,7 @@ impl Surface {
     }
 }
 
-/// A closed surface of about `target` triangles, or of as few as its topology allows.
+/// Returns a closed surface of about `target` triangles, or of as few as its topology allows.
 pub fn simplify(vertices: &[Point3<f64>], triangles: &[[u32; 3]], target: usize) -> (Vec<Point3<f64>>, Vec<[u32; 3]>) {
     let mut surface = Surface::new(vertices, triangles);
     let mut queue: BinaryHeap<Candidate> = triangles

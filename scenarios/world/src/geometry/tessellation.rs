@@ -1,4 +1,4 @@
-//! Triangles for drawing, and points spread over them.
+//! Tessellations for drawing, and points spread over them.
 
 use std::f64::consts::{FRAC_PI_4, PI, TAU};
 
@@ -10,7 +10,7 @@ use super::mesh::Mesh;
 pub type Tessellation = (Vec<Point3<f64>>, Vec<[u32; 3]>, Vec<Vector3<f64>>);
 
 const SEGMENTS: usize = 48;
-/// Faces that meet at a smaller angle than this are drawn smooth, cosine.
+/// Cosine of the angle between faces below which their edge is drawn smooth.
 const CREASE: f64 = 0.819;
 
 /// Adds a grid of `rows` x `columns` quads whose points (rows + 1) x (columns + 1) come from `point`.
@@ -69,7 +69,7 @@ pub fn cylinder(radius: f64, half_height: f64) -> Tessellation {
     out
 }
 
-/// Each face of a cube of directions, cut in its middle where the flat face goes.
+/// Tessellates a rounded box: each face of a cube of directions is cut in its middle, where the flat face is inserted.
 pub fn cuboid(half: &Vector3<f64>, radius: f64) -> Tessellation {
     let mut out = Tessellation::default();
     let inner = half.add_scalar(-radius);
@@ -95,7 +95,7 @@ pub fn cuboid(half: &Vector3<f64>, radius: f64) -> Tessellation {
     out
 }
 
-/// Every corner gets the mean normal of the faces around it that meet at a shallow angle.
+/// Tessellates a mesh: every corner gets the mean normal of the faces around it that meet at a shallow angle.
 pub fn mesh(mesh: &Mesh) -> Tessellation {
     let corners: Vec<[Point3<f64>; 3]> =
         mesh.triangles().iter().map(|triangle| triangle.map(|index| mesh.vertices()[index as usize])).collect();
@@ -122,7 +122,7 @@ pub fn mesh(mesh: &Mesh) -> Tessellation {
     out
 }
 
-/// Points spread by area: equal steps along the triangles' cumulated area, golden-ratio steps within them.
+/// Spreads points by area: equal steps along the triangles' cumulative area, golden-ratio steps within them.
 pub fn sample(points: &[Point3<f64>], triangles: &[[u32; 3]], n: usize) -> Vec<Point3<f64>> {
     let mut cumulated = Vec::with_capacity(triangles.len());
     let mut total = 0.0;

@@ -62,7 +62,7 @@ proptest! {
             let step = along.into_inner() * 1e-7;
             let (ahead, behind) = (shape.signed_distance(&(point + step)).0, shape.signed_distance(&(point - step)).0);
             prop_assert!((ahead - distance).abs() <= 1.0001e-7, "{name}: steeper than 1");
-            // On the ridge inside the solid the slope differs between the two sides.
+            // On the ridge inside the solid, the slope differs between the two sides.
             if (ahead + behind - 2.0 * distance).abs() < 1e-11 {
                 let slope = (ahead - behind) / 2e-7;
                 prop_assert!((slope - gradient.dot(&along)).abs() < 2e-4, "{name}: {slope} {}", gradient.dot(&along));
@@ -138,7 +138,7 @@ fn samples_lie_on_the_surface_and_spread() {
         assert_eq!(samples, shape.surface_samples(500));
         assert!(samples.iter().all(|sample| shape.signed_distance(sample).0.abs() < 1e-8), "{name}");
         let mean: Vector3<f64> = samples.iter().map(|sample| sample.coords).sum::<Vector3<f64>>() / 500.0;
-        // The surface's own centre: a vase's is away from its centre of mass, where the origin is.
+        // Centroid of the surface: for a vase, it is away from the centre of mass, which is the origin.
         assert!(mean.norm() < 4e-3_f64.max(0.08 * shape.bounding_radius()), "{name}: {mean}");
         for along in [Vector3::x(), -Vector3::y(), Vector3::z(), -Vector3::z()] {
             assert!(
@@ -214,7 +214,7 @@ fn a_hollow_mesh_without_known_parts_is_decomposed() {
     assert!(mesh.signed_distance(&Point3::new(0.03, 0.03, 0.01)).0 > 0.0);
     let volume: f64 = mesh.convex_parts().iter().map(|part| hull_mesh(part).unwrap().volume()).sum();
     assert!(mesh.convex_parts().len() >= 2 && (volume / mesh.volume() - 1.0).abs() < 0.1, "{volume}");
-    // A larger one comes apart in the same way, whoever asked for the parts of the first before.
+    // A scaled mesh has the same decomposition, whether or not the parts of the original were computed before.
     let fresh = Mesh::new(mesh.vertices().to_vec(), mesh.triangles().to_vec()).unwrap();
     let (asked, unasked) = (mesh.scaled(1.03).unwrap(), fresh.scaled(1.03).unwrap());
     assert_eq!(asked.convex_parts(), unasked.convex_parts());

@@ -1,4 +1,4 @@
-//! The surface of any set of triangles, closed or not: the point on it that is nearest.
+//! Surface of any set of triangles, closed or not, with a nearest-point query.
 
 use nalgebra::Point3;
 use parry3d_f64::query::PointQuery;
@@ -6,16 +6,16 @@ use parry3d_f64::shape::TriMesh;
 
 use super::mesh::{from_parry, to_parry};
 
-/// Triangles that can be asked for their nearest point.
+/// Triangles with a nearest-point query.
 pub struct TriangleSurface(TriMesh);
 
 impl TriangleSurface {
-    /// Of `triangles` between `vertices`; none where there are no triangles with vertices.
+    /// Creates the surface of `triangles` between `vertices`; none if there are no triangles with vertices.
     pub fn new(vertices: &[Point3<f64>], triangles: &[[u32; 3]]) -> Option<Self> {
         TriMesh::new(vertices.iter().map(to_parry).collect(), triangles.to_vec()).ok().map(Self)
     }
 
-    /// The nearest point of the surface to `point`.
+    /// Returns the point of the surface nearest to `point`.
     pub fn nearest(&self, point: &Point3<f64>) -> Point3<f64> {
         from_parry(self.0.project_local_point(to_parry(point), false).point)
     }
@@ -25,7 +25,7 @@ impl TriangleSurface {
 mod tests {
     use super::*;
 
-    /// One triangle: from above its middle down to it, from beside to its edge.
+    /// One triangle: the nearest point is straight below from above its middle, and on its edge from beside.
     #[test]
     fn the_nearest_point_lies_on_the_triangles() {
         let vertices = [Point3::origin(), Point3::new(1.0, 0.0, 0.0), Point3::new(0.0, 1.0, 0.0)];

@@ -1,31 +1,32 @@
-//! Inside or outside of any set of triangles: the generalized winding number (Jacobson et al. 2013).
+//! Inside-outside test for any set of triangles: the generalized winding number (Jacobson et al. 2013).
 //!
-//! Around a closed surface it is 1 inside and 0 outside; holes, overlaps and loose ends make it fall off smoothly instead of
-//! breaking it. Triangles far away count together as one dipole (Barill et al. 2018), so that a question costs a walk down a
-//! tree instead of a pass over all triangles.
+//! For a closed surface, it is 1 inside and 0 outside. With holes, overlaps and loose ends it varies smoothly instead of
+//! failing. Distant triangles are combined into one dipole (Barill et al. 2018), so that a query costs a walk down a tree
+//! instead of a pass over all triangles.
 
 use nalgebra::{Point3, Vector3};
 
-/// A cluster is a dipole to points this many of its radii away: errors below a hundredth.
+/// Distance, in radii of a cluster, beyond which the cluster is approximated by a dipole; the error is below a
+/// hundredth.
 const FAR: f64 = 3.0;
-/// Triangles of a leaf.
+/// Greatest number of triangles of a leaf.
 const LEAF: usize = 8;
 
-/// The tree over the triangles.
+/// Tree over the triangles.
 pub struct Winding {
     triangles: Vec<[Point3<f64>; 3]>,
     nodes: Vec<Node>,
 }
 
 struct Node {
-    /// Mean of the triangles' centres, weighed by area, m.
+    /// Mean of the triangles' centres, weighted by area, m.
     center: Point3<f64>,
-    /// m.
+    /// Radius, m.
     radius: f64,
     /// Sum of area times normal, m2.
     dipole: Vector3<f64>,
     range: std::ops::Range<usize>,
-    /// The first of two children that follow each other, if it has some.
+    /// Index of the first of two consecutive children, if any.
     children: Option<usize>,
 }
 
@@ -38,7 +39,7 @@ fn middle(triangle: &[Point3<f64>; 3]) -> Vector3<f64> {
 }
 
 impl Winding {
-    /// Of triangles in any order, counter-clockwise from outside.
+    /// Builds the tree for triangles in any order, counter-clockwise seen from outside.
     pub fn new(vertices: &[Point3<f64>], triangles: &[[u32; 3]]) -> Self {
         let corners = triangles.iter().map(|triangle| triangle.map(|index| vertices[index as usize])).collect();
         let mut tree = Self { triangles: corners, nodes: Vec::new() };
@@ -78,7 +79,7 @@ impl Winding {
         Node { center, radius, dipole: own.iter().map(area).sum(), range, children: None }
     }
 
-    /// The winding number at `point`.
+    /// Returns the winding number at `point`.
     pub fn at(&self, point: &Point3<f64>) -> f64 {
         let (mut sum, mut open) = (0.0, vec![0]);
         while let Some(index) = open.pop() {
@@ -98,7 +99,7 @@ impl Winding {
     }
 }
 
-/// The solid angle of a triangle seen from `point` (Van Oosterom & Strackee 1983), positive from behind.
+/// Returns the solid angle of a triangle seen from `point` (Van Oosterom & Strackee 1983), positive from behind.
 fn solid_angle(triangle: &[Point3<f64>; 3], point: &Point3<f64>) -> f64 {
     let [a, b, c] = triangle.map(|corner| corner - point);
     let (la, lb, lc) = (a.norm(), b.norm(), c.norm());
@@ -111,7 +112,8 @@ mod tests {
     use super::*;
     use crate::geometry::Shape;
 
-    /// A ball's surface: 1 inside, 0 outside, with clusters and without; without its cap still nearly so.
+    /// A ball's surface has winding number 1 inside and 0 outside, with clusters and without. Without its cap, this is
+    /// still nearly so.
     #[test]
     fn a_ball_winds_once() {
         let (points, triangles, _) = Shape::Sphere { radius: 0.03 }.triangles();

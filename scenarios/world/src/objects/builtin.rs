@@ -7,7 +7,7 @@ use platform::reach::Reach;
 use super::file::ObjectFile;
 use super::set::ObjectSet;
 
-/// A file of `data/objects` and its name.
+/// Lists files of `data/objects` with their names.
 macro_rules! files {
     ($($name:literal),* $(,)?) => {
         &[$((concat!($name, ".toml"), include_str!(concat!("../../data/objects/", $name, ".toml")))),*]
@@ -36,19 +36,19 @@ const COMPACT: &[(&str, &str)] = files![
     "gem",
 ];
 
-/// Larger or flatter things, among them the ones that the paper's multi-object landscape names (vase, multimeter, board eraser,
-/// coffee bottle, Coke can; its pawn is among the compact ones).
+/// Larger or flatter objects. They include those that the paper's multi-object landscape names (vase, multimeter, board
+/// eraser, coffee bottle, Coke can), except its pawn, which is among the compact ones.
 const LARGE: &[(&str, &str)] = files!["ball", "coke_can", "board_eraser", "multimeter", "vase", "coffee_bottle"];
 
-/// Long or irregular things: held across the palm they reach into the room of the digits that are still free.
+/// Long or irregular objects: held across the palm, they reach into the workspace of the digits that are still free.
 const LONG: &[(&str, &str)] =
     files!["pillar", "bar", "slab", "bottle", "shampoo", "glue_stick", "salt_mill", "l_block", "caddy",];
 
-/// Of the three small balls the synthesized repertoire leaves out the middle one: two are enough.
+/// Object left out of the synthesized repertoire: the middle one of the three small balls, because two are enough.
 const LEFT_OUT: &str = "ball_45";
 
 impl ObjectSet {
-    /// All objects that come with the program.
+    /// Returns all objects that come with the program.
     ///
     /// # Panics
     /// Never in a tested build: the files are compiled in and a test reads them.
@@ -56,7 +56,7 @@ impl ObjectSet {
         Self::builtin(&[COMPACT, LARGE, LONG])
     }
 
-    /// The 23 objects of the synthesized repertoire: as many as the paper's, a set of our own.
+    /// Returns the 23 objects of the synthesized repertoire: as many as in the paper, but a set of our own.
     ///
     /// # Panics
     /// Never in a tested build: the files are compiled in and a test reads them.
@@ -141,7 +141,7 @@ mod tests {
         }
     }
 
-    /// What looks the same stands the same; what fell over does not stand.
+    /// Orientations that look the same have the same yaw. A fallen object does not stand.
     #[test]
     fn standing_and_lying() {
         let set = ObjectSet::standard();
@@ -181,7 +181,7 @@ mod tests {
         }
     }
 
-    /// What a file says of an object's symmetry is true of its shape.
+    /// The symmetry in an object's file agrees with its shape.
     #[test]
     fn symmetric_turns_map_the_surface_onto_itself() {
         for object in ObjectSet::repertoire().iter() {

@@ -1,5 +1,6 @@
-//! How else an object can lie on a table: the directions, seen from the object, in which its outline has the least height
-//! over its centre of mass. Each is a thing of its own for whoever grasps it.
+//! Other stable resting poses of an object on a table. They are the directions, in the object's frame, in which the
+//! support height under its centre of mass has a local minimum. Each pose is treated as an object of its own for
+//! grasping.
 
 use nalgebra::{UnitQuaternion, Vector3};
 
@@ -7,18 +8,18 @@ use super::model::ObjectModel;
 use super::set::ObjectSet;
 use super::symmetry::Symmetry;
 
-/// Directions that are looked at first, evenly spread.
+/// Number of evenly spread directions in the coarse search.
 const DIRECTIONS: usize = 1500;
-/// Half angle of the neighbourhood in which a way to lie must be the lowest, rad.
+/// Half angle of the neighbourhood in which a resting pose must be the lowest, rad.
 const NEIGHBOURHOOD: f64 = 0.15;
-/// Ways to lie that are kept, the lowest ones.
+/// Number of resting poses kept, the lowest ones.
 const KEPT: usize = 3;
-/// Steps of the refinement, rad.
+/// Step sizes of the refinement, rad.
 const STEPS: [f64; 4] = [0.02, 0.004, 0.0008, 0.0002];
 
 impl ObjectModel {
-    /// The object in each other way in which it can lie still, called `<name>_fallen`, `<name>_fallen_2`, ..., the lowest first.
-    /// Balls lie in one way only.
+    /// Returns the object in each of its other stable resting poses, named `<name>_fallen`, `<name>_fallen_2`, ..., the
+    /// lowest first. Balls have no other resting pose.
     pub fn fallen(&self) -> Vec<Self> {
         if self.symmetry == Symmetry::Full {
             return Vec::new();
@@ -49,7 +50,7 @@ impl ObjectModel {
 }
 
 impl ObjectSet {
-    /// This set and every other way in which one of its objects can lie.
+    /// Returns this set together with every other resting pose of its objects.
     #[must_use]
     pub fn with_fallen(mut self) -> Self {
         let fallen: Vec<ObjectModel> = self.iter().flat_map(|object| object.fallen()).collect();
@@ -59,14 +60,14 @@ impl ObjectSet {
         self
     }
 
-    /// The ways in which `object` can lie other than at rest, as far as this set has them.
+    /// Returns the resting poses of `object` other than its default one, as far as this set contains them.
     pub fn fallen_of<'a>(&'a self, object: &'a ObjectModel) -> impl Iterator<Item = &'a ObjectModel> {
         let prefix = format!("{}_fallen", object.name);
         self.iter().filter(move |other| other.name.starts_with(&prefix)).map(|other| &**other)
     }
 }
 
-/// Evenly spread unit vectors.
+/// Returns `count` evenly spread unit vectors (Fibonacci sphere).
 fn fibonacci(count: usize) -> impl Iterator<Item = Vector3<f64>> {
     let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
     (0..count).map(move |n| {
@@ -77,7 +78,7 @@ fn fibonacci(count: usize) -> impl Iterator<Item = Vector3<f64>> {
     })
 }
 
-/// Goes downhill from `down` by ever smaller turns.
+/// Refines `down` by pattern search with decreasing rotation steps, to a local minimum of `height`.
 fn refine(down: Vector3<f64>, height: &impl Fn(&Vector3<f64>) -> f64) -> (Vector3<f64>, f64) {
     let mut best = (down, height(&down));
     for step in STEPS {
@@ -108,7 +109,7 @@ mod tests {
     fn ways_to_lie() {
         let set = ObjectSet::standard().with_fallen();
         let fallen = |name: &str| set.fallen_of(set.get(name).unwrap()).map(|o| o.rest_height()).collect::<Vec<_>>();
-        // A can lies on its side; a ball and a cube lie as they always do; a box lies on its longer sides.
+        // A can may lie on its side. A ball and a cube have no other resting pose. A box may lie on its longer sides.
         assert!(matches!(fallen("can_50")[..], [height] if (height - 0.025).abs() < 1e-4));
         assert!(fallen("golf_ball").is_empty() && fallen("cube_45").is_empty());
         assert!(matches!(fallen("box_60")[..], [height] if (height - 0.0225).abs() < 1e-4));

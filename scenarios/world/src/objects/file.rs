@@ -1,25 +1,25 @@
-//! An object's data file.
+//! Data file of an object.
 //!
 //! ```toml
 //! name = "my_mug"            # unique; small letters, digits and _
 //! mass = 0.31                # kg
 //! friction = 0.6             # Coulomb coefficient against the hand's elastomer
 //! color = [200, 60, 60]      # RGB; grey if left out
-//! rest = "upright"           # or "lying" (a lathe's), or { turned = [roll, pitch, yaw] } in rad. Left out: upright if it stands so,
-//!                            # otherwise in the pose from which it is hardest to tip over
+//! rest = "upright"           # or "lying" (a lathe's), or { turned = [roll, pitch, yaw] } in rad. If left out: upright if it is stable,
+//!                            # otherwise the pose that is hardest to tip over
 //! symmetry = "none"          # or "full", "cube", { axis = { flip = true } }, { fold = { n = 4, flip = false } }; none if left out
 //! [shape.mesh]
-//! file = "my_mug.obj"        # OBJ, STL, PLY or glTF, relative to this file, z up as the object stands; what is broken of it is mended
+//! file = "my_mug.obj"        # OBJ, STL, PLY or glTF, relative to this file, z up as the object stands; faults are mended
 //! unit = 0.001               # m, the mesh's unit; 1 if left out
-//! tolerance = 0.001          # m, how far the convex parts of which physics makes it may stand out of it; 1 mm if left out
+//! tolerance = 0.001          # m, by how much the convex parts used in physics may stand out of the mesh; 1 mm if left out
 //! ```
 //!
 //! Other shapes, lengths in m:
 //! - `[shape.sphere]` with `diameter`;
 //! - `[shape.cylinder]` with `diameter` and `height`, along z;
 //! - `[shape.box]` with `size = [x, y, z]` and `rounding`, the radius of its edges;
-//! - `[shape.lathe]`, a surface of revolution about z, with `outline = [[radius, z], ...]` from bottom to top; with `spline = n` a
-//!   smooth curve goes through the points in n steps between two; `unit` is the outline's unit in m, 1 if left out;
+//! - `[shape.lathe]`, a surface of revolution about z, with `outline = [[radius, z], ...]` from bottom to top. With `spline = n`,
+//!   a smooth curve goes through the points in n steps between two. `unit` is the outline's unit in m, 1 if left out;
 //! - `[shape.hull]`, the convex hull of `corners = [[x, y, z], ...]`.
 
 use std::path::{Path, PathBuf};
@@ -37,50 +37,50 @@ use crate::geometry::{
     GeometryError, MAX_EXTENT, Mesh, Repair, Shape, Triangles, hull_mesh, read_triangles, revolve, to_obj,
 };
 
-/// The smallest length that the physics engine can work with, m.
+/// Smallest length that the physics engine can handle, m.
 const SMALLEST: f64 = 0.005;
-/// The smallest mass that is one, kg: a feather's.
+/// Smallest plausible mass, kg: that of a feather.
 const LIGHTEST: f64 = 1e-4;
-/// The largest mass that the arm could lift with the hand on it, kg.
+/// Greatest mass that the arm can lift with the hand on it, kg.
 const HEAVIEST: f64 = 4.0;
-/// Least and largest tolerance of convex parts, m.
+/// Least and greatest tolerance of convex parts, m.
 const TOLERANCES: (f64, f64) = (1e-4, 0.02);
-/// Most copies in a whole turn: what has more is a surface of revolution.
+/// Greatest order of rotational symmetry; beyond it, use a surface of revolution.
 const MOST_FOLDS: u32 = 360;
-/// Colour of what has none.
+/// Default colour.
 const GREY: [u8; 3] = [160, 160, 160];
 
-/// An object as its file has it.
+/// Contents of an object's file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ObjectFile {
-    /// Unique.
+    /// Unique name.
     pub name: String,
-    /// kg.
+    /// Mass, kg.
     pub mass: f64,
     /// Coulomb friction coefficient against the hand's elastomer.
     pub friction: f64,
-    /// RGB.
+    /// Colour, RGB.
     #[serde(default = "grey")]
     pub color: [u8; 3],
-    /// How it stands or lies; see [`ObjectModel::at_rest`] where it is left out.
+    /// Resting pose; if left out, that of [`ObjectModel::at_rest`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rest: Option<Rest>,
-    /// Turns that leave it looking the same.
+    /// Rotational symmetry.
     #[serde(default)]
     pub symmetry: Symmetry,
     pub shape: ShapeFile,
 }
 
-/// How an object rests on the table.
+/// Resting pose of an object on the table.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Rest {
-    /// As its shape is given.
+    /// Upright: as its shape is given.
     Upright,
-    /// A surface of revolution on its side, where its centre is lowest.
+    /// On its side, where its centre is lowest; for surfaces of revolution.
     Lying,
-    /// Turned by roll, pitch and yaw, rad.
+    /// Rotated by roll, pitch and yaw, rad.
     Turned([f64; 3]),
 }
 
@@ -90,51 +90,51 @@ pub enum Rest {
 pub enum ShapeFile {
     /// A ball.
     Sphere {
-        /// m.
+        /// Diameter, m.
         diameter: f64,
     },
     /// A cylinder along z.
     Cylinder {
-        /// m.
+        /// Diameter, m.
         diameter: f64,
-        /// m.
+        /// Height, m.
         height: f64,
     },
-    /// A box with round edges.
+    /// A box with rounded edges.
     Box {
-        /// With the rounding, m.
+        /// Outer size including the rounding, m.
         size: [f64; 3],
         /// Radius of the edges, m.
         rounding: f64,
     },
     /// A surface of revolution about z.
     Lathe {
-        /// (radius, z) from bottom to top, in `unit`.
+        /// Points (radius, z) from bottom to top, in `unit`.
         outline: Vec<[f64; 2]>,
-        /// Steps of a smooth curve between two points; none is straight lines.
+        /// Steps of a smooth curve between two points; straight lines if none.
         spline: Option<usize>,
-        /// m.
+        /// Unit of the outline, m.
         #[serde(default = "one")]
         unit: f64,
     },
     /// The convex hull of points.
     Hull {
-        /// m.
+        /// Corner points, m.
         corners: Vec<[f64; 3]>,
     },
     /// A triangle mesh.
     Mesh {
-        /// A mesh file, relative to the object's.
+        /// Path of the mesh file, relative to the object's file.
         file: PathBuf,
-        /// What [`ObjectFile::read`] found there, mended where it was broken, as text of an OBJ file.
+        /// Mesh that [`ObjectFile::read`] found there, mended if it was broken, as the text of an OBJ file.
         obj: Option<String>,
-        /// What was mended.
+        /// Description of the repairs.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         mended: Option<String>,
-        /// m.
+        /// Unit of the mesh, m.
         #[serde(default = "one")]
         unit: f64,
-        /// How far the convex parts of which physics makes it may stand out of it, m; 1 mm if left out.
+        /// Greatest distance by which the convex parts used in physics may stand out of the mesh, m; 1 mm if left out.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         tolerance: Option<f64>,
     },
@@ -149,7 +149,8 @@ fn one() -> f64 {
 }
 
 impl ObjectFile {
-    /// The object in a file's text. `path` is used in errors, and a mesh file that is within `reach` is looked for beside it.
+    /// Parses a file's text. `path` is named in errors; a mesh file is looked up relative to it and must be within
+    /// `reach`.
     pub fn parse(text: &str, path: &Path, reach: Reach) -> Result<Self, DataError> {
         let mut object: Self = parse_toml(text, path)?;
         if let ShapeFile::Mesh { file, obj: obj @ None, unit, mended, .. } = &mut object.shape {
@@ -168,12 +169,12 @@ impl ObjectFile {
         Ok(object)
     }
 
-    /// Reads an object's file and its mesh file, which is within `reach`.
+    /// Reads an object's file and its mesh file, which must be within `reach`.
     pub fn read(path: &Path, reach: Reach) -> Result<Self, DataError> {
         Self::parse(&read_text(path)?, path, reach)
     }
 
-    /// The object, if all its values make sense; `path` is used in errors.
+    /// Returns the object if all its values are valid; `path` is named in errors.
     pub fn model(&self, path: &Path) -> Result<ObjectModel, DataError> {
         self.check(path)?;
         let shape = self.shape.build(path)?;
@@ -203,7 +204,7 @@ impl ObjectFile {
         }
     }
 
-    /// What is not as the file has it: what was mended of its mesh, and the pose that was found for it.
+    /// Describes deviations from the file: repairs of the mesh, and a resting pose that was computed.
     pub fn notes(&self, model: &ObjectModel) -> Vec<String> {
         let mended = match &self.shape {
             ShapeFile::Mesh { file, mended: Some(mended), .. } => Some(format!("{}: {mended}", file.display())),
@@ -327,7 +328,7 @@ fn check_unit(field: &str, unit: f64, path: &Path) -> Result<(), DataError> {
     if unit > 0.0 && unit <= 1.0 { Ok(()) } else { Err(DataError::field(path, field, unit, expected)) }
 }
 
-/// The triangles of a file whose lengths are in `unit` (m), mended where they are broken, in the same unit.
+/// Mends the triangles of a file whose lengths are in `unit` (m). The result is in the same unit.
 fn mend((mut vertices, triangles): Triangles, unit: f64) -> Result<(Triangles, Repair), GeometryError> {
     let original = vertices.clone();
     vertices.iter_mut().for_each(|vertex| vertex.coords *= unit);

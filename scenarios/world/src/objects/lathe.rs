@@ -1,4 +1,4 @@
-//! Surfaces of revolution from an outline, and how such a body lies on its side.
+//! Surfaces of revolution from an outline, and the pose of such a body on its side.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -6,10 +6,10 @@ use nalgebra::{UnitQuaternion, Vector3};
 
 use crate::geometry::{Profile, Shape};
 
-/// Steps around a surface of revolution.
+/// Number of segments around a surface of revolution.
 pub const SEGMENTS: usize = 48;
 
-/// The outline's points (radius, z), each times `unit`, closed on the axis at both ends, in m.
+/// Returns the outline through the points (radius, z), scaled by `unit` to m and closed on the axis at both ends.
 pub fn straight(points: &[[f64; 2]], unit: f64) -> Profile {
     let mut profile: Profile = points.iter().map(|[radius, z]| [radius * unit, z * unit]).collect();
     if let Some(&[radius, z]) = profile.first()
@@ -25,7 +25,8 @@ pub fn straight(points: &[[f64; 2]], unit: f64) -> Profile {
     profile
 }
 
-/// A smooth curve (Catmull-Rom) through the outline's points with `steps` steps between two, closed as [`straight`] does.
+/// Returns a smooth outline (Catmull-Rom spline) through the points with `steps` steps between two, closed as by
+/// [`straight`].
 pub fn smooth(points: &[[f64; 2]], steps: usize, unit: f64) -> Profile {
     let at = |n: isize| points[n.clamp(0, points.len() as isize - 1) as usize];
     let mut curve: Profile = Vec::new();
@@ -48,12 +49,14 @@ pub fn smooth(points: &[[f64; 2]], steps: usize, unit: f64) -> Profile {
     straight(&curve, unit)
 }
 
-/// The rotation in which a surface of revolution lies on its side: the tilt at which its centre is lowest, a facet down.
+/// Returns the rotation in which a surface of revolution lies on its side: the tilt at which its centre is lowest, on a
+/// facet.
 pub fn lying(shape: &Shape) -> UnitQuaternion<f64> {
     let facet_down = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), PI / SEGMENTS as f64);
     let tilted = |tilt: f64| UnitQuaternion::from_axis_angle(&Vector3::y_axis(), tilt) * facet_down;
     let height = |tilt: f64| -shape.lowest(&tilted(tilt));
-    // Whole steps first, because two lobes have two valleys with a ridge between; then ever finer around the best.
+    // Starts with steps of one degree, because two lobes have two valleys with a ridge between, then refines around the
+    // best.
     let (mut best, mut step) = (FRAC_PI_2, PI / 180.0);
     for _ in 0..4 {
         let around = best;

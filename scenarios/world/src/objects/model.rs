@@ -1,4 +1,4 @@
-//! One object: shape, mass, friction, and how it rests on a table.
+//! Model of one object: shape, mass, friction, and resting pose on a table.
 
 use std::f64::consts::{PI, TAU};
 
@@ -7,40 +7,42 @@ use nalgebra::{Unit, UnitQuaternion, Vector3};
 use super::symmetry::Symmetry;
 use crate::geometry::{GeometryError, Shape};
 
-/// Tilt from which an object no longer stands as at rest, rad.
+/// Tilt beyond which an object no longer counts as standing in its resting pose, rad.
 const LEANING: f64 = 0.15;
-/// Directions in which an object is tipped to see whether it falls over.
+/// Number of directions in which an object is tipped to test its stability.
 const DIRECTIONS: u32 = 16;
-/// How far the centre of something round may come down when it is tipped, over its size: facets of a mesh are not round.
+/// Greatest drop of a round object's centre on tipping that still counts as stable, relative to its size: a faceted
+/// mesh is not perfectly round.
 const FACET: f64 = 4e-3;
-/// Height of a unit axis's end from which the axis counts as vertical.
+/// z component of a unit axis above which the axis counts as vertical.
 const UPRIGHT: f64 = 0.99;
 
 #[derive(Debug, Clone)]
 pub struct ObjectModel {
-    /// Unique, such as `golf_ball`.
+    /// Unique name, such as `golf_ball`.
     pub name: String,
-    /// In the frame `object/<name>`, origin at the centre of mass.
+    /// Shape in the frame `object/<name>`, whose origin is the centre of mass.
     pub shape: Shape,
-    /// kg.
+    /// Mass, kg.
     pub mass: f64,
     /// Coulomb friction coefficient against the hand's elastomer.
     pub friction: f64,
-    /// RGB.
+    /// Colour, RGB.
     pub color: [u8; 3],
-    /// `table_from_object`: how it stands or lies on the table at yaw 0.
+    /// Resting orientation on the table at yaw 0, `table_from_object`.
     pub rest: UnitQuaternion<f64>,
-    /// Turns that leave it looking the same.
+    /// Rotational symmetry.
     pub symmetry: Symmetry,
 }
 
 impl ObjectModel {
-    /// The same thing of the same stuff, `factor` times as large.
+    /// Returns the object scaled by `factor`, with the same density.
     pub fn scaled(&self, factor: f64) -> Result<Self, GeometryError> {
         Ok(Self { shape: self.shape.scaled(factor)?, mass: self.mass * factor.powi(3), ..self.clone() })
     }
 
-    /// Whether the object, oriented as `world_from_object`, looks the same from all sides: a ball, or what stands on its axis.
+    /// True if the object, in the orientation `world_from_object`, is rotationally symmetric about the vertical: a
+    /// ball, or a body that stands on its axis.
     pub fn round_about_vertical(&self, rotation: &UnitQuaternion<f64>) -> bool {
         match self.symmetry {
             Symmetry::Full => true,
@@ -49,13 +51,13 @@ impl ObjectModel {
         }
     }
 
-    /// The turn about the vertical by which the object, oriented as `world_from_object`, differs from its rest pose, rad; of
-    /// turns that leave it looking the same the smallest. `None` if it lies otherwise than at rest.
+    /// Returns the yaw from the resting orientation to the orientation `world_from_object`, rad; the smallest one that
+    /// the symmetry allows. `None` if the object is not in its resting pose.
     pub fn standing_yaw(&self, rotation: &UnitQuaternion<f64>) -> Option<f64> {
         self.standing_yaws(rotation).into_iter().min_by(|a, b| a.abs().total_cmp(&b.abs()))
     }
 
-    /// All those turns; none if it lies otherwise than at rest.
+    /// Returns all such yaws that the symmetry allows, rad; empty if the object is not in its resting pose.
     pub fn standing_yaws(&self, rotation: &UnitQuaternion<f64>) -> Vec<f64> {
         let candidate = |turn: &UnitQuaternion<f64>| match self.symmetry {
             Symmetry::Full => (0.0, 0.0),
@@ -79,18 +81,19 @@ impl ObjectModel {
         standing.map(|(_, yaw)| yaw).collect()
     }
 
-    /// How it rests, as an object's file has it.
+    /// Returns the resting pose as text in the syntax of an object's file.
     pub fn rest_text(&self) -> String {
         let (roll, pitch, yaw) = self.rest.euler_angles();
         format!("{{ turned = [{roll:.4}, {pitch:.4}, {yaw:.4}] }}")
     }
 
-    /// Height of the frame's origin over the table when at rest, m.
+    /// Returns the height of the frame's origin over the table in the resting pose, m.
     pub fn rest_height(&self) -> f64 {
         -self.shape.lowest(&self.rest)
     }
 
-    /// Whether the object stays as it rests: tipped a little to any side, its centre does not come down. What rolls stays.
+    /// True if the resting pose is stable: tipped slightly to any side, the centre does not drop. A body that can roll
+    /// counts as stable.
     pub fn rests_stably(&self) -> bool {
         let (height, size) = (self.rest_height(), self.shape.bounding_radius());
         (0..DIRECTIONS).all(|k| {

@@ -1,21 +1,22 @@
-//! The pose in which a thing stands or lies by itself: on a face of its convex hull over which its centre of mass is, the one from which it
-//! is hardest to tip over.
+//! Stable resting pose of an object. Candidates are the faces of its convex hull that its centre of mass projects onto;
+//! the pose that is hardest to tip over wins.
 
 use nalgebra::{Point3, Unit, UnitQuaternion, Vector3};
 
 use super::model::ObjectModel;
 use crate::geometry::{Shape, hull_triangles};
 
-/// Poses that are turned by less than this from a lower one are no poses of their own, rad: lumps of a scan.
+/// Angle below which a resting pose is merged with a lower one, rad: bumps of a scan are not separate poses.
 const NEIGHBOURHOOD: f64 = 0.15;
-/// How far beside a face the centre of mass may be, as a share of the object's size.
+/// Tolerance for the projection of the centre of mass beside a face, relative to the object's size.
 const BESIDE: f64 = 1e-3;
-/// Sides to which it is tipped, and steps of the tilt (rad) up to the largest.
+/// Number of directions in which the object is tipped; below, the step of the tilt (rad) and the number of steps.
 const SIDES: u32 = 16;
 const TILTS: (f64, u32) = (0.05, 16);
 
 impl ObjectModel {
-    /// The object as its shape is given, if it stands so; otherwise in the pose that is hardest to tip over. None where there is none.
+    /// Returns the object as its shape is given, if that is stable, otherwise in the pose that is hardest to tip over.
+    /// None if there is no stable pose.
     pub fn at_rest(self) -> Option<Self> {
         let upright = Self { rest: UnitQuaternion::identity(), ..self };
         if upright.rests_stably() {
@@ -23,11 +24,11 @@ impl ObjectModel {
         }
         let poses = upright.resting_poses().into_iter().map(|rest| Self { rest, ..upright.clone() });
         let stable = poses.filter(Self::rests_stably).map(|pose| (pose.tipping_height(), pose));
-        // Of poses that are as hard to tip over the lowest, which comes first.
+        // Among poses that are equally hard to tip over, the lowest wins; it comes first.
         stable.reduce(|best, other| if other.0 > best.0 { other } else { best }).map(|(_, pose)| pose)
     }
 
-    /// Poses on the faces of the convex hull over which the centre of mass is, the lowest first.
+    /// Returns the resting poses on faces of the convex hull under the centre of mass, the lowest first.
     fn resting_poses(&self) -> Vec<UnitQuaternion<f64>> {
         let points = match &self.shape {
             Shape::Mesh(mesh) => mesh.vertices().to_vec(),
@@ -61,7 +62,7 @@ impl ObjectModel {
         poses.into_iter().map(turned).collect()
     }
 
-    /// How far the centre of mass has to be raised to tip it over to its weakest side, m.
+    /// Returns the height by which the centre of mass must rise to tip the object over its weakest side, m.
     fn tipping_height(&self) -> f64 {
         let height = self.rest_height();
         let over = |side: u32| {
@@ -71,7 +72,7 @@ impl ObjectModel {
                 let tipped = UnitQuaternion::from_axis_angle(&axis, TILTS.0 * f64::from(step)) * self.rest;
                 -self.shape.lowest(&tipped) - height
             });
-            // Once it comes down it has gone over.
+            // Once the centre drops, the object has tipped over.
             let mut highest = 0.0_f64;
             for rise in rises {
                 if rise < highest {
@@ -105,7 +106,7 @@ mod tests {
         }
     }
 
-    /// A solid with lumps all over, made of a sphere's tessellation stretched by `half`, m.
+    /// Returns a bumpy solid, made from a sphere's tessellation stretched by `half`, m.
     fn lumpy(half: Vector3<f64>) -> Shape {
         let (points, triangles, _) = Shape::Sphere { radius: 1.0 }.triangles();
         let lump = |at: &Point3<f64>| {
@@ -116,7 +117,7 @@ mod tests {
         Shape::Mesh(Arc::new(Mesh::repaired(&points, &triangles).expect("closed").0.centered().expect("a mesh")))
     }
 
-    /// A lumpy stone that stands on its end in its file lies down on its broad side; it stays there when it is tipped.
+    /// A bumpy stone that stands on end in its file is laid on its broad side, where it is stable.
     #[test]
     fn a_lumpy_solid_finds_its_rest() {
         let stone = object(lumpy(Vector3::new(0.03, 0.016, 0.045)));
@@ -127,7 +128,7 @@ mod tests {
         assert!(down.y.abs() > 0.95, "on its broad side: {down}");
     }
 
-    /// A pencil lies down; what stands as it is given stays so, to the bit.
+    /// A pencil is laid down. An object that stands as given stays so, to the bit.
     #[test]
     fn only_what_would_fall_over_is_turned() {
         let pencil = object(Shape::Cylinder { radius: 0.003, half_height: 0.08 }).at_rest().expect("a pose");

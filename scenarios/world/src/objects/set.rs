@@ -1,4 +1,4 @@
-//! Objects by name.
+//! Sets of objects, looked up by name.
 
 use std::sync::Arc;
 
@@ -11,7 +11,7 @@ pub struct ObjectSet {
 }
 
 impl ObjectSet {
-    /// Adds an object; one of the same name is replaced and given back.
+    /// Adds an object. An object of the same name is replaced and returned.
     pub fn insert(&mut self, object: ObjectModel) -> Option<Arc<ObjectModel>> {
         let object = Arc::new(object);
         match self.objects.iter_mut().find(|other| other.name == object.name) {
@@ -23,22 +23,22 @@ impl ObjectSet {
         }
     }
 
-    /// Takes the object called `name` out.
+    /// Removes the object called `name`.
     pub fn remove(&mut self, name: &str) {
         self.objects.retain(|object| object.name != name);
     }
 
-    /// The object called `name`.
+    /// Returns the object called `name`.
     pub fn get(&self, name: &str) -> Option<&Arc<ObjectModel>> {
         self.objects.iter().find(|object| object.name == name)
     }
 
-    /// All objects in order.
+    /// Iterates over all objects in order.
     pub fn iter(&self) -> std::slice::Iter<'_, Arc<ObjectModel>> {
         self.objects.iter()
     }
 
-    /// All names in order.
+    /// Returns all names in order.
     pub fn names(&self) -> Vec<&str> {
         self.objects.iter().map(|object| object.name.as_str()).collect()
     }

@@ -1,37 +1,37 @@
-//! Turns that leave an object looking the same, and how far two orientations differ given them.
+//! Rotational symmetries of objects, and the difference of two orientations modulo a symmetry.
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use nalgebra::{Unit, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
-/// Turns that leave an object looking the same.
+/// Rotational symmetry: the rotations that leave an object looking the same.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Symmetry {
-    /// Every turn: a ball.
+    /// Every rotation: a ball.
     Full,
-    /// Every turn about z.
+    /// Every rotation about z.
     Axis {
-        /// End over end as well, as for a cylinder.
+        /// True if the object can also be turned end over end, as a cylinder can.
         flip: bool,
     },
-    /// Turns about z by a whole circle over `n`.
+    /// Rotations about z by multiples of a full turn divided by `n`.
     Fold {
-        /// Copies in a whole turn, at least 1.
+        /// Order of the symmetry, at least 1.
         n: u32,
-        /// Half turns about x as well, as for a box.
+        /// True if half turns about x are symmetries as well, as for a box.
         flip: bool,
     },
-    /// The 24 turns of a cube.
+    /// The 24 rotations of a cube.
     Cube,
-    /// No turn does.
+    /// No rotation.
     #[default]
     None,
 }
 
 impl Symmetry {
-    /// The smallest angle by which orientations `a` and `b` (`world_from_object`) can differ, given the symmetry, rad.
+    /// Returns the smallest angle between the orientations `a` and `b` (`world_from_object`) modulo the symmetry, rad.
     pub fn angle(&self, a: &UnitQuaternion<f64>, b: &UnitQuaternion<f64>) -> f64 {
         match self {
             Self::Full => 0.0,
@@ -45,7 +45,7 @@ impl Symmetry {
         }
     }
 
-    /// The orientation nearest to `to` that cannot be told from `of`.
+    /// Returns the orientation nearest to `to` among those equivalent to `of` under the symmetry.
     pub fn nearest(&self, of: &UnitQuaternion<f64>, to: &UnitQuaternion<f64>) -> UnitQuaternion<f64> {
         match self {
             Self::Full => *to,
@@ -61,7 +61,7 @@ impl Symmetry {
         }
     }
 
-    /// The turns of a discrete symmetry, the identity first; only the identity for a continuous one.
+    /// Returns the rotations of a discrete symmetry, the identity first; only the identity for a continuous one.
     pub fn turns(&self) -> Vec<UnitQuaternion<f64>> {
         let about = |axis: &Unit<Vector3<f64>>, angle: f64| UnitQuaternion::from_axis_angle(axis, angle);
         let (x, y, z) = (Vector3::x_axis(), Vector3::y_axis(), Vector3::z_axis());
@@ -89,7 +89,7 @@ impl Symmetry {
 mod tests {
     use super::*;
 
-    /// The nearest orientation is as far away as the angle says, and cannot be told from the one it stands for.
+    /// The nearest orientation is at the angle that [`Symmetry::angle`] gives, and is equivalent to the original.
     #[test]
     fn the_nearest_orientation_is_at_the_smallest_angle() {
         let (one, other) =

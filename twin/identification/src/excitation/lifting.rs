@@ -1,4 +1,4 @@
-//! Standing with an empty hand, and with the weighed object in it.
+//! Weighing: standing with an empty hand, and with the weighed object in it.
 
 use control::motion::CLOSING_TIME;
 use control::motion::tension::{against_friction, approach_tension, closing_tension};
@@ -12,36 +12,37 @@ use crate::weight::{Part, PickUp, Weight};
 
 /// Current limit of the opposition servo while it holds, A.
 const OPPOSITION_CURRENT: f64 = 0.6;
-/// Share of the script's speed with which the hand comes to the object, and rises with it.
+/// Share of the script's speed at which the hand moves to the object and rises with it.
 const SLOW: f64 = 0.3;
-/// So long the digits open after the object was put down, s.
+/// Time for which the digits open after the object was put down, s.
 const LETTING_GO: f64 = 1.0;
-/// So many ways to grasp it are tried.
+/// Greatest number of grasps that are tried.
 const TRIES: usize = 3;
-/// A hand that pushes harder than this on its way to the object, N, does not get there: by what its arm is off it may come onto the table.
+/// Force on the hand at which its way to the object is abandoned, N: the arm's errors may bring the hand onto the
+/// table.
 const MOST_PUSH: f64 = 30.0;
-/// An arm whose encoders show it further than this from its posture, rad, does not stand there: something is in its way.
+/// Deviation of the encoders from a posture beyond which something is in the arm's way, rad.
 const OFF: f64 = 0.008;
 
-/// How weighing ended.
+/// Outcome of weighing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Ended {
     Done,
-    /// Nothing is felt in the hand.
+    /// No weight is felt in the hand.
     NotLifted,
-    /// The arm does not get there with everything clear.
+    /// The arm cannot reach the posture with everything clear.
     OutOfReach,
-    /// Somebody, or the robot, has stopped it.
+    /// An operator, or the robot, has stopped it.
     Stopped,
 }
 
-/// Whether the arm is where it was asked to stand.
+/// True if the arm is in the requested posture.
 fn is_there(shown: &ArmState, at: &[f64]) -> bool {
     shown.position.iter().zip(at).all(|(shown, at)| (shown - at).abs() < OFF)
 }
 
 impl<R: RobotBackend> Player<'_, R> {
-    /// One part of weighing, by a robot believed to be `own`.
+    /// Performs one part of weighing, according to the robot model `own`.
     pub(super) fn weigh(
         &mut self,
         means: &Means,
@@ -96,7 +97,8 @@ impl<R: RobotBackend> Player<'_, R> {
         ended
     }
 
-    /// Goes to a posture and stands there for `time` (s): the mean of what the arm shows in the second half of that.
+    /// Moves to a posture and stands there for `time` (s). Returns the mean state of the arm in the second half of that
+    /// time.
     fn stand(&mut self, at: &[f64], time: f64, goes_on: &mut impl FnMut(&mut R) -> bool) -> Option<ArmState> {
         if !self.go(at, goes_on) || !self.open(0.5 * time, goes_on) {
             return None;
@@ -117,7 +119,8 @@ impl<R: RobotBackend> Player<'_, R> {
         Some(ArmState { position: mean(sum.position), torque: mean(sum.torque), ..sum })
     }
 
-    /// Goes to the object, closes the digits on it and lifts it. Where the hand pushes hard against something before that, it goes back with nothing lifted.
+    /// Moves to the object, closes the digits on it and lifts it. If the hand pushes hard against something before
+    /// that, it returns with nothing lifted.
     fn pick_up(
         &mut self,
         means: &Means,
@@ -128,7 +131,7 @@ impl<R: RobotBackend> Player<'_, R> {
         let Some((begin, on)) = way.approach.split_first() else { return Ended::OutOfReach };
         let (grasp, mut pull) = (&way.grasp, own.hand.slack());
         let begun = self.go(begin, goes_on);
-        // Digits take the shape in which they come to the object.
+        // The digits take their pre-grasp shape.
         if !begun || !self.pull_for(means, grasp, &mut pull, -CLOSING_TIME, goes_on) {
             return Ended::Stopped;
         }
@@ -151,7 +154,8 @@ impl<R: RobotBackend> Player<'_, R> {
         }
     }
 
-    /// Pulls for [`CLOSING_TIME`] as `grasp` does from `time` (s) on after it has begun to close; before that, as it comes to the object.
+    /// Pulls the cables for [`CLOSING_TIME`] according to `grasp`, from `time` (s) after it has begun to close; at
+    /// negative times, with the pre-grasp tensions.
     fn pull_for(
         &mut self,
         means: &Means,
@@ -176,7 +180,7 @@ impl<R: RobotBackend> Player<'_, R> {
         true
     }
 
-    /// Puts the object down where it was picked up, and goes back to `stand`.
+    /// Puts the object down where it was picked up, and returns to `stand`.
     fn put_down(&mut self, way: &PickUp, stand: &[f64], goes_on: &mut impl FnMut(&mut R) -> bool) -> bool {
         let slow = SLOW * self.script.arm_speed;
         let Some((above, down)) = way.lift.split_last() else { return false };

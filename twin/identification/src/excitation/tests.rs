@@ -7,14 +7,14 @@ use hand_model::{Arm, RobotModel};
 
 use super::*;
 
-/// An arm that is where it is sent, but for a joint that is not sent beyond a limit.
+/// An arm that follows its commands, except for one joint that is not sent beyond a limit.
 #[derive(Default)]
 struct Limited {
     time: f64,
     sent: ArmVector,
-    /// Joint, greatest angle (rad).
+    /// Index of the joint, and its greatest angle (rad).
     limit: Option<(usize, f64)>,
-    /// From when to when it cannot be observed, s.
+    /// Interval in which it cannot be observed, s.
     silent: std::ops::Range<f64>,
 }
 
@@ -52,7 +52,7 @@ impl RobotBackend for Limited {
     }
 }
 
-/// One motion as it stands, and one with joint 6 turned by 0.9 rad.
+/// Returns a script with one motion in the ready posture, and one with joint 6 turned by 0.9 rad.
 fn script() -> Script {
     let mut script = Script::standard(&RobotModel::ftac_gen3()).expect("valid");
     script.posture.retain(|posture| ["ready", "fingers up"].contains(&posture.name.as_str()));
@@ -61,7 +61,7 @@ fn script() -> Script {
     script
 }
 
-/// How an excitation of `robot` ends, and the steps that were done.
+/// Returns the result of an excitation of `robot`, and the steps that were done.
 fn played(mut robot: Limited) -> (Result<bool, ExcitationError>, Vec<usize>) {
     let (model, script) = (RobotModel::ftac_gen3(), script());
     let text = include_str!("../../../bench/data/calibration.json");
@@ -83,7 +83,8 @@ fn an_arm_that_goes_where_it_is_asked_is_played_on() {
     assert_eq!(played(Limited::new(None)), (Ok(true), vec![0, 1]));
 }
 
-/// A robot that cannot be observed for a while is waited for; one that stays silent ends it, with its own words.
+/// The excitation waits for a robot that cannot be observed for a while. If the robot stays silent, the excitation ends
+/// with the robot's own error.
 #[test]
 fn a_silent_robot_is_borne_for_a_while() {
     let (ended, done) = played(Limited { silent: 1.0..1.3, ..Limited::new(None) });
@@ -92,7 +93,7 @@ fn a_silent_robot_is_borne_for_a_while() {
     assert_eq!(ended, Err(ExcitationError::Robot(RobotError::Lost("nobody answers".to_owned()))));
 }
 
-/// A robot that sends the arm no further: the joint is named, and what was done before stays done.
+/// If the robot does not send the arm further, the error names the joint, and completed steps remain done.
 #[test]
 fn an_arm_that_is_held_stops_the_excitation() {
     let most = Arm::gen3().home[5] + 0.4;

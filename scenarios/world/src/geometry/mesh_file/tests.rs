@@ -2,7 +2,7 @@ use proptest::prelude::*;
 
 use super::*;
 
-/// Corners of a tetrahedron, m, and its faces, seen from outside.
+/// Corners of a tetrahedron, m, and its faces seen from outside.
 const CORNERS: [[f32; 3]; 4] = [[0.0, 0.0, 0.0], [0.05, 0.0, 0.0], [0.0, 0.05, 0.0], [0.0, 0.0, 0.05]];
 const FACES: [[u32; 3]; 4] = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
 
@@ -36,7 +36,7 @@ fn ascii_ply() -> Vec<u8> {
     (header.to_owned() + &vertices + &faces).into_bytes()
 }
 
-/// A binary glTF whose y axis is up, lifted by a node: (x, y, z) here is (x, z, -y) there.
+/// Returns a binary glTF with y up, raised by a node: (x, y, z) here is (x, z, -y) in the file.
 fn glb() -> Vec<u8> {
     let positions = CORNERS.iter().flat_map(|[x, y, z]| [*x, *z, -*y]).flat_map(f32::to_le_bytes);
     let binary: Vec<u8> = positions.chain(FACES.iter().flatten().flat_map(|n| n.to_le_bytes())).collect();
@@ -67,7 +67,7 @@ fn volume((vertices, triangles): Triangles) -> f64 {
     Mesh::new(vertices, triangles).expect("a closed mesh").volume()
 }
 
-/// The same tetrahedron from every kind of file is closed and has the same volume.
+/// The same tetrahedron is closed and has the same volume in every file format.
 #[test]
 fn all_kinds_give_the_same_solid() {
     let path = Path::new("thing");
@@ -86,14 +86,14 @@ fn all_kinds_give_the_same_solid() {
     }
 }
 
-/// A mesh as OBJ text is read as the same mesh, bit by bit.
+/// A mesh written as OBJ text is read back as the same mesh, bit by bit.
 #[test]
 fn obj_text_is_the_same_mesh() {
     let mesh = ply(&ascii_ply(), Path::new("thing")).expect("a mesh");
     assert_eq!(parse_triangles(&to_obj(&mesh), Path::new("thing.obj")).expect("OBJ"), mesh);
 }
 
-/// Damage and unknown kinds are refused with the file's name.
+/// Damaged files and unknown formats are refused with the file's name.
 #[test]
 fn what_is_no_mesh_is_refused() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -115,7 +115,7 @@ fn what_is_no_mesh_is_refused() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(2000))]
 
-    /// Bytes of any kind in any place make no reader panic.
+    /// No byte sequence in any place makes a reader panic.
     #[test]
     fn no_bytes_make_it_panic(kind in 0usize..4, at in 0usize..900, cut in 0usize..40, bytes in proptest::collection::vec(any::<u8>(), 0..24)) {
         let whole = [ascii_stl(), binary_stl(), ascii_ply(), glb()][kind].clone();

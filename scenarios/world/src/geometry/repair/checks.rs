@@ -1,4 +1,4 @@
-//! What a mended mesh has to agree with: the triangles that it was made from, and the volume that they imply.
+//! Validation of a mended mesh against the triangles it was made from and the volume that they imply.
 
 use nalgebra::Point3;
 use parry3d_f64::query::PointQuery;
@@ -10,22 +10,25 @@ use super::soup::Soup;
 use crate::geometry::mesh::{Mesh, to_parry};
 use crate::geometry::tessellation::sample;
 
-/// Points at which two surfaces are compared.
+/// Number of points at which two surfaces are compared.
 const SAMPLES: usize = 4000;
-/// How far a mesh that was not rebuilt may lie from its file's triangles, m, and as a share of its extent where that is more.
+/// Greatest distance of a mesh that was not rebuilt from its file's triangles, m, and relative to its extent; the
+/// larger one applies.
 const OFF: (f64, f64) = (3e-4, 2e-3);
-/// How far one that was rebuilt may lie from them, in cells.
+/// Greatest distance of a rebuilt mesh from its file's triangles, in cells.
 const REBUILT_OFF: f64 = 0.75;
-/// Share of the file's triangles that a rebuilt surface may leave out.
+/// Greatest share of the file's triangles that a rebuilt surface may omit.
 const MOST_LOST: f64 = 0.005;
-/// Share of the volume by which a result may differ from what the triangles imply, beside what holes leave open.
+/// Greatest relative difference between the volume of the result and the volume that the triangles imply, besides the
+/// effect of open holes.
 const VOLUME: f64 = 0.02;
-/// A solid is thicker than this, m: twice its volume over its surface.
+/// Least mean thickness of a solid, m: twice its volume divided by its surface.
 const THINNEST: f64 = 5e-5;
-/// Nodes of the finest grid.
+/// Greatest number of nodes of the finest grid.
 const MOST_NODES: f64 = 3e6;
 
-/// How far `points` of one surface lie from another, m: the largest distance, and the share of them beyond `limit`.
+/// Returns the distance between sampled points of one surface and another: the greatest distance, m, and the share of
+/// points beyond `limit`.
 fn apart(from: (&[Point3<f64>], &[[u32; 3]]), to: &TriMesh, limit: f64) -> (f64, f64) {
     let points = sample(from.0, from.1, SAMPLES);
     let distances: Vec<f64> = points.iter().map(|point| to.distance_to_local_point(to_parry(point), false)).collect();
@@ -37,7 +40,8 @@ fn surface(vertices: &[Point3<f64>], triangles: &[[u32; 3]]) -> Result<TriMesh, 
     TriMesh::new(vertices.iter().map(to_parry).collect(), triangles.to_vec()).map_err(|error| error.to_string())
 }
 
-/// Rebuilds open triangles on a grid, with finer cells where it does not follow them; gives the mesh and the cell, m.
+/// Rebuilds open triangles on a grid, with finer cells until the mesh follows them. Returns the mesh and the cell size,
+/// m.
 pub fn rebuilt(open: &Soup) -> Result<(Mesh, f64), String> {
     let (vertices, triangles) = open.compact();
     let file = surface(&vertices, &triangles)?;
@@ -55,7 +59,7 @@ pub fn rebuilt(open: &Soup) -> Result<(Mesh, f64), String> {
     }
 }
 
-/// What a rebuilt mesh and its triangles disagree on, if anything.
+/// Describes a disagreement between a rebuilt mesh and its triangles, if any.
 fn differs(
     mesh: &Mesh,
     file: (&[Point3<f64>], &[[u32; 3]]),
@@ -93,7 +97,7 @@ fn differs(
     Ok(None)
 }
 
-/// Whether a mesh of fewer triangles follows the one that it was made of.
+/// True if a simplified mesh follows the original one.
 pub fn follows(fewer: &Mesh, mesh: &Mesh) -> bool {
     let extent = Soup { vertices: mesh.vertices().to_vec(), triangles: mesh.triangles().to_vec() }.extent();
     let limit = OFF.0.max(OFF.1 * extent);
@@ -104,7 +108,7 @@ pub fn follows(fewer: &Mesh, mesh: &Mesh) -> bool {
     near(a, b) && near(b, a) && (fewer.volume() / mesh.volume() - 1.0).abs() < VOLUME
 }
 
-/// Compares a mended mesh with the triangles of its file, but for those that were left out.
+/// Compares a mended mesh with the triangles of its file, except those that were dropped.
 pub fn check(kept: &Soup, mesh: &Mesh, repair: &mut Repair) -> Result<(), String> {
     let volume = mesh.volume();
     let made = Soup { vertices: mesh.vertices().to_vec(), triangles: mesh.triangles().to_vec() };
@@ -124,7 +128,7 @@ pub fn check(kept: &Soup, mesh: &Mesh, repair: &mut Repair) -> Result<(), String
     };
     let distances =
         sample(&kept.vertices, &kept.triangles, SAMPLES).into_iter().map(|point| mesh.signed_distance(&point).0);
-    // What was left out because it lies inside of the solid is away from its surface.
+    // Pieces that were dropped because they lie inside the solid are away from its surface.
     let distances = distances.map(|distance| if repair.swallowed > 0 { distance.max(0.0) } else { distance.abs() });
     let distances: Vec<f64> = distances.collect();
     let most = distances.iter().copied().fold(0.0, f64::max);

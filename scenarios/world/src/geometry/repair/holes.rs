@@ -1,4 +1,4 @@
-//! Holes of a surface whose triangles agree on a sense.
+//! Holes of a consistently oriented surface.
 
 use std::collections::BTreeMap;
 
@@ -6,10 +6,12 @@ use nalgebra::{Point3, Vector3};
 
 use super::soup::{LEAST_DOUBLE_AREA, Side, Soup};
 
-/// Loops with more edges are closed by a fan around their middle; the best cut of a loop takes the cube of its length.
+/// Greatest number of edges of a loop for an optimal triangulation, whose cost is cubic; longer loops are closed by a
+/// fan around their centre.
 const MOST_EDGES: usize = 80;
 
-/// How often edges are run one way more than the other: for each such edge and excess the way in which a triangle is missing.
+/// Returns the missing half-edges: for each edge used more often in one direction, one entry per excess use, in the
+/// direction that a missing triangle would have.
 fn missing(sides: &[Side]) -> Vec<(u32, u32)> {
     let mut missing = Vec::new();
     for uses in sides.chunk_by(|a, b| a.edge == b.edge) {
@@ -22,12 +24,12 @@ fn missing(sides: &[Side]) -> Vec<(u32, u32)> {
     missing
 }
 
-/// Whether every edge is run as often one way as the other.
+/// True if every edge is used equally often in both directions.
 pub fn is_closed(soup: &Soup) -> bool {
     missing(&soup.sides()).is_empty()
 }
 
-/// The rims of the holes, each in the sense of the triangles that are missing.
+/// Returns the rims of the holes, each in the direction of the missing triangles.
 pub fn rims(soup: &Soup) -> Vec<Vec<u32>> {
     let mut onward: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
     for (from, to) in missing(&soup.sides()) {
@@ -36,7 +38,7 @@ pub fn rims(soup: &Soup) -> Vec<Vec<u32>> {
     let mut rims = Vec::new();
     while let Some((&start, _)) = onward.first_key_value() {
         let mut path = vec![start];
-        // As many edges begin at a vertex as end there: a walk ends where it began.
+        // As many edges begin at a vertex as end there, so a walk ends where it began.
         while let Some(next) = path.last().and_then(|at| onward.get_mut(at)).and_then(Vec::pop) {
             match path.iter().position(|vertex| *vertex == next) {
                 Some(place) => {
@@ -52,7 +54,7 @@ pub fn rims(soup: &Soup) -> Vec<Vec<u32>> {
     rims
 }
 
-/// Triangles that close the hole inside a rim with the least area, and the vertex that they need beside those of the rim.
+/// Returns triangles that close the hole inside a rim with the least area, and the additional vertex they need, if any.
 pub fn fill(soup: &Soup, rim: &[u32]) -> (Vec<[u32; 3]>, Option<Point3<f64>>) {
     let at: Vec<Point3<f64>> = rim.iter().map(|index| soup.vertices[*index as usize]).collect();
     if rim.len() <= MOST_EDGES
@@ -66,7 +68,8 @@ pub fn fill(soup: &Soup, rim: &[u32]) -> (Vec<[u32; 3]>, Option<Point3<f64>>) {
     (fan, Some(middle))
 }
 
-/// The triangulation of a polygon with the least area (Barequet & Sharir 1995); none where some triangle of it has none.
+/// Returns the triangulation of a polygon with the least area (Barequet & Sharir 1995); none if every triangulation has
+/// a triangle without an area.
 fn least_area(at: &[Point3<f64>]) -> Option<Vec<[usize; 3]>> {
     let count = at.len();
     let area = |a: usize, b: usize, c: usize| {

@@ -1,4 +1,5 @@
-//! One sense for all triangles: neighbours run along their common edge in opposite directions, outer surfaces face outwards.
+//! Consistent orientation of triangles: neighbours run along their common edge in opposite directions, and outer
+//! surfaces face outwards.
 
 use std::collections::BTreeMap;
 
@@ -9,15 +10,15 @@ use super::soup::{Side, Soup, Union};
 use crate::geometry::mesh::Mesh;
 use crate::geometry::winding::Winding;
 
-/// Edges that are cut at most where surfaces touch.
+/// Greatest number of edges that are split where surfaces touch.
 const MOST_CROWDED: usize = 1000;
-/// Points of a surface that are asked whether they lie inside another.
+/// Number of points of a surface that are tested for lying inside another.
 const PROBES: usize = 9;
 
-/// A triangle's neighbour, and whether it has to be turned over when the triangle is not.
+/// A triangle's neighbour, with true if exactly one of the two must be flipped.
 type Neighbour = (u32, bool);
 
-/// The order of an edge's triangles around it: by their angle, counter-clockwise about the edge from its lower vertex.
+/// Sorts an edge's triangles by their angle around it, counter-clockwise about the edge from its lower vertex.
 fn around(soup: &Soup, uses: &[Side]) -> Vec<Side> {
     let (low, high) = uses[0].edge;
     let (from, to) = (soup.vertices[low as usize], soup.vertices[high as usize]);
@@ -39,8 +40,8 @@ fn around(soup: &Soup, uses: &[Side]) -> Vec<Side> {
     sorted.into_iter().map(|(_, side)| side).collect()
 }
 
-/// Who must agree with whom. Where more than two triangles meet at an edge, those next to each other around it bound the solid from
-/// either side.
+/// Returns the adjacency of triangles whose orientations must agree. If more than two triangles meet at an edge, those
+/// next to each other around it bound the solid from either side.
 fn neighbours(soup: &Soup, crowded: bool) -> Vec<Vec<Neighbour>> {
     let mut neighbours = vec![Vec::new(); soup.triangles.len()];
     let mut meet = |a: &Side, b: &Side| {
@@ -61,7 +62,8 @@ fn neighbours(soup: &Soup, crowded: bool) -> Vec<Vec<Neighbour>> {
     neighbours
 }
 
-/// Turns triangles so that all neighbours agree, each patch as most of its area was. None where no turning makes them agree.
+/// Flips triangles so that all neighbours agree. Each patch keeps the orientation of the larger part of its area. None
+/// if no choice makes them agree.
 pub fn agree(soup: &mut Soup, repair: &mut Repair) -> Option<()> {
     let turns = turns(soup, true).or_else(|| turns(soup, false))?;
     for (triangle, turn) in soup.triangles.iter_mut().zip(&turns) {
@@ -107,7 +109,7 @@ fn turns(soup: &Soup, crowded: bool) -> Option<Vec<bool>> {
     Some(turn.into_iter().map(|turn| turn == Some(true)).collect())
 }
 
-/// Whether every closed surface of a mesh faces as it should: see [`face_outwards`].
+/// True if every closed surface of a mesh has the orientation that [`face_outwards`] would give it.
 pub fn is_sound(mesh: &Mesh) -> bool {
     let mut soup = Soup { vertices: mesh.vertices().to_vec(), triangles: mesh.triangles().to_vec() };
     if soup.components().1 == 1 {
@@ -118,14 +120,14 @@ pub fn is_sound(mesh: &Mesh) -> bool {
     repair.is_none()
 }
 
-/// Lets outer surfaces face outwards. Inside another surface, one that faces the other way than that is a cavity and stays; one that
-/// faces the same way is a solid within a solid, and is left out.
+/// Orients outer surfaces outwards. Inside another surface, one with the opposite orientation is a cavity and stays;
+/// one with the same orientation is a solid within a solid and is dropped.
 pub fn face_outwards(soup: &mut Soup, repair: &mut Repair) {
     let (component, count) = soup.components();
     let pieces = soup.pieces(&component, count);
     let volumes: Vec<f64> = pieces.iter().map(volume).collect();
     let around = containers(&pieces);
-    // The outermost surface around each, which decides what is out.
+    // The outermost surface around each piece decides which side is out.
     let outermost = |n: usize| around[n].iter().copied().find(|outer| around[*outer].is_empty()).unwrap_or(n);
     let turned: Vec<bool> = (0..count).map(|n| volumes[outermost(n)] < 0.0).collect();
     let swallowed: Vec<bool> = (0..count)
@@ -141,7 +143,7 @@ pub fn face_outwards(soup: &mut Soup, repair: &mut Repair) {
             triangle.swap(1, 2);
         }
     }
-    // A whole that faces inwards is turned without a word, as in any closed mesh.
+    // If everything faces inwards, it is flipped without a report, as in any closed mesh.
     if turned.iter().any(|turned| *turned) && !turned.iter().all(|turned| *turned) {
         repair.turned += component.iter().filter(|of| turned[**of]).count();
     }
@@ -149,7 +151,7 @@ pub fn face_outwards(soup: &mut Soup, repair: &mut Repair) {
     soup.keep(|number| !swallowed[component[number]]);
 }
 
-/// For each piece those that it lies inside of.
+/// Returns for each piece the pieces that contain it.
 fn containers(pieces: &[Soup]) -> Vec<Vec<usize>> {
     let bounds: Vec<_> = pieces.iter().map(bounds).collect();
     let around = |inner: usize| {
@@ -178,8 +180,8 @@ fn bounds(soup: &Soup) -> (Vector3<f64>, Vector3<f64>) {
     used.fold(start, |(low, high), at| (low.inf(&at), high.sup(&at)))
 }
 
-/// Signed volume by the divergence theorem about the middle of the triangles, m3: that of a surface with small holes is nearly that of
-/// the closed one.
+/// Returns the signed volume by the divergence theorem about the centroid of the triangles, m3. For a surface with
+/// small holes, it is close to that of the closed one.
 pub fn volume(soup: &Soup) -> f64 {
     let (mut middle, mut total) = (Vector3::zeros(), 0.0);
     for triangle in &soup.triangles {
@@ -196,8 +198,8 @@ pub fn volume(soup: &Soup) -> f64 {
     soup.triangles.iter().map(part).sum()
 }
 
-/// Where surfaces touch along an edge, gives each its own copy of the edge: of four triangles or more that meet there, those with nothing
-/// but air between them stay together.
+/// Separates surfaces that touch along an edge by giving each its own copy of the edge. Where four or more triangles
+/// meet, those with only air between them stay together.
 pub fn part_touching(soup: &mut Soup) {
     let sides = soup.sides();
     if sides.chunk_by(|a, b| a.edge == b.edge).all(|uses| uses.len() == 2) {
@@ -216,7 +218,7 @@ pub fn part_touching(soup: &mut Soup) {
     for uses in sides.chunk_by(|a, b| a.edge == b.edge) {
         let sorted = if uses.len() == 2 { uses.to_vec() } else { around(soup, uses) };
         for (n, side) in sorted.iter().enumerate().filter(|(_, side)| side.forward) {
-            // The outside of a triangle that runs forward is where the angle grows.
+            // The outside of a triangle that runs forward is on the side of increasing angle.
             let next = (1..sorted.len()).map(|k| &sorted[(n + k) % sorted.len()]).find(|other| !other.forward);
             next.into_iter().for_each(|next| join(side, next));
         }
@@ -238,7 +240,8 @@ pub fn part_touching(soup: &mut Soup) {
     cut_crowded(soup);
 }
 
-/// Surfaces that touch along an edge and hang together at both of its ends share it still: each gets its own middle of the edge.
+/// Splits edges that touching surfaces still share because they are connected at both ends: each surface gets its own
+/// midpoint of the edge.
 fn cut_crowded(soup: &mut Soup) {
     for _ in 0..MOST_CROWDED {
         let sides = soup.sides();

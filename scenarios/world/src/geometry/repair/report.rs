@@ -1,41 +1,41 @@
-//! A repair in numbers and in words.
+//! Report of a repair, in numbers and in words.
 
 use std::fmt;
 
-/// Share of the surface that may be closed anew where it has holes.
+/// Greatest share of the surface that may be filled where it has holes.
 pub(super) const MOST_FILLED: f64 = 0.1;
 
-/// What was done to the triangles of a file.
+/// Repairs of a file's triangles.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Repair {
-    /// Vertices that lay in the place of another.
+    /// Number of vertices merged with another in the same place.
     pub welded: usize,
-    /// Triangles without an area.
+    /// Number of triangles without an area.
     pub empty: usize,
-    /// Triangles that stood twice, or hung from an edge that was closed without them.
+    /// Number of duplicate triangles, and of flaps on edges that were closed without them.
     pub doubled: usize,
-    /// Triangles turned over.
+    /// Number of triangles flipped.
     pub turned: usize,
-    /// Loose scraps left out.
+    /// Number of loose scraps dropped.
     pub scraps: usize,
-    /// Closed surfaces left out because they lie inside of the solid.
+    /// Number of closed surfaces dropped because they lie inside the solid.
     pub swallowed: usize,
-    /// Holes closed.
+    /// Number of holes closed.
     pub holes: usize,
-    /// Share of the surface that closes them.
+    /// Share of the surface that fills the holes.
     pub filled: f64,
-    /// Cell of the grid on which open surfaces were rebuilt, m.
+    /// Cell size of the grid on which open surfaces were rebuilt, m.
     pub rebuilt: Option<f64>,
-    /// Triangles before and after a mesh of very many was made coarser.
+    /// Number of triangles before and after the simplification of a mesh with very many.
     pub coarser: Option<(usize, usize)>,
-    /// How far the file's triangles lie from the result at most, m.
+    /// Greatest distance of the file's triangles from the result, m.
     pub off: f64,
     /// Volume of the result, m3.
     pub volume: f64,
 }
 
 impl Repair {
-    /// Whether the mesh is as it was in the file.
+    /// True if the mesh is unchanged from the file.
     pub fn is_none(&self) -> bool {
         *self == Self::default()
     }

@@ -1,4 +1,4 @@
-//! Seams: edges of the surface that lie on each other without sharing their vertices.
+//! Seams: edges of the surface that coincide without sharing their vertices.
 
 use std::collections::BTreeMap;
 
@@ -7,12 +7,12 @@ use nalgebra::{Point3, Vector3};
 use super::report::Repair;
 use super::soup::{Soup, Union};
 
-/// Vertices of open edges that are this share of the mesh's extent apart are the same.
+/// Distance below which vertices of open edges are merged, relative to the mesh's extent.
 const SAME: f64 = 1e-4;
-/// Pairs of open edges and open vertices that are compared at most.
+/// Greatest number of pairs of open edges and open vertices that are compared.
 const MOST_PAIRS: usize = 200_000_000;
 
-/// Edges that run more often one way than the other, and their vertices in order.
+/// Returns the edges that are not shared by exactly two triangles, and their vertices in order.
 fn open(soup: &Soup) -> (Vec<(u32, u32)>, Vec<u32>) {
     let edges: Vec<(u32, u32)> = soup
         .sides()
@@ -26,7 +26,7 @@ fn open(soup: &Soup) -> (Vec<(u32, u32)>, Vec<u32>) {
     (edges, vertices)
 }
 
-/// Closes seams: open vertices that are as good as in one place become one, and edges on which others end are cut there.
+/// Closes seams: merges open vertices that nearly coincide, and splits edges at vertices that lie on them.
 pub fn close(soup: &mut Soup, repair: &mut Repair) {
     let (edges, vertices) = open(soup);
     if edges.is_empty() {
@@ -34,7 +34,7 @@ pub fn close(soup: &mut Soup, repair: &mut Repair) {
     }
     let tolerance = SAME * soup.extent();
     weld_near(soup, &vertices, tolerance, repair);
-    // A cut edge may lie beside a triangle that is cut later.
+    // A split edge may lie beside a triangle that is split later.
     for _ in 0..3 {
         let (edges, vertices) = open(soup);
         if edges.is_empty() || edges.len() * vertices.len() > MOST_PAIRS || cut(soup, &edges, &vertices, tolerance) == 0
@@ -66,7 +66,7 @@ fn weld_near(soup: &mut Soup, vertices: &[u32], tolerance: f64, repair: &mut Rep
     soup.rename(&target, repair);
 }
 
-/// Cuts triangles at open vertices that lie on their open edges; gives how many edges were cut.
+/// Splits triangles at open vertices that lie on their open edges. Returns the number of edges split.
 fn cut(soup: &mut Soup, edges: &[(u32, u32)], vertices: &[u32], tolerance: f64) -> usize {
     let mut on: BTreeMap<(u32, u32), Vec<u32>> = BTreeMap::new();
     for &(low, high) in edges {

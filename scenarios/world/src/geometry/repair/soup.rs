@@ -1,5 +1,5 @@
-//! Triangles on shared vertices, and what is cleaned up of them before anything else: vertices in one place, triangles without an area,
-//! triangles that stand twice, flaps.
+//! Triangle soup on shared vertices, and its first clean-up: coincident vertices, triangles without an area, duplicate
+//! triangles, flaps.
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -7,43 +7,43 @@ use nalgebra::{Point3, Vector3};
 
 use super::report::Repair;
 
-/// Twice the area below which a triangle has none, m2; as in [`crate::geometry::Mesh::new`].
+/// Threshold of twice the area below which a triangle counts as having none, m2; as in [`crate::geometry::Mesh::new`].
 pub const LEAST_DOUBLE_AREA: f64 = 1e-16;
 
-/// Vertices (m) and triangles that need not close a surface.
+/// Vertices (m) and triangles that need not form a closed surface.
 #[derive(Debug, Clone, Default)]
 pub struct Soup {
     pub vertices: Vec<Point3<f64>>,
     pub triangles: Vec<[u32; 3]>,
 }
 
-/// A triangle's side on an edge, which is named by its lower vertex first.
+/// A triangle's use of an edge. The edge is named by its lower vertex first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Side {
     pub edge: (u32, u32),
     pub triangle: u32,
-    /// Whether the triangle runs from the lower vertex to the higher one.
+    /// True if the triangle runs from the lower vertex to the higher one.
     pub forward: bool,
 }
 
 impl Soup {
-    /// Twice the area vector of a triangle, m2.
+    /// Returns twice the area vector of a triangle, m2.
     pub fn double_area(&self, triangle: &[u32; 3]) -> Vector3<f64> {
         let [a, b, c] = self.corners(triangle);
         (b - a).cross(&(c - a))
     }
 
-    /// m.
+    /// Returns the corners of a triangle, m.
     pub fn corners(&self, triangle: &[u32; 3]) -> [Point3<f64>; 3] {
         triangle.map(|index| self.vertices[index as usize])
     }
 
-    /// m2.
+    /// Returns the total area, m2.
     pub fn area(&self) -> f64 {
         self.triangles.iter().map(|triangle| 0.5 * self.double_area(triangle).norm()).sum()
     }
 
-    /// Longest side of the box around the triangles, m.
+    /// Returns the longest side of the bounding box, m.
     pub fn extent(&self) -> f64 {
         let start = (Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY));
         let used = self.triangles.iter().flatten().map(|index| self.vertices[*index as usize].coords);
@@ -51,7 +51,7 @@ impl Soup {
         (high - low).max().max(0.0)
     }
 
-    /// All sides, sorted by edge.
+    /// Returns all sides, sorted by edge.
     pub fn sides(&self) -> Vec<Side> {
         let mut sides = Vec::with_capacity(3 * self.triangles.len());
         for (number, triangle) in self.triangles.iter().enumerate() {
@@ -64,7 +64,7 @@ impl Soup {
         sides
     }
 
-    /// Makes vertices in the same place one, and leaves out triangles that have no area then.
+    /// Merges vertices in the same place, and drops triangles that have no area then.
     pub fn weld(&mut self, repair: &mut Repair) {
         let mut known: HashMap<[u64; 3], u32> = HashMap::new();
         let target: Vec<u32> = (self.vertices.iter().enumerate())
@@ -77,7 +77,7 @@ impl Soup {
         self.rename(&target, repair);
     }
 
-    /// Gives every vertex the number `target` has for it.
+    /// Renumbers every vertex as in `target`.
     pub fn rename(&mut self, target: &[u32], repair: &mut Repair) {
         let mut moved = vec![false; self.vertices.len()];
         for index in self.triangles.iter_mut().flatten() {
@@ -89,7 +89,7 @@ impl Soup {
         self.drop_empty(repair);
     }
 
-    /// Leaves out triangles without an area.
+    /// Drops triangles without an area.
     pub fn drop_empty(&mut self, repair: &mut Repair) {
         let before = self.triangles.len();
         let triangles = std::mem::take(&mut self.triangles);
@@ -101,7 +101,8 @@ impl Soup {
         repair.empty += before - self.triangles.len();
     }
 
-    /// Of triangles on the same three vertices keeps one where it closes something, and none where its edges are closed without it.
+    /// Of triangles on the same three vertices, keeps one if it closes something, and none if its edges are closed
+    /// without it.
     pub fn drop_doubled(&mut self, repair: &mut Repair) {
         let mut alike: BTreeMap<[u32; 3], Vec<u32>> = BTreeMap::new();
         for (number, triangle) in self.triangles.iter().enumerate() {
@@ -132,7 +133,7 @@ impl Soup {
         repair.doubled += self.keep(|number| !gone[number]);
     }
 
-    /// Leaves out flaps: triangles that hang from an edge which two others close already.
+    /// Drops flaps: triangles on an edge that two others already close.
     pub fn drop_flaps(&mut self, repair: &mut Repair) {
         loop {
             let sides = self.sides();
@@ -151,7 +152,7 @@ impl Soup {
         }
     }
 
-    /// Keeps the triangles for whose number `wanted` holds; gives how many were left out.
+    /// Keeps the triangles whose index satisfies `wanted`. Returns the number dropped.
     pub fn keep(&mut self, wanted: impl Fn(usize) -> bool) -> usize {
         let before = self.triangles.len();
         let mut number = 0;
@@ -162,7 +163,8 @@ impl Soup {
         before - self.triangles.len()
     }
 
-    /// For each triangle the number of its connected component, by the order in which they begin, and how many there are.
+    /// Returns for each triangle the number of its connected component, in order of first appearance, and the number of
+    /// components.
     pub fn components(&self) -> (Vec<usize>, usize) {
         let mut union = Union::new(self.vertices.len());
         for [a, b, c] in &self.triangles {
@@ -178,7 +180,7 @@ impl Soup {
         (of, numbers.len())
     }
 
-    /// The triangles by their component, each on vertices of its own.
+    /// Splits the triangles by component, each with vertices of its own.
     pub fn pieces(&self, component: &[usize], count: usize) -> Vec<Self> {
         let mut pieces = vec![Self::default(); count];
         let mut place = vec![(usize::MAX, 0); self.vertices.len()];
@@ -197,7 +199,7 @@ impl Soup {
         pieces
     }
 
-    /// Without the vertices that no triangle has.
+    /// Returns vertices and triangles without unused vertices.
     pub fn compact(&self) -> (Vec<Point3<f64>>, Vec<[u32; 3]>) {
         let mut number = vec![u32::MAX; self.vertices.len()];
         let mut vertices = Vec::new();
@@ -216,16 +218,16 @@ impl Soup {
     }
 }
 
-/// Disjoint sets.
+/// Disjoint sets (union-find).
 pub struct Union(Vec<u32>);
 
 impl Union {
-    /// `count` sets of one.
+    /// Creates `count` sets of one item each.
     pub fn new(count: usize) -> Self {
         Self((0..count as u32).collect())
     }
 
-    /// What stands for the set of `item`: its lowest member.
+    /// Returns the representative of the set of `item`: its lowest member.
     pub fn root(&mut self, item: u32) -> u32 {
         let mut at = item;
         while self.0[at as usize] != at {

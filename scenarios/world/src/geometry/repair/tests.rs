@@ -5,7 +5,7 @@ use nalgebra::Vector3;
 use super::*;
 use crate::geometry::mesh::Triangles;
 
-/// A tumbler, m: outer radius 44 mm, walls and floor 3 mm, 60 mm high.
+/// Returns a tumbler, m: outer radius 44 mm, walls and floor 3 mm, 60 mm high.
 fn cup() -> Triangles {
     let profile = [[44.0, 0.0], [44.0, 60.0], [41.0, 60.0], [41.0, 3.0]];
     let mut vertices = vec![Point3::origin(), Point3::new(0.0, 0.0, 0.003)];
@@ -29,7 +29,8 @@ fn cup() -> Triangles {
     (vertices, triangles)
 }
 
-/// A ball of `rings` rings by twice as many columns, each point as far from the middle (m) as `radius` has it for its direction.
+/// Returns a ball of `rings` rings by twice as many columns. `radius` gives the distance of each point from the centre
+/// (m) as a function of its direction.
 pub fn ball(rings: u32, radius: impl Fn(&Vector3<f64>) -> f64) -> Triangles {
     let around = 2 * rings;
     let point = |ring: u32, k: u32| {
@@ -58,7 +59,7 @@ pub fn ball(rings: u32, radius: impl Fn(&Vector3<f64>) -> f64) -> Triangles {
     (vertices, triangles)
 }
 
-/// A lumpy solid without symmetry, 60 mm large.
+/// Returns a bumpy solid without symmetry, 60 mm across.
 fn blob() -> Triangles {
     ball(16, |out| 0.03 + 0.002 * (3.0 * out.x).sin() + 0.0015 * (4.0 * out.y + out.z).cos())
 }
@@ -79,7 +80,7 @@ fn near(found: f64, expected: f64, share: f64) -> bool {
     (found / expected - 1.0).abs() < share
 }
 
-/// What is sound stays as it is.
+/// A sound mesh stays as it is.
 #[test]
 fn a_sound_mesh_is_left_alone() {
     for mesh in [cup(), blob()] {
@@ -94,17 +95,17 @@ fn one_triangle_of_no_area_is_no_reason_to_rebuild() {
     let sound = cup();
     let (mut vertices, triangles) = sound.clone();
     let [a, b, c] = triangles[7];
-    // A needle: two corners in one place.
+    // A needle: two corners at one vertex.
     let mut needle = triangles.clone();
     needle.push([a, b, b]);
-    // A needle of two vertices in one place, as scans have it.
+    // A needle: two coincident vertices, as found in scans.
     let mut copied = triangles.clone();
     vertices.push(vertices[b as usize]);
     let copy = vertices.len() as u32 - 1;
     copied[7] = [a, copy, c];
     copied.push([a, b, copy]);
     copied.push([b, c, copy]);
-    // A cap: three corners in line, one of them in the middle of an edge.
+    // A cap: three collinear corners, one of them in the middle of an edge.
     let mut cap = triangles.clone();
     vertices.push(nalgebra::center(&vertices[a as usize], &vertices[b as usize]));
     let middle = vertices.len() as u32 - 1;
@@ -130,14 +131,14 @@ fn half_of_the_windings_flipped_is_the_same_solid() {
     }
 }
 
-/// Nothing connects triangles that share no corner: without a sense there is no inside, and that is said.
+/// Triangles that share no corner are not connected. Without an orientation there is no inside, and the error says so.
 #[test]
 fn what_cannot_be_told_is_refused() {
     let (vertices, triangles) = blob();
     let mut loose: Triangles = Default::default();
     for (number, triangle) in triangles.iter().enumerate() {
         let first = loose.0.len() as u32;
-        // Each a little smaller than it was, so that no two touch.
+        // Each triangle is slightly shrunk, so that no two touch.
         let corners = triangle.map(|index| vertices[index as usize]);
         let middle = Point3::from(corners.iter().map(|corner| corner.coords).sum::<Vector3<f64>>() / 3.0);
         loose.0.extend(corners.iter().map(|corner| middle + (corner - middle) * 0.98));
@@ -145,7 +146,7 @@ fn what_cannot_be_told_is_refused() {
     }
     let error = fault(&loose);
     assert!(error.contains("not watertight") && error.contains("cannot be mended"), "{error}");
-    // All of one sense they are as good as closed.
+    // With a common orientation, they are practically closed.
     for triangle in &mut loose.1 {
         triangle.sort_unstable();
     }
@@ -164,7 +165,7 @@ fn a_small_hole_is_closed_and_a_large_one_is_refused() {
     assert!(repair.holes == 1 && repair.rebuilt.is_none() && near(mesh.volume(), volume(&sound), 0.01), "{repair}");
     let error = fault(&without(0.4));
     assert!(error.contains("cannot be mended"), "{error}");
-    // A cup of one layer encloses nothing that could be known.
+    // A cup of a single layer encloses no well-defined volume.
     let (vertices, triangles) = cup();
     let outside = triangles.iter().enumerate().filter(|(n, _)| n % 8 == 0 || (2..4).contains(&(n % 8)));
     let error = fault(&(vertices, outside.map(|(_, triangle)| *triangle).collect()));
@@ -177,12 +178,12 @@ fn a_sheet_is_no_solid() {
         (0..9).map(|n| Point3::new(0.02 * f64::from(n % 3), 0.02 * f64::from(n / 3), 0.0)).collect();
     let mut faces: Vec<[u32; 3]> = [0, 1, 3, 4].iter().flat_map(|&a| [[a, a + 1, a + 4], [a, a + 4, a + 3]]).collect();
     assert!(fault(&(sheet.clone(), faces.clone())).contains("cannot be mended"));
-    // The same from both sides is closed, and still nothing.
+    // The same sheet from both sides is closed, but still no solid.
     faces.extend(faces.clone().into_iter().map(|[a, b, c]| [a, c, b]));
     assert!(Mesh::repaired(&sheet, &faces).is_err());
 }
 
-/// Every triangle with corners of its own, as STL has them, a little apart by rounding.
+/// Every triangle has corners of its own, as in STL files, slightly apart because of rounding.
 #[test]
 fn seams_are_closed() {
     let (vertices, triangles) = cup();
@@ -215,14 +216,14 @@ fn one_of_two_balls_inside_out_does_not_take_the_others_volume() {
     let one = volume(&(vertices.clone(), triangles.clone()));
     let (beside, repair) = repaired(&both(0.1, 0.9, true));
     assert!(near(beside.volume(), one * (1.0 + 0.729), 1e-9) && repair.turned > 0, "{repair}");
-    // Inside, the other sense is a cavity, and the same sense a solid within a solid.
+    // Inside, the opposite orientation is a cavity, and the same orientation a solid within a solid.
     let (hollow, repair) = repaired(&both(0.0, 0.5, true));
     assert!(near(hollow.volume(), one * 0.875, 1e-9) && repair.is_none());
     let (filled, repair) = repaired(&both(0.0, 0.5, false));
     assert!(near(filled.volume(), one, 1e-9) && repair.swallowed == 1, "{repair}");
 }
 
-/// Two boxes that touch along an edge: four triangles meet there.
+/// Two boxes touch along an edge, where four triangles meet.
 #[test]
 fn surfaces_that_touch_are_both_closed() {
     let corner = |n: u32, shift: f64| {

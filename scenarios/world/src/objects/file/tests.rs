@@ -58,11 +58,11 @@ fn what_falls_over_does_not_rest() {
     let with = |rest: &str| on_its_tip.replace("friction = 0.5", &format!("friction = 0.5\nrest = {rest}"));
     let error = model(&with("\"upright\"")).unwrap_err().to_string();
     assert!(error.contains("rest: found a pose from which the object falls over"), "{error}");
-    // The message names a pose that it stays in; left out, it is found.
+    // The message suggests a stable pose. If the pose is left out, it is computed.
     let hint = error.split("such as ").nth(1).and_then(|rest| rest.split(';').next()).expect("a pose");
     let turned = "{ turned = [3.141592653589793, 0.0, 0.0] }";
     for text in [with(hint), with(turned), on_its_tip.clone()] {
-        // The centre of volume of a cone is a quarter of its height over its base.
+        // The centre of volume of a cone is at a quarter of its height above its base.
         assert!((model(&text).unwrap().rest_height() - 0.02).abs() < 1e-4, "{text}");
     }
     let file = ObjectFile::parse(&on_its_tip, Path::new("my_ball.toml"), Reach::Nothing).expect("an object");
