@@ -1,5 +1,5 @@
-//! A serial arm: frames, limits, inertias, control gains and outer sizes, from a parameter file like `data/gen3.toml` (Kinova Gen3),
-//! or from a URDF and a file with what a URDF does not say ([`urdf`]).
+//! A serial arm: frames, limits, inertias, control gains and collision radii, from a parameter file like
+//! `data/gen3.toml` (Kinova Gen3), or from a URDF and a file with what a URDF lacks ([`urdf`]).
 
 use std::path::Path;
 
@@ -13,12 +13,12 @@ use platform::data::{DataError, parse_toml};
 
 mod urdf;
 
-/// Joints that an arm has at most.
+/// Largest number of joints of an arm.
 pub const MOST_ARM_JOINTS: usize = 7;
 /// A value for each joint of an arm, from the base outwards.
 pub type ArmVector<T = f64> = ArrayVec<[T; MOST_ARM_JOINTS]>;
 
-/// Version of the file.
+/// Version of the file format.
 const VERSION: u32 = 1;
 
 #[derive(Deserialize)]
@@ -120,7 +120,7 @@ pub struct WristCapsule {
     pub link: usize,
     /// Far end, link frame, m.
     pub end: Vector3<f64>,
-    /// m.
+    /// Radius, m.
     pub radius: f64,
 }
 
@@ -128,9 +128,9 @@ pub struct WristCapsule {
 #[derive(Debug, Clone)]
 pub struct Arm {
     pub name: String,
-    /// The joints in a row.
+    /// Serial chain of the joints.
     pub tree: Tree,
-    /// The posture from which searches for others begin, rad.
+    /// Home posture, rad. Searches for other postures start from it.
     pub home: ArmVector,
     /// Names of the moving links.
     pub links: Vec<String>,
@@ -144,24 +144,24 @@ pub struct Arm {
     pub masses: Vec<MassProperties>,
     /// Mass of the base, kg.
     pub base_mass: f64,
-    /// What the joints' torque sensors show over what the joints bear: 1 as drawn.
+    /// Gains of the joint torque sensors, reading over true torque: 1 in the nominal arm.
     pub torque_gains: ArmVector,
     /// Stiffness of the joints' position control, N m/rad.
     pub stiffness: ArmVector,
     /// Damping of the joints' position control, N m s/rad.
     pub damping: ArmVector,
-    /// Inertia of the drives as felt at their joints, kg m2.
+    /// Armature: inertia of a drive reflected to its joint, kg m2.
     pub armature: f64,
-    /// Radii of the tubes around base and links, m.
+    /// Collision radii of the tubes around base and links, m.
     pub radii: Vec<f64>,
-    /// What stands for the wrist against table and objects.
+    /// Collision shape of the wrist against table and objects.
     pub wrist: Vec<WristCapsule>,
     /// Tool frame (where the hand is mounted) in the last link.
     pub last_from_tool: Isometry3<f64>,
 }
 
 impl Arm {
-    /// The Gen3 as published.
+    /// Returns the Gen3 with its published parameters.
     ///
     /// # Panics
     /// Never in a tested build: the file is compiled in and a test reads it.
@@ -169,15 +169,16 @@ impl Arm {
         Self::parse(include_str!("../data/gen3.toml"), Path::new("gen3.toml"), None).expect("the built-in arm is valid")
     }
 
-    /// Name of the URDF that a parameter file leaves frames, limits and masses to.
+    /// Returns the name of the URDF that a parameter file refers to for frames, limits and masses.
     ///
     /// # Errors
-    /// [`DataError`] for a text that is no TOML.
+    /// [`DataError`] for a text that is not TOML.
     pub fn urdf(text: &str, path: &Path) -> Result<Option<String>, DataError> {
         urdf::name(text, path)
     }
 
-    /// Builds an arm from a parameter file's text and that of the [URDF it names](Self::urdf); `path` is used in errors.
+    /// Builds an arm from the text of a parameter file and that of the [URDF it names](Self::urdf); `path` is used in
+    /// errors.
     ///
     /// # Errors
     /// [`DataError`] with the field at fault.
@@ -241,33 +242,34 @@ impl Arm {
         })
     }
 
-    /// Number of joints.
+    /// Returns the number of joints.
     pub fn joints(&self) -> usize {
         self.tree.len()
     }
 
-    /// Index of the link that carries the tool.
+    /// Returns the index of the link that carries the tool.
     pub fn last_link(&self) -> usize {
         self.tree.len() - 1
     }
 
-    /// `value` of each joint's index.
+    /// Collects `value(joint)` over the joint indices.
     pub fn each<T: Default>(&self, value: impl FnMut(usize) -> T) -> ArmVector<T> {
         (0..self.joints()).map(value).collect()
     }
 
-    /// `base_from_tool` at joint angles `q` (rad).
+    /// Computes `base_from_tool` at joint angles `q` (rad).
     pub fn tool_pose(&self, q: &[f64]) -> Isometry3<f64> {
         self.tree.forward(q)[self.last_link()] * self.last_from_tool
     }
 
-    /// Far ends of the tubes around base and links ([`Self::radii`]), m, each in its own link's frame, in which the tube begins at the origin.
+    /// Returns the far ends of the tubes around base and links ([`Self::radii`]), m. Each is in the frame of its own
+    /// link, at whose origin the tube begins.
     pub fn tube_ends(&self) -> Vec<Vector3<f64>> {
         let next = self.tree.joints.iter().map(|joint| joint.origin.translation.vector);
         next.chain([self.last_from_tool.translation.vector]).collect()
     }
 
-    /// What the joints bear, N m, where their sensors show `torque`.
+    /// Converts readings of the joint torque sensors, `torque`, to true joint torques, N m.
     pub fn borne(&self, torque: &[f64]) -> ArmVector {
         self.each(|joint| torque[joint] / self.torque_gains[joint])
     }

@@ -1,5 +1,5 @@
-//! Digits and phalanges, in the order used everywhere: thumb, index, middle, ring, little; proximal to distal. A hand with fewer digits
-//! has the first of them: the jaws of a gripper are a thumb and an index finger.
+//! Digits and phalanges, in the order used everywhere: thumb, index, middle, ring, little; proximal to distal. A hand
+//! with fewer digits has the first ones of these: the jaws of a gripper are a thumb and an index finger.
 
 use serde::{Deserialize, Serialize};
 
@@ -23,18 +23,18 @@ impl Digit {
     /// All digits in order.
     pub const ALL: [Digit; 5] = [Digit::Thumb, Digit::Index, Digit::Middle, Digit::Ring, Digit::Little];
 
-    /// Index among the digits, which is also that of its actuator.
+    /// Returns the index among the digits, which is also that of the actuator.
     pub fn index(self) -> usize {
         self as usize
     }
 
-    /// Joints of the digit in the F-TAC Hand, proximal first. Of any hand: [`crate::Hand::links`].
+    /// Returns the joints of the digit in the F-TAC Hand, proximal first. For any hand, use [`crate::Hand::links`].
     pub fn ftac_joints(self) -> [usize; 3] {
         let first = 3 * self.index();
         [first, first + 1, first + 2]
     }
 
-    /// Lower-case name as in the parameter file.
+    /// Returns the lower-case name, as in the parameter file.
     pub fn name(self) -> &'static str {
         ["thumb", "index", "middle", "ring", "little"][self.index()]
     }

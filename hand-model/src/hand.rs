@@ -1,4 +1,4 @@
-//! The hand built from its parameters: tree, covers, pads, cameras, transmission.
+//! The hand built from its parameters: kinematic tree, covers, pads, cameras, transmission.
 
 mod cover;
 mod jaws;
@@ -22,33 +22,33 @@ use platform::data::DataError;
 pub use cover::{CoverShape, SkinElement};
 pub use jaws::Jaws;
 
-/// Joints that a hand has at most.
+/// Largest number of joints of a hand.
 pub const MOST_HAND_JOINTS: usize = 24;
-/// Digits that a hand has at most, each closed by one actuator.
+/// Largest number of digits of a hand; each is closed by one actuator.
 pub const MOST_DIGITS: usize = 5;
-/// Actuators that a hand has at most: one for each digit, and the thumb's opposition.
+/// Largest number of actuators of a hand: one for each digit, and the thumb's opposition.
 pub const MOST_ACTUATORS: usize = MOST_DIGITS + 1;
 /// A value for each joint of a hand, in the order of its tree.
 pub type HandVector<T = f64> = ArrayVec<[T; MOST_HAND_JOINTS]>;
 /// A value for each digit of a hand.
 pub type DigitVector<T = f64> = ArrayVec<[T; MOST_DIGITS]>;
-/// A value for each actuator of a hand: those of the digits, then the opposition.
+/// A value for each actuator of a hand: the digits' actuators, then the opposition.
 pub type ActuatorVector<T = f64> = ArrayVec<[T; MOST_ACTUATORS]>;
 
 /// Mass, centre of mass and inertia of a link.
 #[derive(Debug, Clone, Copy)]
 pub struct MassProperties {
-    /// kg.
+    /// Mass, kg.
     pub mass: f64,
-    /// m, link frame.
+    /// Centre of mass in the link frame, m.
     pub com: Point3<f64>,
-    /// kg m2, about the centre of mass, link axes.
+    /// Inertia about the centre of mass, link axes, kg m2.
     pub inertia: Matrix3<f64>,
 }
 
 #[derive(Debug, Clone)]
 pub struct Hand {
-    /// The parameters it was built from.
+    /// The parameters from which the hand was built.
     pub parameters: HandParameters,
     /// Joints digit by digit, proximal first. The root is the palm.
     pub tree: Tree,
@@ -66,16 +66,16 @@ pub struct Hand {
     pub palm_from_flange: Isometry3<f64>,
     pub pads: Vec<Pad>,
     pub cameras: Vec<Camera>,
-    /// Cables, springs, opposition.
+    /// Cables, springs and opposition drive.
     pub transmission: Transmission,
-    /// Servos of the actuators: alike as drawn, each its own in one individual.
+    /// Servos of the actuators: identical in the nominal hand, each with its own deviations in an individual.
     pub servos: Vec<Servo>,
     /// The digits' cables with their spools.
     pub cables: Vec<Cable>,
 }
 
 impl Hand {
-    /// The F-TAC Hand as shipped.
+    /// Returns the F-TAC Hand as shipped.
     ///
     /// # Panics
     /// Never in a tested build: the parameter file is compiled in and a test reads it.
@@ -83,54 +83,55 @@ impl Hand {
         Self::build(HandParameters::ftac())
     }
 
-    /// Builds a hand from a parameter file's text; `path` is used in errors.
+    /// Builds a hand from the text of a parameter file; `path` is used in errors.
     pub fn parse(text: &str, path: &Path) -> Result<Self, DataError> {
         Ok(Self::build(HandParameters::parse(text, path)?))
     }
 
-    /// The hand's digits.
+    /// Returns the hand's digits.
     pub fn digits(&self) -> &'static [Digit] {
         &Digit::ALL[..self.cables.len()]
     }
 
-    /// Links of a digit from the palm outwards, which are also its joints; none of a digit that the hand lacks.
+    /// Returns the links of a digit from the palm outwards, which are also its joints; empty for a digit that the hand
+    /// lacks.
     pub fn links(&self, digit: Digit) -> &[usize] {
         self.chains.get(digit.index()).map_or(&[], Vec::as_slice)
     }
 
-    /// The digit that `link` is of; none is the palm.
+    /// Returns the digit to which `link` belongs; `None` is the palm.
     pub fn digit_of(&self, link: Option<usize>) -> Option<Digit> {
         let chain = self.chains.iter().position(|chain| link.is_some_and(|link| chain.contains(&link)))?;
         Digit::ALL.get(chain).copied()
     }
 
-    /// `value` of each joint's index.
+    /// Collects `value(joint)` over the joint indices.
     pub fn each_joint<T: Default>(&self, value: impl FnMut(usize) -> T) -> HandVector<T> {
         (0..self.tree.len()).map(value).collect()
     }
 
-    /// `value` of each digit's index.
+    /// Collects `value(digit)` over the digit indices.
     pub fn each_digit<T: Default>(&self, value: impl FnMut(usize) -> T) -> DigitVector<T> {
         (0..self.cables.len()).map(value).collect()
     }
 
-    /// `value` of each actuator's index.
+    /// Collects `value(actuator)` over the actuator indices.
     pub fn each_actuator<T: Default>(&self, value: impl FnMut(usize) -> T) -> ActuatorVector<T> {
         (0..self.servos.len()).map(value).collect()
     }
 
-    /// Joint angles of the open hand, rad.
+    /// Returns the joint angles of the open hand, rad.
     pub fn open(&self) -> HandVector {
         self.each_joint(|_| 0.0)
     }
 
-    /// Tensions of slack cables, N.
+    /// Returns zero tensions, those of slack cables, N.
     pub fn slack(&self) -> DigitVector {
         self.each_digit(|_| 0.0)
     }
 
-    /// Servo goals for cable `tensions` (N, held by current) and an angle of the opposition joint (rad), which takes `current_limit`
-    /// (A) at most.
+    /// Computes the servo goals for cable `tensions` (N, held by current control) and an angle of the opposition joint
+    /// (rad), which draws at most `current_limit` (A).
     pub fn servo_goals(&self, tensions: &[f64], opposition: f64, current_limit: f64) -> ActuatorVector<ServoGoal> {
         self.each_actuator(|n| match tensions.get(n) {
             Some(tension) => {
@@ -145,7 +146,8 @@ impl Hand {
         })
     }
 
-    /// What the guides of cable `n` take where those of the hand as drawn take `drawn`.
+    /// Scales guide friction to cable `n`: returns its friction where the guides of the nominal hand have friction
+    /// `drawn`.
     pub fn guides(&self, n: usize, drawn: &CableFriction) -> CableFriction {
         let (own, design) = (&self.cables[n].friction, &self.parameters.cable.friction);
         if own == design {
@@ -227,33 +229,33 @@ impl Hand {
         }
     }
 
-    /// Damping of a joint, N m s/rad or N s/m.
+    /// Returns the damping of a joint, N m s/rad or N s/m.
     pub fn joint_damping(&self, joint: usize) -> f64 {
         self.parameters.joint[joint].damping.unwrap_or(self.parameters.joint_defaults.damping)
     }
 
-    /// Inertia of a joint's drive, kg m2 or kg.
+    /// Returns the armature of a joint (reflected inertia of its drive), kg m2 or kg.
     pub fn joint_armature(&self, joint: usize) -> f64 {
         self.parameters.joint[joint].armature.unwrap_or(self.parameters.joint_defaults.armature)
     }
 
-    /// The elastomer of the pads.
+    /// Returns the elastomer of the pads.
     pub fn gel(&self) -> Gel {
         self.parameters.gel
     }
 
-    /// `palm_from_pad` of all pads, given the link poses of [`Tree::forward`].
+    /// Computes `palm_from_pad` of all pads from the link poses of [`Tree::forward`].
     pub fn pad_poses(&self, links: &[Isometry3<f64>]) -> Vec<Isometry3<f64>> {
         self.pads.iter().map(|pad| pad.link.map_or(pad.link_from_pad, |link| links[link] * pad.link_from_pad)).collect()
     }
 
-    /// Index of the pad called `name`.
+    /// Returns the index of the pad called `name`.
     pub fn pad(&self, name: &str) -> Option<usize> {
         self.pads.iter().position(|pad| pad.name == name)
     }
 }
 
-/// Joints that hang together, in the order of the first of each.
+/// Groups joints into connected chains, ordered by the first joint of each.
 fn chains(joints: &[Joint]) -> Vec<Vec<usize>> {
     let mut chains: Vec<Vec<usize>> = Vec::new();
     for (n, joint) in joints.iter().enumerate() {
@@ -265,7 +267,7 @@ fn chains(joints: &[Joint]) -> Vec<Vec<usize>> {
     chains
 }
 
-/// Mass properties of a uniform box of the cover's size.
+/// Computes the mass properties of a uniform box of the cover's size.
 fn box_mass(mass: f64, cover: &Cover, com: Option<[f64; 3]>) -> MassProperties {
     let square: Vec<f64> = cover.half.iter().map(|half| half * half).collect();
     let local =
@@ -279,7 +281,7 @@ fn box_mass(mass: f64, cover: &Cover, com: Option<[f64; 3]>) -> MassProperties {
     }
 }
 
-/// Adds a point mass (parallel-axis theorem).
+/// Adds a point mass at `at` (m) (parallel-axis theorem).
 fn with_point_mass(body: MassProperties, mass: f64, at: [f64; 3]) -> MassProperties {
     let at = Vector3::from(at);
     let total = body.mass + mass;
@@ -334,8 +336,9 @@ fn pad_frame(pad: &PadParameters) -> Isometry3<f64> {
     )
 }
 
-/// Mirrors every number in x of the palm frame. Link frames keep x along the phalanx and y palmar, so that only z (the axis)
-/// changes side: a rotation R becomes M R S with M = diag(-1, 1, 1) on the palm side and S = diag(1, 1, -1) on the link side.
+/// Mirrors the hand in x of the palm frame. Link frames keep x along the phalanx and y palmar, so that only z (the
+/// axis) changes side: a rotation R becomes M R S with M = diag(-1, 1, 1) on the palm side and S = diag(1, 1, -1) on
+/// the link side.
 fn mirror(parameters: &mut HandParameters) {
     let palm_side = Matrix3::from_diagonal(&Vector3::new(-1.0, 1.0, 1.0));
     let link_side = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, -1.0));

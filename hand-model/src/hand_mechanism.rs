@@ -1,6 +1,6 @@
-//! A hand as physics and grasp synthesis know it: links that collide, joints, and what pulls on them.
+//! A hand as physics and grasp synthesis see it: collision shapes, joints and actuators.
 //!
-//! [`HandMechanism::of`] makes it of a [`Hand`], [`crate::urdf_hand`] of any URDF.
+//! [`HandMechanism::of`] builds it from a [`Hand`], [`crate::urdf_hand`] from any URDF.
 
 use nalgebra::{Isometry3, Point3, Vector3};
 
@@ -11,20 +11,21 @@ use crate::transmission::{Follower, Lever};
 
 /// Root link of a hand from a parameter file.
 const PALM: &str = "palm";
-/// A torque is within an effort up to this share.
+/// Relative tolerance for a torque to be within an effort limit.
 const ROUNDING: f64 = 1e-9;
 
 /// An actuator's cable.
 #[derive(Debug, Clone)]
 pub struct Pull {
     pub name: String,
-    /// Joints with their levers.
+    /// The joints on which the cable acts, with their levers.
     pub arms: Vec<(usize, Lever)>,
-    /// Largest tension that the actuator gives and its joints bear, N, and what sets it; none where no file says.
+    /// Largest tension that the actuator can give and the joints can bear, N, and the source of the limit; none if no
+    /// file states one.
     pub most: Option<(f64, String)>,
 }
 
-/// Servo that turns the joint of the thumb's opposition.
+/// Servo that turns the thumb's opposition joint.
 #[derive(Debug, Clone, Copy)]
 pub struct OppositionServo {
     pub joint: usize,
@@ -35,46 +36,46 @@ pub struct OppositionServo {
 /// Spring, damping and armature of a joint.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Feel {
-    /// N m/rad or N/m.
+    /// Spring stiffness, N m/rad or N/m.
     pub spring: f64,
-    /// N m s/rad or N s/m.
+    /// Damping, N m s/rad or N s/m.
     pub damping: f64,
-    /// kg m2 or kg.
+    /// Armature, kg m2 or kg.
     pub armature: f64,
 }
 
 /// A collision shape of a link.
 #[derive(Debug, Clone)]
 pub struct Solid {
-    /// Joint whose link carries it; `None` is the root.
+    /// Joint whose link carries it; `None` for the root.
     pub link: Option<usize>,
     /// Name of its link in the hand's file.
     pub owner: String,
     /// `link_from_solid`.
     pub link_from_solid: Isometry3<f64>,
-    /// Its shape, m.
+    /// Shape, m.
     pub shape: SolidShape,
 }
 
-/// Shapes of links.
+/// Collision shapes of links.
 #[derive(Debug, Clone)]
 pub enum SolidShape {
     /// Half extents.
     Cuboid(Vector3<f64>),
-    /// Half extents with the rounding, and its radius.
+    /// Half extents including the rounding, and the rounding radius.
     RoundedCuboid(Vector3<f64>, f64),
     /// Radius.
     Sphere(f64),
     /// Radius and half length along z.
     Cylinder(f64, f64),
-    /// Radius and half length along z of the part between its caps.
+    /// Radius, and half length along z of the part between the caps.
     Capsule(f64, f64),
     /// The convex hull of these points.
     Hull(Vec<Point3<f64>>),
 }
 
 impl SolidShape {
-    /// Middle and half extents of the box around it, m.
+    /// Computes the middle and the half extents of the bounding box, m.
     pub fn extent(&self) -> (Point3<f64>, Vector3<f64>) {
         match self {
             Self::Cuboid(half) | Self::RoundedCuboid(half, _) => (Point3::origin(), *half),
@@ -95,25 +96,25 @@ impl SolidShape {
 /// Vertices and triangles.
 pub type Triangles = (Vec<Point3<f64>>, Vec<[u32; 3]>);
 
-/// The surface of a mesh for which convex parts stand.
+/// The surface of a mesh that is represented by convex parts.
 #[derive(Debug, Clone)]
 pub struct MeshSurface {
-    /// Joint whose link carries it; `None` is the root.
+    /// Joint whose link carries it; `None` for the root.
     pub link: Option<usize>,
     /// Name of its link in the URDF.
     pub owner: String,
     /// `link_from_mesh`.
     pub link_from_mesh: Isometry3<f64>,
-    /// In metres.
+    /// Vertices (m) and triangles.
     pub triangles: Triangles,
-    /// Largest distance by which its parts stand out of it, m.
+    /// Largest distance by which the convex parts protrude from the surface, m.
     pub excess: f64,
 }
 
-/// Place of the palm of a hand from a URDF.
+/// The palm of a hand from a URDF.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Palm {
-    /// Links of the root that may bear an object.
+    /// Links of the root that may support an object.
     pub links: Vec<String>,
     /// Unit vector out of the palm, root frame.
     pub facing: Option<Vector3<f64>>,
@@ -127,40 +128,40 @@ pub struct HandMechanism {
     pub root: String,
     /// Moving joints, parents first.
     pub tree: Tree,
-    /// Mass of the root; none where it does not matter, as it never moves.
+    /// Mass of the root; none where it does not matter because the root never moves.
     pub root_mass: Option<MassProperties>,
-    /// Mass of each moving link with what is fixed to it.
+    /// Mass of each moving link, including everything fixed to it.
     pub masses: Vec<MassProperties>,
     /// Collision shapes.
     pub solids: Vec<Solid>,
-    /// Surfaces of the meshes that solids stand for.
+    /// Surfaces of the meshes that the solids represent.
     pub surfaces: Vec<MeshSurface>,
-    /// Links (of the URDF) without any collision shape, that carry a mass or a visual shape.
+    /// Links (of the URDF) that have a mass or a visual shape but no collision shape.
     pub bare: Vec<String>,
-    /// Joints that follow others.
+    /// Joints that follow others (mimic joints).
     pub followers: Vec<Follower>,
-    /// Actuators that pull.
+    /// Actuators that pull cables.
     pub pulls: Vec<Pull>,
-    /// None in a hand without it.
+    /// Servo of the opposition; none in a hand without it.
     pub opposition: Option<OppositionServo>,
-    /// Effort that each joint bears, N m or N; none where no file says.
+    /// Effort limit of each joint, N m or N; none if no file states one.
     pub efforts: Vec<Option<f64>>,
-    /// Of each joint.
+    /// Spring, damping and armature of each joint.
     pub feel: Vec<Feel>,
-    /// Coordinate of each joint at which its spring rests, rad or m.
+    /// Rest coordinate of each joint's spring, rad or m.
     pub spring_rest: Vec<f64>,
-    /// True if digits feel each other through contact alone: neither a joint nor a link couples them, and the palm's solid meets their
-    /// first links.
+    /// True if digits interact through contact alone: neither a joint nor a link couples them, and the palm's solid
+    /// collides with their first links.
     pub digits_apart: bool,
     pub palm: Palm,
-    /// Joints that are held at a coordinate (rad or m), which the tree does not have.
+    /// Joints held at a fixed coordinate (rad or m); the tree does not contain them.
     pub held: Vec<(String, f64)>,
-    /// Departures from what the files say, a line each.
+    /// Deviations from what the files say, a line each.
     pub notes: Vec<String>,
 }
 
 impl HandMechanism {
-    /// Of a hand from a parameter file.
+    /// Builds the mechanism of a hand from a parameter file.
     pub fn of(hand: &Hand, name: &str) -> Self {
         let names = || hand.tree.joints.iter().map(|joint| joint.name.clone());
         let covers = std::iter::once((None, PALM.to_owned(), &hand.palm_cover))
@@ -206,7 +207,8 @@ impl HandMechanism {
         }
     }
 
-    /// Rest coordinate of every joint, rad or m: its spring's, clamped to its limits; of a joint that follows, what its leader's makes it.
+    /// Computes the rest coordinate of every joint, rad or m: that of its spring, clamped to its limits; for a
+    /// follower, the one that its leader's rest implies.
     pub fn rest(&self) -> Vec<f64> {
         let joints = self.tree.joints.iter().zip(&self.spring_rest);
         let mut rest: Vec<f64> = joints.map(|(joint, rest)| rest.clamp(joint.lower, joint.upper)).collect();
@@ -217,12 +219,12 @@ impl HandMechanism {
         rest
     }
 
-    /// Torque (N m) or force (N) with which the spring of a joint at `q` (rad or m) draws it back.
+    /// Computes the torque (N m) or force (N) with which the spring of a joint at `q` (rad or m) pulls it back.
     pub fn spring_effort(&self, joint: usize, q: f64) -> f64 {
         self.feel[joint].spring * (q - self.spring_rest[joint])
     }
 
-    /// Joint efforts (N m or N) of the actuators' `tensions` (N) and the springs at `q` (rad or m).
+    /// Computes the joint efforts (N m or N) due to the actuators' `tensions` (N) and the springs at `q` (rad or m).
     pub fn torques(&self, q: &[f64], tensions: &[f64]) -> Vec<f64> {
         let mut torques: Vec<f64> = q.iter().enumerate().map(|(joint, q)| -self.spring_effort(joint, *q)).collect();
         for (pull, tension) in self.pulls.iter().zip(tensions) {
@@ -233,7 +235,8 @@ impl HandMechanism {
         torques
     }
 
-    /// `tensions` (N), none above what its actuator gives and its joints bear; those that were, by the actuator's number.
+    /// Limits `tensions` (N) to what each actuator can give and its joints can bear. Returns the limited tensions and
+    /// the indices of the actuators that were reduced.
     pub fn within_efforts(&self, tensions: &[f64]) -> (Vec<f64>, Vec<usize>) {
         let mut above = Vec::new();
         let within = self.pulls.iter().zip(tensions).enumerate().map(|(n, (pull, tension))| match &pull.most {
@@ -244,7 +247,7 @@ impl HandMechanism {
             _ => *tension,
         });
         let mut within: Vec<f64> = within.collect();
-        // What several cables do to a joint adds up.
+        // The torques of several cables on one joint add up.
         for (joint, effort) in self.efforts.iter().enumerate().filter_map(|(joint, effort)| Some((joint, (*effort)?))) {
             let arm =
                 |pull: &Pull| pull.constant_arms().filter(|(own, _)| *own == joint).map(|(_, arm)| arm).sum::<f64>();
@@ -264,7 +267,7 @@ impl HandMechanism {
 }
 
 impl Pull {
-    /// Joints with their moment arms at coordinate 0, m; force over tension of a slide.
+    /// Returns the joints with their moment arms at coordinate 0, m; for a sliding joint, force over tension.
     pub fn constant_arms(&self) -> impl Iterator<Item = (usize, f64)> {
         self.arms.iter().map(|(joint, lever)| (*joint, lever.moment_arm(0.0)))
     }
@@ -274,7 +277,7 @@ impl Pull {
 mod tests {
     use super::*;
 
-    /// The mechanism of a hand pulls as its transmission does, to the last bit.
+    /// The mechanism of a hand pulls exactly as the hand's transmission, bit for bit.
     #[test]
     fn a_mechanism_pulls_as_the_hand() {
         let hand = Hand::ftac();

@@ -1,21 +1,21 @@
-//! Forward kinematics and Jacobians of a tree of joints that turn or slide.
+//! Forward kinematics and Jacobians of a tree of revolute and prismatic joints.
 //!
-//! A [`Tree`] is a flat list of joints in which every parent comes before its children; link `i` is the one that joint `i`
-//! moves, and the root link has no index.
+//! A [`Tree`] is a flat list of joints in which every parent comes before its children. Link `i` is moved by joint `i`;
+//! the root link has no index.
 
 use nalgebra::{Isometry3, Matrix6xX, Point3, Translation3, Unit, UnitQuaternion, Vector3};
 
 /// The motion that a joint allows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum JointKind {
-    /// About the axis; coordinates in rad, efforts in N m.
+    /// Revolute: about the axis; coordinates in rad, efforts in N m.
     Turn,
-    /// Along the axis; coordinates in m, efforts in N.
+    /// Prismatic: along the axis; coordinates in m, efforts in N.
     Slide,
 }
 
 impl JointKind {
-    /// Unit of the joint's coordinate.
+    /// Returns the unit of the joint's coordinate.
     pub fn unit(self) -> &'static str {
         match self {
             Self::Turn => "rad",
@@ -23,7 +23,7 @@ impl JointKind {
         }
     }
 
-    /// Unit of the joint's effort.
+    /// Returns the unit of the joint's effort.
     pub fn effort_unit(self) -> &'static str {
         match self {
             Self::Turn => "N m",
@@ -44,14 +44,14 @@ pub struct Joint {
     pub origin: Isometry3<f64>,
     /// Axis in the joint frame.
     pub axis: Unit<Vector3<f64>>,
-    /// Lower limit, rad or m (-inf where continuous).
+    /// Lower limit, rad or m (-inf for a continuous joint).
     pub lower: f64,
-    /// Upper limit, rad or m (+inf where continuous).
+    /// Upper limit, rad or m (+inf for a continuous joint).
     pub upper: f64,
 }
 
 impl Joint {
-    /// `parent_from_link` at coordinate `q` (rad or m).
+    /// Computes `parent_from_link` at coordinate `q` (rad or m).
     pub fn pose(&self, q: f64) -> Isometry3<f64> {
         match self.kind {
             JointKind::Turn => self.origin * UnitQuaternion::from_axis_angle(&self.axis, q),
@@ -60,7 +60,7 @@ impl Joint {
     }
 }
 
-/// A kinematic tree; see the module's page.
+/// A kinematic tree; see the module documentation.
 #[derive(Debug, Clone)]
 pub struct Tree {
     /// Joints, parents first.
@@ -68,25 +68,25 @@ pub struct Tree {
 }
 
 impl Tree {
-    /// Number of joints.
+    /// Returns the number of joints.
     pub fn len(&self) -> usize {
         self.joints.len()
     }
 
-    /// Whether the tree has no joint.
+    /// True if the tree has no joint.
     pub fn is_empty(&self) -> bool {
         self.joints.is_empty()
     }
 
-    /// Index of the joint called `name`.
+    /// Returns the index of the joint called `name`.
     pub fn find(&self, name: &str) -> Option<usize> {
         self.joints.iter().position(|joint| joint.name == name)
     }
 
-    /// `root_from_link` of every link at joint coordinates `q` (rad or m).
+    /// Computes `root_from_link` of every link at joint coordinates `q` (rad or m).
     ///
     /// # Panics
-    /// If `q` has another length than the tree.
+    /// If the length of `q` is not the number of joints.
     pub fn forward(&self, q: &[f64]) -> Vec<Isometry3<f64>> {
         assert_eq!(q.len(), self.joints.len(), "one angle per joint");
         let mut poses: Vec<Isometry3<f64>> = Vec::with_capacity(q.len());
@@ -98,7 +98,7 @@ impl Tree {
         poses
     }
 
-    /// Joints from the root down to `link`, `link` included.
+    /// Returns the joints from the root down to `link`, `link` included.
     pub fn chain(&self, link: usize) -> Vec<usize> {
         let mut chain = vec![link];
         while let Some(parent) = self.joints[chain[chain.len() - 1]].parent {
@@ -108,8 +108,8 @@ impl Tree {
         chain
     }
 
-    /// Geometric Jacobian (6 x joints; rows: linear velocity, angular velocity, in the root frame) of a point given in
-    /// `link`'s frame. `poses` is the result of [`Tree::forward`].
+    /// Computes the geometric Jacobian (6 x joints; rows: linear velocity, angular velocity, in the root frame) of a
+    /// point given in the frame of `link`. `poses` is the result of [`Tree::forward`].
     pub fn jacobian(&self, poses: &[Isometry3<f64>], link: usize, point: &Point3<f64>) -> Matrix6xX<f64> {
         let mut jacobian = Matrix6xX::zeros(self.joints.len());
         let target = poses[link] * point;
@@ -127,7 +127,7 @@ impl Tree {
     }
 }
 
-/// A pose from a URDF origin: translation (m) and fixed-axis roll, pitch, yaw (rad).
+/// Builds a pose from a URDF origin: translation (m) and fixed-axis roll, pitch, yaw (rad).
 pub fn pose_from_xyz_rpy(xyz: [f64; 3], rpy: [f64; 3]) -> Isometry3<f64> {
     Isometry3::from_parts(
         Translation3::new(xyz[0], xyz[1], xyz[2]),

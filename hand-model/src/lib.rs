@@ -1,10 +1,13 @@
-//! What the robot *is*: the F-TAC Hand's kinematic tree, cable transmission and tactile pads, the Kinova Gen3 arm, and the
+//! The robot model: the F-TAC Hand's kinematic tree, cable transmission and tactile pads, the Kinova Gen3 arm, and the
 //! [`robot::RobotBackend`] interface through which every controller drives every body.
 //!
-//! The story in order: [`robot_model`] reads a robot file, which names a hand and an arm; [`parameters`] reads the file with all numbers of the hand (`data/ftac_hand.toml`); [`hand`] turns it into a
-//! [`kinematics::Tree`] with covers, [`pads`] and a [`transmission`]; [`arm`] does the same for the Gen3; [`urdf`] writes both
-//! as URDF and reads any URDF back, [`hand_mechanism`] is what physics and grasp synthesis know of a hand, from a parameter file or by [`urdf_hand`] from a URDF; [`statics`] finds where the digits come to rest,
-//! [`load`] what the arm's joints bear; [`robot`] says what a body measures and what it can be told.
+//! The modules in reading order: [`robot_model`] reads a robot file, which names a hand and an arm. [`parameters`]
+//! reads the file with all numbers of the hand (`data/ftac_hand.toml`), and [`hand`] turns it into a
+//! [`kinematics::Tree`] with covers, [`pads`] and a [`transmission`]. [`arm`] does the same for the Gen3. [`urdf`]
+//! writes both as URDF and reads any URDF back. [`hand_mechanism`] is the view of a hand that physics and grasp
+//! synthesis use; it is built from a parameter file, or by [`urdf_hand`] from a URDF. [`statics`] computes the postures
+//! at which the digits come to rest, and [`load`] the static loads on the arm's joints. [`robot`] defines what a body
+//! measures and which commands it takes.
 //!
 //! # Frames
 //! Right-handed, SI. `palm`: y towards the fingertips, x towards the thumb side, -z out of the palm. Link frames: x along the

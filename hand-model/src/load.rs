@@ -1,4 +1,4 @@
-//! Static loads on the arm's joints: its own weight and the hand's, and forces on its links.
+//! Static loads on the arm's joints from the weight of arm and hand and from forces on its links.
 
 use nalgebra::{Isometry3, Point3, SMatrix, SVector, Vector3};
 
@@ -6,10 +6,10 @@ use crate::arm::MOST_ARM_JOINTS;
 use crate::hand::MassProperties;
 use crate::{Arm, GRAVITY, RobotModel};
 
-/// One torque a joint of the arm, N m; 0 beyond the last joint.
+/// One torque per joint of the arm, N m; 0 beyond the last joint.
 pub type Torques = SVector<f64, MOST_ARM_JOINTS>;
 
-/// Torques that hold the arm and an open hand against their weight, N m.
+/// Computes the joint torques that hold the arm and an open hand against gravity, N m.
 pub fn weight(robot: &RobotModel, angles: &[f64]) -> Torques {
     let RobotModel { hand, arm, .. } = robot;
     let poses = arm.tree.forward(angles);
@@ -28,33 +28,34 @@ pub fn weight(robot: &RobotModel, angles: &[f64]) -> Torques {
     torques
 }
 
-/// Torques that hold a link against a `force` (N) at a point of it, N m.
+/// Computes the joint torques that hold a link against a `force` (N, base frame) at a `point` of it (m, base frame), N
+/// m.
 pub fn held(arm: &Arm, poses: &[Isometry3<f64>], link: usize, point: &Point3<f64>, force: &Vector3<f64>) -> Torques {
     let jacobian = arm.tree.jacobian(poses, link, &poses[link].inverse_transform_point(point));
     per_joint(arm.tree.len(), |joint| -jacobian.fixed_view::<3, 1>(0, joint).dot(force))
 }
 
-/// Values of an arm's joints as [`Torques`]: N m, or accelerations in rad/s2.
+/// Packs the values of an arm's joints into [`Torques`]: N m, or accelerations in rad/s2.
 pub fn torques(joints: &[f64]) -> Torques {
     per_joint(joints.len(), |joint| joints[joint])
 }
 
-/// `torque` of each of the joints.
+/// Collects `torque(joint)` over the joints.
 fn per_joint(joints: usize, torque: impl Fn(usize) -> f64) -> Torques {
     Torques::from_fn(|joint, _| if joint < joints { torque(joint) } else { 0.0 })
 }
 
-/// Arm and hand as point masses: for loops that need the torques of weight and acceleration in every cycle.
+/// Arm and hand as point masses, for loops that need the torques of gravity and acceleration in every cycle.
 #[derive(Debug, Clone)]
 pub struct LoadModel {
     arm: Arm,
-    /// Link, mass (kg) and its centre in the link's frame, m.
+    /// Link, mass (kg) and centre of mass in the link's frame (m).
     masses: Vec<(usize, f64, Point3<f64>)>,
     last_from_palm: Isometry3<f64>,
 }
 
 impl LoadModel {
-    /// Of an arm with an open hand.
+    /// Builds the model of an arm with an open hand.
     pub fn new(robot: &RobotModel) -> Self {
         let RobotModel { hand, arm, .. } = robot;
         let last_from_palm = arm.last_from_tool * hand.palm_from_flange.inverse();
@@ -68,8 +69,8 @@ impl LoadModel {
         Self { arm: (**arm).clone(), masses, last_from_palm }
     }
 
-    /// Torques that move arm and hand with an `acceleration` (rad/s2) of the joints and hold their weight, N m. Speeds and the links' own moments of
-    /// inertia are left out.
+    /// Computes the joint torques that accelerate arm and hand by `acceleration` (rad/s2) and hold their weight, N m.
+    /// Velocity terms and the links' own moments of inertia are neglected.
     pub fn moving(&self, poses: &[Isometry3<f64>], acceleration: &[f64]) -> Torques {
         let joints = self.arm.tree.len();
         let acceleration = torques(acceleration);
@@ -84,7 +85,7 @@ impl LoadModel {
         torques
     }
 
-    /// Torques that hold a mass of 1 kg in the palm, N m.
+    /// Computes the joint torques that hold a mass of 1 kg in the palm, N m.
     pub fn per_payload(&self, poses: &[Isometry3<f64>]) -> Torques {
         let last = self.arm.last_link();
         let at = poses[last] * self.last_from_palm * Point3::origin();
@@ -96,7 +97,8 @@ impl LoadModel {
 mod tests {
     use super::*;
 
-    /// At rest the point masses weigh as much as arm and hand; a joint that is accelerated alone needs its own inertia: 1 kg at 1 m is 1 kg m2.
+    /// At rest the point masses weigh as much as arm and hand. A joint accelerated alone needs the torque of its own
+    /// inertia: 1 kg at 1 m is 1 kg m2.
     #[test]
     fn point_masses_weigh_and_resist() {
         let robot = RobotModel::ftac_gen3();
@@ -105,14 +107,15 @@ mod tests {
         let poses = arm.tree.forward(&at);
         let rest = model.moving(&poses, &[0.0; 7]);
         assert!((rest - weight(&robot, &at)).norm() < 1e-9, "{rest}");
-        // Turning about the vertical: the sum of masses times squared distances from it, and the drive's.
+        // Rotation about the vertical: the inertia is the sum of masses times squared distances from the axis, plus the
+        // drive's.
         let turned = model.moving(&poses, &[-2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])[0] - rest[0];
         let inertia: f64 =
             model.masses.iter().map(|(link, mass, at)| mass * (poses[*link] * at).coords.xy().norm_squared()).sum();
         assert!((turned + 2.0 * (inertia + arm.armature)).abs() < 1e-9, "{turned} {inertia}");
     }
 
-    /// The torques of weight are the slope of its energy.
+    /// The gravity torques are the gradient of the potential energy.
     #[test]
     fn weight_is_the_slope_of_energy() {
         let robot = RobotModel::ftac_gen3();

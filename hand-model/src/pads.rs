@@ -1,13 +1,13 @@
-//! The 17 tactile pads: where each one sits, how large it is, and which part of it each of the 18 cameras sees.
+//! The 17 tactile pads: poses, sizes, and the part of each that each of the 18 cameras sees.
 
 use nalgebra::{Isometry3, Point3};
 
-/// One tactile pad. Its frame: origin in the centre of the surface, x across, y along the digit, z out of the surface.
+/// One tactile pad. Frame: origin in the centre of the surface, x across, y along the digit, z out of the surface.
 #[derive(Debug, Clone)]
 pub struct Pad {
     /// Name, `<digit>_<phalanx>` or `palm_<side>`.
     pub name: String,
-    /// Link that carries it; `None` is the palm.
+    /// Link that carries it; `None` for the palm.
     pub link: Option<usize>,
     /// Letter of the sensor configuration, `a` to `f`.
     pub configuration: char,
@@ -17,20 +17,20 @@ pub struct Pad {
     pub h: f64,
     /// Size along x, m.
     pub w: f64,
-    /// Rounding radius of the cover's edges (m) under the pad.
+    /// Rounding radius of the cover's edges under the pad, m.
     pub edge_radius: f64,
     /// Indices of the pad's cameras.
     pub cameras: Vec<usize>,
 }
 
-/// The rectangle of a pad that one camera sees; images are rectified to it, 240 x 240.
+/// The rectangle of a pad that one camera sees. Its images are rectified to 240 x 240 pixels.
 #[derive(Debug, Clone)]
 pub struct Camera {
-    /// `<pad>` or `<pad>_<n>`.
+    /// Name, `<pad>` or `<pad>_<n>`.
     pub name: String,
     /// Index of the pad.
     pub pad: usize,
-    /// Centre of the view along the pad's y, m (0 where the pad has one camera).
+    /// Centre of the view along the pad's y, m (0 for the only camera of a pad).
     pub center_y: f64,
     /// Extent along y, m.
     pub h: f64,
@@ -38,16 +38,16 @@ pub struct Camera {
     pub w: f64,
 }
 
-/// Pixels along each side of a tactile image.
+/// Number of pixels along each side of a tactile image.
 pub const IMAGE_SIZE: usize = 240;
 
 impl Camera {
-    /// Size of a pixel along x and y, m.
+    /// Returns the size of a pixel along x and y, m.
     pub fn pixel_size(&self) -> (f64, f64) {
         (self.w / IMAGE_SIZE as f64, self.h / IMAGE_SIZE as f64)
     }
 
-    /// Pad coordinates (m) of the centre of pixel (column, row). Row 0 is the distal edge (largest y).
+    /// Computes the pad coordinates (m) of the centre of pixel (column, row). Row 0 is the distal edge (largest y).
     pub fn pixel_center(&self, column: usize, row: usize) -> (f64, f64) {
         let (dx, dy) = self.pixel_size();
         ((column as f64 + 0.5) * dx - 0.5 * self.w, self.center_y + 0.5 * self.h - (row as f64 + 0.5) * dy)
@@ -55,8 +55,8 @@ impl Camera {
 }
 
 impl Pad {
-    /// Height (m, never positive) of the undeformed surface over the pad's plane at (x, y): 0 in the flat middle, falling off
-    /// over the rounded edges of the cover.
+    /// Computes the height (m, never positive) of the undeformed surface over the pad's plane at (x, y): 0 in the flat
+    /// middle, falling off over the rounded edges of the cover.
     pub fn surface_height(&self, x: f64, y: f64) -> f64 {
         let r = self.edge_radius;
         let ex = (x.abs() - (0.5 * self.w - r)).max(0.0);
@@ -65,7 +65,7 @@ impl Pad {
         (r * r - e2).sqrt() - r
     }
 
-    /// A grid of surface points (pad frame), `nx` by `ny`, inset from the border by half a cell.
+    /// Samples the surface on a grid of `nx` by `ny` points (pad frame, m), inset from the border by half a cell.
     pub fn surface_samples(&self, nx: usize, ny: usize) -> Vec<Point3<f64>> {
         let mut points = Vec::with_capacity(nx * ny);
         for j in 0..ny {

@@ -1,4 +1,4 @@
-//! The parameter file: every number of the hand and the arm, as TOML, and the checks that make its errors helpful.
+//! The parameter file of the hand: all its numbers, as TOML, and checks with helpful errors.
 
 mod checks;
 mod grasps;
@@ -15,7 +15,8 @@ use platform::data::{DataError, parse_toml};
 pub use self::grasps::{GraspRanges, Grasps, ThumbRanges};
 pub use self::reading::{HoldLimits, Palpation};
 
-/// The whole of a hand's parameter file such as `ftac_hand.toml`. Field names are those of the file, which documents them.
+/// The content of a hand's parameter file such as `ftac_hand.toml`. Field names are those of the file, which documents
+/// them.
 #[derive(Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[allow(missing_docs)]
@@ -37,7 +38,8 @@ pub struct HandParameters {
     pub palpation: Option<Palpation>,
 }
 
-/// All that decides how the hand moves and touches, as [`crate::RobotModel::mechanics`] needs it: how it is used is left out.
+/// Prints everything that decides how the hand moves and touches, as [`crate::RobotModel::mechanics`] needs it. How the
+/// hand is used is left out.
 impl fmt::Debug for HandParameters {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         out.debug_struct("HandParameters")
@@ -57,7 +59,7 @@ impl fmt::Debug for HandParameters {
     }
 }
 
-/// Which hand it is; `Right` mirrors the model in x.
+/// Handedness of the hand; `Right` mirrors the model in x.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 #[allow(missing_docs)]
@@ -66,7 +68,7 @@ pub enum Handedness {
     Right,
 }
 
-/// A rounded box around a link: centre and half extents (m, the rounding included) in the link frame.
+/// A rounded box around a link: centre and half extents (m, including the rounding) in the link frame.
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[allow(missing_docs)]
@@ -100,17 +102,17 @@ pub struct Gel {
     pub stiffness: f64,
 }
 
-/// Servo figures at 11.1 V, output side.
+/// Servo data at 11.1 V, output side.
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Servo {
     /// Output torque per input current, N m/A.
     pub torque_constant: f64,
-    /// N m.
+    /// Stall torque, N m.
     pub stall_torque: f64,
-    /// rad/s.
+    /// No-load speed, rad/s.
     pub no_load_speed: f64,
-    /// A.
+    /// Current limit, A.
     pub current_limit: f64,
     /// Encoder counts per turn.
     pub encoder_counts: u32,
@@ -129,7 +131,7 @@ pub struct Servo {
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Cable {
-    /// m.
+    /// Radius of the spool, m.
     pub spool_radius: f64,
     /// Tension per stretch, N/m.
     pub stiffness: f64,
@@ -160,18 +162,18 @@ pub struct JointParameters {
     pub spring: f64,
     pub guide_before: Option<[f64; 2]>,
     pub guide_after: Option<[f64; 2]>,
-    /// Constant moment arm of the cable, m; of a joint that slides, force over tension. In the place of guides.
+    /// Constant moment arm of the cable, m; for a sliding joint, force over tension. Replaces the guides.
     pub arm: Option<f64>,
-    /// The joint slides along its z axis; it turns about it otherwise.
+    /// True if the joint slides along its z axis; otherwise it turns about it.
     #[serde(default)]
     pub slide: bool,
     pub follows: Option<Follows>,
-    /// In the place of `joint_defaults`.
+    /// Override of `joint_defaults`.
     pub damping: Option<f64>,
     pub armature: Option<f64>,
 }
 
-/// The joint that another follows, and by how much.
+/// Coupling of a joint to the one it follows.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[allow(missing_docs)]
@@ -195,7 +197,7 @@ pub struct ActuatorParameters {
     pub drives: Option<String>,
 }
 
-/// A sensor configuration of the paper's table.
+/// A sensor configuration from the paper's table.
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Configuration {
@@ -220,14 +222,14 @@ pub struct PadParameters {
 }
 
 impl HandParameters {
-    /// Parses and checks a parameter file's text; `path` is only used in errors.
+    /// Parses and checks the text of a parameter file; `path` is only used in errors.
     pub fn parse(text: &str, path: &Path) -> Result<Self, DataError> {
         let parameters: Self = parse_toml(text, path)?;
         parameters.check(path)?;
         Ok(parameters)
     }
 
-    /// Parameters of the F-TAC Hand.
+    /// Returns the parameters of the F-TAC Hand.
     ///
     /// # Panics
     /// Never in a tested build: the file is compiled in and a test reads it.
@@ -236,8 +238,9 @@ impl HandParameters {
             .expect("the built-in hand is valid")
     }
 
-    /// A geometrically similar hand. Lengths go with `factor`, masses with its cube. Springs go with it as well, so that a tension bends
-    /// the digits as far as before. Servos, servo pack, spools, cables and the gel's thickness stay.
+    /// Scales the hand geometrically. Lengths scale with `factor`, masses with its cube. Spring stiffnesses scale with
+    /// `factor` too, so that a given tension bends the digits as far as before. Servos, servo pack, spools, cables and
+    /// the gel's thickness keep their values.
     pub(crate) fn scale(&mut self, factor: f64) {
         let scaled = |values: &mut [f64]| values.iter_mut().for_each(|value| *value *= factor);
         let cover = |cover: &mut Cover| {

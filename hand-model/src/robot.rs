@@ -1,9 +1,10 @@
 //! The one interface between a controller and a robot, simulated or real.
 //!
-//! A backend is driven by ticks and owns time: [`RobotBackend::observe`] gives the newest readings, [`RobotBackend::send`] takes a command
-//! and answers with the one *actually sent* after limits, [`RobotBackend::wait_for_tick`] lets a tick pass. The first two can fail, and a
-//! reading may be missing: a controller holds until it has an [`Observation`] again ([`Readings::complete`]). No backend offers ground
-//! truth: object poses, noise draws and true contact forces reach only the referee, by a side door of the simulator.
+//! A backend is driven by ticks and owns the clock. [`RobotBackend::observe`] returns the newest readings,
+//! [`RobotBackend::send`] takes a command and returns the one *actually sent* after limits, and
+//! [`RobotBackend::wait_for_tick`] lets a tick pass. The first two can fail, and a reading may be missing: a controller
+//! holds until it has an [`Observation`] again ([`Readings::complete`]). No backend offers ground truth: object poses,
+//! noise samples and true contact forces reach only the referee, through a separate interface of the simulator.
 //!
 //! A [`Plant`] is the physics behind emulated devices. It cannot fail.
 
@@ -11,53 +12,53 @@ use std::sync::Arc;
 
 use crate::{ActuatorVector, ArmVector};
 
-/// What one servo reports.
+/// State that one servo reports.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct ServoState {
-    /// Output angle, rad, multi-turn, quantised by the encoder; 0 is the slack cable of an open digit.
+    /// Output angle, rad, multi-turn, quantised by the encoder; 0 corresponds to the slack cable of an open digit.
     pub position: f64,
-    /// rad/s.
+    /// Velocity, rad/s.
     pub velocity: f64,
     /// Input current, A.
     pub current: f64,
-    /// Degrees Celsius.
+    /// Temperature, degrees Celsius.
     pub temperature: f64,
 }
 
-/// The arm's measurements, a value for each joint.
+/// Measurements of the arm, one value per joint.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct ArmState {
-    /// rad.
+    /// Joint angles, rad.
     pub position: ArmVector,
-    /// rad/s.
+    /// Joint velocities, rad/s.
     pub velocity: ArmVector,
-    /// N m.
+    /// Joint torques, N m.
     pub torque: ArmVector,
 }
 
 impl ArmState {
-    /// At rest at `position` (rad), without torques.
+    /// Returns the state at rest at `position` (rad), without torques.
     pub fn still(position: ArmVector) -> Self {
         let none = position.iter().map(|_| 0.0).collect();
         Self { position, velocity: none, torque: none }
     }
 }
 
-/// A 240 x 240 RGB picture of the inside of a pad.
+/// A 240 x 240 RGB image of the inside of a pad.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct TactileImage {
     /// Row-major RGB, `IMAGE_SIZE * IMAGE_SIZE * 3` bytes.
     pub rgb: Vec<u8>,
 }
 
-/// An image as it arrived.
+/// A tactile image with its arrival data.
 #[derive(Debug, Clone)]
 pub struct TactileFrame {
     /// Index of the camera.
     pub camera: usize,
     /// Capture time, s.
     pub time: f64,
-    /// Sequence number of this camera.
+    /// Sequence number of the frame for this camera.
     pub sequence: u64,
     /// Pixels; shared, because an idle pad sends the same image again and again.
     pub image: Arc<TactileImage>,
@@ -67,18 +68,18 @@ pub struct TactileFrame {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reading<T> {
     pub value: T,
-    /// s since the backend was started.
+    /// Time of validity, s since the backend was started.
     pub time: f64,
 }
 
-/// The newest readings of a backend. What was never read is absent.
+/// The newest readings of a backend. A device that was never read is absent.
 #[derive(Debug, Clone, Default)]
 pub struct Readings {
-    /// s since the backend was started.
+    /// Time, s since the backend was started.
     pub time: f64,
     /// Number of the tick.
     pub sequence: u64,
-    /// Of each actuator.
+    /// Reading of each actuator.
     pub servos: ActuatorVector<Option<Reading<ServoState>>>,
     pub arm: Option<Reading<ArmState>>,
     /// Tactile images that arrived since the last readings.
@@ -86,7 +87,7 @@ pub struct Readings {
 }
 
 impl Readings {
-    /// All that a controller acts on.
+    /// Converts to an observation that is complete enough to act on.
     ///
     /// # Errors
     /// [`RobotError::Unread`] with the first device that was never read.
@@ -101,7 +102,7 @@ impl Readings {
 }
 
 impl From<Observation> for Readings {
-    /// Every reading is valid at the observation's time.
+    /// Marks every reading as valid at the observation's time.
     fn from(observation: Observation) -> Self {
         let Observation { time, sequence, servos, arm, tactile } = observation;
         let servos = servos.into_iter().map(|value| Some(Reading { value, time })).collect();
@@ -109,10 +110,10 @@ impl From<Observation> for Readings {
     }
 }
 
-/// A part of the robot that is read.
+/// A part of the robot that can be read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Device {
-    /// By index of its actuator.
+    /// A servo, by the index of its actuator.
     Servo(usize),
     Arm,
 }
@@ -126,53 +127,53 @@ impl std::fmt::Display for Device {
     }
 }
 
-/// A backend could not observe or send.
+/// A failure of a backend to observe or to send.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum RobotError {
-    /// Nothing was ever read of a device.
+    /// A device has not been read yet.
     #[error("{0}: not read yet")]
     Unread(Device),
     /// The command did not go out in time.
     #[error("the command was not sent within {0:.3} s")]
     NotSent(f64),
-    /// The cameras could not be asked for images.
+    /// The request to the cameras for images failed.
     #[error("images could not be asked for: {0}")]
     Capture(String),
-    /// Nobody answers any more.
+    /// The connection is lost.
     #[error("{0}")]
     Lost(String),
 }
 
-/// Everything measured up to now.
+/// A complete set of the newest measurements.
 #[derive(Debug, Clone, Default)]
 pub struct Observation {
     /// Time of the measurement, s since the body was started.
     pub time: f64,
     /// Number of the tick.
     pub sequence: u64,
-    /// Of each actuator.
+    /// State of each actuator.
     pub servos: ActuatorVector<ServoState>,
     pub arm: ArmState,
     /// Tactile images that arrived since the last observation.
     pub tactile: Vec<TactileFrame>,
 }
 
-/// What a servo is asked to do.
+/// Goal of a servo.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum ServoGoal {
-    /// Current control: A, positive winds the cable.
+    /// Current control: current in A; positive winds the cable.
     Current(f64),
-    /// Current-based position control: output angle in rad under a current limit in A.
+    /// Current-based position control: output angle under a current limit.
     Position {
-        /// rad.
+        /// Output angle, rad.
         angle: f64,
-        /// A.
+        /// Current limit, A.
         current_limit: f64,
     },
 }
 
 impl Default for ServoGoal {
-    /// Free to turn: no current.
+    /// Returns zero current: free to turn.
     fn default() -> Self {
         Self::Current(0.0)
     }
@@ -183,36 +184,36 @@ impl Default for ServoGoal {
 pub struct Command {
     /// Arm joint position set-points, rad.
     pub arm: ArmVector,
-    /// Of each actuator.
+    /// Goal of each actuator.
     pub servos: ActuatorVector<ServoGoal>,
-    /// Ask the camera board for one image of every camera.
+    /// Requests one image of every camera from the camera board.
     pub capture: bool,
 }
 
-/// What passed with a tick.
+/// Timing of a control tick.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Tick {
-    /// s since the body was started.
+    /// Time, s since the body was started.
     pub time: f64,
-    /// How late the tick was, s; 0 in simulation.
+    /// Lateness of the tick, s; 0 in simulation.
     pub lateness: f64,
 }
 
 /// A robot that can be driven.
 pub trait RobotBackend {
-    /// The newest readings.
+    /// Returns the newest readings.
     ///
     /// # Errors
-    /// Why nothing could be observed.
+    /// The reason why nothing could be observed.
     fn observe(&mut self) -> Result<Readings, RobotError>;
-    /// Takes a command; returns what was sent after limits. It does not wait for longer than a tick or two.
+    /// Sends a command and returns what was sent after limits. It blocks for no longer than a tick or two.
     ///
     /// # Errors
-    /// Why nothing was sent.
+    /// The reason why nothing was sent.
     fn send(&mut self, command: &Command) -> Result<Command, RobotError>;
-    /// Lets one control tick pass.
+    /// Waits until one control tick has passed.
     fn wait_for_tick(&mut self) -> Tick;
-    /// Length of a control tick, s.
+    /// Returns the length of a control tick, s.
     fn tick_length(&self) -> f64;
 }
 
@@ -234,13 +235,13 @@ impl<R: RobotBackend + ?Sized> RobotBackend for Box<R> {
     }
 }
 
-/// Physics that emulated devices act on. Its methods are those of a [`RobotBackend`] that never fails.
+/// Physics on which emulated devices act. Its methods are those of a [`RobotBackend`] that never fails.
 pub trait Plant {
     fn observe(&mut self) -> Observation;
-    /// Takes a command; returns what it follows.
+    /// Takes a command and returns the one that it follows.
     fn send(&mut self, command: &Command) -> Command;
     fn wait_for_tick(&mut self) -> Tick;
-    /// Length of a control tick, s.
+    /// Returns the length of a control tick, s.
     fn tick_length(&self) -> f64;
 }
 
@@ -248,7 +249,7 @@ pub trait Plant {
 mod tests {
     use super::*;
 
-    /// A servo that was never read is not at 0 rad.
+    /// A servo that was never read must not appear to be at 0 rad.
     #[test]
     fn what_was_never_read_is_no_observation() {
         let servos = [ServoState::default(); 6].into();

@@ -1,4 +1,4 @@
-//! A robot as one file describes it: arm, hand, and what the hand differs by from its parameter file.
+//! A robot as one file describes it: arm, hand, and the hand's deviations from its parameter file.
 //!
 //! ```toml
 //! version = 1
@@ -29,7 +29,7 @@
 //! y = [1.0, 0.0, 0.0]
 //! z = [0.0, -1.0, 0.0]
 //! ```
-//! Numbers in the file are those of the left hand at its full size, as in the parameter file.
+//! Numbers in the file refer to the left hand at full size, as in the parameter file.
 
 use std::collections::BTreeMap;
 use std::f64::consts::{FRAC_PI_2, TAU};
@@ -45,7 +45,7 @@ use crate::kinematics::pose_from_xyz_rpy;
 use crate::parameters::{Configuration, HandParameters, Handedness, PadParameters};
 use crate::{Arm, Hand};
 
-/// Version of the file.
+/// Version of the file format.
 const VERSION: u32 = 1;
 /// File of the built-in robot.
 const BUILTIN: &str = "ftac_gen3.toml";
@@ -56,7 +56,7 @@ const GEN3: &str = "gen3";
 /// Smallest and largest scale of a hand.
 const SCALES: [f64; 2] = [0.5, 2.0];
 
-/// Arm and hand: what is fixed for a run.
+/// Arm and hand: everything that is fixed for a run.
 #[derive(Debug, Clone)]
 pub struct RobotModel {
     pub name: String,
@@ -64,21 +64,21 @@ pub struct RobotModel {
     pub hand: Arc<Hand>,
     /// Pitch of the fingers below the horizontal when a trial begins, rad.
     pub start_pitch: f64,
-    /// Name of the file with the pads' photometric calibration, if it is not the built-in one.
+    /// Name of the file with the pads' photometric calibration; none for the built-in one.
     pub calibration: Option<String>,
-    /// The texts that it was made of; `None` for the built-in robot.
+    /// Source texts of the robot; `None` for the built-in robot.
     pub sources: Option<RobotSources>,
 }
 
-/// The texts that a robot is made of. Runs and sessions keep them, so that they do not depend on files.
+/// Source texts of a robot. Runs and sessions keep them, so that they do not depend on files.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RobotSources {
     /// Name of the robot file, for errors.
     pub name: PathBuf,
-    /// The robot file.
+    /// Text of the robot file.
     pub robot: String,
-    /// The files that it names, by the names it uses.
+    /// Texts of the files that it names, by the names it uses.
     pub files: BTreeMap<String, String>,
 }
 
@@ -119,13 +119,13 @@ struct MountFile {
     rpy: [f64; 3],
 }
 
-/// Steepest pitch of the fingers when a trial begins, rad: straight down, with what rounding adds.
+/// Steepest pitch of the fingers when a trial begins, rad: straight down, plus a margin for rounding.
 const START_PITCH: f64 = FRAC_PI_2 + 1e-3;
-/// Farthest that a mount holds a hand from its flange along each axis, m.
+/// Largest offset of a mounted hand from its flange along each axis, m.
 const MOUNT: f64 = 0.5;
 
 impl MountFile {
-    /// `flange_from_hand`.
+    /// Checks the mount and returns `flange_from_hand`.
     fn pose(&self, path: &Path) -> Result<Isometry3<f64>, DataError> {
         for (field, values, most) in [("xyz", self.xyz, MOUNT), ("rpy", self.rpy, TAU)] {
             if let Some(n) = values.iter().position(|value| !(-most..=most).contains(value)) {
@@ -150,7 +150,7 @@ struct HandFile {
 }
 
 impl RobotFile {
-    /// The files that it names: (field, name).
+    /// Returns the files that it names: (field, name).
     fn files(&self) -> impl Iterator<Item = (&'static str, &String)> {
         let arm = (self.arm != GEN3).then_some(("arm", &self.arm));
         let hand = (self.hand.parameters != FTAC).then_some(("hand.parameters", &self.hand.parameters));
@@ -160,8 +160,8 @@ impl RobotFile {
 }
 
 impl RobotSources {
-    /// Reads a robot file and the files that it names, which are looked for beside it. A calibration that is not there is left out: one has to
-    /// be made with the robot.
+    /// Reads a robot file and the files that it names, which are looked for beside it. A missing calibration is left
+    /// out, because it has to be made with the robot.
     ///
     /// # Errors
     /// [`DataError`] with the file and field at fault.
@@ -187,7 +187,7 @@ impl RobotSources {
 }
 
 impl RobotModel {
-    /// The F-TAC Hand on a Gen3.
+    /// Returns the F-TAC Hand on a Gen3.
     ///
     /// # Panics
     /// Never in a tested build: the files are compiled in and a test reads them.
@@ -206,28 +206,28 @@ impl RobotModel {
         Self::parse(&RobotSources::read(path, Reach::Anywhere)?, path)
     }
 
-    /// The robot made of `sources`, or the built-in one.
+    /// Builds the robot from `sources`, or the built-in one.
     ///
     /// # Errors
-    /// As of [`Self::parse`].
+    /// Those of [`Self::parse`].
     pub fn of(sources: Option<&RobotSources>) -> Result<Self, DataError> {
         sources.map_or_else(|| Ok(Self::ftac_gen3()), |sources| Self::parse(sources, &sources.name))
     }
 
-    /// The robot as its files have it: of an individual, that of which it is one.
+    /// Returns the nominal robot as its files define it. For an individual, that is the robot of which it is one.
     ///
     /// # Errors
-    /// As of [`Self::parse`].
+    /// Those of [`Self::parse`].
     pub fn nominal(&self) -> Result<Self, DataError> {
         Self::of(self.sources.as_ref())
     }
 
-    /// Name of the robot's file for errors.
+    /// Returns the name of the robot's file, for errors.
     pub fn file(&self) -> &Path {
         self.sources.as_ref().map_or(Path::new(BUILTIN), |sources| &sources.name)
     }
 
-    /// The robot made of `sources`; `path` is used in errors.
+    /// Builds the robot from `sources`; `path` is used in errors.
     ///
     /// # Errors
     /// [`DataError`] with the file and field at fault.
@@ -259,7 +259,7 @@ impl RobotModel {
             HandParameters::parse(text, &path)?
         };
         file.hand.change(&mut parameters, path)?;
-        // Sessions and individuals name the hand that they are of.
+        // Sessions and individuals name the hand to which they belong.
         parameters.name.clone_from(&file.name);
         Ok(Self {
             name: file.name,
@@ -271,10 +271,10 @@ impl RobotModel {
         })
     }
 
-    /// The pads' photometric calibration, if it is not the built-in one: text and name of its file.
+    /// Returns the pads' photometric calibration, if it is not the built-in one: text and name of its file.
     ///
     /// # Errors
-    /// [`DataError`] for a file that was not there.
+    /// [`DataError`] for a file that was missing.
     pub fn calibration(&self) -> Result<Option<(&str, PathBuf)>, DataError> {
         let Some((sources, name)) = self.sources.as_ref().zip(self.calibration.as_ref()) else { return Ok(None) };
         match sources.files.get(name) {
@@ -287,8 +287,8 @@ impl RobotModel {
         }
     }
 
-    /// All of arm, hand and start but pads, cameras and names, as text: grasps of one robot are another's where it is the same. Grasps of the file's own
-    /// count where they are not those of the F-TAC Hand.
+    /// Returns all of arm, hand and start except pads, cameras and names, as text. Robots with the same text can share
+    /// grasps. The file's own grasps are included if they differ from those of the F-TAC Hand.
     pub fn mechanics(&self) -> String {
         let parameters = HandParameters {
             name: String::new(),
@@ -303,14 +303,14 @@ impl RobotModel {
         format!("{parameters:?} {:?}{start}{grasps}", self.arm)
     }
 
-    /// Whether arm and hand move and touch alike.
+    /// True if arm and hand move and touch like those of `other`.
     pub fn moves_like(&self, other: &Self) -> bool {
         self.mechanics() == other.mechanics()
     }
 }
 
 impl HandFile {
-    /// Makes the changes that it asks for, and checks the result.
+    /// Applies the requested changes and checks the result.
     fn change(self, parameters: &mut HandParameters, path: &Path) -> Result<(), DataError> {
         for (letter, configuration) in self.configuration {
             let field = format!("hand.configuration.{letter}");
@@ -359,7 +359,7 @@ mod tests {
         }
     }
 
-    /// The pitch at the start of trials is part of what grasps depend on; the level palm goes without saying.
+    /// Grasps depend on the pitch at the start of trials; the level palm is the default and is left out of the text.
     #[test]
     fn trials_may_begin_with_the_fingers_down() {
         let down = parse(&PLAIN.replace("[hand]", "[start]\npitch = 1.5\n[hand]")).expect("valid");
@@ -368,7 +368,7 @@ mod tests {
         assert_eq!(down.mechanics(), level.mechanics() + " 1.5");
     }
 
-    /// Signs of a hold are no part of what grasps depend on; the sets of digits that take objects are.
+    /// Grasps do not depend on the thresholds for a hold, but they do depend on the sets of digits that take objects.
     #[test]
     fn mechanics_are_those_of_body_and_grasps() {
         let read = |change: fn(&mut HandParameters)| {
@@ -382,7 +382,8 @@ mod tests {
         assert!(!builtin.moves_like(&fewer));
     }
 
-    /// Fingertips of a scaled hand are as far from the palm's origin as the scale says, at any posture, and its weight goes with the volume.
+    /// The distance of a scaled hand's links from the palm's origin scales with the hand at any posture, and its weight
+    /// with the volume.
     #[test]
     fn a_scaled_hand_is_similar() {
         let (full, small) = (Hand::ftac(), parse(&format!("{PLAIN}scale = 0.85\n")).expect("valid").hand);
@@ -395,7 +396,7 @@ mod tests {
             assert!((little.mass / large.mass - 0.85f64.powi(3)).abs() < 1e-12);
             assert!(((little.inertia / 0.85f64.powi(5)) - large.inertia).norm() < 1e-12);
         }
-        // The same tension bends a digit as far.
+        // The same tension bends a digit as far as before.
         for ((_, large), (_, little)) in
             full.transmission.free_angles(1, 4.0).into_iter().zip(small.transmission.free_angles(1, 4.0))
         {
@@ -405,7 +406,7 @@ mod tests {
         assert!(!RobotModel::ftac_gen3().moves_like(&parse(&format!("{PLAIN}scale = 0.85\n")).expect("valid")));
     }
 
-    /// A mount moves the hand on the flange and leaves the arm's joints where they are.
+    /// A mount moves the hand on the flange and leaves the arm's joints unchanged.
     #[test]
     fn a_mount_moves_the_hand() {
         let mount = "[mount]\nxyz = [0.0, 0.0, 0.02]\nrpy = [0.0, 0.0, 1.5707963267948966]\n[hand]";

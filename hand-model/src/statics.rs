@@ -1,14 +1,14 @@
 //! Static equilibrium of the cable-driven digits: from tensions to joint angles, free or against an obstacle.
 //!
-//! At rest the hand sits in a minimum of its potential energy
-//! U(q) = sum of K q^2 / 2 - sum of T e(q) + sum over the skin of k A d^2 / 2
-//! with springs K, tensions T, cable excursions e, and a skin of many small elements of area A, each pressed by its depth d
-//! in the obstacle under a foundation stiffness k (Pa/m). The gradient is the joint torque balance. Tension is raised from zero
-//! in steps and each step solved by a damped Newton method, so that the digits come to rest where closing leads them and not
-//! behind the obstacle. The obstacle does not move and has no friction. The opposition joint stands where it is told to.
+//! At rest the hand sits in a minimum of its potential energy U(q) = sum of K q^2 / 2 - sum of T e(q) + sum over the
+//! skin of k A d^2 / 2 with springs K, tensions T, cable excursions e, and a skin of many small elements of area A,
+//! each of which penetrates the obstacle by a depth d under a foundation stiffness k (Pa/m). The gradient is the joint
+//! torque balance. The tension is raised from zero in steps, and each step is solved by a damped Newton method, so that
+//! the digits come to rest where closing leads them and not behind the obstacle. The obstacle does not move and has no
+//! friction. The opposition joint stays at its given angle.
 //!
-//! With friction in the guides every span has its own tension ([`crate::transmission::friction`]), which is frozen at the
-//! posture a load step starts from and found anew until it no longer changes.
+//! With friction in the guides every span has its own tension ([`crate::transmission::friction`]). The span tensions
+//! are frozen at the posture from which a load step starts, and updated until they no longer change.
 
 use nalgebra::{DMatrix, DVector, Point3, Vector3};
 
@@ -17,25 +17,27 @@ use crate::transmission::friction::CableFriction;
 use crate::transmission::{Crossing, SPANS};
 use crate::{Digit, HandVector};
 
-/// Size of a skin element's side, m; that of a digit of which only the closure is asked for.
+/// Side length of a skin element, m; coarser for a digit of which only the closure is needed.
 const ELEMENT: f64 = 0.002;
 const COARSE_ELEMENT: f64 = 0.005;
-/// Load steps from zero to full tension.
+/// Number of load steps from zero to full tension.
 const LOAD_STEPS: usize = 24;
-/// Newton iterations of a load step at most.
+/// Largest number of Newton iterations of a load step.
 const ITERATIONS: usize = 200;
-/// Torque balance at which a joint is at rest, N m.
+/// Residual torque below which a joint is at rest, N m.
 const TOLERANCE: f64 = 1e-7;
-/// Torques farther from balance than this are no equilibrium, N m; where only a digit's closure is asked for, a hundredth of what bends it.
+/// Residual torque above which no equilibrium was found, N m; where only a digit's closure is needed, a hundredth of
+/// the torque that bends it.
 const FAILURE: f64 = 1e-4;
 const COARSE_FAILURE: f64 = 2e-3;
-/// Rounds in which the spans' tensions are found anew at most, and the change of an angle at which they stand, rad.
+/// Largest number of rounds of updates of the spans' tensions, and the change of an angle below which they have
+/// converged, rad.
 const ROUNDS: usize = 30;
 const STANDS: f64 = 1e-6;
 /// Largest change of a joint in one iteration, rad.
 const LARGEST_STEP: f64 = 0.05;
 
-/// The cables' friction with all guides in the same state: 1 when the digits have closed, -1 when they have opened.
+/// Cable friction with all guides in the same state: 1 after the digits have closed, -1 after they have opened.
 #[derive(Debug, Clone, Copy)]
 pub struct Slid {
     /// Friction in the guides.
@@ -45,14 +47,14 @@ pub struct Slid {
 }
 
 impl Slid {
-    /// Guides that take nothing.
+    /// Frictionless guides.
     pub const NOTHING: Self = Self { friction: CableFriction::NONE, state: 0.0 };
 }
 
-/// What is pushed where.
+/// A contact force on a link.
 #[derive(Debug, Clone, Copy)]
 pub struct Push {
-    /// The link that is pushed.
+    /// Loaded link.
     pub link: usize,
     /// Centre of pressure, palm frame, m.
     pub point: Point3<f64>,
@@ -65,30 +67,30 @@ pub struct Push {
 pub struct Equilibrium {
     /// Joint angles, rad.
     pub angles: HandVector,
-    /// What presses on the links.
+    /// Contact forces on the links.
     pub pushes: Vec<Push>,
 }
 
-/// No posture at rest was found.
+/// Error: no posture at rest was found.
 #[derive(Debug, thiserror::Error, PartialEq)]
 #[error("{digit}: no equilibrium at tension {tension} N: torque off balance by {found} N m, expected below {most} N m")]
 pub struct NoEquilibrium {
     /// The digit that does not come to rest.
     pub digit: &'static str,
-    /// Its cable tension, N.
+    /// Tension of its cable, N.
     pub tension: f64,
-    /// What remains, N m.
+    /// Residual torque, N m.
     pub found: f64,
-    /// What may remain, N m.
+    /// Largest permitted residual torque, N m.
     pub most: f64,
 }
 
-/// Equilibrium without contact at cable `tensions` (N), the opposition joint at `opposition` (rad).
+/// Computes the equilibrium without contact at cable `tensions` (N), with the opposition joint at `opposition` (rad).
 pub fn free(hand: &Hand, tensions: &[f64], opposition: f64) -> HandVector {
     free_sliding(hand, tensions, opposition, &Slid::NOTHING)
 }
 
-/// As [`free`], for cables that rub in their guides.
+/// Like [`free`], for cables with friction in their guides.
 pub fn free_sliding(hand: &Hand, tensions: &[f64], opposition: f64, slid: &Slid) -> HandVector {
     let mut angles = hand.open();
     if let Some(joint) = hand.transmission.opposition {
@@ -104,8 +106,8 @@ pub fn free_sliding(hand: &Hand, tensions: &[f64], opposition: f64, slid: &Slid)
     angles
 }
 
-/// Equilibrium against an obstacle: `obstacle` gives the signed distance (m, negative inside) of a point in the palm frame and
-/// the outward direction there; `foundation` is the skin's stiffness, Pa/m.
+/// Computes the equilibrium against an obstacle. `obstacle` returns the signed distance (m, negative inside) of a point
+/// in the palm frame and the outward direction there. `foundation` is the skin's stiffness, Pa/m.
 pub fn against(
     hand: &Hand,
     tensions: &[f64],
@@ -128,8 +130,9 @@ pub fn against(
     Ok(Equilibrium { angles, pushes })
 }
 
-/// Joint angles (rad) of a hand whose joints are at `q` (rad) after one `digit` has gone on from there at its `tension` (N) until it rests
-/// against an obstacle, which may be another one for each link: signed distance and outward direction as in [`against`].
+/// Computes the joint angles (rad) after one `digit` has continued closing at its `tension` (N) from the hand's angles
+/// `q` (rad) until it rests against an obstacle. The obstacle may differ from link to link: signed distance and outward
+/// direction as in [`against`].
 pub fn closed(
     hand: &Hand,
     (digit, tension): (Digit, f64),
@@ -143,7 +146,7 @@ pub fn closed(
     Ok(angles)
 }
 
-/// The skin of each link of a digit, in elements with sides of this length, m.
+/// Builds the skin of each link of a digit, with elements of side length `element` (m).
 fn skin_of(hand: &Hand, digit: Digit, element: f64) -> Vec<Vec<SkinElement>> {
     hand.links(digit).iter().map(|link| hand.covers[*link].skin(element)).collect()
 }
@@ -151,20 +154,20 @@ fn skin_of(hand: &Hand, digit: Digit, element: f64) -> Vec<Vec<SkinElement>> {
 struct Problem<'a, F> {
     hand: &'a Hand,
     digit: Digit,
-    /// Of each of the digit's links.
+    /// Skin elements of each of the digit's links.
     skin: Vec<Vec<SkinElement>>,
     foundation: f64,
     obstacle: &'a F,
 }
 
 impl<F: Fn(usize, &Point3<f64>) -> (f64, Vector3<f64>)> Problem<'_, F> {
-    /// Raises the digit's tension from zero to `full` (N), with the joints at `angles`, which it moves, and leaves torques off balance
-    /// by no more than `most` (N m).
+    /// Raises the digit's tension from zero to `full` (N) and moves the joints from `angles` along. The residual
+    /// torques are at most `most` (N m).
     fn close(&self, angles: &mut HandVector, full: f64, slid: &Slid, most: f64) -> Result<(), NoEquilibrium> {
         (1..=LOAD_STEPS).try_for_each(|step| self.settle(angles, full * step as f64 / LOAD_STEPS as f64, slid, most))
     }
 
-    /// Moves the joints from `angles` to rest at this `tension` (N), torques off balance by no more than `most` (N m).
+    /// Moves the joints from `angles` to rest at this `tension` (N), with residual torques of at most `most` (N m).
     fn settle(&self, angles: &mut HandVector, tension: f64, slid: &Slid, most: f64) -> Result<(), NoEquilibrium> {
         let (hand, digit) = (self.hand, self.digit);
         for _ in 0..ROUNDS {
@@ -188,7 +191,8 @@ impl<F: Fn(usize, &Point3<f64>) -> (f64, Vector3<f64>)> Problem<'_, F> {
         self.hand.transmission.cables[self.digit.index()].joints.iter().map(|crossing| crossing.joint).collect()
     }
 
-    /// Energy (J), its gradient (N m) and a positive approximation of its Hessian (N m/rad) over the cable's joints.
+    /// Computes the energy (J), its gradient (N m) and a positive approximation of its Hessian (N m/rad) over the
+    /// cable's joints.
     fn energy(&self, angles: &[f64], spans: &[f64; SPANS]) -> (f64, DVector<f64>, DMatrix<f64>) {
         let path = &self.hand.transmission.cables[self.digit.index()];
         let n = path.joints.len();
@@ -215,7 +219,8 @@ impl<F: Fn(usize, &Point3<f64>) -> (f64, Vector3<f64>)> Problem<'_, F> {
         (energy, gradient, hessian)
     }
 
-    /// Calls `found` for each skin element in the obstacle: link, place, outward direction, depth (m), stiffness (N/m), poses.
+    /// Calls `found` for each skin element that penetrates the obstacle: link, position, outward direction, depth (m),
+    /// stiffness (N/m), poses.
     fn each_pressed(
         &self,
         angles: &[f64],
@@ -237,7 +242,7 @@ impl<F: Fn(usize, &Point3<f64>) -> (f64, Vector3<f64>)> Problem<'_, F> {
         }
     }
 
-    /// Moves the digit to rest at its spans' tensions; returns the largest torque left, N m.
+    /// Moves the digit to rest at its spans' tensions; returns the largest residual torque, N m.
     fn relax(&self, angles: &mut HandVector, spans: &[f64; SPANS]) -> f64 {
         let joints = self.joints();
         let limits: Vec<(f64, f64)> =
@@ -245,7 +250,7 @@ impl<F: Fn(usize, &Point3<f64>) -> (f64, Vector3<f64>)> Problem<'_, F> {
         let mut damping = 0.0;
         let (mut energy, mut gradient, mut hessian) = self.energy(angles, spans);
         for _ in 0..ITERATIONS {
-            // A joint at its stop that is pushed against it takes no part.
+            // A joint pressed against its stop is left out.
             let stopped = |row: usize, angles: &[f64], gradient: &DVector<f64>| {
                 let (q, (low, high)) = (angles[joints[row]], limits[row]);
                 (q <= low && gradient[row] > 0.0) || (q >= high && gradient[row] < 0.0)
@@ -315,7 +320,7 @@ mod tests {
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(24))]
-        /// With nothing in the way, the energy's minimum is the closed form's.
+        /// Without an obstacle, the minimum of the energy equals the closed form.
         #[test]
         fn free_is_the_limit_of_against(t in proptest::collection::vec(0.0f64..15.0, 5), opposition in 0.0f64..1.5) {
             let hand = Hand::ftac();
@@ -327,7 +332,8 @@ mod tests {
             }
         }
 
-        /// The same with rubbing cables, closed and opened; closing less far than opening.
+        /// The same with friction in the guides, after closing and after opening: at the same tension, the digit is
+        /// less flexed after closing.
         #[test]
         fn free_is_the_limit_of_against_with_friction(tension in 0.5f64..10.0, opposition in 0.0f64..1.5) {
             let hand = Hand::ftac();
@@ -365,7 +371,8 @@ mod tests {
         }
     }
 
-    /// A wall that stops one finger: the torques of cable, springs and wall balance at every joint, the wall holds no other.
+    /// A wall stops one finger: the torques of cable, springs and wall balance at every joint, and the wall holds no
+    /// other digit.
     #[test]
     fn balance_at_a_wall() {
         let hand = Hand::ftac();

@@ -1,20 +1,21 @@
-//! The transmission: what the actuator of a digit does to the joints that it pulls.
+//! The transmission: the action of a digit's actuator on the joints that it pulls.
 //!
-//! It pulls through a cable over torsion springs. The cable may cross a joint between two guides, as in the F-TAC Hand, or
-//! act on it at a constant moment arm ([`Lever`]): on a pulley, through the motor of a joint whose controller is a spring, or,
-//! on a joint that slides, along it.
+//! The actuator pulls through a cable against torsion springs. The cable may cross a joint between two guides, as in
+//! the F-TAC Hand, or act on it at a constant moment arm ([`Lever`]). A constant arm models a pulley, the motor of a
+//! joint whose controller is a spring, or a cable along a sliding joint.
 //!
 //! # Guides
-//! A cable runs along both sides of the phalanges (the paper's Methods, hand fabrication; its finger schematic has joint
-//! stiffness K_n, angle theta_n and cable force F). At each joint it spans from a guide point on the link before to one on the
-//! link after. The free length between the two is l(q) = |R(q) b - a|, so the joint takes up an **excursion** l(0) - l(q) and
-//! the cable acts on a **moment arm** r(q) = -dl/dq. A torsion spring K with rest at 0 opens the joint. In equilibrium without
-//! contact K q = r(q) T. Virtual work makes the map from tension to torque the transpose of the map from joint speeds to
-//! excursion rate; a test holds it to that.
+//! A cable runs along both sides of the phalanges (the paper's Methods, hand fabrication; its finger schematic has
+//! joint stiffness K_n, angle theta_n and cable force F). At each joint it spans from a guide point on the link before
+//! to one on the link after. The free length between the two is l(q) = |R(q) b - a|, so the joint takes up an
+//! **excursion** l(0) - l(q), and the cable acts on a **moment arm** r(q) = -dl/dq. A torsion spring K with rest at 0
+//! opens the joint. In equilibrium without contact, K q = r(q) T. By virtual work, the map from tension to torque is
+//! the transpose of the map from joint speeds to excursion rate; a test checks this.
 //!
-//! With [`friction`] in the guides the tension differs from span to span: the cable turns by the spans' angle at each guide,
-//! and a joint feels the tension T_i of its own span, r_i(q) T_i. The work that is then missing at the joints is what the
-//! guides take. Cable stretch (`[cable] stiffness`) is between spool and first span, where the servo winds.
+//! With [`friction`] in the guides the tension differs from span to span: the cable turns by the spans' angle at each
+//! guide, and a joint feels the tension T_i of its own span, r_i(q) T_i. The work that is missing at the joints is
+//! dissipated in the guides. Cable stretch (`[cable] stiffness`) is between the spool and the first span, where the
+//! servo winds.
 
 pub mod friction;
 
@@ -22,26 +23,27 @@ use friction::CableFriction;
 
 use crate::HandVector;
 
-/// Joints that one cable crosses at most.
+/// Largest number of joints that one cable crosses.
 pub const SPANS: usize = 3;
 
-/// The pair of guide points at one joint, in the plane across its axis at angle zero: (along the link, towards the palm side).
+/// The pair of guide points at one joint, in the plane perpendicular to its axis at angle zero: (along the link,
+/// towards the palm side).
 #[derive(Debug, Clone, Copy)]
 pub struct Guides {
-    /// On the link before the joint, m.
+    /// Guide point on the link before the joint, m.
     pub before: [f64; 2],
-    /// On the link after the joint, m.
+    /// Guide point on the link after the joint, m.
     pub after: [f64; 2],
 }
 
 impl Guides {
-    /// Free cable length between the guides, m.
+    /// Computes the free cable length between the guides at angle `q` (rad), m.
     pub fn length(&self, q: f64) -> f64 {
         let [x, y] = self.rotated(q);
         (x - self.before[0]).hypot(y - self.before[1])
     }
 
-    /// Moment arm r(q) = -dl/dq, m.
+    /// Computes the moment arm r(q) = -dl/dq, m.
     pub fn moment_arm(&self, q: f64) -> f64 {
         let [x, y] = self.rotated(q);
         let (dx, dy) = (x - self.before[0], y - self.before[1]);
@@ -49,12 +51,13 @@ impl Guides {
         -(dx * -y + dy * x) / dx.hypot(dy)
     }
 
-    /// Excursion l(0) - l(q), m.
+    /// Computes the excursion l(0) - l(q), m.
     pub fn excursion(&self, q: f64) -> f64 {
         self.length(0.0) - self.length(q)
     }
 
-    /// Turns (rad) of the cable at the guides before and after the joint. Beside the joint it runs along the link.
+    /// Computes the wrap angles (rad) of the cable at the guides before and after the joint. Away from the joint the
+    /// cable runs along the link.
     pub fn wraps(&self, q: f64) -> [f64; 2] {
         let [x, y] = self.rotated(q);
         let slope = (y - self.before[1]).atan2(x - self.before[0]);
@@ -71,14 +74,14 @@ impl Guides {
 /// Action of a cable on a joint that it crosses.
 #[derive(Debug, Clone, Copy)]
 pub enum Lever {
-    /// In a straight line between two guide points.
+    /// Straight line between two guide points.
     Guides(Guides),
-    /// At the same moment arm (m) in any posture; of a joint that slides, force over tension.
+    /// The same moment arm (m) in any posture; for a sliding joint, force over tension.
     Constant(f64),
 }
 
 impl Lever {
-    /// Torque (N m) per tension (N), m; of a slide, force per tension.
+    /// Computes the moment arm, torque (N m) per tension (N), m; for a sliding joint, force per tension.
     pub fn moment_arm(&self, q: f64) -> f64 {
         match self {
             Self::Guides(guides) => guides.moment_arm(q),
@@ -86,7 +89,7 @@ impl Lever {
         }
     }
 
-    /// Cable taken up between 0 and `q`, m.
+    /// Computes the cable length taken up between 0 and `q`, m.
     pub fn excursion(&self, q: f64) -> f64 {
         match self {
             Self::Guides(guides) => guides.excursion(q),
@@ -94,7 +97,8 @@ impl Lever {
         }
     }
 
-    /// Turns (rad) of the cable before and after the joint; none where no guide rubs.
+    /// Computes the wrap angles (rad) of the cable before and after the joint; 0 without guides, which alone have
+    /// friction.
     pub fn wraps(&self, q: f64) -> [f64; 2] {
         match self {
             Self::Guides(guides) => guides.wraps(q),
@@ -116,22 +120,23 @@ pub struct Crossing {
 /// One cable.
 #[derive(Debug, Clone)]
 pub struct CablePath {
-    /// The joints that it crosses, proximal first.
+    /// The joints that the cable crosses, proximal first.
     pub joints: Vec<Crossing>,
 }
 
 impl CablePath {
-    /// Cable taken up between q = 0 and `q` (of all joints, rad or m), m.
+    /// Computes the cable length taken up between q = 0 and `q` (of all joints, rad or m), m.
     pub fn excursion(&self, q: &[f64]) -> f64 {
         self.joints.iter().map(|Crossing { joint, lever, .. }| lever.excursion(q[*joint])).sum()
     }
 
-    /// Rate of the excursion, m/s.
+    /// Computes the rate of the excursion, m/s.
     pub fn excursion_rate(&self, q: &[f64], qd: &[f64]) -> f64 {
         self.joints.iter().map(|Crossing { joint, lever, .. }| lever.moment_arm(q[*joint]) * qd[*joint]).sum()
     }
 
-    /// How fast the cable slides over the guides before each span, m/s: as fast as all spans from there on shorten.
+    /// Computes the sliding velocity of the cable over the guides before each span, m/s: the rate at which all spans
+    /// from there on shorten.
     pub fn sliding(&self, q: &[f64], qd: &[f64]) -> [f64; SPANS] {
         let mut speeds = [0.0; SPANS];
         let mut sum = 0.0;
@@ -142,7 +147,8 @@ impl CablePath {
         speeds
     }
 
-    /// Turn (rad) of the cable between spool and each span, with the turn in the palm that `friction` names.
+    /// Computes the total wrap angle (rad) of the cable between the spool and each span, including the turn in the palm
+    /// ([`CableFriction::routing`]).
     pub fn wraps(&self, q: &[f64], friction: &CableFriction) -> [f64; SPANS] {
         let mut wraps = [0.0; SPANS];
         let mut turned = friction.routing;
@@ -154,7 +160,7 @@ impl CablePath {
         wraps
     }
 
-    /// Tension of each span (N) for `tension` at the spool and guides in the given states of friction.
+    /// Computes the tension of each span (N) for `tension` at the spool and guides in the given states of friction.
     pub fn span_tensions(
         &self,
         q: &[f64],
@@ -173,50 +179,51 @@ impl CablePath {
         spans
     }
 
-    /// Excursion of a closed digit, every crossed joint at its upper limit, m.
+    /// Computes the excursion of a closed digit, with every crossed joint at its upper limit, m.
     pub fn full_excursion(&self) -> f64 {
         self.joints.iter().map(|crossing| crossing.lever.excursion(crossing.range[1])).sum()
     }
 }
 
-/// A joint that a mechanism makes follow another: q = multiplier * q_leader + offset.
+/// A joint that a mechanism couples to another: q = multiplier * q_leader + offset.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Follower {
     pub joint: usize,
     pub leader: usize,
-    /// Motion over the leader's.
+    /// Ratio of its motion to the leader's.
     pub multiplier: f64,
-    /// rad or m.
+    /// Offset, rad or m.
     pub offset: f64,
 }
 
 /// The whole transmission: a cable for each digit, the opposition drive and the springs.
 #[derive(Debug, Clone)]
 pub struct Transmission {
-    /// Of each digit.
+    /// Cable of each digit.
     pub cables: Vec<CablePath>,
     /// Joint of the thumb's opposition, which the last actuator turns; none in a hand without it.
     pub opposition: Option<usize>,
     /// Joints that follow others.
     pub followers: Vec<Follower>,
-    /// Spring of each joint, N m/rad or N/m.
+    /// Spring stiffness of each joint, N m/rad or N/m.
     pub springs: HandVector,
-    /// Angle at which each spring is at rest, rad: 0 as drawn, negative where it presses the open joint on its stop.
+    /// Rest angle of each spring, rad: 0 in the nominal hand, negative where the spring presses the open joint against
+    /// its stop.
     pub rests: HandVector,
 }
 
 impl Transmission {
-    /// What the spring of `joint` at angle `q` (rad) needs to stand there, N m.
+    /// Computes the torque that holds `joint` at angle `q` (rad) against its spring, N m.
     pub fn spring_torque(&self, joint: usize, q: f64) -> f64 {
         self.springs[joint] * (q - self.rests[joint])
     }
 
-    /// Joint torques (N m) of cable `tensions` (N) and springs at `q` (rad), opposition drive excluded.
+    /// Computes the joint torques (N m) of cable `tensions` (N) and springs at `q` (rad), without the opposition drive.
     pub fn torques(&self, q: &[f64], tensions: &[f64]) -> HandVector {
         self.span_torques(q, tensions.iter().map(|tension| [*tension; SPANS]))
     }
 
-    /// As [`Self::torques`], with the tension (N) of each cable's spans.
+    /// Like [`Self::torques`], with the tension (N) of each span of the cables.
     pub fn span_torques(&self, q: &[f64], spans: impl Iterator<Item = [f64; SPANS]>) -> HandVector {
         let mut torques: HandVector = q.iter().enumerate().map(|(joint, q)| -self.spring_torque(joint, *q)).collect();
         for (cable, tensions) in self.cables.iter().zip(spans) {
@@ -227,7 +234,8 @@ impl Transmission {
         torques
     }
 
-    /// Tension (N) that best explains `torque` on the joints of `cable` at `q` (least squares over its moment arms).
+    /// Estimates the tension (N) that best explains `torque` on the joints of `cable` at `q` (least squares over its
+    /// moment arms).
     pub fn tension_for(&self, cable: usize, q: &[f64], torque: &[f64]) -> f64 {
         let (mut num, mut den) = (0.0, 0.0);
         for Crossing { joint, lever, .. } in &self.cables[cable].joints {
@@ -238,12 +246,13 @@ impl Transmission {
         num / den
     }
 
-    /// Coordinates (rad or m) of the joints on `cable` in static equilibrium at `tension` (N) without contact, within their limits.
+    /// Computes the coordinates (rad or m) of the joints on `cable` in static equilibrium at `tension` (N) without
+    /// contact, within their limits.
     pub fn free_angles(&self, cable: usize, tension: f64) -> Vec<(usize, f64)> {
         self.free_angles_sliding(cable, tension, &CableFriction::NONE, 0.0)
     }
 
-    /// As [`Self::free_angles`], with all guides in the same `state` of friction: 1 after closing, -1 after opening.
+    /// Like [`Self::free_angles`], with all guides in the same `state` of friction: 1 after closing, -1 after opening.
     pub fn free_angles_sliding(
         &self,
         cable: usize,
@@ -255,7 +264,7 @@ impl Transmission {
         let mut angles = Vec::with_capacity(SPANS);
         for Crossing { joint, lever, range: [lower, upper] } in &self.cables[cable].joints {
             let span = |q: f64| carried * friction.ratio(state, turned + lever.wraps(q)[0]);
-            // K q - r(q) T is increasing wherever springs dominate the growth of r: bisect, which never diverges.
+            // K q - r(q) T increases as long as the spring term grows faster than r. Bisection never diverges.
             let residual = |q: f64| self.spring_torque(*joint, q) - lever.moment_arm(q) * span(q);
             let (mut low, mut high) = (*lower, *upper);
             let angle = if residual(high) <= 0.0 {
@@ -304,7 +313,8 @@ mod tests {
             prop_assert!((joint_power - cable_power).abs() < 1e-9);
         }
 
-        /// With friction the joints get less work than the spool gives, by what the sliding guides take.
+        /// With friction the joints receive less work than the spool supplies; the sliding guides dissipate the
+        /// difference.
         #[test]
         fn guides_take_the_missing_work(q in proptest::collection::vec(0.0f64..1.57, 15), qd in proptest::collection::vec(0.0f64..3.0, 15), tension in 0.0f64..40.0, cable in 0usize..5, closing: bool) {
             let hand = Hand::ftac();
@@ -320,7 +330,7 @@ mod tests {
             prop_assert!((given - got - taken).abs() < 1e-9, "{given} {got} {taken}");
         }
 
-        /// A cable between symmetric guides turns by the joint's angle, half of it at each.
+        /// A cable between symmetric guides turns by the joint's angle, half of it at each guide.
         #[test]
         fn turns_add_up_to_the_joint_angle(q in 0.0f64..1.57) {
             let hand = Hand::ftac();

@@ -1,5 +1,5 @@
-//! URDF out and in: the hand's and the arm's URDF are generated from their parameters and checked in (`data/*.urdf`); any
-//! URDF can be read back into a [`Tree`] with errors that name file, element and field.
+//! Writing and reading of URDF. The URDFs of the hand and the arm are generated from their parameters and checked in
+//! (`data/*.urdf`). Any URDF can be read into a [`Tree`], with errors that name file, element and field.
 
 pub(crate) mod numbers;
 mod screen;
@@ -15,7 +15,7 @@ use crate::kinematics::{Joint, JointKind, Tree, pose_from_xyz_rpy};
 use crate::{Arm, Hand};
 use platform::data::DataError;
 
-/// The hand as URDF text. The root link is `palm`; covers are boxes.
+/// Writes the hand as URDF text. The root link is `palm`; covers are boxes.
 pub fn hand_urdf(hand: &Hand) -> String {
     let mut out = header(&hand.parameters.name);
     link(&mut out, "palm", Some(&hand.palm_mass), Some((&hand.palm_cover.link_from_cover, hand.palm_cover.half)));
@@ -34,7 +34,7 @@ pub fn hand_urdf(hand: &Hand) -> String {
     out
 }
 
-/// The arm as URDF text. The root link is `base_link`, the tool frame `end_effector_link`.
+/// Writes the arm as URDF text. The root link is `base_link`, the tool frame `end_effector_link`.
 pub fn arm_urdf(arm: &Arm) -> String {
     let mut out = header(&arm.name);
     link(&mut out, "base_link", None, None);
@@ -129,38 +129,38 @@ fn fixed(out: &mut String, name: &str, pose: &Isometry3<f64>, parent: &str, chil
     );
 }
 
-/// Reads the movable joints of a URDF into a tree, fixed joints folded into the frames. `expected` names joints that must be
-/// there. Link inertias are checked: a moving link without mass breaks any dynamics engine.
+/// Reads the movable joints of a URDF into a tree; fixed joints are folded into the frames. `expected` names joints
+/// that must exist. Link inertias are checked, because a moving link without mass breaks any dynamics engine.
 pub fn read_tree(path: &Path, expected: &[&str]) -> Result<Tree, DataError> {
     parse_tree(&read_bytes(path)?, path, expected)
 }
 
-/// As [`read_tree`], from text.
+/// Like [`read_tree`], from text.
 pub fn parse_tree(text: &[u8], path: &Path, expected: &[&str]) -> Result<Tree, DataError> {
     let (robot, _) = parse_robot(text, path)?;
     check_masses(&robot, path)?;
     frames(&robot, path, expected)
 }
 
-/// The joints' frames alone: for a look at a file whose links need no mass.
+/// Reads the joints' frames only, to inspect a file whose links need no mass.
 pub fn read_frames(path: &Path, expected: &[&str]) -> Result<Tree, DataError> {
     frames(&parse_robot(&read_bytes(path)?, path)?.0, path, expected)
 }
 
-/// The bytes of a URDF, which is a file of a bounded size.
+/// Reads the bytes of a URDF, a file of bounded size.
 pub(crate) fn read_bytes(path: &Path) -> Result<Vec<u8>, DataError> {
     let io = |source| DataError::Io { path: path.into(), source };
     if !std::fs::metadata(path).map_err(io)?.is_file() {
         return Err(DataError::field(path, "name", "a folder or a device", "a URDF file"));
     }
     let mut bytes = Vec::new();
-    // One byte more than allowed: the screening refuses it by its size.
+    // One byte more than allowed, so that the screening detects a file that is too large.
     let file = std::fs::File::open(path).map_err(io)?;
     file.take(screen::LARGEST_FILE + 1).read_to_end(&mut bytes).map_err(io)?;
     Ok(bytes)
 }
 
-/// The robot of a URDF, and what was taken otherwise than it says, a line each.
+/// Parses the robot of a URDF. Also returns the deviations from what the file says, a line each.
 pub(crate) fn parse_robot(bytes: &[u8], path: &Path) -> Result<(urdf_rs::Robot, Vec<String>), DataError> {
     let screened = screen::screen(bytes, path)?;
     let mut robot = urdf_rs::read_from_string(&screened.text)
@@ -182,7 +182,7 @@ pub(crate) fn parse_robot(bytes: &[u8], path: &Path) -> Result<(urdf_rs::Robot, 
     Ok((robot, notes))
 }
 
-/// An error of `path` at an element's field.
+/// Builds an error of `path` at an element's field.
 pub(crate) fn fault(path: &Path, element: String, field: &str, found: String, expected: &str) -> DataError {
     DataError::field(path, format!("{element}.{field}"), found, expected)
 }
@@ -236,10 +236,10 @@ pub(crate) fn frames(robot: &urdf_rs::Robot, path: &Path, expected: &[&str]) -> 
     Ok(Tree { joints })
 }
 
-/// A fault of an element of the file: element, field, what was found and what was expected.
+/// Error constructor for an element of the file: element, field, found, expected.
 type Fault<'a> = &'a dyn Fn(String, &str, String, &str) -> DataError;
 
-/// Every joint names links of the file, and no link is carried by two joints.
+/// Checks that every joint names links of the file, and that no link is carried by two joints.
 fn check_links(robot: &urdf_rs::Robot, fault: Fault) -> Result<(), DataError> {
     let linked = |name: &str| robot.links.iter().find(|link| link.name == name);
     for joint in &robot.joints {
@@ -279,7 +279,7 @@ fn check_links(robot: &urdf_rs::Robot, fault: Fault) -> Result<(), DataError> {
     Ok(())
 }
 
-/// The movable joints of the tree below link `root`, parents first.
+/// Collects the movable joints of the tree below link `root`, parents first.
 fn joints_from(robot: &urdf_rs::Robot, root: &str, fault: Fault) -> Result<Vec<Joint>, DataError> {
     let mut joints = Vec::new();
     // Breadth first from the root; each entry is (link, index of the last movable joint, pose of the link in that joint).
@@ -321,12 +321,12 @@ fn joints_from(robot: &urdf_rs::Robot, root: &str, fault: Fault) -> Result<Vec<J
 mod tests {
     use super::*;
 
-    /// A checked-in file: Cargo runs a crate's tests in the crate's folder.
+    /// Path of a checked-in file: Cargo runs a crate's tests in the crate's folder.
     fn data(name: &str) -> std::path::PathBuf {
         Path::new("data").join(name)
     }
 
-    /// The checked-in URDFs are the generated ones. Run with `FTAC_UPDATE_URDF=1` to write them anew.
+    /// The checked-in URDFs equal the generated ones. Run with `FTAC_UPDATE_URDF=1` to regenerate them.
     #[test]
     fn checked_in_urdfs_are_current() {
         for (name, text) in [("ftac_hand.urdf", hand_urdf(&Hand::ftac())), ("gen3.urdf", arm_urdf(&Arm::gen3()))] {
@@ -344,7 +344,7 @@ mod tests {
         let read = read_tree(&data("ftac_hand.urdf"), &["thumb_1_joint", "little_3_joint"]).expect("readable");
         assert_eq!(read.len(), 15);
         let q: Vec<f64> = (0..15).map(|j| 0.05 + 0.09 * j as f64).collect();
-        // The file is walked breadth first: match the joints by name.
+        // The file is read breadth first: match the joints by name.
         let by_name: Vec<usize> = read
             .joints
             .iter()

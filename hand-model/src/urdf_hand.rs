@@ -1,7 +1,8 @@
-//! A hand from a URDF: the mechanism, and a small file for what pulls on its joints.
+//! A hand from a URDF, which gives the mechanism, and a small file that defines the actuators ("pulls").
 //!
 //! The pulls file is TOML. An actuator's cable acts on each of its joints with a constant moment arm (m; negative where
-//! a positive angle lengthens the cable; of a joint that slides, force over tension). Springs are torsion springs with rest at 0, or at the angle of `[open]`:
+//! a positive angle lengthens the cable; for a sliding joint, force over tension). Springs are torsion springs with
+//! rest at 0, or at the angle of `[open]`:
 //!
 //! ```toml
 //! version = 1
@@ -25,12 +26,14 @@
 //! facing = [0, 0, -1]   # out of the palm, root link's frame
 //! ```
 //!
-//! `visuals = true` takes the visual shapes of links that have no collision shape; a hand without any collision shape is taken so anyway.
+//! `visuals = true` uses the visual shapes of links that have no collision shape. This is always done for a hand
+//! without any collision shape.
 //!
-//! Links on fixed joints become part of the link that carries them, frames without mass too. A link with
-//! mass and no inertia is a point mass, one that moves and has no mass gets one ([`HandMechanism::notes`] names both). A joint that mimics another follows
-//! it. A joint that nothing pulls is held where `[held]` says, otherwise at rest: 0, or the nearest within its limits. Its link
-//! becomes part of the link that carries it. Collision meshes are cut into convex parts ([`MeshTools`]); they need not be watertight.
+//! Links on fixed joints become part of the link that carries them, including frames without mass. A link with mass and
+//! no inertia is a point mass, and a moving link without mass gets an estimated one ([`HandMechanism::notes`] reports
+//! both). A joint that mimics another follows it. A joint that nothing pulls is held at its coordinate in `[held]`,
+//! otherwise at rest: 0, or the nearest value within its limits. Its link becomes part of the link that carries it.
+//! Collision meshes are decomposed into convex parts ([`MeshTools`]); they need not be watertight.
 
 mod held;
 pub(crate) mod masses;
@@ -54,8 +57,8 @@ pub use meshes::{Cut, MeshTools};
 
 use pulls::PullsFile;
 
-/// Radius of the pinion that a joint which slides is driven by where `[slide]` is not given, m: it makes the damping, armature and
-/// spring of a turn those of a slide.
+/// Radius of the pinion that is assumed to drive a sliding joint if `[slide]` is not given, m. It converts the damping,
+/// armature and spring of a revolute joint to those of a sliding one.
 const PINION: f64 = 0.01;
 impl HandMechanism {
     /// Reads a hand from its URDF and its pulls file.
@@ -64,7 +67,7 @@ impl HandMechanism {
         Self::of_files(&robot, urdf, parse_toml(&read_text(pulls)?, pulls)?, pulls, meshes)
     }
 
-    /// As [`Self::read`], from text; meshes are looked for beside `urdf_path`.
+    /// Like [`Self::read`], from text; meshes are looked for beside `urdf_path`.
     pub fn parse(
         urdf: &str,
         urdf_path: &Path,
@@ -75,7 +78,7 @@ impl HandMechanism {
         Self::of_files(urdf.as_bytes(), urdf_path, parse_toml(pulls, pulls_path)?, pulls_path, meshes)
     }
 
-    /// A hand as its URDF alone has it: every joint that follows no other moves, and nothing pulls.
+    /// Reads a hand from its URDF alone: every joint that does not follow another moves, and nothing pulls.
     pub fn read_unpulled(urdf: &Path, meshes: MeshTools) -> Result<Self, DataError> {
         let bytes = read_bytes(urdf)?;
         let (robot, _) = parse_robot(&bytes, urdf)?;
@@ -129,14 +132,15 @@ impl HandMechanism {
     }
 }
 
-/// The effort that each joint bears, as the URDF has it. One of 0 says nothing: exporters write it where they know none.
+/// Returns the effort limit of each joint from the URDF. A limit of 0 counts as unknown, because exporters write it
+/// when they know none.
 fn efforts(robot: &Robot, tree: &Tree, path: &Path, notes: &mut Vec<String>) -> Vec<Option<f64>> {
     let mut unknown = Vec::new();
     let efforts = tree.joints.iter().map(|joint| {
         let own = robot.joints.iter().find(|own| own.name == joint.name)?;
         let effort = own.limit.effort;
         let known = effort > 0.0 && effort.is_finite();
-        // A joint that follows is driven by its leader's motor.
+        // A follower is driven by its leader's motor.
         if !known && own.mimic.is_none() {
             unknown.push(joint.name.as_str());
         }
@@ -153,7 +157,7 @@ fn efforts(robot: &Robot, tree: &Tree, path: &Path, notes: &mut Vec<String>) -> 
     efforts
 }
 
-/// For each link the moving joint that carries it (`None`: the root) and its pose in that joint's frame.
+/// Maps each link to the moving joint that carries it (`None`: the root) and its pose in that joint's frame.
 pub(crate) fn carriers(robot: &Robot, tree: &Tree) -> BTreeMap<String, (Option<usize>, Isometry3<f64>)> {
     let roots = robot.links.iter().filter(|link| !robot.joints.iter().any(|joint| joint.child.link == link.name));
     let mut open: VecDeque<_> = roots.map(|link| (link.name.clone(), None, Isometry3::identity())).collect();
@@ -172,7 +176,8 @@ pub(crate) fn carriers(robot: &Robot, tree: &Tree) -> BTreeMap<String, (Option<u
     carried
 }
 
-/// A joint that nothing pulls loses its mimic when it is held, so that this comes first.
+/// Checks that the leader of every mimic joint moves. This comes before unpulled joints are held, because a held joint
+/// loses its mimic.
 fn check_leaders(robot: &Robot, path: &Path) -> Result<(), DataError> {
     let moving = |name: &str| robot.joints.iter().any(|own| own.name == name && own.joint_type != JointType::Fixed);
     for joint in robot.joints.iter().filter(|joint| joint.joint_type != JointType::Fixed) {
@@ -184,7 +189,7 @@ fn check_leaders(robot: &Robot, path: &Path) -> Result<(), DataError> {
     Ok(())
 }
 
-/// The joints that follow another; [`check_leaders`] has found the leaders.
+/// Collects the joints that follow another. [`check_leaders`] has verified the leaders.
 fn followers(robot: &Robot, tree: &Tree) -> Vec<Follower> {
     let follower = |joint: &urdf_rs::Joint| {
         let mimic = joint.mimic.as_ref()?;

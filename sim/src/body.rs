@@ -1,8 +1,8 @@
 //! Arm and hand as one reduced-coordinate multibody, and the generalized forces on it.
 //!
-//! Every force on a joint goes in as an implicit spring whose rest angle is shifted so that the force at the present angle is
-//! the wanted one: rest = q + tau / K. The arm's spring is its position controller (with gravity compensation and torque
-//! clamp), a finger's is its torsion spring stiffened by the cable's own elasticity.
+//! Every joint force is applied as an implicit spring whose rest angle is shifted so that the force at the present
+//! angle is the desired one: rest = q + tau / K. The arm's spring is its position controller (with gravity compensation
+//! and torque clamp); a finger's is its torsion spring, stiffened by the cable's own elasticity.
 
 use hand_model::arm::WristCapsule;
 use hand_model::hand::{CoverShape, MassProperties};
@@ -27,11 +27,12 @@ pub mod groups {
     pub const TABLE: Group = Group::GROUP_4;
 }
 
-/// Index of a hinge's degree of freedom, the turn about its x, among a joint's six; of a slide's, the motion along its x.
+/// Index of a joint's degree of freedom among its six: the rotation about x of a hinge, and the translation along x of
+/// a slide.
 pub(crate) const HINGE: usize = 3;
 pub(crate) const SLIDE: usize = 0;
 
-/// More than a joint slides in a step, m.
+/// Upper bound for the motion of a sliding joint in one step, m.
 pub(crate) const SLIDE_SLACK: f64 = 0.01;
 
 /// Handles of the multibody.
@@ -39,13 +40,13 @@ pub(crate) const SLIDE_SLACK: f64 = 0.01;
 pub struct RobotBody {
     links: Vec<RigidBodyHandle>,
     joints: Vec<MultibodyJointHandle>,
-    /// Palm cover, then those of the links.
+    /// Colliders of the palm's cover, then of the links' covers.
     pub covers: Vec<ColliderHandle>,
     /// The arm's wrist capsules.
     pub wrist: Vec<ColliderHandle>,
-    /// Of the hand's joints.
+    /// Kinds of the hand's joints.
     kinds: Vec<JointKind>,
-    /// As gravity compensation knows them.
+    /// Masses as gravity compensation assumes them.
     masses: Vec<MassProperties>,
     arm_joints: usize,
 }
@@ -63,21 +64,21 @@ pub struct JointState {
     pub hand_speed: HandVector,
 }
 
-/// What the arm's position control is asked for.
+/// Goal of the arm's position control.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ArmGoal {
-    /// rad.
+    /// Joint angles, rad.
     pub position: ArmVector,
-    /// rad/s.
+    /// Joint speeds, rad/s.
     pub speed: ArmVector,
 }
 
-/// The palm in the arm's last link, where it really is.
+/// Computes the true pose of the palm in the arm's last link.
 pub fn last_from_palm(arm: &Arm, hand: &Hand, defects: &ArmDefects) -> Isometry3<f64> {
     arm.last_from_tool * defects.mount() * hand.palm_from_flange.inverse()
 }
 
-/// A joint of this kind.
+/// Returns the constructor of a joint of this kind.
 pub(crate) fn joint_of(kind: JointKind) -> fn(&Isometry3<f64>, &Vector3<f64>, [f64; 2]) -> GenericJoint {
     match kind {
         JointKind::Turn => revolute,
@@ -85,7 +86,8 @@ pub(crate) fn joint_of(kind: JointKind) -> fn(&Isometry3<f64>, &Vector3<f64>, [f
     }
 }
 
-/// Index of a joint's degree of freedom among its six coordinates: the turn about its x, or the motion along it.
+/// Returns the index of a joint's degree of freedom among its six coordinates: the rotation about its x, or the
+/// translation along it.
 pub(crate) fn coordinate(kind: JointKind) -> usize {
     match kind {
         JointKind::Turn => HINGE,
@@ -93,7 +95,7 @@ pub(crate) fn coordinate(kind: JointKind) -> usize {
     }
 }
 
-/// Makes one joint of a multibody follow another as `follower` says.
+/// Couples one joint of a multibody to another as `follower` specifies.
 pub(crate) fn couple(
     engine: &mut Engine,
     (leader, leader_kind): (MultibodyJointHandle, JointKind),
@@ -131,7 +133,7 @@ pub(crate) fn revolute(origin: &Isometry3<f64>, axis: &Vector3<f64>, limits: [f6
     builder.build()
 }
 
-/// A joint that slides along `axis` between `limits` (m).
+/// Builds a joint that slides along `axis` between `limits` (m).
 pub(crate) fn prismatic(origin: &Isometry3<f64>, axis: &Vector3<f64>, limits: [f64; 2]) -> GenericJoint {
     // rapier's prismatic joints move along the frame's x.
     let axis_as_x = Rotation::from_rotation_arc(Vector::X, convert::vector(axis));
@@ -151,7 +153,7 @@ pub(crate) fn cover_collider(cover: &CoverShape) -> ColliderBuilder {
         .density(0.0)
         .active_hooks(ActiveHooks::MODIFY_SOLVER_CONTACTS)
         .friction(0.0)
-        // An object's own coefficient is the one against the hand's elastomer; on the table it is capped.
+        // An object's friction coefficient is that against the hand's elastomer; on the table it is capped.
         .friction_combine_rule(CoefficientCombineRule::Max)
         .collision_groups(
             InteractionGroups::all()
@@ -171,7 +173,7 @@ pub(crate) fn link_body(world: &Isometry3<f64>, mass: &MassProperties) -> RigidB
 }
 
 impl RobotBody {
-    /// Adds arm (at `world_from_base`) and hand to the engine at the given angles of arm and hand, which are the true ones.
+    /// Inserts arm (at `world_from_base`) and hand into the engine at their true joint angles.
     pub fn insert(
         engine: &mut Engine,
         arm: &Arm,
@@ -190,7 +192,7 @@ impl RobotBody {
         for (i, joint) in arm.tree.joints.iter().enumerate() {
             let mut mass = arm.masses[i];
             if i == arm.last_link() {
-                // Bracelet, servo pack and palm are one rigid link.
+                // Bracelet, servo pack and palm form one rigid link.
                 mass = merge(&mass, &hand.palm_mass, &last_from_palm);
             }
             let mut real = mass;
@@ -251,7 +253,7 @@ impl RobotBody {
         let bodies = &engine.bodies;
         let Some((multibody, _)) = engine.multibodies.get_mut(self.joints[0]) else { return };
         multibody.set_self_contacts_enabled(true);
-        // A fixed root first appears as a free one; this settles the degrees of freedom.
+        // A fixed root is first treated as a free one; this call settles the degrees of freedom.
         multibody.forward_kinematics(bodies, true);
         for (i, damping) in arm.damping.iter().enumerate() {
             multibody.damping_mut()[i] = *damping;
@@ -272,7 +274,7 @@ impl RobotBody {
         }
     }
 
-    /// Joint angles and speeds as they are.
+    /// Reads the true joint angles and speeds.
     pub fn joint_state(&self, engine: &Engine) -> JointState {
         let mut state = JointState {
             arm: (0..self.arm_joints).map(|_| 0.0).collect(),
@@ -301,17 +303,17 @@ impl RobotBody {
         self.arm_joints..self.joints.len()
     }
 
-    /// The arm's last link, of which the palm is a part.
+    /// Returns the body of the arm's last link, which includes the palm.
     pub(crate) fn palm_link(&self) -> RigidBodyHandle {
         self.links[self.arm_joints - 1]
     }
 
-    /// World poses of the arm's links, then of the hand's.
+    /// Returns the world poses of the arm's links, then of the hand's.
     pub fn link_poses(&self, engine: &Engine) -> Vec<Isometry3<f64>> {
         self.links.iter().map(|link| convert::to_pose(engine.bodies[*link].position())).collect()
     }
 
-    /// Torques that hold arm and hand (not what it carries) against gravity, N m.
+    /// Computes the torques that hold arm and hand (without any held object) against gravity, N m.
     pub fn gravity_torques(&self, poses: &[Isometry3<f64>]) -> ArmVector {
         let mut torques: ArmVector = (0..self.arm_joints).map(|_| 0.0).collect();
         for (link, mass) in self.masses.iter().enumerate() {
@@ -337,7 +339,8 @@ impl RobotBody {
     ) -> ArmVector {
         arm.each(|i| {
             let (k, d, limit) = (arm.stiffness[i], arm.damping[i], arm.effort_limits[i]);
-            // What the motor gives is clamped; the damping part of it acts in the engine, implicitly, on the joint's speed.
+            // Only the motor's torque is clamped; its damping part acts in the engine, implicitly, on the joint's
+            // speed.
             let motor = k * (goal.position[i] - state.arm[i]) + d * (goal.speed[i] - state.arm_speed[i]) + gravity[i];
             let motor = motor.clamp(-limit, limit);
             self.set_torque(engine, i, state.arm[i], motor + d * state.arm_speed[i], k);
@@ -345,7 +348,7 @@ impl RobotBody {
         })
     }
 
-    /// Sets a finger joint's torque (N m), of a slide its force (N), for the next step, with an implicit stiffness.
+    /// Sets a finger joint's torque (N m; force in N for a slide) for the next step, with an implicit stiffness.
     pub fn drive_finger(&self, engine: &mut Engine, state: &JointState, joint: usize, torque: f64, stiffness: f64) {
         let index = self.arm_joints + joint;
         match self.kinds[joint] {
@@ -370,9 +373,9 @@ impl RobotBody {
     }
 }
 
-/// Sets a hinge's torque (N m) for the next step at its present `angle` (rad), with an implicit stiffness (N m/rad), by a spring
-/// with a shifted rest angle. Its limits are on only where it is beyond one or within `slack` (rad) of it: elsewhere they could
-/// not push, and would cost the engine a solved constraint all the same.
+/// Sets a hinge's torque (N m) for the next step at its present `angle` (rad), with an implicit stiffness (N m/rad), by
+/// a spring with a shifted rest angle. Its limits are enabled only where the joint is beyond one or within `slack`
+/// (rad) of it. Elsewhere they could not act, yet would cost the engine a solved constraint.
 pub(crate) fn load_hinge(joint: &mut MultibodyJoint, angle: f64, torque: f64, stiffness: f64, slack: f64) {
     joint.set_spring(HINGE, stiffness, angle + torque / stiffness);
     let limits = joint.data.limits[HINGE];
@@ -380,8 +383,8 @@ pub(crate) fn load_hinge(joint: &mut MultibodyJoint, angle: f64, torque: f64, st
     joint.data.limit_axes.set(JointAxesMask::ANG_X, close);
 }
 
-/// Sets the force (N) on a slide for the next step at its present `position` (m), with an implicit stiffness (N/m), as
-/// [`load_hinge`] does for a hinge.
+/// Sets the force (N) on a slide for the next step at its present `position` (m), with an implicit stiffness (N/m),
+/// like [`load_hinge`] for a hinge.
 pub(crate) fn load_slide(joint: &mut MultibodyJoint, position: f64, force: f64, stiffness: f64, slack: f64) {
     joint.set_spring(SLIDE, stiffness, position + force / stiffness);
     let limits = joint.data.limits[SLIDE];

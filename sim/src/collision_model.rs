@@ -1,4 +1,4 @@
-//! Collision shapes of a hand in the physics engine's terms.
+//! Collision shapes of a hand for the physics engine.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -13,13 +13,13 @@ use crate::body::groups;
 use crate::convert;
 use crate::stand::{joined, overlap};
 
-/// Collision group of the palm of digits apart.
+/// Collision group of the palm when the digits are separate multibodies.
 const PALM: Group = Group::GROUP_5;
 
-/// Two links; `None` is the root.
+/// Two links; `None` for the root.
 pub type LinkPair = (Option<usize>, Option<usize>);
 
-/// A hand with its collision shapes, made once for all of its scenes.
+/// A hand with its collision shapes, built once for all of its scenes.
 #[derive(Clone)]
 pub struct CollisionModel {
     hand: Arc<HandMechanism>,
@@ -42,23 +42,23 @@ impl CollisionModel {
         &self.hand
     }
 
-    /// Pairs of links that pass through each other: no joint connects them, but their collision shapes overlap at rest already, as
-    /// those of published models often do at their joints.
+    /// Returns the pairs of links that may pass through each other: no joint connects them, but their collision shapes
+    /// already overlap at rest, as is common at the joints of published models.
     pub fn passing(&self) -> &BTreeSet<LinkPair> {
         &self.passing
     }
 
-    /// Pairs of links that never collide: what a joint connects, and [`Self::passing`].
+    /// Returns the pairs of links that never collide: those connected by a joint, and [`Self::passing`].
     pub(crate) fn excluded(&self) -> BTreeSet<LinkPair> {
         let joined = self.hand.tree.joints.iter().enumerate().map(|(link, joint)| (joint.parent, Some(link)));
         self.passing.iter().copied().chain(joined).collect()
     }
 
-    /// Colliders of all shapes with their link.
+    /// Builds the colliders of all shapes, with their links.
     pub(crate) fn colliders(&self) -> Vec<(Option<usize>, ColliderBuilder)> {
         let (links, apart) = (groups::HAND | groups::OBJECT, self.hand.digits_apart);
-        // What a joint connects does not collide. The engine sees to that within a multibody; between a palm and the first links of
-        // digits apart, which hang on roots of their own, groups do.
+        // Links connected by a joint do not collide. Within a multibody the engine ensures that. Between the palm and
+        // the first links of separate digits, which have roots of their own, collision groups do.
         let group = |link: &Option<usize>| match link.map(|link| self.hand.tree.joints[link].parent) {
             None if apart => (PALM, links),
             Some(Some(_)) if apart => (groups::HAND, links | PALM),
@@ -79,7 +79,8 @@ impl CollisionModel {
         self.shapes.iter().map(collider).collect()
     }
 
-    /// The shapes as triangles in the root frame, three points a triangle, with the links at `root_from_link`: for pictures.
+    /// Triangulates the shapes in the root frame, three points a triangle, with the links at `root_from_link`; used for
+    /// images.
     pub fn triangles(&self, root_from_link: &[Isometry3<f64>]) -> Vec<[Point3<f64>; 3]> {
         let mut triangles = Vec::new();
         for solid in &self.hand.solids {
@@ -112,12 +113,12 @@ fn passing(hand: &HandMechanism, shapes: &[(Option<usize>, Pose, SharedShape)]) 
     passing
 }
 
-/// A capsule along z.
+/// Builds a capsule along z.
 fn capsule(radius: f64, half: f64) -> Capsule {
     Capsule::new(-Vector::Z * half, Vector::Z * half, radius)
 }
 
-/// The corners of the convex hull of a mesh's points; none where they span no volume.
+/// Computes the vertices of the convex hull of a mesh's points; empty if they span no volume.
 pub(crate) fn hull(points: &[Point3<f64>]) -> Vec<Point3<f64>> {
     surface(&SolidShape::Hull(points.to_vec()))
         .into_iter()
@@ -126,7 +127,7 @@ pub(crate) fn hull(points: &[Point3<f64>]) -> Vec<Point3<f64>> {
         .collect()
 }
 
-/// Vertices and triangles of a shape's surface.
+/// Triangulates a shape's surface.
 fn surface(shape: &SolidShape) -> Vec<(Vec<Vector>, Vec<[u32; 3]>)> {
     const ROUND: u32 = 20;
     match shape {
@@ -152,7 +153,7 @@ fn surface(shape: &SolidShape) -> Vec<(Vec<Vector>, Vec<[u32; 3]>)> {
     }
 }
 
-/// The collision shape; none where the points of a mesh span no volume.
+/// Builds the collision shape; none if the points of a mesh span no volume.
 fn shape(shape: &SolidShape) -> Option<SharedShape> {
     match shape {
         SolidShape::Cuboid(half) => Some(SharedShape::cuboid(half.x, half.y, half.z)),
@@ -162,7 +163,7 @@ fn shape(shape: &SolidShape) -> Option<SharedShape> {
         }
         SolidShape::Sphere(radius) => Some(SharedShape::ball(*radius)),
         SolidShape::Cylinder(radius, half) => {
-            // parry's cylinder stands along y.
+            // parry's cylinder has its axis along y.
             let upright = Pose::from_rotation(Rotation::from_rotation_arc(Vector::Y, Vector::Z));
             Some(SharedShape::compound(vec![(upright, SharedShape::cylinder(*half, *radius))]))
         }

@@ -1,4 +1,4 @@
-//! The collision shapes of objects: primitives rounded where a sharp edge would chatter, meshes as convex pieces.
+//! The collision shapes of objects: primitives, rounded where a sharp edge would chatter, and meshes as convex parts.
 
 use rapier3d_f64::geometry::SharedShape;
 use rapier3d_f64::math::{Pose, Rotation, Vector};
@@ -6,10 +6,10 @@ use world::geometry::Shape;
 
 use crate::hull::standing_hull;
 
-/// Rounding of a cylinder's rim, m; a sharp one chatters.
+/// Rounding radius of a cylinder's rim, m; a sharp rim chatters.
 const RIM: f64 = 0.002;
 
-/// The collision shape of an object's shape.
+/// Builds the collision shape of an object.
 pub fn shape(shape: &Shape) -> SharedShape {
     match shape {
         Shape::Sphere { .. } | Shape::Cuboid { .. } => {
@@ -20,12 +20,12 @@ pub fn shape(shape: &Shape) -> SharedShape {
     }
 }
 
-/// The convex pieces of a shape, each with its pose in the object's frame.
+/// Decomposes a shape into convex parts, each with its pose in the object's frame.
 pub fn convex_parts(shape: &Shape) -> Vec<(Pose, SharedShape)> {
     match shape {
         Shape::Sphere { radius } => vec![(Pose::IDENTITY, SharedShape::ball(*radius))],
         Shape::Cylinder { radius, half_height } => {
-            // parry's cylinder stands along y.
+            // parry's cylinder has its axis along y.
             let upright = Pose::from_rotation(Rotation::from_rotation_arc(Vector::Y, Vector::Z));
             vec![(upright, SharedShape::round_cylinder(half_height - RIM, radius - RIM, RIM))]
         }

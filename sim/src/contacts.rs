@@ -1,4 +1,4 @@
-//! Who touches whom, where and how hard, read from the solver's manifolds.
+//! Contact pairs with contact points and forces, read from the solver's manifolds.
 
 use nalgebra::{Point3, Vector3};
 use rapier3d_f64::prelude::*;
@@ -11,7 +11,7 @@ use crate::loaded_contacts::loaded;
 pub struct ContactPoint {
     /// The collider on the other side.
     pub other: ColliderHandle,
-    /// World position, m.
+    /// Contact point, world, m.
     pub point: Point3<f64>,
     /// Unit normal from this collider to the other.
     pub normal: Vector3<f64>,
@@ -19,7 +19,7 @@ pub struct ContactPoint {
     pub force: f64,
 }
 
-/// All loaded contact points of `collider`.
+/// Returns all loaded contact points of `collider`.
 pub fn contacts_of(engine: &Engine, collider: ColliderHandle) -> Vec<ContactPoint> {
     let dt = engine.settings.dt;
     let mut found = Vec::new();
@@ -36,7 +36,7 @@ pub fn contacts_of(engine: &Engine, collider: ColliderHandle) -> Vec<ContactPoin
     found
 }
 
-/// Sum of the normal forces between two colliders, N.
+/// Sums the normal forces between two colliders, N.
 pub fn normal_force(engine: &Engine, one: ColliderHandle, other: ColliderHandle) -> f64 {
     let Some(pair) = engine.narrow_phase.contact_pair(one, other) else { return 0.0 };
     let impulses = pair.solver_manifolds().iter().flat_map(|manifold| &manifold.points).map(|point| point.data.impulse);

@@ -1,4 +1,4 @@
-//! Servos on the cable transmission: from servo goals to the torque and the implicit stiffness of every finger joint.
+//! Servos on the cable transmission: from servo goals to the torque and implicit stiffness of every finger joint.
 
 use hand_model::robot::{ServoGoal, ServoState};
 use hand_model::transmission::friction::{CableFriction, CableLosses};
@@ -10,16 +10,17 @@ use crate::servo::ServoModel;
 /// Stiffness of the shaft between the opposition servo and the thumb's CMC joint, N m/rad.
 pub const OPPOSITION_STIFFNESS: f64 = 8.0;
 
-/// State of a guide ([`CableFriction::slid`]) whose cable was pulled in and then came to rest, where nothing else is known. Set by hand: with it 30
-/// of 30 planned grasps that hold from their own first grasp hold from its posture as well; with 0 and 1 it is 26 and 27.
+/// Default state of a guide ([`CableFriction::slid`]) whose cable was pulled in and then came to rest. Set by hand:
+/// with it 30 of 30 planned grasps that hold from their own first grasp also hold when started from its posture; with 0
+/// and 1 it is 26 and 27.
 const AT_REST: f64 = 0.5;
 
-/// What acts on a finger joint during one physics step.
+/// Load on a finger joint during one physics step.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct JointEffort {
     /// Torque at the present angle, N m.
     pub torque: f64,
-    /// Stiffness with which the torque falls as the joint moves on, N m/rad.
+    /// Stiffness, N m/rad: the decrease of the torque as the joint moves on.
     pub stiffness: f64,
 }
 
@@ -27,17 +28,17 @@ pub struct JointEffort {
 #[derive(Debug, Clone)]
 pub struct HandDrive {
     servos: Vec<ServoModel>,
-    /// Of each cable.
+    /// Guide friction of each cable.
     friction: Vec<CableFriction>,
     slides: DigitVector<[f64; SPANS]>,
-    /// Cable that each spool has let go, m: what slipped on it, or more than there is where the cable broke.
+    /// Length of cable that each spool has released, m: by slip, or more than the whole cable after a break.
     let_go: DigitVector,
     /// Cable tensions at the spools in the last step, N.
     pub tensions: DigitVector,
 }
 
 impl HandDrive {
-    /// All cables slack, all servos at rest, guides and gears with these losses.
+    /// Creates the drive with all cables slack, all servos at rest, and these losses in guides and gears.
     pub fn new(hand: &Hand, losses: CableLosses) -> Self {
         Self {
             servos: hand.servos.iter().map(|servo| ServoModel::new(*servo, losses.backlash)).collect(),
@@ -48,7 +49,7 @@ impl HandDrive {
         }
     }
 
-    /// The same with the servos at these angles (rad), and with the guides of wound cables in [`AT_REST`].
+    /// Sets the servos to these angles (rad), and the guides of wound cables to [`AT_REST`].
     #[must_use]
     pub fn wound(mut self, angles: &ActuatorVector) -> Self {
         for (servo, angle) in self.servos.iter_mut().zip(angles) {
@@ -60,36 +61,36 @@ impl HandDrive {
         self
     }
 
-    /// Sets what each servo is asked for.
+    /// Sets the goal of each servo.
     pub fn set_goals(&mut self, goals: &[ServoGoal]) {
         for (servo, goal) in self.servos.iter_mut().zip(goals) {
             servo.goal = *goal;
         }
     }
 
-    /// What the servos report.
+    /// Returns the servo readings.
     pub fn states(&self) -> ActuatorVector<ServoState> {
         self.servos.iter().map(ServoModel::state).collect()
     }
 
-    /// The spool of cable `n` lets go of `length` more of it, m.
+    /// Releases `length` (m) more of cable `n` from its spool.
     pub fn let_go(&mut self, n: usize, length: f64) {
         self.let_go[n] += length;
     }
 
-    /// Servo `n` gives `factor` times its torque from now on.
+    /// Scales the torque of servo `n` by `factor` from now on.
     pub fn weaken(&mut self, n: usize, factor: f64) {
         self.servos[n].weaken(factor);
     }
 
-    /// Each servo is where `measured` says, and as fast.
+    /// Sets each servo to the measured angle and speed.
     pub fn follow(&mut self, measured: &[ServoState]) {
         for (servo, measured) in self.servos.iter_mut().zip(measured) {
             (servo.angle, servo.speed) = (measured.position, measured.velocity);
         }
     }
 
-    /// Advances the servos by `dt` (s) on joints at angles `q` (rad) that turn at `qd` (rad/s).
+    /// Advances the servos by `dt` (s), with the joints at angles `q` (rad) and speeds `qd` (rad/s).
     pub fn step(&mut self, hand: &Hand, q: &[f64], qd: &[f64], dt: f64) -> HandVector<JointEffort> {
         let transmission = &hand.transmission;
         for (n, path) in transmission.cables.iter().enumerate() {
@@ -114,7 +115,7 @@ impl HandDrive {
         efforts
     }
 
-    /// Tension of every span, N, after the guides' friction has followed the cables' motion.
+    /// Computes the tension of every span, N, after the guides' friction has followed the cables' motion.
     fn span_tensions(&mut self, hand: &Hand, q: &[f64], qd: &[f64], dt: f64) -> DigitVector<[f64; SPANS]> {
         hand.each_digit(|n| {
             let friction = &self.friction[n];
@@ -129,7 +130,7 @@ impl HandDrive {
         })
     }
 
-    /// The last servo turns the thumb's CMC joint, which is at `q` (rad), through a stiff shaft.
+    /// Advances the last servo, which turns the thumb's CMC joint at `q` (rad) through a stiff shaft.
     fn step_opposition(&mut self, hand: &Hand, (joint, q): (usize, f64), dt: f64) -> JointEffort {
         let last = self.servos.len() - 1;
         let ratio = hand.servos[last].gear_ratio_opposition;

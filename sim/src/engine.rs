@@ -1,7 +1,7 @@
-//! The physics sets and the settings under which grasps hold.
+//! The physics sets, and the settings under which grasps hold.
 //!
-//! The values were found by measurement with this hand's geometry (slip, penetration, jitter and cost over time step and
-//! iterations); smaller time steps are not systematically better.
+//! The values were measured with this hand's geometry (slip, penetration, jitter and cost over time step and
+//! iterations). Smaller time steps are not systematically better.
 
 use std::collections::HashSet;
 
@@ -12,16 +12,16 @@ use world::physics::{self, Physics};
 use crate::gel::SoftCovers;
 use crate::stick::Sticking;
 
-/// The scale of a scene by which the solver judges what is far and what is fast, m: a hand's breadth.
+/// Length scale by which the solver judges distances and speeds, m: the breadth of a hand.
 const LENGTH_UNIT: f64 = 0.1;
 
-/// More than a joint turns in a step, rad.
+/// Upper bound for the rotation of a joint in one step, rad.
 const LIMIT_SLACK: f64 = 0.2;
 
 /// Solver settings.
 #[derive(Debug, Clone, Copy)]
 pub struct EngineSettings {
-    /// Time step, s. 1/240.
+    /// Time step, s; 1/240 by default.
     pub dt: f64,
     /// Outer solver iterations (substeps).
     pub solver_iterations: usize,
@@ -36,7 +36,7 @@ pub struct EngineSettings {
     /// Rolling resistance coefficient of objects on the table (lever arm of the normal force over the height of the centre of
     /// mass): balls on felt or a short carpet have 0.02 to 0.07. The engine has no rolling friction of its own.
     pub rolling_resistance: f64,
-    /// How the contacts of covers stick; without it they have the solver's friction, which creeps.
+    /// Static friction model of the covers' contacts; without it they have the solver's friction, which creeps.
     pub sticking: Option<physics::Sticking>,
 }
 
@@ -58,7 +58,7 @@ impl Default for EngineSettings {
 
 /// All rapier sets of one world. Cloning it branches the run bit-exactly.
 pub struct Engine {
-    /// Settings it was made with.
+    /// Settings with which it was created.
     pub settings: EngineSettings,
     /// Gravity, m/s2.
     pub gravity: Vector,
@@ -76,13 +76,13 @@ pub struct Engine {
     pub multibodies: MultibodyJointSet,
     soft_bodies: SoftBodySet,
     ccd: CCDSolver,
-    /// Covers that give way; none where they are rigid.
+    /// Compliant covers; none if covers are rigid.
     pub soft_covers: Option<SoftCovers>,
     sticking: Option<Sticking>,
     passing: HashSet<(ColliderHandle, ColliderHandle)>,
 }
 
-/// What the engine asks about contacts.
+/// Callbacks of the engine that filter and modify contacts.
 struct Hooks<'a> {
     soft_covers: Option<&'a SoftCovers>,
     sticking: Option<&'a Sticking>,
@@ -108,7 +108,7 @@ impl PhysicsHooks for Hooks<'_> {
 }
 
 impl Engine {
-    /// An empty world.
+    /// Creates an empty world.
     pub fn new(settings: EngineSettings) -> Self {
         let mut parameters = IntegrationParameters {
             dt: settings.dt,
@@ -142,13 +142,14 @@ impl Engine {
         }
     }
 
-    /// How near to a limit (rad) a joint must be at the start of a step for the limit to count in it. With one outer iteration
-    /// the engine looks at the angle at the start alone; with more it looks again under way.
+    /// Returns the distance to a limit (rad) within which a joint must be at the start of a step for the limit to count
+    /// in it. With one outer iteration the engine checks only the angle at the start; with more it checks again during
+    /// the step.
     pub(crate) fn limit_slack(&self) -> f64 {
         if self.settings.solver_iterations > 1 { LIMIT_SLACK } else { 0.0 }
     }
 
-    /// Lets two colliders pass through each other, whatever their groups say.
+    /// Lets two colliders pass through each other, regardless of their groups.
     pub fn let_pass(&mut self, one: ColliderHandle, two: ColliderHandle) {
         for handle in [one, two] {
             let collider = &mut self.colliders[handle];
@@ -157,7 +158,7 @@ impl Engine {
         self.passing.insert((one, two));
     }
 
-    /// Takes a body out of the world, with its colliders.
+    /// Removes a body and its colliders from the world.
     pub fn remove(&mut self, body: RigidBodyHandle) {
         self.bodies.remove(
             body,
@@ -170,7 +171,7 @@ impl Engine {
         );
     }
 
-    /// One time step under gravity.
+    /// Advances the world by one time step under gravity.
     pub fn step(&mut self) {
         let (soft_covers, sticking, dt) = (self.soft_covers.as_ref(), self.sticking.as_ref(), self.settings.dt);
         let hooks = Hooks { soft_covers, sticking, dt, passing: &self.passing };
@@ -204,7 +205,7 @@ impl Clone for Engine {
             settings: self.settings,
             gravity: self.gravity,
             parameters: self.parameters,
-            // The pipeline is only workspace.
+            // The pipeline holds only temporary buffers.
             pipeline: PhysicsPipeline::new(),
             islands: self.islands.clone(),
             broad_phase: self.broad_phase.clone(),

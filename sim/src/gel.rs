@@ -1,9 +1,10 @@
-//! Covers that give way: an object sinks into a cover as far as its gel does under the force between them.
+//! Compliant covers: an object sinks into a cover as far as the gel yields under the force between them.
 //!
-//! The engine's contacts are rigid. This moves them: between a cover and an object the surfaces count as touching when the object
-//! is already [`SoftCovers::sink`] deep in the cover, so that the force itself stays the solver's. How deep that is follows
-//! from the pressure law and the shapes around the contact, the ones from which a pad's image is made: the gel bears the sum of
-//! the pressures under the object's penetration ([`PressCurve`]). The gel takes up a depth with a relaxation time.
+//! The engine's contacts are rigid. This module shifts them: a cover and an object count as touching only when the
+//! object is already [`SoftCovers::sink`] deep in the cover, so that the force itself remains the solver's. The depth
+//! follows from the pressure law and the shapes around the contact, which are those from which a pad's image is made:
+//! the gel bears the sum of the pressures under the object's penetration ([`PressCurve`]). It approaches that depth
+//! with a relaxation time.
 
 use std::sync::Arc;
 
@@ -21,33 +22,35 @@ use crate::convert;
 use crate::loaded_contacts::loaded;
 use crate::press_curve::{Gap, PressCurve, Surface};
 
-/// A curve is good as long as the object is turned by less than this against the cover (rad) ...
+/// A curve stays valid while the object has turned by less than this relative to the cover, rad.
 const SAME_TURN: f64 = 0.02;
-/// ... and its contact's middle is less than this away (m) ...
+/// A curve stays valid while the centre of its contact has moved by less than this, m.
 const SAME_PLACE: f64 = 5e-4;
-/// ... and the force is within this factor of the one for which it was made, or below this (N).
+/// A curve stays valid while the force is within this factor of the one for which it was computed, or while both are
+/// below the second value (N).
 const SAME_FORCE: (f64, f64) = (2.0, 0.1);
-/// Steps between two curves of a contact at least.
+/// Smallest number of steps between two curves of a contact.
 const EVERY: u32 = 4;
-/// Least cosine between the normals of a contact and of the pad that it is on.
+/// Smallest cosine between the normals of a contact and of the pad on which it lies.
 const FACING: f64 = 0.8;
-/// Least share of a step's relaxation against a fastened object: that with which a contact begins.
+/// Smallest fraction of a step's relaxation for a contact with a fixed object; the contact begins with it.
 const LEAST_SHARE: f64 = 0.02;
-/// Depth that is none, m.
+/// Depth that counts as zero, m.
 const NOTHING: f64 = 1e-7;
 
-/// A cover whose surface is the gel's.
+/// A cover with a gel surface.
 #[derive(Debug, Clone)]
 struct SoftCover {
     collider: ColliderHandle,
-    /// The cover as a solid in its own frame.
+    /// The cover as a solid, in the cover frame.
     solid: Shape,
-    /// Its pads, with `pad_from_cover`.
+    /// The cover's pads, with `pad_from_cover`.
     pads: Vec<(Pad, Isometry3<f64>)>,
 }
 
 impl SoftCover {
-    /// The surface around `middle` where the normal is `out`, and `cover_from_frame` of that surface's frame: a pad's where one is.
+    /// Returns the surface around `middle`, where the normal is `out`, and `cover_from_frame` of that surface's frame:
+    /// that of a pad if there is one.
     fn surface(&self, middle: &Point3<f64>, out: &Unit<Vector3<f64>>) -> (Surface<'_>, Isometry3<f64>) {
         let pressed = self.pads.iter().find(|(pad, pad_from_cover)| {
             let at = pad_from_cover * middle;
@@ -60,19 +63,19 @@ impl SoftCover {
     }
 }
 
-/// An object that may press.
+/// An object that may press into covers.
 #[derive(Debug, Clone)]
 struct Presser {
     collider: ColliderHandle,
     model: Arc<ObjectModel>,
 }
 
-/// What an object does to a cover in the last step.
+/// Load of an object on a cover in the last step.
 #[derive(Debug, Clone, Copy, Default)]
 struct Load {
     /// Sum of the normal forces, N.
     force: f64,
-    /// Middle of the contact, world, m.
+    /// Centre of the contact, world, m.
     middle: Vector3<f64>,
     /// Mean normal out of the cover, world, not of unit length.
     out: Vector3<f64>,
@@ -85,20 +88,21 @@ struct Load {
 struct Contact {
     cover: usize,
     object: usize,
-    /// Depth of the object in the cover at which they count as touching, m.
+    /// Depth of the object in the cover at which the two count as touching, m.
     sink: f64,
     load: Load,
     curve: Option<Shared>,
-    /// Steps since `curve` was made.
+    /// Number of steps since `curve` was computed.
     age: u32,
-    /// Against an object that is fastened: share of the way to its depth that the sink went last, and how long that way was, m.
+    /// For a contact with a fixed object: the last relaxation fraction, and the last depth error (m).
     last: (f64, f64),
 }
 
 impl Contact {
-    /// The share of the way `off` (m) to its depth that the sink goes now, at most `share`. A fastened object does not give way: force and sink
-    /// answer each other so sharply that the whole share makes the contact chatter. So it is halved where the way has turned round since the
-    /// last step, and grows while it has not (the rule of resilient propagation, Riedmiller and Braun 1993).
+    /// Computes the relaxation fraction for a depth error `off` (m), at most `share`. A fixed object does not give way:
+    /// force and sink are coupled so strongly that the full fraction makes the contact chatter. Hence the fraction is
+    /// halved when the error has changed sign since the last step, and grows while it has not (the rule of resilient
+    /// propagation, Riedmiller and Braun 1993).
     fn damped(&mut self, off: f64, share: f64) -> f64 {
         let (before, way) = self.last;
         let next = match off * way {
@@ -111,7 +115,7 @@ impl Contact {
     }
 }
 
-/// A curve and what it was made for.
+/// A curve with the conditions for which it was computed.
 #[derive(Debug, Clone)]
 struct Shared {
     curve: Arc<PressCurve>,
@@ -120,18 +124,18 @@ struct Shared {
     force: f64,
 }
 
-/// What a cover feels of one object.
+/// Response of a cover to one object.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Give {
-    /// How deep the object is in the cover, m.
+    /// Depth of the object in the cover, m.
     pub sink: f64,
-    /// Displacement of the surface along the friction on it, world, m.
+    /// Displacement of the surface along the friction force on it, world, m.
     pub shear: Vector3<f64>,
     /// Normal force, N.
     pub force: f64,
 }
 
-/// Soft covers of a hand and the contacts that press into them. A clone goes on bit by bit as the original.
+/// Compliant covers of a hand, and the contacts that press into them. A clone continues bit-exactly like the original.
 #[derive(Debug, Clone)]
 pub struct SoftCovers {
     gel: Foundation,
@@ -139,12 +143,13 @@ pub struct SoftCovers {
     shear: f64,
     covers: Vec<SoftCover>,
     objects: Vec<Presser>,
-    /// Ordered by object and cover.
+    /// Contacts, ordered by object and cover.
     contacts: Vec<Contact>,
 }
 
 impl SoftCovers {
-    /// A hand's gel, its `covers` with their colliders and links (the palm's has none), and the `objects` that may press into them.
+    /// Creates the model from a hand's gel, its `covers` as colliders with their links (none for the palm), and the
+    /// `objects` that may press into them.
     pub fn new(
         hand: &Hand,
         effect: &Gel,
@@ -175,20 +180,20 @@ impl SoftCovers {
         }
     }
 
-    /// What the `cover`-th cover feels of the `object`-th object; `None` where they do not touch.
+    /// Returns the response of the `cover`-th cover to the `object`-th object; `None` if they do not touch.
     pub fn give(&self, cover: usize, object: usize) -> Option<Give> {
         let at = self.contacts.iter().find(|contact| (contact.cover, contact.object) == (cover, object))?;
         let compliance = if at.load.force > 0.0 { at.sink / at.load.force } else { 0.0 };
         Some(Give { sink: at.sink, shear: at.load.friction * (self.shear * compliance), force: at.load.force })
     }
 
-    /// From now on these objects may press into the covers, and no others.
+    /// Replaces the objects that may press into the covers.
     pub fn replace_objects(&mut self, objects: impl Iterator<Item = (ColliderHandle, Arc<ObjectModel>)>) {
         self.objects = objects.map(|(collider, model)| Presser { collider, model }).collect();
         self.contacts.clear();
     }
 
-    /// After a step of `dt` (s): the gel goes on towards the depth at which it bears what the solver found.
+    /// Updates the gel after a step of `dt` (s): it relaxes towards the depth at which it bears the solver's force.
     pub fn relax(&mut self, dt: f64, narrow_phase: &NarrowPhase, colliders: &ColliderSet, bodies: &RigidBodySet) {
         let share = if self.relaxation > 0.0 { 1.0 - (-dt / self.relaxation).exp() } else { 1.0 };
         let mut contacts = Vec::with_capacity(self.contacts.len() + 2);
@@ -222,7 +227,7 @@ impl SoftCovers {
         self.contacts = contacts;
     }
 
-    /// Makes a contact's curve anew where its own is too old.
+    /// Recomputes a contact's curve if it is out of date.
     fn renew_curve(&self, contact: &mut Contact, colliders: &ColliderSet) {
         contact.age = contact.age.saturating_add(1);
         if contact.load.force <= 0.0 || contact.age < EVERY {
@@ -255,7 +260,7 @@ impl SoftCovers {
     }
 }
 
-/// What the solver found between a cover and an object.
+/// Extracts the solver's load between a cover and an object.
 fn load(pair: &ContactPair, cover: ColliderHandle, dt: f64, bodies: &RigidBodySet) -> Load {
     let out = if pair.collider1 == cover { 1.0 } else { -1.0 };
     let mut load = Load::default();
@@ -264,7 +269,7 @@ fn load(pair: &ContactPair, cover: ColliderHandle, dt: f64, bodies: &RigidBodySe
         load.force += force;
         load.middle += at.middle * force;
         load.out += at.normal * out * force;
-        // The solver's tangent impulses act on the second body's behalf against the first.
+        // The solver's tangent impulses are those of the second body on the first.
         load.friction += convert::to_vector(at.data.warmstart_tangent_world) * (out / dt);
     }
     if load.force > 0.0 {
@@ -286,7 +291,7 @@ impl PhysicsHooks for SoftCovers {
         let normal = *rigid.normal;
         for contact in rigid.solver_contacts.iter_mut() {
             contact.dist += sink;
-            // The cover's point moves in; where the cover is first the engine does that itself.
+            // Shift the cover's point inwards; if the cover is the first body, the engine does that itself.
             if !cover_is_first {
                 contact.anchor2 += normal * sink;
             }

@@ -1,8 +1,9 @@
 //! The hand alone, its palm fixed in space, with floating objects: the scene in which a grasp is closed and tested.
 //!
-//! World axes are the root's. Actuators pull with given tensions (servos in current control at rest), and an opposition servo holds
-//! its angle. There is no gravity: the protocol's forces are applied instead. Digits apart are multibodies of their own, because
-//! without an arm they do not feel each other's inertia; a hand whose joints may follow those of other digits is one.
+//! The world frame is the root frame. Actuators pull with given tensions (servos in current control at rest), and an
+//! opposition servo holds its angle. There is no gravity: the forces of the test protocol are applied instead. Separate
+//! digits are multibodies of their own, because without an arm they do not feel each other's inertia. A hand whose
+//! joints may follow those of other digits is one multibody.
 
 use std::sync::Arc;
 
@@ -22,14 +23,14 @@ use crate::stand::{Linkage, Mechanism, Prop};
 /// Command of the hand: tensions of the actuators (N) and the opposition angle (rad).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Pull {
-    /// N.
+    /// Tensions of the actuators, N.
     pub tensions: Vec<f64>,
-    /// rad; unused by a hand without an opposition servo.
+    /// Opposition angle, rad; unused by a hand without an opposition servo.
     pub opposition: f64,
 }
 
 impl Pull {
-    /// Tensions (N) alone.
+    /// Creates a command with tensions (N) only.
     pub fn tensions(tensions: &[f64]) -> Self {
         Self { tensions: tensions.to_vec(), opposition: 0.0 }
     }
@@ -38,9 +39,9 @@ impl Pull {
 /// A contact between hand and object.
 #[derive(Debug, Clone, Copy)]
 pub struct Touch {
-    /// Hand link, `None` for the root.
+    /// Link of the hand; `None` for the root.
     pub link: Option<usize>,
-    /// Root frame, m.
+    /// Contact point, root frame, m.
     pub point: Point3<f64>,
     /// Unit normal into the object, root frame.
     pub normal: UnitVector3<f64>,
@@ -57,8 +58,8 @@ pub struct HandScene {
 }
 
 impl HandScene {
-    /// The hand with its joints at `start` (rad or m), and nothing beside it. Links collide with each other, but for those that a joint
-    /// connects and those that [`CollisionModel::passing`] names.
+    /// Creates a scene with the hand's joints at `start` (rad or m) and no objects. Links collide with each other,
+    /// except for those connected by a joint and those in [`CollisionModel::passing`].
     pub fn new(model: &CollisionModel, start: &[f64]) -> Self {
         let hand = model.hand();
         let each = |value: fn(&Feel) -> f64| hand.feel.iter().map(value).collect::<Vec<f64>>();
@@ -76,19 +77,19 @@ impl HandScene {
         Self { hand: hand.clone(), linkage, objects: Vec::new() }
     }
 
-    /// Puts a floating object at `root_from_object`.
+    /// Adds a floating object at `root_from_object`.
     pub fn place(&mut self, object: &Arc<ObjectModel>, root_from_object: &Isometry3<f64>) {
         let placement = ObjectPlacement { model: object.clone(), pose: *root_from_object };
         let (_, body, collider) = insert_object(self.linkage.engine_mut(), &placement);
         self.objects.push((body, collider));
     }
 
-    /// Puts a prop at `root_from_prop`, held in place until [`Self::release`].
+    /// Adds a prop at `root_from_prop`, held in place until [`Self::release`].
     pub fn put(&mut self, prop: &Prop, root_from_prop: &Isometry3<f64>) {
         self.objects.push(prop.insert(self.linkage.engine_mut(), root_from_prop));
     }
 
-    /// Lets go of all props.
+    /// Releases all props.
     pub fn release(&mut self) {
         self.each_body(|body| body.set_body_type(RigidBodyType::Dynamic, true));
     }
@@ -104,7 +105,8 @@ impl HandScene {
         self.linkage.set_gravity(gravity);
     }
 
-    /// Damping of the objects' motion, 1/s, linear and angular: what stands in for a table or a free hand while digits close.
+    /// Sets the damping of the objects' linear and angular motion, 1/s. It represents a table or a free hand while
+    /// digits close.
     pub fn set_object_damping(&mut self, damping: f64) {
         self.each_body(|body| {
             body.set_linear_damping(damping);
@@ -112,14 +114,14 @@ impl HandScene {
         });
     }
 
-    /// Friction coefficient between hand and objects.
+    /// Sets the friction coefficient between hand and objects.
     pub fn set_friction(&mut self, friction: f64) {
         for (_, collider) in &self.objects {
             self.linkage.engine_mut().colliders[*collider].set_friction(friction);
         }
     }
 
-    /// One time step with the hand pulling and `force` (N, root frame) on every object's centre of mass.
+    /// Advances one time step, with the hand pulling and `force` (N, root frame) on every object's centre of mass.
     pub fn step(&mut self, pull: &Pull, force: &Vector3<f64>) {
         self.each_body(|body| {
             body.reset_forces(true);
@@ -128,7 +130,7 @@ impl HandScene {
         self.linkage.step(&efforts(&self.hand, self.linkage.angles(), pull));
     }
 
-    /// Steps for `seconds` with the hand pulling.
+    /// Runs for `seconds` with the hand pulling.
     pub fn run(&mut self, pull: &Pull, seconds: f64) {
         let steps = (seconds / self.dt()).round() as usize;
         for _ in 0..steps {
@@ -136,45 +138,45 @@ impl HandScene {
         }
     }
 
-    /// Length of a step, s.
+    /// Returns the length of a time step, s.
     pub fn dt(&self) -> f64 {
         self.linkage.engine().settings.dt
     }
 
-    /// Joint coordinates, rad or m.
+    /// Returns the joint coordinates, rad or m.
     pub fn angles(&self) -> &[f64] {
         self.linkage.angles()
     }
 
-    /// `root_from_link` of every moving link.
+    /// Returns `root_from_link` of every moving link.
     pub fn links(&self) -> Vec<Isometry3<f64>> {
         self.linkage.links()
     }
 
-    /// `root_from_object` of every object.
+    /// Returns `root_from_object` of every object.
     pub fn objects(&self) -> Vec<Isometry3<f64>> {
         let bodies = &self.linkage.engine().bodies;
         self.objects.iter().map(|(body, _)| convert::to_pose(bodies[*body].position())).collect()
     }
 
-    /// `root_from_object` of the first object.
+    /// Returns `root_from_object` of the first object.
     ///
     /// # Panics
-    /// In a scene without objects.
+    /// If the scene has no objects.
     pub fn object(&self) -> Isometry3<f64> {
         self.objects()[0]
     }
 
-    /// Linear (m/s) and angular (rad/s) speed of the first object.
+    /// Returns the linear (m/s) and angular (rad/s) speed of the first object.
     ///
     /// # Panics
-    /// In a scene without objects.
+    /// If the scene has no objects.
     pub fn object_speed(&self) -> (f64, f64) {
         let body = &self.linkage.engine().bodies[self.objects[0].0];
         (body.linvel().length(), body.angvel().length())
     }
 
-    /// Loaded contacts between hand and objects, as of the last step.
+    /// Returns the loaded contacts between hand and objects in the last step.
     pub fn touches(&self) -> Vec<Touch> {
         let contacts = self.objects.iter().flat_map(|(_, object)| contacts_of(self.linkage.engine(), *object));
         let touch = |contact: ContactPoint| {
@@ -188,7 +190,7 @@ impl HandScene {
         contacts.filter_map(touch).collect()
     }
 
-    /// Normal force of each moving link on the objects, N.
+    /// Sums the normal force of each moving link on the objects, N.
     pub fn forces(&self) -> Vec<f64> {
         let mut forces = vec![0.0; self.hand.tree.len()];
         for touch in self.touches() {
@@ -199,19 +201,19 @@ impl HandScene {
         forces
     }
 
-    /// How deep hand and objects, or two links that collide, overlap at most, m.
+    /// Returns the deepest penetration between hand and objects, or between two links that collide, m.
     pub fn penetration(&self) -> f64 {
         let objects = self.objects.iter().map(|(_, object)| self.linkage.penetration(*object));
         objects.fold(self.self_penetration(), f64::max)
     }
 
-    /// How deep two links that collide overlap at most, m.
+    /// Returns the deepest penetration between two links that collide, m.
     pub fn self_penetration(&self) -> f64 {
         self.linkage.self_penetration(&self.hand.tree)
     }
 }
 
-/// Effort of each joint under `pull` at `q` (rad or m).
+/// Computes the effort of each joint under `pull` at `q` (rad or m).
 fn efforts(hand: &HandMechanism, q: &[f64], pull: &Pull) -> Vec<JointEffort> {
     let torques = hand.torques(q, &pull.tensions).into_iter().enumerate();
     let effort = |(joint, torque): (usize, f64)| match hand.opposition {
@@ -224,7 +226,7 @@ fn efforts(hand: &HandMechanism, q: &[f64], pull: &Pull) -> Vec<JointEffort> {
     torques.map(effort).collect()
 }
 
-/// How far and by what angle `b` is from `a`: m, rad.
+/// Computes the distance (m) and the angle (rad) between `a` and `b`.
 pub fn displacement(a: &Isometry3<f64>, b: &Isometry3<f64>) -> (f64, f64) {
     ((a.translation.vector - b.translation.vector).norm(), a.rotation.angle_to(&b.rotation))
 }
@@ -245,7 +247,7 @@ mod tests {
         Isometry3::translation(0.0, 0.0, -0.5)
     }
 
-    /// Without contact a pulled digit comes to rest where spring and cable balance, as the transmission says.
+    /// Without contact, a pulled digit comes to rest at the balance of spring and cable that the transmission predicts.
     #[test]
     fn a_pulled_digit_rests_in_free_equilibrium() {
         let hand = Hand::ftac();
@@ -264,7 +266,7 @@ mod tests {
         assert!((scene.angles()[0] - 0.4).abs() < 0.01, "opposition holds its angle");
     }
 
-    /// A floating object under a force obeys Newton.
+    /// A floating object under a force obeys Newton's second law.
     #[test]
     fn a_free_object_accelerates() {
         let hand = Hand::ftac();

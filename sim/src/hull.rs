@@ -1,9 +1,9 @@
-//! Convex hulls for dynamics that stand firmly.
+//! Convex hulls on which objects stand stably.
 //!
-//! parry makes contacts with a hull's face from the face's first four vertices only. On a round foot these lie side by side,
-//! so that the object rests on a sliver and rocks. [`standing_hull`] leaves each many-sided face the four vertices that span
-//! the largest area and sets the others back by 50 um: the face becomes a quadrilateral, contacts span it, and the
-//! hull changes by less than touch can see.
+//! parry makes contacts with a hull's face from the face's first four vertices only. On a round foot these lie side by
+//! side, so that the object rests on a sliver and rocks. In each face with more vertices, [`standing_hull`] keeps the
+//! four that span the largest area and moves the others back by 50 um. The face becomes a quadrilateral, contacts span
+//! it, and the hull changes by less than the tactile sensors can resolve.
 
 use nalgebra::Point3;
 use rapier3d_f64::parry::shape::ConvexPolyhedron;
@@ -11,10 +11,11 @@ use rapier3d_f64::prelude::{SharedShape, Vector};
 
 use crate::convert;
 
-/// How far behind its face a vertex that is not one of the chosen four is put, m.
+/// Distance by which a vertex that is not one of the four is moved back behind its face, m.
 const SET_BACK: f64 = 5e-5;
 
-/// The convex hull of `points`, no face with more than four vertices where it could be stood on. `None` if they span no volume.
+/// Computes the convex hull of `points` such that no face on which it could stand has more than four vertices. `None`
+/// if they span no volume.
 pub fn standing_hull(points: &[Point3<f64>]) -> Option<SharedShape> {
     let points: Vec<Vector> = points.iter().map(convert::point).collect();
     let hull = ConvexPolyhedron::from_convex_hull(&points)?;
@@ -36,7 +37,7 @@ pub fn standing_hull(points: &[Point3<f64>]) -> Option<SharedShape> {
     SharedShape::convex_hull(&moved)
 }
 
-/// Indices of the four vertices of a convex outline that span the largest area.
+/// Returns the indices of the four vertices of a convex outline that span the largest area.
 fn largest_quadrilateral(outline: &[Vector], normal: Vector) -> [usize; 4] {
     let count = outline.len();
     let area =
@@ -44,7 +45,7 @@ fn largest_quadrilateral(outline: &[Vector], normal: Vector) -> [usize; 4] {
     let mut best = ([0, 1, 2, 3], 0.0);
     for a in 0..count {
         for c in a + 2..count {
-            // For a given diagonal the two other corners can be chosen independently, one on each side.
+            // For a given diagonal, the other two corners can be chosen independently, one on each side.
             let farthest = |side: &mut dyn Iterator<Item = usize>| {
                 side.map(|n| (n, area(a, c, n))).max_by(|x, y| x.1.total_cmp(&y.1))
             };

@@ -1,15 +1,17 @@
-//! The simulated robot: a rapier scene with arm, hand and objects, servos that wind cables, and tactile images of what presses
-//! into the pads.
+//! The simulated robot: a rapier scene with arm, hand and objects, servos that wind cables, and tactile images of what
+//! presses into the pads.
 //!
-//! The story in order: [`engine`] holds the physics sets with the settings that make grasps hold; [`body`] puts arm and hand
-//! into it as one reduced-coordinate multibody; [`scene`] says where arm and objects start; [`hull`] makes objects stand firmly; [`servo`] models the XC330s that wind the
-//! cables, [`play`] their gears' play, [`drive`] puts six of them on the transmission; [`gel`] lets the covers give way, and what they hold sticks to them; [`contacts`] reads who touches whom and how hard; [`tactile`] turns
-//! that into images through the `optics` crate; [`robot`] ties them together behind [`hand_model::robot::RobotBackend`]. Ground
-//! [`truth`] leaves by [`robot::SimulatedRobot::truth`] alone, which is for the referee.
+//! The modules in reading order: [`engine`] holds the physics sets with the settings under which grasps hold. [`body`]
+//! inserts arm and hand as one reduced-coordinate multibody, [`scene`] defines the initial state of arm and objects,
+//! and [`hull`] makes objects stand stably. [`servo`] models the XC330s that wind the cables, [`play`] the backlash of
+//! their gears, and [`drive`] connects six of them to the transmission. [`gel`] makes the covers compliant and lets
+//! objects stick to them. [`contacts`] reads contact pairs and forces, and [`tactile`] renders them as images through
+//! the `optics` crate. [`robot`] ties everything together behind [`hand_model::robot::RobotBackend`]. Ground [`truth`]
+//! is available only through [`robot::SimulatedRobot::truth`], which is for the referee.
 //!
-//! Two scenes beside the story have no arm. [`stand`] is a test stand: the same hand with its servos, palm bolted down, things put
-//! into it by hand; [`mjcf`] writes such a scene for a second engine. [`hand_scene`] is made for proving thousands of grasps:
-//! a hand pulled by given tensions, with its [`collision_model`], and floating objects.
+//! Two further scenes have no arm. [`stand`] is a test stand: the same hand with its servos, its palm bolted down, and
+//! props put into it by hand; [`mjcf`] exports such a scene to a second engine. [`hand_scene`] is made for testing
+//! thousands of grasps: a hand pulled by given tensions, with its [`collision_model`], and floating objects.
 
 pub mod body;
 pub mod collision_model;

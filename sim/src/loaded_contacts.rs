@@ -1,21 +1,21 @@
-//! Contact points that bear load, read from a pair's manifolds.
+//! Loaded contact points, read from the manifolds of a contact pair.
 
 use nalgebra::Vector3;
 use rapier3d_f64::prelude::*;
 
 use crate::convert;
 
-/// A contact point that bears load.
+/// A loaded contact point.
 pub(crate) struct Loaded<'a> {
-    /// World position, m.
+    /// Contact point, world, m.
     pub middle: Vector3<f64>,
     /// Unit normal out of the pair's first collider, world.
     pub normal: Vector3<f64>,
-    /// What the solver found, N s.
+    /// The solver's result; impulses in N s.
     pub data: &'a ContactData,
 }
 
-/// The contact points of a pair that bear load.
+/// Iterates over the loaded contact points of a pair.
 pub(crate) fn loaded<'a>(pair: &'a ContactPair, bodies: &'a RigidBodySet) -> impl Iterator<Item = Loaded<'a>> {
     pair.solver_manifolds().iter().flat_map(move |manifold| {
         let normal = convert::to_vector(manifold.data.normal);

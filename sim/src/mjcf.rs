@@ -1,9 +1,10 @@
-//! The scene as MJCF, so that a second engine (MuJoCo) can run it: the hand with its cables as spatial tendons through the
-//! same guide points or as fixed tendons with the same moment arms, springs, collision shapes, props, and the arm where it is wanted.
+//! Export of a scene as MJCF, so that a second engine (MuJoCo) can run it: the hand with its springs, collision shapes
+//! and props, and optionally the arm. Cables become spatial tendons through the same guide points, or fixed tendons
+//! with the same moment arms.
 //!
-//! A tendon's length is the sum of the straight spans between the guide points at each joint, which is exactly
-//! `hand_model::transmission`'s cable, so that moment arms agree by construction. A cable's control is its tension (N), the
-//! opposition's the angle of its servo (rad), an arm joint's its set-point (rad).
+//! A tendon's length is the sum of the straight spans between the guide points at each joint. That is exactly the cable
+//! of `hand_model::transmission`, so that moment arms agree by construction. A cable's control is its tension (N), the
+//! opposition's is the angle of its servo (rad), and an arm joint's is its set-point (rad).
 
 use std::fmt::Write as _;
 
@@ -24,33 +25,34 @@ use crate::hand_scene::Pull;
 use crate::hull::standing_hull;
 use crate::stand::Prop;
 
-/// How every scene is read. Inertias of published models often break the triangle inequality, which MuJoCo insists on.
+/// Compiler options of every scene. Inertias of published models often violate the triangle inequality, which MuJoCo
+/// requires.
 const COMPILER: &str = "  <compiler angle=\"radian\" autolimits=\"true\" balanceinertia=\"true\"/>\n";
-/// The hand has no friction of its own: that of a pair is the prop's.
+/// Default contact properties. The hand has no friction of its own: that of a pair is the prop's.
 const DEFAULTS: &str =
     "  <default>\n    <geom condim=\"4\" friction=\"0.00001 0.00001 0.00001\" solref=\"0.004 1\"/>\n  </default>\n";
-/// The least volume of a convex part, m3.
+/// Smallest volume of a convex part, m3.
 const LEAST_VOLUME: f64 = 1e-12;
-/// Steps of a cover's rounding in its mesh.
+/// Number of subdivisions of a cover's rounding in its mesh.
 const ROUNDING: usize = 4;
 
-/// What is written.
+/// The scene to export.
 pub struct Scene<'a> {
-    /// The hand; its root frame is the world where there is no arm.
+    /// The hand; its root frame is the world frame if there is no arm.
     pub hand: &'a CollisionModel,
-    /// The arm on the world's origin with its posture (rad), the hand on it, and a table at z = 0.
+    /// Optional arm at the world's origin with its posture (rad), carrying the hand, and a table at z = 0.
     pub arm: Option<(&'a Arm, ArmVector, &'a Hand)>,
-    /// Loose things with their pose in the world.
+    /// Loose props with their poses in the world.
     pub props: &'a [(Prop, Isometry3<f64>)],
-    /// Coordinates of the hand's joints to begin with (rad or m), and what is pulled then.
+    /// Initial coordinates of the hand's joints (rad or m), and the initial command.
     pub start: Option<(&'a [f64], &'a Pull)>,
-    /// m/s2, world.
+    /// Gravity, world, m/s2.
     pub gravity: Vector3<f64>,
     /// Time step, s.
     pub dt: f64,
 }
 
-/// The scene as MJCF text.
+/// Writes the scene as MJCF text.
 pub fn write(scene: &Scene<'_>) -> String {
     let hand = &**scene.hand.hand();
     let mut bodies = String::new();
@@ -89,7 +91,7 @@ pub fn write(scene: &Scene<'_>) -> String {
     out
 }
 
-/// How the engine runs, and what every shape is like.
+/// Writes the simulation options and the default properties of shapes.
 fn option(dt: f64, gravity: &Vector3<f64>) -> String {
     format!(
         "  <option timestep=\"{dt}\" gravity=\"{}\" integrator=\"implicitfast\" cone=\"elliptic\" impratio=\"10\" noslip_iterations=\"5\"/>\n{DEFAULTS}",
@@ -106,7 +108,8 @@ fn placed(pose: &Isometry3<f64>) -> String {
     format!("pos=\"{}\" quat=\"{:.12} {:.12} {:.12} {:.12}\"", triple(&pose.translation.vector), q.w, q.i, q.j, q.k)
 }
 
-/// Whether the hull of points is a body for the second engine, as for ours: MuJoCo refuses a whole scene for a part without vertices or volume.
+/// True if the hull of the points is a valid body. MuJoCo refuses a whole scene for one part without vertices or
+/// volume.
 fn is_solid(points: &[Point3<f64>]) -> bool {
     points.len() > 3 && standing_hull(points).is_some_and(|hull| hull.mass_properties(1.0).mass() > LEAST_VOLUME)
 }
@@ -116,7 +119,7 @@ fn mesh(out: &mut String, name: &str, points: &[Point3<f64>]) {
     let _ = writeln!(out, "    <mesh name=\"{name}\" inertia=\"convex\" vertex=\"{}\"/>", vertices.join(" "));
 }
 
-/// Points whose hull is the rounded box: an eighth of a ball at each corner. In the link's frame.
+/// Samples points whose hull is the rounded box, an eighth of a sphere at each corner, in the link frame.
 fn cover_points(cover: &CoverShape) -> Vec<Point3<f64>> {
     let inner = cover.half.add_scalar(-cover.radius);
     let mut points = Vec::new();
@@ -154,12 +157,12 @@ fn inertial(out: &mut String, mass: &MassProperties) {
     );
 }
 
-/// A name as an attribute's value.
+/// Escapes a name for use as an attribute value.
 fn escaped(name: &str) -> String {
     name.replace('&', "&amp;").replace('<', "&lt;").replace('"', "&quot;")
 }
 
-/// The name of a link's body, which is that of the joint that moves it.
+/// Returns the name of a link's body, which is that of the joint that moves it.
 fn link_name(hand: &HandMechanism, link: Option<usize>) -> String {
     escaped(link.map_or(&hand.root, |link| &hand.tree.joints[link].name))
 }
@@ -169,12 +172,12 @@ struct Links<'a> {
     hand: &'a HandMechanism,
     assets: String,
     bodies: String,
-    /// Joints in the order of their bodies.
+    /// Joints in the order in which their bodies are written.
     order: Vec<usize>,
 }
 
 impl Links<'_> {
-    /// Content of the root's body: its shapes, guide points and digits.
+    /// Writes the content of the root's body: its shapes, guide points and digits.
     fn root(&mut self) {
         if let Some(mass) = &self.hand.root_mass {
             inertial(&mut self.bodies, mass);
@@ -189,7 +192,7 @@ impl Links<'_> {
         joints.filter(|(_, joint)| joint.parent == link).for_each(|(child, _)| self.link(child));
     }
 
-    /// A link with all that it carries; its joint goes to the end of the order.
+    /// Writes a link with everything that it carries; its joint is appended to the order.
     fn link(&mut self, link: usize) {
         let (hand, out) = (self.hand, &mut self.bodies);
         let (joint, feel, rest) = (&hand.tree.joints[link], hand.feel[link], hand.spring_rest[link]);
@@ -212,7 +215,7 @@ impl Links<'_> {
         self.bodies.push_str("</body>\n");
     }
 
-    /// The collision shapes of a link.
+    /// Writes the collision shapes of a link.
     fn solids(&mut self, link: Option<usize>) {
         let (assets, out) = (&mut self.assets, &mut self.bodies);
         for (n, solid) in self.hand.solids.iter().enumerate().filter(|(_, solid)| solid.link == link) {
@@ -244,7 +247,7 @@ impl Links<'_> {
         }
     }
 
-    /// Guide points on `link`: after its joint, and before the joints of its children.
+    /// Writes the guide points on `link`: the one after its joint, and those before the joints of its children.
     fn guides(&mut self, link: Option<usize>) {
         for (index, lever) in self.hand.pulls.iter().flat_map(|pull| &pull.arms) {
             let Lever::Guides(Guides { before, after }) = lever else { continue };
@@ -278,7 +281,7 @@ fn arm_joint(out: &mut String, joint: &Joint, armature: f64) {
     );
 }
 
-/// Limits of a joint, if it has any.
+/// Formats the limits of a joint, if it has any.
 fn range(joint: &Joint) -> String {
     if joint.lower.is_finite() && joint.upper.is_finite() {
         format!("range=\"{:.9} {:.9}\"", joint.lower, joint.upper)
@@ -314,7 +317,7 @@ fn prop_body(assets: &mut String, out: &mut String, prop: &Prop, pose: &Isometry
     out.push_str("    </body>\n");
 }
 
-/// Links that pass through each other, as in our engine.
+/// Writes the pairs of links that may pass through each other, as in our engine.
 fn contacts(model: &CollisionModel) -> String {
     let name = |link| link_name(model.hand(), link);
     let pairs = model.excluded().into_iter();
@@ -322,7 +325,7 @@ fn contacts(model: &CollisionModel) -> String {
     format!("  <contact>\n{}  </contact>\n", lines.collect::<String>())
 }
 
-/// Joints that follow others, as equality constraints.
+/// Writes joints that follow others, as equality constraints.
 fn followers(hand: &HandMechanism) -> String {
     let line = |Follower { joint, leader, multiplier, offset }: &Follower| {
         let (joint, leader) = (link_name(hand, Some(*joint)), link_name(hand, Some(*leader)));
@@ -331,7 +334,8 @@ fn followers(hand: &HandMechanism) -> String {
     format!("  <equality>\n{}  </equality>\n", hand.followers.iter().map(line).collect::<String>())
 }
 
-/// Whether a cable acts at constant moment arms. The length of its tendon grows with its joints, that of a cable in guides is its own.
+/// True if a cable acts at constant moment arms (fixed tendon). The length of such a tendon grows with its joints; a
+/// cable in guides has its own length.
 fn is_fixed(pull: &HandPull) -> bool {
     pull.arms.iter().any(|(_, lever)| matches!(lever, Lever::Constant(_)))
 }
@@ -377,7 +381,8 @@ fn actuators(hand: &HandMechanism, arm: Option<&Arm>) -> String {
     out + "  </actuator>\n"
 }
 
-/// Coordinates of joints (those of the hand in `order`) and props, and controls, all in the order of the model.
+/// Writes the coordinates of joints (those of the hand in `order`) and props, and the controls, all in the order of the
+/// model.
 fn keyframe(scene: &Scene<'_>, order: &[usize]) -> String {
     let hand = scene.hand.hand();
     let posture = scene.arm.as_ref().map_or(&[][..], |(_, posture, _)| posture);
@@ -407,7 +412,7 @@ mod tests {
         CollisionModel::new(Arc::new(HandMechanism::of(hand, "hand")))
     }
 
-    /// A mesh point lies on the rounded box: no farther from its inner box than the rounding.
+    /// A mesh point lies on the rounded box: its distance from the inner box is the rounding radius.
     #[test]
     fn cover_points_lie_on_the_cover() {
         let hand = Hand::ftac();
@@ -420,7 +425,7 @@ mod tests {
         }
     }
 
-    /// What a decomposition leaves of a part that is empty, or flat, is not written.
+    /// Parts of a decomposition that are empty or flat are not written.
     #[test]
     fn a_part_without_vertices_is_not_exported() {
         let at = |x: f64, y: f64, z: f64| Point3::new(x, y, z);

@@ -1,9 +1,9 @@
-//! Play of a gear: the output follows the encoder, but for a gap between the teeth.
+//! Gear backlash (play): the output follows the encoder, except for a gap between the teeth.
 //!
-//! The output has no inertia of its own beside what it drives. A load presses it against one flank; without a load it stays where
-//! it is until a flank takes it along.
+//! The output has no inertia of its own beyond what it drives. A load presses it against one flank. Without a load it
+//! stays in place until a flank takes it along.
 
-/// The play of one gear and where in it the output is.
+/// Backlash of one gear, and the position of the output within it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Play {
     half: f64,
@@ -11,17 +11,18 @@ pub struct Play {
 }
 
 impl Play {
-    /// A gear with this much play (rad at the output), its output in the middle.
+    /// Creates a gear with this backlash (rad at the output), its output in the middle.
     pub fn new(width: f64) -> Self {
         Self { half: 0.5 * width, lag: 0.0 }
     }
 
-    /// How far the output is behind the encoder, rad.
+    /// Returns the lag of the output behind the encoder, rad.
     pub fn lag(&self) -> f64 {
         self.lag
     }
 
-    /// The encoder has turned by `turned` (rad); `load` (N m, positive: against positive angles) acts on the output.
+    /// Updates the lag after the encoder has turned by `turned` (rad) with `load` on the output (N m, positive: against
+    /// positive angles).
     pub fn follow(&mut self, turned: f64, load: f64) {
         if self.half == 0.0 {
             return;
@@ -30,8 +31,8 @@ impl Play {
             if load == 0.0 { (self.lag + turned).clamp(-self.half, self.half) } else { self.half.copysign(load) };
     }
 
-    /// The part of a twist (rad, encoder before what it drives) that is not taken up by the play of a gear which turns `ratio`
-    /// times as far.
+    /// Returns the part of a twist (rad, encoder ahead of the driven shaft) that the backlash does not absorb, for a
+    /// gear which turns `ratio` times as far.
     pub fn taken_up(&mut self, twist: f64, ratio: f64) -> f64 {
         if self.half == 0.0 {
             return twist;
@@ -47,8 +48,7 @@ mod tests {
 
     const WIDTH: f64 = 0.0044;
 
-    /// Turned to and fro without a load, the output is a play's width further on the way back than on the way there, and the loop
-    /// is closed.
+    /// Turned back and forth without a load, the output lags by the backlash on the way back, and the loop is closed.
     #[test]
     fn a_turn_to_and_fro_is_a_hysteresis_of_the_play_s_width() {
         let mut play = Play::new(WIDTH);
@@ -72,7 +72,7 @@ mod tests {
         assert_eq!(play.lag(), 0.5 * WIDTH);
     }
 
-    /// A load whose direction turns round takes the output through the whole play; a shaft bears nothing inside it.
+    /// A load reversal takes the output through the whole backlash; within it a shaft transmits no torque.
     #[test]
     fn a_load_presses_on_one_flank() {
         let mut play = Play::new(WIDTH);

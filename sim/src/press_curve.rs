@@ -1,32 +1,34 @@
-//! Depth over force of an object that presses into a cover: the pressure law under the gap between their shapes.
+//! Depth over force of an object that presses into a cover, from the pressure law applied to the gap between their
+//! shapes.
 
 use hand_model::pads::Pad;
 use nalgebra::{Isometry3, Point3, Unit, UnitQuaternion, Vector3};
 use optics::Foundation;
 use world::geometry::Shape;
 
-/// Rays along each side of a grid.
+/// Number of rays along each side of a grid.
 const SIDE: usize = 15;
-/// Points of a curve; their depths grow with the square of their number.
+/// Number of points of a curve; their depths grow quadratically with the index.
 const POINTS: usize = 16;
-/// Rays on a solid cover start this far above the contact, those on the object this deep below it, m: deeper than any contact.
+/// Start height of rays onto a solid cover above the contact, m; [`BELOW`] is the start depth of rays onto the object.
+/// Both exceed any contact.
 const ABOVE: f64 = 0.02;
 /// See [`ABOVE`].
 const BELOW: f64 = 0.006;
 
-/// What an object presses into, seen from a frame whose z is the normal out of it.
+/// A surface into which an object presses, seen from a frame whose z is its outward normal.
 #[derive(Debug)]
 pub enum Surface<'a> {
     /// A pad, in its own frame: the surface that its image shows.
     Pad(&'a Pad),
-    /// Elsewhere a solid cover, with its pose: `cover_from_frame`.
+    /// A solid cover, with its pose: `cover_from_frame`.
     Solid(&'a Shape, Isometry3<f64>),
 }
 
 impl<'a> Surface<'a> {
-    /// The surface of the solid `cover` around `middle`, where its normal is `out`, and `cover_from_frame`.
+    /// Returns the surface of the solid `cover` around `middle`, where its normal is `out`, and `cover_from_frame`.
     pub fn around(cover: &'a Shape, middle: &Point3<f64>, out: &Unit<Vector3<f64>>) -> (Self, Isometry3<f64>) {
-        // Across the normal along the solid's edges, where it has some.
+        // Align the tangential axes with the solid's edges, if it has any.
         let least = out.iamin();
         let other = (0..3).filter(|axis| *axis != least).min_by(|a, b| out[*a].abs().total_cmp(&out[*b].abs()));
         let up = Vector3::ith(other.unwrap_or(least), 1.0);
@@ -59,16 +61,16 @@ impl<'a> Surface<'a> {
 pub struct Gap<'a> {
     pub surface: Surface<'a>,
     pub object: &'a Shape,
-    /// `object_from_frame`, of the surface's frame.
+    /// `object_from_frame`, for the surface's frame.
     pub object_from_frame: Isometry3<f64>,
 }
 
-/// A window in the plane across the normal, m.
+/// A window in the plane perpendicular to the normal, m.
 #[derive(Debug, Clone, Copy)]
 struct Window {
     low: [f64; 2],
     high: [f64; 2],
-    /// Half sides of the surface that it is a window of.
+    /// Half extents of the surface of which it is a window.
     most: [f64; 2],
 }
 
@@ -82,7 +84,7 @@ impl Window {
     }
 }
 
-/// Force over depth of one contact, from none to all of the gel's thickness.
+/// Force over depth of one contact, from zero to the gel's full thickness.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PressCurve {
     thickness: f64,
@@ -91,9 +93,10 @@ pub struct PressCurve {
 }
 
 impl PressCurve {
-    /// The curve of `gap`, most accurate around `force` (N); `None` where the shapes miss each other along the normal.
+    /// Computes the curve of `gap`, most accurate around `force` (N); `None` if the shapes miss each other along the
+    /// normal.
     pub fn of(gap: &Gap, gel: &Foundation, force: f64) -> Option<Self> {
-        // The whole surface first, then the part of it that is pressed.
+        // The whole surface first, then its pressed part.
         let around = gap.surface.window();
         let coarse = gap.penetrations(&around);
         let curve = Self::from_penetrations(&coarse, &around, gel)?;
@@ -112,7 +115,7 @@ impl PressCurve {
         Some(Self { thickness: gel.thickness, forces })
     }
 
-    /// Depth (m) at which the gel bears `force` (N).
+    /// Interpolates the depth (m) at which the gel bears `force` (N).
     pub fn depth(&self, force: f64) -> f64 {
         let above = self.forces.partition_point(|at| *at < force);
         if above == POINTS {
@@ -125,13 +128,14 @@ impl PressCurve {
     }
 }
 
-/// Depth of a curve's `n`-th point, m.
+/// Computes the depth of a curve's `n`-th point, m.
 fn depth_of(n: usize, thickness: f64) -> f64 {
     thickness * ((n + 1) as f64 / POINTS as f64).powi(2)
 }
 
 impl Gap<'_> {
-    /// How far the object reaches below the cover's surface along the normal, less a constant, at the middles of the window's cells.
+    /// Samples the object's penetration below the cover's surface along the normal, up to a constant, at the centres of
+    /// the window's cells.
     fn penetrations(&self, window: &Window) -> Vec<Option<f64>> {
         let direction = Unit::new_unchecked(self.object_from_frame * Vector3::z());
         let mut map = Vec::with_capacity(SIDE * SIDE);
@@ -147,7 +151,7 @@ impl Gap<'_> {
     }
 }
 
-/// The smallest window, one cell wider on each side, that holds all cells within `depth` (m) of the deepest.
+/// Finds the smallest window, one cell wider on each side, that contains all cells within `depth` (m) of the deepest.
 fn pressed(map: &[Option<f64>], window: &Window, depth: f64) -> Option<Window> {
     let deepest = map.iter().flatten().copied().reduce(f64::max)?;
     let (mut first, mut last) = ([SIDE; 2], [0; 2]);
@@ -177,7 +181,7 @@ mod tests {
         Shape::Cuboid { half: Vector3::new(0.018, 0.00925, 0.010), radius: 0.005 }
     }
 
-    /// The curve of an object that touches the middle of the cover's broad face.
+    /// Computes the curve of an object that touches the middle of the cover's broad face.
     fn curve(object: &Shape, height: f64, force: f64) -> PressCurve {
         let cover = cover();
         let (surface, cover_from_frame) = Surface::around(&cover, &Point3::new(0.0, 0.00925, 0.0), &Vector3::y_axis());
@@ -186,7 +190,8 @@ mod tests {
         PressCurve::of(&gap, &GEL, force).expect("it touches")
     }
 
-    /// A ball on a flat face sinks in as the cap's volume says; balls that are small enough not to meet the face's edges.
+    /// A sphere on a flat face sinks in by the depth that the volume of its cap implies. The spheres are too small to
+    /// reach the face's edges.
     #[test]
     fn a_ball_s_depth_is_that_of_its_cap() {
         for radius in [0.006, 0.01, 0.015] {
@@ -199,7 +204,7 @@ mod tests {
         }
     }
 
-    /// A small flat plate sinks in by its pressure over the foundation's stiffness.
+    /// A small flat plate sinks in by its pressure divided by the foundation's stiffness.
     #[test]
     fn a_plate_s_depth_is_its_pressure_s() {
         let half = Vector3::new(0.004, 0.003, 0.0035);

@@ -1,4 +1,4 @@
-//! The simulated body behind [`hand_model::robot::RobotBackend`], and the side door to ground truth.
+//! The simulated body behind [`hand_model::robot::RobotBackend`], and the separate access to ground truth.
 
 mod backend;
 mod breaking;
@@ -39,7 +39,7 @@ use set_points::{Limits, SetPoint};
 pub use crate::scene::{HandPosture, ObjectPlacement, SceneSetup};
 pub use crate::truth::{HandContact, ObjectContact, Truth};
 
-/// Physics steps in one control tick (240 Hz / 2 = 120 Hz).
+/// Number of physics steps in one control tick (240 Hz / 2 = 120 Hz).
 const STEPS_PER_TICK: usize = 2;
 
 /// The simulated robot. Cloning it branches the run bit-exactly.
@@ -53,7 +53,7 @@ pub struct SimulatedRobot {
     body: RobotBody,
     objects: Vec<Inserted>,
     table: ColliderHandle,
-    /// With the height of its surface, m.
+    /// The floor with the height of its surface, m.
     floor: Option<(ColliderHandle, f64)>,
     drive: HandDrive,
     state: JointState,
@@ -69,9 +69,9 @@ pub struct SimulatedRobot {
     collides: bool,
     tactile: TactileBoard,
     frames: Vec<hand_model::robot::TactileFrame>,
-    /// From exposure to [`Self::observe`], s.
+    /// Latency from exposure to [`Self::observe`], s.
     frame_delay: f64,
-    /// Frames on their way, and when they arrive, s.
+    /// Frames in transit, with their arrival times, s.
     on_their_way: VecDeque<(f64, Vec<hand_model::robot::TactileFrame>)>,
     self_contact: bool,
     outside: Outside,
@@ -81,7 +81,7 @@ pub struct SimulatedRobot {
 /// An object's model, body and collider.
 type Inserted = (Arc<ObjectModel>, RigidBodyHandle, ColliderHandle);
 
-/// The soft covers of a robot in a scene with these objects.
+/// Creates the compliant covers of a robot in a scene with these objects.
 fn soft_covers(
     hand: &Hand,
     gel: &Gel,
@@ -95,7 +95,7 @@ fn soft_covers(
 }
 
 impl SimulatedRobot {
-    /// Builds the scene, the hand open.
+    /// Builds the scene with the hand open.
     pub fn new(robot: &RobotModel, setup: &SceneSetup, tactile: TactileBoard) -> Self {
         Self::in_posture(robot, setup, &HandPosture::open(&robot.hand), tactile)
     }
@@ -153,7 +153,7 @@ impl SimulatedRobot {
         }
     }
 
-    /// Where the encoders are to show the arm at the end of the tick, rad.
+    /// Returns the encoder angles that the arm should show at the end of the tick, rad.
     fn goal(&self) -> ArmVector {
         self.set_points.iter().map(|joint| joint.at).collect()
     }
@@ -175,7 +175,8 @@ impl SimulatedRobot {
         self.time += dt;
     }
 
-    /// Slows objects that turn on table or floor, by a torque of the normal force times the rolling resistance's lever arm.
+    /// Applies rolling resistance to objects on table or floor: a torque of the normal force times the lever arm of
+    /// rolling resistance.
     fn resist_rolling(&mut self) {
         let EngineSettings { dt, rolling_resistance, .. } = self.engine.settings;
         for (_, body, collider) in &self.objects {
@@ -225,47 +226,48 @@ impl SimulatedRobot {
         }
     }
 
-    /// `world_from_palm` as it really is.
+    /// Computes the true `world_from_palm`.
     fn palm(&self, poses: &[Isometry3<f64>]) -> Isometry3<f64> {
         poses[self.arm.last_link()] * self.last_from_palm
     }
 
-    /// Whether, in the last tick, object `index` touched another object or one of the links in `links` (bits as in
-    /// [`Truth::touched_by`]): the quick part of [`SimulatedRobot::truth`].
+    /// True if, in the last tick, object `index` touched another object or one of the links in `links` (bits as in
+    /// [`Truth::touched_by`]). A cheap part of [`SimulatedRobot::truth`].
     pub fn touches(&self, index: usize, links: u32) -> bool {
         self.touched_by[index] & links != 0 || self.object_pairs.iter().any(|pair| pair.0 == index || pair.1 == index)
     }
 
-    /// A push from outside: object `index` gets the additional velocity `change`, m/s. For disturbances and tests.
+    /// Adds `change` (m/s) to the velocity of object `index`: an external disturbance for experiments and tests.
     pub fn push(&mut self, index: usize, change: &Vector3<f64>) {
         let body = &mut self.engine.bodies[self.objects[index].1];
         let velocity = body.linvel() + convert::vector(change);
         body.set_linvel(velocity, true);
     }
 
-    /// A force (N, world axes) during the next tick on object `on`, at its centre of mass, or on the palm's origin.
+    /// Applies an external force (N, world axes) during the next tick to object `on`, at its centre of mass, or to the
+    /// palm at its origin.
     pub fn pull(&mut self, on: Option<usize>, force: Vector3<f64>) {
         self.outside.pull(on, force);
     }
 
-    /// Object `index` has `factor` times the friction of its model from now on.
+    /// Scales the friction of object `index` to `factor` times that of its model from now on.
     pub fn set_friction(&mut self, index: usize, factor: f64) {
         let (model, _, collider) = &self.objects[index];
         self.engine.colliders[*collider].set_friction(factor * model.friction);
     }
 
-    /// The servos of these digits are without power from now on, the thumb's opposition with the thumb.
+    /// Cuts the power of these digits' servos from now on; the thumb's opposition is cut with the thumb.
     pub fn cut_power(&mut self, digits: &[Digit]) {
         self.outside.cut_power(digits);
     }
 
-    /// The cameras of the pads of these names fail from now on.
+    /// Makes the cameras of the named pads fail from now on.
     pub fn fail_cameras(&mut self, pads: &[String], how: Blindness) {
         let named = self.hand.pads.iter().filter(|pad| pads.contains(&pad.name));
         self.outside.fail_cameras(named.flat_map(|pad| pad.cameras.iter().copied()), how);
     }
 
-    /// The forces of this tick, each with the body that it acts on, and where.
+    /// Returns the external forces of this tick, each with its body and point of application.
     fn pulled(&mut self) -> Vec<Target> {
         let forces = self.outside.take_forces();
         let on = |(on, force): (Option<usize>, Vector3<f64>)| match on {
@@ -278,12 +280,12 @@ impl SimulatedRobot {
         forces.into_iter().map(on).collect()
     }
 
-    /// Time since the robot was started, s.
+    /// Returns the time since the robot was started, s.
     pub fn time(&self) -> f64 {
         self.time
     }
 
-    /// Ground truth, for the referee and the recording only.
+    /// Returns the ground truth, for the referee and the recording only.
     pub fn truth(&self) -> Truth {
         let links = self.body.link_poses(&self.engine);
         let objects: Vec<_> =
@@ -335,7 +337,8 @@ impl SimulatedRobot {
         }
     }
 
-    /// The pad of `link` on which a contact lies, if it lies on one and comes from outside. `normal` points from the object.
+    /// Returns the pad of `link` on which a contact lies, if any, and if the contact comes from outside. `normal`
+    /// points away from the object.
     fn pad_at(
         &self,
         link: Option<usize>,
@@ -355,8 +358,8 @@ impl SimulatedRobot {
         })
     }
 
-    /// How far friction displaces the surface of a pad at `world_from_pad` on `link`, pad frame, m: as far as it takes the gel of
-    /// the link's cover along, on average over the objects that press into it.
+    /// Computes the shear displacement of the surface of a pad at `world_from_pad` on `link`, pad frame, m: that of the
+    /// gel of the link's cover under friction, averaged over the objects that press into it.
     fn shear(&self, link: Option<usize>, world_from_pad: &Isometry3<f64>) -> Vector3<f64> {
         let Some(covers) = &self.engine.soft_covers else { return Vector3::zeros() };
         let gives = (0..self.objects.len()).filter_map(|object| covers.give(link.map_or(0, |link| link + 1), object));
@@ -376,7 +379,7 @@ impl SimulatedRobot {
             .iter()
             .map(|pad| {
                 let world = pad.link.map_or(truth.palm, |link| truth.hand_links[link]) * pad.link_from_pad;
-                // The picture is displaced with the surface: as if the pad were the other way.
+                // The image is displaced with the surface: shift the pad the other way.
                 if self.engine.soft_covers.is_some() {
                     world * Translation3::from(-self.shear(pad.link, &world))
                 } else {
@@ -393,9 +396,9 @@ impl SimulatedRobot {
         self.on_their_way.push_back((self.time + self.frame_delay, frames));
     }
 
-    /// Frames that have arrived by now.
+    /// Moves frames that have arrived by now to the output.
     fn receive_frames(&mut self) {
-        // Half a physics step of tolerance: times are sums of steps.
+        // Tolerance of half a physics step, because times are sums of steps.
         let now = self.time + 0.5 * self.engine.settings.dt;
         while let Some((_, frames)) = self.on_their_way.pop_front_if(|(arrives, _)| *arrives <= now) {
             self.frames.extend(frames);
@@ -403,14 +406,14 @@ impl SimulatedRobot {
     }
 }
 
-/// Whether anything presses where two colliders are near.
+/// True if a contact pair bears load.
 fn bears(pair: &ContactPair) -> bool {
     pair.solver_manifolds().iter().any(|manifold| manifold.points.iter().any(|point| point.data.impulse > 0.0))
 }
 
 /// The methods of [`RobotBackend`](hand_model::robot::RobotBackend), which never fail in simulation.
 impl SimulatedRobot {
-    /// The newest measurements, images that arrived since the last ones included.
+    /// Returns the newest measurements, with the images that arrived since the last ones.
     pub fn observe(&mut self) -> Observation {
         Observation {
             time: self.time,
@@ -425,7 +428,7 @@ impl SimulatedRobot {
         }
     }
 
-    /// Takes a command; returns what is followed after the limits of the arm.
+    /// Takes a command and returns the one that is followed after the limits of the arm.
     pub fn send(&mut self, command: &Command) -> Command {
         let mut sent = *command;
         let tick = self.tick_length();
@@ -441,7 +444,7 @@ impl SimulatedRobot {
         sent
     }
 
-    /// Steps the scene by one control tick.
+    /// Advances the scene by one control tick.
     pub fn wait_for_tick(&mut self) -> Tick {
         self.touched_by.fill(0);
         self.collides = false;
@@ -467,7 +470,7 @@ impl SimulatedRobot {
         Tick { time: self.time, lateness: 0.0 }
     }
 
-    /// Length of a control tick, s.
+    /// Returns the length of a control tick, s.
     pub fn tick_length(&self) -> f64 {
         STEPS_PER_TICK as f64 * self.engine.settings.dt
     }

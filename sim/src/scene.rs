@@ -1,4 +1,4 @@
-//! What a scene starts from: where arm and objects are.
+//! Initial state of a scene: poses of arm and objects.
 
 use std::sync::Arc;
 
@@ -16,7 +16,7 @@ use crate::collision_shape;
 use crate::convert;
 use crate::engine::{Engine, EngineSettings};
 
-/// An object and where it stands at the start.
+/// An object and its initial pose.
 #[derive(Debug, Clone)]
 pub struct ObjectPlacement {
     pub model: Arc<ObjectModel>,
@@ -24,32 +24,32 @@ pub struct ObjectPlacement {
     pub pose: Isometry3<f64>,
 }
 
-/// Everything a scene starts from.
+/// Complete initial state and configuration of a scene.
 #[derive(Debug, Clone)]
 pub struct SceneSetup {
-    /// Where the arm's base *really* is; the controller believes in its nominal place.
+    /// True pose of the arm's base; the controller assumes the nominal one.
     pub world_from_base: Isometry3<f64>,
-    /// How the arm differs from the one that the controller believes in.
+    /// Deviations of the arm from the one that the controller assumes.
     pub arm_defects: ArmDefects,
-    /// Arm posture at the start as the encoders show it, rad.
+    /// Initial arm posture as the encoders show it, rad.
     pub arm_start: ArmVector,
     /// Objects on the table.
     pub objects: Vec<ObjectPlacement>,
-    /// From a camera's exposure to its frame in the controller, s.
+    /// Latency from a camera's exposure to its frame in the controller, s.
     pub frame_delay: f64,
-    /// Height of the floor, m; none: what leaves the table falls for ever.
+    /// Height of the floor, m; if none, an object that leaves the table falls for ever.
     pub floor: Option<f64>,
-    /// Whether pads feel the hand's other links and the table too.
+    /// True if pads also feel the hand's other links and the table.
     pub self_contact: bool,
-    /// What guides and gears take.
+    /// Losses in guides and gears.
     pub cables: CableLosses,
-    /// How covers give way; none: they are rigid.
+    /// Compliance of the covers; none for rigid covers.
     pub gel: Option<Gel>,
     pub engine: EngineSettings,
 }
 
 impl SceneSetup {
-    /// An arm without defects and a hand without losses, nothing but a table around them.
+    /// Returns a scene with an arm without defects, a hand without losses, and only a table around them.
     pub fn ideal(world_from_base: Isometry3<f64>, arm_start: ArmVector) -> Self {
         Self {
             world_from_base,
@@ -66,7 +66,7 @@ impl SceneSetup {
     }
 }
 
-/// How the hand is when a scene begins.
+/// Initial posture of the hand.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct HandPosture {
     /// Joint angles, rad.
@@ -76,16 +76,17 @@ pub struct HandPosture {
 }
 
 impl HandPosture {
-    /// Of an open hand with slack cables.
+    /// Returns the posture of an open hand with slack cables.
     pub fn open(hand: &Hand) -> Self {
         Self { joints: hand.open(), servos: hand.each_actuator(|_| 0.0) }
     }
 }
 
-/// Half extents of the floor, m: what rolls stops long before its edge, and nothing is fast enough to pass through it in a step.
+/// Half extents of the floor, m: a rolling object stops long before the edge, and nothing is fast enough to pass
+/// through the floor in one step.
 const FLOOR: [f64; 3] = [20.0, 20.0, 0.5];
 
-/// Puts a floor with its surface at `height` (m) into the engine, of the table's friction.
+/// Inserts a floor with its surface at `height` (m) into the engine, with the table's friction.
 pub(crate) fn insert_floor(engine: &mut Engine, height: f64) -> ColliderHandle {
     let [x, y, z] = FLOOR;
     let floor = ColliderBuilder::cuboid(x, y, z)
@@ -96,7 +97,7 @@ pub(crate) fn insert_floor(engine: &mut Engine, height: f64) -> ColliderHandle {
     engine.colliders.insert(floor)
 }
 
-/// Puts an object into the engine: its model, its body and its collider.
+/// Inserts an object into the engine; returns its model, body and collider.
 pub(crate) fn insert_object(
     engine: &mut Engine,
     placement: &ObjectPlacement,

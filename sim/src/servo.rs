@@ -1,8 +1,8 @@
-//! The XC330 as it winds a cable or turns the thumb: current limit, speed-torque line, rotor inertia, encoder.
+//! The XC330 servo, which winds a cable or turns the thumb: current limit, speed-torque line, rotor inertia, encoder.
 //!
-//! A servo in current control produces `torque_constant * current`; current-based position control is a PD law on the output
-//! angle whose current is clamped. Either way the torque is clamped by the stall torque's speed line
-//! `stall * (1 - |speed| / no_load)` when driving. The cable is a one-sided spring between spool and joints.
+//! A servo in current control produces `torque_constant * current`; current-based position control is a PD law on the
+//! output angle whose current is clamped. In both modes the speed-torque line, `stall * (1 - |speed| / no_load)`,
+//! clamps the driving torque. The cable is a one-sided spring between spool and joints.
 
 use hand_model::parameters::{Cable, Servo as ServoParameters};
 use hand_model::robot::{ServoGoal, ServoState};
@@ -11,9 +11,9 @@ use crate::play::Play;
 
 /// Sub-steps of the motor within one physics step; the rotor on its cable rings at about 50 rad/s.
 const SUBSTEPS: usize = 8;
-/// Gains of current-based position control: A/rad ...
+/// Proportional gain of current-based position control, A/rad.
 const POSITION_GAIN: f64 = 6.0;
-/// ... and A s/rad.
+/// Derivative gain of current-based position control, A s/rad.
 const POSITION_DAMPING: f64 = 0.25;
 
 /// State of one servo.
@@ -26,19 +26,19 @@ pub struct ServoModel {
     pub speed: f64,
     /// Input current, A.
     pub current: f64,
-    /// What it was last asked for.
+    /// Its last goal.
     pub goal: ServoGoal,
     play: Play,
 }
 
 impl ServoModel {
-    /// A servo at rest at angle 0, whose gear has this much play (rad at its output).
+    /// Creates a servo at rest at angle 0, whose gear has this backlash (rad at its output).
     pub fn new(parameters: ServoParameters, backlash: f64) -> Self {
         let play = Play::new(backlash);
         Self { parameters, angle: 0.0, speed: 0.0, current: 0.0, goal: ServoGoal::Current(0.0), play }
     }
 
-    /// Gives `factor` times its torque from now on, at the same currents and speeds.
+    /// Scales its torque by `factor` from now on, at the same currents and speeds.
     pub fn weaken(&mut self, factor: f64) {
         self.parameters.torque_constant *= factor;
         self.parameters.stall_torque *= factor;
@@ -64,8 +64,8 @@ impl ServoModel {
         p.torque_constant * current
     }
 
-    /// Advances the servo by `dt` with its cable on joints whose excursion is `excursion` (m), moving at `rate` (m/s).
-    /// Returns the mean cable tension, N.
+    /// Advances the servo by `dt` (s) with its cable on joints whose excursion is `excursion` (m), moving at `rate`
+    /// (m/s). Returns the mean cable tension, N.
     pub fn step_cable(&mut self, cable: &Cable, excursion: f64, rate: f64, dt: f64) -> f64 {
         let h = dt / SUBSTEPS as f64;
         let mut total = 0.0;
@@ -78,7 +78,7 @@ impl ServoModel {
             self.play.follow(self.angle - before, tension);
             total += tension;
         }
-        // A slack cable stops the spool at its open mark.
+        // With a slack cable the spool stops at its open mark.
         if self.angle < 0.0 {
             self.angle = 0.0;
             self.speed = self.speed.max(0.0);
@@ -86,12 +86,13 @@ impl ServoModel {
         total / SUBSTEPS as f64
     }
 
-    /// The part of a twist (rad) between the servo, geared by `ratio`, and what it turns that its gear's play does not take.
+    /// Returns the part of a twist (rad) between the servo, geared by `ratio`, and its load that the backlash of its
+    /// gear does not absorb.
     pub fn beyond_play(&mut self, twist: f64, ratio: f64) -> f64 {
         self.play.taken_up(twist, ratio)
     }
 
-    /// Advances a servo that turns a joint through a stiff shaft which takes `load` (N m) at the output.
+    /// Advances a servo that turns a joint through a stiff shaft with a `load` (N m) at the output.
     pub fn step_shaft(&mut self, load: f64, dt: f64) {
         let h = dt / SUBSTEPS as f64;
         for _ in 0..SUBSTEPS {
@@ -103,14 +104,15 @@ impl ServoModel {
         let torque = self.motor_torque() - load - self.parameters.damping * self.speed;
         self.speed += torque / self.parameters.rotor_inertia * h;
         if self.parameters.friction > 0.0 {
-            // Dry friction takes speed until none is left.
+            // Dry friction reduces the speed until the servo stops.
             let most = self.parameters.friction / self.parameters.rotor_inertia * h;
             self.speed -= self.speed.clamp(-most, most);
         }
         self.angle += self.speed * h;
     }
 
-    /// What the servo reports: angle and speed quantised by the encoder, current in whole mA.
+    /// Returns the readings of the servo: angle quantised by the encoder, unquantised speed, current in whole mA, and a
+    /// constant temperature.
     pub fn state(&self) -> ServoState {
         let step = std::f64::consts::TAU / f64::from(self.parameters.encoder_counts);
         ServoState {
@@ -157,7 +159,8 @@ mod tests {
         assert!(servo.speed > 5.0, "{}", servo.speed);
     }
 
-    /// A taut cable holds the spool behind the encoder: blocked, the servo turns half the play further than one without.
+    /// A taut cable holds the spool behind the encoder: with the cable blocked, the servo turns half the backlash
+    /// further than one without.
     #[test]
     fn a_taut_cable_takes_up_the_play() {
         let (mut without, cable) = servo();

@@ -1,7 +1,7 @@
-//! The test stand: a hand whose palm is bolted to the world, without the arm, and things that are put into it by hand.
+//! The test stand: a hand without the arm, its palm bolted to the world, and props that are put into it by hand.
 //!
-//! The world frame is the palm frame; which way is down is a choice. What is put into the hand can be held in place (fixed)
-//! while the digits close and let go of afterwards. [`Linkage`] is the mechanism alone, for any tree of revolute joints whose
+//! The world frame is the palm frame; the direction of gravity is free to choose. A prop can be held in place (fixed)
+//! while the digits close, and released afterwards. [`Linkage`] is the mechanism alone, for any tree of joints whose
 //! efforts come from outside; [`HandStand`] is a hand on it, driven by its servos.
 
 mod linkage;
@@ -30,9 +30,9 @@ use crate::engine::EngineSettings;
 pub struct PropContact {
     /// Index of the prop.
     pub prop: usize,
-    /// Hand link, `None` for the palm.
+    /// Link of the hand; `None` for the palm.
     pub link: Option<usize>,
-    /// Palm frame, m.
+    /// Contact point, palm frame, m.
     pub point: Point3<f64>,
     /// Normal force on the prop, N, palm frame.
     pub force: Vector3<f64>,
@@ -49,13 +49,13 @@ pub struct HandStand {
 }
 
 impl HandStand {
-    /// The open hand without gravity; its cables rub in their guides as its parameters say.
+    /// Creates the open hand without gravity; the guide friction of its cables is that of its parameters.
     pub fn new(hand: Arc<Hand>, settings: EngineSettings) -> Self {
         let friction = hand.parameters.cable.friction;
         Self::with_friction(hand, settings, friction)
     }
 
-    /// As [`Self::new`], with another friction of the cables in their guides.
+    /// Like [`Self::new`], with a different guide friction of the cables.
     pub fn with_friction(hand: Arc<Hand>, settings: EngineSettings, friction: CableFriction) -> Self {
         let mut linkage = hand_linkage(&hand, settings, &hand.open());
         linkage.set_gravity(&Vector3::zeros());
@@ -71,20 +71,20 @@ impl HandStand {
         self.linkage.set_gravity(gravity);
     }
 
-    /// Puts a prop at `palm_from_prop`, held in place until [`Self::release`]. Returns its index.
+    /// Adds a prop at `palm_from_prop`, held in place until [`Self::release`]. Returns its index.
     pub fn put(&mut self, prop: Prop, palm_from_prop: &Isometry3<f64>) -> usize {
         let (body, collider) = prop.insert(self.linkage.engine_mut(), palm_from_prop);
         self.props.push((prop, body, collider));
         self.props.len() - 1
     }
 
-    /// Lets go of a prop.
+    /// Releases a prop.
     pub fn release(&mut self, prop: usize) {
         let body = self.props[prop].1;
         self.linkage.engine_mut().bodies[body].set_body_type(RigidBodyType::Dynamic, true);
     }
 
-    /// One physics step with these servo goals.
+    /// Advances one physics step with these servo goals.
     pub fn step(&mut self, goals: &[ServoGoal]) {
         let dt = self.linkage.engine().settings.dt;
         self.drive.set_goals(goals);
@@ -94,7 +94,7 @@ impl HandStand {
         self.time += dt;
     }
 
-    /// Steps for `seconds` with these servo goals.
+    /// Runs for `seconds` with these servo goals.
     pub fn run(&mut self, goals: &[ServoGoal], seconds: f64) {
         let steps = (seconds / self.linkage.engine().settings.dt).round() as usize;
         for _ in 0..steps {
@@ -102,57 +102,57 @@ impl HandStand {
         }
     }
 
-    /// s since the stand was set up.
+    /// Returns the time since the stand was set up, s.
     pub fn time(&self) -> f64 {
         self.time
     }
 
-    /// Joint angles, rad.
+    /// Returns the joint angles, rad.
     pub fn angles(&self) -> HandVector {
         self.linkage.angles().iter().copied().collect()
     }
 
-    /// Joint speeds, rad/s.
+    /// Returns the joint speeds, rad/s.
     pub fn speeds(&self) -> &[f64] {
         self.linkage.speeds()
     }
 
-    /// Cable tensions, N.
+    /// Returns the cable tensions, N.
     pub fn tensions(&self) -> DigitVector {
         self.drive.tensions
     }
 
-    /// What the servos report.
+    /// Returns the servo readings.
     pub fn servos(&self) -> ActuatorVector<ServoState> {
         self.drive.states()
     }
 
-    /// `palm_from_link` of all links.
+    /// Returns `palm_from_link` of all links.
     pub fn links(&self) -> Vec<Isometry3<f64>> {
         self.linkage.links()
     }
 
-    /// The prop `index`.
+    /// Returns the prop with index `index`.
     pub fn prop(&self, index: usize) -> &Prop {
         &self.props[index].0
     }
 
-    /// Number of props.
+    /// Returns the number of props.
     pub fn props(&self) -> usize {
         self.props.len()
     }
 
-    /// `palm_from_prop`.
+    /// Returns `palm_from_prop`.
     pub fn pose(&self, prop: usize) -> Isometry3<f64> {
         convert::to_pose(self.linkage.engine().bodies[self.props[prop].1].position())
     }
 
-    /// Speed of a prop's origin, m/s.
+    /// Returns the velocity of a prop's body, m/s.
     pub fn prop_velocity(&self, prop: usize) -> Vector3<f64> {
         convert::to_vector(self.linkage.engine().bodies[self.props[prop].1].linvel())
     }
 
-    /// All loaded contacts of props with the hand at the last step.
+    /// Returns all loaded contacts of props with the hand in the last step.
     pub fn contacts(&self) -> Vec<PropContact> {
         let mut found = Vec::new();
         for (prop, (_, _, collider)) in self.props.iter().enumerate() {
@@ -170,18 +170,18 @@ impl HandStand {
         found
     }
 
-    /// How deep a prop and the hand's covers overlap at most, m; 0 where nothing touches.
+    /// Returns the deepest penetration between a prop and the hand's covers, m; 0 without contact.
     pub fn prop_penetration(&self, prop: usize) -> f64 {
         self.linkage.penetration(self.props[prop].2)
     }
 
-    /// How deep any two covers of the hand that no joint connects overlap at most, m.
+    /// Returns the deepest penetration between any two covers of the hand that no joint connects, m.
     pub fn self_penetration(&self) -> f64 {
         self.linkage.self_penetration(&self.hand.tree)
     }
 }
 
-/// The hand's mechanism at joint angles `start` (rad), with its covers.
+/// Builds the hand's mechanism at joint angles `start` (rad), with its covers.
 fn hand_linkage(hand: &Hand, settings: EngineSettings, start: &[f64]) -> Linkage {
     let covers = std::iter::once((None, &hand.palm_cover))
         .chain(hand.covers.iter().enumerate().map(|(link, cover)| (Some(link), cover)))
@@ -193,12 +193,14 @@ fn hand_linkage(hand: &Hand, settings: EngineSettings, start: &[f64]) -> Linkage
     Linkage::new(settings, &mechanism, covers, start)
 }
 
-/// How deep any two covers of the hand that no joint connects overlap at most with its joints at `angles` (rad), m.
+/// Computes the deepest penetration between any two covers of the hand that no joint connects, with its joints at
+/// `angles` (rad), m.
 pub fn self_penetration_at(hand: &Hand, angles: &[f64]) -> f64 {
     hand_linkage(hand, EngineSettings::default(), angles).self_penetration(&hand.tree)
 }
 
-/// Servo goals for the five cable tensions (N, held by current) and the angle of the opposition joint (rad).
+/// Computes the servo goals for the five cable tensions (N, held by current control) and the angle of the opposition
+/// joint (rad).
 pub fn tension_goals(hand: &Hand, tensions: &[f64], opposition: f64) -> ActuatorVector<ServoGoal> {
     hand.servo_goals(tensions, opposition, hand.parameters.servo.current_limit)
 }

@@ -1,10 +1,11 @@
-//! Static friction that does not creep.
+//! Static friction without creep.
 //!
-//! The solver finds friction at the level of velocities and leaves an error in every step, so that what is held slides slowly under a
-//! load that friction could bear. Here the displacement of the surfaces along each other is added up for every contact of a cover, as in
-//! the bristle models of friction (Haessig and Friedland 1991), and the contact is asked to go back by a share of it in the next step. A
-//! displacement never counts as more than what is elastic: what slides further has slid. The force stays the solver's, within the cone of
-//! friction. Rolling adds nothing, because surfaces that roll do not move along each other.
+//! The solver computes friction at the level of velocities and leaves an error in every step, so that a held object
+//! slides slowly under a load that friction could bear. Here the tangential displacement of the surfaces is accumulated
+//! for every contact of a cover, as in the bristle models of friction (Haessig and Friedland 1991), and the contact is
+//! asked to undo a share of it in the next step. The displacement is capped at the elastic limit: anything beyond is
+//! true sliding. The force remains the solver's, within the friction cone. Rolling adds nothing, because surfaces that
+//! roll do not move along each other.
 
 use nalgebra::{Isometry3, Point3, Vector3};
 use rapier3d_f64::prelude::*;
@@ -17,19 +18,19 @@ use crate::loaded_contacts::loaded;
 #[derive(Debug, Clone)]
 struct Contact {
     pair: [ColliderHandle; 2],
-    /// Middle of what bears load, world, m.
+    /// Centre of the loaded contact points, world, m.
     middle: Point3<f64>,
     /// `world_from_collider` of both.
     poses: [Isometry3<f64>; 2],
-    /// How far the second surface has moved along the first, world, m.
+    /// Tangential displacement of the second surface relative to the first, world, m.
     displacement: Vector3<f64>,
-    /// By how much it has turned against the first about the normal, rad.
+    /// Rotation of the second surface relative to the first about the normal, rad.
     turn: f64,
     /// Unit normal, out of the first, world.
     normal: Vector3<f64>,
 }
 
-/// The contacts that stick. A clone goes on bit by bit as the original.
+/// The contacts that stick. A clone continues bit-exactly like the original.
 #[derive(Debug, Clone)]
 pub struct Sticking {
     limits: Limits,
@@ -37,12 +38,12 @@ pub struct Sticking {
 }
 
 impl Sticking {
-    /// Of a world without contacts.
+    /// Creates the state of a world without contacts.
     pub fn new(limits: Limits) -> Self {
         Self { limits, contacts: Vec::new() }
     }
 
-    /// After a step: takes in how the surfaces moved.
+    /// Accumulates the motion of the surfaces after a step.
     pub fn follow(&mut self, narrow_phase: &NarrowPhase, colliders: &ColliderSet, bodies: &RigidBodySet) {
         let mut contacts = Vec::with_capacity(self.contacts.len() + 2);
         for pair in narrow_phase.contact_pairs() {
@@ -67,7 +68,7 @@ impl Sticking {
         self.contacts = contacts;
     }
 
-    /// Asks a contact to go back; `dt` is the length of a step, s.
+    /// Makes a contact undo a share of its displacement; `dt` is the length of a step, s.
     pub fn modify_solver_contacts(&self, context: &mut ContactModificationContext, dt: f64) {
         let pair = [context.collider1, context.collider2];
         let Some(known) = self.contacts.iter().find(|known| known.pair == pair) else { return };
@@ -75,18 +76,18 @@ impl Sticking {
         for contact in rigid.solver_contacts.iter_mut() {
             let arm = convert::to_vector(contact.anchor1) - known.middle.coords;
             let back = known.displacement + known.turn * known.normal.cross(&arm);
-            // As if the first surface moved by itself: the second one follows it.
+            // Prescribe a motion of the first surface, which the second one follows.
             contact.tangent_velocity = convert::vector(&(back * (-self.limits.back / dt)));
         }
     }
 }
 
-/// Whether the contacts of a collider stick: it may change them.
+/// True if the contacts of a collider stick: it has contact modification enabled.
 fn sticks(collider: &Collider) -> bool {
     collider.active_hooks().contains(ActiveHooks::MODIFY_SOLVER_CONTACTS)
 }
 
-/// Middle of what bears load in a contact, world, m, and the unit normal out of the first collider.
+/// Computes the centre of the loaded points of a contact, world, m, and the unit normal out of the first collider.
 fn middle(pair: &ContactPair, bodies: &RigidBodySet) -> Option<(Point3<f64>, Vector3<f64>)> {
     let (mut middle, mut normal, mut sum) = (Vector3::zeros(), Vector3::zeros(), 0.0);
     for at in loaded(pair, bodies) {
@@ -105,7 +106,8 @@ mod tests {
 
     const FRICTION: f64 = 0.6;
 
-    /// A plate whose contacts stick if the settings say so, and a body of `mass` (kg) and `inertia` (kg m2, about any axis) on it.
+    /// Builds a plate whose contacts stick if the settings say so, with a body of `mass` (kg) and `inertia` (kg m2,
+    /// about any axis) on it.
     fn on_plate(
         settings: EngineSettings,
         (body, mass, inertia): (RigidBodyBuilder, f64, f64),
@@ -125,7 +127,8 @@ mod tests {
         (engine, body)
     }
 
-    /// How far (m) a cube on a plate goes in two seconds in which it is pulled by `share` of its weight along the plate, and its speed then, m/s.
+    /// Returns the distance (m) that a cube on a plate travels in two seconds under a pull of `share` of its weight
+    /// along the plate, and its final speed (m/s).
     fn pulled(settings: EngineSettings, share: f64) -> (f64, f64) {
         let (mass, half) = (0.2, 0.02);
         let body = RigidBodyBuilder::dynamic().translation(Vector::new(0.0, 0.0, half));
@@ -143,7 +146,8 @@ mod tests {
         ((body.translation() - start).length(), body.linvel().x)
     }
 
-    /// Below the cone of friction nothing moves further than what is elastic, and then not at all; above it the cube slides as it does without.
+    /// Within the friction cone nothing moves further than the elastic limit, and then not at all. Outside it the cube
+    /// slides as it does without sticking.
     #[test]
     fn a_cube_sticks_within_the_cone_of_friction() {
         let sticking = EngineSettings::default();
@@ -159,7 +163,7 @@ mod tests {
         }
     }
 
-    /// A surface that rolls on another leaves no displacement: the ball goes as far as without.
+    /// A surface that rolls on another leaves no displacement: the ball rolls as far as without sticking.
     #[test]
     fn a_rolling_ball_is_not_held() {
         let rolled = |settings| {

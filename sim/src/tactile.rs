@@ -1,9 +1,10 @@
-//! The simulated camera board: what presses into each pad, as images.
+//! The simulated camera board: tactile images of everything that presses into the pads.
 //!
-//! For each pad the objects over it are sampled by rays along the pad's normal, pressed in until the gel bears the normal
-//! force that the engine reports for the cover (the engine's own penetration is meaningless as a depth), and rendered.
-//! With self-contact, links of the hand and the table press as well, each with its own force. With a drift, every frame of an
-//! idle pad has read-out noise and a brightness of its own; without one it is the background itself.
+//! For each pad the objects over it are sampled by rays along the pad's normal, pressed in until the gel bears the
+//! normal force that the engine reports for the cover (the engine's own penetration is meaningless as a depth), and
+//! rendered. With self-contact, links of the hand and the table press as well, each with its own force. With drift,
+//! every frame of an idle pad has its own read-out noise and brightness; without it, the frame is the background
+//! itself.
 
 mod drift;
 
@@ -25,71 +26,71 @@ use world::geometry::{Relief, Shape};
 
 pub use drift::Drift;
 
-/// Objects farther than this from a pad's centre (bounding spheres) are not looked at, m.
+/// Distance between bounding spheres and a pad's centre beyond which objects are ignored, m.
 const REACH: f64 = 0.005;
-/// Forces below this leave the pad idle, N.
+/// Force threshold below which a pad is idle, N.
 const LEAST_FORCE: f64 = 0.02;
-/// Radii of a shape's bounding ball beyond which a ray surely misses the shape.
+/// Factor on the radius of a shape's bounding sphere beyond which a ray surely misses the shape.
 const MISSES: f64 = 1.001;
-/// Stands for the moment of a capture in the seed of a background frame's noise: no capture's time comes near.
+/// Substitute for the capture time in the noise seed of a background frame; no real capture time comes near it.
 const BACKGROUND: u64 = 0x00ba_c4c4;
-/// Rays start this deep under the pad's surface, m: deeper than any contact, inside the phalanx.
+/// Start depth of rays under the pad's surface, m: deeper than any contact, inside the phalanx.
 const RAY_START: f64 = 0.006;
 
-/// Serial number of camera `n` of hand unit `serial`.
+/// Computes the serial number of camera `n` of hand unit `serial`.
 pub fn unit_seed(serial: u64, n: usize) -> u64 {
     serial.wrapping_mul(1000).wrapping_add(n as u64)
 }
 
-/// 18 cameras of one hand unit; an empty board has its cameras off.
+/// The 18 cameras of one hand unit; in an empty board the cameras are off.
 #[derive(Clone)]
 pub struct TactileBoard {
     renderer: Arc<dyn Renderer>,
     noise_seed: u64,
     drift: Option<Arc<Drift>>,
-    /// The sensors at a smaller image size, if frames are of that.
+    /// The sensors at a smaller image size, if frames have that size.
     reduced: Option<Arc<Vec<ReducedSensor>>>,
     sequence: u64,
 }
 
-/// A link of the hand or the table that presses into a pad.
+/// Load of a link of the hand or of the table on a pad.
 #[derive(Debug, Clone)]
 pub struct OwnLoad {
     /// Index of the pad.
     pub pad: usize,
     /// Normal force, N.
     pub force: f64,
-    /// What presses.
+    /// Shape of the pressing body.
     pub shape: Shape,
     /// `world_from_shape`.
     pub pose: Isometry3<f64>,
 }
 
-/// Everything that presses into the pads at a moment.
+/// All loads on the pads at one moment.
 #[derive(Debug, Clone, Copy)]
 pub struct Loads<'a> {
     /// `world_from_pad`.
     pub pads: &'a [Isometry3<f64>],
-    /// Normal force of the objects on each pad, N.
+    /// Normal force of all objects on each pad, N.
     pub forces: &'a [f64],
-    /// Everything that may be what presses with these forces, with `world_from_object`.
+    /// Objects that may exert these forces, with `world_from_object`.
     pub objects: &'a [(&'a Shape, Isometry3<f64>)],
-    /// What the hand presses into its own pads, and the table.
+    /// Loads of the hand and of the table on the hand's own pads.
     pub own: &'a [OwnLoad],
 }
 
 impl TactileBoard {
-    /// A board whose cameras are off.
+    /// Creates a board whose cameras are off.
     pub fn blank() -> Self {
         Self::with_renderer(Arc::new(CpuRenderer::new(Arc::new(Vec::new()))))
     }
 
-    /// A board of any renderer's sensors, one a camera.
+    /// Creates a board from the sensors of any renderer, one per camera.
     pub fn with_renderer(renderer: Arc<dyn Renderer>) -> Self {
         Self { renderer, noise_seed: 0, drift: None, reduced: None, sequence: 0 }
     }
 
-    /// The 18 cameras of hand unit number `serial`: each camera is a little different from the next.
+    /// Creates the 18 cameras of hand unit number `serial`; the cameras differ slightly from each other.
     pub fn unit(hand: &Hand, serial: u64) -> Self {
         let sensors: Vec<Sensor> = hand
             .cameras
@@ -100,7 +101,7 @@ impl TactileBoard {
         Self::with_renderer(Arc::new(CpuRenderer::new(Arc::new(sensors))))
     }
 
-    /// Hand unit `serial` with the model of each camera (by index) changed.
+    /// Creates hand unit `serial` with a changed model of each camera (by index).
     pub fn changed(hand: &Hand, serial: u64, change: impl Fn(usize, &mut SensorModel)) -> Result<Self, OpticsError> {
         let sensor = |(n, camera): (usize, &Camera)| {
             let (pad, seed) = (&hand.pads[camera.pad], unit_seed(serial, n));
@@ -112,25 +113,25 @@ impl TactileBoard {
         Ok(Self::with_renderer(Arc::new(CpuRenderer::new(Arc::new(sensors?)))))
     }
 
-    /// The same board with another stream of read-out noise.
+    /// Returns the same board with another stream of read-out noise.
     pub fn with_noise(&self, seed: u64) -> Self {
         Self { noise_seed: seed, sequence: 0, ..self.clone() }
     }
 
-    /// The same board with cameras that drift; its frames of idle pads have noise.
+    /// Returns the same board with drifting cameras; its frames of idle pads have noise.
     pub fn drifting(self, drift: Drift) -> Self {
         Self { drift: Some(Arc::new(drift)), ..self }
     }
 
-    /// The same board with frames of `side` x `side` pixels, made by the CPU: for those who learn from many images, not for perception, which
-    /// takes the full size.
+    /// Returns the same board with frames of `side` x `side` pixels, rendered by the CPU. It is meant for learning from
+    /// many images, not for perception, which uses the full size.
     pub fn reduced(self, side: usize) -> Result<Self, OpticsError> {
         let reduced: Result<Vec<_>, _> =
             self.sensors().par_iter().map(|sensor| ReducedSensor::new(sensor, side)).collect();
         Ok(Self { reduced: Some(Arc::new(reduced?)), ..self })
     }
 
-    /// Images of the untouched pads, one a camera.
+    /// Returns the images of the untouched pads, one per camera.
     pub fn backgrounds(&self) -> Vec<Arc<TactileImage>> {
         (0..self.sensors().len()).map(|camera| self.background(camera)).collect()
     }
@@ -142,8 +143,8 @@ impl TactileBoard {
         }
     }
 
-    /// One frame a camera of the untouched pads, from before time zero: with noise where the board drifts, else the
-    /// backgrounds themselves.
+    /// Renders one frame of each camera of the untouched pads, from before time zero: with noise if the board drifts,
+    /// else the backgrounds themselves.
     pub fn background_frames(&self) -> Vec<Arc<TactileImage>> {
         if self.drift.is_none() {
             return self.backgrounds();
@@ -158,18 +159,18 @@ impl TactileBoard {
         self.images(&(0..self.sensors().len()).map(job).collect::<Vec<_>>()).into_iter().map(Arc::new).collect()
     }
 
-    /// Seed of the noise of a camera's frame at a `moment`.
+    /// Computes the noise seed of a camera's frame at a `moment`.
     fn noise_of(&self, moment: u64, camera: usize) -> u64 {
         self.noise_seed ^ (moment << 8) ^ camera as u64
     }
 
-    /// The sensors, one a camera.
+    /// Returns the sensors, one per camera.
     pub fn sensors(&self) -> &[Sensor] {
         self.renderer.sensors()
     }
 
-    /// One image of every camera. `pads` are `world_from_pad`, `forces` the normal forces on them (N), `objects` everything
-    /// that may press (`world_from_object`).
+    /// Captures one image of every camera. `pads` are `world_from_pad`, `forces` the normal forces on them (N), and
+    /// `objects` everything that may press (`world_from_object`).
     pub fn capture(
         &mut self,
         hand: &Hand,
@@ -181,7 +182,7 @@ impl TactileBoard {
         self.capture_loads(hand, time, &Loads { pads, forces, objects, own: &[] })
     }
 
-    /// One image of every camera of pads under `loads`.
+    /// Captures one image of every camera, with the pads under `loads`.
     pub fn capture_loads(&mut self, hand: &Hand, time: f64, loads: &Loads) -> Vec<TactileFrame> {
         self.sequence += 1;
         if self.sensors().is_empty() {
@@ -190,7 +191,7 @@ impl TactileBoard {
         let side = self.reduced.as_ref().map_or(IMAGE_SIZE, |reduced| reduced[0].raster().side());
         let pressed: Vec<Option<Vec<IndentationMap>>> =
             hand.pads.par_iter().enumerate().map(|(n, _)| press_all(hand, n, side, loads)).collect();
-        // By time, not by count: who else asked for images changes nothing.
+        // Seed by time, not by count, so that additional requests for images change nothing.
         let moment = (time * 1e4).round() as u64;
         let (mut jobs, mut frames, idle) = (Vec::new(), Vec::new(), IndentationMap::idle());
         let frame = |camera: usize, image| TactileFrame { camera, time, sequence: self.sequence, image };
@@ -213,7 +214,7 @@ impl TactileBoard {
         frames
     }
 
-    /// Renders; a GPU that fails is said so, and the CPU makes the images.
+    /// Renders the images. If the GPU fails, reports that and renders them on the CPU.
     fn images(&self, jobs: &[Job<'_>]) -> Vec<TactileImage> {
         if let Some(reduced) = &self.reduced {
             let image = |job: &Job<'_>| {
@@ -234,8 +235,9 @@ impl TactileBoard {
     }
 }
 
-/// What objects and the hand itself press into a pad, one map of `side` x `side` pixels a camera; `None` where nothing does. Bodies that press
-/// with forces of their own press one by one, and every pixel shows the deepest of them: their contacts lie side by side.
+/// Computes the indentation of a pad by objects and by the hand itself: one map of `side` x `side` pixels per camera,
+/// `None` without load. Bodies with forces of their own are pressed in one by one, and every pixel shows the deepest of
+/// them, because their contacts lie side by side.
 fn press_all(hand: &Hand, index: usize, side: usize, loads: &Loads) -> Option<Vec<IndentationMap>> {
     let press = |force, objects: &[(&Shape, Isometry3<f64>)]| {
         press_pad(hand, (index, side), &loads.pads[index], force, objects)
@@ -246,7 +248,7 @@ fn press_all(hand: &Hand, index: usize, side: usize, loads: &Loads) -> Option<Ve
     objects.into_iter().chain(own).reduce(|a, b| a.iter().zip(&b).map(|(a, b)| a.deeper(b)).collect())
 }
 
-/// What presses into a pad with one `force` (N), one map a camera; `None` where nothing does.
+/// Computes the indentation of a pad under one `force` (N), one map per camera; `None` without load.
 fn press_pad(
     hand: &Hand,
     (index, side): (usize, usize),
@@ -271,20 +273,20 @@ fn press_pad(
         .map(|(shape, object_from_pad, radius)| Underside::new(shape, object_from_pad, radius, window))
         .collect();
     let lowest = |x: f64, y: f64| near.iter().filter_map(|object| object.height(x, y)).reduce(f64::min);
-    // Only a shape with a broken ray query can fail here; its pad shows nothing rather than something wrong.
+    // Only a shape with a broken ray query can fail here. Its pad then shows nothing rather than something wrong.
     press_rasters(pad, &rasters, &Foundation::winkler(&hand.gel()), force, lowest).ok().map(|pressed| pressed.maps)
 }
 
-/// What of an object looks at a pad.
+/// The part of an object that faces a pad.
 enum Underside<'a> {
     Mesh(Relief),
-    /// A shape that answers rays in closed form: `object_from_pad`, its middle in the pad's frame, and the square of the distance of a ray
-    /// from it, m2, that surely misses the shape.
+    /// A shape with ray queries in closed form: the shape, `object_from_pad`, the shape's centre in the pad's frame
+    /// (m), and the squared distance from it beyond which a ray surely misses the shape (m2).
     Closed(&'a Shape, Isometry3<f64>, Point3<f64>, f64),
 }
 
 impl<'a> Underside<'a> {
-    /// `radius` is that of the shape's bounding ball, m; rays run over the `window` of the pad.
+    /// Prepares a shape; `radius` is that of its bounding sphere, m, and rays cover the `window` of the pad.
     fn new(shape: &'a Shape, object_from_pad: Isometry3<f64>, radius: f64, window: ([f64; 2], [f64; 2])) -> Self {
         if let Shape::Mesh(mesh) = shape {
             return Self::Mesh(Relief::new(mesh, &object_from_pad.inverse(), -RAY_START, window));
@@ -293,7 +295,7 @@ impl<'a> Underside<'a> {
         Self::Closed(shape, object_from_pad, middle, (radius * MISSES).powi(2))
     }
 
-    /// Lowest point over (x, y), pad frame, m.
+    /// Returns the lowest point over (x, y), pad frame, m.
     fn height(&self, x: f64, y: f64) -> Option<f64> {
         match self {
             Self::Mesh(relief) => relief.height(x, y),

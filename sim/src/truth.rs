@@ -1,4 +1,4 @@
-//! Ground truth of a scene: what only the referee and the recorder may see.
+//! Ground truth of a scene, for the referee and the recorder only.
 
 use hand_model::DigitVector;
 use nalgebra::{Isometry3, Vector3};
@@ -7,13 +7,13 @@ use world::holding::Support;
 /// A contact of an object with the hand, for the referee and the recording.
 #[derive(Debug, Clone, Copy)]
 pub struct HandContact {
-    /// Object index.
+    /// Index of the object.
     pub object: usize,
-    /// Hand link or `None` for the palm.
+    /// Link of the hand; `None` for the palm.
     pub link: Option<usize>,
-    /// World point, m.
+    /// Contact point, world, m.
     pub point: nalgebra::Point3<f64>,
-    /// Force on the object, N, world frame (normal part).
+    /// Normal force on the object, world frame, N.
     pub force: Vector3<f64>,
 }
 
@@ -22,7 +22,7 @@ pub struct HandContact {
 pub struct ObjectContact {
     /// Indices of the objects, the lower one first.
     pub objects: (usize, usize),
-    /// World point, m.
+    /// Contact point, world, m.
     pub point: nalgebra::Point3<f64>,
     /// Normal force, N.
     pub force: f64,
@@ -31,7 +31,7 @@ pub struct ObjectContact {
 /// Ground truth of one tick. Only the referee and the recorder may see it.
 #[derive(Debug, Clone, Default)]
 pub struct Truth {
-    /// s.
+    /// Time, s.
     pub time: f64,
     /// `world_from_object`.
     pub objects: Vec<Isometry3<f64>>,
@@ -51,20 +51,21 @@ pub struct Truth {
     pub contacts: Vec<HandContact>,
     /// Contacts between objects at the last step of the tick.
     pub object_contacts: Vec<ObjectContact>,
-    /// For each object: links (bit i; bit 15 is the palm) that touched it at any step of the tick.
+    /// Links that touched each object at any step of the tick, as bits: bit i for link i, bit
+    /// [`hand_model::hand::MOST_HAND_JOINTS`] for the palm.
     pub touched_by: Vec<u32>,
     /// Pairs of objects that touched at any step of the tick.
     pub object_pairs: Vec<(usize, usize)>,
     /// Objects that touched the table at any step of the tick.
     pub on_table: Vec<bool>,
-    /// Whether hand or wrist touched table or floor, or the wrist an object, at any step of the tick.
+    /// True if hand or wrist touched table or floor, or the wrist an object, at any step of the tick.
     pub collides: bool,
     /// Normal force on each pad, N.
     pub pad_forces: Vec<f64>,
 }
 
 impl Truth {
-    /// How object `index` is held up, for [`world::holding::HoldingRule`].
+    /// Returns the support of object `index`, for [`world::holding::HoldingRule`].
     pub fn support(&self, index: usize) -> Support {
         let at = self.objects[index].translation.vector;
         Support {

@@ -1,5 +1,5 @@
-//! An arm that differs from what its controller believes: encoder offsets move the palm by an amount that depends on the posture, and
-//! an unknown payload makes it sag in proportion.
+//! An arm that differs from its controller's model: encoder offsets move the palm by an amount that depends on the
+//! posture, and an unknown payload makes it sag in proportion.
 
 use hand_model::robot::{Command, ServoGoal};
 use hand_model::{Arm, ArmVector, Hand, RobotModel};
@@ -8,10 +8,10 @@ use plant::ArmDefects;
 use sim::tactile::TactileBoard;
 use sim::{SceneSetup, SimulatedRobot};
 
-/// s.
+/// Settling time, s.
 const SETTLING: f64 = 1.5;
 
-/// Where palm and encoders come to rest when `posture` (rad) is commanded.
+/// Returns the palm's true pose and the encoder readings at rest when `posture` (rad) is commanded.
 fn at_rest(posture: ArmVector, defects: ArmDefects) -> (Isometry3<f64>, ArmVector) {
     let setup = SceneSetup { arm_defects: defects, ..SceneSetup::ideal(Isometry3::identity(), posture) };
     let model = RobotModel::ftac_gen3();
@@ -24,7 +24,7 @@ fn at_rest(posture: ArmVector, defects: ArmDefects) -> (Isometry3<f64>, ArmVecto
     (robot.truth().palm, robot.observe().arm.position)
 }
 
-/// The encoders show what was commanded, and the palm is where forward kinematics puts the joints as they really are.
+/// The encoders show the commanded angles, and the palm is where forward kinematics of the true joint angles places it.
 #[test]
 fn encoder_offsets_move_the_palm_by_posture() {
     let (hand, arm) = (Hand::ftac(), Arm::gen3());
@@ -50,7 +50,7 @@ fn encoder_offsets_move_the_palm_by_posture() {
     assert!(one.norm() > 2e-3 && (one - other).norm() > 1e-3, "{one} {other}");
 }
 
-/// What gravity compensation does not know of bends the arm downwards, twice as much of it twice as far.
+/// A payload unknown to gravity compensation bends the arm downwards, twice the payload twice as far.
 #[test]
 fn an_unknown_payload_makes_the_arm_sag() {
     let height =

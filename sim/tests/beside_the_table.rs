@@ -1,4 +1,4 @@
-//! What leaves the table falls on the floor, if there is one, and stays where it fell.
+//! An object that leaves the table falls on the floor, if there is one, and stays where it fell.
 
 use hand_model::{Arm, RobotModel};
 use nalgebra::Isometry3;
@@ -7,10 +7,11 @@ use sim::{ObjectPlacement, SceneSetup, SimulatedRobot};
 use world::objects::ObjectSet;
 use world::physics::Physics;
 
-/// m.
+/// Height of the floor, m.
 const FLOOR: f64 = -0.75;
 
-/// Height and upward speed of a cube, 0.1 m beyond the table's edge at first, at these times (s).
+/// Returns the height (m) and upward speed (m/s) of a cube, initially 0.1 m beyond the table's edge, at these times
+/// (s).
 fn falling(floor: Option<f64>, times: [f64; 2]) -> [(f64, f64); 2] {
     let model = ObjectSet::standard().get("cube_45").expect("an object").clone();
     let table = Physics::standard().table;
@@ -36,7 +37,8 @@ fn a_floor_stops_what_falls() {
     assert!((late - soon).abs() < 1e-4, "{soon} {late}");
 }
 
-/// Without a floor it falls for ever, and its energy stays: the square of its speed is 2 g times the height it has lost.
+/// Without a floor it falls for ever and conserves its energy: the square of its speed is 2 g times the height it has
+/// lost.
 #[test]
 fn without_a_floor_it_falls_for_ever() {
     for (height, speed) in falling(None, [0.5, 1.0]) {

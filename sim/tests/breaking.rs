@@ -1,4 +1,4 @@
-//! What breaks in the robot does what it is called, where it is told to, and nowhere else.
+//! Each fault of the robot has its effect where it is injected, and nowhere else.
 
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -13,14 +13,14 @@ use world::objects::ObjectSet;
 /// Current of servos that close free fingers, A.
 const PULL: f64 = 0.05;
 
-/// The home posture turned over: the palm looks up.
+/// Returns the home posture turned over, with the palm facing up.
 fn palm_up() -> ArmVector {
     let mut arm = Arm::gen3().home;
     arm[6] += PI;
     arm
 }
 
-/// The robot with its arm at `arm` (rad) and a cube of 60 g on the table.
+/// Creates the robot with its arm at `arm` (rad) and a cube of 60 g on the table.
 fn scene(arm: ArmVector, board: fn(&Hand) -> TactileBoard) -> SimulatedRobot {
     let model = ObjectSet::standard().get("cube_45").expect("an object").clone();
     let pose = Isometry3::from_parts([0.62, 0.14, model.rest_height()].into(), model.rest);
@@ -31,14 +31,14 @@ fn scene(arm: ArmVector, board: fn(&Hand) -> TactileBoard) -> SimulatedRobot {
     SimulatedRobot::new(&RobotModel { hand: Arc::new(hand), ..RobotModel::ftac_gen3() }, &setup, board)
 }
 
-/// Lays the cube on the little finger's half of the palm, which looks up.
+/// Lays the cube on the little finger's half of the palm, which faces up.
 fn lay_on_palm(robot: &mut SimulatedRobot) {
     let palm = robot.truth().palm;
     assert!((palm * Vector3::z()).z < -0.9, "the palm looks up: {palm}");
     robot.put(0, &(palm * Isometry3::translation(-0.018, -0.060, -0.015)));
 }
 
-/// `seconds` of the same goals.
+/// Holds the same goals for `seconds`.
 fn hold(robot: &mut SimulatedRobot, arm: ArmVector, servos: [ServoGoal; 6], seconds: f64) {
     let until = robot.time() + seconds;
     while robot.time() < until - 1e-9 {
@@ -47,28 +47,29 @@ fn hold(robot: &mut SimulatedRobot, arm: ArmVector, servos: [ServoGoal; 6], seco
     }
 }
 
-/// A robot at home whose digits were pulled with [`PULL`] until they rest.
+/// Returns a robot at home after its digits were pulled with [`PULL`] until they rest.
 fn closed() -> SimulatedRobot {
     let mut robot = scene(Arm::gen3().home, |_| TactileBoard::blank());
     pull(&mut robot, 1.5);
     robot
 }
 
-/// The five cables wound with [`PULL`], no current in the servo of the opposition.
+/// Winds the five cables with [`PULL`], without current in the servo of the opposition.
 fn pull(robot: &mut SimulatedRobot, seconds: f64) {
     let mut servos = [ServoGoal::Current(PULL); 6];
     servos[5] = ServoGoal::Current(0.0);
     hold(robot, Arm::gen3().home, servos, seconds);
 }
 
-/// The images of all cameras, one tick later.
+/// Captures the images of all cameras, one tick later.
 fn images(robot: &mut SimulatedRobot) -> Vec<TactileFrame> {
     robot.send(&Command { arm: palm_up(), servos: [ServoGoal::Current(0.0); 6].into(), capture: true });
     robot.wait_for_tick();
     robot.observe().tactile
 }
 
-/// All cables but `n` pull as they do in `sound`, and the joints that they do not share with it are where they are there.
+/// Checks that all cables except `n` pull as they do in `sound`, and that the joints of the other digits have the same
+/// angles.
 fn others_as_in(sound: &SimulatedRobot, broken: &SimulatedRobot, n: usize) {
     let (sound, broken) = (sound.truth(), broken.truth());
     for digit in Digit::ALL.iter().filter(|digit| digit.index() != n) {
@@ -92,13 +93,13 @@ fn a_broken_cable_pulls_no_more() {
     let bent = |robot: &SimulatedRobot| Digit::Ring.ftac_joints().map(|joint| robot.truth().hand[joint]);
     assert_eq!(robot.truth().tensions[ring], 0.0);
     for (open, before) in bent(&robot).iter().zip(bent(&sound)) {
-        // Weight alone bends a slack finger a little.
+        // Gravity alone bends a slack finger a little.
         assert!(before > 0.1 && *open < 0.3 * before, "{open} {before}");
     }
     others_as_in(&sound, &robot, ring);
 }
 
-/// Of what the spool has wound, joints and stretch take up all but what has slipped.
+/// The length that the spool has wound is taken up by joints and stretch, except for the part that has slipped.
 #[test]
 fn a_cable_slips_by_its_length() {
     let hand = Hand::ftac();
@@ -152,7 +153,7 @@ fn a_stuck_joint_stays_where_it_is() {
     others_as_in(&sound, &robot, Digit::Middle.index());
 }
 
-/// What lies in the hand loads each joint of the arm by its weight times the lever.
+/// A mass in the hand loads each joint of the arm by its weight times the lever arm.
 #[test]
 fn added_mass_weighs_on_the_arm() {
     let more = 0.2;
@@ -187,7 +188,7 @@ fn added_mass_weighs_on_the_arm() {
     }
 }
 
-/// A camera that freezes before the touch never shows it; all others do, and so did this one without the fault.
+/// A camera that freezes before the touch never shows it. All others do, and so does this one without the fault.
 #[test]
 fn a_frozen_camera_repeats_its_image() {
     let mut sound = scene(palm_up(), |hand| TactileBoard::unit(hand, 0));
@@ -208,7 +209,7 @@ fn a_frozen_camera_repeats_its_image() {
     }
 }
 
-/// Half of one lamp's light: half of its colour in its camera's images, and nothing else.
+/// At half of one lamp's light, its camera's images have half of its colour, and nothing else changes.
 #[test]
 fn a_dim_lamp_darkens_its_colour() {
     let mut sound = scene(palm_up(), |hand| TactileBoard::unit(hand, 0));
@@ -234,7 +235,8 @@ fn a_dim_lamp_darkens_its_colour() {
     }
 }
 
-/// Faults of no size leave every bit of what the robot measures as it is: so does the way through the hooks of a sound robot.
+/// Faults of zero size leave every bit of the robot's measurements unchanged, and so does the code path through the
+/// fault hooks.
 #[test]
 fn faults_of_no_size_change_no_bit() {
     let mut sound = scene(palm_up(), |hand| TactileBoard::unit(hand, 0));

@@ -1,4 +1,4 @@
-//! Friction in the guides of the simulated finger against the capstan's equation.
+//! Friction in the guides of the simulated finger against the capstan equation.
 
 use hand_model::transmission::Crossing;
 use std::sync::Arc;
@@ -8,8 +8,8 @@ use hand_model::{Digit, Hand};
 use sim::engine::EngineSettings;
 use sim::stand::{HandStand, tension_goals};
 
-/// In a steady pull on a free finger each joint's spring is balanced by the spool's tension less the capstan's share,
-/// exp(-mu wrap); let out again, by that times exp(mu wrap).
+/// In a steady pull on a free finger each joint's spring balances the spool's tension times the capstan factor, exp(-mu
+/// wrap); when let out again, times exp(mu wrap).
 #[test]
 fn a_finger_s_springs_feel_the_capstan_s_tension() {
     let hand = Arc::new(Hand::ftac());
@@ -18,7 +18,7 @@ fn a_finger_s_springs_feel_the_capstan_s_tension() {
     let path = &hand.transmission.cables[digit];
     let mut stand = HandStand::new(hand.clone(), EngineSettings::default());
     let mut run = |from: f64, to: f64, seconds: f64| {
-        // Half of the time to come to rest: joints and servo have viscous losses beside.
+        // Half of the time is for coming to rest, because joints and servo have viscous losses too.
         let steps = (seconds * 240.0) as usize;
         for n in 0..2 * steps {
             let mut tensions = [0.0; 5];

@@ -1,4 +1,4 @@
-//! Tests of the scene's physics in one program, which is linked once.
+//! Tests of the scene's physics, in one program that is linked once.
 
 mod arm_defects;
 mod beside_the_table;

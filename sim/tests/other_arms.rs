@@ -1,4 +1,4 @@
-//! The arms that come with the program: each stands in its home posture, and bears what the laws of statics say.
+//! The arms that come with the program: each stands in its home posture, with the joint torques that statics requires.
 
 use std::path::Path;
 
@@ -33,7 +33,7 @@ fn every_arm_holds_its_home_posture() {
         }
         let law = weight(&model, &shown.position);
         for (joint, torque) in shown.torque.iter().enumerate() {
-            // The digits hang on their springs; the law has them straight.
+            // The simulated digits hang on their springs; the static law assumes them straight.
             assert!((torque - law[joint]).abs() < 0.3, "{name}, joint {joint}: {torque} N m, {} N m", law[joint]);
         }
     }

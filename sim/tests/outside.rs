@@ -1,4 +1,5 @@
-//! What a scene suffers from outside does what its numbers say, for as long as it is told to, and nothing afterwards.
+//! External disturbances of a scene have the effect that their numbers state, for as long as commanded, and none
+//! afterwards.
 
 use std::sync::Arc;
 
@@ -10,7 +11,7 @@ use sim::tactile::TactileBoard;
 use sim::{ObjectPlacement, SceneSetup, SimulatedRobot};
 use world::objects::ObjectSet;
 
-/// The robot in its home posture with a cube of 60 g on the table.
+/// Creates the robot in its home posture with a cube of 60 g on the table.
 fn scene(board: fn(&Hand) -> TactileBoard) -> SimulatedRobot {
     let model = ObjectSet::standard().get("cube_45").expect("an object").clone();
     let pose = Isometry3::from_parts([0.62, 0.14, model.rest_height()].into(), model.rest);
@@ -37,7 +38,7 @@ fn wait(robot: &mut SimulatedRobot, seconds: f64, each: impl Fn(&mut SimulatedRo
     }
 }
 
-/// A force lifts a cube by Newton's law; when it ends nothing of it is left.
+/// A force lifts a cube according to Newton's second law; nothing of it remains when it ends.
 #[test]
 fn a_pull_obeys_newton() {
     let mut robot = scene(|_| TactileBoard::blank());
@@ -45,14 +46,14 @@ fn a_pull_obeys_newton() {
     let force = Vector3::new(0.0, 0.0, 2.0 * 9.81 * 0.060);
     wait(&mut robot, 0.1, |robot| robot.pull(Some(0), force));
     let speed = robot.truth().velocities[0].z;
-    // The table's contact is a soft spring, which gives back a little.
+    // The table's contact is a soft spring, which returns some energy.
     assert!((speed - 0.981).abs() < 0.05, "{speed}");
     wait(&mut robot, 0.05, |_| {});
     let after = robot.truth().velocities[0].z;
     assert!((after - (speed - 9.81 * 0.05)).abs() < 0.01, "{after}");
 }
 
-/// A push on the hand bends the arm's servos and is over when it ends.
+/// A push on the hand deflects the arm against its position control, and the deflection ends with the push.
 #[test]
 fn a_push_on_the_hand_gives_way_and_comes_back() {
     let mut robot = scene(|_| TactileBoard::blank());
@@ -82,7 +83,7 @@ fn less_friction_slides_farther() {
     assert!(slippery > 1.5 * rough && rough > 0.0, "{rough} {slippery}");
 }
 
-/// Digits without power stay open, whatever is asked of them; the others close. What was sent says so.
+/// Digits without power stay open, whatever is commanded; the others close. The command that was sent shows this.
 #[test]
 fn digits_without_power_stay_open() {
     let mut robot = scene(|_| TactileBoard::blank());
@@ -100,7 +101,7 @@ fn digits_without_power_stay_open() {
     assert!(index > 1.0 && ring < 0.2 * index, "{index} {ring}");
 }
 
-/// A failed camera sends nothing, or black; all others send what they did.
+/// A failed camera sends nothing, or black images; all others send what they did before.
 #[test]
 fn failed_cameras_are_missed() {
     let frames = |how: Option<Blindness>| {

@@ -1,4 +1,4 @@
-//! Pads feel the hand's own links, and idle frames have noise and drift: each against its own law.
+//! Pads feel the hand's own links, and idle frames have noise and drift, each according to its own law.
 
 use std::sync::Arc;
 
@@ -9,13 +9,14 @@ use sim::tactile::{Drift, Loads, OwnLoad, TactileBoard};
 use sim::{SceneSetup, SimulatedRobot};
 use world::geometry::Shape;
 
-/// The empty hand over the table.
+/// Creates the empty hand over the table.
 fn empty(self_contact: bool, board: TactileBoard) -> SimulatedRobot {
     let setup = SceneSetup { self_contact, ..SceneSetup::ideal(Isometry3::identity(), Arm::gen3().home) };
     SimulatedRobot::new(&RobotModel::ftac_gen3(), &setup, board)
 }
 
-/// Pulls with `tensions` (N) and opposes the thumb by `opposition` (rad) for a second and a half; the last tick takes images.
+/// Pulls with `tensions` (N) and opposes the thumb by `opposition` (rad) for a second and a half; images are captured
+/// in the last tick.
 fn close(robot: &mut SimulatedRobot, tensions: DigitVector, opposition: f64) {
     let hand = Hand::ftac();
     let servos = hand.servo_goals(&tensions, opposition, hand.parameters.servo.current_limit);
@@ -25,8 +26,8 @@ fn close(robot: &mut SimulatedRobot, tensions: DigitVector, opposition: f64) {
     }
 }
 
-/// Fingers that close on nothing meet palm and thumb: the pads there show it, all others show their backgrounds. A hand that
-/// feels objects only shows nothing.
+/// Fingers that close on nothing touch palm and thumb. The pads there show it, and all others show their backgrounds. A
+/// hand that feels objects only shows nothing.
 #[test]
 fn an_empty_fist_is_felt_where_it_touches_itself() {
     let board = TactileBoard::unit(&Hand::ftac(), 7);
@@ -50,7 +51,7 @@ fn an_empty_fist_is_felt_where_it_touches_itself() {
     }
 }
 
-/// A cover presses as an object of its shape would, and beside an object each keeps its own force.
+/// A cover presses like an object of its shape, and beside an object each keeps its own force.
 #[test]
 fn own_loads_press_like_objects_and_beside_them() {
     let hand = Hand::ftac();
@@ -74,7 +75,7 @@ fn own_loads_press_like_objects_and_beside_them() {
     assert_eq!(seen(0.0, &[], &own), as_object);
     let alone = seen(1.0, &[(&ball, ball_at)], &[]);
     let both = seen(1.0, &[(&ball, ball_at)], &own);
-    // Where one of them alone changes the image by much, both together show the same there.
+    // Where one of them alone changes the image strongly, both together show the same there.
     let mut compared = [0; 2];
     for camera in 0..both.len() {
         for at in 0..both[camera].rgb.len() {
@@ -90,8 +91,8 @@ fn own_loads_press_like_objects_and_beside_them() {
     assert!(compared.iter().all(|count| *count > 200), "{compared:?}");
 }
 
-/// An idle frame is the background, brighter by rate times age, with the camera's read-out noise of 0.7 grey levels; two are
-/// never the same.
+/// An idle frame is the background, brighter by rate times age, with the camera's read-out noise of 0.7 grey levels; no
+/// two are the same.
 #[test]
 fn idle_frames_drift_and_are_noisy() {
     let hand = Hand::ftac();

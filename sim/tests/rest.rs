@@ -1,4 +1,4 @@
-//! Objects left alone on the table come to rest and stay there; balls that roll are stopped by rolling resistance.
+//! Objects left alone on the table come to rest and stay there; rolling resistance stops balls that roll.
 
 use hand_model::{Arm, RobotModel};
 use nalgebra::Isometry3;
@@ -7,13 +7,13 @@ use sim::tactile::TactileBoard;
 use sim::{ObjectPlacement, SceneSetup, SimulatedRobot};
 use world::objects::ObjectSet;
 
-/// An object that lies on its side has facets: until one is down it may roll by half a facet, m.
+/// Motion allowed while settling, m: an object on its side has facets, and may roll by half a facet until one is down.
 const SETTLES_WITHIN: f64 = 2e-3;
-/// s.
+/// Settling time, s.
 const SETTLING: f64 = 8.0;
-/// Farther than this from then on an object creeps, m.
+/// Motion after settling above which an object creeps, m.
 const STAYS_WITHIN: f64 = 1e-4;
-/// s.
+/// Duration of observation after settling, s.
 const WATCHED: f64 = 12.0;
 
 #[test]
@@ -42,8 +42,8 @@ fn objects_rest_where_they_are_put() {
     assert!(crept.is_empty(), "these do not stay: {crept:?}");
 }
 
-/// A golf ball thrown over the table rolls as far as its energy lasts against the resistance: v^2 / (2 c g / 1.4), once slip
-/// has turned into rolling.
+/// A golf ball rolled over the table travels as far as its energy lasts against the resistance: v^2 / (2 c g / 1.4),
+/// once slip has turned into rolling.
 #[test]
 fn a_rolling_ball_is_stopped() {
     let objects = ObjectSet::standard();
@@ -61,7 +61,7 @@ fn a_rolling_ball_is_stopped() {
     let mut rolling = None;
     while robot.wait_for_tick().time < 3.0 {
         let truth = robot.truth();
-        // Slip ends when five sevenths of the speed are left.
+        // Slip ends when five sevenths of the speed remain.
         if rolling.is_none() && truth.velocities[0].y < speed * 5.0 / 7.0 {
             rolling = Some((truth.objects[0].translation.y, truth.velocities[0].y));
         }

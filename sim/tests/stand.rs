@@ -1,4 +1,4 @@
-//! The stand's physics: energy of a free chain, momentum of what flies off, branching, and equal bits on every thread.
+//! The stand's physics: energy of a free chain, momentum in a collision, branching, and equal bits on every thread.
 
 use std::sync::Arc;
 
@@ -12,7 +12,7 @@ use sim::engine::EngineSettings;
 use sim::stand::{HandStand, Linkage, Mechanism, Prop, tension_goals};
 use world::Shape;
 
-/// A chain of three rods that swings freely about y keeps its energy.
+/// A chain of three rods that swings freely about y conserves its energy.
 #[test]
 fn a_free_pendulum_chain_keeps_its_energy() {
     let (length, mass) = (0.1, 0.05);
@@ -52,7 +52,7 @@ fn a_free_pendulum_chain_keeps_its_energy() {
             .sum()
     };
     let start = energy(&chain);
-    // What can be turned into motion: from where it starts to hanging straight down.
+    // Energy range that can turn into motion: from the start to hanging straight down.
     let range = start + mass * g * length * (0.5 + 1.5 + 2.5);
     let none = [JointEffort { torque: 0.0, stiffness: 1e-12 }; 3];
     let mut farthest = 0.0f64;
@@ -77,14 +77,14 @@ fn grip(hand: &Arc<Hand>) -> (HandStand, ActuatorVector<ServoGoal>) {
     (stand, goals)
 }
 
-/// Bits of everything that moves.
+/// Returns the bits of everything that moves.
 fn bits(stand: &HandStand) -> Vec<u64> {
     let pose = stand.pose(0);
     let place = pose.translation.vector.iter().chain(pose.rotation.coords.iter());
     stand.angles().iter().chain(place).chain(&stand.tensions()).map(|value| value.to_bits()).collect()
 }
 
-/// A branch goes on exactly as the run it was taken from.
+/// A branch continues exactly like the run from which it was taken.
 #[test]
 fn a_branch_is_the_run_itself() {
     let hand = Arc::new(Hand::ftac());
@@ -95,7 +95,7 @@ fn a_branch_is_the_run_itself() {
     assert_eq!(bits(&stand), bits(&branch));
 }
 
-/// Four threads at once find the same bits as one alone.
+/// Four concurrent threads give the same bits as one alone.
 #[test]
 fn threads_change_nothing() {
     let hand = Arc::new(Hand::ftac());
@@ -112,7 +112,7 @@ fn threads_change_nothing() {
     assert!(together.iter().all(|bits| *bits == alone));
 }
 
-/// Let go of far from the hand, a prop falls as Newton says.
+/// A prop released far from the hand falls freely according to Newton.
 #[test]
 fn free_fall() {
     let hand = Arc::new(Hand::ftac());
@@ -122,11 +122,11 @@ fn free_fall() {
     stand.set_gravity(&Vector3::new(0.0, 0.0, -9.81));
     stand.run(&tension_goals(&hand, &[0.0; 5], 0.0), 0.5);
     let fallen = -0.3 - stand.pose(0).translation.z;
-    // Semi-implicit Euler is ahead by half a step's way.
+    // Semi-implicit Euler is ahead by half a step's distance.
     assert!((fallen - 0.5 * 9.81 * 0.25).abs() < 0.012, "{fallen}");
 }
 
-/// Two balls that meet off centre, with friction: what one loses the other gains, in motion and in spin.
+/// Two balls that collide off centre, with friction, exchange linear and angular momentum without loss.
 #[test]
 fn a_collision_keeps_momentum() {
     use rapier3d_f64::prelude::*;
@@ -163,11 +163,13 @@ fn a_collision_keeps_momentum() {
     let first = engine.bodies[balls[0].0].linvel();
     assert!((first - Vector::new(0.4, 0.0, 0.0)).length() > 0.1, "they met: {first}");
     assert!((after.0 - before.0).length() < 1e-12, "{} {}", before.0, after.0);
-    // The engine pushes both at points that are a contact's gap apart: spin is kept less well than motion.
+    // The engine applies the impulses at points that are a contact's gap apart, so angular momentum is conserved less
+    // accurately.
     assert!((after.1 - before.1).length() < 0.05 * before.1.length(), "{} {}", before.1, after.1);
 }
 
-/// A joint that is pushed against a limit stops there, however many outer iterations a step has, and leaves it when it is pushed back.
+/// A joint pushed against a limit stops there, for any number of outer iterations per step, and leaves it when pushed
+/// back.
 #[test]
 fn a_limit_stops_a_joint() {
     let joint = Joint {
@@ -195,7 +197,7 @@ fn a_limit_stops_a_joint() {
     }
 }
 
-/// A bar held by four fingers creeps as long as friction is left to the solver, and stays where its surfaces stick.
+/// A bar held by four fingers creeps if friction is left to the solver, and stays if its surfaces stick.
 #[test]
 fn a_held_bar_does_not_creep_where_it_sticks() {
     let hand = Arc::new(Hand::ftac());
@@ -209,7 +211,7 @@ fn a_held_bar_does_not_creep_where_it_sticks() {
         stand.run(&goals, 1.5);
         stand.release(bar);
         stand.run(&goals, 1.0);
-        // Gripping hard brings bar and phalanges to where they rest.
+        // Gripping hard brings bar and phalanges to rest.
         for _ in 0..6 {
             stand.run(&hard, 0.5);
             stand.run(&goals, 0.5);

@@ -1,4 +1,4 @@
-//! The dynamic hand comes to rest where the static equilibrium says.
+//! The dynamic hand comes to rest at the static equilibrium.
 
 use std::sync::Arc;
 
@@ -9,7 +9,7 @@ use sim::engine::EngineSettings;
 use sim::stand::{HandStand, Prop, tension_goals};
 use world::Shape;
 
-/// A rigid cover in the static problem: an element gives way by a few micrometres, Pa/m.
+/// Foundation stiffness of a nearly rigid cover in the static problem, Pa/m: an element yields by a few micrometres.
 const RIGID: f64 = 2.0e9;
 
 fn closed(hand: &Hand) -> Slid {
@@ -33,7 +33,7 @@ fn free_postures_agree() {
     }
 }
 
-/// The four fingers around a rod without friction: angles within a degree, forces within a tenth.
+/// The four fingers around a rod without friction: angles agree within a degree, forces within a tenth.
 #[test]
 fn postures_on_a_rod_agree() {
     let hand = Arc::new(Hand::ftac());
@@ -73,8 +73,8 @@ fn postures_on_a_rod_agree() {
     }
 }
 
-/// Tension up and down again: closing follows one static path and opening the other, and between them lies hysteresis. The
-/// spool turns by what the joints take up and the cable's stretch.
+/// Tension up and down again: closing follows one static path and opening the other, with hysteresis between them. The
+/// spool turns by the joints' excursion and the cable's stretch.
 #[test]
 fn closing_and_opening_follow_their_static_paths() {
     let hand = Arc::new(Hand::ftac());
@@ -88,7 +88,8 @@ fn closing_and_opening_follow_their_static_paths() {
             let mut tensions = [0.0; 5];
             tensions[digit.index()] = pull(step);
             stand.run(&tension_goals(&hand, &tensions, 0.0), 0.15);
-            // After the turn the cable sticks until the tension has fallen by what the guides hold, exp(-2 mu phi).
+            // After the reversal the cable sticks until the tension has fallen by the factor that the guides hold,
+            // exp(-2 mu phi).
             let sticks = state < 0.0 && step > 26;
             if step < 8 || sticks {
                 continue;

@@ -1,4 +1,4 @@
-//! Other people's hands load and close on a ball. Their models are not part of this repository.
+//! Third-party hands load, and close on a ball. Their models are not part of this repository.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -24,7 +24,7 @@ fn at_rest(hand: Arc<HandMechanism>) -> HandScene {
     HandScene::new(&CollisionModel::new(hand), &rest)
 }
 
-/// Closes on a ball held at `center`, lets go of it, and gives the force of each link on it once all is at rest.
+/// Closes on a ball held at `center`, releases it, and returns the force of each link on it once all is at rest.
 fn close(hand: &Arc<HandMechanism>, center: Point3<f64>, radius: f64, tensions: &[f64]) -> (HandScene, Vec<f64>) {
     let mut stand = at_rest(hand.clone());
     stand.put(
@@ -42,7 +42,7 @@ fn close(hand: &Arc<HandMechanism>, center: Point3<f64>, radius: f64, tensions: 
 #[test]
 fn the_allegro_hand_closes_on_a_ball() {
     let Some(hand) = hand("allegro/allegro_hand_right.urdf", "allegro.toml") else { return };
-    // Nothing pulls the four that spread and turn.
+    // Nothing pulls the four joints that spread and rotate.
     assert_eq!((hand.tree.len(), hand.held.len()), (12, 4));
     // In front of the palm (+x), between fingers and thumb.
     let (_, forces) = close(&hand, Point3::new(0.07, 0.0, 0.03), 0.05, &[12.0, 12.0, 12.0, 20.0, 12.0]);
@@ -57,7 +57,7 @@ fn the_allegro_hand_closes_on_a_ball() {
 fn the_ez_gripper_closes_on_a_ball() {
     let Some(hand) = hand("ezgripper_gen2/urdf/ezgripper_dual_gen2_expanded.urdf", "ezgripper.toml") else { return };
     assert_eq!((hand.tree.len(), hand.followers.len()), (4, 2));
-    // Around a ball of 60 mm the hollow fingers close up with room left: their tips meet.
+    // On a ball of 60 mm the hollow fingers would close without touching it, and their tips would meet.
     let (stand, forces) = close(&hand, Point3::new(0.12, 0.0, 0.0), 0.04, &[40.0]);
     for follower in &hand.followers {
         let (led, leader) = (stand.angles()[follower.joint], stand.angles()[follower.leader]);
@@ -66,7 +66,7 @@ fn the_ez_gripper_closes_on_a_ball() {
     assert!(forces.iter().filter(|force| **force > 0.1).count() >= 2, "{forces:?}");
 }
 
-/// Two jaws 80 mm apart that a tendon closes by 1 rad, the second as a mimic.
+/// Two jaws 80 mm apart, closed by a tendon by up to 1 rad, the second as a mimic.
 const CLAMP: &str = r#"<robot name="clamp">
   <link name="base"><collision><geometry><box size="0.04 0.1 0.02"/></geometry></collision></link>
   <link name="left"><inertial><mass value="0.1"/><origin xyz="0.04 0 0"/>
@@ -99,7 +99,8 @@ fn jaws_stop_at_each_other() {
     assert_eq!(stand.penetration(), deep);
 }
 
-/// A gripper whose jaws slide, the second as a mimic: both go inwards alike, and stop at a ball between them or at their limits.
+/// A gripper with sliding jaws, the second as a mimic: both move inwards equally, and stop at a ball between them or at
+/// their limits.
 #[test]
 fn a_parallel_gripper_slides() {
     let slide = CLAMP
@@ -116,7 +117,7 @@ fn a_parallel_gripper_slides() {
     println!("empty: {:?} m", empty.angles());
     assert!((empty.angles()[0] + 0.03).abs() < 1e-3 && (empty.angles()[1] - 0.03).abs() < 1e-3, "{:?}", empty.angles());
     let (stand, forces) = close(&hand, Point3::new(0.08, 0.0, 0.0), 0.02, &[20.0]);
-    // The jaws are 10 mm thick and 80 mm apart: 15 mm are left on either side of the ball.
+    // The jaws are 10 mm thick and 80 mm apart: 15 mm remain on either side of the ball.
     assert!(
         (stand.angles()[0] + 0.015).abs() < 2e-3 && (stand.angles()[1] - 0.015).abs() < 2e-3,
         "{:?}",
@@ -125,7 +126,7 @@ fn a_parallel_gripper_slides() {
     assert!(forces.iter().all(|force| *force > 1.0), "{forces:?}");
 }
 
-/// Links that a joint connects, and links that overlap at rest, pass through each other; no others do.
+/// Only links connected by a joint, and links that overlap at rest, pass through each other.
 #[test]
 fn links_that_overlap_at_rest_pass() {
     assert!(CollisionModel::new(clamp(CLAMP)).passing().is_empty());

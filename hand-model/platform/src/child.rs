@@ -1,15 +1,15 @@
-//! Other programs, without our secrets.
+//! Child processes that do not inherit this program's secrets.
 //!
-//! Every program of this workspace that starts another one starts it with [`command`]: what runs in it (somebody's policy, a viewer, a job of a cluster)
-//! is not told what is in the environment for this program alone.
+//! Every program of this workspace that starts another one uses [`command`]. The child (a user's policy, a viewer, a
+//! cluster job) does not see the environment variables that hold secrets of this program.
 
 use std::ffi::OsStr;
 use std::process::Command;
 
-/// Words in the name of a variable of ours that holds a secret, such as `FTAC_ARM_PASSWORD`.
+/// Words that mark a variable of ours as secret, such as `FTAC_ARM_PASSWORD`.
 const SECRET: [&str; 3] = ["PASSWORD", "SECRET", "TOKEN"];
 
-/// A command whose environment is this program's without its secrets.
+/// Returns a command that inherits this program's environment without its secrets.
 pub fn command(program: impl AsRef<OsStr>) -> Command {
     let mut command = Command::new(program);
     for (name, _) in std::env::vars_os() {
@@ -20,7 +20,7 @@ pub fn command(program: impl AsRef<OsStr>) -> Command {
     command
 }
 
-/// Whether a variable of the environment is ours and secret.
+/// True if an environment variable is ours and secret.
 fn is_secret(name: &str) -> bool {
     name.starts_with("FTAC_") && SECRET.iter().any(|word| name.contains(word))
 }

@@ -1,4 +1,5 @@
-//! Reading and writing data files, and the one error that says what is wrong with one: file, field, what was found, what was expected.
+//! Reading and writing of data files. Their one error type, [`DataError`], names the file, the field, what was found
+//! and what was expected.
 
 use std::path::{Path, PathBuf};
 
@@ -6,7 +7,7 @@ use serde::de::DeserializeOwned;
 
 use crate::file;
 
-/// What can be wrong with a data file.
+/// A fault of a data file.
 #[derive(Debug, thiserror::Error)]
 pub enum DataError {
     /// The file could not be read or written.
@@ -14,7 +15,7 @@ pub enum DataError {
     Io {
         /// The file.
         path: PathBuf,
-        /// The operating system's reason.
+        /// Error of the operating system.
         source: std::io::Error,
     },
     /// The file could not be written.
@@ -22,54 +23,54 @@ pub enum DataError {
     Write {
         /// The file.
         path: PathBuf,
-        /// The operating system's reason.
+        /// Error of the operating system.
         source: std::io::Error,
     },
-    /// The file is not well-formed TOML, has an unknown field, lacks a needed one, or a value is of the wrong kind.
+    /// The file is not well-formed TOML, has an unknown field, lacks a required one, or has a value of the wrong type.
     #[error("{path}:{line}: `{found}`: {message}")]
     Syntax {
         /// The file.
         path: PathBuf,
         /// Line number, from 1.
         line: usize,
-        /// The line.
+        /// Text of the line.
         found: String,
-        /// The parser's message, which says what it expected.
+        /// The parser's message, which states what it expected.
         message: String,
     },
-    /// A line of a file without named fields is not what it should be.
+    /// A line of a file without named fields is malformed.
     #[error("{path}:{line}: found {found}, expected {expected}")]
     Line {
         /// The file.
         path: PathBuf,
         /// Line number, from 1.
         line: usize,
-        /// What the line says.
+        /// Content of the line.
         found: String,
-        /// What would be right.
+        /// Expected content.
         expected: String,
     },
-    /// A field has a value that nothing can be built from.
+    /// A field has an unusable value.
     #[error("{path}: {field}: found {found}, expected {expected}")]
     Field {
         /// The file.
         path: PathBuf,
-        /// The field with what it belongs to, such as `layout.first.x` or `joint[thumb_1].mass`.
+        /// The field with its parents, such as `layout.first.x` or `joint[thumb_1].mass`.
         field: String,
-        /// What the file says.
+        /// Value in the file.
         found: String,
-        /// What would be right.
+        /// Expected value.
         expected: String,
     },
 }
 
 impl DataError {
-    /// A [`Self::Field`] error.
+    /// Builds a [`Self::Field`] error.
     pub fn field(path: &Path, field: impl Into<String>, found: impl ToString, expected: impl Into<String>) -> Self {
         Self::Field { path: path.into(), field: field.into(), found: found.to_string(), expected: expected.into() }
     }
 
-    /// The same error of a field inside of `element`.
+    /// Returns the same error with `element` as the parent of the field.
     #[must_use]
     pub fn within(mut self, element: &str) -> Self {
         if let Self::Field { field, .. } = &mut self {
@@ -79,20 +80,21 @@ impl DataError {
     }
 }
 
-/// [`file::write_whole`], with an error that names the file.
+/// Calls [`file::write_whole`]; the error names the file.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), DataError> {
     file::write_whole(path, bytes).map_err(|source| DataError::Write { path: path.into(), source })
 }
 
-/// The text of a regular file of a size that is read whole.
+/// Reads the text of a regular file of at most [`file::LARGEST`] bytes.
 pub fn read_text(path: &Path) -> Result<String, DataError> {
     file::read_text(path).map_err(|source| DataError::Io { path: path.into(), source })
 }
 
-/// The value of a TOML text; `path` is used in errors only.
+/// Parses a TOML text; `path` is used in errors only.
 ///
-/// An error shows the line of a field that the data has. Of a field that it does not have it shows the name alone, and of a text that is no TOML
-/// nothing: such a file may be anything, and is not for whoever reads the error.
+/// The error shows the offending line only if the target type has that field. For an unknown field it shows the field's
+/// name alone, and for a text that is not TOML it shows no content: such a file may be anything, and its content is not
+/// for whoever reads the error.
 pub fn parse_toml<T: DeserializeOwned>(text: &str, path: &Path) -> Result<T, DataError> {
     toml::from_str(text).map_err(|error| {
         let span = error.span().unwrap_or_default();
@@ -117,12 +119,12 @@ pub fn parse_toml<T: DeserializeOwned>(text: &str, path: &Path) -> Result<T, Dat
     })
 }
 
-/// Longest piece of a file that an error shows, characters.
+/// Longest excerpt of a file in an error, characters.
 const SHOWN: usize = 80;
-/// Longest message of a parser that an error shows, characters: one may repeat a value.
+/// Longest parser message in an error, characters; a message may repeat a value.
 const LONGEST_MESSAGE: usize = 1000;
 
-/// The first `most` characters of `text`.
+/// Returns the first `most` characters of `text`, with an ellipsis if it is longer.
 fn shortened(text: &str, most: usize) -> String {
     let mut letters = text.chars();
     let shown: String = letters.by_ref().take(most).collect();

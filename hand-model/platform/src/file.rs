@@ -1,4 +1,4 @@
-//! Writing a file whole or not at all, and reading one that is sure to end.
+//! Atomic writes of files, and bounded reads that are sure to end.
 
 use std::fs::{File, FileType, Permissions};
 use std::io::{self, Read as _, Write as _};
@@ -7,11 +7,12 @@ use std::path::Path;
 
 use tempfile::Builder;
 
-/// Writes `bytes` to `path` so that a reader sees either all of them or what was there before, even if the process is killed.
+/// Writes `bytes` to `path` atomically: a reader sees either all of them or the previous content, even if the process
+/// is killed.
 ///
-/// The bytes go to a temporary file in the same folder, which is synced and then renamed. The folder must exist. A symbolic
-/// link stays a link: the file it points to is replaced. Anything that is not a regular file (`/dev/stdout`, a pipe) cannot
-/// be replaced and is written to directly. A new file has the permissions 0644.
+/// The bytes go to a temporary file in the same folder, which is synced and then renamed. The folder must exist. A
+/// symbolic link stays a link: the file it points to is replaced. Anything that is not a regular file (`/dev/stdout`, a
+/// pipe) cannot be replaced and is written to directly. A new file has the permissions 0644.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
     let target = path.canonicalize();
     let path = target.as_deref().unwrap_or(path);
@@ -27,13 +28,16 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
     Ok(())
 }
 
-/// Largest text that is read whole, bytes: a million grasps, or a scenario with large meshes in it.
+/// Size limit of a text that is read whole, bytes: enough for a million grasps, or for a scenario with large meshes in
+/// it.
 pub const LARGEST: u64 = 1 << 30;
 
-/// Opens a regular file of at most `most` bytes. A pipe, a device or a folder is refused before it is opened: reading it might never end.
+/// Opens a regular file of at most `most` bytes. A pipe, a device or a folder is refused before it is opened, because
+/// reading it might never end.
 ///
 /// # Errors
-/// The operating system's, or [`io::ErrorKind::InvalidInput`] with what was found and expected. Neither names the file.
+/// The operating system's error, or [`io::ErrorKind::InvalidInput`] with what was found and expected. Neither names the
+/// file.
 pub fn open_regular(path: &Path, most: u64) -> io::Result<File> {
     let refused = |found: String, expected: String| {
         Err(io::Error::new(io::ErrorKind::InvalidInput, format!("found {found}, expected {expected}")))
@@ -48,15 +52,16 @@ pub fn open_regular(path: &Path, most: u64) -> io::Result<File> {
     File::open(path)
 }
 
-/// The bytes of a regular file of at most `most` bytes; errors as of [`open_regular`].
+/// Reads a regular file of at most `most` bytes. Errors are those of [`open_regular`].
 pub fn read_regular(path: &Path, most: u64) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
-    // It may grow while it is read, and those of /proc state no size.
+    // The file may grow while it is read, and files of /proc report no size.
     open_regular(path, most)?.take(most).read_to_end(&mut bytes)?;
     Ok(bytes)
 }
 
-/// The text of a regular file of a size that is read whole; errors as of [`open_regular`], and for what is no UTF-8.
+/// Reads the text of a regular file of at most [`LARGEST`] bytes. Errors are those of [`open_regular`], and one for a
+/// file that is not UTF-8.
 pub fn read_text(path: &Path) -> io::Result<String> {
     String::from_utf8(read_regular(path, LARGEST)?).map_err(|error| {
         let place = error.utf8_error().valid_up_to() + 1;

@@ -1,5 +1,8 @@
-//! Journals of long work: a line of JSON for each finished piece, on the disk before anything else happens, so that a process killed at any moment
-//! loses only what was in flight. And locks on files and folders that one process at a time writes.
+//! Journals of long computations, and locks.
+//!
+//! A journal has a line of JSON for each finished piece of work. The line is on disk before anything else happens, so
+//! that a process killed at any moment loses only the work in flight. The locks are for files and folders that only one
+//! process at a time may write.
 
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{self, ErrorKind, Write as _};
@@ -10,7 +13,7 @@ use serde::de::DeserializeOwned;
 
 use crate::data::{DataError, read_text};
 
-/// A journal that is being written.
+/// A journal that is open for writing.
 #[derive(Debug)]
 pub struct Journal {
     file: File,
@@ -18,7 +21,7 @@ pub struct Journal {
 }
 
 impl Journal {
-    /// Opens the journal at `path`, which is created where it is missing, to add lines; a last line that was cut off is removed.
+    /// Opens the journal at `path` for appending, and creates it if it is missing. A truncated last line is removed.
     pub fn open(path: &Path) -> Result<Self, DataError> {
         let open = || {
             let file = OpenOptions::new().create(true).append(true).open(path)?;
@@ -30,10 +33,10 @@ impl Journal {
         Ok(Self { file, path: path.into() })
     }
 
-    /// The lines of the journal at `path`, which stays as it is; a last line that was cut off is left out.
+    /// Reads the lines of the journal at `path`, which stays unchanged. A truncated last line is skipped.
     ///
     /// # Errors
-    /// A file that cannot be read, or the first line that is no `T`.
+    /// A file that cannot be read, or the first line that does not parse as `T`.
     pub fn read<T: DeserializeOwned>(path: &Path) -> Result<Vec<T>, DataError> {
         let text = read_text(path)?;
         let whole = text.split_inclusive('\n').filter(|line| line.ends_with('\n'));
@@ -49,7 +52,7 @@ impl Journal {
         parsed.collect()
     }
 
-    /// Adds a line, and returns when it is on the disk.
+    /// Appends a line; returns when it is on disk.
     pub fn add(&mut self, line: &impl Serialize) -> Result<(), DataError> {
         let text = serde_json::to_string(line).map_err(io::Error::from);
         let written = text.and_then(|text| self.file.write_all((text + "\n").as_bytes()));
@@ -58,8 +61,8 @@ impl Journal {
     }
 }
 
-/// Locks a file or folder for as long as it stays open; none if another holder has it. The operating system, or the server of a network file
-/// system, ends the lock with its holder.
+/// Locks a file or folder for as long as it stays open; `None` if another process holds the lock. The operating system,
+/// or the server of a network file system, releases the lock when its holder ends.
 pub fn locked(file: File) -> io::Result<Option<File>> {
     match file.try_lock() {
         Ok(()) => Ok(Some(file)),
@@ -68,7 +71,8 @@ pub fn locked(file: File) -> io::Result<Option<File>> {
     }
 }
 
-/// The folder, locked against every other `what` that would write into it, for as long as it stays open.
+/// Opens and locks a folder against every other `what` that would write into it, for as long as the returned file stays
+/// open.
 pub fn lock_folder(folder: &Path, what: &str) -> Result<File, DataError> {
     let busy = || io::Error::new(ErrorKind::WouldBlock, format!("another {what} is writing into it"));
     let lock = File::open(folder).and_then(locked).and_then(|lock| lock.ok_or_else(busy));

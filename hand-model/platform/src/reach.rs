@@ -1,36 +1,36 @@
-//! Which files a text may name.
+//! Access control for files that a text names.
 //!
-//! A scenario or a sweep may come from a stranger. The files that it names are read on behalf of whoever runs it, and what is in them may be shown in
-//! an error or kept in a result: it must not choose them freely.
+//! A scenario or a sweep may come from a stranger. The files that it names are read with the rights of whoever runs it,
+//! and their content may appear in an error or be kept in a result. Hence the text must not choose them freely.
 
 use std::path::{Component, Path, PathBuf};
 
 use crate::data::DataError;
 
-/// Which files a text may name.
+/// The files that a text may name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Reach<'a> {
-    /// None: the text has everything in it, as those in sessions and results do.
+    /// No file: the text is self-contained, as in sessions and results.
     Nothing,
-    /// Those below a folder, symbolic links resolved.
+    /// Files below a folder, symbolic links resolved.
     Below(&'a Path),
-    /// Any: the user has said so.
+    /// Any file: the user has allowed it.
     Anywhere,
 }
 
-/// How an error says what it expects instead of a file out of reach.
+/// Start of the text by which an error names the permitted folder.
 pub const BELOW: &str = "a file below ";
 
 impl<'a> Reach<'a> {
-    /// Files below the folder of `file`.
+    /// Permits files below the folder of `file`.
     pub fn beside(file: &'a Path) -> Self {
         Self::Below(folder_of(file))
     }
 
-    /// The file that `field` of the text in `file` names as `name`, relative to `file`.
+    /// Resolves `name`, which `field` of the text in `file` gives relative to `file`, to a path.
     ///
     /// # Errors
-    /// [`DataError::Field`] for a name out of reach; nothing is said of what is there.
+    /// [`DataError::Field`] for a name out of reach. The error does not reveal what is there.
     pub fn resolve(self, file: &Path, field: &str, name: &Path) -> Result<PathBuf, DataError> {
         let named = folder_of(file).join(name);
         let refused = |expected: String| {
@@ -40,12 +40,13 @@ impl<'a> Reach<'a> {
             Self::Anywhere => Ok(named),
             Self::Nothing => refused("no file: this text must have everything in it".to_owned()),
             Self::Below(root) => {
-                // By the name first: an error says nothing of files elsewhere, not even that they exist.
+                // Check the name first: an error must not reveal anything about files elsewhere, not even that they
+                // exist.
                 let inside = plain(&named).is_some_and(|named| plain(root).is_some_and(|root| named.starts_with(root)));
                 let inside = inside
                     && match (named.canonicalize(), root.canonicalize()) {
                         (Ok(named), Ok(root)) => named.starts_with(root),
-                        // What is not there is told by whoever reads it.
+                        // A missing file is reported by whoever reads it.
                         _ => !named.is_symlink(),
                     };
                 if inside {
@@ -57,7 +58,8 @@ impl<'a> Reach<'a> {
     }
 }
 
-/// Refuses a folder of results in which a file is a symbolic link to one elsewhere: what is written there would replace that one.
+/// Refuses a folder of results in which a file is a symbolic link to one elsewhere: a write would replace the linked
+/// file.
 ///
 /// # Errors
 /// [`DataError::Field`] with the link's name; [`DataError::Io`] for a folder that cannot be read.
@@ -79,12 +81,12 @@ fn folder_of(file: &Path) -> &Path {
     shown(file.parent().unwrap_or(Path::new("")))
 }
 
-/// The empty path is the current folder.
+/// Replaces the empty path by `.`, the current folder.
 fn shown(folder: &Path) -> &Path {
     if folder.as_os_str().is_empty() { Path::new(".") } else { folder }
 }
 
-/// The absolute path without `.` and `..`, by its names alone.
+/// Returns the absolute path without `.` and `..`, resolved by name only.
 fn plain(path: &Path) -> Option<PathBuf> {
     let mut parts = PathBuf::new();
     for part in std::path::absolute(path).ok()?.components() {

@@ -1,4 +1,4 @@
-//! An arm whose frames, limits and masses are those of a URDF. The parameter file says the rest:
+//! An arm whose frames, limits and masses come from a URDF. The parameter file supplies the rest:
 //!
 //! ```toml
 //! version = 1
@@ -59,7 +59,7 @@ struct DriveFile {
     wrist_capsule: Option<[f64; 3]>,
 }
 
-/// Name of the URDF that an arm's parameter file asks for.
+/// Returns the name of the URDF that an arm's parameter file refers to.
 pub fn name(text: &str, path: &Path) -> Result<Option<String>, DataError> {
     #[derive(Deserialize)]
     struct Named {
@@ -68,7 +68,7 @@ pub fn name(text: &str, path: &Path) -> Result<Option<String>, DataError> {
     Ok(parse_toml::<Named>(text, path)?.urdf)
 }
 
-/// The parameter file (`text`, `path`) together with the URDF (`bytes`, `urdf`).
+/// Merges the parameter file (`text`, `path`) with the URDF (`bytes`, `urdf`).
 pub fn complete((text, path): (&str, &Path), (bytes, urdf): (&[u8], &Path)) -> Result<ArmFile, DataError> {
     let file: UrdfArmFile = parse_toml(text, path)?;
     let (mut robot, _) = parse_robot(bytes, urdf)?;
@@ -85,7 +85,7 @@ pub fn complete((text, path): (&str, &Path), (bytes, urdf): (&[u8], &Path)) -> R
     };
     check_chain(&tree, &file, path, urdf)?;
     let masses = masses::of(&robot, &tree, &carried, &[], urdf, &mut Vec::new())?;
-    // Joints turn about z here: each link's frame is turned so that its joint's axis is.
+    // Joints turn about z here, so each link frame is rotated until its joint axis is z.
     let turns: Vec<UnitQuaternion<f64>> = tree.joints.iter().map(|joint| about_z(&joint.axis)).collect();
     let mut joints = Vec::new();
     for (n, (joint, drive)) in tree.joints.iter().zip(file.joint).enumerate() {
@@ -129,7 +129,7 @@ pub fn complete((text, path): (&str, &Path), (bytes, urdf): (&[u8], &Path)) -> R
     Ok(ArmFile { version, name, base_mass, base_radius, armature, home, tool_xyz, tool_rpy, joint: joints })
 }
 
-/// Takes away every joint and link below `flange`.
+/// Removes every joint and link below `flange`.
 fn cut_below(robot: &mut Robot, flange: &str) {
     let mut below = BTreeSet::new();
     let mut open = vec![flange.to_owned()];
@@ -144,7 +144,7 @@ fn cut_below(robot: &mut Robot, flange: &str) {
     robot.links.retain(|link| link.name == flange || !below.contains(&link.name));
 }
 
-/// Refuses joints that do not turn, are not in a row, or are not those of the parameter file.
+/// Refuses joints that are not revolute, do not form a serial chain, or are not those of the parameter file.
 fn check_chain(tree: &Tree, file: &UrdfArmFile, path: &Path, urdf: &Path) -> Result<(), DataError> {
     for (n, joint) in tree.joints.iter().enumerate() {
         if joint.kind != JointKind::Turn {
@@ -177,13 +177,13 @@ fn check_chain(tree: &Tree, file: &UrdfArmFile, path: &Path, urdf: &Path) -> Res
     Ok(())
 }
 
-/// The rotation that takes z to `axis`; of those the shortest.
+/// Returns the shortest rotation that takes z to `axis`.
 fn about_z(axis: &Vector3<f64>) -> UnitQuaternion<f64> {
     UnitQuaternion::rotation_between(&Vector3::z(), axis)
         .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI))
 }
 
-/// A pose as the file has it: place and roll, pitch, yaw.
+/// Converts a pose to the file's numbers: translation (m) and roll, pitch, yaw (rad).
 fn numbers(pose: &Isometry3<f64>) -> ([f64; 3], [f64; 3]) {
     let (roll, pitch, yaw) = pose.rotation.euler_angles();
     (pose.translation.vector.into(), [roll, pitch, yaw])
@@ -197,7 +197,7 @@ mod tests {
     use crate::Arm;
     use crate::urdf::{arm_urdf, parse_tree};
 
-    /// Three joints about three different axes, none of them z, then a gripper that is cut off.
+    /// Three joints about three different axes, none of them z, then a gripper, which is cut off.
     const ODD: &str = r#"<robot name="odd">
   <link name="world"/>
   <link name="base"/>
@@ -237,7 +237,7 @@ mod tests {
         parse(ODD, &drives(&["one", "two", "three"], &[0.0, 0.3, -0.2], "flange")).expect("valid")
     }
 
-    /// Flange and centres of mass are where the URDF has them, whatever its axes are, and every joint turns about z.
+    /// Flange and centres of mass are where the URDF places them, whatever its axes are, and every joint turns about z.
     #[test]
     fn a_urdf_with_other_axes_moves_alike() {
         let arm = odd();
@@ -271,7 +271,7 @@ mod tests {
         assert_eq!(arm.effort_limits[..], [50.0, 40.0, 20.0]);
     }
 
-    /// The Gen3 by its URDF is the Gen3 by its parameter file.
+    /// The Gen3 read from its URDF equals the Gen3 read from its parameter file.
     #[test]
     fn the_gen3_by_its_urdf_is_the_gen3() {
         let own = Arm::gen3();

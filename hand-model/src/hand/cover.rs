@@ -1,16 +1,16 @@
-//! Rounded boxes that stand for links in contact, and their surface.
+//! Rounded boxes that represent the links in contact, and their surface.
 
 use nalgebra::{Isometry3, Point3, Vector3};
 
 use crate::kinematics::pose_from_xyz_rpy;
 use crate::parameters::Cover;
 
-/// A rounded box that stands for a link in contact.
+/// A rounded box that represents a link in contact.
 #[derive(Debug, Clone, Copy)]
 pub struct CoverShape {
     /// `link_from_cover`.
     pub link_from_cover: Isometry3<f64>,
-    /// Half extents with the rounding, m.
+    /// Half extents including the rounding, m.
     pub half: Vector3<f64>,
     /// Rounding radius, m.
     pub radius: f64,
@@ -23,7 +23,7 @@ pub struct SkinElement {
     pub point: Point3<f64>,
     /// Unit outward normal, link frame.
     pub normal: Vector3<f64>,
-    /// m2.
+    /// Area, m2.
     pub area: f64,
 }
 
@@ -36,7 +36,8 @@ impl CoverShape {
         }
     }
 
-    /// Distance (m, negative inside) of `point` (link frame) from the surface, and the unit outward normal there.
+    /// Computes the signed distance (m, negative inside) of `point` (link frame) from the surface, and the unit outward
+    /// normal there.
     pub fn signed_distance(&self, point: &Point3<f64>) -> (f64, Vector3<f64>) {
         let local = self.link_from_cover.inverse_transform_point(point).coords;
         let core = self.half.add_scalar(-self.radius);
@@ -51,10 +52,11 @@ impl CoverShape {
         (beyond[axis] - self.radius, self.link_from_cover * Vector3::ith(axis, 1f64.copysign(local[axis])))
     }
 
-    /// The cover's surface cut into elements with sides of about `size` (m): each face's grid is wrapped around the rounding.
+    /// Divides the cover's surface into elements with sides of about `size` (m): each face's grid is wrapped around the
+    /// rounding.
     pub fn skin(&self, size: f64) -> Vec<SkinElement> {
         let inner = self.half.add_scalar(-self.radius);
-        // From a place on the sharp box to the rounded surface below it.
+        // Maps a point on the sharp box to the rounded surface below it.
         let wrap = |p: Vector3<f64>| {
             let core = p.zip_map(&inner, |a, b| a.clamp(-b, b));
             let normal = (p - core).normalize();
@@ -94,7 +96,8 @@ impl CoverShape {
 mod tests {
     use crate::Hand;
 
-    /// The skin's area is the rounded box's: faces, quarter cylinders along the edges, a ball in the corners.
+    /// The elements' areas add up to the area of the rounded box: faces, quarter cylinders along the edges, a sphere in
+    /// the corners.
     #[test]
     fn skin_has_the_rounded_box_s_area() {
         let cover = Hand::ftac().covers[4];

@@ -1,28 +1,29 @@
-//! The jaws of a parallel gripper, from where its pads are.
+//! The jaws of a parallel gripper, derived from the poses of its pads.
 
 use nalgebra::{Isometry3, Point3, Vector3};
 
 use super::{CoverShape, Hand};
 use crate::kinematics::JointKind;
 
-/// Largest cosine between the faces of two pads that oppose each other.
+/// Largest cosine between the normals of two pads that count as opposed.
 const OPPOSED: f64 = -0.95;
 
-/// Two pads that slide towards each other along the palm's x; the jaws stand out along its y.
+/// Two pads that slide towards each other along the palm's x axis; the jaws extend along its y axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Jaws {
-    /// Middle between the pads of the open jaws, palm frame, m.
+    /// Midpoint between the pads of the open jaws, palm frame, m.
     pub center: Point3<f64>,
-    /// Distance of the open pads, m.
+    /// Distance between the pads of the open jaws, m.
     pub opening: f64,
-    /// Reach of the jaws beyond the pads' middle, m.
+    /// Reach of the jaws beyond the pads' midpoint, m.
     pub tip: f64,
-    /// Distance of the palm's front behind the pads' middle, m.
+    /// Distance from the pads' midpoint back to the front of the palm, m.
     pub depth: f64,
 }
 
 impl Hand {
-    /// The jaws of a hand that is a parallel gripper: two digits of one sliding joint each, with a pad each that faces the other's.
+    /// Returns the jaws if the hand is a parallel gripper: two digits with one sliding joint and one pad each, the pads
+    /// facing each other.
     pub fn jaws(&self) -> Option<Jaws> {
         let sliding = self.tree.joints.iter().all(|joint| joint.kind == JointKind::Slide);
         if self.digits().len() != 2 || self.tree.len() != 2 || self.pads.len() != 2 || !sliding {
@@ -56,7 +57,7 @@ mod tests {
     fn a_gripper_has_jaws_and_a_hand_has_none() {
         let text = include_str!("../../data/robots/franka_hand.toml");
         let jaws = Hand::parse(text, Path::new("franka_hand.toml")).expect("valid").jaws().expect("jaws");
-        // 80 mm of stroke; pads 48 mm and tips 58.5 mm from where the fingers begin.
+        // 80 mm of stroke; pads 48 mm and tips 58.5 mm from the base of the fingers.
         assert!((jaws.opening - 0.08).abs() < 1e-12, "{jaws:?}");
         assert!((jaws.tip - 0.0105).abs() < 1e-12 && (jaws.depth - 0.0404).abs() < 1e-12, "{jaws:?}");
         assert!((jaws.center - Point3::new(0.0, -0.0008, 0.0)).norm() < 1e-12, "{jaws:?}");

@@ -1,4 +1,4 @@
-//! Checks of a hand's parameter file: each error names field, found and expected.
+//! Checks of a hand's parameter file. Each error names the field, what was found and what was expected.
 
 use std::path::Path;
 
@@ -10,13 +10,13 @@ use crate::digit::Digit;
 use crate::hand::{CoverShape, MOST_DIGITS, MOST_HAND_JOINTS};
 use crate::transmission::SPANS;
 
-/// Farthest that a pad's centre may be from the surface of its link's cover, m.
+/// Largest distance of a pad's centre from the surface of its link's cover, m.
 const OFF_COVER: f64 = 3e-3;
-/// The link that is the root of all digits.
+/// Name of the link that is the root of all digits.
 const PALM: &str = "palm";
-/// Largest constant moment arm, m; of a slide, largest force over tension.
+/// Largest constant moment arm, m; for a sliding joint, largest force over tension.
 const LARGEST_ARM: [f64; 2] = [0.1, 10.0];
-/// Sizes of a pad, m.
+/// Permitted sizes of a pad, m.
 const PAD_SIZES: std::ops::RangeInclusive<f64> = 0.005..=0.1;
 
 impl HandParameters {
@@ -77,8 +77,8 @@ impl HandParameters {
         Ok(())
     }
 
-    /// An actuator for each digit, named and ordered as digits are and pulling on joints of its own alone, then at most one that
-    /// drives the opposition.
+    /// Checks that there is an actuator for each digit, named and ordered like the digits and pulling on joints of its
+    /// own only, followed by at most one that drives the opposition.
     fn check_actuators(&self, path: &Path) -> Result<(), DataError> {
         self.actuator.iter().try_for_each(|own| self.check_actuator(own, path))?;
         let (pulling, driving): (Vec<_>, Vec<_>) = self.actuator.iter().partition(|own| own.drives.is_none());
@@ -113,7 +113,8 @@ impl HandParameters {
         Ok(())
     }
 
-    /// The cable or shaft of an actuator: the joints that it names exist, and those that a cable crosses have guides or an arm.
+    /// Checks the cable or shaft of an actuator: the joints that it names exist, and those that a cable crosses have
+    /// guides or an arm.
     fn check_actuator(&self, actuator: &ActuatorParameters, path: &Path) -> Result<(), DataError> {
         let field = || format!("actuator[{}].cable", actuator.name);
         if actuator.cable.len() > SPANS {
@@ -202,7 +203,7 @@ impl Configuration {
 }
 
 impl JointParameters {
-    /// `links` are the palm and the joints above this one in the file.
+    /// Checks a joint; `links` are the palm and the joints above this one in the file.
     fn check(&self, links: &[&str], path: &Path) -> Result<(), DataError> {
         let fault = |field: &str, found: String, expected: &str| {
             Err(DataError::field(path, format!("joint[{}].{field}", self.name), found, expected))
@@ -258,7 +259,8 @@ mod tests {
         Hand::parse(&text.replacen(from, to, 1), Path::new("hand.toml")).expect_err(to).to_string()
     }
 
-    /// Four digits of twelve joints, the thumb's opposition with a motor of its own; a pull bends each joint as its arm and spring say.
+    /// A hand with four digits and twelve joints, whose thumb opposition has its own motor. A tension bends each joint
+    /// according to its arm and spring.
     #[test]
     fn a_hand_of_four_digits() {
         let hand = Hand::parse(ALLEGRO, Path::new("allegro.toml")).expect("valid");
@@ -272,7 +274,7 @@ mod tests {
         }
     }
 
-    /// Two jaws that slide, one led by the other.
+    /// Two sliding jaws, one following the other.
     #[test]
     fn a_gripper() {
         let hand = Hand::parse(GRIPPER, Path::new("franka_hand.toml")).expect("valid");

@@ -1,4 +1,5 @@
-//! Grasps in a hand's parameter file: the digits that take the objects of a trial in turn, and ranges for proposals.
+//! Grasps in a hand's parameter file: the digits that take the objects of a trial one after the other, and the ranges
+//! of grasp proposals.
 
 use std::path::Path;
 use std::sync::LazyLock;
@@ -9,60 +10,60 @@ use super::HandParameters;
 use crate::digit::Digit;
 use platform::data::DataError;
 
-/// Ways in which a hand picks objects up. Field names are those of the file, which documents them.
+/// Grasp sets of a hand. Field names are those of the file, which documents them.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Grasps {
-    /// Distance from the wrist to the palm frame's origin along y, of the hand that the lengths are for, m.
+    /// Distance from the wrist to the palm frame's origin along y, m, for the hand to which the lengths below refer.
     pub wrist: f64,
-    /// Distance of its palm's face from the palm frame's origin along -z, m.
+    /// Distance of that hand's palm face from the palm frame's origin along -z, m.
     pub palm_face: f64,
-    /// One for each object of a trial, in the order in which they are taken.
+    /// One grasp set for each object of a trial, in the order in which the objects are taken.
     pub set: Vec<GraspRanges>,
 }
 
-/// A set of digits that takes an object, and the ranges of its proposals.
+/// A set of digits that takes an object, and the sampling ranges of its grasp proposals.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[allow(missing_docs)]
 pub struct GraspRanges {
     pub digits: Vec<Digit>,
-    /// deg.
+    /// Roll about the finger axis, deg; negative values turn the ulnar edge down.
     pub roll: [f64; 2],
-    /// deg.
+    /// Pitch, deg; positive with the fingers down.
     pub pitch: [f64; 2],
-    /// Of the object's centre from the wrist, m.
+    /// Distance of the object's centre from the wrist, m.
     pub along: [f64; 2],
-    /// Of the object's centre from the palm frame's origin along -x, m.
+    /// Distance of the object's centre from the palm frame's origin along -x, m.
     pub across: [f64; 2],
-    /// Between palm and object, m.
+    /// Gap between palm and object, m.
     pub gap: [f64; 2],
-    /// deg.
+    /// Opposition angle, deg.
     pub opposition: [f64; 2],
-    /// m.
+    /// Distance by which the hand rises while the digits close, m.
     pub raise: [f64; 2],
-    /// Of each finger, N.
+    /// Cable tension of each finger, N.
     pub tension: [f64; 2],
-    /// While approaching, N.
+    /// Cable tension while approaching, N.
     pub pre_tension: [f64; 2],
     pub thumb: Option<ThumbRanges>,
 }
 
-/// Ranges of a thumb that closes with the fingers.
+/// Sampling ranges of a thumb that closes with the fingers.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[allow(missing_docs)]
 pub struct ThumbRanges {
-    /// Behind the fingers, s.
+    /// Delay behind the fingers, s.
     pub delay: [f64; 2],
-    /// N.
+    /// Cable tension, N.
     pub tension: [f64; 2],
-    /// While approaching, N.
+    /// Cable tension while approaching, N.
     pub pre_tension: [f64; 2],
 }
 
 impl HandParameters {
-    /// The file's own grasps, or those of the F-TAC Hand.
+    /// Returns the file's own grasps, or those of the F-TAC Hand.
     ///
     /// # Panics
     /// Never in a tested build: the built-in file has grasps.

@@ -1,4 +1,5 @@
-//! What a controller goes by when it reads a hand: when a digit holds something, and how free digits touch an object.
+//! Thresholds by which a controller reads a hand: signs that a digit holds something, and the touch of an object by
+//! free digits.
 
 use std::path::Path;
 
@@ -7,37 +8,38 @@ use serde::Deserialize;
 use super::HandParameters;
 use platform::data::DataError;
 
-/// Signs of a hold. Shares are of a full closing of the digit.
+/// Thresholds for detecting a hold. Shares are fractions of a digit's full closing.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct HoldLimits {
-    /// Tension from which a cable counts as pulled, N.
+    /// Tension threshold above which a cable counts as pulled, N.
     pub pulled: f64,
-    /// A digit whose cable is taken up by less than this share has something in its way.
+    /// Closure threshold: a digit whose cable is pulled and taken up by less than this share is blocked by something.
     pub blocked: f64,
-    /// A digit that closes further than this share where its grasp holds has no part in holding.
+    /// Closure threshold: a digit expected to close further than this share in its grasp plays no part in holding.
     pub idle: f64,
-    /// A digit that stops by this share later than where its grasp holds is stopped by something else: the thumb, most often.
+    /// Lateness threshold: a digit that stops this share later than expected in its grasp was stopped by something
+    /// else, usually the thumb.
     pub late: f64,
-    /// A pad's middle this near to an object's surface is on it, m.
+    /// Distance threshold: a pad whose middle is this near to an object's surface is on it, m.
     pub near: f64,
 }
 
-/// Touch of an object by the free fingers, stretched.
+/// Palpation: touch of an object by the free fingers, stretched out.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Palpation {
-    /// Tension of the touching fingers' cables, N.
+    /// Cable tension of the touching fingers, N.
     pub tension: f64,
-    /// Angle of each of their joints under it, rad.
+    /// Angle of each of their joints at that tension, rad.
     pub curl: f64,
 }
 
 impl HandParameters {
-    /// The signs of a hold.
+    /// Returns the thresholds for detecting a hold.
     ///
     /// # Errors
-    /// [`DataError`] where the file has none.
+    /// [`DataError`] if the file has none.
     pub fn hold(&self) -> Result<HoldLimits, DataError> {
         let expected =
             "a table with pulled, blocked, idle, late and near: touch and reflex tell by it what the hand holds";
@@ -65,7 +67,7 @@ impl HandParameters {
 mod tests {
     use super::*;
 
-    /// Who needs signs of a hold is told which table is missing; a wrong sign is refused by its field.
+    /// A controller that needs the thresholds is told which table is missing. A wrong value is refused by its field.
     #[test]
     fn missing_signs_are_named() {
         let without = HandParameters { hold: None, ..HandParameters::ftac() };

@@ -1,56 +1,56 @@
 //! Capstan friction of a cable in its guides, with hysteresis.
 //!
-//! Where a cable turns by an angle phi around a guide, its tension falls by up to exp(-mu phi) in the direction in which it
-//! slides (Euler and Eytelwein). How much of that is used is a state s of each guide: 1 while the cable is pulled in, -1
-//! while it is let out, anything between while it sticks. It follows the cable's way x by Dahl's law, ds/dx = (1 - s sign(dx)) / l
-//! with the presliding way l: a cable whose direction turns round takes a few l to slide again, and meanwhile its far end keeps
-//! the tension it had. That is the hysteresis of tendon-driven fingers.
+//! Around a guide with wrap angle phi, the tension of a cable falls by up to exp(-mu phi) in the direction in which it
+//! slides (Euler and Eytelwein). A state s of each guide says how much of that is used: 1 while the cable is pulled in,
+//! -1 while it is let out, anything between while it sticks. It follows the cable's displacement x by Dahl's law, ds/dx
+//! = (1 - s sign(dx)) / l with the presliding distance l. After a reversal the cable moves a few l before it slides
+//! again, and meanwhile its far end keeps its tension. This is the hysteresis of tendon-driven fingers.
 
 use serde::Deserialize;
 
-/// What the guides do to a cable.
+/// Friction of a cable in its guides.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CableFriction {
-    /// Coulomb coefficient mu of cable on guide.
+    /// Coulomb friction coefficient mu between cable and guide.
     pub coefficient: f64,
-    /// Presliding way l, m.
+    /// Presliding distance l, m.
     pub presliding: f64,
-    /// Turn of the cable in the palm between spool and first joint, rad.
+    /// Wrap angle of the cable in the palm between spool and first joint, rad.
     pub routing: f64,
 }
 
 impl CableFriction {
-    /// Guides that take nothing.
+    /// Frictionless guides.
     pub const NONE: Self = Self { coefficient: 0.0, presliding: 1.0, routing: 0.0 };
 
-    /// The state after the cable has slid by `way` (m; positive: pulled in).
+    /// Returns the state after the cable has moved by `way` (m; positive: pulled in).
     pub fn slid(&self, state: f64, way: f64) -> f64 {
         let end = if way < 0.0 { -1.0 } else { 1.0 };
-        // Dahl's law in closed form, so that no time step is too long for it.
+        // Closed form of Dahl's law, so that no time step is too long for it.
         end + (state - end) * (-way.abs() / self.presliding).exp()
     }
 
-    /// Tension behind a guide over the tension before it, for a turn of `wrap` (rad).
+    /// Computes the ratio of the tension behind a guide to the tension before it, for a wrap angle `wrap` (rad).
     pub fn ratio(&self, state: f64, wrap: f64) -> f64 {
         (-self.coefficient * state * wrap).exp()
     }
 }
 
-/// What a cable drive does beside pulling: what guides take, and the play of the servo's gear.
+/// Losses of a cable drive: friction in the guides, and backlash of the servo's gear.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CableLosses {
     /// Friction in the guides.
     pub friction: CableFriction,
-    /// Play of the servo's gear, rad at its output: the spool is up to half of it before or behind the encoder.
+    /// Backlash of the servo's gear, rad at its output: the spool is up to half of it ahead of or behind the encoder.
     pub backlash: f64,
 }
 
 impl CableLosses {
-    /// A drive that only pulls.
+    /// An ideal drive without losses.
     pub const NONE: Self = Self { friction: CableFriction::NONE, backlash: 0.0 };
 
-    /// Guides that rub, and a gear without play.
+    /// Builds losses with guide friction and no backlash.
     pub fn of(friction: CableFriction) -> Self {
         Self { friction, ..Self::NONE }
     }
@@ -64,7 +64,7 @@ mod tests {
     const FRICTION: CableFriction = CableFriction { coefficient: 0.1, presliding: 2e-4, routing: 0.5 };
 
     proptest! {
-        /// The state stays in [-1, 1] and does not depend on how a way is cut into steps.
+        /// The state stays in [-1, 1] and does not depend on how a displacement is divided into steps.
         #[test]
         fn state_is_bounded_and_independent_of_steps(start in -1.0f64..1.0, way in -1e-3f64..1e-3, cuts in 1usize..20) {
             let once = FRICTION.slid(start, way);
@@ -74,7 +74,8 @@ mod tests {
         }
     }
 
-    /// Pulled back and forth, a guide takes energy: tension over way encloses the capstan's area, 2 T sinh(mu phi) a way.
+    /// A guide dissipates energy when the cable moves back and forth: the loop of tension over displacement encloses
+    /// the capstan's area, 2 T sinh(mu phi) times the displacement.
     #[test]
     fn a_cycle_takes_the_capstan_s_energy() {
         let (tension, wrap, way, steps) = (10.0, 1.2, 0.02, 20_000);

@@ -1,4 +1,4 @@
-//! Checks of a URDF's numbers: everything that frames, inertias and collision shapes are built from.
+//! Checks of a URDF's numbers, from which frames, inertias and collision shapes are built.
 
 use std::path::Path;
 
@@ -8,13 +8,13 @@ use urdf_rs::{Geometry, Joint, JointType, Link, Robot};
 use super::fault;
 use platform::data::DataError;
 
-/// No length of a hand or an arm is larger, m.
+/// Largest permitted length of a hand or an arm, m.
 const LONGEST: f64 = 10.0;
-/// A shorter axis has no direction.
+/// Smallest norm of an axis with a defined direction.
 const SHORTEST_AXIS: f64 = 1e-6;
 
-/// Refuses what no mechanism can be built from: numbers that are not finite, axes without direction, limits in the wrong
-/// order, shapes without extent, joints that mimic themselves.
+/// Refuses values from which no mechanism can be built: numbers that are not finite, axes without direction, limits in
+/// the wrong order, shapes without extent, joints that mimic themselves.
 pub fn check(robot: &Robot, path: &Path) -> Result<(), DataError> {
     for joint in &robot.joints {
         check_joint(robot, joint, path)?;
@@ -53,7 +53,7 @@ fn check_joint(robot: &Robot, joint: &Joint, path: &Path) -> Result<(), DataErro
                 return wrong(field, format!("{}", value.unwrap_or_default()), "a finite number");
             }
         }
-        // A chain of mimics with more links than there are joints comes back to where it was.
+        // A chain of mimics with more links than there are joints is a loop.
         let leader = |name: &str| robot.joints.iter().find(|other| other.name == name)?.mimic.as_ref();
         let chain = std::iter::successors(Some(mimic), |mimic| leader(&mimic.joint));
         if chain.take(robot.joints.len() + 1).count() > robot.joints.len() {
@@ -82,16 +82,16 @@ fn check_link(link: &Link, path: &Path) -> Result<(), DataError> {
     Ok(())
 }
 
-/// Refuses a shape without extent, or of no place.
+/// Refuses a shape without extent, or with an invalid origin.
 pub fn check_shape(geometry: &Geometry, origin: &urdf_rs::Pose, element: String, path: &Path) -> Result<(), DataError> {
     check_origin(origin, &element, path)?;
     let (field, lengths) = match geometry {
         Geometry::Box { size } => ("box.size", size.0.to_vec()),
         Geometry::Sphere { radius } => ("sphere.radius", vec![*radius]),
         Geometry::Cylinder { radius, length } => ("cylinder", vec![*radius, *length]),
-        // A capsule without length is a ball.
+        // A capsule without length is a sphere.
         Geometry::Capsule { radius, length } => ("capsule", vec![*radius, length + f64::MIN_POSITIVE]),
-        // The mesh's reader checks its scale.
+        // The mesh reader checks its scale.
         Geometry::Mesh { .. } => return Ok(()),
     };
     if !lengths.iter().all(|length| *length > 0.0 && *length <= LONGEST) {

@@ -1,7 +1,8 @@
-//! A look at a URDF's text before it is parsed: its size and nesting, its prefixes, and the attributes that links and joints need.
+//! Screening of a URDF's text before it is parsed: its size and nesting, its namespace prefixes, and the attributes
+//! that links and joints need.
 //!
-//! The parser behind it names neither line nor element. Here a fault gets both, and what a hand does not need (`velocity` of a limit,
-//! zeros of an inertia) is filled in.
+//! The parser that follows reports neither line nor element. Here an error has both, and values that a hand does not
+//! need (`velocity` of a limit, zeros of an inertia) are filled in.
 
 mod attributes;
 mod tags;
@@ -14,43 +15,43 @@ use self::attributes::{check_attributes, filled_in};
 use self::tags::{Tag, Tags};
 use platform::data::DataError;
 
-/// A URDF may be this large, bytes.
+/// Largest size of a URDF, bytes.
 pub const LARGEST_FILE: u64 = 16 << 20;
-/// Elements may be nested this deep; a URDF's own are seven deep.
+/// Deepest nesting of elements; those of the URDF format nest seven deep.
 const DEEPEST: usize = 64;
-/// The kinds of joints that a URDF knows.
+/// Joint types that URDF defines.
 const JOINT_TYPES: [&str; 7] = ["revolute", "continuous", "prismatic", "fixed", "floating", "planar", "spherical"];
-/// The shapes that a URDF knows.
+/// Shapes that URDF defines.
 const SHAPES: [&str; 5] = ["box", "cylinder", "sphere", "capsule", "mesh"];
 
-/// Elements that an <inertial> needs, with zeros.
+/// Elements that an <inertial> requires, with zeros.
 const ZEROS: [(&str, &str); 2] = [
     ("mass", "<mass value=\"0\"/>"),
     ("inertia", "<inertia ixx=\"0\" ixy=\"0\" ixz=\"0\" iyy=\"0\" iyz=\"0\" izz=\"0\"/>"),
 ];
 
-/// A URDF that can be parsed.
+/// A URDF that the parser accepts.
 pub struct Screened {
-    /// Its text, with what may be left out.
+    /// The text, with optional parts filled in.
     pub text: String,
-    /// Joints that turn or slide between limits which the file does not give.
+    /// Joints of types with limits (revolute, prismatic) for which the file gives none.
     pub unlimited: BTreeSet<String>,
 }
 
 /// An element that is open.
 struct Open {
     name: String,
-    /// Prefixes that it declares.
+    /// Namespace prefixes that it declares.
     prefixes: Vec<String>,
     /// Names of its children so far.
     children: Vec<String>,
     line: usize,
-    /// Its type and whether it has a range, of a joint.
+    /// For a joint: its type, and whether it has a range.
     joint_type: String,
     has_range: bool,
 }
 
-/// The URDF's bytes as text, up to a byte order mark.
+/// Decodes the URDF's bytes as UTF-8, without a byte order mark.
 fn text<'a>(bytes: &'a [u8], path: &Path) -> Result<&'a str, DataError> {
     let expected = "UTF-8 text; an editor or `iconv -t UTF-8` saves it so";
     if bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]) {
@@ -65,7 +66,7 @@ fn text<'a>(bytes: &'a [u8], path: &Path) -> Result<&'a str, DataError> {
     Ok(text.trim_start_matches('\u{feff}'))
 }
 
-/// Screens the bytes of the URDF at `path`, which is named in errors only.
+/// Screens the bytes of a URDF; `path` is used in errors only.
 pub fn screen(bytes: &[u8], path: &Path) -> Result<Screened, DataError> {
     if bytes.len() as u64 > LARGEST_FILE {
         let found = format!("{} MB", bytes.len() >> 20);
@@ -105,7 +106,7 @@ pub fn screen(bytes: &[u8], path: &Path) -> Result<Screened, DataError> {
 struct Screen<'a> {
     path: &'a Path,
     stack: Vec<Open>,
-    /// Text to put in, with what it replaces (bytes).
+    /// Replacements of the text: byte range and new text.
     edits: Vec<(Range<usize>, String)>,
     unlimited: BTreeSet<String>,
     /// The link or joint that is open, as errors name it.
@@ -171,7 +172,7 @@ impl Screen<'_> {
         Ok(())
     }
 
-    /// An element inside of a link or a joint.
+    /// Checks an element inside a link or a joint.
     fn check_nested(&mut self, start: &tags::Start<'_>) -> Result<(), DataError> {
         let names: Vec<&str> = self.stack[1..].iter().map(|open| open.name.as_str()).chain([start.name]).collect();
         let field = names[1..].join(".");
@@ -214,7 +215,7 @@ impl Screen<'_> {
         Ok(())
     }
 
-    /// `at` is the place of the end tag; none of an element that ends itself.
+    /// Closes an element; `at` is the byte offset of the end tag, none for a self-closing element.
     fn close(&mut self, name: &str, line: usize, at: Option<usize>) -> Result<(), DataError> {
         let Some(open) = self.stack.pop().filter(|open| open.name == name) else {
             let found = format!("</{name}> in line {line}");

@@ -1,4 +1,4 @@
-//! Joints that no actuator pulls: held at a coordinate, they are fixed joints.
+//! Joints that no actuator pulls. They are held at a coordinate and become fixed joints.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -10,8 +10,8 @@ use crate::kinematics::pose_from_xyz_rpy;
 use crate::urdf::fault;
 use platform::data::DataError;
 
-/// Fixes every joint that neither is `pulled` nor follows one that is, at its coordinate of `given` (rad or m) or at rest. Answers with
-/// their names and coordinates.
+/// Fixes every joint that neither is `pulled` nor follows a pulled one, at its coordinate in `given` (rad or m) or at
+/// rest. Returns their names and coordinates.
 pub fn fix(
     robot: &mut Robot,
     pulled: &BTreeSet<&str>,
@@ -43,12 +43,13 @@ pub fn fix(
     Ok(held.into_iter().map(|(n, angle)| (robot.joints[n].name.clone(), angle)).collect())
 }
 
-/// The joint that joint `n` follows in the end, and its angle as multiple of that joint's and an offset.
+/// Resolves the joint that joint `n` ultimately follows, and the multiplier and offset of its angle relative to that
+/// joint's.
 fn leader(robot: &Robot, n: usize) -> (&str, f64, f64) {
     let joint = &robot.joints[n];
     let (mut name, mut multiplier, mut offset) = (joint.name.as_str(), 1.0, 0.0);
     let mut mimic = joint.mimic.as_ref();
-    // The numbers' check has refused loops.
+    // The check of the numbers has refused loops.
     while let Some(next) = mimic {
         offset += multiplier * next.offset.unwrap_or(0.0);
         multiplier *= next.multiplier.unwrap_or(1.0);

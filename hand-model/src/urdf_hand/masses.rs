@@ -1,4 +1,4 @@
-//! The mass of each moving link with what is fixed to it.
+//! The mass of each moving link, including everything fixed to it.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -12,14 +12,15 @@ use crate::kinematics::{Tree, pose_from_xyz_rpy};
 use crate::urdf::fault;
 use platform::data::DataError;
 
-/// Least principal moment as a share of the largest: point masses on a line have less, up to rounding.
+/// Smallest ratio of the least to the largest principal moment: point masses on a line have less, up to rounding.
 const LEAST_MOMENT_RATIO: f64 = 1e-9;
-/// Density of a link without mass over the boxes around its collision shapes, kg/m3: plastic and air, half of each.
+/// Density assumed for a link without mass, over the bounding boxes of its collision shapes, kg/m3: half plastic, half
+/// air.
 const DENSITY: f64 = 500.0;
-/// A link with neither mass nor shape is a ball of this mass (kg) and radius (m).
+/// Mass (kg) and radius (m) of the ball that replaces a link with neither mass nor shape.
 const BALL: (f64, f64) = (1e-3, 5e-3);
 
-/// Masses by joint, checked.
+/// Computes and checks the mass properties of each joint's link.
 pub fn of(
     robot: &Robot,
     tree: &Tree,
@@ -40,7 +41,7 @@ pub fn of(
     Ok(masses)
 }
 
-/// The mass of boxes around `solids`.
+/// Estimates the mass properties from the bounding boxes of `solids`.
 fn estimated<'a>(solids: impl Iterator<Item = &'a Solid>) -> MassProperties {
     let (mass, radius) = BALL;
     let ball =
@@ -57,12 +58,12 @@ fn estimated<'a>(solids: impl Iterator<Item = &'a Solid>) -> MassProperties {
     boxes.reduce(|a, b| joined(&a, &b)).filter(|boxes| boxes.mass > BALL.0).unwrap_or(ball)
 }
 
-/// The link that a joint moves.
+/// Returns the name of the link that a joint moves.
 fn moved<'a>(robot: &'a Robot, joint: &str) -> &'a str {
     robot.joints.iter().find(|own| own.name == joint).map_or("", |own| &own.child.link)
 }
 
-/// Every link that a joint moves has inertia, its own or of what is fixed to it.
+/// Checks that every link that a joint moves has inertia, its own or that of what is fixed to it.
 fn check(robot: &Robot, tree: &Tree, masses: &[MassProperties], path: &Path) -> Result<(), DataError> {
     for (joint, mass) in tree.joints.iter().zip(masses) {
         let element = format!("link[{}]", moved(robot, &joint.name));
@@ -113,7 +114,7 @@ fn masses(
     Ok(masses)
 }
 
-/// Two bodies in the same frame as one.
+/// Combines two bodies in the same frame.
 fn joined(a: &MassProperties, b: &MassProperties) -> MassProperties {
     let mass = a.mass + b.mass;
     let com = (a.com.coords * a.mass + b.com.coords * b.mass) / mass;

@@ -1,4 +1,4 @@
-//! Mesh files of links: where they are, what they hold, and the convex parts that stand for them.
+//! Mesh files of links: their location, their content, and their convex decomposition.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -10,49 +10,49 @@ use crate::hand_mechanism::Triangles;
 use crate::urdf::fault;
 use platform::data::DataError;
 
-/// A link that is longer than this is probably in millimetres, m.
+/// Largest reach of a link's mesh, m; a larger one is probably in millimetres.
 const LARGEST: f64 = 2.0;
 
-/// Thinner than this, points span no volume, m.
+/// Thickness below which points span no volume, m.
 const FLAT: f64 = 1e-6;
 
-/// Points whose hull stands in for that of a finely cut mesh: as many directions to begin with, and at most.
+/// Smallest and largest number of directions in which the hull of a fine mesh is sampled.
 const DIRECTIONS: (usize, usize) = (256, 4096);
-/// How far the hull may lose, m.
+/// Tolerance of the sampled hull, m.
 const THINNED: f64 = 1e-4;
 
-/// A surface cut into convex parts.
+/// A surface decomposed into convex parts.
 #[derive(Debug, Clone, Default)]
 pub struct Cut {
-    /// Corners of each part.
+    /// Vertices of each part.
     pub parts: Vec<Vec<Point3<f64>>>,
-    /// Largest distance by which the parts stand out of the surface, m.
+    /// Largest distance by which the parts protrude from the surface, m.
     pub excess: f64,
 }
 
-/// Functions that read and cut mesh files, from a crate that knows their formats.
+/// Functions that read and decompose mesh files, supplied by a crate that knows their formats.
 #[derive(Debug, Clone, Copy)]
 pub struct MeshTools {
-    /// Reads a file, in its own unit.
+    /// Reads a file, in the file's own unit.
     pub read: fn(&Path) -> Result<Triangles, DataError>,
-    /// Cuts a surface (m), closed or not, into convex parts.
+    /// Decomposes a surface (m), closed or not, into convex parts.
     pub cut: fn(&Triangles) -> Cut,
 }
 
 /// A mesh of a link.
 #[derive(Debug)]
 pub struct LinkMesh {
-    /// Scaled, m.
+    /// Scaled triangles, m.
     pub triangles: Triangles,
-    /// Corners of the convex parts that stand for it; of finely cut ones those that span them to 0.1 mm.
+    /// Vertices of its convex parts. For fine meshes, only those that span the hull to within 0.1 mm.
     pub parts: Vec<Vec<Point3<f64>>>,
-    /// Largest distance by which the parts stand out of it, m.
+    /// Largest distance by which the parts protrude from the mesh, m.
     pub excess: f64,
-    /// Edges that do not have exactly two faces: 0 if the mesh is watertight.
+    /// Number of edges that do not have exactly two faces: 0 if the mesh is watertight.
     pub open_edges: usize,
 }
 
-/// Meshes that were read: fingers share theirs.
+/// Cache of meshes already read: fingers share theirs.
 pub struct Known {
     tools: MeshTools,
     meshes: BTreeMap<(PathBuf, [u64; 3]), Arc<LinkMesh>>,
@@ -63,7 +63,7 @@ impl Known {
         Self { tools, meshes: BTreeMap::new() }
     }
 
-    /// The mesh `filename` that `element` of the URDF at `urdf` names.
+    /// Reads the mesh `filename` that `element` of the URDF at `urdf` names.
     pub fn read(
         &mut self,
         filename: &str,
@@ -105,7 +105,7 @@ fn scaled(
         return Err(wrong("filename", found, "finite coordinates"));
     }
     let vertices: Vec<Point3<f64>> = vertices.iter().map(|v| Point3::from(v.coords.component_mul(scale))).collect();
-    // A mirrored mesh has its triangles the other way round.
+    // Mirroring reverses the orientation of the triangles.
     if scale.product() < 0.0 {
         triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
     }
@@ -129,7 +129,7 @@ fn scaled(
     Ok(LinkMesh { triangles, parts, excess, open_edges })
 }
 
-/// Directions spread evenly over the sphere (Fibonacci).
+/// Generates directions spread evenly over the sphere (Fibonacci).
 fn directions(count: usize) -> impl Iterator<Item = Vector3<f64>> {
     let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
     (0..count).map(move |n| {
@@ -140,14 +140,15 @@ fn directions(count: usize) -> impl Iterator<Item = Vector3<f64>> {
     })
 }
 
-/// The point that is farthest along a direction.
+/// Returns the index of the farthest point along a direction.
 fn farthest(points: &[Point3<f64>], way: &Vector3<f64>) -> Option<usize> {
     let along = |n: &usize| points[*n].coords.dot(way);
     (0..points.len()).max_by(|a, b| along(a).total_cmp(&along(b)))
 }
 
-/// The points that are farthest in one of many directions: their convex hull is that of all to within [`THINNED`], which is checked
-/// along four times as many. All of them where that does not do, or where there are few.
+/// Keeps only points that are farthest in one of many directions. Their convex hull equals that of all points to within
+/// [`THINNED`], which is checked along four times as many directions. Returns all points if that fails or if there are
+/// few.
 fn thinned(points: Vec<Point3<f64>>) -> Vec<Point3<f64>> {
     let mut count = DIRECTIONS.0;
     while count <= DIRECTIONS.1 && count < points.len() {
@@ -164,10 +165,10 @@ fn thinned(points: Vec<Point3<f64>>) -> Vec<Point3<f64>> {
     points
 }
 
-/// Edges without exactly two faces. Vertices at the same place are the same.
+/// Counts the edges without exactly two faces. Vertices at the same position count as one.
 fn open_edges(vertices: &[Point3<f64>], faces: &[[u32; 3]]) -> usize {
     let mut places: BTreeMap<[u64; 3], usize> = BTreeMap::new();
-    // Adding zero makes -0 and 0 the same place.
+    // Adding zero maps -0 and 0 to the same bits.
     let place: Vec<usize> = vertices
         .iter()
         .map(|v| {
@@ -188,10 +189,12 @@ fn open_edges(vertices: &[Point3<f64>], faces: &[[u32; 3]]) -> usize {
     edges.values().filter(|count| **count != 2).count()
 }
 
-/// The mesh file that `filename` of the URDF at `urdf` names, or what was found and expected.
+/// Locates the mesh file that `filename` of the URDF at `urdf` names. The error is what was found and what was
+/// expected.
 ///
-/// A name is a path from the URDF's folder; `file://` names a path on this machine, `package://` and `model://` one in a package, which is
-/// looked for in every folder from the URDF's upwards: by its name, then as that folder itself. `%20` and backslashes are understood.
+/// A name is a path relative to the URDF's folder. `file://` names a path on this machine, `package://` and `model://`
+/// one in a package. A package is looked for in every folder from the URDF's upwards: by its name, then as that folder
+/// itself. `%20` and backslashes are understood.
 fn locate(filename: &str, urdf: &Path) -> Result<PathBuf, (String, String)> {
     let absolute = std::path::absolute(urdf).unwrap_or_else(|_| urdf.to_path_buf());
     let folder = absolute.parent().unwrap_or(Path::new("/"));
@@ -204,7 +207,7 @@ fn locate(filename: &str, urdf: &Path) -> Result<PathBuf, (String, String)> {
                 named.chain(folder.ancestors().map(|up| up.join(rest))).collect()
             } else {
                 let local = name.strip_prefix("file://").unwrap_or(&name);
-                // `file://host/path` names this machine or another; without a host the path begins at once.
+                // `file://host/path` names this machine or another; without a host the path follows directly.
                 let local = local.strip_prefix("localhost").filter(|rest| rest.starts_with('/')).unwrap_or(local);
                 vec![folder.join(local)]
             };
@@ -230,10 +233,10 @@ fn locate(filename: &str, urdf: &Path) -> Result<PathBuf, (String, String)> {
     Err((format!("no `{filename}`"), expected))
 }
 
-/// Places that a message names.
+/// Largest number of paths in an error message.
 const MOST_SHOWN: usize = 6;
 
-/// A file's name as it stands, with slashes for backslashes, and with `%20` and its kind read.
+/// Returns the possible spellings of a file name: as given, with slashes for backslashes, and percent-decoded.
 fn spellings(filename: &str) -> Vec<String> {
     let slashes = filename.replace('\\', "/");
     let mut names = vec![filename.to_owned(), slashes.clone(), decoded(&slashes)];
@@ -241,7 +244,7 @@ fn spellings(filename: &str) -> Vec<String> {
     names
 }
 
-/// Text with every `%` and two hexadecimal digits as the byte that they mean.
+/// Decodes percent-encoded bytes (`%` and two hexadecimal digits).
 fn decoded(text: &str) -> String {
     let (mut bytes, mut rest) = (Vec::new(), text.as_bytes());
     while let [first, after @ ..] = rest {
@@ -275,7 +278,8 @@ mod tests {
         assert_eq!(open_edges(&soup, &[[0, 1, 2], [3, 4, 5], [6, 7, 8], [9, 10, 11]]), 0);
     }
 
-    /// A mesh in a neighbouring package, in Windows' spelling, behind `file://` and with a blank written as %20.
+    /// Finds a mesh in a neighbouring package, with Windows path separators, behind `file://`, and with a blank written
+    /// as %20.
     #[test]
     fn meshes_are_found_however_they_are_named() {
         let folder = tempfile::tempdir().expect("a folder");
@@ -301,7 +305,8 @@ mod tests {
         assert!(expected.contains(&at("own/urdf/lost/meshes/tip2.stl").display().to_string()), "{expected}");
     }
 
-    /// Of a finely cut ball few points are left, and its hull is smaller by less than is allowed; a box keeps its corners.
+    /// A finely meshed sphere is thinned to few points, and its hull shrinks by less than the tolerance. A box keeps
+    /// its corners.
     #[test]
     fn fine_meshes_are_thinned() {
         let ball: Vec<Point3<f64>> = directions(5000).map(|way| Point3::from(way * 0.012)).collect();

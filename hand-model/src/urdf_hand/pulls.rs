@@ -1,4 +1,4 @@
-//! The pulls file: actuators, springs and what else a URDF does not say.
+//! The pulls file: actuators, springs and everything else that a URDF lacks.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -13,12 +13,13 @@ use crate::transmission::Lever;
 use crate::urdf::fault;
 use platform::data::DataError;
 
-/// No cable of a hand has a longer moment arm, m, and none pulls a slide with more than this many times its tension.
+/// Largest moment arm of a cable, m, and largest force over tension for a sliding joint.
 const LONGEST_ARM: f64 = 1.0;
 const LARGEST_RATIO: f64 = 100.0;
-/// A joint has room to be pulled if this share of its range is left.
+/// Smallest share of a joint's range that must remain in the direction of the pull.
 const LEAST_ROOM: f64 = 0.02;
-/// Less room than this share of that on the other side is probably a sign that is wrong.
+/// Ratio of the range in the direction of the pull to the range on the other side. Below it, the arm's sign is probably
+/// wrong.
 const LITTLE_ROOM: f64 = 0.25;
 
 #[derive(Deserialize)]
@@ -38,7 +39,7 @@ pub struct PullsFile {
     palm: PalmFile,
     #[serde(default)]
     pub visuals: bool,
-    /// Joints that move though nothing pulls them: of a URDF without a pulls file.
+    /// Joints that move although nothing pulls them; only for a URDF without a pulls file.
     #[serde(skip)]
     free: Vec<String>,
 }
@@ -68,7 +69,7 @@ struct PalmFile {
 }
 
 impl PullsFile {
-    /// Of a hand whose joints `free` move and that nothing pulls.
+    /// Builds the file of a hand whose joints `free` move and which nothing pulls.
     pub fn unpulled(free: Vec<String>) -> Self {
         Self {
             version: 1,
@@ -85,7 +86,7 @@ impl PullsFile {
         }
     }
 
-    /// Names of the joints that move by themselves.
+    /// Returns the names of the independently moving joints.
     pub fn pulled(&self) -> BTreeSet<&str> {
         let arms = self.actuator.iter().flat_map(|actuator| actuator.arms.keys());
         arms.chain(&self.free).map(String::as_str).collect()
@@ -110,7 +111,7 @@ impl PullsFile {
         Palm { links: self.palm.links.clone(), facing }
     }
 
-    /// Refuses what can be seen without the mechanism.
+    /// Checks everything that can be checked without the mechanism.
     pub fn check(&self, robot: &Robot, path: &Path) -> Result<(), DataError> {
         if self.version != 1 {
             return Err(DataError::field(path, "version", self.version, "1"));
@@ -192,7 +193,7 @@ impl PullsFile {
     }
 }
 
-/// Gives the hand its actuators and open coordinates.
+/// Adds actuators and open coordinates to the hand.
 pub fn complete(hand: &mut HandMechanism, file: PullsFile, path: &Path) -> Result<(), DataError> {
     for (name, open) in &file.open {
         let wrong = |found: &str, expected: &str| Err(fault(path, "open".into(), name, found.into(), expected));
@@ -208,14 +209,14 @@ pub fn complete(hand: &mut HandMechanism, file: PullsFile, path: &Path) -> Resul
         hand.spring_rest[joint] = *open;
     }
     let rest = hand.rest();
-    // Of two cables that pull a joint to and fro, one opens it.
+    // If two cables pull a joint in opposite directions (antagonists), one of them opens it.
     let ways: Vec<(String, bool)> =
         file.actuator.iter().flat_map(|own| own.arms.iter().map(|(name, arm)| (name.clone(), *arm > 0.0))).collect();
     for actuator in file.actuator {
         let mut arms = Vec::new();
         for (name, arm) in &actuator.arms {
             let element = format!("actuator[{}].arms", actuator.name);
-            // The check has seen that it moves.
+            // `check` has verified that the joint moves.
             let Some(joint) = hand.tree.find(name) else { continue };
             arms.push((joint, Lever::Constant(*arm)));
             if ways.contains(&(name.clone(), *arm <= 0.0)) {
@@ -232,7 +233,8 @@ pub fn complete(hand: &mut HandMechanism, file: PullsFile, path: &Path) -> Resul
     Ok(())
 }
 
-/// A pulled joint can move the way it is pulled; a note where it can do so much less than the other way.
+/// Checks that a pulled joint can move in the direction of the pull. Returns a note if its range there is much smaller
+/// than on the other side.
 fn check_room(
     hand: &HandMechanism,
     (joint, arm): (usize, f64),
@@ -263,7 +265,8 @@ fn check_room(
     }))
 }
 
-/// The largest tension of a cable with these arms: the actuator's own, or that at which a joint's effort is reached.
+/// Computes the largest tension of a cable with these arms: the actuator's own limit, or the tension at which a joint's
+/// effort limit is reached.
 fn most_tension(hand: &HandMechanism, pull: &Pull, own: Option<f64>) -> Option<(f64, String)> {
     let of_joint = |(joint, arm): (usize, f64)| {
         let effort = hand.efforts[joint]?;

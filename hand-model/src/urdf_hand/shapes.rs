@@ -12,7 +12,7 @@ use crate::kinematics::pose_from_xyz_rpy;
 use crate::urdf::numbers::check_shape;
 use platform::data::DataError;
 
-/// A mesh that stands out further from its convex parts than this is told, m.
+/// Distance between a mesh and its convex parts above which it is reported, m.
 const TOLD_EXCESS: f64 = 1e-3;
 
 /// All shapes of a hand.
@@ -23,14 +23,14 @@ pub struct Shapes {
     pub bare: Vec<String>,
 }
 
-/// A shape with its place and its name in the URDF.
+/// A shape with its pose and its name in the URDF.
 struct Shape<'a> {
     geometry: &'a Geometry,
     origin: &'a Pose,
     element: String,
 }
 
-/// The shapes of a link: those for collision, or the visual ones.
+/// Returns the collision shapes of a link, or its visual ones.
 fn shapes_of(link: &Link, visual: bool) -> Vec<Shape<'_>> {
     let name = &link.name;
     if visual {
@@ -44,7 +44,8 @@ fn shapes_of(link: &Link, visual: bool) -> Vec<Shape<'_>> {
     }
 }
 
-/// Reads the shapes of all links. `visuals` takes visual shapes where a link has none for collision; so does a hand that has none at all.
+/// Reads the shapes of all links. With `visuals`, a link without collision shapes uses its visual ones. This is always
+/// done for a hand without any collision shape.
 pub fn read(
     robot: &Robot,
     carried: &BTreeMap<String, (Option<usize>, Isometry3<f64>)>,
@@ -111,7 +112,7 @@ pub fn read(
     Ok(shapes)
 }
 
-/// Says which links pass through everything, and which are taken by their visual shapes.
+/// Adds notes on links that collide with nothing, and on links whose visual shapes are used for collision.
 fn tell(bare: &[String], shown: &[&str], robot: &Robot, path: &Path, notes: &mut Vec<String>) {
     let file = path.display();
     if !shown.is_empty() {

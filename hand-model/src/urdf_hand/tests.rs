@@ -1,4 +1,4 @@
-//! Reading, and refusing what cannot be read.
+//! Reading of hands, and refusal of invalid files.
 
 use proptest::prelude::*;
 
@@ -24,7 +24,7 @@ const URDF: &str = r#"<robot name="clamp">
 </robot>"#;
 const PULLS: &str = "version = 1\ndamping = 0.01\narmature = 1e-4\nspring = 0.02\n[[actuator]]\nname = \"close\"\narms = { hinge = 0.01 }\n";
 
-/// No mesh file can be read, and none is needed.
+/// Mesh tools that fail: the tests read no mesh file.
 const NO_MESHES: MeshTools = MeshTools {
     read: |path| Err(DataError::field(path, "name", "a mesh", "none")),
     cut: |_| Cut { parts: Vec::new(), excess: 0.0 },
@@ -35,7 +35,7 @@ fn parse(urdf: &str, pulls: &str) -> Result<HandMechanism, String> {
         .map_err(|error| error.to_string())
 }
 
-/// Parts of a URDF by their place, replaced in the text behind `after`.
+/// Replaces the first `from` in the text behind `after`.
 fn behind(text: &str, after: &str, from: &str, to: &str) -> String {
     let at = text.find(after).expect("the place");
     let (before, rest) = text.split_at(at);
@@ -65,7 +65,7 @@ fn a_joint_that_slides_needs_its_limits() {
     );
     let hand = parse(&slide.replacen("upper=\"1\"", "upper=\"0.03\"", 1), PULLS).expect("valid");
     assert_eq!(hand.tree.joints[0].kind, JointKind::Slide);
-    // The jaw moves along its axis and does not turn; what drives it is a pinion of 10 mm.
+    // The jaw translates along its axis and does not turn; it is driven by a pinion of 10 mm.
     let pose = hand.tree.forward(&[0.02, 0.0])[0];
     assert!((pose.translation.vector - Vector3::new(0.0, 0.02, 0.0)).norm() < 1e-12 && pose.rotation.angle() < 1e-12);
     assert!((hand.feel[0].damping - 100.0).abs() < 1e-9 && hand.feel[1].damping == 0.01, "{:?}", hand.feel[0]);
@@ -81,8 +81,8 @@ fn a_limit_without_velocity_and_effort_loads() {
     assert!(hand.notes.iter().any(|line| line.contains("joint.limit.effort: none of hinge")), "{:?}", hand.notes);
 }
 
-/// A moving link without <inertial>, with an empty one, or with a mass of zero gets the mass of a box around its shape, or of a
-/// small ball; the note says whose and how much.
+/// A moving link without <inertial>, with an empty one, or with a mass of zero gets the mass of a box around its shape,
+/// or of a small ball. The note names the link and the mass.
 #[test]
 fn a_moving_link_without_mass_gets_one() {
     let inertial = &URDF[URDF.find("<inertial>").expect("one")..URDF.find("</inertial>").expect("one") + 11];
@@ -143,7 +143,7 @@ fn capsules_are_read() {
     assert_eq!(hand.solids[0].shape.extent().1, Vector3::new(0.01, 0.01, 0.025));
 }
 
-/// An actuator's tension ends where a joint's effort does, or at its own.
+/// An actuator's tension is limited by a joint's effort limit or by its own.
 #[test]
 fn tensions_keep_the_efforts() {
     let hand = parse(URDF, PULLS).expect("valid");
@@ -157,7 +157,7 @@ fn tensions_keep_the_efforts() {
     assert_eq!(silent.pulls[0].most, None, "an effort of 0 says nothing");
 }
 
-/// A gripper whose zero is closed opens at the coordinate of `[open]`, and its springs rest there.
+/// A gripper that is closed at coordinate zero opens to the coordinate of `[open]`, where its springs rest.
 #[test]
 fn a_hand_that_is_closed_at_zero_has_its_open_coordinates() {
     let closing = PULLS.replace("hinge = 0.01", "hinge = -0.01");
@@ -206,7 +206,7 @@ fn a_doubled_actuator_a_pulled_mimic_and_an_unknown_palm_are_named() {
     }
 }
 
-/// Two equal masses 20 mm apart on either side: the sum, the middle, and the parallel-axis term.
+/// Two equal masses, 20 mm apart on either side, add up to the total mass, the midpoint, and the parallel-axis term.
 #[test]
 fn what_is_fixed_to_a_link_is_part_of_it() {
     let hand = parse(URDF, PULLS).expect("valid");
@@ -217,7 +217,7 @@ fn what_is_fixed_to_a_link_is_part_of_it() {
     assert!((hand.torques(&[0.5, 0.0], &[4.0])[0] - (0.04 - 0.01)).abs() < 1e-12);
 }
 
-/// A frame without mass has that of what is fixed to it.
+/// A frame without mass takes on that of what is fixed to it.
 #[test]
 fn a_frame_without_mass_moves_what_is_fixed_to_it() {
     let hand =
@@ -225,8 +225,8 @@ fn a_frame_without_mass_moves_what_is_fixed_to_it() {
     assert!((hand.masses[0].mass - 0.1).abs() < 1e-12 && (hand.masses[0].com.x - 0.04).abs() < 1e-12);
 }
 
-/// A tip frame with mass and no inertia adds its mass and the parallel-axis term, with a note; alone on a joint, or in line with
-/// another such mass, it gives no inertia to turn against.
+/// A tip frame with mass and no inertia adds its mass and the parallel-axis term, with a note. Alone on a joint, or in
+/// line with another such mass, it has no inertia about some axis and is refused.
 #[test]
 fn a_mass_without_inertia_is_a_point() {
     let none = |text: &str, link: &str| {
@@ -250,8 +250,8 @@ fn a_mass_without_inertia_is_a_point() {
     }
 }
 
-/// A joint that nothing pulls turns its link into a part of the one that carries it, at the given angle or at rest; so does a
-/// joint that follows it, with its offset. A joint that follows a pulled one rests at its offset.
+/// An unpulled joint makes its link a part of the one that carries it, at the given angle or at rest. A joint that
+/// follows it does the same, with its offset. A joint that follows a pulled one rests at its offset.
 #[test]
 fn joints_that_nothing_pulls_are_held() {
     let spread = URDF.replace(
@@ -350,7 +350,7 @@ fn faults_name_file_element_and_field() {
     }
 }
 
-/// Numbers as a slip of the hand makes them.
+/// Typical mistyped numbers.
 fn number() -> impl Strategy<Value = String> {
     prop_oneof![
         Just("nan".to_owned()),
@@ -364,7 +364,7 @@ fn number() -> impl Strategy<Value = String> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(2000))]
 
-    /// Whatever number stands wherever there is one: read or refused, and what is read can be moved.
+    /// Any number in any place is either read or refused, and a hand that was read can be moved.
     #[test]
     fn no_number_makes_it_panic(at in 0usize..100, number in number()) {
         for (text, urdf) in [(URDF, true), (PULLS, false)] {
@@ -380,7 +380,7 @@ proptest! {
         }
     }
 
-    /// Any bytes in place of any part of a file.
+    /// Arbitrary bytes in place of any part of a file.
     #[test]
     fn no_bytes_make_it_panic(at in 0usize..1500, cut in 0usize..60, bytes in proptest::collection::vec(any::<u8>(), 0..12)) {
         for (text, urdf) in [(URDF, true), (PULLS, false)] {

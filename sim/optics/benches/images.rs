@@ -1,6 +1,6 @@
-//! Images: `cargo bench -p optics`, with `--features gpu` on a GPU as well. Idle, a ball and a bumpy shape at 2 N; with
-//! and without cast shadows; one sensor and all 17; one and two threads. What is timed starts at indentation maps and
-//! ends at images' bytes; the throughput is in images.
+//! Benchmarks of image formation: `cargo bench -p optics`, with `--features gpu` on a GPU as well. Cases: idle, a ball
+//! and a bumpy shape at 2 N; with and without cast shadows; one sensor and all 17; one and two threads. The timed part
+//! starts at indentation maps and ends at image bytes; the throughput is in images.
 
 use std::hint::black_box;
 
@@ -16,7 +16,7 @@ use rayon::prelude::*;
 /// Force on each pad, N.
 const FORCE: f64 = 2.0;
 
-/// The first camera of each pad.
+/// Creates a sensor for the first camera of each pad.
 fn sensors(hand: &Hand) -> Vec<Sensor> {
     let cameras = hand.pads.iter().map(|pad| &hand.cameras[pad.cameras[0]]);
     cameras.zip(0..).map(|(camera, serial)| Sensor::unit(&hand.pads[camera.pad], camera, serial)).collect()
@@ -75,7 +75,7 @@ fn on_cpu(criterion: &mut Criterion) {
     }
 }
 
-/// One hand, and 256 hands at once, on a GPU; prints a message without one.
+/// Measures one hand, and 256 hands at once, on a GPU; prints a message without one.
 #[cfg(feature = "gpu")]
 fn on_gpu(criterion: &mut Criterion) {
     use std::sync::Arc;

@@ -1,5 +1,5 @@
-//! Presses a ball, a box and a cylinder into several pads and writes the images as one PNG sheet:
-//! `cargo run --release -p optics --example press -- sheet.png`. Also prints what an image costs.
+//! Presses a ball, a box and a cylinder into several pads and writes the images as one PNG sheet: `cargo run --release
+//! -p optics --example press -- sheet.png`. Also prints the time per image.
 
 use std::error::Error;
 use std::time::Instant;
@@ -18,14 +18,14 @@ fn ball(x: f64, y: f64) -> Option<f64> {
     (inside > 0.0).then(|| 0.021 - inside.sqrt())
 }
 
-/// The corner region of a box, turned and tilted.
+/// Returns the height (m) of the corner region of a box, rotated and tilted.
 fn cuboid(x: f64, y: f64) -> Option<f64> {
     let (sin, cos) = 0.4f64.sin_cos();
     let (u, v) = (cos * x + sin * y, cos * y - sin * x);
     (u.abs() < 0.004 && v.abs() < 0.007).then_some(0.04 * u)
 }
 
-/// A rod across the pad.
+/// Returns the height (m) of a rod across the pad.
 fn cylinder(x: f64, y: f64) -> Option<f64> {
     let across = 0.96 * y - 0.28 * x;
     let inside = 0.006f64.powi(2) - across * across;

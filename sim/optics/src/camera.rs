@@ -23,13 +23,13 @@ pub struct Pinhole {
 }
 
 impl Pinhole {
-    /// Unit direction from a surface point to the camera (the paper's v).
+    /// Computes the unit direction from a surface point to the camera (the paper's v).
     pub fn viewer(&self, point: &Point3<f64>) -> Vector3<f64> {
         (self.position - point).normalize()
     }
 
-    /// The intrinsics K for which the undeformed plane z = 0 fills the image of `camera`. Camera frame: x, -y and z of
-    /// the pad; mirrored, because the rectified image shows the pad as seen from outside.
+    /// Computes the intrinsics K for which the undeformed plane z = 0 fills the image of `camera`. Camera frame: x, -y
+    /// and z of the pad; mirrored, because the rectified image shows the pad as seen from outside.
     pub fn intrinsics(&self, camera: &Camera) -> Matrix3<f64> {
         let ((dx, dy), (x0, y0)) = (camera.pixel_size(), camera.pixel_center(0, 0));
         let depth = -self.position.z;
@@ -46,14 +46,15 @@ impl Pinhole {
         )
     }
 
-    /// Column and row (fractional, pixel centres whole) at which a point of the pad frame appears: `x = K X / Z`.
+    /// Projects a point of the pad frame to column and row (fractional; pixel centres are whole numbers): `x = K X /
+    /// Z`.
     pub fn project(&self, camera: &Camera, point: &Point3<f64>) -> (f64, f64) {
         let v = point - self.position;
         let image = self.intrinsics(camera) * Vector3::new(v.x, -v.y, v.z) / v.z;
         (image.x, image.y)
     }
 
-    /// Whether the point is within the image.
+    /// True if the point is within the image.
     pub fn sees(&self, camera: &Camera, point: &Point3<f64>) -> bool {
         let (column, row) = self.project(camera, point);
         let inside = -0.5..IMAGE_SIZE as f64 - 0.5;
@@ -65,20 +66,20 @@ impl Pinhole {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Response {
-    /// g1, g2, g3.
+    /// Coefficients g1, g2, g3.
     pub coefficients: [f64; 3],
 }
 
 impl Response {
     pub const LINEAR: Self = Self { coefficients: [1.0, 0.0, 0.0] };
 
-    /// G: from measured intensity to radiance.
+    /// Computes G: radiance from measured intensity.
     pub fn radiance(&self, measured: f64) -> f64 {
         let [g1, g2, g3] = self.coefficients;
         measured * (g1 + measured * (g2 + measured * g3))
     }
 
-    /// F, the inverse of G, by bracketed Newton iteration; above full scale it continues as a straight line.
+    /// Computes F, the inverse of G, by bracketed Newton iteration; above full scale it continues as a straight line.
     pub fn measured(&self, radiance: f64) -> f64 {
         let [g1, g2, g3] = self.coefficients;
         let full = self.radiance(1.0);
@@ -108,7 +109,7 @@ impl Response {
         m
     }
 
-    /// Whether G is increasing on 0..1.
+    /// True if G is increasing on 0..1.
     pub fn is_monotonic(&self) -> bool {
         let [g1, g2, g3] = self.coefficients;
         (0..=100).map(|i| f64::from(i) / 100.0).all(|m| g1 + 2.0 * g2 * m + 3.0 * g3 * m * m > 0.0)
@@ -136,7 +137,7 @@ impl ResponseTable {
         &self.grey
     }
 
-    /// Grey level of a radiance, by linear interpolation in the table.
+    /// Returns the grey level of a radiance, by linear interpolation in the table.
     #[inline(always)]
     pub(crate) fn grey(&self, radiance: f32) -> f32 {
         let at = (radiance * (Self::CELLS as f64 / Self::END) as f32).clamp(0.0, Self::CELLS as f32);

@@ -20,7 +20,7 @@ pub struct Cover {
     curvature: f64,
 }
 
-/// Largest ratio of half a pad's width to the radius: a steeper cover is out of view of its camera and lamps.
+/// Largest ratio of half a pad's width to the radius: a steeper cover is outside the view of its camera and lamps.
 const WIDEST: f64 = 0.8;
 /// Spacing of the first pass of [`Cover::press`], pixels.
 const COARSE: usize = 4;
@@ -32,7 +32,7 @@ impl Cover {
     /// The flat pad.
     pub const FLAT: Self = Self { curvature: 0.0 };
 
-    /// Part of a cylinder of this radius (m) with its axis along y behind the pad.
+    /// Creates a part of a cylinder of this radius (m) with its axis along y behind the pad.
     pub fn cylinder(radius: f64) -> Result<Self, OpticsError> {
         positive("cover radius", radius)?;
         Ok(Self { curvature: 1.0 / radius })
@@ -42,26 +42,27 @@ impl Cover {
         self.curvature == 0.0
     }
 
-    /// An error if the pad is too wide for the cylinder.
+    /// Returns an error if the pad is too wide for the cylinder.
     pub fn check(&self, pad: &Pad) -> Result<(), OpticsError> {
         let most = 2.0 * WIDEST / self.curvature;
         if pad.w <= most { Ok(()) } else { Err(OpticsError::CoverWidth { found: pad.w, most }) }
     }
 
-    /// Height (m, never positive) over the pad's plane.
+    /// Computes the height (m, never positive) over the pad's plane.
     pub fn height(&self, x: f64) -> f64 {
         let part = (self.curvature * x).clamp(-1.0, 1.0);
         // sqrt(R^2 - x^2) - R without cancellation, valid for curvature 0 too.
         -self.curvature * x * x / (1.0 + (1.0 - part * part).sqrt())
     }
 
-    /// Unit normal, out of the gel.
+    /// Computes the unit normal, out of the gel.
     pub fn normal(&self, x: f64) -> Vector3<f64> {
         let part = (self.curvature * x).clamp(-1.0, 1.0);
         Vector3::new(part, 0.0, (1.0 - part * part).sqrt())
     }
 
-    /// Depth (m) of an object below the cover at (x, y), along the normal: negative above it, `None` without an object.
+    /// Computes the depth (m) of an object below the cover at (x, y), along the normal: negative above it, `None`
+    /// without an object.
     pub fn penetration(
         &self,
         pad: &Pad,
@@ -93,7 +94,7 @@ impl Cover {
         Ok(depth.is_finite().then_some(depth))
     }
 
-    /// As [`crate::indentation::press_on`], on this cover: the maps are along its normals.
+    /// Like [`crate::indentation::press_on`], on this cover: the maps are along its normals.
     pub fn press(
         &self,
         pad: &Pad,
@@ -131,8 +132,8 @@ struct Contact<'a, F> {
 }
 
 impl<F: FnMut(f64, f64) -> Option<f64>> Contact<'_, F> {
-    /// Force (N) that the gel bears with the object moved in by `shift` (m), and the indentation (m) on every `spacing`-th
-    /// row and column of each camera.
+    /// Computes the force (N) that the gel bears with the object moved in by `shift` (m), and the indentation (m) on
+    /// every `spacing`-th row and column of each camera.
     fn loads(&mut self, shift: f64, spacing: usize) -> Result<(f64, Vec<Vec<f32>>), OpticsError> {
         let (mut sum, mut all) = (0.0, Vec::with_capacity(self.cameras.len()));
         for camera in self.cameras {
@@ -158,9 +159,10 @@ impl<F: FnMut(f64, f64) -> Option<f64>> Contact<'_, F> {
         Ok(self.loads(shift, COARSE)?.0)
     }
 
-    /// The shift (m) at which a coarse grid bears `force` (N); `None` where nothing is above the pad.
+    /// Finds the shift (m) at which a coarse grid bears `force` (N); `None` if nothing is above the pad.
     fn bisect(&mut self, force: f64) -> Result<Option<f64>, OpticsError> {
-        // The height of the object's lowest point is unknown: move out until it lets go, then in until the gel bears it.
+        // The height of the object's lowest point is unknown: move out until the contact is lost, then in until the gel
+        // bears the force.
         let (mut low, mut high) = (-self.gel.thickness, self.gel.thickness);
         for _ in 0..STEPS {
             if self.coarse_force(low)? <= force {
@@ -189,8 +191,8 @@ impl<F: FnMut(f64, f64) -> Option<f64>> Contact<'_, F> {
         Ok(Some(high))
     }
 
-    /// Shift (m), force (N) and full maps at which all pixels bear `force`, by the secant method from a shift that is
-    /// nearly right.
+    /// Finds the shift (m), force (N) and full maps at which all pixels bear `force`, by the secant method from an
+    /// approximate shift.
     fn balance(&mut self, start: f64, force: f64) -> Result<(f64, f64, Vec<Vec<f32>>), OpticsError> {
         let (mut shift, mut last) = (start, None);
         let mut found = self.loads(shift, 1)?;

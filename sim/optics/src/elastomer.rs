@@ -3,8 +3,8 @@
 //! Inside the contact the gel touches the object; outside it leaves the object gradually. The indentation is smoothed
 //! repeatedly with ever narrower kernels ("pyramid Gaussian kernels"). After each pass the depth is raised to at least
 //! the object's own, so that the gel never enters the object. Each kernel is three box filters in a row: a B-spline of
-//! support 3 r to each side and standard deviation `sqrt(r (r + 1))` pixels. That is close to a Gaussian, exactly zero
-//! beyond its support, and costs the same at any width.
+//! support 3 r to each side and standard deviation `sqrt(r (r + 1))` pixels. It is close to a Gaussian, exactly zero
+//! beyond its support, and equally cheap at any width.
 
 use hand_model::pads::{Camera, IMAGE_SIZE};
 use schemars::JsonSchema;
@@ -26,7 +26,8 @@ pub struct Elastomer {
 }
 
 impl Default for Elastomer {
-    /// Kernels of about a third, a sixth, ... of the gel's 2.5 mm: the bulge decays within one or two gel thicknesses.
+    /// Returns kernels of about a third, a sixth, ... of the gel's 2.5 mm: the bulge decays within one or two gel
+    /// thicknesses.
     fn default() -> Self {
         Self { kernels: vec![0.8e-3, 0.4e-3, 0.2e-3, 0.1e-3], coating: 0.0 }
     }
@@ -41,7 +42,7 @@ pub struct DeformedGel {
 }
 
 impl DeformedGel {
-    /// Depth of a pixel of the image, m.
+    /// Returns the depth of a pixel of the image, m.
     pub fn depth(&self, column: usize, row: usize) -> f32 {
         let r = &self.rectangle;
         if (r.left..r.right).contains(&column) && (r.top..r.bottom).contains(&row) {
@@ -53,12 +54,12 @@ impl DeformedGel {
 }
 
 impl Elastomer {
-    /// The deformed gel of an indentation map; `None` on an untouched pad.
+    /// Computes the deformed gel of an indentation map; `None` for an untouched pad.
     pub fn deform(&self, camera: &Camera, map: &IndentationMap) -> Option<DeformedGel> {
         self.deform_over(camera, map, 0.0)
     }
 
-    /// As [`Self::deform`], over a rectangle that reaches at least `reach` (m) beyond the contact.
+    /// Like [`Self::deform`], over a rectangle that reaches at least `reach` (m) beyond the contact.
     pub fn deform_over(&self, camera: &Camera, map: &IndentationMap, reach: f64) -> Option<DeformedGel> {
         let rectangle = self.rectangle(camera, map, reach)?;
         let pixel = Raster::of(camera, map.side()).pixel_size();
@@ -66,7 +67,7 @@ impl Elastomer {
         Some(DeformedGel { rectangle, depth })
     }
 
-    /// The rectangle over which [`Self::deform_over`] computes the gel; `None` on an untouched pad.
+    /// Computes the rectangle over which [`Self::deform_over`] computes the gel; `None` for an untouched pad.
     pub(crate) fn rectangle(&self, camera: &Camera, map: &IndentationMap, reach: f64) -> Option<Rectangle> {
         let (dx, dy) = Raster::of(camera, map.side()).pixel_size();
         let least = ((reach / dx).ceil() as usize, (reach / dy).ceil() as usize);
@@ -74,17 +75,17 @@ impl Elastomer {
         Some(map.contact()?.grown(margin.0.max(least.0), margin.1.max(least.1), map.side()).even(map.side()))
     }
 
-    /// Reach of the smoothing beyond a contact, in columns and rows of pixels of this size (m).
+    /// Computes the reach of the smoothing beyond a contact, in columns and rows of pixels of this size (m).
     fn margin(&self, pixel: (f64, f64)) -> (usize, usize) {
         self.radii(pixel).iter().fold((1, 1), |(x, y), &(rx, ry)| (x + 3 * rx, y + 3 * ry))
     }
 
-    /// Box radii (columns, rows) of each kernel on pixels of this size (m).
+    /// Computes the box radii (columns, rows) of each kernel on pixels of this size (m).
     pub(crate) fn radii(&self, (dx, dy): (f64, f64)) -> Vec<(usize, usize)> {
         self.kernels.iter().map(|&deviation| (box_radius(deviation / dx), box_radius(deviation / dy))).collect()
     }
 
-    /// The gel's depth for the object's own depth (m, row-major, 0 outside it), on pixels of this size (m).
+    /// Computes the gel's depth from the object's own depth (m, row-major, 0 outside it), on pixels of this size (m).
     pub fn smooth(&self, own: Vec<f32>, width: usize, height: usize, pixel: (f64, f64)) -> Vec<f32> {
         widest(
             #[inline(always)]
@@ -140,8 +141,8 @@ impl Elastomer {
     }
 }
 
-/// The largest of the values around each pixel, each lowered as `cap` (columns and rows away, by how much) says; values of at most
-/// `least` are left out, because they touch nothing even when dilated.
+/// Computes the maximum of the values around each pixel, each lowered according to `cap` (column offset, row offset,
+/// reduction). Values of at most `least` are left out, because they touch nothing even when dilated.
 #[inline(always)]
 fn dilated(values: &[f32], width: usize, height: usize, cap: &[(isize, isize, f32)], least: f32) -> Vec<f32> {
     let mut grown = vec![f32::NEG_INFINITY; values.len()];
@@ -170,7 +171,8 @@ fn dilated(values: &[f32], width: usize, height: usize, cap: &[(isize, isize, f3
     grown
 }
 
-/// Radius (pixels) of the box filter that, applied three times, has about the standard deviation `deviation` (pixels).
+/// Computes the radius (pixels) of the box filter that, applied three times, has about the standard deviation
+/// `deviation` (pixels).
 fn box_radius(deviation: f64) -> usize {
     let radius = (deviation * deviation + 0.25).sqrt() - 0.5;
     if radius.is_finite() { (radius.round().max(0.0) as usize).min(IMAGE_SIZE) } else { 0 }

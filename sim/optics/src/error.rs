@@ -1,4 +1,4 @@
-//! What can be wrong with the input, and the checks that several modules share.
+//! Errors of the input, and the checks that several modules share.
 
 use std::path::Path;
 
@@ -11,7 +11,7 @@ pub enum OpticsError {
     /// An image or a map of the wrong length for a calibrated sensor.
     #[error("found {found} values; expected {expected}, by the calibration's image size")]
     ImageSize { found: usize, expected: usize },
-    /// A size that images cannot be reduced to.
+    /// An invalid size of reduced images.
     #[error("reduced image: found {0} pixels a side, expected 1 to 240")]
     ReducedSize(usize),
     /// A map has a value that is not a number or out of range.
@@ -23,7 +23,7 @@ pub enum OpticsError {
         /// Range of valid values.
         expected: &'static str,
     },
-    /// The object's surface is at a height that is not a number.
+    /// The object's surface has a height that is not a number.
     #[error("the object's surface at ({x}, {y}) m is at {z} m; expected a number, or nothing")]
     Surface {
         /// Pad coordinate, m.
@@ -46,10 +46,10 @@ pub enum OpticsError {
     CoverWidth {
         /// The pad's width, m.
         found: f64,
-        /// The widest that fits, m.
+        /// Largest width that fits, m.
         most: f64,
     },
-    /// A calibration file is not well-formed or holds an impossible value.
+    /// A calibration file is not well-formed or contains an impossible value.
     #[error("sensor calibration: {0}")]
     Calibration(String),
     /// A job names a sensor that the renderer does not have.
@@ -66,18 +66,18 @@ pub enum OpticsError {
     #[error("{path}: {what}")]
     File {
         path: String,
-        /// What was found and what was expected.
+        /// Description: what was found and what was expected.
         what: String,
     },
 }
 
 impl OpticsError {
-    /// An error about a file or folder.
+    /// Builds an error about a file or folder.
     pub(crate) fn file(path: &Path, what: impl std::fmt::Display) -> Self {
         Self::File { path: path.display().to_string(), what: what.to_string() }
     }
 
-    /// A calibration that does not parse or holds an impossible value.
+    /// Builds an error about a calibration that does not parse or contains an impossible value.
     pub(crate) fn calibration(what: impl std::fmt::Display) -> Self {
         Self::Calibration(what.to_string())
     }

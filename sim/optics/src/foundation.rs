@@ -7,13 +7,13 @@
 //! [`Foundation::paper`] reproduces the paper's probe: a ball of 1.5 mm radius, with pressure defined as force over the
 //! ball's cross-section and response as the change of the gel's thickness in per cent.
 //!
-//! # How stiff is the gel?
+//! # Stiffness of the gel
 //! The hand's parameter file has E = 0.15 MPa and uses `k = E / thickness`, the stiffness of a laterally free column of
-//! gel. The paper's probe presses on a gel that is bonded to its window and laterally constrained by the gel around. For
-//! that case [`bonded_layer_force`] gives, with the same E and nothing fitted, the paper's response to 5 % (`ftac optics
-//! eval --force`: 0.50 and 0.28 for 0.48 and 0.30 per kPa), while free columns give 0.90 and 0.59. So the modulus is
-//! right, and the columns are 2.8 times too soft for this probe: Winkler columns of 0.42 MPa ([`WINKLER_LIKE_PAPER`])
-//! respond as the paper's gel does.
+//! gel. The paper's probe presses on a gel that is bonded to its window and laterally constrained by the surrounding
+//! gel. For that case [`bonded_layer_force`] gives, with the same E and nothing fitted, the paper's response to 5 %
+//! (`ftac optics eval --force`: 0.50 and 0.28 for 0.48 and 0.30 per kPa), while free columns give 0.90 and 0.59. So the
+//! modulus is right, and the columns are 2.8 times too soft for this probe: Winkler columns of 0.42 MPa
+//! ([`WINKLER_LIKE_PAPER`]) respond like the paper's gel.
 //!
 //! The hand's pads use the soft columns nevertheless. The simulator and the touch pipeline share the value, so a pad's
 //! force read from its image agrees with the physics either way. A stiffer gel would change every image of the trials,
@@ -39,9 +39,10 @@ pub struct Foundation {
 /// Modulus (Pa) of Winkler columns that give the paper's probe the paper's response.
 pub const WINKLER_LIKE_PAPER: f64 = 0.42e6;
 
-/// Force (N) on a ball of this radius (m) pressed in this deep (m) on an incompressible elastic layer of Young's
-/// `modulus` (Pa) and `thickness` (m) bonded to a rigid base: Hertz' law with the correction for the base (Dimitriadis et
-/// al. 2002, for Poisson's ratio 0.5). Valid while the contact is not much wider than the layer is thick.
+/// Computes the force (N) on a ball of this radius (m), pressed to this depth (m) into an incompressible elastic layer
+/// of Young's `modulus` (Pa) and `thickness` (m) bonded to a rigid base: Hertz' law with the correction for the base
+/// (Dimitriadis et al. 2002, for Poisson's ratio 0.5). Valid while the contact is not much wider than the layer is
+/// thick.
 pub fn bonded_layer_force(modulus: f64, thickness: f64, radius: f64, depth: f64) -> f64 {
     let chi = (radius * depth).max(0.0).sqrt() / thickness;
     let ground = 1.0 + chi * (1.133 + chi * (1.283 + chi * (0.769 + chi * 0.0975)));
@@ -52,17 +53,17 @@ pub fn bonded_layer_force(modulus: f64, thickness: f64, radius: f64, depth: f64)
 const PRESSED_FLAT: f64 = 0.98;
 
 impl Foundation {
-    /// The Winkler foundation of the hand's parameter file.
+    /// Returns the Winkler foundation of the hand's parameter file.
     pub fn winkler(gel: &Gel) -> Self {
         Self { thickness: gel.thickness, modulus: gel.stiffness * gel.thickness, exponent: 1.0, hardening: 0.0 }
     }
 
-    /// The law under which the paper's probe gives the paper's response (`ftac optics eval --force`).
+    /// Returns the law under which the paper's probe gives the paper's response (`ftac optics eval --force`).
     pub fn paper(thickness: f64) -> Self {
         Self { thickness, modulus: 176.4e3, exponent: 0.55, hardening: 1.0 }
     }
 
-    /// An error for impossible values.
+    /// Checks for impossible values.
     pub fn check(&self) -> Result<(), OpticsError> {
         positive("gel thickness", self.thickness)?;
         positive("gel modulus", self.modulus)?;
@@ -74,7 +75,7 @@ impl Foundation {
         }
     }
 
-    /// Pressure (Pa) under an indentation (m).
+    /// Computes the pressure (Pa) under an indentation (m).
     pub fn pressure(&self, indentation: f64) -> f64 {
         let part = (indentation / self.thickness).clamp(0.0, 1.0);
         if self.exponent == 1.0 && self.hardening == 0.0 {
@@ -84,7 +85,7 @@ impl Foundation {
         self.modulus * part.powf(self.exponent) / (1.0 - part).powf(self.hardening)
     }
 
-    /// Force (N) on a ball of this radius (m) pressed in this deep (m).
+    /// Computes the force (N) on a ball of this radius (m) pressed to this depth (m).
     pub fn ball_force(&self, radius: f64, depth: f64) -> f64 {
         const RINGS: usize = 400;
         let deep = depth.min(radius);
@@ -109,7 +110,7 @@ pub struct ProbePoint {
     pub response: f64,
 }
 
-/// A straight line through a response.
+/// A straight line fitted to a response.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, schemars::JsonSchema)]
 pub struct Sensitivity {
     /// Slope, per cent of thickness per kPa.
@@ -121,12 +122,12 @@ pub struct Sensitivity {
 /// Radius of the paper's probe, m.
 pub const PROBE_RADIUS: f64 = 1.5e-3;
 
-/// The response of a gel to the paper's probe at `count` pressures, evenly spread up to `most` (kPa).
+/// Computes the response of a gel to the paper's probe at `count` pressures, evenly spread up to `most` (kPa).
 pub fn probe_response(gel: &Foundation, most: f64, count: usize) -> Vec<ProbePoint> {
     response_to(gel.thickness, |depth| gel.ball_force(PROBE_RADIUS, depth), most, count)
 }
 
-/// As [`probe_response`], for a gel of this `thickness` (m); `force` is the force (N) on the probe at a depth (m),
+/// Like [`probe_response`], for a gel of this `thickness` (m); `force` is the force (N) on the probe at a depth (m),
 /// increasing with depth.
 pub fn response_to(thickness: f64, force: impl Fn(f64) -> f64, most: f64, count: usize) -> Vec<ProbePoint> {
     let section = std::f64::consts::PI * PROBE_RADIUS * PROBE_RADIUS;
@@ -141,7 +142,7 @@ pub fn response_to(thickness: f64, force: impl Fn(f64) -> f64, most: f64, count:
     (0..count).map(|i| at(most * i as f64 / (count.max(2) - 1) as f64)).collect()
 }
 
-/// The least-squares line through points up to a pressure (kPa).
+/// Fits the least-squares line through points up to a pressure (kPa).
 pub fn sensitivity(points: &[ProbePoint], up_to: f64) -> Sensitivity {
     let some: Vec<&ProbePoint> = points.iter().filter(|point| point.pressure <= up_to + 1e-9).collect();
     let n = some.len() as f64;

@@ -1,4 +1,4 @@
-//! From the shape above a pad and the normal force to an indentation map.
+//! Computation of an indentation map from the shape above a pad and the normal force.
 //!
 //! The penetration of a pixel is `Pad::surface_height(x, y) - z_object(x, y)`, pad frame, metres: positive where the
 //! object, at its given height, would lie below the undeformed surface. The height that a rigid-body engine gives is not
@@ -17,7 +17,7 @@ use crate::raster::Raster;
 use balance::{Balanced, balance};
 
 pub const PIXELS: usize = IMAGE_SIZE * IMAGE_SIZE;
-/// Largest spacing of the coarse pass of [`press`], pixels, and the blocks that are wanted along a side at least.
+/// Largest spacing of the coarse pass of [`press`], pixels, and smallest number of blocks along a side.
 const BLOCK: (usize, usize) = (4, 32);
 
 /// A rectangle of pixels, half open.
@@ -32,7 +32,8 @@ pub struct Rectangle {
 }
 
 impl Rectangle {
-    /// The rectangle extended by `columns` and `rows` on each side, clipped to an image of `side` x `side` pixels.
+    /// Returns the rectangle extended by `columns` and `rows` on each side, clipped to an image of `side` x `side`
+    /// pixels.
     pub(crate) fn grown(&self, columns: usize, rows: usize, side: usize) -> Self {
         Self {
             left: self.left.saturating_sub(columns),
@@ -42,8 +43,8 @@ impl Rectangle {
         }
     }
 
-    /// The rectangle extended to even columns and rows, so that cells of 2 x 2 pixels are aligned in all rectangles of an image of `side` x `side`
-    /// pixels.
+    /// Returns the rectangle extended to even columns and rows, so that cells of 2 x 2 pixels are aligned in all
+    /// rectangles of an image of `side` x `side` pixels.
     pub(crate) fn even(&self, side: usize) -> Self {
         let up = |end: usize| end.next_multiple_of(2).min(side);
         Self { left: self.left & !1, top: self.top & !1, right: up(self.right), bottom: up(self.bottom) }
@@ -58,8 +59,8 @@ impl Rectangle {
     }
 }
 
-/// How far the object lies below a camera's undeformed surface, pixel by pixel (row-major, m, positive is inside the gel,
-/// negative infinity where there is no object).
+/// Penetration of the object below a camera's undeformed surface, pixel by pixel (row-major, m; positive inside the
+/// gel, negative infinity without an object).
 #[derive(Debug, Clone, PartialEq)]
 pub struct GapMap {
     side: usize,
@@ -93,19 +94,19 @@ impl GapMap {
         Ok(Self { side, pixel_area: pixel_area(raster)?, penetration })
     }
 
-    /// A map of given values, row-major, m.
+    /// Creates a map from given values, row-major, m.
     pub fn from_penetration(camera: &Camera, penetration: Vec<f32>) -> Result<Self, OpticsError> {
         check(&penetration, "a number below infinity", |value| value < f32::INFINITY)?;
         Ok(Self { side: IMAGE_SIZE, pixel_area: pixel_area(&Raster::full(camera))?, penetration })
     }
 
-    /// Row-major, m.
+    /// Returns the values, row-major, m.
     pub fn penetration(&self) -> &[f32] {
         &self.penetration
     }
 }
 
-/// How deep the gel is pressed in, pixel by pixel, from zero to the gel's thickness (m), inside the contact only.
+/// Depth of the pressed gel, pixel by pixel, from zero to the gel's thickness (m), inside the contact only.
 #[derive(Debug, Clone, PartialEq)]
 pub struct IndentationMap {
     side: usize,
@@ -114,12 +115,12 @@ pub struct IndentationMap {
 }
 
 impl IndentationMap {
-    /// The map of an untouched pad.
+    /// Returns the map of an untouched pad.
     pub fn idle() -> Self {
         Self { side: IMAGE_SIZE, depth: Vec::new(), contact: None }
     }
 
-    /// A map from 240 x 240 depths (row-major, m), each finite and not negative.
+    /// Creates a map from 240 x 240 depths (row-major, m), each finite and not negative.
     pub fn from_depth(depth: Vec<f32>) -> Result<Self, OpticsError> {
         check(&depth, "a finite depth of at least 0 m", |value| value >= 0.0 && value.is_finite())?;
         Ok(Self::of_depth(IMAGE_SIZE, depth))
@@ -141,17 +142,17 @@ impl IndentationMap {
         if contact.is_none() { Self::idle() } else { Self { side, depth, contact } }
     }
 
-    /// Pixels along a side of the map; an untouched pad's map fits any.
+    /// Returns the number of pixels along a side of the map; an untouched pad's map fits any.
     pub fn side(&self) -> usize {
         self.side
     }
 
-    /// Smallest rectangle that holds the contact; `None` on an untouched pad.
+    /// Returns the smallest rectangle that contains the contact; `None` for an untouched pad.
     pub fn contact(&self) -> Option<Rectangle> {
         self.contact
     }
 
-    /// The deeper of two maps of the same side at every pixel: what bodies that press side by side leave together.
+    /// Combines two maps of the same side by their larger depth at every pixel, as for bodies that press side by side.
     #[must_use]
     pub fn deeper(&self, other: &Self) -> Self {
         let (Some(a), Some(b)) = (self.contact, other.contact) else {
@@ -167,12 +168,12 @@ impl IndentationMap {
         Self { side: self.side, depth, contact: Some(contact) }
     }
 
-    /// Depth of a pixel, m.
+    /// Returns the depth of a pixel, m.
     pub fn depth(&self, column: usize, row: usize) -> f32 {
         self.depth.get(row * self.side + column).copied().unwrap_or(0.0)
     }
 
-    /// The depths of a rectangle, row-major.
+    /// Copies the depths of a rectangle, row-major.
     pub(crate) fn cut(&self, rectangle: &Rectangle) -> Vec<f32> {
         if self.depth.is_empty() {
             return vec![0.0; rectangle.width() * rectangle.height()];
@@ -182,13 +183,13 @@ impl IndentationMap {
         cut
     }
 
-    /// The rows of a rectangle of a map that is touched.
+    /// Iterates over the rows of a rectangle of a touched map.
     fn rows(&self, rectangle: &Rectangle) -> impl Iterator<Item = &[f32]> {
         let (left, right) = (rectangle.left, rectangle.right);
         self.depth.chunks_exact(self.side).take(rectangle.bottom).skip(rectangle.top).map(move |row| &row[left..right])
     }
 
-    /// Largest depth, m.
+    /// Returns the largest depth, m.
     pub fn deepest(&self) -> f32 {
         let contact = self.contact.iter().flat_map(|contact| self.rows(contact));
         contact.flatten().copied().fold(0.0, f32::max)
@@ -198,7 +199,7 @@ impl IndentationMap {
         self.depth.iter().filter(|&&depth| depth > 0.0).count()
     }
 
-    /// 240 x 240 values, row-major, m.
+    /// Returns 240 x 240 values, row-major, m.
     pub fn to_depths(&self) -> Vec<f32> {
         if self.depth.is_empty() { vec![0.0; PIXELS] } else { self.depth.clone() }
     }
@@ -229,7 +230,7 @@ pub fn press(
     press_on(pad, cameras, &Foundation::winkler(gel), force, z_object)
 }
 
-/// As [`press`], on a gel with any pressure law.
+/// Like [`press`], on a gel with any pressure law.
 pub fn press_on(
     pad: &Pad,
     cameras: &[&Camera],
@@ -241,7 +242,8 @@ pub fn press_on(
     press_rasters(pad, &rasters, gel, force, z_object)
 }
 
-/// As [`press_on`], with maps on other pixels than the cameras' own: on coarser ones the contact's border is coarser too, and so is the force.
+/// Like [`press_on`], with maps on other pixels than the cameras' own. On coarser ones, the border of the contact and
+/// the force are less accurate too.
 pub fn press_rasters(
     pad: &Pad,
     rasters: &[Raster],
@@ -291,18 +293,18 @@ pub fn press_rasters(
     }
 }
 
-/// Squares of pixels, each sampled in its middle.
+/// Square blocks of pixels, each sampled at its centre.
 struct Blocks {
-    /// Pixels along a side of the image, and of a block.
+    /// Number of pixels along a side of the image, and of a block.
     side: usize,
     block: usize,
-    /// Blocks along a side.
+    /// Number of blocks along a side.
     count: usize,
-    /// m2.
+    /// Area of a block, m2.
     area: f64,
-    /// As that of a [`GapMap`], row-major.
+    /// Penetration at the blocks' centres, like that of a [`GapMap`], row-major.
     penetration: Vec<f32>,
-    /// Those whose pixels were sampled.
+    /// True for blocks whose pixels were sampled.
     seen: Vec<bool>,
 }
 
@@ -324,14 +326,14 @@ impl Blocks {
         Ok(Self { side, block, count, area, penetration, seen: vec![false; count * count] })
     }
 
-    /// Whether a block or one of its eight neighbours penetrates by more than `threshold`.
+    /// True if a block or one of its eight neighbours penetrates by more than `threshold`.
     fn near(&self, block: usize, threshold: f32) -> bool {
         let (column, row) = (block % self.count, block / self.count);
         let around = |at: usize| at.saturating_sub(1)..(at + 2).min(self.count);
         around(row).any(|r| around(column).any(|c| self.penetration[r * self.count + c] > threshold))
     }
 
-    /// Columns and rows of a block's pixels.
+    /// Iterates over the columns and rows of a block's pixels.
     fn pixels(&self, block: usize) -> impl Iterator<Item = (usize, usize)> + use<> {
         let (left, top) = (block % self.count * self.block, block / self.count * self.block);
         let (right, bottom) = ((left + self.block).min(self.side), (top + self.block).min(self.side));
@@ -339,12 +341,12 @@ impl Blocks {
     }
 }
 
-/// As [`press`], from gap maps, one per camera of the pad.
+/// Like [`press`], from gap maps, one per camera of the pad.
 pub fn press_gaps(gaps: &[GapMap], gel: &Gel, force: f64) -> Result<Press, OpticsError> {
     press_gaps_on(gaps, &Foundation::winkler(gel), force)
 }
 
-/// As [`press_gaps`], on a gel with any pressure law.
+/// Like [`press_gaps`], on a gel with any pressure law.
 pub fn press_gaps_on(gaps: &[GapMap], gel: &Foundation, force: f64) -> Result<Press, OpticsError> {
     check_force(force)?;
     let found = balance(gaps.iter().map(|gap| (gap.penetration.as_slice(), gap.pixel_area)), gel, force)?;
@@ -372,7 +374,7 @@ fn penetration_at(
     let Some(z) = z_object(x, y) else { return Ok(f32::NEG_INFINITY) };
     let penetration = (pad.surface_height(x, y) - z) as f32;
     if penetration.is_nan() || penetration == f32::INFINITY {
-        // Reported in the caller's coordinates: the pixel is not known here.
+        // Report in the caller's coordinates: the pixel is not known here.
         return Err(OpticsError::Surface { x, y, z });
     }
     Ok(penetration)

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Lamp {
-    /// m; z is negative, behind the surface.
+    /// Position, m; z is negative, behind the surface.
     #[schemars(with = "[f64; 3]")]
     pub position: Point3<f64>,
     /// Principal direction p, unit vector.
@@ -23,23 +23,23 @@ pub struct Lamp {
     pub mu: f64,
     /// Share of the strength in red, green and blue.
     pub color: [f64; 3],
-    /// Half of its extent (m), which makes its shadows soft.
+    /// Half of its extent, m; it makes the lamp's shadows soft.
     #[serde(default = "half_a_package")]
     pub size: f64,
 }
 
-/// Half of a 2835 package, m.
+/// Returns half of a 2835 package, m.
 fn half_a_package() -> f64 {
     1.4e-3
 }
 
 impl Lamp {
-    /// A lamp aimed at a point (m, pad frame).
+    /// Creates a lamp aimed at a point (m, pad frame).
     pub fn aimed(position: Point3<f64>, target: Point3<f64>, eta: f64, mu: f64, color: [f64; 3]) -> Self {
         Self { position, direction: (target - position).normalize(), eta, mu, color, size: half_a_package() }
     }
 
-    /// Unit direction s from a surface point to the lamp, and kappa (1/m2) at the point.
+    /// Computes the unit direction s from a surface point to the lamp, and kappa (1/m2) at the point.
     pub fn at(&self, point: &Point3<f64>) -> (Vector3<f64>, f64) {
         let to_lamp = self.position - point;
         let square = to_lamp.norm_squared();
@@ -49,9 +49,9 @@ impl Lamp {
         (s, kappa)
     }
 
-    /// Visible share of the lamp above a horizon. Horizon and lamp are given as tangents of their elevation over the
-    /// pad's plane, seen from the point; the lamp is at `distance` (m) along the plane. The lamp is `2 size` high, and
-    /// the share rises from 0 to 1 in a smooth step.
+    /// Computes the visible share of the lamp above a horizon. Horizon and lamp are given as tangents of their
+    /// elevation over the pad's plane, seen from the point; the lamp is at `distance` (m) along the plane. The lamp is
+    /// `2 size` high, and the share rises from 0 to 1 in a smooth step.
     pub fn share_above(&self, horizon: f64, elevation: f64, distance: f64) -> f64 {
         let over = ((elevation - horizon) * distance / self.size.max(1e-6)).clamp(-1.0, 1.0);
         let part = 0.5 * (over + 1.0);

@@ -7,27 +7,32 @@
 //! radiance into grey levels. A [`sensor`] combines these steps for one camera unit, and a [`model`] holds all its
 //! parameters: nominal, of one unit, or calibrated.
 //!
-//! Where the gel is deformed or shadowed, a pixel's radiance is the background pixel's plus `model(deformed gel) - model(flat
-//! gel)`; elsewhere the pixel is the background's. The [`foundation`] relates force to indentation, and [`shapes`] has twenty
-//! test objects.
+//! A pixel on deformed or shadowed gel has the background pixel's radiance plus `model(deformed gel) - model(flat
+//! gel)`; any other pixel is the background's. The [`foundation`] relates force to indentation, and [`shapes`] has
+//! twenty test objects.
 //!
 //! All of the hand's pads are flat; a pad of another sensor may be part of a cylinder ([`cover`], [`CurvedSensor`]). The
 //! hand's 17 pads ship with one parameter file each ([`pads`]). A [`renderer`] makes many images at once, on the CPU or a
 //! GPU. [`calibration`] fits the model of a real sensor to presses of a ball and renders at that sensor's own image size.
 //!
-//! Not modelled: light from one part of the gel to another; the sideways shift of points pressed towards the camera in a
-//! pad's images (the calibrated sensor's renderer has it); lens distortion in the pads' images, which are rectified (a
-//! calibrated sensor may have a [`lens`](calibration::lens)). The pads' rounded edges shape the background only, not the
-//! relief that casts shadows.
+//! Not modelled:
+//! - light from one part of the gel to another;
+//! - the sideways shift of points pressed towards the camera in a pad's images (the calibrated sensor's renderer has
+//!   it);
+//! - lens distortion in the pads' images, which are rectified (a calibrated sensor may have a
+//!   [`lens`](calibration::lens)).
+//!
+//! The pads' rounded edges shape the background only, not the relief that casts shadows.
 //!
 //! # Frames
-//! Everything is in the pad's frame, in metres: z out of the surface, camera and lamps at negative z. Maps are row-major,
-//! 240 x 240; row 0 is the distal edge (largest y), column 0 has the smallest x.
+//! Everything is in the pad's frame, in metres: z out of the surface, camera and lamps at negative z. Maps are
+//! row-major, 240 x 240; row 0 is the distal edge (largest y), column 0 has the smallest x.
 //!
 //! # For the owner of a GelSight Mini
-//! Put a picture of the untouched gel (`background.png`) and a dozen or two of a steel ball pressed in at different places
-//! into one folder. `labels.csv` may give the balls' positions (see [`calibration::folder`]); otherwise they are detected.
-//! Optional pictures of a checkerboard calibrate the lens, and pictures under each lamp alone the lamps. Then
+//! Put a picture of the untouched gel (`background.png`) and a dozen or two of a steel ball pressed in at different
+//! positions into one folder. `labels.csv` may give the balls' positions (see [`calibration::folder`]); otherwise they
+//! are detected. Optional pictures of a checkerboard calibrate the lens, and pictures under each lamp alone the lamps.
+//! Then
 //! ```sh
 //! ftac optics calibrate FOLDER --ball-diameter-mm 6.31 --pixel-mm 0.0634 --out mini.toml
 //! ```

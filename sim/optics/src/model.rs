@@ -59,7 +59,7 @@ pub struct Variation {
 }
 
 impl Default for Variation {
-    /// Typical of hand-assembled units: lamps within 0.2 mm and 3 degrees, and 5 % of their strength.
+    /// Returns values typical of hand-assembled units: lamps within 0.2 mm and 3 degrees, and 5 % of their strength.
     fn default() -> Self {
         Self {
             lamp_place: 0.2e-3,
@@ -78,7 +78,7 @@ impl Default for Variation {
 /// Mean grey level of an untouched nominal sensor's flat gel, each channel.
 pub const NOMINAL_GREY: f64 = 115.0;
 
-/// Least distance (m) of a lamp from the gel, in a file and in a fit.
+/// Smallest distance (m) of a lamp from the gel, in a file and in a fit.
 pub(crate) const NEAREST_LAMP: f64 = 1e-3;
 
 /// Largest width of a kernel and thickness of a coating, m.
@@ -88,7 +88,8 @@ const THICKEST: f64 = 0.02;
 const RIM: f64 = 0.0015;
 
 impl SensorModel {
-    /// The design: red lamps along +x, green along -x, blue at +y, yellow at -y, and two white ones beside the camera.
+    /// Returns the design: red lamps along +x, green along -x, blue at +y, yellow at -y, and two white ones beside the
+    /// camera.
     ///
     /// Red minus green gives the slope across, blue against both the slope along, and no slope is dark in all channels.
     /// The lamps have lenses and are aimed beyond the centre, so that their light varies little over the pad. A pad with
@@ -136,7 +137,7 @@ impl SensorModel {
         model
     }
 
-    /// The model of one unit of a series; `seed` is its serial number.
+    /// Samples the model of one unit of a series; `seed` is its serial number.
     pub fn varied(&self, by: &Variation, seed: u64) -> Self {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let mut vary = |deviation: f64| deviation * rng.sample::<f64, _>(StandardNormal);
@@ -158,13 +159,13 @@ impl SensorModel {
         model
     }
 
-    /// Radiance of a surface point with slopes dz/dx, dz/dy under all lamps, after the gain: the reference
+    /// Computes the radiance of a surface point with slopes dz/dx, dz/dy under all lamps, after the gain: the reference
     /// implementation, in double precision.
     pub fn radiance(&self, point: &Point3<f64>, slope: [f64; 2]) -> [f64; 3] {
         self.radiance_past(point, slope, |_| 1.0)
     }
 
-    /// As [`Self::radiance`], with the visible share of each lamp.
+    /// Like [`Self::radiance`], with the visible share of each lamp.
     pub fn radiance_past(&self, point: &Point3<f64>, slope: [f64; 2], share: impl Fn(usize) -> f64) -> [f64; 3] {
         let normal = Vector3::new(slope[0], slope[1], -1.0).normalize();
         let viewer = self.camera.viewer(point);
@@ -181,7 +182,7 @@ impl SensorModel {
         sum
     }
 
-    /// Grey levels of a surface point, which may exceed 255.
+    /// Computes the grey levels of a surface point, which may exceed 255.
     pub fn grey(&self, point: &Point3<f64>, slope: [f64; 2]) -> [f64; 3] {
         let radiance = self.radiance(point, slope);
         std::array::from_fn(|c| 255.0 * self.response[c].measured(radiance[c]))
@@ -214,7 +215,7 @@ impl SensorModel {
         Ok(model)
     }
 
-    /// An error that names the field for impossible values.
+    /// Checks for impossible values; the error names the field.
     pub fn check(&self) -> Result<(), OpticsError> {
         let fault = |what: String| Err(OpticsError::Calibration(what));
         let lamps = self.lamps.iter().flat_map(|lamp| {

@@ -9,11 +9,11 @@ use rand_distr::{Distribution, StandardNormal};
 use crate::indentation::PIXELS;
 use crate::wide::whole;
 
-/// Read-out noise: independent normal draws of one standard deviation, added to every value of an image.
+/// Read-out noise: independent normal samples of one standard deviation, added to every value of an image.
 ///
-/// Drawing 172,800 numbers for each image would cost more than rendering it. A table is drawn once, and each row of an
-/// image starts at a random index in it. Rows of one image seldom overlap (about 2 % of pairs share draws), and images
-/// practically never repeat.
+/// Generating 172,800 samples for each image would cost more than rendering it. Therefore a table is generated once,
+/// and each row of an image starts at a random index in it. Rows of one image seldom overlap (about 2 % of pairs share
+/// samples), and images practically never repeat.
 #[derive(Debug, Clone)]
 pub(crate) struct ReadOutNoise {
     table: Vec<f32>,
@@ -21,7 +21,7 @@ pub(crate) struct ReadOutNoise {
 
 impl ReadOutNoise {
     const STARTS: usize = 1 << 16;
-    /// Draws in the table.
+    /// Number of samples in the table.
     pub(crate) const DRAWS: usize = Self::STARTS + 3 * IMAGE_SIZE;
 
     pub(crate) fn new(deviation: f64, seed: u64) -> Self {
@@ -40,12 +40,12 @@ impl ReadOutNoise {
         &self.table
     }
 
-    /// Index in the table at which an image's next row starts.
+    /// Picks the index in the table at which an image's next row starts.
     pub(crate) fn start(rng: &mut impl Rng) -> usize {
         rng.next_u32() as usize % Self::STARTS
     }
 
-    /// Writes a row of grey levels, `brightness` times as bright and with noise, as bytes.
+    /// Writes a row of grey levels as bytes, scaled by `brightness` and with noise.
     #[inline(always)]
     pub(crate) fn expose(&self, grey: &[f32], brightness: f32, bytes: &mut [u8], rng: &mut impl Rng) {
         let start = Self::start(rng);
@@ -55,7 +55,7 @@ impl ReadOutNoise {
         }
     }
 
-    /// Writes a row of mean grey levels as bytes; the noise has a factor of the row's and one of each value's.
+    /// Writes a row of mean grey levels as bytes; the noise has a factor for the row and one for each value.
     #[inline(always)]
     pub(crate) fn expose_means(
         &self,
@@ -72,14 +72,14 @@ impl ReadOutNoise {
     }
 }
 
-/// Nearest of the 256 grey levels.
+/// Rounds to the nearest of the 256 grey levels.
 #[inline(always)]
 pub(crate) fn quantise(grey: f32) -> u8 {
     whole((grey + 0.5).clamp(0.0, 255.0)) as u8
 }
 
-/// Texture of a unit's background (grey levels, row-major RGB): blotches of a few millimetres and a fine grain, both
-/// mostly common to all channels.
+/// Generates the texture of a unit's background (grey levels, row-major RGB): blotches of a few millimetres and a fine
+/// grain, both mostly common to all channels.
 pub(crate) fn texture(blotches: f64, grain: f64, rng: &mut impl Rng) -> Vec<f32> {
     const KNOTS: usize = 9;
     let mut field =

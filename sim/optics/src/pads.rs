@@ -1,8 +1,9 @@
-//! The hand's 17 pads of six configurations: one parameter file each.
+//! Optical parameters of the hand's 17 pads of six configurations, one file each.
 //!
-//! A file (`data/pads/<pad>.toml`) holds the design model of each of a pad's cameras and the variation between units. The
-//! simulator renders with these files, and a hand's serial number draws its units from them. `ftac optics pads --out DIR`
-//! writes them again, or those of one unit. A pad without a file (of another hand) gets [`SensorModel::nominal`].
+//! A file (`data/pads/<pad>.toml`) contains the design model of each of a pad's cameras and the variation between
+//! units. The simulator renders with these files, and a hand's serial number determines its units. `ftac optics pads
+//! --out DIR` regenerates the files, or writes those of one unit. A pad without a file (of another hand) gets
+//! [`SensorModel::nominal`].
 
 use std::fmt::Write as _;
 use std::sync::OnceLock;
@@ -15,7 +16,7 @@ use crate::error::OpticsError;
 use crate::model::{SensorModel, Variation};
 use crate::versioned;
 
-/// Version of the format.
+/// Version of the file format.
 pub const VERSION: u32 = 1;
 
 /// The model of one camera of a pad.
@@ -26,22 +27,22 @@ pub struct CameraOptics {
     pub model: SensorModel,
 }
 
-/// Design models of a pad's cameras and the variation between units: the contents of a pad's file.
+/// Content of a pad's file: design models of its cameras and the variation between units.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PadOptics {
-    /// Version of the format.
+    /// Version of the file format.
     pub version: u32,
     pub pad: String,
-    /// `a` to `f`.
+    /// Sensor configuration, `a` to `f`.
     pub configuration: char,
     /// Size across the digit, mm.
     pub width_mm: f64,
     /// Size along the digit, mm.
     pub height_mm: f64,
-    /// Variation of units about the models below.
+    /// Variation of units around the models below.
     pub variation: Variation,
-    /// In the order of the pad's cameras.
+    /// Models of the cameras, in the order of the pad's cameras.
     pub camera: Vec<CameraOptics>,
 }
 
@@ -56,7 +57,7 @@ const COMMENT: &str = "\
 ";
 
 impl PadOptics {
-    /// The design of a pad.
+    /// Returns the design of a pad.
     pub fn nominal(hand: &Hand, pad: &Pad) -> Self {
         let camera = |&index: &usize| {
             let camera = &hand.cameras[index];
@@ -73,7 +74,7 @@ impl PadOptics {
         }
     }
 
-    /// One unit of the series, without further variation; its cameras' serial numbers start at `serial`.
+    /// Samples one unit of the series, without further variation; its cameras' serial numbers start at `serial`.
     pub fn unit(&self, serial: u64) -> Self {
         let mut unit = self.clone();
         for (camera, serial) in unit.camera.iter_mut().zip(serial..) {
@@ -85,7 +86,7 @@ impl PadOptics {
         unit
     }
 
-    /// The file's text, with comments.
+    /// Writes the text of the file, with comments.
     pub fn to_toml(&self) -> Result<String, OpticsError> {
         let body = toml::to_string(self).map_err(OpticsError::calibration)?;
         let mut text = String::new();
@@ -98,7 +99,7 @@ impl PadOptics {
         Ok(text + COMMENT + "\n" + &body)
     }
 
-    /// Reads and checks a file's text.
+    /// Reads and checks the text of a file.
     pub fn parse(text: &str) -> Result<Self, OpticsError> {
         let found: Self = versioned::parse(text, VERSION)?;
         for camera in &found.camera {
@@ -108,7 +109,7 @@ impl PadOptics {
         Ok(found)
     }
 
-    /// The models of a pad's cameras, in order. An error for another pad.
+    /// Returns the models of a pad's cameras, in order. Returns an error for another pad.
     pub fn models(&self, hand: &Hand, pad: &Pad) -> Result<Vec<SensorModel>, OpticsError> {
         if !self.fits(pad) {
             return Err(OpticsError::Calibration(format!(
@@ -157,13 +158,13 @@ const SHIPPED: [&str; 17] = [
     include_str!("../data/pads/thumb_proximal.toml"),
 ];
 
-/// The shipped designs. Invalid files are skipped; a test checks that there are none.
+/// Returns the shipped designs. Invalid files are skipped; a test checks that there are none.
 pub fn shipped() -> &'static [PadOptics] {
     static ALL: OnceLock<Vec<PadOptics>> = OnceLock::new();
     ALL.get_or_init(|| SHIPPED.iter().flat_map(|text| PadOptics::parse(text)).collect())
 }
 
-/// Design model and variation of a camera: from the pad's file, or nominal for a pad without one.
+/// Returns the design model and variation of a camera: from the pad's file, or nominal for a pad without one.
 pub fn design(pad: &Pad, camera: &Camera) -> (SensorModel, Variation) {
     let known = shipped().iter().find(|calibration| calibration.fits(pad));
     let model =
@@ -175,8 +176,8 @@ pub fn design(pad: &Pad, camera: &Camera) -> (SensorModel, Variation) {
 }
 
 impl SensorModel {
-    /// One unit of a series: the shipped design ([`design`]) with the variation shipped beside it; `seed` is the unit's
-    /// serial number.
+    /// Samples one unit of a series: the shipped design ([`design`]) with the variation shipped with it; `seed` is the
+    /// unit's serial number.
     pub fn unit(pad: &Pad, camera: &Camera, seed: u64) -> Self {
         let (design, variation) = design(pad, camera);
         design.varied(&variation, seed)

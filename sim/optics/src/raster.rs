@@ -1,4 +1,4 @@
-//! The pixels over the rectangle that a camera sees: those of its images, or fewer, larger ones.
+//! The pixel grid over the rectangle that a camera sees: that of its images, or a coarser one.
 
 use hand_model::pads::{Camera, IMAGE_SIZE};
 
@@ -12,27 +12,27 @@ pub struct Raster {
 }
 
 impl Raster {
-    /// The camera's own pixels.
+    /// Returns the grid of the camera's own pixels.
     pub fn full(camera: &Camera) -> Self {
         Self::of(camera, IMAGE_SIZE)
     }
 
-    /// `side` x `side` pixels.
+    /// Returns a grid of `side` x `side` pixels.
     pub fn of(camera: &Camera, side: usize) -> Self {
         Self { side, center_y: camera.center_y, h: camera.h, w: camera.w }
     }
 
-    /// Pixels along a side.
+    /// Returns the number of pixels along a side.
     pub fn side(&self) -> usize {
         self.side
     }
 
-    /// Size of a pixel along x and y, m.
+    /// Returns the size of a pixel along x and y, m.
     pub fn pixel_size(&self) -> (f64, f64) {
         (self.w / self.side as f64, self.h / self.side as f64)
     }
 
-    /// Pad coordinates (m) of the centre of pixel (column, row).
+    /// Computes the pad coordinates (m) of the centre of pixel (column, row).
     pub fn pixel_center(&self, column: usize, row: usize) -> (f64, f64) {
         let (dx, dy) = self.pixel_size();
         ((column as f64 + 0.5) * dx - 0.5 * self.w, self.center_y + 0.5 * self.h - (row as f64 + 0.5) * dy)

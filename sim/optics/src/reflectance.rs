@@ -21,19 +21,19 @@ pub struct Reflectance {
 }
 
 impl Reflectance {
-    /// The paper's A.
+    /// Computes the paper's A.
     pub fn a(&self) -> f64 {
         let square = self.roughness * self.roughness;
         1.0 - 0.5 * square / (square + 0.33)
     }
 
-    /// The paper's B.
+    /// Computes the paper's B.
     pub fn b(&self) -> f64 {
         let square = self.roughness * self.roughness;
         0.45 * square / (square + 0.09)
     }
 
-    /// `max(0, cos theta_i) f_r / pi` for unit normal, direction to the light and direction to the viewer.
+    /// Computes `max(0, cos theta_i) f_r / pi` from unit normal, direction to the light and direction to the viewer.
     ///
     /// Uses `cos(phi_r - phi_i) sin(alpha) tan(beta) = (l.v - (n.l)(n.v)) / max(n.l, n.v)`, which needs no angles.
     pub fn factor(&self, normal: &Vector3<f64>, light: &Vector3<f64>, viewer: &Vector3<f64>) -> f64 {
@@ -45,7 +45,7 @@ impl Reflectance {
         cos_i / PI * (self.a() + self.b() * across / cos_i.max(cos_r))
     }
 
-    /// Radiance L_c of each channel under irradiance `kappa`.
+    /// Computes the radiance L_c of each channel under irradiance `kappa`.
     pub fn radiance(&self, kappa: f64, normal: &Vector3<f64>, light: &Vector3<f64>, viewer: &Vector3<f64>) -> [f64; 3] {
         let factor = kappa * self.factor(normal, light, viewer);
         self.albedo.map(|albedo| albedo * factor)

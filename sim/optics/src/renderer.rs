@@ -1,4 +1,4 @@
-//! Many images at once, on one of two backends: the CPU, or a GPU through wgpu (cargo feature `gpu`).
+//! Rendering of many images at once, on one of two backends: the CPU, or a GPU through wgpu (cargo feature `gpu`).
 //!
 //! Both run the same algorithm on the same sensors. CPU images are bit-identical on every machine and for any number of
 //! threads; GPU images differ by rounding, by at most one grey level on nearly all pixels.
@@ -22,19 +22,20 @@ pub struct Job<'a> {
     pub indentation: &'a IndentationMap,
     /// Seed of the read-out noise.
     pub noise: u64,
-    /// Factor of all grey levels but the noise: 1 is the sensor as calibrated.
+    /// Factor on all grey levels except the noise: 1 is the sensor as calibrated.
     pub brightness: f32,
 }
 
 /// Renders images of a fixed set of sensors.
 pub trait Renderer: Send + Sync + std::fmt::Debug {
-    /// Name of the device, for messages.
+    /// Returns the name of the device, for messages.
     fn device(&self) -> String;
 
-    /// In the order of [`Job::sensor`].
+    /// Returns the sensors, in the order of [`Job::sensor`].
     fn sensors(&self) -> &[Sensor];
 
-    /// One image per job, in order. An error if a job names a sensor that does not exist, or if the device fails.
+    /// Renders one image per job, in order. Returns an error if a job names a sensor that does not exist, or if the
+    /// device fails.
     fn render(&self, jobs: &[Job<'_>]) -> Result<Vec<TactileImage>, OpticsError>;
 }
 
@@ -69,7 +70,7 @@ impl Renderer for CpuRenderer {
     }
 }
 
-/// The sensor a job names.
+/// Returns the sensor that a job names.
 pub(crate) fn sensor_of<'a>(sensors: &'a [Sensor], job: &Job<'_>) -> Result<&'a Sensor, OpticsError> {
     sensors.get(job.sensor).ok_or(OpticsError::NoSensor { found: job.sensor, count: sensors.len() })
 }

@@ -43,23 +43,23 @@ pub struct Sensor {
     background: Arc<TactileImage>,
     /// Grey levels of the background before quantisation, row-major RGB.
     background_grey: Vec<f32>,
-    /// Radiance of the background less that of the model's flat gel, row-major RGB: added to the model's where the gel is
-    /// deformed.
+    /// Radiance of the background minus that of the model's flat gel, row-major RGB: added to the model's where the gel
+    /// is deformed.
     correction: Vec<f32>,
 }
 
 impl Sensor {
-    /// The design: no variation between units, no texture, but read-out noise.
+    /// Creates the design unit: no variation between units, no texture, but read-out noise.
     pub fn nominal(pad: &Pad, camera: &Camera) -> Self {
         Self::build(pad, camera, crate::pads::design(pad, camera).0, 0)
     }
 
-    /// One unit of a series; the seed is its serial number.
+    /// Creates one unit of a series; the seed is its serial number.
     pub fn unit(pad: &Pad, camera: &Camera, seed: u64) -> Self {
         Self::build(pad, camera, SensorModel::unit(pad, camera, seed), seed)
     }
 
-    /// A sensor with a calibrated model; `seed` draws its background's texture.
+    /// Creates a sensor with a calibrated model; `seed` determines its background's texture.
     pub fn with_model(pad: &Pad, camera: &Camera, model: SensorModel, seed: u64) -> Result<Self, OpticsError> {
         model.check()?;
         Ok(Self::build(pad, camera, model, seed))
@@ -121,19 +121,20 @@ impl Sensor {
         &self.camera
     }
 
-    /// Image of the untouched gel without read-out noise; cheap to clone.
+    /// Returns the image of the untouched gel without read-out noise; cheap to clone.
     pub fn background(&self) -> &Arc<TactileImage> {
         &self.background
     }
 
-    /// The rectangle in which an indentation changes the image by deformation or shadows; `None` on an untouched pad.
+    /// Computes the rectangle in which an indentation changes the image by deformation or shadows; `None` for an
+    /// untouched pad.
     #[cfg(feature = "gpu")]
     pub(crate) fn gel_rectangle(&self, indentation: &IndentationMap) -> Option<Rectangle> {
         let reach = self.shadow_reach(f64::from(indentation.deepest()));
         self.model.elastomer.rectangle(&self.camera, indentation, reach)
     }
 
-    /// Power of each lamp in each channel.
+    /// Returns the power of each lamp in each channel.
     #[cfg(feature = "gpu")]
     pub(crate) fn lamp_powers(&self) -> impl Iterator<Item = [f32; 3]> {
         self.shading.powers()
@@ -159,12 +160,13 @@ impl Sensor {
         &self.correction
     }
 
-    /// The tactile image of an indentation, with read-out noise from `rng`.
+    /// Renders the tactile image of an indentation, with read-out noise from `rng`.
     pub fn render(&self, indentation: &IndentationMap, rng: &mut impl Rng) -> TactileImage {
         self.render_at(indentation, 1.0, rng)
     }
 
-    /// The same with all grey levels `brightness` times what they are, but for the noise: lamps and exposure drift.
+    /// Like [`Self::render`], with all grey levels except the noise scaled by `brightness`, because lamps and exposure
+    /// drift.
     pub fn render_at(&self, indentation: &IndentationMap, brightness: f32, rng: &mut impl Rng) -> TactileImage {
         let reach = self.shadow_reach(f64::from(indentation.deepest()));
         let gel = self.model.elastomer.deform_over(&self.camera, indentation, reach);
@@ -172,7 +174,7 @@ impl Sensor {
         self.expose(gel.as_ref(), &shadows, brightness, rng)
     }
 
-    /// The longest shadow (m) that a bump of this depth (m) can cast within the camera's rectangle.
+    /// Computes the longest shadow (m) that a bump of this depth (m) can cast within the camera's rectangle.
     fn shadow_reach(&self, depth: f64) -> f64 {
         let longest = |lamp: &Lamp| {
             let (x, y) = (lamp.position.x, lamp.position.y - self.camera.center_y);
@@ -182,19 +184,19 @@ impl Sensor {
         self.model.lamps.iter().map(longest).fold(0.0, f64::max)
     }
 
-    /// The tactile image of a given gel. Where the gel is flat and lit the pixel is the background's; elsewhere the radiance
-    /// model(deformed) - model(flat) is added to it.
+    /// Renders the tactile image of a given gel. Where the gel is flat and lit, the pixel is the background's;
+    /// elsewhere the radiance model(deformed) - model(flat) is added to it.
     pub fn render_gel(&self, gel: Option<&DeformedGel>, rng: &mut impl Rng) -> TactileImage {
         let shadows = gel.map_or_else(Vec::new, |gel| self.shadows(gel));
         self.expose(gel, &shadows, 1.0, rng)
     }
 
-    /// As [`Self::render_gel`], without cast shadows.
+    /// Like [`Self::render_gel`], without cast shadows.
     pub fn render_unshadowed(&self, gel: Option<&DeformedGel>, rng: &mut impl Rng) -> TactileImage {
         self.expose(gel, &[], 1.0, rng)
     }
 
-    /// The shadow of each lamp over the gel's rectangle; `None` for a lamp that casts none.
+    /// Computes the shadow of each lamp over the gel's rectangle; `None` for a lamp that casts none.
     pub fn shadows(&self, gel: &DeformedGel) -> Vec<Option<Shadow>> {
         self.shadows_on(&Raster::full(&self.camera), gel)
     }
@@ -257,7 +259,7 @@ impl Sensor {
         TactileImage { rgb }
     }
 
-    /// Shades the deformed or shadowed part of a row of a gel on these pixels; gives its half-open range of columns.
+    /// Shades the deformed or shadowed part of a row of a gel on these pixels; returns its half-open range of columns.
     #[inline(always)]
     fn shade_row(
         &self,

@@ -22,7 +22,7 @@ pub(crate) struct SurfaceRow {
     /// Unit direction to the viewer.
     viewer: [Line; 3],
     cos_r: Line,
-    /// Red, green and blue.
+    /// Radiance in red, green and blue.
     pub(crate) radiance: [Line; 3],
 }
 
@@ -87,7 +87,7 @@ struct ShadedLamp {
     position: [f32; 3],
     direction: [f32; 3],
     mu: f32,
-    /// eta * color * albedo * gain / pi.
+    /// Power, eta * color * albedo * gain / pi.
     power: [f32; 3],
 }
 
@@ -117,7 +117,7 @@ impl Shading {
         Self { lamps, ambient: single(&ambient), a: reflectance.a() as f32, b: reflectance.b() as f32 }
     }
 
-    /// Each lamp's power in each channel.
+    /// Returns each lamp's power in each channel.
     #[cfg(feature = "gpu")]
     pub(crate) fn powers(&self) -> impl Iterator<Item = [f32; 3]> {
         self.lamps.iter().map(|lamp| lamp.power)
@@ -146,8 +146,8 @@ impl Shading {
         }
     }
 
-    /// `(-s . p)^mu / |s|^2 * max(0, cos theta_i) * f_r` of one lamp along the row, [`LANES`] pixels at a time; values
-    /// beyond the row's end are not used.
+    /// Computes `(-s . p)^mu / |s|^2 * max(0, cos theta_i) * f_r` of one lamp along the row, [`LANES`] pixels at a
+    /// time; values beyond the row's end are not used.
     #[inline(always)]
     fn light_of(&self, lamp: &ShadedLamp, row: &SurfaceRow, light: &mut Line) {
         let ([lx, ly, lz], [px, py, pz]) = (lamp.position, lamp.direction);
@@ -175,11 +175,12 @@ impl Shading {
     }
 }
 
-/// Pixels that are computed at once.
+/// Number of pixels computed at once.
 const LANES: usize = 16;
 const _: () = assert!(IMAGE_SIZE.is_multiple_of(LANES));
 
-/// `base^exponent` for a base up to 1 (0 for a base of 0 or less) to about 1e-4, in arithmetic that vectorises.
+/// Computes `base^exponent` for a base up to 1 (0 for a base of 0 or less) to about 1e-4, in arithmetic that
+/// vectorises.
 #[inline(always)]
 fn power(base: f32, exponent: f32) -> f32 {
     const ROUND: f32 = 12_582_912.0; // 1.5 * 2^23: adding it rounds to a whole number, left in the low bits.

@@ -8,8 +8,8 @@
 //! Cells are 2 x 2 pixels, which is fine enough for these shadows.
 //!
 //! The tests compare with the paper's method, hidden-point removal (Katz et al.), and with ray casting as the reference
-//! for both. The table gives the share of pixels on which two methods agree: least and mean over the lamps that cast a
-//! shadow (`cargo test -p optics --test shadows`).
+//! for both. The table gives the share of pixels on which two methods agree: minimum and mean over the lamps that cast
+//! a shadow (`cargo test -p optics --test shadows`).
 //!
 //! | shape (3 low lamps each) | ours, rays | hidden points, rays | ours, hidden points | ours, rays, on 120 px |
 //! |---|---|---|---|---|
@@ -29,11 +29,11 @@ use crate::shadows::trace::{Axes, Depths, Grid, Horizons, trace};
 
 /// Pixels along a cell's side.
 const CELL: usize = 2;
-/// A lamp whose visible share is nowhere below this casts no shadow.
+/// Visible share above which, everywhere, a lamp casts no shadow.
 const UNSHADED: f32 = 0.995;
 
 /// A height field: pixel (column, row) is at `x0 + column dx`, `y0 - row dy` (m) and `depth` (m) behind the untouched
-/// gel. Beyond its border the gel is untouched.
+/// gel. Outside the field the gel is untouched.
 #[derive(Debug, Clone, Copy)]
 pub struct HeightField<'a> {
     pub width: usize,
@@ -42,7 +42,7 @@ pub struct HeightField<'a> {
     pub first: (f64, f64),
     /// Size of a pixel, m.
     pub pixel: (f64, f64),
-    /// m, row-major.
+    /// Depth, m, row-major.
     pub depth: &'a [f32],
 }
 
@@ -72,12 +72,12 @@ struct Cells {
 const CLEARANCE: f32 = 1.25;
 
 impl HeightField<'_> {
-    /// `None` if the lamp casts no shadow.
+    /// Computes the shadow of a lamp; `None` if it casts none.
     pub fn shadow(&self, lamp: &Lamp) -> Option<Shadow> {
         self.shadow_on(&self.cells(), lamp, &mut Horizons::default())
     }
 
-    /// One element per lamp.
+    /// Computes the shadows of all lamps, one element per lamp.
     pub fn shadows(&self, lamps: &[Lamp]) -> Vec<Option<Shadow>> {
         let (cells, mut horizons) = (self.cells(), Horizons::default());
         lamps.iter().map(|lamp| self.shadow_on(&cells, lamp, &mut horizons)).collect()
@@ -130,7 +130,7 @@ impl HeightField<'_> {
         beside && clear > CLEARANCE * cells.steepest * farthest
     }
 
-    /// Middle of the first cell, and a cell's size.
+    /// Returns the centre of the first cell, and a cell's size.
     fn grid(&self) -> ((f64, f64), (f32, f32)) {
         let size = ((CELL as f64 * self.pixel.0) as f32, (CELL as f64 * self.pixel.1) as f32);
         let middle = 0.5 * (CELL - 1) as f64;
@@ -152,7 +152,7 @@ impl HeightField<'_> {
         let apart = |a: &[f32], b: &[f32]| highest(a.iter().zip(b).map(|(a, b)| (a - b).abs()));
         let across = depth.chunks_exact(width).map(|row| apart(row, &row[1..])).fold(0.0, f32::max);
         let down = apart(&depth, depth.get(width..).unwrap_or_default());
-        // Beyond the border the gel is untouched: a raised border counts as a step.
+        // Outside the field the gel is untouched: a raised border counts as a step.
         let sides = depth.chunks_exact(width).map(|row| row[0].max(row[width - 1]));
         let ends = depth[..width].iter().chain(&depth[width * (height - 1)..]);
         let border = highest(sides.chain(ends.copied()));
@@ -163,13 +163,13 @@ impl HeightField<'_> {
     }
 }
 
-/// The largest of some numbers; 0 if none is.
+/// Returns the largest of some numbers; 0 if none is positive.
 fn highest(values: impl Iterator<Item = f32>) -> f32 {
     values.fold(0.0, f32::max)
 }
 
 impl Shadow {
-    /// Visible share of the lamp for a row's pixels from column `first` on, interpolated between cell centres.
+    /// Interpolates the visible share of the lamp between cell centres, for a row's pixels from column `first` on.
     #[inline(always)]
     pub(crate) fn row(&self, row: usize, first: usize, out: &mut [f32]) {
         let place = |pixel: usize, count: usize| {
@@ -204,13 +204,13 @@ impl Shadow {
         (start + CELL * pairs..out.len()).for_each(|i| out[i] = single(i));
     }
 
-    /// First and last column of a row that is notably shaded.
+    /// Returns the first and last column of a row that are notably shaded.
     pub fn extent(&self, row: usize) -> Option<(usize, usize)> {
         let (first, last) = self.shaded[(row / CELL).min(self.height - 1)]?;
         Some((CELL * first.saturating_sub(1), CELL * (last + 1) + CELL - 1))
     }
 
-    /// Visible share of the lamp at a point, in columns and rows of pixels.
+    /// Interpolates the visible share of the lamp at a point, in columns and rows of pixels.
     pub fn at(&self, column: f64, row: f64) -> f64 {
         let place = |pixel: f64, count: usize| {
             let at = ((pixel - 0.5 * (CELL - 1) as f64) / CELL as f64).clamp(0.0, (count - 1) as f64);

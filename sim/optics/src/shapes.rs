@@ -1,4 +1,4 @@
-//! Twenty shapes to press: those of the tactile shape set that the paper used (Gomes et al. 2021, without the cone).
+//! Twenty test shapes: those of the tactile shape set that the paper used (Gomes et al. 2021, without the cone).
 //!
 //! A shape is the height of its lowest points over a pad's plane, as [`press`](crate::press) takes it, with its features
 //! towards the pad. The original files are not available, so the shapes are modelled by name at the set's scale of about
@@ -9,7 +9,7 @@ use std::f64::consts::TAU;
 /// Name and `z_object(x, y)`, m.
 pub type Shape = (&'static str, fn(f64, f64) -> Option<f64>);
 
-/// Sorted by name.
+/// The shapes, sorted by name.
 pub const SHAPES: [Shape; 20] = [
     ("cross_lines", |x, y| flat(bar(x, y, 0.8, 5.0) || bar(y, x, 0.8, 5.0))),
     ("curved_surface", |x, y| bar(x, y, 5.0, 5.0).then(|| 1e-3 * (1e3 * x).powi(2) / 16.0)),
@@ -44,23 +44,23 @@ fn flat(inside: bool) -> Option<f64> {
     inside.then_some(0.0)
 }
 
-/// Distance from the centre, mm.
+/// Computes the distance from the centre, mm.
 fn radius(x: f64, y: f64) -> f64 {
     1e3 * x.hypot(y)
 }
 
-/// Whether the point is in a rectangle of these half sizes, mm.
+/// True if the point is in a rectangle of these half sizes, mm.
 fn bar(x: f64, y: f64, half_x: f64, half_y: f64) -> bool {
     1e3 * x.abs() < half_x && 1e3 * y.abs() < half_y
 }
 
-/// Coordinate (mm) along the direction at `turn` (share of a full turn).
+/// Computes the coordinate (mm) along the direction at `turn` (fraction of a full turn).
 fn side(x: f64, y: f64, turn: f64) -> f64 {
     let (sin, cos) = (TAU * turn).sin_cos();
     1e3 * (cos * x + sin * y)
 }
 
-/// Height (m) of a ball or a lying rod of radius `r` at distance `off` from its centre, both mm.
+/// Computes the height (m) of a ball or a lying rod of radius `r` at distance `off` from its centre, both mm.
 fn lying(off: f64, r: f64) -> Option<f64> {
     let inside = r * r - off * off;
     (inside > 0.0).then(|| 1e-3 * (r - inside.sqrt()))

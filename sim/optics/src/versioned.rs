@@ -1,5 +1,5 @@
-//! TOML files with a version number: the version is checked before anything else, so that a file of another version is named
-//! as such and not by the first field that differs.
+//! TOML files with a version number. The version is checked before anything else, so that a file of another version is
+//! reported as such, and not by the first field that differs.
 
 use serde::Deserialize;
 use serde::de::DeserializeOwned;

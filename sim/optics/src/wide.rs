@@ -2,7 +2,7 @@
 //!
 //! Results do not depend on the choice: the sums and products are the same in the same order, and nothing is fused.
 
-/// The whole part of a number from 0 to 2^22, in arithmetic that vectorises; `as` does not.
+/// Returns the integer part of a number from 0 to 2^22, in arithmetic that vectorises; `as` does not.
 #[inline(always)]
 pub(crate) fn whole(number: f32) -> u32 {
     const ROUND: f32 = 8_388_608.0; // 2^23: adding it rounds to a whole number, left in the low bits.
@@ -35,7 +35,7 @@ pub(crate) fn transpose(from: &[f32], to: &mut [f32], width: usize, height: usiz
     }
 }
 
-/// Runs `work` compiled for AVX-512 or AVX2 where the machine has it. What `work` calls must be inlined into it to gain.
+/// Runs `work` compiled for AVX-512 or AVX2 if the machine supports it. Only code inlined into `work` benefits.
 #[cfg(target_arch = "x86_64")]
 #[inline]
 pub(crate) fn widest<R>(work: impl FnOnce() -> R) -> R {
@@ -47,7 +47,7 @@ pub(crate) fn widest<R>(work: impl FnOnce() -> R) -> R {
     }
 }
 
-/// Runs `work`.
+/// Runs `work` as it is.
 #[cfg(not(target_arch = "x86_64"))]
 #[inline]
 pub(crate) fn widest<R>(work: impl FnOnce() -> R) -> R {

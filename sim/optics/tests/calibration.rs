@@ -21,7 +21,7 @@ const SIZE: (usize, usize) = (200, 150);
 const PIXEL_MM: f64 = 0.08;
 const BALL: f64 = 6e-3;
 
-/// An empty folder for one test.
+/// Creates an empty folder for one test.
 fn folder(name: &str) -> PathBuf {
     let folder = std::env::temp_dir().join(format!("ftac-optics-{}-{name}", std::process::id()));
     let _ = fs::remove_dir_all(&folder);
@@ -29,7 +29,7 @@ fn folder(name: &str) -> PathBuf {
     folder
 }
 
-/// A known sensor: red, green and blue lamps around an image of 16 x 12 mm.
+/// Builds a known sensor: red, green and blue lamps around an image of 16 x 12 mm.
 fn made() -> CalibratedSensor {
     let hand = Hand::ftac();
     let lamp = |x: f64, y: f64, color| Lamp::aimed(Point3::new(x, y, -6e-3), Point3::origin(), 1e-4, 1.5, color);
@@ -69,7 +69,7 @@ fn made() -> CalibratedSensor {
     CalibratedSensor::new(file, background).unwrap()
 }
 
-/// Writes a folder of presses on the known sensor; gives their circles.
+/// Writes a folder of presses on the known sensor; returns their circles.
 fn write_presses(path: &std::path::Path, labels: bool) -> Vec<([f64; 2], f64)> {
     let sensor = made();
     let nothing = vec![f32::NEG_INFINITY; SIZE.0 * SIZE.1];
@@ -111,7 +111,7 @@ fn fitted_presses_are_rendered_alike_by_the_fit_and_by_the_renderer() {
         worst = worst.min(similarity::compare(&by_fit, &by_grid, SIZE.0, 0..SIZE.0, 0..SIZE.1).psnr);
     }
     assert!(worst > 38.0, "{worst} dB between the two");
-    // Circles that were drawn off are put back by the model; labels are left alone.
+    // Displaced circles are corrected by the model; labels are left unchanged.
     let mut off = held_out.clone();
     for (n, press) in off.presses.iter_mut().enumerate() {
         press.labelled = n == 0;
@@ -269,8 +269,8 @@ fn raw_presses_are_rectified_and_a_calibration_renders_raw() {
     fs::remove_dir_all(&path).unwrap();
 }
 
-/// Frames of a gel whose lamps drift by up to 15 %, unevenly, each with a press at a place of its own: the estimate has no
-/// edges where the set of presses changes.
+/// Frames of a gel whose lamps drift by up to 15 %, unevenly, each with a press at a different position: the estimated
+/// background has no edges where the set of presses changes.
 #[test]
 fn drift_leaves_no_edges() {
     let (width, height) = (160, 120);
@@ -318,7 +318,7 @@ fn drift_leaves_no_edges() {
 }
 
 proptest::proptest! {
-    /// Whatever a calibration's text becomes, it is refused or renders numbers.
+    /// Any modified text of a calibration is either refused or renders numbers.
     #[test]
     fn no_calibration_panics(places in proptest::collection::vec((0usize..4000, 0usize..12), 1..6)) {
         let text = toml::to_string(made().calibration()).expect("a calibration");
@@ -352,7 +352,7 @@ proptest::proptest! {
         }
     }
 
-    /// Whatever an image's bytes become, it is refused or has a size.
+    /// Any modified bytes of an image are either refused or give an image with a size.
     #[test]
     fn no_image_panics(changes in proptest::collection::vec((0usize..100_000, 0u8..=255), 0..12), cut in 0usize..3000) {
         use std::hash::{DefaultHasher, Hash as _, Hasher as _};

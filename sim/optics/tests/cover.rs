@@ -26,7 +26,7 @@ fn curved(pad: &Pad, camera: &Camera, cover: Cover) -> CurvedSensor {
     CurvedSensor::new(pad, camera, SensorModel::unit(pad, camera, 3), cover, 3).unwrap()
 }
 
-/// Largest and mean difference between two images, grey levels.
+/// Computes the largest and the mean difference between two images, grey levels.
 fn differences(a: &[u8], b: &[u8]) -> (u8, f64) {
     let all = || a.iter().zip(b).map(|(a, b)| a.abs_diff(*b));
     (all().max().unwrap(), all().map(f64::from).sum::<f64>() / a.len() as f64)

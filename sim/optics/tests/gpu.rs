@@ -1,5 +1,4 @@
-//! The backend on the GPU against the one on the CPU, on a software Vulkan adapter (lavapipe) where one is installed,
-//! else on a GPU.
+//! The GPU backend against the CPU backend, on a software Vulkan adapter (lavapipe) if one is installed, else on a GPU.
 
 #![cfg(feature = "gpu")]
 #![allow(clippy::unwrap_used)]
@@ -17,7 +16,7 @@ fn sensors(hand: &Hand) -> Arc<Vec<Sensor>> {
     Arc::new(hand.cameras.iter().enumerate().map(one).collect())
 }
 
-/// The message about skipping bypasses the test harness' capture.
+/// Opens any adapter. The message about skipping bypasses the test harness' capture.
 fn any_adapter(sensors: &Arc<Vec<Sensor>>) -> Option<GpuRenderer> {
     let software = match GpuRenderer::on_software(sensors.clone()) {
         Ok(renderer) => return Some(renderer),
@@ -33,7 +32,7 @@ fn any_adapter(sensors: &Arc<Vec<Sensor>>) -> Option<GpuRenderer> {
     }
 }
 
-/// Every shape of the set on some camera, a ball on each, at its border too, and idle pads.
+/// Presses every shape of the set on some camera, a ball on each, also at its border, and adds idle pads.
 fn maps(hand: &Hand) -> Vec<(usize, IndentationMap)> {
     let on = |n: usize, force: f64, shape: &dyn Fn(f64, f64) -> Option<f64>| {
         let camera = &hand.cameras[n];
@@ -57,7 +56,7 @@ fn maps(hand: &Hand) -> Vec<(usize, IndentationMap)> {
     all
 }
 
-/// One of the jobs is a little brighter.
+/// Creates a job; one of the jobs is slightly brighter.
 fn job(sensor: usize, indentation: &IndentationMap, noise: u64) -> Job<'_> {
     Job { sensor, indentation, noise, brightness: if noise == 2 { 1.04 } else { 1.0 } }
 }
@@ -95,7 +94,7 @@ fn both_backends_make_the_same_images() {
     // Idle images alone, and none at all.
     assert_eq!(gpu.render(&jobs[jobs.len() - 1..]).unwrap(), a[a.len() - 1..]);
     assert!(gpu.render(&[]).unwrap().is_empty());
-    // Without shadows it is another image: the shadows above were not nothing.
+    // Without shadows the images differ: the shadows above were not empty.
     let bare = gpu.without_shadows().render(&jobs[..8]).unwrap();
     assert!(bare.iter().zip(&b).any(|(bare, b)| bare != b));
 }

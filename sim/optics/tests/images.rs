@@ -1,4 +1,4 @@
-//! From force to bytes: force balance, gel, shading and whole images against what can be worked out by hand.
+//! From force to bytes: force balance, gel, shading and whole images against results worked out by hand.
 
 #![allow(clippy::unwrap_used)]
 
@@ -17,7 +17,7 @@ use proptest::prelude::*;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
-/// A pad with its first camera; its edges are made square, so that the whole surface is flat.
+/// Returns a pad with its first camera; its edges are made square, so that the whole surface is flat.
 fn flat_pad(hand: &Hand, name: &str) -> (Pad, Camera) {
     let mut pad = hand.pads.iter().find(|pad| pad.name == name).unwrap().clone();
     pad.edge_radius = 0.0;
@@ -77,7 +77,7 @@ fn coarse_to_fine_finds_the_same_and_casts_fewer_rays() {
     .unwrap();
     let full = press_gaps(&[GapMap::sample(pad, camera, &shape).unwrap()], &hand.parameters.gel, 2.0).unwrap();
     assert!((quick.shift - full.shift).abs() < 1e-8);
-    // The two shifts differ by the solver's rounding, no more.
+    // The two shifts differ only by the solver's rounding.
     let (a, b) = (quick.maps[0].to_depths(), full.maps[0].to_depths());
     assert!(a.iter().zip(&b).all(|(a, b)| (a - b).abs() < 1e-8));
     assert!(rays < PIXELS / 3, "{rays}");
@@ -153,7 +153,7 @@ fn the_pinhole_is_rectified_to_the_camera() {
     }
 }
 
-/// Mean grey level of a channel over a window.
+/// Computes the mean grey level of a channel over a window.
 fn mean(image: &[u8], channel: usize, columns: std::ops::Range<usize>, rows: std::ops::Range<usize>) -> f64 {
     let count = (columns.len() * rows.len()) as f64;
     rows.flat_map(|row| columns.clone().map(move |column| (row, column)))

@@ -1,10 +1,11 @@
-//! The nominal lighting must serve photometric stereo on every pad: bright enough, never saturated, and well conditioned.
+//! Checks that the nominal lighting serves photometric stereo on every pad: bright enough, never saturated, and well
+//! conditioned.
 
 use hand_model::Hand;
 use nalgebra::{Matrix3x2, Point3};
 use optics::SensorModel;
 
-/// Grey levels of a nominal sensor at a grid of places, with their camera.
+/// Returns a grid of positions on the pad in a camera's view, pad frame, m.
 fn places(camera: &hand_model::pads::Camera) -> Vec<Point3<f64>> {
     let place = |k: i32| (f64::from(k) + 0.5) / 11.0 - 0.5;
     (0..121).map(|i| Point3::new(place(i % 11) * camera.w, camera.center_y + place(i / 11) * camera.h, 0.0)).collect()

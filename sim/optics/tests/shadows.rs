@@ -1,7 +1,7 @@
 //! Cast shadows against the paper's reference, hidden-point removal (Katz, Tal and Basri 2007), and against rays.
 //!
 //! Hidden-point removal: points are flipped about a large sphere around the lamp, `p -> p + 2 (R - |p|) p / |p|`; those
-//! on the convex hull of the flipped points and the lamp are seen from it, the others are hidden.
+//! on the convex hull of the flipped points and the lamp are visible from it, the others are hidden.
 
 #![allow(clippy::unwrap_used)]
 
@@ -13,11 +13,11 @@ use optics::shadows::{HeightField, Shadow};
 
 /// Side of the square field, m.
 const EXTENT: f64 = 12e-3;
-/// Pixels along a side: coarse enough for hidden-point removal's hull, and as fine as a pad's images.
+/// Number of pixels along a side: coarse enough for hidden-point removal's hull, and as fine as a pad's images.
 const COARSE: usize = 48;
 const FINE: usize = 120;
 
-/// Depth of the gel as a function of the place (m).
+/// Samples the depth of the gel as a function of position (m).
 fn field(side: usize, depth: &dyn Fn(f64, f64) -> f64) -> Vec<f32> {
     (0..side * side).map(|at| place(side, at)).map(|(x, y)| depth(x, y) as f32).collect()
 }
@@ -27,7 +27,7 @@ fn place(side: usize, at: usize) -> (f64, f64) {
     (((at % side) as f64 - middle) * pixel, (middle - (at / side) as f64) * pixel)
 }
 
-/// Pixels that see less than half of the lamp, by the renderer's own shadows.
+/// Returns the pixels that see less than half of the lamp, by the renderer's own shadows.
 fn fast(side: usize, depth: &[f32], lamp: &Lamp) -> Vec<bool> {
     let pixel = EXTENT / side as f64;
     let field = HeightField { width: side, height: side, first: place(side, 0), pixel: (pixel, pixel), depth };
@@ -36,7 +36,7 @@ fn fast(side: usize, depth: &[f32], lamp: &Lamp) -> Vec<bool> {
     (0..side * side).map(|at| seen(at) < 0.5).collect()
 }
 
-/// Pixels that hidden-point removal does not see from the lamp.
+/// Returns the pixels that hidden-point removal finds hidden from the lamp.
 fn hidden_points(side: usize, depth: &[f32], lamp: &Lamp) -> Vec<bool> {
     let from_lamp: Vec<Vector3<f64>> = (0..depth.len())
         .map(|at| (place(side, at), f64::from(depth[at])))
@@ -54,16 +54,16 @@ fn hidden_points(side: usize, depth: &[f32], lamp: &Lamp) -> Vec<bool> {
     on_hull[..depth.len()].iter().map(|seen| !seen).collect()
 }
 
-/// A number from -1 to 1 that looks random.
+/// Returns a pseudo-random number from -1 to 1.
 fn jitter(n: usize) -> f64 {
     (n as f64 * 12.9898 + 4.1414).sin() * 43_758.545_3 % 1.0
 }
 
-/// Radius of the flipping sphere, in distances of the farthest point.
+/// Radius of the flipping sphere, relative to the distance of the farthest point.
 const FLIP: f64 = 100.0;
 
-/// Which points are corners of the convex hull: points are added one by one in a shuffled order, and each replaces the
-/// faces it sees.
+/// Finds the points that are vertices of the convex hull: points are added one by one in a shuffled order, and each
+/// replaces the faces it sees.
 fn hull_vertices(points: &[Vector3<f64>]) -> Vec<bool> {
     let farthest = |value: &dyn Fn(&Vector3<f64>) -> f64| {
         (0..points.len()).max_by(|a, b| value(&points[*a]).total_cmp(&value(&points[*b]))).unwrap()
@@ -97,7 +97,7 @@ fn hull_vertices(points: &[Vector3<f64>]) -> Vec<bool> {
         if edges.is_empty() {
             continue;
         }
-        // Euler: a closed surface of triangles has fewer than two faces a corner.
+        // Euler: a closed surface of triangles has fewer than two faces per vertex.
         assert!(faces.len() < 2 * points.len(), "the hull has come apart");
         faces.retain(|face| !sees(face));
         faces.extend(edges.iter().filter(|(q, r)| !edges.contains(&(*r, *q))).map(|&(q, r)| face([q, r, p])));
@@ -120,7 +120,7 @@ fn the_hull_of_a_cube_is_its_corners() {
     }
 }
 
-/// Pixels from which a straight line to the lamp runs into the gel.
+/// Returns the pixels from which a straight line to the lamp intersects the gel.
 fn blocked_rays(side: usize, depth: &[f32], lamp: &Lamp) -> Vec<bool> {
     let (middle, pixel) = (0.5 * (side - 1) as f64, EXTENT / side as f64);
     let height = |x: f64, y: f64| {
@@ -146,10 +146,10 @@ fn blocked_rays(side: usize, depth: &[f32], lamp: &Lamp) -> Vec<bool> {
         .collect()
 }
 
-/// Depth of the gel (m) by place (m).
+/// Depth of the gel (m) as a function of position (m).
 type Shape = Box<dyn Fn(f64, f64) -> f64>;
 
-/// A ball's cap, and a ridge with a step: smooth and sharp borders.
+/// Returns a ball's cap, a post with a step, and hills: smooth and sharp borders.
 fn shapes() -> [(&'static str, Shape); 3] {
     let ball = |x: f64, y: f64| ((2.5e-3f64.powi(2) - x * x - y * y).max(0.0).sqrt() - 1.3e-3).max(0.0);
     let post = |x: f64, y: f64| if x.abs() < 1.2e-3 && (y - 0.3e-3).abs() < 0.9e-3 { 0.9e-3 } else { 0.0 };
@@ -168,7 +168,7 @@ fn lamps() -> [Lamp; 4] {
     })
 }
 
-/// Share of pixels on which two masks agree, and how much of their union they share.
+/// Computes the share of pixels on which two masks agree, and the ratio of their intersection to their union.
 fn agreement(a: &[bool], b: &[bool]) -> (f64, f64) {
     let count = |test: fn(bool, bool) -> bool| a.iter().zip(b).filter(|(a, b)| test(**a, **b)).count() as f64;
     let union = count(|a, b| a || b);

@@ -1,4 +1,4 @@
-//! Cameras that fail.
+//! Camera failures.
 
 use serde::{Deserialize, Serialize};
 

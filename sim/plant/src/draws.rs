@@ -1,11 +1,11 @@
-//! Draws from a normal distribution that is cut at three standard deviations.
+//! Samples from a normal distribution truncated at three standard deviations.
 
 use nalgebra::Vector3;
 use rand::RngExt as _;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 
-/// A draw from the standard normal distribution, cut at three standard deviations.
+/// Samples the standard normal distribution, truncated at three standard deviations.
 pub fn gaussian(rng: &mut ChaCha8Rng) -> f64 {
     loop {
         let value: f64 = rng.sample(StandardNormal);
@@ -15,7 +15,7 @@ pub fn gaussian(rng: &mut ChaCha8Rng) -> f64 {
     }
 }
 
-/// A vector of independent draws from it, times `sigma`.
+/// Samples a vector of independent values of [`gaussian`], times `sigma`.
 pub fn vector(rng: &mut ChaCha8Rng, sigma: f64) -> Vector3<f64> {
     let [x, y, z] = [(); 3].map(|()| gaussian(rng) * sigma);
     Vector3::new(x, y, z)

@@ -1,4 +1,4 @@
-//! Covers that give way.
+//! Compliant covers.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,8 +6,8 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Gel {
-    /// Time in which the gel takes up its depth, s.
+    /// Relaxation time of the gel, s.
     pub relaxation: f64,
-    /// Shear of the surface under tangential load over the depth under the same normal load.
+    /// Ratio of the shear displacement under a tangential load to the depth under an equal normal load.
     pub shear: f64,
 }

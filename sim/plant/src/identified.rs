@@ -1,6 +1,6 @@
-//! `individual.toml`: what was identified of one robot, how surely, and from which sessions.
+//! `individual.toml`: the parameters identified for one robot, their uncertainty, and the sessions they come from.
 //!
-//! The file has a digest of its own contents: an estimate with a covariance is no place to write other numbers in by hand.
+//! The file contains a digest of its own content, because an estimate with a covariance must not be edited by hand.
 
 use std::path::Path;
 
@@ -13,48 +13,48 @@ use serde::{Deserialize, Serialize};
 use crate::robot::RobotIndividual;
 use crate::spread::{Kind, Parameter, Spread};
 
-/// Version of the file's format.
+/// Version of the file format.
 const VERSION: u32 = 1;
 
-/// A session that an estimate was made from.
+/// A session from which an estimate was made.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Source {
-    /// Its file, as it was named.
+    /// Name of its file, as it was given.
     pub file: String,
     /// SHA-256 of the file in hexadecimal digits.
     pub sha256: String,
-    /// `sim`, `emulated`, `rounded`, `hardware`.
+    /// Kind of robot: `sim`, `emulated`, `rounded`, `hardware`.
     pub robot: String,
-    /// Length, s.
+    /// Duration, s.
     pub seconds: f64,
 }
 
-/// What is known of one parameter.
+/// Estimate of one parameter.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Estimate {
-    /// As [`super::spread::Parameter::name`].
+    /// Name, as in [`super::spread::Parameter::name`].
     pub name: String,
-    /// How the deviation changes the drawing's value.
+    /// Effect of the deviation on the nominal value.
     pub kind: Kind,
-    /// Best estimate; the prior's mean where nothing was learnt.
+    /// Best estimate; the prior mean if nothing was learnt.
     pub deviation: f64,
-    /// Its standard deviation; the prior's where nothing was learnt.
+    /// Standard deviation of the estimate; that of the prior if nothing was learnt.
     pub sigma: f64,
-    /// Whether the sessions say more than the drawing did.
+    /// True if the sessions contain more information than the prior.
     pub identified: bool,
 }
 
 impl Estimate {
-    /// What the drawing says of a parameter, where nothing was learnt.
+    /// Returns the prior of a parameter about which nothing was learnt.
     pub fn drawn(parameter: &Parameter, deviation: f64) -> Self {
         let Spread { kind, sigma, .. } = parameter.spread;
         Self { name: parameter.name.clone(), kind, deviation, sigma, identified: false }
     }
 }
 
-/// Covariance of some parameters' deviations, in rows.
+/// Covariance matrix of some parameters' deviations, row by row.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Covariance {
@@ -62,12 +62,12 @@ pub struct Covariance {
     pub rows: Vec<Vec<f64>>,
 }
 
-/// What an estimate was made of and by.
+/// Content of an estimate's file, with its provenance.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Contents {
     version: u32,
-    /// Name of the hand's drawing.
+    /// Name of the nominal hand.
     hand: String,
     /// Program and version that wrote it.
     program: String,
@@ -83,19 +83,19 @@ struct Sealed {
     contents: Contents,
 }
 
-/// A robot as its sessions show it.
+/// A robot as identified from its sessions.
 #[derive(Debug, Clone, PartialEq)]
 pub struct IdentifiedRobot {
     /// Best estimate of every parameter.
     pub individual: RobotIndividual,
-    /// Of every parameter, in the individual's order.
+    /// Estimate of every parameter, in the individual's order.
     pub estimates: Vec<Estimate>,
     pub covariances: Vec<Covariance>,
     pub sessions: Vec<Source>,
 }
 
 impl IdentifiedRobot {
-    /// From an estimate of every parameter of `robot`'s individuals, in their order.
+    /// Builds it from an estimate of every parameter of `robot`'s individuals, in their order.
     pub fn new(
         robot: &RobotModel,
         estimates: Vec<Estimate>,
@@ -109,7 +109,7 @@ impl IdentifiedRobot {
         Self { individual, estimates, covariances, sessions }
     }
 
-    /// The file's text.
+    /// Writes the text of the file.
     pub fn to_toml(&self, robot: &RobotModel, program: &str) -> Result<String, toml::ser::Error> {
         let contents = Contents {
             version: VERSION,
@@ -123,7 +123,7 @@ impl IdentifiedRobot {
         Ok(format!("digest = \"{}\"\n{body}", sha256(body.as_bytes())))
     }
 
-    /// Reads and checks a file's text; `path` is used in errors.
+    /// Reads and checks the text of a file; `path` is used in errors.
     pub fn parse(text: &str, path: &Path, robot: &RobotModel) -> Result<Self, DataError> {
         let Sealed { digest: found, contents } = parse_toml(text, path)?;
         let fault = |field: String, found: String, expected: &str| Err(DataError::field(path, field, found, expected));
@@ -143,7 +143,7 @@ impl IdentifiedRobot {
                 let expected = format!("{:?}", parameter.spread.kind).to_lowercase();
                 return fault(field("kind"), format!("{:?}", estimate.kind).to_lowercase(), &expected);
             }
-            // A factor of e or a turn of a radian is no hand built from this drawing.
+            // No hand built from this design deviates by a factor of e or by a radian.
             if !(estimate.deviation.is_finite() && estimate.deviation.abs() < 1.0) {
                 return fault(field("deviation"), estimate.deviation.to_string(), "a number between -1 and 1");
             }
@@ -167,7 +167,7 @@ impl IdentifiedRobot {
     }
 }
 
-/// A block names parameters, and is a covariance matrix.
+/// Checks that a block names parameters, and that it is a covariance matrix.
 fn check_covariance(block: &Covariance, robot: &RobotIndividual, path: &Path) -> Result<(), DataError> {
     let n = block.parameters.len();
     let field = format!("covariance[{}].rows", block.parameters.first().map_or("", String::as_str));
@@ -213,7 +213,7 @@ mod tests {
         assert_eq!(IdentifiedRobot::parse(&text, Path::new("individual.toml"), &drawn).unwrap(), robot);
     }
 
-    /// Each wrong file is refused in words that name file and field.
+    /// Each invalid file is refused with an error that names file and field.
     #[test]
     fn a_changed_file_is_refused() {
         let (drawn, robot) = identified();

@@ -1,8 +1,9 @@
-//! The plant's hidden parameters: how the true robot, its covers and the objects differ from their models.
+//! The plant's hidden parameters: deviations of the true robot, its covers and the objects from their models.
 //!
-//! [`arm`] and [`object`] are one arm and one object, drawn for each trial; [`robot`] is one robot of those built from the nominal model, with
-//! the spread of each of its parameters ([`spread`]), and [`identified`] the file that keeps what was identified of one. [`gel`] is how
-//! covers give way, [`cameras`] how cameras fail. Only simulator, benchmark and identification know this crate: no controller does.
+//! [`arm`] and [`object`] describe one arm and one object, sampled for each trial. [`robot`] is one of the robots built
+//! from the nominal model, with the spread of each of its parameters ([`spread`]), and [`identified`] is the file with
+//! the parameters identified for one. [`gel`] describes the compliance of the covers, [`cameras`] the failures of
+//! cameras. Only simulator, benchmark and identification use this crate: no controller does.
 
 pub mod arm;
 pub mod cameras;

@@ -1,4 +1,4 @@
-//! An object that is not as its model says.
+//! Deviations of an object from its model.
 
 use std::sync::Arc;
 
@@ -6,22 +6,22 @@ use serde::{Deserialize, Serialize};
 use world::geometry::GeometryError;
 use world::objects::ObjectModel;
 
-/// Factors by which an object differs from its model.
+/// Factors by which an object deviates from its model.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Individual {
-    /// Of the mass, whatever the size is.
+    /// Factor on the mass, independent of the size.
     pub mass: f64,
-    /// Of the friction coefficient.
+    /// Factor on the friction coefficient.
     pub friction: f64,
-    /// Of the size along all axes.
+    /// Factor on the size along all axes.
     pub size: f64,
 }
 
 impl Individual {
-    /// Just like its model.
+    /// An object identical to its model.
     pub const AS_MODELLED: Self = Self { mass: 1.0, friction: 1.0, size: 1.0 };
 
-    /// The object as it really is.
+    /// Returns the true object for a `model`.
     pub fn of(&self, model: &Arc<ObjectModel>) -> Result<Arc<ObjectModel>, GeometryError> {
         if *self == Self::AS_MODELLED {
             return Ok(model.clone());

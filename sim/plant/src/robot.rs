@@ -1,4 +1,5 @@
-//! One robot of those built from a drawing: its deviations, drawn or identified, and the hand and arm that they make.
+//! One individual of the robots built from a nominal design: its deviations, sampled or identified, and the resulting
+//! hand and arm.
 
 use std::sync::Arc;
 
@@ -13,22 +14,23 @@ use crate::arm::ArmDefects;
 use crate::draws::gaussian;
 use crate::spread::{Kind, Parameter, Quantity, parameters};
 
-/// Stream of the generator from which robots are drawn: no trial draws from it.
+/// Random stream from which robots are sampled; no trial uses it.
 const STREAM: u64 = 1 << 20;
-/// Number of the first individual's tactile cameras among the units of [`optics`]; lower ones are those of benchmark and calibration.
+/// Serial number of the tactile cameras before those of the first individual, among the units of [`optics`]; lower
+/// numbers belong to benchmark and calibration.
 ///
 /// [`optics`]: https://docs.rs/optics
 const FIRST_CAMERAS: u64 = 1000;
 
-/// How one robot differs from its drawing.
+/// Deviations of one robot from its nominal design.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RobotIndividual {
     parameters: Vec<Parameter>,
-    /// Of each parameter, in the order of [`parameters`].
+    /// Deviation of each parameter, in the order of [`parameters`].
     deviations: Vec<f64>,
 }
 
-/// A parameter of an individual, as the truth file writes it.
+/// A parameter of an individual, as written to the truth file.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[allow(missing_docs)]
 pub struct Deviation {
@@ -39,13 +41,13 @@ pub struct Deviation {
 }
 
 impl RobotIndividual {
-    /// The robot as drawn.
+    /// Returns the nominal robot.
     pub fn designed(robot: &RobotModel) -> Self {
         let parameters = parameters(robot);
         Self { deviations: vec![0.0; parameters.len()], parameters }
     }
 
-    /// Individual `number`: the same number, the same robot. Number 0 is the robot as drawn.
+    /// Samples individual `number`: the same number gives the same robot. Number 0 is the nominal robot.
     pub fn draw(robot: &RobotModel, number: u64) -> Self {
         let mut own = Self::designed(robot);
         if number == 0 {
@@ -59,42 +61,42 @@ impl RobotIndividual {
         own
     }
 
-    /// Serial number of the tactile cameras of individual `number`, if it has its own.
+    /// Returns the serial number of the tactile cameras of individual `number`, if it has its own.
     pub fn cameras(number: u64) -> Option<u64> {
         (number > 0).then_some(FIRST_CAMERAS + number)
     }
 
-    /// What can differ.
+    /// Returns the parameters in which individuals differ.
     pub fn parameters(&self) -> &[Parameter] {
         &self.parameters
     }
 
-    /// All deviations, in the order of [`Self::parameters`].
+    /// Returns all deviations, in the order of [`Self::parameters`].
     pub fn deviations(&self) -> &[f64] {
         &self.deviations
     }
 
-    /// Place of the parameter called `name`.
+    /// Returns the index of the parameter called `name`.
     pub fn find(&self, name: &str) -> Option<usize> {
         self.parameters.iter().position(|parameter| parameter.name == name)
     }
 
-    /// Place of a quantity of one owner.
+    /// Returns the parameter index of a quantity of one owner.
     pub fn place(&self, quantity: Quantity, index: usize) -> Option<usize> {
         self.parameters.iter().position(|parameter| parameter.quantity == quantity && parameter.index == index)
     }
 
-    /// Deviation of a quantity of one owner; 0 where there is no such owner.
+    /// Returns the deviation of a quantity of one owner; 0 if there is no such owner.
     pub fn deviation(&self, quantity: Quantity, index: usize) -> f64 {
         self.place(quantity, index).map_or(0.0, |place| self.deviations[place])
     }
 
-    /// Changes the deviation at `place`.
+    /// Sets the deviation with parameter index `place`.
     pub fn set(&mut self, place: usize, deviation: f64) {
         self.deviations[place] = deviation;
     }
 
-    /// All deviations by name.
+    /// Lists all deviations by name.
     pub fn described(&self) -> Vec<Deviation> {
         let describe = |(parameter, deviation): (&Parameter, &f64)| Deviation {
             parameter: parameter.name.clone(),
@@ -105,7 +107,7 @@ impl RobotIndividual {
         self.parameters.iter().zip(&self.deviations).map(describe).collect()
     }
 
-    /// The hand that it makes of the one `drawn`, its turn on the flange included.
+    /// Applies the deviations to the nominal hand `drawn`, including its rotation on the flange.
     pub fn hand(&self, drawn: &Hand) -> Hand {
         let mut hand = drawn.clone();
         for (parameter, &deviation) in self.parameters.iter().zip(&self.deviations) {
@@ -120,7 +122,8 @@ impl RobotIndividual {
         hand
     }
 
-    /// The arm that it makes of the one `drawn`: its joints are where their encoders say, and bear what their torque sensors say over the gains.
+    /// Applies the deviations to the nominal arm `drawn`: encoder offsets move its joint origins, so that its readings
+    /// can be used as joint angles, and torque gains scale its torque readings.
     pub fn arm(&self, drawn: &Arm) -> Arm {
         let mut arm = drawn.clone();
         for (n, joint) in arm.tree.joints.iter_mut().enumerate() {
@@ -135,13 +138,13 @@ impl RobotIndividual {
         arm
     }
 
-    /// The robot that it makes of the one `nominal`.
+    /// Applies the deviations to the `nominal` robot.
     pub fn robot(&self, nominal: &RobotModel) -> RobotModel {
         let (hand, arm) = (self.hand(&nominal.hand), self.arm(&nominal.arm));
         RobotModel { hand: Arc::new(hand), arm: Arc::new(arm), ..nominal.clone() }
     }
 
-    /// Encoders and mount as a simulated arm's defects, without a payload.
+    /// Returns encoder and mount deviations as defects of a simulated arm, without a payload.
     pub fn arm_defects(&self) -> ArmDefects {
         let axes = |quantity| Vector3::from_fn(|axis, _| self.deviation(quantity, axis));
         ArmDefects {
@@ -152,7 +155,7 @@ impl RobotIndividual {
         }
     }
 
-    /// Friction of its pads on any object over the drawing's.
+    /// Returns the ratio of its pads' friction on any object to the nominal friction.
     pub fn pad_friction(&self) -> f64 {
         self.deviation(Quantity::PadFriction, 0).exp()
     }
@@ -177,7 +180,7 @@ fn change_hand(hand: &mut Hand, parameter: &Parameter, deviation: f64) {
             joint.origin *= UnitQuaternion::from_axis_angle(&joint.axis, deviation);
             return;
         }
-        // Of the scene, the arm, and the mount: see `pad_friction`, `arm`, `hand`.
+        // Applied elsewhere, to the scene, the arm and the mount: see `pad_friction`, `arm`, `hand`.
         Quantity::PadFriction
         | Quantity::ArmEncoder
         | Quantity::MountPosition
@@ -207,7 +210,7 @@ mod tests {
         assert!(robot.deviations().iter().zip(other.deviations()).all(|(a, b)| a != b));
     }
 
-    /// Quantities that were added last leave what was drawn before as it was, to the last bit.
+    /// Quantities that were added later leave earlier samples unchanged, to the last bit.
     #[test]
     fn what_was_drawn_stays() {
         let drawn = drawn();
@@ -238,7 +241,7 @@ mod tests {
         }
     }
 
-    /// Individual 0 is the drawing to the last bit.
+    /// Individual 0 equals the nominal robot to the last bit.
     #[test]
     fn number_0_is_the_drawing() {
         let drawn = drawn();
@@ -248,7 +251,8 @@ mod tests {
         assert_eq!(format!("{:?}", robot.arm(arm)), format!("{arm:?}"));
     }
 
-    /// Each parameter changes the robot, and nothing but what it names: the same deviation there and back is the drawing again.
+    /// Each parameter changes the robot, and only what it names: applying a deviation and its inverse restores the
+    /// nominal robot.
     #[test]
     fn every_parameter_changes_something() {
         let drawn = drawn();
@@ -264,7 +268,7 @@ mod tests {
         }
     }
 
-    /// A robot whose errors are in its model stands where one stands whose errors are in its body.
+    /// A robot with the errors in its model has the same pose as one with the errors in its body.
     #[test]
     fn its_arm_is_the_one_with_these_defects() {
         let drawn = drawn();
@@ -278,7 +282,7 @@ mod tests {
         assert!(off.translation.vector.norm() < 1e-12 && off.rotation.angle() < 1e-9, "{off}");
     }
 
-    /// 400 robots: each quantity spreads as its data file says, to within 5 standard errors.
+    /// Sample of 400 robots: each quantity spreads as its data file states, to within 5 standard errors.
     #[test]
     fn deviations_spread_as_stated() {
         let drawn = drawn();
@@ -287,7 +291,7 @@ mod tests {
             let spread = &parameter.spread;
             let scaled = robots.iter().map(|robot| (robot.deviations()[place] - spread.mean) / spread.sigma);
             let (sum, squares) = scaled.fold((0.0, 0.0), |(sum, squares), z| (sum + z, squares + z * z));
-            // A Gaussian cut at three standard deviations has 0.9733 of its variance.
+            // A Gaussian truncated at three standard deviations has 0.9733 of its variance.
             assert!((sum / 400.0_f64).abs() < 0.25, "{}: {}", parameter.name, sum / 400.0);
             assert!((squares / 400.0 / 0.9733 - 1.0).abs() < 0.36, "{}: {}", parameter.name, squares / 400.0);
         }

@@ -1,4 +1,4 @@
-//! What differs between robots built from one drawing, and by how much: `data/spread.toml`.
+//! Parameters in which robots built from one nominal design differ, and their spread: `data/spread.toml`.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -8,57 +8,57 @@ use hand_model::RobotModel;
 use platform::data::{DataError, parse_toml};
 use serde::{Deserialize, Serialize};
 
-/// What differs.
+/// A physical quantity that varies between individuals.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Quantity {
     /// Stiffness of a joint's spring.
     Spring,
-    /// Angle at which it is at rest.
+    /// Rest angle of a joint's spring.
     SpringRest,
-    /// Angle of a link on its open stop.
+    /// Angle of a link at its open stop.
     JointZero,
-    /// Of a cable.
+    /// Radius of a cable's spool.
     SpoolRadius,
-    /// Of a cable against stretch.
+    /// Tensile stiffness of a cable.
     CableStiffness,
-    /// Coefficient of a cable in its guides.
+    /// Friction coefficient of a cable in its guides.
     GuideFriction,
-    /// Turn of a cable in the palm.
+    /// Wrap angle of a cable in the palm.
     GuideTurn,
-    /// Of a servo.
+    /// Torque constant of a servo.
     TorqueConstant,
     /// Dry friction of a servo.
     ServoFriction,
-    /// Viscous loss of a servo.
+    /// Viscous friction of a servo.
     ServoDamping,
-    /// Of all pads.
+    /// Stiffness of the gel of all pads.
     GelStiffness,
-    /// Of all pads.
+    /// Thickness of the gel of all pads.
     GelThickness,
-    /// Of all pads on any object.
+    /// Friction of all pads on any object.
     PadFriction,
-    /// What an arm joint's encoder shows too much.
+    /// Encoder offset of an arm joint: reading - true angle.
     ArmEncoder,
-    /// Place of the hand on its flange.
+    /// Position of the hand on its flange.
     MountPosition,
-    /// Turn of the hand on its flange.
+    /// Rotation of the hand on its flange.
     MountTurn,
-    /// Of an arm joint's torque sensing: what it shows over what the joint bears.
+    /// Gain of an arm joint's torque sensor: reading over true torque.
     ArmTorqueGain,
 }
 
-/// How a deviation changes the drawing's value.
+/// Effect of a deviation on the nominal value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Kind {
-    /// The drawing's value times exp(deviation).
+    /// Nominal value times exp(deviation).
     Factor,
-    /// The drawing's value plus the deviation, SI.
+    /// Nominal value plus the deviation, SI.
     Offset,
 }
 
-/// A Gaussian of deviations, cut at three standard deviations.
+/// A Gaussian prior of a deviation, truncated at three standard deviations.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Spread {
@@ -66,7 +66,7 @@ pub struct Spread {
     #[serde(default)]
     pub mean: f64,
     pub sigma: f64,
-    /// Where the figures come from.
+    /// Source of the figures.
     pub source: String,
 }
 
@@ -77,10 +77,10 @@ struct SpreadFile {
     spread: BTreeMap<Quantity, Spread>,
 }
 
-/// One scalar in which individuals differ.
+/// One scalar parameter in which individuals differ.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Parameter {
-    /// `<owner>.<quantity>`, such as `index_1.spring`; the quantity alone where it belongs to the whole hand.
+    /// Name, `<owner>.<quantity>`, such as `index_1.spring`; the quantity alone if it belongs to the whole hand.
     pub name: String,
     pub quantity: Quantity,
     /// Index of the joint, cable, servo, arm joint or axis.
@@ -89,7 +89,8 @@ pub struct Parameter {
 }
 
 impl Quantity {
-    /// All of them, in the order in which they are drawn: a new one comes last, so that all others keep what was drawn of them.
+    /// All quantities, in the order in which they are sampled. A new one comes last, so that the samples of all others
+    /// stay the same.
     pub const ALL: [Self; 17] = [
         Self::Spring,
         Self::SpringRest,
@@ -110,7 +111,7 @@ impl Quantity {
         Self::ArmTorqueGain,
     ];
 
-    /// As files write it.
+    /// Returns the name used in files.
     pub fn name(self) -> &'static str {
         match self {
             Self::Spring => "spring",
@@ -133,7 +134,7 @@ impl Quantity {
         }
     }
 
-    /// Unit of its deviation.
+    /// Returns the unit of the deviation.
     pub fn unit(self) -> &'static str {
         match self {
             Self::SpringRest | Self::JointZero | Self::ArmEncoder | Self::MountTurn => "rad",
@@ -143,7 +144,7 @@ impl Quantity {
         }
     }
 
-    /// Whose it is, by name; one empty name where it belongs to the whole hand.
+    /// Lists its owners by name; one empty name if it belongs to the whole hand.
     fn owners(self, RobotModel { hand, arm, .. }: &RobotModel) -> Vec<String> {
         let actuators = || hand.parameters.actuator.iter().map(|actuator| actuator.name.clone());
         match self {
@@ -180,7 +181,7 @@ fn parse_spreads(text: &str, path: &Path) -> Result<BTreeMap<Quantity, Spread>, 
     Ok(file.spread)
 }
 
-/// Everything in which individuals of `robot` differ, in the order in which it is drawn.
+/// Lists every parameter in which individuals of `robot` differ, in the order in which they are sampled.
 ///
 /// # Panics
 /// Never in a tested build: the spreads are compiled in and a test reads them.

@@ -1,4 +1,4 @@
-//! The engine's depth against the image's, shear against its law, and holds that stay still.
+//! Tests: depth in the engine against depth in the image, shear against its law, and holds at rest.
 
 use hand_model::pads::Camera;
 use optics::press;
@@ -23,7 +23,7 @@ fn model(shape: Shape) -> Arc<ObjectModel> {
     })
 }
 
-/// Ball, lying cylinder, box: the shape with its turn above a pad.
+/// A sphere, a lying cylinder and a box, with their rotations above a pad.
 fn shapes() -> [(&'static str, Shape, Vector3<f64>); 3] {
     let half = Vector3::new(0.025, 0.022, 0.02);
     [
@@ -70,7 +70,7 @@ impl Bed {
         Self { hand, pad, engine, body, model }
     }
 
-    /// Presses for `seconds` with a force (N) in the pad's frame.
+    /// Presses for `seconds` with a `force` (N, pad frame).
     fn press(&mut self, force: Vector3<f64>, seconds: f64) {
         let world = convert::vector(&(self.hand.pads[self.pad].link_from_pad * force));
         let body = &mut self.engine.bodies[self.body];
@@ -85,7 +85,7 @@ impl Bed {
         self.hand.pads[self.pad].link_from_pad.inverse() * convert::to_pose(self.engine.bodies[self.body].position())
     }
 
-    /// Height of the object's lowest point above a place of the pad, m.
+    /// Returns the height of the object's lowest point above a position on the pad, m.
     fn lowest(&self) -> impl Fn(f64, f64) -> Option<f64> {
         let (object_from_pad, shape) = (self.pad_from_object().inverse(), self.model.shape.clone());
         move |x, y| {
@@ -94,18 +94,18 @@ impl Bed {
         }
     }
 
-    /// How deep the object is in the pad in the engine, and in its image under `force` (N), m.
+    /// Returns the object's penetration of the pad in the engine, and in its image under `force` (N), m.
     fn depths(&self, force: f64) -> [f64; 2] {
         let pad = &self.hand.pads[self.pad];
         let cameras: Vec<&Camera> = pad.cameras.iter().map(|camera| &self.hand.cameras[*camera]).collect();
         let pressed = press(pad, &cameras, &self.hand.gel(), force, self.lowest()).expect("pressed");
         let image = pressed.maps.iter().map(|map| f64::from(map.deepest())).fold(0.0, f64::max);
-        // The image moves the object by its shift before it is that deep.
+        // The image shifts the object before it reaches that depth.
         [image - pressed.shift, image]
     }
 }
 
-/// The engine's depth is the image's at the same force.
+/// Depth in the engine equals depth in the image at the same force.
 #[test]
 fn the_engine_s_depth_is_the_image_s() {
     let mut worst = 0.0f64;
@@ -123,7 +123,7 @@ fn the_engine_s_depth_is_the_image_s() {
     assert!(worst < 1e-5, "{worst} m beyond 2 %");
 }
 
-/// A step of force is followed with the relaxation time: after one such time 63 % of the way are gone.
+/// The gel follows a force step with its relaxation time: after one time constant it has covered 63 % of the change.
 #[test]
 fn the_gel_takes_its_time() {
     let ball = Shape::Sphere { radius: 0.03 };
@@ -139,7 +139,8 @@ fn the_gel_takes_its_time() {
     assert!((share - 0.632).abs() < 0.05, "{share} of {whole} m");
 }
 
-/// Pulled sideways by less than its friction, the surface follows by `shear` times the share of its depth, and the object stays.
+/// Under a tangential load within its friction, the surface moves by `shear` times the proportional share of its depth,
+/// and the object does not slip.
 #[test]
 fn shear_follows_its_law() {
     let ball = Shape::Sphere { radius: 0.03 };
@@ -156,7 +157,7 @@ fn shear_follows_its_law() {
     assert!((shear - Vector3::new(expected, 0.0, 0.0)).norm() < 0.05 * expected, "{shear} {expected}");
 }
 
-/// Nothing moves in the last seconds of a press, and a branch goes on bit by bit.
+/// Nothing moves in the last seconds of a press, and a branch continues bit-exactly.
 #[test]
 fn a_press_rests_and_branches() {
     for (name, shape, turn) in shapes() {
@@ -189,8 +190,8 @@ fn a_press_rests_and_branches() {
     }
 }
 
-/// Against what does not give way the force answers the sink thirty times as sharply as the gel: the whole share of a step's relaxation goes to
-/// and fro for ever, the damped one comes to rest.
+/// Against a rigid object the force responds to the sink thirty times as sharply as the gel. With the full relaxation
+/// fraction the contact oscillates for ever; with the damped one it comes to rest.
 #[test]
 fn a_contact_with_a_fastened_object_comes_to_rest() {
     let (gel, wall, share, deep) = (1.8e3, 6e4, 0.13, 1e-3);

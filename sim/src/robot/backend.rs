@@ -1,4 +1,4 @@
-//! The simulated robot as a backend of its own, and as the plant behind emulated devices.
+//! The simulated robot as a backend in its own right, and as the plant behind emulated devices.
 
 use hand_model::robot::{Command, Observation, Plant, Readings, RobotBackend, RobotError, Tick};
 

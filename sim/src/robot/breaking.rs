@@ -1,6 +1,7 @@
-//! The side door by which the robot itself breaks: cables, joints, servos, lamps and cameras.
+//! Fault injection into the robot itself: cables, joints, servos, lamps and cameras.
 //!
-//! Like the truth it is on the concrete type alone: no controller that holds a [`hand_model::robot::RobotBackend`] can reach it.
+//! Like the ground truth, it is available on the concrete type alone: no controller that holds a
+//! [`hand_model::robot::RobotBackend`] can reach it.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -12,26 +13,26 @@ use super::SimulatedRobot;
 use crate::convert;
 use crate::drive::JointEffort;
 
-/// More cable than there is, m: none is left on the spool's side of the break.
+/// Length greater than any cable, m: none is left on the spool's side of the break.
 const ALL_OF_IT: f64 = 10.0;
-/// Stiffness of a joint that is stuck, N m/rad: it gives by some milliradians under the strongest pull.
+/// Stiffness of a stuck joint, N m/rad: it yields by a few milliradians under the strongest pull.
 const STUCK: f64 = 50.0;
 
-/// What is broken.
+/// Faults that are present.
 #[derive(Clone, Default)]
 pub(super) struct Broken {
-    /// Stuck finger joints, and where, rad.
+    /// Stuck finger joints with their angles, rad.
     stuck: BTreeMap<usize, f64>,
-    /// Cameras that send their last image on and on.
+    /// Cameras that repeat their last image.
     frozen: Vec<usize>,
-    /// Camera, channel of the lamp's colour, and the share of its light that is left.
+    /// Camera, colour channel of the lamp, and the remaining fraction of its light.
     dimmed: Vec<(usize, usize, f32)>,
     /// The last image of each camera.
     last: BTreeMap<usize, Arc<TactileImage>>,
 }
 
 impl Broken {
-    /// What acts on finger joint `joint` at angle `q` (rad), with what holds it if it is stuck.
+    /// Adds the holding effort of a stuck joint to the load on finger joint `joint` at angle `q` (rad).
     pub(super) fn effort(&self, joint: usize, q: f64, effort: JointEffort) -> JointEffort {
         self.stuck.get(&joint).map_or(effort, |at| JointEffort {
             torque: effort.torque + STUCK * (at - q),
@@ -39,7 +40,7 @@ impl Broken {
         })
     }
 
-    /// The images as broken cameras send them.
+    /// Changes images to those that the broken cameras send.
     pub(super) fn spoil(&mut self, frames: &mut [TactileFrame]) {
         for frame in frames {
             if let Some(last) = self.last.get(&frame.camera).filter(|_| self.frozen.contains(&frame.camera)) {
@@ -57,30 +58,30 @@ impl Broken {
 }
 
 impl SimulatedRobot {
-    /// Cable `n` is broken from now on.
+    /// Breaks cable `n` from now on.
     pub fn break_cable(&mut self, n: usize) {
         self.drive.let_go(n, ALL_OF_IT);
     }
 
-    /// Cable `n` slips on its spool by `length`, m.
+    /// Lets cable `n` slip on its spool by `length`, m.
     pub fn slip_cable(&mut self, n: usize, length: f64) {
         self.drive.let_go(n, length);
     }
 
-    /// Servo `n` gives `factor` times the torque at the same current from now on.
+    /// Scales the torque of servo `n` at the same current by `factor` from now on.
     pub fn weaken_servo(&mut self, n: usize, factor: f64) {
         self.drive.weaken(n, factor);
     }
 
-    /// Finger joint `joint` is stuck where it is from now on.
+    /// Makes finger joint `joint` stick at its present angle from now on.
     pub fn stick_joint(&mut self, joint: usize) {
         self.broken.stuck.insert(joint, self.state.hand[joint]);
     }
 
-    /// Object `index` weighs `more` from now on, kg, spread over it as before.
+    /// Adds `more` (kg) to the mass of object `index` from now on, distributed as before.
     pub fn add_mass(&mut self, index: usize, more: f64) {
         let (model, body, _) = &self.objects[index];
-        // Before the first step after it was put in, the engine has not summed up its mass yet.
+        // Before the first step after the object's insertion, the engine has not yet computed its mass.
         self.engine.bodies[*body].recompute_mass_properties_from_colliders(&self.engine.colliders);
         let mass = self.engine.bodies[*body].mass() + more;
         let (com, inertia) = model.shape.inertia(mass);
@@ -88,12 +89,13 @@ impl SimulatedRobot {
         self.engine.bodies[*body].set_additional_mass_properties(properties, true);
     }
 
-    /// Camera `camera` sends its last image on and on from now on.
+    /// Makes camera `camera` repeat its last image from now on.
     pub fn freeze_camera(&mut self, camera: usize) {
         self.broken.frozen.push(camera);
     }
 
-    /// The lamp of camera `camera` whose light is in colour `channel` (red, green, blue) has the share `left` of its light from now on.
+    /// Dims the lamp of camera `camera` with colour `channel` (red, green, blue) to the fraction `left` of its light
+    /// from now on.
     pub fn dim_lamp(&mut self, camera: usize, channel: usize, left: f32) {
         self.broken.dimmed.push((camera, channel, left));
     }

@@ -1,6 +1,7 @@
-//! The side door by which a scene is disturbed from outside: forces, slippery objects, servos without power, failed cameras.
+//! External disturbances of a scene: forces, slippery objects, servos without power, failed cameras.
 //!
-//! Like the truth it is on the concrete type alone: no controller that holds a [`hand_model::robot::RobotBackend`] can reach it.
+//! Like the ground truth, they are available on the concrete type alone: no controller that holds a
+//! [`hand_model::robot::RobotBackend`] can reach them.
 
 use std::sync::Arc;
 
@@ -14,13 +15,13 @@ use rapier3d_f64::prelude::RigidBodyHandle;
 use crate::convert;
 use crate::engine::Engine;
 
-/// The servo of the thumb's opposition, which has no cable.
+/// Index of the servo of the thumb's opposition, which has no cable.
 const OPPOSITION: usize = 5;
 
-/// What acts on the scene from outside.
+/// External disturbances that are present.
 #[derive(Clone, Default)]
 pub(super) struct Outside {
-    /// For the next tick: object (`None` is the palm) and force, N.
+    /// Forces of the next tick: object (`None` for the palm) and force, N.
     forces: Vec<(Option<usize>, Vector3<f64>)>,
     /// Servos without power.
     unpowered: [bool; MOST_ACTUATORS],
@@ -31,9 +32,9 @@ pub(super) struct Outside {
 /// A force on a body during one tick.
 pub(super) struct Target {
     pub(super) body: RigidBodyHandle,
-    /// World, m; `None` is the body's centre of mass.
+    /// Point of application, world, m; `None` for the body's centre of mass.
     pub(super) point: Option<Vector3<f64>>,
-    /// N, world axes.
+    /// Force, world axes, N.
     pub(super) force: Vector3<f64>,
 }
 
@@ -53,7 +54,7 @@ impl Outside {
         self.failed.extend(cameras.map(|camera| (camera, how)));
     }
 
-    /// The forces of the next tick; they are then spent.
+    /// Takes the forces of the next tick and clears them.
     pub(super) fn take_forces(&mut self) -> Vec<(Option<usize>, Vector3<f64>)> {
         std::mem::take(&mut self.forces)
     }

@@ -1,8 +1,8 @@
-//! Where the hand presses into its own pads, and the table into them: from the engine's contacts between covers, and of covers
-//! with the table.
+//! Self-contact: loads of the hand and of the table on the hand's own pads, from the engine's contacts between covers,
+//! and between covers and table.
 //!
-//! The engine lets any two covers touch that no joint connects: fingers each other, the thumb fingers and palm, and a finger's
-//! middle and distal links the palm; not a first link and the palm, nor neighbours along a digit.
+//! The engine lets any two covers touch that no joint connects: fingers each other, the thumb fingers and palm, and a
+//! finger's middle and distal links the palm; not a first link and the palm, nor neighbours along a digit.
 
 use hand_model::hand::CoverShape;
 use nalgebra::{Isometry3, Vector3};
@@ -13,25 +13,26 @@ use super::SimulatedRobot;
 use crate::contacts::{contacts_of, normal_force};
 use crate::tactile::OwnLoad;
 
-/// The rounded box of a cover.
+/// Returns the rounded box of a cover.
 fn shape_of(cover: &CoverShape) -> Shape {
     Shape::Cuboid { half: cover.half, radius: cover.radius }
 }
 
-/// The table and `world_from_table`.
+/// Returns the table and `world_from_table`.
 fn table() -> (Shape, Isometry3<f64>) {
     let Table { center, half, .. } = Physics::standard().table;
     (Shape::Cuboid { half: Vector3::from(half), radius: 0.0 }, Isometry3::translation(center[0], center[1], center[2]))
 }
 
 impl SimulatedRobot {
-    /// Force with which hand and wrist press on the table now, N: ground truth.
+    /// Returns the present force of hand and wrist on the table, N: ground truth.
     pub fn force_on_table(&self) -> f64 {
         let parts = self.body.covers.iter().chain(&self.body.wrist);
         parts.map(|part| normal_force(&self.engine, *part, self.table)).sum()
     }
 
-    /// What the hand and the table press into the pads now: ground truth. Nothing, if the scene's pads feel objects only.
+    /// Returns the present loads of the hand and the table on the pads: ground truth. Empty if the scene's pads feel
+    /// objects only.
     pub fn own_loads(&self) -> Vec<OwnLoad> {
         let mut loads: Vec<(usize, Option<usize>, f64)> = Vec::new();
         if !self.self_contact {
@@ -46,7 +47,7 @@ impl SimulatedRobot {
                 if other.is_none() && contact.other != self.table {
                     continue;
                 }
-                // As for an object: from what presses into the pad.
+                // As for an object, the normal points away from what presses into the pad.
                 let inward = -contact.normal;
                 let Some(pad) = self.pad_at(cover.checked_sub(1), &contact.point, &inward, &links, &palm) else {
                     continue;

@@ -1,6 +1,7 @@
-//! The side door by which objects are put elsewhere, fastened or replaced while the robot goes on: what a person does at the table.
+//! Interface by which objects are moved, fixed or replaced while the robot runs, as a person at the table would do.
 //!
-//! Like the truth it is on the concrete type alone: no controller that holds a [`hand_model::robot::RobotBackend`] can reach it.
+//! Like the ground truth, it is available on the concrete type alone: no controller that holds a
+//! [`hand_model::robot::RobotBackend`] can reach it.
 
 use std::sync::Arc;
 
@@ -13,17 +14,17 @@ use crate::convert;
 use crate::scene::insert_object;
 
 impl SimulatedRobot {
-    /// Object `index` stays where it is from now on, whatever pushes it: a ring or a drop of glue keeps it there.
+    /// Fixes object `index` in place from now on, like a ring or a drop of glue would.
     pub fn fasten(&mut self, index: usize) {
         self.engine.bodies[self.objects[index].1].set_body_type(RigidBodyType::Fixed, true);
     }
 
-    /// Object `index` moves freely again.
+    /// Releases object `index` to move freely again.
     pub fn release(&mut self, index: usize) {
         self.engine.bodies[self.objects[index].1].set_body_type(RigidBodyType::Dynamic, true);
     }
 
-    /// Object `index` is put at `world_from_object`, at rest.
+    /// Puts object `index` at `world_from_object`, at rest.
     pub fn put(&mut self, index: usize, world_from_object: &Isometry3<f64>) {
         let body = &mut self.engine.bodies[self.objects[index].1];
         body.set_position(convert::pose(world_from_object), true);
@@ -31,7 +32,7 @@ impl SimulatedRobot {
         body.set_angvel(Vector::ZERO, true);
     }
 
-    /// All objects are taken away, and these are put on the table.
+    /// Removes all objects and puts these on the table.
     pub fn replace_objects(&mut self, placements: &[ObjectPlacement]) {
         for (_, body, _) in std::mem::take(&mut self.objects) {
             self.engine.remove(body);

@@ -1,4 +1,4 @@
-//! What a camera over the table can see of the objects, and how large the tactile cameras' images are.
+//! Visibility of the objects for a camera over the table, and the resolution of the tactile images.
 
 use std::sync::Arc;
 
@@ -11,8 +11,8 @@ use super::SimulatedRobot;
 use crate::convert;
 
 impl SimulatedRobot {
-    /// Whether a camera at `camera` sees object `index` with its centre at `center` (both m, world): over the table's top, and with
-    /// neither hand, wrist nor another object in between.
+    /// True if a camera at `camera` sees the centre of object `index` at `center` (both m, world): it is above the
+    /// table's top, and neither hand, wrist nor another object occludes it.
     pub fn sees(&self, camera: &Point3<f64>, index: usize, center: &Point3<f64>) -> bool {
         if center.z < 0.0 {
             return false;
@@ -26,12 +26,12 @@ impl SimulatedRobot {
         !hidden
     }
 
-    /// The objects as they are, in order: for the recording, like the truth.
+    /// Returns the true object models in order, for the recording, like the ground truth.
     pub fn models(&self) -> impl Iterator<Item = &Arc<ObjectModel>> {
         self.objects.iter().map(|(model, ..)| model)
     }
 
-    /// From now on frames are of `side` x `side` pixels; those on their way are lost. See [`TactileBoard::reduced`].
+    /// Reduces frames to `side` x `side` pixels from now on; frames in transit are lost. See [`TactileBoard::reduced`].
     pub fn reduce_images(&mut self, side: usize) -> Result<(), OpticsError> {
         self.tactile = self.tactile.clone().reduced(side)?;
         self.on_their_way.clear();

@@ -1,4 +1,4 @@
-//! A tree of joints that turn or slide, bolted to the world at its root: the mechanism under every hand on the stand.
+//! A tree of revolute and sliding joints, its root bolted to the world: the mechanism of every hand on the stand.
 
 use std::collections::BTreeSet;
 
@@ -17,18 +17,19 @@ use crate::convert;
 use crate::drive::JointEffort;
 use crate::engine::{Engine, EngineSettings};
 
-/// What a linkage is made of.
+/// Description of a linkage.
 #[derive(Debug, Clone, Copy)]
 pub struct Mechanism<'a> {
     /// Joints, parents first.
     pub tree: &'a Tree,
-    /// One a joint: of the link that it moves.
+    /// Mass properties of the link that each joint moves.
     pub masses: &'a [MassProperties],
-    /// Of each joint, N m s/rad or N s/m.
+    /// Damping of each joint, N m s/rad or N s/m.
     pub damping: &'a [f64],
-    /// Of each joint, kg m2 or kg.
+    /// Armature of each joint, kg m2 or kg.
     pub armature: &'a [f64],
-    /// Gives every joint on the root a root body of its own: a multibody for each digit costs a fraction of one of all joints.
+    /// True if every joint on the root gets a root body of its own: one multibody per digit costs a fraction of one
+    /// with all joints.
     pub apart: bool,
 }
 
@@ -49,7 +50,8 @@ pub struct Linkage {
 }
 
 impl Linkage {
-    /// Builds the mechanism at joint coordinates `start` (rad or m). `covers` are collision shapes with their link (`None` is the root).
+    /// Builds the mechanism at joint coordinates `start` (rad or m). `covers` are collision shapes with their links
+    /// (`None` for the root).
     pub fn new(
         settings: EngineSettings,
         mechanism: &Mechanism<'_>,
@@ -95,13 +97,13 @@ impl Linkage {
         linkage
     }
 
-    /// Sets up the degrees of freedom of every multibody, whose joints follow each other in the tree.
+    /// Sets up the degrees of freedom of every multibody; the joints of a multibody are consecutive in the tree.
     fn settle(&mut self, start: &[f64], mechanism: &Mechanism<'_>) {
         let mut first = 0;
         while let Some(handle) = self.joints.get(first) {
             let Some((multibody, _)) = self.engine.multibodies.get_mut(*handle) else { return };
             multibody.set_self_contacts_enabled(true);
-            // A fixed root first appears as a free one; this settles the degrees of freedom.
+            // A fixed root is first treated as a free one; this call settles the degrees of freedom.
             multibody.forward_kinematics(&self.engine.bodies, true);
             let own = first..first + multibody.ndofs();
             multibody.damping_mut().as_mut_slice().copy_from_slice(&mechanism.damping[own.clone()]);
@@ -114,7 +116,7 @@ impl Linkage {
         }
     }
 
-    /// Lets the covers of two links (`None` is the root) pass through each other.
+    /// Lets the covers of two links (`None` for the root) pass through each other.
     pub fn let_pass(&mut self, one: Option<usize>, two: Option<usize>) {
         let of = |link: Option<usize>| self.covers.iter().filter(move |(own, _)| *own == link).map(|(_, cover)| *cover);
         let pairs: Vec<_> = of(one).flat_map(|a| of(two).map(move |b| (a, b))).collect();
@@ -124,13 +126,13 @@ impl Linkage {
         self.passing.insert((one.min(two), one.max(two)));
     }
 
-    /// Makes a joint follow another.
+    /// Couples a joint to another.
     pub fn couple(&mut self, follower: &Follower) {
         let [leader, joint] = [follower.leader, follower.joint].map(|own| (self.joints[own], self.kinds[own]));
         couple(&mut self.engine, leader, joint, follower);
     }
 
-    /// One physics step under these efforts, one a joint.
+    /// Advances one physics step under these efforts, one per joint.
     pub fn step(&mut self, efforts: &[JointEffort]) {
         let slack = self.engine.limit_slack();
         for (n, (handle, effort)) in self.joints.iter().zip(efforts).enumerate() {
@@ -162,22 +164,22 @@ impl Linkage {
         self.engine.gravity = convert::vector(gravity);
     }
 
-    /// Joint coordinates, rad or m.
+    /// Returns the joint coordinates, rad or m.
     pub fn angles(&self) -> &[f64] {
         &self.angles
     }
 
-    /// Joint speeds, rad/s or m/s.
+    /// Returns the joint speeds, rad/s or m/s.
     pub fn speeds(&self) -> &[f64] {
         &self.speeds
     }
 
-    /// `root_from_link` of every link.
+    /// Returns `root_from_link` of every link.
     pub fn links(&self) -> Vec<Isometry3<f64>> {
         self.links.iter().map(|link| convert::to_pose(self.engine.bodies[*link].position())).collect()
     }
 
-    /// The engine, to put other things into it.
+    /// Gives access to the engine, to insert other bodies.
     pub fn engine_mut(&mut self) -> &mut Engine {
         &mut self.engine
     }
@@ -186,17 +188,18 @@ impl Linkage {
         &self.engine
     }
 
-    /// Which link the cover `collider` belongs to (`Some(None)` is the root), if it is one.
+    /// Returns the link to which the cover `collider` belongs (`Some(None)` for the root), if it is a cover.
     pub fn cover_of(&self, collider: ColliderHandle) -> Option<Option<usize>> {
         self.covers.iter().find(|(_, cover)| *cover == collider).map(|(link, _)| *link)
     }
 
-    /// How deep `collider` and the covers overlap at most, m; 0 where nothing does.
+    /// Returns the deepest penetration between `collider` and the covers, m; 0 without overlap.
     pub fn penetration(&self, collider: ColliderHandle) -> f64 {
         self.covers.iter().map(|(_, cover)| self.overlap(*cover, collider)).fold(0.0, f64::max)
     }
 
-    /// How deep any two covers overlap at most, m: of links that no joint connects and that do not pass through each other.
+    /// Returns the deepest penetration between any two covers, m, of links that no joint connects and that may not pass
+    /// through each other.
     pub fn self_penetration(&self, tree: &Tree) -> f64 {
         let mut deepest: f64 = 0.0;
         for (i, (a, first)) in self.covers.iter().enumerate() {
@@ -212,7 +215,7 @@ impl Linkage {
     fn overlap(&self, a: ColliderHandle, b: ColliderHandle) -> f64 {
         let pose = |handle: ColliderHandle| {
             let collider = &self.engine.colliders[handle];
-            // Through the body: a collider's own pose lags a step behind.
+            // Use the body's pose: a collider's own pose lags one step behind.
             match (collider.parent(), collider.position_wrt_parent()) {
                 (Some(body), Some(local)) => *self.engine.bodies[body].position() * *local,
                 _ => *collider.position(),
@@ -223,20 +226,20 @@ impl Linkage {
     }
 }
 
-/// Whether two links (`None` is the root) are one, or a joint connects them.
+/// True if two links (`None` for the root) are the same or connected by a joint.
 pub fn joined(tree: &Tree, a: Option<usize>, b: Option<usize>) -> bool {
     let parent = |link: Option<usize>| link.and_then(|link| tree.joints[link].parent);
     a == b || (a.is_some() && parent(a) == b) || (b.is_some() && parent(b) == a)
 }
 
-/// How deep two shapes at these poses overlap, m; 0 where they do not.
+/// Computes the penetration depth of two shapes at these poses, m; 0 if they do not overlap.
 pub fn overlap(pose_a: &Pose, a: &dyn Shape, pose_b: &Pose, b: &dyn Shape) -> f64 {
     if !a.compute_aabb(pose_a).intersects(&b.compute_aabb(pose_b)) {
         return 0.0;
     }
     match query::contact(pose_a, a, pose_b, b, 0.0) {
         Ok(Some(contact)) => (-contact.dist).max(0.0),
-        // No contact, or a pair of shapes that parry cannot compare, which rounded boxes and hulls are not.
+        // No contact, or a pair of shapes that parry cannot compare; that does not occur for rounded boxes and hulls.
         _ => 0.0,
     }
 }

@@ -1,4 +1,4 @@
-//! What is put into the hand: one or several solid shapes rigidly joined.
+//! Props that are put into the hand: one or several solid shapes, rigidly joined.
 
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 use rapier3d_f64::prelude::*;
@@ -9,25 +9,25 @@ use crate::collision_shape;
 use crate::convert;
 use crate::engine::Engine;
 
-/// A rigid thing. Its mass is spread evenly over the volume of its parts.
+/// A rigid prop. Its mass is distributed evenly over the volume of its parts.
 #[derive(Debug, Clone)]
 pub struct Prop {
     pub name: String,
     /// Parts with their pose in the prop's frame, m.
     pub parts: Vec<(Isometry3<f64>, Shape)>,
-    /// kg.
+    /// Mass, kg.
     pub mass: f64,
     /// Coulomb friction coefficient against the hand.
     pub friction: f64,
 }
 
 impl Prop {
-    /// A prop of one shape.
+    /// Creates a prop of one shape.
     pub fn new(name: &str, shape: Shape, mass: f64, friction: f64) -> Self {
         Self { name: name.into(), parts: vec![(Isometry3::identity(), shape)], mass, friction }
     }
 
-    /// A dumbbell along z: a handle between two round weights, m and kg.
+    /// Creates a dumbbell along z: a handle between two cylindrical weights, m and kg.
     pub fn dumbbell(handle_radius: f64, handle_length: f64, weight_radius: f64, weight_length: f64, mass: f64) -> Self {
         let cylinder = |radius: f64, length: f64| Shape::Cylinder { radius, half_height: 0.5 * length };
         let away = 0.5 * (handle_length + weight_length);
@@ -43,7 +43,7 @@ impl Prop {
         }
     }
 
-    /// Size along the prop's axes, m.
+    /// Computes the size along the prop's axes, m.
     pub fn extent(&self) -> Vector3<f64> {
         let corners = self.parts.iter().flat_map(|(pose, shape)| {
             let (a, b) = shape.aabb();
@@ -55,7 +55,7 @@ impl Prop {
         high - low
     }
 
-    /// Centre of mass (m) and inertia about it (kg m2) in the prop's axes.
+    /// Computes the centre of mass (m) and the inertia about it (kg m2) in the prop's axes.
     pub fn inertia(&self) -> (Point3<f64>, Matrix3<f64>) {
         let volume: f64 = self.parts.iter().map(|(_, shape)| shape.volume()).sum();
         let parts: Vec<(f64, Point3<f64>, Matrix3<f64>)> = self
@@ -79,7 +79,7 @@ impl Prop {
         (com.into(), inertia)
     }
 
-    /// Signed distance from `point` (prop frame, m) to the surface and the outward direction there.
+    /// Computes the signed distance from `point` (prop frame, m) to the surface, and the outward direction there.
     pub fn signed_distance(&self, point: &Point3<f64>) -> (f64, Vector3<f64>) {
         let mut nearest = (f64::INFINITY, Vector3::z());
         for (pose, shape) in &self.parts {
@@ -91,7 +91,7 @@ impl Prop {
         nearest
     }
 
-    /// Inserts it as a fixed body.
+    /// Inserts the prop as a fixed body.
     pub(crate) fn insert(&self, engine: &mut Engine, pose: &Isometry3<f64>) -> (RigidBodyHandle, ColliderHandle) {
         let (com, inertia) = self.inertia();
         let mass = MassProperties::with_inertia_matrix(convert::point(&com), self.mass, convert::matrix(&inertia));
@@ -124,7 +124,7 @@ impl Prop {
 mod tests {
     use super::*;
 
-    /// Two halves of a cylinder make the whole one.
+    /// Two halves of a cylinder have the inertia of the whole one.
     #[test]
     fn inertia_of_parts_adds_up() {
         let half = |z: f64| (Isometry3::translation(0.0, 0.0, z), Shape::Cylinder { radius: 0.02, half_height: 0.05 });

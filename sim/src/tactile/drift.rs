@@ -1,25 +1,26 @@
-//! Drift of the cameras: lamps and exposure warm up, so that a frame is not as bright as the background that was taken before.
+//! Drift of the cameras: lamps and exposure warm up, so that a frame differs in brightness from the background, which
+//! was taken earlier.
 
-/// s in a minute.
+/// Length of a minute, s.
 const MINUTE: f64 = 60.0;
 
-/// How the brightness of each camera changes with time. Zero is the time at which the robot was started.
+/// Drift of the brightness of each camera over time. Time zero is the start of the robot.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Drift {
-    /// Share of the brightness a minute, one a camera.
+    /// Relative brightness change per minute, one per camera.
     rates: Vec<f64>,
-    /// How long before time zero the background was taken, s.
+    /// Age of the background at time zero, s.
     background_age: f64,
 }
 
 impl Drift {
-    /// Cameras whose brightness changes by `rates` (share a minute) since the background was taken, `background_age` (s) before
-    /// time zero.
+    /// Creates cameras whose brightness has changed by `rates` (relative, per minute) since the background was taken,
+    /// `background_age` (s) before time zero.
     pub fn new(rates: Vec<f64>, background_age: f64) -> Self {
         Self { rates, background_age }
     }
 
-    /// Brightness of `camera` at `time` (s) over that of its background.
+    /// Computes the brightness of `camera` at `time` (s) relative to that of its background.
     pub fn brightness(&self, camera: usize, time: f64) -> f32 {
         let rate = self.rates.get(camera).copied().unwrap_or(0.0);
         (1.0 + rate * (time + self.background_age) / MINUTE) as f32

@@ -1,19 +1,19 @@
-//! The attributes that elements of links and joints need, and those that are filled in.
+//! The attributes that elements of links and joints require, and those that are filled in.
 
 use std::ops::Range;
 
 use super::tags::Start;
 use platform::data::DataError;
 
-/// Contents of an attribute.
+/// Content of an attribute.
 #[derive(Clone, Copy)]
 enum Holds {
     Text,
-    /// So many numbers.
+    /// This many numbers.
     Numbers(usize),
 }
 
-/// Treatment of an attribute that is not there.
+/// Treatment of a missing attribute.
 #[derive(Clone, Copy)]
 enum Missing {
     Refused,
@@ -26,7 +26,7 @@ use Missing::{Allowed, Filled, Refused};
 
 type Attribute = (&'static str, Holds, Missing);
 
-/// Attributes of the elements, by their names from the link or joint on.
+/// Attributes of the elements, by the path of element names from the link or joint on.
 const ELEMENTS: [(&[&str], &[Attribute]); 19] = [
     (&["joint", "origin"], ORIGIN),
     (&["link", "inertial", "origin"], ORIGIN),
@@ -73,7 +73,8 @@ const ELEMENTS: [(&[&str], &[Attribute]); 19] = [
 const ORIGIN: &[Attribute] = &[("xyz", Numbers(3), Allowed), ("rpy", Numbers(3), Allowed)];
 const ROUND: &[Attribute] = &[("radius", Numbers(1), Refused), ("length", Numbers(1), Refused)];
 
-/// Attributes to fill in, as text; a fault where one is missing or no number. `names` lead from the link or joint to the element.
+/// Checks the attributes of an element and returns those to fill in, as text. An attribute that is required and
+/// missing, or not a number, is an error. `names` is the path from the link or joint to the element.
 pub fn check_attributes(
     names: &[&str],
     start: &Start<'_>,
@@ -113,7 +114,7 @@ impl Holds {
     }
 }
 
-/// `text` with every edit in the place of what it replaces (bytes).
+/// Applies the edits to `text`; each replaces its byte range.
 pub fn filled_in(text: &str, mut edits: Vec<(Range<usize>, String)>) -> String {
     edits.sort_by_key(|(range, _)| range.start);
     let (mut out, mut done) = (String::with_capacity(text.len()), 0);

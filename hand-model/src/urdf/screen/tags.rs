@@ -1,10 +1,10 @@
-//! The tags of an XML text in their order, without a tree: comments, instructions and character data are passed over.
+//! The tags of an XML text in order, without a tree: comments, instructions and character data are skipped.
 
 use std::path::Path;
 
 use platform::data::DataError;
 
-/// An element may have this many attributes; a URDF's own have eight at most.
+/// Largest number of attributes of an element; a URDF's own have eight at most.
 const MOST_ATTRIBUTES: usize = 64;
 
 /// A start tag.
@@ -13,10 +13,10 @@ pub struct Start<'a> {
     pub attributes: Vec<(&'a str, &'a str)>,
     /// Line, from 1.
     pub line: usize,
-    /// Place behind the last attribute, or the name, and place behind the tag; bytes.
+    /// Byte offsets behind the last attribute (or the name), and behind the tag.
     pub attributes_end: usize,
     pub end: usize,
-    /// It ends itself.
+    /// True for a self-closing tag.
     pub empty: bool,
 }
 
@@ -25,7 +25,7 @@ impl<'a> Start<'a> {
         self.attributes.iter().find(|(own, _)| *own == name).map(|(_, value)| *value)
     }
 
-    /// Prefixes that it declares.
+    /// Returns the namespace prefixes that it declares.
     pub fn prefixes(&self) -> impl Iterator<Item = &'a str> {
         self.attributes.iter().filter_map(|(name, _)| name.strip_prefix("xmlns:"))
     }
@@ -34,7 +34,7 @@ impl<'a> Start<'a> {
 /// A tag.
 pub enum Tag<'a> {
     Open(Start<'a>),
-    /// The end of an element: its name, its line, and its place, bytes.
+    /// The end of an element: its name, its line, and its byte offset.
     Close {
         name: &'a str,
         line: usize,
@@ -42,18 +42,18 @@ pub enum Tag<'a> {
     },
 }
 
-/// The tags of a text; ends after the first fault.
+/// Iterator over the tags of a text; ends after the first error.
 pub struct Tags<'a> {
     text: &'a str,
     path: &'a Path,
     at: usize,
-    /// Line of `counted`, from 1.
+    /// Line number at offset `counted`, from 1.
     line: usize,
     counted: usize,
 }
 
 impl<'a> Tags<'a> {
-    /// Of `text`; `path` is used in errors only.
+    /// Creates the iterator over `text`; `path` is used in errors only.
     pub fn new(text: &'a str, path: &'a Path) -> Self {
         Self { text, path, at: 0, line: 1, counted: 0 }
     }

@@ -1,4 +1,4 @@
-//! Faults of a URDF's text, each by its name.
+//! Errors in a URDF's text, each by name.
 
 use super::*;
 

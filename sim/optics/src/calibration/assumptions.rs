@@ -1,4 +1,4 @@
-//! Which parts of the image-formation model a fit uses.
+//! Parts of the image-formation model that a fit uses.
 
 /// Assumptions of a fit. Each flag that is false leaves out a part of the model, as an ablation does.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -17,12 +17,12 @@ pub struct Assumptions {
 }
 
 impl Assumptions {
-    /// The whole model.
+    /// Returns the full model.
     pub fn full(pixel: Option<f64>) -> Self {
         Self { pixel, response: true, oren_nayar: true, near_field: true, shadows: true }
     }
 
-    /// The whole model and each ablation of one part, with names.
+    /// Returns the full model and each ablation of one part, with names.
     pub fn ablations(pixel: Option<f64>) -> [(&'static str, Self); 5] {
         let full = Self::full(pixel);
         [

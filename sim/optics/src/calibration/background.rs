@@ -1,26 +1,26 @@
 //! The untouched gel, estimated from the presses.
 //!
-//! Each pixel takes its median over the presses far from it: that has less noise than a single frame, and shows the gel in the
-//! state it has while something presses elsewhere. Lamps and exposure drift between frames, and each pixel has a different set of
-//! far presses. So each frame is first divided by its brightness relative to the background image, a polynomial of the place
-//! fitted to its untouched pixels; else the sets' borders would be edges in the result. In the end the presses' mean brightness is
-//! put back.
+//! Each pixel takes its median over the presses far from it. That has less noise than a single frame, and shows the gel
+//! in the state it has while something presses elsewhere. Lamps and exposure drift between frames, and each pixel has a
+//! different set of far presses. Therefore each frame is first divided by its brightness relative to the background
+//! image, a polynomial in image position fitted to its untouched pixels. Otherwise the sets' borders would be edges in
+//! the result. Finally the presses' mean brightness is restored.
 
 use nalgebra::{SMatrix, SVector};
 
 use crate::calibration::folder::{BallPress, PressFolder};
 use crate::calibration::samples::UNTOUCHED;
 
-/// Least number of presses that leave a pixel untouched for their median to be its background.
+/// Smallest number of presses that must leave a pixel untouched for their median to be its background.
 const ENOUGH: usize = 3;
 /// Coefficients of a brightness polynomial: 1, u, v, u^2, uv, v^2.
 const TERMS: usize = 6;
-/// One pixel in so many, along both axes, is used for a fit.
+/// Stride of the pixels used for a fit, along both axes.
 const STRIDE: usize = 4;
-/// Darker pixels (grey levels) tell no ratio.
+/// Grey level below which a pixel gives no reliable ratio.
 const DARK: u8 = 12;
-/// A pixel whose ratio is farther from the polynomial than this many median deviations is left out of the second fit: a shadow,
-/// or gel that moved.
+/// Outlier threshold: a pixel whose ratio is farther from the polynomial than this many median deviations (a shadow, or
+/// gel that moved) is left out of the second fit.
 const OUTLIER: f64 = 4.0;
 
 type Terms = SVector<f64, TERMS>;
@@ -28,8 +28,8 @@ type Terms = SVector<f64, TERMS>;
 /// Brightness of the three channels relative to the background image.
 type Brightness = [Terms; 3];
 
-/// The untouched gel (row-major RGB, grey levels). Pixels that too few presses leave untouched take the background image's value,
-/// as bright as the presses are in the mean.
+/// Estimates the untouched gel (row-major RGB, grey levels). Pixels that too few presses leave untouched take the
+/// background image's value, scaled to the mean brightness of the presses.
 pub fn background_of(folder: &PressFolder) -> Vec<f32> {
     let (width, height) = (folder.background.width, folder.background.height);
     let terms = |column: usize, row: usize| terms(column, row, [width, height]);
@@ -85,7 +85,7 @@ fn median(values: &mut [f64]) -> f64 {
     0.5 * (low + high)
 }
 
-/// A press's brightness on its untouched pixels; as the background where there are too few.
+/// Estimates a press's brightness from its untouched pixels; that of the background if there are too few.
 fn brightness(folder: &PressFolder, press: &BallPress) -> Brightness {
     let (width, height) = (folder.background.width, folder.background.height);
     std::array::from_fn(|c| {
@@ -106,14 +106,14 @@ fn brightness(folder: &PressFolder, press: &BallPress) -> Brightness {
         let typical = median(&mut ratios.iter().map(off).collect::<Vec<f64>>());
         ratios.retain(|pair| off(pair) <= OUTLIER * typical);
         let found = fitted(&ratios).unwrap_or(first);
-        // Where no untouched pixel is near, a polynomial may run away.
+        // Far from any untouched pixel, a polynomial may diverge.
         let corners = [(0, 0), (width - 1, 0), (0, height - 1), (width - 1, height - 1), (width / 2, height / 2)];
         let sane = corners.iter().all(|&(x, y)| (0.3..3.0).contains(&found.dot(&terms(x, y, [width, height]))));
         if sane { found } else { unity() }
     })
 }
 
-/// Least squares; `None` with too few points.
+/// Fits by least squares; `None` with too few points.
 fn fitted(points: &[(Terms, f64)]) -> Option<Terms> {
     if points.len() < 20 * TERMS {
         return None;

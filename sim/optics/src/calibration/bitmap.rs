@@ -1,7 +1,7 @@
 //! Device-independent bitmaps: BMP files, and the frames of uncompressed AVI files.
 //!
-//! A BITMAPINFOHEADER tells size and coding; rows of blue, green, red (and one byte more, of 32 bits), or of indices into a palette (of
-//! 8 bits), are padded to four bytes and begin at the bottom, unless the height is negative.
+//! A BITMAPINFOHEADER gives size and coding. Rows of blue, green, red (and a fourth byte with 32 bits), or of palette
+//! indices (with 8 bits), are padded to four bytes and begin at the bottom, unless the height is negative.
 
 use crate::calibration::rgb_image::Photo;
 
@@ -12,7 +12,7 @@ const FILE_HEADER: usize = 14;
 /// Masks of red, green and blue of 32 bits in the usual order.
 const MASKS: [u32; 3] = [0x00ff_0000, 0x0000_ff00, 0x0000_00ff];
 
-/// Whether the bytes are those of a BMP file.
+/// True if the bytes are those of a BMP file.
 pub(crate) fn is_bmp(bytes: &[u8]) -> bool {
     bytes.starts_with(b"BM")
 }
@@ -23,15 +23,15 @@ pub struct Layout {
     pub width: usize,
     pub height: usize,
     top_down: bool,
-    /// Bytes a pixel: 1, 3 or 4.
+    /// Bytes per pixel: 1, 3 or 4.
     bytes: usize,
-    /// Letters of the coding, or 0 where there is none; upper case.
+    /// Four-character code of the coding, upper case, or 0 if there is none.
     pub coding: [u8; 4],
     bits: u32,
 }
 
 impl Layout {
-    /// Reads a BITMAPINFOHEADER. The coding is not judged.
+    /// Reads a BITMAPINFOHEADER. The coding is not checked.
     pub fn of(header: &[u8]) -> Result<Self, String> {
         let (width, height) = (word(header, 4)?.cast_signed(), word(header, 8)?.cast_signed());
         let possible = |side: i32| (1..=MOST_SIDE).contains(&side);
@@ -44,12 +44,12 @@ impl Layout {
         Ok(Self { width, height: rows, top_down: height < 0, bytes: bits as usize / 8, coding, bits })
     }
 
-    /// Whether pixels are stored as they are, with 24 or 32 bits.
+    /// True if pixels are stored uncompressed, with 24 or 32 bits.
     pub fn is_raw(&self) -> bool {
         self.coding == [0; 4] && matches!(self.bits, 24 | 32)
     }
 
-    /// The image of these rows; `palette` has blue, green, red and one byte more of each of its colours.
+    /// Decodes these rows; `palette` has blue, green, red and a fourth byte for each of its colours.
     fn image(&self, rows: &[u8], palette: &[u8]) -> Result<Photo, String> {
         let (width, height, each) = (self.width, self.height, self.bytes);
         let line = (width * each).next_multiple_of(4);
@@ -72,13 +72,13 @@ impl Layout {
         Ok(Photo { width, height, rgb })
     }
 
-    /// The image of a frame of an AVI file.
+    /// Decodes a frame of an AVI file.
     pub fn frame(&self, bytes: &[u8]) -> Result<Photo, String> {
         self.image(bytes, &[])
     }
 }
 
-/// The image of a BMP file's bytes.
+/// Decodes the bytes of a BMP file.
 pub(crate) fn decode(bytes: &[u8]) -> Result<Photo, String> {
     let (begin, header) = (word(bytes, 10)? as usize, bytes.get(FILE_HEADER..).unwrap_or_default());
     let (length, layout) = (word(header, 0)? as usize, Layout::of(header)?);
@@ -94,7 +94,7 @@ pub(crate) fn decode(bytes: &[u8]) -> Result<Photo, String> {
     layout.image(bytes.get(begin..).unwrap_or_default(), palette)
 }
 
-/// A little-endian number of 32 bits.
+/// Reads a little-endian 32-bit number.
 fn word(bytes: &[u8], at: usize) -> Result<u32, String> {
     let four = bytes.get(at..at + 4).ok_or("found a header that ends too early")?;
     Ok(u32::from_le_bytes([four[0], four[1], four[2], four[3]]))

@@ -1,10 +1,11 @@
 //! The inner corners of a checkerboard in an image.
 //!
-//! Where four squares meet, brightness is a saddle: it rises along one diagonal and falls along the other, so the
-//! Hessian's determinant is strongly negative. On a ring around a true corner brightness crosses its mean four times, in
-//! the directions of the two lines that cross there. Each corner therefore knows where its neighbours are, and the board
-//! is traversed from corner to corner. A corner is refined to the point towards which all edges nearby point: the image
-//! gradient at any point nearby is perpendicular to the line from the corner to that point (Foerstner).
+//! At an inner corner, four squares meet and brightness is a saddle: it rises along one diagonal and falls along the
+//! other, so the Hessian's determinant is strongly negative. On a ring around a true corner brightness crosses its mean
+//! four times, in the directions of the two lines that cross there. Each corner therefore indicates its neighbours'
+//! directions, and the board is traversed from corner to corner. A corner is refined to the point towards which all
+//! edges nearby point: the image gradient at any point nearby is perpendicular to the line from the corner to that
+//! point (Foerstner).
 
 use std::collections::{HashMap, VecDeque};
 
@@ -28,9 +29,9 @@ const BLUR: f64 = 1.5;
 /// Radius of the ring on which a corner's four edges are found, pixels, and the number of samples on it.
 const RING: f64 = 5.0;
 const AROUND: usize = 48;
-/// Least distance of two corners, pixels.
+/// Smallest distance between two corners, pixels.
 const APART: isize = 5;
-/// A saddle weaker than this share of the board's typical corner is ignored.
+/// Threshold relative to the board's typical corner below which a saddle is ignored.
 const WEAKEST: f32 = 0.12;
 /// Largest angle between an edge and the direction to the neighbour it leads to, rad.
 const ASIDE: f64 = 0.22;
@@ -43,8 +44,9 @@ struct Corner {
 }
 
 impl Board {
-    /// The corners (column and row in pixels), line by line of the board. The first corner and the direction of the lines are
-    /// arbitrary, because a board looks the same turned by half a turn. The error says what was found instead.
+    /// Finds the corners (column and row in pixels), line by line of the board. The first corner and the direction of
+    /// the lines are arbitrary, because a board looks the same rotated by half a turn. The error says what was found
+    /// instead.
     pub fn find(&self, photo: &Photo) -> Result<Vec<[f64; 2]>, String> {
         let grey = Grey::new(photo);
         let corners = corners(&grey, self.columns * self.rows);
@@ -95,7 +97,7 @@ impl Board {
     }
 }
 
-/// Brightness, smoothed.
+/// Smoothed brightness.
 struct Grey {
     width: usize,
     height: usize,
@@ -138,7 +140,7 @@ impl Grey {
         (1.0 - v) * line(r) + v * line(r + 1)
     }
 
-    /// Minus the determinant of the Hessian at every pixel: large at saddles.
+    /// Computes minus the determinant of the Hessian at every pixel: large at saddles.
     fn saddles(&self) -> Vec<f32> {
         (0..self.value.len())
             .map(|at| {
@@ -151,7 +153,7 @@ impl Grey {
             .collect()
     }
 
-    /// Directions in which brightness crosses its mean on a ring: four around a corner.
+    /// Finds the directions in which brightness crosses its mean on a ring: four around a corner.
     fn edges(&self, place: Vector2<f64>) -> Option<[f64; 4]> {
         let angle = |i: usize| i as f64 * std::f64::consts::TAU / AROUND as f64;
         let values: Vec<f64> =
@@ -166,7 +168,7 @@ impl Grey {
         crossings.try_into().ok()
     }
 
-    /// The point near `start` with the least squared distance to the lines along all edges nearby.
+    /// Finds the point near `start` with the least squared distance to the lines along all edges nearby.
     fn refine(&self, start: Vector2<f64>) -> Vector2<f64> {
         const REACH: isize = 5;
         let mut place = start;
@@ -195,7 +197,7 @@ impl Grey {
     }
 }
 
-/// The corners at the strongest saddles; `expected` of them set the scale of what counts as strong.
+/// Finds the corners at the strongest saddles; the number `expected` sets the scale of what counts as strong.
 fn corners(grey: &Grey, expected: usize) -> Vec<Corner> {
     let saddles = grey.saddles();
     let (w, h) = (grey.width as isize, grey.height as isize);
@@ -222,13 +224,13 @@ fn corners(grey: &Grey, expected: usize) -> Vec<Corner> {
     strong.filter_map(|(_, place)| grey.edges(place).map(|edges| Corner { place, edges })).collect()
 }
 
-/// Angle between two directions, rad.
+/// Computes the angle between two directions, rad.
 fn between(a: f64, b: f64) -> f64 {
     let off = (a - b).rem_euclid(std::f64::consts::TAU);
     off.min(std::f64::consts::TAU - off)
 }
 
-/// The corner that an edge leads to.
+/// Finds the corner to which an edge leads.
 fn neighbour(corners: &[Corner], from: usize, edge: f64) -> Option<usize> {
     let mut best: Option<(f64, usize)> = None;
     for (at, other) in corners.iter().enumerate().filter(|(at, _)| *at != from) {
@@ -241,7 +243,8 @@ fn neighbour(corners: &[Corner], from: usize, edge: f64) -> Option<usize> {
     best.map(|(_, at)| at)
 }
 
-/// Traverses the corners from `seed`; gives the index of the corner at each position of the board, relative to the seed's.
+/// Traverses the corners from `seed`; returns the index of the corner at each position of the board, relative to the
+/// seed's.
 fn walk(corners: &[Corner], seed: usize) -> HashMap<(i32, i32), usize> {
     const STEPS: [(i32, i32); 4] = [(1, 0), (0, 1), (-1, 0), (0, -1)];
     let mut grid = HashMap::from([((0, 0), seed)]);
@@ -278,7 +281,7 @@ pub(crate) mod tests {
     use super::*;
     use crate::calibration::lens::Lens;
 
-    /// The image of a board of unit squares with a white border through this lens; its centre is at the pose's origin.
+    /// Renders a board of unit squares with a white border through this lens; its centre is at the pose's origin.
     pub(crate) fn picture(board: Board, lens: &Lens, pose: &Isometry3<f64>, size: [usize; 2]) -> Photo {
         const PARTS: usize = 4;
         let [width, height] = size;

@@ -9,12 +9,12 @@ use crate::calibration::photo::Photo;
 /// A circle in an image, pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Circle {
-    /// Column and row.
+    /// Column and row, pixels.
     pub center: [f64; 2],
     pub radius: f64,
 }
 
-/// Why no circle was found.
+/// Reason why no circle was found.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum NoCircle {
     /// Hardly anything differs from the background.
@@ -24,24 +24,24 @@ pub enum NoCircle {
     NoContact {
         /// Largest smoothed difference, grey levels.
         found: f64,
-        /// What a press would show.
+        /// Smallest difference that a press would cause, grey levels.
         expected: f64,
     },
-    /// What differs is not round.
+    /// The changed area is not round.
     #[error("no ball found: the changed area covers {found:.2} of its circle; expected at least {expected:.2}")]
     NotRound {
         /// Share of the circle that the area covers.
         found: f64,
-        /// What a ball would.
+        /// Smallest share that a ball would cover.
         expected: f64,
     },
 }
 
-/// Least smoothed difference of a press, summed over channels, grey levels.
+/// Smallest smoothed difference of a press, summed over channels, grey levels.
 const LEAST_DIFFERENCE: f64 = 20.0;
-/// Share of the peak from which a pixel counts as changed.
+/// Fraction of the peak above which a pixel counts as changed.
 const LEVEL: f64 = 0.4;
-/// Least share of the circle that a ball's changed area covers.
+/// Smallest share of the circle that a ball's changed area covers.
 const LEAST_COVER: f64 = 0.4;
 
 /// Finds the one press in an image of the background's size.
@@ -61,7 +61,7 @@ pub fn find(photo: &Photo, background: &Photo) -> Result<Circle, NoCircle> {
         let (x, y) = ((at % w) as f64 - circle.center[0], (at / w) as f64 - circle.center[1]);
         x.hypot(y) <= circle.radius
     });
-    // A ball's level centre may not change colour: only the outer ring is tested.
+    // A ball's level centre may not change colour, so only the outer ring is tested.
     let inside = (0..w * h).filter(|at| {
         let (x, y) = ((at % w) as f64 - circle.center[0], (at / w) as f64 - circle.center[1]);
         (0.6 * circle.radius..circle.radius).contains(&x.hypot(y))
@@ -75,8 +75,8 @@ pub fn find(photo: &Photo, background: &Photo) -> Result<Circle, NoCircle> {
     Ok(circle)
 }
 
-/// Absolute difference from the background, less its median, summed over channels and averaged over a square of `2
-/// radius + 1`.
+/// Computes the absolute difference from the background, less its median, summed over channels and averaged over a
+/// square of side `2 radius + 1`.
 fn smoothed_change(photo: &Photo, background: &Photo, radius: usize) -> Vec<f64> {
     let (w, h) = (photo.width, photo.height);
     let mut change = vec![0.0; w * h];
@@ -88,7 +88,7 @@ fn smoothed_change(photo: &Photo, background: &Photo, radius: usize) -> Vec<f64>
         let drift = *sorted.select_nth_unstable(middle).1;
         change.iter_mut().enumerate().for_each(|(at, sum)| *sum += f64::from((difference(at) - drift).abs()));
     }
-    // Integral image, with a row and column of zeros before.
+    // Integral image, preceded by a row and a column of zeros.
     let mut integral = vec![0.0; (w + 1) * (h + 1)];
     for row in 0..h {
         let mut line = 0.0;
@@ -109,7 +109,7 @@ fn smoothed_change(photo: &Photo, background: &Photo, radius: usize) -> Vec<f64>
     change
 }
 
-/// Pixels of the largest connected area above a level.
+/// Returns the pixels of the largest connected area above a level.
 fn largest_patch(change: &[f64], w: usize, h: usize, level: f64) -> Vec<usize> {
     let mut seen = vec![false; w * h];
     let mut best = Vec::new();
@@ -143,7 +143,7 @@ fn largest_patch(change: &[f64], w: usize, h: usize, level: f64) -> Vec<usize> {
     best
 }
 
-/// The circle with the centre and half the mean size of a patch's bounding box.
+/// Computes the circle with the centre and half the mean size of a patch's bounding box.
 fn enclosing(patch: &[usize], w: usize) -> Circle {
     let fold = |value: fn(usize, usize) -> usize| {
         let all = || patch.iter().map(|&at| value(at, w) as f64);
@@ -201,7 +201,7 @@ fn sharpen(change: &[f64], w: usize, h: usize, start: Circle) -> Circle {
 mod tests {
     use super::*;
 
-    /// An image of a press with the given circle, tinted by slope, and a grey background, both with a little noise.
+    /// Renders a press with the given circle, tinted by slope, and a grey background, both with a little noise.
     fn pair(circle: &Circle, strength: f64) -> (Photo, Photo) {
         let (w, h) = (320, 240);
         let mut state = 7u32;

@@ -2,10 +2,11 @@
 
 use crate::error::{OpticsError, positive};
 
-/// Balls from a pinhead to a table-tennis ball and a half: what lies beyond was given in another unit, m.
+/// Plausible ball diameters, from a pinhead to one and a half table-tennis balls, m; a value outside was given in
+/// another unit.
 const BALLS: std::ops::RangeInclusive<f64> = 0.5e-3..=60e-3;
 
-/// An error for a diameter (m) that no ball pressed into a fingertip sensor has.
+/// Returns an error for a diameter (m) that no ball pressed into a fingertip sensor has.
 pub(crate) fn check_diameter(diameter: f64) -> Result<(), OpticsError> {
     positive("ball diameter", diameter)?;
     if BALLS.contains(&diameter) { Ok(()) } else { Err(OpticsError::BallDiameter(1e3 * diameter)) }

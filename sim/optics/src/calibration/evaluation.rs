@@ -1,4 +1,4 @@
-//! How well a fitted sensor renders held-out presses.
+//! Evaluation of a fitted sensor: similarity of rendered and real held-out presses.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -14,7 +14,7 @@ use crate::calibration::similarity::{Similarity, compare};
 pub struct Views {
     /// The whole image.
     pub full: Similarity,
-    /// Around the contact.
+    /// The square around the contact.
     pub crop: Similarity,
 }
 
@@ -25,18 +25,19 @@ pub struct HeldOut {
     pub rendered: Views,
     /// The folder's background image in place of a rendered one.
     pub floor: Views,
-    /// Real images compared with real ones: the background estimated from the calibration presses, against untouched
-    /// regions of the held-out presses of the same sizes. No renderer on this background can score higher.
+    /// Real images compared with real ones, as an upper bound: the background estimated from the calibration presses,
+    /// against untouched regions of the held-out presses of the same sizes. No renderer on this background can score
+    /// higher.
     pub ceiling: Views,
 }
 
 /// Half the side of a crop, visible radii.
 const CROP: f64 = 1.5;
-/// A press is rendered within this many visible radii; beyond, the image is the background.
+/// Radius within which a press is rendered, visible radii; beyond it, the image is the background.
 const RENDERED: f64 = 3.0;
 
 impl BallFit {
-    /// The image that the model predicts for a press: row-major RGB, grey levels rounded to whole numbers.
+    /// Renders the image that the model predicts for a press: row-major RGB, grey levels rounded to whole numbers.
     pub fn render_press(&self, press: &BallPress) -> Vec<f32> {
         let mark = Mark { center: press.center, radius: press.radius, ball: 0.5 * press.diameter };
         let samples = Samples::around(mark, self.size, &self.background, RENDERED);
@@ -51,8 +52,8 @@ impl BallFit {
         image
     }
 
-    /// How far the model is from each press: root mean square difference between rendered and real image within 1.5 visible radii,
-    /// grey levels, less each channel's mean difference, which is drift.
+    /// Computes the model error of each press: root mean square difference between rendered and real image within 1.5
+    /// visible radii, grey levels, after subtraction of each channel's mean difference, which is drift.
     pub fn press_errors(&self, folder: &PressFolder) -> Vec<f64> {
         let error = |press: &BallPress| {
             let image = self.render_press(press);
@@ -79,7 +80,7 @@ impl BallFit {
         self.evaluate_with(held_out, |press| self.render_press(press))
     }
 
-    /// As [`Self::evaluate`], with another renderer.
+    /// Like [`Self::evaluate`], with another renderer.
     pub fn evaluate_with(&self, held_out: &PressFolder, render: impl Fn(&BallPress) -> Vec<f32>) -> Option<HeldOut> {
         let single = |rgb: &[u8]| -> Vec<f32> { rgb.iter().map(|&value| f32::from(value)).collect() };
         let nothing = single(&held_out.background.rgb);
@@ -88,7 +89,7 @@ impl BallFit {
             let real = single(&press.photo.rgb);
             rendered.push(self.views(&render(press), &real, press.center, press.radius));
             floor.push(self.views(&nothing, &real, press.center, press.radius));
-            // The press is replaced by the background, and a crop of its size is taken as far from it as possible.
+            // Replace the press by the background, and take a crop of its size as far from it as possible.
             let mut untouched = real.clone();
             for (at, value) in untouched.iter_mut().enumerate() {
                 let (column, row) = ((at / 3 % self.size[0]) as f64, (at / 3 / self.size[0]) as f64);

@@ -13,25 +13,25 @@ use crate::error::{OpticsError, positive};
 use crate::model::SensorModel;
 use crate::versioned;
 
-/// Version of the format.
+/// Version of the file format.
 pub const VERSION: u32 = 1;
 
-/// Thickest coating, pixels: every pixel is compared with all within it.
+/// Largest coating thickness, pixels: every pixel is compared with all pixels within it.
 const MOST_COATING: f64 = 200.0;
-/// Largest pixel, mm on the gel.
+/// Largest size of a pixel on the gel, mm.
 const MOST_PIXEL: f64 = 10.0;
 
 /// The calibration of one real sensor: image geometry, lens and image-formation model.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SensorCalibration {
-    /// Version of the format.
+    /// Version of the file format.
     pub version: u32,
     pub columns: usize,
     pub rows: usize,
     /// Size of a pixel on the gel, mm.
     pub pixel_mm: f64,
-    /// 95 % interval of the size of a pixel, mm, where it was measured.
+    /// 95 % interval of the size of a pixel, mm; none if it was not measured.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pixel_interval_mm: Option<[f64; 2]>,
     /// Ratio of the contact radius of a ball's press to its visible radius.
@@ -46,7 +46,7 @@ pub struct SensorCalibration {
 }
 
 impl SensorCalibration {
-    /// The calibration that a fit found; `background` is the name of the image beside the file.
+    /// Creates the calibration from a fit; `background` is the name of the image beside the file.
     pub fn new(fit: &BallFit, background: String) -> Self {
         Self {
             version: VERSION,

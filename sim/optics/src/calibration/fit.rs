@@ -19,13 +19,13 @@ use least_squares::{Options, Parameter, Problem, Solution};
 /// Computational effort of a fit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Effort {
-    /// Pixels sampled from each press.
+    /// Number of pixels sampled from each press.
     pub per_press: usize,
     /// Number of rotations of the ring of lamps to start from.
     pub starts: usize,
     /// Largest number of steps of each start, and of the final search.
     pub steps: [usize; 2],
-    /// Whether the three lamps are split into six.
+    /// True if the three lamps are split into six.
     pub split: bool,
 }
 
@@ -39,11 +39,11 @@ impl Default for Effort {
 const SCALE: f64 = 8.0;
 /// Number of background pixels in a fit.
 const FLAT: usize = 400;
-/// Samples lie within this many visible radii of a press.
+/// Distance from a press within which samples lie, visible radii.
 const AROUND: f64 = 2.5;
 /// Lamps of the first searches: one per side of a sensor lit in red, green and blue.
 const LAMPS: usize = 3;
-/// Initial ratio of the visible circle's radius to the ball's, where the pixel size is not given.
+/// Initial ratio of the visible circle's radius to the ball's, used if the pixel size is not given.
 const VISIBLE_SHARE: f64 = 0.7;
 
 /// A fitted sensor.
@@ -53,7 +53,7 @@ pub struct BallFit {
     pub model: SensorModel,
     /// Size of a pixel, m.
     pub pixel: f64,
-    /// 95 % interval of the size of a pixel, m, where it was measured.
+    /// 95 % interval of the size of a pixel, m; none if it was not measured.
     pub pixel_interval: Option<[f64; 2]>,
     /// Ratio of a press's contact radius to its visible radius.
     pub contact: f64,
@@ -72,7 +72,7 @@ pub struct BallFit {
 }
 
 impl BallFit {
-    /// Fits all presses of a folder. `seed` draws the sampled pixels.
+    /// Fits all presses of a folder. `seed` determines the sampled pixels.
     pub fn new(
         folder: &PressFolder,
         assumptions: Assumptions,
@@ -122,7 +122,7 @@ impl BallFit {
         }
     }
 
-    /// The same fit on another image of the untouched gel (row-major RGB, grey levels).
+    /// Returns the same fit with another image of the untouched gel (row-major RGB, grey levels).
     pub fn on_background(&self, background: Vec<f32>) -> Self {
         Self { background, ..self.clone() }
     }
@@ -132,7 +132,7 @@ impl BallFit {
     }
 }
 
-/// The whole search.
+/// Runs the whole search.
 pub(crate) fn solve(samples: &Samples, assumptions: &Assumptions, pixel: f64, effort: &Effort) -> Solution {
     let scene = Scene { samples, assumptions };
     let from = |turn: f64| {
@@ -159,7 +159,7 @@ pub(crate) fn solve(samples: &Samples, assumptions: &Assumptions, pixel: f64, ef
     search(&scene, &start, false, effort.steps[1])
 }
 
-/// Direction of each lamp that has an image of its own (rad): the gel is brighter towards it.
+/// Estimates the direction of each lamp that has an image of its own (rad): the gel is brighter towards it.
 fn directions(samples: &Samples) -> Vec<f64> {
     let middle = samples.size.map(|size| 0.5 * (size as f64 - 1.0));
     let towards = |seen: &Vec<[f64; 3]>| {
@@ -173,7 +173,7 @@ fn directions(samples: &Samples) -> Vec<f64> {
     samples.alone.iter().map(towards).collect()
 }
 
-/// The initial pixel size, m. An error for a folder without presses.
+/// Computes the initial pixel size, m. Returns an error for a folder without presses.
 fn starting_pixel(folder: &PressFolder, assumptions: &Assumptions) -> Result<f64, OpticsError> {
     let mut ratios: Vec<f64> = folder.presses.iter().map(|press| 0.5 * press.diameter / press.radius).collect();
     ratios.sort_by(f64::total_cmp);

@@ -35,9 +35,9 @@ pub struct BallPress {
     pub radius: f64,
     /// Diameter of the ball, m.
     pub diameter: f64,
-    /// Whether centre and radius come from a label file.
+    /// True if centre and radius come from a label file.
     pub labelled: bool,
-    /// Whether the radius is that of the contact, not of the circle that one sees, which the gel's flank makes larger.
+    /// True if the radius is that of the contact. The visible circle is larger because of the gel's flank.
     pub contact_labelled: bool,
 }
 
@@ -50,7 +50,7 @@ pub struct LeftOut {
     /// Circle of the label, if there is one: centre (column, row) and radius, pixels.
     pub circle: Option<([f64; 2], f64)>,
     pub reason: String,
-    /// Whether the label file names an image that is not in the folder.
+    /// True if the label file names an image that is not in the folder.
     pub missing: bool,
 }
 
@@ -59,7 +59,7 @@ pub struct LeftOut {
 pub struct PressFolder {
     /// The untouched gel.
     pub background: Photo,
-    /// Ordered by file name.
+    /// Presses, ordered by file name.
     pub presses: Vec<BallPress>,
     /// The untouched gel under each lamp alone, ordered by file name; empty if there are no such images.
     pub lamps: Vec<Photo>,
@@ -69,12 +69,12 @@ pub struct PressFolder {
     pub depth: Option<Depth>,
 }
 
-/// How a folder is read.
+/// Options for reading a folder.
 #[derive(Debug, Clone, Copy)]
 pub struct ReadOptions<'a> {
     /// Diameter of balls whose label gives none, m.
     pub diameter: f64,
-    /// Detect presses in the images even if there are labels.
+    /// True if presses are detected in the images even if there are labels.
     pub ignore_labels: bool,
     /// Image of the untouched gel, if it is not called `background`.
     pub background: Option<&'a Path>,
@@ -127,7 +127,7 @@ impl PressFolder {
         }
     }
 
-    /// Presses detected in photos of the background's size, with their names.
+    /// Detects presses in photos of the background's size, given with their names.
     pub fn of_photos(background: Photo, photos: Vec<(String, Photo)>, diameter: f64) -> Result<Self, OpticsError> {
         check_diameter(diameter)?;
         let mut found = Self { background, presses: Vec::new(), lamps: Vec::new(), left_out: Vec::new(), depth: None };
@@ -138,7 +138,7 @@ impl PressFolder {
         }
     }
 
-    /// Reads an image and adds it to the presses, or to what is left out.
+    /// Reads an image and adds it to the presses or to `left_out`.
     fn take(&mut self, path: &Path, name: &str, label: Option<Result<Label, String>>, diameter: f64) {
         match self.read_like_background(path) {
             Ok(photo) => self.add(name.to_owned(), photo, label, diameter),
@@ -154,7 +154,7 @@ impl PressFolder {
         }
     }
 
-    /// Adds a photo with its label, or with the circle that is found in it where there are no labels.
+    /// Adds a photo with its label, or with the circle detected in it if there are no labels.
     fn add(&mut self, name: String, photo: Photo, label: Option<Result<Label, String>>, diameter: f64) {
         let found = match label {
             Some(label) => label.map(|label| (label, true)),
@@ -178,7 +178,7 @@ impl PressFolder {
         }
     }
 
-    /// An image of the background's size, kind and depth, or why it is none.
+    /// Reads an image of the background's size, kind and depth. The error is the reason why it does not match.
     fn read_like_background(&self, path: &Path) -> Result<Photo, String> {
         let plain = |error: OpticsError| match error {
             OpticsError::File { what, .. } => what,
@@ -198,7 +198,7 @@ impl PressFolder {
         }
     }
 
-    /// The same presses with images, centres and radii rectified by this lens.
+    /// Returns the same presses with images, centres and radii rectified by this lens.
     pub fn rectified(&self, lens: &Lens) -> Result<Self, OpticsError> {
         lens.check(self.background.width, self.background.height)?;
         let press = |press: &BallPress| {
@@ -219,7 +219,7 @@ impl PressFolder {
         })
     }
 
-    /// Leaves out the presses for which there is a reason to; `reasons` are in the presses' order.
+    /// Leaves out the presses that have a reason; `reasons` are in the presses' order.
     pub fn leave_out(&mut self, reasons: impl IntoIterator<Item = Option<String>>) {
         let presses = std::mem::take(&mut self.presses);
         for (press, reason) in presses.into_iter().zip(reasons) {
@@ -239,12 +239,12 @@ impl PressFolder {
         }
     }
 
-    /// The presses at even and at odd indices, each set with the background.
+    /// Splits the presses into those at even and at odd indices, each set with the background.
     pub fn even_odd(&self) -> (Self, Self) {
         self.split(|index, _| index % 2 == 0)
     }
 
-    /// The presses for which `first` is true, and the others.
+    /// Splits the presses into those for which `first` is true, and the others.
     pub fn split(&self, first: impl Fn(usize, &BallPress) -> bool) -> (Self, Self) {
         let part = |wanted: bool| {
             let chosen = self.presses.iter().enumerate().filter(|(index, press)| first(*index, press) == wanted);
@@ -261,7 +261,7 @@ impl PressFolder {
     }
 }
 
-/// The images of single lamps; none where there is no such folder.
+/// Reads the images of single lamps; empty if there is no such folder.
 fn read_lamps(folder: &Path, background: &Photo) -> Result<Vec<Photo>, OpticsError> {
     if !folder.exists() {
         return Ok(Vec::new());

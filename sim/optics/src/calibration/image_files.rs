@@ -1,31 +1,31 @@
 //! Image files of a folder.
 //!
-//! Files that other systems leave beside images (`._press_03.png`, `.DS_Store`, `Thumbs.db`) are hidden or no images, and are passed
-//! over.
+//! Files that other systems leave beside images (`._press_03.png`, `.DS_Store`, `Thumbs.db`) are hidden or not images,
+//! and are skipped.
 
 use std::path::{Path, PathBuf};
 
 use crate::error::OpticsError;
 
-/// File name endings of the images that can be read.
+/// File name extensions of the images that can be read.
 const ENDINGS: [&str; 4] = ["png", "jpg", "jpeg", "bmp"];
-/// The same, for messages.
+/// Readable formats, for messages.
 pub const EXPECTED: &str = "PNG, JPEG or BMP";
-/// Name of the untouched gel's image, without its ending.
+/// Name of the untouched gel's image, without its extension.
 pub const BACKGROUND: &str = "background";
 
-/// Whether a file's name is that of an image that is not hidden.
+/// True if a file is an image by its name, and not hidden.
 pub fn is_image(path: &Path) -> bool {
     let ending = path.extension().map(|ending| ending.to_ascii_lowercase());
     !is_hidden(path) && ending.is_some_and(|ending| ENDINGS.iter().any(|known| ending == *known))
 }
 
-/// Whether a file's name begins with a dot.
+/// True if a file's name begins with a dot.
 pub fn is_hidden(path: &Path) -> bool {
     path.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.'))
 }
 
-/// The files of a folder that are not hidden, by name.
+/// Lists the files of a folder that are not hidden, sorted by name.
 pub fn visible_files(folder: &Path) -> Result<Vec<PathBuf>, OpticsError> {
     let entries = std::fs::read_dir(folder).map_err(|error| OpticsError::file(folder, error))?;
     let files = entries.flatten().map(|entry| entry.path()).filter(|path| path.is_file() && !is_hidden(path));
@@ -34,15 +34,15 @@ pub fn visible_files(folder: &Path) -> Result<Vec<PathBuf>, OpticsError> {
     Ok(files)
 }
 
-/// The images of a folder, by name.
+/// Lists the images of a folder, sorted by name.
 pub fn images_of(folder: &Path) -> Result<Vec<PathBuf>, OpticsError> {
     let mut files = visible_files(folder)?;
     files.retain(|path| is_image(path));
     Ok(files)
 }
 
-/// Takes the untouched gel's image out of the images of a folder: the one called `named`, else `background`. An error if there are
-/// several.
+/// Removes the untouched gel's image from the images of a folder and returns it: the one called `named`, else
+/// `background`. Returns an error if there are several.
 pub fn take_background(files: &mut Vec<PathBuf>, named: Option<&Path>) -> Result<Option<PathBuf>, OpticsError> {
     if let Some(named) = named {
         let same = |file: &Path| match (file.canonicalize(), named.canonicalize()) {

@@ -1,23 +1,23 @@
 //! Labels of presses: `labels.csv`.
 //!
-//! A row that cannot be right is told with its line, and costs its press only.
+//! An invalid row is reported with its line, and only its press is left out.
 
 use std::path::{Path, PathBuf};
 
 use crate::calibration::diameter::check_diameter;
 use crate::error::OpticsError;
 
-/// File names, in the order in which they are looked for.
+/// File names, in order of precedence.
 const NAMES: [&str; 2] = ["labels.csv", "labels_auto.csv"];
 
-/// The circle that a label gives.
+/// The circle of a label.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Label {
-    /// Column and row, pixels.
+    /// Centre: column and row, pixels.
     pub(crate) center: [f64; 2],
-    /// Pixels.
+    /// Radius, pixels.
     pub(crate) radius: f64,
-    /// Whether the radius is the contact's.
+    /// True if the radius is that of the contact.
     pub(crate) contact: bool,
     /// Diameter of the ball, m.
     pub(crate) diameter: Option<f64>,
@@ -27,7 +27,7 @@ pub(crate) struct Label {
 struct Row {
     file: String,
     line: usize,
-    /// The label, or why it cannot be used.
+    /// The label, or the reason why it cannot be used.
     found: Result<Label, String>,
 }
 
@@ -39,8 +39,8 @@ pub(crate) struct Labels {
 }
 
 impl Labels {
-    /// Reads the label file of a folder of images of this size (columns, rows); `None` where there is none. An error if it has not
-    /// the columns that are needed.
+    /// Reads the label file of a folder of images of this size (columns, rows); `None` if there is none. Returns an
+    /// error if a required column is missing.
     pub(crate) fn read(folder: &Path, size: [usize; 2]) -> Result<Option<Self>, OpticsError> {
         let Some(path) = NAMES.map(|name| folder.join(name)).into_iter().find(|path| path.exists()) else {
             return Ok(None);
@@ -71,7 +71,7 @@ impl Labels {
         Ok(Some(Self { path, rows }))
     }
 
-    /// The label of an image, or why there is none.
+    /// Returns the label of an image. The error is the reason why there is none.
     pub(crate) fn of(&self, image: &str) -> Result<Label, String> {
         let rows: Vec<&Row> = self.rows.iter().filter(|row| row.file == image).collect();
         match rows.as_slice() {
@@ -86,7 +86,7 @@ impl Labels {
         }
     }
 
-    /// Rows whose image is not among `images`: file and reason.
+    /// Lists rows whose image is not among `images`: file and reason.
     pub(crate) fn without_image(&self, images: &[String]) -> Vec<(String, String)> {
         let unknown = self.rows.iter().filter(|row| !images.contains(&row.file));
         unknown
@@ -106,7 +106,7 @@ fn cells(line: &str) -> Vec<&str> {
     line.split(',').map(|cell| cell.trim().trim_matches('"')).collect()
 }
 
-/// Places of the columns.
+/// Indices of the columns.
 struct Columns {
     file: usize,
     center: [usize; 2],

@@ -1,6 +1,6 @@
-//! Lens distortion: from a camera's raw image to the rectified one, and back.
+//! Lens distortion: mapping between a camera's raw image and the rectified one.
 //!
-//! The model of Brown and Conrady, as in Zhang's calibration: with `x = (u - c_x) / f_x`, `y` likewise and `r2 = x^2 +
+//! The model of Brown and Conrady, as in Zhang's calibration. With `x = (u - c_x) / f_x`, `y` likewise and `r2 = x^2 +
 //! y^2`, a point of the rectified image appears in the raw image at `x (1 + k1 r2 + k2 r2^2 + k3 r2^3) + 2 p1 x y + p2
 //! (r2 + 2 x^2)`, and y with p1 and p2 exchanged.
 
@@ -18,7 +18,7 @@ use crate::error::OpticsError;
 pub struct Lens {
     /// Focal lengths across and down, pixels.
     pub focal: [f64; 2],
-    /// Principal point: column and row, pixel centres whole.
+    /// Principal point: column and row, pixels; pixel centres are whole numbers.
     pub center: [f64; 2],
     /// Radial coefficients k1, k2, k3.
     pub radial: [f64; 3],
@@ -26,7 +26,7 @@ pub struct Lens {
     pub tangential: [f64; 2],
 }
 
-/// Largest number of fixed-point iterations that invert the distortion, and their tolerance, pixels.
+/// Largest number of fixed-point iterations for inverting the distortion, and their tolerance, pixels.
 const STEPS: usize = 50;
 const ARRIVED: f64 = 1e-6;
 
@@ -37,7 +37,7 @@ impl Lens {
         toml::from_str(&text).map_err(|error| OpticsError::file(path, error))
     }
 
-    /// An error for impossible values, or for a lens that folds an image of this size over itself.
+    /// Checks for impossible values, and for a lens that folds an image of this size over itself.
     pub fn check(&self, width: usize, height: usize) -> Result<(), OpticsError> {
         let fault = |what: String| Err(OpticsError::Calibration(format!("lens.{what}")));
         let all = [&self.focal[..], &self.center, &self.radial, &self.tangential].concat();
@@ -59,7 +59,7 @@ impl Lens {
         Ok(())
     }
 
-    /// Where a point of the rectified image appears in the raw one, pixels.
+    /// Maps a point of the rectified image to the raw one, pixels.
     pub fn distorted(&self, place: [f64; 2]) -> [f64; 2] {
         let [x, y] = [0, 1].map(|axis| (place[axis] - self.center[axis]) / self.focal[axis]);
         let r2 = x * x + y * y;
@@ -73,7 +73,7 @@ impl Lens {
         [0, 1].map(|axis| self.center[axis] + self.focal[axis] * moved[axis])
     }
 
-    /// Where a point of the raw image appears in the rectified one, pixels.
+    /// Maps a point of the raw image to the rectified one, pixels.
     pub fn rectified(&self, place: [f64; 2]) -> [f64; 2] {
         let mut found = place;
         for _ in 0..STEPS {
@@ -87,12 +87,12 @@ impl Lens {
         found
     }
 
-    /// The rectified image of a raw one.
+    /// Rectifies a raw image.
     pub fn rectify(&self, raw: &Photo) -> Photo {
         moved(raw, |place| self.distorted(place))
     }
 
-    /// The raw image of a rectified one.
+    /// Distorts a rectified image to the raw one.
     pub fn distort(&self, rectified: &Photo) -> Photo {
         moved(rectified, |place| self.rectified(place))
     }
@@ -152,7 +152,7 @@ mod tests {
         let raw = LENS.distort(&image);
         assert_ne!(raw, image);
         let back = LENS.rectify(&raw);
-        // What lay beyond the border of the raw image is lost.
+        // Content beyond the border of the raw image is lost.
         for row in 40..h - 40 {
             for column in 50..w - 50 {
                 let (a, b) = (image.pixel(column, row), back.pixel(column, row));

@@ -1,24 +1,26 @@
-//! Images that are mirrored, turned, or have two channels exchanged against the image of the untouched gel.
+//! Detection of images that are mirrored, rotated, or have two channels exchanged relative to the image of the
+//! untouched gel.
 //!
-//! The lamps light the gel unevenly, from sides of their own, and most of the gel is untouched. So the brightness of an image over its
-//! blocks fits the background's best as it is. Where it fits a rearranged background far better, the image is rearranged. A background
-//! that is lit evenly tells nothing.
+//! The lamps light the gel unevenly, from different sides, and most of the gel is untouched. Therefore the block-wise
+//! brightness of a correct image fits the background best as it is. If it fits a rearranged background far better, the
+//! image is rearranged. A background that is lit evenly gives no information.
 
 use crate::calibration::photo::Photo;
 
-/// Blocks across and down.
+/// Number of blocks across and down.
 const BLOCKS: [usize; 2] = [16, 12];
-/// Share of the blocks that are compared, those that fit best: the others may be touched.
+/// Fraction of the blocks that are compared, those that fit best: the others may be touched.
 const UNTOUCHED: f64 = 0.6;
-/// Least difference (root mean square, share of the brightness) of an image from its background that is no noise.
+/// Smallest difference (root mean square, relative to the brightness) of an image from its background that is not
+/// noise.
 const DIFFERENT: f64 = 0.03;
-/// Largest mean square difference from a rearranged background over that from the background as it is.
+/// Largest ratio of the mean square difference from a rearranged background to that from the background as it is.
 const BETTER: f64 = 0.25;
 
 /// Brightness of the channels over the blocks, relative to their mean.
 type Blocks = Vec<[f64; 3]>;
 
-/// In which way `photo` looks rearranged against a background of the same size; `None` if it looks as it should.
+/// Describes the way in which `photo` is rearranged relative to a background of the same size; `None` if it is not.
 pub fn rearranged(photo: &Photo, background: &Photo) -> Option<&'static str> {
     if photo.width < 2 * BLOCKS[0] || photo.height < 2 * BLOCKS[1] {
         return None;
@@ -54,13 +56,13 @@ fn blocks(photo: &Photo) -> Blocks {
         }
         counts[row * w + column] += 1.0;
     }
-    // One factor for all channels: their balance is what an exchange changes.
+    // Use one factor for all channels, because an exchange changes their balance.
     let mean = sums.iter().flatten().sum::<f64>() / (3.0 * counts.iter().sum::<f64>()).max(1.0);
     let relative = |(sum, count): ([f64; 3], f64)| sum.map(|sum| sum / (f64::max(count, 1.0) * mean.max(1e-9)));
     sums.into_iter().zip(counts).map(relative).collect()
 }
 
-/// Mean square difference over the blocks that fit best.
+/// Computes the mean square difference over the blocks that fit best.
 fn difference(a: &Blocks, b: &Blocks) -> f64 {
     let of_block = |(a, b): (&[f64; 3], &[f64; 3])| (0..3).map(|c| (a[c] - b[c]).powi(2)).sum::<f64>() / 3.0;
     let mut all: Vec<f64> = a.iter().zip(b).map(of_block).collect();

@@ -23,23 +23,23 @@ pub(crate) const CAMERA_X: usize = 5;
 pub(crate) const CAMERA_Y: usize = 6;
 pub(crate) const CAMERA_Z: usize = 7;
 pub(crate) const ROUGHNESS: usize = 8;
-/// From here on parameters change only grey levels: two of each channel's response, then the diffuse light.
+/// Index from which on parameters change only grey levels: two of each channel's response, then the diffuse light.
 pub(crate) const RESPONSE: usize = 9;
 pub(crate) const AMBIENT: usize = 15;
-/// First lamp's first parameter.
+/// Index of the first lamp's first parameter.
 pub(crate) const LAMPS: usize = 18;
 /// Parameters of a lamp: position (3), aim (2), mu, size, colour (3).
 pub(crate) const PER_LAMP: usize = 10;
-/// Place of the colour among a lamp's parameters.
+/// Offset of the colour among a lamp's parameters.
 pub(crate) const COLOR: usize = 7;
-/// Smoothing kernels of the elastomer.
+/// Number of smoothing kernels of the elastomer.
 const KERNELS: i32 = 4;
 /// Strength (m2) of a lamp with colour 1: radiance 1 at 10 mm.
 const STRENGTH: f64 = 1e-4;
-/// Factor on the lamps' distance where the near field is left out.
+/// Factor on the lamps' distance if the near field is left out.
 const FAR: f64 = 50.0;
 
-/// Lower and upper bounds of all parameters.
+/// Returns the lower and upper bounds of all parameters.
 pub(crate) fn bounds(assumptions: &Assumptions, lamps: usize) -> Vec<(f64, f64)> {
     let fixed = |value: f64| (value, value);
     let pixel = assumptions.pixel.map_or((10e-6, 200e-6), fixed);
@@ -67,7 +67,7 @@ pub(crate) fn bounds(assumptions: &Assumptions, lamps: usize) -> Vec<(f64, f64)>
     all
 }
 
-/// Names of the parameters, with units.
+/// Returns the names of the parameters, with units.
 pub(crate) fn names(lamps: usize) -> Vec<String> {
     let mut names: Vec<String> = [
         "pixel (m)",
@@ -94,13 +94,13 @@ pub(crate) fn names(lamps: usize) -> Vec<String> {
     names
 }
 
-/// Initial parameters: `lamps` lamps on a ring, turned by the share `turn` of their spacing.
+/// Returns initial parameters: `lamps` lamps on a ring, rotated by the fraction `turn` of their spacing.
 pub(crate) fn start(pixel: f64, lamps: usize, turn: f64) -> Vec<f64> {
     let angle = |k: usize| (k as f64 + turn) / lamps as f64 * std::f64::consts::TAU;
     start_towards(pixel, &(0..lamps).map(angle).collect::<Vec<f64>>())
 }
 
-/// Initial parameters: lamps in these directions (rad) on a ring of 14 mm radius; sRGB-like response.
+/// Returns initial parameters: lamps in these directions (rad) on a ring of 14 mm radius; sRGB-like response.
 pub(crate) fn start_towards(pixel: f64, directions: &[f64]) -> Vec<f64> {
     let mut p = vec![pixel, 1.0, 0.8e-3, 0.5, 0.1e-3, 0.0, 0.0, 25e-3, 0.2];
     p.extend([0.03, 0.25, 0.03, 0.25, 0.03, 0.25, 0.2, 0.2, 0.2]);
@@ -138,14 +138,15 @@ pub(crate) fn move_far(p: &mut [f64]) {
     }
 }
 
-/// A channel's response: a rising cubic by its inner control values b1 < b2 < 1, `b1 = p0`, `b2 = b1 + p1 (1 - b1)`.
+/// Returns a channel's response: a rising cubic by its inner control values b1 < b2 < 1, `b1 = p0`, `b2 = b1 + p1 (1 -
+/// b1)`.
 pub(crate) fn response(p: &[f64], channel: usize) -> Response {
     let b1 = p[RESPONSE + 2 * channel];
     let b2 = b1 + p[RESPONSE + 2 * channel + 1] * (1.0 - b1);
     Response { coefficients: [3.0 * b1, 3.0 * (b2 - 2.0 * b1), 1.0 + 3.0 * (b1 - b2)] }
 }
 
-/// Lamp `k`. Its strength is fixed; the colours, which may exceed 1, scale it.
+/// Returns lamp `k`. Its strength is fixed; the colours, which may exceed 1, scale it.
 pub(crate) fn lamp(p: &[f64], k: usize, near_field: bool) -> Lamp {
     let q = &p[LAMPS + PER_LAMP * k..LAMPS + PER_LAMP * (k + 1)];
     let eta = if near_field { STRENGTH } else { STRENGTH * FAR * FAR };
@@ -166,7 +167,7 @@ pub(crate) fn elastomer(p: &[f64]) -> Elastomer {
     Elastomer { kernels: (0..KERNELS).map(|i| p[KERNEL] * p[KERNEL_RATIO].powi(i)).collect(), coating: p[COATING] }
 }
 
-/// The sensor model of the parameters, with `noise` grey levels of read-out noise.
+/// Builds the sensor model of the parameters, with `noise` grey levels of read-out noise.
 pub(crate) fn model(p: &[f64], near_field: bool, noise: f64) -> SensorModel {
     let lamps = (0..(p.len() - LAMPS) / PER_LAMP).map(|k| lamp(p, k, near_field)).collect();
     SensorModel {

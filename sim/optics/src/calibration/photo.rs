@@ -1,4 +1,4 @@
-//! Images from real sensors: any size, 8 bits a channel.
+//! Images from real sensors, of any size, with 8 bits a channel.
 
 use std::io::Cursor;
 use std::path::Path;
@@ -10,17 +10,18 @@ use crate::calibration::bitmap;
 pub use crate::calibration::rgb_image::Photo;
 use crate::error::OpticsError;
 
-/// Bits of a camera's values, where a file has 16 for each.
+/// Bit depth of a camera whose file has 16 bits per value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Depth {
-    /// 10, 12 or 16.
+    /// Number of bits: 10, 12 or 16.
     pub bits: u32,
     /// Largest value in the file.
     pub largest: u16,
 }
 
 impl Depth {
-    /// The fewest bits that hold the largest value. Cameras of 10 and 12 bits leave the upper bits of a 16-bit file empty.
+    /// Infers the fewest bits that hold the largest value. Cameras of 10 and 12 bits leave the upper bits of a 16-bit
+    /// file empty.
     fn of(values: &[u16]) -> Self {
         let largest = values.iter().copied().max().unwrap_or(0);
         let bits = [10, 12].into_iter().find(|bits| u32::from(largest) < 1 << bits).unwrap_or(16);
@@ -35,12 +36,13 @@ impl std::fmt::Display for Depth {
 }
 
 impl Photo {
-    /// Reads a PNG, JPEG or BMP file, by its contents.
+    /// Reads a PNG, JPEG or BMP file, recognised by its content.
     pub fn read(path: &Path) -> Result<Self, OpticsError> {
         Self::read_deep(path).map(|(photo, _)| photo)
     }
 
-    /// As [`Self::read`], with the depth of a file of 16 bits. Its values are scaled by the camera's bits, not by the file's.
+    /// Like [`Self::read`], with the depth of a 16-bit file. Its values are scaled by the camera's bits, not by the
+    /// file's.
     pub fn read_deep(path: &Path) -> Result<(Self, Option<Depth>), OpticsError> {
         let fault = |error: image::ImageError| OpticsError::file(path, error);
         let bytes = std::fs::read(path).map_err(|error| OpticsError::file(path, error))?;
@@ -77,7 +79,7 @@ impl Photo {
         write_whole(path, bytes.get_ref()).map_err(|error| OpticsError::file(path, error))
     }
 
-    /// An error that names `file` if the image has another size (columns, rows).
+    /// Returns an error that names `file` if the image has another size (columns, rows).
     pub(crate) fn expect_size(&self, [columns, rows]: [usize; 2], file: &Path) -> Result<(), OpticsError> {
         if (self.width, self.height) == (columns, rows) {
             return Ok(());
@@ -91,7 +93,7 @@ impl Photo {
         self.rgb.iter().map(|&grey| f64::from(grey)).sum::<f64>() / self.rgb.len().max(1) as f64
     }
 
-    /// Whether no pixel has a colour.
+    /// True if no pixel has a colour.
     pub fn is_grey(&self) -> bool {
         self.rgb.chunks_exact(3).all(|pixel| pixel[0] == pixel[1] && pixel[1] == pixel[2])
     }

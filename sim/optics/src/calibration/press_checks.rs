@@ -1,7 +1,7 @@
-//! What is wrong with presses, as far as seconds can tell it: before anything is fitted.
+//! Fast checks of presses, before anything is fitted.
 //!
-//! A press is out of line if its image is arranged or exposed unlike the background's, or if its label is not where the image
-//! changes. The same checks that find presses without a label tell that.
+//! A press is out of line if its image is arranged or exposed unlike the background's, or if its label is not where the
+//! image changes. The checks are those that find presses without a label.
 
 use rayon::prelude::*;
 
@@ -10,14 +10,16 @@ use crate::calibration::folder::{BallPress, PressFolder};
 use crate::calibration::orientation::rearranged;
 use crate::calibration::photo::Photo;
 
-/// Brightness of an image's middle pixel over that of the background's: what lies outside was exposed in another way.
+/// Plausible ratio of an image's median brightness to that of the background; outside it, the exposure differed.
 const EXPOSURE: std::ops::RangeInclusive<f64> = 0.7..=1.4;
-/// Distance of a label from where the image changes that is too far, in radii of the label and of the circle found (the larger).
+/// Distance between a label and the changed area above which the label is wrong, in radii of the label or of the circle
+/// found (the larger one).
 const FAR: f64 = 1.0;
-/// Radius of a label over that of the circle found, relative to the median of the presses: what lies outside is out of line.
+/// Plausible ratio of a label's radius to that of the circle found, relative to the median of the presses; outside it,
+/// the label is out of line.
 const RATIO: std::ops::RangeInclusive<f64> = 0.6..=1.7;
 
-/// Brightness of an image over that of a background of the same size: median over the pixels.
+/// Computes the brightness of an image relative to a background of the same size: median over the pixels.
 pub fn exposure(photo: &Photo, background: &Photo) -> f64 {
     let bright = background.rgb.iter().zip(&photo.rgb).step_by(7).filter(|(before, _)| **before > 12);
     let mut ratios: Vec<f64> = bright.map(|(before, now)| f64::from(*now) / f64::from(*before)).collect();
@@ -28,7 +30,7 @@ pub fn exposure(photo: &Photo, background: &Photo) -> f64 {
     *ratios.select_nth_unstable_by(middle, f64::total_cmp).1
 }
 
-/// Why an image of the right size cannot be compared with the background; `None` if it can.
+/// Returns the reason why an image of the right size cannot be compared with the background; `None` if it can.
 pub fn unlike_background(photo: &Photo, background: &Photo) -> Option<String> {
     let found = exposure(photo, background);
     if !EXPOSURE.contains(&found) {
@@ -43,7 +45,7 @@ pub fn unlike_background(photo: &Photo, background: &Photo) -> Option<String> {
     Some(format!("found an image that looks {way} against the untouched gel; expected both alike"))
 }
 
-/// Why each press is out of line; `None` for one that is not.
+/// Returns the reason why each press is out of line; `None` for a good one.
 pub fn out_of_line(folder: &PressFolder) -> Vec<Option<String>> {
     let found: Vec<Result<Circle, Fault>> =
         folder.presses.par_iter().map(|press| check(press, &folder.background)).collect();
@@ -78,11 +80,11 @@ pub fn out_of_line(folder: &PressFolder) -> Vec<Option<String>> {
 
 enum Fault {
     Reason(String),
-    /// The image tells no circle: only the fit can judge the label.
+    /// The image shows no circle: only the fit can judge the label.
     Unknown,
 }
 
-/// The circle that a press's image shows.
+/// Finds the circle in a press's image.
 fn check(press: &BallPress, background: &Photo) -> Result<Circle, Fault> {
     if let Some(reason) = unlike_background(&press.photo, background) {
         return Err(Fault::Reason(reason));

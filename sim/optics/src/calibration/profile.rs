@@ -1,4 +1,5 @@
-//! The gel around a ball: the elastomer's smoothing in one dimension, because a ball's press is rotationally symmetric.
+//! The gel around a ball: the elastomer's smoothing in one dimension, possible because a ball's press is rotationally
+//! symmetric.
 //!
 //! The passes are those of [`Elastomer::deform`](crate::elastomer::Elastomer::deform), but with true Gaussians on rings:
 //! smoothing a rotationally symmetric function with a Gaussian of deviation sigma weights ring s by `s exp(-(r^2 + s^2) /
@@ -14,7 +15,7 @@ pub(crate) struct RoundSmoothing {
 }
 
 impl RoundSmoothing {
-    /// For radii up to `reach` (m), in steps of `step` (m).
+    /// Computes the matrices for radii up to `reach` (m), in steps of `step` (m).
     pub(crate) fn new(kernels: &[f64], reach: f64, step: f64) -> Self {
         let n = (reach / step).ceil() as usize + 1;
         let ring = |j: usize| if j == 0 { 0.125 } else { j as f64 };
@@ -35,7 +36,7 @@ impl RoundSmoothing {
         Self { step, passes: kernels.iter().map(pass).collect() }
     }
 
-    /// The gel under a ball of `radius` (m) with the contact radius `contact` (m).
+    /// Computes the gel's profile under a ball of `radius` (m) with the contact radius `contact` (m).
     pub(crate) fn press(&self, radius: f64, contact: f64) -> BallProfile {
         let contact = contact.min(0.999 * radius);
         let rim = (radius * radius - contact * contact).sqrt();
@@ -53,10 +54,10 @@ impl RoundSmoothing {
     }
 }
 
-/// Share of the greatest depth below which a bump casts no shadow.
+/// Fraction of the greatest depth below which a bump casts no shadow.
 const SHALLOW: f64 = 0.02;
 
-/// Depth of the gel (m) over the distance from a press's centre.
+/// Depth of the gel (m) as a function of the distance from a press's centre.
 #[derive(Debug, Clone)]
 pub(crate) struct BallProfile {
     step: f64,
@@ -76,12 +77,12 @@ impl BallProfile {
         Self { step, depth, slope, reach: last as f64 * step }
     }
 
-    /// Distance (m) beyond which the bump casts no notable shadow.
+    /// Returns the distance (m) beyond which the bump casts no notable shadow.
     pub(crate) fn reach(&self) -> f64 {
         self.reach
     }
 
-    /// Depth and its derivative at distance `r`.
+    /// Interpolates the depth (m) and its derivative at distance `r` (m).
     #[inline]
     pub(crate) fn at(&self, r: f64) -> (f64, f64) {
         let place = r / self.step;
@@ -95,7 +96,8 @@ impl BallProfile {
     }
 }
 
-/// `I0(x) exp(-x)`, the modified Bessel function, to 2e-7: the polynomials of Abramowitz and Stegun, 9.8.1 and 9.8.2.
+/// Computes `I0(x) exp(-x)`, the modified Bessel function, to 2e-7, by the polynomials of Abramowitz and Stegun, 9.8.1
+/// and 9.8.2.
 fn i0_scaled(x: f64) -> f64 {
     let polynomial = |t: f64, c: &[f64]| c.iter().rev().fold(0.0, |sum, c| sum * t + c);
     if x < 3.75 {

@@ -1,4 +1,4 @@
-//! Whether a fit recovers a known sensor: presses are generated from a known model, with noise, and fitted like real ones.
+//! Recovery test of the fit: presses are generated from a known model, with noise, and fitted like real ones.
 
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -17,7 +17,7 @@ use crate::calibration::scene::Scene;
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Recovery {
     pub presses: usize,
-    /// Whether an image of each lamp alone was fitted too.
+    /// True if an image of each lamp alone was fitted too.
     pub single_lamps: bool,
     /// Root mean square error on held-out presses against their noiseless images, grey levels.
     pub held_out_grey: f64,
@@ -27,7 +27,7 @@ pub struct Recovery {
     pub lamp_mm: f64,
     /// Error of the roughness, rad.
     pub roughness: f64,
-    /// Root mean square error of the responses G over grey levels 40 to 220, share of full scale.
+    /// Root mean square error of the responses G over grey levels 40 to 220, fraction of full scale.
     pub response: f64,
     /// Relative error of the widest kernel.
     pub kernel: f64,
@@ -70,7 +70,8 @@ struct PressOptions<'a> {
     seed: u64,
 }
 
-/// Presses at random positions rendered by the model of `p` with noise, and optionally an image of each lamp alone.
+/// Generates presses at random positions, rendered by the model of `p` with noise, and optionally an image of each lamp
+/// alone.
 fn presses(p: &[f64], options: &PressOptions) -> Samples {
     let PressOptions { assumptions, count, per_press, noise, single_lamps, seed } = *options;
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
@@ -117,8 +118,8 @@ fn presses(p: &[f64], options: &PressOptions) -> Samples {
     samples
 }
 
-/// Fits `count` generated presses (and images of single lamps) with `noise` grey levels of noise; gives the errors of the
-/// result.
+/// Fits `count` generated presses (and images of single lamps) with `noise` grey levels of noise; returns the errors of
+/// the result.
 pub fn recover(count: usize, single_lamps: bool, noise: f64, effort: &Effort, seed: u64) -> Recovery {
     let assumptions = Assumptions::full(Some(PIXEL));
     let known = truth();

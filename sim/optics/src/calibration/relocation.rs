@@ -1,33 +1,34 @@
 //! Circles of presses without labels, corrected by the model that was fitted to the reliable ones.
 //!
-//! A circle found where an image changes most is drawn off by cast shadows and by drift. The fitted model knows both: a press is
-//! where rendering it there comes closest to the image, each channel's mean difference (drift) left aside. Places all over the
-//! image are tried with the typical radius, then the best one is refined step by step.
+//! A circle found where an image changes most is biased by cast shadows and by drift. The fitted model accounts for
+//! both: the true circle is the one whose rendering comes closest to the image, with each channel's mean difference
+//! (drift) removed. Positions all over the image are tried with the typical radius, then the best one is refined step
+//! by step.
 
 use crate::calibration::fit::BallFit;
 use crate::calibration::folder::{BallPress, PressFolder};
 use crate::calibration::samples::{Mark, Sample, Samples};
 use crate::calibration::scene::Scene;
 
-/// Pixels of an image that are compared, about.
+/// Approximate number of pixels of an image that are compared.
 const PIXELS: usize = 1800;
-/// Distance of the places that are tried, in typical radii.
+/// Spacing of the positions that are tried, in typical radii.
 const RASTER: f64 = 0.5;
 /// Smallest step of the refinement, pixels.
 const FINEST: f64 = 0.25;
-/// A radius within this factor of the typical one counts as reliable.
+/// Factor within which a radius must agree with the typical one to count as reliable.
 const ALIKE: f64 = 1.2;
-/// Farthest that a refined radius may be from the typical one.
+/// Permitted range of a refined radius relative to the typical one.
 const RADII: std::ops::RangeInclusive<f64> = 0.6..=1.6;
 
-/// Median radius of the presses, pixels.
+/// Computes the median radius of the presses, pixels.
 fn typical_radius(folder: &PressFolder) -> f64 {
     let mut radii: Vec<f64> = folder.presses.iter().map(|press| press.radius).collect();
     radii.sort_by(f64::total_cmp);
     radii.get(radii.len() / 2).copied().unwrap_or(1.0)
 }
 
-/// The presses that have a label or a radius as most have.
+/// Returns the presses that have a label or a typical radius.
 pub fn reliable(folder: &PressFolder) -> PressFolder {
     let typical = typical_radius(folder);
     let alike = |press: &BallPress| (typical / ALIKE..=typical * ALIKE).contains(&press.radius);
@@ -35,7 +36,7 @@ pub fn reliable(folder: &PressFolder) -> PressFolder {
 }
 
 impl BallFit {
-    /// The same presses with the circles of those without a label corrected.
+    /// Returns the same presses, with the circles of those without a label corrected.
     pub fn relocated(&self, folder: &PressFolder) -> PressFolder {
         let typical = typical_radius(folder);
         let mut folder = folder.clone();
@@ -45,7 +46,7 @@ impl BallFit {
         folder
     }
 
-    /// Centre and radius of the circle whose rendering is closest to the image.
+    /// Finds the centre and radius of the circle whose rendering is closest to the image.
     fn place(&self, press: &BallPress, typical: f64) -> ([f64; 2], f64) {
         let [width, height] = self.size.map(|size| size as f64);
         let mut candidates = vec![(press.center, press.radius), (press.center, typical)];
@@ -81,7 +82,8 @@ impl BallFit {
         circle
     }
 
-    /// Sum of squared differences between the image and its rendering with each circle, on a raster of pixels.
+    /// Computes the sum of squared differences between the image and its rendering with each circle, on a raster of
+    /// pixels.
     fn errors(&self, press: &BallPress, circles: &[([f64; 2], f64)]) -> Vec<f64> {
         let [width, height] = self.size;
         let stride = ((width * height) as f64 / PIXELS as f64).sqrt().ceil().max(1.0) as usize;

@@ -1,4 +1,4 @@
-//! The pixels that a fit uses: in and around the presses, and of the background.
+//! The pixels that a fit uses: in and around the presses, and in the background.
 
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
@@ -12,7 +12,7 @@ use crate::calibration::photo::Photo;
 pub(crate) struct Sample {
     /// Index of the press.
     pub(crate) press: usize,
-    /// Column and row.
+    /// Column and row, pixels.
     pub(crate) place: [f64; 2],
     /// Value in the press image.
     pub(crate) seen: [f64; 3],
@@ -37,12 +37,13 @@ pub(crate) struct Samples {
     pub(crate) touched: Vec<Sample>,
     /// Pixels of the background; `press` and `seen` are unused.
     pub(crate) flat: Vec<Sample>,
-    /// For each image of a single lamp its values at the `flat` pixels, grey levels from 0 to 1.
+    /// Values of each image of a single lamp at the `flat` pixels, grey levels from 0 to 1.
     pub(crate) alone: Vec<Vec<[f64; 3]>>,
 }
 
 impl Samples {
-    /// Draws about `per_press` pixels from a square of `reach` visible radii around each press and `flat` of the background.
+    /// Samples about `per_press` pixels from a square of `reach` visible radii around each press, and `flat` pixels of
+    /// the background.
     pub(crate) fn draw(
         folder: &PressFolder,
         background: &[f32],
@@ -85,7 +86,7 @@ impl Samples {
         Self { size: [w, h], marks, touched, flat, alone }
     }
 
-    /// Every pixel within `reach` visible radii of one press.
+    /// Returns every pixel within `reach` visible radii of one press.
     pub(crate) fn around(mark: Mark, size: [usize; 2], background: &[f32], reach: f64) -> Self {
         let limit = reach * mark.radius;
         let range = |middle: f64, end: usize| {
@@ -109,7 +110,7 @@ impl Samples {
 /// Distance from a press (in visible radii) beyond which a pixel counts as untouched.
 pub(crate) const UNTOUCHED: f64 = 2.5;
 
-/// Standard deviation of one frame's noise (grey levels), from untouched pixels of consecutive presses.
+/// Estimates the standard deviation of one frame's noise (grey levels) from untouched pixels of consecutive presses.
 pub(crate) fn noise_of(folder: &PressFolder) -> Option<f64> {
     let width = folder.background.width;
     let (mut squares, mut count) = (0.0, 0.0);

@@ -1,8 +1,8 @@
 //! The presses as the fit models them: rotationally symmetric profiles instead of height maps, so that a pixel costs a
 //! few operations.
 //!
-//! The image formation is the renderer's: a pixel's ray meets the gel where relief has moved it, lamps light that point
-//! unless the bump stands in between, and `image = F(G(background) + L(deformed) - L(flat))`.
+//! The image formation is the renderer's: a pixel's ray meets the displaced gel (relief), lamps light that point unless
+//! the bump occludes them, and `image = F(G(background) + L(deformed) - L(flat))`.
 
 use nalgebra::{DMatrix, Point3, Vector3};
 use rayon::prelude::*;
@@ -14,10 +14,11 @@ use crate::calibration::samples::Samples;
 use crate::lamps::Lamp;
 use least_squares::forward_differences;
 
-/// Radius up to which a press deforms the gel, and the profile's step, m.
+/// Radius up to which a press deforms the gel, and the step of its profile, m.
 const REACH: f64 = 6e-3;
 const STEP: f64 = 0.04e-3;
-/// Weight of the background's grey levels relative to those of the presses: they contain scratches and stray light.
+/// Weight of the background's grey levels relative to those of the presses, because the background contains scratches
+/// and stray light.
 const FLAT_WEIGHT: f64 = 0.3;
 /// Number of points on the line to a lamp that are tested for occlusion.
 const MARCH: usize = 24;
@@ -29,7 +30,7 @@ struct Place {
     slope: [f64; 2],
 }
 
-/// Where the samples' rays meet the gel.
+/// Intersections of the samples' rays with the gel.
 #[derive(Debug)]
 pub(crate) struct Surface {
     profiles: Vec<BallProfile>,
@@ -55,23 +56,23 @@ pub(crate) struct Scene<'a> {
 }
 
 impl Scene<'_> {
-    /// Residuals in grey levels, three per sample: the touched samples, then the background's, then the background's
-    /// under each lamp alone.
+    /// Computes the residuals in grey levels, three per sample: the touched samples, then the background's, then the
+    /// background's under each lamp alone.
     pub(crate) fn residuals(&self, p: &[f64]) -> Vec<f64> {
         let surface = self.surface(p);
         let lights = self.lights(&surface, p);
         self.compare(&surface, &lights.iter().collect::<Vec<_>>(), p)
     }
 
-    /// Predicted grey levels (0 to 1) of the touched samples.
+    /// Predicts the grey levels (0 to 1) of the touched samples.
     pub(crate) fn predict(&self, p: &[f64]) -> Vec<[f64; 3]> {
         let surface = self.surface(p);
         let lights = self.lights(&surface, p);
         self.grey(&surface, &lights.iter().collect::<Vec<_>>(), p)
     }
 
-    /// Jacobian of the residuals. A lamp's geometry affects that lamp's light only, so the other lamps are not evaluated
-    /// again.
+    /// Computes the Jacobian of the residuals. A lamp's geometry affects that lamp's light only, so the other lamps are
+    /// not evaluated again.
     pub(crate) fn jacobian(&self, p: &[f64], residuals: &[f64], bounds: &[(f64, f64)]) -> DMatrix<f64> {
         let surface = self.surface(p);
         let lights = self.lights(&surface, p);
@@ -91,7 +92,7 @@ impl Scene<'_> {
         })
     }
 
-    /// Index of the first residual of each press, of the background, and of each single lamp's image.
+    /// Returns the index of the first residual of each press, of the background, and of each single lamp's image.
     pub(crate) fn groups(&self) -> Vec<usize> {
         let touched = &self.samples.touched;
         let mut starts: Vec<usize> =
@@ -194,7 +195,7 @@ impl Scene<'_> {
         (0..surface.deformed.len()).into_par_iter().with_min_len(512).map(pixel).collect()
     }
 
-    /// Predicted grey levels of the background's pixels from the model alone.
+    /// Predicts the grey levels of the background's pixels from the model alone.
     fn flat(&self, lights: &[&Light], p: &[f64]) -> Vec<[f64; 3]> {
         let color = |k: usize, c: usize| p[at::LAMPS + PER_LAMP * k + at::COLOR + c];
         let responses: [_; 3] = std::array::from_fn(|c| at::response(p, c));
@@ -204,8 +205,8 @@ impl Scene<'_> {
         (0..self.samples.flat.len()).map(|i| std::array::from_fn(|c| responses[c].measured(radiance(i, c)))).collect()
     }
 
-    /// Predicted grey levels of the background's pixels under lamp group `image` of `images`. Lamps are in the order of
-    /// the images, the same number for each. Diffuse light is scattered light of the lamps: in each channel, a lamp
+    /// Predicts the grey levels of the background's pixels under lamp group `image` of `images`. Lamps are in the order
+    /// of the images, the same number for each. Diffuse light is scattered light of the lamps: in each channel, a lamp
     /// contributes in proportion to its colour.
     fn alone(&self, lights: &[&Light], p: &[f64], image: usize, images: usize) -> Vec<[f64; 3]> {
         let color = |k: usize, c: usize| p[at::LAMPS + PER_LAMP * k + at::COLOR + c];
@@ -219,7 +220,7 @@ impl Scene<'_> {
         (0..self.samples.flat.len()).map(|i| std::array::from_fn(|c| responses[c].measured(radiance(i, c)))).collect()
     }
 
-    /// Predicted grey levels (0 to 1) of the background's pixels under each of `images` lamps alone.
+    /// Predicts the grey levels (0 to 1) of the background's pixels under each of `images` lamps alone.
     pub(crate) fn predict_alone(&self, p: &[f64], images: usize) -> Vec<Vec<[f64; 3]>> {
         let surface = self.surface(p);
         let lights = self.lights(&surface, p);
@@ -227,7 +228,7 @@ impl Scene<'_> {
         (0..images).map(|image| self.alone(&lights, p, image, images)).collect()
     }
 
-    /// Predicted grey levels (0 to 1) of the background's pixels.
+    /// Predicts the grey levels (0 to 1) of the background's pixels.
     pub(crate) fn predict_flat(&self, p: &[f64]) -> Vec<[f64; 3]> {
         let surface = self.surface(p);
         self.flat(&self.lights(&surface, p).iter().collect::<Vec<_>>(), p)
@@ -251,7 +252,7 @@ impl Scene<'_> {
     }
 }
 
-/// Share of a lamp that is visible from a point on the gel over the bump around `center`.
+/// Computes the share of a lamp that is visible from a point on the gel over the bump around `center`.
 fn visible(profile: &BallProfile, center: [f64; 2], point: &Point3<f64>, lamp: &Lamp) -> f64 {
     let (dx, dy) = (lamp.position.x - point.x, lamp.position.y - point.y);
     let distance = dx.hypot(dy).max(1e-6);

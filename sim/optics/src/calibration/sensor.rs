@@ -1,4 +1,4 @@
-//! A calibrated real sensor: renders the image of any object pressed into it, at the sensor's own image size.
+//! A calibrated real sensor, which renders the image of any object pressed into it, at the sensor's own image size.
 
 use std::path::Path;
 
@@ -16,14 +16,14 @@ use crate::shadows::{HeightField, Shadow};
 #[derive(Debug, Clone, PartialEq)]
 pub struct CalibratedSensor {
     file: SensorCalibration,
-    /// Row-major RGB, grey levels.
+    /// Image of the untouched gel, row-major RGB, grey levels.
     background: Vec<f32>,
-    /// Radiance of the background less that of the flat gel by the model.
+    /// Radiance of the background minus the model's radiance of the flat gel.
     beside_model: Vec<[f32; 3]>,
     responses: [ResponseTable; 3],
 }
 
-/// On flat gel, a pixel from which more than this share of every lamp is visible shows the background.
+/// Share of every lamp above which a pixel on flat gel counts as unshadowed and shows the background.
 const LIT: f64 = 0.995;
 const FLAT_DEPTH: f64 = 1e-6;
 const FLAT_SLOPE: f64 = 2e-3;
@@ -35,7 +35,7 @@ impl CalibratedSensor {
         Self::new(file, background)
     }
 
-    /// A sensor from its calibration and the image of its untouched gel (row-major RGB, grey levels).
+    /// Creates a sensor from its calibration and the image of its untouched gel (row-major RGB, grey levels).
     pub fn new(file: SensorCalibration, background: Vec<f32>) -> Result<Self, OpticsError> {
         let expected = 3 * file.columns * file.rows;
         if background.len() != expected {
@@ -61,24 +61,24 @@ impl CalibratedSensor {
         &self.file
     }
 
-    /// The untouched gel, row-major RGB, grey levels.
+    /// Returns the image of the untouched gel, row-major RGB, grey levels.
     pub fn background(&self) -> &[f32] {
         &self.background
     }
 
-    /// Columns and rows.
+    /// Returns the number of columns and rows.
     pub fn size(&self) -> (usize, usize) {
         (self.file.columns, self.file.rows)
     }
 
-    /// Position of a pixel's centre on the untouched gel, m.
+    /// Computes the position of a pixel's centre on the untouched gel, m.
     pub fn pixel_center(&self, column: f64, row: f64) -> (f64, f64) {
         let (pixel, (w, h)) = (1e-3 * self.file.pixel_mm, self.size());
         ((column - 0.5 * (w as f64 - 1.0)) * pixel, (0.5 * (h as f64 - 1.0) - row) * pixel)
     }
 
-    /// Depth of the gel (m, row-major) under an object. `penetration` is how far the object lies below the untouched
-    /// surface at each pixel (m; negative above it, negative infinity without an object).
+    /// Computes the depth of the gel (m, row-major) under an object. `penetration` is the depth of the object below the
+    /// untouched surface at each pixel (m; negative above it, negative infinity without an object).
     pub fn gel(&self, penetration: &[f32]) -> Result<Vec<f32>, OpticsError> {
         let (w, h) = self.size();
         if penetration.len() != w * h {
@@ -99,7 +99,7 @@ impl CalibratedSensor {
         elastomer.smooth(grown.iter().map(|depth| depth.max(0.0)).collect(), w, h, pixel)
     }
 
-    /// The image of an object (see [`Self::gel`] for `penetration`), without noise.
+    /// Renders the image of an object (see [`Self::gel`] for `penetration`), without noise.
     pub fn render(&self, penetration: &[f32]) -> Result<Photo, OpticsError> {
         let gel = self.gel(penetration)?;
         let grey = self.shade(&gel);
@@ -107,13 +107,13 @@ impl CalibratedSensor {
         Ok(Photo { width, height, rgb: grey.into_iter().map(|grey| (grey + 0.5).clamp(0.0, 255.0) as u8).collect() })
     }
 
-    /// As [`Self::render`], but distorted by the camera's lens, if the calibration has one.
+    /// Like [`Self::render`], but distorted by the camera's lens, if the calibration has one.
     pub fn render_raw(&self, penetration: &[f32]) -> Result<Photo, OpticsError> {
         let rectified = self.render(penetration)?;
         Ok(self.file.lens.map_or_else(|| rectified.clone(), |lens| lens.distort(&rectified)))
     }
 
-    /// The image of a ball's press (see [`Self::ball`]): grey levels rounded to whole numbers, row-major RGB.
+    /// Renders a ball's press (see [`Self::ball`]): grey levels rounded to whole numbers, row-major RGB.
     pub fn render_ball(&self, center: [f64; 2], radius: f64, diameter: f64) -> Vec<f32> {
         // A ball's penetration needs no check: it has this sensor's size and no NaN.
         let penetration = self.ball(center, radius, diameter);
@@ -121,15 +121,15 @@ impl CalibratedSensor {
         self.shade(&gel).into_iter().map(|grey| grey.round().clamp(0.0, 255.0)).collect()
     }
 
-    /// How deep a ball (diameter in m) is pressed in whose visible circle has this radius (pixels), m, and the contact radius
-    /// of that ball grown by the coating, m.
+    /// Computes the depth of a ball (m; `diameter` in m) from the `radius` of its visible circle (pixels), and the
+    /// contact radius of that ball enlarged by the coating, m.
     pub fn ball_depth(&self, radius: f64, diameter: f64) -> (f64, f64) {
         let grown = 0.5 * diameter + self.file.model.elastomer.coating;
         let contact = (radius * 1e-3 * self.file.pixel_mm * self.file.contact_over_visible).min(0.999 * grown);
         (grown - (grown * grown - contact * contact).sqrt(), contact)
     }
 
-    /// Penetration of a ball (diameter in m) whose press has this visible circle (pixels).
+    /// Computes the penetration map (m) of a ball (`diameter` in m) whose press has this visible circle (pixels).
     pub fn ball(&self, center: [f64; 2], radius: f64, diameter: f64) -> Vec<f32> {
         let (pixel, model) = (1e-3 * self.file.pixel_mm, &self.file.model);
         let (ball, grown) = (0.5 * diameter, 0.5 * diameter + model.elastomer.coating);
@@ -149,7 +149,7 @@ impl CalibratedSensor {
             .collect()
     }
 
-    /// Grey levels, row-major RGB, of a gel of this depth.
+    /// Renders the grey levels, row-major RGB, of a gel of this depth.
     fn shade(&self, gel: &[f32]) -> Vec<f32> {
         let (w, h) = self.size();
         let (pixel, model) = (1e-3 * self.file.pixel_mm, &self.file.model);
@@ -157,7 +157,7 @@ impl CalibratedSensor {
             HeightField { width: w, height: h, first: self.pixel_center(0.0, 0.0), pixel: (pixel, pixel), depth: gel };
         let shadows: Vec<Option<Shadow>> = field.shadows(&model.lamps);
         let camera = model.camera.position;
-        // Depth at a fractional pixel.
+        // Bilinear depth at a fractional pixel.
         let depth = |column: f64, row: f64| {
             let (column, row) = (column.clamp(0.0, (w - 1) as f64), row.clamp(0.0, (h - 1) as f64));
             let (c, r) = ((column as usize).min(w.max(2) - 2), (row as usize).min(h.max(2) - 2));
@@ -200,7 +200,7 @@ impl CalibratedSensor {
         grey
     }
 
-    /// Radiance of a point on the gel by the model, with the visible share of each lamp.
+    /// Computes the radiance of a point on the gel by the model, with the visible share of each lamp.
     fn radiance(&self, point: &Point3<f64>, slope: [f64; 2], share: impl Fn(usize) -> f64) -> [f64; 3] {
         let model = &self.file.model;
         let normal = Vector3::new(slope[0], slope[1], -1.0).normalize();

@@ -1,7 +1,7 @@
 //! Similarity of two images: mean absolute error, structural similarity and peak signal-to-noise ratio.
 //!
-//! Grey levels are scaled to 0..1. SSIM is that of Wang et al. (2004) with a flat 7 x 7 window, unbiased variances, `C1 =
-//! 0.01^2`, `C2 = 0.03^2`, averaged over channels and over the windows that lie wholly inside, as in scikit-image.
+//! Grey levels are scaled to 0..1. SSIM is that of Wang et al. (2004) with a flat 7 x 7 window, unbiased variances, `C1
+//! = 0.01^2`, `C2 = 0.03^2`, averaged over channels and over the windows that lie wholly inside, as in scikit-image.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -17,7 +17,7 @@ pub struct Similarity {
 }
 
 impl Similarity {
-    /// `None` for an empty slice.
+    /// Averages each measure; `None` for an empty slice.
     pub fn mean(all: &[Self]) -> Option<Self> {
         let n = all.len() as f64;
         let mean = |value: fn(&Self) -> f64| all.iter().map(value).sum::<f64>() / n;
@@ -75,7 +75,7 @@ fn channel_ssim(a: &[f64], b: &[f64], w: usize, h: usize) -> f64 {
     if ma.is_empty() { f64::NAN } else { sum / ma.len() as f64 }
 }
 
-/// Sums over all windows that lie wholly inside.
+/// Sums the values over each window that lies wholly inside.
 fn window_sums(values: &[f64], w: usize, h: usize) -> Vec<f64> {
     if w < WINDOW || h < WINDOW {
         return Vec::new();

@@ -1,4 +1,4 @@
-//! A camera's lens from pictures of a checkerboard (Zhang 2000).
+//! Lens calibration of a camera from pictures of a checkerboard (Zhang 2000).
 //!
 //! A flat board and its image are related by a homography `H ~ K (r1 r2 t)`. Because r1 and r2 are orthogonal and of
 //! equal length, every picture gives two linear equations for `K^-T K^-1`, and two or more pictures determine the
@@ -16,13 +16,14 @@ use crate::calibration::photo::Photo;
 use crate::error::OpticsError;
 use least_squares::{Options, Parameter, Problem, forward_differences};
 
-/// Least number of pictures: two determine the intrinsics, a third reveals errors.
+/// Smallest number of pictures: two determine the intrinsics, a third reveals errors.
 pub const LEAST: usize = 3;
 
 /// A fitted lens.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LensFit {
-    /// Its third radial coefficient is 0: corners seldom reach far enough from the centre to determine it.
+    /// The lens. Its third radial coefficient is 0, because corners seldom reach far enough from the centre to
+    /// determine it.
     pub lens: Lens,
     pub parameters: Vec<Parameter>,
     /// Root mean square reprojection error, pixels.
@@ -127,7 +128,7 @@ fn lens_of(p: &[f64]) -> Lens {
     Lens { focal: [p[0], p[1]], center: [p[2], p[3]], radial: [p[4], p[5], 0.0], tangential: [p[6], p[7]] }
 }
 
-/// A pose rotated by q\[0..3\] (rad) and translated by q\[3..6\] (in units of its distance).
+/// Rotates a pose by q\[0..3\] (rad) and translates it by q\[3..6\] (in units of its distance).
 fn moved(pose: &Isometry3<f64>, q: &[f64]) -> Isometry3<f64> {
     let far = pose.translation.vector.norm();
     let turn = UnitQuaternion::from_scaled_axis(Vector3::new(q[0], q[1], q[2]));
@@ -135,7 +136,7 @@ fn moved(pose: &Isometry3<f64>, q: &[f64]) -> Isometry3<f64> {
     Isometry3::from_parts(Translation3::from(shift), turn * pose.rotation)
 }
 
-/// The homography from the board to an image by least squares over all corners, in normalised coordinates.
+/// Fits the homography from the board to an image by least squares over all corners, in normalised coordinates.
 fn homography(model: &[[f64; 2]], view: &[[f64; 2]]) -> Option<Matrix3<f64>> {
     let unit = |points: &[[f64; 2]]| -> Option<Matrix3<f64>> {
         let n = points.len() as f64;
@@ -163,7 +164,7 @@ fn homography(model: &[[f64; 2]], view: &[[f64; 2]]) -> Option<Matrix3<f64>> {
     Some(b.try_inverse()? * h * a)
 }
 
-/// K (without skew) from the homographies; pixel coordinates are first scaled to about 1 for conditioning.
+/// Computes K (without skew) from the homographies; pixel coordinates are first scaled to about 1 for conditioning.
 fn intrinsics(homographies: &[Matrix3<f64>], size: [usize; 2]) -> Option<Matrix3<f64>> {
     let [w, h] = size.map(|size| size as f64);
     let s = 2.0 / w.max(h);
@@ -202,7 +203,7 @@ fn intrinsics(homographies: &[Matrix3<f64>], size: [usize; 2]) -> Option<Matrix3
     k.iter().all(|value| value.is_finite()).then_some(k)
 }
 
-/// Pose of the board from its homography.
+/// Computes the pose of the board from its homography.
 fn pose(k: &Matrix3<f64>, homography: &Matrix3<f64>) -> Option<Isometry3<f64>> {
     let h = k.try_inverse()? * homography;
     // The board is in front of the camera.
@@ -245,7 +246,7 @@ mod tests {
             assert!((found.lens.center[axis] - LENS.center[axis]).abs() < 1.0, "{found:?}");
             assert!((found.lens.tangential[axis] - LENS.tangential[axis]).abs() < 2e-3, "{found:?}");
         }
-        // The parameters may trade off: what matters is the mapping.
+        // The parameters may trade off against each other; only the mapping matters.
         for place in [[20.0, 20.0], [300.0, 20.0], [160.0, 220.0], [30.0, 215.0]] {
             let (a, b) = (LENS.distorted(place), found.lens.distorted(place));
             assert!((a[0] - b[0]).hypot(a[1] - b[1]) < 0.8, "{place:?} {a:?} {b:?}");

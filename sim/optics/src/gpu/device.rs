@@ -21,8 +21,8 @@ pub(super) struct Gpu {
     pub(super) expose: ComputePipeline,
 }
 
-/// The best adapter: a discrete GPU before an integrated one. A software adapter (`DeviceType::Cpu`) is slower than the CPU
-/// backend, so it is used only on request (`software`), for tests.
+/// Selects the best adapter: a discrete GPU before an integrated one. A software adapter (`DeviceType::Cpu`) is slower
+/// than the CPU backend, so it is used only on request (`software`), for tests.
 fn find_adapter(software: bool) -> Result<Adapter, OpticsError> {
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
         backends: wgpu::Backends::VULKAN,

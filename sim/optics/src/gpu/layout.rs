@@ -10,16 +10,16 @@ use crate::noise::ReadOutNoise;
 use crate::renderer::{Job, sensor_of};
 use crate::sensor::Sensor;
 
-/// Words of one job: a header of 16, then each row's start in the noise table.
+/// Number of words of one job: a header of 16, then each row's start in the noise table.
 pub(super) const JOB: usize = 256;
 const STARTS: usize = 16;
-/// Floats of a sensor's header and of a lamp.
+/// Number of floats of a sensor's header and of a lamp.
 const HEADER: usize = 32;
 const LAMP: usize = 12;
-/// Pixels along a shadow cell's side.
+/// Number of pixels along a shadow cell's side.
 const CELL: usize = 2;
 
-/// Parameters of all sensors, and the index of each sensor's first.
+/// Packs the parameters of all sensors; also returns the index of each sensor's first.
 pub(super) fn sensors(sensors: &[Sensor]) -> (Vec<f32>, Vec<usize>) {
     let mut all = Vec::new();
     let mut starts = Vec::with_capacity(sensors.len());
@@ -60,7 +60,7 @@ pub(super) fn sensors(sensors: &[Sensor]) -> (Vec<f32>, Vec<usize>) {
 #[derive(Debug, Default)]
 pub(super) struct Batch {
     pub(super) jobs: Vec<u32>,
-    /// The objects' own depths, the jobs' rectangles one after the other.
+    /// The objects' own depths, with the jobs' rectangles one after the other.
     pub(super) own: Vec<f32>,
     /// Number of floats for the shadows.
     pub(super) share: usize,

@@ -20,9 +20,9 @@ use crate::indentation::PIXELS;
 use crate::renderer::{Job, Renderer};
 use crate::sensor::Sensor;
 
-/// Bytes of an image.
+/// Size of an image, bytes.
 const IMAGE: usize = 3 * PIXELS;
-/// Lines per workgroup of the smoothing.
+/// Number of lines per workgroup of the smoothing.
 const LINES: usize = 8;
 /// Largest buffer of a batch, bytes.
 const BATCH: u64 = 512 << 20;
@@ -35,7 +35,7 @@ pub struct GpuRenderer {
     starts: Vec<usize>,
     constants: Buffer,
     shadows: bool,
-    /// Kept between calls, grown when a batch needs more.
+    /// Buffers kept between calls, and grown when a batch needs more.
     buffers: Mutex<Option<Buffers>>,
 }
 
@@ -51,12 +51,12 @@ struct Buffers {
 }
 
 impl GpuRenderer {
-    /// A renderer of these sensors on the best GPU. Without one, the error names the adapters found.
+    /// Creates a renderer of these sensors on the best GPU. Without one, the error names the adapters found.
     pub fn new(sensors: Arc<Vec<Sensor>>) -> Result<Self, OpticsError> {
         Self::open(sensors, false)
     }
 
-    /// As [`Self::new`], on a software adapter: for tests of the shaders; slower than the CPU backend.
+    /// Like [`Self::new`], on a software adapter: for tests of the shaders; slower than the CPU backend.
     pub fn on_software(sensors: Arc<Vec<Sensor>>) -> Result<Self, OpticsError> {
         Self::open(sensors, true)
     }
@@ -86,7 +86,7 @@ impl GpuRenderer {
         Ok(Self { gpu, sensors, starts, constants, shadows: true, buffers: Mutex::new(None) })
     }
 
-    /// The same renderer without cast shadows.
+    /// Returns the same renderer without cast shadows.
     pub fn without_shadows(self) -> Self {
         Self { shadows: false, ..self }
     }
@@ -157,7 +157,7 @@ impl GpuRenderer {
         Ok(images)
     }
 
-    /// Buffers large enough for a batch: the previous ones if they suffice.
+    /// Returns buffers large enough for a batch: the previous ones if they suffice.
     fn room<'a>(&self, batch: &Batch, old: &'a mut Option<Buffers>) -> &'a Buffers {
         let needs = [4 * JOB * batch.count, 4 * batch.own.len(), 4 * batch.share, IMAGE * batch.count];
         let [jobs, own, share, bytes] = needs.map(|bytes| bytes.max(16) as u64);

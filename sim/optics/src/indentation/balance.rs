@@ -1,4 +1,4 @@
-//! How far an object sinks in until the gel bears a force.
+//! Force balance: the depth at which the gel bears a given force.
 
 use crate::error::OpticsError;
 use crate::foundation::Foundation;
@@ -6,15 +6,15 @@ use crate::foundation::Foundation;
 /// Step (m) of the finite difference for the slope of a pressure law.
 const NUDGE: f64 = 1e-8;
 
-/// Where the gel bears a force.
+/// Solution of the force balance.
 pub(super) struct Balanced {
     /// Displacement of the object into the pad, m.
     pub(super) shift: f64,
-    /// What the gel bears there, N.
+    /// Force that the gel bears there, N.
     pub(super) force: f64,
 }
 
-/// Solves the force balance by bracketed Newton iteration; `None` where nothing is above the pad.
+/// Solves the force balance by bracketed Newton iteration; `None` if nothing is above the pad.
 pub(super) fn balance<'a>(
     maps: impl Iterator<Item = (&'a [f32], f64)>,
     gel: &Foundation,

@@ -1,4 +1,4 @@
-//! The image of a curved pad.
+//! Image formation of a curved pad.
 //!
 //! The gel's surface under the cover, pressed in along the cover's normals, becomes a relief over the pad's plane. Every
 //! pixel's ray, from the pinhole through the pixel's position in that plane, is intersected with the relief, so that
@@ -33,11 +33,11 @@ pub struct CurvedSensor {
 
 /// Largest number of iterations of the ray intersection.
 const STEPS: usize = 8;
-/// Least change of radiance, as a share of full scale, for which a pixel is shaded again.
+/// Smallest change of radiance, as a fraction of full scale, for which a pixel is shaded again.
 const CHANGE: f32 = 1e-4;
 
 impl CurvedSensor {
-    /// As [`Sensor::with_model`], under a cover.
+    /// Like [`Sensor::with_model`], under a cover.
     pub fn new(pad: &Pad, camera: &Camera, model: SensorModel, cover: Cover, seed: u64) -> Result<Self, OpticsError> {
         cover.check(pad)?;
         Ok(Self::of(Sensor::with_model(pad, camera, model, seed)?, cover))
@@ -53,12 +53,12 @@ impl CurvedSensor {
         curved
     }
 
-    /// The same unit with a flat pad.
+    /// Returns the same unit with a flat pad.
     pub fn flat(&self) -> &Sensor {
         &self.sensor
     }
 
-    /// The image of the untouched gel, without read-out noise.
+    /// Returns the image of the untouched gel, without read-out noise.
     pub fn background(&self) -> TactileImage {
         if self.cover.is_flat() {
             return (**self.sensor.background()).clone();
@@ -66,14 +66,14 @@ impl CurvedSensor {
         TactileImage { rgb: self.background.iter().map(|&grey| quantise(grey)).collect() }
     }
 
-    /// The deformed gel (m along the cover's normals, row-major) of an indentation.
+    /// Computes the deformed gel (m along the cover's normals, row-major) of an indentation.
     pub fn gel(&self, indentation: &IndentationMap) -> Vec<f32> {
         let gel = self.sensor.model.elastomer.deform(&self.sensor.camera, indentation);
         let depth = |at: usize| gel.as_ref().map_or(0.0, |gel| gel.depth(at % IMAGE_SIZE, at / IMAGE_SIZE));
         (0..PIXELS).map(depth).collect()
     }
 
-    /// The surface's depth (m, row-major) under the pad's plane, for a gel given along the cover's normals.
+    /// Computes the surface's depth (m, row-major) under the pad's plane, for a gel given along the cover's normals.
     pub fn relief(&self, gel: &[f32]) -> Vec<f32> {
         if self.cover.is_flat() {
             return gel.to_vec();
@@ -85,7 +85,7 @@ impl CurvedSensor {
                 let (column, row) = (at % IMAGE_SIZE, at / IMAGE_SIZE);
                 let (x, _) = camera.pixel_center(column, row);
                 let line = &gel[row * IMAGE_SIZE..(row + 1) * IMAGE_SIZE];
-                // The point on the cover that is displaced to above this one.
+                // Find the point on the cover that is displaced to above this one.
                 let (mut from, mut deep) = (x, 0.0);
                 for _ in 0..STEPS {
                     deep = between(line, column as f64 + (from - x) / dx);
@@ -100,7 +100,8 @@ impl CurvedSensor {
             .collect()
     }
 
-    /// The tactile image of an indentation along the cover's normals (see [`Cover::press`]); `rng` draws the read-out noise.
+    /// Renders the tactile image of an indentation along the cover's normals (see [`Cover::press`]); `rng` generates
+    /// the read-out noise.
     pub fn render(&self, indentation: &IndentationMap, rng: &mut impl Rng) -> TactileImage {
         if self.cover.is_flat() {
             return self.sensor.render(indentation, rng);
@@ -121,12 +122,12 @@ impl CurvedSensor {
         TactileImage { rgb }
     }
 
-    /// Grey level of image value `at` for a radiance of the model.
+    /// Computes the grey level of image value `at` for a radiance of the model.
     fn grey(&self, at: usize, radiance: f32) -> f32 {
         self.sensor.response[at % 3].grey(radiance + self.sensor.correction[at])
     }
 
-    /// The model's radiance of every pixel, row-major RGB.
+    /// Computes the model's radiance of every pixel, row-major RGB.
     fn radiance(&self, gel: &[f32]) -> Vec<f32> {
         let (camera, model) = (&self.sensor.camera, &self.sensor.model);
         let (dx, dy) = camera.pixel_size();
@@ -178,7 +179,7 @@ impl CurvedSensor {
     }
 }
 
-/// Linear interpolation in a row, constant beyond its ends.
+/// Interpolates linearly in a row, constant beyond its ends.
 fn between(line: &[f32], column: f64) -> f64 {
     let column = column.clamp(0.0, (line.len() - 1) as f64);
     let left = (column as usize).min(line.len() - 2);

@@ -1,8 +1,9 @@
-//! Smaller images, as of a camera that adds neighbouring pixels up before it reads them out.
+//! Smaller images, like those of a camera with pixel binning.
 //!
-//! The background is the mean of the full image's, made once, and a pixel's read-out noise that of the mean of its pixels. Where the gel is deformed
-//! or shadowed, the image is formed on a coarser grid than the camera's own ([`ReducedSensor::raster`], the one to press on), of at least [`POINTS`] points a
-//! side, and differs a little from the full image's mean: the tests say by how much.
+//! The background is the mean of the full image's, computed once, and a pixel's read-out noise is that of the mean of
+//! its pixels. Where the gel is deformed or shadowed, the image is formed on a grid coarser than the camera's own
+//! ([`ReducedSensor::raster`], the one to press on), of at least [`POINTS`] points a side. There it differs slightly
+//! from the mean of the full image; the tests state by how much.
 
 use std::sync::Arc;
 
@@ -20,19 +21,19 @@ use crate::shading::SurfaceRow;
 use crate::shadows::Shadow;
 use crate::wide::widest;
 
-/// Points along an image's side at least, unless the camera has fewer.
+/// Smallest number of points along an image's side, unless the camera has fewer.
 const POINTS: usize = 64;
 
 /// A sensor at a smaller image size.
 #[derive(Debug, Clone)]
 pub struct ReducedSensor {
     side: usize,
-    /// Points along a pixel's side.
+    /// Number of points along a pixel's side.
     points: usize,
     raster: Raster,
     /// Mean grey levels of the background, row-major RGB.
     grey: Vec<f32>,
-    /// The same, and the mean of the sensor's correction, over what belongs to each point of the raster.
+    /// Background grey level and correction of the sensor, averaged over the area of each point of the raster.
     fine: [Vec<f32>; 2],
     /// Factors of the noise of each row, and of each value of a row.
     quiet: [Vec<f32>; 2],
@@ -40,7 +41,7 @@ pub struct ReducedSensor {
 }
 
 impl ReducedSensor {
-    /// `sensor` with images of `side` x `side` pixels: an error for none, or for more than it has.
+    /// Creates `sensor` with images of `side` x `side` pixels. Returns an error for 0, or for more than the sensor has.
     pub fn new(sensor: &Sensor, side: usize) -> Result<Self, OpticsError> {
         if side == 0 || side > IMAGE_SIZE {
             return Err(OpticsError::ReducedSize(side));
@@ -59,17 +60,18 @@ impl ReducedSensor {
         Self { side, points, raster, grey, fine, quiet: [rows, values], background }
     }
 
-    /// The grid on which its gel is to be pressed.
+    /// Returns the grid on which its gel is to be pressed.
     pub fn raster(&self) -> &Raster {
         &self.raster
     }
 
-    /// Image of the untouched gel without read-out noise; cheap to clone.
+    /// Returns the image of the untouched gel without read-out noise; cheap to clone.
     pub fn background(&self) -> &Arc<TactileImage> {
         &self.background
     }
 
-    /// As [`Sensor::render_at`] of the `sensor` that this one was made of, for an indentation of this one's [`Self::raster`].
+    /// Like [`Sensor::render_at`] of the `sensor` from which this one was made, for an indentation on this one's
+    /// [`Self::raster`].
     pub fn render_at(
         &self,
         sensor: &Sensor,
@@ -89,7 +91,8 @@ impl ReducedSensor {
         )
     }
 
-    /// Mean grey levels over a deformed gel: the background's, and what each deformed or shadowed point differs by.
+    /// Computes the mean grey levels over a deformed gel: the background's plus the change at each deformed or shadowed
+    /// point.
     #[inline(always)]
     fn deformed(&self, sensor: &Sensor, gel: &DeformedGel, shadows: &[Option<Shadow>]) -> Vec<f32> {
         let (mut means, mut row) = (self.grey.clone(), SurfaceRow::new());
@@ -124,12 +127,12 @@ impl ReducedSensor {
     }
 }
 
-/// First row or column of the full image that belongs to the larger pixel `cell` of `side`.
+/// Returns the first row or column of the full image that belongs to the larger pixel `cell` of `side`.
 fn start(cell: usize, side: usize) -> usize {
     cell * IMAGE_SIZE / side
 }
 
-/// Means of full-size values, row-major RGB, over `side` x `side` larger pixels.
+/// Averages full-size values, row-major RGB, over `side` x `side` larger pixels.
 fn means(values: &[f32], side: usize) -> Vec<f32> {
     let mut means = vec![0.0; 3 * side * side];
     let mut sums = vec![0.0; 3 * IMAGE_SIZE];
@@ -168,7 +171,7 @@ mod tests {
 
     const SIDE: usize = 64;
 
-    /// Lowest point of something over a pad, m.
+    /// Lowest point (m) of a body over a pad.
     type Surface = fn(f64, f64) -> Option<f64>;
 
     fn ball(x: f64, y: f64) -> Option<f64> {
@@ -176,7 +179,7 @@ mod tests {
         (inside > 0.0).then(|| 0.01 - inside.sqrt())
     }
 
-    /// The flat end of a post that stands askew, 8 x 5 mm.
+    /// The flat end of a tilted post, 8 x 5 mm.
     fn post(x: f64, y: f64) -> Option<f64> {
         let (u, v) = (0.9 * x - 0.436 * y, 0.436 * x + 0.9 * y);
         (u.abs() < 0.004 && v.abs() < 0.0025).then_some(0.05 * u)
@@ -195,8 +198,8 @@ mod tests {
         press.maps.remove(0)
     }
 
-    /// Difference of an image from the means of a full one, in grey levels: its mean over the values that the gel changes by more than a level in the
-    /// full one, the largest of all, and the number of the former.
+    /// Compares an image with the means of a full one, in grey levels: mean difference over the values that the gel
+    /// changes by more than a level in the full one, largest difference overall, and the number of the former values.
     fn apart(full: &TactileImage, untouched: &TactileImage, small: &TactileImage) -> (f64, f64, usize) {
         let [full, untouched] = [full, untouched].map(|image| {
             let values: Vec<f32> = image.rgb.iter().map(|value| f32::from(*value)).collect();
@@ -213,7 +216,8 @@ mod tests {
         (sum / f64::from(count).max(1.0), worst, count as usize)
     }
 
-    /// A point a pixel: half a grey level of the image's mean under a ball, one under a rod, four under a post with sharp edges, of 256.
+    /// With one point a pixel, the mean error is half a grey level under a ball, one under a rod, and four under a post
+    /// with sharp edges, of 256.
     #[test]
     fn a_smaller_image_is_nearly_the_mean_of_the_full_one() {
         let hand = Hand::ftac();
@@ -235,7 +239,7 @@ mod tests {
         }
     }
 
-    /// Noise is that of a mean, and what is brighter is so as a whole.
+    /// Noise is that of a mean, and `brightness` scales the whole image.
     #[test]
     fn an_untouched_image_is_the_mean_of_the_full_one() {
         let hand = Hand::ftac();
@@ -249,7 +253,7 @@ mod tests {
             assert_eq!(small.rgb.len(), 3 * side * side);
             let apart = means(&values, side).into_iter().zip(&small.rgb);
             let apart: Vec<f64> = apart.map(|(full, small)| f64::from(full - f32::from(*small)).abs()).collect();
-            // Two draws of the noise of a mean of `count` pixels, and rounding.
+            // Two samples of the noise of a mean of `count` pixels, and rounding.
             let count = (IMAGE_SIZE / side).pow(2) as f64;
             let expected = 0.8 * (2.0 * sensor.model.noise.powi(2) / count + 1.0 / 12.0).sqrt();
             let mean = apart.iter().sum::<f64>() / apart.len() as f64;

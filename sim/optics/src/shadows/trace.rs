@@ -1,9 +1,10 @@
 //! Propagation of the horizon from cell to cell, outwards from a lamp.
 //!
-//! A cell takes the horizon one step of its longer axis towards the lamp, between two cells that are nearer to it. Cells
-//! are visited line by line outwards, so that both have been visited. The cells of a line whose longer axis leads across
-//! the lines do not depend on each other and are vectorised. Lines are rows, or columns if the lamp is beside the grid
-//! and more cells can be vectorised that way. The arithmetic of a cell is the same either way.
+//! A cell takes the horizon one step of its longer axis towards the lamp, interpolated between the two cells there,
+//! which are nearer to the lamp. Cells are visited line by line outwards, so that both have been visited. The cells of
+//! a line whose longer axis leads across the lines do not depend on each other and are vectorised. Lines are rows, or
+//! columns if the lamp is beside the grid and more cells can be vectorised that way. The arithmetic of a cell is the
+//! same either way.
 
 use std::ops::Range;
 
@@ -44,14 +45,14 @@ pub(super) struct Depths {
 }
 
 impl Depths {
-    /// Of rows of `width` cells.
+    /// Creates it from rows of `width` cells.
     pub(super) fn new(rows: Vec<f32>, width: usize) -> Self {
         let columns = turn(&rows, width);
         Self { rows, columns }
     }
 }
 
-/// Horizons of all cells: room that one lamp after another uses.
+/// Horizons of all cells: workspace shared by the lamps in turn.
 #[derive(Debug, Default)]
 pub(super) struct Horizons {
     tangent: Vec<f32>,
@@ -62,7 +63,7 @@ pub(super) struct Horizons {
 struct Field<'a> {
     grid: &'a Grid,
     axes: Axes,
-    /// Whether lines are columns.
+    /// True if lines are columns.
     columns: bool,
     depth: &'a [f32],
     tangent: &'a mut [f32],
@@ -70,7 +71,7 @@ struct Field<'a> {
     share: Vec<f32>,
 }
 
-/// Visible share of the lamp for each cell, row-major.
+/// Computes the visible share of the lamp for each cell, row-major.
 pub(super) fn trace(grid: &Grid, depths: &Depths, horizons: &mut Horizons) -> Vec<f32> {
     let Axes { outer: (height, lamp_y, _), inner: (width, lamp_x, _) } = grid.rows;
     let beside = lamp_x <= 0.0 || lamp_x > (width - 1) as f32;
@@ -82,14 +83,15 @@ pub(super) fn trace(grid: &Grid, depths: &Depths, horizons: &mut Horizons) -> Ve
     Field::new(grid, grid.rows, false, &depths.rows, horizons).trace()
 }
 
-/// Transposes.
+/// Transposes rows of `width` values.
 fn turn(values: &[f32], width: usize) -> Vec<f32> {
     let mut turned = vec![0.0; values.len()];
     transpose(values, &mut turned, width, values.len() / width);
     turned
 }
 
-/// The first of `range` for which `holds`, which holds for all after it; the range's end if there is none.
+/// Finds the first element of `range` for which `holds` is true, given that it is true for all after it; the range's
+/// end if there is none.
 fn first_of(mut range: Range<usize>, holds: impl Fn(usize) -> bool) -> usize {
     while !range.is_empty() {
         let middle = range.start.midpoint(range.end);
@@ -98,7 +100,7 @@ fn first_of(mut range: Range<usize>, holds: impl Fn(usize) -> bool) -> usize {
     range.end
 }
 
-/// Indices outwards from a position: first those below it from high to low, then those above it.
+/// Iterates over indices outwards from a position: first those below it from high to low, then those above it.
 fn outwards(place: f32, count: usize) -> impl Iterator<Item = usize> {
     let start = (place.max(0.0).ceil() as usize).min(count);
     (0..start).rev().chain(start..count)
@@ -107,7 +109,7 @@ fn outwards(place: f32, count: usize) -> impl Iterator<Item = usize> {
 impl<'a> Field<'a> {
     fn new(grid: &'a Grid, axes: Axes, columns: bool, depth: &'a [f32], horizons: &'a mut Horizons) -> Self {
         let count = depth.len();
-        // Every cell's horizon is written before another one asks for it.
+        // Every cell's horizon is written before another cell reads it.
         horizons.tangent.resize(count, 0.0);
         horizons.distance.resize(count, 0.0);
         let Horizons { tangent, distance } = horizons;
@@ -117,7 +119,7 @@ impl<'a> Field<'a> {
     fn trace(mut self) -> Vec<f32> {
         let (lines, lamp, _) = self.axes.outer;
         let count = self.axes.inner.0;
-        // Of a line's cells: own tangent, distance, and the inverse of the number of steps to the lamp.
+        // For each cell of a line: its own tangent, distance, and the inverse of the number of steps to the lamp.
         let mut own = [vec![0.0; count], vec![0.0; count], vec![0.0; count]];
         for line in outwards(lamp, lines) {
             widest(
@@ -193,7 +195,8 @@ impl<'a> Field<'a> {
         self.along(line, next, last.max(1)..count, -1, own);
     }
 
-    /// Cells of a line that take the horizon from the one at `side` in their own line, and its neighbour in the line `next`.
+    /// Updates cells of a line that take the horizon from the one at `side` in their own line, and its neighbour in the
+    /// line `next`.
     fn along(
         &mut self,
         line: usize,
@@ -221,7 +224,8 @@ impl<'a> Field<'a> {
         }
     }
 
-    /// Cells of a line that take the horizon from the line `next`, between their own index there and the one at `side`.
+    /// Updates cells of a line that take the horizon from the line `next`, between their own index there and the one at
+    /// `side`.
     #[inline(always)]
     fn across(&mut self, line: usize, next: usize, cells: Range<usize>, side: isize, own: &[Vec<f32>; 3]) {
         if cells.is_empty() {
@@ -258,7 +262,7 @@ impl<'a> Field<'a> {
         }
     }
 
-    /// A single cell.
+    /// Updates a single cell.
     fn cell(&mut self, line: usize, i: usize, own: &[Vec<f32>; 3]) {
         let ((lines, lamp_u, _), (count, lamp_v, _)) = (self.axes.outer, self.axes.inner);
         let (u, v) = (lamp_u - line as f32, lamp_v - i as f32);
@@ -298,7 +302,8 @@ impl<'a> Field<'a> {
     }
 }
 
-/// Visible share of the lamp over the highest tangent on the way, at distance `met`, for a point at distance `away`.
+/// Computes the visible share of the lamp over the highest tangent on the way, at distance `met`, for a point at
+/// distance `away`.
 #[inline(always)]
 fn seen(own: f32, highest: f32, away: f32, met: f32, soft: f32) -> f32 {
     // The lamp's part over the edge is (own - highest) away met / (away - met) / size, and only matters below 1.
@@ -307,7 +312,7 @@ fn seen(own: f32, highest: f32, away: f32, met: f32, soft: f32) -> f32 {
     if reach < gap { seen * seen * (3.0 - 2.0 * seen) } else { 1.0 }
 }
 
-/// A line to read and another one to write.
+/// Splits off a line to read and another one to write.
 #[inline(always)]
 fn two_lines(all: &mut [f32], from: usize, to: usize, count: usize) -> (&[f32], &mut [f32]) {
     if from < to {
