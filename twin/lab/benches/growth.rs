@@ -1,9 +1,11 @@
-//! How cost grows: with objects in the scene, pads and pixels rendered, candidates judged, scenes on threads.
+//! Scaling of run time with the number of objects in the scene, of pads and pixels rendered, of candidates evaluated,
+//! and of scenes on threads.
 //!
 //!     cargo bench -p ftac-lab --bench growth -- DIR
 //!
-//! Each cost is the median of [`REPEATS`] runs with the range beside it; the exponent is the slope of a straight line through the logarithms, of
-//! all counts and of the upper half of them, where what a run costs anyway weighs less. Tables go to stdout, one picture each to DIR.
+//! Each cost is the median of [`REPEATS`] runs, with the range beside it. The exponent is the slope of a straight line
+//! through the logarithms, once over all counts and once over their upper half, where fixed costs weigh less. Tables go
+//! to stdout, one picture each to DIR.
 
 use std::hint::black_box;
 use std::path::{Path, PathBuf};
@@ -27,26 +29,26 @@ use sim::tactile::TactileBoard;
 use sim::{ObjectPlacement, SceneSetup, SimulatedRobot};
 use world::objects::ObjectSet;
 
-/// Runs of each count.
+/// Number of runs of each count.
 const REPEATS: usize = 7;
-/// Ticks of a scene that are timed, after as many in which objects come to rest.
+/// Timed ticks of a scene; as many untimed ones before let the objects come to rest.
 const TICKS: usize = 60;
 /// Force on each pad, N.
 const FORCE: f64 = 2.0;
-/// Distance between objects on the table, m, and how many stand in a row.
+/// Distance between objects on the table, m, and number of objects in a row.
 const SPACING: f64 = 0.14;
 const ROW: usize = 7;
 
-/// A quantity that grows, and what each count of it costs.
+/// Measured growth: cost against count.
 struct Growth {
     name: &'static str,
-    /// What is counted, and the unit of a cost.
+    /// Labels of the axes: the counted quantity, and the cost with its unit.
     axes: [&'static str; 2],
-    /// Count; least, median and greatest cost.
+    /// Count with the least, median and greatest cost.
     points: Vec<(usize, [f64; 3])>,
 }
 
-/// Slope of a straight line through the logarithms of counts and median costs.
+/// Computes the slope of a straight line through the logarithms of counts and median costs.
 fn exponent(points: &[(usize, [f64; 3])]) -> f64 {
     let logs: Vec<[f64; 2]> = points.iter().map(|(count, cost)| [(*count as f64).ln(), cost[1].ln()]).collect();
     let mean = |axis: usize| logs.iter().map(|log| log[axis]).sum::<f64>() / logs.len() as f64;
@@ -56,7 +58,8 @@ fn exponent(points: &[(usize, [f64; 3])]) -> f64 {
 }
 
 impl Growth {
-    /// Times `cost` (s, in thousandths of the unit) of each count, all counts in turn so that a slow moment hits all alike.
+    /// Times `cost` (s, stored in thousandths of the table's unit) of each count, cycling through the counts so that a
+    /// slow moment of the machine affects all alike.
     fn of(
         name: &'static str,
         axes: [&'static str; 2],
@@ -88,7 +91,7 @@ impl Growth {
         println!("Exponent {:.2}{of_upper}.", exponent(&self.points));
     }
 
-    /// The picture, over decades.
+    /// Draws the costs on logarithmic axes.
     fn draw(&self, folder: &Path) -> Result<()> {
         let line =
             |at: usize| self.points.iter().map(|(count, cost)| [(*count as f64).log10(), cost[at].log10()]).collect();
@@ -109,7 +112,7 @@ fn timed(work: impl FnOnce()) -> f64 {
     begun.elapsed().as_secs_f64()
 }
 
-/// Arm and hand at rest above a table with `count` objects in rows.
+/// Sets up arm and hand at rest above a table with `count` objects in rows.
 fn scene(count: usize) -> SimulatedRobot {
     let objects = ObjectSet::standard();
     let models: Vec<_> = objects.iter().cloned().collect();
@@ -125,7 +128,7 @@ fn scene(count: usize) -> SimulatedRobot {
     robot
 }
 
-/// The robot stands for [`TICKS`].
+/// Lets the robot stand still for [`TICKS`].
 fn stand(robot: &mut SimulatedRobot) {
     for _ in 0..TICKS {
         robot.send(&Command { arm: Arm::gen3().home, servos: [ServoGoal::Current(0.0); 6].into(), capture: false });
@@ -133,13 +136,13 @@ fn stand(robot: &mut SimulatedRobot) {
     }
 }
 
-/// The underside of a ball of 40 mm, m.
+/// Returns the height of the underside of a ball of 40 mm diameter, m.
 fn ball(x: f64, y: f64) -> Option<f64> {
     let inside = 0.02f64.powi(2) - x * x - y * y;
     (inside > 0.0).then(|| 0.02 - inside.sqrt())
 }
 
-/// First cameras of all pads, and a ball pressed into each.
+/// Presses a ball into each pad and returns the sensor of the pad's first camera with its indentation map.
 fn pads(hand: &Hand) -> Result<Vec<(Sensor, IndentationMap)>> {
     let mut all = Vec::new();
     for (n, pad) in hand.pads.iter().enumerate() {
@@ -156,7 +159,7 @@ fn render(pads: &[(Sensor, IndentationMap)]) {
     }
 }
 
-/// Time of one image of a ball in a pad, at `side` x `side` pixels, s.
+/// Returns the time for one image of a ball in a pad, at `side` x `side` pixels, s.
 fn small_image(hand: &Hand, sensor: &Sensor, side: usize) -> Result<f64> {
     let small = ReducedSensor::new(sensor, side)?;
     let camera = sensor.camera();
@@ -166,7 +169,7 @@ fn small_image(hand: &Hand, sensor: &Sensor, side: usize) -> Result<f64> {
     Ok(timed(|| drop(black_box(small.render_at(sensor, &pressed.maps[0], 1.0, &mut ChaCha8Rng::seed_from_u64(1))))))
 }
 
-/// Second grasps of the built-in plans, as many as asked for.
+/// Returns `count` second grasps of the built-in plans, repeating them as needed.
 fn candidates(count: usize, known: &[Candidate]) -> Vec<Candidate> {
     known.iter().cycle().take(count).cloned().collect()
 }

@@ -1,4 +1,4 @@
-//! Where a pressed ball is found by the built-in calibration, radius by radius, as in recordings/log/own-pads.md:
+//! Localization of a pressed ball by the built-in calibration, radius by radius, as in recordings/log/own-pads.md:
 //! `cargo run --release --example ball_places -- FIRST_UNIT LAST_UNIT RADIUS_MM...`.
 
 use anyhow::{Context, Result};

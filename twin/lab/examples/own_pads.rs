@@ -1,6 +1,6 @@
-//! The pads' own calibration from presses on a ball, unit by unit, as in recordings/log/own-pads.md:
-//! `cargo run --release --example own_pads -- RADIUS_MM FIRST_UNIT LAST_UNIT LAMP`; LAMP is the strength of one
-//! lamp of each camera, 1 as built.
+//! Self-calibration of the pads from presses on a ball, unit by unit, as in recordings/log/own-pads.md: `cargo run
+//! --release --example own_pads -- RADIUS_MM FIRST_UNIT LAST_UNIT LAMP`. LAMP is the brightness of one lamp of each
+//! camera, 1 as built.
 
 use anyhow::{Context, Result};
 use bench::builtin::builtin_calibration;

@@ -1,9 +1,9 @@
-//! `ftac arm check`: an arm as this project drives it, row by row, with method, tolerance and pictures. The Gen3 is held to what its maker
-//! publishes as well.
+//! `ftac arm check`: validation of an arm under this project's control, row by row, with method, tolerance and
+//! pictures. The Gen3 is also compared with its maker's published data.
 //!
-//! [`physics`] holds postures against gravity and asks joints to jump; [`tracking`] has the inverse kinematics follow palm paths, on
-//! paper and in physics, and times it; [`edges`] leads it to singularities, limits and out of reach; [`reach`] maps where the
-//! palm can be without the arm running into itself.
+//! [`physics`] holds postures against gravity and commands set-point jumps. [`tracking`] lets the inverse kinematics
+//! follow palm trajectories, as a reference alone and in physics, and times it. [`edges`] leads it to singularities,
+//! joint limits and out of reach. [`reach`] maps the workspace of the palm, free of self-collision of the arm.
 
 mod edges;
 mod physics;
@@ -22,12 +22,12 @@ use serde_json::json;
 
 use crate::hand_check::{Row, Verdict};
 
-/// Name of the arm whose published figures are known here.
+/// Name of the arm whose published data are known here.
 const GEN3: &str = "gen3";
-/// Where a pose of the published chain may be off, m.
+/// Tolerance on positions of the published kinematic chain, m.
 const CHAIN: f64 = 1e-4;
 
-/// All rows of the check, in order; pictures go to `out`.
+/// Returns all rows of the check, in order; pictures go to `out`.
 pub fn run(robot: &RobotModel, seed: u64, out: Option<&Path>, quiet: bool) -> Result<Vec<Row>> {
     if let Some(folder) = out {
         std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
@@ -42,7 +42,7 @@ pub fn run(robot: &RobotModel, seed: u64, out: Option<&Path>, quiet: bool) -> Re
     Ok(rows)
 }
 
-/// Two postures whose tool poses the maker's description gives.
+/// Compares two postures whose tool poses are given in the maker's description.
 fn chain(arm: &Arm) -> Row {
     let known: [(Joints, Vector3<f64>); 2] =
         [([0.0; 7].into(), Vector3::new(0.0, -0.02485, 1.18739)), (arm.home, Vector3::new(0.45667, 0.00135, 0.43372))];

@@ -1,4 +1,5 @@
-//! Any hand closes on a ball: what each link feels, in which directions of gravity the ball stays, and a picture.
+//! Closing of any hand on a ball: contact force on each link, directions of gravity against which the ball is held, and
+//! a picture.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -16,67 +17,68 @@ use sim::hand_scene::{HandScene, Pull};
 use sim::stand::Prop;
 use world::Shape;
 
-/// Times to close on the fixed ball, to settle after its release, and under gravity along each direction, s.
+/// Time limits, s: closing on the fixed ball, settling after its release, and gravity along each direction.
 const CLOSE: f64 = 2.0;
 const SETTLE: f64 = 1.0;
 const PULL: f64 = 1.0;
-/// The ball's mass, kg, and friction.
+/// Mass of the ball, kg, and its friction coefficient.
 const MASS: f64 = 0.1;
 const FRICTION: f64 = 0.8;
-/// The ball is held if it moves less than this, m.
+/// Hold criterion: the ball moves less than this, m.
 const STAYS: f64 = 0.01;
-/// A link touches from this force on, N.
+/// Contact threshold on the force of a link, N.
 const TOUCH: f64 = 0.05;
 const STEEL: [f64; 3] = [176.0, 182.0, 192.0];
 
-/// Links that must touch for a grip.
+/// Minimum number of touching links of a grip.
 const GRIP: usize = 2;
 
-/// A joint of a closed hand.
+/// State of a joint of the closed hand.
 #[derive(Debug, Serialize, JsonSchema)]
 struct ClosedJoint {
     joint: String,
-    /// Of a joint that turns, rad.
+    /// Angle of a revolute joint, rad.
     #[serde(skip_serializing_if = "Option::is_none")]
     angle_rad: Option<f64>,
-    /// Of a joint that slides, m.
+    /// Position of a prismatic joint, m.
     #[serde(skip_serializing_if = "Option::is_none")]
     position_m: Option<f64>,
-    /// N.
+    /// Contact force on its link, N.
     force_n: f64,
 }
 
-/// Angle and force of each joint, and how far the ball moves.
+/// Result: state of each joint, and motion of the ball under gravity.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Figures<'a> {
     /// Name of the hand.
     hand: &'a str,
     joints: Vec<ClosedJoint>,
-    /// Links in contact.
+    /// Number of links in contact.
     touching: usize,
-    /// Of the six, in how many it is held.
+    /// Number of directions of gravity, of six, against which the ball is held.
     held_directions: usize,
-    /// Motion of the object under a pull along each axis, mm.
+    /// Motion of the object under gravity along each axis, mm.
     moved_mm: BTreeMap<&'static str, f64>,
     /// Findings about the hand; warnings begin with WARNING.
     notes: &'a [String],
 }
 
-/// A hand that has closed on a ball.
+/// Grip of a hand that has closed on a ball.
 pub struct BallGrip {
     hand: Arc<HandMechanism>,
     model: CollisionModel,
     open: HandScene,
     closed: HandScene,
     ball: Prop,
-    /// Force on each link, N.
+    /// Contact force on each link, N.
     forces: Vec<f64>,
-    /// How far the ball moves under gravity along each axis, m.
+    /// Motion of the ball under gravity along each axis, m.
     moved: Vec<(&'static str, f64)>,
 }
 
 impl BallGrip {
-    /// Closes `hand` with these tensions (N, one an actuator) on a ball of `radius` (m) held at `at` (root link's frame, m).
+    /// Closes `hand` with these tensions (N, one per actuator) on a ball of `radius` (m) held at `at` (root link's
+    /// frame, m).
     pub fn close(hand: Arc<HandMechanism>, tensions: &[f64], at: &Point3<f64>, radius: f64) -> Self {
         let model = CollisionModel::new(hand.clone());
         let open = HandScene::new(&model, &hand.rest());
@@ -104,12 +106,12 @@ impl BallGrip {
         self.forces.iter().filter(|force| **force > TOUCH).count()
     }
 
-    /// Directions of gravity against which the ball is held.
+    /// Returns the directions of gravity against which the ball is held.
     fn held(&self) -> Vec<&'static str> {
         self.moved.iter().filter(|(_, moved)| *moved < STAYS).map(|(name, _)| *name).collect()
     }
 
-    /// In which respect the grip falls short.
+    /// Returns the reason why the grip is insufficient, if it is.
     pub fn shortfall(&self) -> Option<String> {
         let touching = self.touching();
         (touching < GRIP).then(|| format!("{touching} links touch the ball; a grip needs two"))
@@ -134,7 +136,7 @@ impl BallGrip {
         }
     }
 
-    /// The same as text.
+    /// Returns the results as text.
     pub fn table(&self) -> String {
         let hand = &self.hand;
         let mut text = format!("{}: {} joints, {} actuators\n", hand.name, hand.tree.len(), hand.pulls.len());
@@ -150,7 +152,7 @@ impl BallGrip {
         text
     }
 
-    /// Draws the hand open and closed, from two sides, into a PNG.
+    /// Draws the hand, open and closed, from two sides, into a PNG.
     pub fn draw(&self, path: &Path) -> Result<()> {
         let points: Vec<Point3<f64>> = [&self.open, &self.closed]
             .into_iter()

@@ -1,4 +1,5 @@
-//! The program's commands: each wires the libraries and prints. Their arguments are in `ftac::lab::arguments`.
+//! Commands of the program: each wires the libraries together and prints the result. Their arguments are in
+//! `ftac::lab::arguments`.
 
 pub mod arm;
 pub mod grasps;

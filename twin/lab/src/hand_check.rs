@@ -1,9 +1,9 @@
-//! `ftac hand check`: the body's figures beside the paper's, each with its method, its tolerance and a picture.
+//! `ftac hand check`: validation of the hand against the paper, each figure with its method, tolerance and picture.
 //!
-//! A check is a list of [`row`]s. [`figures`] counts and measures the model, [`public_model`] compares its frames with another
-//! group's model of this hand; [`kapandji`], [`closing_force`], [`dumbbell`] and [`flexion`] run the hand in physics on a
-//! test stand, moved by its six servos alone. [`feix`] tries the 33 grasp types; [`engine`] sweeps the engine's settings;
-//! [`second_engine`] writes scenes for another engine.
+//! A check is a list of [`row`]s. [`figures`] counts and measures the model, [`public_model`] compares its frames with
+//! another group's model of this hand. [`kapandji`], [`closing_force`], [`dumbbell`] and [`flexion`] run the hand in
+//! physics on a test stand, driven by its six servos alone. [`feix`] tries the 33 grasp types. [`engine`] sweeps the
+//! engine's settings, and [`second_engine`] writes scenes for another engine.
 
 pub mod closing_force;
 pub mod dumbbell;
@@ -24,18 +24,18 @@ use hand_model::Hand;
 
 pub use row::{Row, Verdict};
 
-/// What `ftac hand check` compares with, and where pictures go.
+/// Options of `ftac hand check`.
 pub struct CheckOptions<'a> {
-    /// Folder of the public model of this hand; its row is left out without.
+    /// Folder of the public model of this hand; without it the row is left out.
     pub public_model: Option<&'a Path>,
-    /// Folder for the pictures; none are drawn without.
+    /// Folder for the pictures; without it none are drawn.
     pub out: Option<&'a Path>,
     pub seed: u64,
-    /// Seeds of the Kapandji test, from `seed` on.
+    /// Number of seeds of the Kapandji test, from `seed` on.
     pub seeds: u64,
 }
 
-/// All rows of the check, in order.
+/// Returns all rows of the check, in order.
 pub fn run(hand: &Arc<Hand>, options: &CheckOptions<'_>) -> Result<Vec<Row>> {
     if let Some(folder) = options.out {
         std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
@@ -52,7 +52,7 @@ pub fn run(hand: &Arc<Hand>, options: &CheckOptions<'_>) -> Result<Vec<Row>> {
     Ok(rows)
 }
 
-/// What falls short, in one line; none if all is good.
+/// Lists the rows that fall short, in one line; `None` if all are good.
 pub fn shortfall(rows: &[Row]) -> Option<String> {
     let bad: Vec<String> = rows
         .iter()

@@ -1,7 +1,9 @@
-//! The lab book: every figure this project states, as data in `recordings/figures.csv`, and the page that people read, `BENCHMARKS.md`.
+//! Lab book: every figure that this project states, as data in `recordings/figures.csv`, and the page for readers,
+//! `BENCHMARKS.md`.
 //!
-//! [`table::parse`] reads the figures, [`command::Check`] refuses those whose command could not be run again, and [`page::page`] sets them beside the paper
-//! and the goals. None of it knows the command line: whoever calls says how a command of `ftac` is parsed.
+//! [`table::parse`] reads the figures, [`command::Check`] rejects those whose command could not be run again, and
+//! [`page::page`] sets them beside the paper's and the goals. None of this depends on the command line: the caller
+//! passes a parser for commands of `ftac`.
 
 pub mod command;
 pub mod error;

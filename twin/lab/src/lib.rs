@@ -1,8 +1,9 @@
-//! Measures the body against the paper and against other engines, and its sensors against known presses.
+//! Validation of the body against the paper and against other engines, and of its sensors against known presses.
 //!
-//! [`hand_check`] and [`arm_check`] make the rows of `ftac hand check` and `ftac arm check`; [`closing`] closes any hand on a
-//! ball. [`touch`] trains and evaluates photometric stereo and in-hand poses. [`study_pages`] draws the grasp study, and [`lab_book`] makes
-//! the page of all figures. Results come as values, as JSON and as text; the program `ftac-lab` prints them.
+//! [`hand_check`] and [`arm_check`] make the rows of `ftac hand check` and `ftac arm check`; [`closing`] closes any
+//! hand on a ball. [`touch`] trains and evaluates photometric stereo and in-hand poses. [`study_pages`] draws the grasp
+//! study, and [`lab_book`] makes the page of all figures. Results come as values, as JSON and as text; the program
+//! `ftac-lab` prints them.
 
 pub mod arm_check;
 pub mod closing;

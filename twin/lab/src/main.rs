@@ -37,25 +37,25 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// The page of the grasp study, or the lab book.
+    /// Make the page of the grasp study, or the lab book.
     Report(ReportArgs),
-    /// Make the whole grasp study and its page.
+    /// Run the whole grasp study and make its page.
     Study(StudyArgs),
-    /// The hand itself.
+    /// Check, close and export the hand.
     #[command(subcommand)]
     Hand(HandLabCommand),
-    /// The arm that carries it.
+    /// Check the arm that carries the hand.
     #[command(subcommand)]
     Arm(ArmCommand),
-    /// Analyses of grasps.
+    /// Analyse grasps.
     #[command(subcommand)]
     Grasps(GraspsLabCommand),
-    /// Touch: the network of photometric stereo, and accuracy.
+    /// Train the network for photometric stereo, and evaluate touch.
     #[command(subcommand)]
     Touch(TouchLabCommand),
-    /// Print what a command prints with `--json`, as JSON Schema.
+    /// Print the JSON Schema of a command's `--json` output.
     Schema {
-        /// The command, such as `touch eval`; without one, all.
+        /// Command, such as `touch eval`; default: all commands.
         command: Vec<String>,
     },
 }

@@ -1,9 +1,10 @@
-//! Touch on known presses and grasps: what it is trained on, and how accurate normals and in-hand poses are.
+//! Evaluation of touch on known presses and grasps: training, and accuracy of normals and in-hand poses.
 //!
-//! [`balls`] presses a ball all over simulated pads. [`training`] collects [`samples`] from which [`network_training`] fits the network;
-//! [`normals`] measures it and the photometric model, [`own_pads`] calibrations of a hand's own pads from presses on a ball. [`grasps`] plays
-//! first grasps, [`images`] shows them under changed optics, [`poses`] compares the felt pose with the true one, and [`pictures`] draws it.
-//! [`evaluation`] brings all of it together.
+//! [`balls`] presses a ball all over simulated pads. [`training`] collects [`samples`] to which [`network_training`]
+//! fits the network. [`normals`] measures it and the photometric model, and [`own_pads`] calibrations of a hand's own
+//! pads from presses on a ball. [`grasps`] simulates first grasps, [`images`] renders them under changed optics,
+//! [`poses`] compares the estimated pose with the true one, and [`pictures`] draws it. [`evaluation`] combines all of
+//! it.
 
 pub mod balls;
 pub mod evaluation;

@@ -1,4 +1,4 @@
-//! Presses on one ball: where touch finds it, and what the pads' own calibration from it is worth.
+//! Presses on one ball: localization by touch, and quality of the pads' self-calibration.
 
 use bench::builtin::builtin_calibration;
 use hand_model::Hand;
@@ -13,7 +13,8 @@ use touch::{BallPress, TouchError};
 const RADIUS: f64 = 0.008;
 const UNIT: u64 = 1101;
 
-/// By the calibration of another unit, on every pad, in the middle and where its edges are rounded; errors are as large as stated.
+/// With the calibration of another unit, the ball is found on every pad, in the middle and on its rounded edges, with
+/// errors as large as stated.
 #[test]
 fn the_ball_is_found_wherever_it_presses() {
     let (hand, calibration) = (Hand::ftac(), builtin_calibration().unwrap());
@@ -24,8 +25,8 @@ fn the_ball_is_found_wherever_it_presses() {
     assert!((0.4..2.0).contains(&found.over_variance.mean()), "{found:?}");
 }
 
-/// With a lamp that has grown dim, the fingertips are read by presses on a ball nearly as well as by a laboratory, and better than by
-/// another unit's calibration.
+/// With a dimmed lamp, normals of the fingertips after self-calibration on a ball are nearly as good as with a
+/// laboratory calibration, and better than with another unit's calibration.
 #[test]
 fn pads_calibrate_themselves_on_a_ball() {
     let (hand, other) = (Hand::ftac(), builtin_calibration().unwrap());
@@ -36,7 +37,7 @@ fn pads_calibrate_themselves_on_a_ball() {
     assert!(found.report.after.mean < 0.9 * found.report.before.mean, "{found:?}");
 }
 
-/// From a calibration that knows these very presses nothing is gained, nor without presses.
+/// Starting from a calibration that knows these very presses, nothing is gained; nor is anything without presses.
 #[test]
 fn a_calibration_that_is_no_better_is_refused() {
     let (hand, other) = (Hand::ftac(), builtin_calibration().unwrap());
@@ -74,7 +75,7 @@ fn no_ball_is_found_where_none_is_or_part_of_one() {
     for (what, press) in [("untouched", press(RADIUS, 0.0, 0.0)), ("clipped", press(RADIUS, 0.49, 2.0))] {
         assert_eq!(locate(&hand, &calibration, &press).unwrap(), None, "{what}");
     }
-    // A ball that is told to be half as large as it is.
+    // The stated radius is half of the ball's true radius.
     let other = BallPress { radius: 0.5 * RADIUS, ..press(RADIUS, 0.0, 2.0) };
     assert_eq!(locate(&hand, &calibration, &other).unwrap(), None);
     let mut nowhere = press(RADIUS, 0.0, 2.0);

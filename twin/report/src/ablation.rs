@@ -1,4 +1,5 @@
-//! The gain of full-hand touch: rates of clean success without some of its means, a row each, with mean and 95 % interval.
+//! Ablation of full-hand touch: rates of clean success without some of its means, one row each, with mean and 95 %
+//! interval.
 
 use kuva::prelude::{ForestPlot, Plot};
 use maud::{Markup, html};
@@ -22,7 +23,7 @@ struct Row {
     success: Interval,
 }
 
-/// Blind at the top, then the ablations by rising success, then reflex and the whole hand.
+/// Returns the rows: blind at the top, then the ablations by rising success, then reflex and the whole hand.
 fn rows(summary: &Summary, records: &[TrialRecord]) -> Vec<Row> {
     let of = |condition: Condition| {
         let rates = combination_rates(records, condition);
@@ -38,12 +39,12 @@ fn rows(summary: &Summary, records: &[TrialRecord]) -> Vec<Row> {
     rows.extend(less);
     rows.push(Row { name: Sensing::ServosOnly.label(), class: "reflex", success: of(Condition::Reflex) });
     rows.push(Row { name: Sensing::Full.label(), class: "touch", success: of(Condition::Touch) });
-    // Of conditions that were not played there is no mean.
+    // Conditions that were not played have no mean.
     rows.retain(|row| row.success.value.is_some());
     rows
 }
 
-/// The figure for the page, which brings the style.
+/// Draws the figure for the page, which brings the style.
 pub fn figure(summary: &Summary, records: &[TrialRecord]) -> Markup {
     let rows = rows(summary, records);
     let forest =
@@ -64,7 +65,7 @@ pub fn figure(summary: &Summary, records: &[TrialRecord]) -> Markup {
     chart::draw(plots, layout.with_x_axis_min(0.0).with_x_axis_max(1.0), "Clean success rate without some of its means")
 }
 
-/// The section of the page; empty where no ablation was run.
+/// Returns the section of the page; empty if no ablation was run.
 pub fn section(summary: &Summary, records: &[TrialRecord]) -> Markup {
     if summary.ablations.is_empty() {
         return Markup::default();

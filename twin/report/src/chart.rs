@@ -1,4 +1,4 @@
-//! Charts as SVG, drawn by `kuva` in the colours of the page's style sheet: light or dark as the page is.
+//! Charts as SVG, drawn by `kuva` in the colours of the page's style sheet: light or dark like the page.
 
 use kuva::backend::svg::SvgBackend;
 use kuva::prelude::{Layout, Plot, ScatterPlot, Theme};
@@ -11,12 +11,12 @@ use crate::style;
 /// Fonts of all text in a chart.
 const FONTS: &str = "system-ui,'Helvetica Neue',Arial,sans-serif";
 
-/// The colour of a condition, or of whatever else the style sheet names.
+/// Returns the colour of a condition, or of anything else that the style sheet names.
 pub fn color(name: &str) -> String {
     format!("var(--{})", if name == "own" { "yours" } else { name })
 }
 
-/// The colour of arm `n` of a comparison: that of its condition, or one of its own.
+/// Returns the colour of arm `n` of a comparison: that of its condition, or one of its own.
 pub fn arm_color(name: &str, n: usize) -> String {
     let known = ["ideal", "blind", "reflex", "touch"].contains(&name);
     if known { color(name) } else { format!("hsl({} 45% 50%)", 40 + 67 * n % 360) }
@@ -38,24 +38,24 @@ fn theme() -> Theme {
     }
 }
 
-/// A layout for `plots` of this size in pixels, in the theme of the page.
+/// Returns a layout for `plots` of this size in pixels, in the theme of the page.
 pub fn layout(plots: &[Plot], title: &str, [width, height]: [f64; 2]) -> Layout {
     let layout = Layout::auto_from_plots(plots).with_title(title).with_width(width).with_height(height);
     layout.with_theme(theme()).with_title_size(15).with_label_size(12).with_tick_size(11).with_legend_box(false)
 }
 
-/// Dots whose titles show under the pointer.
+/// Returns dots with titles that show under the pointer.
 pub fn dots(color: &str, points: impl IntoIterator<Item = ((f64, f64), String)>) -> ScatterPlot {
     let (points, titles): (Vec<_>, Vec<_>) = points.into_iter().unzip();
     ScatterPlot::new().with_data(points).with_color(color).with_tooltip_labels(titles)
 }
 
-/// The chart for a page, which brings the style; `description` is for who cannot see it.
+/// Draws a chart for a page, which brings the style. `description` is the text for screen readers.
 pub fn draw(plots: Vec<Plot>, layout: Layout, description: &str) -> Markup {
     element(&render_multiple(plots, layout), description)
 }
 
-/// A drawing of kuva as an element as wide as its place.
+/// Converts a drawing of kuva to an element that fills the width of its place.
 pub fn element(scene: &Scene, description: &str) -> Markup {
     let svg = SvgBackend::new().render_scene(scene);
     let inside = svg.split_once('>').map_or("", |(_, inside)| inside).trim_end().trim_end_matches("</svg>");
@@ -65,7 +65,7 @@ pub fn element(scene: &Scene, description: &str) -> Markup {
     }
 }
 
-/// The same as a file of its own.
+/// Returns the chart as a file of its own.
 pub fn standalone(chart: &Markup) -> String {
     let style = html! { style { (PreEscaped(style::FIGURE)) } }.into_string();
     let chart = chart.0.replacen('>', &format!(">{style}"), 1);

@@ -1,5 +1,5 @@
-//! The comparisons between conditions: tests, sizes of differences, trials within combinations. Of conditions that were not
-//! played nothing is said.
+//! Comparisons between conditions: tests, effect sizes, and trials within combinations. Conditions that were not played
+//! are left out.
 
 use maud::{Markup, Render as _, html};
 use scenarios::Condition;
@@ -11,7 +11,7 @@ use super::html::{Column, Table, number, probability};
 
 /// One of the benchmark's comparisons between two conditions that were played.
 pub struct Comparison<'a> {
-    /// The mean of the first is asked to be the larger.
+    /// The two conditions; the test asks whether the first has the larger mean.
     pub conditions: [Condition; 2],
     pub rate: Rate,
     pub test: &'a TTest,
@@ -19,7 +19,7 @@ pub struct Comparison<'a> {
 }
 
 impl Comparison<'_> {
-    /// What is asked, as a row of the tests names it.
+    /// Returns the question of the test, as a row of the table names it.
     fn question(&self) -> String {
         let [more, less] = self.conditions;
         match self.rate {
@@ -40,7 +40,7 @@ impl Comparison<'_> {
     }
 }
 
-/// Those whose two conditions were played.
+/// Lists the comparisons whose two conditions were both played.
 pub fn played(summary: &Summary) -> Vec<Comparison<'_>> {
     use Condition::{Blind, Ideal, Reflex, Touch};
     let (tests, differences) = (&summary.t_test, &summary.differences);
@@ -58,12 +58,12 @@ pub fn played(summary: &Summary) -> Vec<Comparison<'_>> {
     compared.into_iter().filter(played).collect()
 }
 
-/// A number that may be missing.
+/// Formats a number that may be missing.
 fn maybe(value: Option<f64>, decimals: usize) -> String {
     number(value.unwrap_or(f64::NAN), decimals)
 }
 
-/// A value with its interval, where it has one.
+/// Formats a value with its interval, if it has one.
 pub fn with_interval(of: &Interval, decimals: usize) -> String {
     match (of.low, of.high) {
         (Some(low), Some(high)) => {
@@ -73,7 +73,7 @@ pub fn with_interval(of: &Interval, decimals: usize) -> String {
     }
 }
 
-/// The tables; nothing where nothing can be compared.
+/// Returns the tables; empty if nothing can be compared.
 pub fn section(summary: &Summary) -> Markup {
     let compared = played(summary);
     html! { @if !compared.is_empty() {
@@ -81,7 +81,7 @@ pub fn section(summary: &Summary) -> Markup {
     } }
 }
 
-/// The tests.
+/// Returns the table of the tests.
 fn tests(summary: &Summary, compared: &[Comparison]) -> Table {
     let head = [
         ("question", Column::Words),
@@ -104,7 +104,8 @@ fn tests(summary: &Summary, compared: &[Comparison]) -> Table {
     table
 }
 
-/// Beyond the paper: how large the differences are, and how few combinations would have shown them.
+/// Returns the table of effect sizes, which goes beyond the paper: the sizes of the differences, and the power with
+/// fewer combinations.
 fn differences(compared: &[Comparison]) -> Table {
     let head = [
         ("difference", Column::Words),
@@ -121,7 +122,8 @@ fn differences(compared: &[Comparison]) -> Table {
     table
 }
 
-/// Trials within combinations: whether combinations differ, or only their trials.
+/// Returns the table of the mixed model, trials within combinations: it shows whether combinations differ, or only
+/// their trials.
 fn mixed(summary: &Summary) -> Markup {
     let head = [
         ("difference, trial by trial", Column::Words),
@@ -155,7 +157,7 @@ fn mixed(summary: &Summary) -> Markup {
     table.render()
 }
 
-/// Success of touch against blind, pair by pair of trials.
+/// Compares the success of touch and blind, pair by pair of trials.
 fn trial_by_trial(summary: &Summary) -> Markup {
     let counts = &summary.differences.mcnemar;
     let tested = counts.p.map_or("none, too few trials differ".to_owned(), |p| format!("p {}", probability(p)));

@@ -1,4 +1,4 @@
-//! Why trials failed, with links to recordings of it.
+//! Causes of failed trials, with links to recordings of them.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -10,7 +10,7 @@ use scenarios::{Condition, FailureCause, TrialRecord};
 use super::findings::harmless_contacts;
 use super::html::{Column, Table};
 
-/// The section; `folder` may hold recordings.
+/// Returns the section. `folder` may hold recordings.
 pub fn section(summary: &Summary, records: &[TrialRecord], folder: &Path) -> Markup {
     let listed: Vec<Condition> = summary.conditions.played();
     let by_condition: Vec<_> = listed.iter().map(|condition| summary.conditions.of(*condition)).collect();
@@ -55,7 +55,7 @@ pub fn section(summary: &Summary, records: &[TrialRecord], folder: &Path) -> Mar
     }
 }
 
-/// Names and files of the recordings that `causes.csv` names: one of each cause and condition.
+/// Returns names and files of the recordings listed in `causes.csv`: one of each cause and condition.
 fn recorded(folder: &Path) -> Vec<(String, String)> {
     let Ok(text) = std::fs::read_to_string(folder.join("causes.csv")) else { return Vec::new() };
     let fields = text

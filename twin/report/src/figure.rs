@@ -1,8 +1,9 @@
-//! The paper's box plots. Each condition has its dots (one per object combination), a box from the 25th to the 75th percentile with the median, the
-//! mean with whiskers to the extremes, and the shaded kernel density.
+//! Box plots of the paper. Each condition has its dots (one per object combination), a box from the 25th to the 75th
+//! percentile with the median, the mean with whiskers to the extremes, and the shaded kernel density.
 //!
-//! The paper draws them on top of each other; here they are side by side so that none hides another: dots on the left, the box in the middle, the
-//! density on the right. Dots of equal rate are laid out sideways; where a row is full, further rows follow closely above and below it.
+//! The paper draws them on top of each other. Here they are side by side so that none hides another: dots on the left,
+//! the box in the middle, the density on the right. Dots of equal rate are spread sideways; when a row is full, further
+//! rows follow closely above and below it.
 
 use kuva::prelude::{LinePlot, MarkerShape, Plot, RaincloudPlot, ScatterPlot, TextAnnotation, TickFormat};
 use maud::Markup;
@@ -12,13 +13,13 @@ use super::html::number;
 
 /// Size of a drawing of four columns and one bracket, pixels.
 const SIZE: [f64; 2] = [540.0, 430.0];
-/// Pixels that a column more takes, and a bracket more.
+/// Additional size per further column (width) and per further bracket (height), pixels.
 const MORE: [f64; 2] = [90.0, 36.0];
-/// The rates that the axis shows: room for dots at the ends, and for numbers and a bracket above.
+/// Range of rates on the axis: with room for dots at the ends, and for numbers and a bracket above.
 const RANGE: [f64; 2] = [-0.06, 1.36];
 /// Height of a bracket with its text, in rates.
 const BRACKET: f64 = 0.13;
-/// From dot to dot, in columns and in rates.
+/// Spacing of dots, in columns and in rates.
 const PITCH: [f64; 2] = [0.026, 0.018];
 /// Dots in a row.
 const DOTS_PER_ROW: usize = 13;
@@ -28,11 +29,11 @@ const DOTS_PER_ROW: usize = 13;
 pub struct Group {
     /// Name under the column.
     pub name: String,
-    /// Of what is drawn, as SVG has it.
+    /// Colour of the drawing, in SVG notation.
     pub color: String,
-    /// Rate of every combination, with the combination's name; none of figures that others state.
+    /// Rate of every combination, with the combination's name. Empty for published figures.
     pub dots: Vec<(f64, String)>,
-    /// Combinations.
+    /// Number of combinations.
     pub count: usize,
     /// Mean and standard deviation.
     pub mean_sd: Option<(f64, f64)>,
@@ -40,20 +41,20 @@ pub struct Group {
 
 #[derive(Debug, Clone)]
 pub struct Figure {
-    /// Over the drawing.
+    /// Title above the drawing.
     pub title: String,
-    /// Along the vertical axis.
+    /// Label of the vertical axis.
     pub axis: String,
-    /// In words, for who cannot see it.
+    /// Description in words, for screen readers.
     pub description: String,
     /// Columns, left to right.
     pub groups: Vec<Group>,
-    /// Which two columns a test compared, and its outcome; the lowest bracket first.
+    /// Brackets: the two columns that a test compared, and its outcome. The lowest bracket comes first.
     pub brackets: Vec<(usize, usize, String)>,
 }
 
 impl Figure {
-    /// The figure for the page, which brings the style.
+    /// Draws the figure for the page, which brings the style.
     pub fn draw(&self) -> Markup {
         let groups = || self.groups.iter().enumerate().map(|(n, group)| (n as f64 + 1.0, group));
         let values = |group: &Group| group.dots.iter().map(|(rate, _)| *rate).filter(|rate| rate.is_finite()).collect();
@@ -100,7 +101,8 @@ impl Figure {
     }
 }
 
-/// The mean of the column at `x`, a diamond with a lighter one in it, with whiskers to the extremes; without dots to one standard deviation.
+/// Returns the mean of the column at `x`: a diamond with a lighter one in it, with whiskers to the extremes. Without
+/// dots the whiskers are one standard deviation long.
 fn mean(x: f64, group: &Group) -> Option<[ScatterPlot; 2]> {
     let (mean, sd) = group.mean_sd?;
     let rates = || group.dots.iter().map(|(rate, _)| *rate);
@@ -116,7 +118,7 @@ fn mean(x: f64, group: &Group) -> Option<[ScatterPlot; 2]> {
     Some([whiskers, diamond("var(--paper)", 3.4)])
 }
 
-/// The dots to the left of the column at `x`.
+/// Returns the dots to the left of the column at `x`.
 fn dots(x: f64, group: &Group) -> ScatterPlot {
     let mut order: Vec<_> = group.dots.iter().filter(|(rate, _)| rate.is_finite()).collect();
     order.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -173,7 +175,7 @@ mod tests {
         }
     }
 
-    /// A figure that others state has a mean and a standard deviation, but no dot.
+    /// A published figure has a mean and a standard deviation, but no dot.
     #[test]
     fn a_stated_figure_is_a_mean_with_whiskers() {
         let stated = Group { dots: vec![], count: 60, mean_sd: Some((0.9, 0.3)), ..group("blind", &[]) };

@@ -1,4 +1,4 @@
-//! Films of trials, drawn without a screen: as a page that plays them side by side, and as strips of stills.
+//! Films of trials, rendered without a screen: as a page that plays them side by side, and as strips of stills.
 
 use std::sync::Arc;
 
@@ -16,15 +16,15 @@ use crate::html::{self, data_uri};
 use crate::picture::{Picture, View, tile};
 
 const TABLE: [f64; 3] = [206.0, 196.0, 182.0];
-/// Stills in the strip of a trial, and their size in pixels.
+/// Number of stills in the strip of a trial, and their size in pixels.
 pub const STILLS: (usize, u32) = (5, 220);
 /// JPEG quality of a frame.
 const QUALITY: u8 = 72;
 
-/// Where everything was at one time. World frame but for the hand's links, which are in the palm's.
+/// Poses of everything at one time, in the world frame; those of the hand's links are in the palm frame.
 #[derive(Debug, Clone)]
 pub struct Frame {
-    /// s.
+    /// Time, s.
     pub time: f64,
     pub phase: String,
     pub arm: Vec<Isometry3<f64>>,
@@ -33,19 +33,19 @@ pub struct Frame {
     pub objects: Vec<Isometry3<f64>>,
 }
 
-/// One trial.
+/// Film of one trial.
 #[derive(Debug, Clone, Default)]
 pub struct Film {
-    /// Over it.
+    /// Title above the film.
     pub title: String,
-    /// How it ended, and whether that was good.
+    /// Outcome in words, and true if it was good.
     pub outcome: (String, bool),
     pub frames: Vec<Frame>,
-    /// What was said, and when, s.
+    /// Log lines with their times, s.
     pub notes: Vec<(f64, String)>,
 }
 
-/// What does not change in a film.
+/// Parts of a film that do not change: hand, arm and object models.
 pub struct Stage<'a> {
     pub hand: &'a Hand,
     pub arm: &'a Arm,
@@ -53,7 +53,7 @@ pub struct Stage<'a> {
 }
 
 impl Stage<'_> {
-    /// A still of `size` pixels around `center` (m), `width` m wide.
+    /// Renders a still of `size` pixels, centred at `center` (m) and `width` m wide.
     pub fn still(&self, frame: &Frame, size: u32, (center, width): (Point3<f64>, f64)) -> RgbImage {
         let eye = Vector3::new(0.30, -0.88, 0.36).normalize();
         let mut picture = Picture::new(size, View { eye, up: Vector3::z(), center, width });
@@ -75,7 +75,8 @@ impl Stage<'_> {
         picture.finish("")
     }
 
-    /// What a film shows all of: the objects where they begin, and the hand over them.
+    /// Returns centre and width (m) of a view that shows the whole film: the objects at their initial poses, and the
+    /// hand above them.
     fn around(film: &Film) -> (Point3<f64>, f64) {
         let Some(first) = film.frames.first() else { return (Point3::origin(), 1.0) };
         let sum: Vector3<f64> = first.objects.iter().map(|pose| pose.translation.vector).sum();
@@ -84,7 +85,8 @@ impl Stage<'_> {
         (center, 0.56)
     }
 
-    /// `count` stills side by side: evenly over the time from the first approach to the end, closer to the hand.
+    /// Renders `count` stills side by side, evenly spread over the time from the first approach to the end and closer
+    /// to the hand.
     pub fn strip(&self, film: &Film, count: usize, size: u32) -> RgbImage {
         let last = film.frames.len().saturating_sub(1);
         let chosen = (0..count).map(|n| last * (n + 1) / (count + 1).max(2) + last / (2 * (count + 1).max(2)));
@@ -98,7 +100,7 @@ impl Stage<'_> {
         tile(&stills, count)
     }
 
-    /// All frames of a film as JPEG, on all cores.
+    /// Renders all frames of a film as JPEG, on all cores.
     fn frames(&self, film: &Film, size: u32) -> Result<Vec<Vec<u8>>> {
         let around = Self::around(film);
         film.frames.par_iter().map(|frame| jpeg(&self.still(frame, size, around))).collect()
@@ -113,7 +115,8 @@ fn jpeg(image: &RgbImage) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// A page that plays `films` side by side, frames of `size` pixels, `rate` Hz apart; `about` is the text over them.
+/// Returns a page that plays `films` side by side with frames of `size` pixels at `rate` Hz. `about` is the text above
+/// them.
 pub fn page(
     stage: &Stage,
     films: &[Film],
@@ -178,7 +181,7 @@ mod tests {
         }
     }
 
-    /// The page holds every frame and what was said; names are escaped.
+    /// The page holds every frame and every note; names are escaped.
     #[test]
     fn a_page_holds_all_frames() {
         let (hand, arm) = (Hand::ftac(), Arm::gen3());

@@ -1,4 +1,5 @@
-//! Results from the records that the summary lacks: the figures' columns, a line per combination, harmless contacts.
+//! Results from the records that the summary lacks: the columns of the figures, one line per combination, harmless
+//! contacts.
 
 use std::collections::BTreeMap;
 
@@ -10,7 +11,7 @@ use super::chart::color;
 use super::figure::{Figure, Group};
 use super::html::{number, probability};
 
-/// Of the rates, the one that is meant.
+/// Kind of rate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Rate {
     /// Trials with an unwanted contact.
@@ -30,7 +31,7 @@ impl Rate {
         }
     }
 
-    /// Over all combinations.
+    /// Returns the mean and standard deviation over all combinations.
     pub fn over_all(self, summary: &ConditionSummary) -> MeanSd {
         match self {
             Self::Contact => summary.contact_rate,
@@ -40,7 +41,7 @@ impl Rate {
     }
 }
 
-/// The figures of contact and of clean success.
+/// Returns the figures of contact and of clean success.
 pub fn figures(summary: &Summary, records: &[TrialRecord]) -> [Figure; 2] {
     let contact = (Condition::Ideal, Condition::Blind);
     let contact = figure(summary, records, Rate::Contact, contact, &summary.t_test.contact);
@@ -99,13 +100,13 @@ fn figure(
     }
 }
 
-/// Smallest rate, median and largest.
+/// Returns the smallest rate, the median and the largest.
 fn extremes(group: &Group) -> [Option<f64>; 3] {
     let rates: Vec<f64> = group.dots.iter().map(|(rate, _)| *rate).collect();
     [0.0, 50.0, 100.0].map(|percent| percentile(&rates, percent))
 }
 
-/// A test's outcome as papers print it; none where there was nothing to test.
+/// Formats a test's outcome as papers print it; `None` if there was nothing to test.
 pub fn outcome(test: &TTest) -> Option<String> {
     let p = match probability(test.p?) {
         text if text.starts_with('<') => text,
@@ -128,25 +129,26 @@ fn group(condition: Condition, all: MeanSd, records: &[TrialRecord], rate: Rate)
     }
 }
 
-/// One combination under all conditions.
+/// Rates of one combination under all conditions.
 #[derive(Debug, Clone)]
 pub struct CombinationLine {
-    /// Its id.
+    /// Id of the combination.
     pub combination: usize,
     /// Name of the first object.
     pub first: String,
     /// Name of the second object.
     pub second: String,
-    /// By [`Condition::ALL`]; none of a condition it did not run under.
+    /// Rates in the order of [`Condition::ALL`]; `None` for a condition that was not run.
     pub rates: [Option<CombinationRates>; Condition::ALL.len()],
-    /// Share of its touch trials that left the plan.
+    /// Share of its touch trials that switched away from the plan.
     pub switched: Option<f64>,
 }
 
-/// Conditions whose clean success ranks combinations, the most telling first.
+/// Conditions whose clean success ranks combinations, the most informative first.
 pub const RANKED: [Condition; 4] = [Condition::Touch, Condition::Blind, Condition::Reflex, Condition::Own];
 
-/// All combinations, worst first: by clean success under the conditions of [`RANKED`], then by contacts blind and ideal.
+/// Lists all combinations, worst first: by clean success under the conditions of [`RANKED`], then by contacts blind and
+/// ideal.
 pub fn combination_lines(records: &[TrialRecord]) -> Vec<CombinationLine> {
     let mut lines: BTreeMap<usize, CombinationLine> = BTreeMap::new();
     for (index, condition) in Condition::ALL.into_iter().enumerate() {
@@ -188,7 +190,7 @@ pub fn combination_lines(records: &[TrialRecord]) -> Vec<CombinationLine> {
     lines
 }
 
-/// Trials with an unwanted contact, and how many of those succeeded all the same.
+/// Counts trials with an unwanted contact, and those among them that succeeded all the same.
 pub fn harmless_contacts(records: &[TrialRecord], condition: Condition) -> (usize, usize) {
     let touched = || records.iter().filter(move |record| record.condition == condition && record.contact);
     (touched().count(), touched().filter(|record| record.success).count())

@@ -1,4 +1,4 @@
-//! The best grasp of each kind, as pictures: `grasps.html` with its images.
+//! Gallery of the best grasp of each kind: `grasps.html` with its images.
 
 use std::path::Path;
 
@@ -23,33 +23,33 @@ use crate::html::page;
 use crate::picture::{self, Picture, View};
 use crate::pictures;
 
-/// Sizes of a picture: an object's, a grasp's, pixels.
+/// Sizes of the pictures of an object and of a grasp, pixels.
 const OBJECT_PICTURE: u32 = 200;
 const GRASP_PICTURE: u32 = 260;
-/// Width of what a picture shows, m.
+/// Width of the view in these pictures, m.
 const OBJECT_WIDTH: f64 = 0.17;
 const GRASP_WIDTH: f64 = 0.24;
-/// Width of a picture of a hand without pads as a multiple of the diagonal of what is drawn.
+/// Width of the view of a hand without pads, as a multiple of the diagonal of the drawn geometry.
 const MARGIN: f64 = 0.95;
-/// Characters of a caption's line.
+/// Maximum number of characters in a line of a caption.
 const LINE: usize = 30;
 /// Colours of a hand without pads and of its contact points.
 const STEEL: [f64; 3] = [176.0, 182.0, 192.0];
 pub const CONTACT: [f64; 3] = [200.0, 30.0, 60.0];
 /// Radius of a contact point, m.
 pub const DOT: f64 = 2.5e-3;
-/// Pictures in a row.
+/// Pictures per row.
 const COLUMNS: usize = 6;
-/// How much of a cone covers what is behind it.
+/// Opacity of a friction cone, 0 to 1.
 const CONE_COVERS: f64 = 0.55;
 
-/// The hand's collision shapes at joint coordinates (rad or m), three points a triangle, palm frame.
+/// Returns the hand's collision shapes at joint coordinates (rad or m), three points per triangle, palm frame.
 pub fn skin(hand: &GraspingHand, joints: &[f64]) -> Vec<[Point3<f64>; 3]> {
     let links = hand.mechanism().tree.forward(joints);
     hand.body.triangles(&links).into_iter().map(|triangle| triangle.map(|point| hand.palm_from_root * point)).collect()
 }
 
-/// Draws the hand: with its pads where they are known, else its collision shapes.
+/// Draws the hand: with its pads if they are known, else its collision shapes.
 pub fn draw_hand(picture: &mut Picture, hand: &GraspingHand, joints: &[f64]) {
     if let Some(own) = &hand.named {
         return picture.hand(own, joints);
@@ -60,7 +60,7 @@ pub fn draw_hand(picture: &mut Picture, hand: &GraspingHand, joints: &[f64]) {
     }
 }
 
-/// A kind's best grasp as it is drawn, with its figures in words.
+/// Returns a kind's best grasp for drawing, with its figures in words.
 pub fn shown(hand: &GraspingHand, kind: &Kind<'_>) -> ShownGrasp {
     let grasp = kind.best;
     let mut text = format!(
@@ -102,21 +102,21 @@ pub fn shown(hand: &GraspingHand, kind: &Kind<'_>) -> ShownGrasp {
     }
 }
 
-/// A picture of an object on its own, as it rests.
+/// Draws an object on its own, in its resting pose.
 fn object_picture(model: &ObjectModel, line: &str) -> RgbImage {
     pictures::object(model, OBJECT_PICTURE, OBJECT_WIDTH, &format!("{}\n{line}", model.name))
 }
 
-/// Friction for which a kind's grasp was verified.
+/// Returns the friction coefficient for which a kind's grasp was verified.
 pub fn friction(kind: &Kind<'_>) -> f64 {
     verified_for(kind.best).1
 }
 
-/// A picture of a grasp: hand, object, contact points and cones.
+/// Draws a grasp: hand, object, contact points and cones.
 fn grasp_picture(hand: &GraspingHand, model: &ObjectModel, kind: &Kind<'_>, view: View) -> RgbImage {
     let shown = shown(hand, kind);
     let (center, width) = match hand.named {
-        // Between object and palm, and a little higher: the caption takes the top.
+        // Centred between object and palm, and a little higher: the caption takes the top.
         Some(_) => (Point3::from(shown.palm_from_object.translation.vector * 0.5 + Vector3::y() * 0.02), GRASP_WIDTH),
         None => around(&skin(hand, &kind.best.joints)),
     };
@@ -136,7 +136,7 @@ fn grasp_picture(hand: &GraspingHand, model: &ObjectModel, kind: &Kind<'_>, view
     picture.finish(&format!("{}\n{name}, {} of it\nmargin {:.2} N", model.name, kind.count, kind.best.margin))
 }
 
-/// Middle of what is drawn, and the width of a picture that shows it, m.
+/// Returns the centre of the drawn geometry, and the width of a picture that shows all of it, m.
 fn around(skin: &[[Point3<f64>; 3]]) -> (Point3<f64>, f64) {
     let (low, high) = skin
         .iter()
@@ -147,7 +147,7 @@ fn around(skin: &[[Point3<f64>; 3]]) -> (Point3<f64>, f64) {
     (Point3::from(0.5 * (low + high)), MARGIN * (high - low).norm())
 }
 
-/// A kind's name on lines that fit a caption, broken after its plus signs.
+/// Breaks a kind's name after its plus signs into lines that fit a caption.
 fn folded(name: &str) -> String {
     let mut lines = vec![String::new()];
     for word in name.split_inclusive('+') {
@@ -161,8 +161,8 @@ fn folded(name: &str) -> String {
     lines.join("\n")
 }
 
-/// Writes the page of the grasps of `file` into `folder`, which is there already; `only` limits it to one object. Kinds of a hand whose
-/// digits have no names are seen from three sides, `most` at most.
+/// Writes the page of the grasps of `file` into the existing `folder`; `only` limits it to one object. If the digits of
+/// a hand have no names, its kinds, `most` at most, are shown from three sides.
 pub fn write(file: &GraspFile, only: Option<&str>, most: usize, folder: &Path) -> Result<()> {
     let hand = &file.hand;
     let (views, most, columns) = match hand.named {
@@ -227,8 +227,8 @@ mod tests {
     use proving::synthesis::grasp_file;
     use world::objects::ObjectSet;
 
-    /// The built-in collection: every object of the set, as many grasps as its lines say, each with its digits, and nothing
-    /// that the checks would not pass.
+    /// Checks the built-in collection: every object of the set is there with as many grasps as its summary says, each
+    /// with its digits, and every grasp passes the checks.
     #[test]
     fn the_built_in_collection_is_whole() {
         let collection = grasp_file::built_in().expect("reads");

@@ -1,4 +1,4 @@
-//! Clean success of every combination as a map of first against second object, blind beside touch.
+//! Clean success of every combination as a heat map of first against second object, blind beside touch.
 
 use std::collections::BTreeSet;
 
@@ -13,10 +13,10 @@ use super::html::number;
 /// Size of a cell, and room for names, pixels.
 const CELL: f64 = 15.0;
 const NAMES: f64 = 112.0;
-/// Conditions that are shown, by their place in [`Condition::ALL`].
+/// Shown conditions, with their index in [`Condition::ALL`].
 const SHOWN: [(usize, Condition); 2] = [(1, Condition::Blind), (3, Condition::Touch)];
 
-/// The section; nothing without records of these conditions.
+/// Returns the section; empty without records of these conditions.
 pub fn section(records: &[TrialRecord]) -> Markup {
     let lines = combination_lines(records);
     let played = |index: usize| lines.iter().any(|line| line.rates[index].is_some());
@@ -68,7 +68,7 @@ fn map(lines: &[CombinationLine], index: usize, condition: Condition) -> Markup 
     chart::draw(plots, layout, &format!("clean success of first against second object, {condition}"))
 }
 
-/// Red at 0, over yellow to green at 1; also apart in lightness.
+/// Returns a colour from red at 0, over yellow, to green at 1. The colours also differ in lightness.
 fn color(rate: f64) -> String {
     const SCALE: [[f64; 3]; 3] = [[165.0, 30.0, 45.0], [246.0, 206.0, 90.0], [28.0, 122.0, 88.0]];
     let x = 2.0 * if rate.is_finite() { rate.clamp(0.0, 1.0) } else { 0.0 };

@@ -1,4 +1,5 @@
-//! Small pieces of pages: numbers in words and figures, tables, and the page around them. `maud` writes the markup and escapes all text.
+//! Building blocks of pages: formatted numbers, tables, and the page around them. `maud` writes the markup and escapes
+//! all text.
 
 use base64::Engine as _;
 use base64::prelude::BASE64_STANDARD;
@@ -6,21 +7,21 @@ use maud::{DOCTYPE, Markup, PreEscaped, Render, html};
 
 use crate::style;
 
-/// `value` with `decimals` digits after the point; a dash where there is no number.
+/// Formats `value` with `decimals` digits after the point; a dash if it is not a number.
 pub fn number(value: f64, decimals: usize) -> String {
     match value {
         v if v.is_nan() => "–".to_string(),
         v if v.is_infinite() => if v > 0.0 { "∞" } else { "−∞" }.to_string(),
         v => {
             let text = format!("{v:.decimals$}");
-            // -0.00 reads as a mistake
+            // -0.00 would look like a mistake
             let zero = text.trim_start_matches('-').chars().all(|c| matches!(c, '0' | '.'));
             if zero { text.trim_start_matches('-').to_string() } else { text.replace('-', "−") }
         }
     }
 }
 
-/// A probability as papers print it: `2.1×10⁻¹⁷`, or `0.032`.
+/// Formats a probability as papers print it: `2.1×10⁻¹⁷`, or `0.032`.
 pub fn probability(p: f64) -> String {
     if !p.is_finite() {
         return "–".to_string();
@@ -37,7 +38,7 @@ pub fn probability(p: f64) -> String {
     format!("{mantissa}×10{raised}")
 }
 
-/// The raised form of a digit or minus sign.
+/// Returns the superscript of a digit or minus sign.
 fn superscript(character: char) -> char {
     match character {
         '-' => '⁻',
@@ -50,7 +51,7 @@ fn superscript(character: char) -> char {
     }
 }
 
-/// A time in the unit a reader would choose.
+/// Formats a time in the unit that a reader would choose.
 pub fn duration(seconds: f64) -> String {
     match seconds {
         s if !s.is_finite() || s < 0.0 => "–".to_string(),
@@ -60,17 +61,17 @@ pub fn duration(seconds: f64) -> String {
     }
 }
 
-/// `count` and the noun, in the plural where needed.
+/// Returns `count` and the noun, in the plural if needed.
 pub fn counted(count: usize, noun: &str) -> String {
     format!("{count} {noun}{}", if count == 1 { "" } else { "s" })
 }
 
-/// How a column of a [`Table`] is set.
+/// Alignment of a column of a [`Table`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Column {
-    /// Words: to the left.
+    /// Words, aligned left.
     Words,
-    /// Numbers: to the right, in figures of equal width.
+    /// Numbers, aligned right in figures of equal width.
     Numbers,
 }
 
@@ -88,13 +89,13 @@ pub struct Table {
 }
 
 impl Table {
-    /// A table without a row; `head` names its columns.
+    /// Creates a table without rows. `head` names its columns.
     pub fn new(caption: &str, head: &[(&str, Column)]) -> Self {
         let head = head.iter().map(|(name, column)| ((*name).to_owned(), *column)).collect();
         Self { caption: caption.to_owned(), head, rows: Vec::new() }
     }
 
-    /// Adds a row; its first cell heads it.
+    /// Adds a row. Its first cell is the row's head.
     pub fn row<S: AsRef<str>>(&mut self, cells: &[S]) {
         self.rows.push(cells.iter().map(|cell| cell.as_ref().to_owned()).collect());
     }
@@ -121,12 +122,12 @@ impl Render for Table {
     }
 }
 
-/// A whole page in the report's style, `body` below its title.
+/// Returns a whole page in the report's style, with `body` below its title.
 pub fn whole_page(title: &str, body: &Markup) -> String {
     page(title, "", &html! { h1 { (title) } (body) }, "")
 }
 
-/// A page in the report's style and `more` of it, with `script` behind `main`.
+/// Returns a page in the report's style, with `more` of it, and with `script` after `main`.
 pub fn page(title: &str, more: &str, main: &Markup, script: &str) -> String {
     printable(html! {
         (DOCTYPE)
@@ -142,12 +143,13 @@ pub fn page(title: &str, more: &str, main: &Markup, script: &str) -> String {
     })
 }
 
-/// Markup as a file. XML 1.0 allows no control characters: a browser would refuse a whole figure.
+/// Converts markup to the text of a file. Control characters are replaced: XML 1.0 forbids them, and a browser would
+/// refuse the whole figure.
 pub fn printable(markup: Markup) -> String {
     markup.into_string().replace(|c: char| c.is_control() && !matches!(c, '\n' | '\t'), "\u{fffd}")
 }
 
-/// Bytes as an address that holds them (RFC 2397).
+/// Encodes bytes as a data URI (RFC 2397).
 pub fn data_uri(media_type: &str, bytes: &[u8]) -> String {
     format!("data:{media_type};base64,{}", BASE64_STANDARD.encode(bytes))
 }

@@ -1,5 +1,5 @@
-//! What was identified of a robot, as a page and as words: how well its twin moves, which parameters the sessions show, which they do not,
-//! and what to measure more.
+//! Results of system identification as a page and as text: how well the twin of a robot moves, which parameters the
+//! sessions identify, which they do not, and which further measurements would help.
 
 use std::fmt::Write as _;
 
@@ -10,36 +10,36 @@ use serde::Serialize;
 
 use crate::html::{Column, Table, whole_page};
 
-/// Half of a 95 % interval, in standard deviations.
+/// Half-width of a 95 % interval, in standard deviations.
 const HALF_INTERVAL: f64 = 1.96;
 
-/// How the twin of one actuator moves.
+/// Motion of the twin of one actuator, compared with the servo's.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct ActuatorRow {
     pub actuator: String,
-    /// Free motions.
+    /// Number of free motions.
     pub motions: usize,
-    /// Samples of the servo's angle.
+    /// Number of samples of the servo's angle.
     pub samples: usize,
-    /// Root mean square of the servo's angle under the drawing, rad.
+    /// Root-mean-square residual of the servo's angle with the parameters of the drawing, rad.
     pub residual_before: f64,
-    /// The same under what was found, rad.
+    /// Root-mean-square residual of the servo's angle with the identified parameters, rad.
     pub residual_after: f64,
-    /// Samples over which a residual stays alike.
+    /// Correlation length of the residual, samples.
     pub alike: f64,
-    /// Between a command and what is measured, s.
+    /// Latency from a command to the measurement, s.
     pub delay: f64,
 }
 
-/// What is known of one parameter.
+/// Identification result of one parameter.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct ParameterRow {
     pub parameter: String,
-    /// Of the deviation; `log`: logarithm of the factor on the drawing's value.
+    /// Unit of the deviation; `log`: logarithm of the factor on the drawing's value.
     pub unit: String,
-    /// From the drawing.
+    /// Deviation from the drawing.
     pub deviation: f64,
-    /// Standard deviation of it.
+    /// Standard deviation of the estimated deviation.
     pub sigma: f64,
     /// Standard deviation among robots built from the drawing.
     pub spread: f64,
@@ -48,7 +48,7 @@ pub struct ParameterRow {
 }
 
 impl ParameterRow {
-    /// In words: a factor's deviation as per cent, angles in degrees.
+    /// Formats the row: a factor's deviation in per cent, angles in degrees.
     fn cells(&self) -> [String; 4] {
         let (scale, unit, decimals) = match self.unit.as_str() {
             "log" => (100.0, "%", 1),
@@ -62,7 +62,7 @@ impl ParameterRow {
     }
 }
 
-/// What to measure more, by what the sessions did not show.
+/// Recommends measurements for the parameters that the sessions did not identify.
 fn advice(parameters: &[ParameterRow]) -> Vec<String> {
     let missing = |ending: &str| parameters.iter().any(|row| !row.identified && row.parameter.ends_with(ending));
     let mut advice = Vec::new();
@@ -105,7 +105,7 @@ fn advice(parameters: &[ParameterRow]) -> Vec<String> {
     advice
 }
 
-/// The rows as words for a terminal.
+/// Formats the rows as text for a terminal.
 pub fn text(actuators: &[ActuatorRow], parameters: &[ParameterRow]) -> String {
     let mut text = String::new();
     let _ = writeln!(
@@ -140,7 +140,7 @@ pub fn text(actuators: &[ActuatorRow], parameters: &[ParameterRow]) -> String {
     text
 }
 
-/// A page that needs nothing else.
+/// Returns a self-contained page.
 pub fn page(actuators: &[ActuatorRow], parameters: &[ParameterRow], sessions: &[Source]) -> String {
     let mut motion = Table::new(
         "How the servos move: root mean square of what the twin leaves unexplained",

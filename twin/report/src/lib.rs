@@ -1,7 +1,8 @@
-//! The report of a benchmark: `report.html`, one self-contained page, and its figures as files.
+//! Report of a benchmark: `report.html`, one self-contained page, and its figures as files.
 //!
-//! It is made from the records and their summary alone, so `ftac report` can make it again at any time. [`chart`] draws charts, [`picture`] the
-//! hand, [`plot`] line plots; the last two are used by the checks too. [`grasp_gallery`] shows the best grasps of each object.
+//! The report is made from the records and their summary alone, so `ftac report` can make it again at any time.
+//! [`chart`] draws charts, [`picture`] the hand, [`plot`] line plots; the checks use the last two as well.
+//! [`grasp_gallery`] shows the best grasps of each object.
 
 mod ablation;
 pub mod chart;
@@ -35,9 +36,10 @@ use scenarios::TrialRecord;
 use scenarios::summary::Summary;
 use serde_json::Value;
 
-/// Writes `contact.svg`, `clean_success.svg`, `panel_c.svg`, `panel_d.svg`, `risk.svg` and `ablations.svg` where there is something to show, and `report.html` into `folder`, which is
-/// there already. `run` says how the records came about; of its keys `command` (text or a list of words) is shown as a command line, all others in a table, nested ones
-/// with dotted names, and numbers whose key ends in `_s` as times.
+/// Writes the report into the existing `folder`: `report.html`, and, as far as there are data for them, `contact.svg`,
+/// `clean_success.svg`, `panel_c.svg`, `panel_d.svg`, `risk.svg` and `ablations.svg`. `run` describes the run: its key
+/// `command` (text or a list of words) is shown as a command line, all other keys in a table, nested ones with dotted
+/// names, and numbers whose key ends in `_s` as times.
 pub fn write_report(folder: &Path, summary: &Summary, records: &[TrialRecord], run: &Value) -> Result<()> {
     let [contact, clean] = findings::figures(summary, records);
     for (name, figure) in [("contact.svg", &contact), ("clean_success.svg", &clean)] {

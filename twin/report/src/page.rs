@@ -1,4 +1,4 @@
-//! The sections of the page.
+//! Sections of the page.
 
 use std::path::Path;
 
@@ -15,12 +15,13 @@ use super::html::{Column, Table, counted, duration, number, page};
 use super::panels::{self, Panel};
 use super::{ablation, comparisons, failures, findings, heat_map, pictures, prediction, run, verdict};
 
-/// Sorts a table by a column that is clicked on, upwards and downwards in turn.
+/// Script that sorts a table by the clicked column, ascending and descending in turn.
 const SORTING: &str = include_str!("../data/sorting.js");
-/// What the run does otherwise than the paper, and what the numbers mean; no data in it.
+/// Differences of the run from the paper, and definitions of the figures; contains no data.
 const DEFINITIONS: &str = include_str!("../data/definitions.html");
 
-/// The whole page; `folder` may hold recordings, `figures` are contact and clean success, `panels` the paper's.
+/// Returns the whole page. `folder` may hold recordings, `figures` are contact and clean success, `panels` those of the
+/// paper.
 pub fn render(
     summary: &Summary,
     records: &[TrialRecord],
@@ -56,12 +57,12 @@ pub fn render(
     Ok(page(&format!("Multi-object benchmark: {robot}, seed {seed}"), "", &main, SORTING))
 }
 
-/// A number that may be missing.
+/// Formats a number that may be missing.
 fn maybe(value: Option<f64>, decimals: usize) -> String {
     number(value.unwrap_or(f64::NAN), decimals)
 }
 
-/// The conditions beside the paper's.
+/// Returns the table of the conditions beside the paper's values.
 fn rates(summary: &Summary, records: &[TrialRecord]) -> Markup {
     let columns = [
         ("condition", Column::Words),
@@ -116,7 +117,7 @@ fn figure_section(figures: [&Figure; 2], summary: &Summary) -> Markup {
     }
 }
 
-/// Speed and accuracy.
+/// Returns the section on speed and accuracy.
 fn facts(summary: &Summary) -> Markup {
     let unit = |value: Option<f64>, decimals: usize, unit: &str| match value {
         Some(value) => format!("{} {unit}", number(value, decimals)),
@@ -133,7 +134,7 @@ fn facts(summary: &Summary) -> Markup {
         ("The plan’s guess before touch, median".to_string(), unit(pose.prior_mm.median, 2, "mm")),
         ("The plan’s guess before touch, 95th percentile".to_string(), unit(pose.prior_mm.p95, 2, "mm")),
     ];
-    // All of these are touch's.
+    // All of these are measured in touch trials.
     if summary.conditions.touch.trials == 0 {
         facts.clear();
     }
@@ -147,7 +148,7 @@ fn facts(summary: &Summary) -> Markup {
     }
 }
 
-/// A line per combination.
+/// Returns the table with one line per combination.
 fn combinations(summary: &Summary, records: &[TrialRecord]) -> Markup {
     let mut head = vec![
         ("no.".to_string(), Column::Words),
@@ -174,7 +175,7 @@ fn combinations(summary: &Summary, records: &[TrialRecord]) -> Markup {
     for line in combination_lines(records) {
         let mut cells = vec![line.combination.to_string(), line.first.clone(), line.second.clone()];
         for rate in [Rate::Contact, Rate::CleanSuccess] {
-            // By their place in `Condition::ALL`, in whose order they are listed.
+            // In the order of `Condition::ALL`.
             let rates = Condition::ALL.into_iter().zip(&line.rates);
             let rates = rates.filter(|(condition, _)| played.contains(condition));
             cells.extend(rates.map(|(_, rates)| maybe(rates.as_ref().map(|rates| rate.of(rates)), 2)));

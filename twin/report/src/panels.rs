@@ -1,4 +1,5 @@
-//! Panels c and d of the paper's figure on adaptive behaviours: collisions and successes by two counts, beside the paper's values.
+//! Panels c and d of the paper's figure on adaptive behaviours: collisions and successes by two counts, beside the
+//! paper's values.
 
 mod count;
 mod statements;
@@ -17,14 +18,14 @@ use super::findings::outcome;
 use super::html::{Column, Table, counted, number, probability};
 use super::{paper, run};
 
-/// A panel whose conditions, or one of them, were played.
+/// A panel of which at least one condition was played.
 pub struct Panel {
     letter: char,
-    /// Beside the letter.
+    /// Name of the rate, beside the letter.
     rate: &'static str,
-    /// Each with its samples; the second is asked to have the larger mean.
+    /// Conditions with their samples; the test asks whether the second has the larger mean.
     sides: Vec<Side>,
-    /// One test a count that both conditions have.
+    /// One test per count that both conditions have.
     tests: Vec<(Count, TTest)>,
     pub figure: Figure,
 }
@@ -32,17 +33,17 @@ pub struct Panel {
 /// A condition of a panel.
 struct Side {
     condition: Condition,
-    /// The paper's words for its rate.
+    /// The paper's name of its rate.
     words: &'static str,
-    /// Mean and standard deviation.
+    /// The paper's mean and standard deviation.
     paper: (f64, f64),
     samples: Vec<Sample>,
 }
 
-/// True of a trial that counts; none where that cannot be said of it.
+/// Predicate of a counted trial; `None` if it does not apply to a trial.
 type Counted = fn(Count, &TrialRecord) -> Option<bool>;
 
-/// The panels that can be drawn of `records`.
+/// Returns the panels that can be drawn from `records`.
 pub fn of(records: &[TrialRecord]) -> Vec<Panel> {
     let collisions = [
         (Condition::Ideal, "collision rate, perfect execution", paper::COLLISION_IDEAL),
@@ -86,7 +87,7 @@ impl Panel {
         Self { letter, rate, sides, tests, figure }
     }
 
-    /// Name of its file.
+    /// Returns the name of its file.
     pub fn file(&self) -> String {
         format!("panel_{}.svg", self.letter)
     }
@@ -101,7 +102,7 @@ impl Side {
         self.samples.iter().find(|sample| sample.count == count)
     }
 
-    /// Its columns: the paper's, then one a count.
+    /// Returns its columns: the paper's, then one per count.
     fn groups(&self) -> impl Iterator<Item = (Option<Count>, Group)> {
         let paper = Group {
             name: format!("{}: paper", self.condition),
@@ -124,7 +125,7 @@ impl Side {
     }
 }
 
-/// The paper's test, as it prints it.
+/// Formats the paper's test as the paper prints it.
 fn published() -> String {
     format!("t({:.0}) = {}, p = {}", paper::DF, number(paper::T, 1), probability(paper::P))
 }
@@ -154,7 +155,7 @@ fn figure(letter: char, rate: &str, sides: &[Side], tests: &[(Count, TTest)]) ->
     }
 }
 
-/// The section of the page; nothing where no panel can be drawn.
+/// Returns the section of the page; empty if no panel can be drawn.
 pub fn section(panels: &[Panel], summary: &Summary, records: &[TrialRecord], about: &Value) -> Markup {
     html! { @if !panels.is_empty() {
         h2 id="paper" { "Beside the paper: its figure on adaptive behaviours" }
@@ -185,7 +186,7 @@ pub fn section(panels: &[Panel], summary: &Summary, records: &[TrialRecord], abo
     } }
 }
 
-/// Both panels in numbers.
+/// Returns both panels in numbers.
 fn table(panels: &[Panel]) -> Table {
     let head = [
         ("panel", Column::Words),

@@ -1,9 +1,9 @@
-//! The paper's figures, for comparison with ours (its figure on adaptive behaviours and the text around it).
+//! Published figures of the paper, for comparison with ours (its figure on adaptive behaviours and the text around it).
 
-/// Object combinations.
+/// Number of object combinations.
 pub const COMBINATIONS: usize = 60;
 pub const TRIALS: usize = 10;
-/// Collision rate with perfect execution: mean and standard deviation over combinations, as are the next.
+/// Collision rate with perfect execution: mean and standard deviation over combinations, as for the next three.
 pub const COLLISION_IDEAL: (f64, f64) = (0.0, 0.0);
 /// Collision rate with real-world execution.
 pub const COLLISION_BLIND: (f64, f64) = (0.465, 0.306);
@@ -11,13 +11,13 @@ pub const COLLISION_BLIND: (f64, f64) = (0.465, 0.306);
 pub const SUCCESS_BLIND: (f64, f64) = (0.535, 0.306);
 /// Success rate with tactile feedback.
 pub const SUCCESS_TOUCH: (f64, f64) = (1.0, 0.0);
-/// The t of both of its tests; with the degrees of freedom and p below.
+/// t statistic of both of its tests; degrees of freedom and p follow below.
 pub const T: f64 = 11.8;
-/// See [`T`].
+/// Degrees of freedom; see [`T`].
 pub const DF: f64 = 59.0;
-/// See [`T`].
+/// p-value; see [`T`].
 pub const P: f64 = 2.1e-17;
-/// About how long its switch to another strategy takes, ms.
+/// Approximate time of its switch to another strategy, ms.
 pub const DECISION_MS: f64 = 100.0;
-/// About how much time tactile feedback adds to a trial without a collision, s.
+/// Approximate time that tactile feedback adds to a trial without a collision, s.
 pub const FEELING_S: f64 = 1.0;

@@ -1,5 +1,5 @@
-//! Pictures of the hand: an orthographic software renderer with a depth buffer, lit from the eye and from above, with soft shadows in
-//! corners.
+//! Pictures of the hand: an orthographic software renderer with a depth buffer, lit from the eye and from above, with
+//! ambient occlusion in corners.
 
 mod occlusion;
 
@@ -17,9 +17,9 @@ use sim::stand::{HandStand, Prop};
 use stream::hand_mesh::{self, Material, Part};
 use stream::mesh::Mesh;
 
-/// Colours of the arm's parts, in turn.
+/// Colours of the arm's parts, used in turn.
 const ARM: [[f64; 3]; 2] = [[214.0, 217.0, 222.0], [172.0, 177.0, 185.0]];
-/// Each pixel is the mean of this many by this many.
+/// Oversampling factor: each pixel is the mean of this many by this many.
 const OVERSAMPLE: u32 = 2;
 const PAPER: [f64; 3] = [250.0, 250.0, 248.0];
 const INK: [u8; 3] = [40, 42, 48];
@@ -27,9 +27,9 @@ const COVER: [f64; 3] = [196.0, 199.0, 206.0];
 const PALM: [f64; 3] = [170.0, 174.0, 184.0];
 const PAD: [f64; 3] = [92.0, 120.0, 150.0];
 const CABLE_COLOR: [f64; 3] = [150.0, 60.0, 52.0];
-/// Radius of a cable, m: twice the real one, so that it is seen.
+/// Radius of a drawn cable, m: twice the real one, so that it is visible.
 const CABLE: f64 = 5.0e-4;
-/// Colours of the pads' configurations, a and on, in turn.
+/// Colours of the pads' configurations, from a on, used in turn.
 pub const CONFIGURATIONS: [[f64; 3]; 9] = [
     [76.0, 146.0, 206.0],
     [92.0, 176.0, 124.0],
@@ -41,10 +41,10 @@ pub const CONFIGURATIONS: [[f64; 3]; 9] = [
     [150.0, 150.0, 66.0],
     [120.0, 92.0, 70.0],
 ];
-/// Colours of props, in turn.
+/// Colours of props, used in turn.
 pub const PROPS: [[f64; 3]; 3] = [[226.0, 150.0, 70.0], [120.0, 176.0, 96.0], [190.0, 110.0, 150.0]];
 
-/// Colour of a pad's configuration.
+/// Returns the colour of a pad's configuration.
 pub fn configuration_color(pad: &Pad) -> [f64; 3] {
     let letter = (pad.configuration as usize).wrapping_sub('a' as usize);
     CONFIGURATIONS[letter % CONFIGURATIONS.len()]
@@ -60,21 +60,21 @@ fn material_color(material: Material) -> [f64; 3] {
     }
 }
 
-/// Where a picture is seen from.
+/// Viewpoint and scale of a picture.
 #[derive(Debug, Clone, Copy)]
 pub struct View {
     /// Unit vector from the scene to the eye, palm frame.
     pub eye: Vector3<f64>,
-    /// What points up in the picture.
+    /// Direction that points up in the picture.
     pub up: Vector3<f64>,
-    /// What is in the middle, palm frame, m.
+    /// Point in the middle of the picture, palm frame, m.
     pub center: Point3<f64>,
     /// Width of the picture, m.
     pub width: f64,
 }
 
 impl View {
-    /// Onto the palm, a little from the side, fingers up.
+    /// Looks onto the palm, a little from the side, fingers up.
     pub fn palm() -> Self {
         Self {
             eye: Vector3::new(0.25, 0.1, -1.0).normalize(),
@@ -84,7 +84,7 @@ impl View {
         }
     }
 
-    /// From the thumb's side, fingers to the left and the palm facing down.
+    /// Looks from the thumb's side, fingers to the left and the palm facing down.
     pub fn thumb_side() -> Self {
         Self {
             eye: Vector3::new(1.0, 0.25, -0.15).normalize(),
@@ -94,23 +94,23 @@ impl View {
         }
     }
 
-    /// Onto the back of the hand, fingers up.
+    /// Looks onto the back of the hand, fingers up.
     pub fn back() -> Self {
         Self { eye: Vector3::new(0.3, 0.15, 1.0).normalize(), ..Self::palm() }
     }
 
-    /// From before the fingertips, palm down.
+    /// Looks from in front of the fingertips, palm down.
     pub fn tips() -> Self {
         Self { eye: Vector3::new(0.35, 1.0, -0.35).normalize(), up: Vector3::z(), ..Self::palm() }
     }
 
-    /// The same view, closer, around another centre.
+    /// Returns the same direction of view around another centre, with another width (m).
     pub fn at(self, center: Point3<f64>, width: f64) -> Self {
         Self { center, width, ..self }
     }
 }
 
-/// One picture in the making.
+/// A picture that is being drawn.
 pub struct Picture {
     size: u32,
     right: Vector3<f64>,
@@ -121,7 +121,7 @@ pub struct Picture {
 }
 
 impl Picture {
-    /// An empty square picture of `size` pixels.
+    /// Creates an empty square picture of `size` pixels.
     pub fn new(size: u32, view: View) -> Self {
         let right = view.up.cross(&view.eye).normalize();
         let count = (size * OVERSAMPLE).pow(2) as usize;
@@ -135,7 +135,7 @@ impl Picture {
         }
     }
 
-    /// (column, row, nearness) of a point.
+    /// Projects a point to (column, row, nearness to the eye).
     fn project(&self, point: &Point3<f64>) -> [f64; 3] {
         let d = point - self.view.center;
         let scale = f64::from(self.size) / self.view.width;
@@ -143,7 +143,7 @@ impl Picture {
         [half + scale * d.dot(&self.right), half - scale * d.dot(&self.up), d.dot(&self.view.eye)]
     }
 
-    /// Draws triangles (vertices in the frame `pose` maps to the palm).
+    /// Draws triangles. `pose` maps the frame of the vertices to the palm frame.
     pub fn triangles(
         &mut self,
         pose: &Isometry3<f64>,
@@ -180,7 +180,7 @@ impl Picture {
         (self.depth, self.color) = (depth, colors);
     }
 
-    /// Calls `draw` with every pixel of a triangle and the weights of its corners there.
+    /// Calls `draw` for every pixel of a triangle, with the barycentric weights of its corners there.
     fn cover(&self, [a, b, c]: [[f64; 3]; 3], mut draw: impl FnMut(usize, [f64; 3])) {
         let area = (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1]);
         if area.abs() < 1e-9 {
@@ -212,17 +212,17 @@ impl Picture {
         self.triangles(pose, &vertices, &mesh.triangles, &normals, color);
     }
 
-    /// The hand with all its parts at joint angles `q` (rad).
+    /// Draws the hand with all its parts at joint angles `q` (rad).
     pub fn hand(&mut self, hand: &Hand, q: &[f64]) {
         self.hand_with(hand, q, |_| PAD);
     }
 
-    /// The same with a colour for each pad.
+    /// As [`Picture::hand`], with a colour for each pad.
     pub fn hand_with(&mut self, hand: &Hand, q: &[f64], pad_color: impl Fn(&Pad) -> [f64; 3]) {
         self.hand_at(hand, (&Isometry3::identity(), &hand.tree.forward(q)), pad_color);
     }
 
-    /// The same with the palm at `scene_from_palm` and the links at `palm_from_link`.
+    /// As [`Picture::hand_with`], with the palm at `scene_from_palm` and the links at `palm_from_link`.
     pub fn hand_at(
         &mut self,
         hand: &Hand,
@@ -243,7 +243,7 @@ impl Picture {
         }
     }
 
-    /// An arm with its base in the scene's origin and its moving links at `scene_from_link`.
+    /// Draws an arm with its base in the scene's origin and its moving links at `scene_from_link`.
     pub fn arm(&mut self, arm: &Arm, links: &[Isometry3<f64>]) {
         let base = Isometry3::identity();
         let poses = std::iter::once(&base).chain(links);
@@ -252,7 +252,7 @@ impl Picture {
         }
     }
 
-    /// A prop in its place.
+    /// Draws a prop at its pose.
     pub fn prop(&mut self, prop: &Prop, palm_from_prop: &Isometry3<f64>, color: [f64; 3]) {
         for (local, shape) in &prop.parts {
             let (vertices, triangles, normals) = shape.triangles();
@@ -260,7 +260,7 @@ impl Picture {
         }
     }
 
-    /// The hand and all props as they are on a stand.
+    /// Draws the hand and all props of a stand at their current poses.
     pub fn stand(&mut self, stand: &HandStand) {
         self.hand(stand.hand(), &stand.angles());
         for index in 0..stand.props() {
@@ -268,7 +268,7 @@ impl Picture {
         }
     }
 
-    /// Lays triangles over everything that is there already, covering it by the share `covers`.
+    /// Overlays triangles on everything drawn so far, with opacity `covers` (0 to 1).
     pub fn veil(&mut self, vertices: &[Point3<f64>], triangles: &[[u32; 3]], color: [f64; 3], covers: f64) {
         let placed: Vec<[f64; 3]> = vertices.iter().map(|vertex| self.project(vertex)).collect();
         let mut over = vec![false; self.color.len()];
@@ -283,7 +283,7 @@ impl Picture {
         }
     }
 
-    /// A dot over everything, `radius` in m.
+    /// Draws a dot on top of everything, `radius` in m.
     pub fn dot(&mut self, point: &Point3<f64>, radius: f64, color: [f64; 3]) {
         let [x, y, _] = self.project(point);
         let reach = radius * f64::from(self.size) / self.view.width;
@@ -298,7 +298,7 @@ impl Picture {
         }
     }
 
-    /// The finished picture with a caption.
+    /// Returns the finished picture with a caption.
     pub fn finish(&self, caption: &str) -> RgbImage {
         let pixel = self.view.width / f64::from(self.size);
         let shade = occlusion::shading(&self.depth, self.size as usize, pixel);
@@ -338,7 +338,7 @@ pub fn text(image: &mut RgbImage, x: i64, y: i64, line: &str, color: [u8; 3]) {
     }
 }
 
-/// A square of `side` pixels with its upper left corner at (x, y).
+/// Draws a square of `side` pixels with its upper left corner at (x, y).
 pub fn swatch(image: &mut RgbImage, (x, y): (i64, i64), side: u32, color: [u8; 3]) {
     image::imageops::replace(image, &RgbImage::from_pixel(side, side, Rgb(color)), x, y);
 }
@@ -354,7 +354,7 @@ pub fn large_text(image: &mut RgbImage, (x, y): (i64, i64), scale: u32, line: &s
     }
 }
 
-/// Pictures side by side, `columns` in a row.
+/// Arranges pictures side by side, `columns` per row.
 pub fn tile(pictures: &[RgbImage], columns: usize) -> RgbImage {
     let (w, h) = pictures.iter().fold((0, 0), |(w, h), picture| (picture.width().max(w), picture.height().max(h)));
     let columns = columns.min(pictures.len()).max(1);
@@ -367,7 +367,7 @@ pub fn tile(pictures: &[RgbImage], columns: usize) -> RgbImage {
     sheet
 }
 
-/// Writes a PNG.
+/// Writes an image file; its format follows from the extension.
 pub fn save(image: &RgbImage, path: &Path) -> Result<()> {
     let mut bytes = Cursor::new(Vec::new());
     let format = ImageFormat::from_path(path).with_context(|| path.display().to_string())?;
@@ -379,7 +379,7 @@ pub fn save(image: &RgbImage, path: &Path) -> Result<()> {
 mod tests {
     use super::*;
 
-    /// Of two balls on the line of sight the nearer one is seen.
+    /// The nearer of two balls on the line of sight is visible.
     #[test]
     fn the_nearer_hides_the_farther() {
         let view = View { eye: Vector3::z(), up: Vector3::y(), center: Point3::origin(), width: 0.1 };
@@ -393,7 +393,7 @@ mod tests {
         }
     }
 
-    /// A ball of 40 mm covers the share of the picture it should.
+    /// A ball of 40 mm covers the expected share of the picture.
     #[test]
     fn scale_is_true() {
         let view = View { eye: Vector3::x(), up: Vector3::z(), center: Point3::origin(), width: 0.1 };

@@ -1,4 +1,4 @@
-//! What a report shows of objects and trials: pictures of the objects, and stills of a trial where one was recorded.
+//! Pictures in a report: of the objects, and stills of a trial if one was recorded.
 
 use std::collections::BTreeSet;
 use std::io::Cursor;
@@ -14,9 +14,9 @@ use world::objects::{ObjectModel, ObjectSet};
 use super::html::data_uri;
 use crate::picture::{Picture, View};
 
-/// Size of an object's picture, pixels, and what it is wide, m.
+/// Size of an object's picture, pixels, and width of its view, m.
 const OBJECT: (u32, f64) = (96, 0.16);
-/// The file with the stills of a trial in a result folder; `name` is that of the trial's recording.
+/// Returns the file with the stills of a trial in a result folder. `name` is the name of the trial's recording.
 pub fn strip_file(folder: &Path, name: &str, condition: Condition) -> PathBuf {
     let ending = ending(condition);
     let named = ending.trim_end_matches(PNG);
@@ -29,7 +29,7 @@ fn ending(condition: Condition) -> String {
     format!("_{condition}{PNG}")
 }
 
-/// An object on its own, as it rests.
+/// Draws an object on its own, in its resting pose.
 pub fn object(model: &ObjectModel, size: u32, width: f64, caption: &str) -> RgbImage {
     let eye = Vector3::new(0.75, -0.9, 0.75).normalize();
     let mut picture = Picture::new(size, View { eye, up: Vector3::z(), center: Point3::origin(), width });
@@ -45,7 +45,7 @@ fn png(image: &RgbImage) -> Result<String> {
     Ok(data_uri("image/png", bytes.get_ref()))
 }
 
-/// The sections; an object that does not come with the program is named only.
+/// Returns the sections. An object that does not come with the program is only named.
 pub fn section(folder: &Path, records: &[TrialRecord]) -> Result<Markup> {
     let stills = match strip(folder) {
         Some((file, condition)) => {
@@ -77,7 +77,7 @@ pub fn section(folder: &Path, records: &[TrialRecord]) -> Result<Markup> {
     })
 }
 
-/// The stills of the first recorded trial, and its condition: touch where there is one.
+/// Returns the stills of the first recorded trial, and its condition: touch if there is one.
 fn strip(folder: &Path) -> Option<(PathBuf, Condition)> {
     let entries = std::fs::read_dir(folder.join("recordings")).ok()?;
     let files: Vec<PathBuf> = entries.filter_map(|entry| Some(entry.ok()?.path())).collect();

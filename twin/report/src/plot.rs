@@ -1,6 +1,7 @@
 //! Line plots as pictures: axes with round ticks, one colour per line, names on the right.
 //!
-//! Written by hand: plotters needs a font for its bitmaps, or a backend with letters of ours that is longer than this file.
+//! Written by hand: plotters needs a font for its bitmaps, or a backend with our own letters that would be longer than
+//! this file.
 
 use image::{Rgb, RgbImage};
 
@@ -18,11 +19,11 @@ const LINES: [[u8; 3]; 6] =
     [[31, 99, 170], [206, 92, 28], [52, 140, 72], [150, 70, 150], [120, 120, 120], [180, 150, 30]];
 
 pub struct Plot {
-    /// Over the plot.
+    /// Title above the plot.
     pub title: String,
-    /// Below the horizontal axis.
+    /// Label below the horizontal axis.
     pub x: String,
-    /// Over the vertical axis.
+    /// Label above the vertical axis.
     pub y: String,
     /// Name and points of each line.
     pub lines: Vec<(String, Vec<[f64; 2]>)>,
@@ -72,7 +73,7 @@ impl Plot {
     }
 }
 
-/// Round values that cut the range in 4 to 10 parts.
+/// Returns round values that divide the range into 4 to 10 parts.
 fn ticks((low, high): (f64, f64)) -> Vec<f64> {
     let rough = (high - low) / 6.0;
     let power = 10f64.powf(rough.log10().floor());
@@ -107,7 +108,7 @@ mod tests {
         assert!(small.contains(&0.0) && small.iter().all(|tick| (-0.0131..=0.0201).contains(tick)), "{small:?}");
     }
 
-    /// Lines cross the axes' rectangle from corner to corner, in their colours.
+    /// Lines cross the plot area from corner to corner, in their colours.
     #[test]
     fn a_line_is_drawn_in_its_color_between_its_ends() {
         let plot = Plot {

@@ -1,4 +1,4 @@
-//! What the predicted risk of the blind trials is worth: its ROC curve and its calibration curve, side by side.
+//! Quality of the predicted risk of the blind trials: its ROC curve and its calibration curve, side by side.
 
 use kuva::prelude::{Figure, Layout, LinePlot, Plot, TickFormat};
 use maud::{Markup, html};
@@ -12,7 +12,7 @@ use super::html::number;
 /// Size of a panel, pixels.
 const PANEL: [f64; 2] = [370.0, 380.0];
 
-/// The section of the page; empty where there is nothing to show.
+/// Returns the section of the page; empty if there is nothing to show.
 pub fn section(records: &[TrialRecord]) -> Markup {
     let blind = records.iter().any(|record| record.condition == Condition::Blind);
     let prediction = risk_prediction(records);
@@ -41,7 +41,7 @@ pub fn section(records: &[TrialRecord]) -> Markup {
     } }
 }
 
-/// The figure as a standalone file.
+/// Returns the figure as a standalone file.
 pub fn standalone(records: &[TrialRecord]) -> Option<String> {
     Some(chart::standalone(&draw(&risk_prediction(records)?)))
 }

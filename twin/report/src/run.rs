@@ -1,23 +1,24 @@
-//! How the benchmark was run: what the program recorded about it, the most useful first.
+//! Description of the run: the data that the program recorded about it, the most useful first.
 
 use maud::{Markup, html};
 use serde_json::Value;
 
 use super::html::{Column, Table, duration, number};
 
-/// Keys shown first, in this order; what else there is follows in its own order.
+/// Keys shown first, in this order; the others follow in their own order.
 const FIRST: [&str; 6] = ["command", "seed", "robot", "versions", "version", "wall_s"];
 
-/// Key of what the reader must know before anything else: a list of texts.
+/// Key of the warnings, a list of texts that the reader must know before anything else.
 const WARNINGS: &str = "warnings";
 
-/// What makes this run another than it seems: at the top, in red. Nothing where there is nothing.
+/// Returns the warnings on how this run differs from what it seems to be: at the top of the page, in red. Empty if
+/// there are none.
 pub fn warnings(run: &Value) -> Markup {
     let list = run.get(WARNINGS).and_then(Value::as_array).filter(|list| !list.is_empty());
     html! { @if let Some(list) = list { ul.warnings { @for text in list { li { (plain(text)) } } } } }
 }
 
-/// The section's HTML.
+/// Returns the section.
 pub fn section(run: &Value) -> Markup {
     let mut rows = Vec::new();
     if let Value::Object(fields) = run {
@@ -46,7 +47,7 @@ pub fn section(run: &Value) -> Markup {
     }
 }
 
-/// The command as one line, whether written as text or as a list of words.
+/// Formats the command as one line, whether it is given as text or as a list of words.
 pub fn command_line(value: &Value) -> Option<String> {
     match value {
         Value::String(text) => Some(text.clone()),
@@ -55,12 +56,12 @@ pub fn command_line(value: &Value) -> Option<String> {
     }
 }
 
-/// Words as a line that a shell takes.
+/// Joins words to a line that a shell accepts.
 pub fn line(words: &[String]) -> String {
     words.iter().map(|word| quoted(word)).collect::<Vec<_>>().join(" ")
 }
 
-/// A word as a shell needs it.
+/// Quotes a word for a shell if needed.
 fn quoted(word: &str) -> String {
     let safe = |c: char| c.is_ascii_alphanumeric() || "-_./=:,@%+".contains(c);
     if !word.is_empty() && word.chars().all(safe) {
@@ -83,12 +84,12 @@ fn flatten(key: &str, value: &Value, rows: &mut Vec<(String, String)>) {
     }
 }
 
-/// A key as a reader sees it.
+/// Makes a key readable.
 fn reading(key: &str) -> String {
     key.replace('_', " ")
 }
 
-/// A value without JSON's quotes.
+/// Formats a value without JSON's quotes.
 fn plain(value: &Value) -> String {
     match value {
         Value::String(text) => text.clone(),

@@ -1,7 +1,7 @@
-//! The look of the page and of its figures: one palette, light and dark, for both.
+//! Style of the page and of its figures: one palette, light and dark, for both.
 
-/// The palette, and what only figures need. Goes into the page once and into every figure that stands alone.
+/// Palette and rules of figures. It is included once in the page, and in every standalone figure.
 pub const FIGURE: &str = include_str!("../data/figure.css");
 
-/// What only the page needs.
+/// Rules of the page alone.
 pub const PAGE: &str = include_str!("../data/page.css");

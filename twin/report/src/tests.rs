@@ -1,4 +1,4 @@
-//! The report as a whole, on made-up records.
+//! Tests of the report as a whole, on made-up records.
 
 use std::collections::BTreeSet;
 
@@ -8,7 +8,7 @@ use serde_json::json;
 
 use super::*;
 
-/// A made-up benchmark in which blind trials collide more the higher the combination's number is.
+/// Makes up a benchmark in which blind trials collide more often the higher the combination's number is.
 pub(crate) fn made_up(combinations: usize, trials: usize) -> Vec<TrialRecord> {
     const OBJECTS: [&str; 6] = ["egg", "can_50", "tennis_ball", "mug <small>", "box & lid", "bottle"];
     let mut records = Vec::new();
@@ -46,7 +46,7 @@ pub(crate) fn made_up(combinations: usize, trials: usize) -> Vec<TrialRecord> {
                     risk: (condition == Condition::Blind)
                         .then(|| f64::from(u8::from(contact)) * 0.6 + 0.02 * trial as f64),
                     reason: "made up".into(),
-                    // Predicted as it happens; touch finds a clear way.
+                    // The prediction comes true; touch finds a collision-free way.
                     plan_separation_mm: (condition != Condition::Reflex).then_some(if contact { -2.0 } else { 4.0 }),
                     chosen_separation_mm: (condition == Condition::Touch).then_some(4.0),
                     pose_error_mm: (condition == Condition::Touch).then_some(0.5 + 0.31 * trial as f64),
@@ -63,7 +63,7 @@ pub(crate) fn made_up(combinations: usize, trials: usize) -> Vec<TrialRecord> {
     records
 }
 
-/// Writes the report of `records` into `folder` and reads it back: page, collision, success.
+/// Writes the report of `records` into `folder` and reads it back: page, contact figure, figure of clean success.
 fn report_in(folder: &Path, records: &[TrialRecord]) -> [String; 3] {
     let summary =
         summarise(records, &[], &RunInfo { seed: 42, robot: "sim".into(), wall_s: 754.6, decision_budget: None });
@@ -89,7 +89,7 @@ fn report(records: &[TrialRecord]) -> [String; 3] {
     files
 }
 
-/// Dots in a drawing in the colour of a name of the style sheet.
+/// Counts the dots in a drawing that have the colour of a name of the style sheet.
 fn dots(svg: &str, name: &str) -> usize {
     let colour = format!("fill=\"var(--{name})\"");
     svg.split("<circle ").skip(1).filter(|dot| dot.split_once('>').unwrap().0.contains(&colour)).count()
@@ -108,7 +108,8 @@ fn every_combination_is_a_dot_of_every_condition() {
     assert_eq!(before_risk.matches("<circle ").count(), 480 + 480);
 }
 
-/// Panels c and d have ours by both counts beside the paper's; a run without the predicted separations says that they are missing.
+/// Panels c and d show our values by both counts beside the paper's. A run without predicted separations says that they
+/// are missing.
 #[test]
 fn the_papers_panels_are_drawn_by_both_counts() {
     let section = |records: &[TrialRecord]| {
@@ -163,7 +164,7 @@ fn the_summarys_numbers_are_on_the_page() {
     assert!(page.contains("<strong>Touch raises clean success over blind; that its images are needed"), "{page}");
 }
 
-/// A policy of the user's own has its column, row and boxes where it was played, and none where it was not.
+/// A policy of the user's own has its column, row and boxes if it was played, and none if it was not.
 #[test]
 fn a_policy_of_ones_own_is_one_more_condition() {
     let mut records = made_up(6, 2);
@@ -220,8 +221,8 @@ fn little_or_nothing_still_makes_a_report() {
     }
 }
 
-/// Every non-empty set of the conditions makes a report that names those that were played, compares those of which both were played and
-/// nothing else.
+/// Every non-empty subset of the conditions makes a report that names the conditions played, compares those of which
+/// both were played, and nothing else.
 #[test]
 fn nothing_is_said_of_conditions_that_were_not_played() {
     let all = made_up(6, 2);
@@ -251,7 +252,7 @@ fn nothing_is_said_of_conditions_that_were_not_played() {
     }
 }
 
-/// Two combinations that agree once had "its images are needed for that" on p < 10⁻³⁰⁰.
+/// Regression test: two combinations that agree once gave the verdict "its images are needed for that" on p < 10⁻³⁰⁰.
 #[test]
 fn two_combinations_have_no_verdict() {
     for (combinations, reason) in

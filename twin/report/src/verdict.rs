@@ -1,4 +1,4 @@
-//! The headline of the page: what came out, in words, of the conditions that were played.
+//! Headline of the page: the results in words, of the conditions that were played.
 
 use maud::{Markup, html};
 use scenarios::summary::Summary;
@@ -9,10 +9,10 @@ use super::comparisons::{self, Comparison};
 use super::findings::{Rate, outcome};
 use super::html::number;
 
-/// A difference counts as shown below this chance of its being none.
+/// Significance level: a difference counts as shown if p is below it.
 const LEVEL: f64 = 0.05;
 
-/// The paragraph.
+/// Returns the paragraph.
 pub fn section(summary: &Summary, records: &[TrialRecord]) -> Markup {
     if records.is_empty() {
         return html! { p.verdict.short { "No finished trial yet: there is nothing to report." } };
@@ -27,7 +27,7 @@ pub fn section(summary: &Summary, records: &[TrialRecord]) -> Markup {
     }
 }
 
-/// What the tests show, if anything was tested, and whether that is all that was asked.
+/// Returns the conclusion of the tests, or the reason why there is none, and true if every tested difference is shown.
 fn headline(compared: &[Comparison]) -> (Option<String>, bool) {
     let said = [
         (
@@ -78,12 +78,12 @@ fn percent(rate: Option<f64>) -> String {
     format!("{} %", number(rate.map_or(f64::NAN, |rate| rate * 100.0), 1))
 }
 
-/// The words of a test's outcome, or why there is none.
+/// Formats a test's outcome, or the reason why there is none.
 fn tested(test: &TTest) -> String {
     outcome(test).unwrap_or_else(|| format!("not tested: {}", test.reason().unwrap_or_default()))
 }
 
-/// `a, b and c`.
+/// Joins words as in `a, b and c`.
 fn listed(parts: &[String]) -> String {
     match parts {
         [] => String::new(),

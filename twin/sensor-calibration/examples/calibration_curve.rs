@@ -1,6 +1,6 @@
-//! Error of a calibration by number of presses, as in recordings/log/own-sensor.md: odd presses of a folder are held out, and of the even
-//! ones 3, 6, 12, 24 ... are learned from, evenly chosen.
-//! `cargo run --release -p sensor-calibration --example calibration_curve -- FOLDER BALL_DIAMETER_MM PIXEL_MM`.
+//! Error of a calibration against the number of presses, as in recordings/log/own-sensor.md. Odd presses of a folder
+//! are held out; training uses 3, 6, 12, 24 ... evenly chosen ones of the even presses. `cargo run --release -p
+//! sensor-calibration --example calibration_curve -- FOLDER BALL_DIAMETER_MM PIXEL_MM`.
 
 use std::path::PathBuf;
 

@@ -1,8 +1,10 @@
-//! A real sensor's image-formation model and way from colours to slopes, from presses of a ball.
+//! Calibration of a real sensor from presses of a ball: its image-formation model, and its photometry, the mapping from
+//! colours to slopes.
 //!
-//! [`presses`] reads, and leaves out what is out of line before anything is fitted; [`misfits`] tells what the fitted model cannot
-//! explain. [`folds`] hold presses out, whose figures decide whether the calibration may be used; what is written is learned from all
-//! presses. [`scale`] finds the size of a pixel, [`sheet`] shows the presses, and [`figures`] tells what was found.
+//! [`presses`] reads the presses and rejects outliers before anything is fitted; [`misfits`] finds presses that the
+//! fitted model cannot explain. [`folds`] holds presses out in turn; their errors decide whether the calibration may be
+//! used, while the written files are learned from all presses. [`scale`] finds the size of a pixel, [`sheet`] shows the
+//! presses, and [`figures`] reports the results.
 
 pub mod figures;
 pub mod folds;
@@ -28,57 +30,58 @@ use super::reconstruction::{Method, Photometry};
 
 pub use folds::Split;
 
-/// The fit without a part of the model.
+/// Result of a fit that leaves out a part of the model.
 struct Ablation {
     model: &'static str,
     residual_grey: f64,
-    /// On the held-out presses.
+    /// Similarity of renders to the held-out presses.
     similarity: Option<Views>,
 }
 
-/// A fitted sensor and how well it renders and reconstructs presses that it has not seen.
+/// A fitted sensor, with its quality in rendering and reconstructing presses that it has not seen.
 pub struct CalibrationRun {
-    /// To all presses.
+    /// Fit to all presses.
     fit: BallFit,
     photometry: Photometry,
-    /// Renders of presses that were held out.
+    /// Quality of the renders of held-out presses.
     held_out: Option<HeldOut>,
-    /// The same on the image's grid: the fit renders with round profiles, the renderer for other objects works on the grid.
+    /// The same rendered on the image's grid: the fit renders with round profiles, whereas the renderer of other
+    /// objects works on the grid.
     on_grid: Option<HeldOut>,
-    /// The same on one frame of the untouched gel instead of the mean of several.
+    /// The same with a single frame of the untouched gel in place of the mean of several.
     on_single_background: Option<HeldOut>,
     ablations: Vec<Ablation>,
-    /// What told the size of a pixel.
+    /// Source of the pixel size.
     source: PixelSource,
-    /// Images that were left out, and why.
+    /// Rejected images, with the reasons.
     left_out: Vec<(String, String)>,
     tiles: Vec<Tile>,
-    /// Presses fitted, held out once, and found in their images without a label.
+    /// Numbers of presses: fitted, held out once, and found in their images without a label.
     presses: [usize; 3],
     single_lamp_images: usize,
     checkerboards: Option<LensFit>,
 }
 
-/// How to fit.
+/// Options of a fit.
 #[derive(Debug, Clone, Copy)]
 pub struct FitOptions {
-    /// Which presses are held out for the figures.
+    /// Choice of the held-out presses.
     pub split: Split,
-    /// Fit again without each part of the model.
+    /// True to fit again without each part of the model.
     pub ablation: bool,
 }
 
-/// Rounds in which misfits are left out.
+/// Maximum number of rounds that reject misfits.
 const ROUNDS: usize = 3;
-/// Pixels of all presses that a fit uses, about: more presses need fewer of each.
+/// Approximate number of pixels that a fit uses of all presses together: the more presses, the fewer pixels of each.
 const PIXELS: usize = 8400;
 const LEAST_PIXELS: usize = 150;
-/// Steps of the fits that figures come from.
+/// Steps of the fits to folds.
 const FOLD_STEPS: [usize; 2] = [8, 14];
 
 impl CalibrationRun {
-    /// Fits the model to the presses, without those that it cannot explain. `learned` is called after each pass of a network over the
-    /// presses.
+    /// Fits the model to the presses, without those that it cannot explain. `learned` is called after each epoch of the
+    /// training of a network.
     pub fn fit(presses: CheckedPresses, options: &FitOptions, seed: u64, learned: &(dyn Fn() + Sync)) -> Result<Self> {
         let mut presses = presses;
         let PixelSize { size, interval } =
@@ -132,13 +135,14 @@ impl CalibrationRun {
         })
     }
 
-    /// Writes the calibration file, with the untouched gel's image and the way from colours to slopes beside it.
+    /// Writes the calibration file, and beside it the untouched gel's image and the photometry (the mapping from
+    /// colours to slopes).
     pub fn write(&self, path: &Path) -> Result<()> {
         SensorCalibration::write(&self.fit, path)?;
         self.photometry.write(path)
     }
 
-    /// In which respect the calibration falls short, so that it must not be used: it is no better than doing nothing.
+    /// Returns the reason why the calibration must not be used, if there is one: it is no better than doing nothing.
     pub fn shortfall(&self) -> Option<String> {
         let Some(HeldOut { rendered, floor, .. }) = &self.held_out else {
             return Some("no press could be held out: there is no figure for the quality of the fit".to_owned());
@@ -161,7 +165,7 @@ impl CalibrationRun {
         sheet::draw(&self.tiles)
     }
 
-    /// What a user has to know beside the result.
+    /// Returns warnings that a user needs to know with the result.
     pub fn warnings(&self) -> Vec<String> {
         let mut warnings: Vec<String> =
             self.left_out.iter().map(|(name, reason)| format!("{name} left out: {reason}")).collect();
@@ -186,7 +190,7 @@ impl CalibrationRun {
     }
 }
 
-/// The effort of a fit to so many presses.
+/// Returns the effort of a fit to this number of presses.
 fn effort_for(presses: usize) -> Effort {
     let most = Effort::default().per_press;
     Effort { per_press: (PIXELS / presses.max(1)).clamp(LEAST_PIXELS, most), ..Effort::default() }
@@ -201,7 +205,7 @@ fn tiles(folder: &PressFolder, fit: &BallFit) -> Vec<Tile> {
     tiles
 }
 
-/// Renders of the first fold's presses on the image's grid, and on a single frame of the untouched gel.
+/// Evaluates renders of the first fold's presses on the image's grid, and on a single frame of the untouched gel.
 fn on_other_renders(folds: &[Fold], judged: &[Judged]) -> Result<(Option<HeldOut>, Option<HeldOut>)> {
     let (Some(fold), Some(Judged { fit, .. })) = (folds.first(), judged.first()) else { return Ok((None, None)) };
     let sensor = sensor_of(fit)?;
@@ -211,7 +215,7 @@ fn on_other_renders(folds: &[Fold], judged: &[Judged]) -> Result<(Option<HeldOut
     Ok((on_grid, fit.on_background(single).evaluate(&fold.held_out)))
 }
 
-/// The first fold's fit without each part of the model.
+/// Repeats the first fold's fit without each part of the model.
 fn ablations(folds: &[Fold], judged: &[Judged], size: f64, effort: &Effort, seed: u64) -> Vec<Ablation> {
     let (Some(fold), Some(Judged { fit, .. })) = (folds.first(), judged.first()) else { return Vec::new() };
     let without = |(model, assumptions)| {

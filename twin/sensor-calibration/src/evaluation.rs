@@ -1,5 +1,5 @@
-//! A calibration on presses it has not seen, the gel's response to the paper's probe, and whether the fit recovers a known
-//! sensor.
+//! Evaluations: of a calibration on presses that it has not seen, of the gel's response to the paper's probe, and of
+//! the fit's ability to recover a known sensor.
 
 use std::path::Path;
 
@@ -17,15 +17,15 @@ use serde::Serialize;
 use super::calibration::presses;
 use super::reconstruction::{Accuracy, Photometry};
 
-/// Presses fitted in the rows of the recovery table.
+/// Numbers of fitted presses in the rows of the recovery table.
 const RECOVERY_ROWS: [usize; 5] = [1, 2, 4, 8, 16];
-/// Noise of its images, grey levels.
+/// Noise of the images for the recovery table, grey levels.
 const RECOVERY_NOISE: f64 = 1.0;
 
-/// A gel under the paper's probe.
+/// Response of a gel to the paper's probe.
 #[derive(Debug, Clone, Serialize, JsonSchema)]
 pub struct GelResponse {
-    /// The gel, or the law of its pressure.
+    /// Name of the gel, or of its pressure law.
     pub gel: &'static str,
     /// Sensitivity below 50 kPa.
     pub below_50_kpa: Sensitivity,
@@ -35,7 +35,8 @@ pub struct GelResponse {
     pub points: Vec<ProbePoint>,
 }
 
-/// The paper's probe on its gel, on the hand's, and on the two gels that explain their difference.
+/// Computes the response to the paper's probe for the paper's gel, for the hand's, and for the two gels that explain
+/// their difference.
 pub fn gel_responses(hand: &Hand) -> Vec<GelResponse> {
     let winkler = Foundation::winkler(&hand.gel());
     let stiff = Foundation { modulus: WINKLER_LIKE_PAPER, ..winkler };
@@ -62,7 +63,8 @@ pub fn gel_responses(hand: &Hand) -> Vec<GelResponse> {
         .collect()
 }
 
-/// Whether the paper's law gives the paper's two sensitivities within 5 %, as straight as in the paper.
+/// True if the paper's law reproduces the paper's two sensitivities within 5 %, with at least the paper's linearity
+/// (R2).
 pub fn reproduces_paper(rows: &[GelResponse]) -> bool {
     let good = |found: Sensitivity, slope: f64, r_squared: f64| {
         (found.per_kpa / slope - 1.0).abs() < 0.05 && found.r_squared >= r_squared
@@ -72,7 +74,7 @@ pub fn reproduces_paper(rows: &[GelResponse]) -> bool {
         .all(|row| good(row.below_50_kpa, 0.48, 0.973) && good(row.to_160_kpa, 0.30, 0.967))
 }
 
-/// Sensitivities of each gel, a line each.
+/// Formats the sensitivities of each gel, one line each.
 pub fn response_table(rows: &[GelResponse]) -> String {
     let line = |row: &GelResponse| {
         let (low, all) = (row.below_50_kpa, row.to_160_kpa);
@@ -84,7 +86,7 @@ pub fn response_table(rows: &[GelResponse]) -> String {
     rows.iter().map(line).collect()
 }
 
-/// Fits to made-up presses of a known sensor, without and with images of its single lamps.
+/// Fits to synthetic presses of a known sensor, without and with images of its single lamps.
 pub fn recoveries(seed: u64) -> Vec<Recovery> {
     let effort = Effort { steps: [25, 25], ..Effort::default() };
     RECOVERY_ROWS
@@ -94,7 +96,7 @@ pub fn recoveries(seed: u64) -> Vec<Recovery> {
         .collect()
 }
 
-/// Errors of the fits, a line each.
+/// Formats the errors of the fits, one line each.
 pub fn recovery_table(rows: &[Recovery]) -> String {
     let mut text = "presses  single lamps  held-out grey  lamp deg  lamp mm  roughness  response  kernel\n".to_owned();
     for row in rows {
@@ -113,19 +115,20 @@ pub fn recovery_table(rows: &[Recovery]) -> String {
     text
 }
 
-/// Presses of a folder or a video, rendered with a calibration.
+/// Evaluation of a calibration on the presses of a folder or a video.
 pub struct RenderedPresses {
     pub presses: usize,
-    /// Mean over the presses, of whole images.
+    /// Similarity of whole images, mean over the presses.
     pub similarity: Similarity,
-    /// Errors of their surfaces, by look-up and by the network, if the way from colours to slopes is beside the calibration.
+    /// Errors of reconstructed surfaces, by look-up and by the network, if the photometry file is beside the
+    /// calibration.
     pub surfaces: Option<[Accuracy; 2]>,
-    /// Images that cannot be used.
+    /// Unusable images.
     pub left_out: Vec<LeftOut>,
 }
 
-/// Renders the presses of `folder` with the calibration in `file`. `diameter` is the ball's (m) where the labels do not say it, and
-/// `background` the untouched gel's image if it is not called so.
+/// Renders the presses of `folder` with the calibration in `file`. `diameter` is the ball's (m) for presses whose
+/// labels do not give it. `background` is the image of the untouched gel if it is not called `background`.
 pub fn similarity_to_presses(
     file: &Path,
     folder: &Path,

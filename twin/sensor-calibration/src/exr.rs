@@ -1,4 +1,4 @@
-//! OpenEXR images: one part, scan lines, 32-bit numbers, not compressed.
+//! Writer of OpenEXR images: one part, scan lines, 32-bit floats, uncompressed.
 //!
 //! Written by hand: the crate `exr` turns on features of `pulp`, which chooses the SIMD code of the optics.
 
@@ -6,7 +6,7 @@ use std::path::Path;
 
 use anyhow::{Context, Result};
 
-/// Writes channels (name and row-major values, one a pixel) of an image `width` pixels wide.
+/// Writes the channels (name and row-major values, one per pixel) of an image `width` pixels wide.
 pub fn write(path: &Path, width: usize, channels: &[(&str, Vec<f32>)]) -> Result<()> {
     platform::file::write_whole(path, &encode(width, channels)).with_context(|| path.display().to_string())
 }
@@ -14,7 +14,7 @@ pub fn write(path: &Path, width: usize, channels: &[(&str, Vec<f32>)]) -> Result
 fn encode(width: usize, channels: &[(&str, Vec<f32>)]) -> Vec<u8> {
     const FLOAT: i32 = 2;
     let height = channels.first().map_or(0, |(_, values)| values.len() / width.max(1));
-    // The format wants channels in the order of their names.
+    // The format requires channels in the order of their names.
     let mut channels: Vec<&(&str, Vec<f32>)> = channels.iter().collect();
     channels.sort_by_key(|(name, _)| *name);
     let mut list = Vec::new();

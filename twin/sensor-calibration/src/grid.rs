@@ -1,14 +1,14 @@
-//! Photos of any size on the grid of the pads' images, and back.
+//! Resampling of photos of any size to the grid of the pads' images, and back.
 //!
-//! A photo is averaged onto 240 x 240 pixels, so that photometric stereo runs on it as it does on a pad; what it finds is
-//! interpolated between those pixels' middles.
+//! A photo is averaged onto 240 x 240 pixels, so that photometric stereo runs on it as it does on a pad. The results
+//! are interpolated between the centres of those pixels.
 
 use std::sync::Arc;
 
 use hand_model::pads::IMAGE_SIZE as N;
 use hand_model::robot::TactileImage;
 
-/// A photo's size, which the pads' grid covers.
+/// Size of a photo that the pads' grid covers.
 #[derive(Debug, Clone, Copy)]
 pub struct Grid {
     /// Columns of the photo.
@@ -18,12 +18,12 @@ pub struct Grid {
 }
 
 impl Grid {
-    /// Size of a pixel of the pads' grid, given the photo's.
+    /// Converts the photo's pixel size to that of the pads' grid (dx, dy).
     pub fn pixel(self, pixel: f64) -> (f64, f64) {
         (pixel * self.width as f64 / N as f64, pixel * self.height as f64 / N as f64)
     }
 
-    /// Column and row of the photo in the middle of pixel `i` of the pads' grid.
+    /// Returns column and row of the photo at the centre of pixel `i` of the pads' grid.
     pub fn center(self, i: usize) -> (f64, f64) {
         let at = |k: usize, size: usize| (k as f64 + 0.5) * size as f64 / N as f64 - 0.5;
         (at(i % N, self.width), at(i / N, self.height))
@@ -35,7 +35,7 @@ impl Grid {
         Arc::new(TactileImage { rgb })
     }
 
-    /// Means over the pixels of the pads' grid, by the area that each pixel of the photo covers of them.
+    /// Averages over each pixel of the pads' grid, weighted by the area that each of the photo's pixels covers of it.
     pub fn averaged(self, values: &[f32], channels: usize) -> Vec<f32> {
         let (columns, rows) = (shares(self.width), shares(self.height));
         let mut sums = vec![0.0f32; self.height * N * channels];
@@ -61,7 +61,8 @@ impl Grid {
         means
     }
 
-    /// Values on the pads' grid, interpolated at the photo's pixels; beyond the outermost middles they are those at the border.
+    /// Interpolates values on the pads' grid at the photo's pixels. Beyond the outermost pixel centres the border
+    /// values are kept.
     pub fn spread(self, values: &[f32]) -> Vec<f32> {
         let at = |k: usize, size: usize| {
             let place = ((k as f64 + 0.5) * N as f64 / size as f64 - 0.5).clamp(0.0, (N - 1) as f64);
@@ -81,7 +82,7 @@ impl Grid {
     }
 }
 
-/// For each of the grid's columns, which of `size` columns it covers, and how much of it each is.
+/// Returns for each column of the grid the covered ones of `size` columns, with the share of each.
 fn shares(size: usize) -> Vec<Vec<(usize, f32)>> {
     let step = size as f64 / N as f64;
     (0..N)
@@ -105,10 +106,10 @@ mod tests {
         let small = grid.averaged(&ramp, 1);
         for i in [0, 239, 1234, N * N - 1] {
             let (column, row) = grid.center(i);
-            // A photo's pixel that is covered in part counts with its own place.
+            // A partly covered pixel of the photo counts with its own position.
             assert!((f64::from(small[i]) - column - 10.0 * row).abs() < 0.1, "{i}: {} {column} {row}", small[i]);
         }
-        // Interpolated back, the ramp is where it was, but for the outermost pixels.
+        // After interpolation back, the ramp is unchanged except for the outermost pixels.
         let back = grid.spread(&small);
         for (column, row) in [(5, 7), (320, 240), (633, 471)] {
             let found = f64::from(back[row * 640 + column]);

@@ -1,12 +1,14 @@
-//! Calibration of tactile sensors: image formation from presses of a ball, and the surface in a calibrated sensor's images.
+//! Calibration of tactile sensors: the image-formation model from presses of a ball, and surface reconstruction from
+//! the images of a calibrated sensor.
 //!
-//! [`calibration`] fits a real sensor's model to presses and renders those held out; [`evaluation`] compares a calibration with images, the
-//! gel with the paper's probe, and fits with a known sensor. [`reconstruction`] finds the surface in a real sensor's images, on the [`grid`]
-//! of the pads' images. [`pad_calibration`] fits the photometric model of a hand's pads, and [`pad_forces`] compares forces from images with
-//! the physics engine's.
+//! [`calibration`] fits a real sensor's model to presses and renders held-out ones. [`evaluation`] compares a
+//! calibration with images, the gel with the paper's probe, and fits with a known sensor. [`reconstruction`] computes
+//! the surface from a real sensor's images, on the [`grid`] of the pads' images. [`pad_calibration`] fits the
+//! photometric model of a hand's pads, and [`pad_forces`] compares force estimates from images with the forces of the
+//! physics engine.
 //!
-//! Presses come from [`real_presses`] and [`pressed_shapes`]. [`render`] presses a mesh into a pad, [`shape_sheet`] twenty known shapes;
-//! [`exr`] and [`npy`] write what they show as numbers, and [`video`] reads frames.
+//! Presses come from [`real_presses`] and [`pressed_shapes`]. [`render`] presses a mesh into a pad, [`shape_sheet`]
+//! twenty known shapes. [`exr`] and [`npy`] write numeric files, and [`video`] reads frames.
 
 pub mod calibration;
 pub mod evaluation;
@@ -25,7 +27,7 @@ pub mod video;
 use hand_model::Hand;
 use hand_model::pads::Camera;
 
-/// Serial number of a camera's sensor in hand `unit`, as the tactile board numbers them.
+/// Returns the serial number of a camera's sensor in hand `unit`, as the tactile board numbers them.
 fn sensor_serial(hand: &Hand, unit: u64, camera: &Camera) -> u64 {
     let index = hand.cameras.iter().position(|other| other.name == camera.name).unwrap_or(0);
     unit.wrapping_mul(1000).wrapping_add(index as u64)

@@ -1,17 +1,17 @@
-//! Arrays as NumPy reads them (format 1.0, little endian, C order).
+//! Writer of NumPy arrays (format 1.0, little endian, C order).
 
 use std::path::Path;
 
 use anyhow::{Context, Result};
 
-/// Writes 32-bit numbers of this shape.
+/// Writes an array of 32-bit floats of this shape.
 pub fn write(path: &Path, values: &[f32], shape: &[usize]) -> Result<()> {
     let mut bytes = header(shape);
     bytes.extend(values.iter().flat_map(|value| value.to_le_bytes()));
     platform::file::write_whole(path, &bytes).with_context(|| path.display().to_string())
 }
 
-/// Magic, version, and a dictionary padded so that the data start at a multiple of 64.
+/// Returns the header: magic, version, and a dictionary padded so that the data start at a multiple of 64.
 fn header(shape: &[usize]) -> Vec<u8> {
     let shape: String = shape.iter().map(|n| format!("{n}, ")).collect();
     let mut text = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({}), }}", shape.trim_end());
@@ -29,7 +29,7 @@ fn header(shape: &[usize]) -> Vec<u8> {
 mod tests {
     use super::*;
 
-    /// The parts of a file by NumPy's format description (NEP 1): the header's text, and what follows it.
+    /// Splits a file by NumPy's format description (NEP 1) into the header's text and the data.
     fn parts(bytes: &[u8]) -> (&str, &[u8]) {
         assert_eq!(&bytes[..8], b"\x93NUMPY\x01\x00");
         let (text, data) = bytes[10..].split_at(usize::from(u16::from_le_bytes([bytes[8], bytes[9]])));

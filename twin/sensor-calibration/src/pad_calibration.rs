@@ -1,5 +1,5 @@
-//! `ftac touch train`: the calibration a lab makes with a ball on an XYZ stage, made with the simulated sensors: balls of
-//! known diameter pressed at known places into one *other* hand unit than the one that runs the trials.
+//! `ftac touch train`: simulated version of a laboratory calibration with a ball on an XYZ stage. Balls of known
+//! diameter are pressed at known positions into a hand unit *other* than the one that runs the trials.
 
 use anyhow::{Context, Result};
 use hand_model::Hand;
@@ -14,7 +14,7 @@ use crate::pressed_shapes::{Place, Relief, ball, press_into};
 /// Radii of the calibration balls, m.
 const BALL_RADII: [f64; 3] = [0.004, 0.010, 0.022];
 
-/// Presses of balls at random places of every camera.
+/// Presses balls at random positions of every camera.
 pub fn presses(hand: &Hand, board: &TactileBoard, per_camera: usize, seed: u64) -> Result<Vec<CalibrationPress>> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut presses = Vec::new();
@@ -33,7 +33,8 @@ pub fn presses(hand: &Hand, board: &TactileBoard, per_camera: usize, seed: u64) 
     Ok(presses)
 }
 
-/// Fits a calibration on `per_camera` presses a camera of unit `serial` and evaluates it on as many of another unit.
+/// Fits a calibration to `per_camera` presses per camera of unit `serial`, and evaluates it on half as many of another
+/// unit.
 pub fn train(hand: &Hand, serial: u64, per_camera: usize, seed: u64) -> Result<(PhotometricCalibration, AngularError)> {
     let calibration =
         PhotometricCalibration::fit(hand, &presses(hand, &TactileBoard::unit(hand, serial), per_camera, seed)?)

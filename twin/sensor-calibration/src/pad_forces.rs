@@ -1,4 +1,5 @@
-//! Normal forces of pads from their images, beside the physics engine's: a ball, rods and a box gripped on the test stand.
+//! Normal forces of pads estimated from their images, compared with the physics engine's: a ball, rods and a box
+//! gripped on the test stand.
 
 use std::sync::Arc;
 
@@ -15,37 +16,37 @@ use world::Shape;
 
 /// Cable tensions of the grips, N.
 const TENSIONS: [f64; 4] = [6.0, 12.0, 25.0, 50.0];
-/// How far the thumb opposes, rad, and the time to close, s.
+/// Opposition angle of the thumb, rad, and time to close, s.
 const OPPOSITION: f64 = 1.0;
 const CLOSE: f64 = 2.0;
-/// Hand unit, as in trials.
+/// Serial number of the hand unit, as in trials.
 const UNIT: u64 = 7;
-/// Forces below this are left out, N: the simulated board leaves such pads idle.
+/// Minimum force, N. Smaller ones are left out, because the simulated board leaves such pads idle.
 const LEAST: f64 = 0.02;
 
-/// One pad in one grip.
+/// Force on one pad in one grip.
 #[derive(Debug, Clone, Serialize, JsonSchema)]
 pub struct PadForce {
-    /// What is gripped.
+    /// Name of the gripped object.
     pub object: &'static str,
     /// Cable tension, N.
     pub tension: f64,
     pub pad: String,
     /// Normal force by the physics engine, N.
     pub engine: f64,
-    /// Normal force by the image, N.
+    /// Normal force estimated from the image, N.
     pub image: f64,
 }
 
-/// How well both forces agree over all grips.
+/// Agreement of both forces over all grips.
 #[derive(Debug, Clone, Serialize, JsonSchema)]
 pub struct Agreement {
     pub pads: usize,
-    /// Loaded pads whose image shows nothing.
+    /// Loaded pads whose image shows no touch.
     pub unfelt: usize,
-    /// Median of image over engine, of those that feel something.
+    /// Median ratio of image force to engine force, over the pads that feel something.
     pub median_ratio: f64,
-    /// Median of the difference's size over the engine's force.
+    /// Median relative error: absolute difference over the engine's force.
     pub median_relative_error: f64,
     /// Correlation of both forces.
     pub correlation: f64,
@@ -54,18 +55,18 @@ pub struct Agreement {
 struct Gripped {
     name: &'static str,
     shape: Shape,
-    /// Half its height over the palm, m.
+    /// Half of the object's height above the palm, m.
     half: f64,
 }
 
-/// The hand on the test stand, its simulated cameras, and the pipeline that reads them.
+/// Setup: the hand on the test stand, its simulated cameras, and the pipeline that reads them.
 struct Grips {
     hand: Arc<Hand>,
     board: TactileBoard,
     touch: TouchPipeline,
 }
 
-/// Grips every object at every tension, and feels it by `calibration`.
+/// Grips every object at every tension, and estimates forces with `calibration`.
 pub fn grip_all(hand: &Arc<Hand>, calibration: PhotometricCalibration) -> Result<Vec<PadForce>> {
     let hand = hand.clone();
     let board = TactileBoard::unit(&hand, UNIT);
@@ -122,11 +123,11 @@ impl Grips {
     }
 }
 
-/// The engine's contact forces summed over each pad, N; `pads` are their poses in the palm frame.
+/// Sums the engine's contact forces over each pad, N; `pads` are the pads' poses in the palm frame.
 fn pad_loads(hand: &Hand, stand: &HandStand, pads: &[Isometry3<f64>]) -> Vec<f64> {
     let mut forces = vec![0.0; pads.len()];
     for contact in stand.contacts() {
-        // As the simulated robot has it: on the pad's surface, and from outside.
+        // As in the simulated robot: a contact counts if it is on the pad's surface and pushes from outside.
         let outward = contact.force.normalize();
         let on = hand.pads.iter().zip(pads).position(|(pad, palm_from_pad)| {
             let local = palm_from_pad.inverse_transform_point(&contact.point);
@@ -140,7 +141,7 @@ fn pad_loads(hand: &Hand, stand: &HandStand, pads: &[Isometry3<f64>]) -> Vec<f64
     forces
 }
 
-/// Every pad of every grip, a line each, and their agreement.
+/// Formats every pad of every grip, one line each, and the agreement.
 pub fn table(rows: &[PadForce], all: &Agreement) -> String {
     let mut text = format!("{:12} {:>9} {:20} {:>9} {:>9}\n", "object", "tension N", "pad", "engine N", "image N");
     for row in rows {
@@ -157,7 +158,7 @@ pub fn table(rows: &[PadForce], all: &Agreement) -> String {
     text
 }
 
-/// How well both agree; `None` without rows.
+/// Computes the agreement of both forces; `None` without rows.
 pub fn agreement(rows: &[PadForce]) -> Option<Agreement> {
     let median = |mut values: Vec<f64>| {
         values.sort_by(f64::total_cmp);

@@ -1,4 +1,4 @@
-//! Presses of known shapes into simulated pads: what networks learn from and what normals are measured on.
+//! Presses of known shapes into simulated pads: training data of networks, and test data of normals.
 
 use anyhow::{Context, Result};
 use hand_model::Hand;
@@ -11,50 +11,50 @@ use rayon::prelude::*;
 use sim::tactile::TactileBoard;
 use touch::CalibrationPress;
 
-/// Shapes that nothing is ever trained on.
+/// Shapes that are never trained on.
 pub const UNSEEN: [&str; 4] = ["dots", "moon", "prism", "wave1"];
-/// Radii of the balls that are pressed beside the shapes, m.
+/// Radii of the balls pressed in addition to the shapes, m.
 const BALLS: [f64; 4] = [0.004, 0.008, 0.015, 0.025];
-/// Normal forces, N.
+/// Range of normal forces, N.
 const FORCES: std::ops::Range<f64> = 0.4..5.0;
 
-/// Height (m) of the lowest points of something over its own plane.
+/// Height map of an object's underside: height (m) of its lowest points above its own plane; `None` outside the object.
 pub type Relief = Box<dyn Fn(f64, f64) -> Option<f64> + Sync + Send>;
 
-/// All shapes and balls that may be trained on.
+/// Returns all shapes and balls that may be trained on.
 pub fn seen() -> Vec<Relief> {
     let shapes = SHAPES.iter().filter(|(name, _)| !UNSEEN.contains(name));
     let shapes = shapes.map(|(_, relief)| Box::new(relief) as Relief);
     shapes.chain(BALLS.map(|radius| Box::new(move |x, y| ball(radius, x, y)) as Relief)).collect()
 }
 
-/// A shape of [`UNSEEN`] or any other by its name.
+/// Returns a shape by its name, those of [`UNSEEN`] included.
 pub fn named(name: &str) -> Option<Relief> {
     SHAPES.iter().find(|(known, _)| *known == name).map(|(_, relief)| Box::new(relief) as Relief)
 }
 
-/// Height of a ball's lower half over the plane it lies on.
+/// Returns the height of a ball's lower half above the plane it lies on, m; `None` outside the ball.
 pub fn ball(radius: f64, x: f64, y: f64) -> Option<f64> {
     let inside = radius * radius - x * x - y * y;
     (inside > 0.0).then(|| radius - inside.sqrt())
 }
 
-/// Where and how something is pressed.
+/// Position and rotation of a pressed object.
 pub struct Place {
-    /// Where its origin comes to lie, m.
+    /// Position of the object's origin, m.
     pub at: [f64; 2],
-    /// By how much it is turned, rad.
+    /// Rotation about the normal, rad.
     pub turn: f64,
 }
 
 impl Place {
-    /// Anywhere within 0.38 of a rectangle's sides (m) from its middle.
+    /// Draws a random place within 0.38 of a rectangle's sides (m) from its centre, with any rotation.
     pub fn draw(sides: [f64; 2], middle: [f64; 2], rng: &mut impl Rng) -> Self {
         let at = std::array::from_fn(|k| middle[k] + rng.random_range(-0.38..0.38) * sides[k]);
         Self { at, turn: rng.random_range(0.0..std::f64::consts::TAU) }
     }
 
-    /// The relief's height at a place of the pad.
+    /// Returns the relief's height at a point of the pad.
     pub fn height(&self, relief: &Relief, x: f64, y: f64) -> Option<f64> {
         let (sin, cos) = self.turn.sin_cos();
         let (x, y) = (x - self.at[0], y - self.at[1]);
@@ -75,7 +75,7 @@ pub fn press_into(
     let top = pad.surface_height(place.at[0], place.at[1]);
     let pressed = press(pad, &[camera], &hand.gel(), force, |x, y| place.height(relief, x, y).map(|z| top + z))?;
     let map = &pressed.maps[0];
-    // What touch should see is the gel's surface, bulge included.
+    // The label is the gel's surface, bulge included.
     let gel = sensor.model().elastomer.deform(camera, map);
     let pixels = (0..IMAGE_SIZE).flat_map(|row| (0..IMAGE_SIZE).map(move |column| (column, row)));
     let label = pixels.map(|(column, row)| gel.as_ref().map_or(0.0, |gel| gel.depth(column, row))).collect();
@@ -87,7 +87,7 @@ pub fn press_into(
     })
 }
 
-/// Press `n` of many: camera `n` (in turn) of a board chosen in turn, the relief, place and force drawn.
+/// Makes press `n` of a random sequence: cameras in turn, boards in turn, with random relief, place and force.
 pub fn drawn_press(
     hand: &Hand,
     boards: &[TactileBoard],
@@ -106,7 +106,7 @@ pub fn drawn_press(
     press_into(hand, (index, &board.sensors()[index]), (relief, &place), force, &mut rng)
 }
 
-/// What `make` says of each of `count` presses, in order whatever the number of threads.
+/// Runs `make` for each of `count` presses in parallel. The results are in order, whatever the number of threads.
 pub fn each<T: Send>(count: usize, make: impl Fn(usize) -> Result<T> + Sync + Send) -> Result<Vec<T>> {
     (0..count).into_par_iter().map(make).collect()
 }

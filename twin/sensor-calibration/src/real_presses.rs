@@ -1,4 +1,4 @@
-//! Presses of a ball into a real sensor, and into its simulated likeness, on the grid of the pads' images.
+//! Presses of a ball into a real sensor, and into its simulated counterpart, on the grid of the pads' images.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -15,17 +15,17 @@ use crate::grid::Grid;
 use crate::pressed_shapes::{Place, Relief};
 use crate::reconstruction::known_ball::KnownBall;
 
-/// Stands for "the only sensor there is" where a pad's configuration is asked for.
+/// Placeholder for "the only sensor there is" where a pad's configuration is expected.
 pub const CONFIGURATION: char = 'a';
-/// How deep things are pressed into a simulated sensor, m.
+/// Range of penetration depths into a simulated sensor, m.
 const DEPTHS: std::ops::Range<f64> = 0.15e-3..1.1e-3;
 
-/// A gel that gives less than this is level, m.
+/// Minimum indentation, m; below it the gel counts as level.
 const LEAST_DEPTH: f32 = 2e-6;
 
 /// Presses with the size of a pixel (dx, dy; m).
 pub struct RealPresses {
-    /// The presses, by file name.
+    /// Presses in the order of their file names.
     pub presses: Vec<CalibrationPress>,
     /// Size of a pixel on the pads' grid, m.
     pub pixel: (f64, f64),
@@ -54,7 +54,7 @@ impl RealPresses {
         Ok(Self { presses: folder.presses.iter().map(press).collect(), pixel: grid.pixel(pixel) })
     }
 
-    /// The presses at even and those at odd places.
+    /// Splits the presses into those at even and those at odd places.
     pub fn even_odd(self) -> [Vec<CalibrationPress>; 2] {
         let (mut even, mut odd) = (Vec::new(), Vec::new());
         for (n, press) in self.presses.into_iter().enumerate() {
@@ -64,7 +64,7 @@ impl RealPresses {
     }
 }
 
-/// A calibrated sensor into which anything is pressed.
+/// Simulated counterpart of a calibrated sensor, into which anything can be pressed.
 pub struct Likeness {
     sensor: CalibratedSensor,
     background: Arc<TactileImage>,
@@ -74,12 +74,12 @@ pub struct Likeness {
 }
 
 impl Likeness {
-    /// From the file that `optics calibrate` wrote.
+    /// Reads the file that `optics calibrate` wrote.
     pub fn read(file: &Path) -> Result<Self> {
         Ok(Self::of(CalibratedSensor::read(file)?))
     }
 
-    /// Of a sensor.
+    /// Creates the counterpart of a sensor.
     pub fn of(sensor: CalibratedSensor) -> Self {
         let (width, height) = sensor.size();
         let grid = Grid { width, height };
@@ -89,7 +89,7 @@ impl Likeness {
         Self { background: grid.image(&bytes), photo, pixel, sensor }
     }
 
-    /// Press `n` of many, with read-out noise of `noise` grey levels on every pixel of the camera.
+    /// Makes press `n` of a random sequence, with read-out noise of `noise` grey levels on every pixel of the camera.
     pub fn press(&self, reliefs: &[Relief], n: usize, noise: f64, seed: u64) -> Result<CalibrationPress> {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         rng.set_stream(n as u64);

@@ -1,10 +1,13 @@
-//! Normals, heights and contact of whatever presses into a calibrated real sensor, from its images.
+//! Surface reconstruction: normals, heights and contact of whatever presses into a calibrated real sensor, from its
+//! images.
 //!
-//! [`known_ball`] is what is known of a calibration press without looking at its colours. [`photometry`] is the way from
-//! colours to slopes, by look-up and by a network, in a file beside the calibration, with the [`range`] of colours and slopes that the presses showed;
-//! `fitting` learns it from such presses, with what the fitted model of the sensor [imagines](imagined) as the prior.
-//! [`surface`] applies it where an image is [`touched`]; [`errors`] compares surfaces with balls that were held out; the [`accuracy`] is what they come to, and the [`verdict`] on it says whether surfaces are of use. [`folder`] reads
-//! images as they come, and [`output`] writes what was found.
+//! [`known_ball`] gives the ground truth of a calibration press, which follows without its colours. [`photometry`] is
+//! the mapping from colours to slopes, by look-up and by a network; its file beside the calibration also holds the
+//! [`range`] of colours and slopes in the presses. `fitting` learns it from such presses, with presses
+//! [imagined](imagined) by the sensor's fitted model as the prior. [`surface`] applies it where an image is
+//! [`touched`]. [`errors`] compares surfaces with balls that were held out, [`accuracy`] summarizes these errors, and
+//! [`verdict`] decides whether surfaces are of use. [`folder`] reads images as they arrive, and [`output`] writes the
+//! results.
 
 pub mod accuracy;
 pub mod errors;

@@ -1,5 +1,5 @@
-//! What a pad's cameras see of a mesh that is pressed into the pad along its normal; [`real_sensor`] does the same for a sensor
-//! that was calibrated. [`views`] writes what is seen.
+//! Renders of a mesh pressed into a pad along its normal, as the pad's cameras see it. [`real_sensor`] does the same
+//! for a calibrated real sensor. [`views`] writes the files.
 
 pub mod real_sensor;
 mod views;
@@ -22,29 +22,30 @@ use world::geometry::Mesh;
 use self::views::{Views, normals};
 use super::sensor_serial;
 
-/// Where rays start, m under the pad's plane: below everything, since the mesh's lowest point is put on the plane.
+/// Start of the rays, m below the pad's plane. This is below everything, since the mesh's lowest point is put on the
+/// plane.
 const RAY_START: f64 = 1e-3;
 
-/// A render of a pad's camera.
+/// Render of one camera of a pad.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct CameraRender {
     camera: String,
-    /// The image (PNG).
+    /// Image file (PNG).
     image: PathBuf,
-    /// Pixels in contact.
+    /// Number of pixels in contact.
     contact_pixels: usize,
-    /// Deepest indentation, mm.
+    /// Largest indentation, mm.
     deepest_mm: f64,
-    /// Place of the gel's deformation in the image: left, top, right, bottom, pixels; null where there is none.
+    /// Bounding box of the gel's deformation in the image: left, top, right, bottom, pixels; null if there is none.
     rectangle: Option<[usize; 4]>,
     /// Time of the render, ms.
     pub render_ms: f64,
 }
 
-/// Where a mesh lies over a pad.
+/// Pose of a mesh over a pad.
 #[derive(Debug, Clone, Copy)]
 pub struct MeshPose {
-    /// Its middle over the pad, m. Its lowest point is put on the pad's plane.
+    /// Position of its centre over the pad, m. Its lowest point is put on the pad's plane.
     pub middle: [f64; 2],
     /// Roll, pitch and yaw about the pad's axes, rad.
     pub turn: [f64; 3],
@@ -66,11 +67,11 @@ impl MeshPose {
     }
 }
 
-/// The sensors of a pad.
+/// Source of a pad's sensors.
 pub enum SensorSource<'a> {
-    /// Those of the hand with this serial number.
+    /// Sensors of the hand with this serial number.
     Hand(u64),
-    /// Those of a calibration file as `optics pads` writes it.
+    /// Sensors of a calibration file as `optics pads` writes it.
     Calibration(&'a Path),
 }
 
@@ -83,17 +84,17 @@ pub struct PadView<'a> {
     sensors: Vec<CurvedSensor>,
 }
 
-/// A mesh pressed into a pad.
+/// Result of pressing a mesh into a pad.
 pub struct PressedMesh {
-    /// Normal force that the gel bears, N; less than asked for where the gel is pressed flat.
+    /// Normal force that the gel bears, N; less than requested if the gel is pressed flat.
     pub force: f64,
-    /// How far the mesh was moved along the pad's normal, m.
+    /// Displacement of the mesh along the pad's normal, m.
     pub shift: f64,
     maps: Vec<IndentationMap>,
 }
 
 impl<'a> PadView<'a> {
-    /// Pad number `pad` with this cover; `seed` draws the dust of sensors from a file.
+    /// Creates the view of pad number `pad` with this cover. `seed` draws the dust of sensors from a file.
     pub fn new(hand: &'a Hand, pad: usize, cover: Cover, source: &SensorSource, seed: u64) -> Result<Self> {
         let pad = &hand.pads[pad];
         let cameras: Vec<&Camera> = pad.cameras.iter().map(|&camera| &hand.cameras[camera]).collect();
@@ -131,8 +132,8 @@ impl<'a> PadView<'a> {
         Ok(PressedMesh { force: pressed.force, shift: pressed.shift, maps: pressed.maps })
     }
 
-    /// Writes what every camera sees: `out` and the files beside it, numbered where there are several cameras. Returns an
-    /// object a camera; `seed` draws the read-out noise.
+    /// Writes every camera's image to `out` with its accompanying files, numbered if there are several cameras. Returns
+    /// one object per camera; `seed` draws the read-out noise.
     pub fn write(&self, pressed: &PressedMesh, seed: u64, out: &Path) -> Result<Vec<CameraRender>> {
         let mut rows = Vec::new();
         for (n, (camera, map)) in self.cameras.iter().zip(&pressed.maps).enumerate() {

@@ -1,4 +1,4 @@
-//! Twenty known shapes pressed into a pad, on one contact sheet.
+//! Contact sheet of twenty known shapes pressed into a pad.
 
 use anyhow::{Context, Result};
 use hand_model::Hand;
@@ -13,7 +13,7 @@ use serde::Serialize;
 
 use super::sensor_serial;
 
-/// Shapes in a row, and pixels between them.
+/// Shapes per row, and pixels between them.
 const COLUMNS: usize = 5;
 const GAP: usize = 4;
 

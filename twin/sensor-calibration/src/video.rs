@@ -1,7 +1,7 @@
-//! Frames of a video.
+//! Reader of video frames.
 //!
-//! AVI files of uncompressed or Motion-JPEG frames are read here ([`avi`]). Every other video is decoded by the program `ffmpeg`
-//! ([`decoder`]), if the computer has it.
+//! AVI files of uncompressed or Motion-JPEG frames are read here ([`avi`]). Every other video is decoded by the program
+//! `ffmpeg` ([`decoder`]), if it is installed.
 
 mod avi;
 mod decoder;
@@ -15,19 +15,19 @@ use optics::calibration::image_files::is_hidden;
 
 pub use presses::read_presses;
 
-/// File name endings of videos.
+/// File extensions of videos.
 const ENDINGS: [&str; 6] = ["avi", "mp4", "m4v", "mov", "mkv", "webm"];
 
-/// Takes a frame and its number, counted from 0; `false` ends the reading.
+/// Callback for a frame and its number, counted from 0; returning `false` ends the reading.
 type Take<'a> = &'a mut dyn FnMut(usize, Photo) -> Result<bool>;
 
-/// Whether a file's name is that of a video that is not hidden.
+/// True if a file's name is that of a video and the file is not hidden.
 pub fn is_video(path: &Path) -> bool {
     let ending = path.extension().map(|ending| ending.to_ascii_lowercase());
     !is_hidden(path) && ending.is_some_and(|ending| ENDINGS.iter().any(|known| ending == *known))
 }
 
-/// Hands the frames of a video to `take`, one at a time. An error for a video without a frame.
+/// Passes the frames of a video to `take`, one at a time. Returns an error for a video without a frame.
 pub fn frames(path: &Path, take: &mut dyn FnMut(usize, Photo) -> Result<bool>) -> Result<()> {
     let mut count = 0;
     let mut counted = |n: usize, photo: Photo| {
@@ -43,7 +43,7 @@ pub fn frames(path: &Path, take: &mut dyn FnMut(usize, Photo) -> Result<bool>) -
     Ok(())
 }
 
-/// Name of a frame: that of the video and the frame's number.
+/// Returns the name of a frame: that of the video and the frame's number.
 pub fn frame_name(video: &str, frame: usize) -> String {
     format!("{video}-{frame:06}")
 }

@@ -26,7 +26,8 @@ fn ball(radius: f64) -> DrawnObject {
     DrawnObject::from_mesh("ball", &points, &triangles, [235, 120, 60])
 }
 
-/// A pad's image: three-coloured light, and a dent of `depth` (0..1) at `place`.
+/// Synthetic tactile image with its height map: three-coloured light, and a dent of `depth` (0 to 1) at `place` (shares
+/// of the image side from its centre).
 fn image(depth: f64, place: [f64; 2]) -> (TactileImage, Vec<f32>) {
     let n = IMAGE_SIZE as f64;
     let mut rgb = Vec::new();
@@ -45,7 +46,8 @@ fn image(depth: f64, place: [f64; 2]) -> (TactileImage, Vec<f32>) {
     (TactileImage { rgb }, heights)
 }
 
-/// Signals at time `t` (s) of a hand that is closed by the share `close`; `off` is how far the pose estimate is still off.
+/// Signals at time `t` (s) of a hand closed by the share `close`. `off` scales the remaining error of the pose
+/// estimate.
 fn signals(t: f64, close: f64, pads: usize, joints: [f64; 15], arm: ArmVector, off: Option<f64>) -> SignalFrame {
     let ripple = |i: usize| 0.4 * (t * 5.0 + i as f64).sin();
     SignalFrame {
@@ -58,7 +60,7 @@ fn signals(t: f64, close: f64, pads: usize, joints: [f64; 15], arm: ArmVector, o
     }
 }
 
-/// Force on a pad, N: every third one is touched once the hand is nearly closed.
+/// Force on a pad, N. Every third pad is touched once the hand is nearly closed.
 fn force(close: f64, pad: usize) -> f64 {
     if close > 0.6 && pad % 3 == 1 { (close - 0.6) * (1.0 + 0.2 * pad as f64) } else { 0.0 }
 }

@@ -1,5 +1,5 @@
-//! What the robot believes and weighs, drawn: the ghost of an object with the ellipsoid of its place, which grey with age, and the
-//! ways of what it holds.
+//! Drawing of the robot's beliefs: a ghost at each pose estimate with the ellipsoid of its position covariance, both
+//! fading to grey with age, and the trajectories of the held object that a decision compared.
 
 use nalgebra::{Isometry3, Matrix3, Rotation3, UnitQuaternion, Vector3};
 use rerun::components::FillMode;
@@ -8,32 +8,32 @@ use rerun::{Ellipsoids3D, LineStrips3D, Mesh3D, Points3D};
 use crate::mesh::DrawnObject;
 use crate::scene::drawn;
 
-/// How far a ghost stands out, m.
+/// Thickness of the ghost's shell, m: offset of its surface from the object's.
 const SHELL: f32 = 5.0e-4;
-/// How transparent a ghost is drawn, the colour it tends to, and the one it has when it is old.
+/// Opacity (alpha, of 255) of a ghost, and its colour when fresh and when stale.
 const GHOST: u8 = 110;
 const FRESH: [f64; 3] = [60.0, 220.0, 255.0];
 const STALE: [f64; 3] = [130.0, 134.0, 140.0];
-/// A belief ages in steps of this time, s, and is grey after this many.
+/// Ageing of a belief: time of one step, s, and number of steps until it is grey.
 const AGE: (f64, u32) = (2.0, 5);
-/// Standard deviations that an ellipsoid reaches.
+/// Half-axis length of an ellipsoid, standard deviations.
 const REACH: f64 = 2.0;
 /// Smallest half axis that is drawn, m.
 const SMALLEST: f64 = 2.0e-4;
-/// Colour of ways.
+/// Colours of trajectories.
 pub const REJECTED: [u8; 3] = [255, 70, 60];
 pub const CHOSEN: [u8; 3] = [80, 220, 110];
 
-/// A way of an object in the hand.
+/// A trajectory (way) of a held object.
 #[derive(Debug, Clone, Default)]
 pub struct Way {
-    /// `world_from_object` along it; none: no way is shown.
+    /// `world_from_object` along the trajectory. Empty: no trajectory is shown.
     pub poses: Vec<Isometry3<f64>>,
-    /// Where it comes nearest to what is to be taken, and the distance there, m; negative is a collision.
+    /// Pose of closest approach to the target object, and the distance there, m. A negative distance is a collision.
     pub nearest: Option<(Isometry3<f64>, f64)>,
 }
 
-/// When an object was felt, and how well its place is known.
+/// Time at which an object was last felt, with the covariance of its position.
 #[derive(Debug, Clone)]
 pub struct Felt {
     time: f64,
@@ -44,7 +44,7 @@ pub struct Felt {
 }
 
 impl Felt {
-    /// Felt at `time` (s) with this covariance (m2).
+    /// Creates the record from the time of the touch, `time` (s), and the position covariance (m2).
     pub fn new(time: f64, covariance: &Matrix3<f64>) -> Self {
         let eigen = covariance.symmetric_eigen();
         let mut order = [0, 1, 2];
@@ -55,13 +55,13 @@ impl Felt {
         Self { time, axes, rotation: UnitQuaternion::from_rotation_matrix(&basis), step: 0 }
     }
 
-    /// The step of its age at `time` (s), if it has changed.
+    /// Returns the age step at `time` (s) if it has changed since the last call.
     pub fn ages(&mut self, time: f64) -> Option<u32> {
         let step = (((time - self.time) / AGE.0).max(0.0) as u32).min(AGE.1);
         (std::mem::replace(&mut self.step, step) != step).then_some(step)
     }
 
-    /// In words.
+    /// Describes age and standard deviations in words.
     fn words(&self, name: &str, time: f64) -> String {
         let [long, _, short] = self.axes.map(|axis| axis * 1e3);
         let age = time - self.time;
@@ -80,18 +80,19 @@ fn ghost_color(object: &DrawnObject, step: u32) -> [u8; 3] {
     std::array::from_fn(|i| ((f64::from(object.color[i]) + 3.0 * tint[i]) / 4.0) as u8)
 }
 
-/// The ghost that stands for an estimated pose, `step` steps old: a shell a little larger, so that it is seen around the true object.
+/// Returns the ghost of a pose estimate that is `step` steps old: a slightly enlarged shell, so that it is visible
+/// around the true object.
 pub fn ghost(object: &DrawnObject, step: u32) -> Mesh3D {
     drawn(&object.mesh().grown(SHELL), ghost_color(object, step), GHOST)
 }
 
-/// The colour of a ghost that is there already.
+/// Returns an update of the colour of a ghost that is already logged.
 pub fn tint(object: &DrawnObject, step: u32) -> Mesh3D {
     let [r, g, b] = ghost_color(object, step);
     Mesh3D::update_fields().with_albedo_factor(rerun::Rgba32::from_unmultiplied_rgba(r, g, b, GHOST))
 }
 
-/// The ellipsoid of an object's place, in its frame.
+/// Returns the covariance ellipsoid of an object's position, in the object's frame.
 pub fn ellipsoid(object: &DrawnObject, felt: &Felt, time: f64) -> Ellipsoids3D {
     let half = felt.axes.map(|axis| (REACH * axis).max(SMALLEST) as f32);
     let q = felt.rotation.coords.cast::<f32>();
@@ -104,25 +105,25 @@ pub fn ellipsoid(object: &DrawnObject, felt: &Felt, time: f64) -> Ellipsoids3D {
         .with_show_labels(true)
 }
 
-/// Label and colour of an ellipsoid that is there already.
+/// Returns an update of label and colour of an ellipsoid that is already logged.
 pub fn label(felt: &Felt, step: u32, time: f64) -> Ellipsoids3D {
     Ellipsoids3D::update_fields()
         .with_labels([felt.words("", time).trim_start().to_owned()])
         .with_colors([faded(step).map(|part| part as u8)])
 }
 
-/// The way of an object's origin.
+/// Returns the path of an object's origin.
 pub fn way(poses: &[Isometry3<f64>], color: [u8; 3]) -> LineStrips3D {
     let points: Vec<[f32; 3]> = poses.iter().map(|pose| pose.translation.vector.cast::<f32>().into()).collect();
     LineStrips3D::new([points]).with_radii([0.0012f32]).with_colors([color])
 }
 
-/// An object where a way that was not taken comes nearest to its target.
+/// Returns the object as drawn at the closest approach of a rejected trajectory to its target.
 pub fn collision(object: &DrawnObject) -> Mesh3D {
     drawn(&object.mesh(), REJECTED, GHOST)
 }
 
-/// How near that is, m.
+/// Returns the label of that closest approach. `distance` is in m; negative is a collision.
 pub fn distance(distance: f64) -> Points3D {
     let text = match distance < 0.0 {
         true => format!("not taken: would collide by {:.1} mm", -distance * 1e3),
@@ -139,7 +140,7 @@ pub fn distance(distance: f64) -> Points3D {
 mod tests {
     use super::*;
 
-    /// Turned standard deviations of 3, 2 and 1 mm come out again, and the longest lies where it was put.
+    /// Rotated standard deviations of 3, 2 and 1 mm are recovered, and the longest axis has the direction it was given.
     #[test]
     fn an_ellipsoid_has_the_axes_of_its_covariance() {
         let turn = Rotation3::from_euler_angles(0.3, -0.5, 1.1);

@@ -1,11 +1,12 @@
-//! The layout of the viewer; it is stored in every recording.
+//! Layout of the viewer (Rerun blueprint). It is stored in every recording.
 //!
-//! Left: hand and objects, in a view that goes with the hand (behind it the whole scene), over a view from the palm and plots that share a time axis. Right:
-//! tactile images (behind them their change and height maps) as pictures of the opened hand, over what happens now, the log behind
-//! it, and the phases. The layout is the same for every body.
+//! Left: hand and objects in a view that follows the hand (with the whole scene on a second tab), above a view from the
+//! palm and plots with a common time axis. Right: tactile images laid out as the opened hand (with their changes and
+//! height maps on further tabs), above the current state, the log behind it, and the phases. The layout is the same for
+//! every body.
 //!
-//! Rerun's own builder cannot set a camera, hide a legend or link axes. Those are properties of a view like any other, logged
-//! below its path in the blueprint; [`send`] adds them to what the builder makes.
+//! Rerun's own builder cannot set a camera, hide a legend or link axes. These are view properties like any other,
+//! logged below the view's path in the blueprint. [`send`] adds them to what the builder makes.
 
 use rerun::blueprint::{
     Blueprint, BlueprintActivation, BlueprintPanel, ContainerLike, Horizontal, SelectionPanel, Spatial2DView,
@@ -24,27 +25,27 @@ use crate::error::StreamError;
 use crate::release::{APPLICATION, SIM_TIME};
 use crate::{entities, tactile};
 
-/// Where a 3D view looks from and to, m, in the frame of its origin.
+/// Viewpoint of a 3D view: eye position and target, m, in the frame of the view's origin.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Eye {
     pub position: [f32; 3],
-    /// What it looks at, and turns around.
+    /// Point that the eye looks at and orbits around.
     pub target: [f32; 3],
 }
 
-/// On the thumb's side of the hand as it moves, a little above; the arm comes from the palm's.
+/// On the thumb's side of the moving hand, a little above; the arm comes from the palm's side.
 const FOLLOWING: Eye = Eye { position: [0.33, -0.08, 0.05], target: [0.0, -0.02, -0.05] };
-/// Over the table in front of the arm.
+/// Above the table in front of the arm.
 const SCENE: Eye = Eye { position: [1.04, -0.46, 0.36], target: [0.40, 0.0, 0.14] };
-/// Onto the palm, from where it grasps.
+/// Facing the palm from the grasping side.
 const PALM: Eye = Eye { position: [0.07, 0.02, -0.25], target: [0.0, -0.02, -0.02] };
 
-/// Properties of views that the builder does not know, by their place in the blueprint.
+/// View properties that the builder does not support, by their path in the blueprint.
 #[derive(Default)]
 struct Properties(Vec<(EntityPath, Box<dyn AsComponents>)>);
 
 impl Properties {
-    /// Adds properties to a view and hands it on.
+    /// Adds properties to a view and returns it.
     fn on(&mut self, view: impl Into<ContainerLike>, properties: Vec<(&str, Box<dyn AsComponents>)>) -> ContainerLike {
         let view = view.into();
         if let ContainerLike::View(inner) = &view {
@@ -54,12 +55,12 @@ impl Properties {
         view
     }
 
-    /// A view of things in space, seen from `eye` with `up` upward.
+    /// Returns a 3D view of everything below `origin`, seen from `eye` with `up` pointing upward.
     fn scene(&mut self, name: &str, origin: &str, eye: Eye, up: [f32; 3]) -> ContainerLike {
         self.scene_of(name, (origin, &["+ $origin/**"]), eye, up)
     }
 
-    /// The same of these `contents`.
+    /// As [`Self::scene`], but with the given `contents`.
     fn scene_of(&mut self, name: &str, (origin, contents): (&str, &[&str]), eye: Eye, up: [f32; 3]) -> ContainerLike {
         let controls = EyeControls3D::new().with_position(eye.position).with_look_target(eye.target).with_eye_up(up);
         self.on(
@@ -95,7 +96,7 @@ impl Properties {
 
 fn layout() -> (Blueprint, Properties) {
     let mut with = Properties::default();
-    // The eye goes with the hand through where the arm may be: of the arm only the wrist is shown.
+    // The eye follows the hand and may pass through the arm, so only the wrist of the arm is shown.
     let arm: Vec<String> = (0..5).map(|link| format!("- /{}", entities::arm_link(link))).collect();
     let mut near = vec!["+ /world/**", "- /world/arm/base"];
     near.extend(arm.iter().map(String::as_str));
@@ -104,7 +105,7 @@ fn layout() -> (Blueprint, Properties) {
         with.scene_of("Hand and objects", (entities::FOLLOW, &near), FOLLOWING, up),
         with.scene("Whole scene", entities::WORLD, SCENE, up),
     ]);
-    // From below the table would hide everything.
+    // Seen from below, the table would hide everything.
     let palm = ["+ /world/**", "- /world/table", "- /world/arm/**", "- /world/ways/**"];
     let palm = with.scene_of("From the palm", (entities::HAND, &palm), PALM, [0.0, 1.0, 0.0]);
     let plots = Vertical::new([
@@ -157,7 +158,7 @@ pub fn send(rec: &RecordingStream) -> Result<(), StreamError> {
     deliver(rec, layout())
 }
 
-/// Sends the layout of a gallery of grasps: the hands, and beside them what there is to say.
+/// Sends the layout of a gallery of grasps: the hands with a text panel beside them.
 pub fn send_gallery(rec: &RecordingStream, eye: Eye) -> Result<(), StreamError> {
     let mut with = Properties::default();
     let hands = with.scene("Grasps", entities::GALLERY, eye, [0.0, 1.0, 0.0]);
@@ -166,7 +167,7 @@ pub fn send_gallery(rec: &RecordingStream, eye: Eye) -> Result<(), StreamError> 
     deliver(rec, (still(blueprint), with))
 }
 
-/// Sends the layout of a held object as it is felt: the hand, and beside it images and words.
+/// Sends the layout of a held object as felt by touch: the hand, with images and text beside it.
 pub fn send_felt(rec: &RecordingStream, eye: Eye) -> Result<(), StreamError> {
     let mut with = Properties::default();
     let hand = with.scene("Felt on the hand", entities::GALLERY, eye, [0.0, 1.0, 0.0]);
@@ -178,7 +179,7 @@ pub fn send_felt(rec: &RecordingStream, eye: Eye) -> Result<(), StreamError> {
     deliver(rec, (still(blueprint), with))
 }
 
-/// The layout as it is, for what stands still: no panels, no time.
+/// Returns the layout for a static scene: panels collapsed, time panel hidden.
 fn still(blueprint: Blueprint) -> Blueprint {
     blueprint
         .with_auto_views(false)
@@ -189,7 +190,7 @@ fn still(blueprint: Blueprint) -> Blueprint {
 }
 
 fn deliver(rec: &RecordingStream, (blueprint, properties): (Blueprint, Properties)) -> Result<(), StreamError> {
-    // The builder's messages are only to be had from a recording, so they take a turn through memory.
+    // Rerun gives access to the builder's messages only through a recording, so they pass through one in memory.
     let (scratch, storage) = RecordingStreamBuilder::new(APPLICATION).enabled(true).memory()?;
     blueprint.send(&scratch, BlueprintActivation::default())?;
     let of_blueprint = |msg: &LogMsg| msg.store_id().kind() == StoreKind::Blueprint;

@@ -1,4 +1,4 @@
-//! How much a tactile image differs from the untouched pad: as a picture, and as colours of the pads on the hand.
+//! Change of tactile images against the untouched pad, as a picture and as colours of the pads on the hand.
 
 use hand_model::Hand;
 use hand_model::pads::{Camera, IMAGE_SIZE, Pad};
@@ -7,25 +7,25 @@ use hand_model::robot::TactileImage;
 use crate::hand_mesh::pad_points;
 use crate::scene::link_color;
 
-/// Cells of a coarse map along each side.
+/// Cells of a coarse change map along each side.
 const CELLS: usize = 24;
-/// Change of a cell's colour that is drawn brightest, levels of 255.
+/// Change of a cell that is drawn brightest, in levels of 255.
 const BRIGHT: f32 = 42.0;
-/// A cell that changes by more is touched: gel of an untouched pad drifts by less.
+/// Touch threshold of a cell, in levels of 255. The gel of an untouched pad drifts by less.
 const TOUCHED: f32 = 12.0;
-/// A pad with this many touched cells is active.
+/// Number of touched cells that makes a pad active.
 const ACTIVE: usize = 4;
-/// Levels of change that are told apart.
+/// Quantization levels of the drawn change.
 const LEVELS: f32 = 12.0;
-/// What a touch looks like on the hand.
+/// Colours of a touch on the hand, from weak to strong.
 const HOT: [[f32; 3]; 2] = [[255.0, 140.0, 20.0], [255.0, 252.0, 190.0]];
-/// How dark an untouched pad is drawn.
+/// Brightness factor of an untouched pad.
 const IDLE: f32 = 0.62;
 
-/// Mean change of each cell's largest channel, rows from the distal edge.
+/// Mean change of each cell in the channel that changes most, rows from the distal edge.
 type Map = [f32; CELLS * CELLS];
 
-/// Untouched images, and what has changed since.
+/// Untouched reference images, and the change of each camera since.
 pub(crate) struct Changes {
     untouched: Vec<Option<TactileImage>>,
     maps: Vec<Map>,
@@ -37,7 +37,8 @@ impl Changes {
         Self { untouched: vec![None; cameras], maps: vec![[0.0; CELLS * CELLS]; cameras], active: vec![false; cameras] }
     }
 
-    /// Takes in an image; the first one of a camera is that of the untouched pad. Whether the camera begins or ceases to feel.
+    /// Takes in an image; a camera's first image is its untouched reference. Returns true if the camera starts or stops
+    /// feeling something.
     pub fn see(&mut self, camera: usize, image: &TactileImage) -> bool {
         let untouched = self.untouched[camera].get_or_insert_with(|| image.clone());
         self.maps[camera] = map(untouched, image);
@@ -45,19 +46,19 @@ impl Changes {
         std::mem::replace(&mut self.active[camera], active) != active
     }
 
-    /// Whether a camera feels something.
+    /// True if a camera feels something.
     pub fn active(&self, camera: usize) -> bool {
         self.active[camera]
     }
 
-    /// The image with the untouched one subtracted, around grey.
+    /// Returns the image minus the untouched reference, around mid-grey.
     pub fn difference(&self, camera: usize, image: &TactileImage) -> TactileImage {
         let untouched = self.untouched[camera].as_ref().unwrap_or(image);
         let value = |(a, b): (&u8, &u8)| (128 + i16::from(*a) - i16::from(*b)).clamp(0, 255) as u8;
         TactileImage { rgb: image.rgb.iter().zip(&untouched.rgb).map(value).collect() }
     }
 
-    /// Colours (RGBA) of the points of a pad's sheet.
+    /// Returns the colours (RGBA) of the points of a pad's sheet.
     pub fn colors(&self, hand: &Hand, pad: &Pad) -> Vec<u32> {
         let base = link_color(hand, pad.link).map(|part| f32::from(part) * IDLE);
         let [columns, rows] = [pad.w, pad.h].map(|size| pad_points(size, pad.edge_radius));
@@ -73,7 +74,7 @@ impl Changes {
             .collect()
     }
 
-    /// Change at a place of a pad (m, pad frame), 0 to 1.
+    /// Returns the change at a point of a pad (m, pad frame), 0 to 1.
     fn at(&self, hand: &Hand, pad: &Pad, (x, y): (f64, f64)) -> f32 {
         let sees = |camera: &Camera| (y - camera.center_y).abs() <= 0.5 * camera.h + 1e-9;
         let Some(index) = pad.cameras.iter().copied().find(|index| sees(&hand.cameras[*index])) else { return 0.0 };
@@ -81,9 +82,9 @@ impl Changes {
         let cell = |share: f64| ((share * CELLS as f64) as usize).min(CELLS - 1);
         let column = cell(x / camera.w + 0.5);
         let row = cell((camera.center_y - y) / camera.h + 0.5);
-        // What an untouched pad drifts by is not drawn.
+        // Drift of an untouched pad is not drawn.
         let change = ((self.maps[index][row * CELLS + column] - 0.5 * TOUCHED) / BRIGHT).clamp(0.0, 1.0);
-        // Few levels pack well.
+        // Few levels compress well.
         (change * LEVELS).round() / LEVELS
     }
 }
@@ -115,7 +116,8 @@ mod tests {
         TactileImage { rgb: vec![100; IMAGE_SIZE * IMAGE_SIZE * 3] }
     }
 
-    /// A press near a pad's distal edge lights the sheet there and nowhere else, and is over when the pad is untouched again.
+    /// A press near a pad's distal edge colours the sheet there and nowhere else, and ends when the pad is untouched
+    /// again.
     #[test]
     fn the_hand_lights_where_it_is_touched() {
         let hand = Hand::ftac();
@@ -128,7 +130,7 @@ mod tests {
         pressed.rgb[..IMAGE_SIZE * 3 * 60].fill(190);
         assert!(changes.see(camera, &pressed) && changes.active(camera));
         let lit = changes.colors(&hand, pad);
-        // The sheet's last row of points is the distal one; the palm's large pad has a camera for each half.
+        // The sheet's last row of points is the distal one. The palm's large pad has one camera for each half.
         let points = idle.len();
         let distal = hand.cameras[camera].center_y >= 0.0;
         assert_eq!(lit[points - 1] != idle[points - 1], distal);

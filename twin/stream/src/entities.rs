@@ -1,7 +1,7 @@
-//! All entity paths, in one place.
+//! All entity paths of a recording.
 //!
-//! `world/...` is what the 3D views show, `tactile/...`, `changes/...` and `heights/...` are maps of the hand, `signals/...` are
-//! plotted, `trial/...` is text. Names of objects and pads become one path part each.
+//! `world/...` is shown in the 3D views. `tactile/...`, `changes/...` and `heights/...` are maps laid out as the hand.
+//! `signals/...` is plotted, `trial/...` is text. The name of an object or pad becomes one part of a path.
 
 use hand_model::Hand;
 
@@ -12,16 +12,16 @@ pub const TABLE: &str = "world/table";
 pub const ARM_BASE: &str = "world/arm/base";
 /// The palm; the hand's links are below it, in the palm frame.
 pub const HAND: &str = "world/hand";
-/// Moves with the palm and turns with it about the vertical: what the view of the hand looks at.
+/// Frame that the hand view follows: it moves with the palm and turns with it about the vertical.
 pub const FOLLOW: &str = "world/follow";
 /// The cables, palm frame.
 pub const CABLES: &str = "world/hand/cables";
-/// The way of the plan that was not taken, and of what is done instead.
+/// Trajectories: of the rejected plan, and of the chosen action.
 pub const REJECTED: &str = "world/ways/rejected";
 pub const CHOSEN: &str = "world/ways/chosen";
-/// Where the former comes nearest to the target.
+/// Closest approach of the rejected trajectory to the target.
 pub const NEAREST: &str = "world/ways/nearest";
-/// The twin of a mirror: its palm, with the hand's links below it; its arm's links are beside that.
+/// Root of the digital twin in mirror mode: the links of its arm, and its palm with the hand's links below that.
 pub const TWIN: &str = "world/twin";
 pub const TWIN_HAND: &str = "world/twin/hand";
 /// Contact forces.
@@ -32,7 +32,7 @@ pub const TACTILE: &str = "tactile";
 pub const HEIGHTS: &str = "heights";
 /// Root of the differences from untouched images.
 pub const CHANGES: &str = "changes";
-/// Root of what is plotted.
+/// Root of the plotted signals.
 pub const SIGNALS: &str = "signals";
 /// Cable tensions, N.
 pub const TENSIONS: &str = "signals/tension";
@@ -48,15 +48,15 @@ pub const PAD_FORCES: &str = "signals/pad_force";
 pub const POSE_ERROR_MM: &str = "signals/pose_error_mm";
 /// Errors of the estimated object poses, degrees.
 pub const POSE_ERROR_DEG: &str = "signals/pose_error_deg";
-/// Load of each cable beyond the twin's, N.
+/// Residual cable load, robot minus twin, N.
 pub const TWIN_LOADS: &str = "signals/twin_load";
-/// Force on the hand that the twin does not feel, N.
+/// Residual force on the hand, robot minus twin, N.
 pub const TWIN_FORCE: &str = "signals/twin_force";
-/// The phase of the trial, a state.
+/// Phase of the trial, a state.
 pub const PHASE: &str = "trial/phase";
-/// What happens, in words.
+/// Log of events, as text.
 pub const LOG: &str = "trial/log";
-/// What happens now, a page.
+/// Current state, as a page of text.
 pub const NOW: &str = "trial/now";
 /// The outcome of the trial.
 pub const OUTCOME: &str = "trial/outcome";
@@ -69,37 +69,37 @@ pub const GALLERY_TEXT: &str = "grasps_text";
 /// Sheet of images beside a held object.
 pub const SHEET: &str = "felt_sheet";
 
-/// Grasp number `n` of a gallery.
+/// Path of grasp number `n` (from 0) of a gallery.
 pub fn gallery(n: usize, name: &str) -> String {
     format!("{GALLERY}/{:02}_{}", n + 1, part(name))
 }
 
-/// Link `k` (0..7) of the arm.
+/// Path of link `k` (0..7) of the arm.
 pub fn arm_link(k: usize) -> String {
     format!("world/arm/link_{}", k + 1)
 }
 
-/// A link of the hand.
+/// Path of a link of the hand.
 pub fn hand_link(name: &str) -> String {
     format!("{HAND}/{}", part(name))
 }
 
-/// A link of the twin's arm.
+/// Path of a link of the twin's arm.
 pub fn twin_arm_link(k: usize) -> String {
     format!("{TWIN}/arm_link_{}", k + 1)
 }
 
-/// A link of the twin's hand.
+/// Path of a link of the twin's hand.
 pub fn twin_hand_link(name: &str) -> String {
     format!("{TWIN_HAND}/{}", part(name))
 }
 
-/// An object as a mirror believes it to be in the twin's hand.
+/// Path of an object that a mirror believes to be in the twin's hand.
 pub fn twin_object(name: &str) -> String {
     format!("{TWIN}/objects/{}", part(name))
 }
 
-/// A pad, below the link that carries it (`None`: the palm).
+/// Path of a pad, below the link that carries it (`None`: the palm).
 pub fn pad(link: Option<&str>, name: &str) -> String {
     match link {
         Some(link) => format!("{}/pad_{}", hand_link(link), part(name)),
@@ -107,37 +107,37 @@ pub fn pad(link: Option<&str>, name: &str) -> String {
     }
 }
 
-/// An object as it is.
+/// Path of an object at its true pose.
 pub fn object(name: &str) -> String {
     format!("world/objects/{}", part(name))
 }
 
-/// An object as the robot believes it to be.
+/// Path of an object at its pose estimate.
 pub fn estimate(name: &str) -> String {
     format!("world/estimate/{}", part(name))
 }
 
-/// The covariance of an estimate, below it.
+/// Path of the covariance of an estimate, below the estimate's.
 pub fn covariance(name: &str) -> String {
     format!("{}/covariance", estimate(name))
 }
 
-/// The difference of a camera's image from the untouched one.
+/// Path of the difference between a camera's image and the untouched one.
 pub fn change(camera: &str) -> String {
     format!("{CHANGES}/{}", part(camera))
 }
 
-/// The image of a camera.
+/// Path of a camera's image.
 pub fn tactile(camera: &str) -> String {
     format!("{TACTILE}/{}", part(camera))
 }
 
-/// The height map of a camera.
+/// Path of a camera's height map.
 pub fn height(camera: &str) -> String {
     format!("{HEIGHTS}/{}", part(camera))
 }
 
-/// Every path that a recording of `hand` with an arm of `arm_links` links and these objects can have.
+/// Lists every path that a recording of `hand`, an arm of `arm_links` links and these objects can have.
 pub fn all(hand: &Hand, arm_links: usize, objects: &[&str]) -> Vec<String> {
     let fixed = [
         WORLD,
@@ -182,7 +182,7 @@ pub fn all(hand: &Hand, arm_links: usize, objects: &[&str]) -> Vec<String> {
     paths
 }
 
-/// A name as one part of a path: what is not a letter, digit, `-`, `_` or `.` becomes `_`.
+/// Turns a name into one part of a path: every character but letters, digits, `-`, `_` and `.` becomes `_`.
 fn part(name: &str) -> String {
     let keep = |c: char| c.is_alphanumeric() || matches!(c, '-' | '_' | '.');
     name.chars().map(|c| if keep(c) { c } else { '_' }).collect()

@@ -1,22 +1,21 @@
-//! What can go wrong while recording or viewing.
+//! Errors of recording and viewing.
 
 use std::path::PathBuf;
 
 /// An error of this crate.
 #[derive(Debug, thiserror::Error)]
 pub enum StreamError {
-    /// The recording's file cannot be created, or not be written to its end.
+    /// The recording's file cannot be created, or cannot be written completely.
     #[error("cannot write the recording {path}: {source}")]
     Unwritable {
-        /// The file.
         path: PathBuf,
-        /// Why.
+        /// Reason given by the operating system.
         source: std::io::Error,
     },
-    /// What was logged could not be written to the end.
+    /// Logged data could not be flushed completely.
     #[error("the recording is incomplete: {0}")]
     Flush(#[from] rerun::sink::SinkFlushError),
-    /// Rerun refused.
+    /// Rerun reported an error.
     #[error("rerun: {0}")]
     Rerun(Box<rerun::RecordingStreamError>),
     /// An address is not of the form `rerun+http://HOST:PORT/proxy` or `IP:PORT`.
@@ -26,10 +25,10 @@ pub enum StreamError {
     #[error("image of {what}: {reason}")]
     Image {
         what: String,
-        /// Why.
+        /// Reason in words.
         reason: String,
     },
-    /// A name that was not announced when the recorder was created.
+    /// An object or camera was named that the recorder was not created with.
     #[error("nothing called {0} was announced when the recorder was created")]
     Unknown(String),
     /// No viewer is installed.
@@ -39,21 +38,21 @@ pub enum StreamError {
         version = crate::release::RERUN_VERSION
     )]
     NoViewer,
-    /// There is nothing to open.
+    /// The path holds no recording.
     #[error("{0}: no recording (.rrd) there")]
     NoRecording(PathBuf),
-    /// The viewer started and ended at once.
+    /// The viewer ended immediately after it was started.
     #[error("the viewer {program} ended as soon as it was started: {reason}")]
     Ended {
         program: PathBuf,
-        /// What it said last.
+        /// Last line that it wrote.
         reason: String,
     },
-    /// The viewer did not start.
+    /// The viewer could not be started.
     #[error("cannot start {program}: {source}")]
     Start {
         program: PathBuf,
-        /// Why.
+        /// Reason given by the operating system.
         source: std::io::Error,
     },
 }

@@ -1,5 +1,5 @@
-//! One held object as touch sees it: what the pads felt on the hand, the object where it is thought to be and where it is,
-//! and beside them a sheet of raw images, normals and heights.
+//! Recording of one held object as perceived by touch: the points felt on the hand, the object at its estimated and at
+//! its true pose, and beside them a sheet of raw images, normals and heights.
 
 use hand_model::Hand;
 use image::{ExtendedColorType, ImageEncoder, RgbImage, codecs::png::PngEncoder};
@@ -16,26 +16,26 @@ use crate::recorder::Settings;
 use crate::scene::{drawn, link_color, log_hand_at, transform};
 use crate::sink::{Opened, Target};
 
-/// How opaque the true object is, of 255.
+/// Opacity of the true object, of 255.
 const VEIL: u8 = 70;
-/// Length of a felt normal, m.
+/// Drawn length of a felt normal, m.
 const NORMAL: f32 = 0.006;
 
-/// What is shown. Palm frame.
+/// Content of the recording, palm frame.
 #[derive(Debug, Clone)]
 pub struct FeltScene {
-    /// What there is to say about it, Markdown.
+    /// Description, Markdown.
     pub text: String,
     /// Estimated joint angles, rad.
     pub joints: Vec<f64>,
     pub object: DrawnObject,
-    /// Where it is thought to be.
+    /// Estimated pose, `palm_from_object`.
     pub estimate: Isometry3<f64>,
-    /// Where it is.
+    /// True pose, `palm_from_object`.
     pub truth: Isometry3<f64>,
-    /// Felt surface points with the object's outward normals, each by the link whose pad felt it (none: the palm).
+    /// Felt surface points with the object's outward normals, each with the link whose pad felt it (`None`: the palm).
     pub points: Vec<(Option<usize>, Point3<f64>, Vector3<f64>)>,
-    /// Images, normals and heights of the touched pads.
+    /// Sheet of images, normals and heights of the touched pads.
     pub sheet: RgbImage,
 }
 

@@ -1,4 +1,4 @@
-//! Grasps side by side: hands in rows, each with the object it holds, its contact points and their friction cones.
+//! Gallery of grasps: hands in rows, each with the object it holds, its contact points and their friction cones.
 
 use hand_model::Hand;
 use nalgebra::{Isometry3, Point3, UnitVector3, Vector3};
@@ -19,50 +19,51 @@ const PITCH: f64 = 0.26;
 const CONE: f64 = 0.012;
 /// Sides of a cone.
 const SIDES: u32 = 20;
-/// How opaque objects and cones are, of 255.
+/// Opacity of objects and of cones, of 255.
 const VEIL: (u8, u8) = (150, 120);
-/// Colour of a hand that is not the gallery's own.
+/// Colour of a hand other than the gallery's own.
 const OTHER_HAND: [u8; 3] = [176, 182, 192];
 const ARROW_COLOR: [u8; 3] = [255, 214, 10];
 /// Length of the arrow of a force of 1 N, m.
 const METRES_PER_NEWTON: f64 = 0.004;
 
-/// A contact to be shown, palm frame.
+/// A contact to be drawn, palm frame.
 #[derive(Debug, Clone, Copy)]
 pub struct ShownContact {
-    /// Link of the hand, none for the palm.
+    /// Link of the hand; `None` is the palm.
     pub link: Option<usize>,
-    /// m.
+    /// Contact point, m.
     pub point: Point3<f64>,
-    /// Into the object.
+    /// Contact normal, into the object.
     pub normal: UnitVector3<f64>,
     /// Normal force, N.
     pub force: f64,
 }
 
-/// A hand to be shown.
+/// A hand to be drawn.
 #[derive(Debug, Clone)]
 pub enum ShownHand {
-    /// The gallery's own, by its joint angles, rad.
+    /// The gallery's own hand, given by its joint angles, rad.
     Own(Vec<f64>),
-    /// Another, as it stands, palm frame.
+    /// Another hand as a mesh in its posture, palm frame.
     Other(Mesh),
 }
 
-/// A grasp to be shown.
+/// A grasp to be drawn.
 #[derive(Debug, Clone)]
 pub struct ShownGrasp {
-    /// A word for it; also part of the entity path.
+    /// Short name; also part of the entity path.
     pub name: String,
-    /// What there is to say about it, Markdown.
+    /// Description, Markdown.
     pub text: String,
     pub hand: ShownHand,
-    /// Pose of the object.
+    /// Pose of the object in the palm frame.
     pub palm_from_object: Isometry3<f64>,
     pub contacts: Vec<ShownContact>,
 }
 
-/// The cone of forces that friction `mu` allows at a contact: its tip on the contact, opening along the normal.
+/// Returns the friction cone at a contact for friction coefficient `mu`: its apex is at the contact, and it opens along
+/// the normal.
 pub fn friction_cone(contact: &ShownContact, mu: f64) -> Mesh {
     let axis = contact.normal.into_inner();
     let x = axis.cross(&if axis.x.abs() < 0.7 { Vector3::x() } else { Vector3::y() }).normalize();
@@ -83,7 +84,7 @@ pub fn friction_cone(contact: &ShownContact, mu: f64) -> Mesh {
     mesh
 }
 
-/// Writes `grasps` of one object to `targets`; `mu` is the friction the cones are drawn for.
+/// Writes `grasps` of one object to `targets`. `mu` is the friction coefficient of the drawn cones.
 pub fn write(
     targets: &[Target],
     hand: &Hand,
@@ -113,17 +114,17 @@ pub fn write(
     opened.close(Settings::default().flush_timeout)
 }
 
-/// What all grasps of a gallery share.
+/// Data common to all grasps of a gallery.
 struct Gallery<'a> {
     rec: &'a RecordingStream,
     hand: &'a Hand,
     object: &'a DrawnObject,
-    /// Friction that the cones are drawn for.
+    /// Friction coefficient of the drawn cones.
     mu: f64,
 }
 
 impl Gallery<'_> {
-    /// Logs a grasp below `root`, the hand's palm at `place`.
+    /// Logs a grasp below `root`, with the hand's palm at `place`.
     fn show(&self, root: &str, place: &Isometry3<f64>, grasp: &ShownGrasp) -> Result<(), StreamError> {
         let &Self { rec, hand, object, mu } = self;
         rec.log_static(root, &transform(place))?;
@@ -156,7 +157,7 @@ impl Gallery<'_> {
 mod tests {
     use super::*;
 
-    /// Every edge of a cone makes the friction angle with the normal, and its tip is on the contact.
+    /// Every edge of a cone makes the friction angle with the normal, and its apex is at the contact.
     #[test]
     fn cones_open_by_the_friction_angle() {
         let normal = UnitVector3::new_normalize(Vector3::new(0.3, -0.5, 0.8));

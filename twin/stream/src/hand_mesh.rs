@@ -1,4 +1,5 @@
-//! The hand as meshes, made from its parameters: covers, knuckles, pads with their gel, camera boards, servo pack and cables.
+//! Meshes of the hand, made from its parameters: covers, knuckles, pads with their gel, camera boards, servo pack and
+//! cables.
 
 use std::f64::consts::FRAC_PI_2;
 
@@ -9,21 +10,21 @@ use nalgebra::{Isometry3, Point3, Vector3};
 
 use crate::mesh::Mesh;
 
-/// How fine roundings are: for a stream that is to stay small, and for a picture.
+/// Steps of a rounding: for a stream that should stay small, and for a picture.
 pub const COARSE: u32 = 2;
 pub const FINE: u32 = 7;
 /// Points of a pad's sheet along each side.
 pub const PAD_POINTS: u32 = 15;
-/// How far a pad's gel stands over the surface that is felt, m: it must hide the cover below it.
+/// Offset of a pad's drawn gel above the sensing surface, m. It must hide the cover below.
 const LIFT: f64 = 5.0e-4;
-/// Share of a cover's thickness that a knuckle has.
+/// Radius of a knuckle as a share of the half thickness of its cover.
 const KNUCKLE: f64 = 0.62;
-/// Half thickness of a camera board, m; how much of its pad it covers, and of the cover's width at most.
+/// Camera board: half thickness, m; half size as a share of its pad; its limit as a share of the cover's width.
 const BOARD: (f64, f64, f64) = (6.0e-4, 0.24, 0.30);
-/// How far the cables run beside the covers, m.
+/// Distance between the cables and the sides of the covers, m.
 const BESIDE: f64 = 4.0e-4;
 
-/// What a part is made of.
+/// Component that a part belongs to; it decides the colour.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Material {
     /// Shell of the palm.
@@ -38,17 +39,17 @@ pub enum Material {
     ServoPack,
 }
 
-/// A part that moves with one link.
+/// A rigid part that moves with one link.
 #[derive(Debug, Clone)]
 pub struct Part {
-    /// The link; `None` is the palm.
+    /// Link that carries the part; `None` is the palm.
     pub link: Option<usize>,
     pub material: Material,
-    /// In the link's frame.
+    /// Mesh in the link's frame.
     pub mesh: Mesh,
 }
 
-/// Every rigid part but the pads; roundings take `steps` steps.
+/// Returns every rigid part except the pads. Roundings take `steps` steps.
 pub fn parts(hand: &Hand, steps: u32) -> Vec<Part> {
     let cover = |shape: &CoverShape| Mesh::smooth_box(&shape.half, shape.radius, &shape.link_from_cover, steps);
     let pack = Isometry3::from(Vector3::from(hand.parameters.palm.servo_pack_com));
@@ -71,14 +72,14 @@ pub fn parts(hand: &Hand, steps: u32) -> Vec<Part> {
     parts
 }
 
-/// The pin that a link turns about, with its bearings.
+/// Returns the pin of a link's joint with its bearings.
 fn knuckle(shape: &CoverShape, steps: u32) -> Mesh {
     let reach = 0.5 * shape.half.z;
     let ends = [-reach, reach].map(|z| Point3::new(0.0, 0.0, z));
     Mesh::smooth_capsule(ends, KNUCKLE * shape.half.y, (4 * steps + 4, steps + 1))
 }
 
-/// The board of a pad's cameras, on the back of the cover that carries the pad.
+/// Returns the board of a pad's cameras, on the back of the cover that carries the pad.
 fn board(pad: &hand_model::pads::Pad, shape: &CoverShape, steps: u32) -> Mesh {
     let (thickness, share, width) = BOARD;
     let cover_from_pad = shape.link_from_cover.inverse() * pad.link_from_pad;
@@ -94,7 +95,8 @@ fn board(pad: &hand_model::pads::Pad, shape: &CoverShape, steps: u32) -> Mesh {
     Mesh::smooth_box(&half, 0.5 * thickness, &(pad.link_from_pad * Isometry3::translation(0.0, 0.0, back)), steps)
 }
 
-/// Where the points of a pad's sheet lie along an axis on which it is `size` (m) long: denser over the rounded edges.
+/// Returns the coordinates (m) of a pad sheet's points along an axis of length `size` (m), denser over the edges
+/// rounded by `radius` (m).
 pub fn pad_points(size: f64, radius: f64) -> [f64; PAD_POINTS as usize] {
     const EDGE: usize = 3;
     let flat = 0.5 * size - radius;
@@ -109,7 +111,8 @@ pub fn pad_points(size: f64, radius: f64) -> [f64; PAD_POINTS as usize] {
     })
 }
 
-/// The sheet of a pad's gel, pad frame: [`PAD_POINTS`] squared, rows from small to large y. At the corners it ends with the rounding.
+/// Returns the sheet of a pad's gel, pad frame: [`PAD_POINTS`] squared, rows from small to large y. Corners are cut off
+/// along the rounding.
 pub fn pad_sheet(pad: &hand_model::pads::Pad) -> Mesh {
     let r = pad.edge_radius;
     let beyond = |x: f64, size: f64| (x.abs() - (0.5 * size - r)).max(0.0);
@@ -127,8 +130,8 @@ pub fn pad_sheet(pad: &hand_model::pads::Pad) -> Mesh {
     })
 }
 
-/// Both runs of each cable beside its digit, palm frame, m: from guide to guide at joint angles whose links lie at `links`
-/// ([`hand_model::kinematics::Tree::forward`]). Thumb first, two runs a digit.
+/// Returns both runs of each cable beside its digit, palm frame, m: from guide to guide, with the link poses `links`
+/// ([`hand_model::kinematics::Tree::forward`]). The thumb comes first; each digit has two runs.
 pub fn cables(hand: &Hand, links: &[Isometry3<f64>]) -> Vec<Vec<Point3<f64>>> {
     let joints = &hand.tree.joints;
     let parent = |joint: usize| joints[joint].parent.map_or_else(Isometry3::identity, |parent| links[parent]);
@@ -153,7 +156,7 @@ pub fn cables(hand: &Hand, links: &[Isometry3<f64>]) -> Vec<Vec<Point3<f64>>> {
 mod tests {
     use super::*;
 
-    /// What is drawn of a cable has the length that the transmission computes: spans shorten by the excursion.
+    /// The drawn length of a cable agrees with the transmission: spans shorten by the excursion.
     #[test]
     fn drawn_cables_are_as_long_as_the_transmission_says() {
         let hand = Hand::ftac();
@@ -170,7 +173,7 @@ mod tests {
         }
     }
 
-    /// A board is behind its pad, outside the cover, and no further than its own thickness.
+    /// A board lies behind its pad, outside the cover, at most its own thickness away.
     #[test]
     fn boards_lie_on_the_back_of_their_covers() {
         let hand = Hand::ftac();

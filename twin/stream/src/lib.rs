@@ -1,15 +1,17 @@
-//! Recordings and live views in Rerun. The only crate that knows `rerun`.
+//! Recordings and live views in Rerun. This is the only crate that depends on `rerun`.
 //!
-//! A [`Recorder`] writes one trial: to a file, to a live viewer, or both ([`Target`]). Its layout ([`blueprint`]) travels with
-//! the data. What is logged is thinned to the rates in [`Settings`] and not repeated while it does not change, so that a
-//! control loop may hand over everything at every tick and the recording of a 25 s trial takes about 2 MB.
+//! A [`Recorder`] writes one trial to a file, to a live viewer, or to both ([`Target`]). The viewer's layout
+//! ([`blueprint`]) is stored with the data. Data are thinned to the rates in [`Settings`] and are not repeated while
+//! they do not change. A control loop may therefore hand over everything at every tick, and the recording of a 25 s
+//! trial takes about 2 MB.
 //!
-//! [`entities`] names every path; [`mesh`], [`hand_mesh`] and [`scene`] make the robot visible, [`belief`] what it believes; [`tactile`]
-//! packs images, [`signals`] numbers, [`phase`] and [`now`] words; [`recorder`] offers them as one object; [`viewer`] opens what was recorded, and `live` streams to it. [`gallery`] is another kind of
-//! recording, grasps side by side; [`felt`] is one held object as touch sees it. [`release`] names application, time lines and
-//! the Rerun release.
+//! [`entities`] names every path. [`mesh`], [`hand_mesh`] and [`scene`] draw the robot, [`belief`] draws its pose
+//! estimates; [`tactile`] encodes images, [`signals`] numbers, [`phase`] and [`now`] text. [`recorder`] offers all of
+//! these as one object. [`viewer`] opens recordings, and `live` streams to a viewer. Two other kinds of recording are
+//! [`gallery`], grasps side by side, and [`felt`], one held object as perceived by touch. [`release`] names the
+//! application, the time lines and the Rerun release.
 //!
-//! Time lines: `sim_time` (s) and `tick` (control ticks); for bodies that live in real time also `wall_time`.
+//! Time lines: `sim_time` (s) and `tick` (control ticks); for bodies that run in real time also `wall_time`.
 
 pub mod belief;
 pub mod blueprint;

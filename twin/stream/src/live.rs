@@ -1,7 +1,8 @@
-//! A sink to a viewer that never holds up what is recorded: a viewer that does not answer, ends or stands still costs its own picture and
-//! nothing else.
+//! Sink to a live viewer that never blocks the recorder. A viewer that does not answer, ends or hangs loses its own
+//! picture and nothing else.
 //!
-//! Rerun's own sink blocks once a hundred messages wait for a viewer that never comes. Here they wait in a thread of their own.
+//! Rerun's own sink blocks once a hundred messages wait for a viewer that never comes. Here they are queued to a
+//! separate thread.
 
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
 use std::time::{Duration, Instant};
@@ -11,24 +12,24 @@ use rerun::sink::{GrpcSink, GrpcSinkConnectionState, LogSink, SinkFlushError};
 
 use crate::viewer;
 
-/// A viewer that has not answered for so long is given up.
+/// Time limit for a viewer to answer; then it is given up.
 const PATIENCE: Duration = Duration::from_secs(5);
-/// Interval at which a viewer that has not answered yet is looked at again.
+/// Polling interval for a viewer that has not answered yet.
 const LOOK: Duration = Duration::from_millis(50);
 
 enum Message {
     Log(Vec<LogMsg>),
-    /// Answered when all before it has been handed over, or given up.
+    /// Answered when everything before it has been handed over or given up.
     Flush(Sender<()>),
 }
 
-/// The sink; [`viewer::lost`] knows of a viewer that was lost.
+/// Non-blocking sink to a viewer. A lost viewer is reported by [`viewer::lost`].
 pub struct LiveSink {
     to: Sender<Message>,
 }
 
 impl LiveSink {
-    /// To the viewer at `address`.
+    /// Starts a sink to the viewer at `address`.
     pub fn new(sink: GrpcSink, address: &str) -> Self {
         let (to, from) = mpsc::channel();
         let address = address.to_owned();
@@ -43,7 +44,7 @@ impl LogSink for LiveSink {
     }
 
     fn send_all(&self, messages: Vec<LogMsg>) {
-        // Without a thread the viewer has been lost.
+        // If the thread is gone, the viewer has been lost already.
         let _ = self.to.send(Message::Log(messages));
     }
 
@@ -62,7 +63,7 @@ impl Drop for LiveSink {
     }
 }
 
-/// Hands what comes to the viewer over to it, as soon and as long as it is there.
+/// Forwards messages to the viewer as soon as it is there and for as long as it stays.
 fn hand_over(sink: GrpcSink, from: &Receiver<Message>, address: &str) {
     let begun = Instant::now();
     let (mut waiting, mut asking) = (Vec::new(), Vec::new());
@@ -80,7 +81,7 @@ fn hand_over(sink: GrpcSink, from: &Receiver<Message>, address: &str) {
             }
             GrpcSinkConnectionState::Connected => {
                 sink.send_all(std::mem::take(&mut waiting));
-                // Who asks waits no longer than it likes.
+                // The caller of a flush waits no longer than its own timeout.
                 if !asking.is_empty() && sink.flush_blocking(Duration::MAX).is_ok() {
                     asking.clear();
                 }
@@ -96,10 +97,10 @@ mod tests {
 
     use super::*;
 
-    /// Three hundred messages into nothing: Rerun's sink takes a hundred and then blocks for ever.
+    /// Three hundred messages without a receiver: Rerun's sink takes a hundred and then blocks for ever.
     #[test]
     fn a_viewer_that_never_comes_holds_nothing_up() {
-        // A port of which nobody listens.
+        // A port on which nobody listens.
         let port = TcpListener::bind("127.0.0.1:0").and_then(|free| free.local_addr()).expect("a port").port();
         let address = format!("rerun+http://127.0.0.1:{port}/proxy");
         let sink = LiveSink::new(GrpcSink::new(address.parse().expect("an address")), &address);

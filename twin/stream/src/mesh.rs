@@ -1,38 +1,39 @@
-//! Triangle meshes with normals: the drawn objects, and the simple bodies that the robot is drawn with.
+//! Triangle meshes with normals: the drawn objects, and the simple bodies of which the robot is drawn.
 
 use std::collections::HashMap;
 use std::f32::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 
 use nalgebra::{Isometry3, Point3, Vector3};
 
-/// A triangle mesh; a normal for each vertex.
+/// A triangle mesh with one normal per vertex.
 #[derive(Debug, Clone, Default)]
 pub struct Mesh {
-    /// m.
+    /// Vertex positions, m.
     pub vertices: Vec<[f32; 3]>,
-    /// Vertex indices, counter-clockwise from outside.
+    /// Vertex indices, counter-clockwise seen from outside.
     pub triangles: Vec<[u32; 3]>,
-    /// Unit normals.
+    /// Unit normals, one per vertex.
     pub normals: Vec<[f32; 3]>,
 }
 
 /// An object to be drawn, in its own frame.
 #[derive(Debug, Clone, Default)]
 pub struct DrawnObject {
-    /// Name; also the part of the entity path.
+    /// Name; also a part of the entity path.
     pub name: String,
-    /// m.
+    /// Vertex positions, m.
     pub vertices: Vec<[f32; 3]>,
     /// Vertex indices.
     pub triangles: Vec<[u32; 3]>,
-    /// Unit normals, one a vertex.
+    /// Unit normals, one per vertex.
     pub normals: Vec<[f32; 3]>,
-    /// RGB.
+    /// Colour, RGB.
     pub color: [u8; 3],
 }
 
 impl DrawnObject {
-    /// An object from a plain mesh: normals are made, smooth where faces meet at less than 40 degrees, sharp elsewhere.
+    /// Creates an object from a plain mesh. Normals are computed: smooth where faces meet at less than 40 degrees,
+    /// sharp elsewhere.
     pub fn from_mesh(
         name: impl Into<String>,
         vertices: &[Point3<f64>],
@@ -49,8 +50,8 @@ impl DrawnObject {
 }
 
 impl Mesh {
-    /// Adds normals to a plain mesh; see [`DrawnObject::from_mesh`]. Vertices at the same place count as one; triangles that
-    /// name no vertex or have no area are left out.
+    /// Adds normals to a plain mesh; see [`DrawnObject::from_mesh`]. Vertices at the same position are merged for this;
+    /// triangles with an invalid vertex index or without area are left out.
     pub fn with_normals(vertices: &[Point3<f64>], triangles: &[[u32; 3]]) -> Self {
         const CREASE: f64 = 0.766;
         let place = |p: &Point3<f64>| p.coords.map(|x| (x * 1e6).round() as i64);
@@ -86,17 +87,19 @@ impl Mesh {
         mesh
     }
 
-    /// A rounded box with half extents `half` and rounding `radius`, centred in its frame, moved to `pose`.
+    /// Returns a rounded box with half extents `half` and edge radius `radius` (both m), centred in its frame and moved
+    /// to `pose`.
     pub fn rounded_box(half: &Vector3<f64>, radius: f64, pose: &Isometry3<f64>) -> Self {
         Self::smooth_box(half, radius, pose, 2)
     }
 
-    /// The same whose rounding takes `n` steps from each face to an edge.
+    /// As [`Mesh::rounded_box`], with `n` steps of the rounding from each face to an edge.
     pub fn smooth_box(half: &Vector3<f64>, radius: f64, pose: &Isometry3<f64>, n: u32) -> Self {
         let half: Vector3<f32> = half.cast();
         let radius = (radius as f32).min(half.min()).max(0.0);
         let inner = half.add_scalar(-radius);
-        // Along an edge: equal turns of the normal from the edge to the flat part, and the same on the other side.
+        // Coordinates along one side: equal steps of the normal's angle from the edge to the flat part, mirrored on the
+        // other end.
         let steps = |extent: f32| {
             let side = (0..=n).map(move |k| extent - radius + radius * (FRAC_PI_4 * k as f32 / n as f32).tan());
             side.clone().rev().map(|x| -x).chain(side).collect::<Vec<f32>>()
@@ -126,12 +129,12 @@ impl Mesh {
         mesh.moved(pose)
     }
 
-    /// A capsule from `a` to `b`.
+    /// Returns a capsule from `a` to `b`.
     pub fn capsule(a: Point3<f64>, b: Point3<f64>, radius: f64) -> Self {
         Self::smooth_capsule([a, b], radius, (20, 5))
     }
 
-    /// The same with so many steps around its axis, and so many rings on each end.
+    /// As [`Mesh::capsule`], with the given number of steps around its axis and of rings on each end.
     pub fn smooth_capsule([a, b]: [Point3<f64>; 2], radius: f64, (around, rings): (u32, u32)) -> Self {
         let (a, b, radius) = (a.coords.cast::<f32>(), b.coords.cast::<f32>(), radius as f32);
         let axis = (b - a).try_normalize(1e-6).unwrap_or_else(Vector3::z);
@@ -151,7 +154,7 @@ impl Mesh {
         mesh
     }
 
-    /// A surface over a grid: `at` gives place and unit normal for each pair of `columns` and `rows`.
+    /// Returns a surface over a grid: `at` gives position and unit normal for each pair of `columns` and `rows`.
     pub fn surface(columns: &[f64], rows: &[f64], at: impl Fn(f64, f64) -> (Vector3<f64>, Vector3<f64>)) -> Self {
         let mut mesh = Self::default();
         for y in rows {
@@ -164,7 +167,7 @@ impl Mesh {
         mesh
     }
 
-    /// This mesh and another one.
+    /// Merges another mesh into this one.
     pub fn and(mut self, other: Self) -> Self {
         let first = self.vertices.len() as u32;
         self.vertices.extend(other.vertices);
@@ -173,7 +176,7 @@ impl Mesh {
         self
     }
 
-    /// This mesh with each vertex moved outwards by `margin`, m.
+    /// Moves each vertex outwards along its normal by `margin`, m.
     pub fn grown(mut self, margin: f32) -> Self {
         for (vertex, normal) in self.vertices.iter_mut().zip(&self.normals) {
             *vertex = std::array::from_fn(|axis| vertex[axis] + margin * normal[axis]);
@@ -198,7 +201,7 @@ impl Mesh {
         self.vertices.len() as u32 - 1
     }
 
-    /// Triangles of a grid of points, `columns` by `rows`, starting at vertex `first`.
+    /// Adds the triangles of a grid of points, `columns` by `rows`, that starts at vertex `first`.
     fn grid(&mut self, first: u32, columns: u32, rows: u32, flip: bool) {
         for j in 0..rows - 1 {
             for i in 0..columns - 1 {
@@ -215,7 +218,8 @@ impl Mesh {
 mod tests {
     use super::*;
 
-    /// Volume by the divergence theorem: right only if the mesh is closed and every triangle faces outwards.
+    /// Computes the volume by the divergence theorem. It is right only if the mesh is closed and every triangle faces
+    /// outwards.
     fn volume(mesh: &Mesh) -> f64 {
         let v = |i: u32| Vector3::from(mesh.vertices[i as usize]).cast::<f64>();
         mesh.triangles.iter().map(|[a, b, c]| v(*a).dot(&v(*b).cross(&v(*c))) / 6.0).sum()

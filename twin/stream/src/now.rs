@@ -1,28 +1,29 @@
-//! What happens now, in words: phase, the decision as a table, the last lines, and what the colours mean.
+//! Page on the current state of a trial: phase, the candidates of a decision as a table, the latest log lines, and a
+//! legend of colours.
 
 /// A candidate of a decision.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Weighed {
     /// Number of the grasp.
     pub grasp: u32,
-    /// Aim beside what is seen, mm.
+    /// Offset of the aim from the perceived position, mm.
     pub aim: [f64; 2],
-    /// Clearance, mm; `None` where it was not needed.
+    /// Clearance, mm; `None` if it was not needed.
     pub clearance: Option<f64>,
-    /// Probabilities of an unwanted contact and of a hold.
+    /// Probabilities: of an unwanted contact (`risk`) and of a hold (`held`).
     pub risk: f64,
     pub held: f64,
-    /// What it is worth.
+    /// Utility.
     pub worth: f64,
-    /// `plan`, `chosen`, `plan, chosen`, or nothing.
+    /// Role: `plan`, `chosen`, `plan, chosen`, or empty.
     pub mark: &'static str,
 }
 
-/// Rows of a table at most.
+/// Maximum number of table rows.
 const ROWS: usize = 5;
-/// Lines that are shown, and how long, s.
+/// Number of log lines shown, and the time for which they are shown, s.
 const LINES: (usize, f64) = (2, 12.0);
-/// What the colours mean, where the scene is known and where it is only measured.
+/// Legends of colours: with the true scene known, and with measurements only.
 const LEGEND: [&str; 2] = [
     "solid: as it is; cyan: as believed, greying with age, with 2 s.d. of its place",
     "cyan: as believed, greying with age, with 2 s.d. of its place; no truth is shown",
@@ -30,7 +31,7 @@ const LEGEND: [&str; 2] = [
 const ALWAYS: &str = "pads glow where touched; cables blue 0 N to red 40 N; arrows 5 mm/N, red between objects; green: the way taken; \
      red: the plan not taken, where it comes nearest";
 
-/// The state of the page.
+/// State of the page.
 #[derive(Debug, Clone, Default)]
 pub struct Now {
     title: String,
@@ -38,12 +39,12 @@ pub struct Now {
     lines: Vec<(f64, String)>,
     table: Vec<Weighed>,
     outcome: Option<String>,
-    /// Whether the true scene is recorded.
+    /// True if the true scene is recorded.
     truth: bool,
 }
 
 impl Now {
-    /// An empty page; `truth`: the true scene is recorded.
+    /// Creates an empty page. `truth`: the true scene is recorded.
     pub fn new(truth: bool) -> Self {
         Self { truth, ..Self::default() }
     }
@@ -60,24 +61,24 @@ impl Now {
         self.outcome = Some(outcome.to_owned());
     }
 
-    /// A line of the log at `time`, s.
+    /// Adds a line of the log at `time`, s.
     pub fn add(&mut self, time: f64, line: &str) {
         self.lines.push((time, line.to_owned()));
     }
 
-    /// The options of a decision; none when it is over.
+    /// Sets the candidates of a decision; empty when it is over.
     pub fn set_options(&mut self, options: Vec<Weighed>) {
         self.table = options;
     }
 
-    /// The page at `time` (s) as Markdown.
+    /// Returns the page at `time` (s) as Markdown.
     pub fn page(&self, time: f64) -> String {
         let phase = if self.phase.is_empty() { "—" } else { &self.phase };
         let mut page = format!("### {phase}\n{}\n", self.title);
         if let Some(outcome) = &self.outcome {
             page += &format!("\n**{outcome}**\n");
         }
-        // The table says what the line about the decision says.
+        // The table already says what the log line about the decision says.
         if !self.table.is_empty() {
             return page + &table(&self.table) + &self.legend();
         }
@@ -96,7 +97,7 @@ impl Now {
     }
 }
 
-/// The plan, the chosen one, and the best of the others.
+/// Returns the table: plan, chosen candidate, and the best of the others.
 fn table(options: &[Weighed]) -> String {
     let mut order: Vec<&Weighed> = options.iter().collect();
     order.sort_by(|a, b| a.mark.is_empty().cmp(&b.mark.is_empty()).then(b.worth.total_cmp(&a.worth)));
@@ -123,7 +124,7 @@ mod tests {
         Weighed { grasp, aim: [4.0, -4.0], clearance: None, risk: 0.1, held: worth, worth, mark }
     }
 
-    /// Plan and chosen one are in the table however many are worth more; lines grow old.
+    /// Plan and chosen candidate are in the table however many others have a higher utility; old lines disappear.
     #[test]
     fn the_page_shows_what_matters_now() {
         let mut now = Now::new(true);

@@ -1,20 +1,20 @@
-//! Text about a trial: its properties, phases, log and outcome.
+//! Text about a trial: properties, phases, log and outcome.
 
 use rerun::{AnyValues, RecordingStream, StateChange, TextDocument, TextLog};
 
 use crate::entities;
 use crate::error::StreamError;
 
-/// How much a line of the log matters.
+/// Severity of a log line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Level {
-    /// For the curious.
+    /// Detail for debugging.
     Debug,
-    /// What happens.
+    /// Normal event.
     Info,
-    /// What should not happen.
+    /// Unwanted event.
     Warn,
-    /// What must not happen.
+    /// Event that must not occur.
     Error,
 }
 
@@ -29,22 +29,22 @@ impl Level {
     }
 }
 
-/// What identifies a trial; stored as properties of the recording.
+/// Identification of a trial, stored as properties of the recording.
 #[derive(Debug, Clone, Default)]
 pub struct TrialProperties {
-    /// The objects' combination.
+    /// Name of the combination of objects.
     pub combination: String,
     /// Number of the trial.
     pub trial: u64,
-    /// `ideal`, `blind` or `touch`.
+    /// Name of the benchmark condition, such as `ideal`, `blind` or `touch`.
     pub condition: String,
-    /// `sim`, `hardware`, `emulated` or `replay`.
+    /// Body: `sim`, `hardware`, `emulated` or `replay`.
     pub robot: String,
     /// Seed of the session.
     pub seed: u64,
 }
 
-/// Logs the properties; the recording's name is made of them.
+/// Logs the properties and names the recording after them.
 pub fn log_properties(rec: &RecordingStream, p: &TrialProperties) -> Result<(), StreamError> {
     let text = |name: &str| [rerun::components::Text::from(name)];
     let values = AnyValues::default()
@@ -57,7 +57,7 @@ pub fn log_properties(rec: &RecordingStream, p: &TrialProperties) -> Result<(), 
     Ok(rec.send_recording_name(format!("{} #{} {}", p.combination, p.trial, p.condition))?)
 }
 
-/// Logs a phase: a bar in the state view, a line in the log.
+/// Logs a phase: a bar in the state view and a line in the log.
 pub fn log_phase(rec: &RecordingStream, phase: &str) -> Result<(), StreamError> {
     rec.log(entities::PHASE, &StateChange::single(phase))?;
     log_text(rec, Level::Info, &format!("phase: {phase}"))

@@ -1,4 +1,4 @@
-//! The recorder of one trial: where the data go, and what can be logged.
+//! Recorder of one trial: targets, rates, and everything that can be logged.
 
 mod beliefs;
 mod touch;
@@ -28,30 +28,30 @@ pub use crate::sink::Target;
 use crate::thin::{Moved, Pace};
 use crate::{belief, entities, hand_mesh, scene, tactile};
 
-/// How much is recorded.
+/// Rates, sizes and content of a recording.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Settings {
-    /// Poses, Hz.
+    /// Rate of poses, Hz.
     pub pose_rate: f64,
-    /// Numbers, Hz.
+    /// Rate of scalar signals, Hz.
     pub scalar_rate: f64,
-    /// Tactile images and height maps, Hz a camera.
+    /// Rate of tactile images and height maps, Hz per camera.
     pub image_rate: f64,
-    /// Size of a recorded tactile image, pixels.
+    /// Side of a recorded tactile image, pixels.
     pub image_side: usize,
-    /// Size of a recorded difference from the untouched image, pixels.
+    /// Side of a recorded difference from the untouched image, pixels.
     pub change_side: usize,
     /// JPEG quality, 1 to 100.
     pub jpeg_quality: u8,
     /// Height that is drawn brightest, m.
     pub height_range: f32,
-    /// Heights that nowhere exceed this are drawn as an idle pad, m.
+    /// Idle threshold, m. A height map that stays below it everywhere is drawn as an idle pad.
     pub height_idle: f32,
-    /// Cables and their tensions, Hz.
+    /// Rate of cable shapes and cable colours, Hz.
     pub cable_rate: f64,
-    /// Whether the true scene is recorded, beside what is measured and believed.
+    /// True if the true scene is recorded beside measurements and beliefs.
     pub truth: bool,
-    /// How long [`Recorder::finish`] waits for slow targets.
+    /// Time limit of [`Recorder::finish`] for slow targets.
     pub flush_timeout: Duration,
 }
 
@@ -80,10 +80,10 @@ const PAGE: usize = 3;
 const TWIN: usize = 4;
 const TWIN_OBJECT: usize = 5;
 const FIRST_OBJECT: usize = 6;
-/// The page of what happens now is brought up to date this often, Hz.
+/// Refresh rate of the page on the current state, Hz.
 const PAGE_RATE: f64 = 0.5;
 
-/// Records one trial; see the crate's page. Dropped without [`Recorder::finish`], it still writes what it has.
+/// Recorder of one trial; see the crate's page. If dropped without [`Recorder::finish`], it still writes what it has.
 pub struct Recorder {
     rec: RecordingStream,
     opened: Opened,
@@ -99,32 +99,32 @@ pub struct Recorder {
     images: Pace,
     heights: Pace,
     last_image: Vec<Option<TactileImage>>,
-    /// Size of the last height map of each camera, and whether it was idle.
+    /// Size of the last height map of each camera, and true if it was idle.
     last_height: Vec<Option<([usize; 2], bool)>>,
     no_contacts: bool,
     changes: Changes,
     cables: Pace,
-    /// Cable tensions as they are drawn, in steps.
+    /// Drawn cable tensions, in colour steps.
     pulled: DigitVector<u8>,
     pages: Pace,
     now: Now,
     page: String,
-    /// When each object was felt last, and how its ellipsoid is called.
+    /// Last touch of each object with its covariance.
     felt: Vec<Option<belief::Felt>>,
-    /// Whether the twin of a mirror is shown, and what it believes to hold.
+    /// True if the twin of a mirror is shown; then the object that it believes to hold.
     twin: bool,
     twin_object: Option<usize>,
-    /// Whether a rejected way, a chosen one, and a place are shown.
+    /// True for each that is shown: the rejected trajectory, the chosen one, and the closest approach.
     ways: [bool; 3],
 }
 
 impl Recorder {
-    /// Records into the file at `path`, with the usual settings.
+    /// Records into the file at `path`, with the default settings.
     pub fn create(path: impl AsRef<Path>, robot: &RobotModel, objects: &[DrawnObject]) -> Result<Self, StreamError> {
         Self::open(&[Target::File(path.as_ref().to_owned())], Settings::default(), robot, objects)
     }
 
-    /// Records to `targets`; with none, everything is dropped.
+    /// Records to `targets`. Without targets everything is dropped.
     pub fn open(
         targets: &[Target],
         settings: Settings,
@@ -132,12 +132,12 @@ impl Recorder {
         objects: &[DrawnObject],
     ) -> Result<Self, StreamError> {
         let live = targets.iter().any(|target| !matches!(target, Target::File(_)));
-        // Long batches make small files; a live view wants short ones.
+        // Long batches make small files; a live view needs short ones.
         let flush_tick = Duration::from_millis(if live { 50 } else { 30_000 });
         let opened = Opened::new(targets, ChunkBatcherConfig { flush_tick, ..ChunkBatcherConfig::DEFAULT })?;
         let rec = opened.rec.clone();
         blueprint::send(&rec)?;
-        // Where objects truly are nobody knows without truth: then they are drawn as believed alone.
+        // Without ground truth nobody knows the true poses of the objects, so only their estimates are drawn.
         scene::log_static(&rec, robot, if settings.truth { objects } else { &[] })?;
         tactile::log_static(&rec, &robot.hand)?;
         signals::log_static(&rec, robot, objects)?;
@@ -174,26 +174,26 @@ impl Recorder {
         Ok(recorder)
     }
 
-    /// Says when what follows was; call it once a tick.
+    /// Sets the simulation time (s) of all data that follow, and counts a tick. Call it once per tick.
     pub fn set_time(&mut self, sim_time: f64) {
         (self.time, self.tick) = (sim_time, self.tick + 1);
         self.rec.set_duration_secs(SIM_TIME, sim_time);
         self.rec.set_time_sequence(TICK, self.tick);
     }
 
-    /// Says when what follows was on the wall clock, ns since 1970; call it before [`Recorder::set_time`].
+    /// Sets the wall-clock time of all data that follow, ns since 1970. Call it before [`Recorder::set_time`].
     pub fn set_wall_time(&mut self, unix_ns: i64) {
         self.rec.set_timestamp_nanos_since_epoch(WALL_TIME, unix_ns);
     }
 
-    /// What identifies the trial.
+    /// Logs the identification of the trial.
     pub fn log_properties(&mut self, properties: &TrialProperties) -> Result<(), StreamError> {
         self.now.set_title(format!("{} · {} on {}", properties.combination, properties.condition, properties.robot));
         phase::log_properties(&self.rec, properties)
     }
 
-    /// The robot: `world_from_link` of the arm's links, `world_from_palm`, and `palm_from_link` of the hand's links (both
-    /// lists as `Tree::forward` gives them).
+    /// Logs the robot: `world_from_link` of the arm's links, `world_from_palm`, and `palm_from_link` of the hand's
+    /// links (both lists as `Tree::forward` gives them).
     pub fn log_robot(
         &mut self,
         arm_links: &[Isometry3<f64>],
@@ -217,7 +217,7 @@ impl Recorder {
         self.turn_page(false)
     }
 
-    /// Cables from guide to guide, coloured by their tension as the last numbers had it.
+    /// Logs the cables from guide to guide, coloured by the tensions logged last.
     fn log_cables(&mut self, hand_links: &[Isometry3<f64>], moved: bool) -> Result<(), StreamError> {
         if moved && self.cables.due(CABLES, self.time) {
             let runs = hand_mesh::cables(&self.robot.hand, hand_links);
@@ -226,7 +226,7 @@ impl Recorder {
         Ok(())
     }
 
-    /// `world_from_object` as it is.
+    /// Logs the true pose `world_from_object`.
     pub fn log_object(&mut self, name: &str, pose: &Isometry3<f64>) -> Result<(), StreamError> {
         let index = self.object(name)?;
         if self.settings.truth && self.poses.due(FIRST_OBJECT + 2 * index, self.time) {
@@ -235,13 +235,13 @@ impl Recorder {
         Ok(())
     }
 
-    /// What was weighed in a decision; nothing when it is over.
+    /// Logs the candidates of a decision; an empty list when it is over.
     pub fn log_options(&mut self, options: Vec<Weighed>) -> Result<(), StreamError> {
         self.now.set_options(options);
         self.turn_page(true)
     }
 
-    /// Contact forces (N) at points (m) on the hand and between objects (points and forces alike), world frame.
+    /// Logs contact forces (N, world frame) at points (m) on the hand, and between objects (pairs of point and force).
     pub fn log_contacts(
         &mut self,
         points: &[Point3<f64>],
@@ -259,7 +259,7 @@ impl Recorder {
         Ok(self.rec.log(entities::CONTACTS, &scene::forces(points, forces, between))?)
     }
 
-    /// The numbers of this moment.
+    /// Logs the scalar signals of this moment.
     pub fn log_scalars(&mut self, frame: &SignalFrame) -> Result<(), StreamError> {
         if let Some(tensions) = frame.tensions {
             let pulled: DigitVector<u8> = tensions.iter().map(|tension| scene::tension_step(*tension)).collect();
@@ -271,28 +271,28 @@ impl Recorder {
         if self.scalars.due(0, self.time) { signals::log(&self.rec, frame) } else { Ok(()) }
     }
 
-    /// A new phase of the trial.
+    /// Logs the start of a phase of the trial.
     pub fn log_phase(&mut self, phase: &str) -> Result<(), StreamError> {
         self.now.set_phase(phase);
         self.turn_page(true)?;
         phase::log_phase(&self.rec, phase)
     }
 
-    /// A line of the log.
+    /// Logs a line of text.
     pub fn log_text(&mut self, level: Level, text: &str) -> Result<(), StreamError> {
         self.now.add(self.time, text);
         self.turn_page(true)?;
         phase::log_text(&self.rec, level, text)
     }
 
-    /// How the trial ended.
+    /// Logs the outcome of the trial.
     pub fn log_outcome(&mut self, outcome: &str) -> Result<(), StreamError> {
         self.now.set_outcome(outcome);
         self.turn_page(true)?;
         phase::log_outcome(&self.rec, outcome)
     }
 
-    /// Brings the page of what happens now up to date, where it is `due` or time has passed.
+    /// Refreshes the page on the current state if it is `due` or its interval has passed.
     fn turn_page(&mut self, due: bool) -> Result<(), StreamError> {
         if !self.pages.due(PAGE, self.time) && !due {
             return Ok(());
@@ -305,12 +305,12 @@ impl Recorder {
         Ok(())
     }
 
-    /// Writes everything to the end and closes; says if something could not be written.
+    /// Flushes everything and closes the recording. Returns an error if something could not be written.
     pub fn finish(self) -> Result<(), StreamError> {
         self.opened.close(self.settings.flush_timeout)
     }
 
-    /// Logs a pose that has moved; whether it has.
+    /// Logs a pose if it has moved, and returns true if it has.
     fn pose(&mut self, path: &str, pose: &Isometry3<f64>) -> Result<bool, StreamError> {
         let moved = self.moved.check(path, pose);
         if moved {

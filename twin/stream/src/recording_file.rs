@@ -1,5 +1,5 @@
-//! The file of a recording. Its first failed write, the footer's included, is kept for whoever closes the recording: Rerun's own sink notes it in a
-//! log that nobody reads.
+//! File of a recording. The first failed write, that of the footer included, is kept for the code that closes the
+//! recording: Rerun's own sink only notes it in a log that nobody reads.
 
 use std::fs::File;
 use std::io::{self, Write};
@@ -13,7 +13,7 @@ use rerun::sink::{LogSink, SinkFlushError};
 
 use crate::error::StreamError;
 
-/// The first error of a file, shared by what writes and who asks.
+/// First error of a file, shared by the writer and the code that closes the recording.
 #[derive(Debug, Clone)]
 pub(crate) struct Fault {
     path: PathBuf,
@@ -27,7 +27,7 @@ impl Fault {
         }
     }
 
-    /// Takes it.
+    /// Takes the error, if there is one.
     pub fn take(&self) -> Result<(), StreamError> {
         match self.first.lock().ok().and_then(|mut first| first.take()) {
             Some(source) => Err(StreamError::Unwritable { path: self.path.clone(), source }),
@@ -36,7 +36,7 @@ impl Fault {
     }
 }
 
-/// A file that notes its errors.
+/// A file that remembers its first error.
 struct Noting {
     file: File,
     fault: Fault,
@@ -45,7 +45,7 @@ struct Noting {
 impl Write for Noting {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         let written = self.file.write(bytes);
-        // The caller gets an error of the same kind, and passes it on or not.
+        // The caller gets an error of the same kind and may or may not pass it on.
         written.map_err(|error| {
             let kind = error.kind();
             if kind != io::ErrorKind::Interrupted {
@@ -60,14 +60,14 @@ impl Write for Noting {
     }
 }
 
-/// Writes into a file as long as that works.
+/// Sink that writes into a file for as long as this works.
 pub(crate) struct RecordingFile {
     encoder: Mutex<Encoder<Noting>>,
     fault: Fault,
 }
 
 impl RecordingFile {
-    /// Replaces the file at `path`.
+    /// Creates the file at `path`, replacing an existing one.
     pub fn create(path: &Path) -> Result<(Self, Fault), StreamError> {
         let unwritable = |source| StreamError::Unwritable { path: path.to_owned(), source };
         let file = File::create(path).map_err(unwritable)?;
@@ -93,7 +93,7 @@ impl LogSink for RecordingFile {
     }
 
     fn flush_blocking(&self, _: Duration) -> Result<(), SinkFlushError> {
-        // What could not be written is asked for by name.
+        // A failed write is reported through [`Fault::take`].
         Ok(())
     }
 

@@ -1,4 +1,4 @@
-//! Names that every recording carries: application, time lines, and the Rerun release it is written for.
+//! Names that every recording carries: application, time lines, and the Rerun release for which it is written.
 
 /// Rerun's application id; recordings of the same application share their layout in the viewer.
 pub const APPLICATION: &str = "ftac";
@@ -8,5 +8,5 @@ pub const SIM_TIME: &str = "sim_time";
 pub const TICK: &str = "tick";
 /// The time line of the wall clock, where there is one.
 pub const WALL_TIME: &str = "wall_time";
-/// The Rerun release that this program writes for.
+/// Rerun release for which recordings are written.
 pub const RERUN_VERSION: &str = "0.36.3";

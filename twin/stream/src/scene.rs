@@ -16,41 +16,41 @@ const ARM_RADII: [f64; 8] = [0.050, 0.048, 0.046, 0.046, 0.042, 0.037, 0.037, 0.
 const ARM_COLORS: [[u8; 3]; 2] = [[196, 200, 206], [150, 155, 163]];
 const COVER_COLOR: [u8; 3] = [72, 76, 84];
 const TABLE_COLOR: [u8; 3] = [126, 116, 104];
-/// Half extents of the table and its centre: in front of the arm.
+/// Half extents of the table and its centre, m, in front of the arm.
 const TABLE: ([f64; 3], [f64; 3]) = ([0.5, 0.6, 0.02], [0.40, 0.0, -0.0205]);
 const FORCE_COLOR: [u8; 3] = [255, 214, 10];
 const BETWEEN_COLOR: [u8; 3] = [255, 70, 60];
 /// Length of the arrow of a force of 1 N, m.
 const METRES_PER_NEWTON: f64 = 0.005;
-/// Tension that is drawn in the last of this many colours, N.
+/// Tension at the end of the colour scale, N, and number of colours.
 const TAUT: (f64, u8) = (40.0, 16);
 /// Radius of a drawn cable, m.
 const CABLE_RADIUS: f32 = 0.0009;
 
 /// Colours of the digits in all views: thumb, index, middle, ring, little.
 pub const DIGIT_COLORS: [[u8; 3]; 5] = [[230, 85, 80], [240, 160, 50], [105, 185, 90], [80, 150, 230], [175, 115, 220]];
-/// Colour of what belongs to the palm.
+/// Colour of the palm and its parts.
 pub const PALM_COLOR: [u8; 3] = [170, 170, 170];
 
-/// Colour of a hand link, by its digit; `None` is the palm.
+/// Returns the colour of a hand link, by its digit; `None` is the palm.
 pub fn link_color(hand: &Hand, link: Option<usize>) -> [u8; 3] {
     hand.digit_of(link).map_or(PALM_COLOR, |digit| DIGIT_COLORS[digit.index()])
 }
 
-/// Name of the digit whose colour is given by `index`.
+/// Returns the name of the digit whose colour is given by `index`.
 pub fn digit_name(index: usize) -> &'static str {
     Digit::ALL.get(index).map_or("palm", |digit| digit.name())
 }
 
-/// A pose as Rerun's transform.
+/// Converts a pose to Rerun's transform.
 pub fn transform(pose: &Isometry3<f64>) -> Transform3D {
     let t: [f32; 3] = pose.translation.vector.cast::<f32>().into();
     let q = pose.rotation.coords.cast::<f32>();
     Transform3D::from_translation_rotation(t, rerun::Quaternion::from_xyzw([q.x, q.y, q.z, q.w]))
 }
 
-/// A frame that goes with the palm and stays upright, x towards the thumb's side. A palm whose thumb points up or down keeps the
-/// world's axes.
+/// Returns a frame that moves with the palm and stays upright, with x towards the thumb's side. If the thumb points up
+/// or down, it keeps the world's axes.
 pub fn beside(palm: &Isometry3<f64>) -> Isometry3<f64> {
     let thumb = palm * Vector3::x();
     let heading = if thumb.xy().norm() > 0.1 { thumb.y.atan2(thumb.x) } else { 0.0 };
@@ -64,7 +64,7 @@ pub(crate) fn drawn(mesh: &Mesh, [r, g, b]: [u8; 3], alpha: u8) -> Mesh3D {
         .with_albedo_factor(rerun::Rgba32::from_unmultiplied_rgba(r, g, b, alpha))
 }
 
-/// Logs everything that does not change its shape.
+/// Logs everything whose shape does not change.
 pub fn log_static(rec: &RecordingStream, robot: &RobotModel, objects: &[DrawnObject]) -> Result<(), StreamError> {
     rec.log_static(entities::WORLD, &rerun::ViewCoordinates::RIGHT_HAND_Z_UP())?;
     rec.log_static(entities::TABLE, &drawn(&table(), TABLE_COLOR, 255))?;
@@ -76,7 +76,8 @@ pub fn log_static(rec: &RecordingStream, robot: &RobotModel, objects: &[DrawnObj
     Ok(())
 }
 
-/// The arm has no mesh files: a capsule runs from each joint to the next. The base first, then each link in its frame.
+/// Returns the meshes of the arm: the base first, then each link in its frame. There are no mesh files for the arm; a
+/// capsule runs from each joint to the next.
 pub fn arm_parts(arm: &Arm) -> Vec<Mesh> {
     let joints = &arm.tree.joints;
     let to = |offset: &Isometry3<f64>| Point3::from(offset.translation.vector);
@@ -91,7 +92,7 @@ pub fn arm_parts(arm: &Arm) -> Vec<Mesh> {
     parts
 }
 
-/// The table's top, world frame.
+/// Returns the table top, world frame.
 pub fn table() -> Mesh {
     let (half, center) = TABLE;
     Mesh::rounded_box(&half.into(), 0.004, &Isometry3::translation(center[0], center[1], center[2]))
@@ -115,7 +116,7 @@ fn material_color(material: Material) -> [u8; 3] {
     }
 }
 
-/// Meshes of the parts of each link and material, below the path of the link.
+/// Logs the meshes of each link, merged by material, below the path of the link.
 fn log_parts(rec: &RecordingStream, hand: &Hand, path: impl Fn(Option<usize>) -> String) -> Result<(), StreamError> {
     let mut merged: BTreeMap<(Option<usize>, [u8; 3]), Mesh> = BTreeMap::new();
     for Part { link, material, mesh } in hand_mesh::parts(hand, COARSE) {
@@ -128,10 +129,10 @@ fn log_parts(rec: &RecordingStream, hand: &Hand, path: impl Fn(Option<usize>) ->
     Ok(())
 }
 
-/// Colour and transparency of a twin.
+/// Colour and opacity (alpha, of 255) of a twin.
 const TWIN_COLOR: ([u8; 3], u8) = ([60, 220, 255], 70);
 
-/// The twin of hand and arm, for good: a tinted shell of each link.
+/// Logs the twin of hand and arm as static data: a tinted shell of each link.
 pub(crate) fn log_twin(rec: &RecordingStream, robot: &RobotModel) -> Result<(), StreamError> {
     let RobotModel { hand, arm, .. } = robot;
     let (color, alpha) = TWIN_COLOR;
@@ -153,7 +154,7 @@ pub(crate) fn log_twin(rec: &RecordingStream, robot: &RobotModel) -> Result<(), 
     Ok(())
 }
 
-/// The hand alone below `root`, with its joints at `angles` (rad), for good.
+/// Logs the hand alone below `root`, with its joints at `angles` (rad), as static data.
 pub(crate) fn log_hand_at(rec: &RecordingStream, root: &str, hand: &Hand, angles: &[f64]) -> Result<(), StreamError> {
     let links = hand.tree.forward(angles);
     let path = |link: Option<usize>| link.map_or(root.to_owned(), |n| format!("{root}/{}", hand.tree.joints[n].name));
@@ -183,14 +184,14 @@ fn log_hand(rec: &RecordingStream, hand: &Hand) -> Result<(), StreamError> {
     Ok(())
 }
 
-/// Both runs of each cable (palm frame), coloured by tension steps.
+/// Returns both runs of each cable (palm frame), coloured by tension steps.
 pub fn cables(runs: &[Vec<Point3<f64>>], steps: &[u8]) -> LineStrips3D {
     let strip =
         |run: &Vec<Point3<f64>>| run.iter().map(|p| <[f32; 3]>::from(p.coords.cast::<f32>())).collect::<Vec<_>>();
     LineStrips3D::new(runs.iter().map(strip)).with_radii([CABLE_RADIUS]).with_colors(colors_of_runs(steps))
 }
 
-/// The colours alone.
+/// Returns an update of the cables' colours alone.
 pub fn cable_colors(steps: &[u8]) -> LineStrips3D {
     LineStrips3D::update_fields().with_colors(colors_of_runs(steps))
 }
@@ -199,12 +200,12 @@ fn colors_of_runs(steps: &[u8]) -> Vec<[u8; 3]> {
     steps.iter().flat_map(|step| [tension_color(f64::from(*step) / f64::from(TAUT.1 - 1)); 2]).collect()
 }
 
-/// A tension (N) in steps that can be told apart.
+/// Quantizes a tension (N) to the steps of the colour scale.
 pub fn tension_step(tension: f64) -> u8 {
     ((tension / TAUT.0).clamp(0.0, 1.0) * f64::from(TAUT.1 - 1)).round() as u8
 }
 
-/// Blue without tension, over white to red.
+/// Returns the colour of a tension, given as a share of the scale: blue without tension, over white to red.
 pub fn tension_color(share: f64) -> [u8; 3] {
     const SCALE: [[f64; 3]; 3] = [[70.0, 130.0, 230.0], [238.0, 232.0, 222.0], [230.0, 50.0, 40.0]];
     let x = 2.0 * share.clamp(0.0, 1.0);
@@ -213,12 +214,12 @@ pub fn tension_color(share: f64) -> [u8; 3] {
     std::array::from_fn(|i| (SCALE[below][i] * (1.0 - part) + SCALE[below + 1][i] * part) as u8)
 }
 
-/// Colours (RGBA) of a pad's sheet.
+/// Returns an update of the colours (RGBA) of a pad's sheet.
 pub(crate) fn pad_colors(colors: Vec<u32>) -> Mesh3D {
     Mesh3D::update_fields().with_vertex_colors(colors)
 }
 
-/// Contact forces (N) as arrows at their points (m, world): on the hand, and between objects.
+/// Returns contact forces (N) as arrows at their points (m, world frame): on the hand, and between objects.
 pub fn forces(points: &[Point3<f64>], forces: &[Vector3<f64>], between: &[(Point3<f64>, Vector3<f64>)]) -> Arrows3D {
     let on_hand = points.iter().zip(forces).map(|(point, force)| (*point, *force, FORCE_COLOR));
     let all = on_hand.chain(between.iter().map(|(point, force)| (*point, *force, BETWEEN_COLOR)));

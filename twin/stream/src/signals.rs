@@ -1,4 +1,4 @@
-//! What is plotted: one entity for each quantity, with a line for each digit, joint or pad.
+//! Plotted signals: one entity per quantity, with one line per digit, joint or pad.
 
 use hand_model::{ActuatorVector, ArmVector, DigitVector, HandVector, RobotModel};
 use rerun::{RecordingStream, Scalars, SeriesLines};
@@ -8,16 +8,16 @@ use crate::error::StreamError;
 use crate::mesh::DrawnObject;
 use crate::scene::{DIGIT_COLORS, PALM_COLOR, digit_name, link_color};
 
-/// Error of an estimated pose.
+/// Error of a pose estimate.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct PoseError {
-    /// Distance, mm.
+    /// Position error, mm.
     pub mm: f64,
-    /// Angle, degrees.
+    /// Rotation error, degrees.
     pub deg: f64,
 }
 
-/// The numbers of one moment. What is unknown stays at `None` (or empty) and leaves a gap.
+/// Scalar signals of one moment. Unknown ones stay `None` (or empty) and leave a gap.
 #[derive(Debug, Clone, Default)]
 pub struct SignalFrame {
     /// Cable tensions, N.
@@ -30,11 +30,11 @@ pub struct SignalFrame {
     pub arm_angles: Option<ArmVector>,
     /// Force on each pad, N.
     pub pad_forces: Option<Vec<f64>>,
-    /// Error of each object's estimated pose, in the order of the recorder's objects; NaN or `None` where there is none.
+    /// Error of each object's pose estimate, in the order of the recorder's objects; NaN or `None` if there is none.
     pub pose_errors: Vec<Option<PoseError>>,
 }
 
-/// A lighter or darker shade, so that three lines of a digit can be told apart.
+/// Returns a darker shade for each `step`, so that the three lines of a digit can be told apart.
 fn shade(color: [u8; 3], step: usize) -> [u8; 3] {
     let factor = [1.0, 0.72, 0.5][step.min(2)];
     color.map(|c| (f64::from(c) * factor) as u8)
@@ -44,7 +44,7 @@ fn lines(names: Vec<String>, colors: Vec<[u8; 3]>) -> SeriesLines {
     SeriesLines::new().with_names(names).with_colors(colors).with_widths([1.6f32])
 }
 
-/// Logs, once, names and colours of the lines.
+/// Logs names and colours of the lines, once.
 pub fn log_static(rec: &RecordingStream, robot: &RobotModel, objects: &[DrawnObject]) -> Result<(), StreamError> {
     let RobotModel { hand, arm, .. } = robot;
     let digits: Vec<String> = (0..hand.cables.len()).map(|i| digit_name(i).to_owned()).collect();
@@ -75,7 +75,7 @@ pub fn log_static(rec: &RecordingStream, robot: &RobotModel, objects: &[DrawnObj
     Ok(())
 }
 
-/// Logs what is left between a robot and its twin: loads of the cables (N), and the force on the hand (N, world axes).
+/// Logs the residuals between a robot and its twin: cable loads (N), and the force on the hand (N, world axes).
 pub fn log_residuals(rec: &RecordingStream, loads: &[f64], force: &[f64; 3]) -> Result<(), StreamError> {
     let rounded = |values: &[f64]| Scalars::new(values.iter().map(|v| (v * 1e3).round() * 1e-3).collect::<Vec<_>>());
     rec.log(entities::TWIN_LOADS, &rounded(loads))?;
@@ -85,7 +85,7 @@ pub fn log_residuals(rec: &RecordingStream, loads: &[f64], force: &[f64; 3]) -> 
 /// Logs one moment.
 pub fn log(rec: &RecordingStream, frame: &SignalFrame) -> Result<(), StreamError> {
     let send = |path: &str, values: Option<&[f64]>, scale: f64| match values {
-        // Three digits are enough for a plot, and short numbers pack better.
+        // Three decimals are enough for a plot, and short numbers compress better.
         Some(values) => rec.log(path, &Scalars::new(values.iter().map(|v| (v * scale * 1e3).round() * 1e-3))),
         None => Ok(()),
     };

@@ -1,4 +1,4 @@
-//! Where a recording goes: files, viewers, servers.
+//! Targets of a recording: files, viewers, servers.
 
 use std::net::{SocketAddr, TcpListener};
 use std::path::{Path, PathBuf};
@@ -14,16 +14,17 @@ use crate::recording_file::{Fault, RecordingFile};
 use crate::release::APPLICATION;
 use crate::viewer;
 
-/// Where a recording goes. Any number of targets at once, at most one of which should be live.
+/// Target of a recording. Any number may be used at once; at most one of them should be live.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Target {
-    /// A `.rrd` file; an existing one is replaced, its folder is made.
+    /// A `.rrd` file. An existing one is replaced, and its folder is created.
     File(PathBuf),
-    /// A viewer that is started now, on this machine. One that does not stay is left out, and [`viewer::lost`] knows it.
+    /// A viewer that is started now on this machine. One that does not start is left out, and [`viewer::lost`] reports
+    /// it.
     Spawn,
-    /// A viewer that already runs, `rerun+http://HOST:PORT/proxy`.
+    /// A running viewer, `rerun+http://HOST:PORT/proxy`.
     Connect(String),
-    /// A server that viewers connect to, at this address.
+    /// A server at this address that viewers connect to.
     Serve(SocketAddr),
 }
 
@@ -34,7 +35,7 @@ pub(crate) struct Opened {
 }
 
 impl Opened {
-    /// Into all of `targets`, without the clocks that Rerun adds; without targets it takes nothing.
+    /// Opens a recording into all of `targets`, without the clocks that Rerun adds. Without targets it is disabled.
     pub fn new(targets: &[Target], batches: ChunkBatcherConfig) -> Result<Self, StreamError> {
         let (mut sinks, mut faults) = (Vec::new(), Vec::new());
         for target in targets {
@@ -48,7 +49,8 @@ impl Opened {
         Ok(Self { rec, faults })
     }
 
-    /// Writes everything to the end and closes; slow targets have `patience`. An error names the file that could not be written.
+    /// Flushes everything and closes the recording. `patience` is the time limit for slow targets. An error names the
+    /// file that could not be written.
     pub fn close(self, patience: Duration) -> Result<(), StreamError> {
         let flushed = self.rec.flush_with_timeout(patience);
         self.rec.finalize_deferred_sinks();
@@ -65,7 +67,7 @@ fn file(path: &Path) -> Result<(RecordingFile, Fault), StreamError> {
     RecordingFile::create(path)
 }
 
-/// None of a viewer that was lost; the fault of a file goes into `faults`.
+/// Opens the sink of a target; `None` for a viewer that was lost. The fault of a file goes into `faults`.
 fn sink(target: &Target, faults: &mut Vec<Fault>) -> Result<Option<Box<dyn LogSink>>, StreamError> {
     let grpc = |address: &str| -> Result<Option<Box<dyn LogSink>>, StreamError> {
         let uri = address.parse().map_err(|_| StreamError::Address(address.to_owned()))?;
@@ -77,7 +79,7 @@ fn sink(target: &Target, faults: &mut Vec<Fault>) -> Result<Option<Box<dyn LogSi
             faults.push(fault);
             Ok(Some(Box::new(file)))
         }
-        // One that was lost is not started anew at each trial.
+        // A lost viewer is not started again for each trial.
         Target::Spawn if viewer::lost().is_some() => Ok(None),
         Target::Spawn => match viewer::spawn() {
             Ok(address) => grpc(&address),
@@ -89,7 +91,7 @@ fn sink(target: &Target, faults: &mut Vec<Fault>) -> Result<Option<Box<dyn LogSi
         },
         Target::Connect(address) => grpc(address),
         Target::Serve(address) => {
-            // The server reports a busy port only in its own thread; ask here.
+            // The server reports a busy port only in its own thread, so the port is tested here.
             drop(TcpListener::bind(address).map_err(|error| StreamError::Address(format!("{address} ({error})")))?);
             let server = rerun::grpc_server::GrpcServerSink::new(
                 &address.ip().to_string(),

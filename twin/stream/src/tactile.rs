@@ -1,7 +1,8 @@
-//! Tactile images, their change and height maps: pictures of the opened hand, with every camera in its place, large where it feels something.
+//! Tactile images, their changes and height maps, laid out as the opened hand: every camera in its place, enlarged
+//! while it feels something.
 //!
-//! Images are for looking at: JPEG, at half size, and a pad at which nothing happens is logged once. What is measured in
-//! images must be measured before they come here.
+//! Recorded images are for looking at: JPEG, at half size, and a pad at which nothing happens is logged once.
+//! Measurements must use the original images.
 
 use hand_model::pads::IMAGE_SIZE;
 use hand_model::robot::TactileImage;
@@ -14,24 +15,24 @@ use crate::entities;
 use crate::error::StreamError;
 use crate::scene::{DIGIT_COLORS, link_color};
 
-/// Distance of neighbouring cells, across and down, in the units of the 2D views.
+/// Spacing of neighbouring cells, across and down, in the units of the 2D views.
 pub const CELL: [f32; 2] = [200.0, 196.0];
-/// Size of the image of a pad that feels something, and of an untouched one.
+/// Side of an image: of a pad that feels something, and of an untouched one.
 pub const SIDE: [f32; 2] = [164.0, 84.0];
-/// Room for the digits' names over the picture.
+/// Room for the digits' names above the picture.
 pub const HEAD: f32 = 52.0;
-/// Maps that are laid out alike.
+/// Entity roots of the maps that share this layout.
 const MAPS: [&str; 3] = [entities::TACTILE, entities::CHANGES, entities::HEIGHTS];
 /// Columns and rows of the picture.
 pub const CELLS: [f32; 2] = [5.0, 4.0];
-/// A channel value that differs by more than this has changed; camera noise stays below.
+/// Change threshold of a channel value, in levels of 255; camera noise stays below it.
 const CHANGE: u8 = 14;
-/// An image of which this part of the values has changed has changed.
+/// Share of changed values from which an image counts as changed.
 const CHANGED_PART: f64 = 5e-4;
 /// Longest side of a drawn height map, pixels.
 const HEIGHT_SIDE: usize = 80;
 
-/// Column and row of a camera: fingers upwards, thumb on the left, palm below.
+/// Returns column and row of a camera: fingers upwards, thumb on the left, palm below.
 pub fn cell(hand: &Hand, camera: usize) -> Option<[f32; 2]> {
     let view = hand.cameras.get(camera)?;
     let pad = hand.pads.get(view.pad)?;
@@ -45,14 +46,14 @@ pub fn cell(hand: &Hand, camera: usize) -> Option<[f32; 2]> {
     })
 }
 
-/// Upper left corner and size of a camera's image.
+/// Returns the upper left corner and the side of a camera's image.
 fn place(hand: &Hand, camera: usize, active: bool) -> Option<[f32; 3]> {
     let [column, row] = cell(hand, camera)?;
     let side = SIDE[usize::from(!active)];
     Some([column * CELL[0] + 0.5 * (CELL[0] - side), row * CELL[1] + HEAD + 0.5 * (SIDE[0] - side), side])
 }
 
-/// Logs, once, the names of the digits over their columns.
+/// Logs the names of the digits above their columns, once.
 pub fn log_static(rec: &RecordingStream, hand: &Hand) -> Result<(), StreamError> {
     let columns = [0.0, 1.0, 2.0, 3.0, 4.0].map(|column| (column + 0.5) * CELL[0]);
     let names = Digit::ALL.map(Digit::name);
@@ -71,8 +72,8 @@ pub fn log_static(rec: &RecordingStream, hand: &Hand) -> Result<(), StreamError>
     Ok(())
 }
 
-/// Logs where each image goes, large where `active` says that its camera feels something, with frames and the names of those. `side`
-/// is the size of tactile images in pixels.
+/// Logs the placement of each image with a frame around it. Images of cameras for which `active` is true are large and
+/// named. `side` is the size of tactile images in pixels, `change_side` that of the maps of changes.
 pub fn log_cells(
     rec: &RecordingStream,
     hand: &Hand,
@@ -114,7 +115,7 @@ fn placed(x: f32, y: f32, scale: f32) -> Transform3D {
     Transform3D::from_translation_scale([x, y, 0.0], [scale, scale, 1.0])
 }
 
-/// A tactile image as JPEG, `side` pixels wide (no more than it has).
+/// Encodes a tactile image as JPEG, `side` pixels wide (never wider than the original).
 pub fn encode(image: &TactileImage, side: usize, quality: u8) -> Result<Vec<u8>, String> {
     let size = IMAGE_SIZE as u32;
     let full = RgbImage::from_raw(size, size, image.rgb.clone())
@@ -132,12 +133,12 @@ fn jpeg(image: &RgbImage, quality: u8) -> Result<Vec<u8>, String> {
     Ok(bytes)
 }
 
-/// Bytes of a JPEG as an archetype.
+/// Wraps the bytes of a JPEG as an archetype.
 pub fn archetype(bytes: Vec<u8>) -> EncodedImage {
     EncodedImage::new(bytes).with_media_type(rerun::MediaType::JPEG)
 }
 
-/// Whether two images differ by more than the noise of a camera.
+/// True if two images differ by more than camera noise.
 pub fn differ(a: &TactileImage, b: &TactileImage) -> bool {
     if a.rgb.len() != b.rgb.len() {
         return true;
@@ -146,8 +147,8 @@ pub fn differ(a: &TactileImage, b: &TactileImage) -> bool {
     changed as f64 > CHANGED_PART * a.rgb.len() as f64
 }
 
-/// A height map (m, row-major, `w` by `h`) in colour: black at 0, over violet and orange to light yellow at `range` (m).
-/// Returns the JPEG and the transform that makes it fill the cell of `camera`.
+/// Renders a height map (m, row-major, `w` by `h`) in colour: black at 0, over violet and orange to light yellow at
+/// `range` (m). Returns the JPEG and the transform that makes it fill the cell of `camera`.
 pub fn height_image(
     hand: &Hand,
     camera: usize,
@@ -172,7 +173,8 @@ pub fn height_image(
     Ok((jpeg(&picture, quality)?, place))
 }
 
-/// A colour scale from black to light yellow that grows evenly in lightness ("inferno", six support points).
+/// Maps 0..1 to a colour scale from black to light yellow with uniformly growing lightness ("inferno", six support
+/// points).
 fn color(value: f32) -> [u8; 3] {
     const SCALE: [[f32; 3]; 6] = [
         [0.0, 0.0, 4.0],

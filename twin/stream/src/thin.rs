@@ -1,10 +1,10 @@
-//! Keeps a stream thin: at most so often, and not while nothing changes.
+//! Thinning of a stream: a maximum rate, and nothing while nothing changes.
 
 use std::collections::HashMap;
 
 use nalgebra::Isometry3;
 
-/// Lets an event through at most at `rate` Hz per key.
+/// Rate limiter: lets an event through at most at `rate` Hz per key.
 #[derive(Debug)]
 pub struct Pace {
     interval: f64,
@@ -12,14 +12,14 @@ pub struct Pace {
 }
 
 impl Pace {
-    /// `rate` in Hz; infinite lets everything through.
+    /// Creates a limiter with `rate` in Hz; an infinite rate lets everything through.
     pub fn new(rate: f64) -> Self {
         Self { interval: if rate > 0.0 { rate.recip() } else { f64::INFINITY }, last: HashMap::new() }
     }
 
-    /// Whether `key` is due at `time`; if so, it is taken as done. Time that runs backwards starts anew.
+    /// True if `key` is due at `time`; it then counts as done. If time runs backwards, the limiter restarts.
     pub fn due(&mut self, key: usize, time: f64) -> bool {
-        // A tenth of the interval is forgiven, so that ticks which do not divide it evenly do not alias.
+        // A tolerance of a tenth of the interval avoids aliasing with ticks that do not divide it evenly.
         let due = self.last.get(&key).is_none_or(|last| time < *last || time - last >= 0.9 * self.interval);
         if due {
             self.last.insert(key, time);
@@ -28,12 +28,12 @@ impl Pace {
     }
 }
 
-/// Remembers poses and says which have moved.
+/// Memory of the last pose of each path, to detect motion.
 #[derive(Debug, Default)]
 pub struct Moved(HashMap<String, Isometry3<f64>>);
 
 impl Moved {
-    /// Whether `pose` differs from the last one of `path` by more than 20 um or 0.2 mrad; if so, it is the last one now.
+    /// True if `pose` differs from the last one of `path` by more than 20 um or 0.2 mrad; it then becomes the last one.
     pub fn check(&mut self, path: &str, pose: &Isometry3<f64>) -> bool {
         if let Some(last) = self.0.get(path) {
             let still = (last.translation.vector - pose.translation.vector).norm() < 2e-5
@@ -46,12 +46,12 @@ impl Moved {
         true
     }
 
-    /// Forgets `path`; whether it was known.
+    /// Forgets `path`. Returns true if it was known.
     pub fn forget(&mut self, path: &str) -> bool {
         self.0.remove(path).is_some()
     }
 
-    /// Whether `path` is known.
+    /// True if `path` is known.
     pub fn knows(&self, path: &str) -> bool {
         self.0.contains_key(path)
     }

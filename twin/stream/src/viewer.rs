@@ -12,16 +12,16 @@ use platform::child;
 use crate::error::StreamError;
 use crate::release::RERUN_VERSION;
 
-/// A viewer on this machine.
+/// A viewer installed on this machine.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Viewer {
     pub program: PathBuf,
-    /// What it says its version is; `None` if it does not say.
+    /// Version that it reports; `None` if it reports none.
     pub version: Option<String>,
 }
 
 impl Viewer {
-    /// A warning if this viewer may not be able to show our recordings.
+    /// Returns a warning if this viewer may be unable to show our recordings.
     pub fn warning(&self) -> Option<String> {
         let series = |version: &str| version.split('.').take(2).collect::<Vec<_>>().join(".");
         let found = self.version.as_deref().unwrap_or("of unknown version");
@@ -34,7 +34,7 @@ impl Viewer {
     }
 }
 
-/// The viewer: `RERUN_BIN`, or `rerun` on the PATH. A warning about its version goes to stderr.
+/// Finds the viewer: `RERUN_BIN`, or `rerun` on the PATH. A warning about its version goes to stderr.
 pub fn find_viewer() -> Option<PathBuf> {
     let viewer = find()?;
     if let Some(warning) = viewer.warning() {
@@ -43,7 +43,7 @@ pub fn find_viewer() -> Option<PathBuf> {
     Some(viewer.program)
 }
 
-/// As [`find_viewer`], with the version, and silent.
+/// As [`find_viewer`], but returns the version as well and prints nothing.
 pub fn find() -> Option<Viewer> {
     let named = std::env::var_os("RERUN_BIN").filter(|name| !name.is_empty()).map(PathBuf::from);
     let path = std::env::var_os("PATH").unwrap_or_default();
@@ -55,14 +55,14 @@ pub fn find() -> Option<Viewer> {
     Some(Viewer { program, version })
 }
 
-/// The version in the answer to `rerun --version`, such as `rerun-cli 0.36.3 (base ...)`.
+/// Extracts the version from the answer to `rerun --version`, such as `rerun-cli 0.36.3 (base ...)`.
 fn version_of(text: &str) -> Option<String> {
     text.split_whitespace()
         .find(|word| word.starts_with(|c: char| c.is_ascii_digit()) && word.contains('.'))
         .map(str::to_owned)
 }
 
-/// Recordings at `path`: the file itself, or all `.rrd` in the folder, by name.
+/// Lists the recordings at `path`: the file itself, or all `.rrd` files in the folder, sorted by name.
 pub fn recordings(path: &Path) -> Result<Vec<PathBuf>, StreamError> {
     let nothing = || StreamError::NoRecording(path.to_owned());
     if path.is_file() {
@@ -77,7 +77,8 @@ pub fn recordings(path: &Path) -> Result<Vec<PathBuf>, StreamError> {
     if files.is_empty() { Err(nothing()) } else { Ok(files) }
 }
 
-/// Opens recordings in the viewer `program`, which lives on by itself. An error if it ends at once, for want of a display for instance.
+/// Opens recordings in the viewer `program`, which outlives this process. Returns an error if it ends immediately, for
+/// instance for want of a display.
 pub fn open(program: &Path, files: &[PathBuf]) -> Result<(), StreamError> {
     let mut command = child::command(program);
     // The viewer also listens for programs that log to it: on this machine only.
@@ -85,7 +86,8 @@ pub fn open(program: &Path, files: &[PathBuf]) -> Result<(), StreamError> {
     start(program, command)
 }
 
-/// Starts a viewer to be connected to, or finds the one that listens already; returns its address. An error if it ends at once.
+/// Starts a viewer to connect to, or finds the one that already listens. Returns its address, or an error if the viewer
+/// ends immediately.
 pub fn spawn() -> Result<String, StreamError> {
     let program = find_viewer().ok_or(StreamError::NoViewer)?;
     let place = SocketAddr::from((Ipv4Addr::LOCALHOST, rerun::DEFAULT_SERVER_PORT));
@@ -98,15 +100,15 @@ pub fn spawn() -> Result<String, StreamError> {
     Ok(format!("rerun+http://{place}/proxy"))
 }
 
-/// A viewer that is about to fail has failed within this time.
+/// Time within which a viewer that is about to fail has failed.
 const FIRST_LOOK: Duration = Duration::from_secs(2);
-/// The same where no display is named: it will fail, however slow the machine.
+/// The same time if no display is named: the viewer will fail, however slow the machine.
 const FIRST_LOOK_BLIND: Duration = Duration::from_secs(10);
 
-/// Starts a viewer, and watches it for as long as it takes to fail.
+/// Starts a viewer, and watches it for as long as a failure takes to show.
 fn start(program: &Path, mut command: Command) -> Result<(), StreamError> {
     let failed = |source| StreamError::Start { program: program.to_owned(), source };
-    // A file, not a pipe: the viewer outlives this program, and may go on writing.
+    // A file, not a pipe: the viewer outlives this program and may go on writing.
     let mut said = tempfile::tempfile().map_err(failed)?;
     command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(said.try_clone().map_err(failed)?);
     #[cfg(unix)]
@@ -118,7 +120,7 @@ fn start(program: &Path, mut command: Command) -> Result<(), StreamError> {
     while Instant::now() < deadline {
         match viewer.try_wait().map_err(failed)? {
             None => std::thread::sleep(Duration::from_millis(20)),
-            // A launcher that has handed over.
+            // A launcher that has handed over to the viewer.
             Some(status) if status.success() => break,
             Some(status) => {
                 let mut text = Vec::new();
@@ -131,22 +133,23 @@ fn start(program: &Path, mut command: Command) -> Result<(), StreamError> {
     Ok(())
 }
 
-/// The last line that a program wrote, without what only a terminal understands.
+/// Returns the last line that a program wrote, without terminal control characters.
 fn reason(text: &str) -> Option<String> {
     let line = text.lines().rev().find(|line| !line.trim().is_empty())?;
     let line = line.trim().trim_start_matches("Error: ");
     Some(line.chars().filter(|character| !character.is_control()).collect())
 }
 
-/// Why this process has no viewer any more, if it lost one.
+/// Reason why this process has lost its viewer, if it has.
 static LOST: Mutex<Option<String>> = Mutex::new(None);
 
-/// Why this process has lost a viewer, or could not start one, that it was to stream to. What it wrote into files is whole all the same.
+/// Returns the reason why this process has lost, or could not start, the viewer that it was to stream to. Its files are
+/// complete all the same.
 pub fn lost() -> Option<String> {
     LOST.lock().ok().and_then(|lost| lost.clone())
 }
 
-/// Notes that the viewer is lost, and says so where nothing has been said yet.
+/// Notes that the viewer is lost, and prints the first reason.
 pub(crate) fn lose(why: &str) {
     if let Ok(mut lost) = LOST.lock()
         && lost.is_none()

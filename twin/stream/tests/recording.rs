@@ -1,5 +1,5 @@
-//! Short recordings are read back with Rerun's own reader: their entities, time lines, images and values. What cannot be
-//! written is an error, and what does not change is not repeated.
+//! Short recordings are read back with Rerun's own reader: entities, time lines, images and values. A failed write is
+//! an error, and unchanged data are not repeated.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -32,7 +32,7 @@ fn noise_image(seed: u32) -> TactileImage {
     TactileImage { rgb: (0..IMAGE_SIZE * IMAGE_SIZE * 3).map(|_| next()).collect() }
 }
 
-/// The recording in a file, without its layout.
+/// Reads the recording in a file, without its layout.
 fn read_back(path: &Path) -> ChunkStore {
     let mut file = std::fs::File::open(path).expect("the recording exists");
     let stores = ChunkStore::from_rrd_reader(&ChunkStoreConfig::ALL_DISABLED, &mut file).expect("Rerun reads it");
@@ -42,7 +42,7 @@ fn read_back(path: &Path) -> ChunkStore {
     recording
 }
 
-/// Every row of a component at `path`, in order: time (s) and tick, none for what is static, and the values.
+/// Returns every row of a component at `path`, in order: time (s) and tick (`None` for static data), and the values.
 fn rows<C: Component>(store: &ChunkStore, path: &str, component: ComponentDescriptor) -> Vec<Row<C>> {
     let mut rows = Vec::new();
     let here = store.iter_physical_chunks().filter(|chunk| chunk.entity_path() == &EntityPath::from(path));
@@ -66,7 +66,7 @@ struct Row<C> {
     values: Vec<C>,
 }
 
-/// Records 200 ticks of 10 ms: an arm and an object that move, an estimate that comes and goes, a force from tick 102 on.
+/// Records 200 ticks of 10 ms: a moving arm and object, an estimate that comes and goes, a force from tick 101 on.
 fn record(path: &Path, robot: &RobotModel) {
     let RobotModel { hand, arm, .. } = robot;
     let mut recorder = Recorder::create(path, robot, &[tetrahedron()]).expect("opens");
@@ -135,7 +135,7 @@ fn a_recording_is_read_back() {
     for path in expected {
         assert!(logged.contains(&format!("/{path}")), "{path} is not in {logged:?}");
     }
-    // The object rises by 0.1 m/s.
+    // The object rises at 0.1 m/s.
     let poses = rows::<components::Translation3D>(&store, &object, Transform3D::descriptor_translation());
     assert!(poses.len() > 40, "{} poses in 2 s at 30 Hz", poses.len());
     for Row { time, tick, values } in poses.iter().filter(|row| row.tick.is_some()) {
@@ -153,7 +153,7 @@ fn a_recording_is_read_back() {
         let time = time.expect("a time");
         assert!(values.len() == 5 && values.iter().all(|tension| (tension.0.0 - time).abs() < 1e-3), "at {time}");
     }
-    // Forces come with tick 101 and the image of a camera every 0.2 s.
+    // Forces begin at tick 101, and a camera gives an image every 0.2 s.
     let arrows = rows::<components::Vector3D>(&store, entities::CONTACTS, Arrows3D::descriptor_vectors());
     let first = arrows.iter().find(|row| !row.values.is_empty()).and_then(|row| row.time).expect("a force");
     assert!((1.01..1.05).contains(&first), "the first force is at {first} s");
@@ -169,7 +169,7 @@ fn a_recording_is_read_back() {
     assert_eq!(said, ["phase: approach", "nothing held", "outcome: failure"]);
 }
 
-/// The tick at time 0.
+/// Returns the tick at time 0.
 fn first_tick(poses: &[Row<components::Translation3D>]) -> i64 {
     poses.iter().find(|row| row.time == Some(0.0)).and_then(|row| row.tick).expect("the first pose")
 }
@@ -197,7 +197,8 @@ fn a_full_disk_is_an_error() {
     assert!(matches!(result, Err(StreamError::Unwritable { .. })));
 }
 
-/// Records `count` images (one every 0.2 s) and as many height maps of a camera; how many of each are in the file.
+/// Records `count` images (one every 0.2 s) and as many height maps of a camera. Returns how many of each are in the
+/// file.
 fn recorded(count: u32, changing: bool) -> [usize; 2] {
     let folder = tempfile::tempdir().expect("folder");
     let path = folder.path().join("pads.rrd");
@@ -229,7 +230,7 @@ fn nothing_is_needed_to_record_nowhere() {
     recorder.finish().expect("nothing to write");
 }
 
-/// Height maps and beliefs are taken off when what they speak of is gone, once, and come again.
+/// Height maps and beliefs are removed once when they become invalid, and appear again later.
 #[test]
 fn what_is_gone_is_taken_off() {
     let folder = tempfile::tempdir().expect("folder");
@@ -257,7 +258,7 @@ fn what_is_gone_is_taken_off() {
     }
 }
 
-/// Without truth no object and no force is recorded, whatever is handed over.
+/// Without ground truth no object and no force is recorded, whatever is handed over.
 #[test]
 fn truth_is_recorded_only_where_it_is_shown() {
     let folder = tempfile::tempdir().expect("folder");

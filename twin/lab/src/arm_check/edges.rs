@@ -1,5 +1,5 @@
-//! What the inverse kinematics does where it cannot do what it is asked: out of reach, at singularities, at joint limits, and when
-//! the target jumps. It has to slow down, say so, and never jump.
+//! Behaviour of the inverse kinematics for infeasible targets: out of reach, at singularities, at joint limits, and
+//! when the target jumps. It must slow down, report it, and never jump.
 
 use std::path::Path;
 
@@ -15,18 +15,18 @@ use serde_json::json;
 
 use crate::hand_check::{Row, Verdict};
 
-/// Control tick, s.
+/// Control period, s.
 const TICK: f64 = 1.0 / 120.0;
-/// Time after the target has come to rest, s.
+/// Settling time after the target has come to rest, s.
 const SETTLE: f64 = 2.0;
-/// Limits hold to rounding.
+/// Tolerance on limits, as a share: rounding only.
 const ROUNDING: f64 = 1e-6;
-/// A reference this far behind has to be reported, m and rad.
+/// Tracking error that has to be reported, m and rad.
 const BEHIND: (f64, f64) = (0.02, 0.1);
 
 struct Edge {
     name: &'static str,
-    /// Whether the target can be reached in the end.
+    /// True if the target can be reached in the end.
     reachable: bool,
     path: PosePath,
 }
@@ -61,10 +61,10 @@ fn edges(start: Isometry3<f64>) -> Result<Vec<Edge>> {
 
 struct Seen {
     name: &'static str,
-    /// Greatest share of speed and acceleration limits.
+    /// Largest shares of the speed and of the acceleration limits that were used.
     speed: f64,
     acceleration: f64,
-    /// Least distance to a position limit, rad.
+    /// Smallest distance to a position limit, rad.
     room: f64,
     slowest: f64,
     held_back: usize,
@@ -110,7 +110,7 @@ fn lead(world: &World, edge: &Edge) -> Result<Seen> {
         seen.slowest = seen.slowest.min(step.speed_scale);
         seen.held_back += usize::from(step.saturated);
         seen.failed += usize::from(step.solved == QpPath::Failed);
-        // Behind without being reported: neither slowed down nor held back, while the target's way is not in `step` yet.
+        // Unreported lag: neither slowed down nor held back, at rest, and yet behind the target.
         let behind = step.position_error > BEHIND.0 || step.rotation_error > BEHIND.1;
         let moving = step.qd.iter().any(|speed| speed.abs() > 0.02);
         seen.unreported += usize::from(behind && !step.saturated && step.speed_scale > 0.98 && !moving);

@@ -1,4 +1,4 @@
-//! Holding against gravity under torque control, and set-points that jump.
+//! Gravity compensation under torque control, and response to set-point jumps.
 
 use std::f64::consts::PI;
 
@@ -17,21 +17,22 @@ use sim::{SceneSetup, SimulatedRobot};
 
 use crate::hand_check::{Row, Verdict};
 
-/// Random postures that are held, and for how long, s.
+/// Number of random postures that are held, and time of each, s.
 const POSTURES: usize = 24;
 const HOLD: f64 = 1.5;
-/// A held joint may stand off its set-point by this, rad, and the torque off the weight's by this, N m.
+/// Tolerances: steady-state error of a held joint, rad, and difference of its torque from the gravity torque, N m.
 const SAG: f64 = 2e-3;
 const TORQUE: f64 = 0.2;
-/// Postures keep this away from the table, m; from themselves they stay free, as the tubes next but one are never far apart.
+/// Minimum clearance of the postures from the table, m. From themselves they only stay free of collision, because the
+/// tubes of links next but one are never far apart.
 const CLEAR: f64 = 0.03;
-/// By how far all joints are asked to jump, rad, and what they may be past the goal, rad.
+/// Set-point jump of all joints, rad, and tolerance on overshoot, rad.
 const JUMP: f64 = 0.6;
 const OVERSHOOT: f64 = 0.02;
-/// Kilograms in the hand that the paper holds up.
+/// Payload that the paper holds, kg.
 const LOAD: f64 = 2.5;
 
-/// Potential energy (J) of arm and open hand at `q`, with `load` (kg) in the palm.
+/// Computes the potential energy (J) of arm and open hand at `q`, with `load` (kg) in the palm.
 fn potential(world: &World, q: &Joints, load: f64) -> f64 {
     let kinematics = world.cell.kinematics();
     let links = kinematics.link_poses(q);
@@ -45,7 +46,7 @@ fn potential(world: &World, q: &Joints, load: f64) -> f64 {
     9.81 * (arm + hand + body.mass * (palm * body.com).z + load * held.z)
 }
 
-/// Torques (N m) that hold arm, hand and `load` (kg) up: the potential energy's slope.
+/// Computes the gravity torques (N m) of arm, hand and `load` (kg): the gradient of the potential energy.
 pub fn weight_torques(world: &World, q: &Joints, load: f64) -> Joints {
     let h = 1e-5;
     world.cell.robot.arm.each(|i| {
@@ -63,7 +64,7 @@ fn robot(world: &World, q: &Joints) -> SimulatedRobot {
     SimulatedRobot::new(&world.cell.robot, &setup, TactileBoard::blank())
 }
 
-/// Random postures within the limits that touch neither themselves nor the table.
+/// Draws random postures within the limits, free of collisions with themselves and with the table.
 fn postures(world: &World, seed: u64) -> Result<Vec<Joints>> {
     let kinematics = world.cell.kinematics();
     let bodies = ArmBodies::new(&kinematics, &world.cell.robot.hand)?;
@@ -86,7 +87,7 @@ fn postures(world: &World, seed: u64) -> Result<Vec<Joints>> {
     Err(anyhow!("only {} of {POSTURES} random postures of the arm are free", found.len()))
 }
 
-/// Holds `q`; the largest sag (rad) and the largest difference of the torques from the weight's (N m).
+/// Holds `q`. Returns the largest sag (rad) and the largest difference of the torques from the gravity torques (N m).
 fn hold(world: &World, q: &Joints) -> (f64, f64) {
     let mut robot = robot(world, q);
     let servos = tension_goals(&world.cell.robot.hand, &[0.0; 5], 0.0);
@@ -99,7 +100,8 @@ fn hold(world: &World, q: &Joints) -> (f64, f64) {
     (sag, (0..q.len()).map(|i| (arm.torque[i] - expected[i]).abs()).fold(0.0, f64::max))
 }
 
-/// All joints asked to jump at once: greatest share of a joint's speed limit, overshoot (rad) and time to within 0.01 rad, s.
+/// Commands a jump of all joints at once. Returns the largest share of a joint's speed limit, the overshoot (rad) and
+/// the settling time to within 0.01 rad, s.
 fn jump(world: &World) -> (f64, f64, f64) {
     let start = world.cell.ready;
     // Towards the middle of each joint's range, so that no limit keeps a joint from its goal.

@@ -1,4 +1,4 @@
-//! Where the palm can be, level and fingers forward: reached without the arm touching itself, the hand or the table.
+//! Workspace of the level palm with fingers forward, without collisions of the arm with itself, the hand or the table.
 
 use std::path::Path;
 
@@ -14,17 +14,17 @@ use serde_json::json;
 
 use crate::hand_check::{Row, Verdict};
 
-/// Grid, m: distance of the places, and where the maps begin and end.
+/// Grid, m: spacing of the points, and extents of the maps.
 const STEP: f64 = 0.05;
 const ACROSS: (f64, f64) = (-0.9, 0.9);
 const UP: (f64, f64) = (0.0, 1.2);
 /// Height of the map seen from above, m.
 const LEVEL: f64 = 0.15;
-/// Postures keep this clear of themselves and of the table, m.
+/// Minimum clearance of postures from themselves and from the table, m.
 const CLEAR: f64 = 0.0;
-/// Below this smallest singular value (m/rad) the arm is near a singularity.
+/// Singularity threshold: smallest singular value of the Jacobian (m/rad).
 const SINGULAR: f64 = 0.04;
-/// Pixels a place.
+/// Pixels per point of the grid.
 const PIXELS: u32 = 16;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -75,7 +75,7 @@ fn count((from, to): (f64, f64)) -> usize {
     ((to - from) / STEP).round() as usize + 1
 }
 
-/// The row with its maps: from the side (y = 0) and from above.
+/// Returns the row with its maps: from the side (y = 0) and from above.
 pub fn row(world: &World, out: Option<&Path>, quiet: bool) -> Result<Row> {
     let kinematics = world.cell.kinematics();
     let bodies = ArmBodies::new(&kinematics, &world.cell.robot.hand)?;
@@ -96,7 +96,7 @@ pub fn row(world: &World, out: Option<&Path>, quiet: bool) -> Result<Row> {
     bar.finish_and_clear();
     let number = |kind: Place| found.iter().filter(|place| **place == kind).count();
     let layout = &world.scenario.layout;
-    // Above the places where the objects of a trial stand, at the map's height.
+    // Points above the places where the objects of a trial stand, at the map's height.
     let needed: Vec<[f64; 3]> = [&layout.first, &layout.second].iter().map(|spot| [spot.x, spot.y, LEVEL]).collect();
     let mut served = 0;
     for at in &needed {
@@ -149,7 +149,7 @@ fn draw(maps: &[(&str, &[Place], usize); 2], columns: usize) -> RgbImage {
             let color = Place::ALL.iter().find(|kind| kind.0 == *place).map_or([0; 3], |kind| kind.2);
             fill(&mut image, left + column as u32 * PIXELS, head + row as u32 * PIXELS, PIXELS - 1, color);
         }
-        // The base's axis.
+        // Mark of the base's axis.
         let middle = ((-ACROSS.0) / STEP).round() as u32;
         let row = if m == 0 { *rows as u32 - 1 } else { *rows as u32 / 2 };
         fill(&mut image, left + middle * PIXELS + 4, head + row * PIXELS + 4, 7, [40, 42, 48]);

@@ -1,4 +1,4 @@
-//! How well the palm follows a path: the inverse kinematics' reference on paper, and the arm in physics.
+//! Accuracy of path following: the reference of the inverse kinematics alone, and the arm in physics.
 
 use std::path::Path;
 use std::time::Instant;
@@ -18,22 +18,22 @@ use sim::{SceneSetup, SimulatedRobot};
 
 use crate::hand_check::{Row, Verdict};
 
-/// What the reference may be off a path within the arm's limits, m, and the palm in physics.
+/// Tolerances on the distance from a path within the arm's limits, m: of the reference, and of the palm in physics.
 const REFERENCE: f64 = 1e-3;
 const PALM: f64 = 5e-3;
-/// 99 % of the solves take less, s.
+/// Limit on the 99th percentile of the solve time, s.
 const SOLVE: f64 = 1e-3;
-/// The circle's radius, m; its speed grows and shrinks smoothly.
+/// Radius of the circle, m. The speed along it grows and shrinks smoothly.
 const RADIUS: f64 = 0.10;
-/// Time for a turn, s. At the circle's top, with the palm level, joint 5 turns fastest: it allows a turn in 8 s. In half the time
-/// it does not, and the reference has to cut the corner.
+/// Time per turn, s. At the top of the circle, with the palm level, joint 5 turns fastest and allows a turn in 8 s. In
+/// half of [`TURN`] it cannot follow, and the reference has to cut the corner.
 const TURN: f64 = 10.0;
 const HASTY_TURN: f64 = 5.0;
 
-/// A motion of the palm: pose and twist at a time, for a duration.
+/// A trajectory of the palm: pose and twist as functions of time, and duration.
 struct Motion<'a> {
     name: &'static str,
-    /// Within a Gen3's limits.
+    /// True if it is within a Gen3's limits.
     possible: bool,
     duration: f64,
     at: Box<dyn Fn(f64) -> (Isometry3<f64>, Twist) + 'a>,
@@ -75,7 +75,7 @@ fn motions(start: Isometry3<f64>) -> Result<Vec<Motion<'static>>> {
 struct Followed {
     name: &'static str,
     possible: bool,
-    /// (s, mm): reference off the path, palm off the path.
+    /// Deviation from the path over time (s, mm): of the reference, and of the palm.
     reference: Vec<[f64; 2]>,
     palm: Vec<[f64; 2]>,
     turn: f64,
@@ -115,7 +115,7 @@ fn follow(world: &World, motion: &Motion<'_>) -> Result<Followed> {
     Ok(out)
 }
 
-/// The value below which `share` of the sorted values lie.
+/// Returns the quantile: the value below which `share` of the sorted values lie.
 pub fn quantile(sorted: &[f64], share: f64) -> f64 {
     sorted.get(((sorted.len() as f64 - 1.0) * share).round() as usize).copied().unwrap_or(f64::NAN)
 }

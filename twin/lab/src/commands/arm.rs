@@ -1,4 +1,4 @@
-//! `ftac arm`.
+//! `ftac arm`: checks of the arm.
 
 use ftac::lab::arguments::arm::ArmCommand;
 use ftac::terminal::{Outcome, Terminal};

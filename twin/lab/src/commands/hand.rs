@@ -1,4 +1,4 @@
-//! `ftac hand`: checks of the body, closing of any hand, scenes for a second engine.
+//! `ftac hand`: checks of the body, closing of any hand, export of scenes for a second engine.
 
 mod close;
 pub mod inspect;
@@ -19,32 +19,32 @@ use serde::Serialize;
 
 use super::rows::show_rows;
 
-/// Printed by `hand export`.
+/// Output of `hand export`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Exported<'a> {
     /// Folder with the files.
     folder: &'a Path,
 }
 
-/// Printed by `hand check --engine`.
+/// Output of `hand check --engine`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Engine {
-    /// A row a setting of the engine.
+    /// One row per setting of the engine.
     sweep: Vec<Sweep>,
 }
 
-/// Printed by `hand check --grasps`.
+/// Output of `hand check --grasps`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct GraspTypes<'a> {
-    /// Seed of everything random.
+    /// Seed of all random numbers.
     seed: u64,
-    /// Seeds that were tried.
+    /// Number of seeds tried.
     seeds: u64,
-    /// Attempts at a type at most.
+    /// Maximum number of attempts per type.
     tries: usize,
-    /// Each type with the first seed.
+    /// Results of each type with the first seed.
     types: &'a [GraspTypeResult],
-    /// Each type over the seeds.
+    /// Results of each type over the seeds.
     over_seeds: &'a [TypeOverSeeds],
 }
 
@@ -68,7 +68,7 @@ pub fn run(terminal: &Terminal, command: &HandLabCommand) -> Outcome {
     }
 }
 
-/// `ftac hand check`, and what its options ask for instead.
+/// Runs `ftac hand check`, or the variant that its options select.
 fn hand_check(terminal: &Terminal, args: &CheckArgs) -> Outcome {
     own_hand::say_renamed();
     if let Some(path) = &args.urdf {
@@ -95,10 +95,10 @@ fn hand_check(terminal: &Terminal, args: &CheckArgs) -> Outcome {
     show_rows(terminal, &rows, args.out.as_deref())
 }
 
-/// Where the public model lies beside a checkout.
+/// Default folder of the public model, beside a checkout.
 const PUBLIC_MODEL: &str = "../shared/data/hands/ftac_public";
 
-/// The folder of the public model: the one that is named, or the one beside a checkout, if there is one.
+/// Returns the folder of the public model: the named one, or the one beside a checkout, if there is one.
 fn public_model(named: Option<&Path>) -> anyhow::Result<Option<PathBuf>> {
     let folder = named.unwrap_or(Path::new(PUBLIC_MODEL));
     match (folder.join(check::public_model::FILE).is_file(), named) {

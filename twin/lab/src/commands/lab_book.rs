@@ -10,22 +10,22 @@ use platform::data::write_whole;
 use schemars::JsonSchema;
 use serde::Serialize;
 
-/// Whether `ftac` takes these arguments; the error says why not.
+/// Checks that `ftac` accepts these arguments; the error is the reason why it does not.
 pub type Parse = dyn Fn(&[&str]) -> Result<(), String>;
 
-/// Where the page goes unless `--out` says otherwise.
+/// Default path of the page without `--out`.
 const PAGE: &str = "BENCHMARKS.md";
 
-/// Printed once the page is written.
+/// Output once the page is written.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct LabBook<'a> {
-    /// The page (Markdown).
+    /// Path of the page (Markdown).
     page: &'a Path,
-    /// Figures on the page.
+    /// Number of figures on the page.
     figures: usize,
 }
 
-/// Makes the page from `figures` in the folder of the workspace, which is the one ftac is started in.
+/// Makes the page from `figures`. The workspace's folder is the current directory.
 pub fn run(terminal: &Terminal, figures: &Path, out: Option<&Path>, parse: &Parse) -> Outcome {
     let (page, count) = checked_page(figures, Path::new("."), parse)?;
     let out = out.unwrap_or(Path::new(PAGE));
@@ -34,7 +34,7 @@ pub fn run(terminal: &Terminal, figures: &Path, out: Option<&Path>, parse: &Pars
     Ok(None)
 }
 
-/// The page and the number of figures on it; commands are seen from `root`.
+/// Returns the page and the number of figures on it. `root` is the folder in which commands are run.
 fn checked_page(figures: &Path, root: &Path, parse: &Parse) -> Result<(String, usize)> {
     let text = std::fs::read_to_string(figures).with_context(|| figures.display().to_string())?;
     let rows = table::parse(figures, &text)?;
@@ -51,7 +51,7 @@ mod tests {
     use lab::lab_book::error::FieldError;
 
     fn root() -> PathBuf {
-        // Of this run and not of the build, which another checkout may have made.
+        // The folder of this run, not of the build, which may have been made in another checkout.
         PathBuf::from(std::env::var_os("CARGO_MANIFEST_DIR").expect("set by cargo")).join("../..")
     }
 

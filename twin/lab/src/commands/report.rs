@@ -1,4 +1,4 @@
-//! `ftac report --study` and `--lab-book`.
+//! `ftac report --study` and `--lab-book`: the page of the grasp study, and the lab book.
 
 use anyhow::bail;
 use ftac::cli::parse_arguments;

@@ -1,4 +1,4 @@
-//! The rows of a check, printed and kept.
+//! Output of the rows of a check, printed and saved.
 
 use std::path::Path;
 
@@ -7,16 +7,16 @@ use lab::hand_check as check;
 use schemars::JsonSchema;
 use serde::Serialize;
 
-/// The rows of a check.
+/// Output of a check.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Checked<'a> {
-    /// Seed of everything random.
+    /// Seed of all random numbers.
     seed: u64,
-    /// One entry a row of the table.
+    /// One entry per row of the table.
     rows: &'a [check::Row],
 }
 
-/// Prints the rows of a check and keeps them in `folder`.
+/// Prints the rows of a check and saves them in `folder`.
 pub fn show_rows(terminal: &Terminal, rows: &[check::Row], folder: Option<&Path>) -> Outcome {
     let checked = Checked { seed: terminal.seed, rows };
     if let Some(folder) = folder {

@@ -1,4 +1,4 @@
-//! `ftac schema` of the commands that this program runs, and of all commands together.
+//! `ftac schema` of the commands that this program runs, and of all commands of both programs.
 
 use ftac::json_schema::{Output, of};
 use ftac::schema;

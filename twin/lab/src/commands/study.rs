@@ -1,8 +1,10 @@
-//! The grasp study: the paper's second half of results, each made by one command from verified grasps.
+//! Grasp study: the second half of the paper's results, each made by one command from verified grasps.
 //!
-//! [`source`] reads the grasps and knows their objects; [`classify`] gives each its type, [`pick_ups`] those of the benchmark's plans, and [`annotate`] writes the page on which
-//! people do. [`map`] draws the map of contact, [`landscape`] the tree of basins and barriers, [`hands`] sets hands side by side, and
-//! [`report`] sets all of it beside the paper; [`all`] makes everything. The mathematics is in the crate `study`, the pages are in `lab::study_pages`.
+//! [`source`] reads the grasps and knows their objects. [`classify`] assigns each grasp its type, [`pick_ups`] does so
+//! for the grasps of the benchmark's plans, and [`annotate`] writes the page on which people do. [`map`] draws the map
+//! of contact, [`landscape`] the tree of basins and barriers, [`hands`] compares several hands, and [`report`] compares
+//! all of it with the paper. [`all`] runs everything. The mathematics is in the crate `study`, the pages are in
+//! `lab::study_pages`.
 
 pub mod all;
 pub mod annotate;

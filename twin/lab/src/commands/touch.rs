@@ -1,4 +1,4 @@
-//! `ftac touch`: the network of photometric stereo is trained, and touch is measured from images to poses.
+//! `ftac touch`: trains the network for photometric stereo, and evaluates touch from images to poses.
 
 mod eval;
 pub mod train_network;

@@ -1,4 +1,5 @@
-//! How hard the digits close on a rigid rod: the force of each phalanx at rated current, and their sum over the current.
+//! Closing force of the digits on a rigid rod: force of each phalanx at rated current, and their sum against the
+//! current.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -15,18 +16,19 @@ use world::Shape;
 
 use super::row::{Row, Verdict};
 
-/// The paper's total, N.
+/// Total force in the paper, N.
 const PAPER: f64 = 10.3;
-/// Rated torque over stall torque: what makers of small geared servos advise for lasting load.
+/// Rated torque over stall torque: recommendation of makers of small geared servos for continuous load.
 const RATED_SHARE: f64 = 0.2;
-/// The rod: radius, half length, m.
+/// Size of the rod: radius and half length, m.
 const ROD: (f64, f64) = (0.025, 0.06);
-/// How far the thumb opposes, rad.
+/// Opposition angle of the thumb, rad.
 const OPPOSITION: f64 = 1.0;
 /// Time to close, s.
 const CLOSE: f64 = 3.0;
 
-/// Closes all digits at a cable tension (N) and gives the normal force of each link on the rod, palm last, N.
+/// Closes all digits at a cable tension (N). Returns the stand and the normal force of each link on the rod, palm last,
+/// N.
 fn close(hand: &Arc<Hand>, tension: f64) -> (HandStand, [f64; 16]) {
     let mut stand = HandStand::new(hand.clone(), EngineSettings::default());
     let rod = Prop::new("rod", Shape::Cylinder { radius: ROD.0, half_height: ROD.1 }, 0.3, 0.8);

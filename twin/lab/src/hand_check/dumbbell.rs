@@ -1,9 +1,9 @@
-//! A dumbbell of 2.5 kg held for ten seconds.
+//! Payload test: a dumbbell of 2.5 kg held for ten seconds.
 //!
-//! It is taken as one takes it from a rack: the fingers close on the bar, and while the rack still carries the weight
-//! the hand grips hard a few times. Each time the bar and the phalanges come nearer to where cables, joint stops and
-//! friction let them rest; without that they get there under load, and the bar's settling into the hand is measured as
-//! slip.
+//! It is taken as from a rack. The fingers close on the bar, and while the rack still carries the weight, the hand
+//! grips hard a few times. Each time bar and phalanges come closer to the rest position that cables, joint stops and
+//! friction allow. Otherwise they would get there under load, and the settling of the bar into the hand would be
+//! measured as slip.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -19,30 +19,30 @@ use sim::stand::{HandStand, Prop, tension_goals};
 
 use super::row::{Row, Verdict};
 
-/// kg.
+/// Mass of the dumbbell, kg.
 const MASS: f64 = 2.5;
-/// Handle radius and length, weight radius and length, m.
+/// Size, m: radius and length of the handle, radius and length of each weight.
 const SIZE: [f64; 4] = [0.016, 0.120, 0.045, 0.045];
-/// Slip below this is a hold, m.
+/// Tolerance on slip of a hold, m.
 const SLIP: f64 = 0.002;
-/// s.
+/// Time of the hold, s.
 const HOLD: f64 = 10.0;
-/// Time for the grip to take up the load before slip counts, s.
+/// Time for the grip to take up the load before slip is measured, s.
 const SETTLE: f64 = 1.0;
 /// Tension of the four fingers' cables, N; the thumb stays open, clear of the weights.
 const TENSION: f64 = 60.0;
-/// Tension while gripping hard, N (0.83 A of the 0.91 A that a servo may draw), how often, and for how long, s; the pause after
-/// it is as long.
+/// Pulses of a hard grip: tension, N (0.83 A of the 0.91 A that a servo may draw), number, and length, s. The pause
+/// after each is as long.
 const HARD: f64 = 100.0;
 const TIMES: usize = 6;
 const BEAT: f64 = 0.5;
-/// The first closing around the held bar, and the rest once the rack only carries the weight, s.
+/// Times, s: first closing around the held bar, and rest once the rack carries only the weight.
 const CLOSE: f64 = 1.5;
 const REST: f64 = 1.0;
-/// Where the bar lies under the knuckles, palm frame, m.
+/// Position (x, y) of the bar under the knuckles, palm frame, m.
 const UNDER_KNUCKLES: [f64; 2] = [0.0026, 0.013];
 
-/// Where the handle lies on the open hand.
+/// Returns the pose of the handle on the open hand.
 pub fn place(hand: &Hand) -> Isometry3<f64> {
     let skin = hand.palm_cover.link_from_cover.translation.z - hand.palm_cover.half.z;
     let across = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), std::f64::consts::FRAC_PI_2);
@@ -53,7 +53,7 @@ pub fn prop() -> Prop {
     Prop::dumbbell(SIZE[0], SIZE[1], SIZE[2], SIZE[3], MASS)
 }
 
-/// Tensions of the grip, N.
+/// Returns the tensions of the grip, N.
 pub fn tensions() -> DigitVector {
     fingers(TENSION)
 }
@@ -62,14 +62,14 @@ fn fingers(tension: f64) -> DigitVector {
     [0.0, tension, tension, tension, tension].into()
 }
 
-/// Tensions (N), each with its time (s), from when the bar is let go of until the weight comes.
+/// Returns the sequence of tensions (N), each with its time (s), from the release of the bar until the weight acts.
 pub fn gripping() -> Vec<(DigitVector, f64)> {
     let beats = std::iter::repeat_n([(fingers(HARD), BEAT), (tensions(), BEAT)], TIMES).flatten();
     std::iter::once((tensions(), REST)).chain(beats).collect()
 }
 
-/// Closes on the held dumbbell, lets go of it, grips hard, and takes its weight along `down` (palm frame).
-/// Returns the stand and the slip (m) of ten seconds after settling.
+/// Closes on the held dumbbell, releases it, grips hard, and applies its weight along `down` (palm frame). Returns the
+/// stand and the slip (m) over ten seconds after settling.
 fn hold(hand: &Arc<Hand>, down: &Vector3<f64>) -> (HandStand, f64) {
     let mut stand = HandStand::new(hand.clone(), EngineSettings::default());
     let bell = stand.put(prop(), &place(hand));
@@ -101,7 +101,7 @@ pub fn row(hand: &Arc<Hand>, out: Option<&Path>) -> Result<Row> {
     ];
     let held: Vec<(HandStand, f64)> = ways.par_iter().map(|(_, down)| hold(hand, down)).collect();
     let text = |slip: f64| if slip < 0.05 { format!("{:.2} mm", slip * 1e3) } else { "dropped".to_string() };
-    // With the arm hanging, as one carries a dumbbell; the others are told too.
+    // The row states the hanging arm, as one carries a dumbbell; the other directions are reported too.
     let main = held[0].1;
     let all: serde_json::Map<String, serde_json::Value> =
         ways.iter().zip(&held).map(|((name, _), (_, slip))| (name.to_string(), json!(slip * 1e3))).collect();

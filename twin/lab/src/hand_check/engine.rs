@@ -1,4 +1,4 @@
-//! The engine's settings: slip, overlap, jitter and cost of three holds over time step and iterations.
+//! Sweep of the engine's settings: slip, penetration, jitter and cost of three holds against time step and iterations.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -14,29 +14,29 @@ use world::Shape;
 
 use super::dumbbell;
 
-/// Time steps per second, outer and inner iterations that are tried.
+/// Swept settings: time steps per second, and outer and inner iterations.
 const RATES: [f64; 3] = [120.0, 240.0, 480.0];
 const ITERATIONS: [(usize, usize); 4] = [(1, 4), (1, 8), (2, 4), (4, 4)];
-/// Slip is measured over this after settling, s.
+/// Time over which slip is measured after settling, s.
 const HOLD: f64 = 5.0;
 
-/// One setting's outcome in one scene.
+/// Result of one setting in one scene.
 #[derive(Debug, Clone, Serialize, JsonSchema)]
 pub struct Sweep {
     pub scene: &'static str,
-    /// Steps a second.
+    /// Time steps per second.
     pub rate: f64,
     /// Outer and inner iterations.
     pub iterations: (usize, usize),
-    /// Way of the held thing in the hand in five seconds, mm.
+    /// Slip: displacement of the held object in the hand in five seconds, mm.
     pub slip_mm: f64,
-    /// Deepest overlap at the end, mm.
+    /// Largest penetration at the end, mm.
     pub overlap_mm: f64,
-    /// Root mean square speed of the held thing, mm/s.
+    /// Root-mean-square speed of the held object, mm/s.
     pub jitter_mm_s: f64,
-    /// Wall time of a step, us.
+    /// Wall time per step, us.
     pub step_us: f64,
-    /// Simulated over wall time.
+    /// Real-time factor: simulated over wall time.
     pub real_time: f64,
 }
 
@@ -45,7 +45,7 @@ struct Scene {
     prop: Prop,
     place: Isometry3<f64>,
     tensions: DigitVector,
-    /// Tensions with their times once the prop is let go of, before its weight comes, N and s.
+    /// Sequence of tensions with their times after the release of the prop, before its weight acts, N and s.
     gripping: Vec<(DigitVector, f64)>,
     opposition: f64,
     gravity: Vector3<f64>,
@@ -122,7 +122,7 @@ fn run(hand: &Arc<Hand>, scene: &Scene, rate: f64, (outer, inner): (usize, usize
     }
 }
 
-/// Every setting in every scene, one after the other: the cost is measured.
+/// Runs every setting in every scene, one after the other because the cost is measured.
 pub fn sweep(hand: &Arc<Hand>) -> Result<Vec<Sweep>> {
     let mut found = Vec::new();
     for scene in &scenes(hand) {
@@ -135,7 +135,7 @@ pub fn sweep(hand: &Arc<Hand>) -> Result<Vec<Sweep>> {
     Ok(found)
 }
 
-/// The table as text; the default setting is marked.
+/// Returns the table as text; the default setting is marked.
 pub fn table(found: &[Sweep]) -> String {
     let default = EngineSettings::default();
     let mut text = format!(

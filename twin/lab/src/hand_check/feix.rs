@@ -1,13 +1,14 @@
-//! The 33 grasp types: a suitable object for each, closed on by the servos, held against gravity in six directions.
+//! Test of the 33 grasp types: for each a suitable object on which the servos close, held against gravity in six
+//! directions.
 //!
-//! The thumb is turned (and where two fingers take the object between them, they are bent), then the object is put into
-//! the hand, held in place while the digits close, and let go of. A type is *formed* when the digits of its virtual
-//! fingers touch the object, the palm touches where the type opposes to the palm and does not where it opposes pads, no
-//! digit touches that the type does not name, and the thumb is abducted or adducted as it says. It is *held* when,
-//! formed, the object stays within a centimetre under gravity from each of six directions. Placement and commands are
-//! found by a seeded search ([`search`]; [`seeds`] repeats it) over attempts in physics ([`trial`]), led by how far the missing digits are
-//! from the object, how far it moves under gravity, and how soon it is lost. Nothing about a type is relaxed to make it
-//! pass; the objects are ours to choose.
+//! The thumb is turned (and if two fingers take the object between them, they are bent). The object is then put into
+//! the hand, held in place while the digits close, and released. A type is *formed* if the digits of its virtual
+//! fingers touch the object, the palm touches if the type opposes to the palm and does not if it opposes pads, no digit
+//! touches that the type does not name, and the thumb is abducted or adducted as the type requires. It is *held* if it
+//! is formed and the object stays within a centimetre under gravity from each of six directions. Placement and commands
+//! are found by a seeded search ([`search`]; [`seeds`] repeats it) over attempts in physics ([`trial`]). Its cost is
+//! made of the distance of the missing digits from the object, the motion of the object under gravity, and the time at
+//! which it is lost. No criterion of a type is relaxed to make it pass; the choice of objects is ours.
 
 mod aim;
 mod attempt;
@@ -34,40 +35,41 @@ use self::curl::Curls;
 use self::search::Found;
 use self::types::GraspType;
 
-/// Radius of a contact point, m, and its colour.
+/// Radius of a drawn contact point, m, and its colour.
 const DOT: f64 = 2e-3;
 const CONTACT: [f64; 3] = [200.0, 30.0, 60.0];
 
-/// How a type came out.
+/// Result of one grasp type.
 #[derive(Debug, Clone, Serialize, JsonSchema)]
 pub struct GraspTypeResult {
-    /// 1 to 33.
+    /// Number of the type, 1 to 33.
     pub number: usize,
     /// Name in the taxonomy.
     pub name: &'static str,
-    /// All virtual fingers touch and nothing else does.
+    /// True if all virtual fingers touch and nothing else does.
     pub formed: bool,
-    /// Directions of gravity withstood, of six.
+    /// Number of directions of gravity withstood, of six.
     pub directions: usize,
-    /// Formed, and held in all six.
+    /// True if formed, and held in all six directions.
     pub held: bool,
-    /// What is wrong, in words.
+    /// Reason why the type is not held, in words.
     pub reason: String,
     /// Simplification of the object.
     pub note: &'static str,
-    /// Attempts made.
+    /// Number of attempts made.
     pub tries: usize,
     pub attempt: Attempt,
     /// Joint angles after settling, rad.
     pub angles: Vec<f64>,
     #[serde(skip)]
     place: Isometry3<f64>,
-    /// Where the hand touches the object, palm frame.
+    /// Contact points of the hand on the object, palm frame.
     #[serde(skip)]
     contacts: Vec<Point3<f64>>,
 }
 
-/// Tries types `tries` times: those with these numbers, or all where none is named. `done` is called after each.
+/// Searches for grasps of the types with these `numbers`, or of all types if none is given, with at most `tries`
+/// attempts each. `done` is called after each type.
 pub fn run(
     hand: &Arc<Hand>,
     seed: u64,
@@ -78,7 +80,7 @@ pub fn run(
     let curls = Curls::new(hand);
     let kinds: Vec<GraspType> =
         types::all().into_iter().filter(|kind| numbers.is_empty() || numbers.contains(&kind.number)).collect();
-    // One at a time: the last ones take longest.
+    // One type per task: the last ones take longest.
     let search = |kind| {
         let found = search::run(hand, &curls, kind, seed, tries).map(|found| outcome(kind, found));
         done();
@@ -110,8 +112,8 @@ fn outcome(kind: &GraspType, Found { tries, attempt, trial }: Found) -> GraspTyp
     }
 }
 
-/// Three pictures of each type's best attempt, with the contacts and the object's size: onto the palm, from the thumb's side and along
-/// the fingers.
+/// Draws three pictures of each type's best attempt, with the contacts and the object's size: onto the palm, from the
+/// thumb's side and along the fingers.
 pub fn draw(hand: &Arc<Hand>, outcomes: &[GraspTypeResult], folder: &Path) -> Result<()> {
     std::fs::create_dir_all(folder)?;
     let types = types::all();
@@ -138,7 +140,7 @@ pub fn draw(hand: &Arc<Hand>, outcomes: &[GraspTypeResult], folder: &Path) -> Re
     save(&tile(&pictures, 6), &folder.join("feix.png"))
 }
 
-/// Where a type is seen from, with a word for it.
+/// Returns the views of a type, each with its name.
 fn views() -> [(View, &'static str); 3] {
     let width = 0.23;
     [
@@ -148,13 +150,13 @@ fn views() -> [(View, &'static str); 3] {
     ]
 }
 
-/// Extent (mm) and mass of a type's object.
+/// Formats extent (mm) and mass of a type's object.
 fn size(kind: &GraspType) -> String {
     let extent = kind.prop.extent() * 1e3;
     format!("{:.0} x {:.0} x {:.0} mm, {:.0} g", extent.x, extent.y, extent.z, 1e3 * kind.prop.mass)
 }
 
-/// The table as text.
+/// Returns the table as text.
 pub fn table(outcomes: &[GraspTypeResult]) -> String {
     let mut text = String::new();
     for outcome in outcomes {

@@ -1,4 +1,4 @@
-//! Counts, sizes and the share of the palmar skin that is a sensor.
+//! Counts and sizes of the model, and tactile coverage: the share of the palmar skin that is a sensor.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -15,14 +15,14 @@ use super::row::{Row, Verdict};
 /// The paper's table of sensor configurations: letter, h and w (mm).
 const CONFIGURATIONS: [(&str, f64, f64); 6] =
     [("a", 33.0, 20.0), ("b", 29.0, 20.0), ("c", 41.0, 20.0), ("d", 45.0, 25.0), ("e", 48.0, 29.0), ("f", 69.0, 47.0)];
-/// The fingertip in the distal link: the end of its cover, m.
+/// Fingertip in the distal link's frame: the end of its cover, m.
 const TIP: [f64; 3] = [0.0325, 0.0, 0.0];
-/// Skin elements' side, m.
+/// Side of a skin element, m.
 const ELEMENT: f64 = 0.001;
-/// Skin whose normal is within this of the pads' direction is palmar, rad.
+/// Maximum angle between the normal of palmar skin and the pads' direction, rad.
 const PALMAR: f64 = std::f64::consts::FRAC_PI_4;
 
-/// Rows read off the model.
+/// Returns the rows that are read off the model.
 pub fn rows(hand: &Hand) -> Vec<Row> {
     let poses = hand.tree.forward(&[0.0; 15]);
     let tip = hand.tree.find("middle_3").map_or(f64::NAN, |link| (poses[link] * Point3::from(TIP)).y);
@@ -80,13 +80,13 @@ pub fn rows(hand: &Hand) -> Vec<Row> {
     ]
 }
 
-/// One link's palmar skin and the pads' share of it, m2.
+/// Palmar skin of one link, and its part covered by pads, m2.
 struct Share {
     palmar: f64,
     covered: f64,
 }
 
-/// The row on palmar coverage.
+/// Returns the row on palmar coverage.
 pub fn coverage(hand: &Hand, out: Option<&Path>) -> Result<Row> {
     let poses = hand.tree.forward(&[0.0; 15]);
     let (mut palmar, mut covered) = (0.0, 0.0);
@@ -129,7 +129,7 @@ fn link_share(hand: &Hand, link: Option<usize>, poses: &[Isometry3<f64>], reach:
     let pads: Vec<_> = hand.pads.iter().filter(|pad| pad.link == link).collect();
     let pose = link.map_or(Isometry3::identity(), |link| poses[link]);
     let cover = link.map_or(&hand.palm_cover, |link| &hand.covers[link]);
-    // All pads of a link look the same way; every link of this hand has one.
+    // All pads of a link face the same way; every link of this hand has one.
     let Some(direction) = pads.first().map(|pad| pad.link_from_pad * Vector3::z()) else {
         return Share { palmar: 0.0, covered: 0.0 };
     };

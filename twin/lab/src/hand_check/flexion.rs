@@ -1,4 +1,5 @@
-//! How a finger flexes: PIP and DIP over MCP in free closing, and what the others do when one phalanx is blocked.
+//! Flexion of a finger: PIP and DIP against MCP in free closing, and the motion of the other joints when one phalanx is
+//! blocked.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -16,23 +17,23 @@ use world::Shape;
 
 use super::row::{Row, Verdict};
 
-/// The finger that is looked at.
+/// The tested finger.
 const DIGIT: Digit = Digit::Middle;
-/// The cable is pulled evenly up to this, N, in this time, s.
+/// The cable tension rises at a constant rate to this, N, in this time, s.
 const TENSION: f64 = 18.0;
-/// In free closing the fingertip meets the palm a little above this tension, N; the static path ends there.
+/// Tension a little above which the fingertip meets the palm in free closing, N; the static path ends there.
 const FREE_TENSION: f64 = 13.5;
-/// All joints are past this in the end, deg: nearly their whole range of 90.
+/// Flexion that all joints must exceed at the end, deg: nearly their whole range of 90.
 const CLOSED: f64 = 80.0;
 const PULL: f64 = 24.0;
-/// Free closing follows the static path within this, deg.
+/// Tolerance of free closing against the static path, deg.
 const STATIC_TOLERANCE: f64 = 3.0;
-/// A joint has gone on when it is this far beyond where it stood when the block was met, deg.
+/// Flexion of a joint after the block was met from which it counts as having continued, deg.
 const WENT_ON: f64 = 30.0;
-/// The block moves the blocked joint no more than this, deg.
+/// Tolerance on the motion of the blocked joint, deg.
 const STOOD: f64 = 6.0;
 
-/// Angles (deg) of MCP, PIP and DIP with the tension (N) at which they were seen.
+/// Recorded path: angles (deg) of MCP, PIP and DIP with the tension (N) at each sample.
 struct Path3 {
     tension: Vec<f64>,
     angles: Vec<[f64; 3]>,
@@ -50,7 +51,7 @@ fn pull(hand: &Arc<Hand>, block: Option<(Prop, Isometry3<f64>)>) -> (Path3, Hand
         let mut tensions = [0.0; 5];
         tensions[DIGIT.index()] = tension;
         stand.run(&tension_goals(hand, &tensions, 0.0), PULL / steps as f64);
-        // What the cable carries, which trails what the servo is asked for while it moves.
+        // The tension in the cable lags behind the servo's command while the cable moves.
         path.tension.push(stand.tensions()[DIGIT.index()]);
         path.angles.push(DIGIT.ftac_joints().map(|joint| stand.angles()[joint].to_degrees()));
     }
@@ -62,13 +63,13 @@ fn lines(path: &Path3, mark: &str) -> Vec<(String, Vec<[f64; 2]>)> {
     ["MCP", "PIP", "DIP"].iter().enumerate().map(|(joint, name)| (format!("{name}{mark}"), of(joint))).collect()
 }
 
-/// A block below the finger's `phalanx` that it meets at about 20 deg of flexion of its joint.
+/// Returns a block below the finger's `phalanx`, which meets it at about 20 deg of flexion of its joint.
 fn block(hand: &Hand, phalanx: usize) -> (Prop, Isometry3<f64>) {
     let link = DIGIT.ftac_joints()[phalanx];
     let mut q = hand.open();
     q[link] = 20f64.to_radians();
     if phalanx == 1 {
-        // Where the proximal phalanx is when the middle one has flexed so far.
+        // Pose of the proximal phalanx when the middle one has flexed so far.
         let tension = 3.5;
         let mut tensions = [0.0; 5];
         tensions[DIGIT.index()] = tension;
@@ -83,7 +84,7 @@ fn block(hand: &Hand, phalanx: usize) -> (Prop, Isometry3<f64>) {
     (prop, pose * Isometry3::translation(along, below, 0.0))
 }
 
-/// The rows; pictures go to `out`.
+/// Returns the rows; pictures go to `out`.
 pub fn rows(hand: &Arc<Hand>, out: Option<&Path>) -> Result<Vec<Row>> {
     let (free, stand) = pull(hand, None);
     let mut rows = vec![free_row(hand, &free)];
@@ -102,11 +103,11 @@ pub fn rows(hand: &Arc<Hand>, out: Option<&Path>) -> Result<Vec<Row>> {
     Ok(rows)
 }
 
-/// Free closing against static equilibrium with rubbing cables.
+/// Compares free closing with static equilibrium under cable friction.
 fn free_row(hand: &Hand, free: &Path3) -> Row {
     let count = free.tension.iter().filter(|tension| **tension <= FREE_TENSION).count();
     let last = free.angles[free.angles.len() - 1];
-    // The cable has been pulled in all along: every guide rubs against that.
+    // The cable has been pulled in throughout, so friction in every guide opposes that.
     let closing = Slid { friction: hand.parameters.cable.friction, state: 1.0 };
     let mut difference = 0.0f64;
     for (tension, angles) in free.tension.iter().zip(&free.angles).take(count) {
@@ -133,10 +134,10 @@ fn free_row(hand: &Hand, free: &Path3) -> Row {
     .with(json!({ "tension_n": free.tension, "mcp_pip_dip_deg": free.angles }))
 }
 
-/// A fixed block under a phalanx: the joints beyond it go on.
+/// Tests a fixed block under a phalanx: the joints beyond it must continue.
 fn blocked_row(free: &Path3, path: &Path3, phalanx: usize, name: &str) -> Row {
     let end = path.angles[path.angles.len() - 1];
-    // The block is met where the blocked joint leaves its free path.
+    // The block is met when the blocked joint leaves its free path.
     let met = (0..path.angles.len())
         .find(|n| (path.angles[*n][phalanx] - free.angles[*n][phalanx]).abs() > 3.0)
         .unwrap_or(path.angles.len() - 1);
@@ -157,7 +158,7 @@ fn blocked_row(free: &Path3, path: &Path3, phalanx: usize, name: &str) -> Row {
     .with(json!({ "tension_n": path.tension, "mcp_pip_dip_deg": path.angles }))
 }
 
-/// Angles over tension, and the finger at the end, of free closing and of each block.
+/// Draws angles against tension, and the finger at the end, for free closing and for each block.
 fn draw(hand: &Hand, free: &Path3, stand: &HandStand, blocked: &[(&str, Path3, HandStand)], file: &Path) -> Result<()> {
     let follow = |joint: usize| free.angles.iter().map(|a| [a[0], a[joint]]).collect();
     let mut plots = vec![

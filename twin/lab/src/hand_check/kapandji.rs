@@ -1,8 +1,8 @@
-//! The Kapandji test (Kapandji 1986): the thumb's tip to ten points of the hand, reached by the six servos in physics.
+//! Kapandji test (Kapandji 1986): the thumb's tip reaches ten points of the hand, driven by the six servos in physics.
 //!
-//! [`target`] has the points, `reach` what the joints alone would allow. The commands are found by search: many random
-//! commands are evaluated in static equilibrium, the nearest ones are run in physics on the stand, and the best of those are
-//! varied until the thumb is there, or all begins anew.
+//! [`target`] has the points, `reach` the limits of the joints alone. The commands are found by search: many random
+//! commands are evaluated in static equilibrium, the nearest ones are run in physics on the stand, and the best of
+//! those are varied until the thumb reaches the point, or the search restarts.
 
 mod reach;
 mod target;
@@ -27,35 +27,36 @@ use self::reach::{Reach, reach};
 use self::target::{OVERLAP, Target, distance, nearest, targets, thumb_tip};
 use super::row::{Row, Verdict};
 
-/// The thumb's tip is there within this, m.
+/// Tolerance within which the thumb's tip reaches a point, m.
 const REACHED: f64 = 0.003;
-/// Good enough to stop the search, m.
+/// Distance that stops the search, m.
 const ENOUGH: f64 = 0.002;
-/// Random commands looked at in static equilibrium.
+/// Number of random commands evaluated in static equilibrium.
 const LOOKS: usize = 6000;
-/// Commands run in physics before variation, and variations.
+/// Numbers of commands run in physics: before variation, and as variations.
 const STARTS: usize = 30;
 const VARIATIONS: usize = 200;
-/// The best of those run so far, which are varied.
+/// Number of the best commands so far that are varied.
 const PARENTS: usize = 4;
-/// Searches from the beginning at most, where the joints could reach the point and no search has.
+/// Maximum number of restarts, if the joints could reach the point and no search has.
 const ROUNDS: usize = 16;
 /// Largest cable tensions tried, N.
 const THUMB_TENSION: f64 = 30.0;
 const FINGER_TENSION: f64 = 20.0;
-/// Largest opposition command, rad: a little past the joint's stop, because the shaft gives way under the spring.
+/// Largest opposition command, rad: slightly beyond the joint's stop, because the shaft yields under the spring.
 const OPPOSITION: f64 = 1.05 * std::f64::consts::FRAC_PI_2;
-/// How long the first to move is alone, and how long both move then, s.
+/// Times during which the first digit moves alone, and then both, s.
 const FIRST: f64 = 0.7;
 const REST: f64 = 1.8;
-/// Cables that are eased are pulled up to this many times as hard before, for so long, s. From the second factor on all their
-/// guides have turned round.
+/// Largest overdrive factor of a cable that is pulled harder before it is eased, the factor from which all of its
+/// guides reverse their friction, and the time of the harder pull, s.
 const HARDER: f64 = 3.0;
 const TURNED: f64 = 1.3;
 const HARD: f64 = 0.5;
 
-/// A command: opposition angle (rad), thumb's and the target finger's tension (N), who moves first, and how many times as hard the
-/// two cables are pulled before they are eased to that: friction in the guides leaves the far joints more tension so.
+/// Command: opposition angle (rad), tensions of the thumb's and the target finger's cables (N), order of motion, and
+/// overdrive factors of the two cables. A cable is first pulled harder by its factor and then eased, because friction
+/// in the guides then leaves the far joints more tension.
 #[derive(Debug, Clone, Copy)]
 struct Command {
     opposition: f64,
@@ -65,11 +66,11 @@ struct Command {
     harder: [f64; 2],
 }
 
-/// Where a command takes the thumb.
+/// Result of a command.
 struct CommandResult {
-    /// Of the thumb's tip from the point, m.
+    /// Distance of the thumb's tip from the point, m.
     distance: f64,
-    /// Deepest overlap of two covers, m.
+    /// Largest overlap of two covers, m.
     overlap: f64,
     command: Command,
     angles: Vec<f64>,
@@ -95,7 +96,7 @@ fn tensions(target: &Target, command: &Command) -> DigitVector {
 }
 
 fn draw(rng: &mut ChaCha8Rng) -> Command {
-    // Small tensions move the joints most: draw them evenly in their square root.
+    // Small tensions move the joints most, so tensions are drawn uniformly in their square root.
     let mut tension = |most: f64| most * rng.random_range(0.0..1.0f64).powi(2);
     let (thumb, finger) = (tension(THUMB_TENSION), tension(FINGER_TENSION));
     let opposition = rng.random_range(0.0..OPPOSITION);
@@ -130,7 +131,7 @@ fn run(hand: &Arc<Hand>, target: &Target, tip: &[Point3<f64>], command: Command)
     (outcome, stand)
 }
 
-/// Joint angles (rad) that a command leads to where nothing is in the way.
+/// Predicts the joint angles (rad) of a command if nothing is in the way.
 fn expected(hand: &Hand, target: &Target, command: &Command) -> HandVector {
     let opposition = command.opposition.min(std::f64::consts::FRAC_PI_2);
     let [mut thumb, finger] = command.harder.map(|harder| {
@@ -142,7 +143,7 @@ fn expected(hand: &Hand, target: &Target, command: &Command) -> HandVector {
     thumb
 }
 
-/// Searches until the point is reached; once where no joint angles reach it.
+/// Repeats the search until the point is reached; searches only once if no joint angles reach it.
 fn search_rounds(
     hand: &Arc<Hand>,
     target: &Target,
@@ -171,7 +172,7 @@ fn search(hand: &Arc<Hand>, target: &Target, tip: &[Point3<f64>], rng: &mut ChaC
         })
         .collect();
     looks.sort_by(|a, b| a.0.total_cmp(&b.0));
-    // The best of each neighbourhood.
+    // The best command of each neighbourhood.
     let mut starts: Vec<Command> = Vec::new();
     for (_, command) in &looks {
         let near = |other: &Command| {
@@ -205,7 +206,7 @@ fn search(hand: &Arc<Hand>, target: &Target, tip: &[Point3<f64>], rng: &mut ChaC
     found.swap_remove(0)
 }
 
-/// Each point that is not reached: how near the servos come, and how near the joints could.
+/// Describes each missed point: the smallest distance by the servos, and the smallest by the joints alone.
 fn missed(targets: &[Target], outcomes: &[CommandResult], reaches: &[Reach]) -> String {
     let lines: Vec<String> = targets
         .iter()
@@ -232,14 +233,15 @@ fn missed(targets: &[Target], outcomes: &[CommandResult], reaches: &[Reach]) -> 
     lines.concat()
 }
 
-/// A generator of its own for each search of a seed.
+/// Returns a separate random generator for each search of a seed.
 fn stream(seed: u64, n: usize) -> ChaCha8Rng {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     rng.set_stream(n as u64);
     rng
 }
 
-/// The row, of `seeds` seeds from the first on; a picture of all ten points as the first seed reached them goes to `out`.
+/// Returns the row for `seeds` seeds from the first on. A picture of all ten points as reached with the first seed goes
+/// to `out`.
 pub fn row(hand: &Arc<Hand>, out: Option<&Path>, (seed, seeds): (u64, u64)) -> Result<Row> {
     let tip = thumb_tip(hand);
     let targets = targets(hand);
@@ -296,12 +298,12 @@ pub fn row(hand: &Arc<Hand>, out: Option<&Path>, (seed, seeds): (u64, u64)) -> R
     Ok(row)
 }
 
-/// Points reached.
+/// Counts the reached points.
 fn reached(results: &[CommandResult]) -> usize {
     results.iter().filter(|result| result.reached()).count()
 }
 
-/// Where more than one seed was tried: with how many each point was missed, if it was.
+/// With more than one seed, lists the missed points with the number of seeds.
 fn others(targets: &[Target], results: &[CommandResult]) -> String {
     let seeds = results.len() / targets.len();
     let line = |(n, target): (usize, &Target)| {
@@ -339,7 +341,7 @@ fn details(number: usize, target: &Target, result: &CommandResult, reach: &Reach
     })
 }
 
-/// The hand at the end of the command, with a dot on the point.
+/// Draws the hand at the end of the command, with a dot on the point.
 fn picture(hand: &Hand, number: usize, target: &Target, tip: &[Point3<f64>], result: &CommandResult) -> RgbImage {
     let links = hand.tree.forward(&result.angles);
     let (_, at) = nearest(target, tip, &links);

@@ -1,4 +1,4 @@
-//! The joint frames against the public model of this hand, over random postures.
+//! Comparison of the joint frames with the public model of this hand, over random postures.
 
 use std::path::Path;
 
@@ -12,12 +12,12 @@ use serde_json::json;
 use super::row::{Row, Verdict};
 
 const POSTURES: usize = 500;
-/// Our thumb frames that are turned by pi about x, so that a positive angle flexes as on every other joint.
+/// Our thumb frames that are rotated by pi about x, so that a positive angle flexes as on every other joint.
 const TURNED: [&str; 2] = ["thumb_2", "thumb_3"];
 
-/// The model in the folder that holds it.
+/// Path of the model within its folder.
 pub const FILE: &str = "urdf/f_tac_hand.urdf";
-/// Where it comes from.
+/// Origin of the model.
 pub const SOURCE: &str = "the assets of https://github.com/Taccel-Simulator/Taccel";
 
 /// Compares the origins and orientations of all 15 links with those of the model in `folder`.

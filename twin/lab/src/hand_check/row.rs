@@ -1,15 +1,15 @@
-//! One line of the check: what, ours, the paper's, how, and whether it is good.
+//! One row of a check: quantity, our figure, the paper's, the method, and the verdict.
 
 use schemars::JsonSchema;
 use serde::Serialize;
 
-/// How a check came out.
+/// Verdict on a check.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
     /// Within the tolerance.
     Good,
-    /// Not within it.
+    /// Outside the tolerance.
     FallsShort,
 }
 
@@ -22,24 +22,24 @@ impl Verdict {
 /// A row of the table.
 #[derive(Debug, Clone, Serialize, JsonSchema)]
 pub struct Row {
-    /// What is compared.
+    /// Compared quantity.
     pub what: String,
     /// Our figure.
     pub ours: String,
-    /// The paper's.
+    /// The paper's figure.
     pub paper: String,
-    /// How our figure was measured, and the tolerance.
+    /// Method by which our figure was measured, with the tolerance.
     pub method: String,
-    /// How it came out.
+    /// Verdict on our figure.
     pub verdict: Verdict,
-    /// The picture's file name.
+    /// File name of the picture.
     pub picture: Option<String>,
     /// Figures behind the row.
     pub details: serde_json::Value,
 }
 
 impl Row {
-    /// A row without picture and details.
+    /// Creates a row without picture and details.
     pub fn new(what: &str, ours: String, paper: &str, method: &str, verdict: Verdict) -> Self {
         Self {
             what: what.into(),
@@ -52,13 +52,13 @@ impl Row {
         }
     }
 
-    /// The same row with details.
+    /// Adds details to the row.
     pub fn with(self, details: serde_json::Value) -> Self {
         Self { details, ..self }
     }
 }
 
-/// The table as text.
+/// Returns the table as text.
 pub fn table(rows: &[Row]) -> String {
     let mut text = String::new();
     for row in rows {

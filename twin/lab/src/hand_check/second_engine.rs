@@ -1,6 +1,6 @@
-//! Scenes for a second engine: MJCF files, the actuator commands, and what our engine made of them.
+//! Export of scenes for a second engine: MJCF files, the actuator commands, and the results of our engine.
 //!
-//! `tests/mujoco/compare.py` runs the same commands in MuJoCo and prints both beside each other.
+//! `tests/mujoco/compare.py` runs the same commands in MuJoCo and prints the results of both engines.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -25,20 +25,20 @@ use world::{ObjectModel, Shape};
 
 use super::dumbbell;
 
-/// How often the motion is written down, s.
+/// Sampling interval of the motion, s.
 const SAMPLE: f64 = 0.05;
-/// Settling after a prop is let go of, and the time over which slip is measured, s.
+/// Settling time after the release of a prop, and time over which slip is measured, s.
 const SETTLE: f64 = 1.0;
 const HOLD: f64 = 5.0;
 
-/// Outer iterations with which friction against a body that does not move is solved to the end. With one, as trials have it, a
-/// finger that is pulled hard on a fixed thing slides where it should stick.
+/// Outer iterations with which friction against a fixed body converges. With one, as in trials, a finger that is pulled
+/// hard against a fixed object slides where it should stick.
 const FINE: usize = 4;
 
-/// By how much the steps of a closing are made shorter, to see where each engine's posture goes as they do.
+/// Factors by which the time step of a closing is shortened, to see how each engine's posture converges.
 const SHORTER: [u32; 5] = [1, 2, 4, 8, 16];
 
-/// A stretch of constant commands.
+/// A period of constant commands.
 #[derive(Clone)]
 struct Phase {
     seconds: f64,
@@ -51,16 +51,16 @@ struct StandTest {
     name: &'static str,
     prop: Option<(Prop, Isometry3<f64>)>,
     phases: Vec<Phase>,
-    /// Once the prop is let go of, before its weight comes; none where it is not let go of.
+    /// Commands after the release of the prop, before its weight acts; empty if it is not released.
     gripping: Vec<Phase>,
-    /// Gravity once the prop is let go of, palm frame, m/s2.
+    /// Gravity after the release of the prop, palm frame, m/s2.
     gravity: Vector3<f64>,
-    /// Whether it is let go of.
+    /// True if the prop is released.
     let_go: bool,
 }
 
 impl StandTest {
-    /// All digits close on `prop` at a tension (N) with the thumb opposed (rad).
+    /// Returns a test in which all digits close on `prop` at a tension (N) with the thumb opposed (rad).
     fn closing(name: &'static str, prop: Prop, place: Isometry3<f64>, tension: f64, opposition: f64) -> Self {
         let phases = vec![
             Phase { seconds: 0.6, tensions: [0.0; 5].into(), opposition },
@@ -69,7 +69,7 @@ impl StandTest {
         Self { name, prop: Some((prop, place)), phases, gripping: Vec::new(), gravity: Vector3::zeros(), let_go: false }
     }
 
-    /// The same, let go of after another second and held against gravity out of the palm.
+    /// As [`Self::closing`], but the prop is released after another second and held against gravity out of the palm.
     fn holding(name: &'static str, prop: Prop, place: Isometry3<f64>, tension: f64, opposition: f64) -> Self {
         Self {
             gripping: vec![Phase { seconds: 1.0, tensions: [tension; 5].into(), opposition }],
@@ -80,7 +80,7 @@ impl StandTest {
     }
 }
 
-/// The scenes; `friction` is that of ball, cylinder and box.
+/// Returns the tests. `friction` is the coefficient of ball, cylinder and box.
 fn stand_tests(hand: &Hand, friction: f64) -> Vec<StandTest> {
     let skin = hand.palm_cover.link_from_cover.translation.z - hand.palm_cover.half.z;
     let across = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), std::f64::consts::FRAC_PI_2);
@@ -96,7 +96,7 @@ fn stand_tests(hand: &Hand, friction: f64) -> Vec<StandTest> {
         under(0.0, -0.005, 0.025, across),
         under(0.0, -0.003, 0.022, UnitQuaternion::identity()),
     );
-    // Without friction there is one place to come to rest, and it does not depend on the way there.
+    // Without friction there is one rest pose, and it does not depend on the way there.
     let slick = |prop: &Prop| Prop { friction: 0.0, ..prop.clone() };
     let (slick_cylinder, slick_box) = (slick(&cylinder), slick(&block));
     let gripping = dumbbell::gripping().into_iter();
@@ -133,7 +133,7 @@ fn file(name: &str) -> String {
     format!("{}.xml", name.replace(' ', "_"))
 }
 
-/// Where the digits come to rest on a prop that does not move, with [`FINE`] outer iterations and ever shorter steps.
+/// Returns the rest postures of the digits on a fixed prop, with [`FINE`] outer iterations and ever shorter steps.
 fn refined(hand: &Arc<Hand>, test: &StandTest) -> Vec<Value> {
     let closing = StandTest { let_go: false, gripping: Vec::new(), ..test.clone() };
     let standard = EngineSettings::default();
@@ -148,9 +148,9 @@ fn refined(hand: &Arc<Hand>, test: &StandTest) -> Vec<Value> {
         .collect()
 }
 
-/// Runs a test in our engine: the motion, what came of it, and the time of a step.
+/// Runs a test in our engine. Returns the motion, the result, and the time per step.
 fn ours(hand: &Arc<Hand>, test: &StandTest, settings: EngineSettings) -> Value {
-    // MuJoCo's tendons have the same tension all along.
+    // MuJoCo's tendons have the same tension along their whole length.
     let mut stand = HandStand::with_friction(hand.clone(), settings, CableFriction::NONE);
     let prop = test.prop.as_ref().map(|(prop, pose)| stand.put(prop.clone(), pose));
     if prop.is_none() {
@@ -197,8 +197,8 @@ fn ours(hand: &Arc<Hand>, test: &StandTest, settings: EngineSettings) -> Value {
     json!({ "angles": motion, "result": result, "step_us": wall / steps * 1e6 })
 }
 
-/// What the second engine needs to run a test, and what ours found: with the settings of hands without an arm, with [`FINE`] ones, and, if asked for,
-/// with those and shorter steps.
+/// Describes a test for the second engine, and adds our results: with the settings of hands without an arm, with
+/// [`FINE`] outer iterations, and, if requested, with these and shorter steps.
 fn run(hand: &Arc<Hand>, test: &StandTest, refine: bool) -> Value {
     let settings = EngineSettings::default();
     let told =
@@ -220,7 +220,7 @@ fn run(hand: &Arc<Hand>, test: &StandTest, refine: bool) -> Value {
     })
 }
 
-/// Arm and hand above a table with two objects on it: the whole scene, for its speed.
+/// Exports the whole scene, arm and hand above a table with two objects on it, to compare the speed.
 fn whole(robot: &RobotModel, folder: &Path) -> Result<Value> {
     let RobotModel { hand, arm, .. } = robot;
     let objects = ObjectSet::standard();
@@ -275,8 +275,8 @@ fn whole(robot: &RobotModel, folder: &Path) -> Result<Value> {
     }))
 }
 
-/// Writes the scenes to `folder`: an MJCF file each, and `scenes.json`. `friction` is that of ball, cylinder and box. `refine` adds
-/// closings with shorter steps, which take a minute.
+/// Writes the scenes to `folder`: one MJCF file each, and `scenes.json`. `friction` is the coefficient of ball,
+/// cylinder and box. `refine` adds closings with shorter steps, which take a minute.
 pub fn export(robot: &RobotModel, folder: &Path, friction: f64, refine: bool) -> Result<()> {
     let hand = &robot.hand;
     std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
@@ -285,7 +285,7 @@ pub fn export(robot: &RobotModel, folder: &Path, friction: f64, refine: bool) ->
     let mut scenes = Vec::new();
     for test in stand_tests(hand, friction) {
         let props: Vec<_> = test.prop.iter().cloned().collect();
-        // What is held in place feels no gravity; it is turned on with the release.
+        // A fixed prop feels no gravity; gravity is turned on with the release.
         let gravity = if test.prop.is_some() { Vector3::zeros() } else { test.gravity };
         let scene = Scene { hand: &model, arm: None, props: &props, start: None, gravity, dt: settings.dt };
         write_whole(&folder.join(file(test.name)), mjcf::write(&scene).as_bytes())?;

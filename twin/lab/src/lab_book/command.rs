@@ -1,4 +1,5 @@
-//! Whether a figure's command could be run again: it parses as a command of `ftac`, or it names a package, target or script that exists.
+//! Check that a figure's command could be run again: it parses as a command of `ftac`, or it names a package, target or
+//! script that exists.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -7,19 +8,19 @@ use std::path::{Path, PathBuf};
 use super::error::FieldError;
 use super::figure::Figure;
 
-/// Options of `cargo` that take no value, and those that do.
+/// Options of `cargo` without a value, and with a value.
 const FLAGS: [&str; 5] = ["--release", "--lib", "--workspace", "--all-targets", "--no-run"];
 const OPTIONS: [&str; 8] =
     ["-p", "--package", "--test", "--bench", "--example", "--bin", "--features", "--manifest-path"];
-/// The package that is `ftac`, and what `cargo run` takes without `-p`.
+/// Package of the program `ftac`, which `cargo run` uses without `-p`.
 const PROGRAM: &str = "ftac";
 
-/// How `ftac` takes its arguments (without its name); the error says what is wrong.
+/// Parser of the arguments of `ftac` (without its name); the error says what is wrong.
 pub type ParseArguments = dyn Fn(&[&str]) -> Result<(), String>;
 
-/// What commands are held against.
+/// Reference against which commands are checked.
 pub struct Check<'a> {
-    /// The folder of the workspace: commands are run there, paths are seen from there.
+    /// Root folder of the workspace: commands are run there, and paths are relative to it.
     root: &'a Path,
     /// Folder of each package of the workspace, by its name.
     packages: BTreeMap<String, PathBuf>,
@@ -41,7 +42,7 @@ impl<'a> Check<'a> {
         Ok(Self { root, packages, parse })
     }
 
-    /// The first figure of `file` whose command is refused, as an error.
+    /// Checks all figures of `file`; the error is about the first one whose command is refused.
     pub fn all(&self, file: &Path, figures: &[Figure]) -> Result<(), FieldError> {
         for figure in figures {
             for command in figure.command.split(';').map(str::trim) {
@@ -122,7 +123,7 @@ impl<'a> Check<'a> {
     fn has_target(&self, package: &str, kind: &str, name: &str) -> bool {
         let Some(package) = self.packages.get(package) else { return false };
         let manifest = read_manifest(&package.join("Cargo.toml")).unwrap_or_default();
-        // Tests that the manifest names are the only ones where it says so.
+        // If the manifest lists tests, there are no others.
         let named = manifest.get("test").and_then(toml::Value::as_array).filter(|_| kind == "tests");
         if let Some(named) = named {
             return named.iter().any(|test| test.get("name").and_then(toml::Value::as_str) == Some(name));
@@ -132,7 +133,7 @@ impl<'a> Check<'a> {
     }
 }
 
-/// Why a command is refused.
+/// Reason why a command is refused.
 #[derive(Debug)]
 struct Refused {
     found: String,

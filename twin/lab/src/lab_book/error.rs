@@ -1,16 +1,16 @@
-//! What is wrong with a table of figures, and where.
+//! Errors in a table of figures, with their location.
 
 use std::path::{Path, PathBuf};
 
-/// A field of the table that does not hold what it should.
+/// An invalid field of the table.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{}:{line}: {field}: found {found}, expected {expected}", file.display())]
 pub struct FieldError {
-    /// The table.
+    /// Path of the table.
     pub file: PathBuf,
-    /// Counted from 1; the header is line 1.
+    /// Line number, counted from 1; the header is line 1.
     pub line: u64,
-    /// The column, or `row` where no single column is at fault.
+    /// Name of the column, or `row` if no single column is at fault.
     pub field: &'static str,
     pub found: String,
     pub expected: String,

@@ -1,9 +1,9 @@
-//! One measured scalar, and how it came about.
+//! One measured scalar with its provenance.
 
 use std::fmt;
 use std::str::FromStr;
 
-/// A decimal number that is shown as it was written: its digits say how precisely it is known.
+/// A decimal number that is shown as it was written: its digits indicate its precision.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Number {
     text: String,
@@ -19,7 +19,7 @@ impl Number {
 impl FromStr for Number {
     type Err = String;
 
-    /// Only finite decimal numbers; the error is what was found.
+    /// Accepts finite decimal numbers only; the error is the text that was found.
     fn from_str(text: &str) -> Result<Self, String> {
         match text.parse::<f64>() {
             Ok(value) if value.is_finite() => Ok(Self { text: text.to_owned(), value }),
@@ -34,7 +34,8 @@ impl fmt::Display for Number {
     }
 }
 
-/// Whether the machine did anything else during the measurement; decides how far a time can be trusted.
+/// Load of the machine during the measurement, which decides how far a time can be trusted: idle otherwise, busy, or
+/// unknown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Idle {
     Yes,
@@ -42,10 +43,10 @@ pub enum Idle {
     Unknown,
 }
 
-/// A row of the table. Texts may be empty where nothing is known.
+/// A row of the table. Texts may be empty if nothing is known.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Figure {
-    /// Line of the table, counted from 1.
+    /// Line number in the table, counted from 1.
     pub line: u64,
     /// Stable name, such as `bench.touch.success.mean`.
     pub id: String,
@@ -53,23 +54,23 @@ pub struct Figure {
     pub unit: String,
     /// 95 % interval, unless the note says otherwise.
     pub interval: Option<(Number, Number)>,
-    /// Samples behind the value: trials, grasps, images, pixels.
+    /// Number of samples behind the value: trials, grasps, images, pixels.
     pub n: Option<u64>,
     /// Seed, or first and last of several.
     pub seed: Option<(u64, u64)>,
-    /// The commit that first states the figure.
+    /// Commit that first states the figure.
     pub commit: String,
     pub machine: String,
     pub idle: Idle,
-    /// What measures it again: one command, or several separated by `;`.
+    /// Command that measures it again, or several separated by `;`.
     pub command: String,
     /// `id@commit` of the figure that this one replaces.
     pub supersedes: String,
     /// Heading on the page.
     pub group: String,
-    /// What was measured, in plain words.
+    /// Measured quantity, in plain words.
     pub label: String,
-    /// The paper's figure, or another source's, which is then named.
+    /// The paper's figure, or that of another source, which is then named.
     pub paper: String,
     pub goal: String,
     pub note: String,

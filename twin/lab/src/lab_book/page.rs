@@ -1,4 +1,4 @@
-//! The page made from the figures.
+//! Page made from the figures.
 
 use std::fmt::Write as _;
 
@@ -23,7 +23,8 @@ with its values beside ours, and the commands that play what it shows without fi
 ";
 const HEAD: &str = "| figure | ours | unit | paper | goal | seed | command |\n|---|---|---|---|---|---|---|\n";
 
-/// `BENCHMARKS.md`: what the paper states, and then a table for each group, groups and figures in the order in which they first appear.
+/// Returns `BENCHMARKS.md`: first the figures that the paper states, then a table for each group. Groups and figures
+/// are in the order of their first appearance.
 pub fn page(figures: &[Figure]) -> String {
     let mut groups: Vec<&str> = Vec::new();
     for figure in figures {
@@ -47,7 +48,7 @@ pub fn page(figures: &[Figure]) -> String {
     page
 }
 
-/// True of the paper's own: another source's names it, as in `Taxim: 31.4`.
+/// True for a figure of the paper; that of another source names it, as in `Taxim: 31.4`.
 fn is_of_the_paper(stated: &str) -> bool {
     !stated.is_empty() && !stated.contains(": ")
 }

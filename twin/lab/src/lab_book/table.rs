@@ -1,4 +1,4 @@
-//! Reading the table of figures.
+//! Parser of the table of figures.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -6,7 +6,7 @@ use std::path::Path;
 use super::error::FieldError;
 use super::figure::{Figure, Idle, Number};
 
-/// The columns, in this order.
+/// Names of the columns, in this order.
 pub const COLUMNS: [&str; 17] = [
     "id",
     "value",
@@ -27,8 +27,8 @@ pub const COLUMNS: [&str; 17] = [
     "note",
 ];
 
-/// The figures in `text`, the contents of `file`. Refused: other columns, fields that are not what their column holds, an interval without the value
-/// in it, and an id that stands twice.
+/// Parses the figures in `text`, the contents of `file`. Returns an error for other columns, for invalid fields, for an
+/// interval that does not contain the value, and for a duplicate id.
 pub fn parse(file: &Path, text: &str) -> Result<Vec<Figure>, FieldError> {
     let mut reader = csv::ReaderBuilder::new().flexible(true).from_reader(text.as_bytes());
     let broken =
@@ -54,7 +54,7 @@ pub fn parse(file: &Path, text: &str) -> Result<Vec<Figure>, FieldError> {
     Ok(figures)
 }
 
-/// A record and where it stands.
+/// A record with its location.
 struct Row<'a> {
     file: &'a Path,
     line: u64,
@@ -109,7 +109,7 @@ impl Row<'_> {
         }
     }
 
-    /// What `read` makes of a field; an empty field is `None`.
+    /// Parses a field with `read`; an empty field is `None`.
     fn optional<T>(
         &self,
         field: &'static str,

@@ -1,7 +1,8 @@
-//! The annotation page: shows every grasp in turn, to be rotated and labelled with a broad type, then with one of the 19.
+//! Annotation page: shows every grasp in turn, to be rotated and labelled first with a broad type, then with one of the
+//! 19.
 //!
-//! Labels stay in the browser until they are exported as the JSON that [`study::labels`] reads. Nothing on the page says what the
-//! rules think: that would make the agreement between people and rules worthless.
+//! Labels stay in the browser until they are exported as the JSON that [`study::labels`] reads. Nothing on the page
+//! reveals the result of the rules: that would make the agreement between people and rules worthless.
 
 use grasping::taxonomy::Taxonomy;
 use maud::html;
@@ -23,8 +24,8 @@ struct Data<'a> {
     examples: serde_json::Value,
 }
 
-/// The page for the grasps of `scene`. Labels are kept in the browser under `title`: pages of different repertoires need
-/// different ones.
+/// Returns the page for the grasps of `scene`. Labels are kept in the browser under `title`; pages of different
+/// repertoires need different titles.
 pub fn page(taxonomy: &Taxonomy, scene: &Scene, title: &str) -> Result<String, serde_json::Error> {
     let examples = serde_json::from_str(EXAMPLES)?;
     let data = embedded(&Data { version: VERSION, title, scene, types: &taxonomy.types, examples })?;

@@ -1,48 +1,48 @@
-//! The rows of the study's page: the paper's figure, ours, the difference, and the reason.
+//! Rows of the study's page: the paper's figure, ours, the difference, and the reason.
 //!
-//! A row gives a reason only where it was measured or follows from how the figure is made; elsewhere it says that the difference
-//! was not investigated.
+//! A row gives a reason only if it was measured or follows from how the figure is made; otherwise it says that the
+//! difference was not investigated.
 
 use schemars::JsonSchema;
 use serde::Serialize;
 use serde_json::Value;
 use study::sensors::Array;
 
-/// The reason where none is known.
+/// Text for an unknown reason.
 const OPEN: &str = "not investigated";
-/// The paper's figure where it prints none.
+/// Text for a figure that the paper does not print.
 const UNKNOWN: &str = "not given";
 
-/// A line of the comparison.
+/// A row of the comparison.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Line {
-    /// The figure's name.
+    /// Name of the figure.
     pub what: &'static str,
-    /// In the paper.
+    /// Figure in the paper.
     #[serde(rename = "paper")]
     pub theirs: &'static str,
-    /// Here.
+    /// Figure in this project.
     pub ours: String,
-    /// Ours less theirs.
+    /// Difference, ours minus theirs.
     pub difference: String,
-    /// What is known of where it comes from.
+    /// Reason of the difference, as far as it is known.
     pub why: String,
 }
 
-/// What the parts of the study found; none where a part was not run.
+/// Results of the study's parts; `None` for a part that was not run.
 #[derive(Debug, Default)]
 pub struct Parts {
-    /// `classes.json`.
+    /// Contents of `classes.json`.
     pub classes: Option<Value>,
-    /// `map.json`.
+    /// Contents of `map.json`.
     pub map: Option<Value>,
-    /// `landscape.json`.
+    /// Contents of `landscape.json`.
     pub landscape: Option<Value>,
-    /// `hands.json`.
+    /// Contents of `hands.json`.
     pub hands: Option<Value>,
 }
 
-/// What the hand's tactile sensors come to, from the model.
+/// Key figures of the hand's tactile sensors, from the model.
 #[derive(Debug)]
 pub struct Sensing {
     /// Pads, taxels and areas.
@@ -61,7 +61,7 @@ fn signed(ours: &Value, theirs: f64, unit: &str, digits: usize) -> String {
     ours.as_f64().map_or("-".into(), |ours| format!("{:+.digits$}{unit}", ours - theirs))
 }
 
-/// All rows.
+/// Returns all rows.
 pub fn lines(parts: &Parts, sensing: &Sensing) -> Vec<Line> {
     let mut lines = Vec::new();
     if let Some(found) = &parts.classes {
@@ -207,7 +207,7 @@ fn sensors(sensing: &Sensing, lines: &mut Vec<Line>) {
         what: "palmar coverage",
         theirs: "70 %",
         ours: coverage.clone(),
-        // The figure is the first word: `77.6 % of 153 cm2`.
+        // The figure is the first word, as in `77.6 % of 153 cm2`.
         difference: coverage
             .split_whitespace()
             .next()

@@ -1,4 +1,5 @@
-//! The picture sheet: a row a hand, a column an object, in each place the held grasp with the largest wrench margin.
+//! Picture sheet with one row per hand and one column per object; each cell shows the held grasp with the largest
+//! wrench margin.
 
 use std::path::Path;
 
@@ -13,7 +14,8 @@ use world::objects::{ObjectModel, ObjectSet};
 
 /// Side of a picture, pixels.
 const SIZE: u32 = 230;
-/// Width of a picture, as a multiple of what is drawn, and how far of it that moves down to leave room for the caption.
+/// Width of a picture, as a multiple of the drawn geometry, and share of it by which the view moves down to leave room
+/// for the caption.
 const MARGIN: f64 = 1.35;
 const CAPTION: f64 = 0.07;
 
@@ -44,7 +46,7 @@ fn picture(hand: &ComparedHand, model: &ObjectModel, cell: &Cell) -> RgbImage {
     picture.finish(&format!("{caption}, {:.1} N", best.margin))
 }
 
-/// Onto the palm, around hand and object.
+/// Returns a view onto the palm that shows hand and object.
 fn view(skin: &[[Point3<f64>; 3]], model: &ObjectModel, best: &BestGrasp) -> View {
     let palm_from_object = pose_from_array(&best.palm_from_object);
     let (a, b) = model.shape.aabb();

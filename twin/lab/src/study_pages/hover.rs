@@ -1,4 +1,4 @@
-//! A picture with grasps shown in 3D: an element with `data-grasp` (and a caption in `data-text`) shows its grasp under
+//! Picture with grasps shown in 3D. An element with `data-grasp` (and a caption in `data-text`) shows its grasp under
 //! the mouse; a canvas with it shows the grasp permanently and can be rotated.
 
 use maud::{Markup, html};
@@ -14,7 +14,7 @@ struct Data<'a> {
     scene: &'a Scene,
 }
 
-/// The page: `body` has the picture in it.
+/// Returns the page; `body` contains the picture.
 pub fn page(title: &str, introduction: &str, body: &Markup, scene: &Scene) -> Result<String, serde_json::Error> {
     let data = embedded(&Data { scene })?;
     let body = html! {
@@ -24,7 +24,7 @@ pub fn page(title: &str, introduction: &str, body: &Markup, scene: &Scene) -> Re
     Ok(whole(title, &body, &data, SCRIPT))
 }
 
-/// A row of grasps that can be rotated: (index in the scene, caption).
+/// Returns a row of grasps that can be rotated: (index in the scene, caption).
 pub fn gallery(grasps: &[(usize, String)]) -> Markup {
     html! {
         div.row style="align-items:start" {

@@ -1,4 +1,4 @@
-//! The frame of a page that needs nothing else: style, program and data in one file, no server, no network.
+//! Frame of a self-contained page: style, program and data in one file, no server, no network.
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 use report::html::printable;
@@ -7,7 +7,7 @@ use serde::Serialize;
 const STYLE: &str = include_str!("../../data/study/style.css");
 const VIEWER: &str = include_str!("../../data/study/viewer.js");
 
-/// JSON that may stand inside a script element.
+/// Serializes to JSON that is safe inside a script element.
 pub fn embedded(value: &impl Serialize) -> Result<String, serde_json::Error> {
     Ok(serde_json::to_string(value)?
         .replace("</", "<\\/")
@@ -15,7 +15,7 @@ pub fn embedded(value: &impl Serialize) -> Result<String, serde_json::Error> {
         .replace('\u{2029}', "\\u2029"))
 }
 
-/// A whole page: `body` in it, then the viewer, then `script`.
+/// Returns a whole page with `body`, followed by the viewer and `script`.
 pub fn whole(title: &str, body: &Markup, data: &str, script: &str) -> String {
     printable(html! {
         (DOCTYPE)

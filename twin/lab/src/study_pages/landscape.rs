@@ -1,4 +1,4 @@
-//! The energy landscape as a picture, and as a page on which each basin shows a grasp.
+//! Energy landscape as a picture, and as a page on which each basin shows a grasp.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -17,16 +17,16 @@ use super::hover;
 use super::scene::Scene;
 use super::tree::{self, Leaf};
 
-/// Basins that the page shows below the tree.
+/// Number of basins that the page shows below the tree.
 const LARGEST: usize = 12;
 
-/// Below the heading of the count.
+/// Text below the heading of the count.
 const COUNT: &str = "The count grows with the grasps that are sorted, so it is one of this many grasps and not of the landscape. The \
                      paper reports 79 basins over six objects and does not say of how many grasps.";
-/// Basins in the paper.
+/// Number of basins in the paper.
 const PAPER: f64 = 79.0;
 
-/// Basins after the first grasps, beside the paper's count.
+/// Draws the number of basins against the number of sorted grasps, beside the paper's count.
 fn growth(counts: &[(usize, usize)]) -> RgbImage {
     let most = counts.last().map_or(1.0, |last| last.0 as f64);
     let ours = counts.iter().map(|(grasps, basins)| [*grasps as f64, *basins as f64]).collect();

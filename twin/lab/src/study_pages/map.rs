@@ -1,4 +1,4 @@
-//! A map of grasps as SVG: one dot per grasp, coloured by broad type, over the two sides of the boundary.
+//! Map of grasps as SVG: one dot per grasp, coloured by broad type, over the two sides of the boundary.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -33,7 +33,7 @@ const TOP: f64 = 56.0;
 /// Cells of the boundary's shading along each side.
 const CELLS: usize = 90;
 
-/// The drawing; `power` is true for coordinates on the power side of the boundary.
+/// Draws the map; `power` is true for coordinates on the power side of the boundary.
 pub fn svg(dots: &[Dot], power: impl Fn([f64; 2]) -> bool, title: &str) -> Markup {
     let reach = dots.iter().flat_map(|dot| dot.at).fold(1e-9, |most: f64, x| most.max(x.abs())) * 1.06;
     let place = |at: [f64; 2]| [0.5 * SIZE * (1.0 + at[0] / reach), TOP + 0.5 * SIZE * (1.0 - at[1] / reach)];
@@ -76,8 +76,8 @@ pub fn svg(dots: &[Dot], power: impl Fn([f64; 2]) -> bool, title: &str) -> Marku
     }
 }
 
-/// Writes `map.svg` and `map.html`, where grasps appear in 3D under the mouse, into `folder`. `objects` are in the order of the
-/// classification.
+/// Writes `map.svg` and `map.html` into `folder`; on the page grasps appear in 3D under the mouse. `objects` are in the
+/// order of the classification.
 pub fn write(
     folder: &Path,
     (hand, objects): (&Hand, &[Arc<ObjectModel>]),

@@ -1,4 +1,5 @@
-//! The page of the whole grasp study: the paper's figure, ours, the difference and the reason, then what each part found.
+//! Page of the whole grasp study: the paper's figure, ours, the difference and the reason, then the results of each
+//! part.
 
 use std::path::Path;
 
@@ -9,7 +10,8 @@ use study::sensors::OTHERS;
 
 use super::comparison::{Line, Sensing};
 
-/// The page. Pictures and the pages of the parts are taken from `folder` as far as they are there; `hands` is `hands.json`.
+/// Returns the page. Pictures and the pages of the parts are taken from `folder` as far as they exist; `hands` is
+/// `hands.json`.
 pub fn page(folder: &Path, lines: &[Line], hands: Option<&Value>, sensing: &Sensing) -> String {
     let words = Column::Words;
     let mut table = Table::new(
@@ -63,7 +65,7 @@ pub fn page(folder: &Path, lines: &[Line], hands: Option<&Value>, sensing: &Sens
     whole_page("The grasp study", &body)
 }
 
-/// Success by object and hand, as `hands.json` has it, and its picture sheet.
+/// Returns the table of success by object and hand from `hands.json`, with its picture sheet.
 fn hand_table(folder: &Path, hands: Option<&Value>) -> Markup {
     let Some(rows) = hands.and_then(|hands| hands["rows"].as_array()) else {
         return html! { p { "Not made: " code { "ftac grasps hands" } " leaves it in this folder." } };

@@ -1,4 +1,4 @@
-//! The data that a page draws: the hand's links once, the objects, and a few numbers per grasp.
+//! Data that a page draws: the hand's links once, the objects, and a few numbers per grasp.
 
 use std::sync::Arc;
 
@@ -10,17 +10,17 @@ use serde::Serialize;
 use study::classification::ClassifiedGrasp;
 use world::objects::ObjectModel;
 
-/// Triangles in their own frame, in whole multiples of 0.1 mm to keep the file small.
+/// Triangle mesh in its own frame, in whole multiples of 0.1 mm to keep the file small.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Mesh {
     /// x, y, z of each vertex, 0.1 mm.
     pub v: Vec<i32>,
-    /// Three vertices a triangle.
+    /// Vertex indices, three per triangle.
     pub f: Vec<u32>,
 }
 
 impl Mesh {
-    /// From points in m.
+    /// Creates a mesh from points in m.
     pub fn new(points: &[Point3<f64>], triangles: &[[u32; 3]]) -> Self {
         Self {
             v: points.iter().flat_map(|p| [p.x, p.y, p.z].map(|x| (x * 1e4).round() as i32)).collect(),
@@ -28,7 +28,7 @@ impl Mesh {
         }
     }
 
-    /// A rounded box with one facet per rounded edge.
+    /// Returns a rounded box with one facet per rounded edge.
     fn cover(cover: &CoverShape) -> Self {
         let inner = cover.half.add_scalar(-cover.radius);
         let (mut points, mut triangles) = (Vec::new(), Vec::new());
@@ -58,7 +58,7 @@ impl Mesh {
     }
 }
 
-/// A joint: its parent (-1 is the palm), row-major rotation and position (m) in it.
+/// Frame of a joint: its parent (-1 is the palm), and row-major rotation and position (m) in the parent's frame.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 struct JointFrame {
     p: i32,
@@ -82,12 +82,12 @@ pub struct DrawnGrasp {
     pub p: [f64; 7],
     /// Joint angles, rad.
     pub q: Vec<f64>,
-    /// Contacts: position, and the normal into the object.
+    /// Contacts: position, m, and the unit normal into the object.
     pub c: Vec<[f64; 6]>,
 }
 
 impl DrawnGrasp {
-    /// From a held grasp of object number `object`. Contacts of one link within 3 mm of each other are merged.
+    /// Converts a held grasp of object number `object`. Contacts of one link within 3 mm of each other are merged.
     pub fn new(id: String, object: usize, grasp: &HeldGrasp) -> Self {
         let mut seen: Vec<(Option<usize>, [f64; 3])> = Vec::new();
         let mut c = Vec::new();
@@ -127,7 +127,7 @@ impl Scene {
         }
     }
 
-    /// `grasps` of `hand` on their `objects`, which are in the order of the classification.
+    /// Creates the scene of `grasps` of `hand` on their `objects`, which are in the order of the classification.
     pub fn of<'a>(
         hand: &Hand,
         objects: &[Arc<ObjectModel>],
@@ -141,7 +141,7 @@ impl Scene {
         Self::new(hand, objects.collect(), grasps.collect())
     }
 
-    /// Number of grasps.
+    /// Returns the number of grasps.
     pub fn grasps(&self) -> usize {
         self.grasps.len()
     }
@@ -151,8 +151,8 @@ impl Scene {
 mod tests {
     use super::*;
 
-    /// A cover's drawn surface is closed (every edge is used once in each direction, up to shared corners) and faces
-    /// outwards.
+    /// The drawn surface of a cover is closed (every edge is used once in each direction, up to shared corners) and
+    /// faces outwards.
     #[test]
     fn covers_face_outwards() {
         let hand = Hand::ftac();
@@ -167,7 +167,7 @@ mod tests {
                 .sum();
             let half = cover.half * 1e4;
             let full = 8.0 * half.x * half.y * half.z;
-            // Rounded edges and corners take up to a quarter of a thin box.
+            // Rounded edges and corners remove up to a quarter of a thin box.
             assert!(volume > 0.7 * full && volume < full, "{volume} {full}");
         }
     }

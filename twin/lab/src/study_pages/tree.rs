@@ -1,10 +1,11 @@
-//! A disconnectivity tree as SVG: leaves at their energies, with circles sized by their basins and coloured by broad type.
+//! Disconnectivity tree as SVG: leaves at their energies, with circles sized by their basins and coloured by broad
+//! type.
 
 use grasping::taxonomy::Category;
 use maud::{Markup, html};
 use study::landscape::disconnectivity::Tree;
 
-/// A leaf: one basin.
+/// A leaf of the tree: one basin.
 #[derive(Debug, Clone)]
 pub struct Leaf {
     /// Number of grasps in the basin.
@@ -29,7 +30,7 @@ const TOP: f64 = 50.0;
 const BOTTOM: f64 = 560.0;
 const LEFT: f64 = 64.0;
 
-/// The drawing.
+/// Draws the tree.
 pub fn svg(tree: &Tree, leaves: &[Leaf], title: &str) -> Markup {
     let n = tree.energies.len();
     let pitch = (1100.0 / n.max(1) as f64).clamp(15.0, 60.0);

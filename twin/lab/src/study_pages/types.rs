@@ -1,4 +1,4 @@
-//! The distribution of types over objects as a picture: a bar an object, a piece of it a type.
+//! Distribution of types over objects as a bar chart: one bar per object, one segment per type.
 
 use grasping::taxonomy::{Category, Taxonomy};
 use kuva::prelude::{BarPlot, Plot};
@@ -6,7 +6,8 @@ use maud::Markup;
 use report::chart;
 use study::distribution::Distribution;
 
-/// Shades of a category's colour: power red, intermediate yellow, precision green, as in the paper.
+/// Returns the colour of a type, a shade of its category's: power red, intermediate yellow, precision green, as in the
+/// paper.
 pub fn color(taxonomy: &Taxonomy, kind: usize) -> String {
     let category = taxonomy.types[kind].category;
     let own: Vec<usize> = (0..taxonomy.types.len()).filter(|k| taxonomy.types[*k].category == category).collect();
@@ -16,18 +17,18 @@ pub fn color(taxonomy: &Taxonomy, kind: usize) -> String {
         Category::Intermediate => (46.0, 14.0),
         Category::Precision => (105.0, 70.0),
     };
-    // Neighbours differ in lightness as well, so that grey prints can be read.
+    // Neighbours differ in lightness as well, so that grey prints are readable.
     let light = [44.0, 60.0, 73.0][own.iter().position(|k| *k == kind).unwrap_or(0) % 3];
     format!("hsl({:.0} 62% {light:.0}%)", (hue + width * place) % 360.0)
 }
 
-/// The picture.
+/// Draws the chart.
 pub fn svg(taxonomy: &Taxonomy, found: &Distribution) -> Markup {
     let totals = found.totals();
     let legend =
         taxonomy.types.iter().zip(&totals).map(|(kind, total)| format!("{} {total}", kind.name)).collect::<Vec<_>>();
     let (mut bars, mut titles) = (BarPlot::new().with_stacked().with_horizontal(true), Vec::new());
-    // The first object stands at the top.
+    // The first object is at the top.
     for (object, counts) in found.objects.iter().zip(&found.counts).rev() {
         let of: usize = counts.iter().sum();
         let parts = counts.iter().enumerate().map(|(kind, count)| (*count as f64 / of as f64, color(taxonomy, kind)));

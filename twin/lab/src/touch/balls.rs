@@ -1,4 +1,4 @@
-//! A session of presses on one ball: every camera's pad at several places, each with several forces.
+//! Calibration session on one ball: every camera's pad is pressed at several places, each with several forces.
 
 use anyhow::Result;
 use hand_model::Hand;
@@ -10,20 +10,21 @@ use sensor_calibration::pressed_shapes::ball;
 use sim::tactile::TactileBoard;
 use touch::BallPress;
 
-/// Where a pad is pressed, as shares of the camera's view from its middle.
+/// Positions of the presses, as shares of the camera's view from its centre.
 pub const PLACES: [[f64; 2]; 5] = [[0.0, 0.0], [0.3, 0.0], [-0.3, 0.0], [0.0, 0.3], [0.0, -0.3]];
 /// Forces at each place, N.
 pub const FORCES: [f64; 4] = [1.0, 2.0, 3.0, 4.0];
-/// How far a press misses its place, as a share of the view.
+/// Maximum placement error of a press, as a share of the view.
 const ASIDE: f64 = 0.02;
 
-/// A press and where the ball's middle truly is (m, pad frame).
+/// A press with the true centre of the ball (m, pad frame).
 pub struct KnownBall {
     pub press: BallPress,
     pub center: Point3<f64>,
 }
 
-/// Presses a ball of `radius` (m) with a force (N) at a place (m, pad frame) into the pad that camera `index` looks at.
+/// Presses a ball of `radius` (m) with a force (N) at a position (m, pad frame) into the pad that camera `index` looks
+/// at.
 pub fn press_ball(
     hand: &Hand,
     (index, sensor): (usize, &Sensor),
@@ -44,7 +45,7 @@ pub fn press_ball(
     Ok(KnownBall { press, center: Point3::new(x, y, top + radius - pressed.shift) })
 }
 
-/// Presses at [`PLACES`] with [`FORCES`] into the pads of all cameras.
+/// Makes presses at [`PLACES`] with [`FORCES`] into the pads of all cameras.
 pub fn session(hand: &Hand, board: &TactileBoard, radius: f64, seed: u64) -> Result<Vec<KnownBall>> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut presses = Vec::new();

@@ -1,5 +1,5 @@
-//! How accurate touch is, from images to poses, and how long it takes: on simulated grasps, on unseen shapes, under changed
-//! optics, and on a real sensor. [`figures`] and [`table`] show the result.
+//! Evaluation of the accuracy and latency of touch, from images to poses: on simulated grasps, on unseen shapes, under
+//! changed optics, and on a real sensor. [`figures`] and [`table`] report the results.
 
 pub mod figures;
 pub mod table;
@@ -15,32 +15,32 @@ use super::images::{Change, Eyes};
 use super::normals::{Measured, RealRow, RealSource, Sampled, measure, unseen};
 use super::poses::{Class, FeltGrasp, PoseSource, Spread, feel, spread};
 
-/// Largest acceptable position error of objects without symmetry: median and 95th percentile, mm.
+/// Acceptance limits on the position error of objects without symmetry: median and 95th percentile, mm.
 const GOOD: [f64; 2] = [0.5, 2.0];
 
-/// What `ftac touch eval` measures.
+/// Results of `ftac touch eval`.
 pub struct TouchEvaluation {
-    /// Every grasp, felt by the pipeline that trials use.
+    /// Every grasp, as perceived by the pipeline that trials use.
     pub felt: Vec<FeltGrasp>,
-    /// As built, then under every change of the optics.
+    /// Results as built, then under every change of the optics.
     pub changed: Vec<ChangedOptics>,
-    /// The table of the real sensor, where its presses are at hand.
+    /// Results on the real sensor, if its presses are available.
     pub real: Option<(RealSource, Vec<RealRow>)>,
 }
 
-/// Normals and poses under a change of the optics.
+/// Accuracy of normals and poses under one change of the optics.
 #[derive(Serialize, JsonSchema)]
 pub struct ChangedOptics {
-    /// Change of the optics.
+    /// Name of the change.
     change: &'static str,
-    /// On the unseen shapes, by method.
+    /// Errors of normals on the unseen shapes, by method.
     normals: Vec<(Method, Measured)>,
-    /// Poses by method; under a change only with the method that trials use.
+    /// Errors of poses by method; under a change only for the method that trials use.
     poses: Vec<(Method, Spread)>,
 }
 
 impl TouchEvaluation {
-    /// In which respect poses fall short.
+    /// Returns the reason why the poses fall short, if they do.
     pub fn shortfall(&self) -> Option<String> {
         let found = spread(&self.felt, PoseSource::Touch, |felt| felt.class == Class::Irregular).mm;
         let (median, p95) = (found.median?, found.p95?);
@@ -61,8 +61,8 @@ fn of_method(rows: &[(Method, Measured)], method: Method) -> Option<Measured> {
     rows.iter().find(|row| row.0 == method).map(|row| row.1)
 }
 
-/// Presses unseen shapes, and feels `count` grasps, evenly spread, as built and under every change. Background images are
-/// taken under the change too, as a hand takes them when it is switched on.
+/// Presses unseen shapes, and perceives `count` grasps, evenly spread over the list, as built and under every change.
+/// The background images are taken under the change too, as a hand takes them when it is switched on.
 pub fn under_changes(
     bench: &Bench,
     networks: &Networks,
@@ -98,7 +98,7 @@ pub fn under_changes(
         .collect()
 }
 
-/// Steps from images to a pose and what they took of each [`FeltGrasp`], ms.
+/// Returns the steps from images to a pose with their latencies for each [`FeltGrasp`], ms.
 fn steps(felt: &[FeltGrasp]) -> [(&'static str, Vec<f64>); 3] {
     let of = |pick: &dyn Fn(&FeltGrasp) -> f64| felt.iter().map(pick).collect();
     [

@@ -1,4 +1,4 @@
-//! Simulated first grasps to feel: played once, kept in a file if wanted.
+//! Simulated first grasps as test cases for touch: simulated once, and optionally kept in a file.
 
 use std::path::Path;
 use std::sync::Mutex;
@@ -9,7 +9,7 @@ use bench::workers;
 use platform::data::write_whole;
 use serde::{Deserialize, Serialize};
 
-/// How many grasps are played, and from what.
+/// Number and seed of the simulated grasps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Played {
     pub combos: usize,
@@ -23,7 +23,8 @@ struct File {
     grasps: Vec<HeldGrasp>,
 }
 
-/// The grasps of `played` that hold, in order: from `file` if it exists, else played and then written there.
+/// Returns the grasps of `played` that hold, in order. They are read from `file` if it exists; otherwise they are
+/// simulated and written there.
 pub fn grasps(bench: &Bench, played: Played, file: Option<&Path>, quiet: bool) -> Result<Vec<HeldGrasp>> {
     if let Some(path) = file.filter(|path| path.exists()) {
         let text =

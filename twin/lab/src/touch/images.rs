@@ -1,4 +1,5 @@
-//! Raw images of a held object: every camera with its read-out noise, idle pads too, under optics as they are or off.
+//! Raw images of a held object: every camera with its read-out noise, idle pads included, with the optics as built or
+//! changed.
 
 use std::sync::Arc;
 
@@ -13,24 +14,24 @@ use scenarios::effects::{Effect, Pads};
 use sim::tactile::{Drift, TactileBoard};
 use world::geometry::Shape;
 
-/// How a hand differs from those that touch was trained on.
+/// Difference of a hand from those that touch was trained on.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Change {
     pub name: &'static str,
-    /// Factor of the lamps' strength.
+    /// Factor on the lamps' brightness.
     pub lamps: f64,
-    /// How far each lamp is moved, each in another direction, m.
+    /// Displacement of each lamp, each in another direction, m.
     pub shift: f64,
-    /// Factor of the gel's stiffness.
+    /// Factor on the gel's stiffness.
     pub stiffness: f64,
-    /// Factor of the read-out noise.
+    /// Factor on the read-out noise.
     pub noise: f64,
 }
 
 impl Change {
-    /// As built.
+    /// No change: as built.
     pub const NONE: Self = Self { name: "as built", lamps: 1.0, shift: 0.0, stiffness: 1.0, noise: 1.0 };
-    /// What is tried beside [`Self::NONE`].
+    /// Changes that are tested in addition to [`Self::NONE`].
     pub const ALL: [Self; 6] = [
         Self { name: "lamps -15 %", lamps: 0.85, ..Self::NONE },
         Self { name: "lamps +15 %", lamps: 1.15, ..Self::NONE },
@@ -52,19 +53,19 @@ impl Change {
     }
 }
 
-/// The cameras of a hand unit that was changed, with the gel that the change leaves it.
+/// Cameras of a changed hand unit, with its changed gel.
 pub struct Eyes {
     hand: Hand,
     board: TactileBoard,
-    /// How the cameras drift, and the seed of it.
+    /// Drift model of the cameras, with its seed.
     drift: Option<(Pads, u64)>,
 }
 
-/// When a first grasp is felt, s after the trial's beginning.
+/// Time at which a first grasp is felt, s after the trial's start.
 const FELT_AT: f64 = 8.0;
 
 impl Eyes {
-    /// Unit `serial` under `change`.
+    /// Creates the cameras of unit `serial` under `change`.
     pub fn new(hand: &Hand, serial: u64, change: &Change) -> anyhow::Result<Self> {
         let mut hand = hand.clone();
         hand.parameters.gel.stiffness *= change.stiffness;
@@ -72,12 +73,12 @@ impl Eyes {
         Ok(Self { hand, board, drift: None })
     }
 
-    /// The same with cameras that drift as in trials of this `seed`, if a scenario's do.
+    /// Adds camera drift as in trials of this `seed`, if the scenario has any.
     pub fn drifting(self, pads: Option<Pads>, seed: u64) -> Self {
         Self { drift: pads.map(|pads| (pads, seed)), ..self }
     }
 
-    /// The board of a grasp's trial; `seed` draws the noise.
+    /// Returns the board for a grasp's trial; `seed` draws the noise.
     fn board_of(&self, grasp: &HeldGrasp, seed: u64) -> TactileBoard {
         let board = self.board.with_noise(seed);
         let Some((pads, trials)) = &self.drift else { return board };
@@ -85,12 +86,12 @@ impl Eyes {
         board.drifting(Drift::new(pads.draw_rates(self.hand.cameras.len(), &mut rng), pads.background_age))
     }
 
-    /// Frames of the untouched pads from before a grasp's trial, where cameras drift; `seed` draws the noise.
+    /// Returns frames of the untouched pads from before a grasp's trial, if cameras drift; `seed` draws the noise.
     pub fn background_frames(&self, grasp: &HeldGrasp, seed: u64) -> Option<Vec<Arc<TactileImage>>> {
         self.drift.map(|_| self.board_of(grasp, seed).background_frames())
     }
 
-    /// The hand, with the gel that the change leaves it.
+    /// Returns the hand with its changed gel.
     pub fn hand(&self) -> &Hand {
         &self.hand
     }
@@ -99,12 +100,12 @@ impl Eyes {
         &self.board
     }
 
-    /// Images of the untouched pads.
+    /// Returns images of the untouched pads.
     pub fn backgrounds(&self) -> Vec<Arc<TactileImage>> {
         self.board.backgrounds()
     }
 
-    /// What the cameras see of a grasp; `seed` draws the noise.
+    /// Renders the cameras' images of a grasp; `seed` draws the noise.
     pub fn look(&self, grasp: &HeldGrasp, shape: &Shape, seed: u64) -> Vec<TactileFrame> {
         let mut board = self.board_of(grasp, seed);
         let objects: [(&Shape, Isometry3<f64>); 1] = [(shape, grasp.truth)];

@@ -1,5 +1,5 @@
-//! Training of the network of photometric stereo: gradients by burn, Adam, a learning rate that halves every few epochs, and a state that can be saved and
-//! resumed.
+//! Training of the network for photometric stereo: gradients by burn, Adam, a learning rate that halves every few
+//! epochs, and a state that can be saved and resumed.
 
 use burn::optim::{Adam, AdamConfig, AdamState, AdaptiveMomentumState, Optimizer};
 use burn::tensor::activation::relu;
@@ -15,16 +15,16 @@ use touch::{Network, TouchError};
 
 use super::samples::{Batch, Sample};
 
-/// Square of an error of about 0.2 degrees, below which the loss is quadratic.
+/// Squared error of a normal (about 0.2 degrees) below which the loss is quadratic.
 const SOFT: f32 = 1e-5;
 
-/// An error of a training.
+/// An error during training.
 #[derive(Debug, thiserror::Error)]
 pub enum TrainingError {
-    /// A saved training has another schedule.
+    /// The saved training has another schedule.
     #[error("schedule of the saved training: found {found}, expected {expected}")]
     Schedule { found: String, expected: String },
-    /// Weights that make no network.
+    /// The weights make no valid network.
     #[error(transparent)]
     Network(#[from] TouchError),
     /// A value is infinite or not a number.
@@ -32,13 +32,13 @@ pub enum TrainingError {
     NotFinite(&'static str),
 }
 
-/// How to train.
+/// Training schedule (hyperparameters).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Schedule {
     pub kind: Kind,
     pub epochs: usize,
-    /// Samples per step.
+    /// Batch size: samples per step.
     pub batch: usize,
     /// Initial learning rate.
     pub rate: f64,
@@ -48,7 +48,7 @@ pub struct Schedule {
     pub seed: u64,
 }
 
-/// A parameter with its moments in Adam.
+/// A parameter with its Adam moments.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Parameter {
@@ -56,12 +56,13 @@ struct Parameter {
     moments: [Vec<f32>; 2],
 }
 
-/// The state of a training between two epochs, complete for resuming.
+/// State of a training between two epochs, complete for resuming.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Training {
     pub schedule: Schedule,
-    /// Mean loss of each epoch so far on the samples and on the held-out ones: about the sine of the angular error.
+    /// Mean loss of each epoch so far on the training samples and on the held-out ones: about the sine of the angular
+    /// error.
     pub losses: Vec<[f64; 2]>,
     steps: usize,
     /// Weights and biases of each layer in turn.
@@ -69,8 +70,8 @@ pub struct Training {
 }
 
 impl Training {
-    /// Initial state: weights drawn uniformly from within +-sqrt(6 / inputs) (He et al. 2015), the last layer's a tenth
-    /// of that; biases 0.
+    /// Creates the initial state: weights drawn uniformly within +-sqrt(6 / inputs) (He et al. 2015), those of the last
+    /// layer within a tenth of that; biases 0.
     pub fn new(schedule: Schedule) -> Self {
         let mut rng = ChaCha8Rng::seed_from_u64(schedule.seed);
         let mut parameters = Vec::new();
@@ -88,7 +89,8 @@ impl Training {
         Self { schedule, losses: Vec::new(), steps: 0, parameters }
     }
 
-    /// An error if the schedule differs from `schedule` in anything but the number of epochs, or the parameters are invalid.
+    /// Returns an error if the schedule differs from `schedule` in anything but the number of epochs, or if the
+    /// parameters are invalid.
     pub fn check(&self, schedule: &Schedule) -> Result<(), TrainingError> {
         let same = Schedule { epochs: schedule.epochs, ..self.schedule.clone() };
         if same != *schedule {
@@ -102,7 +104,7 @@ impl Training {
         self.losses.len() >= self.schedule.epochs
     }
 
-    /// One pass over `samples`; the loss on `held_out` is recorded. `step` is called after every step.
+    /// Trains for one epoch over `samples`, and records the loss on `held_out`. `step` is called after every step.
     pub fn epoch(
         &mut self,
         samples: &[Sample],
@@ -129,7 +131,7 @@ impl Training {
         Ok(())
     }
 
-    /// Mean loss on samples.
+    /// Computes the mean loss on samples.
     pub fn loss(&self, samples: &[Sample]) -> Result<f64, TrainingError> {
         let device = Device::flex();
         let (mut sum, mut count) = (0.0, 0);
@@ -168,7 +170,7 @@ impl Training {
         Ok(f64::from(loss))
     }
 
-    /// The current network.
+    /// Returns the current network.
     pub fn network(&self, recipe: String) -> Result<Network, TouchError> {
         let part = |odd: usize| self.parameters.iter().skip(odd).step_by(2).map(|p| p.values.clone()).collect();
         Network::new(self.schedule.kind, recipe, part(0), part(1))
@@ -187,7 +189,7 @@ fn scalar(loss: Tensor<1>) -> Result<f32, TrainingError> {
     numbers(loss)?.first().copied().ok_or(TrainingError::NotFinite("the loss"))
 }
 
-/// Output of the layers for planes by sample, plane, row, column.
+/// Computes the output of the layers for planes by sample, plane, row, column.
 fn output(parameters: &[Tensor<1>], kind: Kind, inputs: Tensor<4>) -> Tensor<4> {
     let run = |n: usize, x: Tensor<4>, stride: usize| {
         let (inputs, outputs, kernel): LayerShape = kind.layers()[n];
@@ -210,14 +212,14 @@ fn output(parameters: &[Tensor<1>], kind: Kind, inputs: Tensor<4>) -> Tensor<4> 
     }
 }
 
-/// Twice as wide and high, every value four times.
+/// Upsamples by two in width and height (nearest neighbour): every value appears four times.
 fn enlarged(x: Tensor<4>) -> Tensor<4> {
     let [samples, planes, height, width] = x.dims();
     let x: Tensor<6> = x.reshape([samples, planes, height, 1, width, 1]);
     x.repeat(&[1, 1, 1, 2, 1, 2]).reshape([samples, planes, 2 * height, 2 * width])
 }
 
-/// Weighted mean length of the difference of normals (x and y part).
+/// Computes the loss: weighted mean length of the difference of normals (x and y components).
 fn loss(parameters: &[Tensor<1>], batch: &Batch, kind: Kind, device: &Device) -> Tensor<1> {
     let [side, folded] = batch.sides;
     let planes = kind.fold() * kind.fold();
@@ -241,7 +243,7 @@ mod tests {
         Schedule { kind, epochs: 2, batch: 4, rate: 0.01, halving: 5, seed: 3 }
     }
 
-    /// The plain-CPU layers and burn's agree.
+    /// Our plain-CPU layers and burn's agree.
     #[test]
     fn inference_is_what_burn_computes() {
         for kind in [Kind::EncoderDecoder, Kind::PerPixel] {
@@ -274,7 +276,7 @@ mod tests {
         (0..count).map(|_| Sample::riddle(&mut rng)).collect()
     }
 
-    /// Information in the surroundings is learnt by the network that sees them, and not by the perceptron.
+    /// The network learns information from a pixel's surroundings, which it sees; the perceptron does not.
     #[test]
     fn surroundings_are_learnt_from() {
         let (samples, held_out) = (riddles(1, 12), riddles(2, 4));
@@ -290,7 +292,7 @@ mod tests {
         assert!(network < 0.5 && network < 0.5 * perceptron, "{network} {perceptron}");
     }
 
-    /// A training saved as text after an epoch and read again ends with the same weights.
+    /// A training that is saved as text after an epoch and read again ends with the same weights.
     #[test]
     fn a_resumed_training_ends_the_same() {
         let samples = riddles(1, 6);

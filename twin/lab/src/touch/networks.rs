@@ -1,4 +1,4 @@
-//! The networks that come with the program, and which way from colours to normals trials use.
+//! Networks that come with the program, and the method for normals that trials use.
 
 use std::path::Path;
 
@@ -7,23 +7,23 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use touch::{Network, TouchPipeline};
 
-/// A way from colours to normals.
+/// Method to compute normals from colours.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Method {
-    /// The photometric model of each pixel's colour.
+    /// Photometric model of each pixel's colour.
     LookUp,
-    /// The per-pixel perceptron.
+    /// Per-pixel perceptron.
     PerPixel,
-    /// The encoder-decoder.
+    /// Encoder-decoder network.
     Network,
 }
 
 impl Method {
-    /// All, in the order of tables.
+    /// All methods, in the order of tables.
     pub const ALL: [Self; 3] = [Self::LookUp, Self::PerPixel, Self::Network];
 
-    /// In words.
+    /// Returns the name of the method.
     pub fn name(self) -> &'static str {
         match self {
             Self::LookUp => "look-up",
@@ -33,25 +33,25 @@ impl Method {
     }
 }
 
-/// How trials find normals: what is best on shapes and pads not trained on, in the time there is.
+/// Method that trials use: the best on shapes and pads not trained on, within the available time.
 pub const IN_USE: Method = Method::LookUp;
 
-/// The networks that are measured.
+/// Networks that are evaluated.
 pub struct Networks {
-    /// For the hand's pads.
+    /// Network for the hand's pads.
     pub pads: Network,
     /// Perceptron for the hand's pads.
     pub pads_per_pixel: Network,
-    /// For the real sensor, from renders of it.
+    /// Network for the real sensor, trained on renders of it.
     pub gelsight_simulated: Network,
-    /// For the real sensor, from its even-numbered presses.
+    /// Network for the real sensor, trained on its even-numbered presses.
     pub gelsight_fitted: Network,
-    /// Perceptron from the same presses.
+    /// Perceptron trained on the same presses.
     pub gelsight_per_pixel: Network,
 }
 
 impl Networks {
-    /// Those that come with the program.
+    /// Loads the networks that come with the program.
     pub fn builtin() -> Result<Self> {
         macro_rules! builtin {
             ($name:literal) => {
@@ -67,7 +67,7 @@ impl Networks {
         })
     }
 
-    /// Files of the same names in a folder.
+    /// Reads files of the same names from a folder.
     pub fn read(folder: &Path) -> Result<Self> {
         let network = |name: &str| Network::read(&folder.join(name)).with_context(|| "--networks");
         Ok(Self {
@@ -79,7 +79,7 @@ impl Networks {
         })
     }
 
-    /// The pipeline by `method`; `look_up` is that of the calibration alone.
+    /// Returns the pipeline with `method`; `look_up` is the pipeline of the calibration alone.
     pub fn pipeline(&self, look_up: &TouchPipeline, method: Method) -> TouchPipeline {
         match method {
             Method::LookUp => look_up.clone(),

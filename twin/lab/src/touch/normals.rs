@@ -1,5 +1,5 @@
-//! Accuracy of normals and heights: by look-up, by a perceptron and by the network, on shapes, pads and a real sensor that
-//! they were not trained on.
+//! Accuracy of normals and heights by look-up, by a perceptron and by the network, on shapes, pads and a real sensor
+//! that they were not trained on.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -20,18 +20,18 @@ use touch::{AngularError, CalibrationPress, Gradients, Network, PhotometricModel
 use super::images::Eyes;
 use crate::touch::networks::{Method, Networks};
 
-/// Presses of each unseen shape, and samples drawn from each press: 4 x 36 x 324 = 46,656.
+/// Number of presses of each unseen shape, and of samples drawn from each press: 4 x 36 x 324 = 46,656.
 const PRESSES: usize = 36;
 const SAMPLES: usize = 324;
 
-/// A press of an unseen shape into a pad of a hand unit, with the pixels that count.
+/// A press of an unseen shape into a pad of a hand unit, with the evaluated pixels.
 pub struct Sampled {
     press: CalibrationPress,
     unit: usize,
     pixels: Vec<usize>,
 }
 
-/// Presses of the unseen shapes into all cameras of the hand units `eyes`.
+/// Presses the unseen shapes into all cameras of the hand units `eyes`.
 pub fn unseen(eyes: &[Eyes], seed: u64) -> Result<Vec<Sampled>> {
     let drawn = each(UNSEEN.len() * PRESSES, |n| {
         let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x756e_7365_656e);
@@ -54,17 +54,17 @@ pub fn unseen(eyes: &[Eyes], seed: u64) -> Result<Vec<Sampled>> {
     Ok(drawn.into_iter().flatten().collect())
 }
 
-/// Error of normals and heights.
+/// Errors of normals and heights.
 #[derive(Debug, Clone, Copy, Serialize, JsonSchema)]
 pub struct Measured {
     /// Mean angular error, degrees.
     pub mean_deg: f64,
     /// Median angular error, degrees.
     pub median_deg: f64,
-    /// 95th percentile, degrees.
+    /// 95th percentile of the angular error, degrees.
     pub p95_deg: f64,
     pub samples: usize,
-    /// Root mean square error of the height where something presses, micrometres.
+    /// Root-mean-square error of the height in contact, micrometres.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub height_rms_um: Option<f64>,
 }
@@ -76,7 +76,7 @@ impl Measured {
     }
 }
 
-/// What `pipeline` makes of presses into the hand units `eyes`.
+/// Evaluates `pipeline` on presses into the hand units `eyes`.
 pub fn measure(sampled: &[Sampled], eyes: &[Eyes], pipeline: &TouchPipeline) -> Result<Measured> {
     let pipelines: Vec<TouchPipeline> =
         eyes.iter().map(|eyes| Ok(pipeline.with_backgrounds(eyes.backgrounds())?)).collect::<Result<_>>()?;
@@ -98,7 +98,7 @@ pub fn measure(sampled: &[Sampled], eyes: &[Eyes], pipeline: &TouchPipeline) -> 
     Ok(Measured::of(errors, (count > 0).then(|| 1e6 * (sum / count as f64).sqrt())))
 }
 
-/// Slopes at a pixel; level where nothing was seen.
+/// Returns the slopes at a pixel; level if nothing was perceived.
 fn at(slopes: Option<&Gradients>, i: usize) -> [f64; 2] {
     slopes.map_or([0.0; 2], |slopes| [f64::from(slopes.gx[i]), f64::from(slopes.gy[i])])
 }
@@ -106,16 +106,16 @@ fn at(slopes: Option<&Gradients>, i: usize) -> [f64; 2] {
 /// A row of the table of the real sensor.
 #[derive(Serialize, JsonSchema)]
 pub struct RealRow {
-    /// How normals are found.
+    /// Method for the normals.
     pub method: Method,
-    /// Trained on renders of the sensor, not on its even-numbered presses.
+    /// True if trained on renders of the sensor, not on its even-numbered presses.
     pub simulated: bool,
-    /// On the odd-numbered presses.
+    /// Error on the odd-numbered presses.
     #[serde(flatten)]
     pub error: Measured,
 }
 
-/// Presses of a ball into a real sensor.
+/// Source of real presses: a ball pressed into a real sensor.
 #[derive(Debug, Clone, Serialize, JsonSchema)]
 pub struct RealSource {
     pub folder: PathBuf,
@@ -125,8 +125,9 @@ pub struct RealSource {
     pub pixel_mm: f64,
 }
 
-/// The real sensor's odd-numbered presses, all pixels inside the ball's circle, by every method. The look-up table is fitted to
-/// the even-numbered ones; the networks are those given, whatever sensor they learned from.
+/// Evaluates every method on the real sensor's odd-numbered presses, at all pixels inside the ball's circle. The
+/// look-up table is fitted to the even-numbered ones; the networks are those given, whatever sensor they were trained
+/// on.
 pub fn real(source: &RealSource, networks: &Networks) -> Result<Vec<RealRow>> {
     let presses = RealPresses::read(&source.folder, 1e-3 * source.ball_diameter_mm, 1e-3 * source.pixel_mm)?;
     let pixel = presses.pixel;
@@ -167,7 +168,7 @@ pub fn real(source: &RealSource, networks: &Networks) -> Result<Vec<RealRow>> {
 
 type Reader = Box<dyn Fn(&CalibrationPress) -> Option<Gradients>>;
 
-/// Normals as colours: x and y to red and green, the way out of the pad to blue.
+/// Renders normals as colours: x and y as red and green, the component out of the pad as blue.
 pub fn normal_picture(slopes: &Gradients) -> Arc<[u8]> {
     let colour = |i: usize| {
         let (gx, gy) = (slopes.gx[i], slopes.gy[i]);

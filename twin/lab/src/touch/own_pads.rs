@@ -1,4 +1,5 @@
-//! What the pads' own calibration from presses on a ball is worth, beside that of another unit and that of a laboratory.
+//! Quality of the pads' self-calibration from presses on a ball, compared with the calibration of another unit and with
+//! that of a laboratory.
 
 use anyhow::Result;
 use hand_model::Hand;
@@ -13,24 +14,24 @@ use touch::{AngularError, BallPress, CalibrationPress, PhotometricCalibration, S
 
 use super::balls::{KnownBall, session};
 
-/// Presses of each camera in a laboratory, and held out.
+/// Presses per camera: in a laboratory calibration, and held out.
 const LABORATORY: usize = 20;
 const HELD_OUT: usize = 9;
-/// Steepest slopes of the classes by which errors are split, degrees; steeper ones are the last class.
+/// Upper limits of the slope classes by which errors are split, degrees; steeper slopes are the last class.
 pub const STEEPEST: [f64; 4] = [10.0, 20.0, 30.0, 45.0];
 
-/// Errors of the balls' middles where they were found.
+/// Localization errors of the balls' centres, over the balls that were found.
 #[derive(Debug, Clone, Copy)]
 pub struct Placing {
     pub found: usize,
     pub of: usize,
-    /// Root mean square, m.
+    /// Root-mean-square error, m.
     pub rms: Vector3<f64>,
     /// Mean of the squared errors over their stated variances, x, y, z.
     pub over_variance: Vector3<f64>,
 }
 
-/// How far `calibration` places the balls of presses off.
+/// Measures the localization errors of balls by `calibration`.
 pub fn placing(hand: &Hand, calibration: &PhotometricCalibration, known: &[KnownBall]) -> Result<Placing, TouchError> {
     let (mut found, mut squares, mut shares) = (0, Vector3::zeros(), Vector3::zeros());
     for ball in known {
@@ -44,11 +45,11 @@ pub fn placing(hand: &Hand, calibration: &PhotometricCalibration, known: &[Known
     Ok(Placing { found, of: known.len(), rms: (squares / count).map(f64::sqrt), over_variance: shares / count })
 }
 
-/// Normals of held-out laboratory presses by one calibration.
+/// Errors of normals on held-out laboratory presses by one calibration.
 #[derive(Debug, Clone)]
 pub struct Normals {
     pub all: AngularError,
-    /// By the true slope: up to each of [`STEEPEST`], and beyond.
+    /// Errors by true slope: up to each of [`STEEPEST`], and beyond.
     pub by_slope: Vec<AngularError>,
 }
 
@@ -71,21 +72,21 @@ impl Normals {
     }
 }
 
-/// One hand unit's pads by three calibrations.
+/// One hand unit's pads evaluated with three calibrations.
 #[derive(Debug)]
 pub struct OwnPads {
-    /// By the calibration of another unit.
+    /// Errors with the calibration of another unit.
     pub other: Normals,
-    /// By the calibration of a laboratory that has this unit.
+    /// Errors with a laboratory calibration of this unit.
     pub laboratory: Normals,
-    /// By the calibration from presses on a ball.
+    /// Errors with the self-calibration from presses on a ball.
     pub own: Normals,
     pub report: OwnCalibrationReport,
-    /// Of the ball, by the other unit's calibration and by the own one.
+    /// Localization errors of the ball: with the other unit's calibration and with the own one.
     pub places: [Placing; 2],
 }
 
-/// The cameras of hand unit `serial`, with one of each camera's lamps `strength` times as bright.
+/// Returns the cameras of hand unit `serial`, with one of each camera's lamps `strength` times as bright.
 pub fn with_a_lamp_at(hand: &Hand, serial: u64, strength: f64) -> Result<TactileBoard> {
     let dim = |_: usize, model: &mut SensorModel| {
         if let Some(lamp) = model.lamps.first_mut() {
@@ -95,8 +96,8 @@ pub fn with_a_lamp_at(hand: &Hand, serial: u64, strength: f64) -> Result<Tactile
     Ok(TactileBoard::changed(hand, serial, dim)?)
 }
 
-/// Calibrates the pads of a board from presses on a ball of `radius` (m) and in the laboratory way, those of its cameras that `wanted`
-/// picks; `other` is another unit's calibration.
+/// Calibrates the pads of a board from presses on a ball of `radius` (m) and as a laboratory does, for the cameras
+/// selected by `wanted`. `other` is another unit's calibration.
 pub fn measure(
     hand: &Hand,
     other: &PhotometricCalibration,

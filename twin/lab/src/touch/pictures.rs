@@ -1,4 +1,5 @@
-//! What touch makes of a held object, to look at: a recording and a sheet of the touched pads' images, normals and heights.
+//! Pictures of a held object as perceived by touch: a recording, and a sheet of the touched pads' images, normals and
+//! heights.
 
 use std::path::Path;
 
@@ -18,17 +19,17 @@ use super::images::Eyes;
 use super::normals::normal_picture;
 use super::poses::apart;
 
-/// Side of a picture on the sheet, pixels, and the room for its name.
+/// Side of a picture on the sheet, and room for its name, pixels.
 const SIDE: u32 = 150;
 const NAME: u32 = 14;
-/// Cameras in a row of the sheet.
+/// Cameras per row of the sheet.
 const ACROSS: usize = 2;
 /// Height that is drawn white, m.
 const WHITE: f32 = 1e-3;
 const INK: [u8; 3] = [235, 235, 235];
 const PATCH: [u8; 3] = [90, 230, 255];
 
-/// Writes a recording and a sheet of the first grasp of each object into `folder`; how many objects.
+/// Writes a recording and a sheet of the first grasp of each object into `folder`. Returns the number of objects.
 pub fn write(bench: &Bench, eyes: &Eyes, grasps: &[HeldGrasp], folder: &Path) -> Result<usize> {
     std::fs::create_dir_all(folder).with_context(|| format!("--out {}", folder.display()))?;
     let mut shown: Vec<&str> = Vec::new();
@@ -78,7 +79,7 @@ pub fn write(bench: &Bench, eyes: &Eyes, grasps: &[HeldGrasp], folder: &Path) ->
 
 type FeltPoints = Vec<(Option<usize>, nalgebra::Point3<f64>, nalgebra::Vector3<f64>)>;
 
-/// All felt points with normals, palm frame, at joint angles `q`.
+/// Returns all felt points with normals, palm frame, at joint angles `q` (rad).
 fn points(hand: &Hand, touches: &[PadTouch], q: &[f64]) -> FeltPoints {
     let places = hand.pad_poses(&hand.tree.forward(q));
     let of = |touch: &PadTouch| {
@@ -89,7 +90,7 @@ fn points(hand: &Hand, touches: &[PadTouch], q: &[f64]) -> FeltPoints {
     touches.iter().flat_map(of).collect()
 }
 
-/// Image, normals and height with patches of every touched camera.
+/// Draws image, normals, and height with patches for every touched camera.
 fn sheet<'a>(hand: &Hand, touches: &[PadTouch], raw: impl Fn(usize) -> Option<&'a Vec<u8>>) -> RgbImage {
     let felt: Vec<(&HeightMap, Vec<&Patch>)> = touches
         .iter()
@@ -118,7 +119,7 @@ fn sheet<'a>(hand: &Hand, touches: &[PadTouch], raw: impl Fn(usize) -> Option<&'
     sheet
 }
 
-/// Heights in grey with an ellipse of two standard deviations around each patch.
+/// Draws heights in grey, with an ellipse of two standard deviations around each patch.
 fn height_picture(camera: &Camera, map: &HeightMap, patches: &[&Patch]) -> Vec<u8> {
     let mut rgb: Vec<u8> =
         map.height.iter().flat_map(|height| [(255.0 * (height / WHITE).clamp(0.0, 1.0)) as u8; 3]).collect();

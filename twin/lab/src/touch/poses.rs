@@ -1,4 +1,5 @@
-//! Errors of in-hand poses of simulated grasps by kind of object, compared with the plan and with felt points alone.
+//! Errors of in-hand pose estimates of simulated grasps by class of object, compared with the plan and with felt points
+//! alone.
 
 use std::borrow::Cow;
 use std::time::Instant;
@@ -15,59 +16,59 @@ use world::objects::{ObjectModel, Symmetry};
 
 use super::images::Eyes;
 
-/// What a pose is made from.
+/// Source of a pose estimate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PoseSource {
-    /// Where the plan has the object.
+    /// Planned pose of the object (the prior).
     Plan,
-    /// Servos and felt points: no normals, no absence of touch.
+    /// Servos and felt points, without normals and without absence of touch.
     Points,
-    /// All that is felt and not felt.
+    /// All evidence of touch, including absence of touch.
     Touch,
 }
 
-/// A grasp as it was felt.
+/// Evaluation of one perceived grasp.
 pub struct FeltGrasp {
     pub object: String,
     pub class: Class,
-    /// Error of the plan, of felt points alone, of touch: mm and degrees.
+    /// Errors of the plan, of felt points alone, and of touch: mm and degrees.
     pub errors: [[f64; 2]; 3],
-    /// Error over the stated standard deviation, position.
+    /// Ratio of position error to stated standard deviation.
     pub ratio: f64,
-    /// Whether the position lies in the stated ellipsoid of 95 %.
+    /// True if the true position lies in the stated 95 % ellipsoid.
     pub covered: bool,
-    /// Whether a pose found by descending from the truth has a lower cost than the estimate: the search is at fault.
+    /// True if a pose found by descending from the truth has a lower cost than the estimate: the search is at fault.
     pub missed: bool,
-    /// Otherwise, whether the truth itself has a clearly higher cost: the evidence is misleading.
+    /// True if not `missed`, and the truth has a clearly higher cost than the estimate: the evidence is misleading.
     pub misled: bool,
-    /// Time from raw images to touches, and from touches to the pose, ms.
+    /// Latencies from raw images to touches, and from touches to the pose, ms.
     pub millis: [f64; 2],
 }
 
-/// A pose is clearly worse from this difference of costs (log-likelihood) on.
+/// Cost difference (log-likelihood) from which a pose is clearly worse.
 const CLEARLY: f64 = 3.0;
-/// A pose is better from this difference on.
+/// Cost difference (log-likelihood) from which a pose is better.
 const BETTER: f64 = 0.3;
-/// 95 % of the squared, scaled errors of three numbers are below this (chi-squared, three degrees of freedom).
+/// Gate on the squared normalized error of the position: 95 % quantile of chi-squared with three degrees of freedom.
 const COVERED: f64 = 7.815;
 
-/// Kinds of objects by their symmetry.
+/// Classes of objects by their rotational symmetry.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Class {
-    /// Every turn looks the same.
+    /// Full rotational symmetry.
     Ball,
-    /// Round about an axis.
+    /// Rotational symmetry about an axis.
     Round,
-    /// Some turns look the same.
+    /// Discrete rotational symmetry.
     Box,
-    /// No turn looks the same.
+    /// No rotational symmetry.
     Irregular,
 }
 
 impl Class {
-    /// All, in the order of tables.
+    /// All classes, in the order of tables.
     pub const ALL: [Self; 4] = [Self::Ball, Self::Round, Self::Box, Self::Irregular];
 
     fn of(object: &ObjectModel) -> Self {
@@ -79,7 +80,7 @@ impl Class {
         }
     }
 
-    /// In words; the key in JSON.
+    /// Returns the name, which is also the key in JSON.
     pub fn name(self) -> &'static str {
         match self {
             Self::Ball => "ball",
@@ -90,7 +91,7 @@ impl Class {
     }
 }
 
-/// Distance (mm) and angle (degrees, given the object's symmetry) of two poses.
+/// Returns distance (mm) and angle (degrees, given the object's symmetry) between two poses.
 pub fn apart(object: &ObjectModel, pose: &Isometry3<f64>, truth: &Isometry3<f64>) -> [f64; 2] {
     [
         1e3 * (pose.translation.vector - truth.translation.vector).norm(),
@@ -98,22 +99,22 @@ pub fn apart(object: &ObjectModel, pose: &Isometry3<f64>, truth: &Isometry3<f64>
     ]
 }
 
-/// The true pose, turned as little from `estimate` as the object's discrete symmetry allows: the plan has a say in what a pose
-/// costs.
+/// Returns, of all poses that look like the truth by the object's discrete symmetry, the one whose rotation is closest
+/// to `estimate`. This matters because the plan's prior contributes to a pose's cost.
 fn looking_alike(object: &ObjectModel, truth: &Isometry3<f64>, estimate: &Isometry3<f64>) -> Isometry3<f64> {
     let turned = |turn: &UnitQuaternion<f64>| (truth.rotation * turn).angle_to(&estimate.rotation);
     let best = object.symmetry.turns().into_iter().min_by(|a, b| turned(a).total_cmp(&turned(b)));
     best.map_or(*truth, |turn| truth * turn)
 }
 
-/// Squared error of the position in stated standard deviations.
+/// Returns the squared position error in units of the stated covariance (squared Mahalanobis distance).
 fn squared(estimate: &PoseEstimate, truth: &Isometry3<f64>) -> Option<f64> {
     let error = estimate.palm_from_object.translation.vector - truth.translation.vector;
     let covariance: Matrix3<f64> = estimate.region().fixed_view::<3, 3>(0, 0).into_owned();
     Some(error.dot(&covariance.cholesky()?.solve(&error)))
 }
 
-/// Feels every grasp once.
+/// Perceives every grasp once, and evaluates the estimates.
 pub fn feel(
     bench: &Bench,
     eyes: &Eyes,
@@ -126,7 +127,7 @@ pub fn feel(
         .enumerate()
         .map(|(n, grasp)| {
             let known: &KnownObject = &bench.known[&grasp.object];
-            // As a trial does before it begins.
+            // A trial does the same before it begins.
             known.prepare();
             let object = &known.model;
             let seed = bench.seed ^ (n as u64) << 20;
@@ -169,29 +170,30 @@ pub fn feel(
 #[derive(Debug, Clone, Copy, Serialize, JsonSchema)]
 pub struct Spread {
     pub grasps: usize,
-    /// Position, mm.
+    /// Position error, mm.
     pub mm: MedianP95,
-    /// Rotation, degrees.
+    /// Rotation error, degrees.
     pub deg: MedianP95,
 }
 
-/// Where errors come from, as shares of the grasps.
+/// Causes of large errors, as shares of the grasps.
 #[derive(Debug, Clone, Copy, Serialize, JsonSchema)]
 pub struct Causes {
-    /// Positions in the stated ellipsoid of 95 %.
+    /// True positions within the stated 95 % ellipsoid.
     pub covered: f64,
-    /// More than [`FAR`] off.
+    /// Errors above [`FAR`].
     pub far: f64,
-    /// Far off, and the truth has a clearly higher cost than the estimate: the evidence is misleading.
+    /// Large errors for which the truth has a clearly higher cost than the estimate: the evidence is misleading.
     pub misled: f64,
-    /// Far off, and a pose near the truth has a lower cost: the search missed it. The cause of the rest is unknown.
+    /// Large errors for which a pose near the truth has a lower cost: the search missed it. The cause of the others is
+    /// unknown.
     pub missed: f64,
 }
 
-/// Position error (mm) from which its cause is asked for.
+/// Position error (mm) above which an error counts as large and its cause is determined.
 pub const FAR: f64 = 2.0;
 
-/// Causes among the grasps that `pick` takes.
+/// Computes the causes among the grasps selected by `pick`.
 pub fn causes(felt: &[FeltGrasp], pick: impl Fn(&FeltGrasp) -> bool) -> Causes {
     let picked: Vec<&FeltGrasp> = felt.iter().filter(|felt| pick(felt)).collect();
     let share = |of: &dyn Fn(&FeltGrasp) -> bool| {
@@ -206,7 +208,7 @@ pub fn causes(felt: &[FeltGrasp], pick: impl Fn(&FeltGrasp) -> bool) -> Causes {
     }
 }
 
-/// A median and a 95th percentile.
+/// Median and 95th percentile.
 #[derive(Debug, Clone, Copy, Serialize, JsonSchema)]
 #[allow(missing_docs)]
 pub struct MedianP95 {
@@ -220,7 +222,7 @@ impl MedianP95 {
     }
 }
 
-/// Spread of the errors of `source` among the grasps that `pick` takes.
+/// Computes the spread of the errors of `source` among the grasps selected by `pick`.
 pub fn spread(felt: &[FeltGrasp], source: PoseSource, pick: impl Fn(&FeltGrasp) -> bool) -> Spread {
     let picked: Vec<[f64; 2]> =
         felt.iter().filter(|felt| pick(felt)).map(|felt| felt.errors[source as usize]).collect();

@@ -11,7 +11,7 @@ use touch::{CalibrationPress, PhotometricModel};
 pub const SIDE: usize = 48;
 /// Weight of a pixel without contact relative to one in contact.
 const LEVEL_WEIGHT: f32 = 0.15;
-/// The perceptron uses every n-th pixel of a row and of a column.
+/// Subsampling of the perceptron: it uses every n-th pixel of a row and of a column.
 const SPARSE: usize = 4;
 
 /// A labelled square of an image.
@@ -23,18 +23,18 @@ pub struct Sample {
     pixels: Vec<Pixel>,
 }
 
-/// A labelled pixel; normals by their x and y components.
+/// A labelled pixel; normals are given by their x and y components.
 #[derive(Debug, Clone, Copy)]
 struct Pixel {
     /// Relative colour change.
     change: [f32; 3],
-    /// The photometric model's normal.
+    /// Normal according to the photometric model.
     read: [f32; 2],
     truth: [f32; 2],
     weight: f32,
 }
 
-/// `count` squares around the contact of a press with pixels of size `pixel` (dx, dy; m); none without contact.
+/// Cuts `count` squares around the contact of a press with pixels of size `pixel` (dx, dy; m); none without contact.
 pub fn cut(
     press: &CalibrationPress,
     (configuration, model): (char, &PhotometricModel),
@@ -69,8 +69,8 @@ pub fn cut(
 
 #[cfg(test)]
 impl Sample {
-    /// A square whose true normals are a quarter of the red change of the pixel to the right: a single pixel carries no
-    /// information on its own normal.
+    /// Returns a square whose true normals are a quarter of the red change of the pixel to the right, so that a single
+    /// pixel carries no information on its own normal.
     pub(super) fn riddle(rng: &mut impl Rng) -> Self {
         let red: Vec<f32> = (0..SIDE * SIDE).map(|_| rng.random_range(-1.0..1.0)).collect();
         let pixels = (0..SIDE * SIDE).map(|k| {
@@ -81,13 +81,13 @@ impl Sample {
     }
 }
 
-/// Samples laid out for a network: planes by sample, plane, row, column.
+/// Batch: samples laid out for a network, as planes by sample, plane, row, column.
 pub(super) struct Batch {
     pub count: usize,
-    /// Side of the input planes, and of the planes of targets and weights.
+    /// Sides of the input planes, and of the planes of targets and weights.
     pub sides: [usize; 2],
     pub inputs: Vec<f32>,
-    /// Desired outputs, as many planes as the network has.
+    /// Target outputs, as many planes as the network has.
     pub targets: Vec<f32>,
     /// Weights of the pixels, half as many planes.
     pub weights: Vec<f32>,
@@ -137,7 +137,7 @@ impl Batch {
     }
 }
 
-/// The network inputs of a sample, as [`Sight`] has them for the image it was cut from.
+/// Network inputs of a sample, as [`Sight`] provides them for the image it was cut from.
 struct SampleSight<'a> {
     sample: &'a Sample,
     change: &'a [[f32; 3]],

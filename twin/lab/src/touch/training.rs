@@ -1,5 +1,5 @@
-//! What the network of photometric stereo learns from: rendered presses of known shapes, or presses of a ball into a real
-//! sensor, cut into squares.
+//! Training data of the network for photometric stereo: rendered presses of known shapes, or presses of a ball into a
+//! real sensor, cut into squares.
 
 use std::path::Path;
 
@@ -17,30 +17,30 @@ use touch::{CalibrationPress, PhotometricModel};
 use super::network_training::{Schedule, Training};
 use super::samples::{Sample, cut};
 
-/// The first of the hand units that networks learn from, and how many there are.
+/// First of the hand units used for training, and their number.
 const UNITS: (u64, u64) = (100, 6);
 /// White noise of the training images: 0.01 of full scale, grey levels.
 const NOISE: f64 = 2.55;
-/// One press in so many is held out.
+/// Interval of held-out presses.
 const HELD_OUT: usize = 10;
 
-/// Where training images come from.
+/// Source of training images.
 #[derive(Debug, Clone, Copy)]
 pub enum TrainingSource<'a> {
-    /// Renders of so many presses into the hand's pads.
+    /// Renders of this number of presses into the hand's pads.
     Pads { robot: &'a RobotModel, presses: usize },
-    /// Renders of so many presses into the sensor that a calibration file describes.
+    /// Renders of this number of presses into the sensor that a calibration file describes.
     Sensor { file: &'a Path, presses: usize },
-    /// The even-numbered presses of a ball into a real sensor; the ball's diameter and a pixel's size in m.
+    /// Even-numbered presses of a ball into a real sensor; the ball's diameter and a pixel's size in m.
     RealPresses { folder: &'a Path, ball_diameter: f64, pixel: f64 },
 }
 
-/// Squares to learn from.
+/// Training squares with held-out ones.
 pub struct TrainingSet {
     pub samples: Vec<Sample>,
-    /// Squares of presses that are not learned from.
+    /// Squares of held-out presses.
     pub held_out: Vec<Sample>,
-    /// Photometric model of a sensor that is not one of the hand's pads.
+    /// Photometric model of a sensor other than the hand's pads.
     pub conditioning: Option<PhotometricModel>,
 }
 
@@ -97,7 +97,7 @@ impl TrainingSet {
         Ok(Self::split(cuts, None))
     }
 
-    /// A sensor of its own: its photometric model is fitted to the same presses.
+    /// Makes the set for a separate sensor, whose photometric model is fitted to the same presses.
     fn of_sensor(presses: Vec<CalibrationPress>, pixel: (f64, f64), crops: usize, seed: u64) -> Result<Self> {
         let labelled: Vec<(&CalibrationPress, (f64, f64))> = presses.iter().map(|press| (press, pixel)).collect();
         let model = PhotometricModel::fit(CONFIGURATION, &labelled)?;
@@ -115,7 +115,7 @@ impl TrainingSet {
     }
 }
 
-/// Reads the state of a training to go on from.
+/// Reads the state of a training to resume.
 pub fn resume(state: &Path, schedule: &Schedule) -> Result<Training> {
     let text = std::fs::read(state).with_context(|| format!("--resume: {}", state.display()))?;
     let training: Training =
@@ -124,7 +124,7 @@ pub fn resume(state: &Path, schedule: &Schedule) -> Result<Training> {
     Ok(training)
 }
 
-/// Loss over epochs, on the squares learned from and on those held out.
+/// Plots the loss against epochs, on the training squares and on the held-out ones.
 pub fn loss_curves(training: &Training) -> Plot {
     let line = |k: usize| training.losses.iter().enumerate().map(|(n, loss)| [1.0 + n as f64, loss[k]]).collect();
     Plot {

@@ -1,16 +1,17 @@
-//! The two counts of a collision, and rates by them.
+//! The two counts of a collision, and the rates by each.
 
 use std::collections::BTreeMap;
 
 use scenarios::{Condition, TrialRecord};
 use statistics::MeanSd;
 
-/// A count of collisions.
+/// Criterion by which collisions are counted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Count {
-    /// An unwanted contact in the trial.
+    /// Unwanted contact in the trial.
     Contact,
-    /// The object in the hand, as felt, overlaps the second one in its place at the grasp.
+    /// Predicted overlap: the object in the hand, at its estimated pose, overlaps the second one in its place at the
+    /// grasp.
     Predicted,
 }
 
@@ -24,7 +25,7 @@ impl Count {
         }
     }
 
-    /// True where the plan collided; `None` where nothing was predicted.
+    /// True if the plan collided; `None` if nothing was predicted.
     pub fn collided(self, record: &TrialRecord) -> Option<bool> {
         match self {
             Self::Contact => Some(record.contact),
@@ -32,7 +33,8 @@ impl Count {
         }
     }
 
-    /// True where the grasp that is carried out succeeds: the plan, or the one that touch chose in its place.
+    /// True if the executed grasp succeeds: the plan, or the one that touch chose instead. `None` if nothing was
+    /// predicted.
     pub fn succeeded(self, record: &TrialRecord) -> Option<bool> {
         match self {
             Self::Contact => Some(record.clean_success),
@@ -44,26 +46,26 @@ impl Count {
     }
 }
 
-/// The rate of a combination.
+/// Rate of a combination.
 pub struct CombinationRate {
     combination: usize,
-    /// Number and objects.
+    /// Number of the combination and names of its objects.
     pub name: String,
-    /// Share of its trials of which it can be said.
+    /// Share of its trials to which the count applies.
     pub rate: f64,
 }
 
 /// Rates under one condition by one count.
 pub struct Sample {
     pub count: Count,
-    /// By rising number of the combination; never empty.
+    /// Rates by rising number of the combination; never empty.
     pub rates: Vec<CombinationRate>,
-    /// Trials that were counted.
+    /// Number of counted trials.
     pub trials: usize,
 }
 
 impl Sample {
-    /// None where nothing can be said of any trial.
+    /// Gathers the rates; `None` if the count applies to no trial.
     pub fn of(
         records: &[TrialRecord],
         condition: Condition,
@@ -85,13 +87,13 @@ impl Sample {
         (trials > 0).then(|| Self { count, rates: rates.collect(), trials })
     }
 
-    /// Over combinations; the standard deviation of a single one is not a number.
+    /// Returns mean and standard deviation over combinations. The standard deviation of a single one is NaN.
     pub fn mean_sd(&self) -> (f64, f64) {
         let MeanSd { mean, sd } = MeanSd::of(&self.rates.iter().map(|one| one.rate).collect::<Vec<_>>());
         (mean.unwrap_or(f64::NAN), sd.unwrap_or(f64::NAN))
     }
 
-    /// (this rate, the other's) of the combinations that both have.
+    /// Returns pairs (this rate, the other's) of the combinations that both have.
     pub fn paired(&self, other: &Self) -> Vec<(f64, f64)> {
         let others: BTreeMap<usize, f64> = other.rates.iter().map(|one| (one.combination, one.rate)).collect();
         self.rates.iter().filter_map(|one| Some((one.rate, *others.get(&one.combination)?))).collect()
@@ -117,7 +119,7 @@ mod tests {
             (blind, None, None, (None, None)),
             (touch, Some(-2.0), Some(3.0), (Some(true), Some(true))),
             (touch, Some(-2.0), Some(-1.0), (Some(true), Some(false))),
-            // Declined.
+            // Touch declined to grasp.
             (touch, Some(-2.0), None, (Some(true), Some(false))),
             (touch, None, None, (None, None)),
         ] {
@@ -127,7 +129,7 @@ mod tests {
         }
     }
 
-    /// Trials of which nothing was predicted are no trials.
+    /// Trials without a prediction are not counted.
     #[test]
     fn rates_are_of_trials_with_a_prediction() {
         let records: Vec<_> = [Some(1.0), Some(-1.0), None].map(|plan| record(Condition::Blind, plan, None)).into();

@@ -1,4 +1,5 @@
-//! Statements of the paper's text beside its figure, and the commands that play what it shows without figures.
+//! Statements in the paper's text beside its figure, and the commands that reproduce what the paper shows without
+//! figures.
 
 use std::collections::HashMap;
 
@@ -12,7 +13,7 @@ use crate::comparisons::with_interval;
 use crate::html::{Column, Table, number};
 use crate::paper;
 
-/// An event that the paper shows without figures, and the command that plays it.
+/// Events that the paper shows without figures, each with the command that plays it.
 const SHOWN: [(&str, &str); 5] = [
     (
         "Four balls, one of them pushed while it is grasped (its illustration of the methods)",
@@ -24,7 +25,7 @@ const SHOWN: [(&str, &str); 5] = [
     ("Body, pads and grasps", "ftac hand check; ftac optics eval; ftac grasps classify"),
 ];
 
-/// The section's end.
+/// Returns the end of the section.
 pub fn section(summary: &Summary, records: &[TrialRecord]) -> Markup {
     html! {
         (table(summary, records))
@@ -89,7 +90,7 @@ fn table(summary: &Summary, records: &[TrialRecord]) -> Table {
     table
 }
 
-/// Times of trials with touch and blind, s, where both are clean and touch needed no further try.
+/// Returns times of trials with touch and blind, s, for which both are clean and touch needed no further try.
 fn longer(records: &[TrialRecord]) -> Vec<(f64, f64)> {
     let clean = |condition: Condition| {
         records
@@ -109,7 +110,8 @@ mod tests {
     use super::*;
     use crate::tests::made_up;
 
-    /// Of six trials with a predicted collision touch finds a clear way in four; its clean trials take 3 s longer.
+    /// In six trials with a predicted collision touch finds a collision-free way in four; its clean trials take 3 s
+    /// longer.
     #[test]
     fn switches_and_times_are_counted() {
         let mut records = made_up(6, 1);

@@ -1,20 +1,22 @@
-//! Soft shadows in corners and dark outlines, from the depth of a picture alone ("screen-space ambient occlusion", Crytek 2007).
+//! Soft shadows in corners and dark outlines, from the depth buffer alone ("screen-space ambient occlusion", Crytek
+//! 2007).
 
-/// Radii (m) at which neighbours are asked, and in how many directions.
+/// Radii (m) at which neighbours are sampled, and number of directions.
 const RADII: [f64; 3] = [0.002, 0.005, 0.010];
 const DIRECTIONS: usize = 5;
-/// Opposite neighbours that are nearer than the pixel by this share of the radius, in the mean, hide it: on a plane they are not.
+/// Occlusion threshold, as a share of the radius. A pixel is occluded where the mean of two opposite neighbours is
+/// nearer than it by more than this; on a plane it is not.
 const NEARER: f64 = 0.10;
-/// A neighbour counts as no further off in depth than this many radii.
+/// Limit of a neighbour's depth difference, radii.
 const MOST: f64 = 1.2;
-/// How dark a pixel gets that is wholly surrounded, and one on an outline.
+/// Share of the brightness lost by a fully surrounded pixel, and by one on an outline.
 const DARKEST: f64 = 0.62;
 const OUTLINE: f64 = 0.35;
-/// A step in depth of this size is an outline, m.
+/// Depth step that makes an outline, m.
 const STEP: f64 = 0.004;
 
-/// Factor of each pixel's brightness; `depth` (m towards the eye, row-major, square) is minus infinity where nothing is, a pixel is
-/// `pixel` m wide.
+/// Returns the brightness factor of each pixel. `depth` (m towards the eye, row-major, square) is minus infinity for
+/// the background; a pixel is `pixel` m wide.
 pub fn shading(depth: &[f64], size: usize, pixel: f64) -> Vec<f64> {
     let at = |x: i64, y: i64| {
         let inside = |v: i64| (0..size as i64).contains(&v);
@@ -48,7 +50,8 @@ pub fn shading(depth: &[f64], size: usize, pixel: f64) -> Vec<f64> {
 mod tests {
     use super::*;
 
-    /// In the corner between a floor and a step towards the eye it is darker than on the open floor; the background stays.
+    /// The corner between a floor and a step towards the eye is darker than the open floor; the background keeps its
+    /// brightness.
     #[test]
     fn corners_are_darker() {
         let (size, pixel) = (64, 5e-4);

@@ -1,4 +1,4 @@
-//! What a calibration found, as JSON and as a table.
+//! Results of a calibration, as JSON and as a table.
 
 use optics::SensorModel;
 use optics::calibration::{Lens, Parameter, SensorCalibration, Similarity, Views};
@@ -13,29 +13,29 @@ use crate::reconstruction::{Accuracy, Method};
 #[derive(Debug, Serialize, JsonSchema)]
 struct PressCounts {
     fitted: usize,
-    /// Held out once.
+    /// Presses that were held out once.
     held_out: usize,
-    /// Found in their images without a label.
+    /// Presses found in their images without a label.
     found_without_label: usize,
 }
 
-/// Errors of surfaces of presses held out.
+/// Errors of reconstructed surfaces of held-out presses.
 #[derive(Debug, Serialize, JsonSchema)]
 struct Surfaces<'a> {
     look_up: &'a Accuracy,
     network: &'a Accuracy,
-    /// Presses that the tables that are saved were learned from.
+    /// Presses from which the saved tables were learned.
     learned_from: usize,
 }
 
-/// The fit without a part of the model.
+/// Result of a fit that leaves out a part of the model.
 #[derive(Debug, Serialize, JsonSchema)]
 struct AblationFigures {
-    /// Part that the model lacks.
+    /// Part that was left out.
     model: &'static str,
     /// RMS residual of the fit, grey levels.
     residual_grey: f64,
-    /// Renders of presses that were held out.
+    /// Similarity of renders to the held-out presses.
     held_out: Option<Views>,
 }
 
@@ -47,24 +47,24 @@ struct Checkerboards {
     residual_px: f64,
 }
 
-/// Everything that a calibration found.
+/// Results of a calibration.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Figures<'a> {
     presses: PressCounts,
     single_lamp_images: usize,
-    /// Renders of presses that were held out.
+    /// Similarity of renders to the held-out presses.
     held_out: Option<Views>,
-    /// The untouched image in place of a render.
+    /// Similarity of the untouched image to the held-out presses: the baseline without a model.
     floor: Option<Views>,
-    /// The same as `held_out` on the image's grid.
+    /// As `held_out`, rendered on the image's grid.
     held_out_on_grid: Option<Views>,
-    /// The same as `held_out` on one frame of the untouched gel.
+    /// As `held_out`, rendered on one frame of the untouched gel.
     held_out_on_single_background: Option<Views>,
-    /// Best that camera noise and drift allow.
+    /// Best similarity that camera noise and drift allow.
     ceiling: Option<Views>,
-    /// The same on one frame of the untouched gel.
+    /// As `ceiling`, for one frame of the untouched gel.
     ceiling_of_single_frames: Option<Views>,
-    /// Errors of surfaces of presses held out.
+    /// Errors of reconstructed surfaces of held-out presses.
     reconstruction: Surfaces<'a>,
     /// RMS residual of the fit, grey levels.
     residual_grey: f64,
@@ -72,24 +72,24 @@ pub struct Figures<'a> {
     pixel_mm: f64,
     /// 95 % interval of the pixel's size, mm.
     pixel_interval_mm: Option<[f64; 2]>,
-    /// False where the presses alone told the size of a pixel.
+    /// False if the pixel size follows from the presses alone.
     pixel_measured: bool,
-    /// Images that were left out, and why.
+    /// Rejected images, with the reasons.
     left_out: &'a [(String, String)],
     parameters: &'a [Parameter],
     /// The camera's lens, if images are rectified first.
     lens: Option<Lens>,
     /// The fitted sensor.
     model: SensorModel,
-    /// In which respects the calibration is doubtful.
+    /// Doubts about the calibration.
     warnings: Vec<String>,
     ablation: Vec<AblationFigures>,
-    /// Pictures of checkerboards that told the lens.
+    /// Pictures of checkerboards from which the lens was fitted.
     checkerboards: Option<Checkerboards>,
 }
 
 impl CalibrationRun {
-    /// Everything found, but for the time it took.
+    /// Returns all results except the run time.
     pub fn figures(&self) -> Figures<'_> {
         let held = self.held_out.as_ref();
         let (grid, single) = (self.on_grid.as_ref(), self.on_single_background.as_ref());
@@ -129,7 +129,7 @@ impl CalibrationRun {
         }
     }
 
-    /// The same as text: parameters, then similarities.
+    /// Returns the results as text: parameters, then similarities.
     pub fn table(&self) -> String {
         let mut text = String::new();
         if let Some(found) = &self.checkerboards {
@@ -172,7 +172,7 @@ impl CalibrationRun {
     }
 }
 
-/// Errors of surfaces of presses held out, by look-up and by the network.
+/// Formats the errors of reconstructed surfaces of held-out presses, by look-up and by the network.
 pub fn accuracy_table(accuracy: &[&Accuracy; 2]) -> String {
     let mut text = format!(
         "{:12} {:>11} {:>9} {:>12} {:>14} {:>12} {:>12} {:>8}\n",

@@ -1,4 +1,4 @@
-//! Presses that are held out, in turn, and what the others teach about them.
+//! Cross-validation: presses are held out in turn, and a calibration learned from the others is evaluated on them.
 
 use anyhow::{Result, bail};
 use optics::calibration::{Assumptions, BallFit, CalibratedSensor, Effort, HeldOut, PressFolder, SensorCalibration};
@@ -9,28 +9,28 @@ use crate::reconstruction::Photometry;
 use crate::reconstruction::accuracy::Accuracy;
 use crate::reconstruction::errors::Errors;
 
-/// Which presses are held out.
+/// Choice of the held-out presses.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Split {
-    /// Each press once: of four parts (of two, from [`MANY`] presses on) each in its turn.
+    /// Each press once, in cross-validation with four parts (two from [`MANY`] presses on).
     Folds,
     /// Presses 1, 3, 5, ... by file name.
     EvenOdd,
-    /// Those of larger balls than the smallest.
+    /// Presses of balls larger than the smallest.
     Ball,
 }
 
-/// So many presses are split into two parts and not into four.
+/// Number of presses from which they are split into two parts instead of four.
 const MANY: usize = 24;
 
-/// Presses to learn from, and others to measure on.
+/// Presses to learn from, and held-out ones to evaluate on.
 pub struct Fold {
     pub fitted: PressFolder,
     pub held_out: PressFolder,
 }
 
 impl Split {
-    /// The folds of presses. An error if one has nothing to hold out.
+    /// Returns the folds of presses. Returns an error if a fold has nothing to hold out.
     pub fn folds(self, presses: &PressFolder) -> Result<Vec<Fold>> {
         let smallest = presses.presses.iter().map(|press| press.diameter).fold(f64::INFINITY, f64::min);
         let fold = |(fitted, held_out)| Fold { fitted, held_out };
@@ -49,18 +49,18 @@ impl Split {
     }
 }
 
-/// What the presses that are learned from teach about those held out.
+/// Evaluation of one fold.
 pub struct Judged {
-    /// Renders.
+    /// Similarity of renders to the held-out presses.
     pub rendered: HeldOut,
-    /// Surfaces, by look-up and by the network.
+    /// Errors of reconstructed surfaces, by look-up and by the network.
     errors: [Errors; 2],
     presses: usize,
     pub fit: BallFit,
 }
 
 impl Fold {
-    /// Fits and learns without the presses held out.
+    /// Fits and learns without the held-out presses, and evaluates on them.
     fn judge(&self, assumptions: Assumptions, effort: &Effort, seed: u64, step: &(dyn Fn() + Sync)) -> Result<Judged> {
         let fit = BallFit::new(&self.fitted, assumptions, effort, seed)?;
         let sensor = sensor_of(&fit)?;
@@ -71,12 +71,12 @@ impl Fold {
     }
 }
 
-/// The sensor of a fit.
+/// Returns the sensor of a fit.
 pub fn sensor_of(fit: &BallFit) -> Result<CalibratedSensor> {
     Ok(CalibratedSensor::new(SensorCalibration::new(fit, String::new()), fit.background.clone())?)
 }
 
-/// Judges all folds, at the same time.
+/// Evaluates all folds in parallel.
 pub fn judge(
     folds: &[Fold],
     assumptions: Assumptions,
@@ -87,7 +87,7 @@ pub fn judge(
     folds.par_iter().map(|fold| fold.judge(assumptions, effort, seed, step)).collect()
 }
 
-/// Figures of all presses that were held out: of renders, and of surfaces by look-up and by the network.
+/// Combines the folds to results over all held-out presses: of renders, and of surfaces by look-up and by the network.
 pub fn figures(judged: Vec<Judged>) -> (Option<HeldOut>, [Accuracy; 2]) {
     let rendered = mean(&judged);
     let mut all: [Errors; 2] = Default::default();
@@ -97,7 +97,7 @@ pub fn figures(judged: Vec<Judged>) -> (Option<HeldOut>, [Accuracy; 2]) {
     (rendered, all.map(|errors| errors.accuracy()))
 }
 
-/// Mean over the presses held out.
+/// Averages over the held-out presses.
 fn mean(judged: &[Judged]) -> Option<HeldOut> {
     let views = |pick: fn(&HeldOut) -> Views| {
         let part = |part: fn(&Views) -> Similarity| {

@@ -1,11 +1,12 @@
-//! Presses that the model of a ball's press cannot explain, while it explains the others.
+//! Outliers among the presses: those that the fitted ball model cannot explain although it explains the others.
 
 use optics::calibration::{BallFit, PressFolder};
 
-/// A press is a misfit if its error is more than so many times the median, and by so many grey levels more.
+/// Outlier thresholds: the error of a misfit exceeds this multiple of the median error, and the median by this many
+/// grey levels.
 const MISFIT: (f64, f64) = (2.5, 4.0);
 
-/// Why each press is a misfit; `None` for one that is not.
+/// Returns for each press the reason why it is a misfit; `None` if it is not.
 pub fn misfits(fit: &BallFit, folder: &PressFolder) -> Vec<Option<String>> {
     let errors = fit.press_errors(folder);
     let mut sorted = errors.clone();

@@ -1,4 +1,4 @@
-//! The presses to calibrate with: read, rectified, and checked as far as seconds allow.
+//! Presses for a calibration: read, rectified, and given the checks that take only seconds.
 
 use std::path::Path;
 
@@ -12,38 +12,38 @@ use crate::video;
 
 /// Folder of pictures of a checkerboard inside a folder of presses.
 pub const CHECKERBOARDS: &str = "checkerboards";
-/// Fewest presses to learn from and to judge by.
+/// Minimum number of presses to learn from and to evaluate on.
 const FEWEST: usize = 4;
-/// Least share of the images that must be usable: else more is wrong than single presses.
+/// Minimum share of usable images. Below it, more is wrong than single presses.
 const MOST: f64 = 0.5;
 
-/// Presses with what tells the size of a pixel.
+/// Checked presses, with the source of the pixel size.
 pub struct CheckedPresses {
-    /// Presses in line with the others; what is not is left out with a reason.
+    /// Presses consistent with the others; the rest are rejected with a reason.
     pub(super) folder: PressFolder,
     pub(super) lens: Option<Lens>,
     pub(super) checkerboards: Option<LensFit>,
     pub(super) source: PixelSource,
-    /// The size that the source tells, if it does.
+    /// Pixel size by that source, if it gives one.
     pub(super) measured: Option<PixelSize>,
     pub(super) shallow: bool,
 }
 
-/// Where presses come from, and what is known of them.
+/// Source of presses, with prior knowledge about them.
 #[derive(Debug, Clone, Copy)]
 pub struct PressSource<'a> {
     /// Folder of images, or a video.
     pub path: &'a Path,
-    /// Diameter of the ball where the labels do not say it, m.
+    /// Diameter of the ball for presses whose labels do not give it, m.
     pub diameter: f64,
     pub ignore_labels: bool,
     /// Image of the untouched gel, if it is not called `background`.
     pub background: Option<&'a Path>,
     /// The camera's lens, if the images are not rectified.
     pub lens: Option<&'a Path>,
-    /// What tells the size of a pixel.
+    /// Source of the pixel size.
     pub pixel: PixelSource,
-    /// Whether all presses may be shallow.
+    /// True if all presses may be shallow.
     pub shallow: bool,
 }
 
@@ -56,9 +56,9 @@ pub fn read(path: &Path, diameter: f64, ignore_labels: bool, background: Option<
 }
 
 impl CheckedPresses {
-    /// Reads, rectifies with the lens or with the one fitted to the folder's checkerboards, and leaves out what is out of line. An
-    /// error if too little remains, or if the ball's diameter or the size of a pixel cannot be right. `show` is called with the presses
-    /// before the first of these errors.
+    /// Reads the presses, rectifies them with the given lens or with one fitted to the folder's checkerboards, and
+    /// rejects outliers. Returns an error if too few remain, or if the ball's diameter or the pixel size cannot be
+    /// right. `show` is called with the presses before the first of these errors.
     pub fn read(source: &PressSource<'_>, show: impl Fn(&[Tile]) -> Result<()>) -> Result<Self> {
         let mut folder = read(source.path, source.diameter, source.ignore_labels, source.background)?;
         let lens = source.lens.map(Lens::read).transpose().context("--lens")?;
@@ -90,22 +90,22 @@ impl CheckedPresses {
         Ok(checked)
     }
 
-    /// What is left out, and why.
+    /// Returns the names of the rejected images, with the reasons.
     pub fn left_out(&self) -> impl Iterator<Item = (&str, &str)> {
         self.folder.left_out.iter().map(|image| (image.name.as_str(), image.reason.as_str()))
     }
 
-    /// Presses that are in line.
+    /// Counts the accepted presses.
     pub fn count(&self) -> usize {
         self.folder.presses.len()
     }
 
-    /// Images of single lamps.
+    /// Counts the images of single lamps.
     pub fn lamps(&self) -> usize {
         self.folder.lamps.len()
     }
 
-    /// An error if too few presses remain. Rows of the label file whose image is not there say nothing of the images that are.
+    /// Returns an error if too few presses remain. Rows of the label file without an image are not counted.
     pub(super) fn enough(&self) -> Result<()> {
         let kept = self.folder.presses.len();
         let left = self.folder.left_out.iter().filter(|left| !left.missing).count();
@@ -123,7 +123,7 @@ impl CheckedPresses {
         )
     }
 
-    /// The presses as they were read, with their circles; what is left out with the reason.
+    /// Returns tiles of the presses as read, with their circles, and of the rejected images, with the reasons.
     fn tiles(&self) -> Vec<Tile> {
         let used =
             self.folder.presses.iter().map(|press| Tile::press(press, format!("r {:.0} px", press.radius), true));

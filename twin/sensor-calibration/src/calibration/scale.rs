@@ -1,50 +1,52 @@
-//! The size of a pixel on the gel, and whether it and the balls' diameters can be right.
+//! Size of a pixel on the gel, and plausibility checks of this size and of the balls' diameters.
 //!
-//! The shading of a ball tells its slopes in pixels, and these do not change if ball and pixel grow alike; only the contact's
-//! circle against the ball bounds the size. So it has to be measured: with two points a known distance apart, or by the width of
-//! what the camera sees.
+//! The shading of a ball determines its slopes in pixels, and these do not change if ball and pixel grow in proportion.
+//! Only the radius of the contact circle against that of the ball bounds the size. It therefore has to be measured:
+//! with two points a known distance apart, or by the width of the camera's field of view.
 
 use anyhow::{Result, bail};
 use optics::calibration::{Assumptions, BallFit, BallPress, Effort, PressFolder};
 
-/// What tells the size of a pixel; lengths in m.
+/// Source of the pixel size; lengths in m.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum PixelSource {
-    /// It is known.
+    /// Known pixel size.
     Known(f64),
-    /// Two points of an image (column, row) lie this far apart on the gel.
+    /// Ruler: two points of an image (column, row) lie this far apart on the gel.
     Ruler { ends: [[f64; 2]; 2], length: f64 },
-    /// An image shows this width of the gel.
+    /// Width of the gel that an image shows.
     Field(f64),
-    /// Nothing but the presses themselves.
+    /// The presses alone.
     Presses,
 }
 
-/// Size of a pixel, and its 95 % interval where it was measured, m.
+/// Size of a pixel, with its 95 % interval if it was measured, m.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PixelSize {
     pub size: f64,
     pub interval: Option<[f64; 2]>,
 }
 
-/// Standard deviation of a coordinate that someone reads off an image, pixels.
+/// Standard deviation of a coordinate read off an image by a person, pixels.
 const READ: f64 = 0.5;
-/// Least distance of a ruler's ends, pixels.
+/// Minimum distance between a ruler's ends, pixels.
 const SHORTEST: f64 = 20.0;
-/// Largest radius of a contact, and of a circle that one sees around it, over the ball's.
+/// Largest plausible radius of a contact, and of a visible circle around it, as a multiple of the ball's.
 const LARGEST: [f64; 2] = [1.05, 1.3];
-/// Median radius of the circles over the ball's below which presses are too shallow to calibrate with.
+/// Threshold of shallow presses: median radius of the circles over the ball's, below which they are too shallow for a
+/// calibration.
 const SHALLOWEST: f64 = 0.35;
-/// Shares of the largest possible pixel size that are tried where nothing else tells it.
+/// Candidate pixel sizes if nothing else determines it, as shares of the largest possible one.
 const SHARES: [f64; 6] = [0.3, 0.4, 0.52, 0.68, 0.84, 1.0];
-/// A size is possible if its fit's residual is at most so many times the best one's.
+/// Tolerance for a candidate size: its fit's residual is at most this multiple of the best one's.
 const AS_GOOD: f64 = 1.15;
-/// Presses and effort of those fits.
+/// Number of presses and effort of those fits.
 const FEW: usize = 12;
 const QUICK: Effort = Effort { per_press: 150, starts: 1, steps: [8, 12], split: true };
 
 impl PixelSource {
-    /// The size that the source tells; `columns` is the images' width. `None` if only the presses can.
+    /// Returns the pixel size by this source; `columns` is the images' width. `None` if only the presses can determine
+    /// it.
     pub fn measured(&self, columns: usize) -> Result<Option<PixelSize>> {
         let positive = |what: &str, value: f64| {
             if value > 0.0 && value.is_finite() {
@@ -69,12 +71,12 @@ impl PixelSource {
     }
 }
 
-/// Radius of a press's circle over its ball's, with pixels of this size (m).
+/// Returns the radius of a press's circle over its ball's, for this pixel size (m).
 fn share(press: &BallPress, pixel: f64) -> f64 {
     press.radius * pixel / (0.5 * press.diameter)
 }
 
-/// Why a press's circle cannot be that of its ball, with pixels of this size (m).
+/// Returns the reason why a press's circle cannot be that of its ball, for this pixel size (m).
 fn impossible(press: &BallPress, pixel: f64) -> Option<String> {
     let (found, most) = (share(press, pixel), LARGEST[usize::from(!press.contact_labelled)]);
     (found > most).then(|| {
@@ -86,11 +88,11 @@ fn impossible(press: &BallPress, pixel: f64) -> Option<String> {
     })
 }
 
-/// Leaves out presses whose circles are larger than their balls. If most are, the balls' diameter or the size of a pixel was given in
-/// another unit, or is another ball's: an error. `corrected` says that the model has corrected the circles that were found without
-/// labels.
+/// Rejects presses whose circles are larger than their balls. If these are at least half of them, the balls' diameter
+/// or the pixel size was given in another unit or is that of another ball, and an error is returned. `corrected` says
+/// that the model has corrected the circles found without labels.
 pub fn leave_out_impossible(folder: &mut PressFolder, pixel: f64, corrected: bool) -> Result<()> {
-    // A circle that was found is judged once the model has corrected it.
+    // A circle found without a label is judged only after the model has corrected it.
     let judged = |press: &&BallPress| press.labelled || corrected;
     let reasons: Vec<Option<String>> = folder
         .presses
@@ -106,7 +108,7 @@ pub fn leave_out_impossible(folder: &mut PressFolder, pixel: f64, corrected: boo
     Ok(())
 }
 
-/// An error, unless `shallow`, if the circles are far smaller than their balls.
+/// Returns an error if the circles are far smaller than their balls, unless `shallow`.
 pub fn check_depth(folder: &PressFolder, pixel: f64, shallow: bool) -> Result<()> {
     let mut shares: Vec<f64> = folder.presses.iter().map(|press| share(press, pixel)).collect();
     shares.sort_by(f64::total_cmp);
@@ -122,8 +124,9 @@ pub fn check_depth(folder: &PressFolder, pixel: f64, shallow: bool) -> Result<()
     Ok(())
 }
 
-/// The sizes of a pixel with which the presses can be explained about equally well, and their geometric middle. The largest one
-/// makes the largest circle as large as its ball; the smallest one tried makes it three tenths of that.
+/// Estimates the pixel size from the presses: the interval of sizes that explain them about equally well, and its
+/// geometric mean. The largest candidate puts the largest circle at its limit, about the size of its ball; the smallest
+/// one is three tenths of that.
 pub fn from_presses(folder: &PressFolder, seed: u64) -> Result<PixelSize> {
     let (some, _) = folder.split(|n, _| n % folder.presses.len().div_ceil(FEW).max(1) == 0);
     let most = folder.presses.iter().map(|press| {
@@ -143,7 +146,7 @@ pub fn from_presses(folder: &PressFolder, seed: u64) -> Result<PixelSize> {
     let (Some(first), Some(last)) = (possible.first(), possible.last()) else {
         bail!("found no size of a pixel with which the presses can be explained");
     };
-    // The truth may lie between the last size that is possible and the first one that is not.
+    // The true size may lie between the last possible candidate and the first impossible one.
     let low = tried[first.saturating_sub(1)].0;
     let high = tried[(last + 1).min(tried.len() - 1)].0;
     Ok(PixelSize { size: (low * high).sqrt(), interval: Some([low, high]) })

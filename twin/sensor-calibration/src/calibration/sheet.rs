@@ -1,4 +1,4 @@
-//! The presses with their circles, on one sheet.
+//! Contact sheet of the presses with their circles.
 
 use anyhow::{Context, Result};
 use image::{Rgb, RgbImage};
@@ -7,14 +7,14 @@ use report::picture::{text, tile};
 
 const USED: [u8; 3] = [255, 255, 255];
 const LEFT_OUT: [u8; 3] = [255, 40, 40];
-/// Tiles in a row.
+/// Tiles per row.
 const COLUMNS: usize = 6;
 
 /// Width of a letter and height of a line, pixels.
 const LETTER: usize = 8;
 const LINE: i64 = 14;
 
-/// A press, or an image without one, and what is to be said of it.
+/// A press, or an image without one, with a note.
 pub struct Tile {
     pub name: String,
     pub photo: Photo,
@@ -30,7 +30,7 @@ impl Tile {
         Self { name: press.name.clone(), photo: press.photo.clone(), circle, note, used }
     }
 
-    /// What is left out; `None` without an image of the background's size.
+    /// Returns the tile of a rejected image; `None` if there is no image of the background's size.
     pub fn left_out(image: &LeftOut) -> Option<Self> {
         let photo = image.photo.clone()?;
         let note = format!("left out: {}", image.reason);
@@ -65,7 +65,7 @@ fn picture(tile: &Tile) -> Result<RgbImage> {
     Ok(image)
 }
 
-/// A note in lines of at most `width` letters, broken between words.
+/// Breaks a note between words into lines of at most `width` letters.
 fn lines(note: &str, width: usize) -> Vec<String> {
     let mut lines = vec![String::new()];
     for word in note.split(' ') {

@@ -1,57 +1,58 @@
-//! Accuracy of reconstructed surfaces, as a calibration states it.
+//! Accuracy of reconstructed surfaces, as stated by a calibration.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use touch::AngularError;
 
-/// Width of a class of slopes in which errors of normals are counted, degrees.
+/// Width of a slope class, degrees. Errors of normals are grouped by such classes.
 const CLASS_DEG: f64 = 10.0;
-/// Number of those classes.
+/// Number of slope classes.
 pub(super) const CLASSES: usize = 8;
 
-/// Errors on presses that nothing was learned from.
+/// Errors on held-out presses.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Accuracy {
     pub presses: usize,
-    /// Angle between found and true normals inside the contact, degrees.
+    /// Angle between estimated and true normals inside the contact, degrees.
     pub normals_deg: AngularError,
-    /// Mean angle between level and true normals inside the contact, degrees: the error of doing nothing.
+    /// Mean angle between level and true normals inside the contact, degrees: the error of the trivial estimate.
     pub level_deg: f64,
-    /// Found over true slope, in the true slope's direction (least squares over the pixels inside the contact).
+    /// Ratio of estimated to true slope, in the true slope's direction (least squares over the pixels inside the
+    /// contact).
     pub slope_ratio: f64,
-    /// Mean of found over true depth of a ball's inner part.
+    /// Ratio of estimated to true depth of a ball's inner part, mean.
     pub depth_ratio: f64,
-    /// Root mean square error of that depth over the depth. Doing nothing has 1.
+    /// Root-mean-square error of that depth over the depth. The trivial estimate, a level surface, has 1.
     pub depth_relative: f64,
-    /// Presses whose inner part was found to stand out of the gel, or to slope the other way.
+    /// Presses whose inner part was estimated to bulge out of the gel, or to slope the other way.
     pub wrong_sign: usize,
-    /// Root mean square error of the height over the inner part, m.
+    /// Root-mean-square error of the height over the inner part, m.
     pub height: f64,
-    /// Mean of the area that found and true contact share, over the area of both together.
+    /// Intersection over union of estimated and true contact area, mean.
     pub contact_overlap: f64,
-    /// Largest share of a press's slopes that fit no surface.
+    /// Largest share of a press's slopes that is inconsistent with any surface.
     pub misfit: f64,
-    /// Mean share of the contact whose colours or slopes the presses that were learned from did not have.
+    /// Mean share of the contact whose colours or slopes are outside the range of the training presses.
     pub beyond: f64,
-    /// Root mean square error (degrees) of normals that were found at slopes of 0 to 10, 10 to 20, ... degrees. Where none was, that of
-    /// the steepest slopes at which some were.
+    /// Root-mean-square error (degrees) of normals estimated at slopes of 0 to 10, 10 to 20, ... degrees. A class
+    /// without samples has the value of the steepest class below it that has some.
     pub by_slope_deg: [f64; CLASSES],
 }
 
 impl Accuracy {
-    /// Expected error of a normal that was found with these slopes, degrees.
+    /// Returns the expected error of a normal with these estimated slopes, degrees.
     pub fn normal_error(&self, [gx, gy]: [f32; 2]) -> f32 {
         self.by_slope_deg[class(f64::from(gx.hypot(gy)))] as f32
     }
 
-    /// Expected error of a depth, m.
+    /// Returns the expected error of a depth, m.
     pub fn depth_error(&self, depth: f64) -> f64 {
         self.depth_relative * depth
     }
 }
 
-/// Class of a slope.
+/// Returns the class of a slope.
 pub(super) fn class(slope: f64) -> usize {
     ((slope.atan().to_degrees() / CLASS_DEG) as usize).min(CLASSES - 1)
 }

@@ -1,8 +1,9 @@
-//! Errors of reconstructed surfaces of balls whose size and contact are known.
+//! Errors of reconstructed surfaces of balls with known size and contact.
 //!
-//! A ball's circle tells the gel's shape well inside it. Towards the rim the gel leaves the ball, smoothly, and how far the gel
-//! around it sinks is not known. Heights are therefore compared over the inner [`INNER`] of the contact's radius, less their mean
-//! at that radius; normals over the whole contact, as is usual.
+//! The circle of a ball determines the gel's shape well inside it. Towards the rim the gel leaves the ball smoothly,
+//! and the depth to which the surrounding gel sinks is unknown. Heights are therefore compared over the inner [`INNER`]
+//! of the contact's radius, relative to their mean at that radius; normals are compared over the whole contact, as
+//! usual.
 
 use hand_model::pads::IMAGE_SIZE as N;
 use touch::AngularError;
@@ -14,37 +15,39 @@ use crate::grid::Grid;
 
 /// Share of the contact's radius within which the gel surely lies on the ball.
 pub const INNER: f64 = 0.7;
-/// Share of the contact's radius over which the height in the middle is averaged.
+/// Share of the contact's radius within which the central height is averaged.
 const MIDDLE: f64 = 0.15;
 
-/// Found and true surface of one press.
+/// Estimated and true surface of one press.
 pub struct BallError {
-    /// Found and true depth of the inner part, m.
+    /// Estimated and true depth of the inner part, m.
     pub depth: [f64; 2],
-    /// Found over true slope inside the contact.
+    /// Ratio of estimated to true slope inside the contact.
     pub slope_ratio: f64,
-    /// Share of the slopes that fit no surface, and of the contact that is beyond the range of what was learned from.
+    /// Share of the slopes that is inconsistent with any surface, and share of the contact outside the range of the
+    /// training presses.
     pub misfit: f64,
     pub beyond: f64,
 }
 
-/// Errors of single presses and pixels, gathered.
+/// Accumulated errors of single presses and pixels.
 #[derive(Default)]
 pub struct Errors {
     pub rows: Vec<BallError>,
-    /// Of normals inside the contact, degrees, and the sum of those of level normals.
+    /// Angular errors of normals inside the contact, degrees, and the sum of those of level normals.
     angles: Vec<f64>,
     level: f64,
-    /// Sums of found times true, and of squared true slopes.
+    /// Sums of estimated times true slopes, and of squared true slopes.
     slopes: [f64; 2],
-    /// Sums of squared angles, and counts, by class of the found slope.
+    /// Sum of squared angular errors, and count, by class of the estimated slope.
     classes: [[f64; 2]; CLASSES],
     overlap: f64,
     /// Sum of squared errors of the height over the inner part, and count.
     heights: [f64; 2],
 }
 
-/// The share of the peak height above which the gel lies on a ball, such that found contacts overlap true ones best.
+/// Returns the contact threshold, a share of the peak height above which the gel counts as lying on a ball, for which
+/// estimated and true contacts overlap best.
 pub fn contact_share(reader: &Reconstructor, known: &KnownPresses, grid: Grid, pixel: f64) -> f32 {
     let surfaces: Vec<Option<GridSurface>> = known.presses.iter().map(|press| reader.on_grid(&press.image)).collect();
     let overlap = |share: f32| {
@@ -56,7 +59,7 @@ pub fn contact_share(reader: &Reconstructor, known: &KnownPresses, grid: Grid, p
     shares.map(|share| (overlap(share), share)).fold((-1.0, 0.35), |a, b| if b.0 > a.0 { b } else { a }).1
 }
 
-/// Mean height along the edge of a ball's inner part, m.
+/// Averages the height along the edge of a ball's inner part, m.
 fn edge_height(found: &GridSurface, ball: &KnownBall, grid: Grid, pixel: f64) -> f64 {
     let (dx, dy) = grid.pixel(pixel);
     mean_height(found, |i| {
@@ -65,7 +68,7 @@ fn edge_height(found: &GridSurface, ball: &KnownBall, grid: Grid, pixel: f64) ->
     })
 }
 
-/// Mean height around a ball's middle, m.
+/// Averages the height around a ball's centre, m.
 fn middle_height(found: &GridSurface, ball: &KnownBall, grid: Grid, pixel: f64) -> f64 {
     mean_height(found, |i| {
         let [x, y] = ball.offset(grid, pixel, i);
@@ -91,7 +94,7 @@ fn shared_area(found: &GridSurface, share: f32, inside: impl Fn(usize) -> bool) 
 }
 
 impl Errors {
-    /// Compares surfaces of presses with the balls. A press that shows nothing counts as level.
+    /// Compares the reconstructed surfaces of presses with the balls. A press that shows nothing counts as level.
     pub fn add(&mut self, reader: &Reconstructor, known: &KnownPresses, (grid, pixel): (Grid, f64), share: f32) {
         for (press, ball) in known.presses.iter().zip(&known.balls) {
             let found = reader.on_grid(&press.image);
@@ -102,7 +105,7 @@ impl Errors {
     fn add_press(&mut self, found: Option<&GridSurface>, ball: &KnownBall, (grid, pixel): (Grid, f64), share: f32) {
         let edge = found.map_or(0.0, |found| edge_height(found, ball, grid, pixel));
         let inner = INNER * ball.contact;
-        // A disc's mean square radius is half of its radius squared.
+        // The mean square radius of a disc is half of its radius squared.
         let middle = MIDDLE * ball.contact * f64::sqrt(0.5);
         let (Some((true_middle, _)), Some((true_edge, _))) = (ball.at([middle, 0.0]), ball.at([inner, 0.0])) else {
             return;
@@ -148,7 +151,7 @@ impl Errors {
         self.rows.push(BallError { depth, slope_ratio, misfit, beyond: beyond / f64::max(contact, 1.0) });
     }
 
-    /// Adds those of other presses.
+    /// Adds the errors of other presses.
     pub fn merge(&mut self, other: Self) {
         self.rows.extend(other.rows);
         self.angles.extend(other.angles);
@@ -164,7 +167,7 @@ impl Errors {
         }
     }
 
-    /// What they come to.
+    /// Summarizes the errors.
     pub fn accuracy(&self) -> Accuracy {
         let presses = self.rows.len();
         let mean = |value: &dyn Fn(&BallError) -> f64| self.rows.iter().map(value).sum::<f64>() / presses.max(1) as f64;

@@ -1,4 +1,4 @@
-//! Fits the way from colours to slopes to presses of a ball, and measures it on others.
+//! Fitting of the photometry, the mapping from colours to slopes, to presses of a ball, and its evaluation on others.
 
 use std::sync::Arc;
 
@@ -20,24 +20,26 @@ use super::range::{Range, drift_free};
 use super::surface::Reconstructor;
 use crate::grid::Grid;
 
-/// Imagined presses, and pixels that are learned from of each, about.
+/// Number of imagined presses, and approximate number of training pixels of each.
 const IMAGINED: usize = 48;
 const IMAGINED_PIXELS: usize = 700;
-/// Pixels that are learned from of all presses, about.
+/// Approximate number of training pixels of all real presses.
 const REAL_PIXELS: usize = 60_000;
-/// Presses so many that a pixel of an imagined press weighs as much as one of theirs. The weight falls with the square of the presses: the more
-/// there are, the less the model's errors may say. Set on the even presses of Taxim's sensor (recordings/log/own-sensor.md).
+/// Equivalent sample size of the prior: with this many presses a pixel of an imagined press weighs as much as a real
+/// one. The weight falls with the square of the number of presses: the more there are, the less the model's errors may
+/// count. Tuned on the even presses of Taxim's sensor (recordings/log/own-sensor.md).
 const IMAGINED_WORTH: f32 = 2.3;
-/// Weight of a pixel of untouched gel, against one in contact.
+/// Weight of a pixel of untouched gel, relative to one in contact.
 const LEVEL_WEIGHT: f32 = 0.3;
-/// Untouched pixels that are learned from, over those in contact.
+/// Number of untouched training pixels, relative to those in contact.
 const LEVEL_SHARE: f64 = 0.15;
-/// Distance from a ball's middle from which the gel is level, contact radii: nearer, how far it sinks is not known.
+/// Distance from a ball's centre beyond which the gel is level, contact radii. Nearer, the depth to which it sinks is
+/// unknown.
 const LEVEL: f64 = 2.0;
 
 impl Photometry {
-    /// Learns from presses into `sensor`, with what its model imagines as the prior. `step` is called at each of [`Self::STEPS`]
-    /// steps. The accuracy is that of nothing.
+    /// Learns from presses into `sensor`, with presses imagined by its model as the prior. `step` is called after each
+    /// of [`Self::STEPS`] epochs. The accuracy of the result is not set yet.
     pub fn learn(
         presses: &PressFolder,
         sensor: &CalibratedSensor,
@@ -86,10 +88,10 @@ impl Photometry {
         Ok(photometry)
     }
 
-    /// Passes over the presses that a training takes.
+    /// Number of training epochs.
     pub const STEPS: u64 = PASSES as u64;
 
-    /// Errors by each method on presses into `sensor` that it did not learn from.
+    /// Computes the errors of each method on held-out presses into `sensor`.
     pub fn errors(&self, presses: &PressFolder, sensor: &CalibratedSensor) -> [Errors; 2] {
         let grid = Grid { width: self.columns, height: self.rows };
         let known = KnownPresses::new(presses, sensor, &grid.image(&presses.background.rgb));
@@ -102,7 +104,7 @@ impl Photometry {
     }
 }
 
-/// Pixels of presses of a ball: in contact, where the gel lies on the ball, and far from it.
+/// Samples pixels of presses of a ball: in contact, where the gel lies on the ball, and far from it.
 fn real_pixels(known: &KnownPresses, (grid, pixel): (Grid, f64), seed: u64) -> Vec<LabelledPixel> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x7265_616c);
     let inside = |ball: &KnownBall, i: usize| ball.at(ball.offset(grid, pixel, i));
@@ -127,7 +129,7 @@ fn real_pixels(known: &KnownPresses, (grid, pixel): (Grid, f64), seed: u64) -> V
     pixels
 }
 
-/// Pixels of imagined presses, whose gel is known everywhere; `pixel` is the grid's, m.
+/// Samples pixels of imagined presses, for which the gel is known everywhere; `pixel` is the grid's pixel size, m.
 fn imagined_pixels(presses: &[CalibrationPress], (dx, dy): (f64, f64), weight: f32, seed: u64) -> Vec<LabelledPixel> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x696d_6167);
     let mut pixels = Vec::new();

@@ -1,4 +1,4 @@
-//! The images of a folder, once or as they come.
+//! Images of a folder, read once or as they arrive.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -9,17 +9,17 @@ use optics::calibration::image_files::{is_image, take_background, visible_files}
 
 use crate::video::is_video;
 
-/// Images and videos of a folder, and the image of the untouched gel in it.
+/// Images and videos of a folder, with the image of the untouched gel in it.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Inputs {
-    /// By name.
+    /// Files, sorted by name.
     pub files: Vec<PathBuf>,
-    /// `named`, else the folder's image called `background`.
+    /// Image of the untouched gel: the named one, else the folder's image called `background`.
     pub background: Option<PathBuf>,
 }
 
 impl Inputs {
-    /// Those of a folder; or the one image or video that `path` is.
+    /// Lists the inputs in a folder, or the single image or video that `path` is.
     pub fn find(path: &Path, named: Option<&Path>) -> Result<Self> {
         if path.is_file() {
             return Ok(Self { files: vec![path.to_owned()], background: named.map(Path::to_owned) });
@@ -31,7 +31,7 @@ impl Inputs {
     }
 }
 
-/// Sees to it that no image's results are written over another's: names without their endings must differ.
+/// Checks that no image's results would overwrite another's: file names without extension must differ.
 pub fn check_names(files: &[PathBuf]) -> Result<()> {
     let mut known: BTreeMap<String, &PathBuf> = BTreeMap::new();
     for file in files {
@@ -46,15 +46,15 @@ pub fn check_names(files: &[PathBuf]) -> Result<()> {
     Ok(())
 }
 
-/// An image's name without its ending.
+/// Returns an image's file name without its extension.
 pub fn name(file: &Path) -> String {
     file.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default()
 }
 
-/// Size and time of a file.
+/// Size and modification time of a file.
 type Stamp = (u64, Option<SystemTime>);
 
-/// A folder into which a camera writes.
+/// Watcher of a folder into which a camera writes.
 #[derive(Debug, Default)]
 pub struct Arrivals {
     seen: BTreeMap<PathBuf, Stamp>,
@@ -62,8 +62,8 @@ pub struct Arrivals {
 }
 
 impl Arrivals {
-    /// Images that are new or changed, and whose size and time are what they were at the last call: a file still being written
-    /// waits.
+    /// Returns the new or changed images whose size and modification time are the same as at the last call: a file that
+    /// is still being written has to wait.
     pub fn next(&mut self, folder: &Path, background: Option<&Path>) -> Result<Vec<PathBuf>> {
         let mut ready = Vec::new();
         for file in Inputs::find(folder, background)?.files {

@@ -1,7 +1,7 @@
-//! Presses into a sensor as its fitted model of image formation imagines them.
+//! Synthetic ("imagined") presses, rendered with a sensor's fitted image-formation model.
 //!
-//! A dozen presses of one ball show few slopes at few places. What the model renders of other shapes, sizes and places is the prior of
-//! what is learned from the presses.
+//! A dozen presses of one ball cover few slopes at few positions. Renders of other shapes, sizes and positions serve as
+//! the prior for learning from the real presses.
 
 use anyhow::Result;
 use optics::calibration::{CalibratedSensor, SensorCalibration};
@@ -10,15 +10,16 @@ use touch::CalibrationPress;
 use crate::pressed_shapes::{Relief, ball, each, seen};
 use crate::real_presses::Likeness;
 
-/// Radii of balls that are pressed beside the shapes, over that of the calibration's ball, and how often each is drawn against a
-/// shape.
+/// Radii of the balls pressed in addition to the shapes, as multiples of the calibration ball's, and weight of each in
+/// the draw relative to a shape.
 const BALLS: [f64; 4] = [0.4, 0.7, 1.0, 1.6];
 const OFTEN: usize = 6;
 
-/// Columns that a rendered image has at least: the pads' grid has fewer.
+/// Minimum number of columns of a rendered image; the pads' grid has fewer.
 const COLUMNS: usize = 320;
 
-/// The sensor with pixels so many times as large that its images still have [`COLUMNS`].
+/// Returns the sensor at the coarsest resolution whose images still have [`COLUMNS`], and the factor by which its
+/// pixels are larger.
 fn coarser(sensor: &CalibratedSensor) -> Result<(CalibratedSensor, usize)> {
     let (width, height) = sensor.size();
     let times = (width / COLUMNS).max(1);
@@ -35,10 +36,10 @@ fn coarser(sensor: &CalibratedSensor) -> Result<(CalibratedSensor, usize)> {
     Ok((CalibratedSensor::new(file, background)?, times))
 }
 
-/// `count` presses into the sensor; `radius` is that of the calibration's ball, m.
+/// Renders `count` presses into the sensor; `radius` is the calibration ball's, m.
 pub fn presses(sensor: &CalibratedSensor, radius: f64, count: usize, seed: u64) -> Result<Vec<CalibrationPress>> {
     let (sensor, times) = coarser(sensor)?;
-    // A pixel that stands for several has less noise.
+    // A pixel averaged from several has less noise.
     let noise = sensor.model().noise / times as f64;
     let likeness = Likeness::of(sensor);
     let balls = BALLS.iter().flat_map(|share| std::iter::repeat_n(share * radius, OFTEN));

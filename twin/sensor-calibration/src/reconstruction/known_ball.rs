@@ -1,4 +1,5 @@
-//! A press of a ball as its size and circle alone tell it: what photometric stereo learns from and is measured against.
+//! Ground truth of a press of a ball from its size and circle alone: the reference for training and testing photometric
+//! stereo.
 
 use std::sync::Arc;
 
@@ -9,10 +10,10 @@ use touch::CalibrationPress;
 
 use crate::grid::Grid;
 
-/// The part of a ball that lies in the gel.
+/// Spherical cap of a ball that lies in the gel.
 #[derive(Debug, Clone, Copy)]
 pub struct KnownBall {
-    /// Column and row of its middle in the photo.
+    /// Centre of the ball in the photo: column and row.
     pub center: [f64; 2],
     /// Radius of the ball, m.
     pub radius: f64,
@@ -21,8 +22,8 @@ pub struct KnownBall {
 }
 
 impl KnownBall {
-    /// The contact radius is the label's where the label gives it. Where only the visible circle is known, it follows from the
-    /// depth that the sensor's fit gives such a circle.
+    /// Computes the cap of a press. The contact radius is the label's if it gives one. If only the visible circle is
+    /// known, the radius follows from the depth that the sensor's fit assigns to such a circle.
     pub fn of(press: &BallPress, sensor: &CalibratedSensor) -> Self {
         let radius = 0.5 * press.diameter;
         let contact = if press.contact_labelled {
@@ -34,12 +35,12 @@ impl KnownBall {
         Self { center: press.center, radius, contact: contact.min(0.999 * radius) }
     }
 
-    /// Indentation of each pixel of the pads' grid over a photo with pixels of size `pixel`, m.
+    /// Computes the indentation at each pixel of the pads' grid, m, over a photo with pixels of size `pixel` (m).
     pub fn on_grid(&self, grid: Grid, pixel: f64) -> Vec<f32> {
         (0..N * N).map(|i| self.at(self.offset(grid, pixel, i)).map_or(0.0, |(depth, _)| depth as f32)).collect()
     }
 
-    /// Offset (m; x right, y up) of a grid pixel from the middle.
+    /// Returns the offset (m; x right, y up) of a grid pixel from the centre.
     pub fn offset(&self, grid: Grid, pixel: f64, i: usize) -> [f64; 2] {
         let (column, row) = grid.center(i);
         [(column - self.center[0]) * pixel, (self.center[1] - row) * pixel]
@@ -49,7 +50,8 @@ impl KnownBall {
         (self.radius * self.radius - self.contact * self.contact).sqrt()
     }
 
-    /// Indentation and its slopes (dh/dx, dh/dy) at an offset (m) from the middle, inside the contact.
+    /// Returns indentation (m) and its slopes (dh/dx, dh/dy) at an offset (m) from the centre; `None` outside the
+    /// contact.
     pub fn at(&self, [x, y]: [f64; 2]) -> Option<(f64, [f64; 2])> {
         let square = x * x + y * y;
         let down = (self.radius * self.radius - square).max(0.0).sqrt();
@@ -57,7 +59,7 @@ impl KnownBall {
     }
 }
 
-/// The presses of a folder on the pads' grid. The gel lies on the ball inside the contact and is level outside.
+/// Presses of a folder on the pads' grid. The gel lies on the ball inside the contact and is level outside.
 pub struct KnownPresses {
     pub presses: Vec<CalibrationPress>,
     pub balls: Vec<KnownBall>,

@@ -1,7 +1,8 @@
 //! Training of the per-pixel network on labelled pixels, by plain back-propagation and Adam.
 //!
-//! The network has three hidden layers of [`WIDTH`] rectified units. It reads a pixel's relative colour change and place, and finds
-//! the x and y components of the normal. A few hundred thousand pixels of a network this small need no tensors.
+//! The network is a perceptron with three hidden layers of [`WIDTH`] rectified units (ReLU). Its inputs are a pixel's
+//! relative colour change and position, its outputs the x and y components of the normal. A few hundred thousand pixels
+//! and a network this small need no tensor library.
 
 use hand_model::pads::IMAGE_SIZE as N;
 use rand::seq::SliceRandom;
@@ -10,23 +11,23 @@ use rand_chacha::ChaCha8Rng;
 use touch::network::Kind;
 use touch::{Network, TouchError};
 
-/// Units of a hidden layer.
+/// Units per hidden layer.
 const WIDTH: usize = 32;
-/// Inputs that differ between pixels: three colours and a place.
+/// Inputs that differ between pixels: three colours and the position.
 const INPUTS: usize = 5;
-/// Hidden layers.
+/// Number of hidden layers.
 const HIDDEN: usize = 3;
-/// Pixels a step, passes over all pixels, and the learning rate, which falls to nothing along half a cosine.
+/// Batch size in pixels, number of epochs, and initial learning rate, which falls to zero along half a cosine.
 const BATCH: usize = 256;
 pub const PASSES: usize = 24;
 const RATE: f32 = 4e-3;
-/// Square of an error of a normal (about 0.2 degrees) below which the loss is quadratic.
+/// Squared error of a normal (about 0.2 degrees) below which the loss is quadratic.
 const SOFT: f32 = 1e-5;
-/// Adam's decays, and the least of its divisors.
+/// Decay rates of Adam's moments, and the smallest divisor (its epsilon).
 const DECAYS: [f32; 2] = [0.9, 0.999];
 const LEAST: f32 = 1e-8;
 
-/// A pixel whose normal is known.
+/// A pixel with a known normal: one training sample.
 #[derive(Debug, Clone, Copy)]
 pub struct LabelledPixel {
     input: [f32; INPUTS],
@@ -36,7 +37,7 @@ pub struct LabelledPixel {
 }
 
 impl LabelledPixel {
-    /// Pixel `i` of the pads' grid with its relative colour change and slopes.
+    /// Creates a sample from pixel `i` of the pads' grid with its relative colour change and slopes.
     pub fn new(i: usize, change: [f32; 3], [gx, gy]: [f64; 2], weight: f32) -> Self {
         let nz = 1.0 / (1.0 + gx * gx + gy * gy).sqrt();
         let place = |at: usize| (at as f32 + 0.5) / (0.5 * N as f32) - 1.0;
@@ -45,10 +46,10 @@ impl LabelledPixel {
     }
 }
 
-/// A row of weights to the units of a layer.
+/// Weights from one input to the units of a layer.
 type Row = [f32; WIDTH];
 
-/// Weights by input, then unit; the last row is the bias. The last layer uses two units.
+/// Weights by layer, input, then unit; the last row of a layer is the bias. The last layer uses two units.
 #[derive(Clone)]
 struct Weights {
     layers: Vec<Vec<Row>>,
@@ -60,7 +61,8 @@ impl Weights {
         Self { layers: (0..=HIDDEN).map(|layer| vec![[0.0; WIDTH]; rows(layer)]).collect() }
     }
 
-    /// Drawn uniformly from within +-sqrt(6 / inputs) (He et al. 2015), the last layer's a tenth of that; biases 0.
+    /// Draws weights uniformly within +-sqrt(6 / inputs) (He et al. 2015), those of the last layer within a tenth of
+    /// that; biases are 0.
     fn drawn(rng: &mut ChaCha8Rng) -> Self {
         let mut weights = Self::zeros();
         for (layer, rows) in weights.layers.iter_mut().enumerate() {
@@ -74,7 +76,7 @@ impl Weights {
         weights
     }
 
-    /// Values of each layer's units, rectified but for the last.
+    /// Computes the values of each layer's units, rectified except for the last layer.
     fn forward(&self, input: &[f32; INPUTS]) -> [Row; HIDDEN + 1] {
         let mut values = [[0.0; WIDTH]; HIDDEN + 1];
         for (layer, rows) in self.layers.iter().enumerate() {
@@ -98,7 +100,7 @@ impl Weights {
         values
     }
 
-    /// Adds a pixel's part of the loss's gradient; returns that part of the loss.
+    /// Adds a pixel's part of the loss's gradient, and returns its part of the loss.
     fn add_gradient(&self, pixel: &LabelledPixel, share: f32, gradient: &mut Self) -> f32 {
         let values = self.forward(&pixel.input);
         let off = [values[HIDDEN][0] - pixel.normal[0], values[HIDDEN][1] - pixel.normal[1]];
@@ -133,7 +135,7 @@ impl Weights {
     }
 }
 
-/// A dot product in eight partial sums, which a processor computes at a time.
+/// Computes a dot product in eight partial sums, for which a processor has vector instructions.
 fn dot(a: &Row, b: &Row) -> f32 {
     let mut sums = [0.0f32; 8];
     for (a, b) in a.chunks_exact(8).zip(b.chunks_exact(8)) {
@@ -144,7 +146,7 @@ fn dot(a: &Row, b: &Row) -> f32 {
     sums.iter().sum()
 }
 
-/// Trains on pixels, the same for the same seed. `pass` is called after each of [`PASSES`] passes.
+/// Trains on pixels; the result is the same for the same seed. `pass` is called after each of [`PASSES`] epochs.
 pub fn train(pixels: &[LabelledPixel], seed: u64, recipe: String, pass: impl Fn()) -> Result<Network, TouchError> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut weights = Weights::drawn(&mut rng);
@@ -177,7 +179,7 @@ pub fn train(pixels: &[LabelledPixel], seed: u64, recipe: String, pass: impl Fn(
     network(&weights, recipe)
 }
 
-/// The network with these weights, by output, then input. Inputs for the hand's other sensors are not used.
+/// Returns the network with these weights, by output, then input. Inputs for the hand's other sensors get zero weights.
 fn network(weights: &Weights, recipe: String) -> Result<Network, TouchError> {
     let layers = Kind::PerPixel.layers();
     let table = |(rows, (inputs, units, _)): (&Vec<Row>, &(usize, usize, usize))| -> Vec<f32> {
@@ -199,7 +201,7 @@ mod tests {
         let pixel = |_| {
             let slope: [f64; 2] = [rng.random_range(-0.8..0.8), rng.random_range(-0.8..0.8)];
             let i = rng.random_range(0..N * N);
-            // Colours by three lamps whose light turns with the place.
+            // Colours under three lamps whose directions of light turn with the position.
             let turn = (i % N) as f64 / N as f64;
             let change = [0.0, 2.1, 4.2].map(|lamp: f64| {
                 let (sin, cos) = (lamp + turn).sin_cos();
@@ -241,7 +243,7 @@ mod tests {
         let found = train(&pixels, 3, String::new(), || {}).expect("trained");
         assert_eq!(found, train(&pixels, 3, String::new(), || {}).expect("trained"));
         let before = off(&Weights::drawn(&mut ChaCha8Rng::seed_from_u64(3)));
-        // The network's own file holds what was trained.
+        // The network's own file holds the trained weights.
         let text = serde_json::to_string(&found).expect("text");
         let file: serde_json::Value = serde_json::from_str(&text).expect("JSON");
         let mut after = Weights::zeros();

@@ -1,4 +1,4 @@
-//! Files of a reconstructed surface.
+//! Output files of a reconstructed surface.
 
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
@@ -13,15 +13,16 @@ use super::ply;
 use super::surface::Surface;
 use crate::{exr, npy};
 
-/// Indentation of one level of the 16-bit height image, m.
+/// Indentation per level of the 16-bit height image, m.
 pub const LEVEL: f32 = 1e-7;
 
-/// Level of a pixel in contact whose colours or slopes no press of the calibration had; 255 is known, 0 no contact.
+/// Grey level, in the mask of known pixels, of a pixel in contact whose colours or slopes are outside the range of the
+/// calibration's presses; 255 means known, 0 no contact.
 pub const BEYOND: u8 = 128;
 
-/// Writes the surface found in the image `name` into `folder`: height (NPY, EXR: m; PNG: 16 bits of [`LEVEL`]), normals (NPY, EXR,
-/// PNG) with their expected error (NPY, degrees), contact mask (PNG), where it is known (PNG) and the points in contact (PLY). Heights
-/// outside the contact are not known: NaN, 0 in the PNG. Returns the files.
+/// Writes the surface of the image `name` into `folder`, and returns the files: height (NPY, EXR: m; PNG: 16 bits of
+/// [`LEVEL`]), normals (NPY, EXR, PNG) with their expected error (NPY, degrees), contact mask (PNG), mask of known
+/// pixels (PNG) and the points in contact (PLY). Heights outside the contact are unknown: NaN, or 0 in the PNG.
 pub fn write(surface: &Surface, folder: &Path, name: &str) -> Result<Vec<PathBuf>> {
     let (width, height) = (surface.width, surface.height);
     let mut files = Vec::new();
@@ -65,10 +66,10 @@ where
     write_whole(path, bytes.get_ref()).with_context(|| path.display().to_string())
 }
 
-/// The figures of an image.
+/// Results for one image.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct ImageFigures {
-    /// The image, or the frame of a video.
+    /// Name of the image, or of the frame of a video.
     image: String,
     /// True if something presses the gel.
     touched: bool,
@@ -77,25 +78,25 @@ pub struct ImageFigures {
     wall_ms: f64,
 }
 
-/// The figures of a surface.
+/// Results for one surface.
 #[derive(Debug, Serialize, JsonSchema)]
 struct SurfaceFigures {
-    /// mm.
+    /// Largest indentation, mm.
     depth_mm: Option<f64>,
-    /// mm.
+    /// Expected error of the largest indentation, mm.
     depth_error_mm: Option<f64>,
-    /// Share of the contact whose colours or slopes the presses did not have.
+    /// Share of the contact whose colours or slopes are outside the range of the calibration's presses.
     beyond_calibration: f64,
     /// Faults of the image or the surface.
     notes: Vec<String>,
-    /// Area in contact, mm2.
+    /// Contact area, mm2.
     contact_mm2: f64,
-    /// Mean angle, degrees.
+    /// Expected angular error of the normals in the contact (root mean square), degrees.
     normal_error_deg: f64,
 }
 
 impl ImageFigures {
-    /// Of the image `name`, which took `wall_ms`; without a surface the gel is untouched.
+    /// Creates the results of the image `name`, which took `wall_ms`. Without a surface the gel is untouched.
     pub fn new(name: &str, surface: Option<&Surface>, wall_ms: f64) -> Self {
         let figures = |surface: &Surface| SurfaceFigures {
             depth_mm: surface.deepest.map(|depth| 1e3 * depth),
@@ -109,7 +110,7 @@ impl ImageFigures {
     }
 }
 
-/// Root mean square of the normals' expected errors inside the contact, degrees.
+/// Computes the root mean square of the normals' expected errors inside the contact, degrees.
 pub fn mean_error(surface: &Surface) -> f64 {
     let inside = surface.normal_error.iter().zip(&surface.contact).filter(|(_, inside)| **inside);
     let (sum, count) =

@@ -1,4 +1,5 @@
-//! The way from a real sensor's colours to slopes, learned from presses of a ball: the file beside a calibration.
+//! Photometry: the mapping from a real sensor's colours to slopes, learned from presses of a ball and stored in a file
+//! beside the calibration.
 
 use std::path::{Path, PathBuf};
 
@@ -13,25 +14,25 @@ use touch::{Network, PhotometricModel};
 use super::accuracy::Accuracy;
 use super::range::Range;
 
-/// Stands for "the only sensor there is" where a pad's configuration is asked for.
+/// Placeholder for "the only sensor there is" where a pad's configuration is expected.
 pub const CONFIGURATION: char = 'a';
-/// Version of the file.
+/// Version of the file format.
 pub(super) const VERSION: u32 = 2;
 
-/// How slopes are found.
+/// Method to estimate slopes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Method {
-    /// Regression from the colour change at a place to the slope.
+    /// Regression from the colour change at a position to the slope.
     LookUp,
-    /// A perceptron of the same inputs.
+    /// Perceptron with the same inputs.
     Network,
 }
 
 impl Method {
     pub const ALL: [Self; 2] = [Self::LookUp, Self::Network];
 
-    /// In words.
+    /// Returns the name of the method.
     pub fn name(self) -> &'static str {
         match self {
             Self::LookUp => "look-up",
@@ -40,32 +41,33 @@ impl Method {
     }
 }
 
-/// What was learned, and how good it is.
+/// Learned mapping from colours to slopes, with its accuracy.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Photometry {
     pub(super) version: u32,
-    /// Image size and pixel size of the calibration that it belongs to.
+    /// Image size and pixel size of the calibration to which it belongs.
     pub(super) columns: usize,
     pub(super) rows: usize,
     pub(super) pixel_mm: f64,
-    /// Presses that it learned from.
+    /// Number of presses that it was learned from.
     pub presses: usize,
     pub(super) look_up: PhotometricModel,
     pub(super) network: Network,
-    /// Colours and slopes of the presses.
+    /// Range of colours and slopes of the presses.
     pub(super) range: Range,
-    /// Share of the largest indentation above which the gel lies on what presses.
+    /// Contact threshold: share of the largest indentation above which the gel counts as lying on the pressed object.
     pub(super) contact_share: f32,
-    /// Factors on heights, by look-up and by the network, that make the mean depth of the presses learned from right: a
-    /// regression on noisy colours finds slopes too small.
+    /// Gains on heights, by look-up and by the network, that correct the mean depth of the training presses: a
+    /// regression on noisy colours underestimates slopes.
     pub(super) gains: [f32; 2],
-    /// Of presses held out: what the others teach, measured on each in its turn. What is in this file learned from all.
+    /// Accuracy from cross-validation: each press was held out once and evaluated with what the others teach. This file
+    /// itself is learned from all presses.
     pub(super) accuracy: [Accuracy; 2],
 }
 
 impl Photometry {
-    /// The file beside a calibration.
+    /// Returns the path of the file beside a calibration.
     pub fn path(calibration: &Path) -> PathBuf {
         calibration.with_extension("normals.json")
     }
@@ -82,7 +84,8 @@ impl Photometry {
         &self.range
     }
 
-    /// The method whose normals have the smaller mean error on presses held out, of those that are of use if only one is.
+    /// Returns the method whose normals have the smaller mean error on held-out presses; if only one method is of use,
+    /// returns that one.
     pub fn better(&self) -> Method {
         let [look_up, network] = Method::ALL.map(|method| self.accuracy(method));
         match (look_up.fault().is_some(), network.fault().is_some()) {
@@ -93,7 +96,7 @@ impl Photometry {
         }
     }
 
-    /// The same with what was measured on presses held out, by look-up and by the network.
+    /// Sets the accuracy measured on held-out presses, by look-up and by the network.
     pub fn with_accuracy(self, accuracy: [Accuracy; 2]) -> Self {
         Self { accuracy, ..self }
     }
@@ -115,7 +118,7 @@ impl Photometry {
                 calibration.display()
             )
         })?;
-        /// What every version of the file has.
+        /// Field that every version of the file has.
         #[derive(Deserialize)]
         struct Versioned {
             version: u32,
@@ -155,7 +158,7 @@ impl Photometry {
     }
 }
 
-/// The untouched gel as a photo.
+/// Returns the image of the untouched gel as a photo.
 pub fn untouched(sensor: &CalibratedSensor) -> Photo {
     let (width, height) = sensor.size();
     Photo { width, height, rgb: sensor.background().iter().map(|grey| grey.round().clamp(0.0, 255.0) as u8).collect() }

@@ -1,8 +1,8 @@
-//! The colours and slopes that a calibration's presses showed, and so the images that its figures hold for.
+//! Range of colours and slopes in a calibration's presses, and thereby of the images for which its stated errors hold.
 //!
-//! The errors of a calibration are measured on balls like those it learned from. Steeper slopes show colours that no press had. A pixel
-//! is beyond the range if the cell of its colour change, of side [`CELL`], and all cells around it had no pixel of a press, if its
-//! slope is beyond the steepest one, or if a channel is saturated.
+//! The errors of a calibration are measured on balls like those it learned from. Steeper slopes show colours that no
+//! press had. A pixel is out of range if the cell of its colour change, of side [`CELL`], and all cells around it are
+//! empty of the presses' pixels, if its slope is steeper than the steepest one, or if a channel is saturated.
 
 use serde::{Deserialize, Serialize};
 use touch::colour_change::whole_change;
@@ -11,34 +11,34 @@ use touch::{CalibrationPress, PIXELS};
 use super::known_ball::{KnownBall, KnownPresses};
 use crate::grid::Grid;
 
-/// Side of a cell of relative colour changes.
+/// Side of a cell in the space of relative colour changes.
 const CELL: f32 = 0.06;
-/// Cells to each side of no change, by channel.
+/// Number of cells on each side of zero change, per channel.
 const SIDE: i32 = 128;
-/// Quantile of the presses' slopes that counts as the steepest, and by how much steeper a slope may be found.
+/// Quantile of the presses' slopes that counts as the steepest, and tolerance factor on it.
 const STEEPEST: f64 = 0.995;
 const TOLERANCE: f32 = 1.1;
-/// Grey levels of a channel that is saturated lie outside these.
+/// Range of grey levels of an unsaturated channel.
 const SATURATED: std::ops::RangeInclusive<u8> = 3..=252;
-/// Distance from a ball's middle, in contact radii, beyond which a pixel is untouched.
+/// Distance from a ball's centre, in contact radii, beyond which a pixel is untouched.
 const UNTOUCHED: f64 = 2.5;
-/// Least noise of a relative colour change: that of a grey level's rounding.
+/// Minimum noise of a relative colour change: the rounding of a grey level.
 const LEAST_NOISE: f32 = 2e-3;
 
-/// What the presses showed.
+/// Range of the presses' colours and slopes.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Range {
     /// Steepest slope (tangent).
     steepest: f32,
-    /// Numbers of the cells of colour changes that pixels in contact had, in order.
+    /// Sorted numbers of the occupied cells: colour changes of pixels in contact.
     cells: Vec<u32>,
     /// Standard deviation of the relative colour change of an untouched pixel.
     pub(super) noise: f32,
 }
 
 impl Range {
-    /// The range of presses.
+    /// Determines the range of presses.
     pub fn of(known: &KnownPresses, grid: Grid, pixel: f64) -> Self {
         let (mut slopes, mut cells) = (Vec::new(), std::collections::BTreeSet::new());
         let (mut squares, mut count) = (0.0f64, 0.0f64);
@@ -64,12 +64,12 @@ impl Range {
         }
     }
 
-    /// Steepest slope, degrees.
+    /// Returns the steepest slope, degrees.
     pub fn steepest_deg(&self) -> f32 {
         self.steepest.atan().to_degrees()
     }
 
-    /// Whether what a pixel shows is beyond the range: its colour change, slope, and grey levels.
+    /// True if a pixel is out of range by its colour change, slope, or grey levels.
     pub fn is_beyond(&self, change: [f32; 3], [gx, gy]: [f32; 2], grey: [u8; 3]) -> bool {
         gx.hypot(gy) > TOLERANCE * self.steepest
             || grey.iter().any(|level| !SATURATED.contains(level))
@@ -83,7 +83,7 @@ impl Range {
         near.any(|number| self.cells.binary_search(&number).is_ok())
     }
 
-    /// An error unless the numbers can be right.
+    /// Returns an error if the numbers are implausible.
     pub fn check(&self) -> Result<(), String> {
         let sorted = self.cells.windows(2).all(|pair| pair[0] < pair[1]);
         if self.steepest > 0.0 && self.steepest.is_finite() && self.noise > 0.0 && sorted && !self.cells.is_empty() {
@@ -93,7 +93,7 @@ impl Range {
     }
 }
 
-/// A press's colour change, less the median of each channel over untouched pixels, which is drift.
+/// Returns a press's colour change, minus the median of each channel over untouched pixels, which is drift.
 pub(super) fn drift_free(press: &CalibrationPress, ball: &KnownBall, grid: Grid, pixel: f64) -> Vec<[f32; 3]> {
     let mut change = whole_change(&press.image, &press.background);
     let far = |i: &usize| {
@@ -112,7 +112,7 @@ pub(super) fn drift_free(press: &CalibrationPress, ball: &KnownBall, grid: Grid,
     change
 }
 
-/// The cell of a colour change; `None` beyond all cells.
+/// Returns the cell of a colour change; `None` beyond all cells.
 fn cell(change: [f32; 3]) -> Option<[i32; 3]> {
     let cells = change.map(|value| (value / CELL).floor() as i32);
     cells.iter().all(|at| (-SIDE + 1..SIDE - 1).contains(at)).then_some(cells)

@@ -1,4 +1,4 @@
-//! The surface of the gel from an image.
+//! Reconstruction of the gel's surface from an image.
 
 use std::sync::Arc;
 
@@ -19,36 +19,38 @@ use crate::grid::Grid;
 /// Largest drift of a channel's brightness between background and image that is compensated, as a share.
 const MOST_DRIFT: f32 = 0.15;
 
-/// The network's slopes are taken where the look-up finds more than this share of the largest indentation.
+/// Threshold for the network's slopes, as a share of the largest indentation: they are used where the look-up finds
+/// more than this.
 const NETWORK_SHARE: f32 = 0.15;
 
-/// Share of the image's border that may be touched: with more, nothing tells the untouched gel's level.
+/// Largest touched share of the image's border. With more, nothing shows the level of the untouched gel.
 const BORDER: f64 = 0.5;
-/// Share of a contact beyond the calibration's presses from which no error of the depth is told.
+/// Share of a contact outside the calibration's range from which no error of the depth is stated.
 const WITHDRAWN: f64 = 0.15;
-/// Slopes that fit no surface, over those of the worst press held out, and the least share that is told.
+/// Threshold of inconsistent slopes: multiple of their share in the worst held-out press, and smallest share that is
+/// reported.
 const MISFIT: f64 = 2.0;
 const LEAST_MISFIT: f64 = 0.2;
-/// Steepest slope that gel can have, degrees.
+/// Steepest slope that gel can take, degrees.
 const STEEPEST_DEG: f32 = 75.0;
 
-/// What an image shows, on the pads' grid.
+/// Surface reconstructed from an image, on the pads' grid.
 #[derive(Debug, Clone)]
 pub struct GridSurface {
-    /// Slopes; 0 where nothing is touched.
+    /// Slopes; 0 at untouched pixels.
     pub gradients: Gradients,
     /// Indentation, m.
     pub height: Vec<f32>,
-    /// Pixels that are touched.
+    /// True for touched pixels.
     pub touched: Vec<bool>,
-    /// Touched pixels whose colours or slopes no press of the calibration had.
+    /// True for touched pixels whose colours or slopes are outside the range of the calibration's presses.
     pub beyond: Vec<bool>,
-    /// Share of the slopes' energy that no surface has: slopes that do not fit together.
+    /// Residual of the integration: share of the slopes' energy that is inconsistent with any surface.
     pub misfit: f64,
 }
 
 impl GridSurface {
-    /// Largest indentation, m: that of a square of 3 x 3 pixels, so that no single pixel decides.
+    /// Returns the largest indentation, m, averaged over a square of 3 x 3 pixels so that no single pixel decides.
     pub fn peak(&self) -> f64 {
         let inner = |i: &usize| (1..N - 1).contains(&(i % N)) && (1..N - 1).contains(&(i / N));
         let mean = |i: usize| {
@@ -59,46 +61,47 @@ impl GridSurface {
     }
 }
 
-/// What an image shows, pixel by pixel of the photo. Frame: x right, y up, z out of the gel; origin in the image's middle.
+/// Surface reconstructed from an image, at the photo's pixels. Frame: x right, y up, z out of the gel; origin at the
+/// image's centre.
 #[derive(Debug, Clone)]
 pub struct Surface {
     pub width: usize,
     pub height: usize,
     /// Size of a pixel, m.
     pub pixel: f64,
-    /// Indentation, m; NaN outside the contact, where nothing is known of it.
+    /// Indentation, m; NaN outside the contact, where it is unknown.
     pub depth: Vec<f32>,
     /// dh/dx and dh/dy of the indentation.
     pub slopes: Vec<[f32; 2]>,
     /// Expected error of each normal (root mean square), degrees.
     pub normal_error: Vec<f32>,
-    /// Where the gel lies on what presses.
+    /// True where the gel lies on the pressed object.
     pub contact: Vec<bool>,
-    /// Where its colours or slopes are beyond those of the calibration's presses.
+    /// True where colours or slopes are outside the range of the calibration's presses.
     pub beyond: Vec<bool>,
-    /// Largest indentation, m; `None` where no untouched gel tells its level.
+    /// Largest indentation, m; `None` if no untouched gel shows the reference level.
     pub deepest: Option<f64>,
-    /// Expected error of that (root mean square), m; `None` where nothing tells it.
+    /// Expected error of the largest indentation (root mean square), m; `None` if it cannot be determined.
     pub depth_error: Option<f64>,
-    /// What is to be known of the figures.
+    /// Notes that qualify the figures.
     pub notes: Vec<String>,
 }
 
 impl Surface {
-    /// Position of a pixel's middle on the untouched gel, m.
+    /// Returns the position of a pixel's centre on the untouched gel, m.
     pub fn place(&self, i: usize) -> [f64; 2] {
         let (column, row) = ((i % self.width) as f64, (i / self.width) as f64);
         [(column - 0.5 * (self.width as f64 - 1.0)) * self.pixel, (0.5 * (self.height as f64 - 1.0) - row) * self.pixel]
     }
 
-    /// Unit normal out of the gel.
+    /// Returns the unit normal out of the gel.
     pub fn normal(&self, i: usize) -> [f32; 3] {
         let [gx, gy] = self.slopes[i];
         let nz = 1.0 / (1.0 + gx * gx + gy * gy).sqrt();
         [gx * nz, gy * nz, nz]
     }
 
-    /// Share of the contact that is beyond the calibration's presses.
+    /// Returns the share of the contact outside the calibration's range.
     pub fn beyond_share(&self) -> f64 {
         let inside = self.contact.iter().zip(&self.beyond).filter(|(contact, _)| **contact);
         let (count, beyond) =
@@ -106,18 +109,18 @@ impl Surface {
         beyond / f64::max(count, 1.0)
     }
 
-    /// Area of the contact, m2.
+    /// Returns the area of the contact, m2.
     pub fn area(&self) -> f64 {
         self.contact.iter().filter(|inside| **inside).count() as f64 * self.pixel * self.pixel
     }
 }
 
-/// Turns images of one sensor into surfaces.
+/// Reconstruction pipeline: turns images of one sensor into surfaces.
 pub struct Reconstructor {
     grid: Grid,
     /// Size of a photo's pixel, m.
     pixel: f64,
-    /// Standard deviation of that size over the size: heights are uncertain by as much.
+    /// Relative standard deviation of the pixel size. Heights have the same relative uncertainty.
     pixel_uncertainty: f64,
     background: Arc<TactileImage>,
     grey: bool,
@@ -129,7 +132,7 @@ pub struct Reconstructor {
 }
 
 impl Reconstructor {
-    /// For images against this background, by `method`.
+    /// Creates the pipeline for images against this background, by `method`.
     pub fn new(sensor: &CalibratedSensor, photometry: &Photometry, background: &Photo, method: Method) -> Self {
         let (width, height) = sensor.size();
         let grid = Grid { width, height };
@@ -150,7 +153,7 @@ impl Reconstructor {
         }
     }
 
-    /// The surface on the pads' grid; `None` where the image shows an untouched gel.
+    /// Reconstructs the surface on the pads' grid; `None` if the image shows an untouched gel.
     pub fn on_grid(&self, image: &TactileImage) -> Option<GridSurface> {
         let (model, range) = (&self.photometry.look_up, &self.photometry.range);
         let (_, change) = relative_change(image, &self.background, &self.options)?;
@@ -170,7 +173,8 @@ impl Reconstructor {
             && let Some(learned) =
                 self.network.gradients(image, &self.background, (CONFIGURATION, model), &self.options)
         {
-            // The network saw colours in and around contacts only: elsewhere it knows less than the look-up.
+            // The network was trained on colours in and around contacts only; elsewhere it is less reliable than the
+            // look-up.
             let least = NETWORK_SHARE * height.iter().copied().fold(0.0, f32::max);
             for i in (0..N * N).filter(|&i| touched[i] && height[i] > least) {
                 (found.gx[i], found.gy[i]) = (learned.gx[i], learned.gy[i]);
@@ -186,7 +190,7 @@ impl Reconstructor {
         Some(GridSurface { gradients: found, height, touched, beyond, misfit })
     }
 
-    /// Share of the slopes' energy that the integrated height has not.
+    /// Computes the share of the slopes' energy that the integrated height does not reproduce.
     fn misfit(&self, gradients: &Gradients, height: &[f32], touched: &[bool]) -> f64 {
         let (dx, dy) = self.grid.pixel(self.pixel);
         let (mut off, mut all) = (0.0f64, 0.0f64);
@@ -200,7 +204,7 @@ impl Reconstructor {
         off / all.max(f64::MIN_POSITIVE)
     }
 
-    /// Heights above the untouched gel from slopes, m.
+    /// Integrates slopes to heights above the untouched gel, m.
     fn integrated(&self, gradients: Gradients) -> (Gradients, Vec<f32>) {
         let mut height = self.poisson.solve(&gradients.gx, &gradients.gy, self.grid.pixel(self.pixel));
         let level = rest_level(&height, gradients.region);
@@ -208,7 +212,7 @@ impl Reconstructor {
         (gradients, height)
     }
 
-    /// The surface that a photo shows; `None` where it shows an untouched gel.
+    /// Reconstructs the surface from a photo; `None` if it shows an untouched gel.
     pub fn surface(&self, photo: &Photo) -> Result<Option<Surface>> {
         let Grid { width, height } = self.grid;
         if (photo.width, photo.height) != (width, height) {
@@ -248,7 +252,7 @@ impl Reconstructor {
         Ok(Some(surface))
     }
 
-    /// Tells what is known of the depth, and what is not.
+    /// Judges the depth: removes or qualifies figures that the image does not support, and adds notes.
     fn judge(&self, found: &GridSurface, surface: &mut Surface) {
         let accuracy = self.photometry.accuracy(self.method);
         let peak = found.peak();
@@ -285,7 +289,8 @@ impl Reconstructor {
         }
     }
 
-    /// The largest indentation if all slopes beyond the calibration's were steeper by their error, m.
+    /// Computes the largest indentation, m, that would result if all out-of-range slopes were steeper by their expected
+    /// error.
     fn with_steeper(&self, found: &GridSurface) -> f64 {
         if !found.beyond.contains(&true) {
             return found.peak();
@@ -304,15 +309,15 @@ impl Reconstructor {
         GridSurface { gradients, height, ..found.clone() }.peak()
     }
 
-    /// Flags of the pads' grid at the photo's pixels.
+    /// Maps flags on the pads' grid to the photo's pixels.
     fn spread_flags(&self, flags: &[bool]) -> Vec<bool> {
         let Grid { width, height } = self.grid;
         (0..width * height).map(|at| flags[at / width * N / height * N + at % width * N / width]).collect()
     }
 }
 
-/// Expected error (root mean square, degrees) of a normal of which only the slope that was found is known: the true one is anywhere
-/// up to [`STEEPEST_DEG`].
+/// Returns the expected error (root mean square, degrees) of an out-of-range normal: all that is known is that the true
+/// slope is anywhere from the estimated one up to [`STEEPEST_DEG`].
 fn unknown_error([gx, gy]: [f32; 2]) -> f32 {
     (STEEPEST_DEG - gx.hypot(gy).atan().to_degrees()).max(0.0) / f32::sqrt(3.0)
 }

@@ -1,19 +1,21 @@
-//! Where an image shows a touch, pixel by pixel.
+//! Touch detection in an image, pixel by pixel.
 //!
-//! Noise and uneven drift give slopes to untouched gel, and these add up to hills far from any contact. A pixel is touched if its colour
-//! change, averaged over its surroundings, stands out of the noise, and if it hangs together with one whose change is plain.
+//! Noise and uneven drift give slopes to untouched gel, and these add up to hills far from any contact. A pixel counts
+//! as touched if its colour change, averaged over its neighbourhood, stands out of the noise, and if it is connected to
+//! one whose change is unmistakable (hysteresis thresholding).
 
 use hand_model::pads::IMAGE_SIZE as N;
 
-/// Pixels to each side over which a change is averaged.
+/// Half-width of the averaging window, pixels.
 const AROUND: usize = 2;
-/// Mean change of a pixel that may be touched, and of one that surely is, standard deviations of the noise.
+/// Thresholds on the mean change, in standard deviations of the noise: a pixel may be touched (faint), or surely is
+/// (plain).
 const FAINT: f32 = 2.5;
 const PLAIN: f32 = 7.0;
-/// Fewest pixels that hang together.
+/// Minimum number of connected pixels.
 const FEWEST: usize = 40;
 
-/// The touched pixels, from relative colour changes whose noise has this standard deviation.
+/// Returns the touched pixels, from relative colour changes and the standard deviation of their noise.
 pub fn touched(change: &[[f32; 3]], noise: f32) -> Vec<bool> {
     let mean = averaged(change);
     let mut touched = vec![false; N * N];
@@ -41,7 +43,7 @@ pub fn touched(change: &[[f32; 3]], noise: f32) -> Vec<bool> {
     touched
 }
 
-/// Share of the image's border that is touched.
+/// Returns the touched share of the image's border.
 pub fn border_share(touched: &[bool]) -> f64 {
     let border = |i: &usize| i.is_multiple_of(N) || i % N == N - 1 || i / N == 0 || i / N == N - 1;
     let (mut count, mut all) = (0usize, 0usize);
@@ -52,7 +54,7 @@ pub fn border_share(touched: &[bool]) -> f64 {
     count as f64 / all as f64
 }
 
-/// Pixels above, below and beside one.
+/// Returns the four neighbours of a pixel.
 fn neighbours(at: usize) -> impl Iterator<Item = usize> {
     let (column, row) = (at % N, at / N);
     let beside = [
@@ -64,10 +66,10 @@ fn neighbours(at: usize) -> impl Iterator<Item = usize> {
     beside.into_iter().flatten()
 }
 
-/// The largest channel's mean absolute change around each pixel.
+/// Returns the mean absolute change around each pixel, of the largest channel.
 fn averaged(change: &[[f32; 3]]) -> Vec<f32> {
     let mut largest = vec![0.0f32; N * N];
-    // Sums over all pixels above and to the left.
+    // Integral image: sums over all pixels above and to the left.
     let mut sums = vec![0.0f64; (N + 1) * (N + 1)];
     let channels: [fn(&[f32; 3]) -> f32; 3] = [|color| color[0], |color| color[1], |color| color[2]];
     for channel in channels {
@@ -103,7 +105,7 @@ mod tests {
             state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
             (state >> 8) as f32 / (1 << 24) as f32 - 0.5
         };
-        // Even noise of standard deviation 0.01.
+        // Uniform noise of standard deviation 0.01.
         let mut change: Vec<[f32; 3]> = (0..N * N).map(|_| [(); 3].map(|()| 0.0346 * draw())).collect();
         assert!(touched(&change, 0.01).iter().all(|touched| !touched));
         for (i, change) in change.iter_mut().enumerate() {

@@ -1,21 +1,22 @@
-//! Whether the figures of presses held out let a method be used.
+//! Decision, from the errors of held-out presses, on whether a method may be used.
 
 use super::accuracy::Accuracy;
 
-/// Errors of depth (root mean square, over the depth) and of normals (over those of a level surface) above which a user is warned.
+/// Warning thresholds: root-mean-square error of the depth over the depth, and error of the normals over that of a
+/// level surface.
 const DOUBTFUL_DEPTH: f64 = 0.25;
 const DOUBTFUL_NORMALS: f64 = 0.5;
-/// Found over true depth and slope that are doubtful outside these.
+/// Range of plausible ratios of estimated to true depth and slope; others are doubtful.
 const DOUBTFUL_RATIO: std::ops::RangeInclusive<f64> = 0.8..=1.25;
 
 impl Accuracy {
-    /// Why the method is no better than doing nothing, which finds a level surface.
+    /// Returns the reason why the method is no better than the trivial estimate, a level surface.
     pub fn fault(&self) -> Option<String> {
         let (presses, normals) = (self.presses, self.normals_deg.mean);
         if presses == 0 {
             return Some("no press was held out that could tell its errors".to_owned());
         }
-        // A figure that is no number fails every comparison.
+        // NaN fails every comparison.
         let better = self.depth_relative < 1.0;
         if !better {
             return Some(format!(
@@ -34,7 +35,7 @@ impl Accuracy {
             .then(|| format!("{} of {presses} presses held out come out as bumps; expected dents", self.wrong_sign))
     }
 
-    /// What a user has to know of a method that is better than nothing.
+    /// Returns the caveats of a method that is better than nothing.
     pub fn doubt(&self) -> Option<String> {
         let mut doubts = Vec::new();
         if self.depth_relative > DOUBTFUL_DEPTH {

@@ -1,4 +1,4 @@
-//! What a calibrated real sensor sees of a mesh that is pressed into it.
+//! Render of a mesh pressed into a calibrated real sensor.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -14,7 +14,7 @@ use world::geometry::Mesh;
 use super::views::{Views, normals};
 use super::{MeshPose, RAY_START};
 
-/// Whether the file is a sensor's calibration, as `optics calibrate` writes it, and not a pad's.
+/// True if the file is a sensor's calibration, as `optics calibrate` writes it, and not a pad's.
 pub fn is_sensor(path: &Path) -> Result<bool> {
     /// The field that only a sensor's calibration has.
     #[derive(Deserialize)]
@@ -27,27 +27,28 @@ pub fn is_sensor(path: &Path) -> Result<bool> {
     Ok(found.background.is_some())
 }
 
-/// A render of a real sensor.
+/// Render of a real sensor.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct SensorRender {
-    /// The image (PNG).
+    /// Image file (PNG).
     image: PathBuf,
     columns: usize,
     rows: usize,
-    /// Pixels in contact.
+    /// Number of pixels in contact.
     contact_pixels: usize,
     /// Depth of the mesh's lowest point below the untouched gel, mm.
     pub depth_mm: f64,
-    /// Deepest indentation, mm.
+    /// Largest indentation, mm.
     deepest_mm: f64,
-    /// True if the gel gave less than was asked for.
+    /// True if the gel was compressed to its base before the requested depth was reached.
     pub bottomed_out: bool,
     /// Time of the render, ms.
     pub render_ms: f64,
 }
 
-/// Presses a mesh into the sensor, its lowest point `depth` (m) below the untouched gel, and writes `out` and the files beside
-/// it. A gel of `thickness` (m), where it is known, is not pressed beyond its ground. Returns what was rendered.
+/// Presses a mesh into the sensor, its lowest point `depth` (m) below the untouched gel, and writes `out` with its
+/// accompanying files. A gel of known `thickness` (m) is not pressed beyond its base. Returns a description of the
+/// render.
 pub fn render(
     sensor: &CalibratedSensor,
     (mesh, pose): (&Mesh, &MeshPose),

@@ -1,4 +1,4 @@
-//! What a camera sees, as files.
+//! Output files of a render.
 
 use std::path::{Path, PathBuf};
 
@@ -7,20 +7,21 @@ use nalgebra::Vector3;
 
 use crate::{exr, npy};
 
-/// What one camera sees, row-major.
+/// Views of one camera, row-major.
 pub(super) struct Views {
-    /// Columns and rows.
+    /// Numbers of columns and rows.
     pub size: [usize; 2],
-    /// RGB.
+    /// RGB image.
     pub image: Vec<u8>,
-    /// The gel's indentation along the cover's normals, m.
+    /// Indentation of the gel along the cover's normals, m.
     pub depths: Vec<f32>,
-    /// Pad frame, out of the gel; x, y, z of each pixel.
+    /// Unit normals out of the gel, pad frame: x, y, z of each pixel.
     pub normals: Vec<f32>,
 }
 
 impl Views {
-    /// Image, indentation and normals as PNG, NPY and EXR; `white` is the indentation (m) that the PNG shows white.
+    /// Writes image, indentation and normals as PNG, NPY and EXR. `white` is the indentation (m) that the PNG shows
+    /// white.
     pub(super) fn write(&self, white: f32, out: &Path) -> Result<()> {
         let [width, height] = self.size;
         let (columns, rows) = (width as u32, height as u32);
@@ -45,7 +46,7 @@ impl Views {
     }
 }
 
-/// Normals of a surface at z = -`depth` (m) by central differences; `pixel` is a pixel's size (m).
+/// Computes the normals of a surface at z = -`depth` (m) by central differences; `pixel` is the pixel size (dx, dy; m).
 pub(super) fn normals(depth: &[f32], [width, height]: [usize; 2], pixel: (f64, f64)) -> Vec<f32> {
     let depth = |column: usize, row: usize| depth[row * width + column];
     let normal = |at: usize| {
@@ -67,7 +68,7 @@ pub(super) fn normals(depth: &[f32], [width, height]: [usize; 2], pixel: (f64, f
 mod tests {
     use super::*;
 
-    /// A plane that gets deeper by 0.1 to the right and by 0.2 upwards.
+    /// A plane whose depth grows by 0.1 to the right and by 0.2 upwards.
     #[test]
     fn a_tilted_plane_has_one_normal() {
         let pixel = (1e-4, 2e-4);

@@ -19,7 +19,7 @@ use super::Take;
 
 /// Largest frame, bytes.
 const MOST_BYTES: u32 = 256 << 20;
-/// Lists inside one another: a file, its header or frames, a stream, and one to spare.
+/// Maximum nesting of lists: a file, its header or frames, a stream, and one to spare.
 const MOST_LISTS: usize = 5;
 
 #[derive(Debug, Clone, Copy)]
@@ -28,7 +28,7 @@ struct Stream {
     layout: Option<Layout>,
 }
 
-/// Hands the frames over; `false` if the file is no AVI file or its frames are coded in another way.
+/// Passes the frames on; returns `false` if the file is no AVI file or its frames have another coding.
 pub(super) fn frames(path: &Path, take: Take<'_>) -> Result<bool> {
     let name = || path.display().to_string();
     let mut file = BufReader::new(File::open(path).with_context(name)?);
@@ -52,10 +52,10 @@ const JPEG: &[u8; 4] = b"MJPG";
 
 struct Reader<'a> {
     file: &'a mut BufReader<File>,
-    /// Streams whose headers have been read.
+    /// Number of streams whose headers have been read.
     streams: usize,
     video: Option<Stream>,
-    /// Whether the video stream is coded in a way that is not read here.
+    /// True if the video stream has a coding that is not supported here.
     unknown: bool,
     frame: usize,
 }
@@ -68,7 +68,8 @@ impl Reader<'_> {
         Ok(read.is_ok() && head.starts_with(b"RIFF") && head.ends_with(b"AVI "))
     }
 
-    /// Goes through the chunks of a part of the file, inside so many lists; `false` if the reading has ended.
+    /// Reads the chunks of a part of the file, nested in `lists` lists; returns `false` if the callback has ended the
+    /// reading.
     fn chunks(&mut self, part: Range<u64>, lists: usize, take: Take<'_>) -> Result<bool> {
         let Range { start: mut at, end } = part;
         while at + 8 <= end {
@@ -77,7 +78,7 @@ impl Reader<'_> {
             self.file.read_exact(&mut head)?;
             let (kind, size) = ([head[0], head[1], head[2], head[3]], word(&head, 4)?);
             let begin = at + 8;
-            // A recording that was cut off ends within a chunk.
+            // A truncated recording ends within a chunk.
             let next = begin + u64::from(size) + u64::from(size % 2);
             let inside = next.min(end);
             let go_on = match &kind {
@@ -116,13 +117,13 @@ impl Reader<'_> {
         let bytes = self.read(size)?;
         self.streams += 1;
         if bytes.starts_with(b"vids") && self.video.is_none() {
-            // The format follows.
+            // The stream's format follows in the next chunk.
             self.video = Some(Stream { number: self.streams - 1, layout: None });
         }
         Ok(())
     }
 
-    /// A stream's BITMAPINFOHEADER.
+    /// Reads a stream's BITMAPINFOHEADER.
     fn stream_format(&mut self, size: u32) -> Result<()> {
         let bytes = self.read(size)?;
         let Some(stream) = self.video.as_mut().filter(|stream| stream.number + 1 == self.streams) else {
@@ -137,7 +138,7 @@ impl Reader<'_> {
     fn data(&mut self, kind: [u8; 4], size: u32, take: Take<'_>) -> Result<bool> {
         let Some(Stream { number: video, layout: Some(layout) }) = self.video else { return Ok(true) };
         let number = std::str::from_utf8(&kind[..2]).ok().and_then(|digits| digits.parse::<usize>().ok());
-        // An empty chunk repeats the frame before it.
+        // An empty chunk repeats the previous frame.
         if number != Some(video) || !matches!(&kind[2..], b"dc" | b"db") || size == 0 {
             return Ok(true);
         }
@@ -156,7 +157,7 @@ fn decode(bytes: &[u8], layout: &Layout) -> Result<Photo> {
     Ok(Photo { width: image.width() as usize, height: image.height() as usize, rgb: image.into_raw() })
 }
 
-/// A little-endian number of 32 bits.
+/// Reads a little-endian 32-bit number.
 fn word(bytes: &[u8], at: usize) -> Result<u32> {
     let four = bytes.get(at..at + 4).context("found a header that ends too early")?;
     Ok(u32::from_le_bytes([four[0], four[1], four[2], four[3]]))
@@ -176,7 +177,7 @@ pub(super) mod tests {
         chunk(kind, &[&of[..], &parts.concat()].concat())
     }
 
-    /// An AVI file with an audio stream before the video's.
+    /// Returns an AVI file with an audio stream before the video's.
     pub fn file([width, height]: [i32; 2], coding: &[u8; 4], bits: u16, frames: &[Vec<u8>]) -> Vec<u8> {
         let mut format = [40i32.to_le_bytes(), width.to_le_bytes(), height.to_le_bytes()].concat();
         format.extend([1u16.to_le_bytes(), bits.to_le_bytes()].concat());
@@ -225,7 +226,7 @@ pub(super) mod tests {
         assert!(photos.len() == 2 && photos[1].pixel(5, 5)[0].abs_diff(180) < 6);
         assert!(read(&file([32, 16], b"H264", 24, &[vec![1, 2, 3]])).expect("read").is_none());
         assert!(read(b"no video at all").expect("read").is_none());
-        // A recording that was cut off keeps its whole frames.
+        // A truncated recording keeps its whole frames.
         let cut = read(&whole[..whole.len() - 200]).expect("read").expect("frames");
         assert!(!cut.is_empty());
         let broken = file([32, 16], b"MJPG", 24, &[b"no jpeg".to_vec()]);

@@ -1,4 +1,4 @@
-//! Videos decoded by the program `ffmpeg`, which hands its frames over as PPM images.
+//! Decoding of videos by the program `ffmpeg`, which outputs its frames as PPM images.
 
 use std::io::{BufRead, BufReader, ErrorKind, Read};
 use std::path::Path;
@@ -9,12 +9,12 @@ use optics::calibration::Photo;
 
 use super::Take;
 
-/// The program.
+/// Name of the program.
 const PROGRAM: &str = "ffmpeg";
 /// Largest side of a frame, pixels.
 const MOST_SIDE: usize = 16_384;
 
-/// Hands the frames over. An error that says how to go on if the program is missing.
+/// Passes the frames on. If the program is missing, the error says how to proceed.
 pub(super) fn frames(path: &Path, take: Take<'_>) -> Result<()> {
     let name = || path.display().to_string();
     std::fs::File::open(path).with_context(name)?;
@@ -43,7 +43,7 @@ pub(super) fn frames(path: &Path, take: Take<'_>) -> Result<()> {
     });
     let read = pictures(BufReader::with_capacity(1 << 20, output), take);
     if !matches!(read, Ok(true)) {
-        // Nobody reads what is to come.
+        // Nobody reads the remaining output.
         let _ = child.kill();
     }
     let status = child.wait().with_context(|| format!("{}: {PROGRAM}", name()))?;
@@ -55,7 +55,7 @@ pub(super) fn frames(path: &Path, take: Take<'_>) -> Result<()> {
     Ok(())
 }
 
-/// Hands over PPM images (P6, 255 levels) until they end; `false` if the reading was ended.
+/// Passes PPM images (P6, 255 levels) on until they end; returns `false` if the callback has ended the reading.
 fn pictures(mut from: impl BufRead, take: Take<'_>) -> Result<bool> {
     for n in 0.. {
         if from.fill_buf()?.is_empty() {
@@ -77,7 +77,7 @@ fn pictures(mut from: impl BufRead, take: Take<'_>) -> Result<bool> {
     Ok(true)
 }
 
-/// A number of a PPM header, with the white space before it and one after it.
+/// Reads a number of a PPM header, with the white space before it and one character after it.
 fn number(from: &mut impl Read) -> Result<usize> {
     let mut digits = String::new();
     let mut byte = [0];

@@ -1,4 +1,4 @@
-//! The presses of a ball in a video: of each touch, the frame that shows the most change.
+//! Presses of a ball in a video: of each touch, the frame with the largest change.
 
 use std::path::Path;
 
@@ -7,10 +7,11 @@ use optics::calibration::{Photo, PressFolder};
 
 use super::{frame_name, frames};
 
-/// A touch begins with a change of this size, and ends with one of this share of it, grey levels.
+/// Thresholds of a touch on the change, grey levels: it begins above the first, and ends below this share of it
+/// (hysteresis).
 const BEGINS: f64 = 8.0;
 const ENDS: f64 = 0.5;
-/// Side of the blocks over which the change is averaged, pixels, and the share of them that changes most in a touch.
+/// Side of the blocks over which the change is averaged, pixels, and share of the blocks that change most in a touch.
 const BLOCK: usize = 8;
 const TOUCHED: f64 = 0.01;
 
@@ -19,7 +20,7 @@ pub fn read_presses(path: &Path, diameter: f64, background: Option<&Path>) -> Re
     let mut untouched = background.map(Photo::read).transpose()?;
     let name = path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
     let mut found: Vec<(String, Photo)> = Vec::new();
-    // The frame of the present touch with the largest change.
+    // The frame of the current touch with the largest change.
     let mut best: Option<(f64, usize, Photo)> = None;
     frames(path, &mut |n, photo| {
         let before = untouched.get_or_insert_with(|| photo.clone());
@@ -52,7 +53,8 @@ pub fn read_presses(path: &Path, diameter: f64, background: Option<&Path>) -> Re
     Ok(PressFolder::of_photos(background, found, diameter)?)
 }
 
-/// Mean change, grey levels, of the blocks that change most. What all of a channel's pixels share is drift.
+/// Returns the mean change, grey levels, of the blocks that change most. A change common to all pixels of a channel is
+/// drift and is removed.
 fn change(photo: &Photo, background: &Photo) -> f64 {
     let (across, down) = (photo.width.div_ceil(BLOCK), photo.height.div_ceil(BLOCK));
     let mut sums = vec![[0.0; 3]; across * down];

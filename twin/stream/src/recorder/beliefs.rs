@@ -1,4 +1,4 @@
-//! What the robot believes and weighs, as long as it does.
+//! Logging of the robot's beliefs and of the trajectories it compares, for as long as they are valid.
 
 use nalgebra::{Isometry3, Matrix3};
 use rerun::Clear;
@@ -9,7 +9,7 @@ use crate::error::StreamError;
 use crate::{belief, entities, scene};
 
 impl Recorder {
-    /// `world_from_object` as the robot believes it to be; `None` when it believes nothing.
+    /// Logs the pose estimate `world_from_object`; `None` removes it.
     pub fn log_estimate(&mut self, name: &str, pose: Option<&Isometry3<f64>>) -> Result<(), StreamError> {
         let index = self.object(name)?;
         let path = entities::estimate(name);
@@ -34,7 +34,7 @@ impl Recorder {
         Ok(())
     }
 
-    /// An object was felt just now: the covariance (m2) of its place along its own axes.
+    /// Logs that an object has just been felt, with the covariance (m2) of its position along its own axes.
     pub fn log_felt(&mut self, name: &str, covariance: &Matrix3<f64>) -> Result<(), StreamError> {
         let index = self.object(name)?;
         let felt = belief::Felt::new(self.time, covariance);
@@ -47,15 +47,15 @@ impl Recorder {
         Ok(())
     }
 
-    /// The ways that were weighed, as the object `name` in the hand would go: the plan that was not taken, and the one chosen. Empty
-    /// ways are taken off; of the first one it is shown where it comes nearest.
+    /// Logs the compared trajectories of the held object `name`: the rejected plan and the chosen one. An empty
+    /// trajectory is removed. For the rejected one, the closest approach is drawn as well.
     pub fn log_ways(&mut self, name: &str, rejected: &Way, chosen: &Way) -> Result<(), StreamError> {
         let index = self.object(name)?;
         let ways = [
             (entities::REJECTED, &rejected.poses, belief::REJECTED),
             (entities::CHOSEN, &chosen.poses, belief::CHOSEN),
         ];
-        // What is logged anew is not cleared before: a clear also hides what comes at the same time.
+        // An entity that is logged again is not cleared first: a clear also hides data logged at the same time.
         for (n, (path, way, color)) in ways.into_iter().enumerate() {
             if !way.is_empty() {
                 self.rec.log(path, &belief::way(way, color))?;

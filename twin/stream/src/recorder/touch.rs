@@ -1,4 +1,4 @@
-//! What the pads feel: images, their change, heights.
+//! Logging of the tactile pads: images, their changes, height maps.
 
 use hand_model::robot::TactileImage;
 use rerun::Clear;
@@ -8,7 +8,7 @@ use crate::error::StreamError;
 use crate::{entities, scene, tactile};
 
 impl Recorder {
-    /// The image of a camera. An image like the last one is not logged again.
+    /// Logs the image of a camera. An image like the last one is not logged again.
     pub fn log_tactile(&mut self, camera: usize, image: &TactileImage) -> Result<(), StreamError> {
         let name = self.camera(camera)?;
         if self.last_image[camera].as_ref().is_some_and(|last| !tactile::differ(last, image))
@@ -23,7 +23,8 @@ impl Recorder {
         self.log_change(camera, image)
     }
 
-    /// What an image says beside the untouched one: on the hand, in the map of changes, and by how large its pad is drawn.
+    /// Logs the change from the untouched image: as colours on the hand, in the map of changes, and by the drawn size
+    /// of its pad.
     fn log_change(&mut self, camera: usize, image: &TactileImage) -> Result<(), StreamError> {
         let name = self.camera(camera)?;
         if self.changes.see(camera, image) {
@@ -43,13 +44,13 @@ impl Recorder {
         Ok(self.rec.log(entities::change(&name), &tactile::archetype(bytes))?)
     }
 
-    /// All pads, as they are before anything was felt.
+    /// Logs all pads in their untouched state.
     pub(super) fn log_pads(&mut self) -> Result<(), StreamError> {
         (0..self.robot.hand.pads.len()).try_for_each(|pad| self.log_pad(pad))?;
         tactile::log_cells(&self.rec, &self.robot.hand, self.sides(), |_| false)
     }
 
-    /// Sizes of tactile images and of their differences, pixels.
+    /// Returns the sides of tactile images and of their differences, pixels.
     fn sides(&self) -> (usize, usize) {
         (self.settings.image_side, self.settings.change_side)
     }
@@ -61,7 +62,7 @@ impl Recorder {
         Ok(self.rec.log(entities::pad(link, &pad.name), &scene::pad_colors(colors))?)
     }
 
-    /// Takes off all height maps: what they speak of is gone.
+    /// Removes all height maps, because what they describe is gone.
     pub fn clear_heights(&mut self) -> Result<(), StreamError> {
         for camera in 0..self.last_height.len() {
             if let Some((_, idle)) = &mut self.last_height[camera]
@@ -73,7 +74,7 @@ impl Recorder {
         Ok(())
     }
 
-    /// The height map (m, row-major, `w` by `h`, row 0 distal) of a camera. An idle one is logged once.
+    /// Logs the height map (m, row-major, `w` by `h`, row 0 distal) of a camera. An idle one is logged once.
     pub fn log_height(&mut self, camera: usize, heights: &[f32], w: usize, h: usize) -> Result<(), StreamError> {
         let name = self.camera(camera)?;
         let idle = heights.iter().all(|height| height.abs() < self.settings.height_idle);

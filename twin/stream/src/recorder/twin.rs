@@ -1,4 +1,5 @@
-//! The twin of a mirror: a ghost of the robot, what is left between the two, and the object that is believed to be in its hand.
+//! Logging of the digital twin in mirror mode: a ghost of the robot, the residuals between the two, and the object
+//! believed to be in the hand.
 
 use hand_model::DigitVector;
 use nalgebra::{Isometry3, Matrix3};
@@ -8,7 +9,7 @@ use super::{Recorder, TWIN, TWIN_OBJECT};
 use crate::error::StreamError;
 use crate::{belief, entities, scene, signals};
 
-/// Where a twin is, and what differs.
+/// State of the twin, and its residuals against the robot.
 #[derive(Debug, Clone)]
 pub struct TwinFrame<'a> {
     /// `world_from_link` of the arm's links.
@@ -17,16 +18,17 @@ pub struct TwinFrame<'a> {
     pub palm: Isometry3<f64>,
     /// `world_from_link` of the hand's links.
     pub hand: &'a [Isometry3<f64>],
-    /// Load of each cable beyond the twin's, N.
+    /// Residual load of each cable, robot minus twin, N.
     pub loads: DigitVector,
-    /// Force on the hand beyond the twin's, N, world axes.
+    /// Residual force on the hand, robot minus twin, N, world axes.
     pub force: [f64; 3],
-    /// Name of the object that is believed to be in the hand, `world_from_object`, and the covariance of its place (m2) along its axes.
+    /// Object believed to be in the hand: name, `world_from_object`, and the covariance of its position (m2) along its
+    /// own axes.
     pub object: Option<(&'a str, Isometry3<f64>, Matrix3<f64>)>,
 }
 
 impl Recorder {
-    /// The twin at this moment.
+    /// Logs the twin at this moment.
     pub fn log_twin(&mut self, frame: &TwinFrame) -> Result<(), StreamError> {
         if !self.twin {
             self.twin = true;

@@ -1,4 +1,4 @@
-//! `ftac hand close`: a hand read from files closes on a ball.
+//! `ftac hand close`: closes a hand read from files on a ball.
 
 use std::sync::Arc;
 
@@ -11,7 +11,7 @@ use lab::closing::BallGrip;
 use nalgebra::Point3;
 use world::geometry::LINK_MESHES;
 
-/// Closes the hand, prints what it feels and draws it.
+/// Closes the hand, prints the contact forces and draws the grip.
 pub fn run(terminal: &Terminal, args: &CloseArgs) -> Outcome {
     let hand = Arc::new(HandMechanism::read(&args.urdf, &args.pulls, LINK_MESHES)?);
     own_hand::say_renamed();

@@ -1,4 +1,4 @@
-//! `ftac hand check --urdf`: what a hand's files hold, and what was taken otherwise than they say.
+//! `ftac hand check --urdf`: inspects a hand's files, and reports deviations from their content.
 
 use std::path::Path;
 
@@ -11,10 +11,10 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use world::geometry::LINK_MESHES;
 
-/// Printed of a tree with the joints of our own hand.
+/// Output for a URDF tree with the joints of our own hand.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Tree<'a> {
-    /// The file.
+    /// URDF file.
     urdf: &'a Path,
     /// Number of joints.
     joints: usize,
@@ -24,58 +24,58 @@ pub struct Tree<'a> {
 #[derive(Debug, Serialize, JsonSchema)]
 struct JointRow {
     name: String,
-    /// turns or slides.
+    /// Kind of joint: turns or slides.
     kind: &'static str,
-    /// Of its limits.
+    /// Unit of its limits.
     unit: &'static str,
-    /// Lower limit; null where there is none.
+    /// Lower limit; null if there is none.
     lower: Option<f64>,
-    /// Upper limit; null where there is none.
+    /// Upper limit; null if there is none.
     upper: Option<f64>,
-    /// Largest torque, N m, or force, N; null where there is none.
+    /// Largest torque, N m, or force, N; null if there is none.
     effort: Option<f64>,
-    /// The joint that it follows, and how.
+    /// Leader of a mimic joint with the multiplier.
     follows: Option<String>,
     /// Mass of its link, kg.
     mass_kg: f64,
-    /// Collision shapes of its link.
+    /// Number of collision shapes of its link.
     shapes: usize,
 }
 
-/// Actuator that pulls on joints.
+/// An actuator that pulls on joints.
 #[derive(Debug, Serialize, JsonSchema)]
 struct Actuator {
     name: String,
-    /// Joints that it moves.
+    /// Number of joints that it moves.
     joints: usize,
-    /// Strongest pull, N.
+    /// Largest tension, N.
     most_tension_n: Option<f64>,
 }
 
-/// Printed of a hand.
+/// Output for a hand.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Inspected<'a> {
     /// Name of the hand.
     hand: &'a str,
-    /// A row a joint.
+    /// One row per joint.
     joints: Vec<JointRow>,
-    /// With --pulls: what pulls.
+    /// Actuators, with --pulls only.
     actuators: Vec<Actuator>,
-    /// Collision shapes of the root link.
+    /// Number of collision shapes of the root link.
     shapes_of_the_root: usize,
-    /// Links that pass through everything.
+    /// Links without a collision shape, which pass through everything.
     links_without_shape: &'a [String],
     /// Findings about the hand; warnings begin with WARNING.
     notes: &'a [String],
 }
 
-/// Reads a hand's URDF, and its pulls file if there is one, and says what they hold.
+/// Reads a hand's URDF, and its pulls file if there is one, and reports their content.
 pub fn run(terminal: &Terminal, path: &Path, pulls: Option<&Path>) -> Outcome {
     let ours: Vec<String> =
         RobotModel::ftac_gen3().hand.tree.joints.iter().map(|joint| format!("{}_joint", joint.name)).collect();
     let frames = urdf::read_frames(path, &[])?;
     if pulls.is_none() && frames.joints.iter().any(|joint| ours.contains(&joint.name)) {
-        // Our own hand's, which has to have all of its joints.
+        // Our own hand's URDF, which must have all of the joints.
         let names: Vec<&str> = ours.iter().map(String::as_str).collect();
         let tree = urdf::read_tree(path, &names)?;
         let text = format!("{}: {} joints, all of the hand's joints are there\n", path.display(), tree.len());
@@ -98,7 +98,7 @@ pub fn run(terminal: &Terminal, path: &Path, pulls: Option<&Path>) -> Outcome {
     Ok((warnings > 0).then(|| format!("{warnings} warnings")))
 }
 
-/// The joint that a joint follows, and how.
+/// Returns the leader of a mimic joint with the multiplier.
 fn leader(hand: &HandMechanism, joint: usize) -> Option<String> {
     let follower = hand.followers.iter().find(|follower| follower.joint == joint)?;
     Some(format!("{} times {}", hand.tree.joints[follower.leader].name, follower.multiplier))

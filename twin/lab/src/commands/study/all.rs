@@ -1,6 +1,6 @@
-//! `ftac study`: every part of the grasp study in order, and the page that sets them beside the paper.
+//! `ftac study`: runs every part of the grasp study in order, and makes the page that compares them with the paper.
 //!
-//! Types and maps are made again each time; landscape and hands keep journals in the folder and go on from them.
+//! Types and maps are computed again each time. Landscape and hands keep journals in the folder and resume from them.
 
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -16,7 +16,7 @@ use indicatif::HumanDuration;
 use super::source::Source;
 use super::{classify, hands, landscape, map, report};
 
-/// A part's result in words, and in which respect it falls short.
+/// Result of a part in words, and the reason why it falls short, if it does.
 type Told = (String, Option<String>);
 
 fn told<T>(made: Made<T>) -> Told {
@@ -26,12 +26,13 @@ fn told<T>(made: Made<T>) -> Told {
 /// A part of the study.
 struct Part {
     name: &'static str,
-    /// Time of two idle cores for it, s: quick and full.
+    /// Expected time on two idle cores, s: quick and full.
     expected: [f64; 2],
     make: fn(&Terminal, &StudyArgs, PathBuf) -> Result<Told>,
 }
 
-/// In their order. The times are of the built-in grasps and our hand alone; they only weigh the parts against each other.
+/// Parts in order. The times are for the built-in grasps and our hand alone; they only weigh the parts against each
+/// other.
 const PARTS: [Part; 4] = [
     Part { name: "types of grasps", expected: [1.0, 1.0], make: types },
     Part { name: "contact maps", expected: [30.0, 30.0], make: maps },
@@ -39,12 +40,12 @@ const PARTS: [Part; 4] = [
     Part { name: "hands compared", expected: [60.0, 200.0], make: compared },
 ];
 
-/// `ftac study`.
+/// Runs `ftac study`.
 pub fn run(terminal: &Terminal, args: &StudyArgs) -> Outcome {
     own_hand::say_renamed();
     let standard = if args.full { "recordings/study-full" } else { "recordings/study" };
     let out = args.out.clone().unwrap_or_else(|| standard.into());
-    // What would fail at the end fails at once.
+    // Checks the hands first, so that an error in the last part appears at once.
     hands::compared(&hands_args(args, out.clone())?)?;
     std::fs::create_dir_all(&out).with_context(|| format!("--out {}", out.display()))?;
     let expected = |part: &Part| part.expected[usize::from(args.full)];
@@ -52,7 +53,7 @@ pub fn run(terminal: &Terminal, args: &StudyArgs) -> Outcome {
     let mut shortfalls = Vec::new();
     for (n, part) in PARTS.iter().enumerate() {
         let (before, left): (f64, f64) = (PARTS[..n].iter().map(expected).sum(), PARTS[n..].iter().map(expected).sum());
-        // A slower or busier machine shows in the parts that are done.
+        // The finished parts show whether the machine is slower or busier.
         let pace = if n == 0 { 1.0 } else { began.elapsed().as_secs_f64() / before };
         if !terminal.quiet {
             let left = HumanDuration(Duration::from_secs_f64(pace * left));
@@ -85,7 +86,7 @@ fn basins(terminal: &Terminal, args: &StudyArgs, out: PathBuf) -> Result<Told> {
     let each = if args.full { standard.each } else { 24 };
     let sweep = args.full.then_some(24);
     let (grasps, out) = (args.grasps.clone(), out.join("landscape"));
-    // Of the paper's objects those of which there are grasps.
+    // Those of the paper's objects for which there are grasps.
     let known = Source::read(&grasps.paths)?.classification.objects;
     let objects = standard.objects.into_iter().filter(|object| known.contains(object)).collect();
     landscape::make(terminal, &LandscapeArgs { grasps, objects, each, sweep, out, ..standard }).map(told)
@@ -101,7 +102,7 @@ fn hands_args(args: &StudyArgs, out: PathBuf) -> Result<HandsArgs> {
     Ok(HandsArgs { hand: args.hand.clone(), pulls: args.pulls.clone(), n, out, ..standard })
 }
 
-/// What a command is told where nothing is said.
+/// Returns a command's default arguments.
 fn standard<A: Args>() -> Result<A> {
     let command = A::augment_args(clap::Command::new("ftac"));
     Ok(A::from_arg_matches(&command.try_get_matches_from(["ftac"])?)?)

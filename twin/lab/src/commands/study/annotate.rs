@@ -1,4 +1,4 @@
-//! `ftac grasps annotate`: the page on which people give grasps their types.
+//! `ftac grasps annotate`: writes the page on which people assign types to grasps.
 
 use std::path::Path;
 
@@ -13,17 +13,17 @@ use serde::Serialize;
 
 use super::source::{Source, writable};
 
-/// Printed once the page is written.
+/// Output once the page is written.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Annotation<'a> {
-    /// The page (HTML).
+    /// Path of the page (HTML).
     page: &'a Path,
     grasps: usize,
     /// Size of the file, bytes.
     bytes: usize,
 }
 
-/// `ftac grasps annotate`.
+/// Runs `ftac grasps annotate`.
 pub fn run(terminal: &Terminal, args: &AnnotateArgs) -> Outcome {
     writable(&args.out)?;
     let Source { hand, objects, classification } = Source::read(&args.grasps.paths)?;

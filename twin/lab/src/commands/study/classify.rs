@@ -1,4 +1,4 @@
-//! `ftac grasps classify`: one of the 19 types for every grasp, by rules, with the reasons on demand.
+//! `ftac grasps classify`: assigns one of the 19 types to every grasp by rules, with the reasons on demand.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -21,7 +21,7 @@ use study::summary::{self, Figures};
 use super::pick_ups;
 use super::source::Source;
 
-/// `ftac grasps classify`.
+/// Runs `ftac grasps classify`.
 pub fn run(terminal: &Terminal, args: &ClassifyArgs) -> Outcome {
     if let Some(file) = &args.plans {
         return terminal.finish(pick_ups::make(terminal, file)?);
@@ -32,7 +32,7 @@ pub fn run(terminal: &Terminal, args: &ClassifyArgs) -> Outcome {
     }
 }
 
-/// The types of all grasps.
+/// Classifies all grasps.
 pub fn make(args: &ClassifyArgs) -> Result<Made<Figures>> {
     let classification = Source::read(&args.grasps.paths)?.classification;
     let mut choice = String::new();
@@ -57,11 +57,11 @@ pub fn make(args: &ClassifyArgs) -> Result<Made<Figures>> {
     })
 }
 
-/// Writes the grasps that have people's shares, and says what they are.
+/// Writes a selection of grasps whose types have the same shares as people's, and describes it.
 fn choose(classification: &Classification, file: &Path) -> Result<String> {
     let (grasps, people) = (&classification.grasps, People::known(&classification.taxonomy));
     let types: Vec<usize> = grasps.iter().map(|grasp| grasp.decision.kind).collect();
-    // Objects in turn, of each the clearest first.
+    // Objects in turn, for each its clearest grasps first.
     let mut by_object: Vec<Vec<usize>> = vec![Vec::new(); classification.objects.len()];
     grasps.iter().enumerate().for_each(|(n, grasp)| by_object[grasp.object].push(n));
     for own in &mut by_object {
@@ -96,7 +96,7 @@ fn explain(terminal: &Terminal, classification: &Classification, id: &str) -> Ou
     Ok(None)
 }
 
-/// The labels that people gave, as the annotation page exported them.
+/// Reads people's labels as exported by the annotation page.
 fn labels(classification: &Classification, files: &[PathBuf]) -> Result<Vec<Labels>> {
     let known: BTreeSet<&str> = classification.grasps.iter().map(|grasp| grasp.id.as_str()).collect();
     let read = |file: &PathBuf| {

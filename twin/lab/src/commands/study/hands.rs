@@ -1,8 +1,8 @@
-//! `ftac grasps hands`: several hands on the same objects, by the same search and the same checks: rates side by side, a grasp of
-//! each as a picture.
+//! `ftac grasps hands`: compares several hands on the same objects, by the same search and the same checks: success
+//! rates side by side, and one picture of a grasp each.
 //!
-//! Our own hand is the first column; others come as URDF with what pulls on them. The same command goes on after the last hand and
-//! object that were done.
+//! Our own hand is the first column; others come as URDF with a pulls file. Running the same command again resumes
+//! after the last finished hand and object.
 
 use anyhow::{Context, Result, ensure};
 use ftac::lab::arguments::grasps::HandsArgs;
@@ -17,13 +17,13 @@ use proving::synthesis::search;
 use proving::synthesis::synthesizer::Request;
 use world::objects::ObjectSet;
 
-/// `ftac grasps hands`.
+/// Runs `ftac grasps hands`.
 pub fn run(terminal: &Terminal, args: &HandsArgs) -> Outcome {
     own_hand::say_renamed();
     terminal.finish(make(terminal, args)?)
 }
 
-/// The comparison.
+/// Makes the comparison.
 pub fn make(terminal: &Terminal, args: &HandsArgs) -> Result<Made<Comparison>> {
     let request = request(terminal, args)?;
     let hands = compared(args)?;
@@ -53,7 +53,7 @@ pub fn make(terminal: &Terminal, args: &HandsArgs) -> Result<Made<Comparison>> {
     })
 }
 
-/// What every hand is asked on every object.
+/// Returns the search settings, which are the same for every hand and object.
 fn request(terminal: &Terminal, args: &HandsArgs) -> Result<Request> {
     let contacts = search::parse_contacts(&args.contacts)?;
     let (chains, closings) = (args.n, args.closings);
@@ -71,7 +71,7 @@ fn request(terminal: &Terminal, args: &HandsArgs) -> Result<Request> {
     Ok(Request { chains, enough: usize::MAX, contacts, closings, seed: terminal.seed, table: false })
 }
 
-/// Our hand and those of the arguments.
+/// Returns our hand and those of the arguments.
 pub fn compared(args: &HandsArgs) -> Result<Vec<ComparedHand>> {
     let mut hands = vec![ComparedHand::of(RobotModel::ftac_gen3().hand)];
     for (urdf, pulls) in args.hand.iter().zip(&args.pulls) {

@@ -1,8 +1,8 @@
-//! `ftac grasps landscape`: the energy landscape of several objects' grasps by attraction and diffusion, as a tree.
+//! `ftac grasps landscape`: maps the energy landscape of several objects' grasps by attraction-diffusion, as a tree.
 //!
-//! Every verified grasp cools to its local minimum; the pull is calibrated to the metastability threshold of pairs of minima;
-//! minima are sorted into basins and barriers measured. All of it is journalled, so that the same command goes on after an
-//! interruption.
+//! Every verified grasp cools to its local minimum. The attraction is calibrated to the metastability threshold of
+//! pairs of minima. Minima are then sorted into basins, and barriers are measured. Every step is journalled, so that
+//! the same command resumes after an interruption.
 
 use anyhow::{Context, Result, bail, ensure};
 use ftac::lab::arguments::grasps::LandscapeArgs;
@@ -22,15 +22,15 @@ use study::landscape::grasps::{GraspLandscape, GraspState};
 
 use super::source::Source;
 
-/// Points on the hand's surface: coarser than for synthesis, whose energy this is.
+/// Number of points on the hand's surface: coarser than in synthesis, whose energy is used here.
 const SURFACE_POINTS: usize = 1000;
 
-/// `ftac grasps landscape`.
+/// Runs `ftac grasps landscape`.
 pub fn run(terminal: &Terminal, args: &LandscapeArgs) -> Outcome {
     terminal.finish(make(terminal, args)?)
 }
 
-/// The tree of basins and barriers.
+/// Maps the tree of basins and barriers.
 pub fn make(terminal: &Terminal, args: &LandscapeArgs) -> Result<Made<Figures>> {
     let positive = |x: f64| x.is_finite() && x > 0.0;
     ensure!(
@@ -86,7 +86,7 @@ pub fn make(terminal: &Terminal, args: &LandscapeArgs) -> Result<Made<Figures>> 
     Ok(Made { json: answer, text, shortfall: None })
 }
 
-/// (place of the object on the command line, grasp), the objects taking turns.
+/// Returns pairs (index of the object on the command line, grasp), with the objects in turn.
 fn choose(classification: &Classification, args: &LandscapeArgs) -> Result<Vec<(usize, usize)>> {
     let mut by_object = Vec::new();
     for (n, name) in args.objects.iter().enumerate() {

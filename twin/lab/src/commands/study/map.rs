@@ -1,4 +1,4 @@
-//! `ftac grasps map`: contact maps of all grasps on one sheet, and the boundary between power and precision.
+//! `ftac grasps map`: contact maps of all grasps on one sheet, and the boundary between power and precision grasps.
 
 use anyhow::{Context, Result, ensure};
 use ftac::lab::arguments::grasps::MapArgs;
@@ -9,12 +9,12 @@ use study::grasp_map::{Figures, GraspMaps, MapSettings, check_both_classes, cont
 
 use super::source::Source;
 
-/// `ftac grasps map`.
+/// Runs `ftac grasps map`.
 pub fn run(terminal: &Terminal, args: &MapArgs) -> Outcome {
     terminal.finish(make(terminal, args)?)
 }
 
-/// The maps and the boundary.
+/// Computes the maps and the boundary.
 pub fn make(terminal: &Terminal, args: &MapArgs) -> Result<Made<Figures>> {
     ensure!(
         args.n >= 4 && args.seeds > 0,
@@ -23,7 +23,7 @@ pub fn make(terminal: &Terminal, args: &MapArgs) -> Result<Made<Figures>> {
         args.seeds
     );
     let Source { hand, objects, classification } = Source::read(&args.grasps.paths)?;
-    // What would fail at the end fails at once.
+    // Checks first what would otherwise fail only at the end.
     check_both_classes(&classification)?;
     std::fs::create_dir_all(&args.out).with_context(|| format!("--out {}", args.out.display()))?;
     let distance = |object: usize, point: &_| objects[object].shape.signed_distance(point).0;

@@ -1,4 +1,5 @@
-//! `ftac grasps classify --plans`: types of the pick-ups of the benchmark, by the place of their object.
+//! `ftac grasps classify --plans`: types of the benchmark's pick-ups, by the position of their object in the
+//! combination.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -22,35 +23,35 @@ use study::people::{self, People, WayShare};
 struct TypedPickUp {
     /// Names of the objects of its combination.
     combination: [String; 2],
-    /// Place of its object in the combination, from 1.
+    /// Position of its object in the combination, from 1.
     place: usize,
     grasp: u32,
     /// Grasp type of the paper.
     #[serde(rename = "type")]
     kind: String,
-    /// By which all of its conditions are met; negative where not.
+    /// Margin by which all conditions of the type are met; negative if they are not.
     margin: f64,
-    /// True if the type is not clear.
+    /// True if the type is ambiguous.
     ambiguous: bool,
 }
 
-/// Pick-ups of a type.
+/// Pick-ups of one type.
 #[derive(Debug, Serialize, JsonSchema)]
 struct TypeRow {
     name: String,
     category: Category,
-    /// Of objects in the first place and in the second one.
+    /// Numbers of pick-ups of first and of second objects.
     places: [usize; 2],
-    /// Those of both that meet all of its conditions.
+    /// Number of those that meet all conditions of the type.
     fit: usize,
 }
 
-/// Types of the pick-ups of plans.
+/// Grasp types of the plans' pick-ups.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct PickUpTypes {
     /// Grasp types of the paper.
     types: Vec<TypeRow>,
-    /// Beside the shares of the ways in which people hold things.
+    /// Comparison with the shares in which people use each way of holding.
     people: Vec<WayShare>,
     pick_ups: Vec<TypedPickUp>,
 }
@@ -67,7 +68,7 @@ impl PickUpTypes {
     }
 }
 
-/// Plays the pick-ups of the plan file, or of the built-in plans, and gives each its type.
+/// Simulates the pick-ups of the plan file, or of the built-in plans, and assigns each its type.
 pub fn make(terminal: &Terminal, file: &Path) -> Result<Made<PickUpTypes>> {
     let plans = if file == Path::new(BUILT_IN) { proving::builtin::plans()? } else { Plans::read(file)? };
     let robot = RobotModel::ftac_gen3();

@@ -1,5 +1,5 @@
-//! `ftac report --study`: everything the study found on one page, beside the paper: the paper's figure, ours, the difference, and
-//! why.
+//! `ftac report --study`: all results of the study on one page, compared with the paper: the paper's figure, ours, the
+//! difference, and its reason.
 
 use std::path::{Path, PathBuf};
 
@@ -17,18 +17,18 @@ use serde::Serialize;
 use serde_json::Value;
 use study::sensors::{Array, array};
 
-/// Printed once the page is written.
+/// Output once the page is written.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Study<'a> {
-    /// One entry a row of the table.
+    /// One entry per row of the table.
     rows: &'a [Line],
-    /// The hand's tactile sensors.
+    /// Tactile sensors of the hand.
     sensors: &'a Array,
     /// Commands whose results are missing.
     missing: &'a [&'a str],
 }
 
-/// A part of the study that a command leaves in the folder.
+/// Reads the result file of one part of the study; `None` if it is missing.
 fn part(folder: &Path, file: &str) -> Result<Option<Value>> {
     let path = folder.join(file);
     match std::fs::read_to_string(&path) {
@@ -38,7 +38,7 @@ fn part(folder: &Path, file: &str) -> Result<Option<Value>> {
     }
 }
 
-/// The study in the folder that is named, or in the usual one.
+/// Reports on the study in the named folder, or in the default one.
 pub fn of_folders(terminal: &Terminal, folders: &[PathBuf]) -> Outcome {
     match folders {
         [] => run(terminal, Path::new("recordings/study")),
@@ -47,7 +47,7 @@ pub fn of_folders(terminal: &Terminal, folders: &[PathBuf]) -> Outcome {
     }
 }
 
-/// `ftac report --study`.
+/// Runs `ftac report --study`.
 fn run(terminal: &Terminal, folder: &Path) -> Outcome {
     if !folder.is_dir() {
         bail!(
@@ -83,7 +83,7 @@ fn run(terminal: &Terminal, folder: &Path) -> Outcome {
     Ok((!missing.is_empty()).then(|| format!("parts are missing: run `ftac {}`", missing.join("`, `ftac "))))
 }
 
-/// What the hand's tactile sensors come to.
+/// Computes the key figures of the hand's tactile sensors.
 fn sensing() -> Result<Sensing> {
     let hand = RobotModel::ftac_gen3().hand;
     let gel = Foundation::paper(hand.gel().thickness);

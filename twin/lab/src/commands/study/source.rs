@@ -12,17 +12,16 @@ use proving::synthesis::grasp_file;
 use study::classification::Classification;
 use world::objects::{ObjectModel, ObjectSet};
 
-/// Grasps and their objects.
+/// Grasps with their hand and objects.
 pub struct Source {
-    /// The hand.
     pub hand: Arc<Hand>,
-    /// The objects of which there are grasps, in the order of the set.
+    /// Objects for which there are grasps, in the order of the set.
     pub objects: Vec<Arc<ObjectModel>>,
-    /// The grasps, object by object in the same order.
+    /// Classified grasps, object by object in the same order.
     pub classification: Classification,
 }
 
-/// The files that `paths` name: themselves, or what ends in .jsonl within a folder, by name.
+/// Lists the files of `paths`: each path itself, or the .jsonl files of a folder, sorted by name.
 fn files(paths: &[PathBuf]) -> Result<Vec<PathBuf>> {
     let mut found = Vec::new();
     for path in paths {
@@ -43,7 +42,7 @@ fn files(paths: &[PathBuf]) -> Result<Vec<PathBuf>> {
 }
 
 impl Source {
-    /// Reads and classifies the grasps of `paths`; without any, those of the built-in collection.
+    /// Reads and classifies the grasps of `paths`; without paths, those of the built-in collection.
     pub fn read(paths: &[PathBuf]) -> Result<Self> {
         let set = ObjectSet::repertoire();
         let mut grasps: Vec<(HeldGrasp, PathBuf)> = Vec::new();
@@ -77,7 +76,7 @@ impl Source {
     }
 }
 
-/// Refuses a file whose folder is not there, before any work is done.
+/// Returns an error if the folder of an output file does not exist, before any work is done.
 pub fn writable(out: &Path) -> Result<()> {
     if let Some(folder) = out.parent().filter(|folder| !folder.as_os_str().is_empty()) {
         anyhow::ensure!(folder.is_dir(), "--out {}: found no folder {}, expected one", out.display(), folder.display());

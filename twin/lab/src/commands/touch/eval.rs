@@ -1,4 +1,4 @@
-//! `ftac touch eval`: how accurate touch is, from images to poses, and how long it takes.
+//! `ftac touch eval`: measures accuracy and latency of touch, from images to poses.
 
 use std::path::Path;
 
@@ -16,12 +16,13 @@ use lab::touch::pictures;
 use lab::touch::poses::feel;
 use scenarios::Scenario;
 
-/// Where the presses of the GelSight that the program's networks know lie beside a checkout, their ball and pixel size (mm).
+/// Default folder of the GelSight presses known to the program's networks, beside a checkout, with the ball's diameter
+/// and the pixel size (mm).
 const REAL: (&str, f64, f64) = ("../shared/data/real-gelsight/taxim_gelsight", 4.0, 0.0295);
-/// Where they come from.
+/// Origin of these presses.
 const REAL_SOURCE: &str = "the Python package taxim 1.4.1 (https://pypi.org/project/taxim)";
 
-/// Feels the grasps, measures, prints.
+/// Perceives the grasps, evaluates and prints.
 pub fn eval(terminal: &Terminal, args: &EvalArgs) -> Outcome {
     let quiet = terminal.quiet || terminal.json;
     let scenario = Scenario::benchmark();
@@ -59,7 +60,7 @@ pub fn eval(terminal: &Terminal, args: &EvalArgs) -> Outcome {
     Ok(found.shortfall())
 }
 
-/// The real presses that were named, else the known ones if they are at hand.
+/// Returns the named real presses, else the known ones if they are there.
 fn real_source(args: &EvalArgs) -> Result<Option<RealSource>> {
     let (Some(folder), Some(ball_diameter_mm), Some(pixel_mm)) = (&args.real, args.ball_diameter_mm, args.pixel_mm)
     else {

@@ -1,4 +1,4 @@
-//! `ftac touch train-network`: the network of photometric stereo learns from rendered (or real) presses.
+//! `ftac touch train-network`: trains the network for photometric stereo on rendered (or real) presses.
 
 use std::path::Path;
 
@@ -14,16 +14,16 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use touch::network::Kind;
 
-/// Printed once the network is written.
+/// Output once the network is written.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Trained<'a> {
-    /// Training samples.
+    /// Number of training samples.
     squares: usize,
-    /// Samples held out.
+    /// Number of held-out samples.
     held_out: usize,
-    /// Loss after each epoch, on the samples and on the held-out ones.
+    /// Loss after each epoch, on the training samples and on the held-out ones.
     losses: &'a [[f64; 2]],
-    /// The file written.
+    /// Path of the written network.
     out: &'a Path,
 }
 
@@ -107,7 +107,7 @@ fn source<'a>(args: &'a TrainNetworkArgs, robot: &'a RobotModel) -> TrainingSour
     }
 }
 
-/// The command that makes the same network again.
+/// Returns the command that reproduces the network.
 fn recipe(args: &TrainNetworkArgs, seed: u64) -> String {
     let mut text = "ftac touch train-network".to_owned();
     if args.kind == KindArg::PerPixel {

@@ -12,20 +12,20 @@ use super::types::{GraspType, Opposition};
 
 pub fn propose(hand: &Hand, curls: &Curls, kind: &GraspType, rng: &mut ChaCha8Rng) -> Attempt {
     match kind.opposition {
-        // Where all digits take part, the object also runs along the palm under the fingers.
+        // If all digits take part, the object may also lie along the palm under the fingers.
         Opposition::Side if kind.digits.len() == 5 && rng.random_bool(0.5) => at_palm(hand, kind, rng),
         Opposition::Palm => at_palm(hand, kind, rng),
         Opposition::Pad | Opposition::Side => opposed::propose(hand, curls, kind, rng),
     }
 }
 
-/// Against the palm: the object's x faces the palm, its z lies across the fingers, more or less.
+/// Proposes a placement against the palm: the object's x faces the palm, and its z lies roughly across the fingers.
 fn at_palm(hand: &Hand, kind: &GraspType, rng: &mut ChaCha8Rng) -> Attempt {
     let skin = hand.palm_cover.link_from_cover.translation.z - hand.palm_cover.half.z;
     let flat = kind.prop.name == "disk";
-    // A tool that the index finger lies along runs up its length; everything else lies across the fingers.
+    // A tool along which the index finger lies points along that finger; everything else lies across the fingers.
     let along_index = kind.digits.contains(&Digit::Index) && kind.digits[0] == Digit::Middle;
-    // What a finger shall touch with its side crosses the palm.
+    // An object that a finger must touch with its side crosses the palm at an angle.
     let crosses = along_index || kind.opposition == Opposition::Side;
     let slant = within(rng, if crosses { (0.5, 1.3) } else { (-0.5, 0.5) });
     let across = Vector3::new(slant.cos(), slant.sin(), 0.0);
@@ -34,7 +34,8 @@ fn at_palm(hand: &Hand, kind: &GraspType, rng: &mut ChaCha8Rng) -> Attempt {
     let height = if flat { 0.012 } else { kind.half };
     let depth = skin - height - within(rng, (2e-4, 3e-3));
     let at = if along_index {
-        // Its line passes under the index finger between the first and the last joint; how far it is pushed through is free.
+        // Its axis passes under the index finger between the first and the last joint; its offset along the axis is
+        // free.
         let knuckle = hand.tree.joints[Digit::Index.ftac_joints()[0]].origin.translation.vector;
         let under = Vector3::new(knuckle.x, knuckle.y + within(rng, (0.0, 0.07)), depth);
         under - across * within(rng, (0.02, 0.07))
@@ -47,7 +48,7 @@ fn at_palm(hand: &Hand, kind: &GraspType, rng: &mut ChaCha8Rng) -> Attempt {
         tensions[digit.index()] = (strength * within(rng, (-0.4, 0.4)).exp()).min(STRONGEST);
     }
     if along_index {
-        // The index finger lies along the object nearly stretched.
+        // The index finger lies along the object nearly straight.
         tensions[Digit::Index.index()] = tension(rng, 0.5, 6.0);
     }
     if !kind.digits.contains(&Digit::Thumb) && rng.random_bool(0.5) {

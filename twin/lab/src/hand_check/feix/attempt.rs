@@ -1,4 +1,4 @@
-//! One attempt at a grasp type: where the object is put and how the digits close; how attempts are drawn and varied.
+//! One attempt at a grasp type: the object's placement and the closing commands, and how attempts are drawn and varied.
 
 use hand_model::DigitVector;
 use nalgebra::{Isometry3, Matrix3, Rotation3, UnitQuaternion, Vector3};
@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use super::types::GraspType;
 
-/// No cable is pulled harder, N: half of what its servo stalls at, which it can keep up.
+/// Largest cable tension, N: half of the servo's stall tension, which the servo can sustain.
 pub const STRONGEST: f64 = 57.5;
 /// Ranges of the thumb's opposition, rad.
 const ABDUCTED: (f64, f64) = (0.7, 1.65);
@@ -18,46 +18,46 @@ const ADDUCTED: (f64, f64) = (0.0, 0.5);
 /// One placement with its commands.
 #[derive(Debug, Clone, Serialize, JsonSchema)]
 pub struct Attempt {
-    /// Where the object is held while the digits close, palm frame, m.
+    /// Position of the object, held there while the digits close, palm frame, m.
     pub position: [f64; 3],
-    /// Its rotation vector, palm frame, rad.
+    /// Orientation of the object as a rotation vector, palm frame, rad.
     pub rotation: [f64; 3],
-    /// Cable tensions before the object is put there, N: the hand's shape then.
+    /// Cable tensions that preshape the hand before the object is put there, N.
     #[schemars(with = "Vec<f64>")]
     pub before: DigitVector,
-    /// Cable tensions that close on it, N.
+    /// Cable tensions that close on the object, N.
     #[schemars(with = "Vec<f64>")]
     pub tensions: DigitVector,
     /// Opposition command, rad.
     pub opposition: f64,
-    /// Whether the servos, once closed, keep their angle instead of their current.
+    /// True if the servos, once closed, hold their angle instead of their current.
     pub locked: bool,
 }
 
 impl Attempt {
-    /// Closing from the open hand, pulling on.
+    /// Creates an attempt that closes from the open hand with constant tensions.
     pub fn new(place: &Isometry3<f64>, tensions: DigitVector, opposition: f64) -> Self {
         let (position, rotation) = (place.translation.vector.into(), place.rotation.scaled_axis().into());
         Self { position, rotation, before: [0.0; 5].into(), tensions, opposition, locked: false }
     }
 
-    /// `palm_from_object`.
+    /// Returns `palm_from_object`.
     pub fn place(&self) -> Isometry3<f64> {
         Isometry3::new(Vector3::from(self.position), Vector3::from(self.rotation))
     }
 }
 
-/// Evenly within a range.
+/// Draws uniformly from a range.
 pub fn within(rng: &mut ChaCha8Rng, (low, high): (f64, f64)) -> f64 {
     rng.random_range(low..high)
 }
 
-/// Evenly in the logarithm.
+/// Draws a tension (N) uniformly in the logarithm.
 pub fn tension(rng: &mut ChaCha8Rng, low: f64, high: f64) -> f64 {
     within(rng, (low.ln(), high.ln())).exp()
 }
 
-/// A rotation that brings the object's x to `across` and its z as near to `along` as it goes.
+/// Returns the rotation that brings the object's x to `across` and its z as near to `along` as possible.
 pub fn turn(across: &Vector3<f64>, along: &Vector3<f64>) -> UnitQuaternion<f64> {
     let x = across.normalize();
     let rest = along - x * x.dot(along);
@@ -66,15 +66,15 @@ pub fn turn(across: &Vector3<f64>, along: &Vector3<f64>) -> UnitQuaternion<f64> 
     UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(axes))
 }
 
-/// Evenly within a cube of this half size.
+/// Draws uniformly from a cube of this half size.
 pub fn jitter(rng: &mut ChaCha8Rng, size: f64) -> Vector3<f64> {
     Vector3::from_fn(|_, _| size * rng.random_range(-1.0..1.0))
 }
 
-/// A neighbour of an attempt, `step` times the usual way from it.
+/// Draws a neighbour of an attempt; `step` scales the usual distance.
 pub fn vary(attempt: &Attempt, step: f64, rng: &mut ChaCha8Rng) -> Attempt {
     let mut next = attempt.clone();
-    // The place, the commands, or both.
+    // Vary the placement, the commands, or both.
     let what = rng.random_range(0..3);
     if what != 0 {
         let place = attempt.place();
@@ -94,12 +94,12 @@ pub fn vary(attempt: &Attempt, step: f64, rng: &mut ChaCha8Rng) -> Attempt {
     next
 }
 
-/// The thumb's opposition as the type has it: the range of the command, rad.
+/// Returns the range of the opposition command that the type requires, rad.
 pub fn opposition_range(kind: &GraspType) -> (f64, f64) {
     if kind.abducted { ABDUCTED } else { ADDUCTED }
 }
 
-/// A command within that range, rad.
+/// Draws a command within that range, rad.
 pub fn opposition(kind: &GraspType, rng: &mut ChaCha8Rng) -> f64 {
     within(rng, opposition_range(kind))
 }

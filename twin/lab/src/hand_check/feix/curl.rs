@@ -1,4 +1,5 @@
-//! How the digits curl: their postures at rest over the tension of their cables, closing, with friction in the guides.
+//! Curling of the digits: table of their free postures against cable tension while closing, with friction in the
+//! guides.
 
 use hand_model::hand::CoverShape;
 use hand_model::statics::{self, Slid};
@@ -7,18 +8,18 @@ use hand_model::{Hand, HandVector};
 use nalgebra::{Isometry3, Point3};
 use sim::stand::Prop;
 
-/// Tensions looked at and their range, N, evenly in the logarithm.
+/// Number of tabulated tensions, and their range, N; spaced uniformly in the logarithm.
 const LOOKED_AT: usize = 64;
 const TENSIONS: (f64, f64) = (0.3, 24.0);
 
-/// Size of a skin element's side, m.
+/// Side of a skin element, m.
 const ELEMENT: f64 = 0.008;
 
-/// The five digits' postures; joints beside the five cables' stand at 0. Besides, points of the hand's skin.
+/// Table of the five digits' free postures, with joints that no cable moves at 0, and sample points of the hand's skin.
 pub struct Curls {
-    /// Rows of the table.
+    /// Postures, one row per tension.
     postures: Vec<HandVector>,
-    /// Points of each link's skin, link frame, and of the palm's, m.
+    /// Skin points of each link, link frame, and of the palm, m.
     skin: Vec<Vec<Point3<f64>>>,
     palm: Vec<Point3<f64>>,
 }
@@ -38,7 +39,8 @@ impl Curls {
         }
     }
 
-    /// How deep the skin is at most in `prop` at `palm_from_prop`, m, with the links at `links`; 0 where it is nowhere.
+    /// Returns the largest penetration of the skin into `prop` at `palm_from_prop`, m, with the links at `links`; 0 if
+    /// there is none.
     pub fn buried(&self, links: &[Isometry3<f64>], prop: &Prop, palm_from_prop: &Isometry3<f64>) -> f64 {
         let depth = |from_palm: &Isometry3<f64>, points: &[Point3<f64>]| {
             points.iter().map(|point| -prop.signed_distance(&(from_palm * point)).0).fold(0.0, f64::max)
@@ -48,7 +50,7 @@ impl Curls {
         of_links.fold(depth(&from_palm, &self.palm), f64::max)
     }
 
-    /// Joint angles (rad) at cable `tensions` (N) with the opposition joint at `opposition` (rad).
+    /// Interpolates the joint angles (rad) at cable `tensions` (N), with the opposition joint at `opposition` (rad).
     pub fn posture(&self, hand: &Hand, tensions: &[f64], opposition: f64) -> HandVector {
         let mut angles = hand.open();
         for (path, tension) in hand.transmission.cables.iter().zip(tensions) {
@@ -69,7 +71,7 @@ fn tension(place: f64) -> f64 {
     TENSIONS.0 * (TENSIONS.1 / TENSIONS.0).powf(place / (LOOKED_AT - 1) as f64)
 }
 
-/// Where in the row of postures a tension is; past its ends, the end.
+/// Returns the fractional row of a tension in the table, clamped to its ends.
 fn place(tension: f64) -> f64 {
     let last = (LOOKED_AT - 1) as f64;
     ((tension.max(1e-9) / TENSIONS.0).ln() / (TENSIONS.1 / TENSIONS.0).ln() * last).clamp(0.0, last)
@@ -79,7 +81,7 @@ fn place(tension: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// Between the table's tensions the postures are those of the statics, and beyond them the outermost.
+    /// Between the tabulated tensions the postures agree with the statics, and beyond them they are the outermost.
     #[test]
     fn agrees_with_statics() {
         let hand = Hand::ftac();

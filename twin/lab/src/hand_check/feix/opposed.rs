@@ -1,9 +1,10 @@
-//! Between opposed digits: a posture whose skin meets the object where the type says, and the object's place in it.
+//! Grasps between opposed digits: a posture whose skin meets the object as the type requires, and the object's pose in
+//! it.
 //!
-//! Each digit shall touch with a point of its pad (or of its side), whose skin looks in a known direction. The
-//! object's middle lies half its size in front of each such point: for a ball these middles coincide, for a rod they
-//! lie on one line, for a slab in one plane, and thumb and fingers look at each other; no other skin is inside the
-//! object. The posture with the least misfit is looked for among random commands, and improved by random steps.
+//! Each digit is to touch with a point of its pad (or of its side), whose outward normal is known. The object's centre
+//! lies half its size in front of each such point: for a ball these centres coincide, for a rod they lie on one line,
+//! for a slab in one plane. Thumb and fingers must face each other, and no other skin may be inside the object. The
+//! posture with the smallest misfit is searched among random commands, and improved by random steps.
 
 use hand_model::{Digit, DigitVector, Hand};
 use nalgebra::{Isometry3, Matrix3, Point3, UnitQuaternion, Vector3};
@@ -14,48 +15,49 @@ use super::attempt::{Attempt, STRONGEST, jitter, opposition, opposition_range, t
 use super::curl::Curls;
 use super::types::{GraspType, Opposition};
 
-/// Random commands looked at for a proposal, and the steps that improve the best one.
+/// Number of random commands evaluated for a proposal, and of steps that improve the best one.
 const LOOKS: usize = 150;
 const STEPS: usize = 150;
-/// The first step's size and what is left of it after each that brings nothing.
+/// Size of the first step, and shrink factor after each step without improvement.
 const STEP: f64 = 0.35;
 const SHRINK: f64 = 0.98;
-/// Tensions at which a digit meets the object, N.
+/// Range of tensions at which a digit meets the object, N.
 const MEETING: (f64, f64) = (0.7, 14.0);
-/// A misfit of this counts as much as looking past each other at a right angle, m.
+/// Misfit that costs as much as normals that miss each other by a right angle, m.
 const MISFIT: f64 = 0.003;
-/// How far along a flank, and how far round from its middle towards pad or back, rad.
+/// Ranges of a contact on a flank: position along it, as a share of its half length, and angle from its middle towards
+/// pad or back, rad.
 const ALONG_FLANK: (f64, f64) = (-0.9, 0.9);
 const ROUND: (f64, f64) = (-0.9, 0.9);
-/// The flat part of a flank is passed within this, rad.
+/// Angle within which the flat part of a flank is traversed, rad.
 const ROUND_EDGE: f64 = 0.1;
-/// How often three digits from the side take the object on the middle finger's flank.
+/// Probability that three digits opposing sideways take the object on the middle finger's flank.
 const ON_FLANK: f64 = 0.85;
-/// What a finger is pulled beyond that, N.
+/// Range of tension of a finger in excess of meeting, N.
 const PRESS: (f64, f64) = (1.5, 30.0);
-/// Two digits, which hold light things, press so much less.
+/// Factor on that excess for two digits, which hold light objects.
 const LIGHT: f64 = 0.3;
-/// What is left of the tension of meeting in a finger that presses by its springs.
+/// Range of the share of the meeting tension that remains in a finger that presses by its springs.
 const GIVING_WAY: (f64, f64) = (0.0, 0.7);
-/// Size of spread that tells a rod's direction, m.
+/// Spread of the contact centres that determines a rod's direction, m.
 const SPREAD: f64 = 0.01;
 
-/// What of a digit shall touch.
+/// Part of a digit that is to touch.
 #[derive(Debug, Clone, Copy)]
 enum Part {
-    /// Its pad, this far along.
+    /// Its pad, at this position along it.
     Pad(f64),
     Flank(Flank),
 }
 
-/// A place at the side of a finger.
+/// A point on the side of a finger.
 #[derive(Debug, Clone, Copy)]
 struct Flank {
     phalanx: usize,
-    /// How far along, and how far round towards the pad, rad.
+    /// Position along the flank, as a share of its half length, and angle towards the pad, rad.
     along: f64,
     round: f64,
-    /// -1 looks towards the thumb, 1 away from it.
+    /// -1 faces the thumb, 1 faces away from it.
     side: f64,
 }
 
@@ -65,7 +67,7 @@ impl Flank {
     }
 }
 
-/// Where digits touch, and the command that brings them there.
+/// Contact points of the digits, and the command that brings them there.
 #[derive(Debug, Clone)]
 struct Guess {
     opposition: f64,
@@ -73,7 +75,7 @@ struct Guess {
     parts: Vec<(Digit, Part)>,
 }
 
-/// A point of the skin and the way it looks, palm frame, m.
+/// A point of the skin and its outward normal, palm frame, m.
 struct Skin {
     at: Vector3<f64>,
     out: Vector3<f64>,
@@ -91,11 +93,11 @@ impl Guess {
         let thumb = (Digit::Thumb, Part::Pad(within(rng, kind.along)));
         let pad = |digit: &Digit| (*digit, Part::Pad(along));
         let parts = match (kind.opposition, kind.digits) {
-            // On the middle finger's side with the index finger's pad on top.
+            // On the middle finger's side, with the index finger's pad on top.
             (Opposition::Side, [Digit::Thumb, index, middle]) if rng.random_bool(ON_FLANK) => {
                 vec![thumb, pad(index), (*middle, Part::Flank(Flank::draw(-1.0, rng)))]
             }
-            // At the index finger's side, around it the others where they take part.
+            // At the index finger's side, with the other fingers around the object if they take part.
             (Opposition::Side, [Digit::Thumb, index, others @ ..]) => {
                 let flank = (*index, Part::Flank(Flank::draw(-1.0, rng)));
                 let around = if others.len() > 1 { others } else { &[] };
@@ -115,7 +117,7 @@ impl Guess {
         Self { opposition: opposition(kind, rng), tensions: tensions.into(), parts }
     }
 
-    /// A neighbour, `step` away.
+    /// Draws a neighbour at distance `step`.
     fn vary(&self, kind: &GraspType, step: f64, rng: &mut ChaCha8Rng) -> Self {
         let mut next = self.clone();
         for tension in &mut next.tensions {
@@ -137,7 +139,8 @@ impl Guess {
         next
     }
 
-    /// The links where the command leads them without the object, palm frame; fingers that take no part stay open.
+    /// Returns the link poses to which the command leads without the object, palm frame. Fingers that take no part stay
+    /// open.
     fn links(&self, hand: &Hand, curls: &Curls, kind: &GraspType) -> Vec<Isometry3<f64>> {
         let mut tensions = [0.0; 5];
         for digit in kind.digits.iter().chain(kind.helpers) {
@@ -152,14 +155,14 @@ impl Guess {
             let link = digit.ftac_joints()[phalanx];
             let cover = &hand.covers[link];
             let inner = cover.half.add_scalar(-cover.radius);
-            // The middle of the rounding, and the way out of it.
+            // Centre of the rounding, and its outward normal.
             let (core, out) = match part {
                 Part::Flank(Flank { along, round, side, .. }) => {
                     let (sin, cos) = round.sin_cos();
                     let edge = inner.y * (round / ROUND_EDGE).clamp(-1.0, 1.0);
                     (Vector3::new(along * inner.x, edge, side * inner.z), Vector3::new(0.0, sin, side * cos))
                 }
-                // Past the flat part, round the edge between pad and fingertip.
+                // Beyond the flat part the contact moves around the edge between pad and fingertip.
                 Part::Pad(along) => {
                     let (sin, cos) = ((along - 1.0).max(0.0) * std::f64::consts::FRAC_PI_2).sin_cos();
                     (Vector3::new(along.min(1.0) * inner.x, inner.y, 0.0), Vector3::new(sin, cos, 0.0))
@@ -173,7 +176,7 @@ impl Guess {
     }
 }
 
-/// The eigenvector of the greatest (`true`) or least eigenvalue.
+/// Returns the eigenvector of the largest (`true`) or smallest eigenvalue.
 fn axis(matrix: Matrix3<f64>, greatest: bool) -> Vector3<f64> {
     let eigen = matrix.symmetric_eigen();
     let value = |n: &usize| if greatest { eigen.eigenvalues[*n] } else { -eigen.eigenvalues[*n] };
@@ -181,7 +184,7 @@ fn axis(matrix: Matrix3<f64>, greatest: bool) -> Vector3<f64> {
     eigen.eigenvectors.column(found).into()
 }
 
-/// How badly the object fits between these places, and where it fits best. `lean` breaks ties in how it is turned.
+/// Returns the misfit of the object between these points, and its best pose. `lean` breaks ties in the orientation.
 fn fit(kind: &GraspType, skin: &[Skin], lean: &Vector3<f64>) -> (f64, Isometry3<f64>) {
     let fingers = (skin.len() - 1) as f64;
     let middles: Vec<Vector3<f64>> = skin.iter().map(|s| s.at + s.out * kind.half).collect();
@@ -192,7 +195,7 @@ fn fit(kind: &GraspType, skin: &[Skin], lean: &Vector3<f64>) -> (f64, Isometry3<
     let outs: Matrix3<f64> = skin.iter().map(|s| s.out * s.out.transpose()).sum();
     let spread: Matrix3<f64> = middles.iter().map(|m| (m - centre) * (m - centre).transpose()).sum();
     let onto = |axis: &Vector3<f64>| axis * axis.transpose();
-    // What of a middle's way from the centre, and of a skin's direction, is amiss.
+    // Projections that give the errors of a centre's offset and of a normal.
     let (off, askew, rotation) = match kind.prop.name.as_str() {
         "ball" => (Matrix3::identity(), Matrix3::zeros(), turn(&across, lean)),
         "disk" => {
@@ -238,7 +241,7 @@ pub fn propose(hand: &Hand, curls: &Curls, kind: &GraspType, rng: &mut ChaCha8Rn
     let mut place = score(&best, 0.0).1;
     place.translation.vector += jitter(rng, 0.002);
     place.rotation = UnitQuaternion::from_scaled_axis(jitter(rng, 0.1)) * place.rotation;
-    // What is pulled beyond the tension of meeting presses; the thumb presses against all fingers together.
+    // The tension in excess of meeting presses; the thumb presses against all fingers together.
     let light = if kind.digits.len() == 2 { LIGHT } else { 1.0 };
     let press = tension(rng, PRESS.0 * light, PRESS.1 * light);
     let fingers = kind.digits.iter().filter(|digit| **digit != Digit::Thumb).count() as f64;
@@ -253,13 +256,13 @@ pub fn propose(hand: &Hand, curls: &Curls, kind: &GraspType, rng: &mut ChaCha8Rn
     }
     let mut attempt = Attempt::new(&place, strong.into(), best.opposition);
     if kind.digits[0] != Digit::Thumb {
-        // One finger presses by its springs alone and would be pushed out of the way; cables that are held do not give.
+        // One finger presses by its springs alone and would be pushed out of the way; a locked cable does not yield.
         attempt.locked = true;
         let skins = best.skin(hand, &best.links(hand, curls, kind));
         for (digit, skin) in kind.digits.iter().zip(skins) {
             let n = digit.index();
             attempt.before[n] = best.tensions[n];
-            // What lies on a finger's back is pressed by its springs, when its cable gives way.
+            // A contact on the finger's back is pressed by its springs as its cable slackens.
             if skin.out.z > 0.0 {
                 attempt.tensions[n] = best.tensions[n] * within(rng, GIVING_WAY);
             }
@@ -273,7 +276,8 @@ mod tests {
     use super::super::types;
     use super::*;
 
-    /// Thumb from one side, fingers from the other at `apart` along y, all on the surface of a thing of this half size.
+    /// Returns skin points of a thumb on one side and of fingers on the other, at `apart` along y, all on the surface
+    /// of an object of this half size.
     fn around(centre: &Vector3<f64>, half: f64, apart: &[f64]) -> Vec<Skin> {
         let x = Vector3::x();
         let thumb = Skin { at: centre - x * half, out: x };
@@ -281,7 +285,8 @@ mod tests {
         std::iter::once(thumb).chain(fingers).collect()
     }
 
-    /// What lies between skins as it should fits without misfit, and one finger that is off by MISFIT costs its share.
+    /// An object that lies properly between skin points has no misfit, and one finger that is off by MISFIT costs its
+    /// share.
     #[test]
     fn a_rod_and_a_ball_between_opposed_skins() {
         let kinds = types::all();
@@ -299,7 +304,7 @@ mod tests {
         assert!((cost - 0.5).abs() < 1e-9, "both middles are half of it off: {cost}");
     }
 
-    /// Proposals are within what a type allows and the same for the same seed.
+    /// Proposals stay within the limits of a type and are the same for the same seed.
     #[test]
     fn proposals_keep_to_the_type() {
         use rand::SeedableRng;
@@ -316,7 +321,7 @@ mod tests {
         assert_eq!(one.tensions[3..], [0.0, 0.0]);
     }
 
-    /// Whatever a guess shall touch with lies on the digit's cover, but for the turn of a flank's flat part.
+    /// Every contact point of a guess lies on the digit's cover, except for the rounding of a flank's flat part.
     #[test]
     fn places_lie_on_covers() {
         use rand::SeedableRng;
@@ -337,7 +342,7 @@ mod tests {
         }
     }
 
-    /// Between two fingers: shaped before, then one pulls harder and the other gives way.
+    /// Between two fingers: they are preshaped, then one pulls harder and the other slackens.
     #[test]
     fn two_fingers_press_against_each_other() {
         use rand::SeedableRng;

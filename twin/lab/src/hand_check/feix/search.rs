@@ -1,7 +1,6 @@
-//! The search for a placement and commands that hold: a few lineages, each improved by steps away from its best
-//! attempt, beside fresh proposals that take the place of the worst lineage when they are better. Lineages that have
-//! not led to a hold for some time seldom do (most types are held within that, or take many times as long): then all of
-//! them begin anew.
+//! Search for a placement and commands that hold. A few lineages are each improved by steps from their best attempt,
+//! and fresh proposals replace the worst lineage if they are better. Lineages that have not led to a hold for some time
+//! seldom do (most types are held within that time, or take many times as long); then all of them restart.
 
 use std::cmp::Ordering;
 use std::sync::Arc;
@@ -17,18 +16,18 @@ use super::trial::{self, BURIED, Trial};
 use super::types::GraspType;
 
 const KEPT: usize = 4;
-/// Tries after which all begins anew.
+/// Number of attempts after which the search restarts.
 const ANEW: usize = 100;
-/// One try in so many is fresh.
+/// Interval of fresh proposals, attempts.
 const FRESH: usize = 4;
-/// Proposals drawn at most until one's object does not start inside the hand.
+/// Maximum number of draws until a proposal's object does not start inside the hand.
 const DRAWS: usize = 24;
-/// Least and greatest step, in units of the usual one, and how it grows with success and shrinks with failure.
+/// Range of step sizes, in units of the usual one, and factors on success and on failure.
 const STEPS: (f64, f64) = (0.15, 1.6);
 const GROWS: f64 = 1.6;
 const SHRINKS: f64 = 0.9;
 
-/// An attempt, what came of it, and how far its next neighbour is.
+/// A lineage: its best attempt, the result, and the size of the next step.
 struct Lineage {
     attempt: Attempt,
     trial: Trial,
@@ -36,23 +35,23 @@ struct Lineage {
 }
 
 impl Lineage {
-    /// What is held comes first, then what costs least.
+    /// Orders held attempts first, then by cost.
     fn order(&self, other: &Self) -> Ordering {
         other.trial.held().cmp(&self.trial.held()).then(self.trial.cost.total_cmp(&other.trial.cost))
     }
 }
 
-/// What a search came to.
+/// Result of a search.
 pub struct Found {
-    /// Tries made.
+    /// Number of attempts made.
     pub tries: usize,
-    /// The first attempt that holds, or the best one.
+    /// First attempt that holds, or the best one.
     pub attempt: Attempt,
-    /// What came of it.
+    /// Result of that attempt.
     pub trial: Trial,
 }
 
-/// Makes `tries` attempts at most; nothing is found by none.
+/// Makes at most `tries` attempts. Returns `None` if `tries` is 0.
 pub fn run(hand: &Arc<Hand>, curls: &Curls, kind: &GraspType, seed: u64, tries: usize) -> Option<Found> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     rng.set_stream(kind.number as u64);
@@ -71,7 +70,7 @@ pub fn run(hand: &Arc<Hand>, curls: &Curls, kind: &GraspType, seed: u64, tries: 
                 kept.push(Lineage { attempt, trial, step: 1.0 });
             }
         } else {
-            // The better ones more often.
+            // Better lineages are chosen more often.
             let chosen = rng.random_range(0..KEPT).min(rng.random_range(0..KEPT));
             let parent = &mut kept[chosen];
             let attempt = outside(hand, curls, kind, &mut rng, |rng| vary(&parent.attempt, parent.step, rng));
@@ -92,7 +91,7 @@ pub fn run(hand: &Arc<Hand>, curls: &Curls, kind: &GraspType, seed: u64, tries: 
     })
 }
 
-/// A proposal whose object does not start inside the hand, if one is drawn in time.
+/// Draws a proposal whose object does not start inside the hand, or the last one drawn if there is none.
 fn outside(
     hand: &Hand,
     curls: &Curls,
@@ -116,7 +115,7 @@ mod tests {
     use super::super::run;
     use super::*;
 
-    /// The same seed finds the same attempts, however many threads look for them.
+    /// The same seed finds the same attempts, however many threads search.
     #[test]
     fn threads_change_nothing() {
         let hand = Arc::new(Hand::ftac());

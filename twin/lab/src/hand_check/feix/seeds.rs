@@ -1,4 +1,4 @@
-//! The grasp types over many seeds: a figure that hangs on one seed is none.
+//! Grasp types over many seeds: a result that depends on one seed says nothing.
 
 use std::sync::Arc;
 
@@ -8,27 +8,27 @@ use serde::Serialize;
 
 use super::{GraspTypeResult, run};
 
-/// How a type came out over the seeds.
+/// Results of one type over the seeds.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct TypeOverSeeds {
-    /// 1 to 33.
+    /// Number of the type, 1 to 33.
     pub number: usize,
     /// Name in the taxonomy.
     pub name: &'static str,
-    /// Seeds with which it is held.
+    /// Number of seeds with which it is held.
     pub held: usize,
-    /// Seeds with which it is formed.
+    /// Number of seeds with which it is formed.
     pub formed: usize,
-    /// Seeds that were tried.
+    /// Number of seeds tried.
     pub seeds: usize,
-    /// Fewest, median and most attempts.
+    /// Numbers of attempts: fewest, median and most.
     pub tries: [usize; 3],
-    /// Strongest pull of any cable over the seeds, N: least, median, most.
+    /// Largest tension of any cable over the seeds, N: least, median, most.
     pub tension: [f64; 3],
 }
 
-/// Runs the search for types (all where `numbers` is empty) with `seeds` seeds from `first` on; the results of the first as well.
-/// `done` is called after each type of each seed.
+/// Runs the search for types (all if `numbers` is empty) with `seeds` seeds from `first` on. Returns the summaries, and
+/// the results of the first seed. `done` is called after each type of each seed.
 pub fn over_seeds(
     hand: &Arc<Hand>,
     (first, seeds): (u64, u64),
@@ -43,7 +43,7 @@ pub fn over_seeds(
     (found.collect(), runs.into_iter().next().unwrap_or_default())
 }
 
-/// One type's results, of at least one seed.
+/// Summarizes one type's results, of at least one seed.
 fn summary(results: &[&GraspTypeResult]) -> TypeOverSeeds {
     let count = |test: fn(&GraspTypeResult) -> bool| results.iter().filter(|result| test(result)).count();
     let mut tries: Vec<usize> = results.iter().map(|result| result.tries).collect();
@@ -63,7 +63,7 @@ fn summary(results: &[&GraspTypeResult]) -> TypeOverSeeds {
     }
 }
 
-/// The table as text.
+/// Returns the table as text.
 pub fn table(types: &[TypeOverSeeds]) -> String {
     let mut text = format!("{:27} {:>8} {:>18} {:>16}\n", "", "held", "tries", "strongest pull N");
     for TypeOverSeeds { number, name, held, seeds, tries, tension, .. } in types {

@@ -1,4 +1,5 @@
-//! One attempt in physics: what touches the object, and whether it stays under gravity from six directions.
+//! Trial of one attempt in physics: contacts of the hand with the object, and stability under gravity from six
+//! directions.
 
 use std::sync::Arc;
 
@@ -11,27 +12,27 @@ use sim::stand::{HandStand, tension_goals};
 use super::attempt::Attempt;
 use super::types::{GraspType, Opposition};
 
-/// Times to turn the thumb, close, and let the object settle after release, s.
+/// Times to turn the thumb, to close, and to let the object settle after release, s.
 const TURN: f64 = 0.4;
 const CLOSE: f64 = 1.4;
 const SETTLE: f64 = 0.8;
-/// Gravity from each direction for this long, looked at so often, s.
+/// Time of gravity from each direction, and interval of the checks on the object, s.
 const PULL: f64 = 0.8;
 const LOOK: f64 = 0.1;
-/// The object is held if it moves less than this, m, and is slower than that in the end, m/s.
+/// Hold criteria: maximum displacement of the object, m, and its maximum speed at the end, m/s.
 const STAYS: f64 = 0.01;
 const STILL: f64 = 0.01;
-/// An abducted thumb opposes by more than this, an adducted one by less, rad.
+/// Boundary between an abducted thumb, which opposes by more, and an adducted one, rad.
 const ABDUCTED: f64 = 0.6;
-/// The two last joints of a stretched finger are bent by less than this together, rad.
+/// Maximum sum of the flexions of the two last joints of a straight finger, rad.
 const STRETCHED: f64 = 0.6;
-/// A radian that a finger is bent too far costs as much as so many metres that a digit is off, m.
+/// Cost of excess flexion of a straight finger, as a gap of its digit, m per rad.
 const BEND: f64 = 0.02;
-/// Forces below this are no touch, N.
+/// Contact threshold on a force, N.
 const TOUCH: f64 = 0.01;
-/// The object may start this deep in the open hand, m.
+/// Maximum penetration of the object into the open hand at the start, m.
 pub const BURIED: f64 = 1e-3;
-/// A fault costs this, a digit that does not touch its distance over this, m, besides.
+/// Cost of a fault, and gap of a missing digit that costs 1 in addition, m.
 const FAULT: f64 = 10.0;
 const MISSING: f64 = 0.005;
 /// Directions of gravity with their names.
@@ -44,36 +45,36 @@ const WAYS: [(Vector3<f64>, &str); 6] = [
     (Vector3::new(0.0, 0.0, -1.0), "palm"),
 ];
 
-/// What came of an attempt.
+/// Result of an attempt.
 #[derive(Debug, Clone)]
 pub struct Trial {
-    /// What keeps the posture from being of its type, in words.
+    /// Reasons why the posture is not of its type, in words.
     pub faults: Vec<String>,
-    /// Directions of gravity in which the object is lost; none are tried where the posture is not of the type.
+    /// Directions of gravity in which the object is lost; none are tried if the posture is not of the type.
     pub lost: Vec<&'static str>,
     /// Joint angles after settling, rad.
     pub angles: HandVector,
     /// `palm_from_object` after settling.
     pub place: Isometry3<f64>,
-    /// Where the hand touches the object then, palm frame, m.
+    /// Contact points of the hand on the object then, palm frame, m.
     pub contacts: Vec<Point3<f64>>,
-    /// What the search makes smaller.
+    /// Cost that the search minimizes.
     pub cost: f64,
 }
 
 impl Trial {
-    /// All virtual fingers touch and nothing else does.
+    /// True if all virtual fingers touch and nothing else does.
     pub fn formed(&self) -> bool {
         self.faults.is_empty()
     }
 
-    /// Formed, and held in all six directions.
+    /// True if formed, and held in all six directions.
     pub fn held(&self) -> bool {
         self.formed() && self.lost.is_empty()
     }
 }
 
-/// Makes the attempt. `None` if its cost is above `enough`, which is found out as early as possible.
+/// Makes the attempt. Returns `None` if its cost is above `enough`, as early as this is known.
 pub fn run(hand: &Arc<Hand>, kind: &GraspType, attempt: &Attempt, enough: f64) -> Option<Trial> {
     let mut stand = HandStand::new(hand.clone(), EngineSettings::default());
     stand.run(&tension_goals(hand, &attempt.before, attempt.opposition), TURN);
@@ -118,8 +119,8 @@ pub fn run(hand: &Arc<Hand>, kind: &GraspType, attempt: &Attempt, enough: f64) -
     (cost <= enough).then_some(Trial { faults, lost, angles, place, contacts, cost })
 }
 
-/// Whether the object stays under gravity along `way`, and the cost: what it moves over [`STAYS`], or 1 and the share of
-/// the time that was left when it was lost.
+/// Applies gravity along `way`. Returns true if the object stays and is still at the end, and the cost: its
+/// displacement over [`STAYS`], or, if that exceeds 1, 1 plus the share of the time that was left.
 fn pull(mut stand: HandStand, goals: &[ServoGoal], way: &Vector3<f64>) -> (bool, f64) {
     let from = stand.pose(0).translation.vector;
     stand.set_gravity(&(way * 9.81));
@@ -135,7 +136,7 @@ fn pull(mut stand: HandStand, goals: &[ServoGoal], way: &Vector3<f64>) -> (bool,
     (stand.prop_velocity(0).norm() <= STILL, moved / STAYS)
 }
 
-/// The servos that pull a cable keep the angle they stand at instead of their current.
+/// Locks the servos that pull a cable: they hold their present angle instead of their current.
 fn lock(stand: &HandStand, mut goals: ActuatorVector<ServoGoal>) -> ActuatorVector<ServoGoal> {
     let current_limit = stand.hand().parameters.servo.current_limit;
     for (goal, servo) in goals.iter_mut().zip(stand.servos()) {
@@ -146,13 +147,13 @@ fn lock(stand: &HandStand, mut goals: ActuatorVector<ServoGoal>) -> ActuatorVect
     goals
 }
 
-/// How far the two last joints of a digit are bent together, rad.
+/// Returns the sum of the flexions of a digit's two last joints, rad.
 fn bent(stand: &HandStand, digit: Digit) -> f64 {
     let [_, middle, last] = digit.ftac_joints();
     stand.angles()[middle] + stand.angles()[last]
 }
 
-/// How far the skin of `links` is from the object, m.
+/// Returns the gap between the skin of the links `own` and the object, m.
 fn gap(stand: &HandStand, own: &[usize]) -> f64 {
     let (links, pose) = (stand.links(), stand.pose(0));
     let skin = own
@@ -163,7 +164,7 @@ fn gap(stand: &HandStand, own: &[usize]) -> f64 {
         .max(0.0)
 }
 
-/// What keeps the posture from being of its type.
+/// Lists the reasons why the posture is not of its type.
 fn faults(kind: &GraspType, stand: &HandStand) -> Vec<String> {
     let mut forces = [0.0; 6];
     let mut sideways = [0.0; 6];
@@ -204,7 +205,7 @@ fn faults(kind: &GraspType, stand: &HandStand) -> Vec<String> {
         Opposition::Palm if !palm => faults.push("the palm does not touch".into()),
         Opposition::Pad if palm => faults.push("the palm touches".into()),
         Opposition::Side => {
-            // The finger next to the thumb (or both fingers, where there is no thumb) takes part with its side.
+            // The finger next to the thumb (or both fingers, if there is no thumb) must touch with its side.
             let of_side = |digit: Digit| sideways[digit.index()] > 0.5 * forces[digit.index()];
             let sided = match kind.digits {
                 [Digit::Thumb, rest @ ..] => rest.iter().any(|digit| of_side(*digit)),
@@ -243,7 +244,7 @@ mod tests {
         (kind, Attempt::new(&place, fingers.into(), 0.0))
     }
 
-    /// Four fingers around a rod at the palm keep it in the palm; open, each is said to be off, and by how much.
+    /// Four fingers around a rod at the palm hold it there; of an open hand, each is reported as off, with its gap.
     #[test]
     fn a_hook_is_formed_and_an_open_hand_is_not() {
         let hand = Arc::new(Hand::ftac());
@@ -256,7 +257,7 @@ mod tests {
         assert!(!trial.formed() && off.len() == 4, "{trial:?}");
     }
 
-    /// A bound above the cost changes nothing, one below ends the attempt.
+    /// A bound above the cost changes nothing; one below ends the attempt.
     #[test]
     fn bounds_only_save_time() {
         let hand = Arc::new(Hand::ftac());

@@ -1,41 +1,41 @@
-//! The 33 types of Feix et al. (2016) with a suitable object for each.
+//! The 33 grasp types of Feix et al. (2016), with a suitable object for each.
 
 use hand_model::Digit;
 use nalgebra::{Isometry3, Vector3};
 use sim::stand::Prop;
 use world::Shape;
 
-/// Between which parts of the hand the object is.
+/// Parts of the hand between which the object is held.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Opposition {
     /// Palm and fingers.
     Palm,
     Pad,
-    /// The thumb and the side of a finger, or two fingers' sides.
+    /// Thumb and side of a finger, or the sides of two fingers.
     Side,
 }
 
 pub struct GraspType {
-    /// 1 to 33.
+    /// Number of the type, 1 to 33.
     pub number: usize,
     /// Name in the taxonomy.
     pub name: &'static str,
     pub opposition: Opposition,
     /// Digits that must touch, thumb first.
     pub digits: &'static [Digit],
-    /// Digits that may touch besides.
+    /// Digits that may touch in addition.
     pub helpers: &'static [Digit],
-    /// Whether the thumb is abducted.
+    /// True if the thumb is abducted.
     pub abducted: bool,
-    /// Digits that lie on the object stretched, with more than their first links.
+    /// Digits that lie straight on the object, with more than their first links.
     pub extended: &'static [Digit],
-    /// What is held; its long axis is z, what the digits oppose across is x.
+    /// Held object. Its long axis is z; the digits oppose each other along x.
     pub prop: Prop,
-    /// Half its size along x, m.
+    /// Half of the object's size along x, m.
     pub half: f64,
-    /// How far along the pads it is taken: from -1 to 1 on their flat part, 2 is the fingertip.
+    /// Range of contact positions along the pads: -1 to 1 on their flat part, 2 is the fingertip.
     pub along: (f64, f64),
-    /// What is simplified, if anything.
+    /// Simplification of the object, if any.
     pub note: &'static str,
 }
 
@@ -46,10 +46,10 @@ const ALL: &[Digit] = &[T, I, M, R, L];
 const NONE: &[Digit] = &[];
 const THUMB: &[Digit] = &[T];
 
-/// With the pad anywhere, and with the fingertip.
+/// Contact positions: anywhere on the pad, and with the fingertip.
 const PAD: (f64, f64) = (-0.4, 1.3);
 const TIP: (f64, f64) = (0.9, 1.7);
-/// With the pad's base, so that more than the last phalanx goes round.
+/// Contact position at the pad's base, so that more than the last phalanx goes around the object.
 const BASE: (f64, f64) = (-1.0, 0.0);
 
 fn rod(radius: f64, length: f64, mass: f64) -> (Prop, f64) {
@@ -65,12 +65,12 @@ fn slab(x: f64, y: f64, z: f64, mass: f64) -> (Prop, f64) {
     (Prop::new("slab", Shape::Cuboid { half, radius: 0.2 * half.min() }, mass, 0.8), half.x)
 }
 
-/// A disk whose flat sides face z and whose rim the digits oppose.
+/// Returns a disk whose flat sides face z; the digits oppose each other across its rim.
 fn disk(radius: f64, thickness: f64, mass: f64) -> (Prop, f64) {
     (Prop::new("disk", Shape::Cylinder { radius, half_height: 0.5 * thickness }, mass, 0.8), radius)
 }
 
-/// Two parallel rods with a bridge: shanks of scissors, or sticks.
+/// Returns two parallel rods with a bridge: shanks of scissors, or sticks.
 fn pair(radius: f64, apart: f64, length: f64, mass: f64) -> (Prop, f64) {
     let shank = Shape::Cylinder { radius, half_height: 0.5 * length };
     let bridge = Shape::Cuboid { half: Vector3::new(0.5 * apart, 0.6 * radius, 0.003), radius: 0.001 };
@@ -82,7 +82,7 @@ fn pair(radius: f64, apart: f64, length: f64, mass: f64) -> (Prop, f64) {
     (Prop { name: "pair".into(), parts, mass, friction: 0.8 }, 0.5 * apart + radius)
 }
 
-/// All 33, in order.
+/// Returns all 33 types, in order.
 pub fn all() -> Vec<GraspType> {
     use Opposition::{Pad, Palm, Side};
     let mut types: Vec<GraspType> = Vec::new();
@@ -156,7 +156,7 @@ pub fn all() -> Vec<GraspType> {
 mod tests {
     use super::*;
 
-    /// The totals that the taxonomy states.
+    /// Totals that the taxonomy states.
     #[test]
     fn totals_of_the_taxonomy() {
         let types = all();

@@ -1,7 +1,8 @@
-//! How near the thumb's tip could come to a point if every joint could be set freely: what the hand's geometry allows, whatever
-//! its cables, springs and servos do.
+//! Reachability of a point by the thumb's tip if every joint could be set freely: the limit set by the hand's geometry,
+//! without its cables, springs and servos.
 //!
-//! Random postures within the joints' limits, the best of which are improved by random steps that shrink.
+//! Random postures within the joints' limits are drawn, and the best of them are improved by random steps of shrinking
+//! size.
 
 use hand_model::{Digit, Hand, HandVector};
 use nalgebra::Point3;
@@ -11,27 +12,27 @@ use sim::stand::self_penetration_at;
 
 use super::target::{OVERLAP, Target, distance};
 
-/// Random postures, those of them that are looked at for overlap, and those that are improved.
+/// Numbers of random postures, of those checked for overlap, and of those improved.
 const LOOKS: usize = 4000;
 const NEAR: usize = 120;
 const STARTS: usize = 6;
-/// Steps of improvement, the first step's size (rad) and what is left of it after each that brings nothing.
+/// Number of improvement steps, size of the first (rad), and shrink factor after each step without improvement.
 const STEPS: usize = 250;
 const STEP: f64 = 0.25;
 const SHRINK: f64 = 0.97;
-/// An overlap counts this many times against a distance.
+/// Penalty factor of overlap relative to distance.
 const PENALTY: f64 = 10.0;
 
-/// Least distances of the thumb's tip from a point, m.
+/// Smallest distances of the thumb's tip from a point, m.
 #[derive(Debug, Clone, Copy)]
 pub struct Reach {
-    /// Over all postures within the joints' limits, covers through each other or not.
+    /// Over all postures within the joints' limits, whether or not covers intersect.
     pub any: f64,
-    /// Over those in which covers overlap no more than the check allows.
+    /// Over the postures with no more overlap than the check allows.
     pub clear: f64,
 }
 
-/// Searches both. Joints that neither belong to the thumb nor to the target's finger stay at 0.
+/// Searches for both distances. Joints that belong neither to the thumb nor to the target's finger stay at 0.
 pub fn reach(hand: &Hand, target: &Target, tip: &[Point3<f64>], rng: &mut ChaCha8Rng) -> Reach {
     let mut joints = Digit::Thumb.ftac_joints().to_vec();
     joints.extend(target.link.into_iter().flat_map(|link| Digit::ALL[link / 3].ftac_joints()));
@@ -56,7 +57,7 @@ pub fn reach(hand: &Hand, target: &Target, tip: &[Point3<f64>], rng: &mut ChaCha
     Reach { any, clear: improve(hand, &joints, &looks, clear, rng) }
 }
 
-/// The least cost found from the first of `starts` (sorted by cost) on.
+/// Returns the smallest cost found from the first of `starts` (sorted by cost).
 fn improve(
     hand: &Hand,
     joints: &[usize],
@@ -97,7 +98,7 @@ mod tests {
         Target { name: "test", link: None, points: vec![point] }
     }
 
-    /// A point that the tip touches in a known posture is found to be reached, one far from the hand is as far as it is.
+    /// A point that the tip touches in a known posture is reached, and a point far from the hand stays as far as it is.
     #[test]
     fn known_points() {
         let hand = Hand::ftac();

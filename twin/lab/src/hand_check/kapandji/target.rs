@@ -1,39 +1,40 @@
-//! The ten points of the Kapandji test on our covers, and how far the thumb's tip is from them.
+//! The ten points of the Kapandji test on our covers, and the distance of the thumb's tip from them.
 //!
-//! Where a crease lies from its joint is measured on 53 hands by Bugbee and Botte (Clin Orthop 296, 1993): the distal digital
-//! crease 7 to 8 mm and the middle one 2 to 3 mm on the wrist's side of their joints, the proximal one 14 to 20 mm on the
-//! fingertip's side of the MCP joint (ours ends with the palm's cover, at 14.5 mm), the distal palmar crease 6.8 to 10.3 mm on
-//! the wrist's side of the MCP joints, from the ulnar edge to the middle finger.
+//! Distances of creases from their joints were measured on 53 hands by Bugbee and Botte (Clin Orthop 296, 1993): the
+//! distal digital crease lies 7 to 8 mm and the middle one 2 to 3 mm on the wrist's side of their joints, the proximal
+//! one 14 to 20 mm on the fingertip's side of the MCP joint (ours ends with the palm's cover, at 14.5 mm), the distal
+//! palmar crease 6.8 to 10.3 mm on the wrist's side of the MCP joints, from the ulnar edge to the middle finger.
 
 use hand_model::{Digit, Hand};
 use nalgebra::{Isometry3, Point3, Vector3};
 
-/// Covers may overlap by this much, m: the engine's contacts give way a little.
+/// Tolerance on the overlap of covers, m: the engine's contacts yield a little.
 pub const OVERLAP: f64 = 5e-4;
-/// Creases from their joints, the middle of what was measured, m: DIP, PIP, distal palmar crease from the MCP joints.
+/// Distances of creases from their joints, m, centres of the measured ranges: DIP, PIP, distal palmar crease from the
+/// MCP joints.
 const DIP_CREASE: f64 = 0.0075;
 const PIP_CREASE: f64 = 0.0025;
 const PALMAR_CREASE: f64 = 0.0085;
-/// Points of a crease that runs across the palm.
+/// Number of points of a crease that runs across the palm.
 const ALONG: usize = 24;
 
-/// One of the ten points.
+/// One of the ten target points.
 pub struct Target {
     pub name: &'static str,
     /// Link that carries it; `None` is the palm.
     pub link: Option<usize>,
-    /// In the link's frame, m; a crease across the palm is many points, any of which will do.
+    /// Points in the link's frame, m. A crease across the palm has many, any of which counts.
     pub points: Vec<Point3<f64>>,
 }
 
-/// The ten points, in the order of the test.
+/// Returns the ten points, in the order of the test.
 pub fn targets(hand: &Hand) -> Vec<Target> {
     let side = |link: usize| {
         // Radial is the thumb's side: minus z of a finger's link.
         let cover = &hand.covers[link];
         cover.link_from_cover * Point3::new(0.0, 0.0, -cover.half.z)
     };
-    // On the rounded edge between pad and end, half way round.
+    // On the rounded edge between pad and end, half way around.
     let tip = |link: usize| {
         let cover = &hand.covers[link];
         let inner = cover.half.add_scalar(-cover.radius);
@@ -50,7 +51,8 @@ pub fn targets(hand: &Hand) -> Vec<Target> {
     let on =
         |name: &'static str, link: usize, point: Point3<f64>| Target { name, link: Some(link), points: vec![point] };
     let [dip, pip] = [l2, l1].map(|link| hand.tree.joints[link].origin.translation.x);
-    // Across the palm through the MCP joints of little, ring and middle finger, from the flat part's ulnar edge on.
+    // Across the palm through the MCP joints of little, ring and middle finger, starting at the ulnar edge of the flat
+    // part.
     let knuckles = [Digit::Little, Digit::Ring, Digit::Middle].map(mcp);
     let edge = palm.link_from_cover.translation.x - palm.half.x + palm.radius;
     let palmar_crease = (0..ALONG)
@@ -75,7 +77,7 @@ pub fn targets(hand: &Hand) -> Vec<Target> {
     ]
 }
 
-/// The thumb's tip: the distal half of its last link's skin, palmar side and end, link frame.
+/// Returns the points of the thumb's tip: the distal half of its last link's skin, palmar side and end, link frame.
 pub fn thumb_tip(hand: &Hand) -> Vec<Point3<f64>> {
     let cover = &hand.covers[Digit::Thumb.ftac_joints()[2]];
     let middle = cover.link_from_cover.translation.x;
@@ -92,7 +94,7 @@ pub fn distance(target: &Target, tip: &[Point3<f64>], links: &[Isometry3<f64>]) 
     nearest(target, tip, links).0
 }
 
-/// The smallest distance (m) of the thumb's tip from the target, and the target's place there, palm frame.
+/// Returns the smallest distance (m) of the thumb's tip from the target, and the target's nearest point, palm frame.
 pub fn nearest(target: &Target, tip: &[Point3<f64>], links: &[Isometry3<f64>]) -> (f64, Point3<f64>) {
     let carrier = target.link.map_or(Isometry3::identity(), |link| links[link]);
     let mut best = (f64::INFINITY, Point3::origin());

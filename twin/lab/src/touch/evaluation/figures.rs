@@ -1,4 +1,4 @@
-//! The figures of the evaluation, as they are printed.
+//! Results of the evaluation as JSON.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -14,48 +14,48 @@ use crate::touch::poses::{Causes, Class, FeltGrasp, MedianP95, PoseSource, Sprea
 /// Errors of normals.
 #[derive(Serialize, JsonSchema)]
 struct Normals<'a> {
-    /// Method by which normals are found in trials.
+    /// Method that trials use for normals.
     method: Method,
-    /// On shapes that were not trained on.
+    /// Errors on shapes that were not trained on.
     unseen_shapes: Option<Measured>,
-    /// On presses of a real sensor.
+    /// Errors on presses of a real sensor.
     real: Option<Measured>,
     unseen_shapes_by_method: BTreeMap<&'static str, Measured>,
     real_by_method: Option<&'a [RealRow]>,
     real_source: Option<&'a RealSource>,
 }
 
-/// Errors of the in-hand poses of some grasps.
+/// Errors of the in-hand poses of a group of grasps.
 #[derive(Serialize, JsonSchema)]
 struct Poses {
     #[serde(flatten)]
     touch: Spread,
-    /// Shares of the grasps: truth in the 95 % region, far off, and why.
+    /// Shares of the grasps: truth in the 95 % region, large errors, and their causes.
     causes: Causes,
-    /// Of the plan's guess.
+    /// Errors of the plan's prior.
     plan: Spread,
-    /// By servos and felt points alone.
+    /// Errors of the estimate from servos and felt points alone.
     points_only: Spread,
 }
 
-/// Errors of in-hand poses by what is held.
+/// Errors of in-hand poses by class of object.
 #[derive(Serialize, JsonSchema)]
 struct PosesByClass {
     all: Poses,
-    /// Objects of which every turn looks the same.
+    /// Objects with full rotational symmetry.
     ball: Poses,
-    /// Objects that are round about an axis.
+    /// Objects with an axis of rotational symmetry.
     round: Poses,
-    /// Objects of which some turns look the same.
+    /// Objects with discrete rotational symmetry.
     #[serde(rename = "box")]
     cuboid: Poses,
-    /// Objects of which no turn looks the same.
+    /// Objects without rotational symmetry.
     irregular: Poses,
-    /// One entry an object.
+    /// One entry per object.
     objects: BTreeMap<String, Poses>,
 }
 
-/// Time of a step on this machine, ms.
+/// Latency of a step on this machine, ms.
 #[derive(Serialize, JsonSchema)]
 struct Latency {
     /// Median.
@@ -64,26 +64,26 @@ struct Latency {
     p99: Option<f64>,
 }
 
-/// Everything measured.
+/// Results of the evaluation.
 #[derive(Serialize, JsonSchema)]
 pub struct Figures<'a> {
-    /// Seed of everything random.
+    /// Seed of all random numbers.
     seed: u64,
     grasps: usize,
     normals: Normals<'a>,
-    /// Error of heights, RMS, um.
+    /// Root-mean-square error of heights, um.
     height_rms_um: Option<f64>,
     pose: PosesByClass,
-    /// Position error over the stated standard deviation.
+    /// Ratio of position error to stated standard deviation.
     error_over_sigma: MedianP95,
-    /// Time of images, of the pose, and of both together, on this machine, ms.
+    /// Latency of images, of the pose, and of both together, on this machine, ms.
     latency_ms: BTreeMap<&'static str, Latency>,
-    /// The same under changes of the optics that touch was not trained on.
+    /// Results under changes of the optics that touch was not trained on.
     changed: &'a [ChangedOptics],
 }
 
 impl TouchEvaluation {
-    /// Everything measured.
+    /// Collects the results.
     pub fn figures(&self, seed: u64) -> Figures<'_> {
         let rows = self.as_built();
         let ratios: Vec<f64> = self.felt.iter().map(|felt| felt.ratio).collect();

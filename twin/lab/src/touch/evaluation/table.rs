@@ -1,4 +1,4 @@
-//! The evaluation as text.
+//! Results of the evaluation as text.
 
 use std::collections::BTreeSet;
 
@@ -11,7 +11,7 @@ use crate::touch::poses::{Causes, Class, FAR, FeltGrasp, PoseSource, Spread, cau
 
 const SOURCES: [PoseSource; 3] = [PoseSource::Plan, PoseSource::Points, PoseSource::Touch];
 
-/// Everything measured.
+/// Formats all results.
 pub fn to_text(found: &TouchEvaluation) -> String {
     let TouchEvaluation { felt, changed, real } = found;
     let normals = normals(found.as_built(), real.as_ref());
@@ -110,7 +110,7 @@ fn poses(felt: &[FeltGrasp]) -> String {
     text
 }
 
-/// Causes of large pose errors, by kind of object.
+/// Formats the causes of large pose errors, by class of object.
 fn error_causes(felt: &[FeltGrasp]) -> String {
     let mut text = format!(
         "{:16} {:>9} {:>11} {:>12} {:>12} {:>12}\n",
