@@ -6,7 +6,7 @@ use hand_model::robot::ArmState;
 use crate::safety::checks::ArmReading;
 use crate::safety::state::ArmTrouble;
 
-/// The arm does not answer, or refuses; the text is its own, or its client's.
+/// The arm does not answer or refuses; `text` is its own or its client's message.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("arm: {text}")]
 pub struct ArmLinkError {
@@ -15,7 +15,7 @@ pub struct ArmLinkError {
 }
 
 impl ArmLinkError {
-    /// A set-point for an arm that does not follow any.
+    /// Creates the error for a set-point sent to an arm that is not engaged.
     pub fn unready() -> Self {
         Self { trouble: ArmTrouble::Refused, text: "found a set-point, expected engage() first".to_owned() }
     }
@@ -23,25 +23,25 @@ impl ArmLinkError {
 
 /// An arm's controller. It is called once per servo cycle and must not block for more than a fraction of one.
 pub trait ArmLink: Send {
-    /// The newest feedback; `now` is s since the bridge's start, and the reading's time is on that clock.
+    /// Reads the newest feedback. `now` is the time since the bridge's start, s; the reading's time is on that clock.
     fn read(&mut self, now: f64) -> Result<ArmReading, ArmLinkError>;
 
     /// Prepares to follow set-points, starting at the measured position. Called when the robot is armed.
     fn engage(&mut self) -> Result<(), ArmLinkError>;
 
-    /// New joint set-points, rad, within limits.
+    /// Sends new joint set-points, rad, within limits.
     fn command(&mut self, set_points: &[f64]) -> Result<(), ArmLinkError>;
 
     /// Stops the arm at its position and leaves set-point mode.
     fn disengage(&mut self) -> Result<(), ArmLinkError>;
 
-    /// Whether its readings hold measured torques.
+    /// True if the readings hold measured torques.
     fn senses_torque(&self) -> bool {
         true
     }
 }
 
-/// A stand-in for an arm: each set-point is measured one call later.
+/// A stand-in for an arm: each set-point is the measurement of the next call.
 #[derive(Debug, Clone)]
 pub struct LoopbackArm {
     position: ArmVector,
@@ -49,7 +49,7 @@ pub struct LoopbackArm {
 }
 
 impl LoopbackArm {
-    /// An arm in this posture, rad.
+    /// Creates an arm in this posture, rad.
     pub fn at(position: ArmVector) -> Self {
         Self { position, engaged: false }
     }

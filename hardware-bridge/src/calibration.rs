@@ -1,7 +1,8 @@
 //! The calibration of one hand's servos: the open mark and the travel of each.
 //!
-//! Homing offsets are stored twice, in the servos' EEPROM and in this file. They serve as serial numbers, which the XC330 lacks: a servo that
-//! was replaced or remounted has another offset and is refused. The file carries a CRC of its content, so that edits by hand are refused as well.
+//! Homing offsets are stored twice, in the servos' EEPROM and in this file. They serve as serial numbers, which the
+//! XC330 lacks: a servo that was replaced or remounted has another offset and is refused. The file carries a CRC of its
+//! content, so that manual edits are refused as well.
 
 use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
@@ -14,7 +15,7 @@ use crate::tactile_link::frame::digest;
 
 /// Version of this format.
 const VERSION: u32 = 1;
-/// At power-up a shaft is assumed to stand at most this share of a turn before the open mark.
+/// Maximum distance of a shaft before the open mark that is assumed at power-up, as a share of a turn.
 const BEFORE_MARK: f64 = 0.2;
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -52,7 +53,7 @@ impl HandCalibration {
         calibration
     }
 
-    /// CRC of all other fields. Recordings store it.
+    /// Returns the CRC of all other fields. Recordings store it.
     pub fn hash(&self) -> String {
         let bare = Self { crc: String::new(), ..self.clone() };
         // Numbers and strings always have a JSON form.
@@ -60,7 +61,7 @@ impl HandCalibration {
         format!("{:08x}", digest(text.as_bytes()))
     }
 
-    /// Travel of every servo, rad.
+    /// Returns the travel of every servo, rad.
     pub fn travel(&self) -> [f64; SERVOS] {
         std::array::from_fn(|n| self.servos[n].travel)
     }
@@ -94,11 +95,11 @@ impl HandCalibration {
     }
 }
 
-/// What a calibration that failed had found, kept beside the calibration file.
+/// Results of a calibration that failed, kept beside the calibration file.
 pub struct Unfinished(PathBuf);
 
 impl Unfinished {
-    /// Beside the calibration file at `path`.
+    /// Returns the unfinished calibration beside the calibration file at `path`.
     pub fn beside(path: &Path) -> Self {
         let mut name = path.as_os_str().to_owned();
         name.push(".part");
@@ -109,7 +110,7 @@ impl Unfinished {
         &self.0
     }
 
-    /// The servos found, in the order of `ids`; others than these are refused.
+    /// Reads the servos found, in the order of `ids`; others than these are refused.
     pub fn read(&self, ids: &[u8; SERVOS]) -> Result<Vec<ServoCalibration>, ConfigError> {
         let path = &self.0;
         let text = std::fs::read_to_string(path).map_err(|source| ConfigError::Io { path: path.clone(), source })?;
@@ -142,8 +143,8 @@ fn write(path: &Path, text: &str) -> Result<(), ConfigError> {
         .map_err(|source| ConfigError::Io { path: path.to_owned(), source })
 }
 
-/// Whole turns (rad) to subtract from a servo's readings to get angles from the open mark. After power-up a servo knows its angle only within
-/// one turn; `reading` (rad) is its present one.
+/// Returns the whole turns (rad) to subtract from a servo's readings to get angles from the open mark. After power-up a
+/// servo knows its angle only within one turn; `reading` (rad) is its present one.
 pub fn turns_to_forget(reading: f64) -> f64 {
     ((reading + BEFORE_MARK * TAU) / TAU).floor() * TAU
 }
@@ -173,7 +174,7 @@ mod tests {
     }
 
     proptest! {
-        /// Whatever turn the servo woke up in, the angle from the open mark comes out.
+        /// The angle from the open mark is recovered whatever turn the servo woke up in.
         #[test]
         fn turns(angle in -1.2..5.0_f64, turns in -3..3_i32) {
             let reading = angle + f64::from(turns) * TAU;

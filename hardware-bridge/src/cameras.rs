@@ -8,15 +8,15 @@ use crate::tactile_link::TactileLink;
 use crate::tactile_link::counters::CameraCounters;
 use crate::tactile_link::link::LinkError;
 
-/// The cameras cannot be opened.
+/// Error of opening the cameras.
 #[derive(Debug, thiserror::Error)]
 pub enum CamerasError {
     #[error(transparent)]
     Board(#[from] LinkError),
-    /// UVC devices that show another number of cameras than the hand has.
+    /// The UVC devices show another number of cameras than the hand has.
     #[error("uvc: found {found} cameras, expected {expected}")]
     Number { found: usize, expected: usize },
-    /// UVC devices.
+    /// Error of a UVC device.
     #[cfg(feature = "uvc")]
     #[error(transparent)]
     Uvc(#[from] crate::uvc::device::UvcError),
@@ -35,7 +35,7 @@ pub enum Cameras {
 }
 
 impl Cameras {
-    /// Opens the configured cameras of a hand that has so many; `None` if there are none.
+    /// Opens the configured cameras of a hand with `cameras` cameras; `None` if none are configured.
     ///
     /// # Errors
     /// [`CamerasError`].
@@ -57,7 +57,7 @@ impl Cameras {
         Err(CamerasError::NoUvc(config.uvc.len()))
     }
 
-    /// The link to the camera board, if that is the connection.
+    /// Returns the link to the camera board, if that is the connection.
     pub fn board(&self) -> Option<&TactileLink> {
         match self {
             Self::Board(link) => Some(link),
@@ -66,10 +66,10 @@ impl Cameras {
         }
     }
 
-    /// Asks for one image of every camera.
+    /// Requests one image of every camera.
     ///
     /// # Errors
-    /// The board's port.
+    /// Error of the board's port.
     pub fn request_capture(&self) -> Result<(), LinkError> {
         match self {
             Self::Board(link) => link.request_capture(),
@@ -81,7 +81,7 @@ impl Cameras {
         }
     }
 
-    /// The images finished since the last call.
+    /// Returns the images finished since the last call.
     pub fn take(&self) -> Vec<TactileFrame> {
         match self {
             Self::Board(link) => link.take(),
@@ -90,7 +90,7 @@ impl Cameras {
         }
     }
 
-    /// Counters of every camera.
+    /// Returns the counters of every camera.
     pub fn cameras(&self) -> Vec<CameraCounters> {
         match self {
             Self::Board(link) => link.cameras(),
@@ -99,7 +99,7 @@ impl Cameras {
         }
     }
 
-    /// The reason why the cameras stopped working, if they did.
+    /// Returns the reason why the cameras stopped working, if they did.
     pub fn lost(&self) -> Option<String> {
         match self {
             Self::Board(link) => link.lost_port(),

@@ -1,10 +1,10 @@
-//! The bridge's clock: the host's monotonic clock, or an emulated one that is advanced by steps.
+//! The bridge's clock: the host's monotonic clock, or an emulated one that is advanced in steps.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
-/// Seconds since the bridge's start.
+/// Clock that counts seconds since the bridge's start.
 #[derive(Debug, Clone)]
 pub enum Clock {
     /// Real time since this instant.
@@ -14,17 +14,17 @@ pub enum Clock {
 }
 
 impl Clock {
-    /// A real-time clock that starts now.
+    /// Creates a real-time clock that starts now.
     pub fn wall() -> Self {
         Self::Wall(Instant::now())
     }
 
-    /// An emulated clock at 0 s.
+    /// Creates an emulated clock at 0 s.
     pub fn emulated() -> Self {
         Self::Emulated(Arc::new(AtomicU64::new(0.0_f64.to_bits())))
     }
 
-    /// s.
+    /// Returns the present time, s.
     pub fn now(&self) -> f64 {
         match self {
             Self::Wall(start) => start.elapsed().as_secs_f64(),

@@ -3,7 +3,7 @@
 //! ```toml
 //! version = 1
 //! calibration = "calibration.json"      # beside this file
-//! stop_socket = "stop"                  # a further stop socket, beside the one that any terminal finds; may be left out
+//! stop_socket = "stop"                  # optional: a stop socket in addition to the default one, which any terminal finds
 //!
 //! [servos]
 //! port = "/dev/serial/by-id/usb-FTDI_..."
@@ -12,7 +12,7 @@
 //! [cameras]
 //! port = "/dev/serial/by-id/usb-..."
 //!
-//! # or webcams instead (feature `uvc`), one section each; together they cover all cameras of the hand
+//! # or webcams instead (feature `uvc`), one section each; together they show all cameras of the hand
 //! [[uvc]]
 //! device = "0123456"                    # path, part of a name below /dev/v4l/by-id (serial number), or the card's name
 //! size = [640, 480]
@@ -25,7 +25,7 @@
 //! user = "ftac"
 //! password_file = "arm-password"        # readable by its owner alone; or the variable FTAC_ARM_PASSWORD
 //!
-//! [limits]                              # all of it may be left out
+//! [limits]                              # optional, as is each of its fields
 //! current = 0.6
 //! ```
 
@@ -49,10 +49,10 @@ pub use limits::{ArmLimitConfig, LimitConfig, SpaceConfig};
 use secrets::{Password, syntax_message};
 pub use uvc::{UvcConfig, UvcFormat, UvcSquare};
 
-/// What is wrong with a configuration or calibration file.
+/// Error in a configuration or calibration file.
 #[derive(Debug, thiserror::Error)]
 pub enum ConfigError {
-    /// It cannot be read or written.
+    /// The file cannot be read or written.
     #[error("{path}: {source}")]
     Io {
         /// The file.
@@ -60,7 +60,7 @@ pub enum ConfigError {
         /// The operating system's reason.
         source: std::io::Error,
     },
-    /// It is not well-formed, or has fields it should not have.
+    /// The file is not well-formed, or has unknown fields.
     #[error("{path}: {message}")]
     Syntax {
         /// The file.
@@ -68,16 +68,16 @@ pub enum ConfigError {
         /// The parser's message, with the position.
         message: String,
     },
-    /// A field has a value that cannot be.
+    /// A field has an invalid value.
     #[error("{path}: {field}: found {found}, expected {expected}")]
     Field {
         /// The file.
         path: PathBuf,
-        /// Which field, such as `servos.ids`.
+        /// Name of the field, such as `servos.ids`.
         field: String,
-        /// What the file says.
+        /// Value in the file.
         found: String,
-        /// What would be right.
+        /// Permitted value or range.
         expected: String,
     },
 }
@@ -89,21 +89,22 @@ pub struct BridgeConfig {
     pub version: u32,
     /// Calibration file, relative to this file.
     pub calibration: PathBuf,
-    /// A further socket of the remote stop, for the owner alone, relative to this file ([`crate::remote::places`] has the usual one).
+    /// Additional socket of the remote stop, accessible only to its owner; relative to this file.
+    /// ([`crate::remote::places`] has the usual one.)
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stop_socket: Option<PathBuf>,
-    /// The file it was read from; empty for none.
+    /// File from which the configuration was read; empty if none.
     #[serde(skip)]
     pub file: PathBuf,
     /// The servo bus.
     pub servos: ServoConfig,
-    /// The camera board; without it the robot has no touch.
+    /// The camera board; `None` with UVC devices, or on a robot without touch.
     pub cameras: Option<CameraConfig>,
     /// UVC devices instead of the camera board.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub uvc: Vec<UvcConfig>,
     pub arm: ArmConfig,
-    /// What is allowed.
+    /// Limits that the supervisor enforces.
     #[serde(default)]
     pub limits: LimitConfig,
 }
@@ -116,16 +117,16 @@ pub struct ServoConfig {
     pub port: PathBuf,
     /// Ids in actuator order: thumb, index, middle, ring, little, opposition.
     pub ids: [u8; SERVOS],
-    /// Bits per second.
+    /// Baud rate, bits per second.
     #[serde(default = "default_baud")]
     pub baud: u32,
-    /// Cycles a second.
+    /// Rate of the servo cycle, Hz.
     #[serde(default = "default_rate")]
     pub rate: f64,
-    /// Whether reads are fast sync reads (firmware 46 and later).
+    /// True if the servos are read by fast sync reads (firmware 46 and later).
     #[serde(default)]
     pub fast_sync_read: bool,
-    /// Waited for answers beyond their time on the line, s.
+    /// Time-out of an answer beyond its time on the line, s.
     #[serde(default = "default_slack")]
     pub slack: f64,
 }
@@ -157,20 +158,20 @@ pub enum ArmConfig {
     Loopback,
     /// A Kinova Gen3.
     Kortex {
-        /// Name or address.
+        /// Host name or IP address.
         host: String,
-        /// Its port for calls.
+        /// TCP port for calls.
         #[serde(default = "default_tcp")]
         tcp_port: u16,
-        /// Its port for the cyclic exchange.
+        /// UDP port for the cyclic exchange.
         #[serde(default = "default_udp")]
         udp_port: u16,
-        /// User of the arm.
+        /// User name on the arm.
         user: String,
-        /// In a file that nobody but its owner may read.
+        /// Password; this file must then be readable only by its owner.
         #[serde(default, skip_serializing)]
         password: Option<Password>,
-        /// A file with the password alone, relative to this file.
+        /// File that holds only the password, relative to this file.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         password_file: Option<PathBuf>,
     },
@@ -192,7 +193,7 @@ impl BridgeConfig {
         Ok(config)
     }
 
-    /// The same for what has nothing to do with the arm: its password is not looked for.
+    /// Like [`Self::read`], but without the arm's password, for callers that have nothing to do with the arm.
     pub fn read_without_password(path: &Path) -> Result<Self, ConfigError> {
         let text = std::fs::read_to_string(path).map_err(|source| ConfigError::Io { path: path.to_owned(), source })?;
         Self::parse(&text, path)
@@ -210,18 +211,18 @@ impl BridgeConfig {
         Ok(config)
     }
 
-    /// As it would stand in a file.
+    /// Returns the configuration as TOML text.
     pub fn to_toml(&self) -> String {
-        // Nothing in it is without a TOML form.
+        // Every field has a TOML form.
         toml::to_string(self).unwrap_or_default()
     }
 
-    /// How the servo bus is driven.
+    /// Returns the settings of the servo bus.
     pub fn bus(&self) -> BusSettings {
         BusSettings { baud: self.servos.baud, return_delay: 0.0, slack: self.servos.slack }
     }
 
-    /// What is allowed, with the servos' travel (rad) from the calibration.
+    /// Returns the supervisor's limits, with the servos' travel (rad) from the calibration.
     pub fn limits(&self, travel: &[f64; SERVOS], arm: &Arm) -> Limits {
         self.limits.limits(travel, arm)
     }
@@ -315,7 +316,7 @@ pub(crate) mod tests {
         assert!(unknown.contains("x/bridge.toml") && unknown.contains("curent"), "{unknown}");
     }
 
-    /// The joints that turn freely stay free, the others have their limits.
+    /// Joints that turn freely stay free; the others have their limits.
     #[test]
     fn arm_limits_are_the_models() {
         let config = BridgeConfig::parse(GOOD, Path::new("bridge.toml")).expect("good");

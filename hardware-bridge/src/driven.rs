@@ -1,19 +1,19 @@
-//! The robots that the bridge and its emulated devices drive.
+//! The robots that the bridge and its emulated devices can drive.
 
 use hand_model::RobotModel;
 use platform::data::DataError;
 
 use kortex::joints::JOINTS;
 
-/// Servos on the bus: those of the F-TAC Hand, in the order of its actuators.
+/// Number of servos on the bus: those of the F-TAC Hand, in the order of its actuators.
 pub const SERVOS: usize = 6;
-/// Name of the arm's model that the bridge and its emulators drive.
+/// Name of the arm model that the bridge and its emulators drive.
 const GEN3: &str = "gen3";
 
-/// Refuses robots with another arm than a Gen3, or with a hand of other actuators than the F-TAC Hand's.
+/// Rejects robots with an arm other than a Gen3, or with a hand whose actuators are not those of the F-TAC Hand.
 ///
 /// # Errors
-/// [`DataError`] that names the robot's file.
+/// A [`DataError`] that names the robot's file.
 pub fn expect_driven(robot: &RobotModel) -> Result<(), DataError> {
     let refused = |field: &str, found: String, expected: &str| {
         let expected = format!(

@@ -1,14 +1,16 @@
 //! Emulated devices: six XC330 servos and the camera board, each on a pseudo-terminal, driven by a plant.
 //!
-//! The plant is any [`Plant`], such as [`spring_hand::SpringHand`] or the simulated robot. In real time ([`EmulatedHand::start`]) a thread ticks
-//! the plant: it takes the goals from the servos' registers and returns shaft states and images. One more thread per device speaks the
-//! device's protocol. Any program that opens serial ports can be the host.
+//! The plant is any [`Plant`], such as [`spring_hand::SpringHand`] or the simulated robot. In real time
+//! ([`EmulatedHand::start`]) a thread ticks the plant: it takes the goals from the servos' registers and returns shaft
+//! states and images. One more thread per device speaks the device's protocol. Any program that opens serial ports can
+//! be the host.
 //!
-//! With [`EmulatedHand::start_stepped`] the clock is emulated and the plant advances only by [`EmulatedHand::step`]. Answers are then sent at
-//! once, and a delayed answer follows the host's next request. [`lockstep`] is a robot on such devices; [`direct`] uses the same devices
-//! without any wire.
+//! With [`EmulatedHand::start_stepped`] the clock is emulated, and the plant advances only by [`EmulatedHand::step`].
+//! Answers are then sent at once, and a delayed answer follows the host's next request. [`lockstep`] is a robot on such
+//! devices; [`direct`] uses the same devices without any wire.
 //!
-//! [`servo`] emulates one servo, [`servo_chain`] six on a bus, [`camera_board`] the board; [`faults`] lists the faults, [`pty`] opens a port.
+//! [`servo`] emulates one servo, [`servo_chain`] six on a bus, [`camera_board`] the board. [`faults`] lists the faults,
+//! [`pty`] opens a port.
 
 pub mod camera_board;
 pub mod direct;
@@ -53,7 +55,7 @@ const WAIT: Duration = Duration::from_millis(5);
 pub struct EmulatorSettings {
     /// The servos, in actuator order.
     pub servos: Vec<EmulatedServo>,
-    /// The camera board.
+    /// Settings of the camera board.
     pub board: BoardSettings,
     /// Injected faults.
     pub faults: Faults,
@@ -86,7 +88,7 @@ pub enum Plug {
 }
 
 struct Shared {
-    /// The devices' end of the servo line, to see whether bytes wait in it; none once it is unplugged.
+    /// Device end of the servo line, used to see whether bytes wait in it; `None` once it is unplugged.
     servo_line: Mutex<Option<SerialPort>>,
     servos_gone: AtomicBool,
     cameras_gone: AtomicBool,
@@ -116,13 +118,13 @@ impl Shared {
         !self.stop.load(Ordering::Relaxed)
     }
 
-    /// Whether the host has sent bytes that the servos have not read yet.
+    /// True if the host has sent bytes that the servos have not read yet.
     fn bytes_wait(&self) -> bool {
         lock(&self.servo_line).as_ref().is_some_and(|line| has_bytes(line, Duration::ZERO))
     }
 }
 
-/// Whether there is something to read on `port`, which is waited for.
+/// Waits up to `patience`; true if there is something to read on `port`.
 fn has_bytes(port: &SerialPort, patience: Duration) -> bool {
     let patience = Timespec { tv_sec: patience.as_secs() as i64, tv_nsec: patience.subsec_nanos().into() };
     let mut polled = [PollFd::new(port, PollFlags::IN)];
@@ -139,12 +141,12 @@ pub struct EmulatedHand {
     /// Device ends of unplugged ports, kept open.
     gone: Vec<SerialPort>,
     threads: Vec<JoinHandle<()>>,
-    /// The plant, where it moves by [`EmulatedHand::step`], and where its images go.
+    /// The plant, if it advances by [`EmulatedHand::step`], with the queue of its images.
     stepped: Option<ImagedPlant>,
 }
 
 impl EmulatedHand {
-    /// Starts the devices of `robot` on their pseudo-terminals, and the plant.
+    /// Starts the plant, and the devices of `robot` on their pseudo-terminals.
     pub fn start(
         plant: Box<dyn Plant + Send>,
         settings: EmulatorSettings,
@@ -153,7 +155,8 @@ impl EmulatedHand {
         Self::open(plant, settings, robot, Clock::wall())
     }
 
-    /// The same with `clock` for a clock, which must be an emulated one: nothing moves but by [`EmulatedHand::step`].
+    /// Like [`Self::start`], with `clock`, which must be an emulated one: nothing moves except by
+    /// [`EmulatedHand::step`].
     pub fn start_stepped(
         plant: Box<dyn Plant + Send>,
         settings: EmulatorSettings,
@@ -214,7 +217,8 @@ impl EmulatedHand {
         Ok(Self { shared, servo_pty, board_pty, paths, gone: Vec::new(), threads, stepped })
     }
 
-    /// Moves the plant by one of its ticks, and the clock with it; gives back the tick's length, s. 0 where the plant moves by itself.
+    /// Advances the plant by one of its ticks, and the clock with it. Returns the tick's length, s; 0 if the plant runs
+    /// in real time.
     pub fn step(&mut self) -> f64 {
         let Some(plant) = &mut self.stepped else { return 0.0 };
         let tick = plant.physics.tick_length();
@@ -224,27 +228,27 @@ impl EmulatedHand {
         tick
     }
 
-    /// Whether the host has asked for images that the plant has not taken yet.
+    /// True if the host has requested images that the plant has not taken yet.
     pub fn capture_pending(&self) -> bool {
         self.shared.capture.load(Ordering::Acquire)
     }
 
-    /// How many images the plant has handed to the camera board so far.
+    /// Returns the number of images that the plant has handed to the camera board so far.
     pub fn images(&self) -> u64 {
         self.shared.images.load(Ordering::Relaxed)
     }
 
-    /// When each servo was stopped by its bus watchdog and how long after the last packet that it heard, s.
+    /// Returns the servos' last watchdog trips: id, time, and delay after the last packet heard, s.
     pub fn watchdog_trips(&self) -> Vec<(u8, f64, f64)> {
         lock(&self.shared.chain).watchdog_trips()
     }
 
-    /// The path of the servos' port.
+    /// Returns the path of the servos' port.
     pub fn servo_port(&self) -> &Path {
         &self.paths[0]
     }
 
-    /// The path of the camera board's port.
+    /// Returns the path of the camera board's port.
     pub fn camera_port(&self) -> &Path {
         &self.paths[1]
     }
@@ -280,32 +284,32 @@ impl EmulatedHand {
         }
     }
 
-    /// Changes the chances of random line faults of the servos.
+    /// Sets the probabilities of random line faults of the servos.
     pub fn set_chances(&self, chances: faults::Chances) {
         lock(&self.shared.chain).set_chances(chances);
     }
 
-    /// Changes the chance that an image's JPEG is cut in half.
+    /// Sets the probability that an image's JPEG is cut in half.
     pub fn set_jpeg_chance(&self, chance: f64) {
         lock(&self.shared.board).set_jpeg_chance(chance);
     }
 
-    /// The true state of the shafts, for tests and displays; a host must not use it.
+    /// Returns the true state of the shafts, for tests and displays; a host must not use it.
     pub fn shafts(&self) -> ActuatorVector<ServoState> {
         *lock(&self.shared.shafts)
     }
 
-    /// What each servo makes its shaft do right now.
+    /// Returns the goal that each servo applies to its shaft now.
     pub fn drives(&self) -> Vec<ServoGoal> {
         lock(&self.shared.chain).drives()
     }
 
-    /// How many servos have been stopped by their bus watchdog.
+    /// Returns the number of servos that their bus watchdog has stopped.
     pub fn watchdogs_tripped(&self) -> usize {
         lock(&self.shared.chain).watchdogs_tripped()
     }
 
-    /// The plant's arm, for an emulated arm controller.
+    /// Returns the plant's arm, for an emulated arm controller.
     pub fn arm_joints(&self) -> SharedArm {
         self.shared.arm.clone()
     }
@@ -315,7 +319,8 @@ impl EmulatedHand {
         lock(&self.shared.chain).home(calibration);
     }
 
-    /// Plant ticks so far, and how many of them began late because the plant is slower than real time.
+    /// Returns the number of plant ticks so far, and of those that began late because the plant is slower than real
+    /// time.
     pub fn ticks(&self) -> (u64, u64) {
         (self.shared.ticks.load(Ordering::Relaxed), self.shared.late_ticks.load(Ordering::Relaxed))
     }
@@ -331,7 +336,7 @@ impl Drop for EmulatedHand {
     }
 }
 
-/// Images that left the plant together, and when they were taken by the devices' clock, s.
+/// Capture time on the devices' clock, s, and the images that left the plant together.
 type Exposed = (f64, Vec<TactileFrame>);
 
 /// The plant and the queue of its images.
@@ -340,14 +345,15 @@ struct ImagedPlant {
     images: Sender<Exposed>,
 }
 
-/// Ticks the plant; false once its images have no receiver.
+/// Ticks the plant; returns false once its images have no receiver.
 fn tick_plant(plant: &mut ImagedPlant, shared: &Shared, tick: f64) -> bool {
     let mut servos = [ServoGoal::Current(0.0); SERVOS];
     for (goal, drive) in servos.iter_mut().zip(lock(&shared.chain).drives()) {
         *goal = drive;
     }
     let capture = shared.capture.swap(false, Ordering::AcqRel);
-    // Of a stepped clock the tick has passed already. On a running one it begins now, however soon the plant is done with it.
+    // With a stepped clock the tick has passed already. With a running one it begins now, however soon the plant is
+    // done with it.
     let end = if shared.stepped() { shared.now() } else { shared.now() + tick };
     plant.physics.send(&Command { arm: shared.arm.goal(), servos: servos.into(), capture });
     plant.physics.wait_for_tick();
@@ -356,7 +362,7 @@ fn tick_plant(plant: &mut ImagedPlant, shared: &Shared, tick: f64) -> bool {
     shared.arm.set_state(observation.arm);
     let others = {
         let mut chain = lock(&shared.chain);
-        // A packet that waits to be read is no missing one.
+        // A packet that waits to be read is not a missing one.
         if shared.bytes_wait() {
             chain.feed_watchdogs(shared.now());
         }
@@ -402,7 +408,7 @@ fn run_servos(mut port: SerialPort, shared: &Shared) {
         if !has_bytes(&port, WAIT) {
             continue;
         }
-        // Bytes are on the line or with the servos, never between.
+        // The lock keeps bytes either on the line or with the servos, never between.
         let mut chain = lock(&shared.chain);
         let Ok(count) = port.read(&mut buffer) else { continue };
         let arrived = Instant::now();

@@ -1,7 +1,8 @@
-//! A serial port for one program at a time, and who that is.
+//! Exclusive access to a serial port, and identification of the program that has it.
 //!
-//! The device itself is locked (`flock`), which keeps out other runs of this program and ends with its process, however that ends. Other programs are
-//! kept out with TIOCEXCL, except on a pseudo-terminal: there it would outlast a program that is killed.
+//! The device itself is locked (`flock`). This keeps out other runs of this program and ends with its process, however
+//! that ends. Other programs are kept out with TIOCEXCL, except on a pseudo-terminal, where it would outlast a killed
+//! program.
 
 use std::fs::{self, File};
 use std::io::{self, ErrorKind};
@@ -13,10 +14,10 @@ use rustix::fs::{FlockOperation, OFlags, flock};
 use rustix::termios::ioctl_tiocexcl;
 use serial2::{IntoSettings as _, SerialPort};
 
-/// Opens `path` at `baud` for this program alone.
+/// Opens `path` at `baud` for exclusive use.
 ///
 /// # Errors
-/// The operating system's, and one that names the program that has the port.
+/// The operating system's error, or one that names the program that has the port.
 pub fn open(path: &Path, baud: u32) -> io::Result<SerialPort> {
     let device = File::options()
         .read(true)
@@ -27,7 +28,8 @@ pub fn open(path: &Path, baud: u32) -> io::Result<SerialPort> {
             ErrorKind::ResourceBusy => taken(path),
             _ => error,
         })?;
-    // Locked before it is set up: a rate set by a second program would garble what the first one sends and receives.
+    // The port is locked before it is set up: a rate set by a second program would garble what the first one sends and
+    // receives.
     if flock(&device, FlockOperation::NonBlockingLockExclusive).is_err() {
         return Err(taken(path));
     }
@@ -47,7 +49,7 @@ fn taken(path: &Path) -> io::Error {
     io::Error::new(ErrorKind::ResourceBusy, format!("in use by {owner}"))
 }
 
-/// Who has locked the device, as far as /proc tells.
+/// Describes the process that has locked the device, as far as /proc shows it.
 fn owner(path: &Path) -> Option<String> {
     let device = fs::metadata(path).ok()?;
     let process = locked_by(&fs::read_to_string("/proc/locks").ok()?, device.dev(), device.ino())?;
@@ -56,7 +58,8 @@ fn owner(path: &Path) -> Option<String> {
     Some(format!("process {process}: {}", command.join(" ").trim()))
 }
 
-/// The process that holds a `flock` on an inode, by the lines of /proc/locks (`1: FLOCK  ADVISORY  WRITE 4711 00:18:3 0 EOF`).
+/// Finds the process that holds a `flock` on an inode in the lines of /proc/locks (`1: FLOCK  ADVISORY  WRITE 4711
+/// 00:18:3 0 EOF`).
 fn locked_by(locks: &str, device: u64, inode: u64) -> Option<u32> {
     let (major, minor) = (rustix::fs::major(device), rustix::fs::minor(device));
     let place = format!("{major:02x}:{minor:02x}:{inode}");
@@ -77,7 +80,7 @@ mod tests {
         assert_eq!(locked_by(locks, device, 4), None);
     }
 
-    /// A port is opened once, and whoever comes second does not touch its settings; when it is closed, it is free again.
+    /// A port can be opened only once, and a second program does not touch its settings. Once closed, it is free again.
     #[test]
     fn one_at_a_time() {
         let pty = crate::emulator::pty::Pty::open().expect("a pseudo-terminal");

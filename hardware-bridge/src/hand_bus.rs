@@ -12,10 +12,10 @@ use crate::safety::state::Cause;
 use crate::servo_bus::{BusError, ServoBus};
 use crate::xc330::{self, PRESENT_BLOCK_LONG, Register};
 
-/// From torque enable to bus watchdog: what an audit reads.
+/// First register of an audit, which reads from torque enable to bus watchdog.
 const AUDIT_START: u16 = xc330::TORQUE_ENABLE.address;
 const AUDIT_LENGTH: u16 = xc330::BUS_WATCHDOG.address + 1 - AUDIT_START;
-/// Times to ask a servo that does not answer.
+/// Number of times that a servo that does not answer is asked.
 const TRIES: usize = 2;
 
 /// The servos behind an open bus.
@@ -24,22 +24,23 @@ pub struct HandBus {
     pub bus: ServoBus,
     ids: [u8; SERVOS],
     fast: bool,
-    /// Whole turns to take off each reading, rad, once known.
+    /// Whole turns to subtract from each reading, rad, once known.
     forget: [Option<f64>; SERVOS],
 }
 
 impl HandBus {
-    /// The servos `ids`, read with fast sync reads if `fast`.
+    /// Wraps the servos `ids` on `bus`, read with fast sync reads if `fast`.
     pub fn new(bus: ServoBus, ids: [u8; SERVOS], fast: bool) -> Self {
         Self { bus, ids, fast, forget: [None; SERVOS] }
     }
 
-    /// The ids in actuator order.
+    /// Returns the ids in actuator order.
     pub fn ids(&self) -> &[u8; SERVOS] {
         &self.ids
     }
 
-    /// Compares the servos' homing offsets with the calibration's: the first that differs, (actuator, found, expected) in counts.
+    /// Compares the servos' homing offsets with the calibration's. Returns the first that differs, as (actuator, found,
+    /// expected) in counts.
     pub fn compare(&mut self, calibration: &HandCalibration) -> Result<Option<(usize, i64, i64)>, BusError> {
         let per_count = xc330::HOMING_OFFSET.unit.per_count();
         for (n, servo) in calibration.servos.iter().enumerate() {
@@ -73,7 +74,8 @@ impl HandBus {
         self.sync_write(&xc330::GOAL_POSITION, |n| goals[n].angle + forget[n].unwrap_or(0.0))
     }
 
-    /// Torque on without a jerk: no current, goals where the shafts are, watchdog off until all are on.
+    /// Switches the torque on without a jerk: zero current, goals at the shafts' positions, and the watchdog off until
+    /// all servos are on.
     pub fn torque_on(&mut self, goals: &[SafeGoal; SERVOS], watchdog: f64) -> Result<(), BusError> {
         self.set_watchdog(0.0)?;
         self.send(&goals.map(|goal| SafeGoal { current: 0.0, ..goal }))?;
@@ -85,7 +87,8 @@ impl HandBus {
         self.set_watchdog(watchdog)
     }
 
-    /// Disables the torque of every servo, even if some fail, and reads back whether it is off; says of which servos it is not known to be.
+    /// Disables the torque of every servo, even if some fail, and reads back whether it is off. Returns the servos for
+    /// which it is not known to be off, with the reasons.
     pub fn torque_off(&mut self) -> Vec<String> {
         let ids = self.ids;
         // A lost answer must not leave a torque on.
@@ -105,7 +108,7 @@ impl HandBus {
         unsure.collect()
     }
 
-    /// Sets the servos' bus watchdog, s; 0 switches it off and clears one that tripped. Every servo is asked for its consent.
+    /// Sets the servos' bus watchdog, s; 0 switches it off and clears one that tripped. Every servo must acknowledge.
     pub fn set_watchdog(&mut self, seconds: f64) -> Result<(), BusError> {
         for id in self.ids {
             self.bus.write(id, &xc330::BUS_WATCHDOG, seconds)?;
@@ -113,7 +116,8 @@ impl HandBus {
         Ok(())
     }
 
-    /// Looks whether servo `n`, whose torque should be on, still has it, and whether it is well: a sync write tells nothing.
+    /// Audits servo `n`, whose torque should be on: checks its torque, error status and watchdog, of which a sync write
+    /// tells nothing.
     pub fn audit(&mut self, n: usize) -> Result<Option<Cause>, BusError> {
         let status = self.bus.read_block(self.ids[n], AUDIT_START, AUDIT_LENGTH)?;
         let value = |register: Register| register.read_from(&status.data, AUDIT_START).unwrap_or(f64::NAN);
@@ -138,7 +142,8 @@ impl HandBus {
     }
 }
 
-/// A servo's present block and alert bit as a reading at `now` (s). The first reading also sets the full turns to subtract.
+/// Decodes a servo's present block and alert bit as a reading at `now` (s). The first reading also sets the whole turns
+/// to subtract.
 pub(crate) fn reading(block: &[u8], alert: bool, forget: &mut Option<f64>, now: f64) -> Option<ServoReading> {
     let value = |register: Register| register.read_from(block, PRESENT_BLOCK_LONG.start);
     let raw = value(xc330::PRESENT_POSITION)?;

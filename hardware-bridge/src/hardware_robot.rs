@@ -1,7 +1,8 @@
 //! The real robot as a [`RobotBackend`].
 //!
-//! [`HardwareRobot::connect`] opens the devices and compares them with the calibration, [`HardwareRobot::check`] checks every measurement,
-//! [`HardwareRobot::arm`] enables torque; commands move nothing before that. A dropped robot keeps holding: only an explicit release opens the hand.
+//! [`HardwareRobot::connect`] opens the devices and compares them with the calibration, [`HardwareRobot::check`] checks
+//! every measurement, and [`HardwareRobot::arm`] enables torque; before that, commands move nothing. A dropped robot
+//! keeps holding: only an explicit release opens the hand.
 
 use std::collections::VecDeque;
 use std::path::Path;
@@ -39,48 +40,48 @@ use crate::setup;
 use crate::tactile_link::TactileLink;
 use crate::wishes;
 
-/// Cycles between two audits of one servo each.
+/// Servo cycles between two audits, each of one servo.
 const AUDIT_EVERY: u64 = 5;
 /// Longest wait for the cycle that uses a command: a few cycles, or their time-outs on a bus that is being lost.
 const SEND_TIMEOUT: Duration = Duration::from_millis(50);
 
-/// The robot cannot be connected.
+/// Error of connecting to the robot.
 #[derive(Debug, thiserror::Error)]
 pub enum ConnectError {
-    /// A robot that the bridge does not drive.
+    /// The bridge does not drive this robot.
     #[error(transparent)]
     Model(#[from] DataError),
-    /// The calibration.
+    /// Error of the configuration or the calibration.
     #[error(transparent)]
     Config(#[from] ConfigError),
-    /// The servo bus.
+    /// Error of the servo bus.
     #[error(transparent)]
     Bus(#[from] BusError),
     #[error(transparent)]
     Cameras(#[from] CamerasError),
-    /// The remote stop.
+    /// Error of the remote stop.
     #[error(transparent)]
     Remote(#[from] RemoteError),
     /// A servo is not set up as it should be.
     #[error("{what}: found {found}, expected {expected}: see `ftac bridge doctor`")]
     Setup {
-        /// What was looked at.
+        /// Item that was checked.
         what: String,
         found: String,
         expected: String,
     },
-    /// Another hand than the calibrated one.
+    /// The hand is not the calibrated one.
     #[error("{name}: found homing offset {found}, expected the calibration's {expected}: {why}")]
     Mismatch {
         /// Index of the actuator.
         actuator: usize,
-        /// What it is called.
+        /// Name of the actuator.
         name: String,
-        /// What may have happened.
+        /// Possible explanation.
         why: String,
-        /// Counts in the servo.
+        /// Homing offset in the servo, counts.
         found: i64,
-        /// Counts in the file.
+        /// Homing offset in the calibration, counts.
         expected: i64,
     },
     /// A thread could not be started.
@@ -88,7 +89,7 @@ pub enum ConnectError {
     Thread(std::io::Error),
 }
 
-/// An order that was refused.
+/// A refused order.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct OrderError(pub String);
@@ -99,7 +100,7 @@ pub struct HardwareRobot {
     cameras: Option<Cameras>,
     doors: Vec<RemoteDoor>,
     release_time: f64,
-    /// Why the cameras could not be asked for images since the last observation.
+    /// Error of the last request for images, reported by the next observation.
     unasked: Option<RobotError>,
     thread: Option<JoinHandle<()>>,
     clock: Clock,
@@ -108,8 +109,8 @@ pub struct HardwareRobot {
 }
 
 impl HardwareRobot {
-    /// Opens the devices and verifies that they are the calibrated ones; torque stays as it is. With `dry`, nothing is ever written to a device,
-    /// and the goals are reported there instead.
+    /// Opens the devices and verifies that they are the calibrated ones; torque stays as it is. With `dry` (a dry run),
+    /// nothing is ever written to a device, and the goals are reported there instead.
     pub fn connect(
         config: &BridgeConfig,
         arm: Box<dyn ArmLink>,
@@ -143,33 +144,34 @@ impl HardwareRobot {
         self.order(Order::Check)
     }
 
-    /// Enables torque at the present positions and without force. Requires the consent of an operator.
+    /// Enables torque at the present positions, with zero force. Requires the consent of an operator.
     pub fn arm(&self) -> Result<(), OrderError> {
         self.order(Order::Arm)
     }
 
-    /// Stops and keeps hold.
+    /// Stops and holds.
     pub fn hold(&self) -> Result<(), OrderError> {
         self.order(Order::Remote(Wish::Hold))
     }
 
-    /// Fades the currents, disables torque, and reads back whether it is off; says of how many servos.
+    /// Fades the currents, disables torque, and reads back whether it is off. Returns for how many servos it is, in
+    /// words.
     pub fn release(&self) -> Result<String, OrderError> {
         wishes::fulfil(&self.shared, &self.clock, Wish::Release, self.release_time).map_err(OrderError)
     }
 
-    /// What is measured now: whether the arm stands, how many servos answer.
+    /// Describes the measured state in words: whether the arm is at rest, and how many servos answer.
     pub fn standing(&self) -> String {
         wishes::standing(&lock(&self.shared.board), self.now())
     }
 
-    /// Where another terminal can stop this robot.
+    /// Returns the sockets on which another terminal can stop this robot.
     pub fn stop_sockets(&self) -> impl Iterator<Item = &Path> {
         self.doors.iter().map(RemoteDoor::path)
     }
 
-    /// Announces that no command will come for up to `seconds`: the arm stands, the hand keeps its last goals, and the controller's watchdog is
-    /// suspended. The next command ends the pause.
+    /// Announces a pause: no command will come for up to `seconds`. The arm stands still, the hand keeps its last
+    /// goals, and the controller's watchdog is suspended. The next command ends the pause.
     pub fn pause(&self, seconds: f64) {
         lock(&self.shared.board).quiet_until = self.now() + seconds;
     }
@@ -178,22 +180,22 @@ impl HardwareRobot {
         lock(&self.shared.board).state
     }
 
-    /// Statistics of the servo cycles.
+    /// Returns the statistics of the servo cycles.
     pub fn report(&self) -> CycleReport {
         lock(&self.shared.board).report.clone()
     }
 
-    /// Copies what goes over the servo bus from the next cycle on, under the name `servos`.
+    /// Copies the bytes on the servo bus to `packets` from the next cycle on, under the name `servos`.
     pub fn tap(&self, packets: &mpsc::Sender<Packet>) {
         *lock(&self.shared.tap) = Some(Tap::new("servos", packets.clone()));
     }
 
-    /// The camera board's link, if there is one.
+    /// Returns the link to the camera board, if there is one.
     pub fn tactile(&self) -> Option<&TactileLink> {
         self.cameras.as_ref().and_then(Cameras::board)
     }
 
-    /// The cameras, if there are any.
+    /// Returns the cameras, if there are any.
     pub fn cameras(&self) -> Option<&Cameras> {
         self.cameras.as_ref()
     }
@@ -207,12 +209,13 @@ impl HardwareRobot {
     }
 }
 
-/// The sockets on which this robot can be stopped: the one that any terminal finds, and the configured one.
+/// Opens the sockets on which this robot can be stopped: the default one, which any terminal finds, and the configured
+/// one.
 fn stop_sockets(config: &BridgeConfig, shared: &Arc<Shared>, clock: &Clock) -> Result<Vec<RemoteDoor>, RemoteError> {
     let failed = |source| RemoteError::Socket { path: places::SHARED.into(), source };
     let folder = places::folder().map_err(failed)?;
     places::sweep(&folder.path);
-    // A configuration that was not read from a file has the name of its port.
+    // A configuration that was not read from a file is named after its port.
     let file = if config.file.as_os_str().is_empty() { &config.servos.port } else { &config.file };
     let of = format!("{}, process {}", file.display(), std::process::id());
     let (shared, clock, release_time) = (shared.clone(), clock.clone(), config.limits.release_time);
@@ -224,7 +227,7 @@ fn stop_sockets(config: &BridgeConfig, shared: &Arc<Shared>, clock: &Clock) -> R
     Ok(doors)
 }
 
-/// Opens the servo bus and makes sure that the servos are the calibrated ones.
+/// Opens the servo bus and verifies that the servos are the calibrated ones.
 pub(crate) fn open_hand(
     config: &BridgeConfig,
     calibration: &HandCalibration,
@@ -250,7 +253,7 @@ pub(crate) fn open_hand(
     Ok(hand)
 }
 
-/// The servo cycle of `hand` and `arm`, connected, torque unchanged.
+/// Creates the servo cycle of `hand` and `arm`: connected, torque unchanged.
 pub(crate) fn servo_cycle(
     config: &BridgeConfig,
     calibration: &HandCalibration,
@@ -346,7 +349,7 @@ impl RobotBackend for HardwareRobot {
     }
 }
 
-/// The newest measurements that have arrived.
+/// Returns the newest measurements that have arrived.
 pub(crate) fn newest(shared: &Shared, cameras: Option<&Cameras>, time: f64, sequence: u64) -> Readings {
     let frames = cameras.map(Cameras::take).unwrap_or_default();
     let mut board = lock(&shared.board);
@@ -354,7 +357,7 @@ pub(crate) fn newest(shared: &Shared, cameras: Option<&Cameras>, time: f64, sequ
     board.measured.readings(time, sequence, frames)
 }
 
-/// What was sent, in the kind of goal that was asked for where the command was followed.
+/// Converts the command that was sent to the kinds of goal that were requested, if the command was followed.
 pub(crate) fn sent_as(asked: &Command, sent: &SafeCommand, state: State) -> Command {
     let mut sent = sent.as_command(asked.capture);
     if state == State::Running {

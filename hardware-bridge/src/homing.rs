@@ -1,8 +1,9 @@
 //! Homing: finds a servo's open mark and its travel by driving it against its stops.
 //!
-//! [`feel`] takes one servo at a time: unwind with a small current until the spool gets no further than its open mark, wind with a moderate current
-//! until the digit gets no further, then fade the current so that the springs open the digit gently. Nothing is written to the servo's EEPROM.
-//! [`store`] writes the open marks of all servos as their homing offsets, so that each reads 0 there.
+//! [`feel`] handles one servo at a time. It unwinds with a small current until the spool stops at its open mark, winds
+//! with a moderate current until the digit stops, and then fades the current so that the springs open the digit gently.
+//! It writes nothing to the servo's EEPROM. [`store`] writes the open marks of all servos as their homing offsets, so
+//! that each reads 0 there.
 
 use std::time::{Duration, Instant};
 
@@ -11,7 +12,7 @@ use crate::protocol2::ReplyError;
 use crate::servo_bus::{BusError, ServoBus};
 use crate::xc330;
 
-/// Where a servo's clock begins again, s.
+/// Time after which a servo's clock wraps around, s.
 const TICKS: f64 = 32.768;
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -20,18 +21,18 @@ pub struct HomingSettings {
     pub open_current: f64,
     /// Current for winding to the closed stop, A.
     pub close_current: f64,
-    /// A shaft that in [`HomingSettings::still_for`] gets no further than this, rad, has met its stop. It may swing there: gears have play, and a
-    /// stop gives.
+    /// Least progress of a moving shaft, rad: one that makes less in [`HomingSettings::still_for`] has met its stop. It
+    /// may oscillate there, because gears have backlash and a stop is compliant.
     pub progress: f64,
-    /// s.
+    /// Time without progress after which a shaft counts as stopped, s.
     pub still_for: f64,
-    /// Longest way to a stop, rad: more means that nothing stops the shaft.
+    /// Maximum distance to a stop, rad: a longer one means that nothing stops the shaft.
     pub longest: f64,
     /// Longest wait for a stop, s.
     pub patience: f64,
     /// Time in which the current fades afterwards, s.
     pub fade: f64,
-    /// Silence of the host after which the servo stops by itself, s.
+    /// Time limit of the servo's bus watchdog, s: it stops by itself if the host is silent for longer.
     pub watchdog: f64,
 }
 
@@ -50,7 +51,8 @@ impl Default for HomingSettings {
     }
 }
 
-/// Why a servo was not homed. Its EEPROM is as it was, and its torque was read back as off unless [`HomingError::TorqueOn`] says otherwise.
+/// Reason why a servo was not homed. Its EEPROM is unchanged, and its torque was read back as off unless
+/// [`HomingError::TorqueOn`] says otherwise.
 #[derive(Debug, thiserror::Error)]
 pub enum HomingError {
     /// The bus failed.
@@ -64,12 +66,12 @@ pub enum HomingError {
         id: u8,
         /// `opening` or `closing`.
         direction: &'static str,
-        /// How far it went, rad.
+        /// Distance travelled, rad.
         way: f64,
-        /// rad.
+        /// Maximum distance, rad.
         longest: f64,
     },
-    /// It went on and on, slowly.
+    /// The shaft kept moving slowly until the time limit.
     #[error(
         "servo {id}: still gets further {direction} after {patience} s: is the cable off the spool, or does it slip?"
     )]
@@ -77,20 +79,20 @@ pub enum HomingError {
         id: u8,
         /// `opening` or `closing`.
         direction: &'static str,
-        /// s.
+        /// Time limit, s.
         patience: f64,
     },
     /// The stops are too close to each other or too far apart.
     #[error("servo {id}: found a travel of {found:.2} rad, expected 0.5 to 5.0: is the cable caught, or slack?")]
     Travel {
         id: u8,
-        /// rad.
+        /// Travel found, rad.
         found: f64,
     },
-    /// The offsets were not all written, and the old ones not all restored.
+    /// Not all offsets were written, and not all old ones could be restored.
     #[error("{reason}; servos {ids:?} keep a new homing offset: calibrate again")]
     HalfStored {
-        /// What went wrong.
+        /// Error that stopped the writing.
         reason: BusError,
         /// Servos with a new offset.
         ids: Vec<u8>,
@@ -98,17 +100,18 @@ pub enum HomingError {
     #[error("servo {id}: stopped itself, because it heard nothing for {silence} s: is this computer too busy?")]
     HeldUp {
         id: u8,
-        /// s.
+        /// Time limit of the watchdog that tripped, s.
         silence: f64,
     },
-    /// What came before, if it did not end well, and why the torque is not known to be off.
+    /// The torque is not known to be off, for the reason `why`; `first` is an earlier error, if any.
     #[error("{first}servo {id}: its torque may be on ({why}): switch the supply off")]
     TorqueOn { id: u8, first: String, why: BusError },
     #[error("stopped by the operator")]
     Interrupted,
 }
 
-/// Feels for the stops of servo `id` and leaves it without torque, its EEPROM unchanged. `interrupted` ends it at once.
+/// Finds the stops of servo `id`, and leaves it without torque, its EEPROM unchanged. It ends at once when
+/// `interrupted` returns true.
 pub fn feel(
     bus: &mut ServoBus,
     id: u8,
@@ -119,7 +122,7 @@ pub fn feel(
     let unit = xc330::HOMING_OFFSET.unit.per_count();
     let known = bus.read(id, &xc330::HOMING_OFFSET)?;
     let result = seek_both(bus, id, settings, interrupted).map_err(|error| {
-        // A servo that has stopped itself refuses goals.
+        // A servo whose watchdog has stopped it refuses goals.
         let refused = matches!(error, HomingError::Bus(BusError::Reply(ReplyError::Refused { .. })));
         match bus.read(id, &xc330::BUS_WATCHDOG) {
             Ok(state) if refused && state < 0.0 => HomingError::HeldUp { id, silence: settings.watchdog },
@@ -142,13 +145,13 @@ pub fn feel(
     Ok(ServoCalibration { id, model: pinged.model, firmware: pinged.firmware, homing_offset, travel })
 }
 
-/// Switches the torque off and reads that back.
+/// Switches the torque off and reads it back.
 fn torque_off(bus: &mut ServoBus, id: u8) -> Result<(), BusError> {
     bus.write(id, &xc330::TORQUE_ENABLE, 0.0)?;
     bus.expect(id, &xc330::TORQUE_ENABLE, 0.0)
 }
 
-/// Writes the homing offsets of all `servos`. Where one cannot be written, those before it get their old ones back.
+/// Writes the homing offsets of all `servos`. If one cannot be written, it and those before it get their old ones back.
 pub fn store(bus: &mut ServoBus, servos: &[ServoCalibration]) -> Result<(), HomingError> {
     let unit = xc330::HOMING_OFFSET.unit.per_count();
     let old = servos.iter().map(|servo| bus.read(servo.id, &xc330::HOMING_OFFSET)).collect::<Result<Vec<_>, _>>()?;
@@ -158,7 +161,7 @@ pub fn store(bus: &mut ServoBus, servos: &[ServoCalibration]) -> Result<(), Homi
         let Err(reason) = written.and_then(|()| bus.expect(servo.id, &xc330::HOMING_OFFSET, wanted)) else {
             continue;
         };
-        // The one that failed may have heard it, and only its answer was lost.
+        // The servo that failed may have taken the write, and only its answer was lost.
         let changed = servos[..=n].iter().zip(&old);
         let mut ids = Vec::new();
         for (servo, old) in changed {
@@ -171,7 +174,7 @@ pub fn store(bus: &mut ServoBus, servos: &[ServoCalibration]) -> Result<(), Homi
     Ok(())
 }
 
-/// The open mark's reading, and the travel, rad.
+/// Seeks both stops; returns the reading at the open mark, and the travel, rad.
 fn seek_both(
     bus: &mut ServoBus,
     id: u8,
@@ -179,7 +182,7 @@ fn seek_both(
     interrupted: &dyn Fn() -> bool,
 ) -> Result<(f64, f64), HomingError> {
     bus.write(id, &xc330::TORQUE_ENABLE, 0.0)?;
-    // 0 first: it clears a watchdog that has tripped.
+    // Writing 0 first clears a watchdog that has tripped.
     bus.write(id, &xc330::BUS_WATCHDOG, 0.0)?;
     bus.write(id, &xc330::GOAL_CURRENT, settings.open_current)?;
     bus.write(id, &xc330::BUS_WATCHDOG, settings.watchdog)?;
@@ -199,7 +202,7 @@ fn seek_both(
     Ok((open, travel))
 }
 
-/// Goes one way (its name and sign) until the shaft gets no further; the mean of its readings from then on, rad.
+/// Drives one way (its name and sign) until the shaft stops; returns the mean of its readings from then on, rad.
 fn seek(
     bus: &mut ServoBus,
     id: u8,
@@ -235,12 +238,12 @@ fn seek(
     }
 }
 
-/// A servo's own time (s, modulo [`TICKS`]) and its position (rad), both of the same moment.
+/// Reads a servo's own time (s, modulo [`TICKS`]) and its position (rad), both of the same moment.
 fn moment(bus: &mut ServoBus, id: u8) -> Result<(f64, f64), HomingError> {
     let first = xc330::REALTIME_TICK.address;
     let last = xc330::PRESENT_POSITION.address + u16::from(xc330::PRESENT_POSITION.size);
     let mut answer = bus.read_block(id, first, last - first);
-    // One lost answer is no reason to begin again.
+    // One lost answer is no reason to start over.
     for _ in 0..2 {
         answer = answer.or_else(|_| bus.read_block(id, first, last - first));
     }
@@ -251,13 +254,13 @@ fn moment(bus: &mut ServoBus, id: u8) -> Result<(f64, f64), HomingError> {
     Ok((read(xc330::REALTIME_TICK)?, read(xc330::PRESENT_POSITION)?))
 }
 
-/// Looks for the stop in readings that rise on the way to it.
+/// Detector of the stop, for readings that rise on the way to it.
 #[derive(Debug)]
 struct Stop {
-    /// Furthest reading when progress was seen last, rad, and when that was, s.
+    /// Furthest reading at the last progress, rad; `since` is the time of that, s.
     furthest: f64,
     since: f64,
-    /// Sum and number of the readings since then.
+    /// Sum of the readings since then; `count` is their number.
     sum: f64,
     count: u32,
 }
@@ -267,14 +270,15 @@ impl Stop {
         Self { furthest: start, since: 0.0, sum: 0.0, count: 0 }
     }
 
-    /// Takes a reading (rad) at a time (s); the mean of those at the stop, once there was no progress for long enough.
+    /// Takes a reading (rad) at a time (s). Returns the mean of the readings at the stop, once there was no progress
+    /// for long enough.
     fn at(&mut self, time: f64, reading: f64, settings: &HomingSettings) -> Option<f64> {
         if reading > self.furthest + settings.progress {
             *self = Self { furthest: reading, since: time, sum: 0.0, count: 0 };
         }
         self.sum += reading;
         self.count += 1;
-        // A host that was held up has seen too little.
+        // A host that was held up has too few readings.
         let enough = time - self.since > settings.still_for && self.count > 5;
         enough.then(|| self.sum / f64::from(self.count))
     }
@@ -286,7 +290,7 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        /// A shaft that swings at its stop is found there, whatever its speed on the way; one that goes on is not.
+        /// A shaft that oscillates at its stop is found there, whatever its speed on the way; one that moves on is not.
         #[test]
         fn a_stop_is_found_where_it_is(way in 0.1..4.0_f64, speed in 0.3..6.0_f64, swing in 0.0..0.03_f64, beat in 40.0..140.0_f64) {
             let settings = HomingSettings::default();

@@ -1,12 +1,13 @@
-//! What a computer needs so that the bridge runs as a tool: names and access of the servo adapter, real-time scheduling, a folder for stop
+//! Setup of a computer for the bridge: name and access of the servo adapter, real-time scheduling, a folder for stop
 //! sockets, a stop at shutdown.
 //!
-//! [`files`] says what would be written; [`write`] writes it below a root folder and [`remove`] takes it away again. Files of others are
-//! left alone: every text begins with [`MARK`], and the program lies beside one that does.
+//! [`files`] lists the files; [`write`] writes them below a root folder, and [`remove`] removes them again. Foreign
+//! files are left alone: every text of ours begins with [`MARK`], and the program lies beside one that does.
 //!
-//! # The stop at shutdown
-//! It runs a copy of the program that root alone may change, under a user that exists only for it and may do nothing but write to the operators'
-//! stop sockets. A program or a configuration in somebody's home is neither run nor read, and need not be there any more.
+//! # Stop at shutdown
+//! The service runs a copy of the program that only root can change, under a user that exists only for this purpose and
+//! may only write to the operators' stop sockets. A program or configuration in a user's home is neither run nor read,
+//! and need not exist any more.
 
 use std::fs::Permissions;
 use std::io;
@@ -17,14 +18,14 @@ use platform::file::write_whole;
 
 use crate::remote::places;
 
-/// First line of every file that is ours.
+/// First line of every text file that is ours.
 pub const MARK: &str = "# Written by `ftac bridge install`; `ftac bridge install --remove` takes it away.\n";
-/// The group of those who may use the servos and stop robots.
+/// Group of the users who may use the servos and stop robots.
 pub const GROUP: &str = "dialout";
-/// The adapters that speak to servos: FT232H (U2D2) and FT232R, by vendor and product.
+/// USB adapters that talk to servos: FT232H (U2D2) and FT232R, by vendor and product.
 const ADAPTERS: [(&str, &str); 2] = [("0403", "6014"), ("0403", "6001")];
 
-/// Why a file was not written or removed.
+/// Error of writing or removing a file.
 #[derive(Debug, thiserror::Error)]
 pub enum InstallError {
     #[error("{path}: {source}")]
@@ -33,29 +34,29 @@ pub enum InstallError {
     Foreign { path: PathBuf },
 }
 
-/// Who the computer is set up for.
+/// Parameters of an installation.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Setup {
-    /// Serial number of the adapter; any adapter of a known kind without one.
+    /// Serial number of the adapter; `None` for any adapter of a known kind.
     pub serial: Option<String>,
-    /// The program that is copied for the stop at shutdown.
+    /// Program that is copied for the stop at shutdown.
     pub program: PathBuf,
 }
 
-/// What a file of the installation holds.
+/// Content of an installed file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Content {
     Text(String),
-    /// A copy of this program.
+    /// A copy of the program at this path.
     Program(PathBuf),
 }
 
-/// A file that makes up the installation.
+/// A file of the installation.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct InstallFile {
-    /// Relative to the root folder.
+    /// Path relative to the root folder.
     pub path: &'static str,
-    /// What it is for, in words.
+    /// Purpose of the file, in words.
     pub purpose: &'static str,
     pub content: Content,
 }
@@ -66,11 +67,12 @@ impl InstallFile {
     }
 }
 
-/// The program's copy, and the text that says whose it is.
+/// Path of the program's copy; `PROGRAM_NOTE` is the text that says whose it is.
 const PROGRAM: &str = "usr/local/lib/ftac/ftac";
 const PROGRAM_NOTE: &str = "usr/local/lib/ftac/README";
 
-/// The serial number in a port's name below `/dev/serial/by-id`, as udev makes it: `usb-VENDOR_MODEL_SERIAL-if00-port0`.
+/// Extracts the serial number from a port's name below `/dev/serial/by-id`, as udev makes it:
+/// `usb-VENDOR_MODEL_SERIAL-if00-port0`.
 pub fn serial_of(port: &Path) -> Option<String> {
     let name = port.file_name()?.to_str()?.strip_prefix("usb-")?;
     let (name, _) = name.rsplit_once("-if")?;
@@ -79,7 +81,7 @@ pub fn serial_of(port: &Path) -> Option<String> {
     plain.then(|| serial.to_owned())
 }
 
-/// The files of an installation.
+/// Returns the files of an installation.
 pub fn files(setup: &Setup) -> Vec<InstallFile> {
     let serial = setup.serial.as_ref().map_or(String::new(), |serial| format!(", ATTRS{{serial}}==\"{serial}\""));
     let adapters: String = ADAPTERS
@@ -108,7 +110,7 @@ pub fn files(setup: &Setup) -> Vec<InstallFile> {
          [Install]\nWantedBy=multi-user.target\n"
     );
     let limits = format!("{MARK}@{GROUP} - rtprio 50\n@{GROUP} - memlock unlimited\n");
-    // Members make sockets there, and cannot take away each other's.
+    // Members of the group can create sockets there, but cannot remove each other's.
     let runtime = format!("{MARK}d {} 3770 root {GROUP} -\n", places::SHARED);
     let note = format!("{MARK}# The program beside this file is run by ftac-stop.service, and by nothing else.\n");
     vec![
@@ -145,7 +147,7 @@ fn io_error(path: &Path) -> impl FnOnce(io::Error) -> InstallError + '_ {
     move |source| InstallError::Io { path: path.to_owned(), source }
 }
 
-/// Whether a file is there and ours. A program is what the text beside it says.
+/// True if a file is there and ours. A program is ours if the text beside it says so.
 fn ours(root: &Path, file: &InstallFile) -> Result<bool, InstallError> {
     let path = root.join(file.path);
     let text = match file.content {
@@ -164,7 +166,7 @@ fn ours(root: &Path, file: &InstallFile) -> Result<bool, InstallError> {
     }
 }
 
-/// Writes all files below `root`, none where one of them is somebody else's.
+/// Writes all files below `root`, or none if one of them is foreign.
 pub fn write(root: &Path, files: &[InstallFile]) -> Result<(), InstallError> {
     for file in files {
         ours(root, file)?;
@@ -186,7 +188,7 @@ pub fn write(root: &Path, files: &[InstallFile]) -> Result<(), InstallError> {
     Ok(())
 }
 
-/// Removes those files below `root` that are there and ours; answers with them.
+/// Removes the files below `root` that are there and ours; returns their paths.
 pub fn remove(root: &Path, files: &[InstallFile]) -> Result<Vec<PathBuf>, InstallError> {
     let mut there = Vec::new();
     for file in files {
@@ -197,7 +199,7 @@ pub fn remove(root: &Path, files: &[InstallFile]) -> Result<Vec<PathBuf>, Instal
     for path in &there {
         std::fs::remove_file(path).map_err(io_error(path))?;
     }
-    // Empty now, unless somebody else has put something there.
+    // The folder is empty now, unless somebody else has put something there.
     let _ = std::fs::remove_dir(root.join(PROGRAM).with_file_name(""));
     Ok(there)
 }
@@ -206,7 +208,7 @@ pub fn remove(root: &Path, files: &[InstallFile]) -> Result<Vec<PathBuf>, Instal
 mod tests {
     use super::*;
 
-    /// A setup whose program is in somebody's home.
+    /// A setup whose program is in a user's home.
     fn setup(home: &Path) -> Setup {
         let program = home.join("f tac");
         std::fs::write(&program, "the program").expect("written");
@@ -228,7 +230,8 @@ mod tests {
         assert_eq!(of("ttyUSB0"), None);
     }
 
-    /// What runs at shutdown is a copy that nobody but root can change, under a user of its own; no path of a user is in the unit.
+    /// The program run at shutdown is a copy that only root can change, under a user of its own; no path of a user is
+    /// in the unit.
     #[test]
     fn the_service_runs_no_program_that_a_user_can_change() {
         let root = tempfile::tempdir().expect("a folder");
@@ -248,7 +251,8 @@ mod tests {
         assert_eq!(std::fs::metadata(&copy).expect("there").permissions().mode() & 0o777, 0o755);
     }
 
-    /// Written twice is written once; somebody else's file stops everything before anything is written, and is never removed.
+    /// Writing twice is like writing once. A foreign file stops everything before anything is written, and is never
+    /// removed.
     #[test]
     fn others_files_are_left_alone() {
         let root = tempfile::tempdir().expect("a folder");

@@ -18,7 +18,7 @@ use crate::arm_link::{ArmLink, ArmLinkError};
 use crate::safety::checks::ArmReading;
 use crate::safety::state::ArmTrouble;
 
-/// What an arm of this model may be commanded, a thousand times a second.
+/// Returns the limits of the commands to an arm of this model, which are sent at 1 kHz.
 pub fn limits(arm: &ArmModel) -> Limits {
     let joints = &arm.tree.joints;
     let (lower, upper) = (std::array::from_fn(|i| joints[i].lower), std::array::from_fn(|i| joints[i].upper));
@@ -26,12 +26,12 @@ pub fn limits(arm: &ArmModel) -> Limits {
     Limits::at_1_khz(lower, upper, speed)
 }
 
-/// The joints of a Gen3; [`expect_driven`](crate::driven::expect_driven) has refused other arms.
+/// Converts joint values to those of a Gen3; [`expect_driven`](crate::driven::expect_driven) has refused other arms.
 pub fn of_gen3(joints: &[f64]) -> [f64; JOINTS] {
     std::array::from_fn(|joint| joints[joint])
 }
 
-/// What the client measured, as the robot reports it.
+/// Converts the client's measurement to the state that the robot reports.
 pub fn arm_state(motion: Motion) -> ArmState {
     let Motion { position, velocity, torque } = motion;
     ArmState { position: position.into(), velocity: velocity.into(), torque: torque.into() }
@@ -52,12 +52,12 @@ pub fn tap(arm: &mut Arm, packets: &Sender<Packet>) {
     arm.tap(tap("arm_tcp"), tap("arm_udp"));
 }
 
-/// Interval between readings of an arm that does not servo; each costs a round trip.
+/// Interval between readings of an arm that is not servoing; each costs a round trip.
 const LOOK: Duration = Duration::from_millis(20);
 
 /// The owner of the arm.
 enum Hands {
-    /// Nobody: the base holds it.
+    /// Nobody: the arm's base holds it.
     Idle(Box<Arm>),
     Servoing(Box<ServoLoop>),
     /// Lost while changing the owner.
@@ -72,13 +72,13 @@ pub struct KortexLink {
     reading: Option<ArmReading>,
     looked: Option<Instant>,
     answered: u64,
-    /// Why the loop ended, once it has, or what an arm that does not servo reports.
+    /// Reason why the servo loop ended, once it has, or the fault that an arm that is not servoing reports.
     fault: Option<ArmLinkError>,
 }
 
 impl KortexLink {
-    /// Around a connected arm of this model. `tick` is the time between two set-points, `deadline` how long they may fail to come before the arm is
-    /// stopped.
+    /// Wraps a connected arm of this model. `tick` is the time between two set-points; the arm is stopped if none comes
+    /// within `deadline`.
     pub fn new(arm: Arm, model: &ArmModel, tick: Duration, deadline: Duration) -> Self {
         let limits = limits(model);
         // The arm may be silent for as long as the controller may.
@@ -96,7 +96,8 @@ impl KortexLink {
         }
     }
 
-    /// Ends the loop, if one runs, and keeps the arm; why it had ended, if it had.
+    /// Ends the servo loop, if one runs, and takes the arm back. Returns the error with which the loop had ended, if
+    /// any.
     fn take_back(&mut self) -> Option<ArmLinkError> {
         match std::mem::replace(&mut self.hands, Hands::Lost) {
             Hands::Servoing(servo_loop) => {
@@ -113,7 +114,7 @@ impl KortexLink {
     }
 }
 
-/// What an error of the client means for the operator, and its text.
+/// Converts an error of the client to the trouble that the operator has to deal with, and its text.
 pub fn failed(error: &KortexError) -> ArmLinkError {
     ArmLinkError { trouble: trouble(error), text: error.to_string() }
 }

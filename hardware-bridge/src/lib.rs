@@ -1,22 +1,25 @@
-//! The real robot behind the [`hand_model::robot::RobotBackend`] interface. `README.md` is the overview, `docs/bring-up.md` the way to the first motion.
+//! The real robot behind the [`hand_model::robot::RobotBackend`] interface. `README.md` is the overview;
+//! `docs/bring-up.md` leads to the first motion.
 //!
 //! # From the wire to the robot
-//! - [`protocol2`]: Dynamixel Protocol 2.0, the wire format of the servo bus; [`xc330`]: the servo's control table as data; [`servo_bus`]: requests
-//!   and answers with deadlines; [`hand_bus`]: six servos as one hand.
-//! - [`tactile_link`]: the camera board's protocol, images on threads of their own; [`uvc`]: webcams instead; [`cameras`]: either of the two.
-//! - [`arm_link`]: the interface to an arm; [`kortex_link`]: a Gen3 behind it, through the crate [`kortex`].
+//! - [`protocol2`]: Dynamixel Protocol 2.0, the wire format of the servo bus. [`xc330`]: the servo's control table as data. [`servo_bus`]:
+//!   requests, and answers with deadlines. [`hand_bus`]: six servos as one hand.
+//! - [`tactile_link`]: the camera board's protocol, with its own threads for images. [`uvc`]: webcams instead. [`cameras`]: either of the two.
+//! - [`arm_link`]: the interface to an arm. [`kortex_link`]: a Gen3 behind it, through the crate [`kortex`].
 //! - [`safety`]: the supervisor between controller and motors.
-//! - [`servo_cycle`]: the 200 Hz thread that joins all of these; [`hardware_robot`]: the controller's handle on it; [`remote`]: that of another
-//!   terminal, with `wishes` for what comes of it.
+//! - [`servo_cycle`]: the 200 Hz thread that joins all of these. [`hardware_robot`]: the controller's handle on it. [`remote`]: the handle of
+//!   another terminal; `wishes` carries out its requests.
 //!
 //! # Bring-up
-//! [`config`] reads `bridge.toml`, [`setup`] checks and provisions servos, [`homing`] finds the open mark, [`calibration`] stores it; [`reboot`] brings back a servo that has shut
-//! down. [`pictures`] tells cameras apart by what they show. [`install`] sets up the computer.
+//! [`config`] reads `bridge.toml`, [`setup`] checks and provisions servos, [`homing`] finds the open mark, and
+//! [`calibration`] stores it. [`reboot`] recovers a servo that has shut down. [`pictures`] identifies cameras by the
+//! appearance of their pads. [`install`] sets up the computer.
 //!
 //! # Without hardware
-//! [`emulator`]: the devices on pseudo-terminals, for any host and any plant; [`emulator::lockstep`]: the whole bridge on such devices, on one emulated
-//! [`clock`]. Nothing here has been run on a real servo or camera board; in `other-hosts/`, a workspace of its own, other projects' clients
-//! (dynamixel-sdk, dynamixel2, rustypot) drive the emulated servos.
+//! [`emulator`] provides the devices on pseudo-terminals, for any host and any plant; [`emulator::lockstep`] runs the
+//! whole bridge on such devices, with one emulated [`clock`]. Nothing here has been run on a real servo or camera
+//! board. In `other-hosts/`, a workspace of its own, other projects' clients (dynamixel-sdk, dynamixel2, rustypot)
+//! drive the emulated servos.
 
 pub mod arm_link;
 pub mod calibration;

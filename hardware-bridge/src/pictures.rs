@@ -1,7 +1,8 @@
-//! Which camera is which, by what their untouched pads show.
+//! Identification of cameras by the appearance of their untouched pads.
 //!
-//! No camera says where it is plugged in, and an image of the wrong pad is an image like any other. Pads differ by their lamps and their
-//! cover, so that a coarse picture of each, kept while all was well, tells later whether a plug went into another place.
+//! No camera reports where it is plugged in, and an image of the wrong pad looks like any other. Pads differ in their
+//! lamps and their cover, so that a coarse picture of each, kept while all was well, shows later whether a plug was
+//! moved to another place.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -15,32 +16,33 @@ use crate::config::ConfigError;
 
 /// Version of the file.
 const VERSION: u32 = 1;
-/// Blocks along each side of a picture.
+/// Number of blocks along each side of a picture.
 const BLOCKS: usize = 12;
-/// A camera that shows another one's picture is so many times closer to it than to its own.
+/// Factor by which a picture must be closer to another camera's reference than to its own to count as exchanged.
 const CLOSER: f64 = 2.0;
 
-/// What every camera shows of its untouched pad.
+/// Reference pictures of all cameras' untouched pads.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Pictures {
     version: u32,
-    /// A camera each: mean colours of blocks, row by row, 0 to 255.
+    /// One entry per camera: mean colours of blocks, row by row, 0 to 255.
     cameras: Vec<Vec<f64>>,
 }
 
-/// A camera whose images are not its own.
+/// A camera whose images show another camera's pad.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("camera {camera} shows the pad of {shows}")]
 pub struct Mistaken {
-    /// Under whose number they come.
+    /// Index under which the images come.
     pub camera: usize,
-    /// Whose picture they show.
+    /// Index of the camera whose pad they show.
     pub shows: usize,
 }
 
 impl Pictures {
-    /// Of the newest frames of so many cameras; the number of a camera that has none is the error.
+    /// Computes the pictures from the newest frame of each of `cameras` cameras; the error is the index of a camera
+    /// without one.
     pub fn of(frames: &[TactileFrame], cameras: usize) -> Result<Self, usize> {
         let picture = |camera: usize| {
             let frame = frames.iter().rev().find(|frame| frame.camera == camera).ok_or(camera)?;
@@ -49,7 +51,7 @@ impl Pictures {
         Ok(Self { version: VERSION, cameras: (0..cameras).map(picture).collect::<Result<_, _>>()? })
     }
 
-    /// One look with all cameras; what went wrong in words.
+    /// Takes one image with every camera; the error says in words what went wrong.
     pub fn look(link: &Cameras, patience: Duration) -> Result<Self, String> {
         link.take();
         link.request_capture().map_err(|error| error.to_string())?;
@@ -66,12 +68,12 @@ impl Pictures {
         }
     }
 
-    /// Where they are kept: beside the calibration.
+    /// Returns the path of the file, beside the calibration.
     pub fn beside(calibration: &Path) -> PathBuf {
         calibration.with_file_name("pictures.json")
     }
 
-    /// Reads a file and checks that it is of so many cameras; none where there is no file.
+    /// Reads a file and checks that it has `cameras` cameras; `None` if there is no file.
     pub fn read(path: &Path, cameras: usize) -> Result<Option<Self>, ConfigError> {
         let text = match std::fs::read_to_string(path) {
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
@@ -102,7 +104,7 @@ impl Pictures {
             .map_err(|source| ConfigError::Io { path: path.to_owned(), source })
     }
 
-    /// Cameras that now show what was another one's picture.
+    /// Returns the cameras that now show another camera's picture.
     pub fn mistaken(&self, now: &Self) -> Vec<Mistaken> {
         let shown = |(camera, picture): (usize, &Vec<f64>)| {
             let off = |other: usize| distance(picture, &self.cameras[other]);
@@ -112,20 +114,21 @@ impl Pictures {
         now.cameras.iter().enumerate().filter_map(shown).collect()
     }
 
-    /// Cameras that look so much alike that an exchange would not be noticed, given that two looks at the same pad differ by `noise`.
+    /// Returns the pairs of cameras that look so much alike that an exchange would not be noticed, given that two looks
+    /// at the same pad differ by `noise`.
     pub fn alike(&self, noise: f64) -> Vec<[usize; 2]> {
         let count = self.cameras.len();
         let pairs = (0..count).flat_map(|one| (one + 1..count).map(move |other| [one, other]));
         pairs.filter(|[one, other]| distance(&self.cameras[*one], &self.cameras[*other]) < CLOSER * noise).collect()
     }
 
-    /// The largest difference between two looks at the same camera.
+    /// Returns the largest difference between two looks at the same camera.
     pub fn noise(&self, again: &Self) -> f64 {
         self.cameras.iter().zip(&again.cameras).map(|(one, other)| distance(one, other)).fold(0.0, f64::max)
     }
 }
 
-/// Mean colours of blocks.
+/// Computes the mean colours of the blocks.
 fn coarse(rgb: &[u8]) -> Vec<f64> {
     let side = IMAGE_SIZE / BLOCKS;
     let mut sums = vec![0.0; 3 * BLOCKS * BLOCKS];
@@ -137,7 +140,8 @@ fn coarse(rgb: &[u8]) -> Vec<f64> {
     sums.iter().map(|sum| sum / (side * side) as f64).collect()
 }
 
-/// Root mean square difference of two pictures, each in units of its own brightness: lamps dim as they age.
+/// Computes the root mean square difference of two pictures, each in units of its own brightness, because lamps dim as
+/// they age.
 fn distance(one: &[f64], other: &[f64]) -> f64 {
     let mean = |picture: &[f64]| (picture.iter().sum::<f64>() / picture.len() as f64).max(1.0);
     let (mine, its) = (mean(one), mean(other));
@@ -155,7 +159,7 @@ mod tests {
 
     const CAMERAS: usize = 18;
 
-    /// Pads whose brightness falls off to another side each, `dim` as bright as usual.
+    /// Frames of pads whose brightness falls off in a different direction each, with `dim` times the usual brightness.
     fn frames(order: impl Fn(usize) -> usize, dim: f64) -> Vec<TactileFrame> {
         let frame = |camera: usize| {
             let angle = order(camera) as f64 * 0.35;

@@ -1,6 +1,6 @@
-//! The way back of a servo that has shut down or reports an error: a restart, and a look at what came back.
+//! Recovery of a servo that has shut down or reports an error: a restart, and a check of the restarted servo.
 //!
-//! A restart takes the torque and everything in RAM. It is never done unasked: what the servo held falls.
+//! A restart loses the torque and everything in RAM, and what the servo held falls. It is therefore never done unasked.
 
 use std::time::{Duration, Instant};
 
@@ -12,19 +12,19 @@ use crate::xc330;
 
 /// Longest wait for a servo that restarts; about a third of a second is usual.
 const PATIENCE: Duration = Duration::from_secs(3);
-/// Between two questions whether it is back.
+/// Polling interval while a servo restarts.
 const AGAIN: Duration = Duration::from_millis(50);
-/// How far outside its travel a shaft may be, rad: cables stretch.
+/// Tolerance of a shaft's angle outside its travel, rad: cables stretch.
 const MARGIN: f64 = 0.15;
 
-/// The hardware error status of a servo.
+/// Reads the hardware error status of a servo.
 pub fn error_status(bus: &mut ServoBus, id: u8) -> Result<u8, BusError> {
     Ok(bus.read(id, &xc330::HARDWARE_ERROR_STATUS)? as u8)
 }
 
 /// Restarts a servo and waits until it answers again.
 pub fn reboot(bus: &mut ServoBus, id: u8) -> Result<(), BusError> {
-    // Its consent may be lost, or the restart be faster than it: the servo is asked for itself afterwards.
+    // The acknowledgement may be lost, or overtaken by the restart, so the servo itself is pinged afterwards.
     let consent = bus.reboot(id);
     let begun = Instant::now();
     std::thread::sleep(AGAIN);
@@ -37,7 +37,8 @@ pub fn reboot(bus: &mut ServoBus, id: u8) -> Result<(), BusError> {
     }
 }
 
-/// What came back: settings, errors, supply and temperature, torque, and whether it is the calibrated servo and knows its angle.
+/// Checks a restarted servo: settings, errors, supply and temperature, torque, and whether it is the calibrated servo
+/// and knows its angle.
 pub fn check(
     bus: &mut ServoBus,
     config: &BridgeConfig,

@@ -1,7 +1,8 @@
 //! Remote control of a running bridge: a Unix socket that accepts `hold`, `release` and `state`.
 //!
-//! A request is one line. The answer is two: `ok: <what was read back>` or `no: <reason>`, then `of: <which robot>`. [`door`] answers, [`ask`]
-//! asks, [`places`] says where the sockets are: whoever may write to one of them needs nothing else to stop the robot.
+//! A request is one line. The answer is two: `ok: <what was read back>` or `no: <reason>`, then `of: <which robot>`.
+//! [`door`] is the server, [`ask`] the client, and [`places`] defines the location of the sockets. Write permission on
+//! a socket is all that is needed to stop the robot.
 
 pub mod door;
 pub mod places;
@@ -14,17 +15,17 @@ use std::time::{Duration, Instant};
 
 pub use door::RemoteDoor;
 
-/// Longest answer, bytes.
+/// Maximum length of an answer, bytes.
 const ANSWER: usize = 4096;
 
-/// What another terminal may want.
+/// A request from another terminal.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Wish {
-    /// Stop and keep hold.
+    /// Stop and hold.
     Hold,
-    /// Let go.
+    /// Release: the hand opens.
     Release,
-    /// Only report the state.
+    /// Report the state only.
     State,
 }
 
@@ -39,7 +40,7 @@ impl Wish {
         Self::ALL.iter().find(|(_, known)| *known == word).map(|(wish, _)| *wish)
     }
 
-    /// Longest wait for an answer: a release is answered when the torque has been read back.
+    /// Returns the time-out of an answer: a release is answered only when the torque has been read back.
     fn patience(self) -> Duration {
         match self {
             Self::Hold | Self::State => Duration::from_secs(5),
@@ -48,7 +49,7 @@ impl Wish {
     }
 }
 
-/// Why a wish did not come through.
+/// Error of a remote request.
 #[derive(Debug, thiserror::Error)]
 pub enum RemoteError {
     /// The socket cannot be used.
@@ -65,36 +66,36 @@ pub enum RemoteError {
         /// The socket.
         path: PathBuf,
     },
-    /// The bridge would not, or could not confirm it.
+    /// The bridge refused the request, or could not confirm it.
     #[error("{of}: {reason}")]
     Refused {
-        /// Which robot.
+        /// Name of the robot.
         of: String,
         reason: String,
     },
 }
 
-/// What a bridge did.
+/// Answer of a bridge.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Answer {
-    /// As read back.
+    /// Result as read back.
     pub text: String,
-    /// Which robot: its configuration and process.
+    /// Name of the robot: its configuration and process.
     pub of: String,
 }
 
-/// Brings a wish to the bridge that listens at `path`; gives back what it says.
+/// Sends a request to the bridge that listens at `path`; returns its answer.
 pub fn ask(path: &Path, wish: Wish) -> Result<Answer, RemoteError> {
     ask_all(&[path.to_owned()], wish).pop().map_or_else(|| Err(nobody(path)), |(_, answer)| answer)
 }
 
-/// Brings a wish to several bridges at the same time: one that does not answer keeps no other waiting.
+/// Sends a request to several bridges at the same time: one that does not answer does not delay the others.
 pub fn ask_all(paths: &[PathBuf], wish: Wish) -> Vec<(PathBuf, Result<Answer, RemoteError>)> {
     let deadline = Instant::now() + wish.patience();
     let asked = paths.iter().map(|path| {
         let (sender, answer) = mpsc::channel();
         let there = path.clone();
-        // Connecting blocks where nobody accepts; then this thread is left behind.
+        // Connecting blocks if nobody accepts; this thread is then left behind.
         std::thread::spawn(move || sender.send(exchange(&there, wish, deadline)));
         (path, answer)
     });
@@ -116,7 +117,7 @@ fn nobody(path: &Path) -> RemoteError {
     RemoteError::Nobody { path: path.to_owned() }
 }
 
-/// Asks, and reads to the end of the answer, until `deadline`.
+/// Sends the request, and reads to the end of the answer, until `deadline`.
 fn exchange(path: &Path, wish: Wish, deadline: Instant) -> io::Result<String> {
     let mut stream = UnixStream::connect(path)?;
     stream.set_write_timeout(Some(wish.patience()))?;
@@ -141,7 +142,7 @@ fn exchange(path: &Path, wish: Wish, deadline: Instant) -> io::Result<String> {
 }
 
 fn understood(text: &str) -> Result<Answer, RemoteError> {
-    // Whoever made the socket wrote this: nothing of it may steer a terminal.
+    // Whoever made the socket wrote this text, so it is escaped: it must not control a terminal.
     let plain = |text: &str| text.escape_debug().to_string().replace("\\'", "'").replace("\\\"", "\"");
     let mut lines = text.lines();
     let first = lines.next().unwrap_or_default();

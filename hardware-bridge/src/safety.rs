@@ -4,19 +4,21 @@
 //! ([`limits`]), checks each measurement ([`checks`]), and returns the command that may be sent. It does no input or output and reads no
 //! clock, so that tests can reach all of its behaviour.
 //!
-//! # What the arm does
-//! Set-points are limited in speed, acceleration and jerk ([`set_points`]). A controller that sends arm or hand below the table, out of the workspace
-//! or into themselves is stopped before that is sent ([`space`]), and one that presses against something when the arm feels it ([`pressing`]). Then
-//! the arm also gives way: it is sent to where it is measured to be, and no longer to where it was to go. These limits stand beside the arm's own
-//! protection zones and thresholds, which work without this program.
+//! # Limits of the arm
+//! Set-points are limited in speed, acceleration and jerk ([`set_points`]). A command that would send arm or hand below
+//! the table, out of the workspace or into each other is stopped before it is sent ([`space`]). An arm that presses
+//! against something is stopped when its torque sensors show it ([`pressing`]). It then also gives way: it is sent to
+//! its measured position and no longer to its goal. These limits supplement the arm's own protection zones and
+//! thresholds, which work without this program.
 //!
 //! # Two stops
-//! The springs open the hand. *Hold* keeps the last goals with the current capped: what is held stays held. *Release* lets the
-//! current fade and then takes the torque away: the hand opens. Every fault ends in *hold*; only an operator can *release*.
+//! The springs open the hand. *Hold* keeps the last goals with the current capped, so that the grasp is kept. *Release*
+//! fades the current and then switches the torque off, so that the hand opens. Every fault ends in *hold*; only an
+//! operator can *release*.
 //!
 //! # Three watchdogs
-//! The servos' own (register 98) stops them when the whole computer falls silent; the arm's session does the same for the arm; and the
-//! supervisor holds when the controller is silent for too long ([`limits::Watchdogs`]).
+//! The servos' own bus watchdog (register 98) stops them when the whole computer falls silent. The arm's session does
+//! the same for the arm. The supervisor holds when the controller is silent for too long ([`limits::Watchdogs`]).
 
 pub mod bodies;
 pub mod checks;

@@ -1,10 +1,11 @@
-//! The host's side of the servo bus: requests, and answers that arrive before a deadline or count as missing.
+//! Host side of the servo bus: requests, and answers that arrive before a deadline or count as missing.
 //!
-//! A [`ServoBus`] owns the serial port. A call that concerns one servo answers with that servo's [`BusError`]; a call that concerns
-//! several answers for each of them ([`ReplyError`]), so that a silent servo does not hide the others. There are no retries:
-//! the next control cycle asks again.
+//! A [`ServoBus`] owns the serial port. A call that concerns one servo fails with that servo's [`BusError`]. A call
+//! that concerns several returns a result for each of them ([`ReplyError`]), so that a silent servo does not hide the
+//! others. There are no retries: the next control cycle asks again.
 //!
-//! [`timing`] calculates how long a cycle takes, [`statistics`] measures it, [`latency_timer`] reads the delay of the USB adapter.
+//! [`timing`] calculates the duration of a cycle, [`statistics`] measures it, [`latency_timer`] reads the delay of the
+//! USB adapter.
 
 pub mod latency_timer;
 pub mod statistics;
@@ -26,7 +27,7 @@ use crate::protocol2::{
 };
 use crate::xc330::{self, Register, RegisterError};
 
-/// Why the bus did not do what was asked.
+/// Error of an operation on the bus.
 #[derive(Debug, thiserror::Error)]
 pub enum BusError {
     /// The port cannot be opened, read or written.
@@ -37,24 +38,24 @@ pub enum BusError {
         /// The operating system's reason.
         source: std::io::Error,
     },
-    /// A request that does not fit a packet.
+    /// The request does not fit a packet.
     #[error(transparent)]
     Request(#[from] InstructionError),
-    /// No usable answer.
+    /// There is no usable answer.
     #[error(transparent)]
     Reply(#[from] ReplyError),
-    /// A value that does not fit its register.
+    /// The value does not fit its register.
     #[error("servo {id}: {source}")]
     Register {
-        /// Which servo.
+        /// Id of the servo.
         id: u8,
-        /// What is wrong with the value.
+        /// Error of the value.
         source: RegisterError,
     },
-    /// A register that does not hold what was written.
+    /// The register does not hold the value that was written.
     #[error("servo {id}: {register}: read back {found}, expected {expected}")]
     ReadBack {
-        /// Which servo.
+        /// Id of the servo.
         id: u8,
         register: &'static str,
         found: f64,
@@ -62,37 +63,38 @@ pub enum BusError {
     },
 }
 
-/// What the operating system says of a port, and what that means where it is no help.
+/// Describes an operating system's error of a port, with advice where the error alone is no help.
 fn said(error: &std::io::Error) -> String {
-    // A hung-up terminal reads as ended or as an input and output error.
+    // A hung-up terminal reads as end of file, or as an input/output error.
     const EIO: i32 = 5;
     let gone = error.kind() == ErrorKind::UnexpectedEof || error.raw_os_error() == Some(EIO);
     if gone { format!("the port is gone; check the USB cable and the adapter ({error})") } else { error.to_string() }
 }
 
-/// How a bus is driven.
+/// Settings of a bus.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BusSettings {
-    /// Bits per second.
+    /// Baud rate, bits per second.
     pub baud: u32,
     /// Return delay set in the servos, s.
     pub return_delay: f64,
-    /// Waited for an answer beyond its time on the line, s: latency of the USB adapter and of the operating system.
+    /// Time-out of an answer beyond its time on the line, s: covers the latency of the USB adapter and of the operating
+    /// system.
     pub slack: f64,
 }
 
 impl Default for BusSettings {
-    /// 3 Mbaud, no return delay, and 20 ms, which covers an adapter left at its 16 ms latency timer.
+    /// 3 Mbaud, no return delay, and 20 ms of slack, which covers an adapter left at its 16 ms latency timer.
     fn default() -> Self {
         Self { baud: 3_000_000, return_delay: 0.0, slack: 0.020 }
     }
 }
 
-/// What a servo says when pinged.
+/// Answer of a servo to a ping.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Pinged {
     pub id: u8,
-    /// [`xc330::MODEL`] for ours.
+    /// Model number; [`xc330::MODEL`] for an XC330-T288-T.
     pub model: u16,
     /// Firmware version.
     pub firmware: u8,
@@ -110,7 +112,7 @@ pub struct ServoBus {
 }
 
 impl ServoBus {
-    /// Opens the port raw, 8N1, for this program alone.
+    /// Opens the port in raw mode, 8N1, for exclusive use.
     pub fn open(path: &Path, settings: BusSettings) -> Result<Self, BusError> {
         let failed = |source| BusError::Port { port: path.to_owned(), source };
         let port = exclusive::open(path, settings.baud).map_err(failed)?;
@@ -124,33 +126,33 @@ impl ServoBus {
         })
     }
 
-    /// Copies every byte that goes over the bus from now on.
+    /// Copies every byte that crosses the bus from now on to `tap`.
     pub fn tap(&mut self, tap: Tap) {
         self.tap = Some(tap);
     }
 
-    /// What has happened on the bus so far.
+    /// Returns the bus statistics so far.
     pub fn statistics(&self) -> &BusStatistics {
         &self.statistics
     }
 
-    /// How the bus is driven.
+    /// Returns the settings of the bus.
     pub fn settings(&self) -> BusSettings {
         self.settings
     }
 
-    /// Changes how long an answer is waited for beyond its time on the line, s.
+    /// Sets the time-out of an answer beyond its time on the line, s.
     pub fn set_slack(&mut self, seconds: f64) {
         self.settings.slack = seconds;
     }
 
-    /// Is there a servo `id`, and what is it?
+    /// Pings servo `id`.
     pub fn ping(&mut self, id: u8) -> Result<Pinged, BusError> {
         let status = self.ask_one(id, &Instruction::Ping, 3)?;
         pinged(&status).ok_or(BusError::Reply(ReplyError::Missing(id)))
     }
 
-    /// Who is there? Asks all at once and listens for `patience`; sorted by id.
+    /// Pings all servos at once and collects answers for `patience`; sorted by id.
     pub fn scan(&mut self, patience: Duration) -> Result<Vec<Pinged>, BusError> {
         let wire = Instruction::Ping.encode(BROADCAST)?;
         let deadline = self.transmit(&wire)? + patience;
@@ -167,26 +169,26 @@ impl ServoBus {
         Ok(found)
     }
 
-    /// `length` bytes from `address` on of one servo.
+    /// Reads `length` bytes from `address` on from one servo.
     pub fn read_block(&mut self, id: u8, address: u16, length: u16) -> Result<Status, BusError> {
         self.ask_one(id, &Instruction::Read { address, length }, length.into())
     }
 
-    /// A value in SI.
+    /// Reads a register, as a value in SI.
     pub fn read(&mut self, id: u8, register: &Register) -> Result<f64, BusError> {
         let length = u16::from(register.size);
         let status = self.ask_one(id, &Instruction::Read { address: register.address, length }, length.into())?;
         register.read(&status.data).map_err(|source| BusError::Register { id, source })
     }
 
-    /// Writes a value in SI and waits for the servo's consent.
+    /// Writes a value in SI and waits for the servo's acknowledgement.
     pub fn write(&mut self, id: u8, register: &Register, si: f64) -> Result<(), BusError> {
         let data = register.write(si).map_err(|source| BusError::Register { id, source })?;
         self.ask_one(id, &Instruction::Write { address: register.address, data }, 0)?;
         Ok(())
     }
 
-    /// Makes sure that a register holds a value, but for its resolution.
+    /// Verifies that a register holds `expected`, to within its resolution.
     pub fn expect(&mut self, id: u8, register: &Register, expected: f64) -> Result<(), BusError> {
         let found = self.read(id, register)?;
         if register.holds(found, expected) {
@@ -195,7 +197,7 @@ impl ServoBus {
         Err(BusError::ReadBack { id, register: register.name, found, expected })
     }
 
-    /// Restarts a servo: the way out of a shutdown, and the loss of its torque and of everything in its RAM. It is off the bus for
+    /// Restarts a servo. This ends a shutdown, but loses the torque and everything in RAM. The servo is off the bus for
     /// about a third of a second.
     pub fn reboot(&mut self, id: u8) -> Result<(), BusError> {
         self.ask_one(id, &Instruction::Reboot, 0)?;
@@ -217,7 +219,7 @@ impl ServoBus {
         Ok(replies)
     }
 
-    /// The same in one packet; needs firmware 46 or later in all of them.
+    /// Like [`Self::sync_read`], but answered in one packet; needs firmware 46 or later in all servos.
     pub fn fast_sync_read(
         &mut self,
         ids: &[u8],
@@ -233,7 +235,7 @@ impl ServoBus {
         let deadline = started + self.patience(timing.answers(wire.len(), &[expected]) + turns);
         let mut received = Vec::with_capacity(expected);
         let mut replies = Vec::new();
-        // An answer that is long enough may have garbage before it and still lack its end.
+        // Enough bytes may have garbage before the answer and still lack its end.
         while self.receive(deadline, &mut received)? {
             if received.len() >= expected {
                 replies = fast_sync::replies(ids, length.into(), &received);
@@ -249,7 +251,7 @@ impl ServoBus {
         Ok(replies)
     }
 
-    /// Writes the same registers in several servos at once. Not answered: a refused value is lost silently.
+    /// Writes the same registers in several servos at once. There is no answer: a refused value is lost silently.
     pub fn sync_write(&mut self, address: u16, length: u16, data: Vec<(u8, Vec<u8>)>) -> Result<(), BusError> {
         let wire = Instruction::SyncWrite { address, length, data }.encode(BROADCAST)?;
         self.transmit(&wire)?;
@@ -257,7 +259,7 @@ impl ServoBus {
         Ok(())
     }
 
-    /// One register in all of `ids`, the same value in SI. Not answered.
+    /// Writes the same value (SI) to one register of all `ids`. There is no answer.
     pub fn sync_write_register(&mut self, ids: &[u8], register: &Register, si: f64) -> Result<(), BusError> {
         let bytes = register.write(si).map_err(|source| BusError::Register { id: BROADCAST, source })?;
         let data = ids.iter().map(|id| (*id, bytes.clone())).collect();
@@ -270,7 +272,7 @@ impl ServoBus {
         ids.iter().map(|id| self.write(*id, &xc330::TORQUE_ENABLE, value)).collect()
     }
 
-    /// What the line itself costs.
+    /// Returns the timing of the line at the bus's settings.
     pub fn timing(&self) -> LineTiming {
         LineTiming { baud: self.settings.baud, return_delay: self.settings.return_delay, ..LineTiming::default() }
     }
@@ -282,7 +284,8 @@ impl ServoBus {
         Ok(reply?)
     }
 
-    /// Sends a request and gathers packets until as many answers of the given data sizes came as were asked for, or time is up.
+    /// Sends a request, then collects packets until as many answers of the given data sizes have come as were
+    /// requested, or the time is up.
     fn exchange(
         &mut self,
         id: u8,
@@ -295,7 +298,7 @@ impl ServoBus {
         let deadline = started + self.patience(self.timing().answers(wire.len(), &bytes));
         let mut packets: Vec<Result<Packet, StreamError>> = Vec::new();
         let mut chunk = Vec::new();
-        // An answer of another size is one to an earlier request that came when this one was already out.
+        // An answer of another size belongs to an earlier request and came after this one was sent.
         let answers_this = |status: &Status| status.error.is_some() || sizes.contains(&status.data.len());
         loop {
             let statuses = packets.iter().flatten().filter_map(Status::decode);
@@ -319,7 +322,7 @@ impl ServoBus {
         Duration::from_secs_f64(on_the_line + self.settings.slack)
     }
 
-    /// Sends bytes after throwing away what came too late for its own request.
+    /// Discards bytes that came too late for their own request, then sends `wire`.
     fn transmit(&mut self, wire: &[u8]) -> Result<Instant, BusError> {
         let mut late = Vec::new();
         self.receive(Instant::now(), &mut late)?;
@@ -332,10 +335,10 @@ impl ServoBus {
         Ok(Instant::now())
     }
 
-    /// Appends what is there, waiting for it until `deadline`; whether anything came.
+    /// Appends the bytes that come until `deadline`; returns true if any came.
     fn receive(&mut self, deadline: Instant, into: &mut Vec<u8>) -> Result<bool, BusError> {
         let left = deadline.saturating_duration_since(Instant::now());
-        // The port waits in whole milliseconds.
+        // The port's time-out is in whole milliseconds.
         let wait = if left.is_zero() { left } else { left.max(Duration::from_millis(1)) };
         self.port.set_read_timeout(wait).map_err(|source| self.port_error(source))?;
         let mut buffer = [0; 1024];

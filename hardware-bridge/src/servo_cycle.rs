@@ -1,8 +1,8 @@
 //! The servo cycle: the thread that owns bus, arm and supervisor and runs at about 200 Hz.
 //!
-//! Each cycle reads all servos, reads the arm, lets the supervisor decide, and sends. It keeps its pace while the controller computes, which
-//! feeds the servos' watchdogs; the supervisor watches for a silent controller. If the process stops, this thread stops too, and the
-//! servos' watchdogs stop the hand.
+//! Each cycle reads all servos, reads the arm, lets the supervisor decide, and sends. It keeps its pace while the
+//! controller computes, which feeds the servos' watchdogs; the supervisor watches for a silent controller. If the
+//! process stops, this thread stops too, and the servos' watchdogs stop the hand.
 
 use std::collections::VecDeque;
 use std::path::PathBuf;
@@ -57,13 +57,13 @@ pub struct CycleReport {
     pub port_error: Option<String>,
     /// The last error of the arm's client.
     pub arm_error: Option<String>,
-    /// Why this thread does not run ahead of other programs, if it does not.
+    /// Reason why this thread does not have real-time priority, if it does not.
     pub behind: Option<String>,
-    /// When this thread last stood still for longer than a device's watchdog, and for how long, s.
+    /// End and duration (s) of this thread's last standstill for longer than a device's watchdog.
     pub frozen: Option<(Instant, f64)>,
     /// Servos whose torque was not read back as off at the end of a release, and why.
     pub still_on: Vec<String>,
-    /// How near to their limits arm and hand have come.
+    /// Extremes that arm and hand have reached relative to their limits.
     pub margins: Margins,
 }
 
@@ -72,10 +72,10 @@ type Answer = Sender<Result<String, String>>;
 /// State shared between the thread and the robot.
 pub(crate) struct Board {
     pub asked: Option<(Command, f64)>,
-    /// Number of the newest command, and of the newest one that a cycle has used.
+    /// Number of the newest command; `used_number` is that of the newest one that a cycle has used.
     pub asked_number: u64,
     pub used_number: u64,
-    /// Until when the controller has said that it will be silent, s on the bridge's clock.
+    /// End of the silence that the controller has announced, s on the bridge's clock.
     pub quiet_until: f64,
     pub sent: SafeCommand,
     pub measured: Measured,
@@ -86,21 +86,21 @@ pub(crate) struct Board {
 }
 
 pub(crate) struct Shared {
-    /// Receiver of the bus's bytes, if they are recorded.
+    /// Tap for the bus's bytes, if they are to be recorded.
     pub tap: Mutex<Option<Tap>>,
     pub board: Mutex<Board>,
     pub cycled: Condvar,
     pub stop: AtomicBool,
 }
 
-/// Gives an order to the servo cycle and waits for the answer.
+/// Passes an order to the servo cycle and waits for the answer.
 pub(crate) fn give(shared: &Shared, order: Order) -> Result<String, String> {
     let (answer, answered) = mpsc::channel();
     lock(&shared.board).orders.push_back((order, answer));
     answered.recv_timeout(ORDER_TIMEOUT).unwrap_or_else(|_| Err("the servo cycle does not answer".into()))
 }
 
-/// Where lines of a dry run go.
+/// Receiver of the lines of a dry run.
 pub type DryLines = Box<dyn FnMut(String) + Send>;
 
 pub(crate) struct ServoCycle {
@@ -114,9 +114,9 @@ pub(crate) struct ServoCycle {
     pub supervisor: Supervisor,
     pub period: Duration,
     pub clock: Clock,
-    /// Cycles between two audits of one servo each.
+    /// Servo cycles between two audits, each of one servo.
     pub audit_every: u64,
-    /// `Some`: nothing is written to any device, and goals are reported here.
+    /// Dry run, if `Some`: nothing is written to any device, and goals are reported here.
     pub dry: Option<DryLines>,
     pub measured: Measured,
     pub report: CycleReport,
@@ -128,7 +128,7 @@ impl ServoCycle {
     pub fn run(mut self) {
         let mut next = Instant::now();
         let mut begun = next;
-        // Devices whose own watchdogs have run out have stopped by now; what follows is not theirs to answer for.
+        // After a longer gap the devices' own watchdogs have stopped them: this program is the cause, not the devices.
         let watchdogs = self.supervisor.limits().watchdogs;
         let longest = watchdogs.servo_bus.min(watchdogs.arm);
         while !self.shared.stop.load(Ordering::Relaxed) {
@@ -160,7 +160,7 @@ impl ServoCycle {
         self.decide();
     }
 
-    /// The second half of a cycle: orders, the supervisor's decision, and what is sent.
+    /// Runs the second half of a cycle: orders, the supervisor's decision, and sending.
     pub fn decide(&mut self) {
         self.take_orders();
         let (asked, number, quiet_until) = {
@@ -193,7 +193,7 @@ impl ServoCycle {
         self.shared.cycled.notify_all();
     }
 
-    /// The first half of a cycle: new measurements.
+    /// Runs the first half of a cycle: new measurements.
     pub fn measure(&mut self) {
         let now = self.now();
         self.reopen();
@@ -206,7 +206,7 @@ impl ServoCycle {
                     for (newest, reading) in self.measured.servos.iter_mut().zip(readings) {
                         *newest = reading.or(*newest);
                     }
-                    // Quantiles sort thousands of numbers: once in a while is enough.
+                    // The statistics hold thousands of numbers, so they are copied only once in a while.
                     if self.report.cycles.is_multiple_of(50) {
                         self.report.bus = hand.bus.statistics().clone();
                     }
@@ -223,14 +223,14 @@ impl ServoCycle {
         board.measured = self.measured;
     }
 
-    /// While torque should be on, asks one servo after the other whether it is.
+    /// Asks one servo after the other, while torque should be on, whether it is.
     fn audit(&mut self) {
         let on = matches!(self.supervisor.state(), State::Armed | State::Running | State::Hold(_));
         if self.dry.is_some() || !on || !self.report.cycles.is_multiple_of(self.audit_every) {
             return;
         }
         let n = (self.report.cycles / self.audit_every) as usize % SERVOS;
-        // A servo that says nothing now is noticed by the age of its readings.
+        // A servo that does not answer now is noticed by the age of its readings.
         if let Some(Ok(Some(cause))) = self.hand.as_mut().map(|hand| hand.audit(n)) {
             self.supervisor.hold(cause);
         }
@@ -254,7 +254,7 @@ impl ServoCycle {
         }
     }
 
-    /// The end of a release.
+    /// Ends a release: switches the torque off and disengages the arm.
     fn let_go(&mut self) {
         if self.dry.is_some() {
             self.report.still_on =
@@ -268,11 +268,11 @@ impl ServoCycle {
         if let Err(error) = self.arm.disengage() {
             self.report.arm_error = Some(error.to_string());
         }
-        // Commands given before a release are over.
+        // Commands given before a release no longer apply.
         lock(&self.shared.board).asked = None;
     }
 
-    /// Orderly end of the program: the hand keeps hold, with its bus watchdogs off.
+    /// Ends the program in an orderly way: the hand keeps holding, with its bus watchdogs off.
     pub fn leave(&mut self) {
         let on = matches!(self.supervisor.state(), State::Armed | State::Running | State::Hold(_) | State::Fault(_));
         if !on || self.dry.is_some() {
@@ -314,7 +314,7 @@ impl ServoCycle {
         let orders = std::mem::take(&mut lock(&self.shared.board).orders);
         for (order, answer) in orders {
             let result = self.obey(order).map(|()| self.supervisor.state().to_string());
-            // Whoever reads the board after the answer finds what was answered.
+            // A caller that reads the board after the answer must find the state that was answered.
             lock(&self.shared.board).state = self.supervisor.state();
             // The sender of the order may be gone.
             let _ = answer.send(result);
@@ -338,7 +338,7 @@ impl ServoCycle {
         }
     }
 
-    /// Switches torque on, where everything stands and without force.
+    /// Switches the torque on at the present positions, with zero force.
     pub fn arm_torque(&mut self, now: f64) -> Result<(), String> {
         let first = self.supervisor.arm(&self.measured, now).map_err(|error| error.to_string())?;
         lock(&self.shared.board).asked = None;
@@ -346,13 +346,13 @@ impl ServoCycle {
             return Ok(());
         }
         let watchdog = self.supervisor.limits().watchdogs.servo_bus;
-        // The arm first: it takes its time, and the servos' watchdog does not wait.
+        // The arm comes first: it takes its time, and the servos' watchdog does not wait.
         let result = self.arm.engage().map_err(|error| error.to_string()).and_then(|()| match &mut self.hand {
             Some(hand) => hand.torque_on(&first.servos, watchdog).map_err(|error| error.to_string()),
             None => Err("the servo port is gone".into()),
         });
         if result.is_err() {
-            // Half a hand with torque is no state to be in.
+            // Torque on only a part of the hand is not an acceptable state.
             self.let_go();
             self.supervisor.disconnect();
             self.supervisor.connect().map_err(|error| error.to_string())?;

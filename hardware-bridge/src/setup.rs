@@ -1,4 +1,4 @@
-//! The required setup of a servo: checking it, and provisioning a servo from factory settings.
+//! Required setup of a servo: checks, and provisioning from factory settings.
 
 use std::time::Duration;
 
@@ -6,21 +6,22 @@ use crate::config::BridgeConfig;
 use crate::servo_bus::{BusError, BusSettings, Pinged, ServoBus};
 use crate::xc330::{self, Register, hardware_error};
 
-/// Operating mode 5, current-based position control: force and position in one mode, so that no mode is switched under load.
+/// Operating mode 5, current-based position control: it controls force and position in one mode, so that no mode is
+/// switched under load.
 const MODE: f64 = 5.0;
-/// How long a scan listens at each rate: six answers at 9600 baud and the factory's return delay take 90 ms.
+/// Time for which a scan listens at each rate: six answers at 9600 baud and the factory's return delay take 90 ms.
 pub const SCAN_TIME: Duration = Duration::from_millis(120);
-/// What a servo needs to be back after its id or rate was changed.
+/// Time until a servo is back after its id or rate was changed.
 const SETTLE: Duration = Duration::from_millis(50);
 
-/// What a check found.
+/// Result of one check.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Finding {
-    /// What was looked at.
+    /// Item that was checked.
     pub what: String,
     pub found: String,
     pub expected: String,
-    /// Whether that is good enough.
+    /// True if the value found is good enough.
     pub good: bool,
 }
 
@@ -30,7 +31,7 @@ impl Finding {
     }
 }
 
-/// The registers that provisioning sets and every check compares, with their values in SI.
+/// Returns the registers that provisioning sets and every check compares, with their values in SI.
 pub fn wanted(config: &BridgeConfig) -> Vec<(Register, f64)> {
     vec![
         (xc330::OPERATING_MODE, MODE),
@@ -43,12 +44,12 @@ pub fn wanted(config: &BridgeConfig) -> Vec<(Register, f64)> {
     ]
 }
 
-/// The value of the baud rate register for the configured rate.
+/// Returns the value of the baud rate register for the configured rate; NaN if there is none.
 fn baud_code(baud: u32) -> f64 {
     xc330::BAUD_RATES.iter().position(|rate| *rate == baud).map_or(f64::NAN, |code| code as f64)
 }
 
-/// Compares one servo with what it should be.
+/// Compares one servo with its required setup.
 pub fn check(bus: &mut ServoBus, config: &BridgeConfig, id: u8, name: &str) -> Result<Vec<Finding>, BusError> {
     let pinged = bus.ping(id)?;
     let what = |register: &str| format!("{name} ({id}): {register}");
@@ -72,7 +73,7 @@ pub fn check(bus: &mut ServoBus, config: &BridgeConfig, id: u8, name: &str) -> R
     Ok(findings)
 }
 
-/// All servos on the bus at every baud rate, as (bits per second, servo).
+/// Finds all servos on the bus at every baud rate; returns them as (bits per second, servo).
 pub fn scan(port: &std::path::Path) -> Result<Vec<(u32, Pinged)>, BusError> {
     let mut found = Vec::new();
     for baud in xc330::BAUD_RATES {
@@ -82,25 +83,26 @@ pub fn scan(port: &std::path::Path) -> Result<Vec<(u32, Pinged)>, BusError> {
     Ok(found)
 }
 
-/// Why a servo was not provisioned.
+/// Reason why a servo was not provisioned.
 #[derive(Debug, thiserror::Error)]
 pub enum ProvisionError {
     /// The bus failed.
     #[error(transparent)]
     Bus(#[from] BusError),
-    /// More or fewer than one servo is there.
+    /// There are more or fewer servos than one.
     #[error("found {0} servos ({1}), expected exactly one: connect them one after the other")]
     Count(usize, String),
-    /// A servo of another model.
+    /// The servo is of another model.
     #[error("servo {id}: found model {found}, expected {expected}", expected = xc330::MODEL)]
     Model {
         id: u8,
-        /// Its model number.
+        /// Model number found.
         found: u16,
     },
 }
 
-/// Gives the one servo on the bus the id `id` and the settings it needs, and reads all of them back; gives back what it was.
+/// Gives the one servo on the bus the id `id` and the required settings, and reads all of them back. Returns the
+/// servo's previous baud rate and identity.
 pub fn provision(config: &BridgeConfig, id: u8) -> Result<(u32, Pinged), ProvisionError> {
     let port = &config.servos.port;
     let found = scan(port)?;

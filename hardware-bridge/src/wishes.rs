@@ -1,4 +1,4 @@
-//! What comes of an operator's wish, from another terminal or from this program: told as it was measured.
+//! Execution of an operator's request, from another terminal or from this program. The result is reported as measured.
 
 use std::time::{Duration, Instant};
 
@@ -10,20 +10,20 @@ use crate::safety::state::State;
 use crate::servo_cycle::give;
 use crate::servo_cycle::{Board, Order, Shared};
 
-/// A joint of the arm that is slower stands, rad/s.
+/// Speed below which a joint of the arm counts as at rest, rad/s.
 const STANDS: f64 = 0.02;
-/// A measurement older than this says nothing about now, s.
+/// Maximum age of a measurement that describes the present, s.
 const FRESH: f64 = 0.3;
-/// Longest wait until the arm is measured to stand, and between two looks.
+/// Longest wait until the arm is measured at rest; `LOOK` is the polling interval.
 const BRAKING: Duration = Duration::from_secs(1);
 const LOOK: Duration = Duration::from_millis(5);
 /// Longest wait for the end of a release, beyond the time in which its current fades.
 const LETTING_GO: Duration = Duration::from_secs(6);
 
-/// Brings a wish to the servo cycle and waits for what comes of it.
+/// Passes a request to the servo cycle and waits for its result.
 ///
 /// # Errors
-/// It was refused, or could not be confirmed.
+/// The request was refused or could not be confirmed.
 pub(crate) fn fulfil(shared: &Shared, clock: &Clock, wish: Wish, release_time: f64) -> Result<String, String> {
     let state = give(shared, Order::Remote(wish))?;
     match wish {
@@ -45,7 +45,7 @@ pub(crate) fn fulfil(shared: &Shared, clock: &Clock, wish: Wish, release_time: f
     }
 }
 
-/// Waits until a release has ended.
+/// Waits for the end of a release; returns for how many servos the torque was read back as off.
 fn released(shared: &Shared, patience: Duration) -> Result<String, String> {
     let begun = Instant::now();
     loop {
@@ -64,13 +64,13 @@ fn released(shared: &Shared, patience: Duration) -> Result<String, String> {
     }
 }
 
-/// Speed of the arm's fastest joint, rad/s, if it was measured lately.
+/// Returns the speed of the arm's fastest joint, rad/s, if it was measured recently.
 fn speed(board: &Board, now: f64) -> Option<f64> {
     let arm = board.measured.arm.filter(|arm| now - arm.at <= FRESH)?;
     Some(arm.state.velocity.iter().fold(0.0, |most, speed| speed.abs().max(most)))
 }
 
-/// What is measured of arm and servos at `now`, in words.
+/// Describes in words the measured state of arm and servos at `now` (s).
 pub(crate) fn standing(board: &Board, now: f64) -> String {
     let arm = match speed(board, now) {
         None => "nothing is heard from the arm".to_owned(),

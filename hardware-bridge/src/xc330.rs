@@ -4,15 +4,15 @@
 //! [`Register::read`] converts back. The servo ignores its
 //! own position limits (48, 52) in current and current-based position mode: the sender must clamp its goals.
 //!
-//! Source: ROBOTIS e-Manual, XC330-T288. The control loop does without indirect addressing, whose place changed with the firmware
-//! ([`Indirect`]): the two blocks that it needs are contiguous ([`GOAL_BLOCK`], [`PRESENT_BLOCK`]).
+//! Source: ROBOTIS e-Manual, XC330-T288. The control loop does not use indirect addressing, whose addresses depend on
+//! the firmware ([`Indirect`]): the two blocks that it needs are contiguous ([`GOAL_BLOCK`], [`PRESENT_BLOCK`]).
 
 use std::f64::consts::TAU;
 use std::ops::Range;
 
-/// Answered to a ping.
+/// Model number that the servo returns to a ping.
 pub const MODEL: u16 = 1220;
-/// Encoder counts in a turn.
+/// Encoder counts per turn.
 pub const COUNTS_PER_TURN: f64 = 4096.0;
 /// Baud rates by the value of the baud rate register. The 330 series stops here (no 4.5 Mbaud).
 pub const BAUD_RATES: [u32; 7] = [9_600, 57_600, 115_200, 1_000_000, 2_000_000, 3_000_000, 4_000_000];
@@ -20,21 +20,21 @@ pub const BAUD_RATES: [u32; 7] = [9_600, 57_600, 115_200, 1_000_000, 2_000_000, 
 pub const GOAL_BLOCK: Range<u16> = 102..120;
 /// Present current, velocity and position: one contiguous read, 10 bytes.
 pub const PRESENT_BLOCK: Range<u16> = 126..136;
-/// The same up to present temperature, 21 bytes.
+/// [`PRESENT_BLOCK`] extended up to present temperature: one contiguous read, 21 bytes.
 pub const PRESENT_BLOCK_LONG: Range<u16> = 126..147;
 
-/// Who may change a register.
+/// Write access to a register.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Access {
-    /// Only the servo.
+    /// Read-only: only the servo changes it.
     Read,
-    /// The host while torque is off: kept without power.
+    /// Writable by the host while torque is off; retained without power.
     Eeprom,
-    /// The host at any time: lost at power-off and reboot.
+    /// Writable by the host at any time; lost at power-off and reboot.
     Ram,
 }
 
-/// What one count means.
+/// Unit of one count.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Unit {
     /// A number, code or mask; not converted.
@@ -81,62 +81,62 @@ impl Unit {
 /// One entry of the control table.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Register {
-    /// Where it starts.
+    /// Address of the first byte.
     pub address: u16,
-    /// 1, 2 or 4 bytes, little-endian.
+    /// Size in bytes, 1, 2 or 4; little-endian.
     pub size: u8,
-    /// As the e-Manual calls it.
+    /// Name in the e-Manual.
     pub name: &'static str,
-    /// Who may change it.
+    /// Write access to the register.
     pub access: Access,
-    /// Factory value in counts, where there is one.
+    /// Factory value in counts, if there is one.
     pub default: Option<i64>,
-    /// What may be written, or what it shows, in counts, both ends included.
+    /// Range in counts, both ends included, of the values that may be written or, in a read-only register, shown.
     pub range: (i64, i64),
-    /// What a count means.
+    /// Unit of one count.
     pub unit: Unit,
 }
 
 /// A value that does not fit a register.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum RegisterError {
-    /// Not a value it may hold.
+    /// The value is outside the register's range.
     #[error("{register}: found {found}, expected {low} to {high}")]
     Range {
         register: &'static str,
-        /// In SI.
+        /// Value given, SI.
         found: f64,
-        /// In SI.
+        /// Least permitted value, SI.
         low: f64,
-        /// In SI.
+        /// Greatest permitted value, SI.
         high: f64,
     },
-    /// Not for the host to write.
+    /// The host cannot write the register.
     #[error("{0}: read-only")]
     ReadOnly(&'static str),
-    /// Bytes that are not this register's.
+    /// The number of bytes is not the register's size.
     #[error("{register}: found {found} bytes, expected {expected}")]
     Length {
         register: &'static str,
-        /// Bytes given.
+        /// Number of bytes given.
         found: usize,
-        /// Its size.
+        /// Size of the register, bytes.
         expected: usize,
     },
 }
 
 impl Register {
-    /// Whether a value is the expected one, but for the register's resolution.
+    /// Returns true if `found` equals `expected` to within the register's resolution.
     pub fn holds(&self, found: f64, expected: f64) -> bool {
         (found - expected).abs() <= 0.51 * self.unit.per_count()
     }
 
-    /// Whether negative values exist (two's complement).
+    /// True if the register is signed (two's complement).
     pub fn signed(&self) -> bool {
         self.range.0 < 0
     }
 
-    /// The bytes for a value in SI, rounded to the nearest count.
+    /// Encodes a value in SI as bytes, rounded to the nearest count.
     pub fn write(&self, si: f64) -> Result<Vec<u8>, RegisterError> {
         if self.access == Access::Read {
             return Err(RegisterError::ReadOnly(self.name));
@@ -150,7 +150,7 @@ impl Register {
         Ok((counts as i64).to_le_bytes()[..usize::from(self.size)].to_vec())
     }
 
-    /// The value in SI that the servo's bytes mean.
+    /// Decodes the servo's bytes to a value in SI.
     pub fn read(&self, bytes: &[u8]) -> Result<f64, RegisterError> {
         let size = usize::from(self.size);
         if bytes.len() != size {
@@ -162,14 +162,15 @@ impl Register {
         Ok(i64::from_le_bytes(wide) as f64 * self.unit.per_count())
     }
 
-    /// The value in SI out of a block of registers that starts at `start`; `None` if the block does not hold all of it.
+    /// Decodes the register, in SI, from a block of registers that starts at address `start`; `None` if the block does
+    /// not hold all of it.
     pub fn read_from(&self, block: &[u8], start: u16) -> Option<f64> {
         let first = usize::from(self.address.checked_sub(start)?);
         self.read(block.get(first..first + usize::from(self.size))?).ok()
     }
 }
 
-/// Makes a constant of every line, and of all of them [`REGISTERS`].
+/// Defines a constant for every line, and [`REGISTERS`] with all of them.
 macro_rules! control_table {
     ($($id:ident: $address:literal $size:literal $name:literal $access:ident $default:expr, ($low:expr, $high:expr) $unit:ident;)*) => {
         $(
@@ -243,23 +244,23 @@ control_table! {
     BACKUP_READY:          147 1 "Backup Ready"            Read   None, (0, 1) Plain;
 }
 
-/// Indirect addressing: bytes of the data area stand for the bytes that the addresses name.
+/// Indirect addressing: each byte of the data area is an alias of the byte whose address is stored for it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Indirect {
-    /// Where the data area starts.
+    /// Start address of the data area.
     pub data: u16,
-    /// Bytes in it, each with an address of two bytes from [`Indirect::ADDRESSES`] on.
+    /// Number of bytes in the data area, each with a two-byte address from [`Indirect::ADDRESSES`] on.
     pub slots: u16,
 }
 
 impl Indirect {
-    /// Where the addresses start.
+    /// Start of the stored addresses.
     pub const ADDRESSES: u16 = 168;
-    /// The first firmware with the shorter area that the e-Manual describes.
+    /// First firmware version with the shorter area that the e-Manual describes.
     const SHORTER_FROM: u8 = 52;
 
-    /// As this firmware has it. ROBOTIS' model files have the data at 224 for older firmware and at 208 from 52 on; the addresses
-    /// fill what is before it.
+    /// Returns the layout of this firmware version. ROBOTIS' model files have the data at 224 for older firmware and at
+    /// 208 from 52 on; the addresses fill the space before the data.
     pub fn of(firmware: u8) -> Self {
         if firmware >= Self::SHORTER_FROM { Self { data: 208, slots: 20 } } else { Self { data: 224, slots: 28 } }
     }
@@ -267,7 +268,7 @@ impl Indirect {
 
 /// Bits of the hardware error status register.
 pub mod hardware_error {
-    /// Input voltage out of its limits.
+    /// Input voltage outside its limits.
     pub const VOLTAGE: u8 = 1 << 0;
     /// Too hot.
     pub const OVERHEAT: u8 = 1 << 2;
@@ -277,7 +278,7 @@ pub mod hardware_error {
     /// Load beyond the maximum for too long.
     pub const OVERLOAD: u8 = 1 << 5;
 
-    /// Names of the set bits; `none` without any.
+    /// Returns the names of the set bits, or `none` without any.
     pub fn words(bits: u8) -> String {
         let named = [
             (VOLTAGE, "input voltage"),
@@ -308,7 +309,7 @@ pub mod mode {
     pub const EXTENDED: i64 = 4;
     /// Multi-turn position control under a current limit.
     pub const CURRENT_POSITION: i64 = 5;
-    /// The duty cycle itself.
+    /// Direct control of the duty cycle.
     pub const PWM: i64 = 16;
 }
 
@@ -342,7 +343,7 @@ mod tests {
         }
     }
 
-    /// Figures as the e-Manual words them, to half of their last digit.
+    /// Compares units with the figures in the e-Manual, to half of their last digit.
     #[test]
     fn published_units() {
         let si = |register: Register, counts: f64| counts * register.unit.per_count();
@@ -376,7 +377,7 @@ mod tests {
         assert_eq!(GOAL_CURRENT.read_from(&block, PRESENT_BLOCK.start), None);
     }
 
-    /// A tripped bus watchdog reads -1 (255 on the wire), which is no time of the 20 ms kind.
+    /// A tripped bus watchdog reads -1 (255 on the wire), which is not a time in units of 20 ms.
     #[test]
     fn tripped_watchdog_is_negative() {
         assert!(BUS_WATCHDOG.read(&[255]).expect("one byte") < 0.0);
@@ -395,7 +396,7 @@ mod tests {
     }
 
     proptest! {
-        /// Whatever may be written is read back to within half a count.
+        /// Every value that may be written is read back to within half a count.
         #[test]
         fn round_trip(register in prop::sample::select(REGISTERS), share in 0.0..=1.0_f64) {
             prop_assume!(register.access != Access::Read);

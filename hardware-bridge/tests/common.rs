@@ -1,4 +1,4 @@
-//! An emulated hand, calibrated, and a robot on it.
+//! An emulated, calibrated hand, and a robot on it.
 
 use hardware_bridge::driven::SERVOS;
 use std::time::{Duration, Instant};
@@ -37,7 +37,8 @@ pub fn started(travel: [f64; SERVOS], settings: EmulatorSettings) -> EmulatedHan
     EmulatedHand::start(Box::new(plant), settings, &robot).expect("starts")
 }
 
-/// An emulated hand, calibrated as it is, and a configuration whose watchdogs forgive a busy machine: the devices run in real time.
+/// An emulated hand, calibrated as it is, and a configuration whose watchdogs tolerate a busy machine: the devices run
+/// in real time.
 pub fn bench(faults: &[&str]) -> Bench {
     let settings = EmulatorSettings {
         faults: Faults::parse(faults.iter().copied()).expect("faults"),
@@ -81,7 +82,8 @@ pub fn bench(faults: &[&str]) -> Bench {
     Bench { hand, config, folder }
 }
 
-/// With limits above those that a file may set: a machine that is held up for a second must not look like a silent device.
+/// Raises limits above those that a file may set: a machine that is held up for a second must not look like a silent
+/// device.
 pub fn forgiving(mut config: BridgeConfig) -> BridgeConfig {
     config.limits.staleness = 5.0;
     config.limits.arm_watchdog = 5.0;
@@ -107,7 +109,7 @@ pub fn plant_time(hand: &EmulatedHand, seconds: f64) {
     patiently("the plant's time has passed", || hand.ticks().0 >= until);
 }
 
-/// Connects, again where a machine that is held up loses an answer.
+/// Connects; tries again if a machine that is held up loses an answer.
 pub fn connected(bench: &Bench) -> HardwareRobot {
     let mut robot = connect(bench, None);
     patiently("all servos answer", || {
@@ -130,12 +132,12 @@ pub fn command(servo: ServoGoal) -> Command {
     Command { arm: [0.1; 7].into(), servos: [servo; SERVOS].into(), capture: false }
 }
 
-/// The newest measurements.
+/// Returns the newest measurements.
 pub fn observed(robot: &mut HardwareRobot) -> Observation {
     robot.observe().and_then(Readings::complete).expect("observed")
 }
 
-/// Sends where the machine lets the servo cycle run in time; what is not sent is sent again with the next command.
+/// Sends a command. If the machine does not run the servo cycle in time, the goal is sent again with the next command.
 pub fn send(robot: &mut HardwareRobot, command: &Command) {
     match robot.send(command) {
         Ok(_) | Err(RobotError::NotSent(_)) => {}

@@ -1,4 +1,4 @@
-//! Every fault in every phase of a grasp: which state follows, and that no servo lets go but the one that failed.
+//! Every fault in every phase of a grasp: the state that follows, and that only the servo that failed lets go.
 
 use std::process::Command as Process;
 
@@ -10,7 +10,7 @@ use hardware_bridge::hardware_robot::HardwareRobot;
 use hardware_bridge::safety::state::{Cause, State};
 use hardware_bridge::safety::supervisor::CheckFailed;
 
-/// What goes wrong.
+/// Fault that is injected.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Fault {
     Device(Event),
@@ -22,7 +22,7 @@ enum Fault {
     NotANumber,
 }
 
-/// When.
+/// Phase of the grasp in which the fault occurs.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Phase {
     Armed,
@@ -41,7 +41,7 @@ fn reach(robot: &mut HardwareRobot, phase: Phase) {
     }
 }
 
-/// Makes the fault happen and gives back the state that follows.
+/// Injects the fault and returns the state that follows.
 fn inject(bench: &Bench, robot: &mut HardwareRobot, fault: Fault, phase: Phase) -> State {
     match fault {
         Fault::Device(event) => bench.hand.inject(event),

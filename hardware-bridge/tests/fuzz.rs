@@ -1,9 +1,10 @@
-//! More than a million damaged streams, drawn with a seed, for every decoder that listens to a wire: none may panic, pass a damaged packet for a good
-//! one, or lose more than what the damage hit.
+//! More than a million damaged streams, drawn with a seed, for every decoder that listens to a wire: none may panic,
+//! pass a damaged packet as a good one, or lose more than the damage hit.
 //!
-//! A checksum of 16 bits cannot keep that promise against any damage: it lets one alien in 65,536 pass. So aliens of the servo bus are counted
-//! against that rate, and none is allowed where the mathematics forbids it: bursts of up to 16 bits between length and CRC. (One that reaches into the CRC may
-//! pass: its low byte comes first on this bus, so that the bits on the wire are not in the polynomial's order.) The session reader is
+//! A 16-bit checksum cannot keep that promise against any damage: it lets one damaged packet (an alien) in 65,536 pass.
+//! Aliens on the servo bus are therefore counted against that rate. None is allowed where the mathematics forbids it:
+//! bursts of up to 16 bits between length and CRC. (A burst that reaches into the CRC may pass: the CRC's low byte
+//! comes first on this bus, so that the bits on the wire are not in the polynomial's order.) The session reader is
 //! fuzzed in `session_log/damage.rs`.
 
 use hardware_bridge::protocol2::{Decoder, Instruction, Packet, Status};
@@ -18,10 +19,10 @@ use rand_chacha::ChaCha8Rng;
 
 const STREAMS: usize = 400_000;
 
-/// What happens to a packet's bytes.
+/// Kind of damage to a packet's bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Damage {
-    /// Up to 16 bits in a row before the last two bytes, of which the first and the last are changed.
+    /// Up to 16 consecutive bits before the last two bytes; the first and the last of them are changed.
     Burst,
     Overwritten,
     Inserted,
@@ -32,7 +33,7 @@ enum Damage {
 const DAMAGES: [Damage; 5] = [Damage::Burst, Damage::Overwritten, Damage::Inserted, Damage::Deleted, Damage::Cut];
 
 fn some_bytes(rng: &mut ChaCha8Rng, longest: usize) -> Vec<u8> {
-    // Bytes that mean something to a framing come often.
+    // Bytes that have a meaning in a framing come often.
     let byte = |rng: &mut ChaCha8Rng| match rng.random_range(0..4) {
         0 => [0x00, 0xFF, 0xFD, 0x55][rng.random_range(0..4)],
         _ => rng.random(),
@@ -50,7 +51,7 @@ fn damage(rng: &mut ChaCha8Rng, wire: &mut Vec<u8>, first: usize, kind: Damage) 
             let start = 8 * first + rng.random_range(0..=bits - length);
             for n in 0..length {
                 if n == 0 || n == length - 1 || rng.random_bool(0.5) {
-                    // Bit by bit as on the line of the servos: high bits of a byte belong to the CRC's earlier powers.
+                    // Bits are counted as on the servos' line: high bits of a byte belong to the CRC's earlier powers.
                     wire[(start + n) / 8] ^= 0x80 >> ((start + n) % 8);
                 }
             }
@@ -105,11 +106,12 @@ fn servo_bus() {
         found.extend(decoder.time_out());
         let found: Vec<Packet> = found.into_iter().flatten().collect();
         for packet in &found {
-            // What is made of a packet may be an error, never a panic.
+            // Interpreting a packet may give an error, never a panic.
             understood += usize::from(Status::decode(packet).is_some());
             understood += usize::from(Instruction::decode(packet).is_ok());
         }
-        // A missing FF at a packet's end is made good by the FF with which the next one begins: then that one is the packet that the damage cost.
+        // A missing FF at the end of a packet is replaced by the FF with which the next one begins: then the damage
+        // costs that one.
         let missing = if spared { sent.len() } else { hit };
         let lacks = |missing: usize| {
             found.iter().eq(sent.iter().enumerate().filter(|(place, _)| *place != missing).map(|(_, packet)| packet))
@@ -122,7 +124,7 @@ fn servo_bus() {
             aliens += 1;
         }
     }
-    // Fewer than one damaged packet a stream is offered to the CRC; three times the mean rate leaves room for chance.
+    // Fewer than one damaged packet per stream is offered to the CRC; three times the mean rate leaves room for chance.
     assert!(aliens * 65_536 <= 3 * STREAMS, "{aliens} aliens");
     assert!(understood > STREAMS / 4, "{understood}");
     println!("{STREAMS} streams: {aliens} aliens got past a CRC of 16 bits");
@@ -169,11 +171,11 @@ fn tactile_link() {
         let found: Vec<Message> = stream.chunks(piece).flat_map(|piece| deframer.push(piece)).flatten().collect();
         for message in &found {
             if let Message::Image(image) = message {
-                // Random bytes are no picture; that must be said, not panicked about.
+                // Random bytes are no picture: decoding must fail, not panic.
                 images += usize::from(image_data::decode(image).is_err());
             }
         }
-        // Damage at a delimiter joins a frame with the next one; everything else must be there, and nothing besides.
+        // Damage at a delimiter joins a frame with the next one; everything else must be there, and nothing more.
         let without = |lost: &[usize]| -> Vec<&Message> {
             sent.iter().enumerate().filter(|(place, _)| !lost.contains(place)).map(|(_, message)| message).collect()
         };
@@ -197,8 +199,8 @@ fn arm_frame(rng: &mut ChaCha8Rng) -> Frame {
     Frame { header, payload: some_bytes(rng, 80) }
 }
 
-/// Kortex frames carry no checksum: UDP and TCP have theirs. What is held here is that no bytes panic, that whatever is taken for a frame comes back the
-/// same when sent again, and that frames before the damage in a stream come out.
+/// Kortex frames carry no checksum: UDP and TCP have theirs. The test requires that no bytes panic, that whatever is
+/// accepted as a frame is the same when encoded again, and that frames before the damage in a stream come out.
 #[test]
 fn arm_protocol() {
     let mut rng = ChaCha8Rng::seed_from_u64(3);
@@ -235,7 +237,7 @@ fn arm_protocol() {
                 match deframer.next_frame() {
                     Ok(Some(frame)) => found.push(frame),
                     Ok(None) => break,
-                    // The connection is given up.
+                    // An error means that the connection is given up.
                     Err(_) => break 'stream,
                 }
             }

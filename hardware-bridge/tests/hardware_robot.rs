@@ -38,7 +38,7 @@ fn follows_positions_and_currents() {
     assert!(robot.report().cycles > 10);
 }
 
-/// A hold keeps the shafts where they are whatever the controller sends; a release opens the hand and ends without torque.
+/// A hold keeps the shafts in place whatever the controller sends; a release opens the hand and ends without torque.
 #[test]
 fn hold_and_release_from_another_terminal() {
     let bench = bench(&[]);
@@ -46,11 +46,11 @@ fn hold_and_release_from_another_terminal() {
     let goal = ServoGoal::Position { angle: 2.0, current_limit: 0.3 };
     drive(&mut robot, goal, |robot| closed(robot, 2.0));
     let socket = bench.config.stop_socket.clone().expect("configured");
-    // The one that any terminal finds, by the path of the configuration alone.
+    // The default socket, which any terminal finds by the path of the configuration alone.
     let usual: Vec<_> = robot.stop_sockets().map(Path::to_owned).collect();
     assert!(usual.len() == 2 && places::is_of(&usual[0], &bench.config.file) && usual[1] == socket, "{usual:?}");
     let said = remote::ask(&usual[0], Wish::Hold).expect("obeyed");
-    // How many had answered lately depends on the machine.
+    // The number of servos that answered recently depends on the machine.
     assert!(said.text.starts_with("hold: the operator stopped it; "), "{said:?}");
     assert!(said.text.ends_with("of 6 servos answer"), "{said:?}");
     assert!(said.of.contains("bridge.toml, process "), "{said:?}");
@@ -66,7 +66,7 @@ fn hold_and_release_from_another_terminal() {
     assert!(robot.report().still_on.is_empty());
 }
 
-/// A release says of which servos the torque is not known to be off, and does not call that success.
+/// A release names the servos whose torque is not known to be off, and does not count as a success.
 #[test]
 fn a_release_that_no_servo_answers_is_not_called_off() {
     let bench = bench(&[]);
@@ -98,7 +98,7 @@ fn an_unplugged_servo_ends_in_hold_and_an_overload_in_fault() {
     assert!((bench.hand.shafts()[0].position - 2.0).abs() < 0.1);
 }
 
-/// A controller that says that it will think may be silent; its next command ends that, and silence counts again.
+/// A controller that announces a pause may be silent; its next command ends the pause, and silence counts again.
 #[test]
 fn an_announced_pause_is_no_silence() {
     let bench = bench(&[]);
@@ -117,7 +117,7 @@ fn an_announced_pause_is_no_silence() {
     assert!(robot.report().longest_silence > watchdog);
 }
 
-/// When the robot is dropped, the hand keeps hold.
+/// A dropped robot keeps holding.
 #[test]
 fn dropping_the_robot_keeps_hold() {
     let bench = bench(&[]);
@@ -158,7 +158,7 @@ fn another_servo_is_refused() {
     assert!(error.err().expect("refused").to_string().starts_with("/no/such/calibration.json: "));
 }
 
-/// From factory settings on a shaft that stands anywhere: homing finds the open mark and the travel.
+/// Homing from factory settings, with a shaft at an arbitrary angle, finds the open mark and the travel.
 #[test]
 fn homing() {
     let mut servos = EmulatorSettings::default().servos;
@@ -167,7 +167,7 @@ fn homing() {
     let hand = started([TRAVEL; SERVOS], settings);
     let bus_settings = hardware_bridge::servo_bus::BusSettings { slack: 5.0, ..Default::default() };
     let mut bus = ServoBus::open(hand.servo_port(), bus_settings).expect("opens");
-    // A plant that a busy machine holds up for a moment must not look like a shaft at its stop.
+    // A plant that a busy machine delays for a moment must not look like a shaft at its stop.
     let patient = HomingSettings { still_for: 2.0, patience: 60.0, fade: 0.2, ..HomingSettings::default() };
     let patient = HomingSettings { watchdog: 2.54, ..patient };
     let found = feel(&mut bus, 1, &patient, &|| false).expect("feels its stops");
@@ -181,7 +181,7 @@ fn homing() {
     assert_eq!(bus.read(1, &xc330::TORQUE_ENABLE).expect("read"), 0.0);
 }
 
-/// Takes so many images with every camera; those that can be decoded.
+/// Takes `captures` images with every camera; returns those that can be decoded.
 fn images(robot: &mut HardwareRobot, captures: usize) -> Vec<TactileFrame> {
     let arrived = |robot: &HardwareRobot| -> u64 {
         let cameras = robot.tactile().expect("cameras").cameras();

@@ -1,4 +1,4 @@
-//! The Gen3 behind the bridge: its links on record, and a network that fails.
+//! The Gen3 behind the bridge: recording of its links, and a network that fails.
 
 use hardware_bridge::driven::SERVOS;
 use std::sync::mpsc;
@@ -22,15 +22,16 @@ use kortex::{Arm, Credentials, Timeouts, call};
 use prost::Message;
 use session_log::{Direction, Event, Reader, Session, Sizes, Writer};
 
-/// Longer than any answer on loopback takes, even on a busy machine.
+/// Time-out longer than any answer on loopback takes, even on a busy machine.
 const PATIENCE: Duration = Duration::from_secs(60);
 
-/// Sessions that do not end by themselves: a stepped arm's seconds may pass between two keep-alives of the host.
-/// The published home posture, rad.
+/// Returns the published home posture, rad.
 fn home() -> [f64; 7] {
     ArmModel::gen3().home.into_inner()
 }
 
+/// Time-outs of sessions that do not end by themselves: many seconds of a stepped arm may pass between two keep-alives of
+/// the host.
 fn timeouts() -> Timeouts {
     let hour = Duration::from_secs(3600);
     Timeouts { call: PATIENCE, session: hour, connection: hour, ..Timeouts::default() }
@@ -50,7 +51,7 @@ fn until(what: &str, mut condition: impl FnMut() -> bool) {
     }
 }
 
-/// Every command and every answer is in the file as it was on the wire, and the password is not.
+/// Every command and every answer is in the file as it was on the wire; the password is not.
 #[test]
 fn every_packet_is_on_record() {
     let secret = Credentials { user: "admin".to_owned(), password: "hunter2hunter2".to_owned() };
@@ -118,7 +119,8 @@ fn every_packet_is_on_record() {
     assert!(!file.windows(secret.password.len()).any(|window| window == secret.password.as_bytes()));
 }
 
-/// The network goes, and the arm's client tells it by a fault at once: it does not wait for the farewell, which nobody answers.
+/// A network that fails is reported at once by the arm's client, as a fault: it does not wait for the farewell, which
+/// nobody answers.
 #[test]
 fn a_link_without_network_does_not_keep_its_caller_waiting() {
     let emulator = emulator(Settings { cyclic_deadline: 60_000, ..Settings::default() }, Pace::RealTime);
@@ -138,7 +140,7 @@ fn a_link_without_network_does_not_keep_its_caller_waiting() {
     assert_eq!(told, ["arm: servoing ended"], "told once, before the farewell was over");
 }
 
-/// An action moves the arm that carries the emulated hand, and the arm says where its tool is.
+/// An action moves the arm that carries the emulated hand, and the arm reports its tool's pose.
 #[test]
 fn an_action_moves_the_hands_arm() {
     let plant = Box::new(SpringHand::new([4.0; SERVOS], 18));
@@ -171,7 +173,7 @@ fn an_action_moves_the_hands_arm() {
     assert!([x, y, z].iter().zip(turn).all(|(expected, found)| (expected - found).abs() < 1e-4), "{turn:?}");
 }
 
-/// The bridge keeps the arm past its session timeout, servoing and not.
+/// The bridge keeps the arm's session alive past its time-out, servoing or not.
 #[test]
 fn the_session_timeout_passes_unnoticed() {
     let emulator = emulator(Settings { cyclic_deadline: 60_000, ..Settings::default() }, Pace::RealTime);

@@ -1,4 +1,4 @@
-//! The bus master against six emulated servos, through a pseudo-terminal. The servos' time passes by steps alone.
+//! The bus master against six emulated servos, through a pseudo-terminal. The servos' time advances only in steps.
 
 use hardware_bridge::driven::SERVOS;
 use std::time::Duration;
@@ -15,7 +15,7 @@ use hardware_bridge::xc330::{self, PRESENT_BLOCK};
 
 const IDS: [u8; 6] = [1, 2, 3, 4, 5, 6];
 
-/// On a busy machine no answer takes as long as this, so that only what was injected goes missing.
+/// Time-out longer than any answer takes on a busy machine, so that only what was injected goes missing.
 const SLACK: f64 = 2.0;
 
 fn start() -> (EmulatedHand, ServoBus) {
@@ -57,7 +57,7 @@ fn reads_writes_and_refusals() {
     assert_eq!(present(&mut bus).iter().filter(|reply| reply.is_ok()).count(), 6);
 }
 
-/// Both kinds of sync read say the same of shafts that stand still.
+/// Both kinds of sync read return the same for shafts at rest.
 #[test]
 fn fast_sync_read_agrees() {
     let (_hand, mut bus) = start();
@@ -77,7 +77,7 @@ fn closes_and_opens() {
     let goals = goals.map(|(id, at)| (*id, xc330::GOAL_POSITION.write(at + 1.0).expect("fits"))).collect();
     bus.sync_write_register(&IDS, &xc330::GOAL_CURRENT, 0.4).expect("written");
     bus.sync_write(xc330::GOAL_POSITION.address, 4, goals).expect("written");
-    // A sync write has no answer: the next instruction's says that it has arrived.
+    // A sync write has no answer: the answer to the next instruction confirms that it has arrived.
     bus.ping(1).expect("there");
     pass(&mut hand, 0.8);
     assert!(hand.shafts().iter().all(|shaft| (0.8..1.1).contains(&shaft.position)), "{:?}", hand.shafts());
@@ -86,13 +86,13 @@ fn closes_and_opens() {
     assert!(hand.shafts().iter().all(|shaft| shaft.position < 0.2), "{:?}", hand.shafts());
 }
 
-/// On a bad line most answers come through, none is wrong, and the books say what happened.
+/// On a bad line most answers come through, none is wrong, and the statistics count what happened.
 #[test]
 fn partial_results_on_a_bad_line() {
     let (hand, mut bus) = start();
     let expected = present(&mut bus);
     assert!(expected.iter().all(Result::is_ok));
-    // Each lost answer is waited for: not longer than it takes to tell late from lost on a busy machine.
+    // Each lost answer costs this time-out: just long enough to tell late from lost on a busy machine.
     bus.set_slack(0.5);
     hand.set_chances(Chances { noise: 0.3, drop: 0.05, corrupt: 0.04, ..Chances::default() });
     let cycles = 20;
@@ -153,7 +153,7 @@ fn a_port_that_is_not_there() {
     assert!(error.to_string().starts_with("/dev/no-such-port: "), "{error}");
 }
 
-/// An answer that comes when the next question is already out is not taken for the answer to that one.
+/// A late answer that comes after the next request was sent is not taken for the answer to it.
 #[test]
 fn a_late_answer_is_not_mistaken() {
     let pty = Pty::open().expect("a pty");
@@ -176,7 +176,7 @@ fn a_late_answer_is_not_mistaken() {
     servo.join().expect("the servo");
 }
 
-/// A packet that waits in the pseudo-terminal because the machine is busy feeds the bus watchdog: it has come.
+/// A packet that waits in the pseudo-terminal because the machine is busy feeds the bus watchdog: it has arrived.
 #[test]
 fn a_packet_that_waits_to_be_read_is_not_missing() {
     let (mut hand, mut bus) = start();
@@ -185,12 +185,12 @@ fn a_packet_that_waits_to_be_read_is_not_missing() {
         bus.write(id, &xc330::BUS_WATCHDOG, 0.02).expect("20 ms");
     }
     for _ in 0..500 {
-        // Not answered, so that nobody waits until it is read.
+        // This is not answered, so nobody waits until it is read.
         bus.sync_write_register(&IDS, &xc330::LED, 1.0).expect("sent");
         pass(&mut hand, 0.01);
     }
     assert_eq!(hand.watchdogs_tripped(), 0);
-    // And without packets it trips.
+    // Without packets the watchdog trips.
     present(&mut bus);
     pass(&mut hand, 0.05);
     assert_eq!(hand.watchdogs_tripped(), 6);

@@ -15,7 +15,8 @@ use kortex::emulator::{Emulator, EventKind, Pace, Settings};
 
 /// Fifteen sessions of the usual timeout.
 const LENGTH: Duration = Duration::from_secs(900);
-/// The controller moves the robot for so long, then says for as long that it will be silent, as while an operator is asked.
+/// Duration of each spell: the controller moves the robot, then announces that it will be silent for as long, as while
+/// an operator is asked.
 const SPELL: Duration = Duration::from_secs(90);
 
 /// The whole bridge, with the usual timeouts, moves hand and arm and waits, in turns, for 15 minutes.

@@ -1,8 +1,9 @@
 //! Comparison of two sessions: the first bit in which they differ.
 //!
-//! Observations with their images, commands asked and sent, perceived poses and tick times are compared. Raw bytes are not (two robots may have
-//! different links), nor the outcome (it contains decision times), lateness, or the capture times of images: a camera board's clock is known only to
-//! some microseconds, and no decision depends on it.
+//! Observations with their images, requested and sent commands, perceived poses and tick times are compared. Raw bytes
+//! are not compared, because two robots may have different links. Also left out are lateness, the outcome (it contains
+//! decision times), and the capture times of images: a camera board's clock is known only to some microseconds, and no
+//! decision depends on it.
 
 use hand_model::robot::{ArmState, Readings, ServoState};
 
@@ -12,12 +13,12 @@ use crate::reader::{Event, Reader};
 
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Comparison {
-    /// Whole ticks that are the same in both.
+    /// Number of whole ticks that are equal in both.
     pub ticks: u64,
-    /// Numbers that are the same in both.
+    /// Number of values that are equal in both.
     pub values: u64,
     pub images: u64,
-    /// What differs first, if anything does.
+    /// First difference, if any.
     pub difference: Option<Difference>,
 }
 
@@ -27,16 +28,16 @@ pub struct Difference {
     /// Number of the tick, from 0.
     pub tick: u64,
     pub field: String,
-    /// In the second session.
+    /// Value in the second session.
     pub found: String,
-    /// In the first.
+    /// Value in the first session.
     pub expected: String,
 }
 
 /// Compares event by event until the sessions differ or end. A session that ends earlier differs.
 ///
 /// # Errors
-/// A file that is damaged.
+/// A damaged file.
 pub fn compare(expected: &mut Reader, found: &mut Reader) -> Result<Comparison, SessionLogError> {
     let mut comparison = Comparison::default();
     loop {
@@ -83,7 +84,7 @@ pub fn compare(expected: &mut Reader, found: &mut Reader) -> Result<Comparison, 
     }
 }
 
-/// The next event that is compared.
+/// Returns the next event that is compared.
 fn next(reader: &mut Reader) -> Result<Option<Event>, SessionLogError> {
     while let Some((_, event)) = reader.next_event()? {
         if !matches!(event, Event::Raw { .. } | Event::Outcome(_)) {
@@ -108,7 +109,7 @@ fn name(event: &Event) -> &'static str {
     }
 }
 
-/// All numbers of an event by their bits, with their names.
+/// Returns all numbers of an event as their bits, with their names.
 fn values(event: &Event) -> Vec<(String, u64)> {
     match event {
         Event::Observation(readings) => numbers(readings),
@@ -126,7 +127,8 @@ fn values(event: &Event) -> Vec<(String, u64)> {
     }
 }
 
-/// Without the times of readings: one robot reads its parts at other times than another.
+/// Returns all numbers of the readings, without the times at which the parts were read: these differ from robot to
+/// robot.
 fn numbers(readings: &Readings) -> Vec<(String, u64)> {
     let Readings { time, sequence, servos, arm, tactile } = readings;
     let joints = arm.iter().flat_map(|arm| {
@@ -145,7 +147,7 @@ fn numbers(readings: &Readings) -> Vec<(String, u64)> {
     head.map(|(what, value)| (what.to_owned(), value)).into_iter().chain(servos).chain(joints).collect()
 }
 
-/// The first image that is not the same: what, found, expected.
+/// Returns the first image that differs: name, found, expected.
 fn unlike_images(expected: &Readings, found: &Readings) -> Option<(String, String, String)> {
     expected.tactile.iter().zip(&found.tactile).find_map(|(a, b)| {
         if a.camera != b.camera {
@@ -177,7 +179,7 @@ mod tests {
     use crate::message::Sizes;
     use crate::writer::{Session, Writer};
 
-    /// A session of three ticks, with this angle in the second.
+    /// Records a session of `ticks` ticks, with this angle in the second.
     fn session(path: &Path, angle: f64, ticks: u64) -> Reader {
         let mut writer = Writer::create(path, &Session::default()).expect("a file");
         for n in 0..ticks {
@@ -217,7 +219,7 @@ mod tests {
         let short = compare(&mut session(&file("e"), 0.5, 3), &mut session(&file("f"), 0.5, 2)).expect("whole");
         let difference = short.difference.expect("an end");
         assert_eq!((difference.tick, difference.found.as_str()), (2, "the end"));
-        // -0 and 0 are two numbers.
+        // Here -0 and 0 are different numbers.
         let zero = compare(&mut session(&file("g"), 0.0, 2), &mut session(&file("h"), -0.0, 2)).expect("whole");
         assert!(zero.difference.is_some());
     }

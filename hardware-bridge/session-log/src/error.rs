@@ -19,12 +19,12 @@ pub enum SessionLogError {
         path: PathBuf,
         source: McapError,
     },
-    /// An MCAP file of something else, or of another version of this program.
+    /// A field that is not as expected, for example in an MCAP file of another program or of another format version.
     #[error("{}: {field} is {found}, expected {expected}", path.display())]
     Field {
         /// The file.
         path: PathBuf,
-        /// Which part of it.
+        /// Name of the field.
         field: String,
         found: String,
         expected: String,

@@ -1,4 +1,4 @@
-//! A session at the rate of a learner: every so many ticks what was measured, and what was asked for then.
+//! A session resampled for learning: every n-th tick, the measurements and the command sent in answer.
 
 use hand_model::ActuatorVector;
 use hand_model::robot::{ArmState, Command, ServoGoal, ServoState, TactileFrame};
@@ -6,21 +6,22 @@ use hand_model::robot::{ArmState, Command, ServoGoal, ServoState, TactileFrame};
 use crate::error::SessionLogError;
 use crate::reader::{Event, Reader};
 
-/// One frame.
+/// One frame: a measurement and the command sent in answer.
 #[derive(Debug, Clone)]
 pub struct Frame {
-    /// s since the body was started.
+    /// Time since the robot was started, s.
     pub time: f64,
     pub servos: ActuatorVector<ServoState>,
     pub arm: ArmState,
-    /// What was sent in answer.
+    /// Command sent in answer to the measurement.
     pub sent: Command,
-    /// Images that have come since the frame before.
+    /// Images that have arrived since the previous frame.
     pub tactile: Vec<TactileFrame>,
 }
 
 impl Frame {
-    /// What every servo was asked for, as one number each: the output angle (rad) of one that holds a position, the current (A) of another.
+    /// Returns the goal of each servo as one number: the output angle (rad) in position mode, the current (A) in
+    /// current mode.
     pub fn servo_goals(&self) -> ActuatorVector {
         let goal = |goal: &ServoGoal| match *goal {
             ServoGoal::Current(current) => current,
@@ -30,8 +31,8 @@ impl Frame {
     }
 }
 
-/// What is left of a session, a frame every `ticks` ticks, and the outcome, if there is one. Of a session that breaks off, the last frame is one
-/// that was answered.
+/// Reads a frame every `ticks` ticks, and the outcome, if there is one. If the session breaks off, its last frame is
+/// one that was answered.
 pub fn frames(reader: &mut Reader, ticks: usize) -> Result<(Vec<Frame>, Option<Vec<u8>>), SessionLogError> {
     let (mut frames, mut outcome, mut count) = (Vec::new(), None, 0);
     let (mut latest, mut tactile) = (None, Vec::new());
@@ -39,7 +40,7 @@ pub fn frames(reader: &mut Reader, ticks: usize) -> Result<(Vec<Frame>, Option<V
         match event {
             Event::Observation(mut readings) => {
                 tactile.append(&mut readings.tactile);
-                // What was never read is nothing to learn from.
+                // Incomplete readings are of no use for learning.
                 latest = readings.complete().ok();
             }
             Event::Sent(sent) => {
@@ -64,7 +65,7 @@ mod tests {
     use super::*;
     use crate::{Recorder, Session, Sizes, Writer};
 
-    /// A body whose clock is all that moves.
+    /// A robot of which only the clock moves.
     struct Clock(f64);
 
     impl RobotBackend for Clock {

@@ -1,7 +1,7 @@
 //! The messages of a session's file and their conversion from and to the robot's types.
 //!
-//! Protobuf omits a plain field that equals 0, which includes -0. Every number here is therefore optional or in a list, so that
-//! all of its bits are written.
+//! Protobuf omits a plain field that equals 0, including -0. Every number here is therefore optional or in a list, so
+//! that all of its bits are written.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -11,117 +11,118 @@ use hand_model::robot::{self, ArmState, Reading, ServoGoal, ServoState, TactileI
 
 pub use crate::sizes::{Sizes, Wrong};
 
-/// [`robot::Readings`].
+/// Message for [`robot::Readings`].
 #[derive(Clone, PartialEq, prost::Message)]
 pub struct Observation {
-    /// s.
+    /// Time since the robot was started, s.
     #[prost(double, optional, tag = "1")]
     pub time: Option<f64>,
     /// Number of the tick.
     #[prost(uint64, optional, tag = "2")]
     pub sequence: Option<u64>,
-    /// rad, in actuator order.
+    /// Servo angles, rad, in actuator order.
     #[prost(double, repeated, tag = "3")]
     pub servo_position: Vec<f64>,
-    /// rad/s.
+    /// Servo speeds, rad/s.
     #[prost(double, repeated, tag = "4")]
     pub servo_velocity: Vec<f64>,
-    /// A.
+    /// Servo currents, A.
     #[prost(double, repeated, tag = "5")]
     pub servo_current: Vec<f64>,
-    /// Degrees Celsius.
+    /// Servo temperatures, degrees Celsius.
     #[prost(double, repeated, tag = "6")]
     pub servo_temperature: Vec<f64>,
-    /// rad.
+    /// Joint angles of the arm, rad; empty if the arm was never read.
     #[prost(double, repeated, tag = "7")]
     pub arm_position: Vec<f64>,
-    /// rad/s.
+    /// Joint speeds of the arm, rad/s.
     #[prost(double, repeated, tag = "8")]
     pub arm_velocity: Vec<f64>,
-    /// N m.
+    /// Joint torques of the arm, N m.
     #[prost(double, repeated, tag = "9")]
     pub arm_torque: Vec<f64>,
-    /// Images that arrived.
+    /// Tactile images that arrived since the last observation.
     #[prost(message, repeated, tag = "10")]
     pub tactile: Vec<TactileFrame>,
-    /// When each servo was read, s; empty in sessions that say so by `time` alone.
+    /// Time at which each servo was read, s; empty in older sessions, where `time` applies to all servos.
     #[prost(double, repeated, tag = "11")]
     pub servo_time: Vec<f64>,
-    /// Indices of servos that were never read: their numbers mean nothing.
+    /// Indices of servos that were never read; their numbers have no meaning.
     #[prost(uint32, repeated, tag = "12")]
     pub servo_unread: Vec<u32>,
-    /// When the arm was read, s. An arm that was never read has no positions.
+    /// Time at which the arm was read, s; if absent, `time` applies. An arm that was never read has no positions.
     #[prost(double, optional, tag = "13")]
     pub arm_time: Option<f64>,
 }
 
-/// [`robot::TactileFrame`].
+/// Message for [`robot::TactileFrame`].
 #[derive(Clone, PartialEq, prost::Message)]
 pub struct TactileFrame {
     /// Index of the camera.
     #[prost(uint32, optional, tag = "1")]
     pub camera: Option<u32>,
-    /// s.
+    /// Capture time, s.
     #[prost(double, optional, tag = "2")]
     pub time: Option<f64>,
-    /// Sequence number of this camera.
+    /// Sequence number of this camera's image.
     #[prost(uint64, optional, tag = "3")]
     pub sequence: Option<u64>,
-    /// Pixels, row by row; absent when they are those of this camera's last frame.
+    /// RGB pixels, row by row; absent if they equal those of this camera's previous frame.
     #[prost(bytes = "vec", optional, tag = "4")]
     pub rgb: Option<Vec<u8>>,
 }
 
-/// [`robot::Command`].
+/// Message for [`robot::Command`].
 #[derive(Clone, PartialEq, prost::Message)]
 pub struct Command {
-    /// rad.
+    /// Set-points of the arm's joints, rad.
     #[prost(double, repeated, tag = "1")]
     pub arm: Vec<f64>,
-    /// 0: current, 1: position under a current limit; in actuator order.
+    /// Mode of each servo, in actuator order: 0 for current, 1 for position under a current limit.
     #[prost(uint32, repeated, tag = "2")]
     pub servo_mode: Vec<u32>,
-    /// rad; 0 where the mode is current.
+    /// Goal angle of each servo, rad; 0 in current mode.
     #[prost(double, repeated, tag = "3")]
     pub servo_angle: Vec<f64>,
-    /// A; the goal or the limit.
+    /// Goal current or current limit of each servo, A.
     #[prost(double, repeated, tag = "4")]
     pub servo_current: Vec<f64>,
-    /// Whether images are asked for.
+    /// True if images are requested.
     #[prost(bool, optional, tag = "5")]
     pub capture: Option<bool>,
 }
 
-/// [`robot::Tick`].
+/// Message for [`robot::Tick`].
 #[derive(Clone, Copy, PartialEq, prost::Message)]
 pub struct Tick {
-    /// s.
+    /// Time since the robot was started, s.
     #[prost(double, optional, tag = "1")]
     pub time: Option<f64>,
-    /// s.
+    /// Lateness of the tick, s.
     #[prost(double, optional, tag = "2")]
     pub lateness: Option<f64>,
 }
 
-/// What prior perception (a camera over the table, or the operator) says of an object: an input of the controller beside the robot's own.
+/// Result of prior perception (a camera over the table, or the operator) for one object: an input of the controller
+/// besides the robot's measurements.
 #[derive(Clone, PartialEq, prost::Message)]
 pub struct Seen {
     /// Index of the object.
     #[prost(uint32, optional, tag = "1")]
     pub object: Option<u32>,
-    /// World: x, y, z in m, then the quaternion's i, j, k, w; empty if the object was not to be seen.
+    /// Pose in the world frame: x, y, z in m, then the quaternion's i, j, k, w; empty if the object was not visible.
     #[prost(double, repeated, tag = "2")]
     pub pose: Vec<f64>,
-    /// What perception states of its own error, standard deviation of each of x and y, m.
+    /// Standard deviation of each of x and y that perception states, m.
     #[prost(double, optional, tag = "3")]
     pub sigma: Option<f64>,
 }
 
-/// A pose (x, y, z in m, then i, j, k, w) and the standard deviation that is stated of it, m.
+/// A pose (x, y, z in m, then the quaternion's i, j, k, w) and its stated standard deviation, m.
 pub type SeenPose = ([f64; 7], Option<f64>);
 
 impl Seen {
-    /// For the file.
+    /// Builds the message for the file.
     pub fn new(object: usize, seen: Option<&SeenPose>) -> Self {
         Self {
             object: Some(object as u32),
@@ -130,20 +131,20 @@ impl Seen {
         }
     }
 
-    /// From the file: which object, and its pose if it was seen.
+    /// Reads the message: index of the object, and its pose if it was visible.
     ///
     /// # Errors
-    /// Names the field that is not as it should be.
+    /// The invalid field.
     pub fn read(&self) -> Result<(usize, Option<SeenPose>), Wrong> {
         let pose = if self.pose.is_empty() { None } else { Some(list::<7, _>("pose", &self.pose)?) };
         Ok((given("object", self.object)? as usize, pose.map(|pose| (pose, self.sigma))))
     }
 }
 
-/// Pixels of an image of a tactile hand's camera.
+/// Number of pixels in an image of a tactile camera.
 const PIXELS: usize = IMAGE_SIZE * IMAGE_SIZE;
 
-/// The last image of every camera: what a frame without pixels stands for.
+/// Last image of every camera, to which a frame without pixels refers.
 pub type LastImages = BTreeMap<usize, Arc<TactileImage>>;
 
 fn list<const N: usize, T: Copy>(field: &'static str, values: &[T]) -> Result<[T; N], Wrong> {
@@ -155,7 +156,7 @@ fn given<T>(field: &'static str, value: Option<T>) -> Result<T, Wrong> {
 }
 
 impl Observation {
-    /// For the file. `last` are the images written before, and is brought up to date.
+    /// Builds the message for the file. `last` holds the images written before and is updated.
     pub fn new(readings: &robot::Readings, last: &mut LastImages) -> Self {
         let none = Reading { value: ServoState::default(), time: readings.time };
         let read: Vec<Reading<ServoState>> = readings.servos.iter().map(|servo| servo.unwrap_or(none)).collect();
@@ -178,10 +179,10 @@ impl Observation {
         }
     }
 
-    /// From the file, of a robot of these `sizes`. `last` are the images read before, and is brought up to date.
+    /// Reads the message, of a robot of these `sizes`. `last` holds the images read before and is updated.
     ///
     /// # Errors
-    /// Names the field that is not as it should be.
+    /// The invalid field.
     pub fn read(self, last: &mut LastImages, sizes: Sizes) -> Result<robot::Readings, Wrong> {
         let time = given("time", self.time)?;
         let servos = sizes.servos(self.servo_position.len());
@@ -220,7 +221,7 @@ impl Observation {
 impl TactileFrame {
     fn new(frame: &robot::TactileFrame, last: &mut LastImages) -> Self {
         let before = last.insert(frame.camera, Arc::clone(&frame.image));
-        // An idle pad passes the same image on and on; a simulated one even the same memory.
+        // An idle pad repeats the same image; a simulated one even shares its memory.
         let same = before.is_some_and(|before| Arc::ptr_eq(&before, &frame.image) || before == frame.image);
         Self {
             camera: Some(frame.camera as u32),
@@ -271,10 +272,10 @@ impl From<&robot::Command> for Command {
 }
 
 impl Command {
-    /// From the file.
+    /// Reads the message, of a robot of these `sizes`.
     ///
     /// # Errors
-    /// Names the field that is not as it should be.
+    /// The invalid field.
     pub fn read(&self, sizes: Sizes) -> Result<robot::Command, Wrong> {
         let servos = sizes.servos(self.servo_mode.len());
         let mode = servos.list("servo_mode", &self.servo_mode)?;
@@ -298,16 +299,16 @@ impl From<robot::Tick> for Tick {
 }
 
 impl Tick {
-    /// From the file.
+    /// Reads the message.
     ///
     /// # Errors
-    /// Names the field that is missing.
+    /// The missing field.
     pub fn read(self) -> Result<robot::Tick, Wrong> {
         Ok(robot::Tick { time: given("time", self.time)?, lateness: given("lateness", self.lateness)? })
     }
 }
 
-/// Every number of `command` by its bits: equal lists are equal commands, NaN and -0 included.
+/// Returns every number of `command` as its bits, with its name. Equal lists mean equal commands, NaN and -0 included.
 pub fn bits(command: &robot::Command) -> Vec<(String, u64)> {
     let arm = (1..).zip(&command.arm).map(|(n, angle)| (format!("arm joint {n}"), angle.to_bits()));
     let servos = (1..).zip(&command.servos).flat_map(|(n, goal)| match *goal {
@@ -373,7 +374,7 @@ pub(super) mod tests {
             let written = Observation::new(&observation, &mut LastImages::new());
             let back = Observation::decode(written.encode_to_vec().as_slice())?;
             let back = back.read(&mut LastImages::new(), Sizes::Any).expect("readable");
-            // Written again, equal numbers are equal bytes.
+            // Written again, equal numbers give equal bytes.
             let again = Observation::new(&back, &mut LastImages::new());
             prop_assert_eq!(again.encode_to_vec(), written.encode_to_vec());
             prop_assert_eq!(back.time.to_bits(), observation.time.to_bits());
@@ -386,7 +387,7 @@ pub(super) mod tests {
         }
     }
 
-    /// Sessions of before have no times of their own for servos and arm.
+    /// Older sessions have no separate times for servos and arm.
     #[test]
     fn without_times_all_is_of_the_observations_time() {
         let whole = robot::Readings::from(robot::Observation {
@@ -402,7 +403,7 @@ pub(super) mod tests {
         assert_eq!(back.arm.map(|arm| arm.time), Some(2.5));
     }
 
-    /// The same pixels are written once, for each camera by itself, and are one image again when read.
+    /// The same pixels are written once per camera, and are one shared image when read.
     #[test]
     fn unchanged_images_are_not_repeated() {
         let image = |value| Arc::new(TactileImage { rgb: vec![value; 12] });

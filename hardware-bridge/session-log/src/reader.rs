@@ -1,4 +1,4 @@
-//! Reading a session, from its beginning, finished or cut short.
+//! Sequential reader of a session file, finished or cut short.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::fs::File;
@@ -23,41 +23,41 @@ use crate::writer::{
     UNOBSERVED, UNSEEN, UNSENT,
 };
 
-/// The longest record taken, bytes: an observation with an image of every camera has 3.2 MB. A damaged length must not
-/// be believed.
+/// Longest record accepted, bytes. An observation with an image of every camera has 3.2 MB; the limit guards against a
+/// damaged length.
 const LONGEST: usize = 1 << 28;
 
-/// The longest tick taken, s.
+/// Longest tick accepted, s.
 const LONGEST_TICK: f64 = 1.0;
 
-/// Bytes read at once, at most.
+/// Largest number of bytes read at once.
 const PIECE: usize = 1 << 16;
 
-/// Kinds of records that are read.
+/// Types of records that are read.
 const KNOWN: [u8; 3] = [op::METADATA, op::CHUNK, op::DATA_END];
-/// Kinds of records that are read within a chunk.
+/// Types of records that are read within a chunk.
 const IN_CHUNK: [u8; 2] = [op::CHANNEL, op::MESSAGE];
 
-/// Something in a session.
+/// An event in a session.
 #[derive(Debug, Clone)]
 pub enum Event {
-    /// What was observed.
+    /// An observation.
     Observation(Box<robot::Readings>),
-    /// Why nothing was.
+    /// The reason why an observation failed.
     Unobserved(String),
-    /// What the controller wanted.
+    /// A command as the controller requested it.
     Asked(robot::Command),
-    /// What was sent.
+    /// A command as it was sent, after limits.
     Sent(robot::Command),
-    /// Why nothing was.
+    /// The reason why a command was not sent.
     Unsent(String),
     /// The end of a tick.
     Tick(robot::Tick),
-    /// What prior perception says: which object, and its pose if it was to be seen ([`Seen`]).
+    /// The result of prior perception: index of the object, and its pose if it was visible ([`Seen`]).
     Seen(usize, Option<SeenPose>),
-    /// Why a look failed.
+    /// The reason why prior perception (a look) failed.
     Unseen(String),
-    /// What came of it, in the controller's words.
+    /// The outcome, in the controller's own format.
     Outcome(Vec<u8>),
     /// Bytes on a link.
     Raw {
@@ -68,41 +68,42 @@ pub enum Event {
     },
 }
 
-/// When it happened.
+/// Times of an event.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Times {
-    /// On the host's clock, since the session began.
+    /// Time on the host's clock since the session began.
     pub host: Duration,
-    /// On the clock of the device or body.
+    /// Time on the clock of the device or robot.
     pub device: Duration,
 }
 
-/// A session's file, read from its beginning.
+/// Reader of a session file, from its beginning.
 pub struct Reader {
     path: PathBuf,
     file: BufReader<File>,
     mcap: LinearReader,
-    /// What the last chunk holds.
+    /// Remaining records of the last chunk.
     chunk: VecDeque<Record<'static>>,
     topics: BTreeMap<u16, String>,
     sizes: Sizes,
     last_images: LastImages,
     session: Session,
-    /// When it began, since 1970.
+    /// Wall-clock time at which the session began, since 1970.
     begun: Duration,
     whole: bool,
     over: bool,
 }
 
 impl Reader {
-    /// Opens a file and reads what session it is of; messages that are not of these `sizes` are errors once they are read.
+    /// Opens a file and reads the description of its session. Messages that do not have these `sizes` are errors when
+    /// they are read.
     ///
     /// # Errors
-    /// [`SessionLogError`]: no such file or no regular one, not MCAP, no session of ours, another format, a configuration or calibration
-    /// that does not have its hash.
+    /// [`SessionLogError`] if the file is not an existing regular file, not MCAP, not a session, or of another format
+    /// version, or if its configuration, calibration or task does not match the recorded hash.
     pub fn open(path: &Path, sizes: Sizes) -> Result<Self, SessionLogError> {
         let file = BufReader::new(open_regular(path, u64::MAX).map_err(SessionLogError::io(path))?);
-        // The checksum stands at the end of the data: a damaged file is noticed there, one cut short has none.
+        // The checksum follows the data: a damaged file is detected there; one cut short has none.
         let options = LinearReaderOptions::default()
             .with_skip_end_magic(true)
             .with_emit_chunks(true)
@@ -125,7 +126,7 @@ impl Reader {
         Ok(reader)
     }
 
-    /// The same with messages that are to be of these `sizes`.
+    /// Replaces the `sizes` that messages must have.
     #[must_use]
     pub fn of(self, sizes: Sizes) -> Self {
         Self { sizes, ..self }
@@ -135,12 +136,12 @@ impl Reader {
         &self.session
     }
 
-    /// When it began by the host's wall clock, since 1970.
+    /// Returns the host's wall-clock time at which the session began, since 1970.
     pub fn begun(&self) -> Duration {
         self.begun
     }
 
-    /// Whether the file was finished; known once it has been read to its end.
+    /// True if the file was finished; known only once it has been read to its end.
     pub fn is_whole(&self) -> bool {
         self.whole
     }
@@ -149,7 +150,7 @@ impl Reader {
         SessionLogError::field(&self.path, field, found, expected)
     }
 
-    /// The file begins with metadata, configuration, calibration and task.
+    /// Reads the beginning of the file: metadata, configuration, calibration and task.
     fn read_head(&mut self) -> Result<(), SessionLogError> {
         let mut hashes: Option<[String; 3]> = None;
         let mut files: [Option<Vec<u8>>; 3] = [None, None, None];
@@ -211,7 +212,7 @@ impl Reader {
         self.topics.insert(channel.id, channel.topic);
     }
 
-    /// The next record; `None` at the end of the file, wherever that is.
+    /// Returns the next record; `None` at the end of the file, even of one cut short.
     fn next_record(&mut self) -> Result<Option<Record<'static>>, SessionLogError> {
         loop {
             if let Some(record) = self.chunk.pop_front() {
@@ -224,12 +225,12 @@ impl Reader {
                 None | Some(Err(McapError::UnexpectedEof)) => self.over = true,
                 Some(Err(error)) => return Err(SessionLogError::mcap(&self.path)(error)),
                 Some(Ok(LinearReadEvent::ReadRequest(wanted))) => {
-                    // In pieces: a damaged length asks for more than there is.
+                    // Read in pieces: a damaged length may ask for more than there is.
                     let piece = self.mcap.insert(wanted.min(PIECE));
                     let read = self.file.read(piece).map_err(SessionLogError::io(&self.path))?;
                     self.mcap.notify_read(read);
                 }
-                // Only these are of interest. (mcap 0.25 panics on some damaged attachments.)
+                // Other records are skipped. (mcap 0.25 panics on some damaged attachments.)
                 Some(Ok(LinearReadEvent::Record { opcode, data })) if KNOWN.contains(&opcode) => {
                     let record = mcap::parse_record(opcode, data).map_err(SessionLogError::mcap(&self.path))?;
                     match record.into_owned() {
@@ -244,10 +245,10 @@ impl Reader {
         }
     }
 
-    /// The next event and its times; `None` at the end.
+    /// Returns the next event and its times; `None` at the end.
     ///
     /// # Errors
-    /// [`SessionLogError`]. A file that just ends is none; see [`Reader::is_whole`].
+    /// [`SessionLogError`]. A file that is cut short is not an error; see [`Reader::is_whole`].
     pub fn next_event(&mut self) -> Result<Option<(Times, Event)>, SessionLogError> {
         while let Some(record) = self.next_record()? {
             match record {
@@ -272,7 +273,7 @@ impl Reader {
         Ok(None)
     }
 
-    /// What is on `topic`; `None` for a topic of somebody else.
+    /// Decodes a message on `topic`; `None` for a foreign topic.
     fn event(&mut self, topic: &str, sequence: u32, data: &[u8]) -> Result<Option<Event>, SessionLogError> {
         let (last, sizes) = (&mut self.last_images, self.sizes);
         let text = || String::from_utf8_lossy(data).into_owned();
@@ -301,7 +302,7 @@ impl Reader {
     }
 }
 
-/// The records of interest in a chunk, once its checksum has been found right.
+/// Verifies a chunk's checksum and returns its records of interest.
 fn in_chunk(header: &ChunkHeader, mut data: &[u8]) -> McapResult<VecDeque<Record<'static>>> {
     if !header.compression.is_empty() {
         return Err(McapError::UnsupportedCompression(header.compression.clone()));

@@ -1,4 +1,4 @@
-//! A robot that records what passes through it.
+//! Recorder: a wrapper that records a robot's session.
 
 use std::sync::mpsc::Receiver;
 
@@ -19,32 +19,32 @@ pub struct Recorder<R> {
 }
 
 impl<R: RobotBackend> Recorder<R> {
-    /// Around `robot`, into `writer`.
+    /// Wraps `robot` and records into `writer`.
     pub fn new(robot: R, writer: Writer) -> Self {
         Self { robot, writer, packets: None, error: None }
     }
 
-    /// Records the packets of tapped links too.
+    /// Also records the packets of tapped links.
     pub fn with_packets(self, packets: Receiver<Packet>) -> Self {
         Self { packets: Some(packets), ..self }
     }
 
-    /// The robot inside.
+    /// Returns the wrapped robot.
     pub fn robot(&mut self) -> &mut R {
         &mut self.robot
     }
 
-    /// Records an object's perceived pose.
+    /// Records an object's perceived pose; `None` if it was not visible.
     pub fn seen(&mut self, object: usize, seen: Option<&SeenPose>) {
         self.write(|writer| writer.seen(object, seen));
     }
 
-    /// Records why a look failed.
+    /// Records the reason why prior perception (a look) failed.
     pub fn unseen(&mut self, why: &str) {
         self.write(|writer| writer.unseen(why));
     }
 
-    /// Records what the body says of its own running.
+    /// Records the robot's own statistics, as JSON.
     pub fn statistics(&mut self, json: &[u8]) {
         self.write(|writer| writer.statistics(json));
     }
@@ -53,15 +53,15 @@ impl<R: RobotBackend> Recorder<R> {
         self.write(|writer| writer.outcome(text));
     }
 
-    /// The error that ended the recording, if any.
+    /// Returns the error that ended the recording, if any.
     pub fn error(&self) -> Option<&SessionLogError> {
         self.error.as_ref()
     }
 
-    /// Finishes the file and gives the robot back.
+    /// Finishes the file and returns the robot.
     ///
     /// # Errors
-    /// The first error of writing; the robot is given back all the same.
+    /// The first write error; the robot is returned all the same.
     pub fn finish(mut self) -> (R, Result<(), SessionLogError>) {
         self.write_packets();
         let finished = match self.error {

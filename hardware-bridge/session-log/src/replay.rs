@@ -1,8 +1,9 @@
 //! A robot that plays a recorded session back.
 //!
-//! The control stack is a function of its observations. Driven by a replay it must send the recorded commands in the
-//! recorded order, bit by bit; the replay keeps the first divergence. From there on, and after the end of the recording,
-//! it repeats the last observation while time advances, so that a waiting controller gives up by its own rules.
+//! The control stack is a function of its observations. Driven by a replay, it must send the recorded commands in the
+//! recorded order, bit by bit; the replay keeps the first divergence. After a divergence, or after the end of the
+//! recording, it repeats the last observation while time advances, so that a waiting controller gives up by its own
+//! rules.
 
 use hand_model::robot::{Command, Readings, RobotBackend, RobotError, Tick};
 
@@ -18,9 +19,9 @@ pub enum Divergence {
     Order {
         /// Ticks replayed so far.
         tick: u64,
-        /// What was recorded.
+        /// Recorded call.
         recorded: &'static str,
-        /// What the controller does.
+        /// Call that the controller made.
         found: &'static str,
     },
     /// The controller sent another command.
@@ -28,11 +29,11 @@ pub enum Divergence {
     Command {
         /// Ticks replayed so far.
         tick: u64,
-        /// First number that differs.
+        /// First field that differs.
         field: String,
-        /// What was recorded.
+        /// Recorded value.
         recorded: String,
-        /// What the controller asks for.
+        /// Value that the controller requested.
         found: String,
     },
 }
@@ -52,13 +53,13 @@ pub struct Replay {
     tick: Tick,
     progress: Progress,
     divergence: Option<Divergence>,
-    /// Whether the controller went on after the recording's end.
+    /// True if the controller went on after a divergence or after the end of the recording.
     outlasted: bool,
     error: Option<SessionLogError>,
 }
 
 impl Replay {
-    /// From the beginning of a session.
+    /// Starts at the beginning of a session.
     ///
     /// # Errors
     /// [`SessionLogError`].
@@ -80,7 +81,7 @@ impl Replay {
         }
     }
 
-    /// The recorded session.
+    /// Returns the reader of the recorded session.
     pub fn reader(&self) -> &Reader {
         &self.reader
     }
@@ -89,25 +90,25 @@ impl Replay {
         self.progress
     }
 
-    /// Whether nothing recorded is left to give back, or nothing can be any more.
+    /// True if the recording has ended or the controller has diverged from it.
     pub fn is_over(&self) -> bool {
         self.next.is_none() || self.divergence.is_some()
     }
 
-    /// Whether the controller has left the recording, or goes on after its end.
+    /// True if the controller has diverged from the recording, or went on after its end.
     pub fn is_left(&self) -> bool {
         self.divergence.is_some() || self.outlasted
     }
 
-    /// How the controller left the recording, if it did.
+    /// Returns the first divergence, if any.
     pub fn divergence(&self) -> Option<&Divergence> {
         self.divergence.as_ref()
     }
 
-    /// The verdict at the end.
+    /// Returns the final progress, and the first divergence, if any.
     ///
     /// # Errors
-    /// A file that could not be read to its end. (One that was cut short could: see [`Reader::is_whole`].)
+    /// The file could not be read to its end. (A file that was cut short is not an error: see [`Reader::is_whole`].)
     pub fn finish(self) -> Result<(Progress, Option<Divergence>), SessionLogError> {
         match self.error {
             Some(error) => Err(error),
@@ -115,7 +116,7 @@ impl Replay {
         }
     }
 
-    /// Fetches the next event that is not just bytes.
+    /// Fetches the next event other than raw bytes and the outcome.
     fn read_next(&mut self) {
         self.next = loop {
             match self.reader.next_event() {
@@ -129,7 +130,7 @@ impl Replay {
         };
     }
 
-    /// Takes the next event if `pick` knows it; otherwise the controller, which does `found`, has left the recording.
+    /// Takes the next event if `pick` accepts it. Otherwise the controller, whose call is `found`, has diverged.
     fn take<T>(&mut self, found: &'static str, pick: fn(&Event) -> Option<T>) -> Option<T> {
         if self.is_over() {
             self.outlasted = true;
@@ -153,8 +154,9 @@ impl Replay {
         taken
     }
 
-    /// What prior perception said of `object` at this point of the recording, which may be that it was not to be seen, or why the look failed; `None`
-    /// once the recording is left.
+    /// Returns the recorded result of prior perception for `object`: its pose, `None` if the object was not visible, or
+    /// the reason why prior perception failed. The outer `None` means that the controller has diverged or the recording
+    /// has ended.
     pub fn seen(&mut self, object: usize) -> Option<Result<Option<SeenPose>, String>> {
         let taken = self.take("a look at an object", |event| match event {
             Event::Seen(object, pose) => Some(Ok((*object, *pose))),
@@ -228,7 +230,7 @@ impl RobotBackend for Replay {
         });
         let Some(asked) = asked else { return Ok(*command) };
         self.compare(&asked, command);
-        // A recording may end between the two.
+        // A recording may end between the requested command and the one sent.
         let sent = match &self.next {
             Some(Event::Sent(sent)) => Ok(*sent),
             Some(Event::Unsent(why)) => Err(RobotError::Lost(why.clone())),

@@ -4,13 +4,13 @@
 //! |---|---|---|
 //! | `/arm/joint_states` | `sensor_msgs/msg/JointState` | measured angles (rad), speeds (rad/s), torques (N m) |
 //! | `/arm/joint_commands` | the same | set-points as they were sent |
-//! | `/hand/servo_states` | the same | angles and speeds of the servos' horns, torques by the servos' input current |
-//! | `/hand/servo_commands` | the same | goal angles, or NaN where a servo was given a current; torques by the current or its limit |
-//! | `/tactile/<camera>/image_raw` | `sensor_msgs/msg/Image` | `rgb8`, where a new image arrived |
-//! | `/outcome` | `std_msgs/msg/String` | what came of it |
+//! | `/hand/servo_states` | the same | angles and speeds of the servo horns, torques from the servos' input current |
+//! | `/hand/servo_commands` | the same | goal angles, NaN for a servo in current mode; torques from the goal current or the current limit |
+//! | `/tactile/<camera>/image_raw` | `sensor_msgs/msg/Image` | `rgb8`, whenever a new image arrived |
+//! | `/outcome` | `std_msgs/msg/String` | outcome of the session |
 //!
-//! Stamps and log times are the session's wall clock. CDR is little-endian XCDR1: a header of four bytes, then every number
-//! at a multiple of its size counted from there.
+//! Stamps and log times are the session's wall clock. CDR is little-endian XCDR1: a header of four bytes, then every
+//! number aligned to its size, counted from the end of the header.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -26,30 +26,30 @@ use mcap::records::MessageHeader;
 use crate::error::SessionLogError;
 use crate::reader::{Event, Reader};
 
-/// How joints are called, and what a servo makes of its current.
+/// Names of joints, actuators and cameras, and the servos' torque constant.
 #[derive(Debug, Clone)]
 pub struct Names {
     pub arm: Vec<String>,
-    /// Actuators, in their order.
+    /// Names of the actuators, in their order.
     pub servos: Vec<String>,
-    /// Cameras, by index.
+    /// Names of the cameras, by index.
     pub cameras: Vec<String>,
-    /// Torque of a servo for an input current, N m/A.
+    /// Torque constant of a servo: output torque per input current, N m/A.
     pub torque_constant: f64,
 }
 
 const HEADER: &str = "std_msgs/Header header\n";
 const JOINT_STATE: &str = "string[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort\n";
 const IMAGE: &str = "uint32 height\nuint32 width\nstring encoding\nuint8 is_bigendian\nuint32 step\nuint8[] data\n";
-/// What a message with a header is made of besides, in the form of a bag.
+/// Definitions of the nested types of a message with a header, in the format of a bag.
 const PARTS: &str = "================================================================================\nMSG: std_msgs/Header\n\
                      builtin_interfaces/Time stamp\nstring frame_id\n\
                      ================================================================================\nMSG: builtin_interfaces/Time\n\
                      int32 sec\nuint32 nanosec\n";
-/// Bytes of a pixel.
+/// Bytes per pixel.
 const PIXEL: u32 = 3;
 
-/// A message in the making.
+/// A CDR message being encoded.
 struct Cdr(Vec<u8>);
 
 impl Cdr {
@@ -119,7 +119,7 @@ fn image(at: Duration, frame: &str, rgb: &[u8]) -> Vec<u8> {
     cdr.0
 }
 
-/// A bag in the making.
+/// A bag being written.
 struct Bag<'a> {
     mcap: mcap::Writer<BufWriter<File>>,
     path: &'a Path,
@@ -152,10 +152,10 @@ impl Bag<'_> {
     }
 }
 
-/// Writes the session that `reader` reads as a bag at `out`, which must not exist; how many messages it has.
+/// Exports the session of `reader` as a bag at `out`, which must not exist. Returns the number of messages in the bag.
 ///
 /// # Errors
-/// [`SessionLogError`]: of the session, or of the bag.
+/// [`SessionLogError`] of the session or of the bag.
 pub fn export(mut reader: Reader, names: &Names, out: &Path) -> Result<u64, SessionLogError> {
     let file = File::create_new(out).map_err(SessionLogError::io(out))?;
     let options = WriteOptions::new().compression(None).profile("ros2").library("ftac session-log");
@@ -182,7 +182,7 @@ fn observed(bag: &mut Bag<'_>, names: &Names, at: Duration, readings: &robot::Re
     if let Some(arm) = readings.arm.map(|arm| arm.value) {
         bag.joints("/arm/joint_states", at, &joint_state(at, &names.arm, &arm.position, &arm.velocity, &arm.torque))?;
     }
-    // In ROS, not a number stands for what is not known.
+    // In ROS, NaN stands for an unknown value.
     let of = |value: fn(&robot::ServoState) -> f64| {
         let values = readings.servos.iter().map(|servo| servo.map_or(f64::NAN, |servo| value(&servo.value)));
         values.collect::<Vec<f64>>()
@@ -220,7 +220,8 @@ fn sent(bag: &mut Bag<'_>, names: &Names, at: Duration, command: &robot::Command
 mod tests {
     use super::*;
 
-    /// Worked by hand: numbers at multiples of their size after the header, strings with their closing zero.
+    /// Compares with a layout worked out by hand: numbers aligned to their size after the header, strings with a
+    /// terminating zero.
     #[test]
     fn a_joint_state_is_laid_out_as_cdr() {
         let bytes = joint_state(Duration::new(7, 9), &["ab".into()], &[1.0], &[], &[2.0]);

@@ -1,6 +1,6 @@
-//! The file's own description of its messages: what any protobuf reader needs.
+//! Description of the messages inside the file itself, which any protobuf reader needs.
 //!
-//! The description is that of [`crate::message`], once more as data. A test reads messages by it and compares.
+//! It repeats [`crate::message`] as data. A test reads messages by it and compares.
 
 use prost::Message;
 use prost_types::field_descriptor_proto::{Label, Type};
@@ -9,7 +9,7 @@ use prost_types::{DescriptorProto, FieldDescriptorProto, FieldOptions, FileDescr
 /// Package of the messages.
 const PACKAGE: &str = "ftac";
 
-/// Full name of the message on `topic`, for topics of protobuf messages.
+/// Returns the full protobuf name of a message, with its package.
 pub fn message_name(message: &str) -> String {
     format!("{PACKAGE}.{message}")
 }
@@ -67,7 +67,7 @@ const MESSAGES: &[(&str, Fields)] = &[
     ("Tick", &[("time", One(Type::Double)), ("lateness", One(Type::Double))]),
 ];
 
-/// All messages as an encoded `FileDescriptorSet`.
+/// Returns all messages as an encoded `FileDescriptorSet`.
 pub fn descriptor_set() -> Vec<u8> {
     let message = |(name, fields): &(&str, Fields)| DescriptorProto {
         name: Some((*name).to_owned()),
@@ -119,7 +119,7 @@ mod tests {
         value.as_list().expect("a list").iter().filter_map(Value::as_f64).collect()
     }
 
-    /// A reader that knows nothing but the description finds every field, and nothing it does not know.
+    /// A reader that knows only the description finds every field, and no unknown one.
     #[test]
     fn description_fits_the_messages() {
         let image = std::sync::Arc::new(robot::TactileImage { rgb: vec![7; 6] });

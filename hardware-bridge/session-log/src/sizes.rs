@@ -1,29 +1,29 @@
-//! Sizes of the robot that a session is of, and checks of messages against them.
+//! Sizes of a session's robot, and checks of messages against them.
 
 use hand_model::arm::MOST_ARM_JOINTS;
 use hand_model::hand::MOST_ACTUATORS;
 use hand_model::{ActuatorVector, ArmVector, RobotModel};
 
-/// A field that is not as it should be: name, what is there, what should be.
+/// An invalid field: its name, the value found, the value expected.
 pub type Wrong = (&'static str, String, String);
 
 /// Sizes that messages must have.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Sizes {
-    /// Those of a robot with so many cameras, whose images are all of one size, arm joints and servos.
+    /// A robot with these numbers of cameras (whose images all have one size), arm joints and servos.
     Of { cameras: usize, arm_joints: usize, servos: usize },
-    /// Those of any robot; images are not checked.
+    /// Any robot; images are not checked.
     Any,
 }
 
 impl Sizes {
-    /// Those of `robot`.
+    /// Returns the sizes of `robot`.
     pub fn of(robot: &RobotModel) -> Self {
         let (cameras, arm_joints) = (robot.hand.cameras.len(), robot.arm.joints());
         Self::Of { cameras, arm_joints, servos: robot.hand.servos.len() }
     }
 
-    /// The robot's servos, or `found` of them in a session of any robot.
+    /// Returns the robot's number of servos, or `found` in a session of any robot.
     pub(crate) fn servos(self, found: usize) -> Servos {
         match self {
             Self::Of { servos, .. } => Servos(servos),

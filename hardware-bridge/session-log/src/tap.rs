@@ -6,7 +6,7 @@
 use std::sync::mpsc;
 use std::time::Instant;
 
-/// Which way bytes went.
+/// Direction of transfer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Direction {
     /// From the host.
@@ -21,12 +21,12 @@ pub struct Packet {
     /// Name of the link, as in the topic.
     pub link: &'static str,
     pub direction: Direction,
-    /// When the host sent it or had it.
+    /// Time at which the host sent or received it.
     pub at: Instant,
     pub bytes: Vec<u8>,
 }
 
-/// What a link copies its packets into.
+/// Tap: a sink for copies of a link's packets.
 #[derive(Debug, Clone)]
 pub struct Tap {
     link: &'static str,
@@ -34,15 +34,15 @@ pub struct Tap {
 }
 
 impl Tap {
-    /// A tap for the link of this name, into the channel that `sender` belongs to.
+    /// Creates a tap for the link of this name that copies packets into the channel of `sender`.
     pub fn new(link: &'static str, sender: mpsc::Sender<Packet>) -> Self {
         Self { link, sender }
     }
 
-    /// A packet, just now.
+    /// Copies a packet, stamped with the present time.
     pub fn packet(&self, direction: Direction, bytes: &[u8]) {
         let packet = Packet { link: self.link, direction, at: Instant::now(), bytes: bytes.to_vec() };
-        // Nobody records any more: the robot goes on.
+        // A failure means that nobody records any more: the robot goes on.
         drop(self.sender.send(packet));
     }
 }

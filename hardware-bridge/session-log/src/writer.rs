@@ -1,4 +1,4 @@
-//! Writing a session.
+//! Writer of a session file.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -27,7 +27,7 @@ pub const ASKED: &str = "command/asked";
 pub const SENT: &str = "command/sent";
 /// Topic of ticks.
 pub const TICK: &str = "tick";
-/// Name of the metadata.
+/// Name of the metadata record.
 pub const METADATA: &str = "session";
 /// Topic of the configuration file.
 pub const CONFIGURATION: &str = "configuration";
@@ -35,34 +35,34 @@ pub const CONFIGURATION: &str = "configuration";
 pub const CALIBRATION: &str = "calibration";
 /// Topic of the task.
 pub const TASK: &str = "task";
-/// Topic of perceived poses.
+/// Topic of poses from prior perception.
 pub const SEEN: &str = "seen";
-/// Topic of looks that failed.
+/// Topic of failures of prior perception.
 pub const UNSEEN: &str = "unseen";
 /// Topic of observations that failed.
 pub const UNOBSERVED: &str = "observation/failed";
 /// Topic of commands that could not be sent.
 pub const UNSENT: &str = "command/failed";
-/// Topic of what the body says of its own running.
+/// Topic of the robot's own statistics.
 pub const STATISTICS: &str = "statistics";
 /// Topic of the outcome.
 pub const OUTCOME: &str = "outcome";
 
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Session {
-    /// `sim`, `emulated`, `hardware`.
+    /// Kind of robot: `sim`, `emulated` or `hardware`.
     pub robot: String,
-    /// Program and version that wrote it.
+    /// Program and version that wrote the session.
     pub program: String,
-    /// Seed of everything random.
+    /// Seed of all random numbers.
     pub seed: u64,
     /// Length of a control tick, s.
     pub tick_length: f64,
-    /// The configuration file, as it was; empty if there was none.
+    /// Content of the configuration file; empty if there was none.
     pub configuration: Vec<u8>,
-    /// The calibration file, as it was; empty if there was none.
+    /// Content of the calibration file; empty if there was none.
     pub calibration: Vec<u8>,
-    /// The task in the controller's own format: all that a replay needs to set it up again; may be empty.
+    /// Task in the controller's own format, with all that a replay needs to set it up again; may be empty.
     pub task: Vec<u8>,
 }
 
@@ -70,33 +70,34 @@ fn nanoseconds(duration: Duration) -> u64 {
     duration.as_nanos() as u64
 }
 
-/// A body's time for the file, whose times are not negative.
+/// Converts a robot's time (s) to the file's nanoseconds, which are not negative.
 fn body_time(seconds: f64) -> u64 {
     (seconds * 1e9) as u64
 }
 
-/// A session being written. Dropping it finishes the file too, but leaves nobody to hear of an error.
+/// Writer of a session. Dropping it finishes the file too, but an error is then lost.
 pub struct Writer {
     mcap: mcap::Writer<BufWriter<File>>,
     path: PathBuf,
     start: Instant,
-    /// The same on the wall clock, since 1970.
+    /// Wall-clock time of `start`, since 1970.
     begun: Duration,
     channels: BTreeMap<String, (u16, u32)>,
     schemas: BTreeMap<&'static str, u16>,
     last_images: LastImages,
-    /// Of the body's newest observation, s: the time its commands belong to.
+    /// Robot's time of the newest observation or tick, s; it stamps the commands that follow.
     time: f64,
 }
 
 impl Writer {
-    /// Begins the file at `path`, which must not exist.
+    /// Creates the file at `path`, which must not exist.
     ///
     /// # Errors
     /// [`SessionLogError`].
     pub fn create(path: &Path, session: &Session) -> Result<Self, SessionLogError> {
         let file = File::create_new(path).map_err(SessionLogError::io(path))?;
-        // A chunk is readable only when complete, so each tick is one, made in memory and written at once. Viewers need chunks.
+        // Only a complete chunk is readable, so each tick is one, built in memory and written at once. Viewers need
+        // chunks.
         let options = WriteOptions::new().compression(None).disable_seeking(true).library("ftac hardware-bridge");
         let mcap = options.create(BufWriter::new(file)).map_err(SessionLogError::mcap(path))?;
         let mut writer = Self {
@@ -120,7 +121,7 @@ impl Writer {
             ("robot", session.robot.clone()),
             ("program", session.program.clone()),
             ("seed", session.seed.to_string()),
-            // `{:?}` writes as many digits as it takes to get the same bits back.
+            // `{:?}` writes as many digits as are needed to restore the same bits.
             ("tick_length_s", format!("{:?}", session.tick_length)),
             ("configuration_sha256", sha256(&session.configuration)),
             ("calibration_sha256", sha256(&session.calibration)),
@@ -134,14 +135,13 @@ impl Writer {
         self.append(TASK, None, Duration::ZERO, 0, &session.task)
     }
 
-    /// Time on the host's clock since the session began, as it goes into the file.
+    /// Returns the time since the session began on the host's clock, as written to the file.
     pub fn host_time(&self) -> Duration {
         self.start.elapsed()
     }
 
-    /// Bytes that went over `link` at `host` time (see [`Writer::host_time`]); `device` is the device's own clock,
-    /// where it has one, else
-    /// `host` again.
+    /// Writes bytes that crossed `link` at `host` time (see [`Writer::host_time`]). `device` is the time on the
+    /// device's own clock, or `host` again if it has none.
     ///
     /// # Errors
     /// [`SessionLogError`].
@@ -160,7 +160,7 @@ impl Writer {
         self.write(&format!("raw/{link}/{way}"), None, host, nanoseconds(device), bytes)
     }
 
-    /// A packet that a tap has copied, from a device without a clock of its own.
+    /// Writes a packet copied by a tap, from a device without a clock of its own.
     ///
     /// # Errors
     /// [`SessionLogError`].
@@ -169,7 +169,7 @@ impl Writer {
         self.raw(packet.link, packet.direction, host, host, &packet.bytes)
     }
 
-    /// An observation, when it has been made.
+    /// Writes an observation; call it as soon as the observation has been made.
     ///
     /// # Errors
     /// [`SessionLogError`].
@@ -179,7 +179,7 @@ impl Writer {
         self.message(OBSERVATION, "Observation", &message)
     }
 
-    /// Why nothing was observed.
+    /// Writes the reason why an observation failed.
     ///
     /// # Errors
     /// [`SessionLogError`].
@@ -187,7 +187,7 @@ impl Writer {
         self.plain(UNOBSERVED, why.as_bytes())
     }
 
-    /// Why a command was not sent.
+    /// Writes the reason why a command was not sent.
     ///
     /// # Errors
     /// [`SessionLogError`].
@@ -195,7 +195,7 @@ impl Writer {
         self.plain(UNSENT, why.as_bytes())
     }
 
-    /// A command, before it is passed on.
+    /// Writes a command as requested, before it is passed on.
     ///
     /// # Errors
     /// [`SessionLogError`].
@@ -203,7 +203,7 @@ impl Writer {
         self.message(ASKED, "Command", &Command::from(command))
     }
 
-    /// A command as it was sent.
+    /// Writes a command as it was sent.
     ///
     /// # Errors
     /// [`SessionLogError`].
@@ -211,7 +211,7 @@ impl Writer {
         self.message(SENT, "Command", &Command::from(command))
     }
 
-    /// What prior perception says of an object: see [`Seen`].
+    /// Writes the result of prior perception for an object: see [`Seen`].
     ///
     /// # Errors
     /// [`SessionLogError`].
@@ -219,7 +219,7 @@ impl Writer {
         self.message(SEEN, "Seen", &Seen::new(object, seen))
     }
 
-    /// A look that failed, and why: the trial ends with it.
+    /// Writes the reason why prior perception (a look) failed; the trial ends with it.
     ///
     /// # Errors
     /// [`SessionLogError`].
@@ -227,7 +227,7 @@ impl Writer {
         self.plain(UNSEEN, why.as_bytes())
     }
 
-    /// What came of it, in the controller's words.
+    /// Writes the outcome, in the controller's own format.
     ///
     /// # Errors
     /// [`SessionLogError`].
@@ -235,7 +235,7 @@ impl Writer {
         self.plain(OUTCOME, text)
     }
 
-    /// What the body says of its own running, as JSON.
+    /// Writes the robot's own statistics, as JSON.
     ///
     /// # Errors
     /// [`SessionLogError`].
@@ -243,7 +243,7 @@ impl Writer {
         self.plain(STATISTICS, json)
     }
 
-    /// The end of a tick. Everything up to here survives the program's death (though not the power's).
+    /// Writes the end of a tick. Everything up to here survives the death of the program, though not a loss of power.
     ///
     /// # Errors
     /// [`SessionLogError`].
@@ -253,7 +253,7 @@ impl Writer {
         self.flush()
     }
 
-    /// Writes the summary at the end.
+    /// Writes the summary and ends the file.
     ///
     /// # Errors
     /// [`SessionLogError`].
@@ -267,7 +267,7 @@ impl Writer {
         self.mcap.flush().map_err(SessionLogError::mcap(&self.path))
     }
 
-    /// Bytes that no schema describes.
+    /// Writes bytes that no schema describes.
     fn plain(&mut self, topic: &str, bytes: &[u8]) -> Result<(), SessionLogError> {
         let (host, body) = (self.host_time(), body_time(self.time));
         self.write(topic, None, host, body, bytes)

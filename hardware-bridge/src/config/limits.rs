@@ -1,4 +1,4 @@
-//! `[limits]`: what the supervisor allows, with defaults for everything.
+//! `[limits]`: limits that the supervisor enforces, with defaults for everything.
 
 use hand_model::{Arm, ArmVector};
 use kortex::joints::JOINTS;
@@ -10,68 +10,68 @@ use crate::safety::pressing::PressLimits;
 use crate::safety::set_points::Motion;
 use crate::safety::space::SpaceLimits;
 
-/// Limits, the same for every servo.
+/// Limits of the robot; those of the servos are the same for every servo.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct LimitConfig {
-    /// Fastest change of a servo's goal, rad/s.
+    /// Maximum speed of a servo's goal, rad/s.
     pub speed: f64,
-    /// Greatest goal current, A.
+    /// Maximum goal current, A.
     pub current: f64,
-    /// Greatest current while holding, A.
+    /// Maximum current while holding, A.
     pub hold_current: f64,
-    /// Hottest servo, degrees Celsius.
+    /// Maximum temperature of a servo, degrees Celsius.
     pub temperature: f64,
-    /// Least and greatest supply, V.
+    /// Range of the supply voltage (least, greatest), V.
     pub voltage: [f64; 2],
-    /// Oldest servo measurement to act on, s.
+    /// Maximum age of a servo measurement, s.
     pub staleness: f64,
-    /// The servos' own bus watchdog, s, in steps of 0.02.
+    /// Time limit of the servos' own bus watchdog, s, in steps of 0.02.
     pub servo_watchdog: f64,
     /// Longest silence of the arm, s.
     pub arm_watchdog: f64,
     /// Longest silence of the controller, s, while it moves the robot.
     pub host_watchdog: f64,
-    /// Longest silence that the controller announces because it has to think, s.
+    /// Longest silence that the controller may announce, to think, s.
     pub pause: f64,
-    /// Time in which a release lets the current fade, s.
+    /// Duration of a release, over which the current fades, s.
     pub release_time: f64,
     pub arm: ArmLimitConfig,
     pub space: SpaceConfig,
 }
 
-/// How the arm may move, and how much it may press.
+/// Limits on the arm's motion and joint torques.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ArmLimitConfig {
-    /// Fastest change of a set-point's speed, rad/s2.
+    /// Maximum acceleration of each joint's set-point, rad/s2.
     pub acceleration: ArmVector,
-    /// Fastest change of its acceleration, rad/s3.
+    /// Maximum jerk of each joint's set-point, rad/s3.
     pub jerk: ArmVector,
-    /// Greatest torque of each joint, N m.
+    /// Maximum torque of each joint, N m.
     pub torque: ArmVector,
-    /// Greatest torque of each joint that weight, motion and payload leave unexplained, N m.
+    /// Maximum residual of each joint, N m: torque that weight, motion and payload leave unexplained.
     pub residual: ArmVector,
     /// Heaviest load in the hand, kg.
     pub payload: f64,
-    /// For so long what is left unexplained may be above its limit, s.
+    /// Longest time for which a residual may be above its limit, s.
     pub jolt: f64,
-    /// For so long a torque may be above its limit, s.
+    /// Longest time for which a torque may be above its limit, s.
     pub torque_time: f64,
 }
 
-/// Where arm and hand may be sent, in the frame of the arm's base, m.
+/// Workspace limits of arm and hand, in the frame of the arm's base, m.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct SpaceConfig {
     /// Height of the table.
     pub table: f64,
-    /// How far below the table set-points may put a part.
+    /// Tolerance: depth below the table to which set-points may send a part.
     pub tolerance: f64,
-    /// Least and greatest x, y and z of every part from the elbow on.
+    /// Least x, y and z of every part from the elbow on; `high` has the greatest.
     pub low: [f64; 3],
     pub high: [f64; 3],
-    /// Least distance of parts of the robot from each other.
+    /// Least distance between parts of the robot.
     pub clearance: f64,
 }
 
@@ -96,7 +96,7 @@ impl Default for LimitConfig {
 }
 
 impl ArmLimitConfig {
-    /// Limits with a number for each joint, by name.
+    /// Returns the limits that have a number for each joint, by name.
     pub(super) fn lists(&self) -> [(String, ArmVector); 4] {
         let own = self;
         [("acceleration", own.acceleration), ("jerk", own.jerk), ("torque", own.torque), ("residual", own.residual)]
@@ -125,7 +125,7 @@ impl Default for SpaceConfig {
 }
 
 impl LimitConfig {
-    /// All limits, for servos with this travel (rad) and for this arm.
+    /// Returns all limits, for servos with this travel (rad) and for this arm.
     pub fn limits(&self, travel: &[f64; SERVOS], arm: &Arm) -> Limits {
         let own = self;
         let motion = arm.each(|joint| Motion {
@@ -164,7 +164,8 @@ impl LimitConfig {
         }
     }
 
-    /// Every number with the range that it may be in, by its name, with servo cycles at `rate` (Hz).
+    /// Returns every number with its name and permitted range (name, value, least, greatest), for servo cycles at
+    /// `rate` (Hz).
     pub(super) fn ranges(&self, rate: f64) -> Vec<(String, f64, f64, f64)> {
         let own = self;
         let single = [

@@ -1,4 +1,4 @@
-//! Secrets in a configuration: where they may stand, and how they stay out of recordings and messages.
+//! Secrets in a configuration: their permitted places, and their removal from recordings and messages.
 
 use std::io;
 use std::os::unix::fs::PermissionsExt as _;
@@ -8,12 +8,12 @@ use serde::Deserialize;
 
 use super::{ArmConfig, BridgeConfig, ConfigError};
 
-/// The variable of the environment that holds the arm's password, before all files.
+/// Environment variable with the arm's password; it takes precedence over all files.
 pub const PASSWORD_VARIABLE: &str = "FTAC_ARM_PASSWORD";
-/// What a recording has in its place.
+/// Text that replaces a password in a recording.
 const REMOVED: &str = "(not recorded)";
 
-/// A password: it is neither printed nor written.
+/// Password that is neither printed nor written.
 #[derive(Clone, PartialEq, Eq, Deserialize)]
 #[serde(transparent)]
 pub struct Password(String);
@@ -36,20 +36,20 @@ impl std::fmt::Debug for Password {
     }
 }
 
-/// The permissions of a file that others than its owner may read, such as `644`.
+/// Returns the permissions of a file, such as `644`, if others than its owner have any.
 fn readable_by_others(path: &Path) -> io::Result<Option<String>> {
     let mode = std::fs::metadata(path)?.permissions().mode() & 0o777;
     Ok((mode & 0o077 != 0).then(|| format!("{mode:o}")))
 }
 
-/// The password in a file of its own, without the end of its line.
+/// Reads the password from a file of its own, without the line end.
 fn read_password(path: &Path) -> io::Result<Password> {
     Ok(Password(std::fs::read_to_string(path)?.trim_end_matches(['\n', '\r']).to_owned()))
 }
 
 impl BridgeConfig {
-    /// Finds the arm's password, in this order: the environment, the file named, the configuration itself. A file with a password that others may
-    /// read is refused.
+    /// Finds the arm's password. The environment takes precedence over the file named, and that over the configuration
+    /// itself. A file with a password that others may read is refused.
     pub(super) fn find_password(&mut self, path: &Path) -> Result<(), ConfigError> {
         let ArmConfig::Kortex { password, password_file, .. } = &mut self.arm else { return Ok(()) };
         let private = |field: &str, file: &Path| {
@@ -87,7 +87,7 @@ impl BridgeConfig {
     }
 }
 
-/// A configuration's text as a recording may keep it. Comments are lost where there was a password.
+/// Returns a configuration's text as a recording may keep it. Comments are lost if there was a password.
 pub fn without_secrets(text: &str) -> String {
     let Ok(mut table) = text.parse::<toml::Table>() else { return String::new() };
     let arm = table.get_mut("arm").and_then(toml::Value::as_table_mut);
@@ -98,7 +98,7 @@ pub fn without_secrets(text: &str) -> String {
     table.to_string()
 }
 
-/// What a parser found wrong, with the line's number instead of the line: it may hold a password.
+/// Returns a parser's message with the line's number instead of the line, which may hold a password.
 pub fn syntax_message(text: &str, error: &toml::de::Error) -> String {
     let Some(span) = error.span() else { return error.message().to_owned() };
     let before = text.get(..span.start).unwrap_or_default();

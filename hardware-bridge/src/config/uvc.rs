@@ -11,25 +11,25 @@ use serde::{Deserialize, Serialize};
 pub struct UvcConfig {
     /// Path, part of a name below `/dev/v4l/by-id`, or the card's name.
     pub device: String,
-    /// Columns and rows of its pictures.
+    /// Columns and rows of its pictures, pixels.
     pub size: [u32; 2],
-    /// How it sends them.
+    /// Format in which it sends them.
     pub format: UvcFormat,
-    /// The hand's cameras that it shows.
+    /// Squares of its pictures, one for each camera of the hand that it shows.
     pub squares: Vec<UvcSquare>,
 }
 
-/// How a UVC device sends pictures.
+/// Picture format of a UVC device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum UvcFormat {
-    /// A JPEG each.
+    /// Motion JPEG: one JPEG per picture.
     Mjpeg,
-    /// Two bytes a pixel.
+    /// YUYV: two bytes per pixel.
     Yuyv,
 }
 
-/// A camera of the hand on a UVC device's picture: 240 x 240 pixels.
+/// Square of a UVC device's picture that shows a camera of the hand: 240 x 240 pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct UvcSquare {
@@ -41,8 +41,8 @@ pub struct UvcSquare {
     pub y: u32,
 }
 
-/// The first error in the squares of UVC devices as (field, found, expected). The squares must cover every camera up to the last one that is shown
-/// exactly once and lie within their pictures.
+/// Returns the first error in the squares of UVC devices as (field, found, expected). The squares must lie within their
+/// pictures and show every camera, up to the last one that is shown, exactly once.
 pub(super) fn wrong_squares(devices: &[UvcConfig]) -> Option<(String, String, String)> {
     if devices.is_empty() {
         return None;
@@ -76,7 +76,7 @@ mod tests {
     use super::super::BridgeConfig;
     use super::super::tests::GOOD;
 
-    /// A board's place is taken by devices that show every camera once.
+    /// UVC devices that show every camera once replace a board.
     #[test]
     fn webcams_show_every_camera_once() {
         let device = |cameras: std::ops::Range<usize>| {

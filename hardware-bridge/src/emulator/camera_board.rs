@@ -14,16 +14,16 @@ use crate::tactile_link::deframer::Deframer;
 use crate::tactile_link::message::{CameraFault, Encoding, Image, Message, VERSION};
 use crate::tactile_link::{frame, image_data};
 
-/// What the board is like.
+/// Settings of the board.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BoardSettings {
     /// Serial number.
     pub serial: u32,
-    /// Its clock when ours shows 0, s.
+    /// Clock offset: reading of the board's clock at time 0, s.
     pub clock_offset: f64,
-    /// By how much its clock is fast, 1.
+    /// Clock drift: share by which the board's clock is fast, dimensionless.
     pub clock_drift: f64,
-    /// How images are coded.
+    /// Encoding of the images.
     pub encoding: Encoding,
     /// JPEG quality, 1 to 100.
     pub quality: u8,
@@ -36,32 +36,32 @@ impl Default for BoardSettings {
     }
 }
 
-/// What the board does about bytes from the host.
+/// Reaction of the board to bytes from the host.
 #[derive(Debug, Default)]
 pub struct Reaction {
-    /// Its answer.
+    /// Bytes of the answer.
     pub bytes: Vec<u8>,
-    /// Whether it takes an image with every camera now.
+    /// True if the board takes an image with every camera now.
     pub capture: bool,
 }
 
 #[derive(Debug)]
 pub struct CameraBoard {
     settings: BoardSettings,
-    /// Their number.
+    /// Number of cameras.
     cameras: usize,
     jpeg_chance: f64,
     deframer: Deframer,
     sequence: u32,
-    /// Frozen cameras and the data they go on sending, once they have any.
+    /// Frozen cameras, and the data that they keep sending, once they have any.
     frozen: BTreeMap<u8, Option<Vec<u8>>>,
-    /// This camera and the next are plugged into each other's place.
+    /// Index of a camera that is exchanged with the next one.
     swapped: Option<u8>,
     rng: ChaCha8Rng,
 }
 
 impl CameraBoard {
-    /// A board with so many cameras that cuts a JPEG in half with `jpeg_chance`.
+    /// Creates a board with `cameras` cameras, which cuts a JPEG in half with probability `jpeg_chance`.
     pub fn new(settings: BoardSettings, cameras: usize, jpeg_chance: f64, seed: u64) -> Self {
         Self {
             settings,
@@ -75,12 +75,12 @@ impl CameraBoard {
         }
     }
 
-    /// Changes the chance that a JPEG is cut in half.
+    /// Sets the probability that a JPEG is cut in half.
     pub fn set_jpeg_chance(&mut self, chance: f64) {
         self.jpeg_chance = chance;
     }
 
-    /// Something happens to a camera.
+    /// Applies a fault of a camera.
     pub fn happen(&mut self, event: Event) {
         match event {
             Event::Freeze(camera) => drop(self.frozen.entry(camera).or_default()),
@@ -89,7 +89,7 @@ impl CameraBoard {
         }
     }
 
-    /// The number under which a camera's images are sent.
+    /// Returns the index under which a camera's images are sent.
     fn plug(&self, camera: u8) -> u8 {
         match self.swapped {
             Some(swapped) if camera == swapped => swapped + 1,
@@ -98,13 +98,13 @@ impl CameraBoard {
         }
     }
 
-    /// Takes bytes from the host at `now`, s.
+    /// Takes bytes from the host at `now` (s).
     pub fn receive(&mut self, bytes: &[u8], now: f64) -> Reaction {
         let mut reaction = Reaction::default();
         for message in self.deframer.push(bytes).into_iter().flatten() {
             let answer = match message {
                 Message::Hello => {
-                    // The protocol has no room for more.
+                    // The protocol has no room for a larger number.
                     let cameras = u8::try_from(self.cameras).unwrap_or(u8::MAX);
                     Message::Welcome { version: VERSION, serial: self.settings.serial, cameras }
                 }
@@ -120,7 +120,7 @@ impl CameraBoard {
         reaction
     }
 
-    /// The packets that carry these images, taken at `taken`, s.
+    /// Encodes images taken at `taken` (s) as packets.
     pub fn send_images(&mut self, frames: &[TactileFrame], taken: f64) -> Vec<u8> {
         self.sequence += 1;
         frames.iter().flat_map(|picture| frame::encode(&self.image(picture, taken))).collect()
@@ -149,7 +149,7 @@ impl CameraBoard {
         })
     }
 
-    /// The coded picture, or what a frozen camera sends instead.
+    /// Returns the encoded picture, or the data that a frozen camera sends instead.
     fn coded(&mut self, camera: u8, rgb: &[u8]) -> Option<Vec<u8>> {
         if let Some(Some(data)) = self.frozen.get(&camera) {
             return Some(data.clone());

@@ -1,8 +1,10 @@
-//! The emulated devices without wires: the same servos, camera board, supervisor and arm arithmetic as in [`super::lockstep`], called as functions.
+//! The emulated devices without wires: the same servos, camera board, supervisor and arm arithmetic as in
+//! [`super::lockstep`], called as functions.
 //!
-//! Goals still pass the supervisor's limits and the servos' registers, set-points are rounded to single-precision degrees, and images get the
-//! board's noise and JPEG coding. There are no pseudo-terminals, sockets, packets, threads, deadlines or sessions. A trial on this robot must
-//! therefore equal one on the lock-step robot bit by bit; any difference is caused by the wires.
+//! Goals still pass the supervisor's limits and the servos' registers, set-points are rounded to single-precision
+//! degrees, and images get the board's noise and JPEG encoding. There are no pseudo-terminals, sockets, packets,
+//! threads, deadlines or sessions. A trial on this robot must therefore equal one on the lock-step robot bit by bit;
+//! any difference is caused by the wires.
 
 use std::sync::Arc;
 
@@ -29,7 +31,7 @@ use crate::xc330::{self, PRESENT_BLOCK_LONG, Register};
 pub struct DirectRobot {
     plant: Box<dyn Plant + Send>,
     servos: Vec<EmulatedServo>,
-    /// Whole turns to take off each servo's reading, rad.
+    /// Whole turns to subtract from each servo's reading, rad.
     forget: [Option<f64>; SERVOS],
     board: CameraBoard,
     images: Vec<TactileFrame>,
@@ -40,15 +42,15 @@ pub struct DirectRobot {
     capture: bool,
     time: f64,
     sequence: u64,
-    /// Commands so far.
+    /// Number of commands so far.
     asked: u64,
 }
 
 impl DirectRobot {
-    /// Switches the devices of `robot` on around `plant`, checks and arms.
+    /// Switches on the devices of `robot` around `plant`, checks and arms.
     ///
     /// # Errors
-    /// What the checks found.
+    /// The check that failed.
     pub fn start(
         mut plant: Box<dyn Plant + Send>,
         settings: LockstepSettings,
@@ -90,12 +92,12 @@ impl DirectRobot {
         Ok(started)
     }
 
-    /// The supervisor's state.
+    /// Returns the supervisor's state.
     pub fn state(&self) -> State {
         self.supervisor.state()
     }
 
-    /// Writes a register of every servo. What a servo refuses is lost, as in a sync write.
+    /// Writes a register of every servo. A refused value is lost, as in a sync write.
     fn write(&mut self, register: &Register, value: impl Fn(usize) -> f64) {
         for (n, servo) in self.servos.iter_mut().enumerate() {
             servo.feed_watchdog(self.time);
@@ -106,14 +108,14 @@ impl DirectRobot {
         }
     }
 
-    /// Current before place, as [`crate::hand_bus::HandBus::send`].
+    /// Writes the goals, current before position, as [`crate::hand_bus::HandBus::send`] does.
     fn write_goals(&mut self) {
         let (goals, forget) = (self.sent.servos, self.forget);
         self.write(&xc330::GOAL_CURRENT, |n| goals[n].current);
         self.write(&xc330::GOAL_POSITION, |n| goals[n].angle + forget[n].unwrap_or(0.0));
     }
 
-    /// What the bridge measures when the plant is as in `seen`.
+    /// Measures as the bridge does, with the plant in the state `seen`.
     fn measure(&mut self, seen: &Observation) {
         let (start, length) = (PRESENT_BLOCK_LONG.start, PRESENT_BLOCK_LONG.end - PRESENT_BLOCK_LONG.start);
         for (n, servo) in self.servos.iter_mut().enumerate() {
@@ -125,7 +127,7 @@ impl DirectRobot {
         self.measured.arm = Some(ArmReading { at: self.time, state, fault: self.arm.fault });
     }
 
-    /// Images, taken at `taken`, s, as they come out of the board's coding.
+    /// Passes images taken at `taken` (s) through the board's encoding.
     fn code(&mut self, frames: &[TactileFrame], taken: f64) {
         let wire = self.board.send_images(frames, taken);
         for message in Deframer::default().push(&wire).into_iter().flatten() {

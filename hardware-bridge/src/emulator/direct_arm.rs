@@ -1,4 +1,5 @@
-//! The arm of [`super::direct`]: what the Gen3 client and the emulated Gen3 do to set-points and measurements, as arithmetic.
+//! The arm of [`super::direct`]: the operations of the Gen3 client and the emulated Gen3 on set-points and
+//! measurements, as arithmetic.
 
 use hand_model::arm::Arm as ArmModel;
 use hand_model::robot::ArmState;
@@ -12,28 +13,28 @@ use super::lockstep_arm::{step_towards, whole_milliseconds};
 use crate::kortex_link::{limits, of_gen3};
 use crate::safety::state::ArmTrouble;
 
-/// An arm that is commanded a thousand times a second, and its client.
+/// An arm that is commanded at 1 kHz, and its client.
 pub(super) struct DirectArm {
     limits: Limits,
     following_error: f64,
     turns: Turns,
     /// Remainder of a millisecond, s.
     rest: f64,
-    /// The newest command, rad, before it went through single-precision degrees.
+    /// Newest command, rad, before its conversion to single-precision degrees.
     command: [f64; JOINTS],
-    /// The plant's arm, and what the client has measured of it.
+    /// State of the plant's arm; `seen` is the client's measurement of it.
     real: ArmState,
     seen: ArmState,
-    /// Where the controller wants the joints of the plant, rad.
+    /// Goal of the arm's controller for the plant's joints, rad.
     pub goal: hand_model::ArmVector,
-    /// Where the supervisor wants them, rad.
+    /// Set-points from the supervisor, rad.
     pub target: Option<[f64; JOINTS]>,
-    /// What has stopped it.
+    /// Trouble that has stopped the arm.
     pub fault: Option<ArmTrouble>,
 }
 
 impl DirectArm {
-    /// An arm of this model in state `real`, engaged.
+    /// Creates an engaged arm of this model in the state `real`.
     pub fn new(model: &ArmModel, real: ArmState) -> Self {
         let mut arm = Self {
             limits: limits(model),
@@ -47,12 +48,12 @@ impl DirectArm {
             target: None,
             fault: None,
         };
-        // The first command is what was measured.
+        // The first command is the measured position.
         arm.command = of_gen3(&arm.look(real).position);
         arm
     }
 
-    /// The plant's arm is now `real`; what the client sees of that.
+    /// Updates the state of the plant's arm to `real`; returns the client's measurement of it.
     pub fn look(&mut self, real: ArmState) -> ArmState {
         self.real = real;
         self.seen = ArmState {
@@ -63,7 +64,8 @@ impl DirectArm {
         self.seen
     }
 
-    /// The milliseconds of a tick of `seconds`: equal steps towards the target, each checked, rounded and followed.
+    /// Runs the milliseconds of a tick of `seconds`: equal steps towards the target, each checked, rounded and
+    /// followed.
     pub fn pass(&mut self, seconds: f64) {
         let milliseconds = whole_milliseconds(&mut self.rest, seconds);
         for n in 0..milliseconds {
@@ -74,7 +76,7 @@ impl DirectArm {
             let next = step_towards(&target, &self.command, milliseconds - n, &self.limits.step);
             match self.limits.check(&next, &self.command, &of_gen3(&self.seen.position)) {
                 Ok(()) => self.command = next,
-                // The client waits for an arm that is too far behind.
+                // The client waits for an arm that lags too far behind.
                 Err(CommandError::Lead { .. }) => {}
                 Err(_) => self.fault = Some(ArmTrouble::Refused),
             }
@@ -106,7 +108,7 @@ mod tests {
         assert_eq!(arm.fault, None);
     }
 
-    /// An arm that does not follow is waited for at 3 degrees; one that is thrown further than 5 degrees is at fault.
+    /// The client waits for an arm that lags by 3 degrees; an arm that is displaced by more than 5 degrees is in fault.
     #[test]
     fn an_arm_that_lags() {
         let mut arm = arm();

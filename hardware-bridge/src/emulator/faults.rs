@@ -7,25 +7,25 @@
 
 use std::str::FromStr;
 
-/// How late a delayed answer is, s.
+/// Delay of a delayed answer, s.
 pub const DELAY: f64 = 0.030;
 
-/// Chances of what goes wrong at random.
+/// Probabilities of random faults.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Chances {
-    /// One to three stray bytes before an answer.
+    /// Probability of one to three stray bytes before an answer.
     pub noise: f64,
-    /// An answer is lost.
+    /// Probability that an answer is lost.
     pub drop: f64,
-    /// A byte of an answer is changed.
+    /// Probability that a byte of an answer is changed.
     pub corrupt: f64,
-    /// An answer comes [`DELAY`] late.
+    /// Probability that an answer comes [`DELAY`] late.
     pub delay: f64,
-    /// An image's JPEG is cut in half before it is framed, as a camera that overruns its buffer does.
+    /// Probability that an image's JPEG is cut in half before it is framed, as by a camera that overruns its buffer.
     pub jpeg: f64,
 }
 
-/// Something that happens once.
+/// A fault that happens once.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Event {
     /// The servo with this id reports overload and shuts down.
@@ -36,35 +36,35 @@ pub enum Event {
     Voltage(f64),
     /// The servo with this id loses its plug.
     Unplug(u8),
-    /// It is plugged in again.
+    /// The servo with this id is plugged in again.
     Plug(u8),
-    /// This camera sends the same image for ever.
+    /// This camera repeats the same image for ever.
     Freeze(u8),
     /// The servo with this id is of another model.
     Model(u8),
-    /// The servo with this id and the one with the next have each other's.
+    /// The servo with this id and the one with the next id have exchanged their ids.
     Ids(u8),
     /// This camera and the next are plugged into each other's place.
     Swap(u8),
 }
 
 impl Event {
-    /// Whether it happens to the camera board rather than to servos.
+    /// True if the event concerns the camera board rather than the servos.
     pub fn is_of_cameras(self) -> bool {
         matches!(self, Self::Freeze(_) | Self::Swap(_))
     }
 }
 
-/// Everything that will go wrong.
+/// All injected faults.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Faults {
-    /// At random.
+    /// Random faults.
     pub chances: Chances,
-    /// At a time, s since the start.
+    /// Timed faults: time since the start, s, and event.
     pub events: Vec<(f64, Event)>,
 }
 
-/// A fault as it stands on the command line.
+/// Syntax error in a fault on the command line.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[error(
     "fault: found `{0}`, expected noise|drop|corrupt|delay|jpeg=CHANCE, overload|overheat|unplug|plug|freeze|model|ids|swap=ID@SECONDS or voltage=VOLTS@SECONDS"
@@ -72,7 +72,7 @@ pub struct Faults {
 pub struct FaultSyntax(String);
 
 impl Faults {
-    /// Reads a list of faults.
+    /// Parses a list of faults.
     pub fn parse<'a>(texts: impl IntoIterator<Item = &'a str>) -> Result<Self, FaultSyntax> {
         let mut faults = Self::default();
         for text in texts {
@@ -115,7 +115,7 @@ impl Faults {
         Some(())
     }
 
-    /// Takes out the events due at `now`.
+    /// Removes and returns the events due at `now` (s).
     pub fn due(&mut self, now: f64) -> Vec<Event> {
         let (due, later) = self.events.iter().partition(|(at, _)| *at <= now);
         self.events = later;

@@ -1,10 +1,11 @@
-//! The whole bridge on emulated devices in lock-step: real bytes on pseudo-terminals and loopback sockets, one emulated clock for host, devices
-//! and plant.
+//! The whole bridge on emulated devices in lock-step: real bytes on pseudo-terminals and loopback sockets, and one
+//! emulated clock for host, devices and plant.
 //!
-//! One control tick is: read all servos, let the supervisor decide, write the goals, audit one servo (its answer confirms that the goals have
-//! arrived); then the arm's milliseconds, each with a command and an answer over UDP; then one tick of the plant; then new measurements. The
-//! result does not depend on the load of the machine, and equals the simulated robot's wherever the protocols lose nothing. Effects of real time
-//! are studied with devices in real time ([`super::EmulatedHand::start`]).
+//! One control tick has four parts. First, the bridge reads all servos, lets the supervisor decide, writes the goals,
+//! and audits one servo, whose answer confirms that the goals have arrived. Then the arm's milliseconds pass, each with
+//! a command and an answer over UDP. Then the plant advances by one tick. Last, new measurements are taken. The result
+//! does not depend on the load of the machine, and equals that of the simulated robot wherever the protocols lose
+//! nothing. Effects of real time are studied with devices in real time ([`super::EmulatedHand::start`]).
 
 use std::path::Path;
 use std::sync::mpsc::Sender;
@@ -38,16 +39,16 @@ const PATIENCE: Duration = Duration::from_secs(20);
 /// Polling interval of that wait.
 const LOOK: Duration = Duration::from_micros(50);
 
-/// The lock-step robot cannot be started.
+/// Error of starting the lock-step robot.
 #[derive(Debug, thiserror::Error)]
 pub enum LockstepError {
-    /// A pseudo-terminal.
+    /// Error of a pseudo-terminal.
     #[error(transparent)]
     Pty(#[from] PtyError),
-    /// The emulated arm.
+    /// Error of the emulated arm.
     #[error(transparent)]
     Arm(#[from] KortexError),
-    /// The host's side.
+    /// Error of the host's side.
     #[error(transparent)]
     Connect(#[from] ConnectError),
     #[error(transparent)]
@@ -76,14 +77,15 @@ pub struct LockstepRobot {
     tick: f64,
     sequence: u64,
     host_alive: bool,
-    /// Why the cameras could not be asked for images since the last observation.
+    /// Error of the last request for images, reported by the next observation.
     unasked: Option<RobotError>,
     config: BridgeConfig,
     calibration: HandCalibration,
 }
 
 impl LockstepRobot {
-    /// Switches the devices of `robot` on around `plant`, connects to them, checks and arms. Packets that cross are copied to `packets`.
+    /// Switches on the devices of `robot` around `plant`, connects to them, checks and arms. Packets on the wires are
+    /// copied to `packets`.
     pub fn start(
         plant: Box<dyn Plant + Send>,
         settings: LockstepSettings,
@@ -128,27 +130,27 @@ impl LockstepRobot {
         Ok(started)
     }
 
-    /// The supervisor's state.
+    /// Returns the supervisor's state.
     pub fn state(&self) -> State {
         self.cycle.supervisor.state()
     }
 
-    /// How the cycles went.
+    /// Returns the statistics of the servo cycles.
     pub fn report(&self) -> CycleReport {
         self.cycle.report.clone()
     }
 
-    /// The configuration it runs under.
+    /// Returns the robot's configuration.
     pub fn config(&self) -> &BridgeConfig {
         &self.config
     }
 
-    /// The calibration of its servos.
+    /// Returns the calibration of the servos.
     pub fn calibration(&self) -> &HandCalibration {
         &self.calibration
     }
 
-    /// Changes how long an answer of the servos is waited for, s of real time: less once some are to get lost.
+    /// Sets the time-out of the servos' answers, s of real time; less once some are to get lost.
     pub fn set_slack(&mut self, seconds: f64) {
         self.cycle.bus.slack = seconds;
         if let Some(hand) = &mut self.cycle.hand {
@@ -156,22 +158,22 @@ impl LockstepRobot {
         }
     }
 
-    /// The devices, for injecting faults.
+    /// Returns the devices, for injecting faults.
     pub fn devices(&mut self) -> &mut EmulatedHand {
         &mut self.devices
     }
 
-    /// The arm, for injecting faults.
+    /// Returns the arm, for injecting faults.
     pub fn arm(&mut self) -> &mut LockstepArm {
         &mut self.arm
     }
 
-    /// The camera board's link.
+    /// Returns the link to the camera board.
     pub fn tactile(&self) -> Option<&TactileLink> {
         self.cameras.as_ref().and_then(Cameras::board)
     }
 
-    /// Stops, as `ftac bridge stop` does.
+    /// Stops and holds, as `ftac bridge stop` does.
     pub fn hold(&mut self) {
         self.cycle.supervisor.hold(crate::safety::state::Cause::Operator);
     }
@@ -181,14 +183,14 @@ impl LockstepRobot {
         self.host_alive = false;
     }
 
-    /// One servo cycle without a new command, as while the controller is silent.
+    /// Runs one servo cycle without a new command, as while the controller is silent.
     pub fn idle_cycle(&mut self) {
         if self.host_alive {
             self.cycle.decide();
         }
     }
 
-    /// Waits until `done`; false on a time-out or a lost port.
+    /// Waits until `done`; returns false on a time-out or a lost port.
     fn patiently(&self, done: impl Fn(&Self) -> bool) -> bool {
         let deadline = Instant::now() + PATIENCE;
         while !done(self) {
@@ -200,7 +202,7 @@ impl LockstepRobot {
         true
     }
 
-    /// Images, faults and losses so far, of all cameras.
+    /// Returns the number of images, faults and losses so far, of all cameras.
     fn image_events(&self) -> u64 {
         let count = |link: &TactileLink| {
             let cameras = link.cameras().iter().map(|c| c.good + c.undecodable + c.overrun + c.faults).sum::<u64>();
@@ -251,7 +253,7 @@ impl RobotBackend for LockstepRobot {
         if self.host_alive && due > 0 {
             self.patiently(|robot| robot.image_events() >= arrived + due);
         }
-        // Readings must not look older than they are: the next are taken at this very moment.
+        // Readings must not look older than they are: the next ones are taken at this very moment.
         if self.host_alive {
             self.cycle.measure();
         }
@@ -272,7 +274,7 @@ impl Drop for LockstepRobot {
     }
 }
 
-/// The configuration of a lock-step robot: one servo cycle a tick.
+/// Returns the configuration of a lock-step robot, with one servo cycle per tick.
 fn configuration(servos: &Path, cameras: &Path, tick: f64, limits: LimitConfig, slack: f64) -> BridgeConfig {
     BridgeConfig {
         version: 1,
@@ -294,7 +296,8 @@ fn configuration(servos: &Path, cameras: &Path, tick: f64, limits: LimitConfig, 
     }
 }
 
-/// The calibration that homing would have found on `robot`: the open mark of each servo is where its encoder shows its `zero`.
+/// Returns the calibration that homing would have found on `robot`: the open mark of each servo is where its encoder
+/// shows its `zero`.
 pub(super) fn calibrated(robot: &RobotModel, servos: &[EmulatedServo], travel: &[f64; SERVOS]) -> HandCalibration {
     let servos = std::array::from_fn(|n| ServoCalibration {
         id: n as u8 + 1,

@@ -26,22 +26,22 @@ use crate::safety::state::ArmTrouble;
 const PATIENCE: Duration = Duration::from_secs(20);
 /// Longest wait for a call's answer.
 const CALL: Duration = Duration::from_secs(2);
-/// Longest wait once answers are dropped on purpose: the others come at once.
+/// Longest wait for an answer while answers are dropped on purpose: those that are not dropped come at once.
 const IMPATIENCE: Duration = Duration::from_millis(3);
 
 enum Order {
     Engage,
-    /// Milliseconds to spend on the way to these set-points, rad; whether answers may be missing.
+    /// Time to spend on the way to these set-points (rad), ms; the flag is true if answers may be missing.
     Go(u64, [f64; JOINTS], bool),
-    /// Measure, no time passes; whether the answer may be missing.
+    /// Measurement without any passing of time; the flag is true if the answer may be missing.
     Look(bool),
     Disengage,
 }
 
-/// The newest measurements and whether they are new, or the reason why servoing ended.
+/// The newest measurements, with a flag that is true if they are new, or the reason why servoing ended.
 type Answer = Result<(ArmState, bool), ArmLinkError>;
 
-/// The client's thread.
+/// Handle of the client's thread.
 struct Client {
     orders: Sender<Order>,
     answers: Receiver<Answer>,
@@ -82,10 +82,10 @@ pub struct LockstepArm {
 }
 
 impl LockstepArm {
-    /// Switches an arm of this model on and logs in. Packets that cross after the login are copied to `packets`.
+    /// Switches on an arm of this model and logs in. Packets that cross after the login are copied to `packets`.
     ///
     /// # Errors
-    /// No free port; the client's.
+    /// There is no free port, or the client fails.
     pub fn start(
         joints: SharedArm,
         model: &ArmModel,
@@ -98,8 +98,8 @@ impl LockstepArm {
         let emulator = Emulator::start(settings, Box::new(joints), Pace::Stepped)
             .map_err(|error| KortexError::Link(error.into()))?;
         let emulator = Arc::new(emulator);
-        // An emulated session's seconds pass between two of the host's. A keep-alive at a time of the host's would be a
-        // datagram more for a lossy network to draw for.
+        // Many emulated seconds may pass between two keep-alives of the host. A keep-alive at a time of the host's
+        // clock would be one more datagram for which a lossy network draws a random number.
         let hour = Duration::from_secs(3600);
         let timeouts = Timeouts { call: CALL, session: hour, connection: hour, keep_alive: hour };
         let mut arm = Arm::connect(emulator.address(), &credentials, timeouts, of_gen3(&near))?;
@@ -118,12 +118,12 @@ impl LockstepArm {
         Ok(Self { emulator, client, thread: Some(thread), rest: 0.0, lossy: false, waited })
     }
 
-    /// The bridge's end.
+    /// Returns the bridge's end of the link.
     pub fn link(&self) -> LockstepLink {
         LockstepLink { client: self.client.as_ref().map(Arc::downgrade).unwrap_or_default() }
     }
 
-    /// How the emulated arm stands.
+    /// Returns the status of the emulated arm.
     pub fn status(&self) -> Status {
         self.emulator.status()
     }
@@ -135,12 +135,12 @@ impl LockstepArm {
         self.emulator.inject(injection);
     }
 
-    /// Cycles in which the arm was too far behind to be led on.
+    /// Returns the number of cycles in which the client waited because the arm lagged too far behind.
     pub fn waited(&self) -> u64 {
         self.waited.load(Ordering::Relaxed)
     }
 
-    /// Lets `seconds` pass until `now`. With a dead host the arm is left to itself.
+    /// Lets `seconds` pass until `now` (s). If the host is dead, the arm is left to itself.
     pub fn pass(&mut self, seconds: f64, now: f64, host_alive: bool) {
         let milliseconds = whole_milliseconds(&mut self.rest, seconds);
         let Some(client) = self.client.as_ref().filter(|_| host_alive) else {
@@ -159,7 +159,7 @@ impl LockstepArm {
         }
     }
 
-    /// Measures the arm at `now`: the plant has moved since its last command.
+    /// Measures the arm at `now` (s): the plant has moved since its last command.
     pub fn look(&mut self, now: f64) {
         let Some(client) = &self.client else { return };
         let mut client = lock(client);
@@ -171,17 +171,17 @@ impl LockstepArm {
 
 impl Drop for LockstepArm {
     fn drop(&mut self) {
-        // Or the client would wait for the answer to its farewell.
+        // Otherwise the client would wait for the answer to its farewell.
         self.emulator.inject(Injection::Deaf(false));
         self.client = None;
         if let Some(thread) = self.thread.take() {
-            // A thread that panicked has said so itself.
+            // A thread that panicked has reported that itself.
             let _ = thread.join();
         }
     }
 }
 
-/// The lock-step arm as the bridge sees it.
+/// The bridge's end of the lock-step arm.
 pub struct LockstepLink {
     client: Weak<Mutex<Client>>,
 }
@@ -225,7 +225,7 @@ impl ArmLink for LockstepLink {
     }
 }
 
-/// The client's thread: owns the arm, enters and leaves low-level servoing, cycles.
+/// Runs the client's thread: owns the arm, enters and leaves low-level servoing, and cycles.
 fn serve(
     mut arm: Arm,
     limits: Limits,
@@ -257,7 +257,7 @@ fn serve(
     }
 }
 
-/// Until servoing is over; the last answer.
+/// Carries out orders until servoing is over; returns the last answer.
 fn follow(
     mut servoing: Servoing<'_>,
     emulator: &Emulator,
@@ -292,12 +292,12 @@ fn over(text: &str) -> ArmLinkError {
     ArmLinkError { trouble: ArmTrouble::Closed, text: text.to_owned() }
 }
 
-/// Until when an answer is waited for.
+/// Returns the deadline of an answer.
 fn deadline(lossy: bool) -> Instant {
     Instant::now() + if lossy { IMPATIENCE } else { PATIENCE }
 }
 
-/// Whole milliseconds in `seconds` and what was left over before; `rest` (s) is what is left over now.
+/// Returns the whole milliseconds in `seconds` and in the remainder from before; `rest` (s) becomes the new remainder.
 pub(super) fn whole_milliseconds(rest: &mut f64, seconds: f64) -> u64 {
     *rest += seconds;
     let milliseconds = (*rest * 1e3 + 1e-9).floor();
@@ -305,12 +305,12 @@ pub(super) fn whole_milliseconds(rest: &mut f64, seconds: f64) -> u64 {
     milliseconds as u64
 }
 
-/// The next of `left` equal steps from `from` to `target`, none longer than `most`, rad.
+/// Returns the next of `left` equal steps from `from` to `target`, none longer than `most`, rad.
 pub(super) fn step_towards(target: &[f64], from: &[f64], left: u64, most: &[f64]) -> [f64; JOINTS] {
     std::array::from_fn(|i| from[i] + ((target[i] - from[i]) / left as f64).clamp(-most[i], most[i]))
 }
 
-/// Equal steps to the target, one a millisecond.
+/// Moves to the target in equal steps, one per millisecond.
 fn go(
     servoing: &mut Servoing<'_>,
     emulator: &Emulator,

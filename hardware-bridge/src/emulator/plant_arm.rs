@@ -1,5 +1,5 @@
-//! The joints of the emulated Gen3 when the hand's plant has the arm: goals of the arm's controller and measurements of the plant's arm, shared
-//! between the two.
+//! The joints of the emulated Gen3 when the hand's plant has the arm: the goals of the arm's controller and the
+//! measurements of the plant's arm, shared between the two.
 
 use std::sync::{Arc, Mutex};
 
@@ -15,7 +15,7 @@ use crate::safety::limits::ArmLimits;
 #[derive(Debug)]
 struct Joints {
     state: ArmState,
-    /// Time since that was measured, s.
+    /// Time since the state was measured, s.
     age: f64,
     goal: ArmVector,
     /// Remaining speeds while braking, rad/s.
@@ -24,28 +24,28 @@ struct Joints {
     model: Arc<Arm>,
 }
 
-/// Between the arm's controller and the plant.
+/// The arm as shared between its controller and the plant.
 #[derive(Debug, Clone)]
 pub struct SharedArm(Arc<Mutex<Joints>>);
 
 impl SharedArm {
-    /// An arm of this model in this state, which is to stay where it is.
+    /// Creates an arm of this model in this state, which holds its position.
     pub fn at(state: ArmState, model: Arc<Arm>) -> Self {
         let limits = ArmLimits::of(&model);
         Self(Arc::new(Mutex::new(Joints { state, age: 0.0, goal: state.position, braking: None, limits, model })))
     }
 
-    /// The controller's goal for the joints, rad.
+    /// Returns the controller's goal for the joints, rad.
     pub fn goal(&self) -> ArmVector {
         lock(&self.0).goal
     }
 
-    /// The plant's arm.
+    /// Returns the state of the plant's arm.
     pub fn state(&self) -> ArmState {
         lock(&self.0).state
     }
 
-    /// What the plant's arm does now.
+    /// Sets the state of the plant's arm.
     pub fn set_state(&self, state: ArmState) {
         let mut joints = lock(&self.0);
         (joints.state, joints.age) = (state, 0.0);
@@ -86,7 +86,8 @@ impl Plant for SharedArm {
         Motion { position: of_gen3(&position), velocity: of_gen3(&velocity), torque: of_gen3(&torque) }
     }
 
-    /// The tool frame is the interface of the bracelet, as on an arm whose web page has no other tool.
+    /// Returns the tool's pose. The tool frame is the interface of the bracelet, as on an arm whose web page has no
+    /// other tool.
     fn tool_pose(&self) -> Option<ToolPose> {
         let joints = lock(&self.0);
         let pose = joints.model.tool_pose(&joints.state.position);
@@ -107,7 +108,7 @@ mod tests {
         SharedArm::at(state, Arc::new(Arm::gen3()))
     }
 
-    /// An arm at rest stays to the last bit; commands are passed on as they are.
+    /// An arm at rest stays there to the last bit; commands are passed on unchanged.
     #[test]
     fn rest_and_commands() {
         let mut arm = gen3_at(moving(0.0));
@@ -127,7 +128,7 @@ mod tests {
         assert!(angles[0] > 0.0 && angles[2] > 0.0 && position[0] > 0.3, "{position:?} {angles:?}");
     }
 
-    /// Told to stop, it runs out by v^2 / 2a from where it is, not from where it was sent.
+    /// A stopped arm runs out by v^2 / 2a from its measured position, not from its last set-point.
     #[test]
     fn stops_from_where_it_is() {
         let mut arm = gen3_at(moving(0.0));

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use serial2::SerialPort;
 
-/// The two ends.
+/// A pseudo-terminal with its two ends.
 #[derive(Debug)]
 pub struct Pty {
     /// The device's end.
@@ -15,10 +15,10 @@ pub struct Pty {
     path: PathBuf,
 }
 
-/// Why there is no pseudo-terminal.
+/// Error of making a pseudo-terminal.
 #[derive(Debug, thiserror::Error)]
 pub enum PtyError {
-    /// None could be made.
+    /// The pseudo-terminal could not be made.
     #[error("pseudo-terminal: {0}")]
     Open(std::io::Error),
     /// The link to it could not be made.
@@ -32,21 +32,21 @@ pub enum PtyError {
 }
 
 impl Pty {
-    /// A new pair.
+    /// Opens a new pair.
     pub fn open() -> Result<Self, PtyError> {
         let (device, host) = SerialPort::pair().map_err(PtyError::Open)?;
-        // The kernel's own list of our open files says what the host's end is called.
+        // The kernel's list of our open files has the name of the host's end.
         let path = std::fs::read_link(format!("/proc/self/fd/{}", host.as_raw_fd())).map_err(PtyError::Open)?;
         Ok(Self { device, host, path })
     }
 
-    /// What a host opens.
+    /// Returns the path that a host opens.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// The device goes away, and its path with it. As long as what is given back lives, the system gives no other pseudo-terminal that path: a
-    /// host that looks for its device again must not find a stranger's.
+    /// Removes the device, and its path with it. As long as the returned port lives, the system gives that path to no
+    /// other pseudo-terminal: a host that looks for its device again must not find a different one.
     pub fn hang_up(self) -> SerialPort {
         self.host
     }

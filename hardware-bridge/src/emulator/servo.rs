@@ -1,7 +1,7 @@
-//! One emulated XC330: its control table, its refusals, its shutdowns, its bus watchdog.
+//! One emulated XC330: its control table, refusals, shutdowns and bus watchdog.
 //!
-//! It has no clock and no input or output: time and shaft state are arguments, the goal is the result. Where the e-Manual is silent, the
-//! emulator takes the interpretation that is harder on the host, marked "our reading".
+//! It has no clock and no input or output: time and shaft state are arguments, the goal is the result. Where the
+//! e-Manual is silent, the emulator takes the interpretation that is harder on the host, marked "our reading".
 
 mod indirect;
 mod mistaken;
@@ -16,28 +16,28 @@ use crate::xc330::{self, Access, REGISTERS, Register, hardware_error, mode};
 
 use self::indirect::Change;
 
-/// Off the bus after a reboot, s.
+/// Time off the bus after a reboot, s.
 const REBOOT_TIME: f64 = 0.34;
-/// Below this supply a servo is off, V. Our reading.
+/// Supply voltage below which a servo is off, V. Our reading.
 const BROWN_OUT: f64 = 5.0;
-/// A stalled servo above this current, A, for longer than [`OVERLOAD_TIME`], s, shuts down. Our reading.
+/// Overload: a servo stalled above this current, A, for longer than [`OVERLOAD_TIME`], s, shuts down. Our reading.
 const OVERLOAD_CURRENT: f64 = 0.8;
 const OVERLOAD_TIME: f64 = 1.0;
-/// Degrees above ambient at 1 A in steady state, and the time constant, s. Our reading.
+/// Temperature rise above ambient at 1 A in steady state, degrees Celsius, and its time constant, s. Our reading.
 const HEATING: f64 = 60.0;
 const THERMAL_TIME: f64 = 120.0;
 const AMBIENT: f64 = 28.0;
-/// Watchdog register after it tripped: -1.
+/// Value of the watchdog register after it has tripped: -1.
 const TRIPPED: u8 = 0xFF;
-/// Firmware that knows fast sync read, and has its indirect data where ROBOTIS' older model file has it.
+/// Firmware version that knows fast sync read and has its indirect data at the address in ROBOTIS' older model file.
 const FIRMWARE: u8 = 46;
 
 #[derive(Debug, Clone)]
 pub struct EmulatedServo {
     memory: [u8; 256],
-    /// Encoder counts, over all turns, at shaft angle 0: how the horn was mounted.
+    /// Encoder counts, over all turns, at shaft angle 0; set by the mounting of the horn.
     zero: i64,
-    /// Whole turns that were forgotten at the last power-up, in counts.
+    /// Whole turns forgotten at the last power-up, counts.
     forgotten: i64,
     shaft: ServoState,
     voltage: f64,
@@ -47,19 +47,19 @@ pub struct EmulatedServo {
     running_for: f64,
     last_fed: f64,
     silent_until: f64,
-    /// Goal held since the watchdog tripped, counts.
+    /// Position goal held since the watchdog tripped, counts.
     held: Option<i64>,
-    /// Goal of velocity control, counts.
+    /// Position goal of velocity control, counts.
     sweep: f64,
-    /// When the watchdog tripped last, and how long after the last packet it heard, s.
+    /// Time of the last watchdog trip, and its delay after the last packet heard, s.
     tripped_at: Option<(f64, f64)>,
     unplugged: bool,
-    /// The write that waits for an action: first register, bytes.
+    /// Registered write, which waits for an action: first register, bytes.
     registered: Option<(u16, Vec<u8>)>,
 }
 
 impl EmulatedServo {
-    /// A servo as it leaves the factory, whose encoder shows `zero` counts at shaft angle 0.
+    /// Creates a servo with factory settings, whose encoder shows `zero` counts at shaft angle 0.
     pub fn factory(zero: i64) -> Self {
         let mut servo = Self {
             memory: [0; 256],
@@ -86,7 +86,7 @@ impl EmulatedServo {
         servo
     }
 
-    /// The same servo with another firmware, started anew.
+    /// Sets another firmware version and restarts the servo.
     #[must_use]
     pub fn with_firmware(mut self, version: u8) -> Self {
         self.set(&xc330::FIRMWARE_VERSION, version.into());
@@ -94,7 +94,8 @@ impl EmulatedServo {
         self
     }
 
-    /// A servo that has been provisioned: `id`, 3 Mbaud, no return delay, current-based position control, the usual current limit.
+    /// Creates a provisioned servo: `id`, 3 Mbaud, no return delay, current-based position control, the usual current
+    /// limit.
     pub fn provisioned(id: u8, zero: i64) -> Self {
         let mut servo = Self::factory(zero);
         servo.set(&xc330::ID, i64::from(id));
@@ -106,7 +107,7 @@ impl EmulatedServo {
         servo
     }
 
-    /// What its encoder shows at shaft angle 0, counts over all turns.
+    /// Returns the encoder counts over all turns at shaft angle 0.
     pub fn zero(&self) -> i64 {
         self.zero
     }
@@ -122,47 +123,47 @@ impl EmulatedServo {
         self.memory[usize::from(xc330::ID.address)]
     }
 
-    /// Its baud rate, bits per second.
+    /// Returns the baud rate, bits per second.
     pub fn baud(&self) -> u32 {
         xc330::BAUD_RATES[self.get(&xc330::BAUD_RATE) as usize]
     }
 
-    /// Its return delay, s.
+    /// Returns the return delay, s.
     pub fn return_delay(&self) -> f64 {
         self.get(&xc330::RETURN_DELAY_TIME) as f64 * xc330::Unit::ReturnDelay.per_count()
     }
 
-    /// Whether it takes part in the bus at `now`.
+    /// True if the servo takes part in the bus at `now` (s).
     pub fn listens(&self, now: f64) -> bool {
         !self.unplugged && self.voltage >= BROWN_OUT && now >= self.silent_until
     }
 
-    /// Whether the status byte of its answers carries the alert bit.
+    /// True if the status byte of the servo's answers carries the alert bit.
     pub fn alert(&self) -> bool {
         self.get(&xc330::HARDWARE_ERROR_STATUS) != 0
     }
 
-    /// Which instructions it answers: 0 ping, 1 also reads, 2 all.
+    /// Returns the status return level, that is, the instructions that the servo answers: 0 ping, 1 also reads, 2 all.
     pub fn return_level(&self) -> i64 {
         self.get(&xc330::STATUS_RETURN_LEVEL)
     }
 
-    /// Whether its bus watchdog has stopped it.
+    /// True if the bus watchdog has stopped the servo.
     pub fn watchdog_tripped(&self) -> bool {
         self.memory[usize::from(xc330::BUS_WATCHDOG.address)] == TRIPPED
     }
 
-    /// When its bus watchdog stopped it last and how long after the last packet that it heard, s.
+    /// Returns the time of the last watchdog trip, and its delay after the last packet heard, s.
     pub fn tripped_at(&self) -> Option<(f64, f64)> {
         self.tripped_at
     }
 
-    /// Any instruction packet on the bus feeds the bus watchdog.
+    /// Feeds the bus watchdog, as any instruction packet on the bus does.
     pub fn feed_watchdog(&mut self, now: f64) {
         self.last_fed = now;
     }
 
-    /// What is in `length` bytes from `address` on.
+    /// Reads `length` bytes from `address` on.
     pub fn read(&self, address: u16, length: u16) -> Result<Vec<u8>, ServoError> {
         if length == 0 {
             return Err(ServoError::DataLength);
@@ -172,7 +173,7 @@ impl EmulatedServo {
         Ok((address..end).map(|place| self.memory[usize::from(self.behind(place))]).collect())
     }
 
-    /// Writes bytes from `address` on: all of them, or none and a reason.
+    /// Writes bytes from `address` on: all of them, or none with an error.
     pub fn write(&mut self, address: u16, data: &[u8]) -> Result<(), ServoError> {
         for change in self.plan(address, data)? {
             match change {
@@ -184,7 +185,7 @@ impl EmulatedServo {
         Ok(())
     }
 
-    /// What a write to registers would put where, or why it is refused.
+    /// Returns the changes that a write to registers would make, or the error with which it is refused.
     fn plan_registers(&self, address: u16, data: &[u8]) -> Result<Vec<Change>, ServoError> {
         let (mut place, mut rest, mut writes) = (address, data, Vec::new());
         while !rest.is_empty() {
@@ -200,13 +201,13 @@ impl EmulatedServo {
         Ok(writes)
     }
 
-    /// Restarts it.
+    /// Restarts the servo, which is then off the bus for a while.
     pub fn reboot(&mut self, now: f64) {
         self.power_up();
         self.silent_until = now + REBOOT_TIME;
     }
 
-    /// Lets `dt` pass with the shaft as the plant has it.
+    /// Advances the servo by `dt` to `now` (s), with the shaft's state from the plant.
     pub fn advance(&mut self, now: f64, dt: f64, shaft: ServoState) {
         self.shaft = shaft;
         self.running_for += dt;
@@ -234,7 +235,7 @@ impl EmulatedServo {
         self.show();
     }
 
-    /// What it makes its shaft do.
+    /// Returns the goal that the servo applies to its shaft.
     pub fn drive(&self) -> ServoGoal {
         let current_limit = self.get(&xc330::CURRENT_LIMIT) as f64 * 1e-3;
         let goal_current = self.get(&xc330::GOAL_CURRENT) as f64 * 1e-3;
@@ -255,7 +256,7 @@ impl EmulatedServo {
         }
     }
 
-    /// Supply voltage, V; below the brown-out voltage the servo is off, and starts anew when it comes back.
+    /// Sets the supply voltage, V. Below the brown-out voltage the servo is off; it restarts when the voltage returns.
     pub fn set_voltage(&mut self, volts: f64, now: f64) {
         let was_on = self.voltage >= BROWN_OUT;
         self.voltage = volts;
@@ -266,12 +267,12 @@ impl EmulatedServo {
         }
     }
 
-    /// Makes it as hot as `celsius`.
+    /// Sets the temperature, degrees Celsius.
     pub fn set_temperature(&mut self, celsius: f64) {
         self.heat = celsius - AMBIENT;
     }
 
-    /// Pulls or puts back its plug; either way it starts anew.
+    /// Pulls its plug or puts it back; either way the servo restarts.
     pub fn set_unplugged(&mut self, unplugged: bool, now: f64) {
         self.unplugged = unplugged;
         self.reboot(now);
@@ -302,23 +303,23 @@ impl EmulatedServo {
         if self.get(&xc330::DRIVE_MODE) & 1 == 0 { 1.0 } else { -1.0 }
     }
 
-    /// Encoder counts over all turns.
+    /// Returns the encoder counts over all turns.
     fn encoder(&self) -> i64 {
         self.zero + (self.shaft.position / xc330::Unit::Angle.per_count()).round() as i64
     }
 
-    /// Present position, counts, as the host sees it.
+    /// Returns the present position, counts, as the host sees it.
     fn position(&self) -> i64 {
         self.sign() as i64 * (self.encoder() - self.forgotten) + self.get(&xc330::HOMING_OFFSET)
     }
 
-    /// Shaft angle at which the present position would be `position`.
+    /// Returns the shaft angle, rad, at which the present position would be `position`.
     fn angle_of(&self, position: i64) -> f64 {
         let encoder = self.sign() as i64 * (position - self.get(&xc330::HOMING_OFFSET)) + self.forgotten;
         (encoder - self.zero) as f64 * xc330::Unit::Angle.per_count()
     }
 
-    /// What power-up does: RAM is lost, whole turns are forgotten, torque is off.
+    /// Applies a power-up: RAM is lost, whole turns are forgotten, torque is off.
     fn power_up(&mut self) {
         for register in REGISTERS.iter().filter(|register| register.access == Access::Ram) {
             self.set(register, register.default.unwrap_or(0));
@@ -396,7 +397,7 @@ impl EmulatedServo {
         self.show();
     }
 
-    /// Brings the present block up to date.
+    /// Updates the present block, and the tick, in the control table.
     fn show(&mut self) {
         let velocity = self.sign() * self.shaft.velocity / xc330::Unit::Velocity.per_count();
         self.set(&xc330::REALTIME_TICK, (self.running_for * 1e3) as i64 % 32_768);

@@ -1,8 +1,8 @@
-//! Six emulated servos on one bus: it takes packets and returns answers with their times.
+//! Six emulated servos on one bus: takes packets and returns answers with their times.
 //!
-//! Line faults are drawn from a seeded generator; nothing else is random. In a sync or bulk read a servo answers only after all servos before it,
-//! so a missing servo silences those after it; a read that is refused breaks a fast answer off (both our reading). Clear, factory reset and
-//! control table backup are refused with error 2.
+//! Line faults are drawn from a seeded generator; nothing else is random. In a sync or bulk read a servo answers only
+//! after all servos before it, so a missing servo silences those after it. A refused read ends a fast answer early.
+//! (Both are our reading.) Clear, factory reset and control table backup are refused with error 2.
 
 use hand_model::robot::{ServoGoal, ServoState};
 use rand::{RngExt, SeedableRng};
@@ -15,18 +15,18 @@ use crate::protocol2::{BROADCAST, BulkRead, BulkWrite, Instruction, Packet, Serv
 use crate::servo_bus::timing::LineTiming;
 use crate::xc330::{self, hardware_error};
 
-/// Bytes to put onto the line.
+/// An answer on the line.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Answer {
-    /// When its last byte arrives, s after the request's arrival.
+    /// Time at which its last byte arrives, s after the request's arrival.
     pub after: f64,
-    /// What arrives.
+    /// Bytes that arrive.
     pub bytes: Vec<u8>,
-    /// Whether a fault made it late.
+    /// True if a fault made it late.
     pub delayed: bool,
 }
 
-/// The emulated servos and what is wrong with their line.
+/// The emulated servos and the faults of their line.
 #[derive(Debug)]
 pub struct ServoChain {
     servos: Vec<EmulatedServo>,
@@ -36,7 +36,7 @@ pub struct ServoChain {
 }
 
 impl ServoChain {
-    /// Servos on one line; `usb_latency` (s) is added to every answer as an adapter would.
+    /// Creates servos on one line; `usb_latency` (s) is added to every answer, as an adapter would.
     pub fn new(servos: Vec<EmulatedServo>, faults: Faults, usb_latency: f64, seed: u64) -> Self {
         Self { servos, faults, rng: ChaCha8Rng::seed_from_u64(seed), usb_latency }
     }
@@ -48,22 +48,23 @@ impl ServoChain {
         }
     }
 
-    /// What each servo makes its shaft do.
+    /// Returns the goal that each servo applies to its shaft.
     pub fn drives(&self) -> Vec<ServoGoal> {
         self.servos.iter().map(EmulatedServo::drive).collect()
     }
 
-    /// How many servos have been stopped by their bus watchdog.
+    /// Returns the number of servos that their bus watchdog has stopped.
     pub fn watchdogs_tripped(&self) -> usize {
         self.servos.iter().filter(|servo| servo.watchdog_tripped()).count()
     }
 
-    /// Servos stopped by their bus watchdog: id, when (s), and how long after the last packet that it heard, s.
+    /// Returns the servos' last watchdog trips: id, time, and delay after the last packet heard, s.
     pub fn watchdog_trips(&self) -> Vec<(u8, f64, f64)> {
         self.servos.iter().filter_map(|servo| servo.tripped_at().map(|(at, after)| (servo.id(), at, after))).collect()
     }
 
-    /// Lets `dt` pass with the shafts as the plant has them, and faults that are due happen. Returns events for other devices.
+    /// Advances the servos by `dt` to `now` (s), with the shafts' states from the plant, and applies the faults that
+    /// are due. Returns events for other devices.
     pub fn advance(&mut self, now: f64, dt: f64, shafts: &[ServoState]) -> Vec<Event> {
         let mut others = Vec::new();
         for event in self.faults.due(now) {
@@ -79,7 +80,7 @@ impl ServoChain {
         others
     }
 
-    /// Makes a servo fault happen now.
+    /// Applies a servo fault now.
     pub fn happen(&mut self, event: Event, now: f64) {
         for servo in &mut self.servos {
             match event {
@@ -96,19 +97,20 @@ impl ServoChain {
         }
     }
 
-    /// Changes the chances of random line faults.
+    /// Sets the probabilities of random line faults.
     pub fn set_chances(&mut self, chances: Chances) {
         self.faults.chances = chances;
     }
 
-    /// Something is on the line: the bus watchdogs of all servos that listen are fed.
+    /// Feeds the bus watchdogs of all servos that listen, as anything on the line does.
     pub fn feed_watchdogs(&mut self, now: f64) {
         for servo in self.servos.iter_mut().filter(|servo| servo.listens(now)) {
             servo.feed_watchdog(now);
         }
     }
 
-    /// Answers a packet of `length` bytes that arrived at `now` at `baud`; servos set to another rate do not understand it.
+    /// Answers a packet of `length` bytes that arrived at `now` (s) at `baud`; servos set to another rate do not
+    /// understand it.
     pub fn handle(&mut self, packet: &Packet, length: usize, baud: u32, now: f64) -> Vec<Answer> {
         let hears = |servo: &EmulatedServo| servo.listens(now) && servo.baud() == baud;
         for servo in self.servos.iter_mut().filter(|servo| hears(servo)) {
@@ -151,7 +153,7 @@ impl ServoChain {
         self.send(length, baud, wires)
     }
 
-    /// What the servos answer one after the other.
+    /// Reads from the servos, which answer one after the other.
     fn read_in_turn(&self, reads: &[BulkRead], hears: impl Fn(&EmulatedServo) -> bool) -> Vec<Status> {
         reads
             .iter()
@@ -167,7 +169,8 @@ impl ServoChain {
             .collect()
     }
 
-    /// The packet that the servos write together, with their number; none where the first is silent.
+    /// Builds the packet that the servos write together, with the number of servos in it; empty if the first servo is
+    /// silent.
     fn read_fast(&self, reads: &[BulkRead], hears: impl Fn(&EmulatedServo) -> bool) -> Vec<(usize, Vec<u8>)> {
         let mut statuses = self.read_in_turn(reads, hears);
         let good = statuses.iter().take_while(|status| status.error.is_none()).count();
@@ -191,7 +194,8 @@ impl ServoChain {
         Vec::new()
     }
 
-    /// Times the answers, each written by so many servos, and lets line faults have their way with them.
+    /// Calculates the times of the answers, each written by the given number of servos, and applies line faults to
+    /// them.
     fn send(&mut self, request: usize, baud: u32, wires: Vec<(usize, Vec<u8>)>) -> Vec<Answer> {
         let return_delay = self.servos.first().map_or(0.0, EmulatedServo::return_delay);
         let line = LineTiming { baud, return_delay, usb_latency: self.usb_latency, ..LineTiming::default() };
@@ -227,7 +231,7 @@ fn same_of_each(ids: &[u8], address: u16, length: u16) -> Vec<BulkRead> {
     ids.iter().map(|id| BulkRead { id: *id, address, length }).collect()
 }
 
-/// What one servo does about an instruction addressed to it; `None` where its status return level keeps it silent.
+/// Executes an instruction addressed to one servo; `None` if its status return level keeps it silent.
 fn obey(servo: &mut EmulatedServo, instruction: Option<&Instruction>, now: f64) -> Option<Status> {
     let id = servo.id();
     let level = servo.return_level();

@@ -58,7 +58,7 @@ fn overloaded_servo_raises_the_alert_bit() {
     assert_eq!(alerts, [2]);
 }
 
-/// The time of the last answer is the calculated one.
+/// The last answer arrives at the calculated time.
 #[test]
 fn line_time() {
     let mut chain = chain(&[]);
@@ -73,7 +73,7 @@ fn line_time() {
     assert!((answers[5].after - expected).abs() < 1e-12);
 }
 
-/// Random faults hit about as often as asked for, and the same way with the same seed.
+/// Random faults occur about as often as requested, and in the same way with the same seed.
 #[test]
 fn chances() {
     let count = |faults: &[&str]| {
@@ -100,7 +100,7 @@ fn bulk_read() {
     assert_eq!(ask(&mut chain, BROADCAST, Instruction::BulkRead(reads), 0.0), [status(4, &[111, 0]), status(2, &[28])]);
 }
 
-/// A missing servo silences those after it; one that refuses says so, and the next one answers.
+/// A missing servo silences those after it; one that refuses answers with the error, and the next one answers.
 #[test]
 fn bulk_read_with_trouble() {
     let mut chain = chain(&["unplug=3@1"]);
@@ -131,7 +131,7 @@ fn fast_bulk_read() {
     }
 }
 
-/// Each servo gets its own registers; nobody answers, and what is refused is lost without the others.
+/// Each servo gets its own registers; none answers, and a refused write is lost without affecting the others.
 #[test]
 fn bulk_write() {
     let mut chain = chain(&[]);
@@ -145,7 +145,7 @@ fn bulk_write() {
     assert_eq!(read(&mut chain, 3, 116, 4), [10, 0, 0, 0]);
 }
 
-/// Two servos are told one after the other and act at once.
+/// Two servos get their writes one after the other and execute them at once.
 #[test]
 fn registered_writes() {
     let mut chain = chain(&[]);
@@ -165,7 +165,7 @@ fn registered_writes() {
 }
 
 proptest! {
-    /// No packet makes the servos panic, and what they answer are packets.
+    /// No packet makes the servos panic, and their answers are valid packets.
     #[test]
     fn any_packet(
         instructions in prop::collection::vec(

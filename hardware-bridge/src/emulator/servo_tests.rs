@@ -122,7 +122,8 @@ fn voltage_dip_and_brown_out() {
     assert_eq!(read(&servo, &xc330::TORQUE_ENABLE), 0.0);
 }
 
-/// After a reboot the servo knows its angle within a turn only, and torque on sets the goal to where it stands.
+/// After a reboot the servo knows its angle only within a turn; switching torque on sets the goal to the present
+/// position.
 #[test]
 fn turns_are_forgotten() {
     let mut servo = EmulatedServo::provisioned(1, 3000);
@@ -135,7 +136,7 @@ fn turns_are_forgotten() {
     assert!(matches!(servo.drive(), ServoGoal::Position { angle, .. } if (angle - 4.0).abs() < 2e-3));
 }
 
-/// Drive mode 1 turns every sign round.
+/// Drive mode 1 reverses every sign.
 #[test]
 fn reverse_mode() {
     let mut servo = EmulatedServo::provisioned(1, 0);

@@ -1,4 +1,4 @@
-//! A plant without a simulator: six servos on springs, an arm that follows its set-points exactly, images of dots.
+//! A plant without a simulator: six servos on springs, an arm that follows its set-points exactly, and images of spots.
 //!
 //! It is a [`Plant`] and can replace the simulated one. Each servo winds against a spring between two hard stops; without
 //! current the spring unwinds it to the open mark.
@@ -14,7 +14,7 @@ use kortex::joints::JOINTS;
 
 /// Length of a tick, s.
 const TICK: f64 = 1.0 / 240.0;
-/// Current that holds the spring: at the open mark, A, and per rad, A/rad.
+/// Current that balances the spring: at the open mark, A, and per rad of closing, A/rad.
 const PRELOAD: f64 = 0.01;
 const STIFFNESS: f64 = 0.04;
 /// Speed per unbalanced current, rad/s per A, and top speed, rad/s.
@@ -23,12 +23,12 @@ const NO_LOAD_SPEED: f64 = 6.8;
 /// Position gain of current-based position control, A/rad.
 const POSITION_GAIN: f64 = 6.0;
 
-/// Six springs.
+/// Six servos on springs.
 #[derive(Debug, Clone)]
 pub struct SpringHand {
-    /// Where the closing stop of each shaft is, rad; the opening stop is at 0.
+    /// Angle of the closing stop of each shaft, rad; the opening stop is at 0.
     travel: [f64; SERVOS],
-    /// Their number.
+    /// Number of cameras.
     cameras: usize,
     servos: [ServoState; SERVOS],
     command: Option<Command>,
@@ -39,7 +39,7 @@ pub struct SpringHand {
 }
 
 impl SpringHand {
-    /// An open hand with so many cameras whose shafts stop at `travel`, rad.
+    /// Creates an open hand with `cameras` cameras, whose shafts stop at `travel`, rad.
     pub fn new(travel: [f64; SERVOS], cameras: usize) -> Self {
         Self {
             travel,
@@ -67,7 +67,7 @@ impl SpringHand {
         self.servos[n] = ServoState { position: next, velocity: (next - angle) / TICK, current, temperature: 28.0 };
     }
 
-    /// Each camera sees a spot as bright as its digit's current is strong.
+    /// Takes an image with each camera: a spot whose brightness grows with its servo's current.
     fn take_images(&mut self) {
         self.images += 1;
         let time = self.sequence as f64 * TICK;

@@ -1,8 +1,8 @@
-//! Parameters of the bulk instructions: other registers of every servo in one packet.
+//! Parameters of the bulk instructions: different registers of each servo in one packet.
 
 use super::error::InstructionError;
 
-/// What one servo is asked for.
+/// Read from one servo.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct BulkRead {
     pub id: u8,
@@ -12,7 +12,7 @@ pub struct BulkRead {
     pub length: u16,
 }
 
-/// What is written to one servo.
+/// Write to one servo.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct BulkWrite {
     pub id: u8,
@@ -21,13 +21,13 @@ pub struct BulkWrite {
     pub data: Vec<u8>,
 }
 
-/// Parameters of a bulk read: `id | address (2) | length (2)` for each servo.
+/// Encodes the parameters of a bulk read: `id | address (2) | length (2)` for each servo.
 pub fn encode_reads(reads: &[BulkRead]) -> Result<Vec<u8>, InstructionError> {
     each_once(reads.iter().map(|read| read.id))?;
     Ok(reads.iter().flat_map(|read| head(read.id, read.address, read.length)).collect())
 }
 
-/// The reads in these parameters; `None` where they do not come out even.
+/// Decodes the parameters of a bulk read; `None` if their number does not fit.
 pub fn decode_reads(parameters: &[u8]) -> Result<Option<Vec<BulkRead>>, InstructionError> {
     let (heads, rest) = parameters.as_chunks::<5>();
     let reads: Vec<BulkRead> = heads
@@ -42,7 +42,7 @@ pub fn decode_reads(parameters: &[u8]) -> Result<Option<Vec<BulkRead>>, Instruct
     Ok(rest.is_empty().then_some(reads))
 }
 
-/// Parameters of a bulk write: `id | address (2) | length (2) | data` for each servo.
+/// Encodes the parameters of a bulk write: `id | address (2) | length (2) | data` for each servo.
 pub fn encode_writes(writes: &[BulkWrite]) -> Result<Vec<u8>, InstructionError> {
     each_once(writes.iter().map(|write| write.id))?;
     let mut parameters = Vec::new();
@@ -58,7 +58,7 @@ pub fn encode_writes(writes: &[BulkWrite]) -> Result<Vec<u8>, InstructionError> 
     Ok(parameters)
 }
 
-/// The writes in these parameters; `None` where they do not come out even.
+/// Decodes the parameters of a bulk write; `None` if their number does not fit.
 pub fn decode_writes(mut parameters: &[u8]) -> Result<Option<Vec<BulkWrite>>, InstructionError> {
     let mut writes = Vec::new();
     while let &[id, a, b, c, d, ref rest @ ..] = parameters {
@@ -75,7 +75,7 @@ fn head(id: u8, address: u16, length: u16) -> [u8; 5] {
     [id, a, b, c, d]
 }
 
-/// The e-Manual allows every id once in a packet.
+/// Checks that each id occurs only once in a packet, as the e-Manual demands.
 fn each_once(ids: impl Iterator<Item = u8>) -> Result<(), InstructionError> {
     let mut seen = [false; 256];
     for id in ids {
@@ -104,7 +104,7 @@ mod tests {
     }
 
     proptest! {
-        /// Parameters that are understood are what the encoder would have written.
+        /// Parameters that can be decoded are the ones that the encoder would have written.
         #[test]
         fn decoded_is_encoded(parameters in prop::collection::vec(any::<u8>(), 0..60)) {
             if let Ok(Some(reads)) = decode_reads(&parameters) {

@@ -1,6 +1,6 @@
-//! The CRC-16 of Protocol 2.0: polynomial x^16 + x^15 + x^2 + 1, initial value 0, nothing reflected.
+//! The CRC-16 of Protocol 2.0: polynomial x^16 + x^15 + x^2 + 1, initial value 0, no reflection.
 //!
-//! It finds every error burst of up to 16 bits, so any single changed byte.
+//! It detects every error burst of up to 16 bits, and therefore any single changed byte.
 
 const POLYNOMIAL: u16 = 0x8005;
 
@@ -20,7 +20,7 @@ const TABLE: [u16; 256] = {
     table
 };
 
-/// CRC of `bytes`.
+/// Computes the CRC of `bytes`.
 pub fn crc16(bytes: &[u8]) -> u16 {
     bytes.iter().fold(0, |crc, byte| (crc << 8) ^ TABLE[usize::from((crc >> 8) as u8 ^ byte)])
 }
@@ -29,13 +29,13 @@ pub fn crc16(bytes: &[u8]) -> u16 {
 mod tests {
     use super::*;
 
-    /// The catalogue's check value of this CRC (there called CRC-16/UMTS).
+    /// Check value of this CRC in the catalogue (there called CRC-16/UMTS).
     #[test]
     fn check_value() {
         assert_eq!(crc16(b"123456789"), 0xFEE8);
     }
 
-    /// First and last entries of the maker's table.
+    /// First and last entries of the manufacturer's table.
     #[test]
     fn table() {
         assert_eq!(TABLE[..4], [0x0000, 0x8005, 0x800F, 0x000A]);

@@ -1,35 +1,36 @@
-//! Finds packets in the byte stream and recovers from any damage on the wire.
+//! Decoder that finds packets in the byte stream and recovers from any damage on the wire.
 //!
-//! Bytes go in as they arrive, packets and errors come out in order. After an error the decoder discards only the current header and searches the bytes
-//! it already has for the next one, so that a stray or damaged byte costs only the packet it hit. A damaged *length* can make it wait for bytes
-//! that never come; the reader of the port knows the deadline and calls [`Decoder::time_out`].
+//! Bytes go in as they arrive; packets and errors come out in order. After an error the decoder discards only the
+//! current header and searches the bytes that it already has for the next one, so that a stray or damaged byte costs
+//! only the packet it hit. A damaged *length* can make it wait for bytes that never come; the reader of the port knows
+//! the deadline and calls [`Decoder::time_out`].
 
 use super::packet::{HEADER, PROLOGUE, Packet, PacketError, check_id, check_length};
 
-/// What can come out of a stream besides packets. Every one means that bytes were dropped; none ends the stream.
+/// Errors in a stream. Each means that bytes were dropped; none ends the stream.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum StreamError {
     /// Bytes that belong to no packet.
     #[error("{0} bytes between packets")]
     Garbage(usize),
-    /// A packet began, and was not one.
+    /// A packet began, but is not valid.
     #[error(transparent)]
     Packet(#[from] PacketError),
-    /// A packet began, and its rest did not come in time.
+    /// A packet began, but its rest did not come in time.
     #[error("packet cut short: {found} bytes came, expected {expected}")]
     CutShort {
-        /// Bytes there are, of this packet and whatever followed it.
+        /// Bytes received, of this packet and of anything after it.
         found: usize,
-        /// Bytes the packet's length asks for; 0 if not even the length came.
+        /// Size of the packet by its length field, bytes; 0 if not even the length came.
         expected: usize,
     },
 }
 
-/// Finds packets in a stream of bytes.
+/// Decoder that finds packets in a stream of bytes.
 #[derive(Debug, Default)]
 pub struct Decoder {
     buffer: Vec<u8>,
-    /// Whether the start of the buffer is the rest of a packet given up, whose bytes have been reported already.
+    /// True if the buffer starts with the rest of a discarded packet, whose bytes have been reported already.
     in_wreck: bool,
 }
 
@@ -39,7 +40,7 @@ impl Decoder {
         self.buffer.extend_from_slice(bytes);
     }
 
-    /// The next packet or error; `None` when more bytes are needed.
+    /// Returns the next packet or error; `None` if more bytes are needed.
     pub fn next_packet(&mut self) -> Option<Result<Packet, StreamError>> {
         let skipped = self.skip_to_header();
         if skipped > 0 && !std::mem::take(&mut self.in_wreck) {
@@ -60,13 +61,13 @@ impl Decoder {
         }
     }
 
-    /// Everything that is complete by now.
+    /// Returns everything that is complete by now.
     pub fn drain(&mut self) -> Vec<Result<Packet, StreamError>> {
         std::iter::from_fn(|| self.next_packet()).collect()
     }
 
-    /// To call when nothing more will come before the next request: reports a packet cut short and returns what can still be read from
-    /// the bytes after its header. Afterwards the decoder is empty.
+    /// Ends the wait for more bytes; to be called when nothing more will come before the next request. Reports a packet
+    /// cut short and returns what can still be read from the bytes after its header. Afterwards the decoder is empty.
     pub fn time_out(&mut self) -> Vec<Result<Packet, StreamError>> {
         let mut found = self.drain();
         while !self.buffer.is_empty() {
@@ -79,7 +80,7 @@ impl Decoder {
         found
     }
 
-    /// Drops what stands before the next header, or before what may become one, and says how much that was.
+    /// Drops the bytes before the next header, or before what may become one; returns their number.
     fn skip_to_header(&mut self) -> usize {
         let start = (0..self.buffer.len())
             .find(|start| self.buffer[*start..].iter().zip(HEADER).all(|(byte, expected)| *byte == expected))
@@ -88,7 +89,7 @@ impl Decoder {
         start
     }
 
-    /// Length of the packet at the start of the buffer, if enough of it is there to say.
+    /// Returns the size of the packet at the start of the buffer, bytes, if enough of it is there.
     fn frame(&self) -> Result<Option<usize>, PacketError> {
         let [_, _, _, _, id, low, high, ..] = self.buffer[..] else { return Ok(None) };
         let length = usize::from(u16::from_le_bytes([low, high]));
@@ -131,7 +132,7 @@ mod tests {
         assert_eq!(decode(&ANSWER), [Ok(expected)]);
     }
 
-    /// All 15 x 255 ways of damaging one byte of it, with a good packet following.
+    /// All 15 x 255 ways of damaging one byte of the answer, with a good packet following.
     #[test]
     fn any_changed_byte_costs_one_packet_and_no_more() {
         let good = packets(&ANSWER);
@@ -186,7 +187,7 @@ mod tests {
     }
 
     proptest! {
-        // A CRC of 16 bits lets one in 65,536 arbitrary strings pass, so properties over arbitrary bytes use fixed ones.
+        // A CRC of 16 bits lets one in 65,536 arbitrary strings pass, so tests over arbitrary bytes use a fixed seed.
         #![proptest_config(ProptestConfig { rng_seed: RngSeed::Fixed(20), ..ProptestConfig::with_cases(2000) })]
 
         #[test]
@@ -194,8 +195,8 @@ mod tests {
             prop_assert_eq!(decode(&packet.encode()?), [Ok(packet)]);
         }
 
-        /// The CRC's promise: a changed byte is noticed wherever it is. (One in the length field moves the CRC itself, and
-        /// is noticed but for one in 65,536, which then has the wrong number of parameters.)
+        /// The CRC detects a changed byte wherever it is. (A change in the length field moves the CRC itself. It is
+        /// detected except in one case in 65,536, in which the number of parameters is wrong.)
         #[test]
         fn a_changed_byte_is_noticed(packet in packet(), position in any::<prop::sample::Index>(), change in 1..=255_u8) {
             let mut wire = packet.encode()?;
@@ -204,8 +205,8 @@ mod tests {
             prop_assert_eq!(packets(&wire), []);
         }
 
-        /// Garbage before, between and after packets costs none of them, in whatever pieces the bytes arrive. (Garbage that
-        /// holds a whole header may hide packets until the deadline, never longer.)
+        /// Garbage before, between and after packets costs none of them, in whatever pieces the bytes arrive. (Garbage
+        /// that holds a whole header may hide packets until the deadline, never longer.)
         #[test]
         fn finds_every_packet_in_garbage(
             sent in prop::collection::vec((bytes(12), packet()), 1..6),

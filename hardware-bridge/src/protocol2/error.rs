@@ -5,29 +5,29 @@ use super::packet::PacketError;
 /// An instruction that cannot be sent or understood.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum InstructionError {
-    /// It does not fit a packet.
+    /// The instruction does not fit a packet.
     #[error(transparent)]
     Packet(#[from] PacketError),
-    /// A sync write with data of different lengths, or a bulk write that is too long.
+    /// A sync write has data of different lengths, or a bulk write is too long.
     #[error("write to servo {id}: found {found} bytes, expected {expected}")]
     DataLength {
-        /// Whose data.
+        /// Id of the servo.
         id: u8,
-        /// Its length.
+        /// Length of its data.
         found: usize,
-        /// That of all.
+        /// Length expected.
         expected: usize,
     },
-    /// A bulk instruction that names a servo twice.
+    /// A bulk instruction names a servo twice.
     #[error("bulk instruction: servo {id} is named twice")]
     Repeated { id: u8 },
-    /// A code not known here.
+    /// The instruction code is unknown.
     #[error("instruction: found {0:#04x}, expected one of 01 02 03 04 05 08 82 83 8a 92 93 9a")]
     Unknown(u8),
-    /// Parameters that do not fit the instruction.
+    /// The parameters do not fit the instruction.
     #[error("instruction {instruction:#04x}: found {found} parameters, which do not fit it")]
     Parameters {
-        /// Its code.
+        /// Instruction code.
         instruction: u8,
         /// Number of parameters.
         found: usize,

@@ -1,9 +1,9 @@
 //! The answer to a fast sync read or a fast bulk read: one packet that several servos write together.
 //!
-//! The first servo sends the packet's head and its own block, each next one appends a block as soon as it has seen the one before.
-//! A block is `error | id | data | crc (2)`; its CRC is that of everything from the packet's first byte on, so every prefix that
-//! ends with a block can be trusted by itself. Blocks are not stuffed. A servo that is not there breaks the chain: it and those after it
-//! stay silent, while the length field has promised all.
+//! The first servo sends the packet's head and its own block; each following servo appends a block as soon as it has
+//! seen the one before. A block is `error | id | data | crc (2)`. Its CRC covers everything from the packet's first
+//! byte on, so every prefix that ends with a block can be trusted by itself. Blocks are not stuffed. A missing servo
+//! breaks the chain: it and those after it stay silent, although the length field has promised all.
 
 use super::crc::crc16;
 use super::packet::{BROADCAST, HEADER};
@@ -14,12 +14,13 @@ pub const BLOCK_OVERHEAD: usize = 4;
 /// Bytes before the first block: header, id, length, instruction.
 pub const HEAD: usize = 8;
 
-/// Length of the whole answer of `servos` servos with `length` bytes of data each.
+/// Returns the length of the whole answer of `servos` servos with `length` bytes of data each.
 pub fn answer_length(servos: usize, length: usize) -> usize {
     HEAD + servos * (length + BLOCK_OVERHEAD)
 }
 
-/// The answer in which the first `statuses.len()` of the servos took part that were asked for `lengths` bytes: the servos' side.
+/// Encodes an answer: the servos' side. The servos are asked for `lengths` bytes, and the first `statuses.len()` of
+/// them take part.
 pub fn encode(lengths: &[usize], statuses: &[Status]) -> Vec<u8> {
     if statuses.is_empty() {
         return Vec::new();
@@ -38,9 +39,11 @@ pub fn encode(lengths: &[usize], statuses: &[Status]) -> Vec<u8> {
     wire
 }
 
-/// Sorts what came after a fast sync read: for each servo asked, in that order, its `length` bytes, or why there are none.
+/// Sorts what came after a fast sync read. Returns for each servo asked, in that order, its `length` bytes, or the
+/// reason why there are none.
 ///
-/// `received` is everything that came; the answer is looked for in it. Blocks up to the first damaged or absent one count.
+/// `received` is everything that came; the answer is searched for in it. Only blocks before the first damaged or
+/// missing one count.
 pub fn replies(ids: &[u8], length: usize, received: &[u8]) -> Vec<Result<Status, ReplyError>> {
     let head = [HEADER.as_slice(), &[BROADCAST]].concat();
     let best = (0..received.len())
@@ -52,7 +55,7 @@ pub fn replies(ids: &[u8], length: usize, received: &[u8]) -> Vec<Result<Status,
     ids.iter().map(|id| blocks.next().unwrap_or(Err(ReplyError::Missing(*id)))).collect()
 }
 
-/// The good blocks at the start of an answer that begins at `wire[0]`.
+/// Returns the good blocks at the start of an answer that begins at `wire[0]`.
 fn blocks(ids: &[u8], length: usize, wire: &[u8]) -> Vec<Result<Status, ReplyError>> {
     let mut found = Vec::new();
     if wire.get(HEAD - 1) != Some(&STATUS) {
@@ -92,7 +95,7 @@ mod tests {
         assert_eq!(usize::from(u16::from_le_bytes([wire[5], wire[6]])), wire.len() - 7);
     }
 
-    /// Servo 4 of 6 is unplugged: three answers stand, three are missing.
+    /// Servo 4 of 6 is unplugged: three answers are good, three are missing.
     #[test]
     fn broken_chain() {
         let all = answers(&vec![vec![7; 10]; 3]);
@@ -102,7 +105,8 @@ mod tests {
     }
 
     proptest! {
-        /// Whatever the data, garbage before and a broken byte: blocks before the break are read, no wrong one ever is.
+        /// Whatever the data, with garbage before and a broken byte: blocks before the break are read, and no wrong one
+        /// ever is.
         #[test]
         fn prefix_of_blocks(garbage in bytes(8), data in prop::collection::vec(prop::collection::vec(any::<u8>(), 6), 1..7), hit in any::<prop::sample::Index>(), change in any::<u8>()) {
             let all = answers(&data);
@@ -113,7 +117,7 @@ mod tests {
             let good = if change == 0 { ids.len() } else { position.saturating_sub(HEAD) / (6 + BLOCK_OVERHEAD) };
             let found = replies(&ids, 6, &[garbage, wire].concat());
             for (n, reply) in found.iter().enumerate() {
-                // A damaged length is noticed by the CRC of the first block already.
+                // A damaged length is detected already by the CRC of the first block.
                 if n < good && position >= HEAD || change == 0 {
                     prop_assert_eq!(reply.as_ref(), Ok(&all[n]));
                 } else {

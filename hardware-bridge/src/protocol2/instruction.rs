@@ -7,7 +7,7 @@ use super::packet::{BROADCAST, Packet};
 /// The instructions that the bridge uses or the emulated servos understand.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Instruction {
-    /// Who is there? Answered with model number and firmware version.
+    /// Ping, answered with model number and firmware version.
     Ping,
     /// Read `length` bytes from `address` on.
     Read {
@@ -20,17 +20,17 @@ pub enum Instruction {
     Write {
         /// First register.
         address: u16,
-        /// What to write.
+        /// Bytes to write.
         data: Vec<u8>,
     },
     /// A write that waits for [`Instruction::Action`].
     RegWrite {
         /// First register.
         address: u16,
-        /// What to write.
+        /// Bytes to write.
         data: Vec<u8>,
     },
-    /// Do the write that waits.
+    /// Execute the registered write.
     Action,
     /// Restart; the only way out of a shutdown. Torque is off afterwards.
     Reboot,
@@ -40,7 +40,7 @@ pub enum Instruction {
         address: u16,
         /// Number of bytes from each.
         length: u16,
-        /// Who answers.
+        /// Ids of the servos, in the order of their answers.
         ids: Vec<u8>,
     },
     /// A sync read answered in one packet to which each servo appends a block ([`super::fast_sync`]). Firmware 46 and later.
@@ -49,7 +49,7 @@ pub enum Instruction {
         address: u16,
         /// Number of bytes from each.
         length: u16,
-        /// Who answers.
+        /// Ids of the servos, in the order of their answers.
         ids: Vec<u8>,
     },
     /// Writes of the same registers in several servos at once. Not answered: a refused value is lost silently.
@@ -58,14 +58,14 @@ pub enum Instruction {
         address: u16,
         /// Number of bytes to each.
         length: u16,
-        /// For each servo, exactly that many bytes.
+        /// Id and data of each servo; the data has exactly `length` bytes.
         data: Vec<(u8, Vec<u8>)>,
     },
-    /// Other registers of every servo; they answer one after the other in this order.
+    /// Reads of different registers from each servo; the servos answer one after the other in this order.
     BulkRead(Vec<BulkRead>),
     /// A bulk read answered in one packet, as a fast sync read is. Firmware 46 and later.
     FastBulkRead(Vec<BulkRead>),
-    /// Writes of other registers in every servo. Not answered.
+    /// Writes of different registers in each servo. Not answered.
     BulkWrite(Vec<BulkWrite>),
 }
 
@@ -83,7 +83,8 @@ const BULK_WRITE: u8 = 0x93;
 const FAST_BULK_READ: u8 = 0x9A;
 
 impl Instruction {
-    /// The bytes on the wire. Sync and bulk instructions are broadcast; `id` is ignored.
+    /// Encodes the instruction as bytes on the wire. Sync and bulk instructions are broadcast; for them `id` is
+    /// ignored.
     pub fn encode(&self, id: u8) -> Result<Vec<u8>, InstructionError> {
         let (instruction, parameters) = match self {
             Self::Ping => (PING, Vec::new()),
@@ -119,7 +120,7 @@ impl Instruction {
         Ok(Packet { id, instruction, parameters }.encode()?)
     }
 
-    /// What a packet asks: the servo's side of [`Instruction::encode`].
+    /// Decodes the instruction in a packet: the servo's side of [`Instruction::encode`].
     pub fn decode(packet: &Packet) -> Result<Self, InstructionError> {
         let unfit = InstructionError::Parameters { instruction: packet.instruction, found: packet.parameters.len() };
         let word = |low: u8, high: u8| u16::from_le_bytes([low, high]);
@@ -171,7 +172,7 @@ mod tests {
         hex.split(' ').map(|byte| u8::from_str_radix(byte, 16).expect("hex")).collect()
     }
 
-    /// The e-Manual's examples.
+    /// Example packets from the e-Manual.
     #[test]
     fn published_packets() {
         let position = |value: u32| value.to_le_bytes().to_vec();

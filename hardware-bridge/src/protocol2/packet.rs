@@ -1,25 +1,25 @@
-//! One packet, to and from bytes.
+//! Encoding and decoding of one packet.
 
 use super::crc::crc16;
 use super::stuffing::{stuff, unstuff};
 
 /// Start of every packet, with the reserved byte.
 pub const HEADER: [u8; 4] = [0xFF, 0xFF, 0xFD, 0x00];
-/// The id that addresses all servos.
+/// Id that addresses all servos.
 pub const BROADCAST: u8 = 0xFE;
-/// Longest length field we send or believe: far above anything six servos need (a whole control table is 228 bytes), and low
-/// enough that a damaged length cannot make a reader wait for 64 kB.
+/// Maximum length field sent or accepted: far above anything six servos need (a whole control table is 228 bytes), and
+/// low enough that a damaged length cannot make a reader wait for 64 kB.
 pub const MAX_LENGTH: usize = 1024;
 
 /// Bytes before the instruction: header, id, length.
 pub(super) const PROLOGUE: usize = 7;
-/// Instruction and CRC: what the length field counts in a packet without parameters.
+/// Minimum of the length field: instruction and CRC, in a packet without parameters.
 pub(super) const MIN_LENGTH: usize = 3;
 
 /// One packet without its framing.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Packet {
-    /// Whom it is for, or who answers: 0 to 252, or [`BROADCAST`].
+    /// Id of the servo that is addressed or that answers: 0 to 252, or [`BROADCAST`].
     pub id: u8,
     /// Instruction code; 0x55 in a status packet.
     pub instruction: u8,
@@ -27,21 +27,21 @@ pub struct Packet {
     pub parameters: Vec<u8>,
 }
 
-/// What is wrong with one packet.
+/// Error in one packet.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum PacketError {
-    /// 253 and 255 would be taken for parts of a header.
+    /// Invalid id: 253 and 255 would be taken for parts of a header.
     #[error("id: found {0}, expected 0 to 252, or 254 for all")]
     Id(u8),
     /// Impossible or absurd length field.
     #[error("length: found {0}, expected {MIN_LENGTH} to {MAX_LENGTH}")]
     Length(usize),
-    /// Damaged on the way.
+    /// The packet was damaged in transit.
     #[error("crc: found {found:04x}, expected {expected:04x}")]
     Crc {
-        /// At the end of the packet.
+        /// CRC at the end of the packet.
         found: u16,
-        /// Of the bytes before it.
+        /// CRC of the bytes before it.
         expected: u16,
     },
     /// The CRC is right, but a byte FD is missing after FF FF FD.
@@ -58,7 +58,7 @@ pub(super) fn check_length(length: usize) -> Result<(), PacketError> {
 }
 
 impl Packet {
-    /// The bytes that go onto the wire.
+    /// Encodes the packet as bytes on the wire.
     pub fn encode(&self) -> Result<Vec<u8>, PacketError> {
         check_id(self.id)?;
         let mut body = Vec::with_capacity(1 + self.parameters.len());
@@ -76,7 +76,8 @@ impl Packet {
         Ok(wire)
     }
 
-    /// Reads a whole packet whose header and length have been found: `wire` is exactly as long as its length field says.
+    /// Decodes a whole packet whose header and length have been found: `wire` is exactly as long as its length field
+    /// says.
     pub(super) fn decode(wire: &[u8]) -> Result<Self, PacketError> {
         let (signed, crc) = wire.split_at(wire.len() - 2);
         let (found, expected) = (u16::from_le_bytes([crc[0], crc[1]]), crc16(signed));

@@ -10,38 +10,38 @@ const ALERT: u8 = 0x80;
 /// A servo's answer.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Status {
-    /// Who answers.
+    /// Id of the servo that answers.
     pub id: u8,
-    /// Whether its hardware error status register (70) has something to tell.
+    /// Alert bit: true if the hardware error status register (70) holds an error.
     pub alert: bool,
-    /// Why it refused, if it did.
+    /// Reason of the refusal, if the servo refused.
     pub error: Option<ServoError>,
-    /// What was read.
+    /// Data that was read.
     pub data: Vec<u8>,
 }
 
-/// Why a servo refused an instruction.
+/// Error with which a servo refuses an instruction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum ServoError {
-    /// 1
+    /// Error 1.
     #[error("could not do it (1, result fail)")]
     ResultFail,
-    /// 2
+    /// Error 2.
     #[error("does not know the instruction (2)")]
     Instruction,
-    /// 3
+    /// Error 3.
     #[error("got a damaged packet (3, crc)")]
     Crc,
-    /// 4; also the answer to goals after the bus watchdog has tripped.
+    /// Error 4; also the answer to goals after the bus watchdog has tripped.
     #[error("value out of range (4, data range)")]
     DataRange,
-    /// 5
+    /// Error 5.
     #[error("too few bytes for the register (5, data length)")]
     DataLength,
-    /// 6
+    /// Error 6.
     #[error("value beyond a limit set in the servo (6, data limit)")]
     DataLimit,
-    /// 7; also writes to EEPROM registers while torque is on.
+    /// Error 7; also the answer to writes to EEPROM registers while torque is on.
     #[error("register not to be read or written now (7, access)")]
     Access,
     /// Any other number.
@@ -78,28 +78,28 @@ impl ServoError {
     }
 }
 
-/// Why there is no usable answer from one servo.
+/// Reason why there is no usable answer from one servo.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum ReplyError {
-    /// Nothing came from it.
+    /// Nothing came from the servo.
     #[error("servo {0}: no answer")]
     Missing(u8),
-    /// It answered that it will not.
+    /// The servo refused the instruction.
     #[error("servo {id}: {error}")]
     Refused { id: u8, error: ServoError },
-    /// An answer of another length than asked for.
+    /// The answer has another length than requested.
     #[error("servo {id}: found {found} bytes, expected {expected}")]
     Length {
         id: u8,
         /// Bytes in its answer.
         found: usize,
-        /// Bytes asked for.
+        /// Bytes requested.
         expected: usize,
     },
 }
 
 impl Status {
-    /// The byte that tells refusal and alert.
+    /// Returns the packet's error byte, with error number and alert bit.
     pub(super) fn error_byte(&self) -> u8 {
         self.error.map_or(0, ServoError::number) | if self.alert { ALERT } else { 0 }
     }
@@ -108,13 +108,14 @@ impl Status {
         Self { id, alert: byte & ALERT != 0, error: ServoError::from_number(byte & !ALERT), data }
     }
 
-    /// The bytes that go onto the wire: the servo's side.
+    /// Encodes the answer as bytes on the wire: the servo's side.
     pub fn encode(&self) -> Result<Vec<u8>, PacketError> {
         let parameters = std::iter::once(self.error_byte()).chain(self.data.iter().copied()).collect();
         Packet { id: self.id, instruction: STATUS, parameters }.encode()
     }
 
-    /// The answer in a packet; `None` for a packet that is no answer, such as the echo of our own on a half-duplex line.
+    /// Decodes the answer in a packet; `None` for a packet that is not an answer, such as the echo of our own on a
+    /// half-duplex line.
     pub fn decode(packet: &Packet) -> Option<Self> {
         match (packet.instruction, &packet.parameters[..]) {
             (STATUS, [error, data @ ..]) => Some(Self::with_error_byte(packet.id, *error, data.to_vec())),
@@ -123,10 +124,11 @@ impl Status {
     }
 }
 
-/// Sorts what came after a sync read: for each servo asked, in that order, its `length` bytes, or why there are none.
+/// Sorts the packets that came after a sync read. Returns for each servo asked, in that order, its `length` bytes, or
+/// the reason why there are none.
 ///
-/// Damaged packets, echoes and strangers are passed over: a servo whose answer was lost is [`ReplyError::Missing`], and the
-/// others' answers stand.
+/// Damaged packets, echoes and foreign packets are skipped: a servo whose answer was lost is [`ReplyError::Missing`],
+/// and the answers of the others stand.
 pub fn sync_read_replies(
     ids: &[u8],
     length: usize,
@@ -157,7 +159,7 @@ mod tests {
         Status { id, alert: false, error: None, data: data.to_vec() }
     }
 
-    /// The e-Manual's examples: answers to ping, read and write.
+    /// Example packets from the e-Manual: answers to ping, read and write.
     #[test]
     fn published_packets() {
         let cases: [(Status, &[u8]); 4] = [
@@ -171,7 +173,8 @@ mod tests {
         }
     }
 
-    /// Six servos are asked; one answer is damaged, one is a refusal, one too short, and our own packet echoes.
+    /// Six servos are asked; one answer is damaged, one is a refusal, one is too short, and our own packet comes back
+    /// as an echo.
     #[test]
     fn one_bad_answer_leaves_the_others() {
         let ids = [1, 2, 3, 4, 5, 6];

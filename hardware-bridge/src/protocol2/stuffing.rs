@@ -1,9 +1,9 @@
-//! Byte stuffing: after every `FF FF FD` inside a packet an extra `FD` goes onto the wire.
+//! Byte stuffing: on the wire, an extra `FD` follows every `FF FF FD` inside a packet.
 
 const PATTERN: [u8; 3] = [0xFF, 0xFF, 0xFD];
 const EXTRA: u8 = 0xFD;
 
-/// What goes onto the wire for `plain`.
+/// Returns the stuffed bytes of `plain`.
 pub fn stuff(plain: &[u8]) -> Vec<u8> {
     let mut wire = Vec::with_capacity(plain.len() + 2);
     for (n, byte) in plain.iter().enumerate() {
@@ -15,7 +15,7 @@ pub fn stuff(plain: &[u8]) -> Vec<u8> {
     wire
 }
 
-/// What `wire` means; `None` where the extra byte is missing, which no sender leaves out.
+/// Removes the stuffing from `wire`; `None` if an extra byte is missing, which no sender leaves out.
 pub fn unstuff(wire: &[u8]) -> Option<Vec<u8>> {
     let mut plain = Vec::with_capacity(wire.len());
     let mut bytes = wire.iter();

@@ -1,7 +1,8 @@
-//! The running bridge's end of its stop sockets.
+//! The server of the stop sockets, in the running bridge.
 //!
-//! One thread looks after all callers at once. A caller has [`LINE_TIMEOUT`] for its line, however it drips, and is answered on a thread of its
-//! own: neither one that is slow nor one that waits for a release keeps another from stopping the robot.
+//! One thread serves all callers at once. A caller has [`LINE_TIMEOUT`] for its line, however slowly it sends, and is
+//! answered on a separate thread. Neither a slow caller nor one that waits for a release keeps another from stopping
+//! the robot.
 
 use std::fs::{DirBuilder, Permissions};
 use std::io::{self, ErrorKind, Read as _, Write as _};
@@ -17,21 +18,21 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
 use super::{RemoteError, Wish};
 
-/// A caller's time for its whole line.
+/// Time limit for a caller's whole line.
 const LINE_TIMEOUT: Duration = Duration::from_millis(500);
-/// Longest line, bytes.
+/// Maximum length of a line, bytes.
 const LINE: usize = 64;
-/// Callers that are waited for at once; the one that has been here longest leaves for a new one.
+/// Maximum number of callers that are waited for; the oldest is dropped for a new one.
 const CALLERS: usize = 64;
-/// Requests under way at once, beside those to hold.
+/// Maximum number of requests in progress; those to hold are always taken.
 const REQUESTS: usize = 32;
-/// Between two looks at whether the bridge has ended.
+/// Interval between checks whether the bridge has ended.
 const LOOK: Timespec = Timespec { tv_sec: 0, tv_nsec: 20_000_000 };
 
-/// What answers a wish: with what was read back, or why not.
+/// Handler of a request: returns the result as read back, or the reason why it failed.
 pub type Fulfil = dyn Fn(Wish) -> Result<String, String> + Send + Sync;
 
-/// An open socket; closes when dropped.
+/// An open stop socket; closed when dropped.
 #[derive(Debug)]
 pub struct RemoteDoor {
     path: PathBuf,
@@ -40,8 +41,8 @@ pub struct RemoteDoor {
 }
 
 impl RemoteDoor {
-    /// Listens at `path`, for `group` as well as for the owner if one is given; every wish is handed to `fulfil`, whose answer goes back with the
-    /// robot's name `of`.
+    /// Listens at `path`, open to its owner and, if one is given, to `group`. Every request is passed to `fulfil`,
+    /// whose answer goes back with the robot's name `of`.
     pub fn open(path: &Path, group: Option<u32>, of: &str, fulfil: Arc<Fulfil>) -> Result<Self, RemoteError> {
         let failed = |source| RemoteError::Socket { path: path.to_owned(), source };
         if let Ok(found) = std::fs::symlink_metadata(path) {
@@ -73,14 +74,15 @@ impl Drop for RemoteDoor {
     fn drop(&mut self) {
         self.stop.store(true, Ordering::Relaxed);
         if let Some(thread) = self.thread.take() {
-            // A thread that panicked has said so itself.
+            // A thread that panicked has reported that itself.
             let _ = thread.join();
         }
         let _ = std::fs::remove_file(&self.path);
     }
 }
 
-/// A socket for its owner and `group` alone from the beginning, whatever the umask: it is made in a folder that only the owner may enter.
+/// Binds a socket that is open to its owner and `group` alone from the beginning, whatever the umask: it is created in
+/// a folder that only the owner may enter.
 fn bind(path: &Path, group: Option<u32>) -> io::Result<UnixListener> {
     let mut folder = path.as_os_str().to_owned();
     folder.push(format!(".{}", std::process::id()));
@@ -95,23 +97,23 @@ fn bind(path: &Path, group: Option<u32>) -> io::Result<UnixListener> {
         std::fs::rename(&inside, path)?;
         Ok(listener)
     });
-    // Empty, or with a socket that is of no use.
+    // The folder is empty, or holds a socket that is of no use.
     let _ = std::fs::remove_dir_all(&folder);
     made
 }
 
-/// Somebody who has connected and not said a whole line yet.
+/// A client that has connected and has not sent a whole line yet.
 struct Caller {
     stream: UnixStream,
     said: Vec<u8>,
     until: Instant,
 }
 
-/// What reading from a caller came to.
+/// Result of reading from a caller.
 enum Heard {
     Line(String),
     Nothing,
-    /// It has gone, or goes on without an end of the line.
+    /// The caller has gone, or its line is too long.
     Over,
 }
 
@@ -136,7 +138,7 @@ impl Caller {
     }
 }
 
-/// Looks after callers until `stopped`.
+/// Serves callers until `stopped`.
 fn attend(listener: &UnixListener, of: &str, fulfil: &Arc<Fulfil>, stopped: &AtomicBool) {
     let mut callers: Vec<Caller> = Vec::new();
     let under_way = Arc::new(AtomicUsize::new(0));
@@ -180,7 +182,7 @@ fn attend(listener: &UnixListener, of: &str, fulfil: &Arc<Fulfil>, stopped: &Ato
     }
 }
 
-/// Answers a line on a thread of its own.
+/// Answers a line on a separate thread.
 fn answer(stream: UnixStream, line: &str, of: &str, fulfil: &Arc<Fulfil>, under_way: &Arc<AtomicUsize>) {
     let Some(wish) = Wish::from_word(line) else {
         return say(&stream, of, &Err(format!("found {line:?}, expected hold, release or state")));
@@ -194,7 +196,7 @@ fn answer(stream: UnixStream, line: &str, of: &str, fulfil: &Arc<Fulfil>, under_
         say(&stream, &of, &fulfil(wish));
         count.fetch_sub(1, Ordering::Relaxed);
     };
-    // Where no thread can be had, others wait.
+    // If no thread can be started, others wait.
     if std::thread::Builder::new().name("remote request".into()).spawn(work.clone()).is_err() {
         work();
     }

@@ -35,7 +35,7 @@ fn asks_and_answers() {
     assert_eq!(std::fs::read_to_string(&path).expect("still there"), "somebody's file");
 }
 
-/// A group's socket is the group's, and nobody else's.
+/// A group's socket is accessible to that group and to nobody else.
 #[test]
 fn a_socket_of_the_operators_is_open_to_their_group_alone() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -46,7 +46,7 @@ fn a_socket_of_the_operators_is_open_to_their_group_alone() {
     assert_eq!((found.mode() & 0o777, found.gid()), (0o660, group));
 }
 
-/// Callers that drip a byte now and then, say nothing, or wait for a release keep nobody from stopping the robot.
+/// Callers that send a byte now and then, say nothing, or wait for a release prevent nobody from stopping the robot.
 #[test]
 fn a_stop_client_that_drips_bytes_does_not_block_others() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -63,7 +63,7 @@ fn a_stop_client_that_drips_bytes_does_not_block_others() {
     let dripping = UnixStream::connect(&path).expect("connects");
     let mut drip = dripping.try_clone().expect("cloned");
     let dripper = std::thread::spawn(move || {
-        // Until the door has had enough of it.
+        // Until the door closes the connection.
         while drip.write_all(b"h").is_ok() {
             std::thread::sleep(Duration::from_millis(20));
         }
@@ -78,7 +78,7 @@ fn a_stop_client_that_drips_bytes_does_not_block_others() {
     assert_eq!(releasing.join().expect("no panic").expect("answered").text, "Release");
 }
 
-/// One socket behind which nobody answers keeps no other from being told.
+/// A socket behind which nobody answers does not keep the others from being told.
 #[test]
 fn all_robots_are_told_at_once() {
     let folder = tempfile::tempdir().expect("a folder");

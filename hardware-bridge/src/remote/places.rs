@@ -1,8 +1,9 @@
-//! Where stop sockets are, so that any terminal finds them without a configuration.
+//! Location of the stop sockets, which any terminal finds without a configuration.
 //!
-//! On a computer that `ftac bridge install` has set up they are in [`SHARED`], open to the group of the operators. Elsewhere they are in a folder of
-//! the user who runs the robot, open to that user alone (and to root). A socket is called `NAME-KEY.PROCESS.stop`; the key is that of the path of
-//! the robot's configuration, so that `--config FILE` finds its robot whatever the file holds by now.
+//! On a computer that `ftac bridge install` has set up, they are in [`SHARED`], open to the group of the operators.
+//! Elsewhere they are in a folder of the user who runs the robot, open only to that user and to root. A socket is
+//! called `NAME-KEY.PROCESS.stop`. The key is a hash of the path of the robot's configuration, so that `--config FILE`
+//! finds its robot even if the file has changed since.
 
 use std::fs::{DirBuilder, Metadata};
 use std::io;
@@ -11,32 +12,32 @@ use std::path::{Path, PathBuf};
 
 use crc::{CRC_32_ISCSI, Crc};
 
-/// The operators' folder, made at boot (`tmpfiles.d`): `root:dialout`, mode 3770.
+/// The operators' folder, created at boot (`tmpfiles.d`): `root:dialout`, mode 3770.
 pub const SHARED: &str = "/run/ftac";
-/// How the names of stop sockets end.
+/// Suffix of the names of stop sockets.
 const SUFFIX: &str = ".stop";
-/// Longest readable part of a socket's name, characters: paths of sockets end at 107 bytes.
+/// Maximum length of the readable part of a socket's name, characters: the path of a socket is limited to 107 bytes.
 const NAME: usize = 20;
 
 /// A folder for the stop sockets of this process.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Folder {
     pub path: PathBuf,
-    /// The group that may stop robots as well, if it is the operators' folder.
+    /// Group that may also stop robots, if this is the operators' folder.
     pub group: Option<u32>,
-    /// Why it is not the operators' folder, if it is not.
+    /// Reason why this is not the operators' folder, if it is not.
     pub why_own: Option<String>,
 }
 
-/// This process's user.
+/// Returns the user id of this process.
 pub fn user() -> io::Result<u32> {
     Ok(std::fs::metadata("/proc/self")?.uid())
 }
 
-/// The folder in which this process's robot can be stopped, made if it is the user's own.
+/// Returns the folder for this process's stop socket, and creates it if it is the user's own.
 ///
 /// # Errors
-/// The user's own folder cannot be made, or somebody else has made it.
+/// The user's own folder cannot be created, or somebody else has created it.
 pub fn folder() -> io::Result<Folder> {
     folder_at(Path::new(SHARED), &own_folder(user()?))
 }
@@ -58,7 +59,7 @@ fn folder_at(shared: &Path, own: &Path) -> io::Result<Folder> {
         Err(error) if error.kind() != io::ErrorKind::AlreadyExists => return Err(failed(error.to_string())),
         _ => {}
     }
-    // Somebody else may have been there first, where anybody may write.
+    // Where anybody may write, somebody else may have created it first.
     let found = std::fs::symlink_metadata(own)?;
     if !is_private(&found, user) {
         let (owner, mode) = (found.uid(), found.mode() & 0o7777);
@@ -73,14 +74,14 @@ fn is_private(found: &Metadata, user: u32) -> bool {
     found.is_dir() && found.uid() == user && found.mode() & 0o077 == 0
 }
 
-/// Whether something can be made in a folder.
+/// Checks that something can be created in a folder.
 fn tempfile_in(folder: &Path) -> io::Result<()> {
     let probe = folder.join(format!(".{}", std::process::id()));
     DirBuilder::new().mode(0o700).create(&probe)?;
     std::fs::remove_dir(&probe)
 }
 
-/// A user's own folder: below that of the login session, whether or not the environment names it.
+/// Returns a user's own folder: below that of the login session, whether or not the environment names it.
 fn own_folder(user: u32) -> PathBuf {
     let session = PathBuf::from(format!("/run/user/{user}"));
     match std::fs::metadata(&session) {
@@ -89,12 +90,12 @@ fn own_folder(user: u32) -> PathBuf {
     }
 }
 
-/// Not below `TMPDIR`, which may differ from one terminal to the next.
+/// Returns a user's folder below `/tmp`, not below `TMPDIR`, which may differ from one terminal to the next.
 fn temporary(user: u32) -> PathBuf {
     PathBuf::from(format!("/tmp/ftac-{user}"))
 }
 
-/// What the socket of the robot with this configuration is called, but for the process.
+/// Returns the name of the socket of the robot with this configuration, without process and suffix.
 pub fn stem(config: &Path) -> String {
     let whole = match (config.parent().map(Path::canonicalize), config.file_name()) {
         (Some(Ok(folder)), Some(file)) => folder.join(file),
@@ -106,12 +107,13 @@ pub fn stem(config: &Path) -> String {
     format!("{name}-{key:08x}")
 }
 
-/// The socket of this process's robot in `folder`.
+/// Returns the path of this process's stop socket in `folder`.
 pub fn socket(folder: &Path, config: &Path) -> PathBuf {
     folder.join(format!("{}.{}{SUFFIX}", stem(config), std::process::id()))
 }
 
-/// The stop sockets on this computer that this user can see, and the folders that were looked in: those of all users, as far as they may be read.
+/// Finds the stop sockets on this computer that this user can see. Also returns the folders searched: those of all
+/// users, as far as they may be read.
 pub fn find() -> (Vec<PathBuf>, Vec<PathBuf>) {
     let own = user().map(own_folder);
     let mut folders = vec![PathBuf::from(SHARED)];
@@ -120,7 +122,7 @@ pub fn find() -> (Vec<PathBuf>, Vec<PathBuf>) {
         std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path()).collect()
     };
     folders.extend(children(Path::new("/run/user")).into_iter().map(|session| session.join("ftac")));
-    // Of the user that its name says: anybody may make folders there.
+    // Only folders of the user in their name count: anybody may create folders there.
     let own = |path: &PathBuf| std::fs::symlink_metadata(path).is_ok_and(|found| *path == temporary(found.uid()));
     folders.extend(children(Path::new("/tmp")).into_iter().filter(own));
     folders.sort();
@@ -129,7 +131,7 @@ pub fn find() -> (Vec<PathBuf>, Vec<PathBuf>) {
     (folders.iter().flat_map(|folder| sockets_in(folder)).collect(), folders)
 }
 
-/// The stop sockets in a folder, sorted.
+/// Lists the stop sockets in a folder, sorted.
 pub fn sockets_in(folder: &Path) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     let is_one = |entry: &std::fs::DirEntry| {
@@ -140,18 +142,18 @@ pub fn sockets_in(folder: &Path) -> Vec<PathBuf> {
     sockets
 }
 
-/// Whether a socket is that of the robot with this configuration.
+/// True if a socket is that of the robot with this configuration.
 pub fn is_of(socket: &Path, config: &Path) -> bool {
     let name = socket.file_name().unwrap_or_default().to_string_lossy().into_owned();
     name.strip_prefix(&stem(config)).is_some_and(|rest| rest.starts_with('.'))
 }
 
-/// Takes away sockets in `folder` that this user's robots have left: nobody listens there any more.
+/// Removes stale sockets of this user's robots in `folder`, on which nobody listens any more.
 pub fn sweep(folder: &Path) {
     for socket in sockets_in(folder) {
         let refused = std::os::unix::net::UnixStream::connect(&socket).map_err(|error| error.kind());
         if refused.err() == Some(io::ErrorKind::ConnectionRefused) {
-            // One of another user stays, and harms nobody.
+            // A socket of another user cannot be removed, and does no harm.
             let _ = std::fs::remove_file(&socket);
         }
     }
@@ -163,7 +165,8 @@ mod tests {
     use std::fs::Permissions;
     use std::os::unix::fs::PermissionsExt as _;
 
-    /// The operators' folder is used where it can be; else the user's own, and why is said; one that somebody else could have made is refused.
+    /// The operators' folder is used if possible, otherwise the user's own, with the reason. A folder that somebody
+    /// else could have created is refused.
     #[test]
     fn the_folder_is_the_operators_or_ones_own() {
         let root = tempfile::tempdir().expect("a folder");
@@ -183,7 +186,7 @@ mod tests {
         assert!(error.contains("mode 755") && error.contains("mode 700"), "{error}");
     }
 
-    /// A configuration names its robot's socket by its path, whatever it holds and whether it is there.
+    /// A configuration identifies its robot's socket by its path, whatever it holds and even if it does not exist.
     #[test]
     fn a_robot_is_found_by_the_path_of_its_configuration() {
         let root = tempfile::tempdir().expect("a folder");

@@ -1,7 +1,8 @@
-//! The outer shape of arm and hand, simple enough to be placed in every cycle.
+//! Collision model of arm and hand, simple enough to be placed in every cycle.
 //!
-//! Arm links are the tubes of [`hand_model::Arm::tube_ends`]. Links of the hand are their covers: rounded boxes for heights and extents, which are exact, and
-//! capsules that enclose them for distances. Digits stand as their servos' angles say, as if they touched nothing.
+//! Arm links are the tubes of [`hand_model::Arm::tube_ends`]. Links of the hand are their covers: rounded boxes for
+//! heights and extents, which are exact, and enclosing capsules for distances. Digits take the posture of their servo
+//! angles as if they touched nothing.
 
 use crate::driven::SERVOS;
 use std::fmt;
@@ -14,7 +15,7 @@ use nalgebra::{Isometry3, Point3, Vector3};
 /// A part of the robot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Body {
-    /// The arm's base is 0, its links are 1 to 7.
+    /// A part of the arm: 0 is the base, 1 to 7 are the links.
     Arm(usize),
     Palm,
     /// A link of the hand, 0 to 14: three for each digit.
@@ -35,7 +36,7 @@ impl fmt::Display for Body {
     }
 }
 
-/// A segment with a radius, m.
+/// Capsule: a segment with a radius, m.
 #[derive(Debug, Clone, Copy)]
 pub struct Capsule {
     pub ends: [Point3<f64>; 2],
@@ -47,25 +48,25 @@ impl Capsule {
         Self { ends: self.ends.map(|end| pose * end), radius: self.radius }
     }
 
-    /// Distance of two capsules, m; negative where they overlap.
+    /// Computes the distance between two capsules, m; negative if they overlap.
     pub fn distance(&self, other: &Self) -> f64 {
         segment_distance(&self.ends, &other.ends) - self.radius - other.radius
     }
 }
 
-/// Distance of two segments (Ericson, Real-Time Collision Detection, 5.1.9).
+/// Computes the distance between two segments (Ericson, Real-Time Collision Detection, 5.1.9).
 fn segment_distance(one: &[Point3<f64>; 2], other: &[Point3<f64>; 2]) -> f64 {
     let (u, v, w) = (one[1] - one[0], other[1] - other[0], one[0] - other[0]);
     let (a, b, c, d, e) = (u.norm_squared(), u.dot(&v), v.norm_squared(), u.dot(&w), v.dot(&w));
     let share = |up: f64, down: f64| if down > 1e-18 { (up / down).clamp(0.0, 1.0) } else { 0.0 };
     let s = share(b * e - c * d, a * c - b * b);
     let t = share(b * s + e, c);
-    // The nearest point of the first segment to that of the second.
+    // Point of the first segment nearest to that of the second.
     let s = share(b * t - d, a);
     (w + u * s - v * t).norm()
 }
 
-/// Capsules that enclose a cover, side by side along its second longest side, in its link's frame.
+/// Computes capsules that enclose a cover, side by side along its second longest axis, in the link's frame.
 fn enclosing(cover: &CoverShape) -> Vec<Capsule> {
     let mut axes = [0, 1, 2];
     axes.sort_by(|a, b| cover.half[*b].total_cmp(&cover.half[*a]));
@@ -84,19 +85,19 @@ fn enclosing(cover: &CoverShape) -> Vec<Capsule> {
     (0..count as usize).map(|n| Capsule { ends: ends(n as f64), radius }).collect()
 }
 
-/// Joint angles of the digits by their servos' angles.
+/// Lookup tables from servo angles to joint angles of the digits.
 #[derive(Debug, Clone)]
 struct Postures {
-    /// For each cable, rising: servo angle, and its joints' angles, rad.
+    /// Table of each cable, with rising angles: servo angle, and the angles of its joints, rad.
     tables: Vec<Vec<(f64, [f64; 3])>>,
     joints: Vec<Vec<usize>>,
-    /// Joint that the last servo turns, and the gear between the two.
+    /// Joint that the last servo turns, and the gear ratio between the two.
     opposition: Option<(usize, f64)>,
     open: HandVector,
 }
 
 impl Postures {
-    /// Tensions in the tables: so many, up to this, N. Digits are closed by half of it.
+    /// Number of tensions in a table, and the greatest of them, N. Half of it closes a digit.
     const TENSIONS: (u32, f64) = (48, 60.0);
 
     fn new(hand: &Hand) -> Self {
@@ -143,30 +144,30 @@ impl Postures {
     }
 }
 
-/// Arm and hand.
+/// Collision model of arm and hand.
 #[derive(Debug, Clone)]
 pub struct Bodies {
     robot: RobotModel,
-    /// Base and links, each in its own frame.
+    /// Capsules of the arm's base and links, each in its own frame.
     tubes: Vec<Capsule>,
-    /// Palm, then the 15 links of the hand, each in its own frame.
+    /// Covers of the palm and of the 15 links of the hand, in this order, each in its own frame.
     covers: Vec<(CoverShape, Vec<Capsule>)>,
     last_from_palm: Isometry3<f64>,
     postures: Postures,
 }
 
-/// Arm and hand in a posture, in the frame of the arm's base.
+/// Collision model in a posture, in the frame of the arm's base.
 #[derive(Debug, Clone)]
 pub struct Placed<'a> {
     bodies: &'a Bodies,
     arm: Vec<Isometry3<f64>>,
-    /// Palm, then the 15 links of the hand.
+    /// Poses of the palm and of the 15 links of the hand, in this order.
     hand: Vec<Isometry3<f64>>,
 }
 
-/// The first arm link whose height is watched: those before it stand on the table.
+/// First arm link whose height is checked: those before it stand on the table.
 const LIFTED: usize = 3;
-/// So many of the arm's last links carry the hand: they are not compared with it.
+/// Number of the arm's last links, which carry the hand and are not compared with it.
 const WRIST: usize = 3;
 
 impl Bodies {
@@ -184,7 +185,7 @@ impl Bodies {
         }
     }
 
-    /// With the arm at joint angles `q` and the hand as its servos' angles say, rad.
+    /// Places the bodies with the arm at joint angles `q` and the servos at angles `servos`, rad.
     pub fn placed(&self, q: &[f64], servos: &[f64; SERVOS]) -> Placed<'_> {
         let links = self.robot.arm.tree.forward(q);
         let palm = links[self.robot.arm.last_link()] * self.last_from_palm;
@@ -200,7 +201,7 @@ fn of_hand(n: usize) -> Body {
 }
 
 impl Placed<'_> {
-    /// Furthest point along a direction of each part that moves freely, m.
+    /// Returns the furthest reach along a direction, m, of each part that moves freely.
     pub fn reaches(&self, direction: Vector3<f64>) -> impl Iterator<Item = (Body, f64)> {
         let tubes = (LIFTED..self.arm.len()).map(move |n| {
             let tube = self.bodies.tubes[n].placed(&self.arm[n]);
@@ -216,7 +217,7 @@ impl Placed<'_> {
         tubes.chain(covers)
     }
 
-    /// The two nearest parts that could touch, and their distance, m.
+    /// Returns the distance of the two nearest parts that could touch, m, and the two parts.
     pub fn nearest(&self) -> (f64, [Body; 2]) {
         let tubes: Vec<Capsule> =
             self.bodies.tubes.iter().zip(&self.arm).map(|(tube, pose)| tube.placed(pose)).collect();
@@ -246,7 +247,7 @@ impl Placed<'_> {
 /// A side of the workspace.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Side {
-    /// 0 to 2: x, y, z.
+    /// Axis, 0 to 2: x, y, z.
     pub axis: usize,
     pub upper: bool,
 }
@@ -279,7 +280,8 @@ mod tests {
         }
     }
 
-    /// A cover's height is that of its skin, whatever the posture; no skin is outside the capsules by more than the rounding of their ends.
+    /// A cover's height is that of its skin in any posture. No skin is outside the capsules by more than the rounding
+    /// of their ends.
     #[test]
     fn covers_are_as_high_as_their_skin() {
         let bodies = Bodies::new(&RobotModel::ftac_gen3());
@@ -304,8 +306,8 @@ mod tests {
         }
     }
 
-    /// Upright and at home nothing touches; the forearm and the link after the next are always 20 mm apart. Folded in at the elbow the hand runs into the
-    /// arm, and that is told by name.
+    /// Upright and at home nothing touches; the forearm and the link after the next are always 20 mm apart. Folded in
+    /// at the elbow the hand runs into the arm, and the parts are named.
     #[test]
     fn folded_in_it_runs_into_itself() {
         let bodies = Bodies::new(&RobotModel::ftac_gen3());
@@ -317,7 +319,7 @@ mod tests {
         assert!(distance < 0.0 && matches!(other, Body::Arm(_)), "{distance}: {one}, {other}");
     }
 
-    /// Servo angles wind the digits as far as the springs and the cable let them.
+    /// Servo angles wind the digits as far as springs and cable allow.
     #[test]
     fn digits_stand_as_their_servos_say() {
         let hand = Hand::ftac();

@@ -6,50 +6,50 @@ use hand_model::robot::{ArmState, Command, Reading, Readings, ServoGoal, ServoSt
 use super::limits::Limits;
 use super::state::{ArmTrouble, Cause};
 
-/// A shaft may be this far outside its limits before that is an alarm, rad: cables stretch and encoders round.
+/// Tolerance of a shaft angle outside its limits before it is an alarm, rad: cables stretch and encoders round.
 const ANGLE_MARGIN: f64 = 0.15;
-/// A current may be above its limit by this factor and this much, A: the servo's own control overshoots.
+/// Tolerance of a current above its limit, as a factor and an offset (A): the servo's own control overshoots.
 const CURRENT_MARGIN: (f64, f64) = (1.2, 0.05);
-/// A shaft may be this much faster than its goal may move, as a factor: winding, it catches up after a stall; unwinding, springs that are let go
-/// of throw it open.
+/// Tolerance of the shaft's speed, as a factor of the goal's speed limit, when winding and when unwinding. A winding
+/// shaft catches up after a stall; an unwinding one is thrown open by springs that are suddenly released.
 const SPEED_MARGIN: (f64, f64) = (1.5, 2.5);
 
 /// The newest measurement of one servo.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ServoReading {
-    /// When it came, s.
+    /// Time of arrival, s.
     pub at: f64,
-    /// Its shaft.
+    /// State of the shaft.
     pub state: ServoState,
-    /// Its supply, V.
+    /// Supply voltage, V.
     pub voltage: f64,
-    /// Its alert bit.
+    /// Alert bit of the servo's answer.
     pub alert: bool,
 }
 
 /// The newest measurement of the arm.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ArmReading {
-    /// When it came, s.
+    /// Time of arrival, s.
     pub at: f64,
-    /// Its joints.
+    /// State of the joints.
     pub state: ArmState,
-    /// What is wrong with it.
+    /// Trouble that the arm is in, if any.
     pub fault: Option<ArmTrouble>,
 }
 
 /// The newest measurements of all devices.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Measured {
-    /// The servos, in actuator order; `None` before the first measurement.
+    /// Newest reading of each servo, in actuator order; `None` before the first.
     pub servos: [Option<ServoReading>; SERVOS],
     pub arm: Option<ArmReading>,
-    /// Whether the camera board's port works.
+    /// True if the camera board's port works.
     pub cameras: bool,
 }
 
 impl Measured {
-    /// The readings that a controller gets of it, at `time` (s) in tick `sequence`.
+    /// Converts the measurements to the readings that a controller gets at `time` (s) in tick `sequence`.
     pub fn readings(&self, time: f64, sequence: u64, tactile: Vec<TactileFrame>) -> Readings {
         let servos = self.servos.map(|servo| servo.map(|servo| Reading { value: servo.state, time: servo.at }));
         let arm = self.arm.map(|arm| Reading { value: arm.state, time: arm.at });
@@ -57,7 +57,7 @@ impl Measured {
     }
 }
 
-/// Whether a command holds numbers only, and no negative current limit.
+/// True if a command holds only finite numbers and no negative current limit.
 pub fn is_sound(command: &Command) -> bool {
     let servo = |goal: &ServoGoal| match *goal {
         ServoGoal::Current(current) => current.is_finite(),
@@ -68,7 +68,7 @@ pub fn is_sound(command: &Command) -> bool {
     command.arm.iter().all(|angle| angle.is_finite()) && command.servos.iter().all(servo)
 }
 
-/// What is wrong with what was measured at `now`, the worst first.
+/// Returns the most serious alarm raised by the measurements at `now` (s), if any.
 pub fn alarm(measured: &Measured, limits: &Limits, now: f64) -> Option<Cause> {
     if let Some(trouble) = measured.arm.and_then(|arm| arm.fault) {
         return Some(Cause::ArmFault(trouble));
@@ -94,7 +94,7 @@ pub fn alarm(measured: &Measured, limits: &Limits, now: f64) -> Option<Cause> {
     (!measured.cameras).then_some(Cause::CamerasGone)
 }
 
-/// The alarm of one servo's measurement, if any. NaN is outside every limit.
+/// Returns the alarm raised by one servo's measurement, if any. NaN is outside every limit.
 fn servo_alarm(n: usize, reading: &ServoReading, limits: &Limits) -> Option<Cause> {
     let own = &limits.servos[n];
     let ServoState { position, velocity, current, temperature } = reading.state;

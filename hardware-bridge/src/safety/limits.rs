@@ -1,7 +1,7 @@
 //! Limits of a command: range, speed and current.
 //!
-//! Speed is limited relative to the previous *command*, not to the measured state: a measurement that lags would let a limited command creep past
-//! its limit.
+//! Speed is limited relative to the previous *command*, not to the measured state: with a measurement that lags, a
+//! limited command could creep past its limit.
 
 use crate::driven::SERVOS;
 use hand_model::robot::ServoGoal;
@@ -11,86 +11,86 @@ use super::pressing::PressLimits;
 use super::set_points::Motion;
 use super::space::SpaceLimits;
 
-/// How far ahead of the shaft the goal of a pure current command is put, rad: enough to saturate the servo's position control (P gain 900:
-/// full duty from 0.2 rad on), little enough to come back from quickly.
+/// Lead of the position goal ahead of the shaft under a pure current command, rad: enough to saturate the servo's
+/// position control (P gain 900: full duty from 0.2 rad on), little enough to reverse quickly.
 pub const LEAD: f64 = 1.0;
 
-/// How far beyond the closed stop the goal of a pure current command may be, rad: at the stop the cable is to be pulled as hard as
-/// before it, and the shaft cannot follow. A shaft that does follow has lost its cable, which its angle tells ([`super::checks`]).
+/// Distance by which the goal of a pure current command may lie beyond the closed stop, rad. At the stop the shaft
+/// cannot follow, and the cable must be pulled as hard as before it. A shaft that does follow has lost its cable, which
+/// its angle shows ([`super::checks`]).
 pub const BEYOND: f64 = 0.5;
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ServoLimits {
-    /// Least and greatest output angle, rad.
+    /// Range of the output angle (least, greatest), rad.
     pub angle: (f64, f64),
-    /// Fastest change of the goal, and fastest allowed shaft, rad/s.
+    /// Maximum speed of the goal and, with a margin, of the shaft, rad/s.
     pub speed: f64,
-    /// Greatest goal current, A.
+    /// Maximum goal current, A.
     pub current: f64,
-    /// Greatest current while holding, A.
+    /// Maximum current while holding, A.
     pub hold_current: f64,
-    /// Hottest, degrees Celsius.
+    /// Maximum temperature, degrees Celsius.
     pub temperature: f64,
 }
 
 /// Limits of the arm's joints.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ArmLimits {
-    /// Least and greatest angle of each joint, rad; infinite where a joint turns freely.
+    /// Range of each joint's angle (least, greatest), rad; infinite for a joint that turns freely.
     pub angle: ArmVector<(f64, f64)>,
-    /// Fastest change of each set-point, rad/s.
+    /// Maximum speed of each set-point, rad/s.
     pub speed: ArmVector,
-    /// How fast each set-point slows down when the arm is stopped, rad/s2.
+    /// Deceleration of each set-point when the arm is stopped, rad/s2.
     pub deceleration: ArmVector,
-    /// Bounds of acceleration and jerk of each set-point, if there are any.
+    /// Limits on acceleration and jerk of each set-point, if any.
     pub motion: Option<ArmVector<Motion>>,
 }
 
-/// When silence is too long.
+/// Time limits of the watchdogs.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Watchdogs {
-    /// The servos' own bus watchdog, s.
+    /// Time limit of the servos' own bus watchdog, s.
     pub servo_bus: f64,
-    /// Largest age of a measurement of the arm, s.
+    /// Maximum age of a measurement of the arm, s.
     pub arm: f64,
-    /// Age of the controller's newest command, s.
+    /// Maximum age of the controller's newest command, s.
     pub host: f64,
 }
 
-/// Everything that is allowed.
+/// All limits that the supervisor enforces.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Limits {
     /// The servos, in actuator order.
     pub servos: [ServoLimits; SERVOS],
     pub arm: ArmLimits,
-    /// Least and greatest supply, V.
+    /// Range of the supply voltage (least, greatest), V.
     pub voltage: (f64, f64),
-    /// Oldest servo measurement to act on, s.
+    /// Maximum age of a servo measurement, s.
     pub staleness: f64,
-    /// When silence is too long.
     pub watchdogs: Watchdogs,
-    /// Time in which a release lets the current fade, s.
+    /// Duration of a release, over which the current fades, s.
     pub release_time: f64,
-    /// How much the arm may press; nothing is known of an arm without torque sensors.
+    /// Limits on joint torques when the arm presses; `None` for an arm without torque sensors.
     pub press: Option<PressLimits>,
-    /// Where arm and hand may be.
+    /// Workspace of arm and hand.
     pub space: Option<SpaceLimits>,
 }
 
-/// What is sent to one servo: current-based position control.
+/// Goal of one servo in current-based position control.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct SafeGoal {
-    /// Output angle, rad.
+    /// Goal of the output angle, rad.
     pub angle: f64,
-    /// Greatest current, A, not negative.
+    /// Current limit, A, not negative.
     pub current: f64,
 }
 
 impl ServoLimits {
-    /// What may be sent when `asked` comes, with the shaft at `measured` (rad), `previous` sent before, and `dt` (s) since.
+    /// Limits the goal `asked`, `dt` (s) after `previous` was sent, with the shaft at `measured` (rad).
     ///
-    /// A current command becomes a goal [`LEAD`] ahead of the shaft in the wanted direction under that current, so that one operating mode serves
-    /// both kinds of command, and the angle limits bind in both, but for [`BEYOND`].
+    /// A current command becomes a goal [`LEAD`] ahead of the shaft in the requested direction under that current. One
+    /// operating mode thus serves both kinds of command, and the angle limits apply to both, except for [`BEYOND`].
     pub fn limit(&self, asked: &ServoGoal, measured: f64, previous: SafeGoal, dt: f64) -> SafeGoal {
         let (low, high) = self.angle;
         let (target, current, high) = match *asked {
@@ -101,20 +101,20 @@ impl ServoLimits {
         let reach = self.speed * dt;
         let reached = target.clamp(previous.angle - reach, previous.angle + reach);
         SafeGoal {
-            // Coming back from beyond the stop takes its time too.
+            // The way back from beyond the stop is limited in speed too.
             angle: reached.clamp(low, high.max(previous.angle - reach).max(low)),
             current: current.clamp(0.0, self.current),
         }
     }
 
-    /// `previous` with the current capped for holding.
+    /// Returns `previous` with the current capped for holding.
     pub fn hold(&self, previous: SafeGoal) -> SafeGoal {
         SafeGoal { current: previous.current.min(self.hold_current), ..previous }
     }
 }
 
 impl ArmLimits {
-    /// Those of the arm's model; a joint that turns freely has no range.
+    /// Returns the limits in the arm's model; a joint that turns freely has no range.
     pub fn of(arm: &Arm) -> Self {
         Self {
             angle: arm.each(|joint| (arm.tree.joints[joint].lower, arm.tree.joints[joint].upper)),
@@ -124,18 +124,19 @@ impl ArmLimits {
         }
     }
 
-    /// No speed of any joint.
+    /// Returns zero speed for every joint.
     pub fn still(&self) -> ArmVector {
         self.speed.iter().map(|_| 0.0).collect()
     }
 
-    /// Where an arm whose set-points are at `at` (rad) and move at `speed` (rad/s) comes to a stand when it is stopped, rad.
+    /// Returns the angles, rad, at which an arm comes to rest when it is stopped while its set-points are at `at` (rad)
+    /// and move at `speed` (rad/s).
     pub fn stand(&self, at: &[f64], speed: &[f64]) -> ArmVector {
         let stand = |joint: usize| at[joint] + 0.5 * speed[joint] * speed[joint].abs() / self.deceleration[joint];
         (0..at.len()).map(stand).collect()
     }
 
-    /// The set-points that may be sent, `dt` (s) after `previous`.
+    /// Limits speed and range of the set-points `asked`, `dt` (s) after `previous`.
     pub fn limit(&self, asked: &[f64], previous: &[f64], dt: f64) -> ArmVector {
         let limited = |joint: usize| {
             let reach = self.speed[joint] * dt;
@@ -145,10 +146,11 @@ impl ArmLimits {
         (0..asked.len()).map(limited).collect()
     }
 
-    /// The set-points `dt` (s) after `previous` of an arm that is to stop, and the speeds that are left of `speed` (rad/s).
+    /// Brakes: returns the set-points `dt` (s) after `previous`, and the speeds that remain of `speed` (rad/s).
     ///
-    /// A set-point that stops from one cycle to the next asks for more torque than a joint has: the arm runs past it, and swings back. So it
-    /// goes on by `v dt`, with `v` smaller by the deceleration each cycle.
+    /// A set-point that stops from one cycle to the next demands more torque than a joint has, so that the arm
+    /// overshoots and swings back. The set-point therefore advances by `v dt`, with `v` reduced by the deceleration in
+    /// each cycle.
     pub fn brake(&self, previous: &[f64], speed: &[f64], dt: f64) -> (ArmVector, ArmVector) {
         let slowed = |joint: usize| {
             let top = speed[joint].clamp(-self.speed[joint], self.speed[joint]);
@@ -188,7 +190,8 @@ pub(crate) mod tests {
         }
     }
 
-    /// Winding: the goal runs ahead of the shaft by the lead and no further; opening starts from there, not from the end of the range.
+    /// Winding: the goal leads the shaft by the lead and no further; opening starts from there, not from the end of the
+    /// range.
     #[test]
     fn current_commands_lead_the_shaft() {
         let servo = limits().servos[0];
@@ -209,7 +212,7 @@ pub(crate) mod tests {
         assert_eq!(servo.hold(SafeGoal { angle: 2.0, current: 0.6 }).current, 0.4);
     }
 
-    /// From 0.8 rad/s with 8 rad/s2 an arm stands after 0.1 s and v^2 / 2a = 40 mrad; it does not leave its range for that.
+    /// From 0.8 rad/s with 8 rad/s2 an arm comes to rest after 0.1 s and v^2 / 2a = 40 mrad, without leaving its range.
     #[test]
     fn an_arm_brakes() {
         let arm = limits().arm;

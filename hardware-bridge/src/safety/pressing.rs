@@ -1,12 +1,13 @@
-//! What the arm presses: torques of its joints over what weight and motion explain.
+//! Detection of pressing: joint torques of the arm beyond those that weight and motion explain.
 //!
-//! The arm's torque sensors feel the weight of arm and hand, the torque that accelerates them, what the hand carries, and what pushes against them.
-//! The first two come from the model ([`LoadModel`]), the third is any mass from nothing up to the stated payload. What remains is a push, from the
-//! table, an object that cannot give way, or somebody in the arm's way.
+//! The arm's torque sensors measure the weight of arm and hand, the torque that accelerates them, the load in the hand,
+//! and contact forces. The first two come from the model ([`LoadModel`]); the third may be any mass from zero up to the
+//! stated payload. The remainder is a push: by the table, by an object that cannot give way, or by somebody in the
+//! arm's way.
 //!
-//! Accelerations are not measured. A generalised momentum observer (De Luca and Mattone, 2003) does without them: the momentum `p = M(q) dq/dt`
-//! changes by what the joints bear beyond weight, and the residual follows the rest with a time constant, `T dr/dt = tau - g(q) - dp/dt - r`. Coriolis
-//! terms are left out.
+//! Accelerations are not measured. A generalised momentum observer (De Luca and Mattone, 2003) does without them: the
+//! momentum `p = M(q) dq/dt` changes by the joint torque beyond weight, and the residual follows the remainder with a
+//! time constant, `T dr/dt = tau - g(q) - dp/dt - r`. Coriolis terms are neglected.
 
 use std::sync::Arc;
 
@@ -19,33 +20,34 @@ use super::state::Cause;
 /// Time constant of the residual, s.
 const TIME_CONSTANT: f64 = 0.02;
 
-/// How much the arm may press, and for how long.
+/// Limits on the arm's joint torques, and on their duration.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PressLimits {
-    /// Greatest torque of each joint, N m.
+    /// Maximum torque of each joint, N m.
     pub torque: ArmVector,
-    /// Greatest torque of each joint that weight, motion and payload leave unexplained, N m.
+    /// Maximum residual of each joint, N m: torque that weight, motion and payload leave unexplained.
     pub residual: ArmVector,
     /// Heaviest load in the hand, kg.
     pub payload: f64,
-    /// A residual above its limit for longer than this is no jolt, s.
+    /// Duration of the longest jolt, s: a residual above its limit for longer is a push.
     pub jolt: f64,
-    /// A torque above its limit for longer than this is no passing load, s: the small joints reach their limit in a firm grasp.
+    /// Duration of the longest passing load, s: a torque above its limit for longer stops the arm. The small joints
+    /// reach their limit in a firm grasp.
     pub torque_time: f64,
 }
 
-/// How near to its limits the arm has come.
+/// Largest torques and residuals reached so far.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Pressed {
-    /// Largest torques, N m.
+    /// Largest torque of each joint, N m.
     pub torque: ArmVector,
-    /// Largest residuals, N m.
+    /// Largest residual of each joint, N m.
     pub residual: ArmVector,
     /// Longest time above a limit, s.
     pub longest: f64,
 }
 
-/// Watches the arm's torques.
+/// Monitor of the arm's joint torques.
 #[derive(Debug, Clone)]
 pub struct PressWatch {
     arm: Arc<Arm>,
@@ -53,9 +55,9 @@ pub struct PressWatch {
     limits: PressLimits,
     /// Time (s) and momentum (N m s) at the last measurement.
     last: Option<(f64, Torques)>,
-    /// Torques that weight and motion leave unexplained, N m.
+    /// Observer state: torques that weight and motion leave unexplained, N m.
     unexplained: Torques,
-    /// For how long each joint's torque and residual have been above their limits, s.
+    /// Time for which each joint's torque and residual have been above their limits, s.
     above: ArmVector<[f64; 2]>,
     pressed: Pressed,
 }
@@ -73,13 +75,14 @@ impl PressWatch {
         }
     }
 
-    /// How near to its limits the arm has come so far.
+    /// Returns the largest torques and residuals reached so far.
     pub fn pressed(&self) -> Pressed {
         self.pressed
     }
 
-    /// Torques that weight, motion and the payload that fits best leave unexplained after a measurement at `time` (s), N m; nothing after the
-    /// first one. Also the time since the last one, s.
+    /// Updates the observer with a measurement at `time` (s). Returns the residual, N m, that weight, motion and the
+    /// best-fitting payload leave unexplained, and the time since the last measurement, s. The first measurement gives
+    /// zero.
     fn observe(&mut self, state: &ArmState, time: f64) -> (Torques, f64) {
         let poses = self.arm.tree.forward(&state.position);
         let weight = self.model.moving(&poses, &self.arm.each(|_| 0.0));
@@ -98,8 +101,8 @@ impl PressWatch {
         (self.unexplained - per_kilogram * carried, dt)
     }
 
-    /// Takes note of a measurement at `time` (s); the joint that presses too hard for too long, if one does. One that is no newer than the last
-    /// says nothing.
+    /// Takes a measurement at `time` (s). Returns the joint that presses too hard for too long, if any. A measurement
+    /// no newer than the last one is ignored.
     pub fn see(&mut self, state: &ArmState, time: f64) -> Option<Cause> {
         if self.last.is_some_and(|(last, _)| time <= last) {
             return None;
@@ -114,7 +117,7 @@ impl PressWatch {
                 (rest, self.limits.residual[joint], jolt, Cause::ArmPress(joint, rest)),
             ];
             for (above, (value, limit, time, cause)) in self.above[joint].iter_mut().zip(of) {
-                // What is no number is above every limit.
+                // NaN counts as above every limit.
                 let within = value.abs() <= limit;
                 *above = if within { 0.0 } else { *above + dt };
                 let share = value.abs() / limit;
@@ -131,7 +134,7 @@ impl PressWatch {
         worst.map(|(_, cause)| cause)
     }
 
-    /// Begins anew, once the arm has given way.
+    /// Resets observer and timers, once the arm has given way or while it brakes.
     pub fn forget(&mut self) {
         (self.last, self.unexplained) = (None, Torques::zeros());
         self.above.iter_mut().for_each(|times| *times = [0.0; 2]);
@@ -154,7 +157,7 @@ mod tests {
         }
     }
 
-    /// An arm at rest whose palm bears a force (N), as its sensors feel it.
+    /// Torques that the sensors of an arm at rest measure while its palm bears a force (N).
     fn feeling(force: Vector3<f64>) -> (PressWatch, ArmState) {
         let robot = RobotModel::ftac_gen3();
         let watch = PressWatch::new(&robot, limits());
@@ -171,7 +174,8 @@ mod tests {
         (0..cycles).find_map(|cycle| watch.see(&state, 0.005 * cycle as f64))
     }
 
-    /// A load up to the payload is no push; the same force upwards is, after the residual has grown and a jolt's time has passed, and not before.
+    /// A load up to the payload is no push. The same force upwards is one, but only after the residual has grown and
+    /// the time of a jolt has passed.
     #[test]
     fn a_payload_is_explained_and_a_push_is_not() {
         let down = |kilograms: f64| Vector3::new(0.0, 0.0, -9.81 * kilograms);
@@ -195,7 +199,7 @@ mod tests {
         assert!(seen(nothing, 100).is_some(), "no number is no torque within limits");
     }
 
-    /// An arm that swings freely, with measurements that come at uneven times: what accelerates it is no push.
+    /// In free motion, with measurements at uneven times, the accelerating torque is no push.
     #[test]
     fn a_motion_is_explained() {
         let robot = RobotModel::ftac_gen3();

@@ -1,39 +1,40 @@
 //! Limits of the acceleration and jerk of the arm's set-points.
 //!
-//! A stream of set-points within the limits passes unchanged, to the last bit. One that leaves them (a jump, a motion that starts or stops from one
-//! tick to the next) is followed on a profile within them, which overshoots nowhere, until it has caught up. Limits hold against the set-points sent
-//! before, not against the measured arm, and time is counted in control ticks: a tick that comes late changes nothing.
+//! A stream of set-points within the limits passes unchanged, to the last bit. One that exceeds them (a jump, or a
+//! motion that starts or stops from one tick to the next) is followed on a profile within the limits, without overshoot
+//! from rest, until the profile has caught up. The limits apply relative to the set-points sent before, not to the
+//! measured arm. Time is counted in control ticks, so that a late tick changes nothing.
 
 use hand_model::ArmVector;
 
 /// Length of a control tick, s: one command each.
 pub const TICK: f64 = 1.0 / 120.0;
-/// Halvings in which a profile's next acceleration is found.
+/// Bisection steps in the search for a profile's next acceleration.
 const HALVINGS: usize = 40;
-/// Rounding of sums of many ticks, as a share of a limit.
+/// Tolerance for rounding in sums of many ticks, as a share of a limit.
 const ROUNDING: f64 = 1e-6;
 
-/// What one joint's set-points may do.
+/// Motion limits of one joint's set-points.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Motion {
-    /// rad/s.
+    /// Maximum speed, rad/s.
     pub speed: f64,
-    /// rad/s2.
+    /// Maximum acceleration, rad/s2.
     pub acceleration: f64,
-    /// rad/s3.
+    /// Maximum jerk, rad/s3.
     pub jerk: f64,
 }
 
-/// One joint's set-point.
+/// State of one joint's set-point.
 #[derive(Debug, Clone, Copy, Default)]
 struct Joint {
-    /// rad.
+    /// Set-point, rad.
     at: f64,
-    /// rad/s.
+    /// Speed, rad/s.
     speed: f64,
-    /// rad/s2.
+    /// Acceleration, rad/s2.
     acceleration: f64,
-    /// The last one asked for, rad.
+    /// Last requested set-point, rad.
     wanted: f64,
     catching_up: bool,
 }
@@ -43,28 +44,28 @@ struct Joint {
 pub struct SetPoints(ArmVector<Joint>);
 
 impl SetPoints {
-    /// At rest, rad.
+    /// Creates set-points at rest at `angles`, rad.
     pub fn at(angles: &[f64]) -> Self {
         Self(angles.iter().map(|&at| Joint { at, wanted: at, ..Joint::default() }).collect())
     }
 
-    /// The same places, at rest.
+    /// Returns the same set-points at rest.
     #[must_use]
     pub fn rested(&self) -> Self {
         Self::at(&self.angles())
     }
 
-    /// rad.
+    /// Returns the angles of the set-points, rad.
     pub fn angles(&self) -> ArmVector {
         self.0.iter().map(|joint| joint.at).collect()
     }
 
-    /// rad/s.
+    /// Returns the speeds of the set-points, rad/s.
     pub fn speeds(&self) -> ArmVector {
         self.0.iter().map(|joint| joint.speed).collect()
     }
 
-    /// Those of the next tick, when `wanted` (rad) is asked for.
+    /// Returns the set-points of the next tick when `wanted` (rad) is requested.
     #[must_use]
     pub fn follow(&self, wanted: &[f64], limits: &[Motion]) -> Self {
         Self(
@@ -84,12 +85,13 @@ impl Motion {
         within(speed, self.speed) && within(acceleration, self.acceleration) && within(jerk, self.jerk)
     }
 
-    /// Way (rad, with its sign) on which a joint with this speed and acceleration comes to rest as fast as it may.
+    /// Computes the signed stopping distance, rad, of a joint with this speed and acceleration that comes to rest as
+    /// fast as the limits allow.
     fn stopping_way(&self, speed: f64, acceleration: f64) -> f64 {
         let (time, gained) = (acceleration.abs() / self.jerk, 0.5 * acceleration * acceleration.abs() / self.jerk);
         let left = speed + gained;
         if acceleration * speed < 0.0 && left * speed >= 0.0 {
-            // In the middle of braking that began without acceleration at a higher speed.
+            // The joint is in the middle of braking that began at a higher speed with zero acceleration.
             let began = speed - gained;
             let gone = began * time + acceleration * time * time / 6.0;
             return self.stopping_way_from_steady(began) - gone;
@@ -111,9 +113,9 @@ impl Joint {
         let speed = (wanted - self.at) / TICK;
         let acceleration = (speed - self.speed) / TICK;
         let within = limits.allows(speed, acceleration, (acceleration - self.acceleration) / TICK);
-        // How fast the asked ones move themselves; a jump is no motion.
+        // Speed of the requested set-points themselves; a jump counts as no motion.
         let stream = Some((wanted - self.wanted) / TICK).filter(|speed| speed.abs() <= limits.speed).unwrap_or(0.0);
-        // Having caught up, it has to go on with them, and without acceleration.
+        // Having caught up, the joint must be able to go on at their speed, and without acceleration.
         let next = (stream - speed) / TICK;
         let goes_on =
             limits.allows(stream, next, (next - acceleration) / TICK) && limits.allows(stream, 0.0, next / TICK);
@@ -125,14 +127,14 @@ impl Joint {
         Self { at: self.at + speed * TICK, speed, acceleration, wanted, catching_up: true }
     }
 
-    /// The greatest acceleration within the limits from which the joint can still come to rest, as seen from set-points that move at `stream`
-    /// (rad/s), no farther than `wanted` (rad).
+    /// Finds the greatest acceleration within the limits from which the joint, as seen from set-points that move at
+    /// `stream` (rad/s), can still come to rest no farther than `wanted` (rad).
     fn catch_up(&self, wanted: f64, stream: f64, limits: Motion) -> f64 {
         let change = limits.jerk * TICK;
         let low = (self.acceleration - change).max(-limits.acceleration).min(limits.acceleration);
         let high = (self.acceleration + change).min(limits.acceleration).max(low);
         let speed = |acceleration: f64| self.speed + acceleration * TICK;
-        // The speed that is reached while the acceleration goes back to nothing.
+        // Speed reached while the acceleration returns to zero.
         let top = |acceleration: f64| speed(acceleration) + 0.5 * acceleration * acceleration.abs() / limits.jerk;
         let beyond = |acceleration: f64| {
             let left = wanted - (self.at + speed(acceleration) * TICK);
@@ -144,7 +146,8 @@ impl Joint {
     }
 }
 
-/// The root between `low` and `high` of what rises; the end that is nearer to it where there is none.
+/// Finds the root of a rising function between `low` and `high` by bisection; without a root, returns the end nearer to
+/// it.
 fn halve(mut low: f64, mut high: f64, rises: impl Fn(f64) -> f64) -> f64 {
     if rises(high) <= 0.0 {
         return high;
@@ -189,7 +192,8 @@ mod tests {
             }
         }
 
-        /// A jump, or a motion that starts and stops from one tick to the next, is followed within all limits and reached; never far beyond.
+        /// A jump, or a motion that starts and stops from one tick to the next, is followed within all limits and
+        /// reached, without going far beyond it.
         #[test]
         fn a_jump_is_followed_within_all_limits(jumps in prop::collection::vec((-2.0..2.0_f64, 1..200_usize), 1..4)) {
             let mut joint = rest(0.0);
@@ -213,7 +217,7 @@ mod tests {
         }
     }
 
-    /// From rest a jump is reached without going beyond it, in about the time that the limits leave.
+    /// From rest a jump is reached without overshoot, in about the time that the limits require.
     #[test]
     fn a_jump_from_rest_is_not_overshot() {
         let mut joint = rest(0.0);

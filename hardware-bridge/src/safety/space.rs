@@ -1,4 +1,4 @@
-//! Where arm and hand may be: over the table, inside the workspace, clear of each other.
+//! Workspace limits of arm and hand: above the table, inside the workspace, clear of self-collision.
 
 use crate::driven::SERVOS;
 
@@ -8,28 +8,28 @@ use nalgebra::Vector3;
 use super::bodies::{Bodies, Body, Side};
 use super::state::Cause;
 
-/// Where arm and hand may be, in the frame of the arm's base, m.
+/// Workspace limits of arm and hand, in the frame of the arm's base, m.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SpaceLimits {
     /// Height of the table.
     pub table: f64,
-    /// How far below the table set-points may put a part.
+    /// Tolerance: depth below the table to which set-points may send a part.
     pub tolerance: f64,
-    /// Least and greatest coordinates of every part from the elbow on.
+    /// Least coordinates of every part from the elbow on; `high` has the greatest.
     pub low: [f64; 3],
     pub high: [f64; 3],
-    /// Least distance of parts of the robot from each other.
+    /// Least distance between parts of the robot.
     pub clearance: f64,
 }
 
-/// How near to its bounds the robot has been sent.
+/// Smallest margins to the workspace limits that have been commanded.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Room {
-    /// Lowest point over the table, m.
+    /// Height of the lowest point above the table, m.
     pub table: f64,
     /// Least distance from the sides of the workspace, m.
     pub sides: f64,
-    /// Least distance of parts of the robot, m.
+    /// Least distance between parts of the robot, m.
     pub clearance: f64,
 }
 
@@ -39,7 +39,7 @@ impl Default for Room {
     }
 }
 
-/// Watches where the robot is sent.
+/// Monitor that checks commanded positions against the workspace limits.
 #[derive(Debug, Clone)]
 pub struct SpaceWatch {
     bodies: Bodies,
@@ -52,13 +52,13 @@ impl SpaceWatch {
         Self { bodies: Bodies::new(robot), limits, room: Room::default() }
     }
 
-    /// How near to its bounds the robot has been sent so far.
+    /// Returns the smallest margins commanded so far.
     pub fn room(&self) -> Room {
         self.room
     }
 
-    /// What keeps the arm from being sent to `next` (rad) with a hand whose servos are at `servos` (rad); nothing where it leaves a forbidden place that
-    /// it is in at `now` (rad).
+    /// Returns the violation that forbids sending the arm to `next` (rad) with the servos at `servos` (rad). A
+    /// violation no deeper than that at `now` (rad) is allowed, so that the robot can leave a forbidden place.
     pub fn see(&mut self, next: &[f64], now: &[f64], servos: &[f64; SERVOS]) -> Option<Cause> {
         let room = self.look(next, servos);
         let least = |one: f64, other: f64| one.min(other);
@@ -96,7 +96,7 @@ impl SpaceWatch {
         (Room { table, sides: sides.0, clearance }, causes)
     }
 
-    /// The bound that is overstepped farthest, and by how much, m.
+    /// Returns the limit that is exceeded farthest, and by how much, m.
     fn worst(&self, (room, causes): &(Room, [Cause; 3])) -> Option<(Cause, f64)> {
         let limits = &self.limits;
         let depths = [-room.table - limits.tolerance, -room.sides, limits.clearance - room.clearance];
@@ -118,12 +118,12 @@ mod tests {
     const WIDE: SpaceLimits =
         SpaceLimits { table: 0.0, tolerance: 0.02, low: [-2.0; 3], high: [2.0; 3], clearance: 0.0 };
 
-    /// Each bound stops by its name, and lets the arm out again.
+    /// Each violated limit is named in the stop, and the arm may leave the violation again.
     #[test]
     fn each_bound_is_named_and_can_be_left() {
         let home = hand_model::Arm::gen3().home;
         assert_eq!(watch(WIDE).see(&home, &home, &OPEN), None);
-        // Leaning over at the shoulder with the elbow straight.
+        // The arm leans over at the shoulder with the elbow straight.
         let lying = [0.0, 1.9, 0.0, 0.0, 0.0, 0.0, 0.0];
         let lower = [0.0, 1.95, 0.0, 0.0, 0.0, 0.0, 0.0];
         let cause = watch(WIDE).see(&lying, &home, &OPEN);

@@ -6,31 +6,31 @@ use hand_model::Digit;
 
 use super::bodies::{Body, Side};
 
-/// Where the robot is between being a box of parts and running.
+/// State of the robot, from disconnected to running.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum State {
-    /// No devices.
+    /// No devices are connected.
     Disconnected,
     /// Devices answer; their torque is unchanged.
     Connected,
-    /// Devices are the right ones, set up right, cool and supplied.
+    /// The devices are the right ones, set up correctly, cool and supplied.
     Checked,
-    /// Torque was enabled on request; nothing moves yet.
+    /// Torque has been enabled on request; nothing moves yet.
     Armed,
-    /// Commands are followed.
+    /// The robot follows commands.
     Running,
-    /// Last goals kept, current capped. Torque stays on.
+    /// The last goals are kept, with the current capped. Torque stays on.
     Hold(Cause),
-    /// The current fades; at its end the torque goes off and the state is [`State::Connected`].
+    /// The current fades. At the end the torque is switched off and the state becomes [`State::Connected`].
     Release {
-        /// When it began, s.
+        /// Start of the release, s.
         since: f64,
     },
-    /// As hold, but a device needs attention before the robot can run again.
+    /// Like hold, but a device needs attention before the robot can run again.
     Fault(Cause),
 }
 
-/// What is wrong with the arm, as far as its operator does something else about it.
+/// Trouble with the arm, distinguished by the action that it requires of the operator.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ArmTrouble {
     EmergencyStop,
@@ -38,19 +38,19 @@ pub enum ArmTrouble {
     Fault,
     /// The arm stopped by itself because no commands came.
     Watchdog,
-    /// Nothing comes from it.
+    /// No data arrives from the arm.
     Network,
-    /// It got no commands in time, though they were sent in time.
+    /// Commands that were sent in time did not reach the arm in time.
     CommandsLost,
-    /// It got no commands in time, or its session ran out, because this program was held up.
+    /// Commands reached the arm too late, or its session expired, because this program was held up.
     HostLate,
-    /// It ended the connection.
+    /// The arm ended the connection.
     Closed,
-    /// It does not know our session, which was kept.
+    /// The arm does not know our session any more, although it was kept alive.
     SessionLost,
-    /// Somebody else drives it.
+    /// Another client controls the arm.
     OtherClient,
-    /// Anything else that it or its client refuses.
+    /// The arm or its client refuses something else.
     Refused,
 }
 
@@ -81,61 +81,62 @@ impl fmt::Display for ArmTrouble {
     }
 }
 
-/// Why the robot does not follow commands.
+/// Cause of a stop: the reason why the robot does not follow commands.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Cause {
-    /// The operator said so.
+    /// The operator stopped the robot.
     Operator,
-    /// A command held something that is no number, or a negative current limit.
+    /// A command held a non-finite number or a negative current limit.
     BadCommand,
-    /// No command for so long, s.
+    /// Time without a command, s.
     HostSilent(f64),
-    /// No measurement of this servo for so long, s.
+    /// A servo's index, and the time without a measurement of it, s.
     ServoSilent(usize, f64),
-    /// Silence of the arm, s.
+    /// Time without a measurement of the arm, s.
     ArmSilent(f64),
-    /// This joint of the arm bears this torque, N m, for longer than `torque_time`.
+    /// A joint of the arm, and its torque, N m, which exceeded the limit for longer than `torque_time`.
     ArmTorque(usize, f64),
-    /// This joint bears so much more than weight, motion and payload explain, N m, for longer than a jolt.
+    /// A joint of the arm, and its residual, N m: torque beyond weight, motion and payload that exceeded the limit for
+    /// longer than a jolt.
     ArmPress(usize, f64),
-    /// The controller sends this part so far below the table, m.
+    /// A part that the controller sends below the table, and the depth, m.
     Table(Body, f64),
-    /// The controller sends this part so far out of the workspace, m.
+    /// A part that the controller sends out of the workspace, the side, and the distance outside, m.
     Workspace(Body, Side, f64),
-    /// The controller sends these parts so near to each other, m.
+    /// Two parts that the controller sends too close to each other, and their distance, m; negative if they overlap.
     SelfCollision(Body, Body, f64),
-    /// The arm is in trouble.
+    /// The arm reports a fault or is in other trouble.
     ArmFault(ArmTrouble),
-    /// This program itself, or the whole computer, stood still for so long, s.
+    /// Time for which this program itself, or the whole computer, stood still, s.
     Frozen(f64),
-    /// The camera board is gone.
+    /// The port of the camera board is gone.
     CamerasGone,
-    /// This servo's angle, rad, is out of its limits.
+    /// A servo and its angle, rad, outside its limits.
     Angle(usize, f64),
-    /// This servo's speed, rad/s.
+    /// A servo and its speed, rad/s, above its limit.
     Speed(usize, f64),
-    /// This servo's current, A.
+    /// A servo and its current, A, above its limit.
     Current(usize, f64),
-    /// This servo's temperature, degrees Celsius.
+    /// A servo and its temperature, degrees Celsius, outside its range.
     Temperature(usize, f64),
-    /// The supply at this servo, V.
+    /// A servo and its supply voltage, V, outside its range.
     Voltage(usize, f64),
-    /// This servo raised its alert bit: see its hardware error status.
+    /// A servo that raised its alert bit: see its hardware error status.
     ServoAlert(usize),
-    /// This servo has lost its torque without being asked: it restarted.
+    /// A servo that lost its torque without being asked: it restarted.
     TorqueLost(usize),
-    /// This servo's bus watchdog has stopped it.
+    /// A servo that was stopped by its bus watchdog.
     WatchdogTripped(usize),
 }
 
 impl Cause {
-    /// Whether a device needs attention before the robot can run again.
+    /// True if a device needs attention before the robot can run again.
     pub fn is_fault(&self) -> bool {
         matches!(self, Self::ServoAlert(_) | Self::TorqueLost(_) | Self::ArmFault(_))
     }
 }
 
-/// An actuator's name.
+/// Display of an actuator's name, by its index.
 struct Servo(usize);
 
 impl fmt::Display for Servo {
@@ -228,12 +229,12 @@ impl fmt::Display for State {
     }
 }
 
-/// A step that the state does not allow.
+/// A transition that the present state does not allow.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[error("cannot {wish} while {state}")]
 pub struct Refused {
-    /// What was wished.
+    /// Requested transition.
     pub wish: &'static str,
-    /// The state it was wished in.
+    /// State at the time of the request.
     pub state: String,
 }

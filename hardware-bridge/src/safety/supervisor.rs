@@ -11,49 +11,49 @@ use super::set_points::SetPoints;
 use super::space::{Room, SpaceWatch};
 use super::state::{Cause, Refused, State};
 
-/// Longest time between two steps that still counts for how far a goal may move, s: after a pause nothing may jump.
+/// Longest time step that counts for the motion of a goal, s: after a pause nothing may jump.
 const LONGEST_STEP: f64 = 0.02;
-/// A controller that was silent for longer has let the arm stand, s.
+/// Silence of the controller after which the arm's set-points count as being at rest, s.
 const STANDS_AFTER: f64 = 0.05;
 
-/// What may be sent.
+/// Command that may be sent, after all limits.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SafeCommand {
-    /// The servos, in actuator order.
+    /// Goals of the servos, in actuator order.
     pub servos: [SafeGoal; SERVOS],
     /// Arm set-points, rad.
     pub arm: ArmVector,
 }
 
 impl SafeCommand {
-    /// As a command of the robot interface.
+    /// Converts to a command of the robot interface.
     pub fn as_command(&self, capture: bool) -> Command {
         let servos = self.servos.map(|goal| ServoGoal::Position { angle: goal.angle, current_limit: goal.current });
         Command { arm: self.arm, servos: servos.into(), capture }
     }
 }
 
-/// What one step decides.
+/// Decision of one cycle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Step {
     /// Send nothing.
     Silent,
     Send(SafeCommand),
-    /// Take the torque away.
+    /// Switch the torque off.
     TorqueOff,
 }
 
-/// A command and when the controller gave it, s.
+/// Newest command of the controller, with its time and number.
 #[derive(Debug, Clone, Copy)]
 pub struct Asked<'a> {
     pub command: &'a Command,
-    /// s.
+    /// Time at which the controller gave it, s.
     pub at: f64,
-    /// Which one it is: the same number is the same command.
+    /// Number of the command: the same number means the same command.
     pub number: u64,
 }
 
-/// How near to their limits arm and hand have come.
+/// Extremes that arm and hand have reached relative to their limits.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Margins {
     pub pressed: Option<Pressed>,
@@ -65,12 +65,12 @@ pub struct Supervisor {
     limits: Limits,
     state: State,
     sent: SafeCommand,
-    /// Speeds that are left of the arm's set-points since it was stopped, rad/s.
+    /// Speeds that remain of the arm's set-points since it was stopped, rad/s.
     braking: Option<ArmVector>,
-    /// Where an arm that pressed was measured to be: it is sent there, rad.
+    /// Measured posture of an arm that pressed, to which it is sent to give way, rad.
     giving_way: Option<ArmVector>,
     set_points: SetPoints,
-    /// Number and time (s) of the command that they follow.
+    /// Number and time (s) of the command that the set-points follow.
     followed: Option<(u64, f64)>,
     press: Option<PressWatch>,
     space: Option<SpaceWatch>,
@@ -78,7 +78,7 @@ pub struct Supervisor {
 }
 
 impl Supervisor {
-    /// A supervisor of a robot that is not connected.
+    /// Creates the supervisor of a robot that is not connected.
     pub fn new(limits: Limits) -> Self {
         let sent = SafeCommand { servos: [SafeGoal::default(); SERVOS], arm: limits.arm.still() };
         Self {
@@ -95,7 +95,7 @@ impl Supervisor {
         }
     }
 
-    /// The same for a robot of this model, which is watched for what it presses and where it goes, as far as there are limits for that.
+    /// Adds monitoring of pressing and of the workspace for a robot of this model, as far as there are limits for them.
     #[must_use]
     pub fn watching(self, robot: &RobotModel) -> Self {
         let press = self.limits.press.map(|limits| PressWatch::new(robot, limits));
@@ -103,7 +103,7 @@ impl Supervisor {
         Self { press, space, ..self }
     }
 
-    /// How near to their limits arm and hand have come.
+    /// Returns the extremes that arm and hand have reached relative to their limits.
     pub fn margins(&self) -> Margins {
         let (press, space) = (self.press.as_ref(), self.space.as_ref());
         Margins { pressed: press.map(PressWatch::pressed), room: space.map(SpaceWatch::room) }
@@ -117,17 +117,17 @@ impl Supervisor {
         &self.limits
     }
 
-    /// The devices answer.
+    /// Notes that the devices answer.
     pub fn connect(&mut self) -> Result<(), Refused> {
         self.go(State::Connected, "connect", |state| matches!(state, State::Disconnected))
     }
 
-    /// The devices are gone or given up.
+    /// Notes that the devices are gone or given up.
     pub fn disconnect(&mut self) {
         self.state = State::Disconnected;
     }
 
-    /// The checks found nothing wrong; `measured` must agree.
+    /// Notes that the device checks passed. Fails if `measured` raises an alarm.
     pub fn check(&mut self, measured: &Measured, now: f64) -> Result<(), CheckFailed> {
         if let Some(cause) = checks::alarm(measured, &self.limits, now) {
             return Err(CheckFailed::Alarm(cause));
@@ -136,7 +136,7 @@ impl Supervisor {
         Ok(())
     }
 
-    /// Arms the robot. Goals start at the measured positions, without current.
+    /// Arms the robot. Goals start at the measured positions, with zero current.
     pub fn arm(&mut self, measured: &Measured, now: f64) -> Result<SafeCommand, CheckFailed> {
         if let Some(cause) = checks::alarm(measured, &self.limits, now) {
             return Err(CheckFailed::Alarm(cause));
@@ -157,7 +157,7 @@ impl Supervisor {
         Ok(self.sent)
     }
 
-    /// Stops and holds. A robot that is not armed yet has to be checked again before it is.
+    /// Stops and holds. A robot that has been checked but not armed must then be checked again.
     pub fn hold(&mut self, cause: Cause) {
         if self.state == State::Checked {
             self.state = State::Connected;
@@ -169,14 +169,14 @@ impl Supervisor {
         }
     }
 
-    /// Lets go: the hand opens. Possible whenever torque is on.
+    /// Begins a release: the hand opens. Possible whenever torque is on.
     pub fn release(&mut self, now: f64) -> Result<(), Refused> {
         self.go(State::Release { since: now }, "release", |state| {
             matches!(state, State::Armed | State::Running | State::Hold(_) | State::Fault(_))
         })
     }
 
-    /// One cycle: what may be sent at `now`.
+    /// Runs one cycle: decides which command may be sent at `now` (s).
     pub fn step(&mut self, now: f64, asked: Option<Asked>, measured: &Measured) -> Step {
         let dt = (now - self.stepped).clamp(0.0, LONGEST_STEP);
         self.stepped = now;
@@ -215,12 +215,12 @@ impl Supervisor {
         }
     }
 
-    /// Takes note of what the arm feels; one that presses too hard is stopped, if it is not already, and gives way.
+    /// Monitors the arm's torques. An arm that presses too hard is stopped, if it is not already, and gives way.
     fn feel(&mut self, measured: &Measured, now: f64) {
         let on = !matches!(self.state, State::Disconnected | State::Connected | State::Checked);
         let fresh = measured.arm.filter(|arm| now - arm.at <= self.limits.watchdogs.arm);
         let (Some(press), Some(arm), true) = (&mut self.press, fresh, on) else { return };
-        // An arm that is being stopped lags behind its set-points for a moment, as if it were pushed.
+        // A braking arm lags behind its set-points for a moment, as if it were pushed.
         if self.braking.is_some_and(|left| left.iter().any(|speed| *speed != 0.0)) {
             return press.forget();
         }
@@ -230,7 +230,8 @@ impl Supervisor {
         self.giving_way = Some(arm.state.position);
     }
 
-    /// Leads the set-points on where a new command wants them, unless arm and hand may not be where they would come to a stand.
+    /// Advances the set-points as a new command requests, unless arm and hand would come to rest outside the workspace
+    /// limits; then it holds.
     fn lead(&mut self, asked: &Asked, measured: &Measured) {
         if self.followed.is_some_and(|(number, _)| number == asked.number) {
             return;
@@ -249,7 +250,7 @@ impl Supervisor {
         }
     }
 
-    /// Lets the arm come to a stand, beginning with the speed at which it moves; one that gives way goes back to where it was measured to be.
+    /// Brakes the arm from the speed at which it moves. An arm that gives way returns to its measured posture instead.
     fn brake(&mut self, measured: &Measured, dt: f64) {
         if let Some(place) = &self.giving_way {
             self.sent.arm = self.limits.arm.limit(place, &self.sent.arm, dt);
@@ -262,7 +263,7 @@ impl Supervisor {
         self.braking = Some(slower);
     }
 
-    /// Takes note of whether the controller speaks, and speaks sense.
+    /// Checks that the controller is not silent and that its command is sound.
     fn listen(&mut self, asked: Option<Asked>, now: f64) {
         let Some(asked) = asked else { return };
         let silent = now - asked.at;
@@ -286,7 +287,7 @@ impl Supervisor {
         self.sent.arm = self.limits.arm.limit(&self.set_points.angles(), &self.sent.arm, dt);
     }
 
-    /// The current limit falls linearly to 0 within the release time, independent of the current before.
+    /// Lowers the current limit linearly to 0 within the release time, independent of the current before.
     fn fade(&mut self, elapsed: f64, dt: f64) -> Step {
         for (goal, limits) in self.sent.servos.iter_mut().zip(&self.limits.servos) {
             let fall = limits.current * dt / self.limits.release_time;
@@ -308,13 +309,13 @@ impl Supervisor {
     }
 }
 
-/// Why the robot is not ready.
+/// Reason why the robot is not ready.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum CheckFailed {
-    /// A measurement is not as it should be.
+    /// A measurement raises an alarm.
     #[error("{0}")]
     Alarm(Cause),
-    /// Not the time for it.
+    /// The present state does not allow the step.
     #[error(transparent)]
     Refused(#[from] Refused),
 }

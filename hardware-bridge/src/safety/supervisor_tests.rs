@@ -23,12 +23,12 @@ fn winding(current: f64) -> Command {
     Command { arm: [0.5; 7].into(), servos: [ServoGoal::Current(current); SERVOS].into(), capture: false }
 }
 
-/// Two commands of different times are different ones.
+/// Two commands with different times have different numbers.
 fn asked(command: &Command, at: f64) -> Option<Asked<'_>> {
     Some(Asked { command, at, number: at.to_bits() })
 }
 
-/// Runs `supervisor` with `command` for so many cycles from `now` on; gives back the last decision and the time.
+/// Runs `supervisor` with `command` for `cycles` cycles from `now` on; returns the last decision and the time.
 fn run(supervisor: &mut Supervisor, command: &Command, cycles: usize, mut now: f64) -> (Step, f64) {
     let mut step = Step::Silent;
     for _ in 0..cycles {
@@ -63,7 +63,7 @@ fn the_way_up_is_in_order_only() {
     assert_eq!(supervisor.state(), State::Armed);
 }
 
-/// A stop that comes before the torque is not forgotten: what was checked must be checked again.
+/// A stop before torque is on is not forgotten: the robot must be checked again.
 #[test]
 fn a_stop_before_the_torque_is_kept() {
     let mut supervisor = Supervisor::new(limits());
@@ -74,8 +74,8 @@ fn a_stop_before_the_torque_is_kept() {
     assert_eq!(refused, "cannot arm while connected");
 }
 
-/// An arm that presses is stopped by name and gives way: it is sent to where it is, and no longer to where it was to go. So does one that presses in a
-/// hold of another cause.
+/// An arm that presses is stopped with a named cause and gives way: it is sent to its measured posture and no longer to
+/// its goal. So is one that presses during a hold of another cause.
 #[test]
 fn an_arm_that_presses_gives_way() {
     let press = PressLimits {
@@ -136,7 +136,7 @@ fn follows_within_speed_and_current() {
     assert_eq!(supervisor.state(), State::Running);
 }
 
-/// Each thing that can go wrong ends in hold, keeps the goals, and takes no new ones.
+/// Each alarm ends in hold, keeps the goals, and accepts no new ones.
 #[test]
 fn hold_keeps_what_is_held() {
     type Change = fn(&mut Measured);
@@ -161,7 +161,7 @@ fn hold_keeps_what_is_held() {
     }
 }
 
-/// A hold lets the arm run out from the speed at which it was met, whoever asks for it; a joint that stood stays where it was sent.
+/// A hold brakes the arm from the speed at which it moves, whoever requests it; a joint at rest stays at its set-point.
 #[test]
 fn a_hold_brakes_the_arm() {
     let mut supervisor = armed(0.0);
@@ -180,7 +180,7 @@ fn a_hold_brakes_the_arm() {
         steps.push((next[0] - at[0]) / DT);
         at = next;
     }
-    // 8 rad/s2 for 5 ms is 0.04 rad/s, measured speeds after the first do not count.
+    // 8 rad/s2 for 5 ms is 0.04 rad/s; measured speeds after the first do not count.
     assert!((steps[0] - 0.76).abs() < 1e-9 && (steps[1] - 0.72).abs() < 1e-9, "{steps:?}");
     assert!(steps[20..].iter().all(|speed| *speed == 0.0), "{steps:?}");
     assert_eq!(at[1], sent(before).arm[1]);
@@ -222,7 +222,7 @@ fn no_number_no_motion() {
     }
 }
 
-/// Release: the current fades evenly, then the torque goes; afterwards nothing is sent.
+/// Release: the current fades evenly, then the torque is switched off; afterwards nothing is sent.
 #[test]
 fn release_fades_and_ends_without_torque() {
     let mut supervisor = armed(0.0);
@@ -242,7 +242,7 @@ fn release_fades_and_ends_without_torque() {
     assert_eq!(supervisor.step(now + DT, asked(&winding(0.3), now), &fine(now + DT)), Step::Silent);
 }
 
-/// Anything a controller, a device or an operator may do.
+/// Any action of a controller, a device or an operator.
 #[derive(Debug, Clone)]
 enum Move {
     Ask(Box<Command>),
@@ -287,7 +287,8 @@ fn moves() -> impl Strategy<Value = Move> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(400))]
 
-    /// No command ever outside limits, no jump, no grip lost in a hold, whatever happens in whatever order.
+    /// No command is ever outside its limits, no goal jumps and no grip is lost in a hold, whatever happens in whatever
+    /// order.
     #[test]
     fn no_command_ever_outside_limits(moves in prop::collection::vec(moves(), 1..120)) {
         let limits = limits();

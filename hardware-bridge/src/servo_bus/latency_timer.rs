@@ -1,23 +1,23 @@
-//! The latency timer of FTDI USB adapters: how long they hold back bytes that do not fill a USB packet.
+//! The latency timer of FTDI USB adapters: the time for which they hold back bytes that do not fill a USB packet.
 //!
 //! Linux shows it under `/sys/class/tty/<name>/device/latency_timer`, in ms, 16 unless somebody changed it. At 16 ms no baud rate gets
 //! beyond about 50 cycles a second. Other adapters (and a pty) have no such file.
 
 use std::path::{Path, PathBuf};
 
-/// What is known about a port's latency timer.
+/// State of a port's latency timer.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum LatencyTimer {
-    /// Its value, ms.
+    /// Value of the timer, ms.
     Milliseconds(u32),
     /// The port has none: not an FTDI adapter, or not Linux.
     Absent,
 }
 
-/// Why it could not be read or set.
+/// Error of reading or setting the latency timer.
 #[derive(Debug, thiserror::Error)]
 pub enum LatencyTimerError {
-    /// The file is there and cannot be used.
+    /// The file exists and cannot be used.
     #[error("{path}: {source}; to set it: echo 1 | sudo tee {path}")]
     Io {
         /// The file.
@@ -25,12 +25,12 @@ pub enum LatencyTimerError {
         /// The operating system's reason.
         source: std::io::Error,
     },
-    /// The file holds something else than a number.
+    /// The file does not hold a number.
     #[error("{path}: found `{found}`, expected a number of milliseconds")]
     Content {
         /// The file.
         path: PathBuf,
-        /// What it holds.
+        /// Content of the file.
         found: String,
     },
 }
@@ -41,7 +41,7 @@ fn file_of(port: &Path, root: &Path) -> Option<PathBuf> {
     path.exists().then_some(path)
 }
 
-/// Where Linux lists its serial ports.
+/// Folder in which Linux lists its serial ports.
 pub const SYSTEM: &str = "/sys/class/tty";
 
 /// Reads the timer of `port`; `root` is [`SYSTEM`].

@@ -1,4 +1,4 @@
-//! What happened on the bus: counts and round-trip times.
+//! Bus statistics: counts and round-trip times.
 
 use std::time::Duration;
 
@@ -10,11 +10,11 @@ const KEPT: usize = 16_384;
 /// Counts since the bus was opened.
 #[derive(Debug, Clone, Default)]
 pub struct BusStatistics {
-    /// Requests that are answered.
+    /// Requests that expect an answer.
     pub requests: u64,
-    /// Sync writes, which are not.
+    /// Sync writes, which expect none.
     pub sync_writes: u64,
-    /// Good answers, one a servo.
+    /// Good answers, one per servo.
     pub answers: u64,
     /// Answers that did not come or came damaged.
     pub missing: u64,
@@ -62,7 +62,7 @@ impl BusStatistics {
         }
     }
 
-    /// The `share` quantile (0 to 1) of the last round trips, s; `None` before the first.
+    /// Returns the `share` quantile (0 to 1) of the last round trips, s; `None` before the first.
     pub fn round_trip(&self, share: f64) -> Option<f64> {
         let mut sorted = self.round_trips.clone();
         sorted.sort_by(f32::total_cmp);

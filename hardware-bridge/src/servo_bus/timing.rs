@@ -1,7 +1,8 @@
-//! How long a cycle takes on the line, by calculation.
+//! Calculated duration of a cycle on the line.
 //!
-//! A byte is ten bits (8N1). A sync read of L bytes from N servos is 14 + N bytes out and N answers of 11 + L; a sync write of L bytes is
-//! 14 + N (L + 1). Each servo waits its return delay and needs a moment to turn round before it answers.
+//! A byte is ten bits (8N1). A sync read of L bytes from N servos is 14 + N bytes out and N answers of 11 + L bytes; a
+//! sync write of L bytes is 14 + N (L + 1) bytes. Before it answers, each servo waits its return delay and takes a
+//! moment to turn round.
 
 use crate::protocol2::fast_sync;
 
@@ -10,16 +11,16 @@ pub const STATUS_OVERHEAD: usize = 11;
 /// Bytes of a sync instruction besides ids and data.
 const SYNC_OVERHEAD: usize = 14;
 
-/// The line and who is on it.
+/// Timing of the line and of the servos on it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LineTiming {
-    /// Bits per second.
+    /// Baud rate, bits per second.
     pub baud: u32,
     /// Return delay set in the servos (register 9), s.
     pub return_delay: f64,
-    /// What a servo needs beyond that before it answers, s. Assumed, not published.
+    /// Turnaround time of a servo beyond the return delay, s. Assumed, not published.
     pub turnaround: f64,
-    /// What the USB adapter adds to each request with an answer, s.
+    /// Latency that the USB adapter adds to each request with an answer, s.
     pub usb_latency: f64,
 }
 
@@ -35,27 +36,28 @@ impl Default for LineTiming {
 pub struct Cycle<'a> {
     /// Number of servos.
     pub servos: usize,
-    /// Bytes read from each.
+    /// Bytes read from each servo.
     pub read: usize,
-    /// Bytes written to each, a number for each sync write.
+    /// Bytes written to each servo, one entry per sync write.
     pub writes: &'a [usize],
-    /// Whether the read is a fast sync read.
+    /// True if the read is a fast sync read.
     pub fast: bool,
 }
 
 impl LineTiming {
-    /// Time of `count` bytes on the line, s.
+    /// Computes the time of `count` bytes on the line, s.
     pub fn bytes(&self, count: usize) -> f64 {
         10.0 * count as f64 / f64::from(self.baud)
     }
 
-    /// From the first byte of a request of `request` bytes to the last byte of its answers, given their sizes in bytes, s; without USB.
+    /// Computes the time, s, from the first byte of a request of `request` bytes to the last byte of its answers, given
+    /// their sizes in bytes; without USB latency.
     pub fn answers(&self, request: usize, answers: &[usize]) -> f64 {
         self.bytes(request + answers.iter().sum::<usize>())
             + answers.len() as f64 * (self.return_delay + self.turnaround)
     }
 
-    /// Length of a cycle, s, USB latency included.
+    /// Computes the duration of a cycle, s, including USB latency.
     pub fn cycle(&self, cycle: Cycle) -> f64 {
         let request = SYNC_OVERHEAD + cycle.servos;
         let each = self.return_delay + self.turnaround;
@@ -96,8 +98,8 @@ mod tests {
         }
     }
 
-    /// The cycle this bridge runs (all from present current to temperature, then goal current, then goal position) leaves room at 200 Hz, and
-    /// servos and adapter as they leave the factory do not.
+    /// The cycle of this bridge (all from present current to temperature, then goal current, then goal position) leaves
+    /// time to spare at 200 Hz. With servos and adapter at their factory settings it does not.
     #[test]
     fn our_cycle_fits_200_hz_at_3_mbaud() {
         let cycle = Cycle { servos: 6, read: 21, writes: &[2, 4], fast: false };

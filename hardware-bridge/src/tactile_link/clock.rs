@@ -1,8 +1,9 @@
-//! The board's clock in terms of the host's.
+//! Conversion of the board's clock to the host's.
 //!
-//! A question sent at host time a and answered at b with board time t means: the board showed t somewhere between a and b. Taking the middle is off by
-//! at most half the round trip (b - a) / 2. Of the last few samples the one with the shortest round trip is believed, carried on at equal
-//! rates; a quartz's 50 ppm is 50 us in a second, so asking once a second is enough.
+//! A question sent at host time a and answered at b with board time t means that the board's clock showed t somewhere
+//! between a and b. The midpoint is off by at most half the round trip, (b - a) / 2. Of the last few samples, the one
+//! with the shortest round trip is used and extrapolated at equal rates. A quartz's 50 ppm is 50 us in a second, so
+//! asking once a second is enough.
 
 use std::collections::VecDeque;
 
@@ -17,14 +18,14 @@ struct Sample {
     round_trip: f64,
 }
 
-/// What is known about the board's clock.
+/// Estimate of the board's clock.
 #[derive(Debug, Clone, Default)]
 pub struct BoardClock {
     samples: VecDeque<Sample>,
 }
 
 impl BoardClock {
-    /// Adds an answer: asked at `asked`, came at `came` (host, s), showing `board` (s).
+    /// Adds a sample: asked at `asked`, answered at `came` (host clock, s), with board time `board` (s).
     pub fn note(&mut self, asked: f64, came: f64, board: f64) {
         if came < asked {
             return;
@@ -39,12 +40,12 @@ impl BoardClock {
         self.samples.iter().min_by(|a, b| a.round_trip.total_cmp(&b.round_trip))
     }
 
-    /// Host time, s, at which the board showed `board`, s; `None` before the first answer.
+    /// Converts a time on the board's clock, `board` (s), to host time, s; `None` before the first sample.
     pub fn host_time(&self, board: f64) -> Option<f64> {
         self.best().map(|sample| sample.host + board - sample.board)
     }
 
-    /// By how much [`BoardClock::host_time`] may be off, s, drift apart.
+    /// Returns the uncertainty of [`BoardClock::host_time`], s, without drift.
     pub fn uncertainty(&self) -> Option<f64> {
         self.best().map(|sample| 0.5 * sample.round_trip)
     }
@@ -56,7 +57,7 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        /// Whatever the delays on the two ways, the error is within half the shortest round trip and the drift.
+        /// Whatever the delays in the two directions, the error is within half the shortest round trip plus the drift.
         #[test]
         fn within_half_a_round_trip(
             offset in -1e6..1e6_f64,

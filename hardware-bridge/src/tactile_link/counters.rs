@@ -1,20 +1,20 @@
 //! Counters of one camera.
 
-/// So many equal images in a row are no coincidence: a live sensor's noise makes each a little different.
+/// Number of equal images in a row that marks a frozen camera: a live sensor's noise makes each a little different.
 const FROZEN_AFTER: u32 = 4;
 
-/// What came from one camera, and what did not.
+/// Counters of the images that came from one camera, and of those that did not.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct CameraCounters {
-    /// Images that became pixels.
+    /// Images that were decoded.
     pub good: u64,
-    /// Images that the sequence numbers say were taken and that did not come.
+    /// Images that were taken, by their sequence numbers, but did not come.
     pub lost: u64,
     /// Images whose data could not be decoded.
     pub undecodable: u64,
     /// Images dropped here because decoding could not keep up.
     pub overrun: u64,
-    /// Times the board reported a fault of this camera.
+    /// Faults of this camera that the board reported.
     pub faults: u64,
     /// Capture time of the newest good image, host clock, s.
     pub newest: Option<f64>,
@@ -24,10 +24,10 @@ pub struct CameraCounters {
 }
 
 impl CameraCounters {
-    /// An image arrived, good or not; `digest` is of its coded data.
+    /// Notes the arrival of an image, good or not; `digest` is of its encoded data.
     pub fn note_arrival(&mut self, sequence: u32, digest: u32) {
         if let Some(last) = self.last_sequence {
-            // A board that restarted begins again at a lower number: no loss to count.
+            // A board that restarted begins again at a lower number, which is not a loss.
             self.lost += u64::from(sequence.checked_sub(last).map_or(0, |step| step.saturating_sub(1)));
             self.equal_run = if digest == self.last_digest { self.equal_run + 1 } else { 0 };
         }
@@ -35,18 +35,18 @@ impl CameraCounters {
         self.last_digest = digest;
     }
 
-    /// An image became pixels.
+    /// Notes that an image captured at `captured` (s) was decoded.
     pub fn note_good(&mut self, captured: f64) {
         self.good += 1;
         self.newest = Some(self.newest.map_or(captured, |newest| newest.max(captured)));
     }
 
-    /// Age of the newest good image at `now`, s; `None` if there never was one.
+    /// Returns the age of the newest good image at `now`, s; `None` if there never was one.
     pub fn staleness(&self, now: f64) -> Option<f64> {
         self.newest.map(|newest| now - newest)
     }
 
-    /// Whether the camera sends the same image again and again.
+    /// True if the camera sends the same image again and again.
     pub fn frozen(&self) -> bool {
         self.equal_run + 1 >= FROZEN_AFTER
     }

@@ -1,4 +1,4 @@
-//! From the stream of bytes to messages.
+//! Deframer: finds messages in the stream of bytes.
 
 use super::frame::{self, DELIMITER, FrameError, LONGEST};
 use super::message::Message;
@@ -7,12 +7,12 @@ use super::message::Message;
 #[derive(Debug, Default)]
 pub struct Deframer {
     buffer: Vec<u8>,
-    /// Whether bytes are dropped until the next delimiter.
+    /// True while bytes are dropped until the next delimiter.
     lost: bool,
 }
 
 impl Deframer {
-    /// Takes bytes as they come; gives back what became complete.
+    /// Takes bytes as they come; returns the messages and errors that became complete.
     pub fn push(&mut self, bytes: &[u8]) -> Vec<Result<Message, FrameError>> {
         let mut found = Vec::new();
         for byte in bytes {

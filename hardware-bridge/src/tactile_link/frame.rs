@@ -1,47 +1,48 @@
-//! One message, to and from the bytes between two zeros.
+//! Encoding of one message as a frame: the bytes between two zeros.
 
 use crc::{CRC_32_ISCSI, Crc};
 
 use super::message::Message;
 
-/// CRC-32C, in the catalogue CRC-32/ISCSI.
+/// CRC-32C; the catalogue calls it CRC-32/ISCSI.
 const CRC32C: Crc<u32> = Crc::<u32>::new(&CRC_32_ISCSI);
-/// End of every frame.
+/// Delimiter at the end of every frame.
 pub const DELIMITER: u8 = 0;
-/// Longest frame believed, bytes: a raw 240 x 240 RGB565 image with room to spare. More without a zero is garbage.
+/// Maximum length of a frame, bytes: a raw 240 x 240 RGB565 image with room to spare. More bytes without a zero are
+/// garbage.
 pub const LONGEST: usize = 130_000;
 
-/// What is wrong with a frame.
+/// Error of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum FrameError {
-    /// No COBS.
+    /// The bytes are not COBS.
     #[error("frame of {0} bytes: not COBS")]
     Cobs(usize),
-    /// Shorter than its CRC.
+    /// The frame is shorter than its CRC.
     #[error("frame of {0} bytes: too short for a message")]
     Short(usize),
-    /// Damaged on the way.
+    /// The frame was damaged in transit.
     #[error("crc: found {found:08x}, expected {expected:08x}")]
     Crc {
-        /// At the end of the frame.
+        /// CRC at the end of the frame.
         found: u32,
-        /// Of the message.
+        /// CRC of the message.
         expected: u32,
     },
-    /// The CRC is right and the message is none of ours.
+    /// The CRC is right, but the message is not one of this protocol.
     #[error("message: first byte {0}, not a message of this protocol")]
     Message(u8),
-    /// No end within [`LONGEST`].
+    /// There is no end within [`LONGEST`] bytes.
     #[error("{0} bytes without an end")]
     Endless(usize),
 }
 
-/// A short digest of bytes, to tell equal ones from different ones.
+/// Computes a short digest of bytes, to tell equal ones from different ones.
 pub fn digest(bytes: &[u8]) -> u32 {
     CRC32C.checksum(bytes)
 }
 
-/// The bytes that go onto the wire.
+/// Encodes a message as bytes on the wire.
 pub fn encode(message: &Message) -> Vec<u8> {
     // A message holds nothing postcard cannot write to a growing buffer.
     let mut body = postcard::to_stdvec(message).unwrap_or_default();
@@ -51,7 +52,7 @@ pub fn encode(message: &Message) -> Vec<u8> {
     wire
 }
 
-/// The message in the bytes before a delimiter.
+/// Decodes the message in the bytes before a delimiter.
 pub fn decode(wire: &[u8]) -> Result<Message, FrameError> {
     let body = cobs::decode_vec(wire).map_err(|_| FrameError::Cobs(wire.len()))?;
     let split = body.len().checked_sub(4).filter(|split| *split > 0).ok_or(FrameError::Short(wire.len()))?;
@@ -112,7 +113,7 @@ mod tests {
         }
     }
 
-    /// Worked out by a program of its own (another language, another COBS and CRC).
+    /// Worked out by an independent program (another language, another COBS and CRC).
     const VECTORS: [&str; 7] = [
         "01 05 51 53 7d 52 00",
         "09 01 01 07 12 dc 0d 6b bb 00",

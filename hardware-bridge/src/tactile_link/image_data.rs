@@ -1,8 +1,9 @@
-//! An image's bytes to and from 240 x 240 RGB pixels.
+//! Conversion of an image's bytes to and from 240 x 240 RGB pixels.
 //!
-//! A JPEG decoder accepts much that a camera got wrong, so the markers are looked at first: the data must begin with SOI (`FF D8`) and
-//! hold EOI (`FF D9`); padding after EOI, which the OV2640 adds, is cut off. What lies between is the decoder's to judge; damage that it does not see
-//! cannot be seen here. Damage on the way to us is the frame's CRC's business.
+//! A JPEG decoder accepts much that a camera got wrong, so the markers are checked first: the data must begin with SOI
+//! (`FF D8`) and hold EOI (`FF D9`). Padding after EOI, which the OV2640 adds, is cut off. The decoder judges the data
+//! in between; damage that it does not detect cannot be detected here. Damage in transit is detected by the frame's
+//! CRC.
 
 use hand_model::pads::IMAGE_SIZE;
 use hand_model::robot::TactileImage;
@@ -11,10 +12,10 @@ use image::{ColorType, ExtendedColorType, ImageDecoder};
 
 use super::message::{Encoding, Image};
 
-/// Why an image's data cannot be used.
+/// Error of an image's data.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum ImageError {
-    /// Not the cameras' size.
+    /// The image does not have the cameras' size.
     #[error("size: found {width} x {height}, expected {IMAGE_SIZE} x {IMAGE_SIZE}")]
     Size {
         /// Pixels in a row.
@@ -22,26 +23,26 @@ pub enum ImageError {
         /// Rows.
         height: u32,
     },
-    /// The wrong number of bytes for RGB565.
+    /// The number of bytes is wrong for RGB565.
     #[error("rgb565: found {found} bytes, expected {expected}")]
     Length {
-        /// Bytes there are.
+        /// Bytes received.
         found: usize,
-        /// Two a pixel.
+        /// Bytes expected: two per pixel.
         expected: usize,
     },
-    /// No SOI at the start.
+    /// There is no SOI at the start.
     #[error("jpeg: no start marker FF D8")]
     NoStart,
-    /// No EOI.
+    /// There is no EOI.
     #[error("jpeg: no end marker FF D9 in {0} bytes")]
     NoEnd(usize),
-    /// The decoder's reason.
+    /// The decoder reports an error.
     #[error("jpeg: {0}")]
     Jpeg(String),
 }
 
-/// The pixels of an image.
+/// Decodes the pixels of an image.
 pub fn decode(image: &Image) -> Result<TactileImage, ImageError> {
     check_size(image.width.into(), image.height.into())?;
     match image.encoding {
@@ -88,7 +89,7 @@ fn decode_jpeg(data: &[u8]) -> Result<TactileImage, ImageError> {
     Ok(TactileImage { rgb })
 }
 
-/// A JPEG of 240 x 240 RGB pixels: the board's side.
+/// Encodes 240 x 240 RGB pixels as a JPEG: the board's side.
 pub fn encode_jpeg(rgb: &[u8], quality: u8) -> Result<Vec<u8>, ImageError> {
     let mut data = Vec::new();
     let side = IMAGE_SIZE as u32;
@@ -98,7 +99,7 @@ pub fn encode_jpeg(rgb: &[u8], quality: u8) -> Result<Vec<u8>, ImageError> {
     Ok(data)
 }
 
-/// RGB565 of RGB pixels: the board's side.
+/// Encodes RGB pixels as RGB565: the board's side.
 pub fn encode_rgb565(rgb: &[u8]) -> Vec<u8> {
     rgb.chunks_exact(3)
         .flat_map(|pixel| {

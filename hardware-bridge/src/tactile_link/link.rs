@@ -1,4 +1,4 @@
-//! The open link: one thread reads frames, one decodes images; the control thread only takes finished images.
+//! The open link: one thread reads frames, another decodes images; the control thread only takes finished images.
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -20,16 +20,16 @@ use crate::clock::Clock;
 use crate::exclusive;
 use crate::lock::lock;
 
-/// A USB serial device ignores the rate; a real line at this one carries two images a second.
+/// Baud rate. A USB serial device ignores it; a real line at this rate carries two images a second.
 const BAUD: u32 = 3_000_000;
-/// Time-out of the board's first answer, s.
+/// Time-out of the board's first answer.
 const PATIENCE: Duration = Duration::from_millis(1000);
-/// Between two questions for the board's time.
+/// Interval between requests for the board's time.
 const CLOCK_PERIOD: Duration = Duration::from_millis(1000);
-/// Images of every camera that may wait for decoding.
+/// Images per camera that may wait for decoding.
 const QUEUE: usize = 2;
 
-/// Why there is no link to the cameras.
+/// Error of the link to the cameras.
 #[derive(Debug, thiserror::Error)]
 pub enum LinkError {
     /// The port cannot be opened, read or written.
@@ -40,13 +40,13 @@ pub enum LinkError {
         /// The operating system's reason.
         source: std::io::Error,
     },
-    /// No board answers in this protocol.
+    /// No board answered in this protocol.
     #[error("{port}: no camera board answered within 1 s")]
     Silent {
         /// Device path.
         port: PathBuf,
     },
-    /// A board with other firmware.
+    /// The board's firmware has another protocol version.
     #[error("{port}: camera board speaks version {found}, expected {VERSION}")]
     Version {
         /// Device path.
@@ -54,7 +54,7 @@ pub enum LinkError {
         /// The board's protocol version.
         found: u16,
     },
-    /// Not our board.
+    /// The board has another number of cameras.
     #[error("{port}: found {found} cameras, expected {expected}")]
     Cameras {
         /// Device path.
@@ -66,7 +66,7 @@ pub enum LinkError {
     },
 }
 
-/// What the board said of itself.
+/// Identity of the board, as it reported it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Board {
     /// Serial number.
@@ -75,7 +75,7 @@ pub struct Board {
     pub cameras: u8,
 }
 
-/// What is wrong on the line, all cameras together.
+/// Counters of the line, for all cameras together.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct LineCounters {
     /// Good frames.
@@ -89,7 +89,7 @@ pub struct LineCounters {
 #[derive(Default)]
 struct Books {
     clock: BoardClock,
-    /// Of every camera of the hand.
+    /// Counters of every camera of the hand.
     cameras: Vec<CameraCounters>,
     line: LineCounters,
     ready: Vec<TactileFrame>,
@@ -109,7 +109,7 @@ pub struct TactileLink {
 }
 
 impl TactileLink {
-    /// Opens the port and greets the board, which must have so many cameras. Times are those of `clock`.
+    /// Opens the port and greets the board, which must have `cameras` cameras. Times are those of `clock`.
     pub fn open(path: &Path, cameras: usize, clock: Clock) -> Result<Self, LinkError> {
         let failed = |source| LinkError::Port { port: path.to_owned(), source };
         let mut port = exclusive::open(path, BAUD).map_err(failed)?;
@@ -134,17 +134,17 @@ impl TactileLink {
         Ok(Self { port, path: path.to_owned(), board, books, stop, threads, clock })
     }
 
-    /// Copies every byte that goes over the link from now on.
+    /// Copies every byte that crosses the link from now on to `tap`.
     pub fn tap(&self, tap: Tap) {
         lock(&self.books).tap = Some(tap);
     }
 
-    /// What the board said of itself.
+    /// Returns the board's identity, as it reported it.
     pub fn board(&self) -> Board {
         self.board
     }
 
-    /// Asks for one image of every camera.
+    /// Requests one image of every camera.
     pub fn request_capture(&self) -> Result<(), LinkError> {
         let wire = frame::encode(&Message::Capture);
         if let Some(tap) = &lock(&self.books).tap {
@@ -153,32 +153,32 @@ impl TactileLink {
         self.port.write_all(&wire).map_err(|source| LinkError::Port { port: self.path.clone(), source })
     }
 
-    /// The images finished since the last call.
+    /// Returns the images finished since the last call.
     pub fn take(&self) -> Vec<TactileFrame> {
         std::mem::take(&mut lock(&self.books).ready)
     }
 
-    /// The books of every camera.
+    /// Returns the counters of every camera.
     pub fn cameras(&self) -> Vec<CameraCounters> {
         lock(&self.books).cameras.clone()
     }
 
-    /// The books of the line.
+    /// Returns the counters of the line.
     pub fn line(&self) -> LineCounters {
         lock(&self.books).line
     }
 
-    /// By how much capture times may be off, s.
+    /// Returns the uncertainty of capture times, s; `None` before the board's first answer.
     pub fn clock_uncertainty(&self) -> Option<f64> {
         lock(&self.books).clock.uncertainty()
     }
 
-    /// Why the port stopped working, if it did.
+    /// Returns the reason why the port stopped working, if it did.
     pub fn lost_port(&self) -> Option<String> {
         lock(&self.books).lost_port.clone()
     }
 
-    /// Now, s: the clock of capture times.
+    /// Returns the present time on the clock of capture times, s.
     pub fn now(&self) -> f64 {
         self.clock.now()
     }
@@ -188,7 +188,7 @@ impl Drop for TactileLink {
     fn drop(&mut self) {
         self.stop.store(true, Ordering::Relaxed);
         for thread in self.threads.drain(..) {
-            // A thread that panicked has said so itself.
+            // A thread that panicked has reported that itself.
             let _ = thread.join();
         }
     }
@@ -219,7 +219,7 @@ fn greet(port: &SerialPort, path: &Path, expected: usize) -> Result<Board, LinkE
     Err(LinkError::Silent { port: path.to_owned() })
 }
 
-/// Bytes that came within the port's timeout, if any.
+/// Reads the bytes that come within the port's time-out, if any.
 fn read_some(port: &SerialPort, buffer: &mut [u8]) -> std::io::Result<Option<usize>> {
     match port.read(buffer) {
         Ok(0) => Err(std::io::ErrorKind::UnexpectedEof.into()),

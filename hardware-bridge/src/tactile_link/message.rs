@@ -1,23 +1,23 @@
 //! Messages between host and camera board.
 //!
-//! The host asks, the board answers; the board never speaks first. `Hello` opens a session and is answered with `Welcome`; `WhatTime` is
-//! answered at once with `Time`; `Capture` is answered with one `Image` of every camera, in camera order, each as soon as it has been
-//! read out, or with `CameraFault` instead.
+//! The host asks and the board answers; the board never speaks first. `Hello` opens a session and is answered with
+//! `Welcome`. `WhatTime` is answered at once with `Time`. `Capture` is answered with one `Image` of every camera, in
+//! camera order, each as soon as it has been read out, or with `CameraFault` instead.
 //!
-//! postcard writes an enum as its variant's number (in the order below) and then the fields; integers above 8 bits as varints (7 bits a
-//! byte, low first), byte strings as their length and their bytes.
+//! postcard writes an enum as its variant's number (in the order below) followed by the fields, integers above 8 bits
+//! as varints (7 bits per byte, low first), and byte strings as their length followed by their bytes.
 
 use serde::{Deserialize, Serialize};
 
 /// Version of this protocol; a board with another is refused.
 pub const VERSION: u16 = 1;
 
-/// How an image's pixels are coded.
+/// Encoding of an image's pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Encoding {
     /// A baseline JPEG, from SOI to EOI.
     Jpeg,
-    /// Two bytes a pixel, high byte first: RRRRRGGG GGGBBBBB.
+    /// Two bytes per pixel, high byte first: RRRRRGGG GGGBBBBB.
     Rgb565,
 }
 
@@ -26,7 +26,7 @@ pub enum Encoding {
 pub struct Image {
     /// Index of the camera, 0 to 17, in the hand model's order.
     pub camera: u8,
-    /// Number of this camera's image, one more each time it takes one, sent or not.
+    /// Sequence number of this camera's image; it increases with each image taken, sent or not.
     pub sequence: u32,
     /// Middle of the exposure, us, by the board's clock.
     pub captured_us: u64,
@@ -34,16 +34,16 @@ pub struct Image {
     pub width: u16,
     /// Rows.
     pub height: u16,
-    /// How `data` is to be read.
+    /// Encoding of `data`.
     pub encoding: Encoding,
-    /// The coded pixels.
+    /// Encoded pixels.
     pub data: Vec<u8>,
 }
 
-/// Why a camera gave no image.
+/// Reason why a camera gave no image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum CameraFault {
-    /// It does not answer on its control bus.
+    /// The camera does not answer on its control bus.
     Silent,
     /// Its frame did not fit the board's buffer.
     Overrun,
@@ -54,7 +54,7 @@ pub enum CameraFault {
 /// One message. The numbers of the variants are part of the protocol.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Message {
-    /// 0, host: who are you?
+    /// 0, host: opens a session.
     Hello,
     /// 1, board: protocol version, serial number, number of cameras.
     Welcome {
@@ -65,21 +65,21 @@ pub enum Message {
         /// Cameras that answer.
         cameras: u8,
     },
-    /// 2, host: what time is it?
+    /// 2, host: asks for the board's time.
     WhatTime {
         /// Host clock when this was sent, us.
         host_us: u64,
     },
-    /// 3, board: this, at once.
+    /// 3, board: its time, sent at once.
     Time {
         /// Copied from the question.
         host_us: u64,
         /// Board clock, us.
         board_us: u64,
     },
-    /// 4, host: one image of every camera.
+    /// 4, host: asks for one image of every camera.
     Capture,
-    /// 5, board.
+    /// 5, board: an image.
     Image(Image),
     /// 6, board: no image of this camera.
     CameraFault {

@@ -1,4 +1,4 @@
-//! Open UVC devices: one thread each takes its pictures, and cuts and keeps those that were asked for.
+//! Open UVC devices: one thread per device takes its pictures, and cuts and keeps those that were requested.
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -18,64 +18,65 @@ use crate::lock::lock;
 use crate::tactile_link::counters::CameraCounters;
 use crate::tactile_link::frame::digest;
 
-/// Where the system keeps names of cameras that survive replugging.
+/// Folder of the names of cameras, which survive replugging.
 const BY_ID: &str = "/dev/v4l/by-id";
-/// Between two looks for a picture.
+/// Polling interval for a picture.
 const LOOK: Duration = Duration::from_millis(1);
-/// A device that sends nothing for so long is taken to be gone.
+/// Silence after which a device is taken to be gone.
 const SILENCE: Duration = Duration::from_secs(2);
-/// Pictures a second that are asked for.
+/// Frame rate that is requested, Hz.
 const RATE: u32 = 30;
 
-/// Why there are no cameras.
+/// Error of the UVC cameras.
 #[derive(Debug, thiserror::Error)]
 pub enum UvcError {
-    /// No device, or several, of this name.
+    /// No device, or several, have this name.
     #[error(
         "uvc device `{wanted}`: found {found}, expected one: a path, a part of a name below {BY_ID} (it has the serial number), or the card's name"
     )]
     Which {
-        /// What the configuration says.
+        /// Name in the configuration.
         wanted: String,
-        /// What there is.
+        /// Devices found.
         found: String,
     },
-    /// The kernel's reason.
+    /// Error of the operating system.
     #[error("{device}: {source}")]
     Device { device: String, source: std::io::Error },
-    /// The device offers something else.
+    /// The device offers another format than configured.
     #[error("{device}: found {found}, expected {expected}")]
     Format {
         device: String,
-        /// Size and pixel format it offers.
+        /// Size and pixel format that it offers.
         found: String,
-        /// What the configuration says.
+        /// Size and pixel format in the configuration.
         expected: String,
     },
 }
 
 #[derive(Default)]
 struct Books {
-    /// Of every camera of the hand.
+    /// Counters of every camera of the hand.
     cameras: Vec<CameraCounters>,
     ready: Vec<TactileFrame>,
     lost: Option<String>,
 }
 
-/// Open cameras.
+/// Open UVC cameras.
 pub struct UvcCameras {
     books: Arc<Mutex<Books>>,
-    /// For each device, whether a picture of it is wanted.
+    /// Flag for each device, true if a picture of it is wanted.
     wanted: Vec<Arc<AtomicBool>>,
     stop: Arc<AtomicBool>,
     threads: Vec<JoinHandle<()>>,
 }
 
 impl UvcCameras {
-    /// Opens every device and starts its pictures. Together they show every camera of a hand that has so many. Times are those of `clock`.
+    /// Opens every device and starts streaming. Together the devices show all `cameras` cameras of the hand. Times are
+    /// those of `clock`.
     ///
     /// # Errors
-    /// [`UvcError`] names the first device that is not as configured.
+    /// A [`UvcError`] that names the first device that is not as configured.
     pub fn open(devices: &[UvcConfig], cameras: usize, clock: &Clock) -> Result<Self, UvcError> {
         let books =
             Arc::new(Mutex::new(Books { cameras: vec![CameraCounters::default(); cameras], ..Books::default() }));
@@ -102,22 +103,22 @@ impl UvcCameras {
         Ok(cameras)
     }
 
-    /// Asks for one image of every camera: of the next picture of each device.
+    /// Requests one image of every camera, from the next picture of each device.
     pub fn request_capture(&self) {
         self.wanted.iter().for_each(|wanted| wanted.store(true, Ordering::Release));
     }
 
-    /// The images finished since the last call.
+    /// Returns the images finished since the last call.
     pub fn take(&self) -> Vec<TactileFrame> {
         std::mem::take(&mut lock(&self.books).ready)
     }
 
-    /// The books of every camera. Lost ones are reckoned from the time between two pictures.
+    /// Returns the counters of every camera. Lost images are estimated from the time between two pictures.
     pub fn cameras(&self) -> Vec<CameraCounters> {
         lock(&self.books).cameras.clone()
     }
 
-    /// Which device stopped working and why, if one did.
+    /// Returns the device that stopped working, and the reason, if one did.
     pub fn lost(&self) -> Option<String> {
         lock(&self.books).lost.clone()
     }
@@ -127,13 +128,13 @@ impl Drop for UvcCameras {
     fn drop(&mut self) {
         self.stop.store(true, Ordering::Relaxed);
         for thread in self.threads.drain(..) {
-            // A thread that panicked has said so itself.
+            // A thread that panicked has reported that itself.
             let _ = thread.join();
         }
     }
 }
 
-/// The device of this name, streaming, and the time between its pictures, s.
+/// Opens the configured device for streaming; also returns the time between its pictures, s.
 fn start(config: &UvcConfig) -> Result<(ReadStream, f64), UvcError> {
     let name = config.device.clone();
     let failed = |source| UvcError::Device { device: name.clone(), source };
@@ -150,13 +151,13 @@ fn start(config: &UvcConfig) -> Result<(ReadStream, f64), UvcError> {
     if found != asked {
         return Err(UvcError::Format { device: config.device.clone(), found, expected: asked });
     }
-    // Some drivers have one rate only and refuse to be asked.
+    // Some drivers have only one rate and refuse the request.
     let interval = capture.set_frame_interval(Fract::new(1, RATE)).unwrap_or(Fract::new(1, RATE));
     let seconds = f64::from(interval.numerator()) / f64::from(interval.denominator().max(1));
     Ok((capture.into_stream().map_err(failed)?, seconds.max(1e-3)))
 }
 
-/// The device file that `wanted` names.
+/// Returns the device file that `wanted` names.
 fn find(wanted: &str) -> Result<PathBuf, UvcError> {
     if wanted.starts_with('/') {
         return Ok(PathBuf::from(wanted));
@@ -166,7 +167,7 @@ fn find(wanted: &str) -> Result<PathBuf, UvcError> {
         Ok(entries) => entries
             .flatten()
             .map(|entry| entry.path())
-            // A camera has further indices for what are no pictures.
+            // A camera has further indices for data other than pictures.
             .filter(|path| name_of(path).contains(wanted) && name_of(path).ends_with("index0"))
             .collect(),
         Err(_) => Vec::new(),
@@ -183,7 +184,7 @@ fn name_of(path: &Path) -> String {
     path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default()
 }
 
-/// Devices whose card has this name. One that cannot be asked is not it.
+/// Returns the devices whose card has this name, except those that cannot be queried.
 fn of_card(wanted: &str) -> Vec<PathBuf> {
     let Ok(devices) = linuxvideo::list() else { return Vec::new() };
     let is_it = |device: &Device| {
@@ -194,7 +195,7 @@ fn of_card(wanted: &str) -> Vec<PathBuf> {
     devices.flatten().filter(is_it).filter_map(|device| device.path().ok()).collect()
 }
 
-/// A device's thread.
+/// State of a device's thread.
 struct Watcher {
     stream: ReadStream,
     interval: f64,
@@ -222,7 +223,7 @@ impl Watcher {
                 std::thread::sleep(LOOK);
                 continue;
             }
-            // A picture that was already there when one was asked for is an old one: the request is looked at after the picture is taken out.
+            // The flag is read before the picture is taken out: a request that comes in between gets the next picture.
             let asked = self.wanted.load(Ordering::Acquire);
             let (data, damaged) = self.stream.dequeue(|view| Ok((view.to_vec(), view.is_error())))?;
             let now = self.clock.now();
@@ -245,7 +246,7 @@ impl Watcher {
         }
     }
 
-    /// Cuts the picture; whether all its squares became images.
+    /// Cuts the picture into images; returns true if all its squares became images.
     fn deliver(&self, data: &[u8], sequence: u32, now: f64) -> bool {
         let size = (self.config.size[0], self.config.size[1]);
         let picture = match self.config.format {
@@ -276,7 +277,7 @@ mod tests {
     use super::*;
     use crate::config::UvcSquare;
 
-    /// A machine without such a device says so, and which one it looked for.
+    /// On a machine without such a device, the error names the device that was looked for.
     #[test]
     fn no_such_device() {
         let squares = vec![UvcSquare { camera: 0, x: 0, y: 0 }];
@@ -292,7 +293,7 @@ mod tests {
         assert!(open("/dev/no-such-video").contains("/dev/no-such-video"));
         let message = open("no such serial");
         assert!(message.contains("no such serial") && message.contains("found none, expected one"), "{message}");
-        // A file that is no camera.
+        // A file that is not a camera.
         let file = tempfile::NamedTempFile::new().expect("a file");
         let path = file.path().to_str().expect("UTF-8");
         assert!(open(path).contains(path));

@@ -1,22 +1,22 @@
-//! From a UVC device's picture to the squares of its pads.
+//! Cutting of a UVC device's picture into the squares of its pads.
 
 use hand_model::pads::IMAGE_SIZE;
 use hand_model::robot::TactileImage;
 use image::codecs::jpeg::JpegDecoder;
 use image::{ColorType, ImageDecoder};
 
-/// Why a picture cannot be used.
+/// Error of a picture.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum PictureError {
-    /// Not as many bytes as its size asks for.
+    /// The number of bytes does not fit the size.
     #[error("yuyv: found {found} bytes, expected {expected}")]
     Length {
-        /// Bytes there are.
+        /// Bytes received.
         found: usize,
-        /// Two a pixel.
+        /// Bytes expected: two per pixel.
         expected: usize,
     },
-    /// Another size than was agreed on.
+    /// The picture has another size than configured.
     #[error("mjpeg: found {found:?}, expected {expected:?}")]
     Size {
         /// Columns and rows.
@@ -24,13 +24,13 @@ pub enum PictureError {
         /// Columns and rows.
         expected: (u32, u32),
     },
-    /// No JPEG.
+    /// The data is not a usable JPEG.
     #[error("mjpeg: {0}")]
     Jpeg(String),
-    /// A square that is not all on it.
+    /// The square does not lie within the picture.
     #[error("square at {corner:?}: expected it within {size:?}")]
     Square {
-        /// Its first column and row.
+        /// First column and row of the square.
         corner: (u32, u32),
         size: (u32, u32),
     },
@@ -39,19 +39,19 @@ pub enum PictureError {
 /// A whole picture, RGB, row by row.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Picture {
-    /// Columns and rows.
+    /// Columns and rows, pixels.
     pub size: (u32, u32),
-    /// Three bytes a pixel.
+    /// Pixels, three bytes each.
     pub rgb: Vec<u8>,
 }
 
-/// What a webcam's JPEG may leave out: with this mark decoders take the Huffman tables that all of them use.
+/// Marker for a webcam's JPEG that leaves out its Huffman tables: with it, decoders use the standard tables.
 const AVI1: [u8; 18] = *b"\xFF\xE0\x00\x10AVI1\x00\x00\x00\x00\x00\x00\x00\x00\x00\x00";
 /// Marker that begins a Huffman table.
 const HUFFMAN: [u8; 2] = [0xFF, 0xC4];
 
 impl Picture {
-    /// Of a frame of a motion-JPEG stream that is to have this `size`.
+    /// Decodes a frame of a motion-JPEG stream, which must have this `size`.
     ///
     /// # Errors
     /// [`PictureError::Jpeg`], [`PictureError::Size`].
@@ -75,8 +75,8 @@ impl Picture {
         Ok(Self { size, rgb })
     }
 
-    /// Of a YUYV frame: two pixels in four bytes, which share a colour; ITU-R BT.601 with its limited range, as UVC has it where nothing else
-    /// is said.
+    /// Decodes a YUYV frame: four bytes hold two pixels, which share a colour. The conversion is ITU-R BT.601 with its
+    /// limited range, the default of UVC.
     ///
     /// # Errors
     /// [`PictureError::Length`].
@@ -97,7 +97,7 @@ impl Picture {
         Ok(Self { size, rgb })
     }
 
-    /// The square of a pad's camera that begins at `corner` (column, row).
+    /// Cuts out the square of a pad's camera that begins at `corner` (column, row).
     ///
     /// # Errors
     /// [`PictureError::Square`].
@@ -136,7 +136,7 @@ mod tests {
         data
     }
 
-    /// The same without its Huffman tables, as webcams send it.
+    /// Returns the JPEG without its Huffman tables, as webcams send it.
     fn without_tables(data: &[u8]) -> Vec<u8> {
         let (mut kept, mut place) = (data[..2].to_vec(), 2);
         // Segments up to the start of scan.

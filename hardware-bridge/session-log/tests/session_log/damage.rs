@@ -1,4 +1,4 @@
-//! Files that were cut or damaged, and files of something else.
+//! Files that were cut or damaged, and foreign files.
 
 use std::path::Path;
 
@@ -8,7 +8,7 @@ use session_log::{Reader, SessionLogError, Sizes, Writer};
 
 use crate::support::*;
 
-/// A new file each time: one that is truncated and closed is flushed to the disk, thousands of times.
+/// Writes a new file each time: truncating and closing an existing one would flush it to the disk, thousands of times.
 fn rewrite(path: &Path, bytes: &[u8]) {
     drop(std::fs::remove_file(path));
     std::fs::write(path, bytes).expect("written");
@@ -22,7 +22,7 @@ fn with_recording(ticks: usize, check: impl FnOnce(&Path, Vec<u8>)) {
     check(&folder.path().join("changed.mcap"), bytes);
 }
 
-/// Cut anywhere, a file gives back every event that is whole, and says that it was not finished.
+/// A file cut anywhere returns every event that is whole, and reports that it was not finished.
 #[test]
 fn cut_anywhere_it_is_a_shorter_session() {
     with_recording(4, |path, bytes| {
@@ -56,13 +56,14 @@ fn any_changed_bit_is_noticed() {
             changed[place] ^= 1 << (place % 8);
             rewrite(path, &changed);
             let (_, ended) = read(path);
-            // A length that has grown past the end of the file makes it a file cut short.
+            // If a length has grown past the end of the file, the file looks cut short.
             assert!(!matches!(ended, Ok(true)), "byte {place} changed unnoticed");
         }
     });
 }
 
-/// Twenty thousand files with whatever damage, drawn with a seed: none panics, and one that calls itself whole holds what was written.
+/// Twenty thousand files with arbitrary damage, drawn with a seed: none panics, and one that claims to be whole holds
+/// what was written.
 #[test]
 fn fuzzed_files() {
     with_recording(2, |path, bytes| {
@@ -100,7 +101,7 @@ fn fuzzed_files() {
     });
 }
 
-/// Bytes after the data's end: the shortest file that is whole ends there.
+/// Returns the number of bytes after the end of the data: the shortest file that is whole ends there.
 fn summary_length(path: &Path, bytes: &[u8]) -> usize {
     let end = (0..=bytes.len()).find(|end| {
         rewrite(path, &bytes[..*end]);
@@ -121,7 +122,7 @@ fn other_files_are_refused_by_name() {
     std::fs::write(&path, "a session of another kind").expect("written");
     assert!(matches!(Reader::open(&path, Sizes::Any), Err(SessionLogError::Mcap { .. })));
     std::fs::remove_file(&path).expect("removed");
-    // An MCAP file, but of somebody else.
+    // An MCAP file, but of another program.
     let file = std::fs::File::create(&path).expect("created");
     let mut other = mcap::Writer::new(file).expect("writes");
     other.finish().expect("finishes");
@@ -129,7 +130,7 @@ fn other_files_are_refused_by_name() {
     assert!(error.to_string().contains("beginning is cut short"), "{error}");
 }
 
-/// An empty session is one.
+/// An empty session is valid.
 #[test]
 fn a_session_without_a_tick() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -1,4 +1,4 @@
-//! A program that is killed leaves every tick it was told to be safe.
+//! A killed program leaves every tick that was reported as written.
 
 use std::io::{BufRead, BufReader, Write};
 use std::path::PathBuf;
@@ -11,7 +11,7 @@ use crate::support::*;
 
 const PATH: &str = "FTAC_TEST_SESSION";
 
-/// Records until it is killed, and says after each tick that it has returned.
+/// Records until it is killed, and prints a line once each tick has been written.
 #[test]
 #[ignore = "run by the other test of this file"]
 fn recording_process() {
@@ -47,7 +47,7 @@ fn a_killed_recording_keeps_every_tick() {
         }
         child.kill().expect("killed");
         child.wait().expect("ended");
-        // What it said before it died, beyond what we waited for.
+        // Ticks that it reported before it died, beyond those that we waited for.
         told += lines.map_while(Result::ok).filter(|line| line == "tick").count();
         let (events, ended) = read(&path);
         assert!(matches!(ended, Ok(false)), "not finished: {ended:?}");

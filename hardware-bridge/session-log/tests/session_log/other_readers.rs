@@ -1,4 +1,4 @@
-//! Other people's readers on our files: PyPI's mcap, with its protobuf decoder.
+//! Third-party readers on our files: PyPI's mcap, with its protobuf decoder.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -11,7 +11,8 @@ use crate::support::*;
 
 const PACKAGES: [&str; 2] = ["mcap==1.6.0", "mcap-protobuf-support==0.6.0"];
 
-/// A Python with both packages; `None`, said loudly, where there is no Python or no way to the packages.
+/// Returns a Python with both packages; `None`, with a loud message, if there is no Python or no access to the
+/// packages.
 fn python() -> Option<PathBuf> {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("mcap-readers");
     let (python, ready) = (folder.join("bin/python"), folder.join("ready"));
@@ -42,7 +43,7 @@ fn read_by(python: &Path, path: &Path, how: &str) -> Value {
     serde_json::from_slice(&output.stdout).expect("JSON")
 }
 
-/// Python's way to write all bits of a number, the other way.
+/// Parses Python's hexadecimal notation of a number, which keeps all bits.
 fn from_python_hex(text: &str) -> f64 {
     let (sign, digits) = text.strip_prefix('-').map_or((1.0, text), |digits| (-1.0, digits));
     let (mantissa, exponent) = digits.trim_start_matches("0x").split_once('p').expect("a hexadecimal float");
@@ -90,7 +91,7 @@ fn pypi_mcap_reads_a_session() {
     }
 }
 
-/// A file without an end, as a killed program leaves it, is read up to there.
+/// A file without an end, as a killed program leaves it, is read up to its last whole tick.
 #[test]
 fn pypi_mcap_reads_a_session_cut_short() {
     let Some(python) = python() else { return };

@@ -1,4 +1,4 @@
-//! What was recorded comes back, and a controller is held to it.
+//! A replay returns what was recorded, and holds a controller to it.
 
 use hand_model::robot::{Readings, RobotBackend, ServoGoal};
 use session_log::message::bits;
@@ -91,7 +91,7 @@ fn a_replay_recorded_is_the_recording() {
     }
 }
 
-/// The last bit of one number, at tick 37.
+/// A change of the last bit of one number, at tick 37, is noticed.
 #[test]
 fn the_last_bit_is_noticed() {
     let (_folder, path) = recording();
@@ -134,7 +134,7 @@ fn another_order_is_noticed() {
     assert_eq!(replay.divergence(), Some(&expected));
 }
 
-/// A controller that waits for something beyond the recording sees time go on.
+/// A controller that waits for something beyond the end of the recording sees time go on.
 #[test]
 fn time_goes_on_after_the_end() {
     let (_folder, path) = recording();
@@ -147,7 +147,7 @@ fn time_goes_on_after_the_end() {
     assert!(replay.is_over() && replay.divergence().is_none());
 }
 
-/// A file that exists is somebody's recording.
+/// An existing file is somebody's recording.
 #[test]
 fn a_session_is_never_written_over() {
     let (_folder, path) = recording();

@@ -9,13 +9,14 @@ use hand_model::robot::{
 };
 use session_log::{Event, Reader, Recorder, Session, Sizes, Writer};
 
-/// Servos and joints that go a tenth of the way each tick; a camera takes a new image every third tick it is asked in.
+/// Servos and joints that move a tenth of the way each tick; a camera takes a new image every third tick in which it is
+/// asked.
 pub struct Toy {
     observation: Observation,
     goal: Option<Command>,
     captures: u64,
     image: Arc<TactileImage>,
-    /// Ticks in which it can neither observe nor send.
+    /// Ticks in which the robot can neither observe nor send.
     failing: std::ops::Range<u64>,
 }
 
@@ -27,7 +28,7 @@ impl Toy {
         Self { observation, goal: None, captures: 0, image, failing: 0..0 }
     }
 
-    /// One that fails in these ticks.
+    /// Creates a robot that fails in these ticks.
     pub fn failing(ticks: std::ops::Range<u64>) -> Self {
         Self { failing: ticks, ..Self::new() }
     }
@@ -85,7 +86,7 @@ impl RobotBackend for Toy {
     }
 }
 
-/// The next command of a controller that looks at every part of an observation.
+/// Computes the next command of a controller that looks at every part of an observation.
 pub fn decide(seen: &Observation) -> Command {
     let light: f64 =
         seen.tactile.iter().map(|frame| frame.image.rgb.iter().map(|byte| f64::from(*byte)).sum::<f64>()).sum();
@@ -101,7 +102,7 @@ pub fn decide(seen: &Observation) -> Command {
     }
 }
 
-/// Repeats the last command while the robot cannot observe; the errors, in order.
+/// Drives the robot, repeating the last command while it cannot observe; returns the errors, in order.
 pub fn drive(robot: &mut impl RobotBackend, ticks: usize) -> Vec<String> {
     let (mut errors, mut last) = (Vec::new(), None);
     for _ in 0..ticks {
@@ -129,7 +130,7 @@ pub fn session() -> Session {
     }
 }
 
-/// A recording of `ticks` ticks.
+/// Records a session of `ticks` ticks.
 pub fn record(path: &Path, ticks: usize) {
     let writer = Writer::create(path, &session()).expect("a new file");
     let mut recorder = Recorder::new(Toy::new(), writer);
@@ -137,7 +138,7 @@ pub fn record(path: &Path, ticks: usize) {
     recorder.finish().1.expect("written");
 }
 
-/// Everything in a file up to its end or its first error, and whether it was finished.
+/// Reads everything in a file up to its end or its first error; also returns whether it was finished.
 pub fn read(path: &Path) -> (Vec<Event>, Result<bool, session_log::SessionLogError>) {
     let mut events = Vec::new();
     let mut reader = match Reader::open(path, Sizes::Any) {

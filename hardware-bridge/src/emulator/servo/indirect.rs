@@ -1,20 +1,20 @@
-//! Indirect addressing: a data area whose bytes stand for bytes elsewhere in the control table.
+//! Indirect addressing: a data area whose bytes are aliases of bytes elsewhere in the control table.
 
 use super::EmulatedServo;
 use crate::protocol2::ServoError;
 use crate::xc330::{self, Indirect, Register};
 
-/// The first address that may be pointed at: the first in RAM.
+/// First address that may be pointed at: the first in RAM.
 const FIRST: u16 = xc330::TORQUE_ENABLE.address;
 
-/// What a write changes.
+/// One change that a write makes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Change {
-    /// A register, in counts.
+    /// A register and its value, in counts.
     Register(&'static Register, i64),
-    /// Where a byte of the data area points.
+    /// A byte of the data area, by its slot number, and the address that it is to point at.
     Pointer(u16, u16),
-    /// A byte of the data area that points at itself.
+    /// An address inside the data area, and the byte to store there.
     Byte(u16, u8),
 }
 
@@ -23,7 +23,7 @@ impl EmulatedServo {
         Indirect::of(self.get(&xc330::FIRMWARE_VERSION) as u8)
     }
 
-    /// Where the byte of the data area number `slot` points.
+    /// Returns the address that slot number `slot` of the data area points at.
     fn target(&self, slot: u16) -> u16 {
         let place = usize::from(Indirect::ADDRESSES + 2 * slot);
         u16::from_le_bytes([self.memory[place], self.memory[place + 1]])
@@ -34,13 +34,13 @@ impl EmulatedServo {
         self.memory[place..place + 2].copy_from_slice(&target.to_le_bytes());
     }
 
-    /// The address for which `address` stands.
+    /// Resolves an address: the target of a byte in the data area, or `address` itself elsewhere.
     pub(super) fn behind(&self, address: u16) -> u16 {
         let Indirect { data, slots } = self.indirect();
         if (data..data + slots).contains(&address) { self.target(address - data) } else { address }
     }
 
-    /// As at power-up: every byte of the data area stands for itself.
+    /// Resets the pointers as at power-up: every byte of the data area points at itself.
     pub(super) fn forget_pointers(&mut self) {
         let Indirect { data, slots } = self.indirect();
         for slot in 0..slots {
@@ -49,7 +49,8 @@ impl EmulatedServo {
         }
     }
 
-    /// What a write would put where, or why it is refused. Whole registers only, also by way of the data area (our reading).
+    /// Returns the changes that a write would make, or the error with which it is refused. Only whole registers can be
+    /// written, also by way of the data area (our reading).
     pub(super) fn plan(&self, address: u16, data: &[u8]) -> Result<Vec<Change>, ServoError> {
         let area = self.indirect();
         let (mut place, mut rest, mut changes) = (address, data, Vec::new());
@@ -79,7 +80,8 @@ impl EmulatedServo {
         Ok(changes)
     }
 
-    /// How many bytes of the data area from `place` on, at most `most`, stand for bytes in a row.
+    /// Returns the number of bytes of the data area from `place` on, at most `most`, that point at consecutive
+    /// addresses.
     fn run(&self, area: Indirect, place: u16, most: u16) -> u16 {
         let target = self.behind(place);
         let most = most.min(area.data + area.slots - place);
@@ -87,7 +89,7 @@ impl EmulatedServo {
     }
 }
 
-/// A write to the addresses.
+/// Decodes a write to the stored addresses.
 fn pointer(area: Indirect, place: u16, rest: &[u8]) -> Result<Change, ServoError> {
     let offset = place - Indirect::ADDRESSES;
     let [low, high] = *rest.first_chunk::<2>().filter(|_| offset.is_multiple_of(2)).ok_or(ServoError::DataLength)?;
@@ -113,7 +115,7 @@ mod tests {
         all.iter().flat_map(|register| register.address..register.address + u16::from(register.size)).collect()
     }
 
-    /// As ROBOTIS' ROS 2 interface sets it up: goals by the first slots, measurements by those from the seventh on.
+    /// Set up as by ROBOTIS' ROS 2 interface: goals in the first slots, measurements in those from the seventh on.
     #[test]
     fn goals_and_measurements_are_where_the_firmware_has_them() {
         for (firmware, data) in [(46, 224), (51, 224), (52, 208)] {
@@ -132,7 +134,7 @@ mod tests {
         }
     }
 
-    /// What is refused directly is refused on this way too, and then nothing is written.
+    /// A write that is refused directly is refused by way of the data area too, and then nothing is written.
     #[test]
     fn refusals_reach_through() {
         let mut servo = EmulatedServo::provisioned(1, 0);
@@ -146,7 +148,7 @@ mod tests {
         assert_eq!(servo.write(Indirect::ADDRESSES, &[64]), Err(ServoError::DataLength));
     }
 
-    /// Bytes that point nowhere keep what is written, and a restart forgets all of it.
+    /// Bytes that point at themselves keep what is written, and a restart forgets all of it.
     #[test]
     fn bytes_of_their_own_and_a_restart() {
         let mut servo = EmulatedServo::provisioned(1, 0);

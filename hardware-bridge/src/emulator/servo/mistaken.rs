@@ -1,4 +1,4 @@
-//! A servo in the wrong place: of another model, or with another one's id.
+//! A wrong servo: of another model, or with the id of another servo.
 
 use super::EmulatedServo;
 use crate::xc330;
@@ -7,12 +7,12 @@ use crate::xc330;
 const OTHER_MODEL: i64 = 1200;
 
 impl EmulatedServo {
-    /// It is of another model from now on.
+    /// Turns the servo into one of another model.
     pub fn become_other_model(&mut self) {
         self.set(&xc330::MODEL_NUMBER, OTHER_MODEL);
     }
 
-    /// It has another id from now on.
+    /// Gives the servo another id.
     pub fn set_id(&mut self, id: u8) {
         self.set(&xc330::ID, id.into());
     }

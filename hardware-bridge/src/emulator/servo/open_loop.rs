@@ -1,9 +1,10 @@
-//! Velocity control and the bare duty cycle. Profiles are not emulated: goals are approached at once.
+//! Velocity control, and direct control of the duty cycle. Profiles are not emulated: goals are approached at once.
 
 use super::EmulatedServo;
 use crate::xc330::{self, mode};
 
-/// The goal of velocity control is at most so far ahead of the shaft, counts: a blocked shaft does not run after it once free.
+/// Maximum lead of the velocity-control goal ahead of the shaft, counts: a blocked shaft does not run after its goal
+/// once free.
 const LEAD: f64 = 100.0;
 /// Stall current (A) and no-load speed (rad/s) at the supply (V) for which the e-Manual states them.
 const STALL_CURRENT: f64 = 0.80;
@@ -11,7 +12,7 @@ const NO_LOAD_SPEED: f64 = 6.81;
 const NOMINAL_VOLTAGE: f64 = 11.1;
 
 impl EmulatedServo {
-    /// Lets the goal of velocity control go on for `dt` s.
+    /// Advances the goal of velocity control by `dt` (s).
     pub(super) fn sweep_on(&mut self, dt: f64) {
         if !self.torque() || self.get(&xc330::OPERATING_MODE) != mode::VELOCITY {
             return;
@@ -22,7 +23,8 @@ impl EmulatedServo {
         self.sweep = wanted.clamp(position - LEAD, position + LEAD);
     }
 
-    /// Current of a DC motor under the goal duty cycle, A along the shaft: what the supply drives against the back-EMF.
+    /// Computes the current of a DC motor under the goal duty cycle, A, signed as the shaft's angle: the supply drives
+    /// it against the back-EMF.
     pub(super) fn open_loop_current(&self) -> f64 {
         let duty = self.sign() * self.get(&xc330::GOAL_PWM) as f64 * xc330::Unit::DutyCycle.per_count();
         STALL_CURRENT * (duty * self.voltage / NOMINAL_VOLTAGE - self.shaft.velocity / NO_LOAD_SPEED)
@@ -51,7 +53,7 @@ mod tests {
         ServoState { position, velocity, current: 0.1, temperature: 0.0 }
     }
 
-    /// A free shaft that follows its goal turns with the goal velocity; a blocked one is not wound up.
+    /// A free shaft that follows its goal turns with the goal velocity; the goal of a blocked shaft does not run away.
     #[test]
     fn velocity_control() {
         let mut servo = on(mode::VELOCITY);
@@ -72,7 +74,7 @@ mod tests {
         assert_eq!(write(&mut servo, &xc330::GOAL_VELOCITY, 400), Err(ServoError::DataLimit));
     }
 
-    /// Full duty stalls with the published current, and drives nothing at the published speed.
+    /// At full duty a stalled motor draws the published current, and one at the published speed draws none.
     #[test]
     fn bare_duty_cycle() {
         let mut servo = on(mode::PWM);
@@ -84,7 +86,7 @@ mod tests {
         assert!(matches!(servo.drive(), ServoGoal::Current(current) if (current + 0.5 * STALL_CURRENT).abs() < 1e-3));
     }
 
-    /// A tripped bus watchdog stops both.
+    /// A tripped bus watchdog stops both modes.
     #[test]
     fn the_watchdog_stops_them() {
         for (operating_mode, goal) in [(mode::VELOCITY, &xc330::GOAL_VELOCITY), (mode::PWM, &xc330::GOAL_PWM)] {

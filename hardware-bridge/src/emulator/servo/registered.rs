@@ -1,11 +1,12 @@
-//! A write that waits for an action.
+//! Registered writes, which wait for an action instruction.
 
 use super::EmulatedServo;
 use crate::protocol2::ServoError;
 use crate::xc330;
 
 impl EmulatedServo {
-    /// Keeps a write for [`EmulatedServo::act`], in place of an earlier one. What would be refused is refused at once (our reading).
+    /// Registers a write for [`EmulatedServo::act`], in place of an earlier one. A write that would be refused is
+    /// refused at once (our reading).
     pub fn register(&mut self, address: u16, data: &[u8]) -> Result<(), ServoError> {
         self.plan(address, data)?;
         self.registered = Some((address, data.to_vec()));
@@ -13,14 +14,14 @@ impl EmulatedServo {
         Ok(())
     }
 
-    /// Does the write that waits; without one, an instruction error as the e-Manual has it.
+    /// Executes the registered write. Without one, returns an instruction error, as the e-Manual has it.
     pub fn act(&mut self) -> Result<(), ServoError> {
         let (address, data) = self.registered.clone().ok_or(ServoError::Instruction)?;
         self.forget_registered();
         self.write(address, &data)
     }
 
-    /// As at power-up.
+    /// Forgets the registered write, as at power-up.
     pub(super) fn forget_registered(&mut self) {
         self.registered = None;
         self.set(&xc330::REGISTERED_INSTRUCTION, 0);
