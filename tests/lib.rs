@@ -1,7 +1,7 @@
-//! End-to-end tests of `ftac`: they run the built program as a user would and look at what it prints and leaves behind.
+//! End-to-end tests of `ftac`: they run the built program as a user would and check its output and files.
 //!
-//! This library holds only what all of them need: the program and `ftac-lab` beside it, built once, and a run of it. What a run prints with `--json` is held
-//! against the schema that the program gives for it.
+//! This library holds only what all tests share: the program with `ftac-lab` beside it, built once, and a run of it.
+//! The `--json` output of a run is validated against the schema that the program gives for it.
 
 mod schema;
 
@@ -9,8 +9,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::sync::OnceLock;
 
-/// The workspace's root: where Cargo says that it is now, because a test may have been compiled for another clone that shares
-/// the target folder.
+/// Returns the workspace's root according to Cargo at run time, because a test may have been compiled for another clone
+/// that shares the target folder.
 pub fn root() -> &'static Path {
     static ROOT: OnceLock<PathBuf> = OnceLock::new();
     ROOT.get_or_init(|| {
@@ -19,11 +19,11 @@ pub fn root() -> &'static Path {
     })
 }
 
-/// The release build of `ftac`, with `ftac-lab` beside it, built first where they are not up to date: Cargo builds no other package's binary for
-/// a test.
+/// Returns the release build of `ftac`, with `ftac-lab` beside it. Both are built first if they are not up to date:
+/// Cargo builds no other package's binary for a test.
 ///
 /// # Panics
-/// If they cannot be built; without them no test here can say anything.
+/// If they cannot be built.
 pub fn binary() -> &'static Path {
     static BINARY: OnceLock<PathBuf> = OnceLock::new();
     BINARY.get_or_init(|| {
@@ -40,8 +40,9 @@ pub fn binary() -> &'static Path {
     })
 }
 
-/// Takes what cargo tells a test about its package out of a build's environment: with it build scripts that look at it (ring's) would run
-/// again, and with them everything that hangs on them be built again, here and at the user's next build.
+/// Removes the variables with which cargo describes the test's package from the environment of a build. Otherwise build
+/// scripts that read them (ring's) would run again, and everything that depends on them would be rebuilt, here and at
+/// the user's next build.
 pub fn forget_package(build: &mut Command) {
     for (name, _) in std::env::vars_os() {
         let known = name.to_string_lossy();
@@ -51,16 +52,16 @@ pub fn forget_package(build: &mut Command) {
     }
 }
 
-/// The target folder of the build this test belongs to: the test is `<target>/release/deps/<name>`.
+/// Returns the target folder of this test's build: the test is `<target>/release/deps/<name>`.
 pub fn target_dir() -> PathBuf {
     let test = std::env::current_exe().unwrap_or_default();
     test.ancestors().nth(3).map(Path::to_path_buf).unwrap_or_else(|| root().join("target"))
 }
 
-/// A command that runs `ftac` from the workspace's root.
+/// Returns a command that runs `ftac` from the workspace's root.
 pub fn ftac(arguments: &[&str]) -> Command {
     let mut command = Command::new(binary());
-    // Tests leave the user's log of devices alone.
+    // Tests do not write to the user's device log.
     command.args(arguments).current_dir(root()).env("FTAC_LOG", "");
     command
 }
@@ -68,7 +69,7 @@ pub fn ftac(arguments: &[&str]) -> Command {
 /// Runs `ftac` to its end.
 ///
 /// # Panics
-/// If it cannot be started, or prints with `--json` what its schema does not have.
+/// If it cannot be started, or its `--json` output does not match its schema.
 pub fn run(arguments: &[&str]) -> Output {
     let output = match ftac(arguments).output() {
         Ok(output) => output,
@@ -80,13 +81,13 @@ pub fn run(arguments: &[&str]) -> Output {
     output
 }
 
-/// What a run wrote to stderr.
+/// Returns the stderr of a run.
 pub fn stderr(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
-/// Data that is not part of this repository: `shared/data/<path>` beside the clone, or the folder that `FTAC_SHARED_DATA` names.
-/// `None` where it is missing, which is said on stderr past the test harness.
+/// Returns the path of data that is not part of this repository: `shared/data/<path>` beside the clone, or below the
+/// folder that `FTAC_SHARED_DATA` names. `None` if it is missing, with a note on stderr past the test harness.
 ///
 /// # Panics
 /// If it is missing and `FTAC_SHARED=required`, as in `.ci/run`.

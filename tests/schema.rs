@@ -1,10 +1,10 @@
-//! JSON output against the schemas that `ftac schema` prints.
+//! Validation of JSON output against the schemas that `ftac schema` prints.
 
 use std::sync::OnceLock;
 
 use serde_json::{Map, Value};
 
-/// All schemas, as the program prints them.
+/// Returns all schemas, as the program prints them.
 fn schemas() -> &'static Value {
     static SCHEMAS: OnceLock<Value> = OnceLock::new();
     SCHEMAS.get_or_init(|| {
@@ -13,10 +13,10 @@ fn schemas() -> &'static Value {
     })
 }
 
-/// Holds each line of `stdout` against the schema of the command in `arguments`.
+/// Validates each line of `stdout` against the schema of the command in `arguments`.
 ///
 /// # Panics
-/// If a line is not JSON, if the command has no schema, or if the line is not as its schema says; the message names the place.
+/// If a line is not JSON, if the command has no schema, or if the line does not match it; the message names the place.
 pub(crate) fn check(arguments: &[&str], stdout: &[u8]) {
     let words: Vec<&str> = arguments.iter().copied().filter(|word| !word.starts_with('-')).collect();
     let commands = schemas()["commands"].as_object().expect("commands");
@@ -33,7 +33,8 @@ pub(crate) fn check(arguments: &[&str], stdout: &[u8]) {
     }
 }
 
-/// The first place in `found` that is not as `schema` says. Of JSON Schema it knows what the schemas here use, and no more.
+/// Describes the first place in `found` that does not match `schema`. It knows only the keywords of JSON Schema that
+/// are used here.
 fn fault(schema: &Value, found: &Value, at: &str) -> Option<String> {
     let schema = schema.as_object().expect("a schema is an object");
     const CHECKED: &str = "additionalProperties anyOf const enum items maxItems maxLength maximum minItems minLength minimum oneOf \
@@ -43,7 +44,7 @@ fn fault(schema: &Value, found: &Value, at: &str) -> Option<String> {
     let unknown: Vec<&String> = schema.keys().filter(|key| !known(key)).collect();
     assert!(unknown.is_empty(), "{at}: keywords that are not checked: {unknown:?}");
     if let Some(Value::Array(either)) = schema.get("anyOf").or(schema.get("oneOf")) {
-        // Of none of them: what is wrong with the first tells most.
+        // If none matches, the fault against the first one tells most.
         let faults: Vec<String> = either.iter().map_while(|schema| fault(schema, found, at)).collect();
         return (faults.len() == either.len()).then(|| faults.into_iter().next()).flatten();
     }

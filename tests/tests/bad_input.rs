@@ -1,4 +1,4 @@
-//! What a user gets wrong: each ends with exit code 2, a message that says where and what, and nothing left behind.
+//! Bad input by users: each case ends with exit code 2, a message that names place and fault, and leaves nothing behind.
 
 use std::fs;
 use std::os::unix::fs::PermissionsExt as _;
@@ -7,7 +7,7 @@ use std::path::Path;
 use e2e::{ftac, root, run, stderr};
 use tempfile::tempdir;
 
-/// Runs `ftac` on bad input and checks the three promises; `named` are the words its message owes the user.
+/// Runs `ftac` on bad input and checks these three promises; `named` are the words that its message must contain.
 fn refused(arguments: &[&str], named: &[&str]) {
     let output = run(arguments);
     let message = stderr(&output);
@@ -81,7 +81,7 @@ fn unreadable_mesh() {
     assert!(!out.exists(), "left an image behind");
 }
 
-/// A tetrahedron of edge `size`, with or without its last face.
+/// Returns a tetrahedron of edge `size` (OBJ), with or without its last face.
 fn tetrahedron(size: f64, closed: bool) -> String {
     let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
     let vertices: String =
@@ -90,7 +90,7 @@ fn tetrahedron(size: f64, closed: bool) -> String {
     format!("{vertices}{faces}{}", if closed { "f 2 3 4\n" } else { "" })
 }
 
-/// What cannot be grasped is refused with its reason, before anything is written.
+/// Meshes that cannot be grasped are refused with a reason, before anything is written.
 #[test]
 fn meshes_that_cannot_be_grasped() {
     let folder = tempdir().expect("a folder");
@@ -124,7 +124,7 @@ fn urdf_with_a_missing_joint() {
     let good = fs::read_to_string(root().join("hand-model/data/ftac_hand.urdf")).expect("the hand's URDF");
     let (start, _) = first_moving_joint(&good);
     let end = start + good[start..].find("</joint>").expect("an end") + "</joint>".len();
-    // What the file says of the joint is gone with it: the link that nothing carries any more is named.
+    // The joint's element is removed with it: the link that no joint carries any more is named.
     let link =
         good[start..end].split("<child link=\"").nth(1).and_then(|rest| rest.split('"').next()).expect("a child");
     let urdf = folder.path().join("hand.urdf");
@@ -132,7 +132,7 @@ fn urdf_with_a_missing_joint() {
     refused(&["hand", "check", "--urdf", text(&urdf)], &["hand.urdf", &format!("no joint carries `{link}`")]);
 }
 
-/// Where the first joint that moves starts in a URDF, and its name.
+/// Finds the first moving joint in a URDF: its offset in the text, and its name.
 fn first_moving_joint(urdf: &str) -> (usize, String) {
     urdf.match_indices("<joint ")
         .find_map(|(start, _)| {
@@ -143,7 +143,7 @@ fn first_moving_joint(urdf: &str) -> (usize, String) {
         .expect("a revolute joint")
 }
 
-/// A path below a regular file: not even root can make a folder there.
+/// The path lies below a regular file: not even root can make a folder there.
 #[test]
 fn results_that_cannot_be_written() {
     let folder = tempdir().expect("a folder");
@@ -172,7 +172,7 @@ fn grasps_of_another_run() {
     assert_eq!(fs::read_to_string(&file).expect("still there"), "no grasps");
 }
 
-/// A stranger's scenario names files elsewhere: nothing in them is read, and nothing of them is told.
+/// A scenario from someone else names files outside its folder: they are not read, and nothing of them is printed.
 #[test]
 fn a_scenario_reads_no_file_outside_its_folder() {
     let folder = tempdir().expect("a folder");
@@ -190,7 +190,7 @@ fn a_scenario_reads_no_file_outside_its_folder() {
         names(named);
         refused(&arguments, &["scenario.toml: objects[0]: found ", named, "expected a file below ", "--any-files"]);
     }
-    // With the user's leave it is read; what it says is told to nobody all the same.
+    // With the user's permission the file is read; its content is still not printed.
     names("../secret.toml");
     let output = run(&[&arguments[..], &["--any-files"]].concat());
     let message = stderr(&output);
@@ -221,7 +221,7 @@ fn a_pipe_is_no_file() {
     }
 }
 
-/// Whatever program is started, a secret of ours is not in its environment.
+/// No child process gets our secrets in its environment.
 #[test]
 fn no_child_is_told_the_arm_s_password() {
     let folder = tempdir().expect("a folder");
@@ -260,7 +260,7 @@ fn no_child_is_told_the_arm_s_password() {
     }
 }
 
-/// With --json an error is one JSON object as well, with the words and the exit code.
+/// With --json an error is one JSON object too, with message and exit code.
 #[test]
 fn errors_are_json_too() {
     let output = run(&["--json", "touch", "eval", "--combos", "0"]);

@@ -1,4 +1,4 @@
-//! A small benchmark: same results whatever the number of jobs and however often it is killed, and a complete summary.
+//! A small benchmark: the results do not depend on the number of jobs or on kills and resumes, and the summary is complete.
 //!
 //! Times are kept out of every comparison: the column `decision_ms` is wall-clock time.
 
@@ -21,11 +21,11 @@ const ROWS: usize = 2 + 2 * 2 * 3;
 fn bench(extra: &[&str]) {
     let record = if extra.contains(&"--record") { &[][..] } else { &["--record", "none"] };
     let output = run(&[&["bench"], record, &SIZE[..], extra].concat());
-    // 1 would say that the rates fall short of the paper's, which four trials may well do.
+    // Exit code 1 means that the rates fall short of the paper's, which is possible with four trials.
     assert!(matches!(output.status.code(), Some(0 | 1)), "{:?}: {}", output.status, stderr(&output));
 }
 
-/// The uninterrupted run with one job that the others are compared to.
+/// Returns the reference for the others: an uninterrupted run with one job.
 fn reference() -> &'static Path {
     static FOLDER: OnceLock<TempDir> = OnceLock::new();
     FOLDER
@@ -41,7 +41,7 @@ fn text(path: &Path) -> &str {
     path.to_str().expect("a UTF-8 path")
 }
 
-/// trials.csv without the column that holds wall-clock times.
+/// Reads trials.csv without the column of wall-clock times.
 fn trials(folder: &Path) -> Vec<Vec<String>> {
     let mut reader =
         csv::ReaderBuilder::new().has_headers(false).from_path(folder.join("trials.csv")).expect("trials.csv");
@@ -55,7 +55,7 @@ fn trials(folder: &Path) -> Vec<Vec<String>> {
     rows
 }
 
-/// A mirror names what it finds in a table of its own and changes nothing else: it only looks.
+/// A mirror (parallel twin) writes its findings to a separate table and changes nothing else.
 #[test]
 fn a_mirror_changes_no_row() {
     let folder = tempdir().expect("a folder");
@@ -68,7 +68,7 @@ fn a_mirror_changes_no_row() {
     assert!(!reference().join("divergences.csv").exists(), "only where a mirror looked on");
 }
 
-/// A condition that is played alone gives the rows it gives beside the others, but for the risk that touch would have predicted.
+/// A condition played alone gives the same rows as beside the others, except for the risk that touch would have predicted.
 #[test]
 fn conditions_can_be_played_alone() {
     let folder = tempdir().expect("a folder");
@@ -91,7 +91,8 @@ fn jobs_change_nothing() {
     assert_eq!(rows, trials(two.path()));
 }
 
-/// Trials without some of touch's means stand beside the others and change nothing about them; a recording shows each cause of failure.
+/// Ablations of touch are reported separately and do not change the other trials; there is a recording of each cause of
+/// failure.
 #[test]
 fn ablations_and_causes() {
     let folder = tempdir().expect("a folder");
@@ -145,7 +146,7 @@ fn summary_is_complete() {
     for kind in ["mm", "deg"] {
         fields.extend(["median", "p95"].map(|figure| format!("pose_error/{kind}/{figure}")));
     }
-    // A figure that two combinations cannot give (a t without spread) may be null, but its field is there.
+    // A figure that two combinations cannot give (a t value without spread) may be null, but its field exists.
     let missing: Vec<&String> = fields.iter().filter(|field| summary.pointer(&format!("/{field}")).is_none()).collect();
     assert!(missing.is_empty(), "summary.json lacks {missing:?}");
     assert_eq!(summary["combos"], 2);
@@ -160,7 +161,7 @@ fn summary_is_complete() {
     }
 }
 
-/// Each trial has a row a try: the first grasp, at least, and its times follow one another.
+/// Each trial has a row per try: at least the first grasp. The times of its tries follow one another.
 #[test]
 fn every_try_is_a_row() {
     let mut reader = csv::Reader::from_path(reference().join("tries.csv")).expect("tries.csv");
@@ -179,8 +180,8 @@ fn every_try_is_a_row() {
     assert_eq!(trials, ROWS);
 }
 
-/// If the first object was felt, every condition foretells how far the planned grasp keeps the objects apart; those that choose, also of
-/// the chosen one.
+/// If the first object was felt, every condition predicts the separation of the objects under the planned grasp;
+/// conditions that choose a grasp also predict that of the chosen one.
 #[test]
 fn separations_are_foretold() {
     let rows = trials(reference());
@@ -199,7 +200,7 @@ fn separations_are_foretold() {
     assert!(foretold("blind") > 0 && chosen > 0, "{rows:?}");
 }
 
-/// Killed (SIGKILL) as soon as something has been written to the folder's files, then resumed.
+/// The run is killed (SIGKILL) as soon as something has been written to its folder, and resumed.
 #[test]
 fn killed_and_resumed_is_as_if_nothing_had_happened() {
     let folder = tempdir().expect("a folder");
@@ -208,7 +209,7 @@ fn killed_and_resumed_is_as_if_nothing_had_happened() {
     let began = Instant::now();
     let mut child = ftac(&size).stdout(Stdio::null()).stderr(Stdio::null()).spawn().expect("starts");
     let patience = Duration::from_secs(120);
-    // The journal of finished trials grows with each of them: two growths mean that one trial is done and another under way.
+    // The journal grows with each finished trial: two growths mean that one trial is finished and another is under way.
     let (mut sizes, mut last) = (0, 0);
     while sizes < 2 && began.elapsed() < patience && child.try_wait().expect("ours").is_none() {
         let now = bytes_in(&out);
@@ -226,7 +227,7 @@ fn killed_and_resumed_is_as_if_nothing_had_happened() {
     assert_eq!(trials(&out), trials(reference()));
 }
 
-/// Total size of the files in a folder, 0 if there is none yet.
+/// Returns the total size of the files in a folder, 0 if it does not exist yet.
 fn bytes_in(folder: &Path) -> u64 {
     fs::read_dir(folder)
         .into_iter()

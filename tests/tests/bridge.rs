@@ -1,6 +1,7 @@
-//! The hardware bridge end to end: trials on emulated devices, sessions replayed, faults, and a host that dies.
+//! The hardware bridge end to end: trials on emulated devices, replay of sessions, faults, and a host that dies.
 //!
-//! Emulated devices in lock-step depend on no clock. Those in real time run with `--patient`, and the tests wait for events, not for seconds.
+//! Emulated devices in lock-step do not depend on a clock. Those in real time run with `--patient`, and the tests wait
+//! for events, not for seconds.
 
 use std::fs;
 use std::io::Write;
@@ -13,7 +14,7 @@ use e2e::{ftac, run, stderr};
 use serde_json::Value;
 use tempfile::tempdir;
 
-/// The only file in a folder.
+/// Returns the only file in a folder.
 fn only_file(folder: &Path) -> PathBuf {
     let files: Vec<PathBuf> =
         fs::read_dir(folder).expect("a folder").map(|entry| entry.expect("an entry").path()).collect();
@@ -21,14 +22,14 @@ fn only_file(folder: &Path) -> PathBuf {
     files[0].clone()
 }
 
-/// Replays a session.
+/// Replays a session. Returns exit code and JSON output.
 fn replay(file: &Path) -> (Option<i32>, Value) {
     let output = run(&["replay", text(file), "--json"]);
     assert!(matches!(output.status.code(), Some(0 | 1)), "{}", stderr(&output));
     (output.status.code(), json(&output.stdout))
 }
 
-/// The run without noise comes out the same on all bodies, and each session replays to the last bit.
+/// The run without noise gives the same result on all backends, and each session replays to the last bit.
 #[test]
 fn the_same_trial_on_three_bodies() {
     let folder = tempdir().expect("a folder");
@@ -65,8 +66,8 @@ fn the_same_trial_on_three_bodies() {
     assert!(records.windows(2).all(|pair| pair[0] == pair[1]), "{records:?}");
 }
 
-/// All that the emulated devices do to commands, measurements and images is done without their wires too: two trials with noise are the same on both
-/// bodies, command by command and image by image.
+/// The backend `rounded` processes commands, measurements and images like the emulated devices, but without wires: two
+/// trials with noise are the same on both, command by command and image by image.
 #[test]
 fn wires_change_nothing() {
     let folder = tempdir().expect("a folder");
@@ -85,7 +86,7 @@ fn wires_change_nothing() {
         assert!(compared["identical_ticks"].as_u64().is_some_and(|ticks| ticks > 500), "{compared}");
         assert!(compared["identical_images"].as_u64().is_some_and(|images| images >= 36), "{compared}");
     }
-    // And the simulated robot itself is another body: the comparison would tell.
+    // The plain simulated robot differs from both: the comparison is able to detect differences.
     let sim = folder.path().join("sim");
     let out = folder.path().join("trial.rrd");
     let arguments = ["trial", "0", "--trial", "1", "--policy", "blind", "--session", text(&sim), "--out", text(&out)];
@@ -97,7 +98,7 @@ fn wires_change_nothing() {
     assert!(json(&output.stdout)["difference"].is_string());
 }
 
-/// A ROS 2 bag of a session: joint states and commands of every tick, images, and each message described in the file.
+/// Exports a session as a ROS 2 bag: joint states and commands of every tick, images, and a definition of each message.
 fn a_session_becomes_a_bag(session: &Path, bag: &Path) {
     let exported = run(&["--json", "export", "ros2", text(session), "--out", text(bag)]);
     assert_eq!(exported.status.code(), Some(0), "{}", stderr(&exported));
@@ -115,7 +116,8 @@ fn a_session_becomes_a_bag(session: &Path, bag: &Path) {
     assert!(stderr(&twice).contains("none.mcap"), "{}", stderr(&twice));
 }
 
-/// A trial with touch and noise: what it decides on the emulated devices is decided again on the recording; a changed bit is found.
+/// A trial with touch and noise makes the same decisions on the emulated devices and in the replay; a changed bit is
+/// detected.
 #[test]
 fn a_session_is_held_to_every_bit() {
     let folder = tempdir().expect("a folder");
@@ -137,14 +139,14 @@ fn a_session_is_held_to_every_bit() {
             "{file:?}"
         );
     }
-    // Cut in the middle, as by a power failure: everything up to there is identical.
+    // Cut in the middle, as by a power failure: everything before the cut is identical.
     let file = &files[0];
     let bytes = fs::read(file).expect("readable");
     fs::write(file, &bytes[..bytes.len() / 2]).expect("written");
     let (code, replayed) = replay(file);
     assert_eq!((code, &replayed["whole"], &replayed["divergence"]), (Some(0), &Value::Bool(false), &Value::Null));
     assert!(replayed["ticks"].as_u64().is_some_and(|ticks| ticks > 100));
-    // One bit anywhere in the body is a damaged file, or another session.
+    // One changed bit means a damaged file, or another session.
     let touched = files.iter().find(|file| text(file).contains("touch")).expect("a touch trial");
     let mut bytes = fs::read(touched).expect("readable");
     let middle = bytes.len() / 3;
@@ -165,7 +167,7 @@ fn faults_end_as_they_should() {
         assert_eq!(matrix["injected"], 12, "{fault} in every phase");
         assert_eq!(matrix["rows"][0]["recordings_intact"], 12);
     }
-    // No camera sends an image that can be read: the robot goes on, and a mirror says so.
+    // No camera sends a readable image: the robot continues, and a mirror reports it.
     let out = folder.path().join("mirrored");
     let mirrored = ["bridge", "faults", "--rounds", "1", "--only", "JPEGs", "--phase", "second", "--mirror", "--json"];
     let output = run(&[&mirrored[..], &["--out", text(&out)]].concat());
@@ -174,7 +176,7 @@ fn faults_end_as_they_should() {
     assert_eq!((&named["teller"], &named["rightly"]), (&"mirror".into(), &matrix["injected"]), "{named}");
 }
 
-/// A fault matrix that is interrupted keeps what it found, and goes on to the result of one that was not.
+/// An interrupted fault matrix keeps its outcomes, and resumes to the same result as an uninterrupted one.
 #[test]
 fn an_interrupted_fault_matrix_goes_on() {
     let folder = tempdir().expect("a folder");
@@ -206,7 +208,8 @@ fn an_interrupted_fault_matrix_goes_on() {
     assert!(lines(&cut).lines().count() == all && lines(&cut).lines().take(kept).count() == kept);
 }
 
-/// A host under `--robot hardware` that is killed in mid-trial: servos and arm stop by their own watchdogs, and its recording replays to the last tick.
+/// A host with `--robot hardware` is killed in mid-trial: servos and arm stop by their own watchdogs, and its recording
+/// replays to the last tick.
 #[test]
 fn a_killed_host_leaves_everything_standing() {
     let folder = tempdir().expect("a folder");
@@ -238,7 +241,7 @@ fn a_killed_host_leaves_everything_standing() {
     assert!(replayed["ticks"].as_u64().is_some_and(|ticks| ticks > 50), "{replayed}");
 }
 
-/// The camera board's plug is pulled in mid-trial: the robot holds and says what to do.
+/// The camera board is unplugged in mid-trial: the robot holds and tells the operator what to do.
 #[test]
 fn an_unplugged_camera_board_ends_in_hold() {
     let folder = tempdir().expect("a folder");

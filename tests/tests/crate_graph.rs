@@ -1,4 +1,4 @@
-//! The arrows between the crates, held to the design: what thinks never knows what it drives.
+//! Dependencies between the crates, checked against the design: the controller never depends on the robot that it drives.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -6,7 +6,7 @@ use std::process::Command;
 
 use serde_json::Value;
 
-/// Normal and build dependencies by package name: dev-dependencies are not in the program.
+/// Normal and build dependencies by package name. Dev-dependencies are not part of the program.
 struct Graph {
     arrows: BTreeMap<String, BTreeSet<String>>,
     members: BTreeSet<String>,
@@ -42,7 +42,7 @@ impl Graph {
         self.arrows.get(from).unwrap_or_else(|| panic!("no package {from}"))
     }
 
-    /// Everything that ends up in a build of `from`.
+    /// Returns all packages in a build of `from`.
     fn reach(&self, from: &str) -> BTreeSet<String> {
         let mut seen = BTreeSet::new();
         let mut open = vec![from.to_owned()];
@@ -56,20 +56,20 @@ impl Graph {
         seen
     }
 
-    /// Members that name `dependency` themselves.
+    /// Returns the members that depend directly on `dependency`.
     fn users(&self, dependency: &str) -> Vec<&str> {
         self.members.iter().filter(|member| self.direct(member).contains(dependency)).map(String::as_str).collect()
     }
 }
 
-/// The platform we build on: only its packages are sure to have been downloaded.
+/// Returns the host platform: only its packages are sure to have been downloaded.
 fn host() -> String {
     let output = Command::new("rustc").arg("-vV").output().expect("rustc runs");
     let text = String::from_utf8_lossy(&output.stdout);
     text.lines().find_map(|line| line.strip_prefix("host: ")).expect("rustc names its host").to_owned()
 }
 
-/// "Same control stack" is true because this is: whatever decides cannot name the simulator, a device, or the scene's truth.
+/// Foundation of the claim "same control stack": crates that decide cannot name the simulator, a device, or the true scene.
 #[test]
 fn what_decides_never_reaches_a_body() {
     let graph = Graph::read();
@@ -93,7 +93,7 @@ fn what_decides_never_reaches_a_body() {
     }
 }
 
-/// Policies live in `control`, which cannot name truth, and nowhere else.
+/// Policies exist only in `control`, which cannot name the true scene.
 #[test]
 fn policies_live_behind_the_wall() {
     let is_policy = |(_, text): &(PathBuf, String)| text.contains("impl Policy for");
@@ -122,7 +122,7 @@ fn policies_live_behind_the_wall() {
     }
 }
 
-/// Every Rust file below a folder, with its text.
+/// Returns every Rust file below a folder, with its text.
 pub(crate) fn rust_files(folder: &Path) -> Vec<(PathBuf, String)> {
     let mut files = Vec::new();
     let mut open = vec![folder.to_owned()];
@@ -152,7 +152,7 @@ fn only_one_crate_names_each_engine() {
     assert_eq!(graph.users("parquet"), ["sweep"]);
 }
 
-/// What only validation, grasp analysis and training need is in `ftac-lab` alone.
+/// Packages for validation, grasp analysis and training are in `ftac-lab` only.
 #[test]
 fn what_people_run_carries_no_training() {
     let graph = Graph::read();
@@ -164,8 +164,8 @@ fn what_people_run_carries_no_training() {
     }
 }
 
-/// `cargo run` and `cargo test` share one build: every package of a program has the same features in a build of the whole workspace. A
-/// feature that is missing belongs into `workspace-hack`.
+/// `cargo run` and `cargo test` share one build: every package of a program has the same features as in a build of the
+/// whole workspace. A missing feature belongs in `workspace-hack`.
 #[test]
 fn a_program_alone_is_built_of_the_workspaces_parts() {
     let packages = |arguments: &[&str]| -> BTreeSet<String> {
@@ -188,7 +188,7 @@ fn a_program_alone_is_built_of_the_workspaces_parts() {
     }
 }
 
-/// Design, section 1: "Arrows, and no others".
+/// Each member depends on the members listed here and on no others ("Crates and arrows" in ARCHITECTURE.md).
 #[test]
 fn members_know_only_whom_they_may() {
     let graph = Graph::read();
@@ -262,11 +262,12 @@ fn members_know_only_whom_they_may() {
             assert!(may.split(' ').any(|may| may == known), "{member} knows {known}");
         }
     }
-    // `stream` draws; it neither thinks nor simulates.
+    // `stream` only draws: it neither controls nor simulates.
     for stranger in ["sim", "control", "hardware-bridge", "ftac"] {
         assert!(!graph.reach("stream").contains(stranger), "stream reaches {stranger}");
     }
-    // The Python package is a door onto the libraries and brings the program: nobody knows it, and nobody else knows Python.
+    // The Python package wraps the libraries and brings the program. Nothing depends on it, and nothing else depends on
+    // Python.
     assert_eq!(graph.users("ftac"), ["ftac-lab", "ftac-python"]);
     assert_eq!(graph.users("ftac-lab"), Vec::<&str>::new());
     assert_eq!(graph.users("ftac-python"), Vec::<&str>::new());
@@ -276,7 +277,7 @@ fn members_know_only_whom_they_may() {
     }
 }
 
-/// Cargo looks for tests of these packages in one program only, so a file that the program does not name would never run.
+/// Cargo builds the tests of these packages as one program: a file that it does not name would never run.
 #[test]
 fn every_file_of_tests_is_in_its_program() {
     for folder in ["tests/tests", "sim/tests", "twin/bench/tests", "hardware-bridge/tests"] {

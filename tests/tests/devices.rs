@@ -18,7 +18,7 @@ pub fn json(bytes: &[u8]) -> Value {
     serde_json::from_slice(bytes).unwrap_or_else(|error| panic!("{error}: {}", String::from_utf8_lossy(bytes)))
 }
 
-/// One real-time trial at a time: each keeps a simulator and a control stack busy.
+/// Lock for one real-time trial at a time: each keeps a simulator and a control stack busy.
 static REAL_TIME: Mutex<()> = Mutex::new(());
 
 /// A running emulator in real time.
@@ -29,12 +29,12 @@ pub struct Devices {
 }
 
 impl Devices {
-    /// Calibrated, with these arguments more.
+    /// Starts calibrated devices, with additional arguments.
     pub fn start(folder: &Path, extra: &[&str]) -> Self {
         Self::start_cold(folder, &[&["--calibrated"], extra].concat())
     }
 
-    /// As they come, with these arguments more.
+    /// Starts uncalibrated devices, with additional arguments.
     pub fn start_cold(folder: &Path, extra: &[&str]) -> Self {
         let alone = REAL_TIME.lock().unwrap_or_else(PoisonError::into_inner);
         let dir = folder.join("devices");
@@ -52,12 +52,12 @@ impl Devices {
         Self { _alone: alone, child, config: dir.join("bridge.toml") }
     }
 
-    /// Makes something happen at once.
+    /// Sends a request or fault, which takes effect at once.
     pub fn happen(&mut self, what: &str) {
         writeln!(self.child.stdin.as_mut().expect("piped"), "{what}").expect("it listens");
     }
 
-    /// What it says at its end.
+    /// Waits for the end of the emulator and returns its final JSON output.
     pub fn end(mut self) -> Value {
         let mut rest = String::new();
         self.child.stdout.take().expect("piped").read_to_string(&mut rest).expect("read");
@@ -73,13 +73,14 @@ impl Drop for Devices {
     }
 }
 
-/// Waits until the trial under way has recorded some hundred ticks, on the arm's way to the first object. Its session grows with every tick.
+/// Waits until the trial under way has recorded some hundred ticks, on the arm's way to the first object. Its session
+/// file grows with every tick.
 pub fn wait_for_trial(host: &mut Child, sessions: &Path) {
     let recorded = || {
         fs::read_dir(sessions)
             .map_or(0, |files| files.flatten().map(|f| f.metadata().map_or(0, |m| m.len())).sum::<u64>())
     };
-    // Only a trial that hangs takes so long.
+    // Only a hanging trial takes this long.
     let give_up = Instant::now() + Duration::from_secs(600);
     while recorded() < 6_000_000 {
         if host.try_wait().expect("ours").is_some() {

@@ -1,5 +1,5 @@
-//! Every kind of disturbance, as a user would run its file: it changes what happens against the same trial undisturbed, the table
-//! of trials names it, and touch copes where it can know beforehand.
+//! Every kind of disturbance, run from its file as by a user: it changes the outcome of the same trial without it, the
+//! table of trials names it, and touch copes with it if it can be known beforehand.
 
 use std::fs;
 use std::path::Path;
@@ -7,7 +7,7 @@ use std::path::Path;
 use e2e::{root, run, stderr};
 use tempfile::{TempDir, tempdir};
 
-/// `trials.csv` of a short run of a scenario file, its text changed by `edit`; rows by column name.
+/// `trials.csv` of a short run of a scenario file with its text changed by `edit`; rows by column name.
 struct Run {
     rows: Vec<csv::StringRecord>,
     header: csv::StringRecord,
@@ -22,7 +22,7 @@ impl Run {
         fs::write(&scenario, edit(text)).expect("written");
         let fixed = ["bench", "--record", "none", "--seed", "4", "--scenario", utf8(&scenario), "--out", utf8(&out)];
         let output = run(&[&fixed[..], &["--conditions", "ideal,blind,touch"], size].concat());
-        // 1 says that the rates fall short, which a disturbance may well make them do.
+        // Exit code 1 means that the rates fall short, which is possible under a disturbance.
         assert!(matches!(output.status.code(), Some(0 | 1)), "{name}: {:?}: {}", output.status, stderr(&output));
         let mut table = csv::Reader::from_path(out.join("trials.csv")).expect("trials.csv");
         let rows = table.records().map(|row| row.expect("a row")).collect();
@@ -33,26 +33,26 @@ impl Run {
         Self::of(name, one_pair, &["--combos", "1", "--trials", "1"])
     }
 
-    /// The same trial without the disturbance.
+    /// Plays the same trial without the disturbance.
     fn undisturbed(name: &str) -> Self {
         let cut = |text: String| one_pair(text[..text.find("[disturbance").expect("a disturbance")].to_owned());
         Self::of(name, cut, &["--combos", "1", "--trials", "1"])
     }
 
-    /// The number in `column` of the only row of `condition`.
+    /// Returns the number in `column` of the only row of `condition`.
     fn number(&self, condition: &str, column: &str) -> f64 {
         let values = self.values(condition, column);
         values.first().and_then(|value| value.parse().ok()).unwrap_or_else(|| panic!("{column}: {values:?}"))
     }
 
-    /// Values of `column` in the rows of `condition`, in order.
+    /// Returns the values of `column` in the rows of `condition`, in order.
     fn values(&self, condition: &str, column: &str) -> Vec<&str> {
         let at = |name: &str| self.header.iter().position(|title| title == name).expect("a column");
         let (which, what) = (at("condition"), at(column));
         self.rows.iter().filter(|row| &row[which] == condition).map(|row| &row[what]).collect()
     }
 
-    /// The ideal run is undisturbed; `happened` is in what was done to every other one.
+    /// Checks that the ideal run is undisturbed, and that the disturbance of every other run mentions `happened`.
     fn disturbed(&self, happened: &str) {
         assert!(self.values("ideal", "disturbance").iter().all(|what| what.is_empty()), "ideal is disturbed");
         for condition in ["blind", "touch"] {
@@ -62,7 +62,7 @@ impl Run {
     }
 }
 
-/// The scenario with two objects alone that are held well.
+/// Reduces the scenario to two objects that are held well.
 fn one_pair(text: String) -> String {
     let benchmark = "extends = \"benchmark\"";
     assert!(text.contains(benchmark), "{text}");
@@ -77,7 +77,7 @@ fn utf8(path: &Path) -> &str {
 fn a_push_during_the_first_grasp() {
     let pushed = Run::short("push");
     pushed.disturbed("N on the first object at ");
-    // Pushed by 6 N, the object is knocked out of the closing hand; without that it is not.
+    // A push of 6 N knocks the object out of the closing hand; without it the object stays.
     let hard = |text: String| one_pair(text.replace("-2.0", "-6.0"));
     let hard = Run::of("push", hard, &["--combos", "1", "--trials", "1"]);
     let undisturbed = Run::undisturbed("push");
@@ -85,7 +85,7 @@ fn a_push_during_the_first_grasp() {
         assert_eq!(hard.values(condition, "cause"), ["first_not_picked"], "{condition}");
         assert_ne!(undisturbed.values(condition, "cause"), ["first_not_picked"], "{condition}");
     }
-    // The same seed, the same bits.
+    // The same seed gives the same bits.
     let again = Run::short("push");
     let of = |run: &Run| ["blind", "touch"].map(|c| run.values(c, "sim_seconds").concat());
     assert_eq!(of(&pushed), of(&again));
@@ -94,7 +94,7 @@ fn a_push_during_the_first_grasp() {
 #[test]
 fn slipping_while_carried() {
     Run::short("slip").disturbed("the first object becomes slippery");
-    // Slippery as ice and pulled by 40 N, the object is lost; without that it is not.
+    // At the friction of ice and a pull of 40 N the object is lost; without them it is not.
     let ice = |text: String| one_pair(text.replace("friction = 0.5", "friction = 0.02").replace("-4.0", "-40.0"));
     let lost = Run::of("slip", ice, &["--combos", "1", "--trials", "1"]);
     assert_eq!(lost.values("blind", "success"), ["false"]);
@@ -106,7 +106,7 @@ fn slipping_while_carried() {
 #[test]
 fn an_object_that_is_not_where_it_is_seen() {
     Run::short("wrong_position").disturbed("beside its place until it is touched");
-    // Far from where it is seen the blind hand closes on nothing.
+    // The object is far from its seen place: the blind hand closes on nothing.
     let far = Run::of(
         "wrong_position",
         |text| text.replace("0.010, 0.011", "0.0, 0.090"),
@@ -139,7 +139,7 @@ fn balls_of_other_sizes() {
 #[test]
 fn failed_cameras() {
     Run::short("blind_pads").disturbed("cameras failed: ring_distal, little_distal");
-    // With most of the pads gone that feel it, the first grasp is nearly the same; what is felt of it is not.
+    // With most of the pads in contact failed, the first grasp is nearly the same; its pose estimate is not.
     let most = r#""ring_middle", "little_middle", "palm_ulnar", "palm_radial", "ring_distal""#;
     let most = |text: String| one_pair(text.replace("\"ring_distal\"", most));
     let missing = Run::of("blind_pads", most, &["--combos", "1", "--trials", "1"]);
@@ -151,7 +151,7 @@ fn failed_cameras() {
     Run::of("blind_pads", black, &["--combos", "1", "--trials", "1"]).disturbed("cameras failed");
 }
 
-/// Without ring and little finger nothing holds the first object: touch says so in words and does not begin. Blind closes on it
+/// Without ring and little finger no grasp holds the first object: touch says so and does not begin. Blind closes on it
 /// as planned, with digits that do not move.
 #[test]
 fn digits_without_power() {
@@ -165,7 +165,7 @@ fn digits_without_power() {
     assert_eq!(run.values("ideal", "success"), ["true"]);
 }
 
-/// What cannot be run is refused with file, line and field, and leaves nothing behind.
+/// A disturbance that cannot be run is refused with file, line and field, and leaves nothing behind.
 #[test]
 fn a_wrong_disturbance_is_refused() {
     let folder = tempdir().expect("a folder");

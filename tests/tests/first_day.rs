@@ -1,4 +1,5 @@
-//! The first day with a hand, on emulated devices in real time: bring-up from cold, and the first trial without cameras, watched.
+//! The first day with a hand, on emulated devices in real time: bring-up from cold, and the first trial, without
+//! cameras and watched by the operator.
 
 use std::fs;
 use std::io::{BufRead as _, BufReader, Write};
@@ -15,7 +16,7 @@ fn bridge(arguments: &[&str], config: &Path) -> std::process::Output {
     run(&[&["bridge"], arguments, &["--config", text(config), "--json"]].concat())
 }
 
-/// All servos of the simulated hand are calibrated from cold, and the result holds at the next connection.
+/// All servos of the simulated hand are calibrated from cold, and the calibration holds at the next connection.
 #[test]
 fn a_cold_hand_is_calibrated() {
     let folder = tempdir().expect("a folder");
@@ -26,7 +27,8 @@ fn a_cold_hand_is_calibrated() {
     let calibration = devices.config.with_file_name("calibration.json");
     let written = json(&fs::read(&calibration).expect("written"));
     assert_eq!(written["crc"], crc);
-    // The emulated horns stand at multiples of 700 counts, which is where slack cables are; a stop gives by a few counts.
+    // The emulated servo horns stand at multiples of 700 counts, where the cables are slack; an end stop gives by a few
+    // counts.
     for (n, servo) in written["servos"].as_array().expect("six").iter().enumerate() {
         let mark = -servo["homing_offset"].as_i64().expect("a number");
         let off = (mark - 700 * (n as i64 + 1)).rem_euclid(4096);
@@ -41,26 +43,27 @@ fn a_cold_hand_is_calibrated() {
     assert_eq!((&row["found"], &row["ok"]), (&crc, &Value::Bool(true)));
 }
 
-/// Something happens to servo 6; waits until so many servos answer.
+/// Applies an event to servo 6, and waits until this number of servos answers.
 fn servo_6(devices: &mut Devices, event: &str, servos: usize) {
     devices.happen(event);
     let found = || json(&bridge(&["scan"], &devices.config).stdout)["servos"].as_array().map_or(0, Vec::len);
     assert!((0..100).any(|_| found() == servos), "{servos} servos after {event}");
 }
 
-/// A calibration that fails at the last servo changes neither servos nor file, keeps what it found, and goes on from there.
+/// A calibration that fails at the last servo changes neither servos nor file, keeps its results so far, and resumes
+/// from there.
 #[test]
 fn a_failed_calibration_changes_nothing_and_goes_on() {
     let folder = tempdir().expect("a folder");
     let mut devices = Devices::start(folder.path(), &["--springs"]);
     let calibration = devices.config.with_file_name("calibration.json");
     let before = fs::read(&calibration).expect("there");
-    // A servo that is missing is noticed before any motion.
+    // A missing servo is detected before any motion.
     servo_6(&mut devices, "unplug=6", 5);
     let output = bridge(&["calibrate", "--yes"], &devices.config);
     assert!(output.status.code() == Some(2) && stderr(&output).contains("before any motion"), "{}", stderr(&output));
     servo_6(&mut devices, "plug=6", 6);
-    // Its plug comes off while the others are felt.
+    // Servo 6 is unplugged while the others are calibrated.
     let arguments = ["bridge", "calibrate", "--yes", "--json", "--config", text(&devices.config)];
     let mut felt = ftac(&arguments).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("starts");
     let mut lines = BufReader::new(felt.stderr.take().expect("piped")).lines().map_while(Result::ok);
@@ -75,7 +78,7 @@ fn a_failed_calibration_changes_nothing_and_goes_on() {
     let kept = json(&fs::read(calibration.with_file_name("calibration.json.part")).expect("kept"));
     assert_eq!(kept.as_array().map(Vec::len), Some(5));
     servo_6(&mut devices, "plug=6", 6);
-    // The servos still have the offsets of the last calibration.
+    // The servos still have the homing offsets of the last calibration.
     let rows = json(&bridge(&["doctor"], &devices.config).stdout)["rows"].clone();
     let row = rows.as_array().expect("rows").iter().find(|row| row["what"] == "calibration");
     assert_eq!(row.expect("its row")["ok"], true, "{rows}");
@@ -85,8 +88,8 @@ fn a_failed_calibration_changes_nothing_and_goes_on() {
     assert!(felt.contains("opposition") && !felt.contains("little"), "only what was missing: {felt}");
 }
 
-/// A hand without cameras: `touch` is refused before anything moves; `blind` runs to its verdict, streams what is measured and believed into a
-/// recording, and replays to the bit.
+/// A hand without cameras: `touch` is refused before anything moves; `blind` runs to its verdict, streams measurements
+/// and beliefs into a recording, and replays to the bit.
 #[test]
 fn a_hand_without_cameras_runs_blind() {
     let folder = tempdir().expect("a folder");
@@ -106,7 +109,7 @@ fn a_hand_without_cameras_runs_blind() {
     let arguments = [&["trial", "0", "--policy", "blind", "--out", text(&recording)], &usual[..]].concat();
     let mut host =
         ftac(&arguments).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("starts");
-    // Go; no unwanted contact; both held; open the hand.
+    // Answers of the operator: go; no unwanted contact; both held; open the hand.
     host.stdin.take().expect("piped").write_all(b"\nno\nyes\nrelease\n").expect("the operator answers");
     let output = host.wait_with_output().expect("ends");
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
@@ -117,18 +120,18 @@ fn a_hand_without_cameras_runs_blind() {
     assert_eq!((replayed.status.code(), &found["divergence"]), (Some(0), &Value::Null), "{}", stderr(&replayed));
     assert!(found["identical_commands"].as_u64().is_some_and(|commands| commands > 500), "{found}");
 
-    // A folder stands for all sessions in it.
+    // A folder means all sessions in it.
     let all = run(&["replay", text(&sessions), "--json"]);
     let rows = json(&all.stdout)["sessions"].clone();
     assert_eq!((all.status.code(), rows.as_array().map(Vec::len)), (Some(0), Some(1)), "{}", stderr(&all));
     assert_eq!((&rows[0]["replayed"], &rows[0]["shortfall"]), (&found, &Value::Null));
 
-    // The recording again, from the session alone.
+    // The recording can be made again from the session alone.
     let exported = folder.path().join("exported.rrd");
     let output = run(&["export", "rrd", text(&session), "--out", text(&exported), "--json"]);
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
     assert_eq!(json(&output.stdout)["ticks"], found["ticks"]);
     let again = fs::metadata(&exported).expect("exported").len();
-    // What is written in larger pieces is smaller.
+    // Writing in larger pieces gives a smaller file.
     assert!(again > 500_000 && bytes > 500_000 && again < 2 * bytes, "{bytes} bytes live, {again} exported");
 }

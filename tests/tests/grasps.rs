@@ -1,4 +1,4 @@
-//! Grasp synthesis as a user meets it: a collection that goes on after a kill, grasps shown, broken and huge meshes.
+//! Grasp synthesis as a user runs it: a collection that resumes after a kill, display of grasps, broken and huge meshes.
 
 use std::fs;
 use std::path::Path;
@@ -34,7 +34,7 @@ fn make(parts: &Path, out: &Path, each: &str) -> Value {
     serde_json::from_slice(&output.stdout).expect("JSON")
 }
 
-/// A part cut off in the middle of a line, as by a kill, is gone on with; the file is the one an undisturbed run makes.
+/// A part cut off in the middle of a line, as by a kill, is resumed; the file is the same as from an undisturbed run.
 #[test]
 fn an_interrupted_collection_goes_on() {
     let folder = tempdir().expect("a folder");
@@ -47,7 +47,7 @@ fn an_interrupted_collection_goes_on() {
     make(&cut, &folder.path().join("cut.jsonl"), "4");
     let read = |name: &str| fs::read_to_string(folder.path().join(name)).expect("written");
     assert_eq!(read("whole.jsonl"), read("cut.jsonl"));
-    // Fewer wanted: the same ones, fewer of them.
+    // If fewer are wanted, they are the first of the same ones.
     make(&cut, &folder.path().join("two.jsonl"), "2");
     let (two, four) = (read("two.jsonl"), read("whole.jsonl"));
     assert_eq!(two.lines().skip(2).collect::<Vec<_>>(), four.lines().skip(2).take(2).collect::<Vec<_>>());
@@ -71,7 +71,8 @@ fn grasps_are_shown() {
     assert_eq!(answer["objects"].as_array().map(Vec::len), Some(23));
 }
 
-/// Grasps of one type are found, and the rules call every one of them that; a type that is none is named with the known ones.
+/// Grasps of one type are found, and the rules classify every one of them as that type. An unknown type is refused,
+/// with the list of known ones.
 #[test]
 fn grasps_of_one_type() {
     let folder = tempdir().expect("a folder");
@@ -94,7 +95,7 @@ fn grasps_of_one_type() {
     assert!(stderr(&output).contains("Writing Tripod"), "{}", stderr(&output));
 }
 
-/// As many grasps of the built-in collection as can be had with people's shares.
+/// The largest subset of the built-in collection with the type shares of human grasping.
 #[test]
 fn grasps_with_the_shares_of_people() {
     let folder = tempdir().expect("a folder");
@@ -115,7 +116,8 @@ fn grasps_with_the_shares_of_people() {
 /// Radius of the ball, m.
 const BALL: f64 = 0.025;
 
-/// A ball of `rings` by twice as many facets, radius [`BALL`], in OBJ; the facets of the last `left_out` rings are missing.
+/// Returns a ball (OBJ) of `rings` by twice as many facets, radius [`BALL`]; the facets of the last `left_out` rings
+/// are missing.
 fn ball(rings: usize, left_out: usize) -> String {
     let mut content = String::new();
     let around = 2 * rings;
@@ -130,7 +132,7 @@ fn ball(rings: usize, left_out: usize) -> String {
     for ring in 0..rings - left_out {
         for k in 0..around {
             let (a, b) = (ring * around + k + 1, ring * around + (k + 1) % around + 1);
-            // At the poles one of the two has no area.
+            // At the poles one of the two triangles has no area.
             if ring + 1 < rings {
                 content += &format!("f {a} {} {}\n", a + around, b + around);
             }
@@ -142,8 +144,8 @@ fn ball(rings: usize, left_out: usize) -> String {
     content
 }
 
-/// A mesh with a hole is closed, one of a million triangles gets fewer; what was done is said. A flat one is refused, and so is a mass that
-/// is none.
+/// A mesh with a hole is closed, and one of a million triangles is simplified; both are reported. A flat mesh is
+/// refused, and so is an invalid mass.
 #[test]
 fn broken_and_huge_meshes() {
     let folder = tempdir().expect("a folder");
@@ -152,7 +154,7 @@ fn broken_and_huge_meshes() {
         fs::write(&mesh, content).expect("written");
         let output = run(&["grasps", "generate", "--mesh", text(&mesh), "--n", "8", "--seed", "3", "--json"]);
         let said = stderr(&output);
-        // The ball has 65.4 cm3, its coarse one 64.9.
+        // The ball has 65.4 cm3, the coarse one 64.9.
         let volume = [", 64.9 cm3", ", 65.0 cm3", ", 65.4 cm3"].iter().any(|volume| said.contains(volume));
         assert!(said.contains("mended: ") && said.contains(done) && volume, "{said}");
         let answer: Value = serde_json::from_slice(&output.stdout).expect("JSON");
@@ -173,8 +175,8 @@ fn broken_and_huge_meshes() {
     refused(&[], "it cannot be mended: ");
 }
 
-/// Hands of others, from their URDF alone, with what becomes of their file of grasps: it is shown, closed again, and exported; what
-/// goes by the digits of our own hand refuses it, and a hand that has changed is noticed. Their models are not part of this repository.
+/// Third-party hands, from their URDF alone. Their grasp file is shown, closed again and exported; commands that depend
+/// on the digits of our own hand refuse it, and a changed hand is detected. The models are not part of this repository.
 #[test]
 fn other_hands_grasp() {
     for (urdf, pulls) in [
@@ -204,7 +206,7 @@ fn other_hands_grasp() {
     }
 }
 
-/// The `found` grasps of a ball in another hand's file.
+/// Checks that the `found` grasps of a ball in another hand's file can be read.
 fn other_file_is_read(file: &Path, found: u64, folder: &Path) {
     let shown = run(&["--json", "grasps", "show", "ball", "--grasps", text(file), "--report", text(folder)]);
     let answer: Value = serde_json::from_slice(&shown.stdout).expect("JSON");
@@ -231,7 +233,7 @@ fn other_file_is_read(file: &Path, found: u64, folder: &Path) {
     );
 }
 
-/// Poses of a mesh are in the frame of its file, wherever its middle is; the file of its grasps is read with the mesh it names.
+/// Poses of a mesh are in the frame of its file, wherever its centre is. The grasp file is read with the mesh that it names.
 #[test]
 fn grasps_of_a_mesh_are_in_its_own_frame() {
     let folder = tempdir().expect("a folder");
@@ -262,11 +264,11 @@ fn grasps_of_a_mesh_are_in_its_own_frame() {
     }
     let again = run(&["--json", "grasps", "eval", "--grasps", text(&file)]);
     let answer: Value = serde_json::from_slice(&again.stdout).expect("JSON");
-    // Poses are rounded in the file: a grasp that just holds may be lost.
+    // Poses in the file are rounded: a grasp that barely holds may be lost.
     assert!(answer["verified"]["c"]["count"].as_u64() >= Some(grasps.len() as u64 / 2), "{answer}");
 }
 
-/// A vector turned by a quaternion i, j, k, w.
+/// Rotates a vector by a quaternion i, j, k, w.
 fn turned(q: &[f64], v: &[f64; 3]) -> [f64; 3] {
     let cross =
         |a: [f64; 3], b: [f64; 3]| [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
@@ -276,7 +278,8 @@ fn turned(q: &[f64], v: &[f64; 3]) -> [f64; 3] {
     std::array::from_fn(|n| v[n] + q[3] * twice[n] + again[n])
 }
 
-/// A grasp as a scene for another engine: a model whose keyframe has every joint and the object, and the commands that close it.
+/// Export of a grasp as a scene for another engine: a model whose keyframe has every joint and the object, and the
+/// commands that close it.
 #[test]
 fn grasps_are_exported() {
     let folder = tempdir().expect("a folder");
@@ -293,7 +296,7 @@ fn grasps_are_exported() {
             let start = scene.find(&format!(" {name}=\"")).expect("a keyframe") + name.len() + 3;
             scene[start..].split('"').next().map_or(0, |values| values.split_whitespace().count())
         };
-        // 15 joints, and position and turn of the object; five cables and the opposition.
+        // 15 joints, and position and quaternion of the object; five cables and the opposition.
         assert_eq!((values("qpos"), values("ctrl")), (15 + 7, 6));
         assert_eq!((scene.matches("<spatial ").count(), scene.matches("<freejoint ").count()), (5, 1));
         assert!(test["tensions"].as_array().is_some_and(|all| all.iter().any(|tension| tension.as_f64() > Some(1.0))));
@@ -306,7 +309,7 @@ fn grasps_are_exported() {
     );
 }
 
-/// A search for proofs leaves alone what was proven with as much effort, and asks for a file of plans.
+/// A search for proofs skips combinations that were proven with as much effort, and requires a plan file.
 #[test]
 fn proven_plans_stay() {
     let folder = tempdir().expect("a folder");
@@ -328,7 +331,7 @@ fn proven_plans_stay() {
     assert_eq!(none.status.code(), Some(2), "{}", stderr(&none));
 }
 
-/// Grasps by the little finger alone against the palm are found, and use nothing else.
+/// Grasps by the little finger alone against the palm are found, and touch with nothing else.
 #[test]
 fn grasps_use_the_parts_that_are_asked_for() {
     let folder = tempdir().expect("a folder");

@@ -1,4 +1,4 @@
-//! The guide's commands, as a reader would type them: every block of a page in one folder, in order.
+//! The commands of the guide, as a reader would type them: every block of a page in one folder, in order.
 
 use std::fs;
 use std::path::Path;
@@ -7,7 +7,8 @@ use std::process::{Command, Output};
 use e2e::{binary, root, stderr};
 use tempfile::{TempDir, tempdir};
 
-/// Commands of a page: (line, whether it takes too long for a test; then only its words are checked).
+/// Returns the commands of a page: the line, and true if it takes too long for a test, so that only its arguments are
+/// checked.
 fn commands(page: &str) -> Vec<(String, bool)> {
     let mut found = Vec::new();
     let mut block = None;
@@ -27,7 +28,7 @@ fn page(name: &str) -> String {
     fs::read_to_string(root().join("twin/guide/pages").join(name)).expect("a page")
 }
 
-/// A folder with the files that the pages name.
+/// Returns a folder with the files that the pages name.
 fn folder() -> TempDir {
     let folder = tempdir().expect("a folder");
     for file in fs::read_dir(root().join("twin/guide/files")).expect("files") {
@@ -49,7 +50,7 @@ fn run_page(name: &str) -> TempDir {
     assert!(!all.is_empty(), "{name} has no command");
     for (line, slow) in all {
         let output = typed(&line, if slow { &["--help"] } else { &["--quiet"] }, folder.path());
-        // A result may fall short; usage and input are right.
+        // A result may fall short, but usage and input are right.
         assert!(matches!(output.status.code(), Some(0 | 1)), "{name}: {line}\n{}", stderr(&output));
     }
     folder
@@ -104,7 +105,7 @@ fn the_troubleshooters_page() {
     run_page("troubleshooting.md");
 }
 
-/// What a page prints of a file is that file.
+/// Files printed on the pages are identical to the files used.
 #[test]
 fn printed_files_are_those_that_are_used() {
     for (name, file) in [("benchmark.md", "twice_the_noise.toml"), ("hand.md", "clamp.toml")] {

@@ -1,4 +1,4 @@
-//! `ftac` hands commands of validation, grasp analysis and training over to `ftac-lab`.
+//! `ftac` hands the commands for validation, grasp analysis and training over to `ftac-lab`.
 
 use std::fs;
 use std::io::Write as _;
@@ -20,21 +20,21 @@ const HANDED_OVER: [&[&str]; 7] = [
     &["report", "--lab-book"],
 ];
 
-/// How a user builds it.
+/// Command with which a user builds it.
 const BUILD: &str = "cargo build --release -p ftac-lab";
 
 fn lab() -> PathBuf {
     binary().with_file_name("ftac-lab")
 }
 
-/// The identity that `ftac-lab` prints for `ftac`.
+/// Returns the identity that `ftac-lab` prints for `ftac`.
 fn identity() -> String {
     let output = Command::new(lab()).arg("--identity").output().expect("ftac-lab runs");
     assert!(output.status.success(), "{}", stderr(&output));
     String::from_utf8_lossy(&output.stdout).trim().to_owned()
 }
 
-/// A folder with `ftac` in it, alone.
+/// Returns a folder that contains only `ftac`.
 fn alone() -> TempDir {
     let folder = tempdir().expect("a folder");
     let copied = Command::new("cp").arg(binary()).arg(folder.path().join("ftac")).status().expect("cp runs");
@@ -42,8 +42,8 @@ fn alone() -> TempDir {
     folder
 }
 
-/// A program `ftac-lab` in `folder`, which says that it is `identity`; otherwise it leaves a mark, repeats its arguments and what it reads,
-/// complains, and ends with 7.
+/// Writes a stand-in for `ftac-lab` to `folder` that reports `identity`; otherwise it leaves a mark, prints its
+/// arguments and its input, writes to stderr, and exits with code 7.
 fn stand_in(folder: &Path, identity: &str) {
     let program = folder.join("ftac-lab");
     let script = format!(
@@ -54,7 +54,8 @@ fn stand_in(folder: &Path, identity: &str) {
     write_program(&program, &script);
 }
 
-/// Writes a script by another process: one that this process has open cannot be run, and another test's child may keep it open.
+/// Writes a script in another process: a file that this process has open cannot be run, and another test's child may
+/// keep it open.
 fn write_program(path: &Path, script: &str) {
     let write =
         Command::new("sh").args(["-c", "printf %s \"$1\" > \"$0\" && chmod +x \"$0\""]).arg(path).arg(script).status();
@@ -65,7 +66,7 @@ fn mark(folder: &Path) -> PathBuf {
     folder.join("ran")
 }
 
-/// `ftac` of a folder with a search path.
+/// Returns a command that runs `ftac` of a folder with a search path.
 fn started(folder: &Path, path: &Path, arguments: &[&str]) -> Command {
     let mut command = Command::new(folder.join("ftac"));
     command.args(arguments).current_dir(root()).env("FTAC_LOG", "").env("PATH", path);
@@ -88,7 +89,7 @@ fn without_ftac_lab_the_command_that_builds_it_is_told() {
     let error: Value = serde_json::from_slice(&said.stdout).expect("JSON");
     assert_eq!(error["code"], 2);
     assert!(error["error"].as_str().expect("words").contains(BUILD), "{error}");
-    // All else is there: help of these commands, and the refusal of what they do not take.
+    // Everything else works: help of these commands, and refusal of wrong arguments.
     let help = output(&mut started(folder.path(), folder.path(), &["hand", "--help"]));
     let help = String::from_utf8_lossy(&help.stdout).into_owned();
     assert!(
@@ -99,7 +100,7 @@ fn without_ftac_lab_the_command_that_builds_it_is_told() {
     assert!(stderr(&wrong).contains("34") && !stderr(&wrong).contains("ftac-lab"), "{}", stderr(&wrong));
 }
 
-/// An `ftac-lab` of another version is not run, and none is looked for behind it.
+/// An `ftac-lab` of another version is not run, and the search does not continue behind it.
 #[test]
 fn another_version_is_refused() {
     let (folder, path) = (alone(), tempdir().expect("a folder"));
@@ -111,14 +112,15 @@ fn another_version_is_refused() {
         assert!(stderr(&said).contains(words), "{words}: {}", stderr(&said));
     }
     assert!(!mark(folder.path()).exists() && !mark(path.path()).exists(), "it ran");
-    // One that knows of no identity is no better.
+    // A program without an identity is refused too.
     write_program(&folder.path().join("ftac-lab"), "#!/bin/sh\nexit 0\n");
     let said = output(&mut started(folder.path(), path.path(), &["hand", "check"]));
     assert_eq!(said.status.code(), Some(2), "{}", stderr(&said));
     assert!(stderr(&said).contains("found \"\""), "{}", stderr(&said));
 }
 
-/// The program beside `ftac` comes first, then the search path; it has all that `ftac` was given, and its exit code is that of `ftac`.
+/// The program beside `ftac` comes before the search path. It gets all arguments and streams of `ftac`, and its exit
+/// code becomes that of `ftac`.
 #[test]
 fn arguments_streams_and_the_exit_code_pass_through() {
     let (folder, path) = (alone(), tempdir().expect("a folder"));
@@ -143,7 +145,7 @@ fn arguments_streams_and_the_exit_code_pass_through() {
     assert!(!mark(path.path()).exists(), "the search path came before the neighbour");
 }
 
-/// The real one: a result, a result that falls short, and bad input end with their exit codes.
+/// With the real `ftac-lab`, a result, a result that falls short, and bad input have their own exit codes.
 #[test]
 fn exit_codes_are_those_of_the_command() {
     let folder = tempdir().expect("a folder");

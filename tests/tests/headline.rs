@@ -1,7 +1,8 @@
-//! The headline is guarded: on fixed seeds touch succeeds cleanly as often as measured, and by as much more than blind and reflex.
+//! Regression test of the headline result: on fixed seeds, touch succeeds cleanly as often as measured, and by the same
+//! lead over blind and reflex.
 //!
-//! The same build plays the same bits; another processor may differ in the last of them and so end single trials otherwise. The intervals of
-//! `data/headline.csv` are wide enough for that and too narrow for a lead that is lost.
+//! The same build gives the same bits. Another processor may differ in the last bits, so that single trials end
+//! differently. The intervals of `data/headline.csv` are wide enough for that, and too narrow for a lost lead.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -31,7 +32,8 @@ struct Outcome {
     touch: bool,
 }
 
-/// Touch's rate with its Wilson interval, and its leads with the bootstrap intervals of paired differences.
+/// Returns the success rate of touch with its Wilson interval, and its leads with the bootstrap intervals of paired
+/// differences.
 fn figures(outcomes: &[Outcome]) -> Vec<Guarded> {
     let clean = outcomes.iter().filter(|outcome| outcome.touch).count();
     let rate = Rate::new(clean as u64, outcomes.len() as u64);
@@ -49,7 +51,7 @@ fn figures(outcomes: &[Outcome]) -> Vec<Guarded> {
     ]
 }
 
-/// The figures that have left their intervals, in words.
+/// Describes the figures outside their intervals.
 fn departures(guard: &[Guarded], found: &[Guarded]) -> Vec<String> {
     let left = guard.iter().zip(found).filter(|(guard, found)| !(guard.low..=guard.high).contains(&found.measured));
     left.map(|(guard, found)| {
@@ -60,7 +62,7 @@ fn departures(guard: &[Guarded], found: &[Guarded]) -> Vec<String> {
     .collect()
 }
 
-/// Plays the trials.
+/// Plays the trials and returns their outcomes.
 fn play() -> Vec<Outcome> {
     let folder = tempdir().expect("a folder");
     let out = folder.path().to_str().expect("UTF-8");
@@ -112,7 +114,7 @@ fn measure() {
     fs::write(file(), format!("{comments}figure,measured,low,high\n{rows}")).expect("written");
 }
 
-/// An interval that holds no lead at all would guard nothing.
+/// No interval may include a lead of zero: it would guard nothing.
 #[test]
 fn no_interval_lets_a_lost_lead_pass() {
     let guard = guard();
@@ -125,12 +127,14 @@ fn no_interval_lets_a_lost_lead_pass() {
     }
 }
 
-/// As many trials as are played, of which so many succeed blind, with reflex and with touch; where one succeeds, so do those that succeed more often.
+/// Returns 40 made-up trials, with these numbers of successes for blind, reflex and touch. Successes are nested: if a
+/// weaker condition succeeds, so do the stronger ones.
 fn made_up([blind, reflex, touch]: [usize; 3]) -> Vec<Outcome> {
     (0..40).map(|n| Outcome { blind: n < blind, reflex: n < reflex, touch: n < touch }).collect()
 }
 
-/// The rule on made-up counts: single trials that end otherwise pass; a lead that is lost fails, whether touch falls or the others rise.
+/// The rule on made-up counts: single trials that end differently pass; a lost lead fails, whether touch falls or the
+/// others rise.
 #[test]
 fn a_lost_lead_leaves_its_interval() {
     let guard = figures(&made_up([18, 23, 35]));

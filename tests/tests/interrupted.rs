@@ -1,4 +1,4 @@
-//! A benchmark that is interrupted, and folders that hold another run: nothing is lost and nothing mixed up.
+//! Interrupted benchmarks, and folders that hold another run: nothing is lost and nothing mixed up.
 
 use std::fs;
 use std::path::Path;
@@ -8,7 +8,7 @@ use std::time::Duration;
 use e2e::{ftac, run, stderr};
 use tempfile::{TempDir, tempdir};
 
-/// A run of blind trials into the folder, under way: at least one unit of many is finished.
+/// Starts a run of blind trials and returns it once at least one of many units is finished.
 fn under_way(out: &Path, seed: &str) -> Child {
     let size = ["--combos", "4", "--trials", "20", "--conditions", "blind", "--jobs", "1", "--record", "none"];
     let arguments = [&["bench", "--seed", seed, "--out", text(out)], &size[..]].concat();
@@ -20,7 +20,7 @@ fn under_way(out: &Path, seed: &str) -> Child {
     child
 }
 
-/// Finished units.
+/// Returns the number of finished units.
 fn units(out: &Path) -> usize {
     fs::read_to_string(out.join("journal.jsonl")).map_or(0, |journal| journal.lines().count())
 }
@@ -29,7 +29,7 @@ fn text(path: &Path) -> &str {
     path.to_str().expect("a UTF-8 path")
 }
 
-/// An interrupted run: its folder, and what it said.
+/// Interrupts a run with Ctrl-C. Returns its folder and its output.
 fn interrupted(seed: &str) -> (TempDir, std::process::Output) {
     let folder = tempdir().expect("a folder");
     let child = under_way(folder.path(), seed);
@@ -39,7 +39,7 @@ fn interrupted(seed: &str) -> (TempDir, std::process::Output) {
     (folder, output)
 }
 
-/// What was finished before Ctrl-C is kept, and the message says how to go on. Only with what was asked for before.
+/// Units finished before Ctrl-C are kept, and the message says how to resume. A resumed run must have the original settings.
 #[test]
 fn ctrl_c_ends_in_order() {
     let (folder, output) = interrupted("3");
@@ -55,12 +55,12 @@ fn ctrl_c_ends_in_order() {
     }
     let report = run(&["report", text(out)]);
     assert!(report.status.success(), "{}", stderr(&report));
-    // The page has the command that made the data, not only the one that made the page.
+    // The page shows the command that made the data, not only that which made the page.
     let page = fs::read_to_string(out.join("report.html")).expect("a page");
     assert!(page.contains("bench --seed 3 --out") && page.contains("page made by"), "{page}");
     assert_eq!(fs::read_to_string(out.join("trials.csv")).expect("trials").lines().count(), kept + 1);
 
-    // Units of another run in the journal are found, and by the number of their line.
+    // Units of another run in the journal are detected and named by their line number.
     let (other, _) = interrupted("5");
     let journal = fs::read_to_string(out.join("journal.jsonl")).expect("a journal");
     let foreign = fs::read_to_string(other.path().join("journal.jsonl")).expect("a journal");
@@ -70,13 +70,13 @@ fn ctrl_c_ends_in_order() {
     assert!(stderr(&refused).contains(&format!("line {}", kept + 1)), "{}", stderr(&refused));
 }
 
-/// A run that records everything records what is left of it, too, without being told again.
+/// A run that records everything records the remaining trials too when resumed, without being told again.
 #[test]
 fn a_resumed_run_records_as_it_was_begun() {
     let folder = tempdir().expect("a folder");
     let out = folder.path().join("out");
     let size = ["--combos", "1", "--trials", "2", "--conditions", "blind", "--record", "all", "--out", text(&out)];
-    // One after the other: the journal's first line is the first trial.
+    // One job: the journal's first line is the first trial.
     let output = run(&[&["bench", "--jobs", "1"], &size[..]].concat());
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
     let recordings = || -> std::collections::BTreeSet<String> {
@@ -85,7 +85,7 @@ fn a_resumed_run_records_as_it_was_begun() {
     };
     let all = recordings();
     assert!(all.contains("combination_00_trial_1.rrd") && all.contains("combination_00_trial_1_blind.png"), "{all:?}");
-    // Killed before its second trial.
+    // As if killed before its second trial.
     let journal = fs::read_to_string(out.join("journal.jsonl")).expect("a journal");
     let first = journal.lines().next().expect("a unit");
     fs::write(out.join("journal.jsonl"), format!("{first}\n")).expect("written");

@@ -1,4 +1,4 @@
-//! Commands that no other test asks for JSON: [`run`] holds what they print against their schemas.
+//! JSON output of commands that no other test covers: [`run`] validates it against the schema.
 
 use e2e::{run, stderr};
 

@@ -1,4 +1,4 @@
-//! Trials of one object and of three, by the same command as those of two.
+//! Trials with one object and with three, by the same command as those with two.
 
 use std::collections::HashMap;
 use std::fs;
@@ -7,7 +7,7 @@ use std::path::Path;
 use e2e::{ftac, stderr};
 use tempfile::tempdir;
 
-/// Rows of `trials.csv` of one trial of a scenario with these lists, by column.
+/// Plays one trial of a scenario with these lists of objects. Returns the rows of `trials.csv` by column.
 fn trials(folder: &Path, lists: &str, conditions: &str) -> Vec<HashMap<String, String>> {
     let (scenario, out) = (folder.join("lists.toml"), folder.join("out"));
     let text = format!("version = 1\nname = \"lists\"\nextends = \"benchmark\"\n{lists}");
@@ -29,7 +29,7 @@ fn one_object_is_taken_alone() {
     }
 }
 
-/// Little finger, ring finger, and thumb with index and middle finger hold one each to the end of the trial.
+/// The little finger, the ring finger, and thumb with index and middle finger each hold one object to the end of the trial.
 #[test]
 fn three_objects_are_held_in_one_hand() {
     let folder = tempdir().expect("a folder");
@@ -39,7 +39,7 @@ fn three_objects_are_held_in_one_hand() {
     let rows = trials(folder.path(), lists, "ideal,touch");
     assert_eq!(rows.len(), 2);
     assert_eq!((&rows[0]["third"][..], &rows[0]["success"][..]), ("pear", "true"), "{:?}", rows[0]);
-    // The ball in the little finger's hold is felt where it is; the others have two numbers each where they are held.
+    // The pose of the ball held by the little finger is estimated; each later object has two pose errors.
     let touch = &rows[1];
     let off: f64 = touch["pose_error_mm"].parse().expect("a pose error");
     assert!(off < 5.0 && touch["later_pose_errors"].split(' ').count() == 4, "{touch:?}");

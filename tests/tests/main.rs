@@ -1,4 +1,4 @@
-//! End-to-end tests in one program: they share its build, and those that wait leave the cores to the others.
+//! End-to-end tests in one program: they share one build, and tests that wait leave the cores to the others.
 
 mod bad_input;
 mod bench_small;

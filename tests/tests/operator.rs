@@ -1,4 +1,5 @@
-//! What an operator can do and see beside a trial, on emulated devices: faults of the arm told apart and cleared, Ctrl-C, secrets, locks, room on disk.
+//! The operator's actions and information beside a trial, on emulated devices: faults of the arm distinguished and
+//! cleared, Ctrl-C, secrets, locks, disk space.
 
 use std::fs::{self, Permissions};
 use std::io::{BufRead, BufReader, Read, Write};
@@ -17,13 +18,13 @@ fn bridge(arguments: &[&str], config: &Path) -> Output {
     run(&[&["bridge"], arguments, &["--config", text(config), "--json"]].concat())
 }
 
-/// What `bridge doctor` finds of the arm.
+/// Returns the row of `bridge doctor` about the arm.
 fn arm_row(config: &Path) -> Value {
     let rows = json(&bridge(&["doctor"], config).stdout)["rows"].clone();
     rows.as_array().expect("rows").iter().find(|row| row["what"] == "arm").expect("its row").clone()
 }
 
-/// Waits until `doctor` finds the arm so that `there` is true.
+/// Waits until `there` is true of the row of `bridge doctor` about the arm.
 fn arm_until(config: &Path, there: impl Fn(&Value) -> bool) -> Value {
     std::iter::repeat_with(|| arm_row(config)).take(200).find(there).expect("the arm gets there")
 }
@@ -34,7 +35,7 @@ fn replace(config: &Path, from: &str, to: &str) {
     fs::write(config, before.replace(from, to)).expect("written");
 }
 
-/// Each trouble with the arm is called by its name, and cleared only when it is over and somebody says yes.
+/// Each fault of the arm is named, and cleared only when it is over and the operator agrees.
 #[test]
 fn faults_of_the_arm_are_told_apart_and_cleared() {
     let folder = tempdir().expect("a folder");
@@ -42,7 +43,7 @@ fn faults_of_the_arm_are_told_apart_and_cleared() {
     let config = devices.config.clone();
     assert_eq!(arm_row(&config)["ok"], true);
 
-    // The emergency stop: clearing is refused as long as it is pressed.
+    // Emergency stop: clearing is refused while it is pressed.
     devices.happen("arm=stop");
     let row = arm_until(&config, |row| row["ok"] == false);
     assert!(row["found"].as_str().is_some_and(|found| found.contains("emergency stop")), "{row}");
@@ -50,7 +51,7 @@ fn faults_of_the_arm_are_told_apart_and_cleared() {
     assert_ne!(output.status.code(), Some(0));
     assert_eq!(arm_row(&config)["ok"], false);
     devices.happen("arm=free");
-    // Nobody says yes.
+    // The operator does not agree.
     let mut asked = ftac(&["bridge", "clear-faults", "--config", text(&config)]);
     let mut asked = asked.stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::null()).spawn().expect("starts");
     asked.stdin.take().expect("piped").write_all(b"no\n").expect("answered");
@@ -63,14 +64,14 @@ fn faults_of_the_arm_are_told_apart_and_cleared() {
     assert_eq!(cleared["now"], "none");
     assert_eq!(arm_row(&config)["ok"], true);
 
-    // A joint's own fault.
+    // A fault of a joint.
     devices.happen("arm=fault");
     let row = arm_until(&config, |row| row["ok"] == false);
     let found = row["found"].as_str().expect("text");
     assert!(found.contains("joint 3: following error") && !found.contains("emergency"), "{row}");
     assert_eq!(bridge(&["clear-faults", "--yes"], &config).status.code(), Some(0));
 
-    // A wrong password, which is not repeated.
+    // A wrong password, which is not printed.
     let password = config.with_file_name("arm-password");
     let right = fs::read(&password).expect("there");
     fs::write(&password, "hunter2hunter2\n").expect("written");
@@ -79,7 +80,7 @@ fn faults_of_the_arm_are_told_apart_and_cleared() {
     assert!(!row.to_string().contains("hunter2"), "{row}");
     fs::write(&password, right).expect("written");
 
-    // A port at which nobody listens. (Port 1 of the loopback interface.)
+    // A port without a listener (port 1 of the loopback interface).
     let whole = fs::read_to_string(&config).expect("there");
     let line = whole.lines().find(|line| line.starts_with("tcp_port")).expect("the emulated arm's port").to_owned();
     replace(&config, &line, "tcp_port = 1");
@@ -87,7 +88,8 @@ fn faults_of_the_arm_are_told_apart_and_cleared() {
     assert!(row["found"].as_str().is_some_and(|found| found.contains("no arm at this port")), "{row}");
 }
 
-/// The arm ends a session that is left alone for 2 s: a question to the operator takes longer, and the arm is still there for the answer.
+/// The arm ends a session without a heartbeat for 2 s. A question to the operator takes longer, and the arm is still
+/// connected at the answer.
 #[test]
 fn an_operator_who_thinks_does_not_lose_the_arm() {
     let folder = tempdir().expect("a folder");
@@ -98,7 +100,7 @@ fn an_operator_who_thinks_does_not_lose_the_arm() {
     let mut asked = ftac(&["bridge", "clear-faults", "--config", text(&config), "--json"]);
     let mut asked = asked.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("starts");
     let mut said = BufReader::new(asked.stderr.take().expect("piped"));
-    // The fault is told right before the question.
+    // The fault is printed right before the question.
     let mut line = String::new();
     said.read_line(&mut line).expect("told");
     assert!(line.contains("following error"), "{line}");
@@ -111,7 +113,7 @@ fn an_operator_who_thinks_does_not_lose_the_arm() {
     assert_eq!(json(&output.stdout)["now"], "none");
 }
 
-/// A servo that shut down, and a supply that was too low: restarted when told so, and what came back is looked at.
+/// A servo that shut down, and a supply voltage that was too low: servos are restarted on request, and checked afterwards.
 #[test]
 fn servos_that_shut_down_are_restarted() {
     let folder = tempdir().expect("a folder");
@@ -129,7 +131,7 @@ fn servos_that_shut_down_are_restarted() {
     let doctor = looks.find(|output| row(output, error)["ok"] == false).expect("it shuts down");
     assert_eq!(row(&doctor, error)["found"], "overload");
 
-    // Nobody says yes: it stays as it is.
+    // The operator does not agree: the servo stays as it is.
     let mut asked = ftac(&["bridge", "reboot", "--config", text(&config)]);
     let mut asked = asked.stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("starts");
     asked.stdin.take().expect("piped").write_all(b"no\n").expect("answered");
@@ -146,7 +148,7 @@ fn servos_that_shut_down_are_restarted() {
     assert_eq!(row(&output, "middle (3): torque")["found"], "off");
     assert_eq!(row(&bridge(&["doctor"], &config), error)["ok"], true);
 
-    // As long as the supply is too low, a restart mends nothing, and that is said.
+    // While the supply voltage is too low, a restart does not help, and the command says so.
     devices.happen("voltage=5.2");
     let low = || bridge(&["reboot", "--actuator", "thumb", "--yes"], &config);
     let mut tries = std::iter::repeat_with(low).take(200);
@@ -158,7 +160,7 @@ fn servos_that_shut_down_are_restarted() {
     assert_eq!(row(&bridge(&["doctor"], &config), error)["ok"], true);
 }
 
-/// What is wrong with the robot is said before anybody is asked to lay out objects.
+/// Faults of the robot are reported before anybody is asked to lay out objects.
 #[test]
 fn nobody_lays_out_objects_for_a_robot_that_is_not_in_order() {
     let folder = tempdir().expect("a folder");
@@ -193,7 +195,7 @@ fn nobody_lays_out_objects_for_a_robot_that_is_not_in_order() {
     told(&["bridge", "calibrate"], &config, "overload");
 }
 
-/// Ctrl-C in mid-trial: the robot holds, the program asks, opens the hand when told so, and ends; the recording is whole.
+/// Ctrl-C in mid-trial: the robot holds, the program asks, opens the hand on request, and ends; the recording is complete.
 #[test]
 fn ctrl_c_ends_in_order() {
     let folder = tempdir().expect("a folder");
@@ -207,12 +209,12 @@ fn ctrl_c_ends_in_order() {
     let mut operator = host.stdin.take().expect("piped");
     operator.write_all(b"\n").expect("go");
     wait_for_trial(&mut host, &sessions);
-    // A second program is told who has the servos.
+    // A second program is told which process uses the servos.
     let second = bridge(&["scan"], &devices.config);
     assert_eq!(second.status.code(), Some(2));
     let message = stderr(&second);
     assert!(message.contains(&format!("in use by process {}", host.id())) && message.contains("trial 0"), "{message}");
-    // And where the stop is, nobody but the owner may knock.
+    // Only the owner may use the stop socket.
     let socket = devices.config.with_file_name("stop");
     assert_eq!(fs::metadata(&socket).expect("open").permissions().mode() & 0o777, 0o600);
 
@@ -224,7 +226,7 @@ fn ctrl_c_ends_in_order() {
     assert_eq!(output.status.code(), Some(1), "{message}");
     assert!(message.contains("STOPPED: hold: the operator stopped it"), "{message}");
     assert!(!message.contains("left holding"), "{message}");
-    // Torque is off: a released hand can be calibrated, which a held one could be too, but the servos say so themselves.
+    // Torque is off: a released hand can be calibrated, as a held one could, but the servos themselves report it.
     let session = fs::read_dir(&sessions).expect("a folder").next().expect("a file").expect("an entry").path();
     let replayed = json(&run(&["replay", text(&session), "--json"]).stdout);
     assert_eq!((&replayed["whole"], &replayed["divergence"]), (&Value::Bool(true), &Value::Null));
@@ -235,7 +237,7 @@ fn ctrl_c_ends_in_order() {
     assert!(!bytes.windows(secret.trim().len()).any(|window| window == secret.trim().as_bytes()));
 }
 
-/// A file with a password that others may read is refused; nothing that is said holds the password.
+/// A file with a password that others can read is refused; no output contains the password.
 #[test]
 fn passwords_are_for_their_owner_alone() {
     let folder = tempdir().expect("a folder");
@@ -259,14 +261,14 @@ fn passwords_are_for_their_owner_alone() {
     assert_eq!(doctor(0o600, &inline).0, Some(1), "read, and nothing found at /dev/null");
     let (code, said) = doctor(0o644, toml);
     assert!(code == Some(2) && said.contains("password_file") && said.contains("FTAC_ARM_PASSWORD"), "{said}");
-    // Not even where the file is no TOML.
+    // Nor if the file is invalid TOML.
     let (code, said) = doctor(0o600, &format!("{toml}password = hunter2hunter2\n"));
     assert!(code == Some(2) && said.contains("line 11"), "{said}");
     let output = ftac(&["bridge", "doctor", "--config", text(&config)]).env("FTAC_ARM_PASSWORD", "hunter2").output();
     assert!(!stderr(&output.expect("runs")).contains("hunter2"));
 }
 
-/// Where a session cannot be written, nothing is asked and nothing moves.
+/// If a session cannot be written, nothing is asked and nothing moves.
 #[test]
 fn a_folder_without_room_is_found_before_the_first_motion() {
     let folder = tempdir().expect("a folder");
@@ -281,7 +283,7 @@ fn a_folder_without_room_is_found_before_the_first_motion() {
     assert!(message.contains(text(&sessions)) && !message.contains("The arm will move"), "{message}");
 }
 
-/// A session that ends before its first command is none that is identical.
+/// A session that ends before its first command is not identical.
 #[test]
 fn a_session_without_a_command_is_not_called_identical() {
     let folder = tempdir().expect("a folder");
@@ -290,7 +292,7 @@ fn a_session_without_a_command_is_not_called_identical() {
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
     let session = fs::read_dir(&sessions).expect("a folder").next().expect("a file").expect("an entry").path();
     let bytes = fs::read(&session).expect("readable");
-    // The head is longer than 4 kB and the first chunk of a tick ends later: its first images come with the second.
+    // The header is longer than 4 kB, and the first chunk of a tick ends later: the first images are in the second chunk.
     let cut = (1..).map(|n| 1000 * n).find(|cut| {
         fs::write(&session, &bytes[..*cut]).expect("written");
         run(&["replay", text(&session), "--json"]).status.code() != Some(2)
@@ -303,8 +305,8 @@ fn a_session_without_a_command_is_not_called_identical() {
     assert!(!session.with_extension("rrd").exists() && !session.with_extension("partial.rrd").exists());
 }
 
-/// The computer is set up below a folder: the files name the port; the stop at shutdown runs nothing that a user can change; without
-/// root nothing of the system is touched; a file of somebody else stays.
+/// The setup of the computer is written below a folder: the files name the port; the stop at shutdown runs nothing that
+/// a user can change; without root, no system file is touched; files of others stay.
 #[test]
 fn the_computer_is_set_up() {
     let folder = tempdir().expect("a folder");
@@ -322,7 +324,7 @@ fn the_computer_is_set_up() {
     let path = |n: usize| Path::new(files[n]["path"].as_str().expect("a path"));
     let [rules, unit] = [0, 5].map(|n| fs::read_to_string(path(n)).expect("written"));
     assert!(files.len() == 6 && rules.contains("ATTRS{serial}==\"FT4TFKX0\""), "{files:?} {rules}");
-    // What runs at shutdown is the copy, without a configuration.
+    // The copied program runs at shutdown, without a configuration.
     let program = fs::metadata(path(4)).expect("copied");
     assert!(program.permissions().mode() & 0o777 == 0o755 && program.len() > 1_000_000);
     assert!(unit.contains("DynamicUser=yes") && !unit.contains(text(folder.path())), "{unit}");
@@ -336,7 +338,7 @@ fn the_computer_is_set_up() {
     assert!(stderr(&refused).contains("somebody else"), "{}", stderr(&refused));
 }
 
-/// The sheet for the table is in full size: the objects of the benchmark stand 280 mm apart.
+/// The sheet for the table has full size: the objects of the benchmark stand 280 mm apart.
 #[test]
 fn objects_are_drawn_where_they_stand() {
     let folder = tempdir().expect("a folder");
@@ -347,7 +349,7 @@ fn objects_are_drawn_where_they_stand() {
     let place = |n: usize, axis: &str| objects[n][axis].as_f64().expect("a number");
     let svg = fs::read_to_string(&sheet).expect("drawn");
     assert!(svg.contains("width=\"420mm\" height=\"297mm\" viewBox=\"0 0 420 297\""), "A3 in millimetres");
-    // The marks of the two centres: `M<left> <y>H...`, 4 mm to the left of each.
+    // Marks of the two centres: `M<left> <y>H...`, 4 mm to the left of each.
     let centres: Vec<[f64; 2]> = svg
         .lines()
         .filter(|line| line.contains("stroke=\"#036\""))
@@ -358,7 +360,7 @@ fn objects_are_drawn_where_they_stand() {
         })
         .collect();
     assert_eq!(centres.len(), 2, "{svg}");
-    // The world's y is to the left, its x upwards.
+    // On the sheet the world's y points to the left, its x upwards.
     let apart = [place(0, "y_m") - place(1, "y_m"), place(0, "x_m") - place(1, "x_m")].map(|metres| 1e3 * metres);
     assert!((apart[0] - 280.0).abs() < 1.0, "{objects}");
     assert!((centres[1][0] - centres[0][0] - apart[0]).abs() < 1e-6, "{centres:?}");

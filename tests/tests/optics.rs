@@ -1,4 +1,4 @@
-//! `ftac optics` as a user runs it: what it writes, and what it refuses.
+//! `ftac optics` as a user runs it: its files, and the input that it refuses.
 
 use std::fs;
 use std::path::Path;
@@ -10,7 +10,7 @@ fn text(path: &Path) -> &str {
     path.to_str().expect("a UTF-8 path")
 }
 
-/// A pyramid of this size, point down.
+/// Returns a pyramid of this size (OBJ), apex down.
 fn pyramid(size: f64) -> String {
     let corners = [[0.0, 0.0, 0.0], [1.0, 1.0, 1.0], [-1.0, 1.0, 1.0], [-1.0, -1.0, 1.0], [1.0, -1.0, 1.0]];
     let vertices: String =
@@ -31,7 +31,7 @@ fn a_mesh_is_rendered_into_all_formats() {
     {
         assert!(size(ending) > 1000, "{ending}");
     }
-    // Float, not compressed: header, table and lines.
+    // Uncompressed floats: header, table and lines.
     assert!((240 * 240 * 12..240 * 240 * 12 + 8192).contains(&(size("normals.exr") as usize)));
 }
 
@@ -107,7 +107,7 @@ fn calibration_images_that_cannot_be_used_are_told_by_name() {
     let folder = tempdir().expect("a folder");
     let here = |name: &str| folder.path().join(name);
     fs::write(here("thing.obj"), pyramid(0.01)).expect("written");
-    // Any two images of two sizes.
+    // Two images of different sizes.
     let image = here("background.png");
     let render = run(&["optics", "render", text(&here("thing.obj")), "--out", text(&image)]);
     assert_eq!(render.status.code(), Some(0), "{}", stderr(&render));
@@ -180,7 +180,8 @@ fn a_curved_pad_is_pressed_along_its_normals() {
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
     let value: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
     let shift = value["shift_mm"].as_f64().expect("a number");
-    // The stripe is the chord of the cylinder at this depth, but for the rows at the ends, where the cover is rounded off.
+    // The contact stripe is the chord of the cylinder at this depth, except for the rows at the ends, where the cover
+    // is rounded off.
     let chord = 2.0 * (2.0 * 20.0 * shift - shift * shift).sqrt();
     let columns = value["cameras"][0]["contact_pixels"].as_f64().expect("a number") / 240.0;
     let found = columns * 20.0 / 240.0;

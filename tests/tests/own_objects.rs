@@ -1,4 +1,5 @@
-//! Scenarios with objects of a user's own: they are played, or it is said why not; a search for them that is interrupted keeps what it found.
+//! Scenarios with a user's own objects: they are played, or a reason is given; an interrupted search for their grasps
+//! keeps its results.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -13,7 +14,8 @@ fn text(path: &Path) -> &str {
     path.to_str().expect("a UTF-8 path")
 }
 
-/// A folder with a scenario of one own ball beside the golf ball, which comes first and second as these lists say.
+/// Returns a folder with a scenario of one user-defined ball and the golf ball, with these lists of first and second
+/// objects.
 fn scenario(first: &str, second: &str) -> (TempDir, PathBuf) {
     let folder = tempdir().expect("a folder");
     let file = folder.path().join("mine.toml");
@@ -34,7 +36,8 @@ fn bench(folder: &Path, scenario: &Path, more: &[&str]) -> Command {
     command
 }
 
-/// Not another benchmark in its place: an error that says why, and nothing is written.
+/// If none of the user's own objects can be played, no other benchmark replaces them: there is an error with the
+/// reason, and nothing is written.
 #[test]
 fn a_scenario_none_of_whose_own_objects_can_be_played_plays_nothing_else() {
     let (folder, scenario) = scenario("[\"golf_ball\"]", "[\"can_66\"]");
@@ -47,7 +50,7 @@ fn a_scenario_none_of_whose_own_objects_can_be_played_plays_nothing_else() {
     assert!(!folder.path().join("out").exists());
 }
 
-/// Names of the finished steps of the search under way.
+/// Returns the names of the finished steps of the search under way.
 fn steps(folder: &Path) -> Vec<String> {
     let files = fs::read_dir(folder.join("cache/ftac")).into_iter().flatten().filter_map(Result::ok);
     let file = files.map(|file| file.path()).find(|path| text(path).ends_with(".steps.jsonl"));
@@ -55,7 +58,7 @@ fn steps(folder: &Path) -> Vec<String> {
     kept.lines().filter_map(|line| Some(serde_json::from_str::<Value>(line).ok()?[0].as_str()?.to_owned())).collect()
 }
 
-/// Waits until the search has more than `count` finished steps, and kills it in whatever it is doing then.
+/// Waits until the search has more than `count` finished steps, and kills it at that moment.
 fn killed_after(folder: &Path, mut child: Child, count: usize) -> Vec<String> {
     while steps(folder).len() <= count {
         assert!(child.try_wait().expect("ours").is_none(), "the search ended before it was interrupted");
@@ -66,7 +69,7 @@ fn killed_after(folder: &Path, mut child: Child, count: usize) -> Vec<String> {
     steps(folder)
 }
 
-/// What was tried before a kill is not tried again.
+/// Steps finished before a kill are not repeated.
 #[test]
 fn an_interrupted_search_for_own_objects_keeps_what_it_found() {
     let (folder, scenario) = scenario("[\"my_ball\"]", "[\"can_66\"]");

@@ -1,4 +1,4 @@
-//! A hand that feels with its pads' own calibration: trials, their replay, and files that are none.
+//! Tactile perception with the calibration of the hand's own pads: trials, their replay, and invalid files.
 
 use std::fs;
 use std::path::Path;
@@ -12,7 +12,7 @@ fn text(path: &Path) -> &str {
     path.to_str().expect("a path in UTF-8")
 }
 
-/// What a run printed with `--json`, whether its trial succeeded or not.
+/// Returns the JSON output of a run, whether its trial succeeded or not.
 fn json(output: &Output) -> Value {
     assert!(matches!(output.status.code(), Some(0 | 1)), "{}", stderr(output));
     serde_json::from_slice(&output.stdout).expect("one JSON object")
@@ -31,14 +31,14 @@ fn a_trial_feels_with_the_pads_that_it_is_given_and_keeps_them() {
     let own = felt(&sessions, &["--pads", text(&pads)]);
     assert_ne!(own["pose_error_mm"], designed["pose_error_mm"], "other slopes, another pose");
 
-    // What it felt with is in the session: the file is gone.
+    // The session contains the calibration: the file is not needed any more.
     fs::remove_file(&pads).expect("removed");
     let session = fs::read_dir(&sessions).expect("sessions").next().expect("one").expect("a file").path();
     let replayed = run(&["replay", text(&session), "--json"]);
     assert!(replayed.status.success(), "{}", stderr(&replayed));
     assert_eq!(json(&replayed)["same_decisions"], true);
 
-    // What is no calibration of every pad is refused at every door, before anything is done.
+    // A file that does not calibrate every pad is refused by every command, before anything is done.
     let bad = at("bad.json");
     let models = file["configurations"].as_object_mut().expect("models");
     let lost = models.remove("f").expect("the palm's");

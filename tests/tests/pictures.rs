@@ -1,4 +1,4 @@
-//! Pictures and films that need no screen: `ftac hand picture`, `ftac demo`.
+//! Pictures and films without a display: `ftac hand picture`, `ftac demo`.
 
 use std::fs;
 
@@ -19,7 +19,7 @@ fn the_hand_is_drawn_in_any_posture() {
     };
     let (open, fist) = (draw("open.png", "open"), draw("fist.png", "85"));
     assert_eq!((open.width(), open.height()), (256, 128));
-    // Of stretched fingers more is seen.
+    // More of the hand is visible with stretched fingers.
     let ink = |image: &image::RgbImage| image.pixels().filter(|pixel| pixel.0[0] < 240).count();
     assert!(ink(&open) > ink(&fist) && ink(&fist) > 2000, "{} {}", ink(&open), ink(&fist));
     let wrong = ftac(&["hand", "picture", "--pose", "claw", "--out", "x.png"]).output().expect("runs");

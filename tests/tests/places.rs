@@ -1,5 +1,5 @@
-//! How a robot knows where things are: objects from a vision system, the arm's base from registration, devices in the wrong place, and an emulated
-//! table that a script rearranges.
+//! Poses of objects and devices: objects from a vision system, the arm's base from registration, devices in the wrong
+//! place, and an emulated table that a script rearranges.
 
 use std::fs;
 use std::io::Write as _;
@@ -12,15 +12,16 @@ use e2e::{run, stderr};
 use serde_json::Value;
 use tempfile::tempdir;
 
-/// Registers an emulated robot whose base this seed hides.
+/// Registers an emulated robot with a hidden base pose drawn from this seed.
 fn register(mount: &str, file: &Path) -> Value {
     let output = run(&["bridge", "register", "--emulated", mount, "--out", text(file), "--json"]);
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
     json(&output.stdout)
 }
 
-/// A hidden base is found to 2 mm and a fifth of a degree, and no better than the fit itself says. With it, and with eyes of its own, a trial on the
-/// emulated robot runs to its end, and its session replays to the bit without either.
+/// The hidden base is found to 2 mm and a fifth of a degree, and no better than the fit itself states. With it, and
+/// with its own vision, a trial on the emulated robot runs to its end, and its session replays to the bit without
+/// either.
 #[test]
 fn a_registered_robot_with_eyes_plays_and_replays() {
     let folder = tempdir().expect("a folder");
@@ -46,7 +47,7 @@ fn a_registered_robot_with_eyes_plays_and_replays() {
     assert!(found["identical_commands"].as_u64().is_some_and(|commands| commands > 500), "{found}");
 }
 
-/// What cannot be is refused before anything moves, by file, field or address.
+/// Invalid poses and addresses are refused before anything moves, by file, field or address.
 #[test]
 fn places_that_cannot_be_are_refused() {
     let folder = tempdir().expect("a folder");
@@ -71,7 +72,7 @@ fn places_that_cannot_be_are_refused() {
         &["--robot", "emulated", "--registration", text(&file)],
         &["registration.toml", "position", "at most 0.1 m"],
     );
-    // A system that knows neither object.
+    // A vision system that knows neither object.
     let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
     let address = listener.local_addr().expect("its address").to_string();
     std::thread::spawn(move || {
@@ -86,8 +87,8 @@ fn places_that_cannot_be_are_refused() {
     );
 }
 
-/// Eyes that say nothing usable end a trial: its session says why, and is replayed to the same failure. What they send clears no terminal, and neither
-/// does a scenario of a stranger.
+/// A vision system that sends nothing usable ends a trial: its session says why, and replays to the same failure.
+/// Escape sequences in its messages, or in a scenario from someone else, do not reach the terminal.
 #[test]
 fn a_failed_look_replays_and_escape_sequences_reach_no_terminal() {
     let folder = tempdir().expect("a folder");
@@ -126,7 +127,8 @@ fn a_failed_look_replays_and_escape_sequences_reach_no_terminal() {
     harmless(&output, "owned");
 }
 
-/// The emulated table in real time: a script asks for other objects and puts them back, eyes say where they are, and the true scene is recorded.
+/// The emulated table in real time: a script requests other objects and puts them back, the vision system measures
+/// their poses, and the true scene is recorded.
 #[test]
 fn a_script_rearranges_the_emulated_table() {
     let folder = tempdir().expect("a folder");
@@ -158,7 +160,7 @@ fn a_script_rearranges_the_emulated_table() {
         let output = told(line);
         assert!(output.status.code() == Some(2) && stderr(&output).contains(words), "{}", stderr(&output));
     }
-    // What eyes say over the socket is what any program reads there.
+    // Any program can read the measurements of the vision system from its socket.
     let stream = std::os::unix::net::UnixStream::connect(&eyes).expect("it listens");
     let mut line = String::new();
     std::io::BufRead::read_line(&mut std::io::BufReader::new(stream), &mut line).expect("a measurement");
@@ -176,7 +178,7 @@ fn a_script_rearranges_the_emulated_table() {
     assert!(stderr(&output).contains("expected a running emulator"), "{}", stderr(&output));
 }
 
-/// Ids and cameras that were exchanged and a servo of another model are named by `doctor` and before anything moves.
+/// Exchanged ids or cameras and a servo of another model are named by `doctor` and before anything moves.
 #[test]
 fn devices_in_the_wrong_place_are_named() {
     let folder = tempdir().expect("a folder");
@@ -187,12 +189,12 @@ fn devices_in_the_wrong_place_are_named() {
         let rows = json(&bridge(&["doctor"]).stdout)["rows"].clone();
         let named = |row: &&Value| row["what"].as_str().is_some_and(|row| row.contains(what));
         let mut named: Vec<&Value> = rows.as_array().expect("rows").iter().filter(named).collect();
-        // One that is wrong goes first.
+        // Bad rows come first.
         named.sort_by_key(|row| row["ok"] == true);
         named.first().copied().cloned()
     };
     let until_wrong = |what: &str| {
-        // Some rows are there only once something is wrong.
+        // Some rows exist only once something is wrong.
         std::iter::repeat_with(|| row(what)).take(200).flatten().find(|row| row["ok"] == false).expect("it is noticed")
     };
     let refused = |arguments: &[&str]| {
@@ -220,7 +222,7 @@ fn devices_in_the_wrong_place_are_named() {
         let message = refused(&[command, "--yes"]);
         assert!(message.contains("1200") && message.contains("1220"), "{message}");
     }
-    // The adapter's plug comes off: said in words, not in the operating system's.
+    // The adapter is unplugged: the message is in plain words, not that of the operating system.
     devices.happen("usb=servos");
     let message = (0..200).map(|_| stderr(&bridge(&["calibrate", "--yes"]))).find(|message| !message.contains("1200"));
     let message = message.expect("it is noticed");

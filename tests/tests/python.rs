@@ -1,7 +1,8 @@
-//! The Python package: its wheel is built and installed into a fresh environment, where the examples of its page and its own tests run.
+//! The Python package: its wheel is built and installed into a fresh environment, in which the examples of its page and
+//! its own tests run.
 //!
-//! It needs `python3` with `venv`, and downloads maturin, numpy, gymnasium, pyarrow and av. Without them it says so and passes, unless `FTAC_PYTHON=required`
-//! asks for it.
+//! It needs `python3` with `venv`, and downloads maturin, numpy, gymnasium, pyarrow and av. Without them it prints a
+//! note and passes, unless `FTAC_PYTHON=required` is set.
 
 use std::io::Write as _;
 use std::os::unix::fs::PermissionsExt as _;
@@ -11,10 +12,10 @@ use std::process::{Command, Output};
 use e2e::{forget_package, root, stderr, target_dir};
 use tempfile::tempdir;
 
-/// What the test asks of the package registry.
+/// Packages that the test downloads.
 const PACKAGES: [&str; 5] = ["maturin>=1.9,<2", "numpy", "gymnasium>=1.0", "pyarrow", "av"];
 
-/// Python blocks of a page.
+/// Returns the Python blocks of a page.
 fn examples(page: &str) -> Vec<String> {
     let mut found = Vec::new();
     let mut block: Option<String> = None;
@@ -37,7 +38,7 @@ fn run(command: &mut Command) -> Result<Output, String> {
     }
 }
 
-/// A virtual environment with what building and testing needs, and its Python; why there is none.
+/// Makes a virtual environment for building and testing. Returns its Python, or the reason why there is none.
 fn environment(folder: &Path) -> Result<PathBuf, String> {
     run(Command::new("python3").args(["-m", "venv"]).arg(folder))?;
     let python = folder.join("bin/python");
@@ -45,7 +46,8 @@ fn environment(folder: &Path) -> Result<PathBuf, String> {
     Ok(python)
 }
 
-/// The wheel, built in the target folder that this test was built in. What other platforms need may have to be downloaded: `maturin` asks for all.
+/// Builds the wheel in the target folder of this test. Packages for other platforms may have to be downloaded, because
+/// `maturin` asks for all.
 fn wheel(python: &Path, out: &Path) -> PathBuf {
     let mut build = Command::new(python);
     build
@@ -63,7 +65,7 @@ fn wheel(python: &Path, out: &Path) -> PathBuf {
     wheels[0].clone()
 }
 
-/// A build from source says what it lacks before it begins.
+/// Checks that a build from source reports missing tools before it begins.
 fn refuses_to_build_without_rust(python: &Path, folder: &Path) {
     let version = std::fs::read_to_string(root().join("Cargo.toml")).expect("the workspace's manifest");
     let rust =
@@ -93,7 +95,7 @@ fn the_wheel_installs_and_its_examples_run() {
         Ok(python) => python,
         Err(why) => {
             assert!(std::env::var("FTAC_PYTHON").as_deref() != Ok("required"), "FTAC_PYTHON=required, but {why}");
-            // Past the test's captured output: that of a test that passes is not shown.
+            // Printed past the captured output, which is not shown for a passing test.
             let told = writeln!(
                 std::io::stderr(),
                 "LEFT OUT: the Python package is NOT tested, for want of an environment:\n{why}"
@@ -108,7 +110,7 @@ fn the_wheel_installs_and_its_examples_run() {
     let wheel = wheel(&python, &folder.path().join("wheels"));
     let install = ["-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--no-deps"];
     run(Command::new(&python).args(install).arg(&wheel)).expect("the wheel installs");
-    // The program comes with it.
+    // The package includes the program.
     let program = python.with_file_name("ftac");
     let version = run(Command::new(&program).arg("--version")).expect("the program runs");
     assert!(String::from_utf8_lossy(&version.stdout).starts_with("ftac "), "{version:?}");

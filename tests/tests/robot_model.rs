@@ -1,4 +1,4 @@
-//! `--robot-model`: another robot is checked, drawn, calibrated and played by the same commands, or refused by file and field.
+//! `--robot-model`: another robot is checked, drawn, calibrated and used by the same commands, or refused by file and field.
 
 use std::collections::HashMap;
 use std::fs;
@@ -12,14 +12,14 @@ fn text(path: &Path) -> &str {
     path.to_str().expect("a UTF-8 path")
 }
 
-/// A robot that comes with the sources.
+/// Returns the path of a robot file in the sources.
 fn shipped(name: &str) -> PathBuf {
     root().join("hand-model/data/robots").join(name)
 }
 
 const PLAIN: &str = "version = 1\nname = \"mine\"\narm = \"gen3\"\n[hand]\nparameters = \"ftac\"\n";
 
-/// What is said of a robot file with this text by a command that plays it.
+/// Returns the error message for a robot file with this text, from a command that plays it.
 fn refused(robot: &str) -> String {
     let folder = tempdir().expect("a folder");
     let file = folder.path().join("mine.toml");
@@ -32,7 +32,7 @@ fn refused(robot: &str) -> String {
     stderr(&output)
 }
 
-/// Bridge and emulated devices are a Gen3's: the hand on another arm is refused before any search.
+/// Bridge and emulated devices support only a Gen3: the hand on another arm is refused before any search.
 #[test]
 fn another_arm_is_simulated_alone() {
     let robot = shipped("ftac_panda.toml");
@@ -63,7 +63,7 @@ fn a_wrong_robot_is_refused_by_file_and_field() {
         (pad("ring_9", "b"), "mine.toml: hand.pad[more].link: found `ring_9`"),
         (pad("ring_2", "x"), "mine.toml: hand.pad[more].configuration: found `x`"),
         (format!("{PLAIN}scale = 3.0\n"), "mine.toml: hand.scale: found 3, expected 0.5 to 2"),
-        // Pads of another size need a calibration of their own.
+        // Pads of another size need their own calibration.
         (format!("{PLAIN}scale = 0.8\n"), "mine.toml: calibration: found none"),
         (
             PLAIN.replace("[hand]", "calibration = \"pads.json\"\n[hand]") + "scale = 0.8\n",
@@ -79,7 +79,7 @@ fn a_wrong_robot_is_refused_by_file_and_field() {
     }
 }
 
-/// A cable that crosses no joint, an arm that has too few.
+/// Wrong parameter files: a cable that crosses no joint, an arm with too few joints.
 #[test]
 fn parameter_files_of_a_robot_are_checked() {
     let folder = tempdir().expect("a folder");
@@ -107,7 +107,7 @@ fn parameter_files_of_a_robot_are_checked() {
     check("[[joint]]\nname = \"joint_7\"", "[[joints]]\nname = \"joint_7\"", "arm.toml");
 }
 
-/// A robot that moves like the built-in one plays with its grasps at once; the run knows its robot without the files.
+/// A robot with the kinematics of the built-in one uses its grasps at once; a run is resumed without the robot's files.
 #[test]
 fn a_robot_with_more_pads_plays_and_is_resumed_without_its_files() {
     let folder = tempdir().expect("a folder");
@@ -131,18 +131,18 @@ fn a_robot_with_more_pads_plays_and_is_resumed_without_its_files() {
     assert!(matches!(again.status.code(), Some(0 | 1)), "{}", stderr(&again));
     let played_again = fs::read_to_string(out.join("trials.csv")).expect("trials");
     assert_eq!(without_times(&played_again), without_times(&rows));
-    // Another robot is no way to go on.
+    // A run cannot be resumed with another robot.
     let other = ftac(&["bench", "--resume", text(&out), "--robot-model", text(&shipped("ftac_right.toml"))]);
     let other = { other }.output().expect("runs");
     assert_eq!(other.status.code(), Some(2), "{}", stderr(&other));
 }
 
-/// Rows without their last column, which the wall's clock measures.
+/// Returns the rows without their last column, which is wall-clock time.
 fn without_times(rows: &str) -> Vec<&str> {
     rows.lines().filter_map(|line| line.rsplit_once(',')).map(|(row, _)| row).collect()
 }
 
-/// Grasps of one robot are not another's.
+/// Grasps of one robot are not valid for another.
 #[test]
 fn a_repertoire_of_another_robot_is_refused() {
     let folder = tempdir().expect("a folder");
@@ -163,7 +163,7 @@ fn a_repertoire_of_another_robot_is_refused() {
         "{}",
         stderr(&other)
     );
-    // Without a file a robot that moves otherwise has no grasps to plan with.
+    // Without a file, a robot with other kinematics has no grasps to plan with.
     let robot = shipped("ftac_right.toml");
     let plans = folder.path().join("plans.json");
     let plan = run(&["grasps", "plan", "--robot-model", text(&robot), "--combos", "1", "--out", text(&plans)]);
@@ -171,7 +171,7 @@ fn a_repertoire_of_another_robot_is_refused() {
     assert!(stderr(&plan).contains("--repertoire: found none, expected grasps of ftac_right"), "{}", stderr(&plan));
 }
 
-/// A gripper has no digits to hold one object while others take the next: a benchmark of pairs is refused before any search.
+/// A gripper has no digits to hold one object while others pick the next: a benchmark of pairs is refused before any search.
 #[test]
 fn two_objects_are_refused_for_a_gripper() {
     let folder = tempdir().expect("a folder");
@@ -191,7 +191,7 @@ fn two_objects_are_refused_for_a_gripper() {
     assert!(stderr(&played).contains("gripper.toml: hand: found 2 digits, expected 4 or 5"), "{}", stderr(&played));
 }
 
-/// A gripper finds grasps of a single object from above and lifts it, and says where it has it.
+/// A gripper finds grasps of a single object from above, lifts it, and estimates its pose in the hand.
 #[test]
 fn a_gripper_picks_one_object() {
     let folder = tempdir().expect("a folder");
@@ -212,7 +212,7 @@ fn a_gripper_picks_one_object() {
     assert!(off < 10.0, "{off} mm");
 }
 
-/// Each robot that comes with the sources can be drawn, and a press into a pad of its own is rendered.
+/// Each robot in the sources can be drawn, and a press into one of its pads is rendered.
 #[test]
 fn robots_that_come_with_the_sources_are_whole() {
     let folder = tempdir().expect("a folder");

@@ -1,8 +1,8 @@
-//! A sweep on a real Slurm: two nodes on this machine, one of which is lost, a worker that is killed, and a disk that is full for a while. In the
-//! end the results are those of a run on one machine.
+//! A sweep on a real Slurm: two nodes on this machine, one of which fails, a worker that is killed, and a disk that is
+//! full for a while. In the end the results are those of a run on one machine.
 //!
-//! It needs root, slurm-wlm and munge, which it installs with apt where they are missing. Without them it says so and passes, unless
-//! `FTAC_SLURM=required` asks for it.
+//! It needs root, slurm-wlm and munge, which it installs with apt if they are missing. Without them it prints a note
+//! and passes, unless `FTAC_SLURM=required` is set.
 
 use std::fs;
 use std::io::Write as _;
@@ -15,7 +15,7 @@ use e2e::{binary, run, stderr};
 use serde_json::Value;
 use tempfile::tempdir;
 
-/// Longest wait for anything.
+/// Time limit of every wait.
 const PATIENCE: Duration = Duration::from_secs(240);
 
 fn text(path: &Path) -> &str {
@@ -26,7 +26,7 @@ fn is_there(program: &str) -> bool {
     ["/usr/sbin", "/usr/bin", "/sbin", "/bin"].iter().any(|folder| Path::new(folder).join(program).exists())
 }
 
-/// Installs what is missing; why it cannot be done.
+/// Installs missing packages. The error is the reason why that is not possible.
 fn slurm_is_installed() -> Result<(), String> {
     let missing = || ["slurmctld", "slurmd", "sbatch", "munged"].into_iter().find(|program| !is_there(program));
     let root = Command::new("id").arg("-u").output().is_ok_and(|output| output.stdout == b"0\n");
@@ -45,11 +45,11 @@ fn slurm_is_installed() -> Result<(), String> {
     missing().map_or(Ok(()), |program| Err(format!("{program} is not there")))
 }
 
-/// Daemons that end with the test.
+/// Slurm daemons, which end with the test.
 struct Daemons {
     folder: PathBuf,
     running: Vec<(&'static str, Child)>,
-    /// A file system of the test's own.
+    /// Mount point of the test's file system.
     mounted: Option<PathBuf>,
 }
 
@@ -72,7 +72,7 @@ impl Daemons {
         child.wait().expect("ours");
     }
 
-    /// A command of Slurm's, or the program, that talks to these daemons.
+    /// Runs a Slurm command, or `ftac`, against these daemons.
     fn command(&self, program: impl AsRef<std::ffi::OsStr>, arguments: &[&str]) -> std::process::Output {
         let mut command = Command::new(program);
         command.args(arguments).env("SLURM_CONF", self.folder.join("slurm.conf")).env("FTAC_LOG", "");
@@ -83,7 +83,7 @@ impl Daemons {
         String::from_utf8_lossy(&self.command(program, arguments).stdout).into_owned()
     }
 
-    /// What went on, for a test that fails.
+    /// Returns the state and logs, for a failing test.
     fn story(&self, sweep: &Path) -> String {
         let mut told = self.says("squeue", &["--all", "--states=all"]) + &self.says("sinfo", &["-N"]);
         let logs = fs::read_dir(sweep.join("slurm"))
@@ -98,7 +98,7 @@ impl Daemons {
         told
     }
 
-    /// Waits until `done`.
+    /// Waits until `done` is true, or fails with `what` and the logs.
     fn until(&self, what: &str, sweep: &Path, done: impl Fn() -> bool) {
         let begun = Instant::now();
         while !done() {
@@ -110,7 +110,7 @@ impl Daemons {
 
 impl Drop for Daemons {
     fn drop(&mut self) {
-        // First what Slurm has started, then Slurm, then what it talks through.
+        // Jobs end first, then Slurm, then the daemons that it depends on.
         let _ = Command::new("scancel")
             .args(["--signal=KILL", "--user=root"])
             .env("SLURM_CONF", self.folder.join("slurm.conf"))
@@ -125,12 +125,12 @@ impl Drop for Daemons {
     }
 }
 
-/// Two nodes of one core each on this machine.
+/// Returns the configuration of Slurm: two nodes of one core each on this machine.
 fn configuration(folder: &Path) -> String {
     let host = fs::read_to_string("/proc/sys/kernel/hostname").expect("a name");
     let (host, here) = (host.trim(), folder.display());
-    // How long a requeued job waits; below 5 s Slurm takes its default of two minutes.
-    // Ports of this process: two tests at a time keep apart.
+    // `cred_expire` sets the waiting time of a requeued job; below 5 s Slurm uses its default of two minutes. The ports
+    // derive from the process id, so that two tests at a time do not collide.
     let port = 20_000 + std::process::id() % 10_000 * 4;
     format!(
         "ClusterName=twin\nSlurmctldHost={host}(127.0.0.1)\nSlurmctldPort={port}\nSlurmUser=root\nSlurmdUser=root\nAuthType=auth/munge\n\
@@ -147,7 +147,7 @@ fn configuration(folder: &Path) -> String {
     )
 }
 
-/// The two nodes; what their workers share is a disk of so many megabytes.
+/// Starts the two nodes. Their workers share a disk of this many megabytes.
 fn cluster(folder: &Path, megabytes: u32) -> Daemons {
     for name in ["state", "n1", "n2", "nfs"] {
         fs::create_dir_all(folder.join(name)).expect("a folder");
@@ -190,7 +190,7 @@ fn json(output: &std::process::Output) -> Value {
     serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{error}: {output:?}"))
 }
 
-/// The claim of a worker on a node: unit and process.
+/// Returns the process id of a worker on a node, from its claim of a unit.
 fn worker_on(sweep: &Path, node: &str) -> Option<u64> {
     let claims = fs::read_dir(sweep.join("claims")).ok()?;
     claims.flatten().find_map(|entry| {
@@ -242,7 +242,7 @@ fn a_sweep_survives_a_lost_node_a_killed_worker_and_a_full_disk() {
         shown.split_whitespace().find_map(|word| word.strip_prefix("Restarts=")?.parse::<u32>().ok()).unwrap_or(0)
     };
     slurm.until("requeued", &out, || restarts("1") > 0 || restarts("2") > 0);
-    // Room is there when nobody has the file open any more.
+    // The space is free once no process has the file open.
     drop(full);
     fs::remove_file(&filler).expect("removed");
 
@@ -251,7 +251,7 @@ fn a_sweep_survives_a_lost_node_a_killed_worker_and_a_full_disk() {
     assert!(again.status.success(), "{}", stderr(&again));
     assert_eq!((&json(&again)["outcome"], json(&again)["array"].to_string()), (&Value::from("joined"), job.clone()));
 
-    // A worker is killed in mid-unit ...
+    // A worker is killed in mid-unit.
     let kill = |process: u64| Command::new("kill").args(["-9", &process.to_string()]).status().expect("kill runs");
     slurm.until("a worker on n2", &out, || worker_on(&out, "n2").is_some());
     let before = restarts("1") + restarts("2");
@@ -259,7 +259,7 @@ fn a_sweep_survives_a_lost_node_a_killed_worker_and_a_full_disk() {
         kill(process);
     }
     slurm.until("requeued", &out, || restarts("1") + restarts("2") > before || units(&out) == 8);
-    // ... and a node is lost with what runs on it.
+    // A node fails with everything that runs on it.
     slurm.until("a worker on n1", &out, || worker_on(&out, "n1").is_some() || units(&out) == 8);
     slurm.kill("n1");
     if let Some(process) = worker_on(&out, "n1") {
@@ -280,9 +280,8 @@ fn a_sweep_survives_a_lost_node_a_killed_worker_and_a_full_disk() {
     assert_eq!(json(&nothing)["outcome"], "finished");
 }
 
-/// The sweep of the file `FTAC_SWEEP` has the same digest on two nodes as on this machine; both wall times are printed. It takes as long as the
-/// sweep does, twice:
-/// `FTAC_SWEEP=FILE cargo test --release -p e2e slurm -- --ignored --nocapture`.
+/// The sweep of the file `FTAC_SWEEP` has the same digest on two nodes as on this machine; both wall times are printed.
+/// It takes twice as long as the sweep: `FTAC_SWEEP=FILE cargo test --release -p e2e slurm -- --ignored --nocapture`.
 #[test]
 #[ignore = "takes as long as the sweep that it is given"]
 fn a_sweep_of_ones_own_is_the_same_on_two_nodes() {

@@ -1,4 +1,4 @@
-//! `ftac bridge stop` as an operator in another terminal uses it: by the stop socket alone, and told what was read back.
+//! `ftac bridge stop` as an operator uses it in another terminal: by the stop socket alone, with the state read back.
 
 use std::fs;
 use std::io::{Read as _, Write as _};
@@ -11,14 +11,14 @@ use crate::devices::{Devices, json, text};
 use e2e::{ftac, stderr};
 use tempfile::tempdir;
 
-/// `ftac bridge stop` in a terminal whose environment holds nothing.
+/// Runs `ftac bridge stop` with an empty environment.
 fn stop(config: &Path, extra: &[&str]) -> Output {
     let arguments = [&["bridge", "stop", "--json", "--config", text(config)], extra].concat();
     let mut bare = Command::new(ftac(&[]).get_program());
     bare.args(arguments).env_clear().env("FTAC_LOG", "").current_dir("/").output().expect("runs")
 }
 
-/// What the robot's socket beside its configuration says of it; nothing while there is none.
+/// Returns the state from the robot's stop socket beside its configuration; empty if there is none.
 fn state(config: &Path) -> String {
     let mut answer = String::new();
     if let Ok(mut stream) = UnixStream::connect(config.with_file_name("stop")) {
@@ -27,7 +27,7 @@ fn state(config: &Path) -> String {
     answer
 }
 
-/// A robot that moves until it is stopped. Its arm's password is in its environment alone.
+/// Starts a robot that moves until it is stopped. The password of its arm is only in its environment.
 fn exercising(config: &Path, password: &str) -> Child {
     let arguments = ["bridge", "exercise", "--yes", "--times", "100000", "--current", "0.02", "--config", text(config)];
     let mut command = ftac(&arguments);
@@ -35,8 +35,8 @@ fn exercising(config: &Path, password: &str) -> Child {
     command.spawn().expect("starts")
 }
 
-/// The stop needs the socket alone: the other terminal has no password, and the configuration is half-edited. The robot that was started with it holds,
-/// and what is told was measured.
+/// The stop needs only the socket: the other terminal has no password, and the configuration is half-edited. The robot
+/// that was started with it holds, and the reported state was measured.
 #[test]
 fn a_stop_needs_the_socket_alone() {
     let folder = tempdir().expect("a folder");
@@ -59,7 +59,7 @@ fn a_stop_needs_the_socket_alone() {
 
     let mut robot = exercising(&config, &password);
     fs::write(config.with_file_name("other.toml"), "").expect("written");
-    // Until it moves; then half of a line is all that is left of the file.
+    // Wait until the robot moves; then cut the file to half a line.
     while !state(&config).contains("running") {
         assert!(robot.try_wait().expect("ours").is_none(), "the robot ended by itself");
         std::thread::sleep(Duration::from_millis(20));
@@ -71,7 +71,7 @@ fn a_stop_needs_the_socket_alone() {
     assert_eq!(held.status.code(), Some(0), "{}", stderr(&held));
     let told = json(&held.stdout)["robots"][0].clone();
     let words = told["state"].as_str().expect("words");
-    // How many had answered lately depends on the machine.
+    // The number of recent answers depends on the machine.
     assert!(words.starts_with("hold: the operator stopped it; ") && words.ends_with("of 6 servos answer"), "{told}");
     assert!(told["robot"].as_str().expect("words").contains(text(&config)), "{told}");
     let mut said = String::new();
@@ -80,7 +80,8 @@ fn a_stop_needs_the_socket_alone() {
     assert!(said.contains("hold: the operator stopped it; "), "{said}");
 }
 
-/// A release with no bridge running says from how many servos the torque was read back as off, and fails where that is not all of them.
+/// A release without a running bridge reports the number of servos whose torque was read back as off, and fails if
+/// these are not all.
 #[test]
 fn a_release_states_what_was_read_back() {
     let folder = tempdir().expect("a folder");

@@ -1,4 +1,4 @@
-//! The grasp study as a user runs it: types, labels, maps, landscape, pages, and what happens to bad input.
+//! The grasp study as a user runs it: types, labels, maps, landscape, pages, and bad input.
 //!
 //! `tests/data/grasps` holds the first eight grasps of six objects, as `ftac grasps generate` wrote them.
 
@@ -18,7 +18,7 @@ fn text(path: &Path) -> &str {
     path.to_str().expect("a UTF-8 path")
 }
 
-/// Runs a command with `--json` on the grasps of `from`; a result that falls short (exit code 1) is a result.
+/// Runs a command with `--json` on the grasps of `from`. A result that falls short (exit code 1) counts as a result.
 fn answer(from: &str, arguments: &[&str]) -> Value {
     let mut all = vec!["--json"];
     all.extend_from_slice(arguments);
@@ -40,7 +40,7 @@ fn refused(arguments: &[&str], named: &[&str]) {
     assert!(!message.contains("panicked") && output.stdout.is_empty(), "{message}");
 }
 
-/// Type and broad type of every grasp.
+/// Returns type and broad type of every grasp.
 fn types() -> BTreeMap<String, (String, String)> {
     let found = answer(GRASPS, &["grasps", "classify"]);
     let word = |value: &Value| value.as_str().expect("a word").to_owned();
@@ -181,7 +181,7 @@ fn a_landscape_goes_on_where_it_was_interrupted() {
     assert!(page.contains("data-grasp") && !page.contains("http://w3") && !page.contains("src=\"http"));
 }
 
-/// Opens a page in headless Chromium with `script` added at its end; answers with what it left in the element `result`.
+/// Opens a page in headless Chromium with `script` added at its end. Returns the content of the element `result`.
 fn browse(page: &Path, script: &str, profile: &Path) -> String {
     let with = page.with_extension("test.html");
     let html = fs::read_to_string(page).expect("the page");
@@ -200,8 +200,8 @@ fn browse(page: &Path, script: &str, profile: &Path) -> String {
     rest.split("</pre>").next().unwrap_or_default().replace("&amp;", "&").replace("&lt;", "<").replace("&gt;", ">")
 }
 
-/// The page is labelled by its keys, draws hand, object and contacts, keeps its labels over a restart of the browser, and
-/// exports what `classify` reads.
+/// The page takes labels by its keys, draws hand, object and contacts, keeps its labels over a restart of the browser,
+/// and exports a file that `classify` reads.
 #[test]
 fn the_annotation_page_works_in_a_browser() {
     if !Path::new(CHROMIUM).exists() {
@@ -223,7 +223,7 @@ fn the_annotation_page_works_in_a_browser() {
     let seen = &first["seen"];
     let count = |what: &str, k: usize| seen[what][k].as_u64().expect("a count");
     assert!(count("all", 0) > 500 && count("all", 1) > 5000, "object and hand are drawn: {seen}");
-    // Green contacts, which show through, are a little blue.
+    // The green contacts, which show through, contain a little blue.
     assert!(5 * count("no_object", 0) < count("all", 0) && count("no_hand", 1) < 50, "{seen}");
     assert_eq!((&seen["turned"], &seen["types"]), (&json!(true), &json!(10)));
     let exported = &first["exported"];
@@ -275,7 +275,7 @@ fn the_built_in_collection_is_the_default() {
     refused(&["grasps", "classify", "--explain", "ball/999999"], &["--explain", "ball/999999", "golf_ball/0"]);
 }
 
-/// A table of hands goes on after its last cell, is the same again, and refuses what cannot be meant.
+/// A comparison of hands resumes after its last cell, is reproducible, and refuses arguments that make no sense.
 #[test]
 fn hands_side_by_side() {
     let folder = tempdir().expect("a folder");
@@ -315,7 +315,7 @@ fn hands_side_by_side() {
     refused(&arguments[1..], &["F_TAC-ball_50.json"]);
 }
 
-/// One command makes every part and the page; once more, it goes on from what is there and comes to the same figures.
+/// One command makes every part and the page. Run again, it resumes from the existing parts and gives the same figures.
 #[test]
 fn the_whole_study_is_one_command() {
     let folder = tempdir().expect("a folder");

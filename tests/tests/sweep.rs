@@ -1,4 +1,4 @@
-//! Sweeps on one machine: killed and resumed, joined, refused where the input is wrong, and read by other programs.
+//! Sweeps on one machine: killed and resumed, joined by other processes, refused on wrong input, and read by other programs.
 
 use std::fs;
 use std::io::Write as _;
@@ -29,7 +29,7 @@ fn files(folder: &Path) -> Vec<PathBuf> {
     found
 }
 
-/// What is there does not change, whatever is asked for.
+/// Checks that a command is refused with exit code 2 and these words.
 fn refused(arguments: &[&str], words: &[&str]) {
     let output = run(arguments);
     let said = stderr(&output);
@@ -45,7 +45,7 @@ fn a_sweep_goes_on_after_a_kill_and_others_read_it() {
     let planned = json(&run(&["sweep", "plan", text(&file), "--json"]));
     assert_eq!((&planned["points"], &planned["trials"]), (&Value::from(2), &Value::from(8)));
 
-    // Killed as soon as something is finished.
+    // Killed as soon as one unit is finished.
     let out = folder.path().join("killed");
     let mut child = ftac(&["sweep", "run", text(&file), "--out", text(&out), "--jobs", "1"])
         .stdout(Stdio::null())
@@ -66,12 +66,12 @@ fn a_sweep_goes_on_after_a_kill_and_others_read_it() {
     assert_eq!((&merged["trials"], &merged["missing"]), (&Value::from(8), &Value::from(0)));
     assert_eq!(fs::metadata(&first).and_then(|data| data.modified()).expect("a time"), written, "it ran twice");
 
-    // Another sweep in that folder; nothing is lost.
+    // Another sweep in that folder is refused; nothing is lost.
     let other = folder.path().join("other.toml");
     fs::write(&other, SWEEP.replace("[41, 42]", "[41, 43]")).expect("written");
     refused(&["sweep", "run", text(&other), "--out", text(&out)], &["holds another sweep", "name another folder"]);
 
-    // A broken file is named, kept, and its unit played again: with the same results.
+    // A broken file is named and kept, and its unit is played again with the same results.
     let whole = fs::read(&first).expect("read");
     fs::write(&first, &whole[..whole.len() / 2]).expect("written");
     let broken = run(&["sweep", "merge", text(&out), "--json"]);
@@ -93,7 +93,7 @@ fn a_sweep_goes_on_after_a_kill_and_others_read_it() {
     read_by_others(&out);
 }
 
-/// pandas, Polars and DuckDB find the trials and their columns.
+/// Checks that pandas, Polars and DuckDB find the trials and their columns.
 fn read_by_others(out: &Path) {
     let folder = tempdir().expect("a folder");
     let python = folder.path().join("venv/bin/python");
@@ -125,7 +125,7 @@ fn read_by_others(out: &Path) {
     assert!(output.status.success(), "{}", stderr(&output));
 }
 
-/// The workflow plays a file of this repository, which comes to the whole table.
+/// The workflow plays a sweep file of this repository, which amounts to the whole table.
 #[test]
 fn the_whole_table_is_a_sweep_file() {
     let file = "twin/sweep/data/benchmark.toml";

@@ -1,4 +1,4 @@
-//! The program at the end of a pipe, on a full disk, and misunderstood: scripts get what they can read, and nothing panics.
+//! The program in a pipe, on a full disk, and with wrong arguments: scripts get readable output, and nothing panics.
 
 use std::process::{Output, Stdio};
 
@@ -6,7 +6,7 @@ use e2e::{ftac, run, stderr};
 use serde_json::Value;
 use tempfile::tempdir;
 
-/// The one line on stdout, as JSON.
+/// Returns the only line on stdout, parsed as JSON.
 fn object(output: &Output) -> Value {
     let text = String::from_utf8_lossy(&output.stdout);
     assert_eq!(text.lines().count(), 1, "{text}");
@@ -61,7 +61,7 @@ fn a_closed_pipe_ends_quietly() {
         let said = stderr(&output);
         assert_eq!((output.status.code(), said.as_str()), (Some(0), ""), "{arguments:?}");
     }
-    // Nobody reads stderr either: the exit code is still that of the error.
+    // With stderr closed too, the exit code is still that of the error.
     for arguments in [&["schema", "dance"][..], &["schema", "dance", "--json"], &["bench", "--combo", "3"]] {
         let (reader, writer) = std::io::pipe().expect("a pipe");
         drop(reader);
@@ -85,7 +85,7 @@ fn a_full_disk_is_named_as_such() {
     assert!(stderr(&output).contains("/dev/full: No space left on device"), "{}", stderr(&output));
 }
 
-/// The numbers are those of `trials.csv`, and names can be typed as people write them.
+/// The numbers are those of `trials.csv`, and object names are accepted as people write them.
 #[test]
 fn combinations_are_listed_with_names() {
     let listed = object(&run(&["combos", "--json"]));
@@ -105,7 +105,8 @@ fn combinations_are_listed_with_names() {
     assert_eq!(String::from_utf8_lossy(&few.stdout).lines().count(), 4);
 }
 
-/// Without the public model of the hand a check leaves its row out, says so, and is good all the same; a model that is named must be there.
+/// Without the public model of the hand, a check leaves its row out, says so, and still passes; a model that is named
+/// must exist.
 #[test]
 fn a_check_of_the_hand_needs_nothing_from_outside() {
     let folder = tempdir().expect("a folder");
@@ -115,7 +116,7 @@ fn a_check_of_the_hand_needs_nothing_from_outside() {
     assert!(stderr(&named).contains("nowhere") && stderr(&named).contains("Taccel"), "{}", stderr(&named));
     let output = ftac(&["hand", "check", "--json"]).current_dir(folder.path()).output().expect("runs");
     let said = stderr(&output);
-    // Rows that are played may fall short; none is refused for want of a file.
+    // Measured rows may fall short; none is refused because of a missing file.
     assert!(matches!(output.status.code(), Some(0 | 1)), "{said}");
     assert!(said.contains("left out: joint frames") && said.contains("github.com/Taccel-Simulator/Taccel"), "{said}");
     let rows = object(&output)["rows"].as_array().expect("rows").len();

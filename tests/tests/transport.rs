@@ -1,4 +1,4 @@
-//! `ftac transport`: balls to one place, together and one by one, and what is refused.
+//! `ftac transport`: balls to one place, together and one by one, and refused input.
 
 use std::fs;
 use std::path::Path;
@@ -13,12 +13,12 @@ fn utf8(path: &Path) -> &str {
 
 fn carried(args: &[&str]) -> Value {
     let output = run(&[&["-q", "--json", "transport"], args].concat());
-    // 1 is a result that falls short, which says so.
+    // Exit code 1 is a result that falls short.
     assert!(matches!(output.status.code(), Some(0 | 1)), "{}", stderr(&output));
     serde_json::from_slice(&output.stdout).expect("JSON on stdout")
 }
 
-/// Two at once with touch, one a trip without company; every word of the story is there, and the recording.
+/// Touch carries two at once, one-by-one a single ball per trip; the story is complete, and the recording is written.
 #[test]
 fn more_than_one_at_once() {
     let folder = tempdir().expect("a folder");
@@ -34,8 +34,9 @@ fn more_than_one_at_once() {
     assert_eq!(kept, result);
 }
 
-/// Planned: the golf ball with the little finger and the softball with thumb, index and middle finger. The push takes the golf ball out of the little
-/// finger; touch feels nothing there, and other balls are taken, among them the yoga ball by thumb, index and middle finger.
+/// The plan: the golf ball with the little finger, and the softball with thumb, index and middle finger. The push takes
+/// the golf ball out of the little finger. Touch feels nothing there, and other balls are picked, among them the yoga
+/// ball by thumb, index and middle finger.
 #[test]
 fn four_balls_one_pushed() {
     let file = root().join("scenarios/data/transport/four_balls.toml");
@@ -55,7 +56,7 @@ fn four_balls_one_pushed() {
     assert!(result["policies"][0]["most_per_trip"].as_u64() >= Some(2), "{result}");
 }
 
-/// A short search of two picks says how far each came, and keeps what holds.
+/// A short search reports the stage that each pick reached, and keeps the skills that hold.
 #[test]
 fn a_search_of_skills() {
     let folder = tempdir().expect("a folder");

@@ -1,4 +1,4 @@
-//! One robot of those built from the drawing: excited, interrupted, identified, used.
+//! An individual robot: excited, interrupted, identified, used.
 
 use std::fs;
 use std::path::Path;
@@ -9,7 +9,7 @@ use e2e::{ftac, run, stderr};
 use serde_json::Value;
 use tempfile::tempdir;
 
-/// Every actuator once, in one posture.
+/// Excitation script: every actuator once, in one posture.
 const SCRIPT: &str = r#"
 version = 1
 open_current = 0.15
@@ -38,13 +38,13 @@ fn text(path: &Path) -> &str {
     path.to_str().expect("a UTF-8 path")
 }
 
-/// What a run printed with `--json`.
+/// Returns the JSON output of a successful run.
 fn json(output: &Output) -> Value {
     assert!(output.status.success(), "{}", stderr(output));
     serde_json::from_slice(&output.stdout).expect("one JSON object")
 }
 
-/// Exit code 2, and every one of `words`.
+/// Checks that a command is refused with exit code 2 and a message with every one of `words`.
 fn refused(arguments: &[&str], words: &[&str]) {
     let output = run(arguments);
     let said = stderr(&output);
@@ -54,7 +54,7 @@ fn refused(arguments: &[&str], words: &[&str]) {
     }
 }
 
-/// From a hidden individual to a file that trials take, and what is wrong with files that are not that.
+/// From a hidden individual to a file that trials use, and errors for invalid files.
 #[test]
 fn a_robot_is_excited_identified_and_used() {
     let folder = tempdir().expect("a folder");
@@ -90,7 +90,7 @@ fn a_robot_is_excited_identified_and_used() {
     let output = run(&["twin", "identify", text(&again), "--out", text(&second)]);
     assert!(output.status.success() && stderr(&output).contains("cut short"), "{}", stderr(&output));
 
-    // A trial with it, and none with one that was edited.
+    // A trial runs with the file, and not with an edited one.
     let record = at("trial.rrd");
     let trial = ["trial", "0", "--policy", "ideal", "--out", text(&record), "--individual"];
     let output = run(&[&trial[..], &[text(&found)]].concat());
@@ -102,7 +102,7 @@ fn a_robot_is_excited_identified_and_used() {
     refused(&[&trial[..], &[text(&edited)]].concat(), &["edited.toml", "digest", "identify the robot again"]);
     fs::write(&edited, &written[..written.len() / 2]).expect("written");
     refused(&[&trial[..], &[text(&edited)]].concat(), &["edited.toml"]);
-    // The other doors refuse it in the same words before they do anything, and take the good one.
+    // The other commands refuse the edited file in the same words before they do anything, and accept the good one.
     let pads = at("pads");
     for door in [
         &["touch", "train", "--presses", "1", "--out", text(&pads)][..],
@@ -115,13 +115,14 @@ fn a_robot_is_excited_identified_and_used() {
     assert!(!pads.exists(), "a refused command leaves nothing behind");
     let own = ["optics", "pads", "--out", text(&pads), "--individual", text(&found)];
     assert!(run(&own).status.success() && pads.join("index_distal.toml").exists());
-    // No hand is where the edited one would be; a session of a trial is none of an excitation.
+    // Files and folders without sessions of an excitation are refused.
     let output = ["--out", text(&edited)];
     refused(&[&["twin", "identify", text(&truth)], &output[..]].concat(), &["truth.json"]);
     refused(&[&["twin", "identify", text(folder.path())], &output[..]].concat(), &["sessions: found none"]);
 }
 
-/// Pads that are pressed on a ball show arm and mount, and their own calibration or why there is none; a weighed object shows the torque sensors.
+/// Presses of pads on a ball identify arm and mount, and yield a calibration of the pads or the reason why there is
+/// none; a weighed object identifies the torque sensors.
 #[test]
 fn presses_on_a_ball_show_the_arm() {
     let folder = tempdir().expect("a folder");
@@ -173,7 +174,7 @@ turn = [0.4, 0.0, 0.0, 0.0, 1.4, 0.6, 0.8]
         rows.iter().find(|row| row["parameter"] == name).expect("a row")
     };
     assert_eq!(row("arm_4.encoder")["identified"], true);
-    // What pads bear and how they stick, within three standard deviations of what only the truth file says.
+    // Stiffness and friction of the pads are within three standard deviations of the values that only the truth file has.
     let truth = folder.path().join("truth.json");
     let again = [&excite[..7], &["--truth-out", text(&truth)]].concat();
     assert!(run(&again).status.success(), "an excitation that is done still says what the truth is");
@@ -193,7 +194,7 @@ turn = [0.4, 0.0, 0.0, 0.0, 1.4, 0.6, 0.8]
         let output = run(&["trial", "0", "--policy", "blind", "--out", text(&record), "--pads", pads]);
         assert!(matches!(output.status.code(), Some(0 | 1)), "{}", stderr(&output));
     }
-    // A ball that no hand can be pressed on.
+    // Scripts with impossible balls and weights.
     for (from, to, says) in [
         ("depth = 0.0013", "depth = 0.9", "ball.toml: ball.depth: found 0.9, expected 0.0002 to 0.002"),
         ("way = 0.004", "way = 4.0", "ball.toml: ball.slide.way: found 4, expected 0.003 to 0.01"),
@@ -209,7 +210,7 @@ turn = [0.4, 0.0, 0.0, 0.0, 1.4, 0.6, 0.8]
     }
 }
 
-/// Ctrl-C keeps what is done, and the same command goes on from there.
+/// Ctrl-C keeps the finished steps, and the same command resumes from there.
 #[test]
 fn an_interrupted_excitation_goes_on() {
     let folder = tempdir().expect("a folder");
@@ -231,7 +232,7 @@ fn an_interrupted_excitation_goes_on() {
     assert_eq!((&done["done"], done["sessions"].as_array().map(Vec::len)), (&3.into(), Some(2)));
     let found = folder.path().join("individual.toml");
     assert!(run(&["twin", "identify", text(&sessions), "--out", text(&found)]).status.success());
-    // What it wrote of itself, damaged: refused by name, and nothing moves.
+    // A damaged state file is refused by name, and nothing moves.
     let kept = state();
     for (damaged, says) in [
         (kept.replace("\"done\": 3", "\"done\": 99"), "found 1, 99, expected 1 and at most 3"),

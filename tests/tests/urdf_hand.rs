@@ -1,4 +1,4 @@
-//! Hands of other people: `ftac hand close` closes them on a ball, and says which file, element and field is wrong.
+//! Third-party hands: `ftac hand close` closes them on a ball, and names the wrong file, element and field.
 
 use std::fs;
 use std::path::Path;
@@ -6,7 +6,7 @@ use std::path::Path;
 use e2e::{run, stderr};
 use tempfile::{TempDir, tempdir};
 
-/// A clamp of two jaws, each on its own hinge, that closes on what is between them.
+/// A clamp of two jaws, each on its own hinge, that closes on an object between them.
 const CLAMP: &str = include_str!("../../twin/guide/files/clamp.urdf");
 const PULLS: &str = "version = 1\ndamping = 0.02\narmature = 1e-4\nspring = 0.02\n\
     [[actuator]]\nname = \"close\"\narms = { turn_left = 0.01, turn_right = 0.01 }\n";
@@ -49,7 +49,7 @@ fn a_clamp_closes_on_a_ball() {
     assert!(Path::new(&picture).exists());
 }
 
-/// A mesh with a hole is no fault: its hull stands for it, and the user is told.
+/// A mesh with a hole is accepted: its convex hull replaces it, with a note to the user.
 #[test]
 fn a_mesh_with_a_hole_is_taken_as_its_hull() {
     let urdf = CLAMP.replacen("<box size=\"0.10 0.01 0.03\"/>", "<mesh filename=\"jaw.obj\"/>", 1);
@@ -70,7 +70,7 @@ fn a_mesh_with_a_hole_is_taken_as_its_hull() {
     }
 }
 
-/// Jaws that slide, with a limit that says neither effort nor velocity: they load, and both go in by half of what is between them.
+/// Sliding jaws whose limit gives neither effort nor velocity load, and each moves in by half of the gap around the ball.
 #[test]
 fn a_parallel_gripper_slides_onto_a_ball() {
     let urdf = CLAMP
@@ -89,7 +89,7 @@ fn a_parallel_gripper_slides_onto_a_ball() {
     }
 }
 
-/// A revolute joint without <limit> moves, and is told; so is a link without a collision shape.
+/// A revolute joint without `<limit>` moves, with a note; a link without a collision shape gets a note too.
 #[test]
 fn a_joint_without_limit_moves_and_a_bare_link_is_named() {
     let urdf = CLAMP.replace("<limit lower=\"0\" upper=\"1\" effort=\"1\" velocity=\"1\"/>", "");
@@ -104,7 +104,8 @@ fn a_joint_without_limit_moves_and_a_bare_link_is_named() {
     assert!(stderr(&output).contains("link.collision: none of left; everything passes through"), "{}", stderr(&output));
 }
 
-/// A jaw's mesh as PLY and COLLADA, in Windows' spelling, with a blank as %20, and in a package beside the URDF's own.
+/// The mesh of a jaw is found as PLY and COLLADA, with Windows path separators, with a blank as %20, and in a package
+/// beside that of the URDF.
 #[test]
 fn meshes_of_any_kind_and_spelling_are_found() {
     let corner = |n: usize| {
@@ -165,7 +166,7 @@ fn a_hand_is_checked() {
     assert!(notes.contains("the fingers take up to") && text["actuators"][0]["most_tension_n"] == 100.0, "{text}");
 }
 
-/// A hand's options have one name each; the old ones still work and say so.
+/// The options of a hand have one name each; the old names still work and print a note.
 #[test]
 fn old_option_names_work_and_say_so() {
     let files = Files::new(CLAMP, PULLS);
@@ -180,7 +181,7 @@ fn old_option_names_work_and_say_so() {
 }
 
 impl Files {
-    /// The answer of a search of grasps of a golf ball.
+    /// Runs a grasp search for a golf ball and returns its JSON output.
     fn generate(&self, chains: &str) -> serde_json::Value {
         let (urdf, pulls) = (self.at("clamp.urdf"), self.at("clamp.toml"));
         let asked = ["grasps", "generate", "--urdf", &urdf, "--pulls", &pulls, "--object", "golf_ball", "--n", chains];
@@ -189,7 +190,7 @@ impl Files {
     }
 }
 
-/// Jaws that slide in on both sides, as of any parallel gripper.
+/// Returns the URDF of a parallel gripper: jaws that slide in on both sides.
 fn gripper() -> String {
     CLAMP
         .replace("type=\"revolute\"", "type=\"prismatic\"")
@@ -198,7 +199,8 @@ fn gripper() -> String {
         .replace("upper=\"1\" effort=\"1\"", "upper=\"0.02\" effort=\"40\"")
 }
 
-/// A ball that physics holds between two soft jaws passes the cone program too: contacts bear friction about their normals.
+/// A ball that physics holds between two soft jaws passes the cone program too: the contacts bear friction torques
+/// about their normals.
 #[test]
 fn cone_program_and_physics_agree_on_a_parallel_gripper() {
     let answer = Files::new(&gripper(), &PULLS.replace("0.01", "1.0")).generate("8");
@@ -208,8 +210,8 @@ fn cone_program_and_physics_agree_on_a_parallel_gripper() {
     assert!(answer["surface_gap"].as_f64().is_some_and(|gap| gap < 1e-6), "boxes are their own surface: {answer}");
 }
 
-/// A jaw that presses against a fixed wall: no grasp, unless the pulls file calls the wall a palm; then there is a warning that no digits
-/// oppose each other.
+/// A jaw that presses against a fixed wall makes no grasp, unless the pulls file calls the wall a palm; then a warning
+/// says that no digits oppose each other.
 #[test]
 fn a_grasp_against_a_fixed_wall_is_none_but_against_a_palm() {
     let wall = "<link name=\"base\"><collision><origin xyz=\"0.05 -0.035 0\"/><geometry><box size=\"0.10 0.01 0.06\"/></geometry></collision></link>";
@@ -231,7 +233,7 @@ fn a_grasp_against_a_fixed_wall_is_none_but_against_a_palm() {
     assert!(palm["notes"].to_string().contains("uses opposed digits"), "{palm}");
 }
 
-/// More than a joint's effort is not pulled with.
+/// Tensions are limited by the efforts of the joints.
 #[test]
 fn a_tension_above_the_efforts_is_scaled_and_told() {
     let files = Files::new(&CLAMP.replace("effort=\"1\"", "effort=\"0.06\""), PULLS);
@@ -319,7 +321,7 @@ fn faults_name_file_element_and_field() {
     ];
     for (urdf, pulls, named) in cases {
         let files = Files::new(&urdf, &pulls);
-        // In millimetres, and all in one plane.
+        // One mesh in millimetres, and one in a single plane.
         fs::write(files.at("jaw.obj"), "v 0 0 0\nv 100 0 0\nv 0 10 0\nv 0 0 30\nf 1 2 3\n").expect("written");
         fs::write(files.at("flat.obj"), "v 0 0 0\nv 0.1 0 0\nv 0.1 0.1 0\nv 0 0.1 0\nf 1 2 3 4\n").expect("written");
         let picture = files.at("picture.png");

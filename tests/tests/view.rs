@@ -1,4 +1,4 @@
-//! `ftac view` finds the recordings of a result folder, and says how to install the viewer where there is none.
+//! `ftac view` finds the recordings of a result folder, and says how to install the viewer if there is none.
 
 use std::fs;
 use std::path::PathBuf;
@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use e2e::{ftac, stderr};
 use tempfile::{TempDir, tempdir};
 
-/// A result folder with one recording.
+/// Returns a result folder with one recording.
 fn results() -> TempDir {
     let folder = tempdir().expect("a folder");
     let recordings = folder.path().join("recordings");
@@ -15,7 +15,7 @@ fn results() -> TempDir {
     folder
 }
 
-/// A program in place of the viewer that writes down its arguments.
+/// Writes a stand-in for the viewer that records its arguments.
 #[cfg(unix)]
 fn fake_viewer(folder: &TempDir) -> PathBuf {
     use std::os::unix::fs::PermissionsExt as _;
@@ -35,7 +35,7 @@ fn a_result_folder_is_opened() {
     let path = folder.path().to_str().expect("UTF-8");
     let output = ftac(&["view", path]).env("RERUN_BIN", &viewer).output().expect("runs");
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
-    // The viewer outlives the command, so its file comes when it comes.
+    // The viewer outlives the command, so its file may appear later.
     let list = folder.path().join("viewer.sh.args");
     let arguments = std::iter::repeat_with(|| {
         std::thread::sleep(std::time::Duration::from_millis(20));
@@ -49,7 +49,7 @@ fn a_result_folder_is_opened() {
     assert_eq!(opened, [recording.to_str().expect("UTF-8")], "{arguments}");
 }
 
-/// A program in place of the viewer that does what `body` says.
+/// Writes a stand-in for the viewer that runs `body`.
 #[cfg(unix)]
 fn viewer_that(folder: &TempDir, body: &str) -> PathBuf {
     use std::os::unix::fs::PermissionsExt as _;
@@ -60,7 +60,7 @@ fn viewer_that(folder: &TempDir, body: &str) -> PathBuf {
     program
 }
 
-/// What the viewer does without a display.
+/// Behaviour of the viewer without a display.
 const NO_DISPLAY: &str =
     "echo 'INFO starting' >&2; echo 'Error: neither WAYLAND_DISPLAY nor DISPLAY is set.' >&2; exit 1";
 
@@ -77,7 +77,7 @@ fn a_viewer_without_a_display_is_no_success() {
     assert!(!said.contains("opened"), "{said}");
 }
 
-/// Once the demo hung here for ever: its recordings waited for a viewer that had died.
+/// Regression: the demo hung here for ever, because its recordings waited for a viewer that had died.
 #[cfg(unix)]
 #[test]
 fn without_a_display_the_demo_still_writes_page_and_film() {
@@ -95,7 +95,7 @@ fn without_a_display_the_demo_still_writes_page_and_film() {
     }
 }
 
-/// A viewer that starts and never answers holds nothing up either.
+/// A viewer that starts and never answers does not block a trial either.
 #[cfg(unix)]
 #[test]
 fn a_viewer_that_never_answers_does_not_hang_a_trial() {
@@ -110,7 +110,7 @@ fn a_viewer_that_never_answers_does_not_hang_a_trial() {
     assert!(ended.success(), "the viewer lives on by itself");
     let said = stderr(&output);
     assert!(said.contains("does not answer"), "{said}");
-    // The trial may have failed as well, which is then what is told.
+    // If the trial failed as well, that is reported instead.
     assert_eq!(output.status.code(), Some(1), "{said}");
     assert!(fs::metadata(&file).is_ok_and(|file| file.len() > 100_000), "the recording is whole");
 }

@@ -1,4 +1,4 @@
-//! `ftac optics calibrate`: what is fitted, left out and refused.
+//! `ftac optics calibrate`: presses that are fitted, left out, and refused.
 
 use std::fs;
 use std::path::Path;
@@ -9,7 +9,7 @@ use super::made_sensor::{calibrate, made, press, some_presses, text};
 
 const GOOD: [&str; 4] = ["--ball-diameter-mm", "4", "--pixel-mm", "0.08"];
 
-/// A calibration that ends in vain names these things and leaves no file behind.
+/// Checks that a failed calibration names these things and leaves no file behind.
 fn refused(folder: &Path, code: i32, more: &[&str], named: &[&str]) {
     let out = folder.with_extension("toml");
     let output = calibrate(folder, more, &out);
@@ -29,7 +29,7 @@ fn presses_that_cannot_be_are_refused_and_leave_no_file() {
     refused(&folder, 2, &["--ball-diameter-mm", "4", "--pixel-mm", "0.0008"], &["size of a pixel"]);
     refused(&folder, 2, &["--ball-diameter-mm", "2", "--pixel-mm", "0.08"], &[".png", "ball of 2 mm"]);
     refused(&folder, 2, &["--ball-diameter-mm", "4", "--ruler", "1,2,3,2,5"], &["--ruler"]);
-    // Among the presses, the background would be one of them.
+    // In the folder of the presses the background image would count as a press.
     let output = calibrate(&folder, &GOOD, &folder.join("inside.toml"));
     assert!(
         output.status.code() == Some(2) && stderr(&output).contains("folder of the presses"),
@@ -37,12 +37,12 @@ fn presses_that_cannot_be_are_refused_and_leave_no_file() {
         stderr(&output)
     );
     assert!(!folder.join("inside.toml").exists());
-    // Too few presses to judge by.
+    // Too few presses for an evaluation.
     refused(&some_presses("three", 0..3), 2, &GOOD, &["found 3 presses", "at least 4"]);
 }
 
-/// Six of eighteen presses are wrong, each in a way of its own: the others calibrate, and each is named with its own fault. The sheet
-/// is there even where nothing can be fitted.
+/// Six of eighteen presses are wrong, each in its own way: the others calibrate, and each wrong one is named with its
+/// fault. The sheet is written even if nothing can be fitted.
 #[test]
 fn presses_out_of_line_are_left_out_by_name_and_the_others_calibrate() {
     let made = made();
@@ -71,7 +71,7 @@ fn presses_out_of_line_are_left_out_by_name_and_the_others_calibrate() {
     for named in [
         "00.png left out: labels.csv, line 2, center_x_px: found 9",
         "04.png left out: found a grey image; expected colours",
-        // An edge is not where a ball's label says that the image changes.
+        // The image does not change where the label puts the ball's edge.
         "07.png left out: found ",
         "10.png left out: found 80 x 60 pixels; expected the background's 160 x 120",
         "13.png left out: found an image that looks mirrored left to right",
@@ -83,14 +83,14 @@ fn presses_out_of_line_are_left_out_by_name_and_the_others_calibrate() {
     assert!(!told.contains("._03") && out.exists() && image::open(&sheet).is_ok(), "{told}");
     let found: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
     assert_eq!(found["presses"]["fitted"], 12, "{found}");
-    // Most labels wrong: more is out of line than single presses. The sheet shows which.
+    // Most labels are wrong: the fault is not in single presses. The sheet shows which.
     let rows: Vec<String> = rows.iter().map(|row| row.replace(".png,", ".png,9")).collect();
     fs::write(at("labels.csv"), rows.join("\n")).expect("written");
     fs::remove_file(&sheet).expect("removed");
     refused(&folder, 2, &[&GOOD[..], &["--sheet", text(&sheet)]].concat(), &["00.png"]);
 }
 
-/// Images that have nothing to do with the balls that the labels name: figures of presses held out refuse the calibration.
+/// Images unrelated to the labelled balls: the errors on held-out presses lead to refusal of the calibration.
 #[test]
 fn a_calibration_no_better_than_doing_nothing_is_refused() {
     let folder = some_presses("useless", 0..8);
@@ -102,7 +102,7 @@ fn a_calibration_no_better_than_doing_nothing_is_refused() {
         for (x, y, pixel) in image.enumerate_pixels_mut() {
             let (u, v) = ((f64::from(x) - cells[0]) / cells[2], (f64::from(y) - cells[1]) / cells[2]);
             if u.hypot(v) < 1.0 {
-                // A tint that turns from press to press.
+                // A tint whose direction changes from press to press.
                 for c in 0..3 {
                     let turn = 0.8 * n as f64 * (c + 1) as f64;
                     let change = 60.0 * (u * turn.cos() + v * turn.sin());
@@ -115,7 +115,8 @@ fn a_calibration_no_better_than_doing_nothing_is_refused() {
     refused(&folder, 1, &GOOD, &["held out"]);
 }
 
-/// Six presses of one ball suffice for presses held out to be found within a quarter of their depth. The label file may name more.
+/// Six presses of one ball suffice to reconstruct held-out presses within a quarter of their depth. The label file may
+/// name more.
 #[test]
 fn six_presses_calibrate() {
     let made = made();

@@ -1,4 +1,4 @@
-//! A sensor of known lamps, response and gel, and its presses of a ball.
+//! A sensor with known lamps, response and gel, and its presses of a ball.
 
 use std::fmt::Write as _;
 use std::fs;
@@ -11,7 +11,7 @@ use tempfile::{TempDir, tempdir};
 
 pub(crate) const COLUMNS: usize = 160;
 pub(crate) const ROWS: usize = 120;
-/// m
+/// Pixel size on the gel, m.
 pub(crate) const PIXEL: f64 = 0.08e-3;
 /// Radius of the ball, m.
 pub(crate) const BALL: f64 = 2e-3;
@@ -31,12 +31,13 @@ pub(crate) fn unit([x, y, z]: [f64; 3]) -> [f64; 3] {
     [x / length, y / length, z / length]
 }
 
-/// Aimed at the image's middle.
+/// Returns the direction of a lamp aimed at the image centre.
 pub(crate) fn direction(position: [f64; 3]) -> [f64; 3] {
     unit(position.map(|part| -part))
 }
 
-/// Grey levels of the untouched gel: diffuse light and three lamps on a level, matt surface; a linear response.
+/// Returns the RGB values of a pixel of the untouched gel: diffuse light and three lamps on a level, matt surface, with
+/// a linear response.
 pub(crate) fn flat(column: usize, row: usize) -> [u8; 3] {
     let point = [(column as f64 - 79.5) * PIXEL, (59.5 - row as f64) * PIXEL, 0.0];
     let mut radiance = [0.25; 3];
@@ -77,7 +78,7 @@ pub(crate) fn known_sensor(folder: &Path) -> PathBuf {
     path
 }
 
-/// A ball as a mesh, m: two poles and rings between them.
+/// Returns a ball as a mesh (OBJ), m: two poles and rings between them.
 pub(crate) fn ball(radius: f64) -> String {
     let (around, down) = (96, 48);
     let mut mesh = format!("v 0 0 {radius}\nv 0 0 {}\n", -radius);
@@ -95,7 +96,7 @@ pub(crate) fn ball(radius: f64) -> String {
     };
     for j in 0..down {
         for i in 0..around {
-            // At a pole a side has no length.
+            // At a pole one side of the facet has no length.
             if j + 1 < down {
                 let _ = writeln!(mesh, "f {} {} {}", at(i, j), at(i, j + 1), at(i + 1, j + 1));
             }
@@ -107,7 +108,7 @@ pub(crate) fn ball(radius: f64) -> String {
     mesh
 }
 
-/// A prism with three sides along y, an edge down.
+/// Returns a triangular prism along y (OBJ), with an edge down.
 pub(crate) fn prism(size: f64) -> String {
     let corners = [[0.0, 0.0], [1.0, 1.0], [-1.0, 1.0]];
     let mut mesh = String::new();
@@ -119,7 +120,7 @@ pub(crate) fn prism(size: f64) -> String {
     mesh + "f 1 2 3\nf 4 6 5\nf 1 4 5\nf 1 5 2\nf 2 5 6\nf 2 6 3\nf 3 6 4\nf 3 4 1\n"
 }
 
-/// Renders what the known sensor sees of a mesh at (x, y) mm, `depth` mm deep.
+/// Renders the known sensor's image of a mesh at (x, y) mm, `depth` mm deep.
 pub(crate) fn press(sensor: &Path, mesh: &Path, [x, y]: [f64; 2], depth: f64, out: &Path) -> Output {
     let pose = format!("{x},{y},0,0,0");
     let depth = depth.to_string();
@@ -139,7 +140,7 @@ pub(crate) fn press(sensor: &Path, mesh: &Path, [x, y]: [f64; 2], depth: f64, ou
     ])
 }
 
-/// A folder of eighteen presses with labels, and the known sensor.
+/// A folder with eighteen labelled presses and the known sensor.
 pub(crate) struct Made {
     folder: TempDir,
 }
@@ -185,7 +186,7 @@ pub(crate) fn calibrate(folder: &Path, more: &[&str], out: &Path) -> Output {
     run(&[&["optics", "calibrate", text(folder), "--out", text(out), "--json"], more].concat())
 }
 
-/// Copies the made presses `which`, with their labels, into a folder of their own.
+/// Copies the presses with numbers `which` and their labels into a separate folder.
 pub(crate) fn some_presses(name: &str, which: impl IntoIterator<Item = usize>) -> PathBuf {
     let (made, folder) = (made(), made().at(name));
     fs::create_dir(&folder).expect("made");

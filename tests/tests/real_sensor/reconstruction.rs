@@ -1,4 +1,4 @@
-//! `ftac optics reconstruct`: images, videos and live folders to heights and points.
+//! `ftac optics reconstruct`: from images, videos and watched folders to heights and points.
 
 use std::fs;
 use std::path::Path;
@@ -8,7 +8,8 @@ use e2e::{ftac, run, stderr};
 
 use super::made_sensor::{COLUMNS, PIXEL, ROWS, ball, made, press, text};
 
-/// Presses of another ball, deeper and shallower ones, are reconstructed to their known depth with what the first ball taught.
+/// Deeper and shallower presses of another ball are reconstructed to their known depth with the calibration from the
+/// first ball.
 #[test]
 fn what_presses_is_reconstructed_to_scale() {
     let made = made();
@@ -62,7 +63,7 @@ fn what_presses_is_reconstructed_to_scale() {
     let contact = mask.pixels().filter(|pixel| pixel.0[0] == 255).count();
     let cloud = fs::read(out.join("0.6.ply")).expect("read");
     assert!(String::from_utf8_lossy(&cloud).contains(&format!("element vertex {contact}\n")));
-    // The contact of a ball of 6 mm, 0.6 mm deep.
+    // Contact area of a ball of 6 mm at a depth of 0.6 mm.
     let area = std::f64::consts::PI * (3.0f64.powi(2) - 2.4f64.powi(2)) / (1e3 * PIXEL).powi(2);
     assert!((contact as f64 / area - 1.0).abs() < 0.4, "{contact} {area}");
 }
@@ -118,15 +119,15 @@ fn wrong_images_and_sensors_are_told_by_name() {
     fs::remove_file(images.join("small.png")).expect("removed");
     image::GrayImage::from_pixel(160, 120, image::Luma([90])).save(images.join("grey.png")).expect("saved");
     refused(&fitted, &["grey.png", "grey image"]);
-    // A calibration without what was learned beside it.
+    // A calibration without the trained models beside it.
     refused(&made.at("known.toml"), &["known.normals.json"]);
-    // One bad image among good ones is left out, by name.
+    // One bad image among good ones is left out and named.
     fs::copy(made.at("presses/03.png"), images.join("03.png")).expect("copied");
     let output = reconstruct(&fitted);
     assert!(output.status.code() == Some(1) && stderr(&output).contains("grey.png"), "{}", stderr(&output));
 }
 
-/// Reconstructs a folder's images with the sensor that all presses calibrated: the rows, by image.
+/// Reconstructs a folder's images with the sensor calibrated from all presses. Returns JSON output and stderr.
 fn reconstructed(images: &Path, code: i32) -> (serde_json::Value, String) {
     let sensor = made().at("fitted.toml");
     let output = run(&["optics", "reconstruct", text(images), "--sensor", text(&sensor), "--json"]);
@@ -134,7 +135,8 @@ fn reconstructed(images: &Path, code: i32) -> (serde_json::Value, String) {
     (serde_json::from_slice(&output.stdout).expect("JSON"), stderr(&output))
 }
 
-/// A cube's edge is steeper than any ball's press: either its depth is right within thrice the error that is told, or none is told.
+/// A cube's edge is steeper than any press of a ball: either its depth is within three times the stated error, or no
+/// error is stated.
 #[test]
 fn an_edge_steeper_than_the_balls_has_no_narrow_error() {
     let made = made();
@@ -158,7 +160,7 @@ fn an_edge_steeper_than_the_balls_has_no_narrow_error() {
     }
 }
 
-/// A BMP file of 24 bits.
+/// Encodes a 24-bit BMP file.
 fn bitmap(image: &image::RgbImage) -> Vec<u8> {
     let mut bytes = [&b"BM"[..], &[0; 8], &54u32.to_le_bytes(), &40u32.to_le_bytes()].concat();
     bytes.extend([image.width(), image.height(), 24 << 16 | 1].map(u32::to_le_bytes).concat());
@@ -168,7 +170,7 @@ fn bitmap(image: &image::RgbImage) -> Vec<u8> {
     bytes
 }
 
-/// Images of another kind: each is told, or handled.
+/// Unusual images: each is either handled or reported.
 #[test]
 fn images_of_another_kind_are_told() {
     let made = made();
@@ -178,7 +180,7 @@ fn images_of_another_kind_are_told() {
     let good = image::open(made.at("presses/03.png")).expect("read").to_rgb8();
     fs::write(at("good.bmp"), bitmap(&good)).expect("written");
     fs::write(at("._good.bmp"), b"no image").expect("written");
-    // Twelve bits in a file of sixteen.
+    // Twelve-bit data in a sixteen-bit file.
     let deep = good.pixels().flat_map(|pixel| pixel.0.map(|value| u16::from(value) * 16 + 8)).collect();
     let deep = image::ImageBuffer::<image::Rgb<u16>, Vec<u16>>::from_raw(COLUMNS as u32, ROWS as u32, deep);
     deep.expect("an image").save(at("deep.png")).expect("saved");
@@ -196,7 +198,7 @@ fn images_of_another_kind_are_told() {
     assert!(depth("deep").is_some_and(|depth| (depth / good_depth - 1.0).abs() < 0.05), "{found}");
     assert!(told.contains("12-bit data"), "{told}");
     assert!(depth("whole").is_none() && row("whole")["notes"].to_string().contains("no untouched gel"), "{found}");
-    // Mirrored, and far too dark: left out by name.
+    // A mirrored image and one far too dark are left out and named.
     image::imageops::flip_horizontal(&good).save(at("mirrored.png")).expect("saved");
     let mut dark = good;
     dark.pixels_mut().for_each(|pixel| pixel.0 = pixel.0.map(|value| value / 3));
@@ -207,7 +209,7 @@ fn images_of_another_kind_are_told() {
     }
 }
 
-/// An MP4 file is decoded by a program of the computer's; where there is none, the error says how to go on.
+/// An MP4 file is decoded by an installed program; if there is none, the error says how to proceed.
 #[cfg(unix)]
 #[test]
 fn a_video_is_read_by_frames_or_the_missing_decoder_is_named() {

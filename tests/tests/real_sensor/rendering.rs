@@ -1,4 +1,4 @@
-//! `ftac optics render` with the sensor's file.
+//! `ftac optics render` with the file of a real sensor.
 
 use e2e::{run, stderr};
 

@@ -38,7 +38,7 @@ pub struct Cli {
     /// Options of every command.
     #[command(flatten)]
     pub terminal: Terminal,
-    /// What to do.
+    /// Command to run.
     #[command(subcommand)]
     pub command: Command,
 }
@@ -46,68 +46,72 @@ pub struct Cli {
 /// Commands.
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// See one trial, touch beside blind: in the viewer, or as a page with a film.
+    /// Watch one trial, touch beside blind: in the viewer, or as a page with a film.
     Demo(DemoArgs),
     /// Run the multi-object benchmark under all conditions.
     Bench(Box<BenchArgs>),
     /// List the object combinations by number and name.
     Combos(CombosArgs),
-    /// Many benchmarks along axes, on this machine or on Slurm.
+    /// Run many benchmarks along parameter axes, on this machine or on Slurm.
     #[command(subcommand)]
     Sweep(SweepCommand),
     /// Run one trial and record it.
     Trial(TrialArgs),
-    /// Carry balls to one place, as many at once as the hand holds, beside one by one.
+    /// Carry balls to one place, as many per trip as the hand holds, compared with one by one.
     Transport(TransportArgs),
     /// Open a recording, a session or a result folder in the Rerun viewer.
     View {
         /// An .rrd file, a session (MCAP), or a folder with either; a session becomes an .rrd beside it.
         path: PathBuf,
     },
-    /// Run the control stack on a recorded session (MCAP), or all of a folder, and say whether every command comes out identical.
+    /// Run the control stack on a recorded session (MCAP), or all of a folder, and check that every command is
+    /// bit-identical.
     Replay {
         /// The session's file, or a folder with sessions, from `trial --session DIR` or `bench --robot emulated|hardware`.
         recording: PathBuf,
-        /// Instead of running anything, lay this session beside the one named first: the first observation or command that differs by a bit.
+        /// Run nothing; compare this session with the first one and report the first observation or command that
+        /// differs by a bit.
         #[arg(long)]
         against: Option<PathBuf>,
     },
-    /// Recorded sessions in the formats of other programs.
+    /// Export recorded sessions to the formats of other programs.
     #[command(subcommand)]
     Export(ExportCommand),
-    /// Build report.html, trials.csv and summary.json again from result folders; several shards become one. Of a sweep: curves and contrasts.
+    /// Rebuild report.html, trials.csv and summary.json from result folders; merges shards. For a sweep: curves and
+    /// contrasts.
     Report(ReportArgs),
-    /// Make the whole grasp study and its page: types, contact maps, energy landscape, hands compared. An interrupted run goes on.
+    /// Run the whole grasp study and write its page: types, contact maps, energy landscape, comparison of hands.
+    /// Resumes if interrupted.
     Study(StudyArgs),
-    /// The hand itself.
+    /// Check, close, draw and export the hand.
     #[command(subcommand)]
     Hand(HandCommand),
-    /// The arm that carries it.
+    /// Check the arm that carries the hand.
     #[command(subcommand)]
     Arm(ArmCommand),
-    /// Grasps: repertoires and plans.
+    /// Synthesize, evaluate and show grasps; make repertoires and plans.
     #[command(subcommand)]
     Grasps(GraspsCommand),
-    /// Touch: calibration of photometric stereo.
+    /// Calibrate, train and evaluate tactile perception (photometric stereo).
     #[command(subcommand)]
     Touch(TouchCommand),
-    /// Tactile images.
+    /// Render tactile images, calibrate real sensors and reconstruct surfaces.
     #[command(subcommand)]
     Optics(OpticsCommand),
-    /// One robot of those built from the drawing: excited, identified, and used in its place.
+    /// Excite and identify one individual robot, for use in place of the nominal one.
     #[command(subcommand)]
     Twin(TwinCommand),
-    /// The real robot's devices, and their emulator.
+    /// Set up and operate the real robot's devices, or their emulator.
     #[command(subcommand)]
     Bridge(BridgeCommand),
-    /// Print a script that completes these commands in a shell.
+    /// Print a completion script for a shell.
     Completions {
         /// The shell.
         shell: Shell,
     },
-    /// Print what a command prints with `--json`, as JSON Schema.
+    /// Print the JSON Schema of a command's `--json` output.
     Schema {
-        /// The command, such as `grasps generate`; without one, all.
+        /// Command, such as `grasps generate`; default: all commands.
         command: Vec<String>,
     },
     /// Write manual pages.
@@ -118,7 +122,7 @@ pub enum Command {
     },
 }
 
-/// Commands by what people want to do, in the order of `ftac --help`.
+/// Commands grouped by purpose, in the order of `ftac --help`.
 const GROUPS: [(&str, &[&str]); 5] = [
     ("Run trials", &["demo", "bench", "combos", "sweep", "trial", "transport"]),
     ("Look at results", &["view", "report", "export", "replay"]),
@@ -127,7 +131,7 @@ const GROUPS: [(&str, &[&str]); 5] = [
     ("Set up the terminal", &["completions", "man", "schema", "help"]),
 ];
 
-/// The command line with its help in groups; options take negative numbers.
+/// Builds the command line with its help in groups. Options accept negative numbers.
 pub fn described() -> Described {
     let command = with_negative_numbers(Cli::command());
     let mut groups = String::new();
@@ -143,7 +147,7 @@ pub fn described() -> Described {
     command.help_template(format!("{{about}}\n\n{{usage-heading}} {{usage}}\n\n{groups}Options:\n{{options}}\n"))
 }
 
-/// An option's value may begin with a minus: what is wrong with a negative number the command says itself.
+/// Lets option values begin with a minus sign: the command itself reports a negative number that it cannot use.
 pub fn with_negative_numbers(command: Described) -> Described {
     let command = command.mut_args(|argument| match argument.get_action().takes_values() {
         true => argument.allow_negative_numbers(true),
@@ -200,7 +204,7 @@ impl CommandLine for Cli {
     }
 }
 
-/// Checks that `ftac` takes these arguments; the error is the first line of what it says otherwise.
+/// Checks that `ftac` accepts these arguments. The error is the first line of its message otherwise.
 pub fn parse_arguments(arguments: &[&str]) -> Result<(), String> {
     match described().try_get_matches_from(std::iter::once("ftac").chain(arguments.iter().copied())) {
         Ok(_) => Ok(()),
@@ -214,7 +218,7 @@ mod tests {
 
     use super::*;
 
-    /// Each command stands in one group of the help, with what it is for.
+    /// Each command is listed in one group of the help, with its summary.
     #[test]
     fn every_command_is_in_the_help() {
         let mut command = described();

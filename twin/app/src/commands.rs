@@ -1,4 +1,4 @@
-//! What each command does. Each module holds its command's arguments, wires the libraries and prints.
+//! The commands. Each module holds the arguments of its command, wires the libraries and prints the result.
 
 pub mod bench;
 pub mod bridge;

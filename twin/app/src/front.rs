@@ -1,7 +1,7 @@
-//! From a command line to an exit code, alike in both programs.
+//! Front end of both programs: from the command line to the exit code.
 //!
-//! Exit codes: 0 done and good, 1 ran but the result falls short (named on stderr), 2 bad usage or bad input, 130 interrupted with Ctrl-C:
-//! what is finished is kept.
+//! Exit codes: 0 success, 1 the command ran but its result falls short (reason on stderr), 2 bad usage or bad input,
+//! 130 interrupted with Ctrl-C (finished work is kept).
 
 use std::ffi::OsString;
 use std::io::{IsTerminal as _, Write as _};
@@ -13,19 +13,19 @@ use crate::json_schema::Failure;
 use crate::terminal::{Outcome, Terminal};
 use crate::{log_file, terminal};
 
-/// A program's command line.
+/// Command line of a program.
 pub trait CommandLine: FromArgMatches {
-    /// The program's commands and options.
+    /// Returns the program's commands and options.
     fn described() -> clap::Command;
-    /// Options of every command.
+    /// Returns the options common to all commands.
     fn terminal(&self) -> &Terminal;
-    /// True of commands about real devices, or what stands for them: these are kept in a log.
+    /// True for commands that use real or emulated devices: these are logged.
     fn moves_devices(&self) -> bool;
-    /// Runs the command; `arguments` are the process's, its name first.
+    /// Runs the command; `arguments` are those of the process, its name first.
     fn obey(&self, arguments: &[OsString]) -> Outcome;
 }
 
-/// Runs the command line `arguments`, of which the first is the program's name, and returns the exit code.
+/// Runs the command line `arguments`, the first of which is the program's name, and returns the exit code.
 pub fn run<C: CommandLine>(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     let arguments: Vec<OsString> = arguments.into_iter().collect();
     let parsed = C::described().try_get_matches_from(&arguments).and_then(|matches| C::from_arg_matches(&matches));
@@ -42,18 +42,18 @@ pub fn run<C: CommandLine>(arguments: impl IntoIterator<Item = OsString>) -> u8 
     }
 }
 
-/// Exit code of bad usage and bad input.
+/// Exit code for bad usage and bad input.
 const USAGE: u8 = 2;
 
-/// Prints what the command line's error, or its help, says.
+/// Prints the command line's error, or its help.
 fn misunderstood(error: &clap::Error, json: bool) -> u8 {
-    // In colour where somebody looks.
+    // In colour on a terminal.
     let text = |coloured: bool| {
         let text = error.render();
         if coloured { text.ansi().to_string() } else { text.to_string() }
     };
     if !error.use_stderr() {
-        // The program's own words, and its colours.
+        // This is the program's own text, with its colours.
         terminal::write_to_stdout(&text(std::io::stdout().is_terminal()));
         return 0;
     }
@@ -78,7 +78,7 @@ fn wants_json(arguments: &[OsString]) -> bool {
     arguments.iter().take_while(|argument| *argument != "--").any(|argument| argument == "--json")
 }
 
-/// The error's own words, without how the command is used.
+/// Returns the error message without the usage text.
 fn first_words(error: &clap::Error) -> String {
     if error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
         return "found no command, expected one; see --help".to_owned();
@@ -104,7 +104,7 @@ fn obey(command_line: &impl CommandLine, arguments: &[OsString]) -> u8 {
             end(1, &shortfall);
             return 1;
         }
-        // The robot stopped in mid-trial, or nothing of one's own can be played: it ran, and fell short.
+        // The robot stopped in mid-trial, or none of the user's own objects can be played: the command ran, and falls short.
         Err(error)
             if caused_by::<robot_backends::Stopped>(&error)
                 || caused_by::<proving::preparation::NotPlayable>(&error) =>
@@ -127,7 +127,7 @@ fn obey(command_line: &impl CommandLine, arguments: &[OsString]) -> u8 {
     code
 }
 
-/// The error and its causes, each once: many errors have their cause in their own words.
+/// Formats the error and its causes, each once: many errors already include their cause.
 pub fn words(error: &anyhow::Error) -> String {
     error.chain().fold(String::new(), |said, cause| {
         let cause = cause.to_string();

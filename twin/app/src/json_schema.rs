@@ -1,4 +1,4 @@
-//! JSON Schema of what commands print with `--json`, derived from the types that they print.
+//! JSON Schema of the commands' `--json` output, derived from the printed types.
 
 use std::collections::BTreeMap;
 
@@ -8,19 +8,19 @@ use schemars::{JsonSchema, Schema};
 use serde::Serialize;
 use serde_json::{Value, json};
 
-/// A command, and the schema of what it prints. A command that prints one of several things stands here once for each.
+/// A command, and the schema of its output. A command with several kinds of output has one entry for each.
 pub type Output = (&'static str, fn() -> Schema);
 
-/// Printed by every command that fails.
+/// JSON output of every command that fails.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Failure {
-    /// The fault: the file, the field, what was found and what was expected.
+    /// Error message: file, field, value found and value expected.
     pub error: String,
-    /// The exit code: 1 ran and falls short, 2 bad usage or bad input, 130 interrupted.
+    /// Exit code: 1 ran and falls short, 2 bad usage or bad input, 130 interrupted.
     pub code: u8,
 }
 
-/// Schema of a `T` as it is printed.
+/// Returns the schema of a `T` as printed.
 pub fn of<T: JsonSchema>() -> Schema {
     let settings = SchemaSettings::draft2020_12().for_serialize().with(|settings| {
         settings.inline_subschemas = true;
@@ -32,7 +32,7 @@ pub fn of<T: JsonSchema>() -> Schema {
     schema
 }
 
-/// Nothing but the fields of a type is printed, and a number that is not finite as null.
+/// Adapts a schema to the printed form: no additional fields, and numbers that are not finite become null.
 fn as_printed(schema: &mut Schema) {
     schema.remove("default");
     if schema.get("properties").is_some() && schema.get("additionalProperties").is_none() {
@@ -43,7 +43,7 @@ fn as_printed(schema: &mut Schema) {
     }
 }
 
-/// The schemas of all `outputs` by command, and of what every command prints when it fails.
+/// Returns the schemas of all `outputs` by command, and that of the output of a failed command.
 pub fn all(outputs: impl IntoIterator<Item = Output>) -> Value {
     let mut by_command: BTreeMap<&str, Vec<Schema>> = BTreeMap::new();
     for (command, schema) in outputs {

@@ -1,6 +1,7 @@
-//! The second program, `ftac-lab`: validation, grasp analysis, training and the lab book.
+//! Interface to the second program, `ftac-lab`: validation, grasp analysis, training and the lab book.
 //!
-//! `ftac` knows the [`arguments`] of its commands and [hands over](hand_over) to it, so that a build of `ftac` has none of what only these need.
+//! `ftac` knows the [`arguments`] of the commands of `ftac-lab` and [hands them over](hand_over), so that a build of
+//! `ftac` contains nothing that only these commands need.
 
 pub mod arguments;
 pub mod hand_over;

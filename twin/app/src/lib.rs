@@ -1,13 +1,14 @@
-//! `ftac`: the program people run. Commands, sessions, results, reports.
+//! `ftac`: the user's program with its commands, sessions, results and reports.
 //!
-//! It is a library so that the Python package brings the same program, and so that `ftac-lab` shares its [command line](cli), its
-//! [terminal] and its [way to an exit code](front).
+//! It is a library so that the Python package can include the same program, and so that `ftac-lab` shares its [command
+//! line](cli), its [terminal] and its [front end](front), which ends in the exit code.
 
-// What is printed may hold text of others: `eprintln!` of this crate and the macros below make it printable.
+// Printed text may come from third parties: the `eprintln!` of this crate and the macros below make it printable (no
+// control characters).
 #[macro_use]
 extern crate progress;
 
-/// The standard library's `print` and `println` end the program with a panic where stdout is gone: these do not.
+/// Replacement of the standard `print` and `println`, which panic when stdout is closed: these do not.
 #[macro_export]
 macro_rules! print {
     ($($text:tt)*) => { $crate::terminal::write_printable(&format!($($text)*)) };
@@ -31,8 +32,8 @@ pub use commands::schema;
 
 use std::ffi::OsString;
 
-/// Runs the command line `arguments` of `ftac`, of which the first is the program's name, and returns the exit code. A command of `ftac-lab`
-/// does not return: that program takes the place of this process.
+/// Runs the command line `arguments` of `ftac`, the first of which is the program's name, and returns the exit code. A
+/// command of `ftac-lab` does not return: that program replaces this process.
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     front::run::<cli::Cli>(arguments)
 }

@@ -1,7 +1,8 @@
-//! What was done with devices, and what came of it: a line when a command begins and one when it ends, in a file that is never long.
+//! Log of commands that use devices: a line when a command begins and one when it ends, in a file of limited length.
 //!
-//! The file is `ftac/ftac.log` below `$XDG_STATE_HOME` (`~/.local/state` by default), or what `FTAC_LOG` names; empty for none. When it
-//! reaches [`LONGEST`] it becomes `ftac.log.1`, and of older ones [`KEPT`] stay. Passwords are no arguments, so that none is in it.
+//! The file is `ftac/ftac.log` below `$XDG_STATE_HOME` (`~/.local/state` by default), or that named by `FTAC_LOG`
+//! (empty for no log). When it reaches [`LONGEST`] it becomes `ftac.log.1`; [`KEPT`] older files are kept. Passwords
+//! are never arguments, so the log contains none.
 
 use std::fs::{self, OpenOptions};
 use std::io::{self, Write as _};
@@ -10,18 +11,18 @@ use std::time::Instant;
 
 use jiff::Timestamp;
 
-/// Bytes from which on a new file is begun.
+/// Size from which a new file is begun, bytes.
 const LONGEST: u64 = 1 << 20;
-/// Older files that stay.
+/// Number of older files kept.
 const KEPT: u32 = 5;
 
-/// A command that has been noted as begun.
+/// A logged command in progress.
 pub struct Entry {
     file: PathBuf,
     started: Instant,
 }
 
-/// Where the log is; none where nobody wants one or there is no home.
+/// Returns the log's path; none if the log is switched off or there is no home folder.
 fn place() -> Option<PathBuf> {
     let named = |name: &str| std::env::var_os(name).map(PathBuf::from);
     match named("FTAC_LOG") {
@@ -35,7 +36,8 @@ fn place() -> Option<PathBuf> {
 }
 
 impl Entry {
-    /// Notes that this process began, with its arguments. Where the log cannot be written that is said, and the command goes on.
+    /// Logs the beginning of this process with its arguments. If the log cannot be written, a note goes to stderr and
+    /// the command continues.
     pub fn begin() -> Option<Self> {
         let file = place()?;
         let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -52,11 +54,11 @@ impl Entry {
         }
     }
 
-    /// Notes how it ended.
+    /// Logs the end of the command: duration, exit code and message.
     pub fn end(self, code: u8, message: &str) {
         let seconds = self.started.elapsed().as_secs_f64();
         let colon = if message.is_empty() { "" } else { ": " };
-        // The beginning could be written; that the end cannot is no reason to fail.
+        // The beginning was written. A failure to write the end is no reason to fail.
         let _ = self.write(&format!("ends after {seconds:.1} s with code {code}{colon}{message}"));
     }
 
@@ -65,7 +67,7 @@ impl Entry {
             fs::create_dir_all(folder)?;
         }
         rotate(&self.file, LONGEST)?;
-        // One write a line: lines of two programs do not mix.
+        // One write per line, so that lines of two programs do not mix.
         let line = format!(
             "{:.3} {} {}\n",
             Timestamp::now(),
@@ -76,7 +78,7 @@ impl Entry {
     }
 }
 
-/// Begins a new file where the old one is `longest` bytes long.
+/// Begins a new file if the old one is at least `longest` bytes long.
 fn rotate(file: &Path, longest: u64) -> io::Result<()> {
     if !file.metadata().is_ok_and(|found| found.len() >= longest) {
         return Ok(());
@@ -95,7 +97,7 @@ fn rotate(file: &Path, longest: u64) -> io::Result<()> {
 mod tests {
     use super::*;
 
-    /// As many files as are kept, the newest lines in the file itself.
+    /// No more files than `KEPT` remain, and the newest lines are in the file itself.
     #[test]
     fn old_files_make_room() {
         let folder = tempfile::tempdir().expect("a folder");

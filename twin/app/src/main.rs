@@ -1,4 +1,4 @@
-//! The program; all of it is in the library.
+//! Entry point of the program `ftac`; everything else is in the library.
 
 use std::process::ExitCode;
 

@@ -1,4 +1,5 @@
-//! Options that several commands take: the robot and its backend, names of objects, another hand's files, the scenario, where images are rendered.
+//! Options shared by several commands: the robot and its backend, names of objects, files of another hand, the
+//! scenario, the renderer of tactile images.
 
 pub mod body;
 pub mod object_name;

@@ -1,4 +1,4 @@
-//! Between numpy arrays and the libraries' types.
+//! Conversion between numpy arrays and the libraries' types.
 
 pub use external_policy::message::pose_row;
 use nalgebra::Isometry3;
@@ -7,26 +7,26 @@ use numpy::{IntoPyArray, PyArray2, PyArray3, PyArray4, PyReadonlyArray1, PyUntyp
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 
-/// An array of numbers as it comes from the package, which has made it contiguous float64.
+/// An array of numbers from the package, which has made it contiguous float64.
 pub type Numbers<'py> = PyReadonlyArray1<'py, f64>;
 
-/// Bad input.
+/// Returns a `ValueError`, for bad input.
 pub fn value_error(error: impl std::fmt::Display) -> PyErr {
     PyValueError::new_err(error.to_string())
 }
 
-/// Anything else, with its causes.
+/// Returns a `RuntimeError` with its causes, for all other errors.
 pub fn failure(error: &anyhow::Error) -> PyErr {
     PyRuntimeError::new_err(format!("{error:#}"))
 }
 
-/// Exactly `N` numbers.
+/// Converts exactly `N` numbers.
 pub fn fixed<const N: usize>(what: &str, numbers: &Numbers) -> PyResult<[f64; N]> {
     let shape = || value_error(format!("{what}: found {} numbers, expected {N}", numbers.len()));
     numbers.as_slice().map_err(value_error)?.try_into().map_err(|_| shape())
 }
 
-/// As many numbers as `most` at most; whoever takes them knows how many it needs.
+/// Converts at most `most` numbers. The callee checks the exact number.
 pub fn up_to<T: FromIterator<f64>>(what: &str, numbers: &Numbers, most: usize) -> PyResult<T> {
     let found = numbers.as_slice().map_err(value_error)?;
     if found.len() > most {
@@ -35,7 +35,7 @@ pub fn up_to<T: FromIterator<f64>>(what: &str, numbers: &Numbers, most: usize) -
     Ok(found.iter().copied().collect())
 }
 
-/// Exactly `N` finite numbers.
+/// Converts exactly `N` finite numbers.
 pub fn finite<const N: usize>(what: &str, numbers: &Numbers) -> PyResult<[f64; N]> {
     let found: [f64; N] = fixed(what, numbers)?;
     match found.iter().position(|value| !value.is_finite()) {
@@ -44,7 +44,7 @@ pub fn finite<const N: usize>(what: &str, numbers: &Numbers) -> PyResult<[f64; N
     }
 }
 
-/// A table with a row of `N` numbers each.
+/// Returns an n x `N` array.
 pub fn table<'py, const N: usize>(
     py: Python<'py>,
     rows: impl ExactSizeIterator<Item = [f64; N]>,
@@ -56,14 +56,14 @@ pub fn table<'py, const N: usize>(
     table.into_pyarray(py)
 }
 
-/// A table with as many columns as its first row has numbers.
+/// Returns an array with as many columns as its first row has numbers.
 pub fn rows<'py, R: AsRef<[f64]>>(py: Python<'py>, rows: &[R]) -> Bound<'py, PyArray2<f64>> {
     let columns = rows.first().map_or(0, |row| row.as_ref().len());
     let at = |(row, column): (usize, usize)| rows[row].as_ref()[column];
     Array2::from_shape_fn((rows.len(), columns), at).into_pyarray(py)
 }
 
-/// Poses as homogeneous matrices, n x 4 x 4.
+/// Returns poses as homogeneous matrices, n x 4 x 4.
 pub fn matrices<'py>(py: Python<'py>, poses: &[Isometry3<f64>]) -> Bound<'py, PyArray3<f64>> {
     let mut all = Array3::zeros((poses.len(), 4, 4));
     for (mut to, pose) in all.outer_iter_mut().zip(poses) {
@@ -73,17 +73,17 @@ pub fn matrices<'py>(py: Python<'py>, poses: &[Isometry3<f64>]) -> Bound<'py, Py
     all.into_pyarray(py)
 }
 
-/// Pictures, count x rows x columns x RGB.
+/// Returns pictures, count x rows x columns x RGB.
 pub fn pictures(py: Python<'_>, count: usize, side: usize, rgb: Vec<u8>) -> PyResult<Bound<'_, PyArray4<u8>>> {
     Ok(Array4::from_shape_vec((count, side, side, 3), rgb).map_err(value_error)?.into_pyarray(py))
 }
 
-/// One picture, rows x columns x RGB.
+/// Returns one picture, rows x columns x RGB.
 pub fn picture(py: Python<'_>, side: usize, rgb: Vec<u8>) -> PyResult<Bound<'_, PyArray3<u8>>> {
     Ok(Array3::from_shape_vec((side, side, 3), rgb).map_err(value_error)?.into_pyarray(py))
 }
 
-/// A map of a picture's pixels, rows x columns.
+/// Returns a map of a picture's pixels, rows x columns.
 pub fn map(py: Python<'_>, side: usize, values: Vec<f32>) -> PyResult<Bound<'_, PyArray2<f32>>> {
     Ok(Array2::from_shape_vec((side, side), values).map_err(value_error)?.into_pyarray(py))
 }

@@ -1,10 +1,10 @@
-//! The grasps that come with the program, as JSON text: the package makes arrays of them.
+//! The built-in grasps as JSON text: the package makes arrays of them.
 
 use pyo3::prelude::*;
 
 use crate::arrays::{failure, value_error};
 
-/// Pick-ups of the benchmark by object.
+/// Returns the pick-ups of the benchmark by object.
 #[pyfunction]
 pub fn repertoire(py: Python<'_>) -> PyResult<String> {
     py.detach(|| {
@@ -13,7 +13,7 @@ pub fn repertoire(py: Python<'_>) -> PyResult<String> {
     })
 }
 
-/// Synthesized grasps, object by object.
+/// Returns the synthesized grasps, object by object.
 #[pyfunction]
 pub fn collection(py: Python<'_>) -> PyResult<String> {
     py.detach(|| {

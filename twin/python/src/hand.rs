@@ -1,4 +1,4 @@
-//! The hand: kinematics, Jacobians, pads, transmission.
+//! The hand: kinematics, Jacobians, pads, cable transmission.
 
 use hand_model::transmission::Crossing;
 use std::sync::{Arc, LazyLock};
@@ -12,14 +12,14 @@ use pyo3::types::PyDict;
 
 use crate::arrays::{Numbers, finite, matrices, table, value_error};
 
-/// The F-TAC Hand as shipped.
+/// The built-in F-TAC Hand.
 pub static HAND: LazyLock<Arc<Hand>> = LazyLock::new(|| RobotModel::ftac_gen3().hand);
 
 fn angles(q: &Numbers) -> PyResult<HandVector> {
     finite::<15>("q", q).map(|q| q.into_iter().collect())
 }
 
-/// Names, limits and constants.
+/// Returns names, limits and constants of the hand.
 #[pyfunction]
 pub fn hand(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     let (hand, all) = (&*HAND, PyDict::new(py));
@@ -47,19 +47,19 @@ pub fn hand(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     Ok(all)
 }
 
-/// `palm_from_link` of the 15 links.
+/// Returns `palm_from_link` of the 15 links, 15 x 4 x 4.
 #[pyfunction]
 pub fn forward<'py>(py: Python<'py>, q: Numbers<'py>) -> PyResult<Bound<'py, PyArray3<f64>>> {
     Ok(matrices(py, &HAND.tree.forward(&angles(&q)?)))
 }
 
-/// `palm_from_pad` of the 17 pads.
+/// Returns `palm_from_pad` of the 17 pads, 17 x 4 x 4.
 #[pyfunction]
 pub fn pad_poses<'py>(py: Python<'py>, q: Numbers<'py>) -> PyResult<Bound<'py, PyArray3<f64>>> {
     Ok(matrices(py, &HAND.pad_poses(&HAND.tree.forward(&angles(&q)?))))
 }
 
-/// Geometric Jacobian of a point of a link, 6 x 15, palm frame.
+/// Returns the geometric Jacobian of a point of a link, 6 x 15, palm frame.
 #[pyfunction]
 pub fn jacobian<'py>(
     py: Python<'py>,
@@ -75,14 +75,14 @@ pub fn jacobian<'py>(
     Ok(Array2::from_shape_fn((6, HAND.tree.len()), |at| jacobian[at]).into_pyarray(py))
 }
 
-/// Cable that each digit takes up between 0 and q, m.
+/// Returns the cable excursion of each digit between posture 0 and q, m.
 #[pyfunction]
 pub fn excursions<'py>(py: Python<'py>, q: Numbers<'py>) -> PyResult<Bound<'py, PyArray1<f64>>> {
     let q = angles(&q)?;
     Ok(PyArray1::from_iter(py, HAND.transmission.cables.iter().map(|cable| cable.excursion(&q))))
 }
 
-/// Moment arm of every cable at every joint, 5 x 15, m.
+/// Returns the moment arm of every cable at every joint, 5 x 15, m.
 #[pyfunction]
 pub fn moment_arms<'py>(py: Python<'py>, q: Numbers<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let q = angles(&q)?;
@@ -95,14 +95,14 @@ pub fn moment_arms<'py>(py: Python<'py>, q: Numbers<'py>) -> PyResult<Bound<'py,
     Ok(arms.into_pyarray(py))
 }
 
-/// Joint torques of cables and springs, N m.
+/// Returns the joint torques of cables and springs, N m.
 #[pyfunction]
 pub fn torques<'py>(py: Python<'py>, q: Numbers<'py>, tensions: Numbers<'py>) -> PyResult<Bound<'py, PyArray1<f64>>> {
     let torques = HAND.transmission.torques(&angles(&q)?, &finite::<5>("tensions", &tensions)?);
     Ok(PyArray1::from_slice(py, &torques))
 }
 
-/// Angles at which the hand comes to rest without contact, rad.
+/// Returns the joint angles of the equilibrium without contact, rad.
 #[pyfunction]
 pub fn resting_posture<'py>(
     py: Python<'py>,

@@ -1,11 +1,12 @@
 //! The native module of the Python package `ftac`.
 //!
-//! It is a thin door: every function here converts its arguments, calls a library without Python's lock, and converts the answer. What
-//! users see, with its documentation, is in `python/ftac`. Bad input is a `ValueError` in the library's own words; what fails otherwise is a
-//! `RuntimeError`.
+//! It is a thin layer: every function here converts its arguments, calls a library with Python's lock (GIL) released,
+//! and converts the answer. The users' interface, with its documentation, is in `python/ftac`. Bad input raises a
+//! `ValueError` with the library's message; other failures raise a `RuntimeError`.
 //!
-//! [`arrays`] converts numpy arrays, [`worlds`] holds what scenes share, [`scene`] steps them and [`pickled`] keeps what it takes to step them anew; [`hand`], [`optics`], [`touch`] and [`grasps`] are
-//! the parts that can be used alone, [`trials`] lets a Python object decide in the benchmark's trials, and [`session`] reads recorded ones.
+//! [`arrays`] converts numpy arrays, [`worlds`] holds the data shared by scenes, [`scene`] steps them, and [`pickled`]
+//! stores the actions with which they can be stepped again. [`hand`], [`optics`], [`touch`] and [`grasps`] can be used
+//! alone. [`trials`] lets a Python object decide in the benchmark's trials, and [`session`] reads recorded ones.
 
 mod arrays;
 mod grasps;

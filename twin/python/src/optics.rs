@@ -1,4 +1,4 @@
-//! Tactile images of what presses into a pad.
+//! Tactile images of objects pressed into a pad.
 
 use std::sync::Arc;
 
@@ -13,7 +13,7 @@ use sim::tactile::unit_seed;
 use crate::arrays::{map, picture, value_error};
 use crate::hand::HAND;
 
-/// A rendered press: image, depth (m) of the gel's indentation at every pixel, force (N).
+/// A rendered press: image, indentation depth of the gel (m) at every pixel, force (N).
 type Pressed<'py> = (Bound<'py, PyArray3<u8>>, Bound<'py, PyArray2<f32>>, f64);
 
 fn camera(index: usize) -> PyResult<(&'static Pad, &'static Camera)> {
@@ -25,7 +25,7 @@ fn camera(index: usize) -> PyResult<(&'static Pad, &'static Camera)> {
     Ok((&HAND.pads[camera.pad], camera))
 }
 
-/// The camera of hand unit `unit`, or of the design.
+/// Returns the sensor of camera `index` of hand unit `unit`, or the nominal one.
 fn sensor(index: usize, unit: Option<u64>) -> PyResult<Sensor> {
     let (pad, camera) = camera(index)?;
     Ok(match unit {
@@ -54,14 +54,14 @@ fn rendered<'py>(
     Ok((picture(py, IMAGE_SIZE, made.0)?, map(py, IMAGE_SIZE, made.1)?, made.2))
 }
 
-/// Image of an untouched pad, without noise.
+/// Renders the image of an untouched pad, without noise.
 #[pyfunction]
 pub fn background(py: Python<'_>, index: usize, unit: Option<u64>) -> PyResult<Bound<'_, PyArray3<u8>>> {
     let sensor = py.detach(|| sensor(index, unit))?;
     picture(py, IMAGE_SIZE, sensor.background().rgb.clone())
 }
 
-/// A ball pressed in by a depth (m) or with a force (N).
+/// Renders a ball pressed in by a depth (m) or with a force (N).
 #[pyfunction]
 #[pyo3(signature = (index, radius, depth, force, center, unit, noise))]
 #[expect(clippy::too_many_arguments, reason = "the package calls it with names")]
@@ -102,7 +102,8 @@ pub fn press_sphere<'py>(
     }
 }
 
-/// A surface pressed in with a force (N): its lowest point over every pixel (m, pad frame), NaN where there is nothing.
+/// Renders a surface pressed in with a force (N). `surface` is its lowest point over every pixel (m, pad frame), NaN
+/// where there is nothing.
 #[pyfunction]
 #[pyo3(signature = (index, surface, force, unit, noise))]
 pub fn press_heights<'py>(
@@ -129,7 +130,7 @@ pub fn press_heights<'py>(
     rendered(py, index, (unit, noise), move || balanced(pad, camera, force, lowest))
 }
 
-/// Pressed in until the gel bears the force (N).
+/// Presses an object in until the gel bears the force (N). Returns the indentation and the force.
 fn balanced(
     pad: &Pad,
     camera: &Camera,
@@ -140,13 +141,13 @@ fn balanced(
     Ok((pressed.maps.pop().unwrap_or_else(IndentationMap::idle), pressed.force))
 }
 
-/// Centres of a camera's pixels in the pad's frame, m, row by row.
+/// Returns the centres of a camera's pixels in the pad frame, m, row by row.
 fn pixels(camera: &Camera) -> impl Iterator<Item = (f64, f64)> {
     let at = move |row: usize| (0..IMAGE_SIZE).map(move |column| camera.pixel_center(column, row));
     (0..IMAGE_SIZE).flat_map(at)
 }
 
-/// Of a pixel, m2.
+/// Returns the area of a pixel on the gel, m2.
 fn area(camera: &Camera) -> f64 {
     let (dx, dy) = camera.pixel_size();
     dx * dy

@@ -1,7 +1,7 @@
-//! Pickled scenes and episodes: what they were made of, and what was asked of them since.
+//! Pickled scenes and episodes: their constructor arguments and all actions since.
 //!
-//! The simulator's state is not written: the same beginning and the same actions give the same bits, so that unpickling steps anew. It is refused by
-//! another version of the package, and where it does not come out as it was.
+//! The simulator's state is not stored. The same start and the same actions give the same bits, so unpickling steps the
+//! scene again. It is refused by another version of the package, and if the resulting state differs.
 
 use control::Twist;
 use control::action::{Action, ActionLimits, ArmAction, HandAction};
@@ -13,15 +13,15 @@ use pyo3::prelude::*;
 
 use crate::arrays::value_error;
 
-/// Numbers of an action of any kind: kind and up to 7 numbers of the arm, kind and 6 numbers of the hand.
+/// Length of an encoded action of any kind: kind and up to 7 numbers of the arm, kind and 6 numbers of the hand.
 const NUMBERS: usize = 15;
-/// Kinds: the palm's velocity or tensions, and joint angles or spools.
+/// Codes of the kinds: 0 for a palm twist or tensions, 1 for joint angles or spools.
 const KINDS: [f64; 2] = [0.0, 1.0];
 
-/// The version of the package.
+/// Version of the package.
 const VERSION: &str = env!("CARGO_PKG_VERSION");
 
-/// Something with a scene that is stepped; `made` is what it was made of.
+/// A scene or episode that is stepped, its constructor arguments `made`, and all actions so far.
 #[derive(Clone)]
 pub struct Stepped<S, M> {
     pub scene: S,
@@ -29,10 +29,10 @@ pub struct Stepped<S, M> {
     pub actions: Vec<Action>,
 }
 
-/// What a pickle has beside what the scene was made of: its version, the actions, and the state that they lead to.
+/// Contents of a pickle beside the constructor arguments: version, actions, and digest of the state that they lead to.
 pub type Kept<'py> = (String, Bound<'py, PyArray2<f64>>, u64);
 
-/// The same as it comes back.
+/// The same contents as read back from a pickle.
 pub type Given<'py> = (String, PyReadonlyArray2<'py, f64>, u64);
 
 fn row(action: &Action) -> [f64; NUMBERS] {
@@ -57,7 +57,7 @@ fn row(action: &Action) -> [f64; NUMBERS] {
     row
 }
 
-/// The action of a robot with these limits.
+/// Decodes a row into an action of a robot with these limits.
 fn action(row: &[f64], limits: &ActionLimits) -> Action {
     let arm = if row[0] == KINDS[1] {
         ArmAction::Joints(row[1..=limits.joints.len()].iter().copied().collect())
@@ -72,7 +72,7 @@ fn action(row: &[f64], limits: &ActionLimits) -> Action {
     Action { arm, hand }
 }
 
-/// A digest of everything that the robot measures, by its bits (FNV-1a).
+/// Returns a digest (FNV-1a) over the bits of all measurements of the robot.
 fn state(scene: &Scene) -> u64 {
     let servos = scene.servos().iter().flat_map(|servo| [servo.position, servo.velocity, servo.current]);
     let arm = scene.arm();
@@ -81,7 +81,7 @@ fn state(scene: &Scene) -> u64 {
     numbers.fold(0xcbf2_9ce4_8422_2325, |hash, number| (hash ^ number.to_bits()).wrapping_mul(0x0100_0000_01b3))
 }
 
-/// For the pickle of a scene.
+/// Returns the contents for the pickle of a scene.
 pub fn keep<'py>(py: Python<'py>, scene: &Scene, actions: &[Action]) -> Kept<'py> {
     let mut table = Array2::zeros((actions.len(), NUMBERS));
     for (mut line, action) in table.outer_iter_mut().zip(actions) {
@@ -90,7 +90,8 @@ pub fn keep<'py>(py: Python<'py>, scene: &Scene, actions: &[Action]) -> Kept<'py
     (VERSION.to_owned(), table.into_pyarray(py), state(scene))
 }
 
-/// The actions of a pickle of this version, of a scene that was made of the same.
+/// Decodes the actions of a pickle for `scene`, which has the same constructor arguments. A pickle of another version
+/// is refused.
 pub fn actions(scene: &Scene, given: &Given) -> PyResult<Vec<Action>> {
     let (version, table, _) = given;
     if version != VERSION {
@@ -102,7 +103,7 @@ pub fn actions(scene: &Scene, given: &Given) -> PyResult<Vec<Action>> {
     Ok(table.as_slice().map_err(value_error)?.chunks_exact(NUMBERS).map(|row| action(row, scene.limits())).collect())
 }
 
-/// An error unless the scene has come out as it was.
+/// Returns an error unless the scene has reached the pickled state.
 pub fn check(scene: &Scene, given: &Given) -> PyResult<()> {
     if state(scene) == given.2 {
         return Ok(());

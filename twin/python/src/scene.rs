@@ -1,6 +1,7 @@
-//! Scenes and episodes, stepped from Python.
+//! Scenes and episodes (environments) that are stepped from Python.
 //!
-//! Steps run without Python's lock. A scene that is being stepped by one thread cannot be used by another: that is a `RuntimeError`.
+//! Steps run with Python's lock (GIL) released. A scene that one thread is stepping cannot be used by another: that
+//! raises a `RuntimeError`.
 
 use std::sync::{Mutex, MutexGuard, TryLockError};
 
@@ -20,9 +21,9 @@ use crate::arrays::{Numbers, failure, fixed, picture, pictures, pose_row, table,
 use crate::pickled::{Given, Kept, Stepped, actions, check, keep};
 use crate::worlds::shared;
 
-/// Objects and their places, images, seed, reality, texts of the robot.
+/// Constructor arguments of a scene: objects and their places, images, seed, reality, texts of the robot.
 type SceneMade = (Vec<(String, f64, f64, f64)>, Option<usize>, u64, bool, Option<String>);
-/// Task, images, combination, seed, reality, texts of the robot.
+/// Constructor arguments of an episode: task, images, combination, seed, reality, texts of the robot.
 type EpisodeMade = (String, Option<usize>, Option<usize>, u64, bool, Option<String>);
 
 /// A robot at a table with objects.
@@ -33,7 +34,7 @@ pub struct Scene(Mutex<Stepped<learning_environment::Scene, SceneMade>>);
 #[pyclass(frozen, module = "ftac._native")]
 pub struct Episode(Mutex<Stepped<learning_environment::Episode, EpisodeMade>>);
 
-/// The scene, if no other thread has it.
+/// Locks the scene, or returns an error if another thread is stepping it.
 fn own<T>(mutex: &Mutex<T>) -> PyResult<MutexGuard<'_, T>> {
     match mutex.try_lock() {
         Ok(guard) => Ok(guard),
@@ -46,10 +47,11 @@ fn own<T>(mutex: &Mutex<T>) -> PyResult<MutexGuard<'_, T>> {
     }
 }
 
-/// What is asked for: `twist` or `joints`, and `tensions` with `opposition` or `spools`, in this order.
+/// Arguments of an action: `twist` or `joints`, and `tensions` with `opposition` or `spools`, in this order.
 type Asked<'py> = (Option<Numbers<'py>>, Option<Numbers<'py>>, Option<Numbers<'py>>, Option<f64>, Option<Numbers<'py>>);
 
-/// How many values an action has of each kind its limits say: here it is checked that there are not more than any robot takes.
+/// Converts the arguments of an action. The action's limits check the exact number of values; here only the maximum of
+/// any robot is checked.
 fn action((twist, joints, tensions, opposition, spools): Asked) -> PyResult<Action> {
     let arm = match (twist, joints) {
         (Some(twist), None) => ArmAction::Twist(Twist::from(fixed::<6>("twist", &twist)?)),
@@ -67,7 +69,7 @@ fn action((twist, joints, tensions, opposition, spools): Asked) -> PyResult<Acti
     Ok(Action { arm, hand })
 }
 
-/// What the robot measures.
+/// Returns the observation: the measurements of the robot.
 fn observation<'py>(py: Python<'py>, scene: &learning_environment::Scene) -> PyResult<Bound<'py, PyDict>> {
     let measured = PyDict::new(py);
     measured.set_item("time", scene.time())?;
@@ -92,7 +94,7 @@ fn times(images: &PadImages) -> Vec<f64> {
     images.times().iter().map(|time| time.unwrap_or(f64::NAN)).collect()
 }
 
-/// The scene as it is.
+/// Returns the true state of the scene.
 fn truth<'py>(py: Python<'py>, scene: &learning_environment::Scene) -> PyResult<Bound<'py, PyDict>> {
     let truth = scene.truth();
     let all = PyDict::new(py);
@@ -113,7 +115,7 @@ fn truth<'py>(py: Python<'py>, scene: &learning_environment::Scene) -> PyResult<
     Ok(all)
 }
 
-/// Limits of the actions.
+/// Returns the limits of the actions.
 fn limits<'py>(py: Python<'py>, scene: &learning_environment::Scene) -> PyResult<Bound<'py, PyDict>> {
     let limits = scene.limits();
     let all = PyDict::new(py);
@@ -159,7 +161,7 @@ impl Scene {
         observation(py, &own(&self.0)?.scene)
     }
 
-    /// The pads before anything touched them, as `tactile` of an observation.
+    /// Returns the images of the untouched pads, as `tactile` of an observation.
     fn untouched<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray4<u8>>>> {
         own(&self.0)?.scene.untouched().map(|images| shown(py, images)).transpose()
     }
@@ -172,7 +174,7 @@ impl Scene {
         limits(py, &own(&self.0)?.scene)
     }
 
-    /// A picture for people.
+    /// Renders the scene for people to look at, side x side x RGB.
     fn picture<'py>(&self, py: Python<'py>, side: u32) -> PyResult<Bound<'py, PyArray3<u8>>> {
         drawn(py, &own(&self.0)?.scene, side)
     }
@@ -192,7 +194,7 @@ impl Scene {
     }
 }
 
-/// A scene as it was pickled.
+/// Restores a pickled scene.
 #[pyfunction]
 pub fn restored_scene(py: Python<'_>, made: SceneMade, kept: Given<'_>) -> PyResult<Scene> {
     let (objects, images, seed, reality, robot) = made;
@@ -208,7 +210,7 @@ pub fn restored_scene(py: Python<'_>, made: SceneMade, kept: Given<'_>) -> PyRes
     Ok(restored)
 }
 
-/// A function of this module, for a pickle.
+/// Returns a function of this module, for a pickle.
 fn native<'py>(py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyAny>> {
     py.import("ftac._native")?.getattr(name)
 }
@@ -218,7 +220,7 @@ fn drawn<'py>(py: Python<'py>, scene: &learning_environment::Scene, side: u32) -
     picture(py, side as usize, rgb)
 }
 
-/// held, progress, gained, success, lost
+/// Judgement after a step: held, progress, gained, success, lost.
 type Judged = (Vec<bool>, f64, f64, bool, bool);
 
 fn judged(judgement: Judgement) -> Judged {
@@ -280,7 +282,7 @@ impl Episode {
         Ok(measured)
     }
 
-    /// The pads before anything touched them, as `tactile` of an observation.
+    /// Returns the images of the untouched pads, as `tactile` of an observation.
     fn untouched<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray4<u8>>>> {
         own(&self.0)?.scene.scene.untouched().map(|images| shown(py, images)).transpose()
     }
@@ -293,7 +295,7 @@ impl Episode {
         limits(py, &own(&self.0)?.scene.scene)
     }
 
-    /// A picture for people.
+    /// Renders the scene for people to look at, side x side x RGB.
     fn picture<'py>(&self, py: Python<'py>, side: u32) -> PyResult<Bound<'py, PyArray3<u8>>> {
         drawn(py, &own(&self.0)?.scene.scene, side)
     }
@@ -304,7 +306,7 @@ impl Episode {
         Ok((native(py, "restored_episode")?, (stepped.made.clone(), kept)))
     }
 
-    /// Tensions (N) and opposition (rad) with which the hand begins.
+    /// Returns the tensions (N) and the opposition (rad) with which the hand begins.
     fn grip(&self) -> PyResult<(Vec<f64>, f64)> {
         let (tensions, opposition) = own(&self.0)?.scene.grip();
         Ok((tensions.to_vec(), opposition))
@@ -314,7 +316,7 @@ impl Episode {
         Ok(own(&self.0)?.scene.objects().map(str::to_owned).collect())
     }
 
-    /// Turn (rad) of each object about the vertical from its rest pose, as seen.
+    /// Returns the yaw (rad) of each object about the vertical from its rest pose, as seen by vision.
     fn yaws(&self) -> PyResult<Vec<f64>> {
         Ok(own(&self.0)?.scene.seen().iter().map(|seen| seen.yaw).collect())
     }
@@ -332,7 +334,7 @@ impl Episode {
     }
 }
 
-/// A step of an episode, and how it stands after it.
+/// Steps an episode and returns its judgement.
 fn asked_of(
     stepped: &mut Stepped<learning_environment::Episode, EpisodeMade>,
     action: Action,
@@ -342,7 +344,7 @@ fn asked_of(
     Ok(judged(stepped.scene.judge()))
 }
 
-/// An episode as it was pickled.
+/// Restores a pickled episode.
 #[pyfunction]
 pub fn restored_episode(py: Python<'_>, made: EpisodeMade, kept: Given<'_>) -> PyResult<Episode> {
     let (task, images, combination, seed, reality, robot) = made;
@@ -358,7 +360,8 @@ pub fn restored_episode(py: Python<'_>, made: EpisodeMade, kept: Given<'_>) -> P
     Ok(restored)
 }
 
-/// A step of many episodes on `jobs` threads. Row by row: twist, the tension of each digit, opposition. If one action is refused, no episode is stepped.
+/// Steps a batch of episodes on `jobs` threads. A row of `actions` is twist, tension of each digit, opposition. If one
+/// action is refused, no episode is stepped.
 #[pyfunction]
 pub fn step_all(
     py: Python<'_>,

@@ -1,4 +1,4 @@
-//! Recorded sessions, thinned out for learners.
+//! Recorded sessions at a reduced rate, for learning.
 
 use std::path::PathBuf;
 
@@ -14,10 +14,11 @@ use session_log::{Reader, SessionLogError, Sizes};
 use crate::arrays::{rows, value_error};
 use crate::hand::HAND;
 
-/// Most bytes of a session's images.
+/// Maximum size of a session's images, bytes.
 const MOST_BYTES: u64 = 8 << 30;
 
-/// A session, a frame every `ticks` ticks: measurements, commands, images of `side` pixels, what the trial was, and what came of it, as JSON text.
+/// Reads a session with a frame every `ticks` ticks: measurements, commands, images of `side` pixels, and as JSON text
+/// the task and the outcome of the trial.
 #[pyfunction]
 pub fn session(py: Python<'_>, path: PathBuf, ticks: usize, side: usize) -> PyResult<Bound<'_, PyDict>> {
     let read = py.detach(|| -> Result<_, SessionLogError> {
@@ -60,7 +61,7 @@ pub fn session(py: Python<'_>, path: PathBuf, ticks: usize, side: usize) -> PyRe
     Ok(all)
 }
 
-/// Every frame's newest picture of every pad; black before the first has come.
+/// Returns the newest picture of every pad for every frame; black before the first.
 fn pictures(frames: Vec<Frame>, side: usize) -> Result<Vec<u8>, learning_environment::ImageSizeError> {
     let mut images = PadImages::new(&HAND, side)?;
     let mut rgb = Vec::with_capacity(frames.len() * images.rgb().len());

@@ -1,4 +1,4 @@
-//! From a tactile image to heights and slopes.
+//! Photometric stereo: from a tactile image to heights and slopes.
 
 use std::sync::{Arc, LazyLock};
 
@@ -15,13 +15,13 @@ use touch::{PIXELS, PhotometricCalibration};
 use crate::arrays::{failure, map, value_error};
 use crate::hand::HAND;
 
-/// The built-in calibration, or why it cannot be read.
+/// The built-in calibration, or the error of reading it.
 static CALIBRATION: LazyLock<Result<PhotometricCalibration, anyhow::Error>> = LazyLock::new(builtin_calibration);
 
 /// Indentation (m) and its slopes along x and y of the pad, at every pixel.
 type Heights<'py> = [Bound<'py, PyArray2<f32>>; 3];
 
-/// What a camera's image shows against its background.
+/// Reconstructs indentation and slopes from a camera's image and its background.
 #[pyfunction]
 pub fn heights<'py>(
     py: Python<'py>,

@@ -1,7 +1,8 @@
-//! Trials of the benchmark in which a Python object decides.
+//! Trials of the benchmark in which a Python object is the policy.
 //!
-//! It is asked the same questions as a policy in a process of its own, by way of the package's `policy_host`. Everything runs without Python's lock
-//! but the answers. An exception of the policy fails its trial, with the traceback in the record; an interrupt ends the call.
+//! It answers the same questions as a policy in a separate process, by way of the package's `policy_host`. Everything
+//! but the answers runs with Python's lock (GIL) released. An exception of the policy fails its trial, with the
+//! traceback in the record; an interrupt ends the call.
 
 use bench::builtin::make_bench;
 use bench::trial::{Bench, NoWatcher, TrialOutcome};
@@ -16,14 +17,14 @@ use serde_json::Value;
 
 use crate::arrays::{failure, value_error};
 
-/// The benchmark of a seed.
+/// The benchmark with a given seed.
 #[pyclass(frozen, module = "ftac._native")]
 pub struct Benchmark(Bench);
 
-/// A `policy_host.Host` that is asked.
+/// A `policy_host.Host` that answers questions.
 struct Asked<'a> {
     host: &'a Py<PyAny>,
-    /// What is no failure of the policy, and ends the call.
+    /// An interrupt, which is no failure of the policy and ends the call.
     interrupt: Option<PyErr>,
 }
 
@@ -65,7 +66,7 @@ impl Benchmark {
         Ok(Self(made.map_err(|error| failure(&error))?))
     }
 
-    /// A trial that a host's policy plays, which it introduces by `guest`: its record as JSON.
+    /// Plays a trial under a host's policy, introduced by `guest`, and returns its record as JSON.
     fn play(
         &self,
         py: Python<'_>,
@@ -88,7 +89,7 @@ impl Benchmark {
         text(&record)
     }
 
-    /// The same trial under a condition of the benchmark.
+    /// Plays the same trial under a condition of the benchmark and returns its record as JSON.
     fn condition(&self, py: Python<'_>, name: &str, combination: usize, trial: usize) -> PyResult<String> {
         self.check(combination)?;
         let condition: Condition = name.parse().map_err(value_error)?;

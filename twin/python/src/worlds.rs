@@ -1,4 +1,4 @@
-//! What scenes and episodes share, made once a process: robot, objects, plans, cameras.
+//! Data shared by scenes and episodes, made once per process: robot, objects, plans, cameras.
 
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -14,12 +14,13 @@ use world::objects::ObjectSet;
 
 use crate::arrays::{failure, value_error};
 
-/// A bench, whether it has the benchmark's effects and errors, and the files of its robot.
+/// A bench, with the keys by which it is shared: true if it has the benchmark's effects and errors, and the files of
+/// its robot.
 type Made = (bool, Option<RobotSources>, Arc<Bench>);
 
 static SHARED: Mutex<Vec<Made>> = Mutex::new(Vec::new());
 
-/// A robot that a file describes: its texts as JSON, how many joints its arm has, and how many pads its hand.
+/// Reads a robot file. Returns its texts as JSON, the number of joints of its arm, and the number of pads of its hand.
 #[pyfunction]
 pub fn robot(path: PathBuf) -> PyResult<(String, usize, usize)> {
     let robot = RobotModel::read(&path).map_err(value_error)?;
@@ -27,7 +28,8 @@ pub fn robot(path: PathBuf) -> PyResult<(String, usize, usize)> {
     Ok((text, robot.arm.joints(), robot.hand.pads.len()))
 }
 
-/// The benchmark's objects with the built-in robot, or with that of the texts that [`robot`] gave; without `reality` nothing errs, gives way or rubs.
+/// Returns the bench with the benchmark's objects and the built-in robot, or that of the texts from [`robot`]. Without
+/// `reality` there are no errors and no effects (compliance, friction).
 pub fn shared(py: Python<'_>, reality: bool, robot: Option<&str>) -> PyResult<Arc<Bench>> {
     let sources: Option<RobotSources> = robot.map(serde_json::from_str).transpose().map_err(value_error)?;
     let model = RobotModel::of(sources.as_ref()).map_err(value_error)?;
@@ -48,13 +50,13 @@ pub fn shared(py: Python<'_>, reality: bool, robot: Option<&str>) -> PyResult<Ar
     made.map_err(|error: anyhow::Error| failure(&error))
 }
 
-/// Names of the built-in objects.
+/// Returns the names of the built-in objects.
 #[pyfunction]
 pub fn objects() -> Vec<String> {
     ObjectSet::standard().names().into_iter().map(str::to_owned).collect()
 }
 
-/// The benchmark's combinations: names of the first and the second object.
+/// Returns the benchmark's combinations: names of the first and the second object.
 #[pyfunction]
 pub fn combinations() -> PyResult<Vec<(String, String)>> {
     let plans = proving::builtin::plans().map_err(|error| failure(&error))?;

@@ -1,9 +1,9 @@
-//! Carrying several objects to one place in one trip.
+//! Transport of several objects to one place in one trip.
 //!
-//! [`site`] is the place in physics, [`play`] one transport under one policy, [`rehearse`] the
-//! search for [skills](proving::skills), [`recorded`] the recording.
+//! [`site`] sets up the scene in physics, [`play`] runs one transport under one policy, [`rehearse`] searches for
+//! [skills](proving::skills) by rollouts, and [`recorded`] writes the recording.
 
-// What is printed may hold text of others: `eprintln!` is the one that makes it printable.
+// Printed text may come from third parties: this `eprintln!` makes it printable (no control characters).
 #[macro_use]
 extern crate progress;
 

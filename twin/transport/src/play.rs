@@ -1,4 +1,4 @@
-//! One transport: trips to the goal, as many as it takes, under one policy.
+//! One transport under one policy: as many trips to the goal as it takes.
 
 use std::sync::Arc;
 
@@ -27,49 +27,49 @@ use world::Sensing;
 
 use super::site::{begin, in_hand, play};
 
-/// What came of a transport.
+/// Outcome of a transport.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct TransportRecord {
-    /// How it was done.
+    /// Policy of the transport.
     #[schemars(with = "String")]
     pub policy: PickMode,
     /// Number of the transport.
     pub trial: usize,
-    /// Balls that were to be carried.
+    /// Number of balls to carry.
     pub balls: usize,
-    /// Objects truly in the hand at the end of the hold over the goal, for each trip.
+    /// Number of objects truly in the hand at the end of the hold over the goal, per trip.
     pub carried: Vec<usize>,
-    /// Names of all that was carried.
+    /// Names of all objects carried.
     pub names: Vec<String>,
-    /// Their volume, cm3.
+    /// Total volume of the objects carried, cm3.
     pub volume_cm3: f64,
-    /// Picks tried.
+    /// Number of picks attempted.
     pub picks: usize,
-    /// Simulated time up to the last letting go, s.
+    /// Simulated time up to the last release, s.
     pub seconds: f64,
-    /// What was decided, felt and done to it, in words.
+    /// Log in words: decisions, tactile findings and disturbances.
     pub story: Vec<String>,
 }
 
-/// Everything transports of a scenario share.
+/// Data shared by all transports of a scenario.
 pub struct Site {
     /// Robot and protocol.
     pub world: World,
-    /// What is to be carried.
+    /// Objects to carry, goal, noise and protocol.
     pub transport: Transport,
-    /// Skills, each with the number of the ball's size that it is for.
+    /// Skills (rehearsed pick-ups), each marked with the number of the ball size that it is for.
     pub skills: Vec<Pickup>,
-    /// For each ball, the skills that suit it.
+    /// For each ball, indices of the skills that suit it.
     pub suited: Vec<Vec<usize>>,
-    /// The hand unit's cameras.
+    /// Tactile cameras of the hand unit.
     pub board: TactileBoard,
-    /// Perception.
+    /// Tactile perception pipeline.
     pub pipeline: TouchPipeline,
-    /// Seed of everything.
+    /// Seed of all random draws.
     pub seed: u64,
 }
 
-/// Sees every tick of a transport; the words say what has just been decided or done.
+/// Callback for every tick of a transport. The text, if any, tells the latest decision or event.
 pub type Witness<'a> = &'a mut dyn FnMut(&Truth, &Executor, Option<&str>) -> Result<()>;
 
 /// A transport in progress.
@@ -78,21 +78,21 @@ struct Progress<'a> {
     branch: Snapshot,
     /// Balls truly in the hand at the newest tick of a hold.
     held: Vec<usize>,
-    /// Since when the push has been acting, s.
+    /// Simulated time at which the push began, s; none before it.
     pushed: Option<f64>,
-    /// What is announced at the next tick.
+    /// Text for the witness at the next tick.
     note: Option<String>,
     record: TransportRecord,
 }
 
 impl Site {
-    /// Distances and times.
+    /// Returns the motion protocol (distances and times) with the lift height and hold time of this transport.
     pub fn protocol(&self) -> Protocol {
         let times = &self.transport.protocol;
         Protocol { lift: times.lift_height, hold: times.hold_time, ..self.world.protocol() }
     }
 
-    /// One transport. Its errors depend on seed and trial alone, so that every policy meets the same arm.
+    /// Plays one transport. Its errors depend on seed and trial alone, so that every policy meets the same arm.
     pub fn play(&self, trial: usize, policy: PickMode, witness: Witness) -> Result<TransportRecord> {
         let mut rng = trial_rng(self.seed, 0, trial);
         let noise = TrialNoise::draw(&self.transport.noise, 2, &mut rng);
@@ -145,7 +145,7 @@ impl Site {
         }
     }
 
-    /// The balls as the policy knows them.
+    /// Returns the balls as the policy knows them: name, volume, suitable skills.
     fn items(&self) -> Vec<Item> {
         let balls = self.transport.ball.iter().zip(&self.suited);
         let item = |(ball, pickups): (&Ball, &Vec<usize>)| Item {
@@ -157,7 +157,7 @@ impl Site {
     }
 }
 
-/// Looks at the balls; each look has an error of its own.
+/// Vision with noise: every look at a ball draws a new error.
 struct NoisyEyes<'a> {
     robot: &'a SimulatedRobot,
     noise: &'a NoiseLevels,
@@ -182,7 +182,7 @@ impl Progress<'_> {
         }
     }
 
-    /// Plays the way to the goal and notes what arrives there in the hand.
+    /// Plays the motion to the goal and records the balls that arrive there in the hand.
     fn deliver(&mut self, witness: Witness) -> Result<()> {
         self.held.clear();
         self.play_on(witness)?;
@@ -199,7 +199,8 @@ impl Progress<'_> {
         Ok(())
     }
 
-    /// Plays on to the next decision: the push happens, what is in the hand over the goal is noted, the witness looks on.
+    /// Plays up to the next decision. Applies the push, updates the balls held over the goal and calls the witness at
+    /// every tick.
     fn play_on(&mut self, witness: Witness) -> Result<()> {
         let Self { site, branch, pushed, held, note, record, .. } = self;
         let count = site.transport.ball.len();

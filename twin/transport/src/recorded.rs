@@ -1,4 +1,4 @@
-//! A transport in Rerun: robot, balls, contacts, tactile images, and what was decided, in words.
+//! Rerun recording of a transport: robot, balls, contacts, tactile images, and the decisions in words.
 
 use std::path::Path;
 
@@ -12,7 +12,7 @@ use stream::{DrawnObject, Level, TrialProperties};
 use super::play::{Site, TransportRecord};
 use bench::recording::{Shown, drawn, log_scene, log_signals};
 
-/// Records one transport.
+/// Recorder of one transport.
 pub struct Recorded {
     recorder: Recorder,
     names: Vec<String>,
@@ -37,7 +37,7 @@ impl Recorded {
         Ok(Self { recorder, names, phase: None, shown: Shown::default() })
     }
 
-    /// Writes the outcome and what is left.
+    /// Writes the outcome and flushes the recording.
     pub fn finish(mut self, record: &TransportRecord) -> Result<()> {
         let last = record.story.last().map_or("nothing was carried", String::as_str);
         self.recorder.log_outcome(&format!("{}: {:?} objects a trip; {last}", record.policy.name(), record.carried))?;
@@ -45,7 +45,7 @@ impl Recorded {
         Ok(())
     }
 
-    /// Records a tick; `note` says what has just been decided or done.
+    /// Records a tick; `note` is the latest decision or event in words.
     pub fn see(&mut self, truth: &Truth, executor: &Executor, note: Option<&str>) -> Result<()> {
         let recorder = &mut self.recorder;
         log_scene(recorder, truth, &self.names)?;

@@ -1,8 +1,9 @@
-//! Rehearsals: a sequence of picks, each searched in physics while the digits of those before it go on holding.
+//! Rehearsals (rollouts in physics) of a sequence of picks: each pick is searched while the digits of the earlier picks
+//! go on holding.
 //!
-//! A proposal closes its digits on the ball; those that touch nothing open again, and what is left must lift everything and hold
-//! it over the goal. What holds is tried again under the errors that a planner expects, and the best of it is what the next
-//! pick of the sequence begins with.
+//! A proposal closes its digits on the ball. Digits that touch nothing open again; the others must lift everything and
+//! hold it over the goal. Proposals that hold are tried again under the errors that a planner expects, and the next
+//! pick of the sequence starts from the best of them.
 
 use std::sync::Arc;
 
@@ -25,44 +26,44 @@ use sim::tactile::TactileBoard;
 use super::play::Site;
 use super::site::{begin, in_hand, play};
 
-/// Draws of the expected noise under which a pick is proven, after a try without any.
+/// Number of draws of the expected noise under which a pick is proven, after one try without noise.
 const ERRORS: usize = 5;
-/// Holds from which the next pick of a sequence is searched.
+/// Number of holds from which the next pick of a sequence is searched.
 const BASES: usize = 4;
-/// Skills kept of each pick.
+/// Number of skills kept for each pick.
 const KEPT: usize = 6;
-/// A skill with this score mostly holds.
+/// Score (share of tries that hold) from which a skill counts as mostly holding.
 const LIKELY: f64 = 0.6;
-/// A held ball that slips more than this in the hand on its way to the goal is not held, m.
+/// Slip tolerance, m: a ball that moves farther than this in the hand on its way to the goal is not held.
 const SLIP_LIMIT: f64 = 0.012;
 
-/// One pick of a sequence: which ball, closed on by which digits.
+/// One pick of a sequence: the ball, and the digits that close on it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Wanted {
-    /// Number of the ball.
+    /// Index of the ball.
     pub ball: usize,
     /// Digits that close.
     pub digits: Vec<Digit>,
 }
 
-/// How the search of one pick went.
+/// Result of the search for one pick.
 #[derive(Debug, Clone)]
 pub struct Searched {
-    /// What was searched.
+    /// The pick that was searched.
     pub wanted: Wanted,
-    /// Proposals within the arm's reach that were closed in physics.
+    /// Number of proposals within the arm's reach that were closed in physics.
     pub tried: usize,
-    /// Of them, those in which the ball was touched when the lift began.
+    /// Number of these that touched the ball when the lift began.
     pub touched: usize,
-    /// Those that lifted it with all that was held before.
+    /// Number of these that lifted the ball together with everything held before.
     pub lifted: usize,
-    /// Those that still held everything over the goal.
+    /// Number of these that still held everything over the goal.
     pub held: usize,
-    /// The best of them, most robust first.
+    /// The best skills, most robust first.
     pub skills: Vec<Pickup>,
 }
 
-/// A hold: where the next pick begins.
+/// A hold: the state from which the next pick begins.
 #[derive(Clone)]
 struct Base {
     branch: Snapshot,
@@ -70,10 +71,10 @@ struct Base {
     holding: Vec<Digit>,
 }
 
-/// What holds, and the hold that it gives.
+/// A skill that holds, and the hold that it leads to.
 type Found = (Pickup, Base);
 
-/// How far a try came.
+/// Stage that a try reached.
 enum Came {
     OutOfReach,
     Nothing,
@@ -96,7 +97,7 @@ impl std::str::FromStr for WantedText {
     }
 }
 
-/// A pick as the command line has it.
+/// A pick as text of the command line: BALL=DIGIT+DIGIT.
 #[derive(Debug, Clone)]
 pub struct WantedText {
     ball: String,
@@ -104,7 +105,7 @@ pub struct WantedText {
 }
 
 impl WantedText {
-    /// With the ball's number in `site`.
+    /// Resolves the ball's name to its index in `site`.
     pub fn in_site(&self, site: &Site) -> Result<Wanted> {
         let balls = &site.transport.ball;
         let ball = balls.iter().position(|ball| ball.name == self.ball).with_context(|| {
@@ -115,7 +116,8 @@ impl WantedText {
     }
 }
 
-/// Searches the picks of a sequence one after the other with `n` proposals each; ends where nothing holds.
+/// Searches the picks of a sequence one after the other with `n` proposals each. Ends early at the first pick for which
+/// nothing holds.
 pub fn rehearse(site: &Site, sequence: &[Wanted], n: u32, quiet: bool) -> Result<Vec<Searched>> {
     let balls: Vec<_> = site.transport.ball.iter().map(|ball| (Arc::new(ball.model()), ball.pose())).collect();
     let empty = begin(&site.world, site.protocol(), &balls, &TrialNoise::none(), TactileBoard::blank())?;
@@ -129,13 +131,13 @@ pub fn rehearse(site: &Site, sequence: &[Wanted], n: u32, quiet: bool) -> Result
         let mut searched =
             Searched { wanted: wanted.clone(), tried: 0, touched: 0, lifted: 0, held: 0, skills: Vec::new() };
         let mut found = search(site, &bases, wanted, (0..n).map(propose).collect(), &mut searched)?;
-        // Half as many variations of what held.
+        // Then half as many variations of the proposals that held.
         let parents: Vec<Grasp> = found.iter().take(8).map(|(skill, _)| skill.grasp.clone()).collect();
         if !parents.is_empty() {
             let vary = |id: u32| vary(&parents[id as usize % parents.len()], id, &mut random(id));
             found.extend(search(site, &bases, wanted, (n..n + n / 2).map(vary).collect(), &mut searched)?);
         }
-        // Of what mostly holds, the one that leaves more digits free is worth more to the next pick.
+        // Among skills that mostly hold, those that leave more digits free are worth more to the next pick.
         let rank = |skill: &Pickup| (skill.grasp.score < LIKELY, skill.keeps.len());
         found.sort_by(|(a, _), (b, _)| {
             rank(a).cmp(&rank(b)).then(b.grasp.score.total_cmp(&a.grasp.score)).then(a.grasp.id.cmp(&b.grasp.id))
@@ -157,7 +159,7 @@ pub fn rehearse(site: &Site, sequence: &[Wanted], n: u32, quiet: bool) -> Result
     Ok(all)
 }
 
-/// Tries `grasps` on all `bases` in turn; what holds, proven under errors, with the hold that it gives.
+/// Tries `grasps` on all `bases` in turn. Returns the skills that hold, proven under errors, each with its hold.
 fn search(
     site: &Site,
     bases: &[Base],
@@ -219,7 +221,8 @@ fn search(
     Ok(found)
 }
 
-/// Takes `ball` from `base` and brings everything over the goal. With `keeps`, those digits go on holding whatever they touch.
+/// Picks `ball` from `base` and carries everything over the goal. With `keeps`, these digits go on holding whether they
+/// touch the ball or not.
 fn attempt(site: &Site, base: &Base, ball: usize, grasp: &Grasp, keeps: Option<&Vec<Digit>>) -> Result<Came> {
     let place = base.branch.robot.truth().objects[ball];
     let percept = Percept::of_ball(&place);

@@ -1,4 +1,4 @@
-//! The place of a transport: balls on the table, the robot over them, and what is truly in its hand.
+//! Scene of a transport: balls on the table, the robot over them, and the test for balls that are truly in its hand.
 
 use std::sync::Arc;
 
@@ -15,7 +15,8 @@ use sim::{ObjectPlacement, SceneSetup};
 use world::holding::{Support, TRANSPORTED};
 use world::objects::ObjectModel;
 
-/// The hand empty over balls that stand at their places, arm and perception off by `noise`'s execution error.
+/// Builds the scene: the empty hand over balls at their places. Arm and perception are off by the execution error of
+/// `noise`.
 pub fn begin(
     world: &World,
     protocol: Protocol,
@@ -33,7 +34,8 @@ pub fn begin(
     Ok(Snapshot { robot, executor })
 }
 
-/// Plays on to the next decision, or until `watch`, which sees every tick, says `false`: whether it came to the decision.
+/// Plays up to the next decision, or until `watch`, which is called after every tick, returns `false`. Returns true if
+/// it reached the decision.
 pub fn play(
     Snapshot { robot, executor }: &mut Snapshot,
     mut watch: impl FnMut(&mut SimulatedRobot, &Executor) -> Result<bool>,
@@ -47,7 +49,8 @@ pub fn play(
     Ok(true)
 }
 
-/// Whether ball `index` is in the hand, or held up by another that is.
+/// True if ball `index` is in the hand: held by it or leaning on another object, off the table, lifted and within reach
+/// of the palm ([`TRANSPORTED`]).
 pub fn in_hand(truth: &Truth, index: usize) -> bool {
     let ball = truth.support(index);
     let leaning = truth.object_pairs.iter().any(|pair| pair.0 == index || pair.1 == index);

@@ -29,31 +29,34 @@ use crate::terminal::{Outcome, Terminal};
 /// Arguments of `bench`.
 #[derive(Debug, Args)]
 pub struct BenchArgs {
-    /// Object combinations; default: 60, or all pairs of a scenario that has fewer.
+    /// Number of object combinations; default: 60, or all pairs of a scenario that has fewer.
     #[arg(long)]
     pub combos: Option<usize>,
-    /// Trials of each combination.
+    /// Trials per combination.
     #[arg(long, default_value_t = 10)]
     pub trials: usize,
-    /// Conditions that are played.
+    /// Conditions (policies) to play.
     #[arg(long, value_delimiter = ',', default_value = "ideal,blind,reflex,touch", value_name = "CONDITIONS")]
     pub conditions: Vec<String>,
-    /// Policy of your own, which plays as the condition `own` beside the others: a Python class, as FILE.py:CLASS. See twin/python/README.md.
+    /// Your own policy, played as the condition `own` beside the others: a Python class, as FILE.py:CLASS. See
+    /// twin/python/README.md.
     #[arg(long, value_name = "FILE:CLASS")]
     pub policy: Option<String>,
-    /// What the class of your own policy is made with, once for each of its arguments. A value that is JSON is that (0.5, true, [1, 2]), any other is text.
+    /// Argument for the constructor of your policy's class (repeatable). A value that parses as JSON is passed as such
+    /// (0.5, true, [1, 2]), any other as text.
     #[arg(long, value_name = "KEY=VALUE", requires = "policy")]
     pub policy_arg: Vec<String>,
-    /// How long your own policy may take for an answer, s; default: 60. One that takes longer fails its trial, and its process is ended.
+    /// Time limit for each answer of your policy, s; default: 60. If it takes longer, the trial fails and its process
+    /// is ended.
     #[arg(long, value_name = "SECONDS", requires = "policy", value_parser = clap::value_parser!(u32).range(1..=86_400))]
     pub policy_timeout: Option<u32>,
-    /// What passes while your own policy thinks: nothing (`stand`), or as much simulated time as on the wall.
+    /// Simulated time that passes while your policy computes: none (`stand`), or as much as on the wall clock.
     #[arg(long, value_enum, default_value_t = PolicyTime::Stand, requires = "policy")]
     pub policy_time: PolicyTime,
-    /// Body.
+    /// Robot backend.
     #[arg(long, value_enum, default_value_t = Body::Sim)]
     pub robot: Body,
-    /// Configuration of the hardware bridge, for --robot hardware.
+    /// Configuration file of the hardware bridge, for --robot hardware.
     #[arg(long)]
     pub config: Option<PathBuf>,
     #[command(flatten)]
@@ -62,7 +65,7 @@ pub struct BenchArgs {
     pub model: RobotArgs,
     #[command(flatten)]
     pub scenario: ScenarioArgs,
-    /// Threads; default: all cores.
+    /// Number of threads; default: all cores.
     #[arg(long)]
     pub jobs: Option<usize>,
     /// Run only shard i of n, as `i/n`.
@@ -71,54 +74,58 @@ pub struct BenchArgs {
     /// Result folder; default: the next free recordings/bench-N.
     #[arg(long)]
     pub out: Option<PathBuf>,
-    /// Which trials are recorded; default: sample, or as the run was begun that is resumed.
+    /// Trials to record; default: sample, or the setting of the run that is resumed.
     #[arg(long, value_enum)]
     pub record: Option<Record>,
-    /// Factor of the errors that are drawn for arm and eyes, for a curve of rates over noise. Effects stay: pads, gel, cables, objects that differ
-    /// from their models, eyes that are late and take one way to lie for another; see --without and --no-errors.
+    /// Scale factor of the random errors of arm and vision, for a curve of success over noise. Effects stay on: pads,
+    /// gel, cables, objects that differ from their models, vision latency and looks that mistake one pose for another;
+    /// see --without and --no-errors.
     #[arg(long, default_value_t = 1.0)]
     pub noise_scale: f64,
-    /// Effort with which grasps of pairs that come without a plan are searched for and proven in drawn circumstances, from 0 to 9, in the place of the
-    /// scenario's: at 1 some 3 to 12 minutes of a core a pair, kept for later runs.
+    /// Effort of the search for grasps of pairs that have no plan, and of their proof under random circumstances, 0 to
+    /// 9; overrides the scenario's. At 1 it takes about 3 to 12 minutes of a core per pair; results are kept for later
+    /// runs.
     #[arg(long, value_parser = clap::value_parser!(u32).range(..=9), conflicts_with = "resume")]
     pub effort: Option<u32>,
-    /// No errors and no effects at all, as --noise-scale 0 --without all; the controller expects none either.
+    /// Switch off all errors and effects, as --noise-scale 0 --without all; the controller expects none either.
     #[arg(long, conflicts_with_all = ["noise_scale", "without", "resume"])]
     pub no_errors: bool,
     /// Switch off effects of the scenario: pads, gel, cables, eyes, arm, objects, floor, time, or all.
     #[arg(long, value_delimiter = ',', value_name = "EFFECTS")]
     pub without: Vec<String>,
-    /// What the controller expects to go wrong: a file like twin/control/data/uncertainty.toml, which is the default.
+    /// Errors that the controller expects: a file like twin/control/data/uncertainty.toml, which is the default.
     #[arg(long, value_name = "FILE")]
     pub uncertainty: Option<PathBuf>,
-    /// The robot that body and control stack are: a file of `ftac twin identify`; default: the robot as drawn.
+    /// Individual robot for both the backend and the control stack: a file of `ftac twin identify`; default: the
+    /// nominal robot.
     #[arg(long, value_name = "FILE")]
     pub individual: Option<PathBuf>,
-    /// Calibration of the pads by which touch reads images: a file of `ftac touch train`, or of the hand's own pads; default: the designed
-    /// pads'.
+    /// Calibration of the tactile pads: a file of `ftac touch train`, or of the hand's own pads; default: that of the
+    /// nominal pads.
     #[arg(long, value_name = "FILE")]
     pub pads: Option<PathBuf>,
-    /// Touch and reflex play second grasps in a twin of the scene before they choose one, from the state as felt.
+    /// Let touch and reflex simulate candidates for the second grasp (rollouts from the state as felt) before they
+    /// choose one.
     #[arg(long)]
     pub foresee: bool,
-    /// Let a twin run beside the robot and name what differs, in divergences.csv.
+    /// Run a twin in parallel with the robot and write the divergences that it names to divergences.csv.
     #[arg(long)]
     pub mirror: bool,
-    /// Which of the robots built from the drawing a simulated or emulated body is, unknown to the control stack; default: what the control
-    /// stack takes it for.
+    /// Number of the individual that a simulated or emulated robot is, unknown to the control stack; default: the robot
+    /// that the control stack assumes.
     #[arg(long, value_name = "N")]
     pub plant: Option<u64>,
-    /// Also run touch without one of its means, all of them or those named: palm_only, fingertips, quarter_of_pads,
-    /// coarse_images, points_only, true_pose, no_retry, no_new_look, no_exploration.
+    /// Ablations of touch to run as well, all or those named: palm_only, fingertips, quarter_of_pads, coarse_images,
+    /// points_only, true_pose, no_retry, no_new_look, no_exploration.
     #[arg(long, num_args = 0.., value_delimiter = ',', value_name = "NAMES")]
     pub ablations: Option<Vec<String>>,
     /// Stream every trial to a Rerun viewer as well (one thread).
     #[arg(long)]
     pub live: bool,
-    /// Where tactile images are rendered.
+    /// Renderer of the tactile images.
     #[arg(long, value_enum, default_value_t = TactileBackend::Cpu)]
     pub tactile: TactileBackend,
-    /// Go on with the interrupted run in this folder.
+    /// Resume the interrupted run in this folder.
     #[arg(
         long,
         conflicts_with_all = [
@@ -130,23 +137,23 @@ pub struct BenchArgs {
     pub resume: Option<PathBuf>,
 }
 
-/// What passes while a policy of the user's own thinks.
+/// Simulated time that passes while a user's own policy computes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum PolicyTime {
     /// No simulated time.
     Stand,
-    /// As much as on the wall. On the real robot it always does.
+    /// As much as on the wall clock. On the real robot this is always so.
     Wall,
 }
 
-/// Which trials are recorded.
+/// Trials to record.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Record {
     /// None.
     None,
     /// The first trial of every tenth combination.
     Sample,
-    /// Of each condition the first trial for each cause of failure, played again after the run.
+    /// For each condition, the first trial of every cause of failure, played again after the run.
     Causes,
     /// Every trial.
     All,
@@ -163,7 +170,7 @@ impl From<Record> for Recorded {
     }
 }
 
-/// The run that is asked for, or the interrupted one that goes on, and its folder.
+/// Returns the requested run, or the interrupted one to resume, and its folder.
 fn request(terminal: &Terminal, args: &BenchArgs) -> Result<(RunRequest, PathBuf)> {
     if args.combos == Some(0) {
         bail!("--combos: found 0, expected at least 1");
@@ -217,7 +224,7 @@ fn request(terminal: &Terminal, args: &BenchArgs) -> Result<(RunRequest, PathBuf
         plant: args.plant,
         foresees: args.foresee,
         mirrors: args.mirror,
-        // Known once the scenario's own objects have been tried.
+        // Filled in after the scenario's own objects have been tried.
         notes: Vec::new(),
         left_out: Vec::new(),
         gpu: args.tactile == TactileBackend::Gpu,
@@ -227,7 +234,7 @@ fn request(terminal: &Terminal, args: &BenchArgs) -> Result<(RunRequest, PathBuf
     Ok((request, args.out.clone().unwrap_or_else(next_free_folder)))
 }
 
-/// `ftac bench`: everything that can be wrong with the input is found before anything is written.
+/// Runs `ftac bench`. All input is checked before anything is written.
 pub fn benchmark(terminal: &Terminal, args: &BenchArgs) -> Outcome {
     let (mut request, folder) = request(terminal, args)?;
     let robot = <Body as clap::ValueEnum>::from_str(&request.robot, false)
@@ -253,7 +260,7 @@ pub fn benchmark(terminal: &Terminal, args: &BenchArgs) -> Outcome {
     let quiet = terminal.quiet || terminal.json;
     let jobs =
         if args.live || robot == Body::Hardware { 1 } else { args.jobs.unwrap_or_else(bench::workers::available) };
-    // Everything that can be wrong with the input has been found before anything is written.
+    // All input has been checked before anything is written.
     let mut bench = bench_of(&request, quiet)?;
     let asked = request.combos;
     if args.resume.is_none() {
@@ -263,7 +270,7 @@ pub fn benchmark(terminal: &Terminal, args: &BenchArgs) -> Outcome {
     say_whose_pads(robot, &request.conditions, request.pads.as_deref());
     let tactile = if request.gpu { TactileBackend::Gpu } else { TactileBackend::Cpu };
     bench.board = tactile.board(bench.board);
-    // What stopped a robot that is none is gone with the trial; a real one waits for an operator.
+    // A fault of a simulated robot is gone with its trial; a real robot waits for an operator.
     bench.outlasts_faults = robot != Body::Hardware && request.policy.is_none();
     if let Some(source) = &request.policy {
         source.check()?;
@@ -273,7 +280,7 @@ pub fn benchmark(terminal: &Terminal, args: &BenchArgs) -> Outcome {
     let place = |record: bool| {
         source(&bench.world, robot, (args.config.as_deref(), &args.places), sessions(record && robot != Body::Sim))
     };
-    // A configuration that is wrong is found before anything is written.
+    // A wrong configuration is detected before anything is written.
     drop(place(false)?);
     let journal = match &args.resume {
         Some(folder) => Journal::resume(folder)?.0,
@@ -288,7 +295,7 @@ pub fn benchmark(terminal: &Terminal, args: &BenchArgs) -> Outcome {
     Ok(shortfall(&summary).or(fewer))
 }
 
-/// What `--ablations` asks for: without names all of them.
+/// Parses `--ablations`; without names, all of them.
 fn ablations(args: &BenchArgs) -> Result<Vec<Ablation>> {
     let Some(names) = &args.ablations else { return Ok(Vec::new()) };
     if args.robot != Body::Sim {
@@ -301,7 +308,7 @@ fn ablations(args: &BenchArgs) -> Result<Vec<Ablation>> {
     Ok(wanted.into_iter().collect())
 }
 
-/// What `--conditions` asks for, in the order of `trials.csv`; with a policy of the user's `own`, that too.
+/// Parses `--conditions`, in the order of `trials.csv`. With a user's policy (`own`), that condition is added.
 fn conditions(names: &[String], own: bool) -> Result<Vec<Condition>> {
     let mut wanted: BTreeSet<Condition> =
         names.iter().map(|name| name.parse()).collect::<Result<_, _>>().context("--conditions")?;
@@ -312,9 +319,9 @@ fn conditions(names: &[String], own: bool) -> Result<Vec<Condition>> {
     Ok(wanted.into_iter().collect())
 }
 
-/// The policy that `--policy` names.
+/// Parses `--policy` and its options.
 fn policy(args: &BenchArgs) -> Result<Option<Source>> {
-    // On the real robot time passes by itself.
+    // On the real robot time passes anyway.
     let waits = args.policy_time == PolicyTime::Wall && args.robot != Body::Hardware;
     let pace = if waits { Pace::Wall } else { Pace::Stand };
     let Some(text) = &args.policy else { return Ok(None) };
@@ -322,7 +329,8 @@ fn policy(args: &BenchArgs) -> Result<Option<Source>> {
     Ok(Some(Source { timeout: args.policy_timeout.unwrap_or(source.timeout), ..source }))
 }
 
-/// A folder may be another's: which program runs is not for its files to say, but for the command line.
+/// Refuses a policy other than that named on the command line. The folder may come from someone else: its files must
+/// not choose which program runs.
 fn check_policy(kept: Option<&Source>, named: Option<&str>, folder: &Path) -> Result<()> {
     let of = |source: &Source| format!("{}:{}", source.file.display(), source.class);
     match (kept, named) {
@@ -340,7 +348,7 @@ fn check_policy(kept: Option<&Source>, named: Option<&str>, folder: &Path) -> Re
     }
 }
 
-/// What `--without` asks for.
+/// Parses `--without`.
 fn without(names: &[String]) -> Result<Vec<Effect>> {
     if names.iter().any(|name| name == "all") {
         return Ok(Effect::ALL.to_vec());
@@ -350,7 +358,7 @@ fn without(names: &[String]) -> Result<Vec<Effect>> {
     Ok(wanted.into_iter().collect())
 }
 
-/// The text of the file that `--uncertainty` names, once it is known to be good.
+/// Reads and validates the file that `--uncertainty` names, and returns its text.
 fn uncertainty(path: Option<&Path>) -> Result<Option<String>> {
     let Some(path) = path else { return Ok(None) };
     let text = platform::data::read_text(path).context("--uncertainty")?;
@@ -362,7 +370,7 @@ fn next_free_folder() -> PathBuf {
     (1..).map(|n| PathBuf::from(format!("recordings/bench-{n}"))).find(|folder| !folder.exists()).unwrap_or_default()
 }
 
-/// Part `i` of `n`, counted from 1, as `i/n`.
+/// Parses part `i` of `n`, counted from 1, as `i/n`.
 pub fn part(text: &str, option: &str) -> Result<(usize, usize)> {
     let parts = text.split_once('/').and_then(|(i, n)| Some((i.parse().ok()?, n.parse().ok()?)));
     match parts {

@@ -1,4 +1,4 @@
-//! `ftac bridge`: everything about the real robot, and its emulator.
+//! `ftac bridge`: setup and operation of the real robot, and its emulator.
 
 pub mod calibrate;
 pub mod clear_faults;
@@ -26,21 +26,21 @@ use crate::terminal::{Outcome, Terminal};
 /// `bridge` commands.
 #[derive(Debug, Subcommand)]
 pub enum BridgeCommand {
-    /// Set up this computer: name and access of the servo adapter, real-time scheduling, a stop at shutdown.
+    /// Set up this computer: device name and permissions of the servo adapter, real-time scheduling, a stop at shutdown.
     Install(install::InstallArgs),
-    /// Look for servos on a port, at every rate.
+    /// Scan a port for servos at every baud rate.
     Scan {
-        /// The port; default: the configuration's.
+        /// Serial port; default: that of the configuration.
         #[arg(long)]
         port: Option<PathBuf>,
         #[command(flatten)]
         config: ConfigArg,
     },
-    /// Compare every device with what it should be. Moves nothing.
+    /// Check the state and settings of every device. Moves nothing.
     Doctor(doctor::DoctorArgs),
-    /// Give the one servo on the bus its id and its settings.
+    /// Write id and settings to the only servo on the bus.
     Provision {
-        /// Which actuator it will be: thumb, index, middle, ring, little or opposition.
+        /// Actuator that the servo will drive: thumb, index, middle, ring, little or opposition.
         #[arg(long)]
         actuator: String,
         #[command(flatten)]
@@ -48,27 +48,27 @@ pub enum BridgeCommand {
         #[command(flatten)]
         config: ConfigArg,
     },
-    /// Find every servo's open mark and travel by feeling. Moves the fingers, one after the other.
+    /// Find the open mark and travel of every servo by its end stops. Moves the fingers, one after the other.
     Calibrate(calibrate::CalibrateArgs),
     /// Emulate servos and camera board on pseudo-terminals until interrupted.
     Emulate(emulate::EmulateArgs),
-    /// Inject every fault into every phase of a trial on the emulated robot, and say what came of it.
+    /// Inject every fault into every phase of a trial on the emulated robot, and report the outcomes.
     Faults(faults::FaultArgs),
     /// Close and open the hand gently: the first motion of a new hand.
     Exercise(exercise::ExerciseArgs),
-    /// Find where the arm's base stands, by touching balls on three marks. Moves arm and hand.
+    /// Register the pose of the arm's base by touching balls on three marks. Moves arm and hand.
     Register(register::RegisterArgs),
-    /// Draw where the objects of a combination stand, as an A3 sheet in full size.
+    /// Draw the places of a combination's objects as an A3 sheet in full size.
     Sheet(sheet::SheetArgs),
-    /// Stop the robots that run in other terminals: they hold what they hold.
+    /// Stop the robots that run in other terminals: they hold their position and grip.
     Stop(stop::StopArgs),
-    /// Restart servos that have shut down (overload, low voltage, overheating) and look at what came back. Grip is lost: asks first.
+    /// Restart servos that have shut down (overload, low voltage, overheating) and check them. The grip is lost: asks first.
     Reboot(reboot::RebootArgs),
-    /// Clear the arm's faults once their cause is gone: afterwards it can move again. Asks first.
+    /// Clear the arm's faults once their cause is gone; afterwards the arm can move again. Asks first.
     ClearFaults(clear_faults::ClearArgs),
 }
 
-/// Runs a command.
+/// Runs a `bridge` command.
 pub fn run(terminal: &Terminal, command: &BridgeCommand) -> Outcome {
     match command {
         BridgeCommand::Install(args) => install::run(terminal, args),

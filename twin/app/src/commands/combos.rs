@@ -1,4 +1,4 @@
-//! `ftac combos`: the object combinations that trials are numbered by.
+//! `ftac combos`: the numbered object combinations of trials.
 
 use std::collections::BTreeMap;
 
@@ -16,10 +16,10 @@ use crate::terminal::{Outcome, Terminal};
 /// Arguments of `combos`.
 #[derive(Debug, Args)]
 pub struct CombosArgs {
-    /// Combinations of a scenario of your own that have not been planned are planned first, as `bench` does.
+    /// Combinations of your own scenario that have no plan yet are planned first, as `bench` does.
     #[command(flatten)]
     pub scenario: ScenarioArgs,
-    /// How many; default: 60, or all of a scenario that has fewer.
+    /// Number of combinations; default: 60, or all of a scenario that has fewer.
     #[arg(long)]
     pub combos: Option<usize>,
     #[command(flatten)]
@@ -31,18 +31,18 @@ pub struct CombosArgs {
 struct Combination<'a> {
     /// Number of the combination, from 0.
     combination: usize,
-    /// Name of each object, by the scenario's list that it comes from: first, second.
+    /// Name of each object, by the scenario's list that contains it: first, second.
     #[serde(flatten)]
     objects: BTreeMap<&'a str, &'a str>,
 }
 
-/// All that were asked for.
+/// JSON output of `combos`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Combinations<'a> {
     combinations: Vec<Combination<'a>>,
 }
 
-/// Prints them.
+/// Runs `ftac combos`.
 pub fn run(terminal: &Terminal, args: &CombosArgs) -> Outcome {
     let (scenario, _) = args.scenario.read()?;
     let pairs = scenario.combinations();

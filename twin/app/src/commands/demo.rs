@@ -20,7 +20,7 @@ use stream::viewer;
 use crate::options::robot::RobotArgs;
 use crate::terminal::{Outcome, Terminal};
 
-/// Frames a second, and their size in pixels.
+/// Frame rate of the film, 1/s, and size of a frame, pixels.
 const FILM: (f64, u32) = (3.0, 340);
 const COMPARED: [Condition; 2] = [Condition::Blind, Condition::Touch];
 
@@ -36,22 +36,22 @@ pub struct DemoArgs {
     /// Folder for the page, the strips of stills and the recordings.
     #[arg(long, default_value = "recordings/demo")]
     pub out: PathBuf,
-    /// Only write files, though there is a viewer.
+    /// Only write files, even if a viewer is installed.
     #[arg(long)]
     pub no_viewer: bool,
     #[command(flatten)]
     pub robot: RobotArgs,
 }
 
-/// Printed once both trials were played.
+/// JSON output of `demo`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Demo<'a> {
-    /// The page (HTML).
+    /// File of the page (HTML).
     page: &'a Path,
     trials: &'a [TrialRecord],
 }
 
-/// Plays one trial blind and with touch, with the same errors, and shows it.
+/// Plays one trial blind and with touch, under the same errors, and shows both.
 pub fn run(terminal: &Terminal, args: &DemoArgs) -> Outcome {
     let quiet = terminal.quiet || terminal.json;
     let robot = args.robot.model()?;
@@ -93,7 +93,7 @@ pub fn run(terminal: &Terminal, args: &DemoArgs) -> Outcome {
     Ok(None)
 }
 
-/// Writes the page and the strips; the page's path.
+/// Writes the page and the strips of stills. Returns the page's path.
 fn write(stage: &Stage, films: &[Film], args: &DemoArgs, (seed, names): (u64, [&String; 2])) -> Result<PathBuf> {
     let (count, size) = film::STILLS;
     for film in films {

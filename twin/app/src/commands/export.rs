@@ -1,4 +1,4 @@
-//! `ftac export`: recorded sessions in the formats of other programs.
+//! `ftac export`: exports recorded sessions to the formats of other programs.
 
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
@@ -25,79 +25,82 @@ use crate::terminal::{Outcome, Terminal};
 /// `export` commands.
 #[derive(Debug, Subcommand)]
 pub enum ExportCommand {
-    /// A session (MCAP) as a recording for the Rerun viewer: the control stack runs on it again, and what it sees, believes and decides is drawn.
+    /// Export a session (MCAP) as a recording for the Rerun viewer: the control stack runs on it again, and its
+    /// perception, beliefs and decisions are drawn.
     Rrd {
-        /// The session's file.
+        /// Session file.
         session: PathBuf,
-        /// The recording; default: beside the session.
+        /// File for the recording; default: beside the session.
         #[arg(long)]
         out: Option<PathBuf>,
     },
-    /// A session (MCAP) as a ROS 2 bag (MCAP, profile ros2): joint states, commands and tactile images as standard messages.
+    /// Export a session (MCAP) as a ROS 2 bag (MCAP, profile ros2): joint states, commands and tactile images as
+    /// standard messages.
     Ros2 {
-        /// The session's file.
+        /// Session file.
         session: PathBuf,
-        /// The bag; default: beside the session, ending in .ros2.mcap.
+        /// File for the bag; default: beside the session, ending in .ros2.mcap.
         #[arg(long)]
         out: Option<PathBuf>,
     },
-    /// All sessions of a folder as such bags, which Foxglove and the mcap tools open.
+    /// Export all sessions of a folder as ROS 2 bags, which Foxglove and the mcap tools open.
     Mcap {
-        /// A folder with sessions, such as the result of `ftac bench --robot emulated --record all`.
+        /// Folder of sessions, such as the result of `ftac bench --robot emulated --record all`.
         folder: PathBuf,
-        /// Where the bags go; default: beside each session, ending in .ros2.mcap.
+        /// Folder for the bags; default: beside each session, ending in .ros2.mcap.
         #[arg(long)]
         out: Option<PathBuf>,
     },
-    /// All sessions of a folder as a LeRobot data set (v3.0): measurements, commands, and the pads' images as video. Needs the Python package ftac[lerobot].
+    /// Export all sessions of a folder as a LeRobot data set (v3.0): measurements, commands, and the pads' images as
+    /// video. Needs the Python package ftac[lerobot].
     Lerobot {
-        /// A folder with sessions, such as the result of `ftac bench --robot emulated --record all`.
+        /// Folder of sessions, such as the result of `ftac bench --robot emulated --record all`.
         folder: PathBuf,
-        /// The data set's folder, which must not exist; default: FOLDER/lerobot.
+        /// Folder for the data set, which must not exist; default: FOLDER/lerobot.
         #[arg(long)]
         out: Option<PathBuf>,
-        /// Side of the images, pixels, an even number.
+        /// Width and height of the images, pixels; an even number.
         #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u16).range(16..=240))]
         images: u16,
     },
 }
 
-/// A session as a recording for the viewer.
+/// JSON output of `export rrd`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Drawn {
-    /// The recording (RRD).
+    /// File of the recording (RRD).
     recording: PathBuf,
     /// Control ticks.
     ticks: u64,
-    /// Place where this program leaves the session, which ends the recording; null where it does not.
+    /// First divergence of this program from the session, which ends the recording; null if there is none.
     left: Option<String>,
 }
 
-/// A session as a ROS 2 bag.
+/// JSON output of `export ros2`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Bag {
-    /// The bag's file.
+    /// File of the bag.
     bag: PathBuf,
-    /// Messages in it.
+    /// Number of messages.
     messages: u64,
 }
 
-/// The sessions of a folder as ROS 2 bags.
+/// JSON output of `export mcap`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Bags {
-    /// One entry a session.
+    /// One entry per session.
     bags: Vec<Bag>,
 }
 
-/// The sessions of a folder as a LeRobot data set, as the Python package tells of it.
+/// JSON output of `export lerobot`, as the Python package reports it.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DataSet {
-    /// The data set's folder.
+    /// Folder of the data set.
     dataset: String,
-    /// Sessions in it.
+    /// Number of sessions.
     episodes: u64,
-    /// Frames of all episodes.
+    /// Number of frames of all episodes.
     frames: u64,
 }
 
@@ -126,13 +129,13 @@ fn nothing(session: &Path) -> String {
     format!("{}: found nothing measured, expected a session that began", session.display())
 }
 
-/// The robot of a session: the built-in one where the session is no trial's.
+/// Returns the robot of a session, or the built-in one if the session belongs to no trial.
 fn robot_of_session(reader: &Reader) -> Result<RobotModel> {
     let task = serde_json::from_slice::<Task>(&reader.session().task).ok();
     Ok(RobotModel::of(task.and_then(|task| task.robot_model).as_ref())?)
 }
 
-/// Writes a session as the bag `out`: how many messages it has.
+/// Writes a session as the bag `out` and returns the number of messages.
 fn ros2(session: &Path, out: &Path) -> Result<u64> {
     let reader = Reader::open(session, Sizes::Any)?;
     let robot = robot_of_session(&reader)?;
@@ -145,14 +148,14 @@ fn ros2(session: &Path, out: &Path) -> Result<u64> {
         torque_constant: hand.parameters.servo.torque_constant,
     };
     let reader = reader.of(Sizes::of(&robot));
-    // Nothing half-written stays under the bag's name.
+    // An unfinished file never has the bag's name.
     let partial = out.with_extension("partial");
     let messages = ros2::export(reader, &names, &partial).inspect_err(|_| drop(std::fs::remove_file(&partial)))?;
     std::fs::rename(&partial, out).with_context(|| out.display().to_string())?;
     Ok(messages)
 }
 
-/// The sessions of a folder and of its subfolder `sessions`, by name.
+/// Lists the sessions of a folder and of its subfolder `sessions`, sorted by path.
 fn sessions(folder: &Path) -> Result<Vec<PathBuf>> {
     let inner = folder.join("sessions");
     let mut found = Vec::new();
@@ -169,7 +172,7 @@ fn sessions(folder: &Path) -> Result<Vec<PathBuf>> {
     Ok(found)
 }
 
-/// All sessions of a folder as bags.
+/// Writes all sessions of a folder as bags.
 fn bags(terminal: &Terminal, folder: &Path, out: Option<&Path>) -> Outcome {
     let all = sessions(folder)?;
     if let Some(out) = out {
@@ -194,7 +197,7 @@ fn bags(terminal: &Terminal, folder: &Path, out: Option<&Path>) -> Outcome {
     Ok(empty)
 }
 
-/// All sessions of a folder as a LeRobot data set, written by the Python package.
+/// Writes all sessions of a folder as a LeRobot data set, by means of the Python package.
 fn lerobot(terminal: &Terminal, folder: &Path, out: Option<&Path>, images: u16) -> Outcome {
     let all = sessions(folder)?;
     let out = out.map_or_else(|| folder.join("lerobot"), Path::to_owned);
@@ -210,7 +213,7 @@ fn lerobot(terminal: &Terminal, folder: &Path, out: Option<&Path>, images: u16) 
     Ok(None)
 }
 
-/// Makes the recording `out` of a session: how many ticks it has, and why they are not all that the session has, if so.
+/// Makes the recording `out` of a session. Returns its number of ticks and, if the session has more, the reason.
 pub fn rrd(terminal: &Terminal, session: &Path, out: &Path) -> Result<(u64, Option<String>)> {
     let (task, scenario) = task(session)?;
     let bench = bench_of(terminal, &task, scenario, session)?;
@@ -220,19 +223,19 @@ pub fn rrd(terminal: &Terminal, session: &Path, out: &Path) -> Result<(u64, Opti
     let (mut source, report) =
         ReplaySource::new(Replay::new(Reader::open(session, Sizes::of(robot))?)?, task.robot == "hardware");
     let partial = out.with_extension("partial.rrd");
-    // One that is there may be a link to somewhere else.
+    // An existing file may be a link to somewhere else.
     drop(std::fs::remove_file(&partial));
     let mut recording = Recording::open(&[Target::File(partial.clone())], &bench, &task, (began, false))?;
     let played = bench.play(&task, &mut source, &mut recording);
     recording.finish()?;
     let (progress, divergence) = report.take().context("the trial ended before the recording began")?;
     let played = played.map(drop).or_else(|error| match error.downcast_ref::<Stopped>() {
-        // Where the recording was cut short, or the controller left it, the trial cannot go on.
+        // The trial cannot go on if the recording was cut short or the controller diverged from it.
         Some(_) => Ok(()),
         None => Err(error),
     });
     if progress.ticks == 0 {
-        // Nothing to show, whatever went wrong.
+        // There is nothing to show, whatever the cause.
         std::fs::remove_file(&partial).with_context(|| partial.display().to_string())?;
         played?;
         anyhow::bail!("{}: found no whole tick, expected a session that began", session.display());
@@ -248,7 +251,7 @@ pub fn rrd(terminal: &Terminal, session: &Path, out: &Path) -> Result<(u64, Opti
     Ok((progress.ticks, left))
 }
 
-/// When the body's time 0 was.
+/// Finds the wall-clock time of the robot's time 0. Only sessions of hardware have one.
 fn began(session: &Path) -> Result<Began> {
     let mut reader = Reader::open(session, Sizes::Any)?;
     if reader.session().robot != "hardware" {

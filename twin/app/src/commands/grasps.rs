@@ -1,4 +1,4 @@
-//! `ftac grasps`: synthesis, and the benchmark's pick-ups and plans.
+//! `ftac grasps`: grasp synthesis, and the benchmark's pick-ups and plans.
 
 pub mod collection;
 pub mod export;
@@ -20,25 +20,25 @@ use crate::terminal::{Outcome, Terminal};
 /// `grasps` commands.
 #[derive(Debug, Subcommand)]
 pub enum GraspsCommand {
-    /// Find grasps for an object by sampling; each is closed by its cables, verified and held in physics.
+    /// Synthesize grasps for an object by sampling; each is closed by its cables, verified and held in physics.
     Generate(GenerateArgs),
-    /// Measure how well synthesis works: rates, negative controls, what predicts holding; or check the grasps of a file once more.
+    /// Evaluate synthesis: success rates, negative controls, predictors of holding; or check the grasps of a file again.
     Eval(EvalArgs),
-    /// Make the collection of synthesized grasps of all objects; an interrupted run goes on where it was.
+    /// Synthesize the collection of grasps of all objects; resumes if interrupted.
     Collection(CollectionArgs),
-    /// Show the best grasp of each kind: digits, contact points and friction cones, room, approach.
+    /// Show the best grasp of each kind: digits, contact points and friction cones, free space, approach.
     Show(ShowArgs),
-    /// Write held grasps as MJCF scenes with their commands and tests, to close and shake them in a second engine.
+    /// Write held grasps as MJCF scenes with commands and tests, to close and shake them in a second engine.
     Export(ExportArgs),
     #[command(flatten)]
     Lab(GraspsLabCommand),
-    /// Find the benchmark's repertoire of pick-ups for the scenario's objects by rehearsing them in physics.
+    /// Make the benchmark's repertoire of pick-ups for the scenario's objects by rehearsing them in physics (rollouts).
     PickUps(PickUpsArgs),
-    /// Draw combinations by the rule and rehearse them without noise.
+    /// Draw object combinations by the benchmark's rule and rehearse them without noise.
     Plan(PlanArgs),
 }
 
-/// Runs a command; the `lab` has its own.
+/// Runs a `grasps` command; those of `ftac-lab` are handed over to the `lab`.
 pub fn run(terminal: &Terminal, command: &GraspsCommand, lab: &Lab<'_>) -> Outcome {
     match command {
         GraspsCommand::Generate(args) => generate::generate(terminal, args),

@@ -1,4 +1,4 @@
-//! `ftac hand`: pictures of the hand; checks and closings are those of `ftac-lab`.
+//! `ftac hand`: pictures of the hand. Checks and closings are commands of `ftac-lab`.
 
 pub mod picture;
 
@@ -14,11 +14,11 @@ use crate::terminal::{Outcome, Terminal};
 pub enum HandCommand {
     #[command(flatten)]
     Lab(HandLabCommand),
-    /// Draw the hand in any posture, without a screen.
+    /// Draw the hand in any posture; needs no display.
     Picture(PictureArgs),
 }
 
-/// Runs a command; the `lab` has its own.
+/// Runs a `hand` command; those of `ftac-lab` are handed over to the `lab`.
 pub fn run(terminal: &Terminal, command: &HandCommand, lab: &Lab<'_>) -> Outcome {
     match command {
         HandCommand::Picture(args) => picture::run(terminal, args),

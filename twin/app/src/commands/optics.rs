@@ -1,4 +1,4 @@
-//! `ftac optics`: renders tactile images, calibrates to real sensors, and evaluates both.
+//! `ftac optics`: renders tactile images, calibrates the model to real sensors, and evaluates both.
 
 pub mod calibrate;
 pub mod eval;
@@ -14,13 +14,13 @@ use crate::terminal::{Outcome, Terminal};
 /// `optics` commands.
 #[derive(Debug, Subcommand)]
 pub enum OpticsCommand {
-    /// Fit a real sensor's image-formation model to presses of a ball, and render presses held out.
+    /// Fit the image-formation model of a real sensor to presses of a ball, and test it on held-out presses.
     Calibrate(calibrate::CalibrateArgs),
-    /// Turn images of a calibrated sensor into normals, heights, contact masks and point clouds.
+    /// Reconstruct normals, heights, contact masks and point clouds from images of a calibrated sensor.
     Reconstruct(reconstruct::ReconstructArgs),
     /// Evaluate a calibration, the gel's pressure law, or the fit itself.
     Eval(eval::EvalArgs),
-    /// Render what a pad sees when a mesh is pressed into it along its normal.
+    /// Render the image of a pad into which a mesh is pressed along its normal.
     Render(render::RenderArgs),
     /// Render twenty known shapes onto a contact sheet.
     Shapes(render::ShapesArgs),
@@ -28,7 +28,7 @@ pub enum OpticsCommand {
     Pads(pads::PadsArgs),
 }
 
-/// Runs a command.
+/// Runs an `optics` command.
 pub fn run(terminal: &Terminal, command: &OpticsCommand) -> Outcome {
     match command {
         OpticsCommand::Calibrate(args) => calibrate::calibrate(terminal, args),

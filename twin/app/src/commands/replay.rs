@@ -1,4 +1,5 @@
-//! `ftac replay`: the control stack on a recorded session, held to every command bit by bit; or two sessions side by side.
+//! `ftac replay`: runs the control stack on a recorded session and compares every command bit by bit; or compares two
+//! sessions.
 
 use std::path::{Path, PathBuf};
 
@@ -19,10 +20,10 @@ use session_log::{Reader, Replay, Sizes};
 use super::sessions::sessions_in;
 use crate::terminal::Terminal;
 
-/// Outcome of one session.
+/// JSON output of `replay` of one session.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Replayed {
-    /// Body: sim, rounded, emulated or hardware.
+    /// Robot backend: sim, rounded, emulated or hardware.
     robot: String,
     /// Number of the combination, from 0.
     combination: usize,
@@ -33,25 +34,25 @@ pub struct Replayed {
     condition: Condition,
     /// Control ticks.
     ticks: u64,
-    /// Commands alike bit by bit.
+    /// Number of bit-identical commands.
     identical_commands: u64,
-    /// True if the session has its end.
+    /// True if the session is complete (not cut short).
     whole: bool,
-    /// The first command that differs, or null.
+    /// First command that differs, or null.
     divergence: Option<String>,
-    /// True if both sessions decided alike; null where one has no decisions.
+    /// True if replay and session made the same decisions; null if one of them has none.
     same_decisions: Option<bool>,
-    /// Reason for the failed look in which both session and replay end, or null.
+    /// Reason for the failed look (vision) in which both session and replay end, or null.
     failed_look: Option<String>,
 }
 
-/// A session of a folder, replayed or not.
+/// Result for a session of a folder, replayed or not.
 #[derive(Debug, Serialize, JsonSchema)]
 #[serde(untagged)]
 enum Row {
     Replayed(Replayed),
     NotReplayed {
-        /// Reason why it could not be replayed.
+        /// Error that prevented the replay.
         error: String,
     },
 }
@@ -59,40 +60,40 @@ enum Row {
 #[derive(Debug, Serialize, JsonSchema)]
 struct Session {
     session: PathBuf,
-    /// As of a single session, or its error.
+    /// Result as for a single session, or its error.
     replayed: Row,
-    /// In which respect it falls short, or null.
+    /// Shortfall of this session, or null.
     shortfall: Option<String>,
 }
 
-/// Outcome of the sessions of a folder.
+/// JSON output of `replay` of a folder.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Folder {
-    /// A session each, by name.
+    /// One entry per session, sorted by name.
     sessions: Vec<Session>,
 }
 
-/// Two sessions side by side.
+/// JSON output of `replay --against`: comparison of two sessions.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Compared {
-    /// Ticks alike bit by bit.
+    /// Number of bit-identical ticks.
     identical_ticks: u64,
-    /// Numbers alike bit by bit.
+    /// Number of bit-identical values.
     identical_values: u64,
-    /// Images alike bit by bit.
+    /// Number of bit-identical images.
     identical_images: u64,
-    /// The first observation or command that differs, or null.
+    /// First observation or command that differs, or null.
     difference: Option<String>,
 }
 
-/// The command: one session, or all of a folder.
+/// Runs `ftac replay` on one session, or on all of a folder.
 pub fn command(terminal: &Terminal, path: &Path) -> Result<Option<String>> {
     if !path.is_dir() {
         let (replayed, shortfall) = one(terminal, path)?;
         terminal.print(&replayed, "")?;
         return Ok(shortfall);
     }
-    // A benchmark's sessions lie in a folder of their own within its results.
+    // The sessions of a benchmark lie in a subfolder of its results.
     let inside = path.join("sessions");
     let folder = if inside.is_dir() { inside } else { path.to_owned() };
     let sessions = sessions_in(&folder)?;
@@ -107,7 +108,7 @@ pub fn command(terminal: &Terminal, path: &Path) -> Result<Option<String>> {
         if !terminal.json {
             println!("{}", session.display());
         }
-        // One that cannot be replayed does not keep the others from it.
+        // A session that cannot be replayed does not stop the others.
         let (replayed, shortfall) = match one(terminal, session) {
             Ok((replayed, shortfall)) => (Row::Replayed(replayed), shortfall),
             Err(error) => {
@@ -125,7 +126,7 @@ pub fn command(terminal: &Terminal, path: &Path) -> Result<Option<String>> {
     Ok(first)
 }
 
-/// One session, and in which respect it falls short.
+/// Replays one session. Returns the result and the shortfall, if any.
 fn one(terminal: &Terminal, recording: &Path) -> Result<(Replayed, Option<String>)> {
     let other = other_program(recording)?;
     let named = |error: anyhow::Error| match &other {
@@ -140,7 +141,7 @@ fn one(terminal: &Terminal, recording: &Path) -> Result<(Replayed, Option<String
     run(terminal, &bench, &task, recording).map_err(named)
 }
 
-/// What the trial of a session is played with.
+/// Builds the bench on which the trial of a session is replayed.
 pub fn bench_of(terminal: &Terminal, task: &Task, scenario: Scenario, recording: &Path) -> Result<Bench> {
     if task.condition == Condition::Own {
         bail!(
@@ -149,7 +150,7 @@ pub fn bench_of(terminal: &Terminal, task: &Task, scenario: Scenario, recording:
         );
     }
     let quiet = terminal.quiet || terminal.json;
-    // A shorter draw is the beginning of a longer one.
+    // A shorter draw of combinations is the beginning of a longer one.
     let combos = task.combination + 1;
     let robot = robot_of(task.robot_model.as_ref(), task.individual.as_deref(), recording)?;
     let mut bench = make_bench(&robot, scenario, combos, task.seed, quiet)?;
@@ -168,7 +169,8 @@ pub fn bench_of(terminal: &Terminal, task: &Task, scenario: Scenario, recording:
     Ok(bench)
 }
 
-/// `--against`: two sessions, observation by observation and command by command; the shortfall is the first bit that differs.
+/// Runs `--against`: compares two sessions, observation by observation and command by command. The shortfall is the
+/// first bit that differs.
 pub fn against(terminal: &Terminal, recording: &Path, other: &Path) -> Result<Option<String>> {
     let compared = compare(&mut Reader::open(recording, Sizes::Any)?, &mut Reader::open(other, Sizes::Any)?)?;
     let text = format!(
@@ -185,12 +187,12 @@ pub fn against(terminal: &Terminal, recording: &Path, other: &Path) -> Result<Op
     Ok(compared.difference)
 }
 
-/// What the file says of itself: the task and its scenario, with everything that they need in them.
+/// Reads the task of a session file and its scenario, both self-contained.
 pub fn task(path: &Path) -> Result<(Task, Scenario)> {
     Ok(Task::parse(&Reader::open(path, Sizes::Any)?.session().task, path)?)
 }
 
-/// Runs it; the shortfall is where it left the recording.
+/// Replays the trial. The shortfall is the point at which it diverges from the recording.
 fn run(terminal: &Terminal, bench: &Bench, task: &Task, path: &Path) -> Result<(Replayed, Option<String>)> {
     let robot = &bench.world.cell.robot;
     let (outcome, whole) = outcome(path, robot)?;
@@ -199,7 +201,7 @@ fn run(terminal: &Terminal, bench: &Bench, task: &Task, path: &Path) -> Result<(
     let played = bench.play(task, &mut source, &mut NoWatcher);
     let (played, failed) = match played {
         Ok(outcome) => (Some(outcome.record), None),
-        // Where the recording was cut short, or the controller left it, the trial cannot go on.
+        // The trial cannot go on if the recording was cut short or the controller diverged from it.
         Err(error) if error.chain().any(|cause| cause.is::<Stopped>()) => (None, None),
         Err(error) => match error.chain().find_map(|cause| cause.downcast_ref::<LookFailed>()) {
             Some(LookFailed(why)) => (None, Some(why.clone())),
@@ -253,14 +255,15 @@ fn run(terminal: &Terminal, bench: &Bench, task: &Task, path: &Path) -> Result<(
     Ok((told, shortfall))
 }
 
-/// Whose session it is, if it is another program's: what differs may be the program's doing.
+/// Names the program and version that recorded the session, if it is another than this: differences may then come from
+/// the program.
 pub fn other_program(path: &Path) -> Result<Option<String>> {
     let program = Reader::open(path, Sizes::Any)?.session().program.clone();
     let this = concat!("ftac ", env!("CARGO_PKG_VERSION"));
     Ok((program != this).then(|| format!("recorded by {program}, this is {this}")))
 }
 
-/// What came of the recorded trial of a hand with so many cameras, and whether the file was finished.
+/// Reads the recorded outcome of a trial of this robot. The flag is true if the file was finished.
 fn outcome(path: &Path, robot: &RobotModel) -> Result<(Option<TrialRecord>, bool)> {
     let (outcome, whole) = check(path, robot)?;
     let read = |text: Vec<u8>| serde_json::from_slice(&text).with_context(|| format!("{}: outcome", path.display()));

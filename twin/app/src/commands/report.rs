@@ -1,11 +1,11 @@
-//! `ftac report`: tables, figures and pages of finished runs, made again.
+//! `ftac report`: rebuilds tables, figures and pages of finished runs.
 
 use crate::commands::{bench, sweep};
 use crate::lab::arguments::report::ReportArgs;
 use crate::lab::hand_over::Lab;
 use crate::terminal::{Outcome, Terminal};
 
-/// Makes a report; the `lab` has its own.
+/// Runs `ftac report`; the grasp study and the lab book are handed over to the `lab`.
 pub fn run(terminal: &Terminal, args: &ReportArgs, lab: &Lab<'_>) -> Outcome {
     if args.study || args.lab_book.is_some() {
         return Err(lab.hand_over());

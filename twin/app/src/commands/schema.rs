@@ -1,4 +1,4 @@
-//! `ftac schema`: what `--json` prints, as JSON Schema.
+//! `ftac schema`: JSON Schema of the `--json` output.
 
 use std::collections::BTreeSet;
 
@@ -20,7 +20,7 @@ use crate::json_schema::{self, Output, of};
 use crate::lab::hand_over::Lab;
 use crate::terminal::{Outcome, Terminal};
 
-/// Outputs of the commands of this program, but for those of `ftac-lab`.
+/// Outputs of the commands of this program, except those of `ftac-lab`.
 pub const OUTPUTS: &[Output] = &[
     ("bench", of::<Summary>),
     ("bridge calibrate", of::<bridge::calibrate::Calibrated>),
@@ -81,12 +81,12 @@ pub const OUTPUTS: &[Output] = &[
     ("twin identify", of::<twin::identify::Identified>),
 ];
 
-/// Commands that print no result of their own.
+/// Commands without a JSON result.
 const WITHOUT: [&str; 4] = ["completions", "man", "schema", "view"];
-/// Makes pages of both programs.
+/// Command with outputs of both programs.
 const SHARED: &str = "report";
 
-/// The commands of `program` that print a result.
+/// Returns the commands of `program` that print a result.
 pub fn commands(program: &Command) -> BTreeSet<String> {
     let mut all = BTreeSet::new();
     add_leaves(program, "", &mut all);
@@ -104,7 +104,8 @@ fn add_leaves(command: &Command, path: &str, into: &mut BTreeSet<String>) {
     }
 }
 
-/// Prints the schema of what a command of `program` prints. The `lab` has those of its own commands, and with them the schemas of all.
+/// Runs `ftac schema` for a command of `program`. The `lab` prints the schemas of its own commands, and those of all
+/// commands together.
 pub fn run(terminal: &Terminal, command: &[String], program: &Command, lab: &Lab<'_>) -> Outcome {
     let name = command.join(" ");
     if name != SHARED && OUTPUTS.iter().any(|(command, _)| *command == name) {

@@ -1,13 +1,13 @@
-//! The sessions of a folder.
+//! Listing of the sessions of a folder.
 
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result};
 
-/// How the names of ROS 2 bags end that were made of sessions.
+/// File name ending of ROS 2 bags exported from sessions.
 pub const BAG: &str = ".ros2.mcap";
 
-/// The sessions of `folder` by name, without bags made of them.
+/// Lists the sessions (MCAP) of `folder`, sorted by path, without bags exported from them.
 pub fn sessions_in(folder: &Path) -> Result<Vec<PathBuf>> {
     let mut found = Vec::new();
     for entry in std::fs::read_dir(folder).with_context(|| folder.display().to_string())? {

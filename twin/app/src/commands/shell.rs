@@ -1,4 +1,4 @@
-//! `ftac completions` and `ftac man`: what a shell and `man` know of the commands.
+//! `ftac completions` and `ftac man`: shell completions and manual pages.
 
 use std::path::Path;
 
@@ -8,7 +8,7 @@ use clap_complete::Shell;
 
 use crate::terminal::Outcome;
 
-/// Prints the script for `program`.
+/// Prints the completion script of `program`.
 pub fn completions(shell: Shell, mut program: Command) -> Outcome {
     let mut script = Vec::new();
     clap_complete::generate(shell, &mut program, "ftac", &mut script);
@@ -16,7 +16,7 @@ pub fn completions(shell: Shell, mut program: Command) -> Outcome {
     Ok(None)
 }
 
-/// A page for each command of `program`.
+/// Writes a manual page for each command of `program`.
 pub fn manual(folder: &Path, program: Command) -> Outcome {
     std::fs::create_dir_all(folder).with_context(|| format!("--out: cannot create {}", folder.display()))?;
     clap_mangen::generate_to(program, folder).with_context(|| format!("--out: {}", folder.display()))?;

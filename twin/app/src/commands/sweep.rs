@@ -1,4 +1,4 @@
-//! `ftac sweep`: many benchmarks along axes, on this machine or on Slurm.
+//! `ftac sweep`: many benchmarks along parameter axes, on this machine or on Slurm.
 
 pub mod output;
 
@@ -22,33 +22,33 @@ use crate::terminal::{Outcome, Terminal};
 /// `sweep` commands.
 #[derive(Debug, Subcommand)]
 pub enum SweepCommand {
-    /// Say what a sweep comes to: points, trials, units of work, time and room.
+    /// Estimate the size of a sweep: points, trials, units of work, time and disk space.
     Plan {
-        /// The sweep's file (TOML).
+        /// Sweep file (TOML).
         file: PathBuf,
     },
-    /// Play a sweep on this machine; the same command goes on after an interruption, and joins others that play it.
+    /// Run a sweep on this machine; the same command resumes after an interruption, and joins other processes that run it.
     Run(RunArgs),
-    /// Hand a sweep to Slurm: an array of workers, and a job that joins their results.
+    /// Submit a sweep to Slurm: an array of workers, and a job that merges their results.
     Submit(SubmitArgs),
-    /// Say how far a sweep is, and what Slurm says of its jobs.
+    /// Report the progress of a sweep, and the state of its Slurm jobs.
     Status {
-        /// The result folder.
+        /// Result folder.
         folder: PathBuf,
     },
-    /// Join the results of all finished units: a Parquet file a point, and a digest of what came out.
+    /// Merge the results of all finished units: a Parquet file per point, and a digest of the results.
     Merge {
-        /// The result folder.
+        /// Result folder.
         folder: PathBuf,
     },
-    /// Replay the recorded times of a sweep's units on 1 to 1,000 cores, and write it as a page.
+    /// Simulate the makespan of a sweep on 1 to 1,000 cores from the recorded times of its units, and write it as a page.
     Makespan {
-        /// The result folder of a sweep with units that were played.
+        /// Result folder of a sweep with finished units.
         folder: PathBuf,
-        /// Repeat its units until there are so many trials.
+        /// Repeat its units until there are this many trials.
         #[arg(long)]
         trials: Option<usize>,
-        /// Take so many neighbouring units as one: what longer units would do.
+        /// Merge this many neighbouring units into one, to see the effect of longer units.
         #[arg(long, default_value_t = 1)]
         join: usize,
     },
@@ -57,15 +57,15 @@ pub enum SweepCommand {
 /// Arguments of `sweep run`.
 #[derive(Debug, Args)]
 pub struct RunArgs {
-    /// The sweep's file (TOML), or the result folder of one that is to go on.
+    /// Sweep file (TOML), or result folder of a sweep to resume.
     pub path: PathBuf,
-    /// Result folder; needed with a file.
+    /// Result folder; required with a file.
     #[arg(long)]
     pub out: Option<PathBuf>,
-    /// Threads, each of which plays a unit; default: all cores.
+    /// Number of threads, each of which plays a unit; default: all cores.
     #[arg(long)]
     pub jobs: Option<usize>,
-    /// Only help: be worker i of n, as `i/n`, and do not wait for units that others play.
+    /// Act as worker i of n, as `i/n`: do not wait for units that others play, and do not merge.
     #[arg(long)]
     pub worker: Option<String>,
 }
@@ -73,32 +73,33 @@ pub struct RunArgs {
 /// Arguments of `sweep submit`.
 #[derive(Debug, Args)]
 pub struct SubmitArgs {
-    /// The sweep's file (TOML), or the result folder of one that is to go on.
+    /// Sweep file (TOML), or result folder of a sweep to resume.
     pub path: PathBuf,
-    /// Result folder, which all nodes see; needed with a file.
+    /// Result folder, shared by all nodes; required with a file.
     #[arg(long)]
     pub out: Option<PathBuf>,
-    /// Slurm partition; default: the cluster's.
+    /// Slurm partition; default: that of the cluster.
     #[arg(long)]
     pub partition: Option<String>,
-    /// Workers at most.
+    /// Maximum number of workers.
     #[arg(long, default_value_t = 100)]
     pub max_jobs: usize,
-    /// Cores of a worker; it plays as many units at once.
+    /// Cores per worker, which is also the number of units that it plays at once.
     #[arg(long, default_value_t = 1)]
     pub cpus: usize,
-    /// Memory of a worker, such as 2G; default: the cluster's.
+    /// Memory per worker, such as 2G; default: that of the cluster.
     #[arg(long)]
     pub memory: Option<String>,
-    /// Time limit of a worker, such as 4:00:00; default: the partition's. A worker that reaches it is not requeued: the sweep is submitted again.
+    /// Time limit of a worker, such as 4:00:00; default: that of the partition. A worker that reaches it is not
+    /// requeued; the sweep is submitted again.
     #[arg(long)]
     pub time: Option<String>,
-    /// How often the sweep has submitted itself again.
+    /// Number of times that the sweep has resubmitted itself.
     #[arg(long, default_value_t = 0, hide = true)]
     pub round: u32,
 }
 
-/// Runs a command.
+/// Runs a `sweep` command.
 pub fn run(terminal: &Terminal, command: &SweepCommand) -> Outcome {
     match command {
         SweepCommand::Plan { file } => plan(terminal, file),
@@ -110,7 +111,7 @@ pub fn run(terminal: &Terminal, command: &SweepCommand) -> Outcome {
     }
 }
 
-/// A duration as people say it.
+/// Formats a duration for people.
 fn time(seconds: f64) -> String {
     report::html::duration(seconds)
 }
@@ -158,7 +159,7 @@ fn plan(terminal: &Terminal, file: &Path) -> Outcome {
     Ok(None)
 }
 
-/// The result folder that is asked for: of a file and `--out`, or one that is there.
+/// Opens the requested result folder: from a sweep file and `--out`, or an existing one.
 fn folder(path: &Path, out: Option<&Path>) -> Result<Folder> {
     match (path.is_dir(), out) {
         (true, None) => Folder::open(path),
@@ -192,7 +193,7 @@ fn play(terminal: &Terminal, args: &RunArgs) -> Outcome {
         let of = done.failed.len();
         format!("{of} of {} units failed; the first is {unit}: {reason}", done.of)
     });
-    // One of many workers leaves that to the job that comes behind them.
+    // One of many workers leaves merging to the job that runs after them.
     let mut joined = None;
     if worker.is_none() && done.finished > 0 {
         let merged = merge(&folder, quiet)?;
@@ -231,7 +232,7 @@ fn tell_merged(folder: &Folder, merged: &Merged) -> String {
     text
 }
 
-/// In which respect joined results fall short.
+/// Returns the shortfall of merged results, if units are missing.
 fn short(merged: &Merged) -> Option<String> {
     (merged.missing > 0).then(|| format!("{} of {} units are missing", merged.missing, merged.missing + merged.units))
 }
@@ -251,7 +252,7 @@ fn submit(terminal: &Terminal, args: &SubmitArgs) -> Outcome {
         }
     }
     let folder = folder(&args.path, args.out.as_deref())?;
-    // Jobs begin elsewhere.
+    // Jobs start in another working directory: the path must be absolute.
     let folder = Folder { path: folder.path.canonicalize().context("--out")?, ..folder };
     let options = slurm::Options {
         partition: args.partition.clone(),
@@ -356,7 +357,7 @@ fn makespan(terminal: &Terminal, path: &Path, trials: Option<usize>, join: usize
     Ok(None)
 }
 
-/// `ftac report` of a sweep's folder.
+/// Runs `ftac report` on a sweep's folder.
 pub fn report(terminal: &Terminal, path: &Path, out: Option<&Path>) -> Outcome {
     let folder = Folder::open(path)?;
     let made = sweep::page::report(&folder, out.unwrap_or(path))?;

@@ -1,4 +1,4 @@
-//! `ftac touch`: photometric stereo is calibrated.
+//! `ftac touch`: calibrates photometric stereo.
 
 use std::path::{Path, PathBuf};
 
@@ -17,16 +17,16 @@ use crate::terminal::{Outcome, Terminal};
 /// `touch` commands.
 #[derive(Debug, Subcommand)]
 pub enum TouchCommand {
-    /// Fit photometric stereo to presses of balls on a simulated calibration unit; evaluate on another unit.
+    /// Calibrate photometric stereo with presses of balls on a simulated calibration unit; evaluate on another unit.
     Train {
-        /// Presses of each camera.
+        /// Number of presses per camera.
         #[arg(long, default_value_t = 24)]
         presses: usize,
-        /// The calibration file to write.
+        /// Calibration file to write.
         #[arg(long)]
         out: PathBuf,
-        /// Robot of `ftac twin identify`: its gel's stiffness and thickness are taken, which keep the drawing's values as long as no
-        /// session shows them.
+        /// Individual robot (a file of `ftac twin identify`) that gives the stiffness and thickness of the gel; these
+        /// keep the nominal values unless a session identifies them.
         #[arg(long)]
         individual: Option<PathBuf>,
         #[command(flatten)]
@@ -36,7 +36,7 @@ pub enum TouchCommand {
     Lab(TouchLabCommand),
 }
 
-/// Angle between estimated and true normals on another unit's presses.
+/// JSON output of `touch train`: angle between estimated and true normals on the presses of another unit.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Trained {
     /// Mean angle, degrees.
@@ -48,7 +48,7 @@ pub struct Trained {
     pixels: usize,
 }
 
-/// Runs a command; the `lab` has its own.
+/// Runs a `touch` command; those of `ftac-lab` are handed over to the `lab`.
 pub fn run(terminal: &Terminal, command: &TouchCommand, lab: &Lab<'_>) -> Outcome {
     match command {
         TouchCommand::Train { presses, out, individual, robot } => {

@@ -1,4 +1,4 @@
-//! `ftac transport`: balls to one place, as many at once as the hand holds, beside one by one.
+//! `ftac transport`: carries balls to one place, as many per trip as the hand holds, compared with one by one.
 
 use std::path::{Path, PathBuf};
 
@@ -30,72 +30,72 @@ use crate::terminal::{Outcome, Terminal};
 /// Arguments of `transport`.
 #[derive(Debug, Args)]
 pub struct TransportArgs {
-    /// Transport file (TOML); default: the built-in four small balls.
+    /// Transport file (TOML); default: the built-in one with four small balls.
     #[arg(long)]
     pub scenario: Option<PathBuf>,
-    /// Transports under each policy.
+    /// Number of transports under each policy.
     #[arg(long, default_value_t = 10)]
     pub trials: usize,
     /// Policies to run; default: one by one, blind and touch.
     #[arg(long, value_delimiter = ',', value_parser = policies())]
     pub policy: Vec<PickMode>,
-    /// Skills beside the built-in ones, from --rehearse.
+    /// File of additional skills, from --rehearse.
     #[arg(long)]
     pub skills: Option<PathBuf>,
     /// Result folder: transports.json, and a recording of the first transport under each policy.
     #[arg(long, conflicts_with = "rehearse")]
     pub out: Option<PathBuf>,
-    /// Instead of carrying anything, search skills in physics for a sequence of picks and add them to this file.
+    /// Carry nothing; search skills for a sequence of picks in physics and add them to this file.
     #[arg(long, requires = "pick")]
     pub rehearse: Option<PathBuf>,
     /// A pick of the sequence to search, in order: BALL=DIGIT+DIGIT, such as ball_1=ring+little.
     #[arg(long, requires = "rehearse")]
     pub pick: Vec<WantedText>,
-    /// Which body carries: transports are played on the simulated robot only.
+    /// Robot backend; transports run on the simulated robot only.
     #[arg(long, value_enum, default_value = "sim")]
     pub robot: Body,
-    /// Proposals for each pick.
+    /// Number of proposals for each pick.
     #[arg(long, default_value_t = 128)]
     pub n: u32,
 }
 
-/// Printed of transports.
+/// JSON output of `transport`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Carried<'a> {
     scenario: &'a str,
-    /// Seed of everything random.
+    /// Seed of all random draws.
     seed: u64,
     balls: usize,
-    /// One entry a policy.
+    /// One entry per policy.
     policies: &'a [Row],
     transports: &'a [TransportRecord],
 }
 
-/// A skill that was found.
+/// A skill that the search found.
 #[derive(Debug, Serialize, JsonSchema)]
 struct Skill {
-    /// Digits that keep the ball.
+    /// Digits that hold the ball.
     #[schemars(with = "Vec<String>")]
     keeps: Vec<Digit>,
     score: f64,
 }
 
-/// The search of one pick.
+/// Result of the search for one pick.
 #[derive(Debug, Serialize, JsonSchema)]
 struct Pick {
     ball: String,
     /// Digits that close.
     #[schemars(with = "Vec<String>")]
     closed: Vec<Digit>,
-    /// Closings that were tried.
+    /// Number of closings tried.
     tried: usize,
-    /// Of them, those that touched the ball.
+    /// Number of these that touched the ball.
     touched: usize,
-    /// Those that lifted it.
+    /// Number of these that lifted it.
     lifted: usize,
-    /// Those that held it over the goal.
+    /// Number of these that held it over the goal.
     held: usize,
-    /// The best, most robust first.
+    /// The best skills, most robust first.
     skills: Vec<Skill>,
 }
 
@@ -114,23 +114,23 @@ impl Pick {
     }
 }
 
-/// Printed of `--rehearse`.
+/// JSON output of `transport --rehearse`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Rehearsed<'a> {
-    /// One entry a pick that was searched.
+    /// One entry per pick searched.
     picks: Vec<Pick>,
-    /// Picks that were asked for.
+    /// Number of picks asked for.
     asked: usize,
-    /// The file of skills.
+    /// File of the skills.
     file: &'a Path,
 }
 
-/// Policies by their names.
+/// Parses the name of a policy.
 fn policies() -> impl TypedValueParser<Value = PickMode> {
     PossibleValuesParser::new(PickMode::ALL.map(PickMode::argument)).try_map(|name| name.parse::<PickMode>())
 }
 
-/// Runs the command.
+/// Runs `ftac transport`.
 pub fn run(terminal: &Terminal, args: &TransportArgs) -> Outcome {
     if args.trials == 0 || args.n == 0 {
         bail!("--trials and --n: found {} and {}, expected at least 1 each", args.trials, args.n);
@@ -155,7 +155,7 @@ pub fn run(terminal: &Terminal, args: &TransportArgs) -> Outcome {
 
 fn site_of(transport: Transport, more: Option<&Path>, seed: u64) -> Result<Site> {
     let mut scenario = Scenario::benchmark();
-    // A transport's skills were rehearsed without them.
+    // The skills of transports were rehearsed without effects.
     scenario.effects = Effects::default();
     let world = World::new(&RobotModel::ftac_gen3(), scenario)?;
     let repertoire = proving::builtin::repertoire()?;
@@ -199,7 +199,7 @@ fn search(terminal: &Terminal, args: &TransportArgs, site: &Site, file: &Path) -
     let mut skills = if file.exists() { read_skills(file).context("--rehearse")?.skills } else { Vec::new() };
     let searched = transport::rehearse::rehearse(site, &sequence, args.n, terminal.quiet)?;
     for pick in &searched {
-        // Numbers are unique in a file.
+        // Ids are unique within a file.
         for skill in &pick.skills {
             let mut skill = skill.clone();
             skill.grasp.id = skills.len() as u32;
@@ -287,7 +287,7 @@ fn carry(terminal: &Terminal, args: &TransportArgs, site: &Site) -> Outcome {
         print(terminal, site, &rows, &records);
     }
     let carried = |policy| rows.iter().find(|row| row.policy == policy).map(|row| row.objects_per_trip);
-    // Of few transports policies are not compared.
+    // With few transports, policies are not compared.
     let enough = args.trials >= FEWEST_SAMPLES;
     Ok(match (carried(PickMode::Touch), carried(PickMode::OneByOne)) {
         (Some(touch), Some(single)) if enough && touch <= single => {
@@ -325,20 +325,20 @@ fn print(terminal: &Terminal, site: &Site, rows: &[Row], records: &[TransportRec
     }
 }
 
-/// What a policy came to.
+/// Results of one policy.
 #[derive(Debug, Clone, Serialize, JsonSchema)]
 struct Row {
     /// The policy.
     #[schemars(with = "String")]
     policy: PickMode,
     transports: usize,
-    /// Share of all balls that came to the goal in the hand.
+    /// Share of all balls that reached the goal in the hand.
     delivered: f64,
-    /// Objects in the hand over the goal, a trip.
+    /// Mean number of objects in the hand over the goal, per trip.
     objects_per_trip: f64,
     most_per_trip: usize,
     picks: usize,
-    /// Simulated time over objects delivered; none where nothing was.
+    /// Simulated time per delivered object, s; none if none was delivered.
     seconds_per_object: Option<f64>,
     cm3_per_trip: f64,
 }

@@ -1,4 +1,4 @@
-//! `ftac trial`.
+//! `ftac trial`: plays and records one trial.
 
 use std::path::{Path, PathBuf};
 
@@ -37,23 +37,24 @@ pub struct TrialArgs {
     pub model: RobotArgs,
     #[command(flatten)]
     pub scenario: ScenarioArgs,
-    /// Body.
+    /// Robot backend.
     #[arg(long, value_enum, default_value_t = Body::Sim)]
     pub robot: Body,
-    /// The robot that body and control stack are: a file of `ftac twin identify`; default: the robot as drawn.
+    /// Individual robot for both the backend and the control stack: a file of `ftac twin identify`; default: the
+    /// nominal robot.
     #[arg(long, value_name = "FILE")]
     pub individual: Option<PathBuf>,
-    /// Calibration of the pads by which touch reads images: a file of `ftac touch train`, or of the hand's own pads; default: the designed
-    /// pads'.
+    /// Calibration of the tactile pads: a file of `ftac touch train`, or of the hand's own pads; default: that of the
+    /// nominal pads.
     #[arg(long, value_name = "FILE")]
     pub pads: Option<PathBuf>,
-    /// Play second grasps in a twin of the scene before one is chosen, from the state as felt.
+    /// Simulate candidates for the second grasp (rollouts from the state as felt) before one is chosen.
     #[arg(long)]
     pub foresee: bool,
-    /// Let a twin run beside the robot, show it as a ghost, and name what differs.
+    /// Run a twin in parallel with the robot, show it as a ghost, and name the divergences.
     #[arg(long)]
     pub mirror: bool,
-    /// Configuration of the hardware bridge, for --robot hardware.
+    /// Configuration file of the hardware bridge, for --robot hardware.
     #[arg(long)]
     pub config: Option<PathBuf>,
     #[command(flatten)]
@@ -64,32 +65,33 @@ pub struct TrialArgs {
     /// Stream to a Rerun viewer.
     #[arg(long)]
     pub live: bool,
-    /// Where tactile images are rendered.
+    /// Renderer of the tactile images.
     #[arg(long, value_enum, default_value_t = TactileBackend::Cpu)]
     pub tactile: TactileBackend,
-    /// Also record the true scene of an emulated robot, whose recording shows what is measured and believed otherwise.
+    /// Also record the true scene of an emulated robot; otherwise its recording shows only measurements and beliefs.
     #[arg(long)]
     pub truth: bool,
-    /// Recording file for the viewer; default: recordings/combination_N_trial_K_POLICY.rrd. Of hardware it shows what is measured and believed.
+    /// Recording file for the viewer; default: recordings/combination_N_trial_K_POLICY.rrd. For hardware it shows
+    /// measurements and beliefs.
     #[arg(long)]
     pub out: Option<PathBuf>,
 }
 
-/// What decides the second grasp.
+/// Policy that decides the second grasp.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Policy {
-    /// Without noise, as planned.
+    /// As planned, without noise.
     Ideal,
     /// As planned.
     Blind,
-    /// Looks and tries again by encoders and currents, without any tactile image.
+    /// Looks and retries by encoders and currents, without tactile images.
     Reflex,
-    /// Adapts to what is felt.
+    /// Adapts to the tactile images.
     Touch,
 }
 
 impl Policy {
-    /// The condition it stands for.
+    /// Returns the condition of the benchmark that this policy plays.
     pub fn condition(self) -> Condition {
         match self {
             Self::Ideal => Condition::Ideal,
@@ -100,17 +102,17 @@ impl Policy {
     }
 }
 
-/// A trial, and what a mirror named beside it.
+/// JSON output of `trial`: the record, and the divergences that a mirror (parallel twin) named.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Played<'a> {
     #[serde(flatten)]
     record: &'a TrialRecord,
-    /// With --mirror: what differs between robot and twin.
+    /// With --mirror: divergences between robot and twin.
     #[serde(skip_serializing_if = "Option::is_none")]
     divergences: Option<&'a [Divergence]>,
 }
 
-/// Plays one trial and records it.
+/// Runs `ftac trial`: plays one trial and records it.
 pub fn trial(terminal: &Terminal, args: &TrialArgs) -> Outcome {
     check_body(args.robot, args.config.as_deref(), &[args.policy.condition()])?;
     let places = args.places.places(args.robot)?;
@@ -181,7 +183,7 @@ pub fn trial(terminal: &Terminal, args: &TrialArgs) -> Outcome {
     let tells = args.robot == Body::Hardware && !terminal.quiet;
     let (played, named) = beside(&bench, Some(&mut recording), (args.mirror, tells, condition), play);
     let named = named.map(|named| named.into_iter().map(|named| named.divergence).collect::<Vec<_>>());
-    // Of a trial that was stopped, what was seen until then.
+    // The recording of a stopped trial holds everything up to the stop.
     let finished = recording.finish();
     if let Some(named) = named.as_ref().filter(|_| !terminal.json) {
         tell_divergences(named);
@@ -195,13 +197,13 @@ pub fn trial(terminal: &Terminal, args: &TrialArgs) -> Outcome {
     Ok(failure(&record))
 }
 
-/// Why the trial failed, if it did.
+/// Returns the cause of failure, if the trial failed.
 fn failure(record: &TrialRecord) -> Option<String> {
     let cause = record.cause.map_or_else(|| "cause unknown".to_owned(), |cause| cause.to_string());
     (!record.success).then(|| format!("the trial failed: {cause}"))
 }
 
-/// What a mirror named, a line each.
+/// Prints the divergences that a mirror named, one per line.
 fn tell_divergences(named: &[Divergence]) {
     match named {
         [] => println!("mirror: nothing differs between robot and twin that it can name"),
@@ -209,7 +211,7 @@ fn tell_divergences(named: &[Divergence]) {
     }
 }
 
-/// The record; with `named` as `divergences` where a mirror looked on.
+/// Prints the record, with the divergences `named` by a mirror, if there was one.
 fn tell_trial(terminal: &Terminal, record: &TrialRecord, named: Option<&[Divergence]>) -> Result<()> {
     let mut text = format!(
         "{}, {}: success {}, unwanted contact {}\n",

@@ -1,4 +1,4 @@
-//! `ftac twin`: which one of the robots built from one drawing this is.
+//! `ftac twin`: identification of an individual robot, one of many built from the same drawing.
 
 pub mod evaluate;
 pub mod excite;
@@ -25,14 +25,14 @@ use touch::PhotometricCalibration;
 
 use crate::terminal::{Outcome, Terminal};
 
-/// Commands of `twin`.
+/// `twin` commands.
 #[derive(Debug, Subcommand)]
 pub enum TwinCommand {
-    /// Move the robot so that its motion shows what it is made of, and record that.
+    /// Excite the robot with motions that reveal its parameters, and record them.
     Excite(excite::ExciteArgs),
-    /// Find the parameters of the robot that was recorded.
+    /// Identify the parameters of the recorded robot.
     Identify(identify::IdentifyArgs),
-    /// Identify robots whose parameters were drawn and hidden, and set what is found beside the truth.
+    /// Identify robots with hidden random parameters, and compare the estimates with the truth.
     Evaluate(evaluate::EvaluateArgs),
 }
 
@@ -44,7 +44,7 @@ pub fn run(terminal: &Terminal, command: &TwinCommand) -> Outcome {
     }
 }
 
-/// Writes the true parameters of individual `number`, which nothing but an evaluation reads.
+/// Writes the true parameters of individual `number`, for evaluation only.
 pub fn write_truth(path: &Path, nominal: &RobotModel, number: u64) -> Result<()> {
     let truth = RobotIndividual::draw(nominal, number);
     let text = serde_json::json!({
@@ -55,7 +55,7 @@ pub fn write_truth(path: &Path, nominal: &RobotModel, number: u64) -> Result<()>
     Ok(platform::data::write_whole(path, serde_json::to_string_pretty(&text)?.as_bytes())?)
 }
 
-/// The robot as drawn, what its cables and gears take, and how its pads' images are read.
+/// The nominal robot, the friction losses of its cables and gears, and the calibration of its pads.
 pub struct Drawing {
     pub robot: RobotModel,
     pub losses: CableLosses,
@@ -65,7 +65,7 @@ pub struct Drawing {
 }
 
 impl Drawing {
-    /// That of the benchmark.
+    /// Builds the drawing of `robot` with the losses and gel of the benchmark.
     pub fn new(robot: RobotModel) -> Result<Self> {
         let world = World::new(&robot, Scenario::benchmark())?;
         let (losses, gel) = (world.known_cable_losses(), world.scenario.effects.gel);
@@ -75,10 +75,10 @@ impl Drawing {
         Ok(Self { robot, losses, pads, gel, repertoire })
     }
 
-    /// The script in `file`, or the one that comes with the program.
+    /// Reads the excitation script in `file`, or the built-in one.
     ///
     /// # Errors
-    /// A script that names what the hand lacks, or an object of which no grasp is known.
+    /// If the script names something that the hand lacks, or an object without known grasps.
     pub fn script(&self, file: Option<&Path>) -> Result<Script> {
         let script = match file {
             None => Script::standard(&self.robot)?,
@@ -98,20 +98,21 @@ impl Drawing {
         Ok(script)
     }
 
-    /// What an excitation by `script` goes by.
+    /// Returns the inputs of an excitation by `script`.
     pub fn means<'a>(&'a self, script: &'a Script) -> Means<'a> {
         let Self { robot, pads, losses, .. } = self;
         let grasps = self.grasps(script);
         Means { robot, pads, script, grasps, friction: losses.friction, ready: robot.arm.home }
     }
 
-    /// Known grasps of the object that a script weighs, best first; none where it weighs none.
+    /// Returns the known grasps of the object that a script weighs, best first; empty if it weighs none.
     pub fn grasps(&self, script: &Script) -> &[Grasp] {
         let known = |name: &String| self.repertoire.grasps.get(name).map(Vec::as_slice);
         script.weight.as_ref().and_then(|weight| known(&weight.object)).unwrap_or_default()
     }
 
-    /// The simulated robot that individual `number` is, with what an excitation by `script` needs around it; `seed` draws its cameras' noise.
+    /// Builds the simulated robot of individual `number`, with the surroundings that an excitation by `script` needs;
+    /// `seed` draws the noise of its cameras.
     pub fn plant(&self, number: u64, seed: u64, script: &Script) -> Result<SimulatedRobot> {
         let Self { robot, losses, gel, .. } = self;
         let truth = RobotIndividual::draw(robot, number);

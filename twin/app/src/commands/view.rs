@@ -1,4 +1,4 @@
-//! `ftac view`.
+//! `ftac view`: opens recordings in the Rerun viewer.
 
 use std::path::{Path, PathBuf};
 
@@ -10,10 +10,11 @@ use super::export;
 use super::sessions::sessions_in;
 use crate::terminal::{Outcome, Terminal};
 
-/// Opens a recording or a session, or a folder's recordings, in the Rerun viewer; where a folder has none, its sessions.
+/// Opens a recording, a session, or a folder's recordings in the Rerun viewer. If a folder has no recordings, its
+/// sessions are opened.
 pub fn run(terminal: &Terminal, path: &Path) -> Outcome {
     let program = viewer::find_viewer().ok_or(StreamError::NoViewer)?;
-    // A benchmark's recordings and sessions lie in folders of their own within its results.
+    // Recordings and sessions of a benchmark lie in subfolders of its results.
     let inside = |name: &str| Some(path.join(name)).filter(|folder| folder.is_dir()).unwrap_or_else(|| path.to_owned());
     let (recordings, sessions) = (inside("recordings"), inside("sessions"));
     let mut shortfall = None;
@@ -36,7 +37,7 @@ pub fn run(terminal: &Terminal, path: &Path) -> Outcome {
     Ok(shortfall)
 }
 
-/// The recording beside a session, made now unless it is there and newer.
+/// Returns the recording beside a session. It is made now unless it exists and is newer than the session.
 fn drawn(terminal: &Terminal, session: &Path, shortfall: &mut Option<String>) -> Result<PathBuf> {
     let out = session.with_extension("rrd");
     let changed = |path: &Path| path.metadata().and_then(|found| found.modified());

@@ -1,4 +1,4 @@
-//! Arguments of the commands that `ftac-lab` runs: `ftac` lists, completes and checks them, too.
+//! Arguments of the commands that `ftac-lab` runs. `ftac` also lists, completes and checks them.
 
 pub mod arm;
 pub mod grasps;

@@ -1,4 +1,4 @@
-//! Hands a command over to `ftac-lab`, which takes the place of this process.
+//! Hands a command over to `ftac-lab`, which replaces this process (exec).
 
 use std::env;
 use std::ffi::OsString;
@@ -9,25 +9,25 @@ use std::process::Stdio;
 use anyhow::{Context as _, Error, Result, bail};
 use platform::child;
 
-/// The option by which the program prints its identity.
+/// Option with which `ftac-lab` prints its identity.
 pub const FLAG: &str = "--identity";
 /// Name of the program and of its package.
 const PROGRAM: &str = "ftac-lab";
-/// Builds it, in a checkout.
+/// Command that builds it, in a checkout.
 const BUILD: &str = "cargo build --release -p ftac-lab";
 
-/// The way to `ftac-lab`.
+/// Access to `ftac-lab`.
 #[derive(Debug)]
 pub struct Lab<'a> {
-    /// This process's arguments, of which the first is the program's name.
+    /// Arguments of this process, the first of which is the program's name.
     pub arguments: &'a [OsString],
-    /// Gives the identity that the program must have.
+    /// Returns the identity that `ftac-lab` must have.
     pub identity: fn() -> String,
 }
 
 impl Lab<'_> {
-    /// Runs `ftac-lab` with this process's arguments in the place of this process. It returns only where that is not possible: there is none,
-    /// it is another version, or it does not start.
+    /// Replaces this process by `ftac-lab` with the same arguments. It returns only if that is not possible: the
+    /// program is missing, is another version, or does not start.
     pub fn hand_over(&self) -> Error {
         let beside = env::current_exe().ok().and_then(|program| Some(program.parent()?.to_owned()));
         let path = env::var_os("PATH").unwrap_or_default();
@@ -41,9 +41,9 @@ impl Lab<'_> {
     }
 }
 
-/// The `ftac-lab` of this `identity`: in the folder `beside` this program, else on the search path.
+/// Finds the `ftac-lab` with this `identity`: in the folder `beside` this program, else on the search path.
 fn program(beside: Option<&Path>, path: impl Iterator<Item = PathBuf>, identity: &str) -> Result<PathBuf> {
-    // An empty or relative entry would depend on where the command is started.
+    // An empty or relative entry would depend on the working directory.
     let folders = beside.map(Path::to_owned).into_iter().chain(path.filter(|folder| folder.is_absolute()));
     let Some(program) = folders.map(|folder| folder.join(PROGRAM)).find(|program| program.is_file()) else {
         bail!(
@@ -82,14 +82,15 @@ mod tests {
     fn place(folder: &Path, identity: &str) {
         fs::create_dir_all(folder).expect("a folder");
         let program = folder.join(PROGRAM);
-        // Written by another process: one that this process has open cannot be run, and another test's child may keep it open.
+        // Another process writes the file: a file that this process has open cannot be run, and another test's child
+        // may keep it open.
         let script = format!("#!/bin/sh\necho '{identity}'\n");
         let write = "printf %s \"$1\" > \"$0\" && chmod +x \"$0\"";
         let written = Command::new("sh").args(["-c", write]).arg(&program).arg(script).status();
         assert!(written.expect("sh runs").success());
     }
 
-    /// A neighbour comes before the search path, and one of another version ends the search.
+    /// A program in the same folder comes before the search path. One of another version ends the search.
     #[test]
     fn a_neighbour_comes_first_and_another_version_is_refused() {
         let folder = tempfile::tempdir().expect("a folder");

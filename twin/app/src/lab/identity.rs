@@ -5,10 +5,11 @@ use clap::Command;
 use crate::commands::schema::OUTPUTS;
 use crate::json_schema;
 
-/// Digits of the digest.
+/// Number of hexadecimal digits of the digest.
 const DIGITS: usize = 16;
 
-/// Version of the package, and a digest of the help of `command` with all of its commands, and of the schemas of what `ftac` prints.
+/// Returns the package version and a digest of the help of `command` with all its subcommands, and of the schemas of
+/// the JSON output of `ftac`.
 pub fn identity(mut command: Command) -> String {
     command.build();
     let mut text = json_schema::all(OUTPUTS.iter().copied()).to_string();

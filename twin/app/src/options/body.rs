@@ -1,4 +1,4 @@
-//! Which body the command line asks for.
+//! Options for the body (robot backend) of trials.
 
 use std::path::{Path, PathBuf};
 
@@ -19,21 +19,22 @@ use robot_backends::rounded::RoundedSource;
 use robot_backends::{BodySource, Places, numbers};
 use scenarios::record::Condition;
 
-/// Which body runs the trials.
+/// Body (robot backend) that runs the trials.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Body {
     /// The simulated robot.
     Sim,
-    /// The real robot, under --config; the operator is asked for the verdict.
+    /// The real robot, with --config; the operator is asked for the verdict.
     Hardware,
     /// The hardware bridge on emulated devices whose plant is the simulated robot, in lock-step.
     Emulated,
-    /// The simulated robot behind all that `emulated` does to commands, measurements and images, but without wires: to tell what is the devices' doing.
+    /// The simulated robot with the same processing of commands, measurements and images as `emulated`, but without its
+    /// wires: to isolate effects of the devices.
     Rounded,
 }
 
 impl Body {
-    /// As results and recordings write it.
+    /// Returns the name used in results and recordings.
     pub fn name(self) -> &'static str {
         match self {
             Self::Sim => "sim",
@@ -43,7 +44,7 @@ impl Body {
         }
     }
 
-    /// Refuses a robot that this body cannot be.
+    /// Refuses a robot that this backend does not support.
     pub fn expect(self, robot: &RobotModel) -> Result<()> {
         match self {
             Self::Sim => Ok(()),
@@ -51,7 +52,7 @@ impl Body {
         }
     }
 
-    /// When its time 0 is.
+    /// Returns the wall-clock origin of the backend's time 0.
     pub fn began(self) -> Began {
         match self {
             Self::Hardware => Began::Now,
@@ -60,23 +61,23 @@ impl Body {
     }
 }
 
-/// How an emulated or real robot knows where things are.
+/// Options for the poses of objects and arm base on an emulated or real robot.
 #[derive(Debug, Clone, Default, Args)]
 pub struct PlaceArgs {
-    /// Vision system that says where objects are, HOST:PORT or unix:PATH, for --robot hardware or emulated: one JSON line a measurement
-    /// with pose, covariance and time. With `emulated`, a camera that comes with the emulated robot.
+    /// Vision system that measures object poses, HOST:PORT or unix:PATH, for --robot hardware or emulated: one JSON
+    /// line per measurement with pose, covariance and time. With `emulated`, a camera of the emulated robot.
     #[arg(long, value_name = "ADDRESS")]
     pub eyes: Option<VisionSource>,
-    /// Where the arm's base stands, from `ftac bridge register`.
+    /// Registration of the arm's base, a file of `ftac bridge register`.
     #[arg(long, value_name = "FILE")]
     pub registration: Option<PathBuf>,
-    /// Hide the base of an emulated robot where this seed draws it, beside where the controller takes it to be.
+    /// Seed that draws a hidden pose of an emulated robot's base, away from the pose that the controller assumes.
     #[arg(long, value_name = "N")]
     pub mount: Option<u64>,
 }
 
 impl PlaceArgs {
-    /// As a trial keeps it.
+    /// Checks the options and returns them in the form stored with a trial.
     pub fn places(&self, robot: Body) -> Result<Places> {
         let real = matches!(robot, Body::Hardware | Body::Emulated);
         if self.eyes.is_some() && !real {
@@ -96,7 +97,7 @@ impl PlaceArgs {
         Ok(Places { base, eyes: self.eyes.is_some(), mount: self.mount })
     }
 
-    /// The eyes, for objects of this world.
+    /// Returns the vision system, for the objects of this world.
     fn vision(&self, world: &World) -> Option<Vision> {
         let known = world.scenario.objects();
         let checks = Checks::new(known.into_iter().collect(), world.cell.world_from_base);
@@ -104,7 +105,7 @@ impl PlaceArgs {
     }
 }
 
-/// Whether body and configuration go together, and have what the conditions need.
+/// Checks that backend and configuration match, and that they provide everything the conditions need.
 pub fn check_body(robot: Body, config: Option<&Path>, conditions: &[Condition]) -> Result<()> {
     match (robot, config) {
         (Body::Hardware, Some(path)) => {
@@ -128,7 +129,7 @@ pub fn check_body(robot: Body, config: Option<&Path>, conditions: &[Condition]) 
     }
 }
 
-/// Where bodies for trials come from; `None` for simulated ones without a recorded session.
+/// Returns the source of robot backends for trials; `None` for simulated ones without a recorded session.
 pub fn source(
     world: &World,
     robot: Body,

@@ -4,8 +4,8 @@ use std::convert::Infallible;
 
 use world::objects::ObjectSet;
 
-/// An object's name as files and tables write it, `salt_mill`, however it was typed: `salt mill`, `Salt-Mill`. A text that is no known name stays
-/// as it is, for whoever knows which ones are expected.
+/// Parses an object's name, whatever its case and separators, to the form used in files and tables: `salt mill` and
+/// `Salt-Mill` become `salt_mill`. An unknown name is returned unchanged; the caller knows which names are expected.
 pub fn object_name(text: &str) -> Result<String, Infallible> {
     let folded = |name: &str| name.trim().to_lowercase().replace([' ', '-'], "_");
     let set = ObjectSet::standard();

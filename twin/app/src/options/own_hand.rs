@@ -1,9 +1,9 @@
-//! The options that name a hand from files: `--urdf` and `--pulls` in every command.
+//! Options that name a hand by its files: `--urdf` and `--pulls` in every command.
 
-/// Options that were called otherwise, which still work.
+/// Renamed options, old and new; the old names still work.
 const RENAMED: [(&str, &str); 2] = [("--hand", "--urdf"), ("--transmission", "--pulls")];
 
-/// Says which options on the command line have another name now.
+/// Prints a note for each renamed option on the command line.
 pub fn say_renamed() {
     let given: Vec<String> = std::env::args_os().map(|word| word.to_string_lossy().into_owned()).collect();
     for (old, new) in renamed(&given) {

@@ -1,4 +1,4 @@
-//! Which robot a command is about, and whose pads it feels with.
+//! Options for the robot of a command and for the calibration of its pads.
 
 use std::path::{Path, PathBuf};
 
@@ -12,29 +12,30 @@ use scenarios::record::Condition;
 
 use crate::options::body::Body;
 
-/// Which robot it is.
+/// Option for the robot.
 #[derive(Debug, Clone, Default, Args)]
 pub struct RobotArgs {
-    /// The robot: a file with its arm, hand and pads; default: the F-TAC Hand on a Gen3.
+    /// Robot file (arm, hand and pads); default: the F-TAC Hand on a Gen3.
     #[arg(long, value_name = "FILE")]
     pub robot_model: Option<PathBuf>,
 }
 
 impl RobotArgs {
-    /// The robot.
+    /// Reads the robot.
     pub fn model(&self) -> Result<RobotModel> {
         let Some(path) = &self.robot_model else { return Ok(RobotModel::ftac_gen3()) };
         RobotModel::read(path).context("--robot-model")
     }
 }
 
-/// The text of the file that `--individual` names, once it is known to be good of the robot `nominal`, and the name for errors.
+/// Returns the text of the file that `--individual` names, validated against the robot `nominal`, and the name to use
+/// in errors.
 pub fn individual(path: Option<&Path>, nominal: &RobotModel) -> Result<(Option<String>, PathBuf)> {
     let text = identified(path, nominal)?.map(|(text, _)| text);
     Ok((text, PathBuf::from("--individual")))
 }
 
-/// The file that `--individual` names: its text, and the robot that it describes.
+/// Reads the file that `--individual` names: its text, and the robot that it describes.
 fn identified(path: Option<&Path>, nominal: &RobotModel) -> Result<Option<(String, IdentifiedRobot)>> {
     let Some(path) = path else { return Ok(None) };
     let text = platform::data::read_text(path).context("--individual")?;
@@ -42,12 +43,12 @@ fn identified(path: Option<&Path>, nominal: &RobotModel) -> Result<Option<(Strin
     Ok(Some((text, own)))
 }
 
-/// The robot that `--individual` names, one of those built like `nominal`; `nominal` itself where it names none.
+/// Returns the robot that `--individual` names, an individual of `nominal`; `nominal` itself if it names none.
 pub fn individual_of(path: Option<&Path>, nominal: &RobotModel) -> Result<RobotModel> {
     Ok(identified(path, nominal)?.map_or_else(|| nominal.clone(), |(_, own)| own.individual.robot(nominal)))
 }
 
-/// The text of the file that `--pads` names, once it is known to be a calibration of every pad of the robot.
+/// Returns the text of the file that `--pads` names, validated as a calibration of every pad of the robot.
 pub fn pads(path: Option<&Path>, robot: &RobotModel) -> Result<Option<String>> {
     let Some(path) = path else { return Ok(None) };
     let text = platform::data::read_text(path).context("--pads")?;
@@ -55,7 +56,8 @@ pub fn pads(path: Option<&Path>, robot: &RobotModel) -> Result<Option<String>> {
     Ok(Some(text))
 }
 
-/// Says that a real hand is felt with as if its pads were those of the drawing, where images are looked at and no `pads` are its own.
+/// Warns that the pads of a real hand are treated as nominal, if tactile images are used and `pads` gives no
+/// calibration of its own.
 pub fn say_whose_pads(robot: Body, conditions: &[Condition], pads: Option<&str>) {
     let sees = |condition: &Condition| Means::of(*condition).is_some_and(Means::see_images);
     if robot == Body::Hardware && pads.is_none() && conditions.iter().any(sees) {

@@ -1,4 +1,4 @@
-//! `--scenario FILE`, of the commands that play trials.
+//! The option `--scenario FILE` of commands that play trials.
 
 use std::path::PathBuf;
 
@@ -8,10 +8,10 @@ use platform::data::{DataError, read_text};
 use platform::reach::{BELOW, Reach};
 use scenarios::Scenario;
 
-/// Which scenario.
+/// Options for the scenario.
 #[derive(Debug, Clone, Default, Args)]
 pub struct ScenarioArgs {
-    /// Scenario file; default: the built-in benchmark. Files that it names lie below its folder.
+    /// Scenario file; default: the built-in benchmark. It may name files below its own folder only.
     #[arg(long)]
     pub scenario: Option<PathBuf>,
     /// Let the scenario name files anywhere, not only below its own folder.
@@ -20,7 +20,7 @@ pub struct ScenarioArgs {
 }
 
 impl ScenarioArgs {
-    /// The scenario, and its text with all the files that it names in it.
+    /// Reads the scenario. Also returns its self-contained text, which includes all files that it names.
     pub fn read(&self) -> Result<(Scenario, String)> {
         let Some(path) = &self.scenario else {
             return Ok((Scenario::benchmark(), scenarios::scenario::BENCHMARK.to_owned()));
@@ -32,7 +32,7 @@ impl ScenarioArgs {
     }
 }
 
-/// An error about a file out of reach, with the option that reaches it.
+/// Adds the option `--any-files` to an error about a file out of reach.
 fn with_the_way_out(mut error: DataError) -> DataError {
     if let DataError::Field { expected, .. } = &mut error
         && expected.starts_with(BELOW)

@@ -1,4 +1,4 @@
-//! `--tactile`: where a simulated hand's tactile images are rendered.
+//! The option `--tactile`: renderer of a simulated hand's tactile images.
 
 use std::sync::Arc;
 
@@ -6,17 +6,17 @@ use clap::ValueEnum;
 use optics::{CpuRenderer, GpuRenderer, Renderer, Sensor};
 use sim::tactile::TactileBoard;
 
-/// Which backend renders tactile images.
+/// Backend that renders tactile images.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum TactileBackend {
-    /// The CPU: the same bits on every machine.
+    /// CPU: bit-identical on every machine.
     Cpu,
-    /// A GPU where there is one, else the CPU; images differ from the CPU's by a grey level at most on nearly all pixels.
+    /// GPU if there is one, else the CPU; nearly all pixels differ from the CPU's by one grey level at most.
     Gpu,
 }
 
 impl TactileBackend {
-    /// The board on this backend; says on stderr what renders, unless it is the default.
+    /// Returns the board on this backend. Prints the rendering device on stderr, unless it is the default.
     pub fn board(self, board: TactileBoard) -> TactileBoard {
         match self {
             Self::Cpu => board,
@@ -29,7 +29,7 @@ impl TactileBackend {
     }
 }
 
-/// The GPU's renderer of these sensors, or the CPU's where there is no GPU, which is said.
+/// Returns the GPU renderer of these sensors, or the CPU's with a note if there is no GPU.
 fn renderer(sensors: Arc<Vec<Sensor>>) -> Arc<dyn Renderer> {
     match GpuRenderer::new(sensors.clone()) {
         Ok(gpu) => Arc::new(gpu),

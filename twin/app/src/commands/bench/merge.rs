@@ -1,4 +1,4 @@
-//! `ftac report` of benchmarks: a run once more, or the shards of one put together.
+//! `ftac report` of benchmarks: rebuilds the results of a run, or merges its shards.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -12,7 +12,7 @@ use scenarios::summary::Summary;
 use super::tell::tell;
 use crate::terminal::{Outcome, Terminal};
 
-/// `ftac report`: a run once more, or the shards of one put together.
+/// Runs `ftac report`: rebuilds the results of a run, or merges the shards of one.
 pub fn report(terminal: &Terminal, folders: &[PathBuf], out: Option<&Path>) -> Outcome {
     let (mut journal, mut request) = Journal::read(&folders[0])?;
     for folder in &folders[1..] {
@@ -34,7 +34,7 @@ pub fn report(terminal: &Terminal, folders: &[PathBuf], out: Option<&Path>) -> O
         _ => bail!("--out: several folders need a folder for the merged result"),
     };
     std::fs::create_dir_all(target).with_context(|| target.display().to_string())?;
-    // Of a run that ended its own time is known; of a part of one that of its trials, one after the other.
+    // A run that ended knows its own wall time. For a part of a run, the times of its trials are summed.
     let ended = folders.first().filter(|_| folders.len() == 1).and_then(|folder| ended(folder, &journal));
     let wall = ended.unwrap_or_else(|| journal.values().map(|entry| entry.wall_s).sum());
     let summary = results::finish(&journal, &request, target, wall, None)?;
@@ -42,7 +42,7 @@ pub fn report(terminal: &Terminal, folders: &[PathBuf], out: Option<&Path>) -> O
     Ok(None)
 }
 
-/// Wall time of the run in `folder`, if it ended with these trials, s.
+/// Returns the wall time of the run in `folder`, s, if it ended with exactly these trials.
 fn ended(folder: &Path, journal: &BTreeMap<Unit, Entry>) -> Option<f64> {
     let text = std::fs::read_to_string(folder.join("summary.json")).ok()?;
     let summary: Summary = serde_json::from_str(&text).ok()?;

@@ -1,4 +1,4 @@
-//! What a benchmark came to, on the terminal.
+//! Results of a benchmark, on the terminal.
 
 use std::path::Path;
 
@@ -9,7 +9,8 @@ use statistics::{FEWEST_SAMPLES, Untested};
 
 use crate::terminal::Terminal;
 
-/// In which respect the results fall short. Of fewer than [`FEWEST_SAMPLES`] combinations conditions are not compared.
+/// Returns the reason why the results fall short, if they do. Conditions are compared only from [`FEWEST_SAMPLES`]
+/// combinations on.
 pub fn shortfall(summary: &Summary) -> Option<String> {
     if !summary.left_out.is_empty() {
         return Some(summary.left_out.join("; "));
@@ -28,7 +29,7 @@ pub fn shortfall(summary: &Summary) -> Option<String> {
     })
 }
 
-/// Whether there is a recording to look at.
+/// True if `folder` holds a recording.
 fn recorded(folder: &Path) -> bool {
     std::fs::read_dir(folder.join("recordings")).is_ok_and(|mut recordings| recordings.next().is_some())
 }
@@ -37,7 +38,7 @@ fn number(value: Option<f64>, digits: usize) -> String {
     value.map_or("-".to_owned(), |value| format!("{value:.digits$}"))
 }
 
-/// Prints it.
+/// Prints the summary of a benchmark.
 pub fn tell(terminal: &Terminal, summary: &Summary, folder: &Path) -> Result<()> {
     if terminal.json {
         println!("{}", serde_json::to_string(summary)?);
@@ -103,7 +104,7 @@ pub fn tell(terminal: &Terminal, summary: &Summary, folder: &Path) -> Result<()>
     Ok(())
 }
 
-/// How touch decided and how well it felt.
+/// Prints the decision times of touch and the errors of its pose estimates.
 fn tell_touch(summary: &Summary) {
     let over = summary.decision_ms.over_budget.filter(|over| *over > 0);
     println!(

@@ -21,7 +21,7 @@ use super::shared::{ConfigArg, actuator_names, shown};
 use crate::options::robot::{RobotArgs, individual_of};
 use crate::terminal::Terminal;
 
-/// A travel that differs by this share from the drawing's is doubted.
+/// Relative deviation of a travel from the nominal one above which the operator is asked.
 const DOUBTFUL: f64 = 0.2;
 
 /// Arguments of `bridge calibrate`.
@@ -31,10 +31,12 @@ pub struct CalibrateArgs {
     robot: RobotArgs,
     #[command(flatten)]
     config: ConfigArg,
-    /// Go on after a calibration that failed, with the servo that failed; those found before it must not have been remounted since.
+    /// Continue a failed calibration with the servo that failed; the servos calibrated before it must not have been
+    /// remounted since.
     #[arg(long = "continue")]
     go_on: bool,
-    /// Robot of `ftac twin identify`: travels are compared with those of its spools instead of the drawing's.
+    /// Individual robot (a file of `ftac twin identify`) whose spools give the expected travels, instead of the nominal
+    /// robot's.
     #[arg(long)]
     individual: Option<PathBuf>,
     /// Do not ask before moving.
@@ -42,7 +44,7 @@ pub struct CalibrateArgs {
     yes: bool,
 }
 
-/// Printed once the servos are calibrated.
+/// JSON output of `bridge calibrate`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Calibrated {
     /// The calibration file.
@@ -61,7 +63,7 @@ pub fn run(terminal: &Terminal, args: &CalibrateArgs) -> Result<Option<String>> 
     };
     let folder = config.calibration.parent().filter(|folder| !folder.as_os_str().is_empty());
     let folder = folder.unwrap_or(std::path::Path::new("."));
-    // Where the result cannot be written, nothing needs to move.
+    // If the result cannot be written, nothing needs to move.
     tempfile::NamedTempFile::new_in(folder).with_context(|| format!("{}: cannot be written to", shown(folder)))?;
     let mut bus = ServoBus::open(&config.servos.port, config.bus())?;
     identify(&mut bus, &config, &hand).context("before any motion")?;
@@ -87,7 +89,8 @@ pub fn run(terminal: &Terminal, args: &CalibrateArgs) -> Result<Option<String>> 
     if !doubts.is_empty() && !args.yes && !agreed("Is every servo where its id says?")? {
         bail!("nothing was calibrated, and the last calibration stays: the operator did not say yes");
     }
-    // The servos first: a file without them is refused at the next connection, and calibrating again mends it.
+    // The servos come first: a file that does not match them is refused at the next connection, and calibrating again
+    // mends it.
     store(&mut bus, &servos)?;
     let servos = servos.try_into().map_err(|_| anyhow::anyhow!("found another number of servos than actuators"))?;
     let calibration = HandCalibration::new(&hand.parameters.name, servos);
@@ -98,7 +101,7 @@ pub fn run(terminal: &Terminal, args: &CalibrateArgs) -> Result<Option<String>> 
     Ok(None)
 }
 
-/// Travels that are far from what `hand` has for the servo, and whose they would be.
+/// Lists travels that are far from that of `hand`, each with the actuator that it would fit.
 fn doubts(hand: &Hand, servos: &[ServoCalibration]) -> Vec<String> {
     let design = travel(hand);
     let names = actuator_names(hand);
@@ -116,7 +119,7 @@ fn doubts(hand: &Hand, servos: &[ServoCalibration]) -> Vec<String> {
     servos.iter().enumerate().filter_map(doubt).collect()
 }
 
-/// Makes sure that all servos are there, of the right model, and able to move.
+/// Checks that all servos are present, of the right model and free of hardware errors.
 fn identify(bus: &mut ServoBus, config: &BridgeConfig, hand: &Hand) -> Result<()> {
     for (id, name) in config.servos.ids.iter().zip(actuator_names(hand)) {
         let found = bus.ping(*id).with_context(|| name.clone())?.model;
@@ -134,7 +137,7 @@ fn identify(bus: &mut ServoBus, config: &BridgeConfig, hand: &Hand) -> Result<()
     Ok(())
 }
 
-/// Feels for the stops of all servos that `servos` lacks.
+/// Homes all servos that `servos` lacks against their stops.
 fn feel_all(
     terminal: &Terminal,
     config: &BridgeConfig,
@@ -147,7 +150,7 @@ fn feel_all(
     let settings = HomingSettings::default();
     for (id, name) in config.servos.ids.iter().zip(actuator_names(hand)).skip(servos.len()) {
         let servo = feel(bus, *id, &settings, &|| interrupt.happened()).with_context(|| name.clone())?;
-        // Each digit's line says that it moves no more.
+        // The line also tells that this digit has stopped moving.
         if !terminal.quiet {
             eprintln!(
                 "{name:12} id {id:3}: open mark at {} counts, travel {:.2} rad",
@@ -176,7 +179,7 @@ mod tests {
             };
             travels.into_iter().enumerate().map(servo).collect()
         };
-        // What homing finds on the emulated hand.
+        // The travels that homing finds on the emulated hand.
         assert_eq!(doubts(&Hand::ftac(), &calibrated([3.40, 4.45, 4.45, 4.45, 4.45, 1.61])), Vec::<String>::new());
         let doubts = doubts(&Hand::ftac(), &calibrated([1.61, 4.45, 4.45, 4.45, 4.45, 3.40]));
         assert_eq!(doubts.len(), 2);

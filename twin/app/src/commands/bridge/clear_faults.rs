@@ -1,4 +1,4 @@
-//! `ftac bridge clear-faults`: the way out of a fault of the arm.
+//! `ftac bridge clear-faults`: clears faults of the arm.
 
 use std::time::{Duration, Instant};
 
@@ -14,7 +14,7 @@ use serde::Serialize;
 use super::shared::{ConfigArg, expect_no_robot};
 use crate::terminal::Terminal;
 
-/// Waited for the arm to report that its faults are gone.
+/// Time limit for the arm to report that its faults are gone.
 const PATIENCE: Duration = Duration::from_secs(3);
 
 /// Arguments of `bridge clear-faults`.
@@ -52,7 +52,7 @@ pub fn run(terminal: &Terminal, args: &ClearArgs) -> Result<Option<String>> {
     }
     eprintln!("The arm reports {before}.");
     let question = "Once its faults are cleared the arm can move again. Is their cause gone, is nobody within its reach, and a hand on its stop?";
-    // The arm ends a session that is left alone while its operator thinks.
+    // The arm ends a session that gets no heartbeat while its operator thinks.
     if !args.yes && !agreed_while(question, || Ok(arm.keep_up()?))? {
         bail!("not cleared: the operator did not say yes");
     }

@@ -1,4 +1,4 @@
-//! `ftac bridge doctor`: is everything as it should be?
+//! `ftac bridge doctor`: checks all devices.
 
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -23,9 +23,9 @@ use super::shared::{ConfigArg, actuator_names, shown, tell};
 use crate::options::robot::RobotArgs;
 use crate::terminal::Terminal;
 
-/// Cycles measured.
+/// Number of servo read cycles measured.
 const CYCLES: u32 = 200;
-/// Waited for one image of every camera.
+/// Time limit for one image from every camera.
 const PATIENCE: Duration = Duration::from_secs(3);
 
 /// Arguments of `bridge doctor`.
@@ -35,8 +35,8 @@ pub struct DoctorArgs {
     robot: RobotArgs,
     #[command(flatten)]
     config: ConfigArg,
-    /// All cameras are plugged in where they belong and nothing touches the pads: keep what they show, so that a plug in another place is
-    /// noticed from now on.
+    /// Keep the present images as reference, so that exchanged camera plugs are noticed from now on. All cameras must
+    /// be in their sockets and nothing may touch the pads.
     #[arg(long)]
     know_cameras: bool,
 }
@@ -61,7 +61,7 @@ pub fn run(terminal: &Terminal, args: &DoctorArgs) -> Result<Option<String>> {
     tell(terminal, &findings)
 }
 
-/// Where `ftac bridge stop` will find a robot, and who may stop it.
+/// Reports the folder in which `ftac bridge stop` finds a robot, and who may stop it.
 fn stop_socket() -> Finding {
     let what = "stop socket";
     match places::folder() {
@@ -175,7 +175,7 @@ fn cameras(config: &BridgeConfig, expected: usize, know: bool, findings: &mut Ve
     findings.push(Finding::new("board clock known to, ms", ms, "below 5", good));
 }
 
-/// Whether every camera shows its own pad.
+/// Checks that every camera shows its own pad.
 fn pictures(config: &BridgeConfig, link: &Cameras, know: bool) -> Finding {
     let what = "every camera shows its own pad";
     match known_pictures(config, link, know) {
@@ -185,7 +185,8 @@ fn pictures(config: &BridgeConfig, link: &Cameras, know: bool) -> Finding {
     }
 }
 
-/// What is wrong with the cameras' places; `yes` where nothing is, none where nobody knows.
+/// Describes cameras that show another pad than their own. Returns `yes` if all are right, none if no reference images
+/// are kept.
 fn known_pictures(config: &BridgeConfig, link: &Cameras, know: bool) -> Result<Option<String>> {
     let path = Pictures::beside(&config.calibration);
     let look = || Pictures::look(link, PATIENCE).map_err(|error| anyhow!(error));

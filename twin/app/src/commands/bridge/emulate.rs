@@ -1,4 +1,4 @@
-//! `ftac bridge emulate`: the devices without the hardware, in real time, moved by the simulated robot.
+//! `ftac bridge emulate`: emulated devices in real time, driven by the simulated robot.
 
 mod door;
 mod emulated_table;
@@ -44,16 +44,16 @@ use super::shared::shown;
 use crate::options::robot::RobotArgs;
 use crate::terminal::Terminal;
 
-/// Name of the socket on which a running emulator is told things.
+/// Name of the socket on which a running emulator takes requests.
 const DOOR: &str = "emulator";
-/// Between two measurements of the emulated vision system.
+/// Period of the emulated vision system's measurements.
 const PERIOD: Duration = Duration::from_millis(100);
 /// Travel of the shafts of [`SpringHand`], rad.
 const TRAVEL: f64 = 4.0;
-/// Who may log in to the emulated arm.
+/// User name for the login to the emulated arm.
 const USER: &str = "ftac";
 const PASSWORD: &str = "of-the-emulated-arm";
-/// Between two looks at what is due.
+/// Polling period for requests and timed mishaps.
 const LOOK: Duration = Duration::from_millis(20);
 
 /// Arguments of `bridge emulate`.
@@ -67,24 +67,24 @@ pub struct EmulateArgs {
     /// Combination whose objects stand on the table of the simulated robot.
     #[arg(long, default_value_t = 0)]
     combo: usize,
-    /// Which of the robots built from the drawing it is: its servos, cables, springs, pads, mount and arm differ from the drawing by
-    /// what was drawn for this number; 0 is the robot as drawn.
+    /// Number of the individual robot to emulate: its servos, cables, springs, pads, mount and arm differ from the
+    /// drawing by random amounts drawn for this number; 0 is the nominal robot.
     #[arg(long, default_value_t = 0, conflicts_with = "springs")]
     individual: u64,
-    /// Where the individual's true parameters go (JSON), for evaluation alone.
+    /// File for the individual's true parameters (JSON), for evaluation only.
     #[arg(long, conflicts_with = "springs")]
     truth_out: Option<PathBuf>,
-    /// The balls of `bridge register` on their marks instead.
+    /// Put the balls of `bridge register` on their marks instead.
     #[arg(long, conflicts_with = "combo")]
     balls: bool,
-    /// Six springs instead of the simulated robot, and no arm.
+    /// Emulate six springs instead of the simulated robot, and no arm.
     #[arg(long, conflicts_with_all = ["combo", "balls", "mount", "eyes", "truth", "live"])]
     springs: bool,
-    /// Hide the arm's base where this seed draws it, beside where it nominally stands.
+    /// Draw a hidden pose of the arm's base from this seed, away from the nominal one.
     #[arg(long, value_name = "N")]
     mount: Option<u64>,
-    /// Say where the objects are on this socket (HOST:PORT or unix:PATH), as a vision system does for `trial --eyes`: ten times a
-    /// second, wrong by 3 mm and 0.02 rad as drawn from the seed.
+    /// Emulate a vision system for `trial --eyes` on this socket (HOST:PORT or unix:PATH): it sends the objects' poses
+    /// ten times a second, with errors of 3 mm and 0.02 rad drawn from the seed.
     #[arg(long, value_name = "ADDRESS")]
     eyes: Option<Address>,
     /// Record the true scene into this file for the viewer.
@@ -93,49 +93,51 @@ pub struct EmulateArgs {
     /// Show the true scene in the viewer.
     #[arg(long)]
     live: bool,
-    /// Take lines from the terminal too: Enter alone puts the objects back.
+    /// Read requests from the terminal too; Enter alone puts the objects back.
     #[arg(long)]
     keys: bool,
-    /// Do nothing but tell the emulator that runs in --dir this line: objects=back, objects=N (a combination), objects=balls, or a
-    /// fault as for --fault without its time: freeze=7, slip=ring:3, snatch=1, arm=stop.
+    /// Only send this line to the emulator that runs in --dir: objects=back, objects=N (a combination), objects=balls,
+    /// or a fault as for --fault without its time: freeze=7, slip=ring:3, snatch=1, arm=stop.
     #[arg(long, value_name = "LINE")]
     tell: Option<String>,
-    /// Write the calibration too, as if it had been done.
+    /// Also write the calibration file, as if the hand had been calibrated.
     #[arg(long)]
     calibrated: bool,
-    /// What goes wrong: CHANCE or WHAT@SECONDS, such as noise=0.1, drop=0.02, overload=3@5, voltage=5.2@3, freeze=7@2, usb=servos@4,
-    /// usb=cameras@4, arm=stop@6 (emergency stop), arm=free@8 (its release), arm=fault@6, arm=deaf@6, arm=lossy@6; and of the robot itself
-    /// break=ring@5 (a cable), slip=ring:3@5 (by 3 mm on its spool), weak=ring:0.6@5 (a servo gives 0.6 of its torque), stick=JOINT@5, heavy=1:0.3@5
-    /// (object 1 weighs 0.3 kg more), snatch=1@5 (object 1 is taken away), push=12@5 (12 N on the palm for half a second), dim=7:red:0.5@5 (half of the
-    /// red light of camera 7), blind=PAD:missing@5 or blind=PAD:black@5. What has a time may also be piped in, one a line without @SECONDS, or told with
-    /// --tell, and happens at once; objects=back, objects=N and objects=balls too.
+    /// Fault to inject (repeatable), with its probability or as FAULT@SECONDS, such as noise=0.1, drop=0.02,
+    /// overload=3@5, voltage=5.2@3, freeze=7@2, usb=servos@4, usb=cameras@4, arm=stop@6 (emergency stop), arm=free@8
+    /// (its release), arm=fault@6, arm=deaf@6, arm=lossy@6; and faults of the robot itself: break=ring@5 (a cable),
+    /// slip=ring:3@5 (by 3 mm on its spool), weak=ring:0.6@5 (a servo gives 0.6 of its torque), stick=JOINT@5,
+    /// heavy=1:0.3@5 (object 1 weighs 0.3 kg more), snatch=1@5 (object 1 is taken away), push=12@5 (12 N on the palm
+    /// for half a second), dim=7:red:0.5@5 (half of the red light of camera 7), blind=PAD:missing@5 or
+    /// blind=PAD:black@5. Faults with a time may also be piped in, one per line without @SECONDS, or sent with --tell,
+    /// and happen at once; objects=back, objects=N and objects=balls too.
     #[arg(long = "fault")]
     faults: Vec<String>,
-    /// One servo as it leaves the factory instead of six provisioned ones, for `bridge provision`.
+    /// Emulate one servo with factory settings instead of six provisioned ones, for `bridge provision`.
     #[arg(long)]
     factory: bool,
-    /// Firmware of the servos: from 52 on their indirect data are at 208, before at 224.
+    /// Firmware version of the servos: from 52 on their indirect data are at address 208, before at 224.
     #[arg(long, value_name = "N", default_value_t = 46)]
     firmware: u8,
-    /// Long watchdogs and time-outs, in the devices and in bridge.toml, for a busy machine.
+    /// Use long watchdogs and timeouts, in the devices and in bridge.toml, for a busy machine.
     #[arg(long)]
     patient: bool,
     /// End as soon as all servos and the arm have been stopped by their own watchdogs.
     #[arg(long)]
     until_stopped: bool,
-    /// End after so many seconds; default: when interrupted.
+    /// End after this many seconds; default: when interrupted.
     #[arg(long)]
     seconds: Option<f64>,
 }
 
-/// Printed by `--tell`.
+/// JSON output of `--tell`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Answered {
     /// Answer of the running emulator to --tell.
     answer: String,
 }
 
-/// Printed once the devices run.
+/// JSON output once the devices run.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Started {
     /// The configuration file.
@@ -150,12 +152,12 @@ pub struct Started {
     eyes: Option<String>,
 }
 
-/// A servo that its bus watchdog stopped.
+/// A servo stopped by its bus watchdog.
 #[derive(Debug, Serialize, JsonSchema)]
 struct StoppedServo {
     /// Bus id.
     id: u8,
-    /// Time after the last packet that it heard, ms.
+    /// Time after the last packet that it received, ms.
     after_ms: f64,
 }
 
@@ -167,24 +169,25 @@ struct StoppedArm {
     stands_after_ms: u64,
 }
 
-/// Printed at the end.
+/// JSON output at the end.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Ended {
     /// Control ticks.
     ticks: u64,
-    /// Ticks that came more than one period late.
+    /// Control ticks more than one period late.
     late_ticks: u64,
     /// Servos stopped by their bus watchdogs.
     servos_stopped: Vec<StoppedServo>,
-    /// Stop of the arm by its watchdog; null where it did not stop it.
+    /// Stop of the arm by its watchdog; null if the watchdog did not trip.
     arm_stopped: Option<StoppedArm>,
 }
 
-/// Why cables and objects cannot be broken or moved.
+/// Error for faults of cables, joints and objects under --springs.
 const NO_PLANT: &str =
     "fault: found --springs, expected the simulated robot, whose cables, joints and objects it is about";
 
-/// The emulated arm's watchdog under `--patient`, ms: shorter than the 2 s after which the arm ends a silent session.
+/// Timeout of the emulated arm's watchdog under `--patient`, ms: shorter than the 2 s after which the arm ends a silent
+/// session.
 const PATIENT_ARM: u64 = 1500;
 
 pub fn run(terminal: &Terminal, args: &EmulateArgs) -> Result<Option<String>> {
@@ -230,7 +233,7 @@ pub fn run(terminal: &Terminal, args: &EmulateArgs) -> Result<Option<String>> {
             let credentials = Credentials { user: USER.to_owned(), password: PASSWORD.to_owned() };
             let usual = Settings { credentials, seed: terminal.seed, standstill: STANDS, ..Settings::default() };
             let cyclic_deadline = if args.patient { PATIENT_ARM } else { usual.cyclic_deadline };
-            // A plant held up by a busy machine follows late.
+            // On a busy machine the plant lags behind its set-points.
             let following_error = if args.patient { PI } else { usual.following_error };
             let settings = Settings { cyclic_deadline, following_error, ..usual };
             Some(Emulator::start(settings, Box::new(hand.arm_joints()), Pace::RealTime).context("the emulated arm")?)
@@ -262,9 +265,9 @@ pub fn run(terminal: &Terminal, args: &EmulateArgs) -> Result<Option<String>> {
     tell(terminal, &running.hand, running.arm.as_ref().map(Emulator::status).as_ref())
 }
 
-/// Lets the devices run until the end, with mishaps at their times and requests as they come.
+/// Main loop of the emulator: applies mishaps at their times and requests as they arrive, until the end.
 fn attend(args: &EmulateArgs, running: &mut Running, mut pending: Vec<(f64, Mishap)>, door: &Door) -> Result<()> {
-    // What is being recorded is finished.
+    // Ctrl-C ends the loop, so that a recording is finished.
     let interrupt = Interrupt::catch()?;
     let started = Instant::now();
     while !interrupt.happened() && args.seconds.is_none_or(|seconds| started.elapsed().as_secs_f64() < seconds) {
@@ -287,7 +290,7 @@ fn attend(args: &EmulateArgs, running: &mut Running, mut pending: Vec<(f64, Mish
     running.truth.take().map_or(Ok(()), TruthView::finish)
 }
 
-/// The devices, and what moves them.
+/// The running devices, and the plant that moves them.
 struct Running {
     robot: RobotModel,
     hand: EmulatedHand,
@@ -299,7 +302,7 @@ struct Running {
 }
 
 impl Running {
-    /// Does what a line asks for at once, and says what came of it.
+    /// Carries out the request in `line` at once, and returns the outcome in words.
     fn obey(&mut self, line: &str) -> Result<String> {
         let Some(wish) = line.strip_prefix("objects=") else {
             let mishaps = mishap::at_once(line, &self.robot.hand)?;
@@ -331,7 +334,7 @@ impl Running {
     }
 }
 
-/// Whether all watchdogs have tripped and nothing moves any more.
+/// True if all watchdogs have tripped and the arm stands still.
 fn stopped(hand: &EmulatedHand, arm: Option<&Emulator>) -> bool {
     let arm_stopped = arm.map(Emulator::status).is_none_or(|arm| {
         let tripped = arm.events.iter().any(|event| event.what == EventKind::Watchdog);
@@ -340,14 +343,14 @@ fn stopped(hand: &EmulatedHand, arm: Option<&Emulator>) -> bool {
     hand.watchdog_trips().len() == SERVOS && arm_stopped
 }
 
-/// How the devices were stopped by their own watchdogs, if they were.
+/// Prints how the devices were stopped by their own watchdogs, if they were.
 fn tell(terminal: &Terminal, hand: &EmulatedHand, arm: Option<&Status>) -> Result<Option<String>> {
     let (ticks, late) = hand.ticks();
     let trips = hand.watchdog_trips();
     let stopped = arm.and_then(|arm| {
         let time = |what| arm.events.iter().rev().find(|event| event.what == what).map(|event| event.time);
         let watchdog = time(EventKind::Watchdog)?;
-        // Joints that stood already need not come to a standstill.
+        // Joints that stood still already report no standstill event.
         let still = time(EventKind::StandsStill).filter(|still| *still >= watchdog).unwrap_or(watchdog);
         Some((watchdog.saturating_sub(arm.commands.last), still.saturating_sub(arm.commands.last)))
     });
@@ -373,7 +376,7 @@ fn tell(terminal: &Terminal, hand: &EmulatedHand, arm: Option<&Status>) -> Resul
     Ok(None)
 }
 
-/// What stands for a vision system, if there is to be one.
+/// Starts the emulated vision system, if `--eyes` asks for one.
 fn camera(args: &EmulateArgs, table: Option<&EmulatedTable>, seed: u64) -> Result<Option<Camera>> {
     let (Some(address), Some(table)) = (&args.eyes, table) else { return Ok(None) };
     let settings = CameraSettings { sigma: CAMERA, seed, period: Some(PERIOD) };
@@ -382,7 +385,7 @@ fn camera(args: &EmulateArgs, table: Option<&EmulatedTable>, seed: u64) -> Resul
     Camera::start(address, settings, Box::new(sight)).map(Some).with_context(|| format!("--eyes {address}"))
 }
 
-/// `--tell`.
+/// Runs `--tell`: sends `line` to the emulator that runs in `dir` and prints its answer.
 fn tell_running(terminal: &Terminal, dir: &Path, line: &str) -> Result<Option<String>> {
     let answer = door::tell(&dir.join(DOOR), line)?;
     let text = format!("{answer}\n");
@@ -390,7 +393,7 @@ fn tell_running(terminal: &Terminal, dir: &Path, line: &str) -> Result<Option<St
     Ok(None)
 }
 
-/// What homing would have found on `robot`.
+/// Returns the calibration that homing would find on `robot`.
 fn calibration(robot: &RobotModel, zeros: &[i64], travel: &[f64; SERVOS], firmware: u8) -> HandCalibration {
     let servos = std::array::from_fn(|n| ServoCalibration {
         id: n as u8 + 1,
@@ -402,7 +405,8 @@ fn calibration(robot: &RobotModel, zeros: &[i64], travel: &[f64; SERVOS], firmwa
     HandCalibration::new(&robot.hand.parameters.name, servos)
 }
 
-/// A pseudo-terminal has no real time behind it: a busy machine may be late by more than a real line ever is.
+/// Safety limits for emulated devices. A pseudo-terminal gives no real-time guarantee: a busy machine may be later than
+/// a real line ever is.
 fn limits(patient: bool) -> LimitConfig {
     let (staleness, servo_watchdog, arm_watchdog, host_watchdog) =
         if patient { (1.0, 2.54, 1.0, 10.0) } else { (0.3, 0.16, 0.5, 1.0) };
@@ -417,7 +421,8 @@ fn limits(patient: bool) -> LimitConfig {
     }
 }
 
-/// A plant that a busy machine holds up lags behind its set-points, and its joints pull as if something pushed them.
+/// Torque limits of the arm. On a busy machine the plant lags behind its set-points, and its joints pull as if
+/// something pushed them.
 fn press_limits(patient: bool) -> hardware_bridge::config::ArmLimitConfig {
     use hardware_bridge::config::ArmLimitConfig;
     let usual = ArmLimitConfig::default();
@@ -427,16 +432,16 @@ fn press_limits(patient: bool) -> hardware_bridge::config::ArmLimitConfig {
     }
 }
 
-/// A file for its owner alone.
+/// Writes the password to a file that only its owner can read.
 fn write_password(path: &Path, password: &str) -> Result<()> {
-    // An older one may be open to others: its permissions would stay.
+    // An older file may be readable by others, and would keep its permissions.
     let _ = std::fs::remove_file(path);
     let mut file =
         OpenOptions::new().write(true).create_new(true).mode(0o600).open(path).with_context(|| shown(path))?;
     writeln!(file, "{password}").with_context(|| shown(path))
 }
 
-/// Links to the pseudo-terminals and a configuration that names them.
+/// Writes links to the pseudo-terminals and a configuration that names them. Returns the configuration's path.
 fn write_config(args: &EmulateArgs, hand: &EmulatedHand, arm: Option<&Emulator>) -> Result<PathBuf> {
     let folder = std::path::absolute(&args.dir).with_context(|| shown(&args.dir))?;
     let (servos, cameras) = (folder.join("servos"), folder.join("cameras"));

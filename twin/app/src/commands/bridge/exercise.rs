@@ -1,4 +1,4 @@
-//! `ftac bridge exercise`: the first motion of a new hand, and of every morning.
+//! `ftac bridge exercise`: the first motion of a new hand, and of every working day.
 
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -23,9 +23,9 @@ use super::shared::actuator_names;
 use crate::options::robot::RobotArgs;
 use crate::terminal::Terminal;
 
-/// Waited for the first measurements to pass the checks.
+/// Time limit for the first measurements to pass the checks.
 const PATIENCE: Duration = Duration::from_secs(2);
-/// Length of one motion, s: wind for the first half, then open.
+/// Duration of one motion, s: the spools wind for the first half, then open.
 const MOTION: f64 = 4.0;
 
 /// Arguments of `bridge exercise`.
@@ -36,16 +36,16 @@ pub struct ExerciseArgs {
     /// Configuration of the bridge.
     #[arg(long, default_value = "bridge.toml")]
     config: PathBuf,
-    /// Current of the motion, A.
+    /// Servo current of the motion, A.
     #[arg(long, default_value_t = 0.08)]
     current: f64,
-    /// Times to close and open.
+    /// Number of times to close and open.
     #[arg(long, default_value_t = 1)]
     times: u32,
     /// Take tactile images while closed.
     #[arg(long)]
     images: bool,
-    /// Only print what would be sent.
+    /// Only print the commands that would be sent.
     #[arg(long)]
     dry_run: bool,
     /// Do not ask before moving.
@@ -53,7 +53,7 @@ pub struct ExerciseArgs {
     yes: bool,
 }
 
-/// Time from question to answers on the servo bus, ms.
+/// Round-trip time on the servo bus, ms.
 #[derive(Debug, Serialize, JsonSchema)]
 struct RoundTrip {
     /// Median.
@@ -62,31 +62,31 @@ struct RoundTrip {
     p99: Option<f64>,
 }
 
-/// Printed after the motion.
+/// JSON output of `bridge exercise`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Exercised {
     /// State of the safety supervisor.
     state: String,
-    /// Furthest angle of each servo from its open mark, rad.
+    /// Largest angle of each servo from its open mark, rad.
     furthest_rad: [f64; SERVOS],
-    /// Travel of each servo by its calibration, rad.
+    /// Travel of each servo according to its calibration, rad.
     travel_rad: [f64; SERVOS],
     /// Control ticks.
     ticks: u64,
-    /// The latest tick, ms late.
+    /// Largest delay of a control tick, ms.
     latest_tick_ms: f64,
     images: u64,
     /// Servo cycles.
     cycles: u64,
     /// Servo cycles that began more than a period late.
     late_cycles: u64,
-    /// Answers of servos that did not come.
+    /// Missing answers of servos.
     missing_answers: u64,
-    /// Time from question to answers on the servo bus, ms.
+    /// Round-trip time on the servo bus, ms.
     round_trip_ms: RoundTrip,
 }
 
-/// What the exercise saw.
+/// Measurements of the exercise.
 #[derive(Default)]
 struct Seen {
     furthest: [f64; SERVOS],
@@ -143,7 +143,7 @@ pub fn run(terminal: &Terminal, args: &ExerciseArgs) -> Result<Option<String>> {
     Ok(lazy.filter(|_| !args.dry_run).map(|n| format!("{} moved {:.2} rad, expected 0.2", names[n], seen.furthest[n])))
 }
 
-/// Winds all cables under the current, then opens; ends early when the robot no longer runs.
+/// Winds all cables under the current, then opens. Ends early when the robot no longer runs.
 fn move_once(robot: &mut HardwareRobot, args: &ExerciseArgs, seen: &mut Seen) -> Result<(), RobotError> {
     let (mut start, mut outage) = (None, Outage::default());
     let mut asked_for_images = false;

@@ -18,7 +18,7 @@ use scenarios::Scenario;
 use crate::options::robot::RobotArgs;
 use crate::terminal::Terminal;
 
-/// Outcomes of another program are not mixed with this one's.
+/// Version of this program: outcomes of different versions are not mixed in one matrix.
 const PROGRAM: &str = env!("CARGO_PKG_VERSION");
 
 /// Arguments of `bridge faults`.
@@ -26,36 +26,36 @@ const PROGRAM: &str = env!("CARGO_PKG_VERSION");
 pub struct FaultArgs {
     #[command(flatten)]
     robot: RobotArgs,
-    /// Folder that gets each outcome as it comes; default: the next free recordings/faults-N.
+    /// Folder to which each outcome is written as it comes; default: the next free recordings/faults-N.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Go on with a matrix that was interrupted, in its folder.
+    /// Resume an interrupted fault matrix in its folder.
     #[arg(long, value_name = "DIR", conflicts_with_all = ["rounds", "only", "phase", "mirror", "out", "seed", "robot_model"])]
     resume: Option<PathBuf>,
-    /// Times every fault is injected into every phase, each time in another combination.
+    /// Number of times that every fault is injected into every phase, each time in another combination.
     #[arg(long, default_value_t = 3)]
     rounds: usize,
-    /// Only faults whose name contains this.
+    /// Inject only faults whose name contains this text.
     #[arg(long)]
     only: Option<String>,
-    /// Only phases whose name contains this.
+    /// Inject only into phases whose name contains this text.
     #[arg(long)]
     phase: Option<String>,
-    /// Threads; default: all cores.
+    /// Number of threads; default: all cores.
     #[arg(long)]
     jobs: Option<usize>,
-    /// Record every injection for the viewer into this folder, from measurements alone.
+    /// Record every injection for the viewer into this folder, from measurements only.
     #[arg(long, value_name = "DIR")]
     record: Option<PathBuf>,
     /// Stream every injection to a viewer (one thread).
     #[arg(long)]
     live: bool,
-    /// Let a twin run beside each, and say who names the fault, how soon, and what is named wrongly.
+    /// Run a twin in parallel with each trial; report which detector names the fault, how soon, and its false alarms.
     #[arg(long)]
     mirror: bool,
 }
 
-/// `ftac bridge faults`.
+/// Runs `ftac bridge faults`.
 pub fn run(terminal: &Terminal, args: &FaultArgs) -> anyhow::Result<Option<String>> {
     let (ledger, request) = match &args.resume {
         Some(folder) => Ledger::resume(folder)?,
@@ -99,7 +99,7 @@ pub fn run(terminal: &Terminal, args: &FaultArgs) -> anyhow::Result<Option<Strin
     Ok(table.shortfall())
 }
 
-/// What is asked for.
+/// Returns the requested fault matrix.
 fn request(args: &FaultArgs, seed: u64) -> anyhow::Result<Request> {
     let kinds: Vec<Kind> =
         ALL.into_iter().filter(|kind| args.only.as_ref().is_none_or(|only| kind.name().contains(only))).collect();

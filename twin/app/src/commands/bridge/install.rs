@@ -1,4 +1,4 @@
-//! `ftac bridge install`: the computer's part of the bridge, as files of the system, with what was done in words.
+//! `ftac bridge install`: sets up the computer for the bridge with system files, and reports each step in words.
 
 use std::os::unix::fs::MetadataExt as _;
 use std::path::PathBuf;
@@ -18,16 +18,16 @@ use crate::terminal::{Outcome, Terminal};
 pub struct InstallArgs {
     #[command(flatten)]
     config: ConfigArg,
-    /// Serial number of the servo adapter; default: the one in the name of the configuration's port, else any known adapter.
+    /// Serial number of the servo adapter; default: that in the port name of the configuration, else any known adapter.
     #[arg(long)]
     serial: Option<String>,
-    /// Write below this folder instead of /, and tell the system nothing: to look at the files, or for an image.
+    /// Write below this folder instead of / and run no system commands: to inspect the files, or for a system image.
     #[arg(long)]
     root: Option<PathBuf>,
-    /// Take away what was installed.
+    /// Remove the installation.
     #[arg(long)]
     remove: bool,
-    /// Only show the files.
+    /// Only print the files.
     #[arg(long, conflicts_with = "remove")]
     dry_run: bool,
 }
@@ -35,22 +35,22 @@ pub struct InstallArgs {
 /// A file of the installation.
 #[derive(Debug, Serialize, JsonSchema)]
 struct InstalledFile {
-    /// The file.
+    /// Path of the file.
     path: PathBuf,
-    /// Its purpose.
+    /// Purpose of the file.
     purpose: &'static str,
 }
 
-/// Printed once it is installed or removed, or of what would be.
+/// JSON output of `bridge install`, also of a dry run.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Installed {
     /// Files of the installation.
     files: Vec<InstalledFile>,
-    /// Commands that the system was told.
+    /// System commands that were run.
     done: Vec<String>,
 }
 
-/// What makes the system take notice, after the files were written or removed.
+/// System commands that activate the files after they were written or removed.
 const NOTICE: [&[&str]; 5] = [
     &["udevadm", "control", "--reload"],
     &["udevadm", "trigger", "--subsystem-match=tty", "--subsystem-match=usb-serial"],
@@ -58,12 +58,12 @@ const NOTICE: [&[&str]; 5] = [
     &["systemd-tmpfiles", "--create", "/etc/tmpfiles.d/ftac.conf"],
     &["systemctl", "enable", "--now", "ftac-stop.service"],
 ];
-/// Before they are removed.
+/// System command to run before the files are removed.
 const FAREWELL: &[&str] = &["systemctl", "disable", "ftac-stop.service"];
 
-/// `ftac bridge install`.
+/// Runs `ftac bridge install`.
 pub fn run(terminal: &Terminal, args: &InstallArgs) -> Outcome {
-    // The configuration tells the adapter, and nothing else.
+    // The configuration is only read for the adapter's port.
     let serial = match &args.serial {
         Some(serial) => Some(serial.clone()),
         None => {
@@ -120,7 +120,7 @@ pub fn run(terminal: &Terminal, args: &InstallArgs) -> Outcome {
     if system {
         let commands = if args.remove { &NOTICE[..3] } else { &NOTICE[..] };
         commands.iter().for_each(|command| tell(command));
-        // The name under which sudo was called.
+        // The user who called sudo.
         match std::env::var("SUDO_USER") {
             Ok(user) if !args.remove => tell(&["usermod", "-a", "-G", GROUP, &user]),
             _ => {}
@@ -136,7 +136,7 @@ pub fn run(terminal: &Terminal, args: &InstallArgs) -> Outcome {
     Ok((!failed.is_empty()).then(|| failed.join("; ")))
 }
 
-/// Runs a program of the system.
+/// Runs a system command. The error is its stderr.
 fn notice(command: &[&str]) -> Result<(), String> {
     let (program, arguments) = command.split_first().ok_or("no program")?;
     let output = child::command(program).args(arguments).output().map_err(|error| error.to_string())?;

@@ -1,4 +1,4 @@
-//! `ftac bridge provision`: one new servo gets its id and its settings.
+//! `ftac bridge provision`: writes id and settings to one new servo.
 
 use std::path::Path;
 
@@ -12,23 +12,23 @@ use super::shared::{ConfigArg, actuator_names};
 use crate::options::robot::RobotArgs;
 use crate::terminal::Terminal;
 
-/// A servo's place on the bus.
+/// Address of a servo on the bus.
 #[derive(Debug, Serialize, JsonSchema)]
 struct Place {
     /// Bus id.
     id: u8,
-    /// Rate of the bus, bit/s.
+    /// Baud rate of the bus, bit/s.
     baud: u32,
 }
 
-/// Printed once the servo is set up.
+/// JSON output of `bridge provision`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Provisioned<'a> {
     /// The actuator.
     actuator: &'a str,
     #[serde(flatten)]
     now: Place,
-    /// Its place before.
+    /// Its previous id and rate.
     was: Place,
 }
 

@@ -1,4 +1,4 @@
-//! `ftac bridge reboot`: the way out of a servo's shutdown.
+//! `ftac bridge reboot`: restarts servos that have shut down.
 
 use anyhow::{Result, bail};
 use clap::Args;
@@ -22,11 +22,11 @@ pub struct RebootArgs {
     robot: RobotArgs,
     #[command(flatten)]
     config: ConfigArg,
-    /// Which actuator's servo: thumb, index, middle, ring, little or opposition; may be given more than once. Default: every servo that
-    /// reports an error.
+    /// Actuator whose servo is restarted: thumb, index, middle, ring, little or opposition (repeatable). Default: every
+    /// servo that reports an error.
     #[arg(long)]
     actuator: Vec<String>,
-    /// Do not ask before: what the hand holds falls.
+    /// Do not ask before restarting: the hand drops what it holds.
     #[arg(long)]
     yes: bool,
 }
@@ -36,16 +36,16 @@ pub struct RebootArgs {
 struct Restarted {
     actuator: String,
     id: u8,
-    /// Its hardware error status before, in words.
+    /// Its hardware error status before the restart, in words.
     reported: String,
 }
 
-/// Printed once servos were restarted.
+/// JSON output of `bridge reboot`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Rebooted {
     /// The servos that were restarted.
     restarted: Vec<Restarted>,
-    /// One entry a row of the table.
+    /// One entry per row of the table.
     rows: Vec<Row>,
 }
 
@@ -54,7 +54,7 @@ struct Patient {
     n: usize,
     id: u8,
     name: String,
-    /// Its hardware error status.
+    /// Its hardware error status (bits of the register).
     error: u8,
 }
 
@@ -65,7 +65,7 @@ pub fn run(terminal: &Terminal, args: &RebootArgs) -> Result<Option<String>> {
         bail!("--actuator: found `{unknown}`, expected one of {}", names.join(", "));
     }
     expect_no_robot(&args.config.config)?;
-    // Without one the servos can be restarted all the same; what came back is compared with less.
+    // Servos can be restarted without a calibration; then fewer settings are compared afterwards.
     let calibration = match config.calibration.exists() {
         true => Some(HandCalibration::read(&config.calibration)?),
         false => None,
@@ -98,7 +98,7 @@ pub fn run(terminal: &Terminal, args: &RebootArgs) -> Result<Option<String>> {
         let back = reboot(&mut bus, *id).and_then(|()| check(&mut bus, &config, (*id, name.as_str()), known));
         match back {
             Ok(found) => findings.extend(found),
-            // The others are restarted all the same.
+            // The other servos are restarted all the same.
             Err(error) => findings.push(Finding::new(format!("{name} ({id})"), error, "an answer", false)),
         }
     }

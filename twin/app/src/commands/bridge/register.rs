@@ -1,4 +1,4 @@
-//! `ftac bridge register`: where the arm's base stands on the table, found by touching balls on known marks.
+//! `ftac bridge register`: registration of the arm's base on the table, by touching balls on known marks.
 
 use std::path::PathBuf;
 
@@ -30,16 +30,18 @@ pub struct RegisterArgs {
     /// Configuration of the bridge.
     #[arg(long, default_value = "bridge.toml")]
     config: PathBuf,
-    /// The emulated robot in lock-step instead, its base where seed N hides it; the result is compared with that.
+    /// Register the emulated robot in lock-step instead, with its base at a hidden pose drawn from seed N; the result
+    /// is compared with that pose.
     #[arg(long, value_name = "N", conflicts_with = "config")]
     emulated: Option<u64>,
-    /// Robot of `ftac twin identify`: where its pads are on its hand and its hand on its arm; an emulated robot is this one too.
+    /// Individual robot (a file of `ftac twin identify`) that gives the poses of pads on the hand and of the hand on
+    /// the arm; an emulated robot is this one too.
     #[arg(long)]
     individual: Option<PathBuf>,
-    /// Where the result goes; default: registration.toml beside the configuration, or in recordings.
+    /// File for the result; default: registration.toml beside the configuration, or in recordings.
     #[arg(long)]
     out: Option<PathBuf>,
-    /// Only say where the hand would go, and whether the arm gets there.
+    /// Only print the planned poses of the hand, and whether the arm reaches them.
     #[arg(long)]
     dry_run: bool,
     /// Do not ask before moving.
@@ -47,59 +49,59 @@ pub struct RegisterArgs {
     yes: bool,
 }
 
-/// Distance of two places of the base.
+/// Difference between two poses of the base.
 #[derive(Debug, Serialize, JsonSchema)]
 struct Deviation {
-    /// Of the place of the marks' middle, mm.
+    /// Difference of the position, taken at the centre of the marks, mm.
     mm: f64,
-    /// Of the rotation, degrees.
+    /// Difference of the rotation, degrees.
     deg: f64,
 }
 
-/// Printed once the base is found.
+/// JSON output of `bridge register`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Registered {
     /// The file that was written.
     file: String,
-    /// Position of the base, m, world.
+    /// Position of the base in the world frame, m.
     position_m: [f64; 3],
-    /// Rotation of the base: i, j, k, w.
+    /// Rotation of the base, a quaternion i, j, k, w.
     quaternion: [f64; 4],
-    /// Standard deviation of the place of the marks' middle, mm.
+    /// Standard deviation of the position, taken at the centre of the marks, mm.
     sigma_mm: f64,
     /// Standard deviation of the rotation, degrees.
     sigma_deg: f64,
-    /// Distance of each touched point from its mark, mm.
+    /// Residual of each touch: distance of the touched point from its mark, mm.
     residuals_mm: Vec<f64>,
-    /// Touches that the fit is made of.
+    /// Number of touches in the fit.
     touches: usize,
-    /// Distance of the result from the hidden truth of the emulated robot; null on a real one.
+    /// Error of the result against the hidden true pose of the emulated robot; null on a real one.
     error: Option<Deviation>,
-    /// Distance of the nominal place of the base from the hidden truth.
+    /// Error of the nominal pose of the base against the hidden true pose.
     error_before: Option<Deviation>,
 }
 
-/// A touch that would be made.
+/// A planned touch.
 #[derive(Debug, Serialize, JsonSchema)]
 struct PlannedTouch {
     /// Number of the mark, from 1.
     mark: usize,
-    /// Place of the ball's middle, m.
+    /// Position of the ball's centre, m.
     x_m: f64,
-    /// The same.
+    /// Position of the ball's centre, m.
     y_m: f64,
-    /// The same.
+    /// Position of the ball's centre, m.
     z_m: f64,
-    /// Turn of the hand about the vertical, rad.
+    /// Yaw of the hand about the vertical, rad.
     heading_rad: f64,
-    /// Time of the way there and onto the ball, s; null where the arm does not get there.
+    /// Duration of the motion there and onto the ball, s; null if the arm cannot reach it.
     seconds: Option<f64>,
 }
 
-/// Printed by a dry run.
+/// JSON output of a dry run.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Planned {
-    /// Each touch that would be made.
+    /// The planned touches.
     touches: Vec<PlannedTouch>,
 }
 
@@ -115,7 +117,7 @@ pub fn run(terminal: &Terminal, args: &RegisterArgs) -> Result<Option<String>> {
         Some(_) => PathBuf::from("recordings/registration.toml"),
         None => args.config.with_file_name("registration.toml"),
     });
-    // What cannot be written is found before anything moves.
+    // Check that the result can be written before anything moves.
     let folder = out.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(std::path::Path::new("."));
     tempfile::tempfile_in(folder).with_context(|| format!("{}: cannot be written", shown(&out)))?;
     let truth = args.emulated.map(|seed| hidden_mount(&plan, seed));
@@ -135,7 +137,7 @@ pub fn run(terminal: &Terminal, args: &RegisterArgs) -> Result<Option<String>> {
                     shown(&args.config)
                 );
             }
-            // What is wrong with the robot is found before anybody lays out balls.
+            // Check the robot before anybody lays out balls.
             let mut checked = source.check()?;
             describe(&registrar, &plan);
             let question = "The arm will go to its ready posture, then the fingers come down on each ball. Balls on their marks, hand empty, way clear?";
@@ -222,7 +224,7 @@ pub fn run(terminal: &Terminal, args: &RegisterArgs) -> Result<Option<String>> {
     Ok(None)
 }
 
-/// The task of an emulated robot that plays no trial.
+/// Returns the task of an emulated robot that plays no trial.
 fn task(robot: &RobotModel, seed: u64) -> Result<Task> {
     let (_, text) = ScenarioArgs::default().read()?;
     Ok(Task {
@@ -232,7 +234,7 @@ fn task(robot: &RobotModel, seed: u64) -> Result<Task> {
     })
 }
 
-/// Where the balls belong.
+/// Prints the places of the balls.
 fn describe(registrar: &Registrar, plan: &Plan) {
     for mark in 0..plan.marks.len() {
         let middle = registrar.middle(mark);

@@ -1,4 +1,4 @@
-//! `ftac bridge scan`: who is on the servo bus?
+//! `ftac bridge scan`: finds the servos on a bus.
 
 use std::path::Path;
 
@@ -16,18 +16,18 @@ use crate::terminal::Terminal;
 struct ScannedServo {
     /// Bus id.
     id: u8,
-    /// Rate of the bus, bit/s.
+    /// Baud rate of the bus, bit/s.
     baud: u32,
     /// Model number that the servo reports.
     model: u16,
-    /// Version that the device reports.
+    /// Firmware version that the servo reports.
     firmware: u8,
 }
 
-/// Printed once every rate was tried.
+/// JSON output of `bridge scan`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Scanned {
-    /// Servos that answered, one entry each.
+    /// The servos that answered.
     servos: Vec<ScannedServo>,
 }
 

@@ -1,4 +1,4 @@
-//! What the bridge's commands share: the configuration's place, findings.
+//! Shared parts of the bridge's commands: the configuration option and findings.
 
 use std::path::{Path, PathBuf};
 
@@ -13,7 +13,7 @@ use serde::Serialize;
 
 use crate::terminal::Terminal;
 
-/// Where the configuration is.
+/// Option for the configuration file.
 #[derive(Debug, Clone, Args)]
 pub struct ConfigArg {
     /// Configuration of the bridge.
@@ -26,34 +26,34 @@ impl ConfigArg {
         Ok(BridgeConfig::read(&self.config)?)
     }
 
-    /// For what has nothing to do with the arm: its password is not looked for.
+    /// Reads the configuration without looking for the arm's password, for commands that do not need the arm.
     pub fn read_without_password(&self) -> Result<BridgeConfig> {
         Ok(BridgeConfig::read_without_password(&self.config)?)
     }
 }
 
-/// The names of the hand's actuators, in order.
+/// Returns the names of the hand's actuators, in order.
 pub fn actuator_names(hand: &Hand) -> Vec<String> {
     hand.parameters.actuator.iter().map(|actuator| actuator.name.clone()).collect()
 }
 
-/// A finding as it is printed.
+/// A finding, as printed.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Row {
-    /// Quantity that was measured.
+    /// Checked quantity.
     what: String,
-    /// Outcome: see the command's help.
+    /// Value found.
     found: String,
-    /// Expected outcome.
+    /// Expected value.
     expected: String,
-    /// True if it is as it should be.
+    /// True if the value is as it should be.
     ok: bool,
 }
 
-/// Findings as they are printed.
+/// Findings, as printed.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Findings {
-    /// One entry a row of the table.
+    /// One entry per row of the table.
     rows: Vec<Row>,
 }
 
@@ -62,13 +62,13 @@ pub fn rows(findings: &[Finding]) -> Vec<Row> {
     findings.iter().cloned().map(row).collect()
 }
 
-/// Prints findings; the first that is not good is the shortfall.
+/// Prints findings. The first bad one is the shortfall.
 pub fn tell(terminal: &Terminal, findings: &[Finding]) -> Result<Option<String>> {
     terminal.print(&Findings { rows: rows(findings) }, &table(terminal, findings))?;
     Ok(shortfall(findings))
 }
 
-/// Findings as a table, a line each; those that are good only where not quiet.
+/// Formats findings as a table, one per line. With --quiet, only the bad ones.
 pub fn table(terminal: &Terminal, findings: &[Finding]) -> String {
     let line = |one: &Finding| {
         let verdict = if one.good { "ok" } else { "DIFFERS" };
@@ -77,7 +77,7 @@ pub fn table(terminal: &Terminal, findings: &[Finding]) -> String {
     findings.iter().filter(|one| !terminal.quiet || !one.good).map(line).collect()
 }
 
-/// The first finding that is not good, and how many more there are.
+/// Describes the first bad finding, and gives the number of further ones.
 pub fn shortfall(findings: &[Finding]) -> Option<String> {
     let bad: Vec<&Finding> = findings.iter().filter(|one| !one.good).collect();
     let first = bad.first()?;
@@ -85,12 +85,12 @@ pub fn shortfall(findings: &[Finding]) -> Option<String> {
     Some(format!("{}: found {}, expected {}{more}", first.what, first.found, first.expected))
 }
 
-/// How a path is shown.
+/// Formats a path for display.
 pub fn shown(path: &Path) -> String {
     path.display().to_string()
 }
 
-/// Refuses while a robot of the configuration at `config` runs.
+/// Returns an error while a robot of the configuration at `config` runs.
 pub fn expect_no_robot(config: &Path) -> Result<()> {
     let own: Vec<_> = places::find().0.into_iter().filter(|socket| places::is_of(socket, config)).collect();
     if let Some(robot) = remote::ask_all(&own, Wish::State).into_iter().find_map(|(_, answer)| answer.ok()) {

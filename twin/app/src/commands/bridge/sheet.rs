@@ -1,4 +1,4 @@
-//! `ftac bridge sheet`: where the objects of a combination stand, as a sheet to print in full size and to lay on the table.
+//! `ftac bridge sheet`: the places of a combination's objects, as a sheet to print in full size and lay on the table.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -19,9 +19,9 @@ use super::shared::shown;
 use crate::options::robot::RobotArgs;
 use crate::terminal::Terminal;
 
-/// A3 lying, mm: the long side along the world's y axis.
+/// Size of A3 landscape, mm: the long side lies along the world's y axis.
 const SHEET: [f64; 2] = [420.0, 297.0];
-/// Between two lines of the grid, mm.
+/// Spacing of the grid lines, mm.
 const GRID: f64 = 50.0;
 
 /// Arguments of `bridge sheet`.
@@ -32,10 +32,10 @@ pub struct SheetArgs {
     /// Number of the combination, from 0.
     #[arg(required_unless_present = "balls")]
     combination: Option<usize>,
-    /// The balls of `bridge register` on their marks instead.
+    /// Draw the balls of `bridge register` on their marks instead.
     #[arg(long, conflicts_with = "combination")]
     balls: bool,
-    /// The drawing (SVG); default: recordings/sheet_N.svg, or sheet_balls.svg.
+    /// File for the drawing (SVG); default: recordings/sheet_N.svg, or sheet_balls.svg.
     #[arg(long)]
     out: Option<PathBuf>,
 }
@@ -45,22 +45,22 @@ pub struct SheetArgs {
 struct Placed {
     /// Name of the object.
     object: String,
-    /// Table frame, m.
+    /// Coordinate of its origin in the table frame, m.
     x_m: f64,
-    /// Table frame, m.
+    /// Coordinate of its origin in the table frame, m.
     y_m: f64,
-    /// Table frame, m.
+    /// Coordinate of its origin in the table frame, m.
     z_m: f64,
-    /// About the vertical, rad.
+    /// Yaw about the vertical, rad.
     turn_rad: f64,
 }
 
-/// Printed once the sheet is drawn.
+/// JSON output of `bridge sheet`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Sheet {
-    /// The drawing (SVG).
+    /// File of the drawing (SVG).
     sheet: String,
-    /// One entry an object.
+    /// One entry per object.
     objects: Vec<Placed>,
 }
 
@@ -86,7 +86,7 @@ pub fn run(terminal: &Terminal, args: &SheetArgs) -> Result<Option<String>> {
     Ok(None)
 }
 
-/// Objects, and where they stand.
+/// Objects, each with its pose.
 type Standing = Vec<(Arc<ObjectModel>, Isometry3<f64>)>;
 
 fn of_combination(robot: &RobotModel, combination: usize, seed: u64) -> Result<Standing> {
@@ -106,14 +106,14 @@ fn balls(robot: &RobotModel, seed: u64) -> Result<Standing> {
     Ok(placements.into_iter().map(|placement| (placement.model, placement.pose)).collect())
 }
 
-/// Turn about the vertical, rad.
+/// Returns the yaw about the vertical, rad.
 fn turn(place: &Isometry3<f64>) -> f64 {
     place.rotation.euler_angles().2
 }
 
-/// The sheet as seen from above, x upwards and y to the left, 1:1.
+/// Draws the sheet as seen from above, 1:1, with x upwards and y to the left.
 fn drawing(title: &str, objects: &Standing) -> String {
-    // The cross is where a ruler finds it: on whole centimetres.
+    // The cross is on whole centimetres, so that a ruler finds it.
     let middle = |axis: usize| {
         let mean = objects.iter().map(|(_, place)| place.translation.vector[axis]).sum::<f64>() / objects.len() as f64;
         (100.0 * mean).round() / 100.0
@@ -143,7 +143,7 @@ fn drawing(title: &str, objects: &Standing) -> String {
             let [a, b, c] = triangle.map(|corner| corners[corner as usize]);
             outline += &format!("M{:.2} {:.2}L{:.2} {:.2}L{:.2} {:.2}Z", a[0], a[1], b[0], b[1], c[0], c[1]);
         }
-        // Every triangle with a border of its own colour: together they are the outline.
+        // Every triangle has a border of its own fill colour: together they form the outline.
         put(format!(
             "<path d=\"{outline}\" fill=\"#cfe3f5\" stroke=\"#cfe3f5\" stroke-width=\"0.3\" stroke-linejoin=\"round\"/>\n"
         ));

@@ -1,6 +1,6 @@
-//! `ftac bridge stop`: a word to the robots that run in other terminals.
+//! `ftac bridge stop`: stops or releases robots that run in other terminals.
 //!
-//! It needs their stop sockets and nothing else: no configuration that can be read, no password, no port.
+//! It needs only their stop sockets: no readable configuration, no password, no port.
 
 use std::path::{Path, PathBuf};
 
@@ -19,20 +19,20 @@ use crate::terminal::{Outcome, Terminal};
 /// Arguments of `bridge stop`.
 #[derive(Debug, Args)]
 pub struct StopArgs {
-    /// Only the robot that was started with this configuration, whatever the file holds by now; default: all robots on this computer
-    /// that this user may stop.
+    /// Stop only the robot that was started with this configuration, whatever the file holds by now; default: all
+    /// robots on this computer that this user may stop.
     #[arg(long)]
     config: Option<PathBuf>,
-    /// Only the robot that listens on this stop socket.
+    /// Stop only the robot that listens on this stop socket.
     #[arg(long, conflicts_with = "config")]
     socket: Option<PathBuf>,
-    /// Let go instead: the springs open the hand. Of several robots one must be named. Where none runs, the torque is taken off
-    /// the servos of --config directly.
+    /// Release instead: the springs open the hand. If several robots run, one must be named. If none runs, the torque
+    /// of the servos of --config is switched off directly.
     #[arg(long)]
     release: bool,
 }
 
-/// A robot that was told.
+/// A robot that was asked to stop.
 #[derive(Debug, Serialize, JsonSchema)]
 struct ToldRobot {
     /// Its stop socket.
@@ -40,26 +40,26 @@ struct ToldRobot {
     /// Its configuration and process.
     #[serde(skip_serializing_if = "Option::is_none")]
     robot: Option<String>,
-    /// State that was read back, or why none was.
+    /// State read back, or the reason why none was.
     state: String,
-    /// True if the wish was fulfilled and that was read back.
+    /// True if the state read back is the requested one.
     ok: bool,
 }
 
-/// Printed once the robots were told.
+/// JSON output of `bridge stop`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Stopped {
-    /// Robots that were told; empty where no bridge is running.
+    /// Robots that were asked to stop; empty if no bridge is running.
     robots: Vec<ToldRobot>,
-    /// State that was read back from the servos that were asked directly.
+    /// State read back directly from the servos.
     #[serde(skip_serializing_if = "Option::is_none")]
     state: Option<String>,
-    /// Servos whose torque was not read back as off, and why.
+    /// Servos whose torque was not read back as off, each with the reason.
     #[serde(skip_serializing_if = "Option::is_none")]
     unsure: Option<Vec<String>>,
 }
 
-/// `ftac bridge stop`.
+/// Runs `ftac bridge stop`.
 pub fn run(terminal: &Terminal, args: &StopArgs) -> Outcome {
     let wish = if args.release { Wish::Release } else { Wish::Hold };
     let (sockets, looked) = sockets(args);
@@ -83,12 +83,12 @@ pub fn run(terminal: &Terminal, args: &StopArgs) -> Outcome {
 
 type Told = (PathBuf, Result<Answer, RemoteError>);
 
-/// Those behind whose sockets somebody is.
+/// Keeps the answers of sockets on which a robot listens.
 fn live(answers: Vec<Told>) -> Vec<Told> {
     answers.into_iter().filter(|(_, answer)| !matches!(answer, Err(RemoteError::Nobody { .. }))).collect()
 }
 
-/// The sockets to write to, and where was looked for them.
+/// Returns the sockets to write to, and the folders that were searched for them.
 fn sockets(args: &StopArgs) -> (Vec<PathBuf>, Vec<PathBuf>) {
     if let Some(socket) = &args.socket {
         return (vec![socket.clone()], vec![socket.clone()]);
@@ -96,7 +96,8 @@ fn sockets(args: &StopArgs) -> (Vec<PathBuf>, Vec<PathBuf>) {
     let (mut sockets, mut looked) = places::find();
     if let Some(config) = &args.config {
         sockets.retain(|socket| places::is_of(socket, config));
-        // One that the configuration names may be all that this user can reach; one that cannot be read names none.
+        // The socket named by the configuration may be the only one that this user can reach. An unreadable
+        // configuration names none.
         let own = BridgeConfig::read_without_password(config).ok().and_then(|config| config.stop_socket);
         if sockets.is_empty() {
             sockets.extend(own.iter().cloned());
@@ -106,7 +107,7 @@ fn sockets(args: &StopArgs) -> (Vec<PathBuf>, Vec<PathBuf>) {
     (sockets, looked)
 }
 
-/// No bridge is running: a release still takes the torque off the servos, directly.
+/// Handles the case that no bridge is running: a release then switches the torque of the servos off directly.
 fn nobody(terminal: &Terminal, args: &StopArgs, looked: &[PathBuf]) -> Outcome {
     let looked: Vec<String> = looked.iter().map(|place| shown(place)).collect();
     let nobody = format!("no bridge is running that this user may stop (looked in {})", looked.join(", "));

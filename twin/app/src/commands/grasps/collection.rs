@@ -23,33 +23,33 @@ use crate::terminal::{Outcome, Terminal};
 /// Arguments of `grasps collection`.
 #[derive(Debug, Args)]
 pub struct CollectionArgs {
-    /// Objects; default: all 23.
+    /// Object (repeatable); default: all 23.
     #[arg(long, value_parser = object_name)]
     pub object: Vec<String>,
-    /// Verified, different grasps of each object.
+    /// Number of verified, different grasps per object.
     #[arg(long, default_value_t = 150)]
     pub each: usize,
-    /// Contact points of a sample, taken in turn.
+    /// Contact points per sample: a number, or a range taken in turn.
     #[arg(long, default_value = "2-5")]
     pub contacts: String,
-    /// Closings tried on each chain's posture.
+    /// Number of closings tried on the posture of each chain.
     #[arg(long, default_value_t = 8)]
     pub closings: usize,
-    /// Chains at most for each object.
+    /// Maximum number of chains per object.
     #[arg(long, default_value_t = 3000)]
     pub chains: u64,
-    /// Folder of the parts, one file an object; they grow while the search runs, and the same command goes on from them.
+    /// Folder of the parts, one file per object. They grow during the search, and the same command resumes from them.
     #[arg(long, default_value = "recordings/synthesis")]
     pub parts: PathBuf,
-    /// Search no further: write what the parts hold.
+    /// Do not search; write the grasps that the parts hold.
     #[arg(long)]
     pub pack: bool,
-    /// The file to write when all are done.
+    /// File to write when all objects are done.
     #[arg(long)]
     pub out: PathBuf,
 }
 
-/// One object's line of the answer.
+/// Result for one object.
 #[derive(Debug, Serialize, JsonSchema)]
 struct Line {
     #[serde(flatten)]
@@ -57,20 +57,20 @@ struct Line {
     diversity: Diversity,
 }
 
-/// What the command prints with `--json`.
+/// JSON output of `grasps collection`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Answer {
     grasps: usize,
-    /// Grasps asked for.
+    /// Number of grasps asked for.
     wanted: usize,
-    /// Time on this machine, s.
+    /// Wall time, s.
     wall_s: f64,
-    /// One entry an object.
+    /// One entry per object.
     objects: Vec<Line>,
     all: Diversity,
 }
 
-/// `ftac grasps collection`.
+/// Runs `ftac grasps collection`.
 pub fn make(terminal: &Terminal, args: &CollectionArgs) -> Outcome {
     let (each, chains, closings) = (args.each, args.chains, args.closings);
     ensure!(
@@ -105,7 +105,7 @@ pub fn make(terminal: &Terminal, args: &CollectionArgs) -> Outcome {
     tell(terminal, &collection, start.elapsed().as_secs_f64())
 }
 
-/// The command that makes the whole.
+/// Returns the command that makes the whole collection.
 fn command(terminal: &Terminal, args: &CollectionArgs) -> String {
     let objects: String = args.object.iter().map(|name| format!(" --object {name}")).collect();
     format!(
@@ -114,7 +114,7 @@ fn command(terminal: &Terminal, args: &CollectionArgs) -> String {
     )
 }
 
-/// The grasps of one object, found in its part or now.
+/// Returns the grasps of one object, from its part or from a search now.
 fn part(terminal: &Terminal, args: &CollectionArgs, object: &str, request: Request) -> Result<ObjectGrasps> {
     let command = format!(
         "ftac grasps collection --object {object} --contacts {} --closings {} --seed {}",

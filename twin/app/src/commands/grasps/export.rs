@@ -1,4 +1,4 @@
-//! `ftac grasps export`: held grasps as scenes for a second engine, to close and shake them there.
+//! `ftac grasps export`: exports held grasps as scenes for a second engine, to close and shake them there.
 
 use std::path::PathBuf;
 
@@ -16,31 +16,31 @@ use crate::terminal::{Outcome, Terminal};
 /// Arguments of `grasps export`.
 #[derive(Debug, Args)]
 pub struct ExportArgs {
-    /// Object of which the file has grasps.
+    /// Object whose grasps are exported.
     #[arg(value_parser = object_name)]
     pub object: String,
-    /// Only the grasp of this chain.
+    /// Export only the grasp of this chain.
     #[arg(long)]
     pub chain: Option<u64>,
-    /// Grasps at most, in the file's order.
+    /// Maximum number of grasps, in the file's order.
     #[arg(long, default_value_t = 10)]
     pub n: usize,
-    /// File of grasps, from `collection` or `generate`; default: the built-in collection.
+    /// Grasp file of `collection` or `generate`; default: the built-in collection.
     #[arg(long)]
     pub grasps: Option<PathBuf>,
-    /// Folder for an MJCF scene and a JSON file with commands and test for each grasp.
+    /// Folder for the results: an MJCF scene and a JSON file with commands and test for each grasp.
     #[arg(long)]
     pub mjcf: PathBuf,
 }
 
-/// Printed once the scenes are written.
+/// JSON output of `grasps export`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Exported {
-    /// Files written: the scene and its commands of each grasp.
+    /// Files written: scene and commands of each grasp.
     files: Vec<[PathBuf; 2]>,
 }
 
-/// `ftac grasps export`.
+/// Runs `ftac grasps export`.
 pub fn run(terminal: &Terminal, args: &ExportArgs) -> Outcome {
     ensure!(args.n > 0, "--n: found 0, expected at least 1");
     let file = GraspFile::read_or_built_in(args.grasps.as_deref(), RobotModel::ftac_gen3().hand)?;

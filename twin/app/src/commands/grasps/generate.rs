@@ -1,4 +1,4 @@
-//! `ftac grasps generate` and `eval`: grasps for any object, sampled, closed by cables and held in physics.
+//! `ftac grasps generate` and `ftac grasps eval`: grasps for any object, sampled, closed by cables and held in physics.
 
 use std::path::{Path, PathBuf};
 
@@ -23,7 +23,7 @@ use crate::options::object_name::object_name;
 use crate::options::own_hand;
 use crate::terminal::{Outcome, Terminal};
 
-/// What a hand may hold, from a feather on, kg; materials, kg/m3; friction coefficients.
+/// Limits of the object: mass from that of a feather on, kg; density, kg/m3; friction coefficient.
 const LIGHTEST: f64 = 1e-4;
 const HEAVIEST: f64 = 10.0;
 const LEAST_DENSE: f64 = 1.0;
@@ -48,7 +48,7 @@ impl Part {
     }
 }
 
-/// The built-in hand with the parts of the arguments, and as grasps of type `kind` use it.
+/// Returns the built-in hand, restricted to the parts of the arguments and to the use that grasps of type `kind` make of it.
 fn built_in(args: &SynthesisArgs, kind: Option<&GraspType>) -> Result<GraspingHand> {
     let hand = GraspingHand::of(RobotModel::ftac_gen3().hand);
     let form = kind.map(|kind| kind.form.clone());
@@ -72,7 +72,7 @@ fn built_in(args: &SynthesisArgs, kind: Option<&GraspType>) -> Result<GraspingHa
     Ok(hand.limited(&in_use))
 }
 
-/// A type of the taxonomy by its name, however it was typed.
+/// Parses the name of a grasp type of the taxonomy, whatever its case and separators.
 fn grasp_type(text: &str) -> Result<GraspType, String> {
     let folded = |name: &str| name.trim().to_lowercase().replace(['_', '-'], " ");
     let Taxonomy { types } = Taxonomy::paper();
@@ -81,34 +81,35 @@ fn grasp_type(text: &str) -> Result<GraspType, String> {
     found.ok_or_else(|| format!("expected one of {}", names.join(", ")))
 }
 
-/// What grasps are synthesized for.
+/// Object, friction and hand parts for which grasps are synthesized.
 #[derive(Debug, Args)]
 pub struct SynthesisArgs {
     /// An object of the set.
     #[arg(long, conflicts_with = "mesh", value_parser = object_name)]
     pub object: Option<String>,
-    /// A mesh of your own: OBJ, STL, PLY, glTF or COLLADA, in metres; what is broken of it is mended, and said.
+    /// Your own mesh: OBJ, STL, PLY, glTF or COLLADA, in metres; defects are repaired and reported.
     #[arg(long)]
     pub mesh: Option<PathBuf>,
-    /// Contact points of a sample: a number, or a range taken in turn, such as 2-5.
+    /// Contact points per sample: a number, or a range taken in turn, such as 2-5.
     #[arg(long, default_value = "5")]
     pub contacts: String,
-    /// Mass of the object for which grasps are verified, kg; default: the object's own, 0.1 for a mesh.
+    /// Mass of the object with which grasps are verified, kg; default: the object's own, 0.1 for a mesh.
     #[arg(long)]
     pub mass: Option<f64>,
-    /// Density of the object instead of its mass, kg/m3, over the volume of its shape.
+    /// Density of the object instead of its mass, kg/m3; multiplied by the volume of its shape.
     #[arg(long, conflicts_with = "mass")]
     pub density: Option<f64>,
-    /// Coulomb friction between hand and object.
+    /// Coulomb friction coefficient between hand and object.
     #[arg(long, default_value_t = TEST_FRICTION)]
     pub friction: f64,
-    /// Keep the hand out of the table on which the object rests.
+    /// Avoid collisions of the hand with the table on which the object rests.
     #[arg(long)]
     pub table: bool,
     /// Parts of the hand that may touch the object, of thumb, index, middle, ring, little and palm; default: all. The other digits stay open.
     #[arg(long, value_enum, value_delimiter = ',', value_name = "PARTS")]
     pub parts: Vec<Part>,
-    /// Closings tried on each chain's posture until one is verified: the plain one, then varied tensions and small offsets.
+    /// Number of closings tried on the posture of each chain until one is verified: the plain one first, then varied
+    /// tensions and small offsets.
     #[arg(long, default_value_t = 8)]
     pub closings: usize,
 }
@@ -116,31 +117,32 @@ pub struct SynthesisArgs {
 /// Arguments of `grasps generate`.
 #[derive(Debug, Args)]
 pub struct GenerateArgs {
-    /// What for.
+    /// Object and conditions of the synthesis.
     #[command(flatten)]
     pub synthesis: SynthesisArgs,
-    /// Chains, each of which may leave one grasp.
+    /// Number of chains, each of which may yield one grasp.
     #[arg(long, default_value_t = 512)]
     pub n: u64,
-    /// Only grasps of this type of the taxonomy, such as "Pincer" or "Heavy Wrap": chains use the hand as the type does, and verified grasps
-    /// that do not meet its conditions are left out. With --parts, with those digits instead of the type's own.
+    /// Synthesize only grasps of this type of the taxonomy, such as "Pincer" or "Heavy Wrap": chains use the hand as
+    /// the type does, and verified grasps that do not meet its conditions are dropped. With --parts, those digits
+    /// replace the type's own.
     #[arg(long = "type", value_name = "TYPE", value_parser = grasp_type)]
     pub kind: Option<GraspType>,
-    /// Stop when so many different grasps are verified.
+    /// Stop after this many different verified grasps.
     #[arg(long, conflicts_with = "hand")]
     pub keep: Option<usize>,
-    /// File for the verified grasps, JSON lines; it grows while the search runs.
+    /// File for the verified grasps, JSON lines; it grows during the search.
     #[arg(long)]
     pub out: Option<PathBuf>,
-    /// Another hand: its URDF.
+    /// URDF of another hand.
     #[arg(long = "urdf", alias = "hand", value_name = "URDF", requires = "pulls", conflicts_with_all = ["parts", "kind"])]
     pub hand: Option<PathBuf>,
-    /// What pulls on that hand's joints: actuators and their moment arms, TOML.
+    /// Transmission of that hand: actuators and their moment arms at the joints (TOML).
     #[arg(long, alias = "transmission", requires = "hand")]
     pub pulls: Option<PathBuf>,
 }
 
-/// The subject with the mass and the friction of the arguments.
+/// Applies mass and friction of the arguments to the subject.
 fn loaded(subject: Subject, args: &SynthesisArgs) -> Result<Subject> {
     let check = |name: &str, value: f64, least: f64, most: f64| {
         anyhow::ensure!((least..=most).contains(&value), "--{name}: found {value}, expected {least} to {most}");
@@ -188,7 +190,7 @@ fn request(terminal: &Terminal, args: &SynthesisArgs, n: u64, enough: usize) -> 
     Ok((subject, request))
 }
 
-/// `ftac grasps generate`.
+/// Runs `ftac grasps generate`.
 pub fn generate(terminal: &Terminal, args: &GenerateArgs) -> Outcome {
     if let Some(out) = &args.out {
         search::check_writable(out)?;
@@ -213,7 +215,7 @@ pub fn generate(terminal: &Terminal, args: &GenerateArgs) -> Outcome {
     Ok((found == 0).then(|| format!("no grasp{kind} of {} was verified in {} chains", report.object, args.n)))
 }
 
-/// A user's object for a hand of this opening; the set's are known to go.
+/// Fits a user's mesh to a hand of this opening. The objects of the set are known to fit.
 fn sized(subject: Subject, args: &SynthesisArgs, opening: &Opening) -> Result<Subject> {
     let Some(mesh) = &args.mesh else { return Ok(subject) };
     let subject = subject.for_opening(opening).with_context(|| format!("--mesh {}", mesh.display()))?;
@@ -228,7 +230,7 @@ fn sized(subject: Subject, args: &SynthesisArgs, opening: &Opening) -> Result<Su
     Ok(subject)
 }
 
-/// The file of `--out`, begun with its header; `name` is the hand's.
+/// Creates the file of `--out` with its header; `name` is the hand's.
 fn writer(terminal: &Terminal, args: &GenerateArgs, name: String) -> Result<Option<GraspWriter>> {
     let Some(path) = &args.out else { return Ok(None) };
     let hand = match (&args.hand, &args.pulls) {
@@ -240,7 +242,7 @@ fn writer(terminal: &Terminal, args: &GenerateArgs, name: String) -> Result<Opti
     Ok(Some(GraspWriter::create(path, &header)?))
 }
 
-/// The command that makes the same file again.
+/// Returns the command that makes the same file again.
 fn command(terminal: &Terminal, args: &GenerateArgs) -> String {
     let GenerateArgs { synthesis, n, keep, kind, .. } = args;
     let what = match (&synthesis.object, &synthesis.mesh) {
@@ -271,18 +273,19 @@ fn command(terminal: &Terminal, args: &GenerateArgs) -> String {
 /// Arguments of `grasps eval`.
 #[derive(Debug, Args)]
 pub struct EvalArgs {
-    /// What for.
+    /// Object and conditions of the synthesis.
     #[command(flatten)]
     pub synthesis: SynthesisArgs,
-    /// Chains.
+    /// Number of chains.
     #[arg(long, default_value_t = 128)]
     pub n: u64,
-    /// Close and check the grasps of this file once more, of our hand or another, instead of searching; with --object those of one object.
+    /// Close and check the grasps of this file again, of our hand or another, instead of searching; with --object,
+    /// those of one object.
     #[arg(long, conflicts_with_all = ["mesh", "mass", "density", "table"])]
     pub grasps: Option<PathBuf>,
 }
 
-/// `ftac grasps eval`.
+/// Runs `ftac grasps eval`.
 pub fn eval(terminal: &Terminal, args: &EvalArgs) -> Outcome {
     if args.grasps.is_some() {
         return eval_again(terminal, args);
@@ -297,7 +300,7 @@ pub fn eval(terminal: &Terminal, args: &EvalArgs) -> Outcome {
     Ok(fooled.map(|(name, rate)| format!("the negative control {name} held {} of {}", rate.count, rate.of)))
 }
 
-/// The grasps of a file, closed and checked once more.
+/// Closes and checks the grasps of a file again.
 fn eval_again(terminal: &Terminal, args: &EvalArgs) -> Outcome {
     let file = GraspFile::read_or_built_in(args.grasps.as_deref(), RobotModel::ftac_gen3().hand)?;
     let object = args.synthesis.object.as_deref();

@@ -1,4 +1,4 @@
-//! `ftac grasps pick-ups` and `ftac grasps plan`: the benchmark's own repertoire and plans.
+//! `ftac grasps pick-ups` and `ftac grasps plan`: make the benchmark's repertoire and plans.
 
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
@@ -28,16 +28,16 @@ use crate::terminal::{Outcome, Terminal};
 pub struct PickUpsArgs {
     #[command(flatten)]
     pub robot: RobotArgs,
-    /// Objects; default: all of the scenario.
+    /// Object (repeatable); default: all of the scenario.
     #[arg(long, value_parser = object_name)]
     pub object: Vec<String>,
-    /// Only what comes in this place; the other's grasps stay as they are.
+    /// Search only grasps for this place in a trial; those for the other place stay as they are.
     #[arg(long, value_enum)]
     pub role: Option<RoleArg>,
-    /// Random proposals at most, for each object and place.
+    /// Maximum number of random proposals for each object and place.
     #[arg(long, default_value_t = 128)]
     pub n: u32,
-    /// The repertoire file to write (an existing one is extended).
+    /// Repertoire file to write (an existing one is extended).
     #[arg(long)]
     pub out: PathBuf,
 }
@@ -47,64 +47,66 @@ pub struct PickUpsArgs {
 pub struct PlanArgs {
     #[command(flatten)]
     pub robot: RobotArgs,
-    /// Combinations.
+    /// Number of combinations.
     #[arg(long, default_value_t = 60)]
     pub combos: usize,
-    /// Repertoire; default: the built-in one.
+    /// Repertoire file; default: the built-in one.
     #[arg(long)]
     pub repertoire: Option<PathBuf>,
-    /// A plan file whose combinations and grasps stay: only their odds under errors are rehearsed anew.
+    /// Plan file whose combinations and grasps are kept; only their success rates under errors are rehearsed again.
     #[arg(long, conflicts_with = "combos")]
     pub of: Option<PathBuf>,
-    /// Of that file also the odds stay: only grasps of a combination's own are looked for, where none of the known ones goes well.
+    /// Keep the success rates of that file too; search a combination's own grasps only where none of the known ones
+    /// succeeds.
     #[arg(long, requires = "of")]
     pub vary: bool,
-    /// Of that file everything stays: only the other order of its objects is planned, where no sequence of grasps is sure.
+    /// Keep that file as it is; plan only the reverse order of objects where no sequence of grasps is sure.
     #[arg(long, requires = "of", conflicts_with = "vary")]
     pub reverse: bool,
-    /// Of that file everything stays: second grasps are searched for and proven in drawn circumstances, for combinations that have no proof yet, or an
-    /// unsure one that took less effort.
+    /// Keep that file as it is; search second grasps and prove them under random circumstances, for combinations with
+    /// no proof yet, or with an unsure one that took less effort.
     #[arg(long, requires = "of", conflicts_with_all = ["vary", "reverse"])]
     pub prove: bool,
-    /// Effort of that search: 3 to 12 minutes of a core a combination at 1, with as many proposals again at each level above.
+    /// Effort of that search: at 1 it takes 3 to 12 minutes of a core per combination; each level above adds as many
+    /// proposals again.
     #[arg(long, requires = "prove", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=9))]
     pub effort: u32,
-    /// The plan file to write.
+    /// Plan file to write.
     #[arg(long)]
     pub out: PathBuf,
 }
 
-/// Grasps of an object for a place in a trial.
+/// Number of grasps of an object for a place in a trial.
 #[derive(Debug, Serialize, JsonSchema)]
 struct PlaceGrasps<'a> {
     /// Name of the object.
     object: &'a str,
-    /// first or second.
+    /// Place in the trial: first or second.
     role: Cow<'static, str>,
     grasps: usize,
 }
 
-/// Printed by `grasps pick-ups`.
+/// JSON output of `grasps pick-ups`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Proven<'a> {
-    /// The repertoire file.
+    /// File of the repertoire.
     repertoire: &'a Path,
-    /// One entry an object and place.
+    /// One entry per object and place.
     objects: Vec<PlaceGrasps<'a>>,
 }
 
-/// Printed by `grasps plan`.
+/// JSON output of `grasps plan`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Planned<'a> {
-    /// The plan file.
+    /// File of the plans.
     plans: &'a Path,
-    /// Combinations.
+    /// Number of combinations.
     combinations: usize,
-    /// Pairs that could not be done without noise and were replaced.
+    /// Number of pairs that failed without noise and were replaced.
     rejected: usize,
 }
 
-/// The place of what a grasp takes, on the command line.
+/// Place in a trial of the object that a grasp takes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum RoleArg {
     /// Ring and little finger against the palm.
@@ -113,7 +115,7 @@ pub enum RoleArg {
     Second,
 }
 
-/// Rehearses grasps of objects and keeps those that hold in a file, beside what it has.
+/// Rehearses grasps of objects (rollouts) and adds those that hold to the repertoire file.
 pub fn make(terminal: &Terminal, args: &PickUpsArgs) -> Outcome {
     let places = args.role.map_or(vec![0, 1], |role| vec![role as usize]);
     let (n, out) = (args.n, &args.out);
@@ -133,7 +135,7 @@ pub fn make(terminal: &Terminal, args: &PickUpsArgs) -> Outcome {
     let progress = Progress { bar: &bar, steps: &Steps::unkept(), pace: &|_| {} };
     let (mut done, all) = (0, names.len() * places.len());
     let begun = Instant::now();
-    // The file grows object by object: an interruption loses the one in hand, and the rest can be asked for by name.
+    // The file grows object by object: an interruption loses the present one, and the others can be asked for by name.
     pick_ups::generate(&world, &wanted, &mut repertoire, &progress, |name, place, digits, repertoire| {
         repertoire.write(out)?;
         done += 1;
@@ -184,7 +186,7 @@ pub fn plan(terminal: &Terminal, args: &PlanArgs) -> Outcome {
                 args.combos,
                 plans.plans.len()
             );
-            // The odds take longer than the plans: an interruption leaves the plans for --of.
+            // The success rates take longer than the plans: after an interruption the plans are there for --of.
             plans.write(&args.out)?;
             eprintln!(
                 "{} combinations; {} pairs could not be done without noise and were replaced",
@@ -195,7 +197,8 @@ pub fn plan(terminal: &Terminal, args: &PlanArgs) -> Outcome {
         }
     };
     if args.prove {
-        // Written after each combination: an interruption loses the ones in hand, and `--of` the file that was written goes on.
+        // The file is written after each combination: an interruption loses only those in progress, and `--of` this
+        // file resumes.
         let written = Mutex::new(plans.clone());
         proof::prove(&world, &repertoire, &mut plans, proof::Effort::of_level(args.effort), quiet, |proven| {
             let mut written = written.lock().unwrap_or_else(PoisonError::into_inner);
@@ -222,7 +225,7 @@ pub fn plan(terminal: &Terminal, args: &PlanArgs) -> Outcome {
     planned(terminal, args, &plans)
 }
 
-/// Writes `plans` and says so.
+/// Writes `plans` and prints the result.
 fn planned(terminal: &Terminal, args: &PlanArgs, plans: &Plans) -> Outcome {
     plans.write(&args.out)?;
     let made = Planned { plans: &args.out, combinations: plans.plans.len(), rejected: plans.rejected.len() };

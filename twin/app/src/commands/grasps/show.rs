@@ -1,4 +1,4 @@
-//! `ftac grasps show`: the best grasp of each kind, in Rerun, as pictures, and in words.
+//! `ftac grasps show`: shows the best grasp of each kind in Rerun, as pictures and in words.
 
 use std::path::PathBuf;
 
@@ -23,13 +23,13 @@ use crate::terminal::{Outcome, Terminal};
 /// Arguments of `grasps show`.
 #[derive(Debug, Args)]
 pub struct ShowArgs {
-    /// Object; without one, a table of all.
+    /// Object to show; default: a table of all objects.
     #[arg(value_parser = object_name)]
     pub object: Option<String>,
-    /// File of grasps, from `collection` or `generate`; default: the built-in collection.
+    /// Grasp file of `collection` or `generate`; default: the built-in collection.
     #[arg(long)]
     pub grasps: Option<PathBuf>,
-    /// Kinds at most, the most frequent first.
+    /// Maximum number of kinds, the most frequent first.
     #[arg(long, default_value_t = 12)]
     pub kinds: usize,
     /// Recording file; default: recordings/grasps_OBJECT.rrd, which is then opened in the Rerun viewer.
@@ -45,23 +45,23 @@ pub struct ShowArgs {
 struct ObjectKinds<'a> {
     /// Name of the object.
     object: &'a str,
-    /// Of a hand whose digits have names.
+    /// Diversity of the grasps, for a hand whose digits have names.
     #[serde(skip_serializing_if = "Option::is_none")]
     diversity: Option<Diversity>,
     kinds: &'a [Kind<'a>],
 }
 
-/// Printed by `grasps show`.
+/// JSON output of `grasps show`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Shown<'a> {
-    /// Name of a hand from a URDF.
+    /// Name of the hand, if it comes from a URDF.
     #[serde(skip_serializing_if = "Option::is_none")]
     hand: Option<&'a str>,
-    /// One entry an object.
+    /// One entry per object.
     objects: Vec<ObjectKinds<'a>>,
 }
 
-/// `ftac grasps show`.
+/// Runs `ftac grasps show`.
 pub fn show(terminal: &Terminal, args: &ShowArgs) -> Outcome {
     let file = GraspFile::read_or_built_in(args.grasps.as_deref(), RobotModel::ftac_gen3().hand)?;
     let (object, hand) = (args.object.as_deref(), &file.hand);
@@ -90,7 +90,7 @@ pub fn show(terminal: &Terminal, args: &ShowArgs) -> Outcome {
     if let (Some(_), [(name, kinds)], None) = (object, &by_object[..], &args.report) {
         let shown: Vec<ShownGrasp> =
             kinds.iter().take(args.kinds).map(|kind| grasp_gallery::shown(hand, kind)).collect();
-        // All grasps of a file come from one search.
+        // All grasps of a file come from one search, with one friction coefficient.
         let friction = kinds.first().map_or(TEST_FRICTION, grasp_gallery::friction);
         record(terminal, args, &file, name, friction, &shown)?;
     }
@@ -117,7 +117,7 @@ fn record(
     if !terminal.quiet {
         eprintln!("{}: {} kinds; see it with `ftac view {0}`", file.display(), shown.len());
     }
-    // Who names a file wants the file; who does not wants to see it.
+    // A user who names no file wants to see the recording.
     if args.out.is_none() {
         let program = stream::viewer::find_viewer().ok_or(stream::StreamError::NoViewer)?;
         stream::viewer::open(&program, &[file])?;

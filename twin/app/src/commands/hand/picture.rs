@@ -1,4 +1,4 @@
-//! `ftac hand picture`: the hand in any posture, drawn without a screen.
+//! `ftac hand picture`: draws the hand in any posture, without a display.
 
 use std::path::{Path, PathBuf};
 
@@ -17,14 +17,14 @@ use crate::terminal::{Outcome, Terminal};
 /// Arguments of `hand picture`.
 #[derive(Debug, Args)]
 pub struct PictureArgs {
-    /// The posture: open, relaxed, fist, pinch, point, or angles in degrees: one for all joints, one a digit (thumb to little), or one
-    /// for each of the 15 joints (thumb to little, proximal first).
+    /// Posture: open, relaxed, fist, pinch, point, or angles in degrees: one for all joints, one per digit (thumb to
+    /// little), or one for each of the 15 joints (thumb to little, proximal first).
     #[arg(long, default_value = "relaxed", allow_hyphen_values = true)]
     pub pose: String,
-    /// Where it is seen from; several are drawn side by side.
+    /// Viewpoint; several are drawn side by side.
     #[arg(long, value_enum, value_delimiter = ',', default_value = "palm")]
     pub view: Vec<Side>,
-    /// What colours the pads.
+    /// Colour scheme of the pads.
     #[arg(long, value_enum, default_value_t = Color::Configuration)]
     pub color: Color,
     #[command(flatten)]
@@ -35,21 +35,21 @@ pub struct PictureArgs {
     /// Leave out the legend.
     #[arg(long)]
     pub plain: bool,
-    /// The picture (PNG).
+    /// File for the picture (PNG).
     #[arg(long)]
     pub out: PathBuf,
 }
 
-/// Where the hand is seen from.
+/// Viewpoint of the picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Side {
-    /// Onto the palm.
+    /// View of the palm.
     Palm,
-    /// Onto the back.
+    /// View of the back.
     Back,
-    /// From the thumb's side.
+    /// View from the thumb's side.
     Thumb,
-    /// From before the fingertips.
+    /// View from in front of the fingertips.
     Tips,
 }
 
@@ -65,25 +65,25 @@ impl Side {
     }
 }
 
-/// What colours the pads.
+/// Colour scheme of the pads.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Color {
-    /// The sensor's configuration, a to f.
+    /// By the sensor's configuration, a to f.
     Configuration,
-    /// The digit, as in recordings.
+    /// By digit, as in recordings.
     Digit,
 }
 
-/// Printed once the hand is drawn.
+/// JSON output of `hand picture`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Pictured<'a> {
-    /// File with a picture.
+    /// File of the picture.
     picture: &'a Path,
     /// Joint angles in the order of the hand file, degrees.
     angles_deg: Vec<f64>,
 }
 
-/// Draws the hand.
+/// Runs `ftac hand picture`.
 pub fn run(terminal: &Terminal, args: &PictureArgs) -> Outcome {
     let hand = args.robot.model()?.hand;
     let angles = angles(&hand, &args.pose)?;
@@ -108,7 +108,7 @@ fn draw(hand: &Hand, angles: &[f64], side: Side, args: &PictureArgs) -> RgbImage
     picture.finish("")
 }
 
-/// The configurations with their sizes, in the upper left corner.
+/// Draws the legend in the upper left corner: the sensor configurations with their sizes.
 fn legend(sheet: &mut RgbImage, hand: &Hand) {
     let scale = (sheet.height() / 450).max(1);
     for (n, (letter, configuration)) in hand.parameters.configuration.iter().enumerate() {
@@ -123,7 +123,7 @@ fn legend(sheet: &mut RgbImage, hand: &Hand) {
     }
 }
 
-/// Joint angles (rad) of a posture by its name or in degrees.
+/// Returns the joint angles (rad) of a posture given by its name or in degrees.
 fn angles(hand: &Hand, pose: &str) -> Result<HandVector> {
     let named: Option<[[f64; 3]; 5]> = match pose {
         "open" => Some([[0.0; 3]; 5]),
@@ -148,7 +148,7 @@ fn angles(hand: &Hand, pose: &str) -> Result<HandVector> {
     let mut angles = hand.open();
     for ((angle, degrees), joint) in angles.iter_mut().zip(&degrees).zip(&hand.tree.joints) {
         let (low, high) = (joint.lower.to_degrees(), joint.upper.to_degrees());
-        // A posture that has a name goes as far as the hand's joints do.
+        // The angles of a named posture are clamped to the joint limits.
         let degrees = if named { degrees.clamp(low, high) } else { *degrees };
         if !(low - 1e-9..=high + 1e-9).contains(&degrees) {
             bail!("--pose: found {degrees} degrees for {}, expected {low:.0} to {high:.0}", joint.name);
@@ -158,7 +158,7 @@ fn angles(hand: &Hand, pose: &str) -> Result<HandVector> {
     Ok(angles)
 }
 
-/// An angle for each joint from one number, one for each digit, or one for each joint.
+/// Expands one number, one per digit, or one per joint to an angle for each joint, in the unit given.
 fn numbers(hand: &Hand, pose: &str) -> Result<Vec<f64>> {
     let (digits, joints) = (hand.cables.len(), hand.tree.len());
     let expected =

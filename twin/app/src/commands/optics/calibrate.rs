@@ -1,4 +1,4 @@
-//! `ftac optics calibrate`: a real sensor's model from presses of a ball.
+//! `ftac optics calibrate`: fits the model of a real sensor to presses of a ball.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -16,78 +16,78 @@ use serde::Serialize;
 
 use crate::terminal::{Outcome, Terminal};
 
-/// Which presses are held out to measure the calibration. What is written is then fitted to all presses.
+/// Presses held out to measure the calibration. The written calibration is then fitted to all presses.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum SplitArg {
-    /// Hold out each press once: a quarter of them at a time, from 24 presses on a half.
+    /// Hold out each press once: a quarter of them at a time, half of them from 24 presses on.
     #[value(alias = "none")]
     Folds,
     /// Hold out presses 1, 3, 5, ... by file name.
     EvenOdd,
-    /// Hold out the presses of larger balls than the smallest.
+    /// Hold out the presses of all balls but the smallest.
     Ball,
 }
 
 /// Arguments of `optics calibrate`.
 #[derive(Debug, Args)]
 pub struct CalibrateArgs {
-    /// Folder with `background.png`, press images (PNG, JPEG, BMP) and perhaps `labels.csv`; perhaps `lamps/` (the untouched gel under each
-    /// lamp alone) and `checkerboards/` (three or more pictures and `board.toml` with `columns` and `rows`, its inner corners). Or a video
-    /// of presses one after another, which begins untouched.
+    /// Folder with `background.png`, press images (PNG, JPEG, BMP) and optionally `labels.csv`, `lamps/` (the untouched
+    /// gel under each lamp alone) and `checkerboards/` (three or more pictures and `board.toml` with `columns` and
+    /// `rows`, its inner corners). Or a video of presses one after another, which begins untouched.
     pub folder: PathBuf,
-    /// Image of the untouched gel, if it is not called `background`.
+    /// Image of the untouched gel, if it is not named `background`.
     #[arg(long)]
     pub background: Option<PathBuf>,
-    /// Diameter of the ball, mm (where the labels do not say it).
+    /// Diameter of the ball, mm (for presses whose label does not give it).
     #[arg(long)]
     pub ball_diameter_mm: f64,
-    /// Size of a pixel on the gel, mm. One of --pixel-mm, --field-mm, --ruler and --pixel-from-presses is needed.
+    /// Pixel size on the gel, mm. One of --pixel-mm, --field-mm, --ruler and --pixel-from-presses is needed.
     #[arg(long, group = "pixel")]
     pub pixel_mm: Option<f64>,
-    /// Width of the gel that an image shows, mm, as data sheets give it.
+    /// Width of the field of view on the gel, mm, as data sheets give it.
     #[arg(long, group = "pixel")]
     pub field_mm: Option<f64>,
-    /// Two points of an image and their distance on the gel: column,row,column,row (pixels), mm.
+    /// Two points of an image, pixels, and their distance on the gel, mm: column,row,column,row,distance.
     #[arg(long, group = "pixel", value_delimiter = ',', num_args = 1)]
     pub ruler: Option<Vec<f64>>,
-    /// Take the size of a pixel from the presses alone, which tell it only within a factor of two or three.
+    /// Estimate the pixel size from the presses alone, which determine it only within a factor of two or three.
     #[arg(long, group = "pixel")]
     pub pixel_from_presses: bool,
-    /// All presses are shallow: circles may be small against the ball.
+    /// All presses are shallow: accept circles that are small against the ball.
     #[arg(long)]
     pub shallow: bool,
-    /// A sheet of all presses (PNG) with their circles and errors; what is left out is red. It is written before anything is fitted,
-    /// and again with the errors.
+    /// File for a sheet of all presses (PNG) with their circles and errors; presses left out are red. It is written
+    /// before the fit, and again with the errors.
     #[arg(long)]
     pub sheet: Option<PathBuf>,
-    /// Which presses are held out to measure the calibration.
+    /// Presses held out to measure the calibration.
     #[arg(long, value_enum, default_value_t = SplitArg::Folds)]
     pub split: SplitArg,
-    /// The camera's lens (TOML: focal, center, radial, tangential), if the images are not rectified yet and there are no
-    /// checkerboards.
+    /// Lens parameters of the camera (TOML: focal, center, radial, tangential), if the images are not rectified yet and
+    /// there are no checkerboards.
     #[arg(long)]
     pub lens: Option<PathBuf>,
-    /// Find the presses in the images even if there are labels.
+    /// Detect the presses in the images even if there are labels.
     #[arg(long)]
     pub ignore_labels: bool,
-    /// Fit again without each part of the model.
+    /// Ablation: fit again without each part of the model.
     #[arg(long)]
     pub ablation: bool,
-    /// The calibration file (TOML) to write; the untouched gel's image and what `optics reconstruct` needs go beside it.
+    /// Calibration file (TOML) to write; the untouched gel's image and the data for `optics reconstruct` go beside it.
     #[arg(long)]
     pub out: Option<PathBuf>,
 }
 
-/// Everything found, and how long it took.
+/// JSON output of `optics calibrate`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Calibrated<'a> {
     #[serde(flatten)]
     figures: Figures<'a>,
-    /// Time on this machine, s.
+    /// Wall time, s.
     wall_s: f64,
 }
 
-/// Fits, evaluates, and writes the calibration file.
+/// Runs `ftac optics calibrate`: fits, evaluates, and writes the calibration file.
 pub fn calibrate(terminal: &Terminal, args: &CalibrateArgs) -> Outcome {
     let started = Instant::now();
     let boards = args.folder.join(CHECKERBOARDS);
@@ -118,7 +118,7 @@ pub fn calibrate(terminal: &Terminal, args: &CalibrateArgs) -> Outcome {
             None => Ok(()),
         },
     )?;
-    // What is out of line is told before anything is fitted.
+    // Presses out of line are reported before the fit.
     let left_out: Vec<String> = presses.left_out().map(|(name, reason)| format!("{name} left out: {reason}")).collect();
     left_out.iter().for_each(|line| eprintln!("{line}"));
     if !terminal.quiet && !terminal.json {
@@ -168,7 +168,8 @@ fn pixel_source(args: &CalibrateArgs) -> Result<PixelSource> {
     })
 }
 
-/// An error unless the calibration can be written where it does not become one of the presses.
+/// Checks that the calibration can be written, and not into the folder of presses, where its background image would
+/// become one of them.
 fn check_out(path: &Path, presses: &Path) -> Result<()> {
     let name = || format!("--out {}", path.display());
     if path.extension().is_none_or(|ending| ending != "toml") {

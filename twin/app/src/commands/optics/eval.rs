@@ -1,5 +1,5 @@
-//! `ftac optics eval`: a calibration on presses it has not seen, the gel's response to the paper's probe, forces from images,
-//! and whether the fit recovers a known sensor.
+//! `ftac optics eval`: evaluates a calibration on presses it has not seen, the gel's response to the paper's probe,
+//! forces from images, and the recovery of a known sensor by the fit.
 
 use std::path::PathBuf;
 
@@ -27,42 +27,43 @@ pub struct EvalArgs {
     pub folder: Option<PathBuf>,
     #[command(flatten)]
     pub sensor: SensorOption,
-    /// Image of the untouched gel in FOLDER, if it is not called `background`.
+    /// Image of the untouched gel in FOLDER, if it is not named `background`.
     #[arg(long, requires = "folder")]
     pub background: Option<PathBuf>,
-    /// Diameter of the ball, mm (where the labels do not say it).
+    /// Diameter of the ball, mm (for presses whose label does not give it).
     #[arg(long)]
     pub ball_diameter_mm: Option<f64>,
-    /// The gel's response to the paper's probe.
+    /// Evaluate the gel's response to the paper's probe.
     #[arg(long)]
     pub force: bool,
     #[command(flatten)]
     pub robot: RobotArgs,
-    /// Normal force of each pad by its image, beside the physics engine's, in simulated grips.
+    /// Compare the normal force that each pad's image gives with that of the physics engine, in simulated grips.
     #[arg(long)]
     pub pads: bool,
-    /// Errors of fits to made-up presses of a known sensor, over the number of presses, without and with images of single lamps.
+    /// Measure the errors of fits to synthetic presses of a known sensor over the number of presses, without and with
+    /// images of single lamps.
     #[arg(long)]
     pub recovery: bool,
 }
 
-/// Forces by images beside those of the physics engine.
+/// Forces from images, compared with those of the physics engine.
 #[derive(Debug, Serialize, JsonSchema)]
 struct PadForces {
-    /// One entry a row of the table.
+    /// One entry per row of the table.
     rows: Vec<PadForce>,
-    /// Agreement of both forces.
+    /// Agreement of the two forces.
     agreement: Agreement,
 }
 
-/// Errors of surfaces.
+/// Errors of reconstructed surfaces, by method.
 #[derive(Debug, Serialize, JsonSchema)]
 struct Surfaces {
     look_up: Accuracy,
     network: Accuracy,
 }
 
-/// Evaluations that were asked for.
+/// JSON output of `optics eval`: the evaluations that were asked for.
 #[derive(Debug, Default, Serialize, JsonSchema)]
 pub struct Evaluation {
     /// With --force: response of each gel to the paper's probe.
@@ -74,18 +75,18 @@ pub struct Evaluation {
     /// With --recovery: errors of fits.
     #[serde(skip_serializing_if = "Option::is_none")]
     recovery: Option<Vec<Recovery>>,
-    /// Of a folder: presses that were compared.
+    /// With a folder: number of presses compared.
     #[serde(skip_serializing_if = "Option::is_none")]
     presses: Option<usize>,
-    /// Of a folder: similarity of rendered and real images.
+    /// With a folder: similarity of rendered and real images.
     #[serde(skip_serializing_if = "Option::is_none")]
     full: Option<Similarity>,
-    /// Of a folder: errors of surfaces.
+    /// With a folder: errors of reconstructed surfaces.
     #[serde(skip_serializing_if = "Option::is_none")]
     reconstruction: Option<Surfaces>,
 }
 
-/// Runs what was asked for.
+/// Runs the evaluations asked for.
 pub fn eval(terminal: &Terminal, args: &EvalArgs) -> Outcome {
     if args.folder.is_none() && !args.force && !args.recovery && !args.pads {
         bail!("found nothing to evaluate; expected a FOLDER with --sensor, or --force, --pads or --recovery");

@@ -1,4 +1,4 @@
-//! `ftac optics pads`: the calibration files of the hand's pads, as designed or of one unit.
+//! `ftac optics pads`: writes the calibration files of the hand's pads, nominal or of one manufactured unit.
 
 use std::path::PathBuf;
 
@@ -15,28 +15,28 @@ use crate::terminal::Terminal;
 /// Arguments of `optics pads`.
 #[derive(Debug, Args)]
 pub struct PadsArgs {
-    /// Folder for the files, one a pad.
+    /// Folder for the files, one per pad.
     #[arg(long)]
     pub out: PathBuf,
-    /// Serial number of a hand: its own units instead of the design.
+    /// Serial number of a hand whose own pads are written instead of the nominal ones.
     #[arg(long)]
     pub unit: Option<u64>,
-    /// Robot of `ftac twin identify`: its gel's stiffness and thickness are taken, which keep the drawing's values as long as no session
-    /// shows them.
+    /// Individual robot (a file of `ftac twin identify`) that gives the stiffness and thickness of the gel; these keep
+    /// the nominal values unless a session identifies them.
     #[arg(long)]
     pub individual: Option<PathBuf>,
     #[command(flatten)]
     pub robot: RobotArgs,
 }
 
-/// Printed once the files are written.
+/// JSON output of `optics pads`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Written {
     /// Files written.
     files: Vec<PathBuf>,
 }
 
-/// Writes the files.
+/// Runs `ftac optics pads`.
 pub fn pads(terminal: &Terminal, args: &PadsArgs) -> Outcome {
     if args.out.is_file() {
         bail!("--out {}: found a file; expected a folder", args.out.display());

@@ -1,4 +1,4 @@
-//! `ftac optics reconstruct`: normals, heights and contact from images of a calibrated real sensor.
+//! `ftac optics reconstruct`: reconstructs normals, heights and contact from images of a calibrated real sensor.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -18,60 +18,62 @@ use serde::Serialize;
 
 use crate::terminal::{Outcome, Terminal};
 
-/// How slopes are found.
+/// Method that estimates the slopes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum MethodArg {
-    /// Regression from the colour change at a place to the slope.
+    /// Regression from the colour change at a pixel to the slope.
     LookUp,
-    /// A network of the same inputs.
+    /// Neural network with the same inputs.
     Network,
 }
 
 /// Arguments of `optics reconstruct`.
 #[derive(Debug, Args)]
 pub struct ReconstructArgs {
-    /// Folder of images (PNG, JPEG, BMP) and videos of the sensor, or one of them. `background.png` in it, if there is one, is the
-    /// untouched gel.
+    /// Folder of images (PNG, JPEG, BMP) and videos of the sensor, or one such file. A `background.png` in it is the
+    /// image of the untouched gel.
     pub folder: PathBuf,
-    /// The sensor: what `optics calibrate --out` wrote.
+    /// Sensor file of `optics calibrate --out`.
     #[arg(long)]
     pub sensor: PathBuf,
-    /// Folder for the results of each image: height in contact (NPY and EXR in m; 16-bit PNG, 0.1 um a level), normals with their
-    /// expected error, contact mask, where it is known (255; 128 beyond what the calibration's presses showed), points in contact (PLY,
-    /// m). Made if it is not there. Default: only the figures are printed.
+    /// Folder for the results of each image: height in contact (NPY and EXR in m; 16-bit PNG, 0.1 um per level),
+    /// normals with their expected error, contact mask, validity mask (255 where the surface is known, 128 beyond the
+    /// range of the calibration's presses), points in contact (PLY, m). It is created if missing. Default: only the
+    /// figures are printed.
     #[arg(long)]
     pub out: Option<PathBuf>,
-    /// How slopes are found; default: what did better on the calibration's held-out presses.
+    /// Method that estimates the slopes; default: the better one on the calibration's held-out presses.
     #[arg(long, value_enum)]
     pub method: Option<MethodArg>,
-    /// Image of the untouched gel; default: FOLDER/background.png, else the calibration's.
+    /// Image of the untouched gel; default: FOLDER/background.png, else that of the calibration.
     #[arg(long)]
     pub background: Option<PathBuf>,
-    /// Go on with images as they come into the folder, until interrupted.
+    /// Watch the folder and reconstruct images as they arrive, until interrupted.
     #[arg(long)]
     pub watch: bool,
 }
 
-/// Printed once all images are reconstructed, and written beside them. Of a watched folder each image is printed on its own.
+/// JSON output of `optics reconstruct`, also written beside the images. For a watched folder each image is printed on
+/// its own.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Reconstruction<'a> {
-    /// Method by which slopes were found.
+    /// Method that estimated the slopes.
     method: Method,
     /// Origin of the untouched gel's image.
     background: String,
     /// Errors on presses held out of the calibration.
     accuracy: &'a Accuracy,
-    /// Steepest slope that the calibration's presses had, degrees.
+    /// Steepest slope in the calibration's presses, degrees.
     steepest_deg: f64,
     /// Indentation of one level of the 16-bit height image, m.
     height_png_level_m: f64,
     images: Vec<ImageFigures>,
 }
 
-/// How often a watched folder is looked at.
+/// Polling period of a watched folder.
 const LOOK: Duration = Duration::from_millis(100);
 
-/// Reconstructs all images, and those to come if wanted.
+/// Runs `ftac optics reconstruct`: all images, and with `--watch` those still to come.
 pub fn reconstruct(terminal: &Terminal, args: &ReconstructArgs) -> Outcome {
     let sensor = CalibratedSensor::read(&args.sensor)?;
     let photometry = Photometry::read(&args.sensor, &sensor)?;
@@ -122,7 +124,7 @@ pub fn reconstruct(terminal: &Terminal, args: &ReconstructArgs) -> Outcome {
             for file in arrivals.next(&args.folder, args.background.as_deref())? {
                 job.file(&file);
                 job.rows.drain(..).try_for_each(|row| terminal.print(&row, ""))?;
-                // A live folder may hold anything; the next image may be good.
+                // A watched folder may hold anything; the next image may be good.
                 job.failed.drain(..).for_each(|error| eprintln!("{error}"));
             }
             std::thread::sleep(LOOK);
@@ -151,7 +153,7 @@ pub fn reconstruct(terminal: &Terminal, args: &ReconstructArgs) -> Outcome {
     Ok((!failed.is_empty()).then(|| format!("{} of {all} images left out:\n{}", failed.len(), failed.join("\n"))))
 }
 
-/// The untouched gel, and where its image comes from.
+/// Returns the image of the untouched gel, and its origin in words.
 fn background(found: Option<PathBuf>, sensor: &CalibratedSensor) -> Result<(Photo, String)> {
     let Some(path) = found else { return Ok((untouched(sensor), "the calibration's".to_owned())) };
     let mut photo = Photo::read(&path)?;
@@ -182,13 +184,13 @@ struct Job<'a> {
     sensor: &'a CalibratedSensor,
     reader: Reconstructor,
     background: Photo,
-    /// Figures of the images, and what is wrong with those that are left out.
+    /// Figures of the images, and errors of those that are left out.
     rows: Vec<ImageFigures>,
     failed: Vec<String>,
 }
 
 impl Job<'_> {
-    /// Reconstructs an image, or the frames of a video.
+    /// Reconstructs an image file, or the frames of a video.
     fn file(&mut self, file: &Path) {
         let name = folder::name(file);
         let done = if video::is_video(file) {
@@ -212,7 +214,7 @@ impl Job<'_> {
         self.photo(photo, name)
     }
 
-    /// Reconstructs one image, writes and prints it.
+    /// Reconstructs one image, and writes and prints the result.
     fn photo(&mut self, mut photo: Photo, name: &str) -> Result<()> {
         let started = Instant::now();
         let (columns, rows) = self.sensor.size();
@@ -247,7 +249,7 @@ impl Job<'_> {
     }
 }
 
-/// A length that may not be known.
+/// Formats a length, given in m, in mm, or as `unknown`.
 fn millimetres(length: Option<f64>) -> String {
     length.map_or_else(|| "unknown".to_owned(), |length| format!("{:.3}", 1e3 * length))
 }

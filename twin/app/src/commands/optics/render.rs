@@ -1,4 +1,4 @@
-//! `ftac optics render` and `ftac optics shapes`: what a pad sees of a mesh, or of twenty known shapes.
+//! `ftac optics render` and `ftac optics shapes`: render the image of a pad pressed by a mesh, or by twenty known shapes.
 
 use std::path::{Path, PathBuf};
 
@@ -17,19 +17,19 @@ use super::sensor_option::SensorOption;
 use crate::options::robot::{RobotArgs, individual_of};
 use crate::terminal::{Outcome, Terminal};
 
-/// How deep a mesh is pressed into a real sensor unless told otherwise, mm.
+/// Default depth of a mesh pressed into a real sensor, mm.
 const SENSOR_DEPTH_MM: f64 = 0.5;
 
 /// Arguments of `optics render`.
 #[derive(Debug, Args)]
 pub struct RenderArgs {
-    /// The mesh, OBJ, in metres.
+    /// Mesh file (OBJ), in metres.
     pub mesh: PathBuf,
-    /// Pad.
+    /// Name of the pad.
     #[arg(long, default_value = "index_distal")]
     pub pad: String,
-    /// Where the mesh is, over the pad: x,y (mm) of its middle, then roll,pitch,yaw (degrees) about the pad's axes.
-    /// Its lowest point is put on the pad's surface.
+    /// Pose of the mesh over the pad: x,y (mm) of its centre, then roll,pitch,yaw (degrees) about the pad's axes. Its
+    /// lowest point is put on the pad's surface.
     #[arg(long, value_delimiter = ',', num_args = 1, default_value = "0,0,0,0,0", allow_hyphen_values = true)]
     pub pose: Vec<f64>,
     /// Normal force, N.
@@ -40,23 +40,23 @@ pub struct RenderArgs {
     pub unit: u64,
     #[command(flatten)]
     pub sensor: SensorOption,
-    /// For a real sensor: how deep the mesh's lowest point is below the untouched gel, mm. What force that takes is no part of a
+    /// For a real sensor: depth of the mesh's lowest point below the untouched gel, mm. The force is not part of a
     /// calibration [default: 0.5].
     #[arg(long, requires = "sensor_file", conflicts_with = "force")]
     pub depth_mm: Option<f64>,
-    /// For a real sensor: thickness of its gel, mm, beyond which nothing is pressed.
+    /// For a real sensor: thickness of its gel, mm, which limits the indentation.
     #[arg(long, requires = "sensor_file", conflicts_with = "force")]
     pub gel_mm: Option<f64>,
-    /// Radius of the pad's cover across the digit, mm, for a pad that is part of a cylinder; default: flat.
+    /// Radius of the pad's cover across the digit, mm, for a cylindrical pad; default: flat.
     #[arg(long)]
     pub cover_radius_mm: Option<f64>,
-    /// Robot of `ftac twin identify`: its gel's stiffness and thickness are taken, which keep the drawing's values as long as no session
-    /// shows them.
+    /// Individual robot (a file of `ftac twin identify`) that gives the stiffness and thickness of the gel; these keep
+    /// the nominal values unless a session identifies them.
     #[arg(long, conflicts_with = "sensor_file")]
     pub individual: Option<PathBuf>,
     #[command(flatten)]
     pub robot: RobotArgs,
-    /// The PNG to write; image, height map (m, along the cover's normals) and normals go beside it, as PNG, EXR and NPY.
+    /// PNG file to write; image, height map (m, along the cover's normals) and normals go beside it, as PNG, EXR and NPY.
     #[arg(long)]
     pub out: PathBuf,
 }
@@ -64,7 +64,7 @@ pub struct RenderArgs {
 /// Arguments of `optics shapes`.
 #[derive(Debug, Args)]
 pub struct ShapesArgs {
-    /// Pad.
+    /// Name of the pad.
     #[arg(long, default_value = "index_distal")]
     pub pad: String,
     /// Normal force, N.
@@ -75,12 +75,12 @@ pub struct ShapesArgs {
     pub unit: u64,
     #[command(flatten)]
     pub robot: RobotArgs,
-    /// The contact sheet (PNG) to write.
+    /// Contact sheet (PNG) to write.
     #[arg(long)]
     pub out: PathBuf,
 }
 
-/// Printed of a pad.
+/// JSON output of `optics render` for a pad.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct PadRender<'a> {
     pad: &'a str,
@@ -88,24 +88,24 @@ pub struct PadRender<'a> {
     force: f64,
     /// Indentation of the object, mm.
     shift_mm: f64,
-    /// One entry a camera of the pad.
+    /// One entry per camera of the pad.
     cameras: Vec<CameraRender>,
 }
 
-/// Printed of the twenty shapes.
+/// JSON output of `optics shapes`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Shapes {
     shapes: Vec<PressedShape>,
 }
 
-/// Refuses a picture that is no PNG, before any work is done.
+/// Refuses an output file that is not a PNG, before any work is done.
 fn expect_png(out: &Path) -> Result<()> {
     let is_png = out.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("png"));
     ensure!(is_png, "--out: found {}, expected a file that ends in .png", out.display());
     Ok(())
 }
 
-/// Renders a mesh.
+/// Runs `ftac optics render`.
 pub fn render(terminal: &Terminal, args: &RenderArgs) -> Outcome {
     expect_png(&args.out)?;
     let hand = individual_of(args.individual.as_deref(), &args.robot.model()?)?.hand;
@@ -162,7 +162,7 @@ fn render_real(terminal: &Terminal, args: &RenderArgs, path: &Path, pressed: (&M
     Ok(found.bottomed_out.then(short))
 }
 
-/// Renders the twenty shapes onto one sheet.
+/// Runs `ftac optics shapes`: renders the twenty shapes onto one sheet.
 pub fn shapes(terminal: &Terminal, args: &ShapesArgs) -> Outcome {
     expect_png(&args.out)?;
     let hand = args.robot.model()?.hand;

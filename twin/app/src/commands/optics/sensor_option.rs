@@ -1,4 +1,4 @@
-//! The option that names a sensor's file, which is the same in all commands.
+//! The option `--sensor`, which names a sensor's file in all commands.
 
 use std::path::PathBuf;
 
@@ -6,11 +6,11 @@ use clap::Args;
 
 use crate::terminal::Terminal;
 
-/// A sensor's file.
+/// Option for a sensor's file.
 #[derive(Debug, Clone, Args)]
 #[group(id = "sensor_file", multiple = false)]
 pub struct SensorOption {
-    /// The sensor: a real one (what `optics calibrate --out` wrote) or, to render, a pad's (see `optics pads`).
+    /// Sensor file: of a real sensor (from `optics calibrate --out`) or, to render, of a pad (see `optics pads`).
     #[arg(long)]
     pub sensor: Option<PathBuf>,
     /// The former name of `--sensor`.
@@ -19,7 +19,7 @@ pub struct SensorOption {
 }
 
 impl SensorOption {
-    /// The file. Its former name is taken with a notice.
+    /// Returns the file. The former option name is accepted with a notice.
     pub fn file(&self, terminal: &Terminal) -> Option<&PathBuf> {
         if self.calibration.is_some() && !terminal.quiet {
             eprintln!("--calibration is now called --sensor");

@@ -1,4 +1,4 @@
-//! Printed by `ftac sweep` with `--json`.
+//! JSON output of `ftac sweep`.
 
 use std::path::PathBuf;
 
@@ -8,61 +8,61 @@ use sweep::makespan::Point;
 use sweep::merge::Merged;
 use sweep::slurm::Task;
 
-/// Printed by `sweep plan`.
+/// JSON output of `sweep plan`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Planned<'a> {
-    /// The sweep's name.
+    /// Name of the sweep.
     pub(super) name: &'a str,
-    /// Points: one value of each axis but seed, policy and ablation.
+    /// Number of points: combinations of one value of each axis except seed, policy and ablation.
     pub(super) points: usize,
-    /// Trials, each under one policy.
+    /// Number of trials, each under one policy.
     pub(super) trials: usize,
-    /// Names of the units of work, by their content.
+    /// Names of the units of work, derived from their content.
     pub(super) units: Vec<&'a str>,
-    /// Expected time of one core, s.
+    /// Expected time on one core, s.
     pub(super) core_s: f64,
     /// Expected time on this machine, s.
     pub(super) wall_s: f64,
     /// Expected size of the units' files, bytes.
     pub(super) bytes: f64,
-    /// Tells sweeps apart.
+    /// Identity of the sweep.
     pub(super) sweep: String,
 }
 
 /// A unit that could not be played.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct FailedUnit {
-    /// The unit's name.
+    /// Name of the unit.
     pub(super) unit: String,
-    /// Reason.
+    /// Reason of the failure.
     pub(super) reason: String,
 }
 
-/// A unit whose files were broken.
+/// A unit with broken files.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct BrokenUnit {
-    /// The unit's name.
+    /// Name of the unit.
     pub(super) unit: String,
-    /// Fault of its file.
+    /// Defect of its file.
     pub(super) reason: String,
 }
 
-/// Printed by `sweep merge`.
+/// JSON output of `sweep merge`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Joined {
-    /// Units that were joined.
+    /// Number of merged units.
     pub(super) units: usize,
-    /// Units that are not finished.
+    /// Number of unfinished units.
     pub(super) missing: usize,
-    /// Units whose files were broken; they were laid aside.
+    /// Units with broken files, which were set aside.
     pub(super) broken: Vec<BrokenUnit>,
-    /// Rows of the trials' table.
+    /// Number of rows of the table of trials.
     pub(super) trials: usize,
-    /// Rows of the tries' table.
+    /// Number of rows of the table of tries.
     pub(super) tries: usize,
-    /// Time that the units took, summed, s.
+    /// Sum of the times that the units took, s.
     pub(super) core_s: f64,
-    /// Of all rows but what is wall time: the same results have the same digest.
+    /// Digest of all rows without wall times: the same results have the same digest.
     pub(super) digest: String,
 }
 
@@ -74,81 +74,81 @@ impl Joined {
     }
 }
 
-/// Printed by `sweep run`.
+/// JSON output of `sweep run`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Played {
     /// The result folder.
     pub(super) folder: PathBuf,
-    /// Units that this process played.
+    /// Number of units that this process played.
     pub(super) played: usize,
-    /// Units that are finished.
+    /// Number of finished units.
     pub(super) finished: usize,
-    /// Units of the sweep.
+    /// Number of units of the sweep.
     pub(super) units: usize,
     /// Units that could not be played.
     pub(super) failed: Vec<FailedUnit>,
-    /// Time of this process, s.
+    /// Wall time of this process, s.
     pub(super) wall_s: f64,
-    /// Joined results; none of a worker.
+    /// Merged results; none for a worker.
     pub(super) merged: Option<Joined>,
 }
 
-/// Printed by `sweep submit`.
+/// JSON output of `sweep submit`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Handed {
     /// The result folder.
     pub(super) folder: PathBuf,
-    /// Outcome: submitted, joined (jobs of this sweep are under way) or finished.
+    /// Outcome: submitted, joined (jobs of this sweep are already under way) or finished.
     pub(super) outcome: &'static str,
-    /// Job of the workers.
+    /// Slurm job of the workers.
     pub(super) array: Option<u64>,
-    /// Job that joins their results.
+    /// Slurm job that merges their results.
     pub(super) merge: Option<u64>,
-    /// Workers.
+    /// Number of workers.
     pub(super) workers: Option<usize>,
 }
 
 /// A unit whose last attempt failed.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct FailedAttempt {
-    /// The unit's name.
+    /// Name of the unit.
     pub(super) unit: String,
-    /// Reason.
+    /// Reason of the failure.
     pub(super) reason: String,
-    /// Machine, process and job.
+    /// Machine, process and job of the attempt.
     pub(super) by: String,
 }
 
-/// Printed by `sweep status`.
+/// JSON output of `sweep status`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Standing {
-    /// The sweep's name.
+    /// Name of the sweep.
     pub(super) name: String,
-    /// Units that are finished.
+    /// Number of finished units.
     pub(super) finished: usize,
-    /// Units of the sweep.
+    /// Number of units of the sweep.
     pub(super) units: usize,
-    /// Units that somebody plays.
+    /// Number of units under way.
     pub(super) running: usize,
     /// Units whose last attempt failed.
     pub(super) failed: Vec<FailedAttempt>,
-    /// Trials of the finished units.
+    /// Number of trials of the finished units.
     pub(super) trials: usize,
-    /// Trials of the sweep.
+    /// Number of trials of the sweep.
     pub(super) of_trials: usize,
-    /// Over the last quarter of an hour.
+    /// Rate over the last quarter of an hour, 1/min.
     pub(super) trials_per_minute: Option<f64>,
-    /// Time left at that rate, s.
+    /// Remaining time at that rate, s.
     pub(super) left_s: Option<f64>,
-    /// State of the jobs by Slurm.
+    /// States of the jobs as Slurm reports them.
     pub(super) jobs: Vec<Task>,
-    /// Error of the question to Slurm.
+    /// Error of the query to Slurm.
     pub(super) slurm_error: Option<String>,
 }
 
-/// Printed by `sweep makespan`.
+/// JSON output of `sweep makespan`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Replayed {
-    /// A number of cores each.
+    /// One entry per number of cores.
     pub(super) points: Vec<Point>,
 }

@@ -1,4 +1,4 @@
-//! `ftac twin evaluate`: identified robots beside the truth, over individuals whose parameters were drawn and hidden.
+//! `ftac twin evaluate`: identification error over individuals with hidden random parameters.
 
 use anyhow::{Context as _, Result, anyhow, bail};
 use clap::Args;
@@ -19,10 +19,10 @@ use super::Drawing;
 use crate::options::robot::RobotArgs;
 use crate::terminal::{Outcome, Terminal};
 
-/// Goals of the evaluation: share of parameters in their intervals, the median error of a joint, rad, ...
+/// Goals of the evaluation: share of parameters in their 95 % intervals, and median error of a joint angle, rad.
 const COVERAGE: [f64; 2] = [0.90, 0.98];
 const JOINT_ERROR: f64 = 0.017_453;
-/// ... and that of a fingertip on the arm, m.
+/// Goal for the median error of a fingertip in the frame of the arm's base, m.
 const REACH_ERROR: f64 = 1e-3;
 
 /// Arguments of `twin evaluate`.
@@ -33,63 +33,64 @@ pub struct EvaluateArgs {
     /// Number of the first individual.
     #[arg(long, default_value_t = 101)]
     pub from: u64,
-    /// How many individuals.
+    /// Number of individuals.
     #[arg(long, default_value_t = 20)]
     pub count: u64,
 }
 
-/// Shares of parameters in their 95 % intervals.
+/// Coverage: shares of parameters in their 95 % intervals.
 #[derive(Debug, Serialize, JsonSchema)]
 struct Shares {
-    /// Of the identified ones.
+    /// Share among identified parameters.
     identified: f64,
-    /// Of the others.
+    /// Share among the other parameters.
     others: f64,
 }
 
-/// Printed once all individuals are identified.
+/// JSON output of `twin evaluate`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Evaluated {
     /// Seed of the devices' noise.
     seed: u64,
-    /// One entry an individual.
+    /// One entry per individual.
     individuals: Vec<Row>,
-    /// Over all individuals.
+    /// Coverage over all individuals.
     coverage: Shares,
-    /// Median over individuals: as drawn, identified.
+    /// Median over individuals: nominal, identified.
     joint_rad: [f64; 2],
-    /// Median over individuals: as drawn, identified.
+    /// Median over individuals: nominal, identified.
     tip_m: [f64; 2],
-    /// Median over individuals: as drawn, identified.
+    /// Median over individuals: nominal, identified.
     reach_m: [f64; 2],
 }
 
-/// What came of one individual.
+/// Results for one individual.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 struct Row {
-    /// Its number.
+    /// Number of the individual.
     individual: u64,
-    /// Parameters that the session taught something about.
+    /// Coverage of the parameters that the session identified.
     identified: Coverage,
-    /// The other parameters.
+    /// Coverage of the other parameters.
     others: Coverage,
-    /// Median error of a joint's angle in a free motion on which nothing was identified, rad: as drawn, and identified.
+    /// Median error of a joint angle in a free motion not used for identification, rad: nominal, identified.
     joint: [f64; 2],
-    /// Median error of a fingertip in the palm frame in that motion, m.
+    /// Median error of a fingertip in the palm frame in that motion, m: nominal, identified.
     tip: [f64; 2],
-    /// Root mean square error of a servo's angle in it, rad.
+    /// RMS error of a servo angle in that motion, rad: nominal, identified.
     servo: [f64; 2],
-    /// Median error of a fingertip in the frame of the arm's base, wherever the arm reaches, m: as drawn, and identified.
+    /// Median error of a fingertip in the frame of the arm's base over the arm's workspace, m: nominal, identified.
     reach: [f64; 2],
-    /// Touches of the ball that push every link onto its stop.
+    /// Number of touches of the ball that push every link onto its stop.
     touches: usize,
-    /// Distance of touches from the ball, root mean square, m: as drawn, and identified.
+    /// RMS distance of the touches from the ball, m: nominal, identified.
     ball: [f64; 2],
-    /// Postures in which the weighed object was in the hand.
+    /// Number of postures with the weighed object in the hand.
     held: usize,
-    /// Torque of the weight left unexplained, root mean square, N m: as drawn, and identified.
+    /// RMS residual of the arm torques under the weight, N m: nominal, identified.
     weight: [f64; 2],
-    /// Why its excitation ended before its last step, and after how many, if so: it is identified from what was played.
+    /// Reason why the excitation ended before its last step, and the number of steps done, if so; identification then
+    /// uses the part played.
     stopped: Option<String>,
 }
 
@@ -167,7 +168,7 @@ pub fn run(terminal: &Terminal, args: &EvaluateArgs) -> Outcome {
     };
     terminal.print(&evaluated, &text)?;
     let rows = evaluated.individuals;
-    // The parameters of one robot hang together: a share over few robots shows nothing.
+    // The parameters of one robot are correlated: coverage over few robots shows nothing.
     let few = rows.len() < FEWEST_SAMPLES;
     let covered = few || (COVERAGE[0]..=COVERAGE[1]).contains(&identified.share());
     let stopped = |row: &Row| row.stopped.as_ref().map(|why| format!("individual {}: {why}", row.individual));
@@ -184,10 +185,11 @@ pub fn run(terminal: &Terminal, args: &EvaluateArgs) -> Outcome {
     Ok((!short.is_empty()).then(|| short.join("; ")))
 }
 
-/// Joint angles of the hand whose fingertips are looked at, rad.
+/// Joint angle of the hand posture for the fingertip error, rad.
 const BEND: f64 = 0.4;
 
-/// Excites, identifies and compares one individual, behind all that the bridge does to commands and measurements.
+/// Excites and identifies one individual behind the full processing of commands and measurements by the bridge, and
+/// compares it with the truth.
 fn evaluate(drawing: &Drawing, number: u64, seed: u64) -> Result<Row> {
     let Drawing { robot: nominal, losses, .. } = drawing;
     let hand = &nominal.hand;

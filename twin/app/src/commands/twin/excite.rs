@@ -1,4 +1,4 @@
-//! `ftac twin excite`: a scripted, resumable excitation of any body, recorded as a session.
+//! `ftac twin excite`: a scripted, resumable excitation of any robot backend, recorded as a session.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -32,9 +32,9 @@ use crate::options::body::{Body, check_body};
 use crate::options::robot::RobotArgs;
 use crate::terminal::{Outcome, Terminal};
 
-/// Waited for the first measurements to pass the checks.
+/// Time limit for the first measurements to pass the checks.
 const PATIENCE: Duration = Duration::from_secs(5);
-/// File that says how far an excitation came.
+/// Name of the file with the progress of an excitation.
 const STATE: &str = "excitation.json";
 
 /// Arguments of `twin excite`.
@@ -42,24 +42,24 @@ const STATE: &str = "excitation.json";
 pub struct ExciteArgs {
     #[command(flatten)]
     pub model: RobotArgs,
-    /// Folder of the sessions; one with an unfinished excitation goes on from its last finished step.
+    /// Folder of the sessions; an unfinished excitation in it resumes after its last finished step.
     pub folder: PathBuf,
-    /// Body.
+    /// Robot backend.
     #[arg(long, value_enum, default_value_t = Body::Rounded)]
     pub robot: Body,
-    /// Configuration of the hardware bridge, for --robot hardware.
+    /// Configuration file of the hardware bridge, for --robot hardware.
     #[arg(long)]
     pub config: Option<PathBuf>,
-    /// Script of the excitation; default: the built-in one.
+    /// Excitation script (TOML); default: the built-in one.
     #[arg(long)]
     pub script: Option<PathBuf>,
-    /// Which individual a simulated or emulated robot is; 0 is the robot as drawn.
+    /// Number of the individual that a simulated or emulated robot is; 0 is the nominal robot.
     #[arg(long, default_value_t = 0)]
     pub individual: u64,
-    /// Where the individual's true parameters go, for evaluation alone.
+    /// File for the individual's true parameters, for evaluation only.
     #[arg(long)]
     pub truth_out: Option<PathBuf>,
-    /// Only print what would be done.
+    /// Only print the steps.
     #[arg(long)]
     pub dry_run: bool,
     /// Do not ask before moving a real robot.
@@ -67,21 +67,21 @@ pub struct ExciteArgs {
     pub yes: bool,
 }
 
-/// How far an excitation came.
+/// Progress of an excitation, as kept in its folder.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Record {
     version: u32,
     robot: String,
-    /// The robot's files, where it is not the built-in one.
+    /// Files of the robot, if it is not the built-in one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     robot_model: Option<RobotSources>,
-    /// Of a simulated or emulated robot.
+    /// Number of the individual, for a simulated or emulated robot.
     individual: u64,
     script: Script,
-    /// Steps that are done, from the first on.
+    /// Number of finished steps, from the first on.
     done: usize,
-    /// Sessions that were begun.
+    /// Number of sessions begun.
     parts: usize,
 }
 
@@ -112,26 +112,26 @@ impl Record {
     }
 }
 
-/// Printed once the excitation is done, or of what is to be done.
+/// JSON output of `twin excite`, also of a dry run.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Excited {
     /// Folder of the sessions.
     folder: String,
-    /// Body: sim, rounded, emulated or hardware.
+    /// Robot backend: sim, rounded, emulated or hardware.
     robot: String,
     /// True if nothing was moved.
     dry_run: bool,
-    /// Steps of the script.
+    /// Number of steps of the script.
     steps: usize,
-    /// Steps that are done.
+    /// Number of finished steps.
     done: usize,
-    /// Length of the other steps without the arm's way, s.
+    /// Duration of the remaining steps without the arm's motions, s.
     seconds_left: f64,
     /// Session files.
     sessions: Vec<String>,
 }
 
-/// A body behind all that stands between it and a controller.
+/// A robot backend with every layer between it and a controller.
 enum Bodied {
     Free(Box<dyn RobotBackend>),
     Direct(Box<DirectRobot>),
@@ -149,7 +149,7 @@ impl Bodied {
         }
     }
 
-    /// Why it no longer runs, if so.
+    /// Returns the state of the supervisor if the robot no longer runs.
     fn stopped(&self) -> Option<String> {
         let state = match self {
             Self::Free(_) => return None,
@@ -256,7 +256,7 @@ pub fn run(terminal: &Terminal, args: &ExciteArgs) -> Outcome {
     tell(terminal, args, &drawing.robot.hand, &record, false)
 }
 
-/// Plays what is left. Why it stopped before the end, if it did.
+/// Plays the remaining steps. Returns the reason if it stopped before the end.
 fn excite(
     terminal: &Terminal,
     args: &ExciteArgs,
@@ -300,7 +300,7 @@ fn excite(
     Ok(if played? { None } else { Some(stopped.unwrap_or_default()) })
 }
 
-/// The body that was asked for, armed, and what its sessions say of it.
+/// Opens and arms the requested backend. Also returns the session header.
 fn open(terminal: &Terminal, args: &ExciteArgs, drawing: &Drawing, script: &Script) -> Result<(Bodied, Session)> {
     if args.robot == Body::Hardware {
         let path = args.config.as_deref().context("--config")?;
@@ -327,7 +327,7 @@ fn open(terminal: &Terminal, args: &ExciteArgs, drawing: &Drawing, script: &Scri
     })
 }
 
-/// The real robot under the configuration at `path`, armed once its operator agrees.
+/// Connects the real robot of the configuration at `path`, and arms it once its operator agrees.
 fn real(path: &Path, yes: bool, script: &Script, model: &RobotModel) -> Result<(Bodied, Session)> {
     let config = BridgeConfig::read(path)?;
     let bytes = |path: &Path| std::fs::read(path).with_context(|| path.display().to_string());
@@ -353,7 +353,7 @@ fn real(path: &Path, yes: bool, script: &Script, model: &RobotModel) -> Result<(
     Ok((Bodied::Real(Box::new(robot)), about))
 }
 
-/// What stands about the robot and what is done with it, a sentence each.
+/// Describes the objects that the script uses, a sentence each.
 fn things(script: &Script) -> Vec<String> {
     let ball = script.ball.as_ref().map(|ball| {
         let [x, y, z] = ball.place;
@@ -374,7 +374,7 @@ fn things(script: &Script) -> Vec<String> {
     ball.into_iter().chain(weight).collect()
 }
 
-/// What was done, or is to be done.
+/// Prints the steps done, or in a dry run the steps to do.
 fn tell(terminal: &Terminal, args: &ExciteArgs, hand: &Hand, record: &Record, dry: bool) -> Outcome {
     let steps = record.script.steps(hand);
     let seconds: f64 = steps.iter().skip(record.done).map(|step| record.script.length(step, hand)).sum();

@@ -1,4 +1,4 @@
-//! `ftac twin identify`: from sessions of an excitation to `individual.toml` and a page about it.
+//! `ftac twin identify`: identifies parameters from sessions of an excitation; writes `individual.toml` and a page about it.
 
 use std::path::PathBuf;
 
@@ -18,7 +18,7 @@ use crate::commands::sessions::sessions_in;
 use crate::options::robot::RobotArgs;
 use crate::terminal::{Outcome, Terminal};
 
-/// A servo that the twin leaves unexplained by more than this (rad, root mean square) is not the drawing's.
+/// Threshold for the RMS residual of a servo angle, rad: a servo above it does not fit the drawing.
 const MOST_RESIDUAL: f64 = 0.0175;
 
 /// Arguments of `twin identify`.
@@ -26,42 +26,44 @@ const MOST_RESIDUAL: f64 = 0.0175;
 pub struct IdentifyArgs {
     #[command(flatten)]
     pub model: RobotArgs,
-    /// Sessions of `ftac twin excite`, or its folders.
+    /// Sessions of `ftac twin excite`, or folders of them.
     #[arg(required = true)]
     pub sessions: Vec<PathBuf>,
-    /// Where the parameters go.
+    /// File for the parameters.
     #[arg(long, default_value = "individual.toml")]
     pub out: PathBuf,
-    /// Where the pads' own photometric calibration goes, if the sessions press pads on a ball; default: beside --out, with the ending pads.json.
+    /// File for the photometric calibration of the robot's own pads, if the sessions press pads on a ball; default:
+    /// beside --out, with the ending pads.json.
     #[arg(long)]
     pub pads: Option<PathBuf>,
-    /// Where the page goes; default: beside --out, with the ending html.
+    /// File for the page; default: beside --out, with the ending html.
     #[arg(long)]
     pub report: Option<PathBuf>,
 }
 
-/// Printed once the parameters are found.
+/// JSON output of `twin identify`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Identified<'a> {
-    /// Touches of the ball that push every link onto its stop.
+    /// Number of touches of the ball that push every link onto its stop.
     touches: usize,
-    /// Their distance from one ball, root mean square, m: as drawn, identified; null without touches.
+    /// RMS distance of the touches from one ball, m: nominal, identified; null without touches.
     touches_rms_m: Option<[f64; 2]>,
-    /// Postures in which a weighed object was in the hand.
+    /// Number of postures with a weighed object in the hand.
     weighed_postures: usize,
-    /// Difference of the arm's torques from its weight, root mean square, N m: as drawn, identified; null where nothing was weighed.
+    /// RMS difference between the arm's torques and those of the weight, N m: nominal, identified; null if nothing was
+    /// weighed.
     weight_rms_nm: Option<[f64; 2]>,
-    /// File with the pads' own calibration; null where there is none.
+    /// File with the calibration of the robot's own pads; null if there is none.
     pads: Option<String>,
     /// File with the parameters.
     individual: String,
-    /// Page about them.
+    /// Page about the parameters.
     page: String,
-    /// Sessions that they were identified from.
+    /// Sessions used for the identification.
     sessions: &'a [Source],
-    /// One entry an actuator.
+    /// One entry per actuator.
     actuators: &'a [ActuatorRow],
-    /// Every parameter.
+    /// One entry per parameter.
     parameters: &'a [ParameterRow],
 }
 
@@ -126,10 +128,10 @@ pub fn run(terminal: &Terminal, args: &IdentifyArgs) -> Outcome {
     Ok((!off.is_empty()).then(|| format!("the twin does not move as the sessions show: {}", off.join(", "))))
 }
 
-/// A calibration of the pads' own, or why there is none.
+/// Calibration of the robot's own pads, or the reason why there is none.
 type OwnPads = Result<(PhotometricCalibration, OwnCalibrationReport), TouchError>;
 
-/// Writes the pads' own calibration where there is one: its file, and what is to be said.
+/// Writes the calibration of the robot's own pads, if there is one. Returns its file, and the message to print.
 fn keep_pads(args: &IdentifyArgs, found: Option<OwnPads>) -> Result<(Option<PathBuf>, String)> {
     Ok(match found {
         None => (None, String::new()),
@@ -149,7 +151,7 @@ fn keep_pads(args: &IdentifyArgs, found: Option<OwnPads>) -> Result<(Option<Path
     })
 }
 
-/// The sessions that were named, those of folders in their order.
+/// Resolves the named sessions and folders to session files; those of a folder are sorted.
 fn files(named: &[PathBuf]) -> Result<Vec<PathBuf>> {
     let mut files = Vec::new();
     for path in named {
@@ -166,7 +168,7 @@ fn files(named: &[PathBuf]) -> Result<Vec<PathBuf>> {
     Ok(files)
 }
 
-/// What was found, as pages and terminals show it.
+/// Returns the result as rows for pages and terminal: actuators and parameters.
 fn rows(drawing: &Drawing, found: &Identification) -> (Vec<ActuatorRow>, Vec<ParameterRow>) {
     let names = drawing.robot.hand.parameters.actuator.iter().map(|actuator| actuator.name.clone());
     let actuators = names

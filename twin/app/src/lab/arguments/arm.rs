@@ -9,7 +9,7 @@ use crate::options::robot::RobotArgs;
 /// `arm` commands.
 #[derive(Debug, Subcommand)]
 pub enum ArmCommand {
-    /// Check the arm: limits, gravity compensation, inverse kinematics, reach, and what it does where it cannot follow.
+    /// Check the arm: limits, gravity compensation, inverse kinematics, reach, and behaviour when it cannot follow.
     Check {
         /// Folder for pictures and check.json.
         #[arg(long)]

@@ -1,4 +1,4 @@
-//! Arguments of `ftac report`, of which `ftac-lab` makes the page of the grasp study and the lab book.
+//! Arguments of `ftac report`. `ftac-lab` makes the page of the grasp study and the lab book.
 
 use std::path::PathBuf;
 
@@ -10,12 +10,12 @@ pub struct ReportArgs {
     /// Result folders.
     #[arg(required_unless_present_any = ["study", "lab_book"])]
     pub folders: Vec<PathBuf>,
-    /// The grasp study instead: one page from what `grasps classify`, `map`, `landscape` and `hands` left in the folder (default:
-    /// recordings/study).
+    /// Make the page of the grasp study instead, from the results of `grasps classify`, `map`, `landscape` and `hands`
+    /// in the folder (default: recordings/study).
     #[arg(long, conflicts_with = "out")]
     pub study: bool,
-    /// The lab book instead: BENCHMARKS.md from a table of figures (default: recordings/figures.csv). Refuses figures whose command
-    /// cannot be run again; run it in the folder of the workspace.
+    /// Make the lab book instead: BENCHMARKS.md from a table of figures (default: recordings/figures.csv). Refuses
+    /// figures whose command cannot be run again; run it in the folder of the workspace.
     #[arg(
         long,
         value_name = "FIGURES",
@@ -24,7 +24,7 @@ pub struct ReportArgs {
         conflicts_with_all = ["study", "folders"]
     )]
     pub lab_book: Option<PathBuf>,
-    /// Where the merged result goes (needed with several folders), or the page of --lab-book.
+    /// Folder for the merged result (required with several folders), or file for the page of --lab-book.
     #[arg(long)]
     pub out: Option<PathBuf>,
 }

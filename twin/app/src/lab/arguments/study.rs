@@ -11,16 +11,17 @@ use super::grasps::GraspsArgs;
 pub struct StudyArgs {
     #[command(flatten)]
     pub grasps: GraspsArgs,
-    /// Full size instead of a quick look: 150 grasps of each object in the landscape and its sweep, 12 chains for each hand and object.
+    /// Run in full size instead of a quick look: 150 grasps of each object in the landscape and its sweep, 12 chains
+    /// for each hand and object.
     #[arg(long)]
     pub full: bool,
-    /// Another hand beside ours: its URDF (repeatable).
+    /// URDF of another hand to compare with ours (repeatable).
     #[arg(long = "urdf", alias = "hand", value_name = "URDF")]
     pub hand: Vec<PathBuf>,
-    /// What pulls on that hand's joints, TOML: one for each --urdf, in the same order.
+    /// Transmission of that hand (TOML: actuators and their moment arms): one for each --urdf, in the same order.
     #[arg(long, alias = "transmission")]
     pub pulls: Vec<PathBuf>,
-    /// Folder for study.html and all parts; the same command goes on from it [default: recordings/study, with --full
+    /// Folder for study.html and all parts; the same command resumes from it [default: recordings/study, with --full
     /// recordings/study-full].
     #[arg(long)]
     pub out: Option<PathBuf>,

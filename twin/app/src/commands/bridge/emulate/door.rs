@@ -1,4 +1,4 @@
-//! How a running emulator is told things: lines on its standard input, or over a socket of its own.
+//! Requests to a running emulator: lines on its standard input, or over its socket.
 
 use std::io::{self, BufRead, BufReader, IsTerminal as _, Read as _, Write};
 use std::os::unix::fs::PermissionsExt as _;
@@ -9,24 +9,24 @@ use std::time::Duration;
 
 use anyhow::{Context as _, Result, bail};
 
-/// Longest wait for a line or an answer.
+/// Time limit for a line or an answer.
 const PATIENCE: Duration = Duration::from_secs(10);
-/// The longest line, bytes.
+/// Maximum length of a line, bytes.
 const LINE: u64 = 1000;
 
-/// A line, and whoever waits for an answer.
+/// A request line, and the client that waits for an answer.
 pub struct Request {
     pub line: String,
     from: Option<UnixStream>,
 }
 
 impl Request {
-    /// Says what came of it.
+    /// Sends the outcome to the client, or prints it.
     pub fn answer(self, outcome: Result<String>) {
         match (self.from, outcome) {
             (Some(mut stream), outcome) => {
                 let text = outcome.unwrap_or_else(|error| format!("error: {error:#}"));
-                // Whoever asked may have gone.
+                // The client may have disconnected.
                 let _ = writeln!(stream, "{text}");
             }
             (None, Ok(text)) if io::stdin().is_terminal() => eprintln!("{text}"),
@@ -36,31 +36,31 @@ impl Request {
     }
 }
 
-/// Where requests arrive.
+/// Receiver of requests.
 pub struct Door {
     requests: Receiver<Request>,
     path: PathBuf,
 }
 
 impl Door {
-    /// A socket at `path`, for its owner alone, and the standard input if it is no terminal, or with `keys` whatever it is: to read from a
-    /// terminal would stop a background job.
+    /// Opens a socket at `path` for its owner alone. Also reads standard input if it is no terminal, or in any case
+    /// with `keys`: reading from a terminal would stop a background job.
     pub fn open(path: &Path, keys: bool) -> Result<Self> {
         if UnixStream::connect(path).is_ok() {
             bail!("{}: an emulator runs in this folder already, expected none", path.display());
         }
-        // Left by one that was killed.
+        // Left behind by an emulator that was killed.
         let _ = std::fs::remove_file(path);
         let listener = UnixListener::bind(path).with_context(|| path.display().to_string())?;
         std::fs::set_permissions(path, std::fs::Permissions::from_mode(0o600))
             .with_context(|| path.display().to_string())?;
         let (sender, requests) = mpsc::channel();
         let from_socket = sender.clone();
-        // Both threads end with the program; nobody waits for them.
+        // Both threads end with the program; nothing joins them.
         std::thread::spawn(move || {
             for stream in listener.incoming().flatten() {
                 let to = from_socket.clone();
-                // A client that drips keeps no other waiting.
+                // A slow client does not block others.
                 std::thread::spawn(move || take(stream, &to));
             }
         });
@@ -76,7 +76,7 @@ impl Door {
         Ok(Self { requests, path: path.to_owned() })
     }
 
-    /// What has arrived.
+    /// Returns the requests that have arrived.
     pub fn requests(&self) -> impl Iterator<Item = Request> {
         self.requests.try_iter()
     }
@@ -84,12 +84,12 @@ impl Door {
 
 impl Drop for Door {
     fn drop(&mut self) {
-        // Somebody else may have taken it away.
+        // The socket may be gone already.
         let _ = std::fs::remove_file(&self.path);
     }
 }
 
-/// One line of a client.
+/// Reads one line from a client.
 fn take(stream: UnixStream, to: &Sender<Request>) {
     let read = || -> io::Result<Request> {
         stream.set_read_timeout(Some(PATIENCE))?;
@@ -98,7 +98,7 @@ fn take(stream: UnixStream, to: &Sender<Request>) {
         BufReader::new((&stream).take(LINE)).read_line(&mut line)?;
         Ok(Request { line: line.trim().to_owned(), from: Some(stream.try_clone()?) })
     };
-    // A client that says nothing, or nothing in time, is left.
+    // A client that sends nothing, or not in time, is dropped.
     if let Ok(request) = read()
         && !request.line.is_empty()
     {
@@ -106,7 +106,7 @@ fn take(stream: UnixStream, to: &Sender<Request>) {
     }
 }
 
-/// Tells the emulator at `path` a line, and gives back what it answers.
+/// Sends a line to the emulator at `path` and returns its answer.
 pub fn tell(path: &Path, line: &str) -> Result<String> {
     let shown = || format!("{}: found nobody who listens, expected a running emulator", path.display());
     let mut stream = UnixStream::connect(path).with_context(shown)?;

@@ -1,4 +1,4 @@
-//! The table of an emulated robot that runs in real time: what stands on it, and what somebody does to that while it runs.
+//! Table of an emulated robot in real time: the objects on it, and changes to them while it runs.
 
 use std::str::FromStr;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -15,10 +15,10 @@ use bench::trial::Bench;
 use registration::{Plan, Registrar, hidden_mount};
 use robot_backends::emulated::SharedPlant;
 
-/// What is to stand on the table.
+/// Requested objects on the table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Wish {
-    /// What stood there at first, in its place again.
+    /// The present objects, back at their places.
     Back,
     /// The objects of another combination.
     Combination(usize),
@@ -41,12 +41,12 @@ impl FromStr for Wish {
     }
 }
 
-/// The objects on the table, with what they were put there by.
+/// The objects on the table, with the request that put them there.
 struct Standing {
     wish: Wish,
     names: Vec<String>,
     places: Vec<Isometry3<f64>>,
-    /// How often objects were replaced.
+    /// Number of times that the objects were replaced.
     version: u64,
 }
 
@@ -60,8 +60,8 @@ pub struct EmulatedTable {
 }
 
 impl EmulatedTable {
-    /// Robot `individual` of those built from the drawing, 0 the drawing's own, about to begin with what `wish` says on its table; its base
-    /// is hidden where seed `mount` draws it, if given.
+    /// Builds the table and robot `individual` (0 is the nominal robot), with the objects of `wish`. If seed `mount` is
+    /// given, the base stands at a hidden pose drawn from it.
     pub fn new(robot: &RobotModel, wish: Wish, (mount, individual): (Option<u64>, u64), seed: u64) -> Result<Self> {
         let mut bench = make_individual(individual, robot, Scenario::benchmark(), COMBINATIONS, seed, true)?;
         let plan = Plan::standard()?;
@@ -78,17 +78,17 @@ impl EmulatedTable {
         Ok(table)
     }
 
-    /// The robot behind it.
+    /// Returns the simulated robot at this table.
     pub fn plant(&self) -> &SharedPlant {
         &self.plant
     }
 
-    /// What all its trials share.
+    /// Returns the data shared by all trials at this table.
     pub fn bench(&self) -> &Bench {
         &self.bench
     }
 
-    /// Does what `wish` says at once, whatever the robot does, and says what stands there now.
+    /// Carries out `wish` at once, whatever the robot does, and describes the objects now on the table.
     pub fn set(&self, wish: Wish) -> Result<String> {
         let mut standing = self.standing.lock().unwrap_or_else(PoisonError::into_inner);
         if wish == Wish::Back || wish == standing.wish {
@@ -109,7 +109,7 @@ impl EmulatedTable {
         Ok(format!("on the table: {}", standing.names.join(", ")))
     }
 
-    /// The names of what stands there, and how often that was replaced.
+    /// Returns the names of the objects on the table, and the number of times that they were replaced.
     pub fn standing(&self) -> (Vec<String>, u64) {
         let standing = self.standing.lock().unwrap_or_else(PoisonError::into_inner);
         (standing.names.clone(), standing.version)
@@ -143,7 +143,8 @@ mod tests {
         assert!("-1".parse::<Wish>().expect_err("bad").contains("found `-1`, expected back, balls"));
     }
 
-    /// What was pushed away is back in its place; another combination stands where its plan has it; balls stay whatever pushes them.
+    /// Pushed objects return to their places. Another combination stands where its plan has it. Balls do not move when
+    /// pushed.
     #[test]
     fn objects_are_put_back_replaced_and_fastened() {
         let table = EmulatedTable::new(&RobotModel::ftac_gen3(), Wish::Combination(0), (None, 0), 1).expect("a table");

@@ -1,4 +1,4 @@
-//! What goes wrong with emulated devices, as the command line and whoever tells them say it.
+//! Mishaps (faults of emulated devices), as written on the command line and in requests.
 
 use std::str::FromStr;
 
@@ -10,25 +10,26 @@ use hardware_bridge::emulator::faults::{Event, Faults};
 use kortex::emulator::Injection;
 use kortex::safety_bank::FOLLOWING_ERROR;
 
-/// What goes wrong outside the servos and the camera board.
+/// A fault of an emulated device, of its cable, or of the simulated robot.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Mishap {
     Unplugged(Plug),
     Arm(Injection),
-    /// Something that happens to a servo or a camera.
+    /// A fault of a servo or a camera.
     Device(Event),
-    /// Something that happens to the simulated robot behind them.
+    /// A fault of the simulated robot behind the devices.
     Plant(PlantFault),
 }
 
-/// What a line without a time says, of a robot with this hand.
+/// Parses a line without a time, for a robot with this hand.
 pub fn at_once(line: &str, hand: &Hand) -> Result<Vec<Mishap>> {
     let (mut now, faults) = mishaps(&[format!("{line}@0")], hand)?;
     now.extend(faults.events.into_iter().map(|(at, event)| (at, Mishap::Device(event))));
     Ok(now.into_iter().map(|(_, mishap)| mishap).collect())
 }
 
-/// What happens to servos and cameras by themselves, and what somebody else has to do to the rest, each at its time, s. `hand` is the robot's.
+/// Parses faults of a robot with `hand`. Returns the faults that the caller applies, each with its time, s, and those
+/// that the emulated servos and cameras apply by themselves.
 pub fn mishaps(texts: &[String], hand: &Hand) -> Result<(Vec<(f64, Mishap)>, Faults)> {
     let (mut mishaps, mut rest) = (Vec::new(), Vec::new());
     for text in texts {

@@ -1,4 +1,4 @@
-//! The true scene of an emulated robot in the viewer. The host's own recording knows nothing of it.
+//! The true scene of an emulated robot, for the viewer. The host's own recording has no access to it.
 
 use std::path::{Path, PathBuf};
 
@@ -7,27 +7,27 @@ use anyhow::Result;
 use bench::recording::{drawn, log_scene};
 use stream::recorder::{Recorder, Settings, Target};
 
-/// Shows the scene; one recording for each set of objects on the table.
+/// Recorder of the true scene; one recording for each set of objects on the table.
 pub struct TruthView {
     file: Option<PathBuf>,
     live: bool,
-    /// With the version of what stands on the table, and how it is called.
+    /// Version of the objects on the table, their recorder and their names.
     open: Option<(u64, Recorder, Vec<String>)>,
     count: usize,
 }
 
 impl TruthView {
-    /// Into `file`, to a viewer if `live`.
+    /// Records into `file`, and streams to a viewer if `live`.
     pub fn new(file: Option<PathBuf>, live: bool) -> Self {
         Self { file, live, open: None, count: 0 }
     }
 
-    /// Shows the present moment.
+    /// Records the present state.
     pub fn see(&mut self, table: &EmulatedTable) -> Result<()> {
         let (names, version) = table.standing();
         let truth = table.plant().lock().truth();
         if truth.objects.len() != names.len() {
-            // Replaced between the two looks.
+            // The objects were replaced between the two reads.
             return Ok(());
         }
         if self.open.as_ref().is_none_or(|(open, ..)| *open != version) {
@@ -56,13 +56,13 @@ impl TruthView {
         self.open.take().map_or(Ok(()), |(_, recorder, _)| Ok(recorder.finish()?))
     }
 
-    /// Flushes what is left.
+    /// Flushes and closes the recording.
     pub fn finish(mut self) -> Result<()> {
         self.close()
     }
 }
 
-/// The file of the recording of this number: the name itself, then `name-2`.
+/// Returns the file of recording number `count`: `name` itself, then `name-2`.
 fn numbered(file: &Path, count: usize) -> PathBuf {
     if count < 2 {
         return file.to_owned();
