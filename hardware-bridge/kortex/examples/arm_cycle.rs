@@ -1,6 +1,6 @@
-//! How well this machine holds the arm's cycle: commands the emulated arm a thousand times a second and prints round
-//! trips, lateness and what became of the datagrams. `cargo run --release -p kortex --example arm_cycle --
-//! SECONDS`
+//! Measures how well this machine holds the arm's cycle: commands the emulated arm a thousand times a second and prints
+//! round-trip times, lateness and the outcome of the datagrams. Run with `cargo run --release -p kortex --example
+//! arm_cycle -- SECONDS`.
 
 use std::time::{Duration, Instant};
 
@@ -30,7 +30,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut next = begin + cycle;
     let mut phase = 0.0_f64;
     while begin.elapsed() < Duration::from_secs(seconds) {
-        // 0.2 rad at 0.5 Hz, by count of cycles, so that a late cycle makes no larger step.
+        // 0.2 rad at 0.5 Hz, counted in cycles, so that a late cycle makes no larger step.
         phase += std::f64::consts::PI * cycle.as_secs_f64();
         let wanted = home.map(|angle| angle + 0.2 * phase.sin());
         let start = Instant::now();

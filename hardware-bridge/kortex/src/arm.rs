@@ -1,4 +1,4 @@
-//! Both interfaces of one arm.
+//! Both interfaces of one arm: calls and cyclic exchange.
 
 use std::net::{IpAddr, SocketAddr};
 
@@ -17,14 +17,14 @@ pub const UDP_PORT: u16 = 10_001;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Address {
-    /// For calls.
+    /// Address for calls.
     pub tcp: SocketAddr,
-    /// For the cyclic exchange.
+    /// Address for the cyclic exchange.
     pub udp: SocketAddr,
 }
 
 impl Address {
-    /// An arm on its usual ports.
+    /// Returns the address of an arm on its usual ports.
     pub fn of(host: IpAddr) -> Self {
         Self { tcp: (host, TCP_PORT).into(), udp: (host, UDP_PORT).into() }
     }
@@ -33,9 +33,9 @@ impl Address {
 /// An arm with a session on each interface.
 #[derive(Debug)]
 pub struct Arm {
-    /// Calls.
+    /// Interface for calls.
     pub base: Base,
-    /// The cyclic exchange.
+    /// Interface of the cyclic exchange.
     pub cyclic: Cyclic,
 }
 

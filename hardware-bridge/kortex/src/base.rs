@@ -30,17 +30,17 @@ pub enum Notification {
     ArmState(ArmState),
     /// A session changed the servoing mode.
     ServoingMode(ServoingMode),
-    /// A safety of a device came or went.
+    /// A safety of a device was raised or cleared.
     Safety {
-        /// The device's address; 0 is the base.
+        /// Address of the device; 0 is the base.
         device: u8,
-        /// The safety's bit in the device's bank A.
+        /// Bit of the safety in the device's bank A.
         bit: u32,
         status: SafetyStatus,
     },
     /// An action began, ended, paused or was aborted.
     Action {
-        /// Its identifier; 0 for one that the arm does not store.
+        /// Identifier of the action; 0 for one that the arm does not store.
         id: u32,
         event: ActionEvent,
         /// For an abort, the arm's number for the reason ([`crate::refusal::Refusal::sub_code`]).
@@ -48,7 +48,7 @@ pub enum Notification {
     },
 }
 
-/// What can be subscribed to.
+/// Topics that can be subscribed to.
 const TOPICS: [Call; 3] = [call::ARM_STATE_TOPIC, call::SERVOING_MODE_TOPIC, call::SAFETY_TOPIC];
 
 /// The arm's high-level interface.
@@ -74,7 +74,7 @@ impl Base {
         &self.session
     }
 
-    /// Copies what goes over the connection from now on.
+    /// Copies everything that crosses the connection from now on into `tap`.
     pub fn tap(&mut self, tap: Tap) {
         self.session.tap(tap);
     }
@@ -115,8 +115,8 @@ impl Base {
         self.ask::<Empty>(call::STOP).map(|_| ())
     }
 
-    /// Stops the arm and leaves it in fault, in any mode. Called twice, as in the maker's ROS 2 driver, because single
-    /// calls have been seen to have no effect; the second call is made even if the first fails.
+    /// Stops the arm and leaves it in fault, in any mode. Sends the call twice, as the maker's ROS 2 driver does,
+    /// because single calls have been seen to have no effect. The second call is made even if the first fails.
     ///
     /// # Errors
     /// The second call's.
@@ -125,7 +125,7 @@ impl Base {
         self.ask::<Empty>(call::APPLY_EMERGENCY_STOP).map(|_| ())
     }
 
-    /// The state of the arm.
+    /// Returns the state of the arm.
     ///
     /// # Errors
     /// As [`Session::call`].
@@ -133,7 +133,7 @@ impl Base {
         Ok(self.ask::<ArmStateInformation>(call::GET_ARM_STATE)?.active_state())
     }
 
-    /// What moves the joints.
+    /// Returns the servoing mode, which says who moves the joints.
     ///
     /// # Errors
     /// As [`Session::call`].
@@ -141,7 +141,7 @@ impl Base {
         Ok(self.ask::<ServoingModeInformation>(call::GET_SERVOING_MODE)?.mode())
     }
 
-    /// Selects what moves the joints.
+    /// Sets the servoing mode.
     ///
     /// # Errors
     /// As [`Session::call`]; refused in fault.
@@ -150,7 +150,7 @@ impl Base {
         self.session.call::<Empty>(call::SET_SERVOING_MODE, 0, &argument).map(|_| ())
     }
 
-    /// How many joints the arm has.
+    /// Returns the number of joints of the arm.
     ///
     /// # Errors
     /// As [`Session::call`].
@@ -158,7 +158,7 @@ impl Base {
         Ok(self.ask::<ActuatorInformation>(call::GET_ACTUATOR_COUNT)?.count)
     }
 
-    /// Where the arm measures its tool, in its base frame, with the tool as set on its web page.
+    /// Returns the measured pose of the tool in the arm's base frame, with the tool as configured on its web page.
     ///
     /// # Errors
     /// As [`Session::call`]; [`KortexError::Answer`] for a pose that is not finite.
@@ -173,7 +173,7 @@ impl Base {
         Ok(ToolPose { position: [x, y, z].map(f64::from), angles })
     }
 
-    /// Measured joint angles, rad, each within half a turn of 0.
+    /// Returns the measured joint angles, rad, each within half a turn of 0.
     ///
     /// # Errors
     /// As [`Session::call`]; [`KortexError::Answer`] unless there is one angle for each of the seven joints.
@@ -213,7 +213,7 @@ impl Base {
         self.session.call::<Empty>(call::SEND_JOINT_SPEEDS, 0, &argument).map(|_| ())
     }
 
-    /// Asks to be told of changes of the arm's state and servoing mode, and of every safety of the base and of
+    /// Subscribes to changes of the arm's state and servoing mode, and of every safety of the base and of the devices
     /// `actuators`.
     ///
     /// # Errors
@@ -228,7 +228,7 @@ impl Base {
         Ok(())
     }
 
-    /// The oldest notification not yet taken. They come in with any call and with [`Base::keep_up`].
+    /// Returns the oldest notification not yet taken. Notifications come in with any call and with [`Base::keep_up`].
     ///
     /// # Errors
     /// [`KortexError::Answer`] for one that cannot be read.
@@ -238,7 +238,7 @@ impl Base {
                 let header = &frame.header;
                 (topic.service, *device, *handle) == (header.call.service, header.device, header.message)
             });
-            // One that is not ours is left over from a subscription before ours.
+            // A notification that matches no subscription is left over from an earlier client.
             let Some((topic, device, _)) = subscription else { continue };
             return Ok(Some(match *topic {
                 call::ARM_STATE_TOPIC => Notification::ArmState(decode::<ArmStateInformation>(&frame)?.active_state()),

@@ -8,12 +8,12 @@ pub struct Call {
 }
 
 impl Call {
-    /// `service << 16 | function`, as in the header.
+    /// Returns the identifier `service << 16 | function`, as in the header.
     pub fn id(self) -> u32 {
         u32::from(self.service & 0xFFF) << 16 | u32::from(self.function)
     }
 
-    /// The other way.
+    /// Splits an identifier from the header into service and function.
     pub fn from_id(id: u32) -> Self {
         Self { service: (id >> 16) as u16 & 0xFFF, function: id as u16 }
     }
@@ -22,7 +22,7 @@ impl Call {
         Self { service, function }
     }
 
-    /// Its name in the maker's interface, where this client knows the call.
+    /// Returns the name in the maker's interface, if this client knows the call.
     pub fn name(self) -> Option<&'static str> {
         KNOWN.iter().find(|(call, _)| *call == self).map(|(_, name)| *name)
     }
@@ -85,7 +85,7 @@ calls! {
 mod tests {
     use super::*;
 
-    /// Every identifier observed on the wire, as the facts list them.
+    /// Every identifier observed on the wire, as listed in the protocol facts.
     #[test]
     fn identifiers() {
         let observed = [

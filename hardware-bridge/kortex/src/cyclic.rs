@@ -1,9 +1,8 @@
 //! The cyclic exchange over UDP at 1 kHz: one command to all joints, one answer.
 //!
-//! UDP loses, delays and reorders datagrams. A cycle without an answer in time is *missed*; the answer may still arrive
+//! UDP loses, delays and reorders datagrams. A cycle without an answer in time is *missed*. The answer may still arrive
 //! *late*, *out of order* (after the answer to a newer command, so it is not used), or never (*lost*). All of these are
-//! counted and none is an error; only many missed cycles in a row are, and that is [`crate::servoing`]'s to
-//! judge.
+//! counted and none is an error. Only many missed cycles in a row are an error, which [`crate::servoing`] raises.
 
 use std::collections::VecDeque;
 use std::net::SocketAddr;
@@ -22,25 +21,25 @@ use crate::safety_bank::{Banks, Report};
 use crate::session::{Credentials, Session, Timeouts, decode};
 use crate::tap::Tap;
 
-/// Commands without an answer after which the oldest counts as lost.
+/// Number of unanswered commands beyond which the oldest counts as lost.
 const OUTSTANDING: usize = 256;
 
-/// Measurements that have not come after so long are asked for again.
+/// Time after which missing measurements are requested again.
 const ASK_AGAIN: Duration = Duration::from_millis(20);
 
 /// Measurements of the arm.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Feedback {
-    /// Number of the command it answers.
+    /// Number of the command that they answer.
     pub frame: u16,
     pub state: ArmState,
-    /// Angles (rad, followed over full turns), speeds, torques.
+    /// Angles (rad, unwrapped over full turns), speeds, torques.
     pub motion: Motion,
     /// Motor currents, A.
     pub current: [f64; JOINTS],
     /// Motor temperatures, degrees Celsius.
     pub temperature: [f64; JOINTS],
-    /// Supply of the arm, V.
+    /// Supply voltage of the arm, V.
     pub voltage: f64,
     /// Active faults.
     pub faults: Report,
@@ -55,17 +54,17 @@ pub struct Counters {
     pub sent: u64,
     /// Answers used.
     pub answered: u64,
-    /// Cycles whose answer was not there at their deadline.
+    /// Cycles without an answer at their deadline.
     pub missed: u64,
     /// Answers that came after their cycle.
     pub late: u64,
-    /// Answers not used, because one to a younger command was there first.
+    /// Answers not used because one to a younger command had arrived before.
     pub out_of_order: u64,
     /// Commands never answered.
     pub lost: u64,
-    /// Answers to nothing we sent.
+    /// Answers to no command of ours.
     pub stray: u64,
-    /// Datagrams that were no frame.
+    /// Datagrams that were no valid frame.
     pub damaged: u64,
 }
 
@@ -96,7 +95,7 @@ impl Cyclic {
         Ok(Self { session, turns, frame: 0, outstanding: VecDeque::new(), newest: None, counters })
     }
 
-    /// Counts since the login.
+    /// Returns the counts since the login.
     pub fn counters(&self) -> Counters {
         let Counters { stray, .. } = self.counters;
         Counters { stray: stray + self.session.stray(), damaged: self.session.damaged(), ..self.counters }
@@ -106,12 +105,12 @@ impl Cyclic {
         &self.session
     }
 
-    /// Copies what goes over the connection from now on.
+    /// Copies everything that crosses the connection from now on into `tap`.
     pub fn tap(&mut self, tap: Tap) {
         self.session.tap(tap);
     }
 
-    /// Keeps the session alive without waiting; commands that flow do so too.
+    /// Keeps the session alive without waiting. A stream of commands also does so.
     ///
     /// # Errors
     /// As [`Session::keep_up`].
@@ -127,10 +126,10 @@ impl Cyclic {
         self.session.close()
     }
 
-    /// Measurements, in any mode, without a command. A lost datagram is asked for again.
+    /// Requests measurements, in any mode, without a command. After a lost datagram the request is repeated.
     ///
     /// # Errors
-    /// As [`Session::call`]; [`KortexError::Answer`] for measurements that are none.
+    /// As [`Session::call`]; [`KortexError::Answer`] for invalid measurements.
     pub fn feedback(&mut self) -> Result<Feedback, KortexError> {
         let call = call::REFRESH_FEEDBACK;
         let after = self.session.timeouts().call;
@@ -153,11 +152,11 @@ impl Cyclic {
         Err(KortexError::Timeout { call, after })
     }
 
-    /// Commands all joints to `angles` (rad) and waits for the answer until `deadline`. `None` when nothing new came;
-    /// an answer to an earlier command that came meanwhile is new.
+    /// Commands all joints to `angles` (rad) and waits for the answer until `deadline`. Returns `None` if no new
+    /// measurements came. An answer to an earlier command that came meanwhile is new.
     ///
     /// # Errors
-    /// A refusal, a link's errors, a lost session, measurements that are none. Not a missing answer.
+    /// A refusal, a link's errors, a lost session, invalid measurements. A missing answer is not an error.
     pub fn refresh(&mut self, angles: &[f64; JOINTS], deadline: Instant) -> Result<Option<Feedback>, KortexError> {
         self.frame = self.frame.wrapping_add(1);
         let number = u32::from(self.frame);
@@ -189,7 +188,7 @@ impl Cyclic {
         }
     }
 
-    /// Files an answer; returns its measurements if they are new.
+    /// Processes an answer. Returns its measurements if they are new.
     fn take(&mut self, current: u16, response: &Frame) -> Result<Option<Feedback>, KortexError> {
         let message = response.header.message;
         let Some(place) = self.outstanding.iter().position(|sent| *sent == message) else {

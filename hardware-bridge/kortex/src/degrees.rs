@@ -7,56 +7,56 @@ use std::f64::consts::{PI, TAU};
 
 use crate::joints::JOINTS;
 
-/// Wire speed, or any difference of angles, in rad.
+/// Converts a speed, or any difference of angles, from the wire's degrees to rad.
 pub fn to_radians(degrees: f32) -> f64 {
     f64::from(degrees).to_radians()
 }
 
-/// A speed, or any difference of angles, for the wire.
+/// Converts a speed, or any difference of angles, from rad to the wire's degrees.
 pub fn to_degrees(radians: f64) -> f32 {
     radians.to_degrees() as f32
 }
 
-/// An angle for the wire, in [0, 360) degrees.
+/// Converts an angle from rad to the wire's degrees in [0, 360).
 pub fn to_wire_angle(radians: f64) -> f32 {
     let degrees = radians.rem_euclid(TAU).to_degrees() as f32;
-    // Rounding to a float may have gone up to the full turn, which is 0.
+    // Rounding to a float may reach the full turn, which is 0.
     if degrees < 360.0 { degrees } else { 0.0 }
 }
 
-/// The angle that stands for the same posture as `angle` and is nearest to `near`, rad.
+/// Returns the angle for the same posture as `angle` that is nearest to `near`, rad.
 pub fn nearest_turn(angle: f64, near: f64) -> f64 {
     angle + TAU * ((near - angle) / TAU).round()
 }
 
-/// Follows each joint over full turns.
+/// Unwraps the angle of each joint over full turns.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Turns {
     last: [f64; JOINTS],
 }
 
 impl Default for Turns {
-    /// The first angles are read within half a turn of 0, where joints with end stops always are.
+    /// Reads the first angles within half a turn of 0, where joints with end stops always are.
     fn default() -> Self {
         Self { last: [0.0; JOINTS] }
     }
 }
 
 impl Turns {
-    /// The first angles are read within half a turn of `posture`, rad.
+    /// Reads the first angles within half a turn of `posture`, rad.
     pub fn near(posture: [f64; JOINTS]) -> Self {
         Self { last: posture }
     }
 
-    /// Wire angles (degrees) in rad. Between two calls no joint may move half a turn; at 80 degrees per second and the
-    /// feedback limit of the servoing that is far away.
+    /// Converts wire angles (degrees) to unwrapped angles, rad. Between two calls no joint may move half a turn. At 80
+    /// degrees per second and the feedback limit of the servoing this is far from happening.
     pub fn read(&mut self, degrees: [f32; JOINTS]) -> [f64; JOINTS] {
         self.last = std::array::from_fn(|i| nearest_turn(to_radians(degrees[i]), self.last[i]));
         self.last
     }
 }
 
-/// Difference of two angles as postures, in [-pi, pi].
+/// Returns the difference of two angles as postures, rad, in [-pi, pi].
 pub fn difference(a: f64, b: f64) -> f64 {
     nearest_turn(a - b, 0.0).clamp(-PI, PI)
 }

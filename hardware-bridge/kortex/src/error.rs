@@ -16,74 +16,75 @@ pub enum KortexError {
     /// The connection itself failed.
     #[error("connection to the arm: {0}")]
     Link(#[from] LinkError),
-    /// No answer in time. On UDP a single one means little; on TCP the arm or the network is in trouble.
+    /// No answer in time. On UDP a single one means little. On TCP the arm or the network is in trouble.
     #[error("{call}: no answer within {after:?}")]
     Timeout {
         call: Call,
-        /// How long was waited.
+        /// Time waited.
         after: Duration,
     },
-    /// The arm does not know our session any more, though nothing was left undone to keep it: the arm restarted, or
-    /// somebody ended it. A new session is needed.
+    /// The arm no longer knows our session, although this program kept it alive: the arm restarted, or another client
+    /// ended the session. A new session is needed.
     #[error("{call}: the arm does not know session {session} any more, which was kept in time")]
     SessionLost {
         call: Call,
-        /// The session's number.
+        /// Number of the session.
         session: u16,
     },
-    /// Our session ended because this program did not keep it. A new session is needed.
+    /// Our session ended because this program did not keep it alive. A new session is needed.
     #[error("{call}: session {session} ran out: this program was silent for {silent:?}, and it allows {allowed:?}")]
     SessionExpired {
         call: Call,
-        /// The session's number.
+        /// Number of the session.
         session: u16,
-        /// How long this program sent nothing, or no call.
+        /// Time for which this program sent nothing, or no call.
         silent: Duration,
-        /// How long the session lasts without.
+        /// Timeout of the session.
         allowed: Duration,
     },
     /// Another client has ended our low-level servoing: our session is open, and no fault is active.
     #[error("another client took over: the servoing mode is {found:?}, expected {:?}", ServoingMode::LowLevel)]
     TakenOver {
-        /// The mode it was changed to.
+        /// Servoing mode that was found.
         found: ServoingMode,
     },
-    /// The arm stopped itself because no command reached it in time, and this program sent none in time.
+    /// The arm's watchdog stopped it because this program sent no command in time.
     #[error("the arm stopped itself for want of commands: this program sent none for {gap:?} ({report})")]
     HostLate {
-        /// The longest time between two commands of the last second or so.
+        /// Longest interval between two commands within the last second or so.
         gap: Duration,
         report: Box<Report>,
     },
-    /// The arm stopped itself because no command reached it in time, though they were sent in time.
+    /// The arm's watchdog stopped it although commands were sent in time: they did not arrive.
     #[error(
         "the arm stopped itself for want of commands, which were sent at most {gap:?} apart: the network lost them or \
          held them up ({missed} of the last {sent} unanswered in time; {report})"
     )]
     CommandsLost {
-        /// The longest time between two commands of the last second or so.
+        /// Longest interval between two commands within the last second or so.
         gap: Duration,
-        /// Commands of that time, and those without an answer in their cycle.
+        /// Number of commands sent in that time.
         sent: u64,
+        /// Number of those without an answer in their cycle.
         missed: u64,
         report: Box<Report>,
     },
     /// Keep-alives are not answered.
     #[error("the arm has been silent for {silent:?}, longer than the session's {allowed:?}")]
     Silent {
-        /// Since when nothing came.
+        /// Time since the last sign of life.
         silent: Duration,
-        /// What the session allows.
+        /// Longest silence that the session allows.
         allowed: Duration,
     },
-    /// The arm refused.
+    /// The arm refused a call.
     #[error("{call}: {refusal}")]
     Refused { call: Call, refusal: Refusal },
-    /// An invalid answer.
+    /// The arm gave an invalid answer.
     #[error("{call}: {field} is {found}, expected {expected}")]
     Answer {
         call: Call,
-        /// Which part of the answer.
+        /// Affected part of the answer.
         field: &'static str,
         found: String,
         expected: String,
@@ -91,7 +92,7 @@ pub enum KortexError {
     /// A joint is not in position mode.
     #[error("joint {joint} is in control mode {found:?}, expected {:?}", ControlMode::Position)]
     ControlMode {
-        /// From 1.
+        /// Number of the joint, from 1.
         joint: usize,
         found: ControlMode,
     },
@@ -101,19 +102,19 @@ pub enum KortexError {
     /// The arm is in fault.
     #[error("the arm is in fault: {0}")]
     Fault(Box<Report>),
-    /// The arm is no longer driven by us, without a fault.
+    /// The arm has left low-level servoing without a fault.
     #[error("the arm is in state {found:?}, expected {expected:?}")]
     State {
         found: ArmState,
-        /// The state it should be in.
+        /// Expected state.
         expected: ArmState,
     },
     /// Answers to the cyclic commands stopped coming.
     #[error("no feedback for {ticks} cycles, at most {allowed} allowed")]
     FeedbackLost {
-        /// Cycles without an answer.
+        /// Number of cycles without an answer.
         ticks: u32,
-        /// How many are tolerated.
+        /// Largest tolerated number.
         allowed: u32,
     },
     /// The command was refused before it was sent.
@@ -122,7 +123,7 @@ pub enum KortexError {
 }
 
 impl KortexError {
-    /// The reason of a refusal.
+    /// Returns the reason of a refusal.
     pub fn reason(&self) -> Option<Reason> {
         match self {
             Self::Refused { refusal, .. } => Some(refusal.reason),
@@ -131,57 +132,57 @@ impl KortexError {
     }
 }
 
-/// A joint command that was not sent. One bad joint refuses the whole command.
+/// A joint command that was not sent. A single invalid joint refuses the whole command.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum CommandError {
-    /// No number.
+    /// The command is not finite.
     #[error("joint {joint}: command {found}, expected a number")]
     NotFinite {
-        /// From 1.
+        /// Number of the joint, from 1.
         joint: usize,
-        /// What was commanded.
+        /// Commanded value.
         found: f64,
     },
-    /// Outside the joint's range.
+    /// The command is outside the joint's range.
     #[error("joint {joint}: command {found:.4} rad, expected {lower:.4} to {upper:.4}")]
     Range {
-        /// From 1.
+        /// Number of the joint, from 1.
         joint: usize,
-        /// What was commanded, rad.
+        /// Commanded angle, rad.
         found: f64,
-        /// Lowest, rad.
+        /// Lower limit, rad.
         lower: f64,
-        /// Highest, rad.
+        /// Upper limit, rad.
         upper: f64,
     },
-    /// Too far from the command before.
+    /// The step from the previous command is too large.
     #[error("joint {joint}: step of {found:.5} rad in a cycle, at most {allowed:.5} expected")]
     Step {
-        /// From 1.
+        /// Number of the joint, from 1.
         joint: usize,
-        /// Step from the command before, rad.
+        /// Step from the previous command, rad.
         found: f64,
         /// Largest step, rad.
         allowed: f64,
     },
-    /// Too far from where the joint is: the arm would trip over its following error.
+    /// The command is too far from the measured angle: the arm would raise a following error.
     #[error("joint {joint}: command {found:.4} rad away from the measured angle, at most {allowed:.4} expected")]
     Lead {
-        /// From 1.
+        /// Number of the joint, from 1.
         joint: usize,
         /// Distance to the measured angle, rad.
         found: f64,
         /// Largest distance, rad.
         allowed: f64,
     },
-    /// Too fast.
+    /// The commanded speed is too high.
     #[error("joint {joint}: speed {found:.4} rad/s, at most {allowed:.4} expected")]
     Speed {
-        /// From 1.
+        /// Number of the joint, from 1.
         joint: usize,
-        /// What was commanded, rad/s.
+        /// Commanded speed, rad/s.
         found: f64,
-        /// Highest, rad/s.
+        /// Highest allowed speed, rad/s.
         allowed: f64,
     },
 }

@@ -13,21 +13,21 @@ use prost::Message;
 
 use crate::call::Call;
 
-/// Version of the header and of every service this client speaks.
+/// Version of the header and of every service that this client speaks.
 const VERSION: u32 = 1;
 
-/// The longest frame we take, bytes. The longest one an arm of seven joints sends is below 1.2 kB; a list of devices
-/// with names stays below 4 kB.
+/// Length limit of received frames, bytes. The longest frame of an arm of seven joints is below 1.2 kB. A list of
+/// devices with names stays below 4 kB.
 pub const LONGEST: usize = 65_536;
 
-/// What a frame is for.
+/// Purpose of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
-    /// The host asks.
+    /// Request of the host.
     Request,
-    /// The arm answers; the message number is the request's.
+    /// Answer of the arm; the message number is the request's.
     Response,
-    /// The arm tells on its own; the message number is the subscription's handle.
+    /// Unasked message of the arm; the message number is the subscription's handle.
     Notification,
 }
 
@@ -50,18 +50,18 @@ impl Kind {
     }
 }
 
-/// Who talks to whom about what.
+/// Header of a frame: its purpose, addressee, session and call.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Header {
-    /// What the frame is for.
+    /// Purpose of the frame.
     pub kind: Kind,
-    /// The device inside the arm that is meant; 0 is the base.
+    /// Addressed device inside the arm; 0 is the base.
     pub device: u8,
     /// Error class of a response, 0 for none; see [`crate::refusal`].
     pub error: u8,
     /// Reason within that class.
     pub sub_error: u16,
-    /// The session, 0 while there is none.
+    /// Number of the session, 0 while there is none.
     pub session: u16,
     /// Number of the request, or handle of the subscription.
     pub message: u16,
@@ -71,51 +71,51 @@ pub struct Header {
 /// A header and its payload.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Frame {
-    /// Who talks to whom about what.
+    /// Header of the frame.
     pub header: Header,
     /// The call's argument or result, a protobuf message.
     pub payload: Vec<u8>,
 }
 
-/// Why bytes are no frame.
+/// Reason for which bytes are not a valid frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum FrameError {
-    /// Not the protobuf message a frame is.
+    /// The bytes are not the protobuf message of a frame.
     #[error("{0} bytes are no frame")]
     Encoding(usize),
     /// The header is missing.
     #[error("frame without a header")]
     NoHeader,
-    /// A newer or damaged header.
+    /// The header has another version or is damaged.
     #[error("frame version {found}, expected {VERSION}")]
     Version {
-        /// What the header says.
+        /// Version in the header.
         found: u32,
     },
-    /// Neither request, response nor notification.
+    /// The kind is neither request, response nor notification.
     #[error("frame kind {found}, expected 1, 3 or 5")]
     Kind {
-        /// What the header says.
+        /// Kind in the header.
         found: u32,
     },
-    /// The payload was cut or lengthened.
+    /// The payload was truncated or extended.
     #[error("payload of {found} bytes, the header says {expected}")]
     PayloadLength {
-        /// Bytes there are.
+        /// Number of bytes found.
         found: usize,
-        /// Bytes the header announces.
+        /// Number of bytes announced in the header.
         expected: u32,
     },
-    /// The stream is not where a frame starts; nothing after this can be trusted.
+    /// The stream is not at the start of a frame; nothing after this can be trusted.
     #[error("no frame starts at {found:02x?}")]
     NoStart {
-        /// What stands where the preamble should.
+        /// Bytes found in place of the preamble.
         found: [u8; 8],
     },
-    /// A length no frame has.
+    /// The announced length is that of no frame.
     #[error("frame of {found} bytes, at most {LONGEST} expected")]
     TooLong {
-        /// Length announced.
+        /// Announced length, bytes.
         found: u32,
     },
 }
@@ -141,7 +141,7 @@ struct WireFrame {
 }
 
 impl Frame {
-    /// The frame's bytes, as they are in a UDP datagram.
+    /// Returns the frame's bytes, as in a UDP datagram.
     pub fn encode(&self) -> Vec<u8> {
         let Header { kind, device, error, sub_error, session, message, call } = self.header;
         let header = WireHeader {
@@ -157,7 +157,7 @@ impl Frame {
         WireFrame { header: Some(header), payload: self.payload.clone() }.encode_to_vec()
     }
 
-    /// The frame in `bytes`.
+    /// Decodes the frame in `bytes`.
     ///
     /// # Errors
     /// [`FrameError`], never [`FrameError::NoStart`] or [`FrameError::TooLong`], which belong to streams.
@@ -187,7 +187,7 @@ impl Frame {
     }
 }
 
-/// True if message number `a` was given out after `b`; numbers wrap at 65,536.
+/// True if message number `a` was assigned after `b`; numbers wrap at 65,536.
 pub(crate) fn is_younger(a: u16, b: u16) -> bool {
     a != b && a.wrapping_sub(b) < 0x8000
 }
@@ -284,7 +284,7 @@ pub(crate) mod tests {
             prop_assert_eq!(Frame::decode(&frame.encode()), Ok(frame));
         }
 
-        /// Anything may arrive on a UDP port; nothing of it may end the program.
+        /// Any bytes may arrive on a UDP port; none of them may end the program.
         #[test]
         fn any_bytes_are_a_frame_or_an_error(bytes in prop::collection::vec(any::<u8>(), 0..64)) {
             if let Ok(frame) = Frame::decode(&bytes) {

@@ -1,4 +1,4 @@
-//! The seven joints of a Gen3 and what is measured of them.
+//! The seven joints of a Gen3 and their measured quantities.
 
 /// Number of joints.
 pub const JOINTS: usize = 7;
@@ -8,17 +8,17 @@ pub const JOINTS: usize = 7;
 pub struct Motion {
     /// Joint angles, rad, not wrapped.
     pub position: [f64; JOINTS],
-    /// rad/s.
+    /// Joint speeds, rad/s.
     pub velocity: [f64; JOINTS],
-    /// N m.
+    /// Joint torques, N m.
     pub torque: [f64; JOINTS],
 }
 
 /// Pose of the tool in the arm's base frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ToolPose {
-    /// m.
+    /// Position, m.
     pub position: [f64; 3],
-    /// Turns about the base's x, y and z axes, in this order, rad.
+    /// Rotations about the base's x, y and z axes, in this order, rad.
     pub angles: [f64; 3],
 }

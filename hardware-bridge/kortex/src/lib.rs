@@ -13,10 +13,10 @@
 //! - [`servo_loop`]: servoing at 1 kHz in a thread, with targets from a slower controller.
 //! - [`emulator`]: a Gen3 on loopback.
 //!
-//! # What holds on a real arm
-//! The wire format was taken from the maker's client and public message definitions. Nothing here has moved a real Gen3.
-//! Only the arm can show what it does, and how fast, when commands stop; which calls its session timeout counts (here all
-//! but keep-alives, as the maker describes it); the threshold of its following error; whether
+//! # Limitations
+//! The wire format was taken from the maker's client and public message definitions. Nothing here has moved a real
+//! Gen3. Only tests on the arm can show how, and how fast, it reacts when commands stop; which calls its session
+//! timeout counts (here all but keep-alives, as the maker describes it); the threshold of its following error; whether
 //! notification handles are counted as [`base::Base::subscribe`] assumes; and how it reacts to a session that times out
 //! in motion.
 

@@ -14,13 +14,13 @@ use crate::tcp_framing::{self, Deframer};
 /// A failure that ends the link.
 #[derive(Debug, thiserror::Error)]
 pub enum LinkError {
-    /// The operating system says so.
+    /// The operating system reported an error.
     #[error(transparent)]
     Io(#[from] io::Error),
     /// The arm closed the connection.
     #[error("the arm closed the connection")]
     Closed,
-    /// The stream cannot be understood any more.
+    /// The stream is not valid any more.
     #[error(transparent)]
     Frame(#[from] FrameError),
 }
@@ -32,21 +32,21 @@ pub trait Link {
     /// [`LinkError`].
     fn send(&mut self, frame: &Frame) -> Result<(), LinkError>;
 
-    /// The next frame, waiting for it until `deadline`; `None` when none came. A deadline that has passed asks for what
-    /// is there.
+    /// Returns the next frame, waiting for it until `deadline`; `None` if there was none. A deadline in the past asks
+    /// for a frame that has already arrived.
     ///
     /// # Errors
     /// [`LinkError`].
     fn receive(&mut self, deadline: Instant) -> Result<Option<Frame>, LinkError>;
 
-    /// Frames dropped because they were damaged.
+    /// Returns the number of frames dropped because they were damaged.
     fn damaged(&self) -> u64;
 
     /// Copies all further bytes to `tap`.
     fn tap(&mut self, tap: Tap);
 }
 
-/// Waits until `socket` has something, or until `deadline`. (`set_read_timeout` rounds up to the kernel's tick, up to 4
+/// Waits until `socket` is readable, or until `deadline`. (`set_read_timeout` rounds up to the kernel's tick, up to 4
 /// ms.)
 pub(super) fn wait(socket: &impl AsFd, deadline: Instant) -> io::Result<bool> {
     loop {
@@ -75,7 +75,7 @@ pub struct TcpLink {
 }
 
 impl TcpLink {
-    /// Connects.
+    /// Connects to `address`.
     ///
     /// # Errors
     /// [`LinkError::Io`].
@@ -83,13 +83,13 @@ impl TcpLink {
         Ok(Self::new(TcpStream::connect_timeout(&address, timeout)?)?)
     }
 
-    /// Uses an open connection.
+    /// Wraps an open connection.
     ///
     /// # Errors
-    /// From setting its options.
+    /// Fails if its options cannot be set.
     pub fn new(stream: TcpStream) -> io::Result<Self> {
         stream.set_nodelay(true)?;
-        // A peer that stops reading must not block the sender for longer than this.
+        // Time limit for a peer that stops reading, which would otherwise block the sender.
         stream.set_write_timeout(Some(Duration::from_millis(100)))?;
         Ok(Self { stream, deframer: Deframer::default(), tap: None })
     }

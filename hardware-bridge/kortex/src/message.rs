@@ -1,7 +1,7 @@
 //! The protobuf messages of the calls in [`crate::call`], written by hand from the maker's public definitions
 //! (Kinovarobotics/ros_kortex, `kortex_driver/protos`). Units here are the wire's: degrees, degrees per second.
 //!
-//! Only the fields this bridge reads or writes are declared; a protobuf reader steps over the others.
+//! Only the fields that this bridge reads or writes are declared. A protobuf reader skips the others.
 
 pub mod action;
 pub mod base;
@@ -9,32 +9,32 @@ pub mod cyclic;
 pub mod device;
 pub mod session;
 
-/// No argument, or no result.
+/// An empty argument or result.
 #[derive(Clone, Copy, PartialEq, Eq, prost::Message)]
 pub struct Empty {}
 
-/// Asks for notifications.
+/// Request for notifications.
 #[derive(Clone, Copy, PartialEq, Eq, prost::Message)]
 pub struct NotificationOptions {
-    /// 3: on every event, the only type the arm has.
+    /// Type of notification: 3 is on every event, the only type of the arm.
     #[prost(uint32, tag = "1")]
     pub kind: u32,
 }
 
 impl NotificationOptions {
-    /// On every event.
+    /// Notifications on every event.
     pub const EVENTS: Self = Self { kind: 3 };
 }
 
 /// A subscription.
 #[derive(Clone, Copy, PartialEq, Eq, prost::Message)]
 pub struct NotificationHandle {
-    /// Comes back as the message number of every notification.
+    /// Handle of the subscription, which returns as the message number of every notification.
     #[prost(uint32, tag = "1")]
     pub identifier: u32,
 }
 
-/// What a refused call answers.
+/// Answer to a refused call.
 #[derive(Clone, PartialEq, Eq, prost::Message)]
 pub struct ErrorMessage {
     /// Error class.
@@ -43,35 +43,35 @@ pub struct ErrorMessage {
     /// Reason.
     #[prost(uint32, tag = "2")]
     pub sub_code: u32,
-    /// For people.
+    /// Text for people.
     #[prost(string, tag = "3")]
     pub text: String,
 }
 
-/// What the arm is doing.
+/// Operating state of the arm.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, prost::Enumeration)]
 #[repr(i32)]
 pub enum ArmState {
-    /// Not said.
+    /// Not specified.
     Unspecified = 0,
-    /// The base starts.
+    /// The base is starting.
     BaseInitialization = 1,
-    /// The base has started; no arm yet.
+    /// The base has started, but there is no arm yet.
     Idle = 2,
-    /// The arm starts.
+    /// The arm is starting.
     Initialization = 3,
-    /// A fault holds the arm; it takes no motion until it is cleared.
+    /// A fault holds the arm. It accepts no motion until the fault is cleared.
     InFault = 4,
-    /// Service.
+    /// The arm is being serviced.
     Maintenance = 5,
-    /// Driven joint by joint over UDP.
+    /// The host drives the arm joint by joint over UDP.
     ServoingLowLevel = 6,
-    /// Ready for high-level commands.
+    /// The arm is ready for high-level commands.
     ServoingReady = 7,
     ServoingPlayingSequence = 8,
-    /// Follows high-level speed commands or a joystick.
+    /// The arm follows high-level speed commands or a joystick.
     ServoingManuallyControlled = 9,
-    /// The brakes open.
+    /// The brakes are opening.
     BrakeReleasing = 10,
 }
 
@@ -80,7 +80,7 @@ mod tests {
     use super::*;
     use prost::Message;
 
-    /// Field numbers and wire types, byte by byte.
+    /// Field numbers and wire types are those expected, byte by byte.
     #[test]
     fn session_bytes() {
         let message = session::CreateSessionInfo {
@@ -128,7 +128,7 @@ mod tests {
         assert_eq!(message.encode_to_vec(), [0x0A, 7, 8, 6, 0x15, 0, 0, 0x80, 0xBF]);
     }
 
-    /// Fields that are not declared here are stepped over: an actuator's answer with an unknown field 99.
+    /// Undeclared fields are skipped: an actuator's answer with an unknown field 99.
     #[test]
     fn unknown_fields_are_ignored() {
         let mut bytes = cyclic::ActuatorFeedback { position: 12.5, ..Default::default() }.encode_to_vec();

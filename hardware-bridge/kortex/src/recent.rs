@@ -1,17 +1,17 @@
-//! The last second or so of a cyclic exchange: how regularly commands were sent, and how many were answered in time.
+//! Statistics of the last second or so of a cyclic exchange: regularity of the commands, and number of answers in time.
 
 use std::time::{Duration, Instant};
 
-/// Half of what is remembered at least.
+/// Length of a span. At least one whole span is remembered.
 const SPAN: Duration = Duration::from_millis(500);
 
 /// Cycles of one span.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) struct Cycles {
-    /// The longest time between two commands.
+    /// Longest interval between two commands.
     pub gap: Duration,
     pub sent: u64,
-    /// Without an answer at their deadline.
+    /// Commands without an answer at their deadline.
     pub missed: u64,
 }
 
@@ -25,12 +25,12 @@ pub(super) struct Recent {
 }
 
 impl Recent {
-    /// From `now` on.
+    /// Begins at `now`.
     pub fn new(now: Instant) -> Self {
         Self { last: now, began: now, now: Cycles::default(), before: Cycles::default() }
     }
 
-    /// A command is sent `at` this time.
+    /// Notes a command that is sent `at` this time.
     pub fn note_sent(&mut self, at: Instant) {
         if at - self.began > SPAN {
             (self.before, self.now, self.began) = (self.now, Cycles::default(), at);
@@ -40,12 +40,12 @@ impl Recent {
         self.last = at;
     }
 
-    /// The last command was not answered in time.
+    /// Notes that the last command was not answered in time.
     pub fn note_missed(&mut self) {
         self.now.missed += 1;
     }
 
-    /// Both spans together.
+    /// Returns the cycles of both spans together.
     pub fn cycles(&self) -> Cycles {
         let (now, before) = (self.now, self.before);
         Cycles { gap: now.gap.max(before.gap), sent: now.sent + before.sent, missed: now.missed + before.missed }

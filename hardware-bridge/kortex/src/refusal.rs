@@ -1,36 +1,36 @@
-//! What the arm answers instead of doing: an error class and a reason.
+//! Refusals of calls: an error class and a reason.
 
 use prost::Message;
 
 use crate::frame::Frame;
 use crate::message::ErrorMessage;
 
-/// Why a call was refused, as far as a caller may want to act on it.
+/// Reason for which a call was refused, as far as a caller may want to act on it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Reason {
-    /// A function this arm does not have.
+    /// The arm does not have this function.
     Unsupported,
-    /// An argument it does not take.
+    /// The arm does not accept the argument.
     InvalidParameter,
-    /// The session is unknown to it: it timed out, or the arm restarted.
+    /// The arm does not know the session: it timed out, or the arm restarted.
     InvalidSession,
-    /// No such user, or another password.
+    /// The user is unknown, or the password is wrong.
     Login,
     /// Another session is in control.
     NotInControl,
-    /// The arm starts, or is being updated or serviced.
+    /// The arm is starting, or is being updated or serviced.
     NotReady,
     /// A fault is active.
     InFault,
     /// The emergency stop is active.
     EmergencyStop,
-    /// The arm is in another servoing mode than the call needs.
+    /// The call needs another servoing mode.
     ServoingMode,
     /// A joint would leave its range.
     JointLimit,
-    /// Too many, too few, too fast, too long.
+    /// The motion has too many or too few joints, or is too fast or too long.
     Motion,
-    /// Anything else.
+    /// Any other reason.
     Other,
 }
 
@@ -59,14 +59,14 @@ pub struct Refusal {
     pub reason: Reason,
     /// The arm's error class: 1 and 2 protocol, 3 device, 4 internal.
     pub code: u32,
-    /// The arm's number for the reason.
+    /// Number of the reason, as the arm counts it.
     pub sub_code: u32,
-    /// The arm's text, possibly empty.
+    /// Text by the arm, possibly empty.
     pub text: String,
 }
 
 impl Refusal {
-    /// The refusal in a response; `None` if it is none.
+    /// Returns the refusal in a response; `None` if the response is not a refusal.
     pub fn of(response: &Frame) -> Option<Self> {
         if response.header.error == 0 {
             return None;

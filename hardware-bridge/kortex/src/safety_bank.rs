@@ -1,7 +1,7 @@
 //! Fault and warning banks: 32 bits, each a safety of the base or of a joint.
 //!
 //! Source of the bits: `SafetyIdentifier` in the maker's `Base.proto`, `SafetyIdentifierBankA` in
-//! `ActuatorConfig.proto`. Of bank B no bit is named there; a set one is reported by its number.
+//! `ActuatorConfig.proto`. No bit of bank B is named there; a set one is reported by its number.
 
 use std::fmt;
 
@@ -10,7 +10,7 @@ use crate::joints::JOINTS;
 /// Names of a bank's bits, from bit 0.
 pub type Names = &'static [&'static str];
 
-/// The base's safeties.
+/// Names of the base's safeties.
 pub const BASE: Names = &[
     "firmware update failure",
     "external communication error",
@@ -45,7 +45,7 @@ pub const BASE: Names = &[
     "illegal arm position",
 ];
 
-/// A joint's safeties.
+/// Names of a joint's safeties.
 pub const ACTUATOR: Names = &[
     "following error",
     "speed too high",
@@ -78,15 +78,15 @@ pub const ACTUATOR: Names = &[
     "brake release moved too far",
 ];
 
-/// [`BASE`]: a joint has a fault.
+/// Bit of [`BASE`]: a joint has a fault.
 pub const JOINT_FAULT: u32 = 1 << 4;
-/// [`BASE`]: the emergency stop is pressed, on the arm or by a call.
+/// Bit of [`BASE`]: the emergency stop is pressed, on the arm or by a call.
 pub const EMERGENCY_STOP: u32 = 1 << 23;
-/// [`BASE`]: the emergency line is open.
+/// Bit of [`BASE`]: the emergency line is open.
 pub const EMERGENCY_LINE: u32 = 1 << 24;
-/// [`ACTUATOR`]: the joint is not where it was sent.
+/// Bit of [`ACTUATOR`]: following error, the joint is not where it was commanded.
 pub const FOLLOWING_ERROR: u32 = 1;
-/// [`ACTUATOR`]: commands stopped coming.
+/// Bit of [`ACTUATOR`]: watchdog, commands stopped coming.
 pub const WATCHDOG: u32 = 1 << 23;
 
 /// Both words of a bank.
@@ -98,12 +98,12 @@ pub struct Banks {
 }
 
 impl Banks {
-    /// Whether no bit is set.
+    /// True if no bit is set.
     pub fn is_empty(self) -> bool {
         self == Self::default()
     }
 
-    /// Names of the set bits.
+    /// Returns the names of the set bits.
     pub fn words(self, names: Names) -> Vec<String> {
         let bits = |bank: u32| (0..u32::BITS as usize).filter(move |bit| bank >> bit & 1 == 1);
         let named =
@@ -116,22 +116,22 @@ impl Banks {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash)]
 pub struct Report {
     pub base: Banks,
-    /// Each joint's.
+    /// Banks of each joint.
     pub joints: [Banks; JOINTS],
 }
 
 impl Report {
-    /// Whether there is none.
+    /// True if there are no faults or warnings.
     pub fn is_empty(&self) -> bool {
         *self == Self::default()
     }
 
-    /// Whether every joint's watchdog has stopped it: commands did not reach the arm.
+    /// True if every joint's watchdog has stopped it: commands did not reach the arm.
     pub fn is_watchdog(&self) -> bool {
         self.joints.iter().all(|joint| joint.a & WATCHDOG != 0)
     }
 
-    /// Whether an emergency stop or the open emergency line is among them.
+    /// True if an emergency stop or the open emergency line is among them.
     pub fn is_emergency_stop(&self) -> bool {
         self.base.a & (EMERGENCY_STOP | EMERGENCY_LINE) != 0
     }
@@ -154,7 +154,7 @@ impl fmt::Display for Report {
 mod tests {
     use super::*;
 
-    /// Bits whose values the maker writes out.
+    /// The bits have the values that the maker publishes.
     #[test]
     fn bits_are_where_they_belong() {
         let name = |names: Names, value: u32| names[value.trailing_zeros() as usize];

@@ -20,9 +20,9 @@ use crate::servoing::{Limits, Servoing};
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Pacing {
-    /// Time between two targets of the controller.
+    /// Interval between two targets of the controller.
     pub tick: Duration,
-    /// How long the controller may be silent before the arm is stopped.
+    /// Longest silence of the controller; after it the arm is stopped.
     pub host_deadline: Duration,
 }
 
@@ -33,24 +33,24 @@ pub struct Snapshot {
     pub feedback: Feedback,
     /// Command last sent, rad.
     pub command: [f64; JOINTS],
-    /// What became of the cycles.
+    /// Outcomes of the cycles.
     pub counters: Counters,
-    /// Cycles that began late by more than a cycle, and were left out.
+    /// Cycles that were skipped because one began late by more than a cycle.
     pub overruns: u64,
-    /// Latest start of a cycle so far.
+    /// Largest lateness of a cycle so far.
     pub lateness: Duration,
-    /// Whether the arm is stopped because the controller is silent.
+    /// True while the arm is stopped because the controller is silent.
     pub host_silent: bool,
     /// Cycles in which the command waited for an arm that lagged too far behind.
     pub waited: u64,
-    /// Whether the loop has ended; [`ServoLoop::finish`] says why.
+    /// True once the loop has ended; [`ServoLoop::finish`] gives the reason.
     pub ended: bool,
 }
 
 struct Target {
     angles: [f64; JOINTS],
     set: Instant,
-    /// Whether the loop has not seen it yet.
+    /// True until the loop has seen it.
     new: bool,
 }
 
@@ -75,7 +75,7 @@ impl std::fmt::Debug for Shared {
 }
 
 impl ServoLoop {
-    /// Enters low-level servoing and starts cycling; the arm stands until the first target.
+    /// Enters low-level servoing and starts cycling. The arm stands still until the first target.
     ///
     /// # Errors
     /// As [`Servoing::enter`].
@@ -91,7 +91,7 @@ impl ServoLoop {
         });
         match entry.recv() {
             Ok(shared) => Ok(Self { shared, limits, thread: Some(thread) }),
-            // The thread ended before it entered, and says why.
+            // The thread ended before it entered, and has the reason.
             Err(_) => match thread.join() {
                 Ok((_, Err(error))) => Err(error),
                 Ok((_, Ok(()))) => unreachable!("a loop that never entered cannot have been asked to stop"),
@@ -100,27 +100,28 @@ impl ServoLoop {
         }
     }
 
-    /// Sets where the joints are to be one tick from now, rad.
+    /// Sets the joint angles to be reached one tick from now, rad.
     ///
     /// # Errors
-    /// [`CommandError::NotFinite`], [`CommandError::Range`]; the target before stays.
+    /// [`CommandError::NotFinite`], [`CommandError::Range`]; the previous target stays.
     pub fn set_target(&self, angles: [f64; JOINTS]) -> Result<(), CommandError> {
         self.limits.check_range(&angles)?;
         lock(&self.shared).target = Some(Target { angles, set: Instant::now(), new: true });
         Ok(())
     }
 
-    /// State of the loop.
+    /// Returns the state of the loop.
     pub fn snapshot(&self) -> Snapshot {
         lock(&self.shared).snapshot
     }
 
-    /// Whether [`ServoLoop::finish`] returns at once. A loop that has ended may still be waiting for the answer to its log-out.
+    /// True if [`ServoLoop::finish`] returns at once. A loop that has ended may still be waiting for the answer to its
+    /// log-out.
     pub fn is_over(&self) -> bool {
         self.thread.as_ref().is_none_or(JoinHandle::is_finished)
     }
 
-    /// Stops the loop and gives the arm back, with the error that ended the loop if one did.
+    /// Stops the loop and returns the arm, with the error that ended the loop if there was one.
     pub fn finish(mut self) -> (Arm, Result<(), KortexError>) {
         lock(&self.shared).stop = true;
         match self.thread.take().map(JoinHandle::join) {
@@ -140,7 +141,7 @@ impl Drop for ServoLoop {
     }
 }
 
-/// The way to a target: equal steps over a tick of the controller.
+/// Path to a target: equal steps over a tick of the controller.
 struct Path {
     target: [f64; JOINTS],
     step: [f64; JOINTS],
@@ -173,7 +174,7 @@ fn run(
         ended: false,
     };
     let shared = Arc::new(Mutex::new(Shared { target: None, snapshot, stop: false }));
-    // Nobody waits for the entry any more: then nobody wants the arm to servo either.
+    // If nobody waits for the entry any more, nobody wants the arm to servo either.
     let result = match entered.send(Arc::clone(&shared)) {
         Ok(()) => cycle_on(&mut servoing, pacing, &shared),
         Err(_) => Ok(()),
@@ -209,7 +210,7 @@ fn cycle_on(servoing: &mut Servoing<'_>, pacing: Pacing, shared: &Mutex<Shared>)
         let wanted = path.as_ref().map_or(command, |path| path.next(&command));
         let mut waited = false;
         match servoing.command_angles(&wanted, next) {
-            // The arm lags, perhaps blocked: wait for it.
+            // The arm lags, perhaps because it is blocked: wait for it.
             Err(KortexError::Command(CommandError::Lead { .. })) => {
                 waited = true;
                 servoing.hold(next)?;
@@ -227,7 +228,7 @@ fn cycle_on(servoing: &mut Servoing<'_>, pacing: Pacing, shared: &Mutex<Shared>)
         snapshot.lateness = snapshot.lateness.max(late);
         next += limits.cycle;
         if late > limits.cycle {
-            // Cycles that were missed are not made up for: the arm takes one command a millisecond.
+            // Missed cycles are not caught up: the arm takes one command a millisecond.
             snapshot.overruns += (late.as_nanos() / limits.cycle.as_nanos()) as u64;
             next = Instant::now() + limits.cycle;
         }
@@ -239,7 +240,7 @@ mod tests {
     use super::*;
     use crate::servoing::tests::limits;
 
-    /// Ten cycles to the target, in equal steps, and no further.
+    /// The path takes ten cycles to the target, in equal steps, and goes no further.
     #[test]
     fn path_is_straight_and_ends_at_the_target() {
         let limits = limits();
@@ -254,7 +255,7 @@ mod tests {
         assert_eq!(at, target);
     }
 
-    /// A target too far for a tick is approached at top speed.
+    /// A target too far for one tick is approached at top speed.
     #[test]
     fn path_keeps_the_speed_limit() {
         let limits = limits();

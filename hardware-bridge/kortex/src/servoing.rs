@@ -1,17 +1,17 @@
 //! Low-level servoing: the host commands all joint angles at 1 kHz.
 //!
 //! # Entry
-//! Faults are cleared, every joint must be in position mode, then the mode is changed and the first commands are the
-//! measured angles themselves (*seeded entry*), so that the arm does not move until the controller commands it.
+//! Faults are cleared and every joint must be in position mode. Then the mode is changed, and the first commands are
+//! the measured angles themselves (*seeded entry*), so that the arm does not move until the controller commands it.
 //!
 //! # Commands
-//! Each command is checked before it is sent: finite, within the joints' ranges, at most one cycle's step from the
-//! previous command (not from the lagging measurement), and not so far ahead of the arm that it would raise a following
-//! error. One bad joint refuses the whole command; the caller then sends [`Servoing::hold`].
+//! Each command is checked before it is sent. It must be finite, within the joints' ranges, at most one cycle's step
+//! from the previous command (not from the lagging measurement), and not so far ahead of the arm that it would raise a
+//! following error. A single invalid joint refuses the whole command. The caller then sends [`Servoing::hold`].
 //!
 //! # Exit
-//! [`Servoing::leave`] returns control to the arm's base. If the host dies, commands stop and the arm's own watchdog has to
-//! stop it; how a real Gen3 does that, and how fast, remains to be measured.
+//! [`Servoing::leave`] returns control to the arm's base. If the host dies, commands stop and the arm's own watchdog
+//! has to stop it. How a real Gen3 does that, and how fast, remains to be measured.
 
 use std::time::{Duration, Instant};
 
@@ -26,29 +26,29 @@ use crate::message::device::ControlMode;
 use crate::recent::{Cycles, Recent};
 use crate::refusal::Reason;
 
-/// Commands further apart than so many cycles are late enough to starve the arm.
+/// Interval between commands, in cycles, from which they are late enough to starve the arm.
 const LATE_CYCLES: u32 = 10;
 
 /// Limits of a command.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Limits {
-    /// Lowest angles, rad.
+    /// Lower limits of the angles, rad.
     pub lower: [f64; JOINTS],
-    /// Highest angles, rad.
+    /// Upper limits of the angles, rad.
     pub upper: [f64; JOINTS],
     /// Largest step from one command to the next, rad.
     pub step: [f64; JOINTS],
     /// Largest distance from the measured angle, rad.
     pub lead: [f64; JOINTS],
-    /// Cycles in a row that may pass without feedback.
+    /// Largest number of consecutive cycles without feedback.
     pub silent_cycles: u32,
     /// Length of a cycle.
     pub cycle: Duration,
 }
 
 impl Limits {
-    /// At 1 kHz, for joints with these ranges (rad) and top speeds (rad/s): a lead of 3 degrees, 100 cycles of silence
-    /// (loopback UDP has been seen to stall for 92 ms).
+    /// Returns limits at 1 kHz for joints with these ranges (rad) and top speeds (rad/s): a lead of 3 degrees, and 100
+    /// cycles of silence (loopback UDP has been seen to stall for 92 ms).
     pub fn at_1_khz(lower: [f64; JOINTS], upper: [f64; JOINTS], top_speed: [f64; JOINTS]) -> Self {
         let cycle = Duration::from_millis(1);
         Self {
@@ -61,7 +61,7 @@ impl Limits {
         }
     }
 
-    /// Whether `angles` are numbers within the joints' ranges.
+    /// Checks that `angles` are finite and within the joints' ranges.
     ///
     /// # Errors
     /// [`CommandError::NotFinite`], [`CommandError::Range`].
@@ -78,10 +78,10 @@ impl Limits {
         Ok(())
     }
 
-    /// Whether `command` may follow `previous` while the arm is at `measured`.
+    /// Checks that `command` may follow `previous` while the arm is at `measured`.
     ///
     /// # Errors
-    /// [`CommandError`] of the first joint that may not.
+    /// [`CommandError`] of the first joint that violates a limit.
     pub fn check(
         &self,
         command: &[f64; JOINTS],
@@ -92,7 +92,7 @@ impl Limits {
         for (i, &found) in command.iter().enumerate() {
             let joint = i + 1;
             let step = (found - previous[i]).abs();
-            // The step of a command at exactly the top speed may round up.
+            // Rounding may enlarge the step of a command at exactly the top speed.
             if step > self.step[i] * (1.0 + 1e-9) {
                 return Err(CommandError::Step { joint, found: step, allowed: self.step[i] });
             }
@@ -122,7 +122,7 @@ impl<'a> Servoing<'a> {
     ///
     /// # Errors
     /// A refusal or fault; [`KortexError::ControlMode`]; [`KortexError::State`] if the arm does not follow the change
-    /// of mode. The arm is back in high-level mode then, unless that fails too.
+    /// of mode. The arm is then back in high-level mode, unless that fails too.
     pub fn enter(arm: &'a mut Arm, limits: Limits) -> Result<Self, KortexError> {
         arm.base.clear_faults()?;
         for (i, address) in arm.base.actuators()?.into_iter().enumerate() {
@@ -146,7 +146,7 @@ impl<'a> Servoing<'a> {
         Ok(servoing)
     }
 
-    /// Commands the measured angles until the arm says that it follows.
+    /// Commands the measured angles until the arm reports that it follows.
     fn seed(&mut self) -> Result<(), KortexError> {
         let deadline = Instant::now() + self.arm.base.session().timeouts().call;
         self.latest = self.arm.cyclic.feedback()?;
@@ -164,12 +164,12 @@ impl<'a> Servoing<'a> {
         }
     }
 
-    /// The newest measurements.
+    /// Returns the newest measurements.
     pub fn latest(&self) -> &Feedback {
         &self.latest
     }
 
-    /// The command last sent, rad.
+    /// Returns the command last sent, rad.
     pub fn command(&self) -> &[f64; JOINTS] {
         &self.command
     }
@@ -178,17 +178,17 @@ impl<'a> Servoing<'a> {
         &self.limits
     }
 
-    /// The arm, for its counters and notifications.
+    /// Returns the arm, for its counters and notifications.
     pub fn arm(&mut self) -> &mut Arm {
         self.arm
     }
 
-    /// Commands `angles` (rad) and waits for the arm's answer until `deadline`; says whether measurements came.
+    /// Commands `angles` (rad) and waits for the arm's answer until `deadline`. Returns true if measurements came.
     ///
     /// # Errors
     /// [`KortexError::Command`] before anything is sent: the caller then owes the arm a [`Servoing::hold`] in this
-    /// cycle. Otherwise a fault, an emergency stop, another state, a long row of cycles without feedback, a link's
-    /// errors: servoing is over, the arm has stopped or is about to stop by itself.
+    /// cycle. Any other error ends servoing: a fault, an emergency stop, another state, too many consecutive cycles
+    /// without feedback, a link's errors. The arm has then stopped or is about to stop by itself.
     pub fn command_angles(&mut self, angles: &[f64; JOINTS], deadline: Instant) -> Result<bool, KortexError> {
         self.limits.check(angles, &self.command, &self.latest.motion.position)?;
         self.command = *angles;
@@ -215,7 +215,7 @@ impl<'a> Servoing<'a> {
         self.arm.base.keep_up()?;
         self.recent.note_sent(Instant::now());
         let fresh = match self.arm.cyclic.refresh(&self.command, deadline) {
-            // The arm left low-level servoing; its faults tell the reason, if it did so by itself.
+            // The arm left low-level servoing. If it did so by itself, its faults give the reason.
             Err(error) if error.reason() == Some(Reason::ServoingMode) => {
                 self.latest = self.arm.cyclic.feedback()?;
                 self.fault()?;
@@ -237,7 +237,8 @@ impl<'a> Servoing<'a> {
         Ok(fresh.is_some())
     }
 
-    /// What the newest measurements say of faults. A watchdog's is told by its cause: this program, or the network.
+    /// Checks the newest measurements for faults. A watchdog fault is reported by its cause: this program, or the
+    /// network.
     fn fault(&self) -> Result<(), KortexError> {
         let error = match fault_of(&self.latest) {
             Err(KortexError::Fault(report)) if report.is_watchdog() => {
@@ -252,8 +253,8 @@ impl<'a> Servoing<'a> {
         Err(error)
     }
 
-    /// Why the arm is not in low-level servoing any more, without a fault. Our own session's end does that too, so it
-    /// is asked.
+    /// Returns the reason for which the arm has left low-level servoing without a fault. The end of our own session
+    /// also does that, so the arm is asked.
     fn turned_out(&mut self) -> KortexError {
         match self.arm.base.servoing_mode() {
             Ok(ServoingMode::LowLevel) => {
@@ -277,13 +278,13 @@ impl<'a> Servoing<'a> {
 impl Drop for Servoing<'_> {
     fn drop(&mut self) {
         if !self.left {
-            // The caller has an error already; the arm's watchdog does the rest.
+            // The caller has an error already, and the arm's watchdog will stop it.
             drop(self.arm.base.set_servoing_mode(ServoingMode::SingleLevel));
         }
     }
 }
 
-/// Waits for cleared faults to be gone, which a call's answer does not promise.
+/// Waits until cleared faults are gone, which the answer to the call does not guarantee.
 fn without_faults(arm: &mut Arm) -> Result<Feedback, KortexError> {
     let deadline = Instant::now() + arm.base.session().timeouts().call;
     loop {
@@ -297,7 +298,7 @@ fn without_faults(arm: &mut Arm) -> Result<Feedback, KortexError> {
     }
 }
 
-/// What feedback says of faults.
+/// Checks the feedback for faults.
 ///
 /// # Errors
 /// [`KortexError::EmergencyStop`], [`KortexError::Fault`].
@@ -315,7 +316,7 @@ pub fn fault_of(feedback: &Feedback) -> Result<(), KortexError> {
 pub(crate) mod tests {
     use super::*;
 
-    /// The published arm's.
+    /// Limits of the published arm.
     pub fn limits() -> Limits {
         let arm = hand_model::Arm::gen3();
         let joints = &arm.tree.joints;
@@ -340,7 +341,7 @@ pub(crate) mod tests {
         assert!(matches!(check(only(5, 0.06), only(5, 0.06), ZERO), Err(CommandError::Lead { joint: 5, .. })));
     }
 
-    /// A joint without end stops may be commanded a turn away from where it counts: the posture is the same.
+    /// A joint without end stops may be commanded a full turn away from its count: the posture is the same.
     #[test]
     fn lead_is_measured_as_posture() {
         let limits = limits();

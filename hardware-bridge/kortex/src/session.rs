@@ -1,11 +1,11 @@
 //! A session: calls with deadlines, keep-alives, notifications.
 //!
 //! The arm ends a session for two reasons: no sign of life for its connection timeout, or no *call* for its session
-//! timeout. Keep-alives are signs of life and no calls. So [`Session::keep_up`] sends both: a keep-alive every
-//! [`Timeouts::keep_alive`], and a cheap call where no other one was made for a while.
+//! timeout. Keep-alives are signs of life but not calls. So [`Session::keep_up`] sends both: a keep-alive every
+//! [`Timeouts::keep_alive`], and a cheap call if no other one was made for a while.
 //!
-//! There is no thread here: the owner of a session calls [`Session::keep_up`] often enough. When the host hangs, its
-//! signs of life stop and the arm notices; a helper thread would keep the session of a dead controller alive.
+//! There is no thread here: the owner of a session calls [`Session::keep_up`] often enough. If the host hangs, its
+//! signs of life stop and the arm notices. A helper thread would keep the session of a dead controller alive.
 
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
@@ -35,24 +35,26 @@ impl std::fmt::Debug for Credentials {
     }
 }
 
-/// A session is kept by a call every so many parts of its timeout: some may be lost or late.
+/// Number of keeping calls per session timeout: some may be lost or late.
 const CALLS_PER_TIMEOUT: u32 = 6;
 
 /// Deadlines of a session.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Timeouts {
-    /// How long to wait for a call's answer.
+    /// Time limit for a call's answer.
     pub call: Duration,
-    /// How long the arm keeps a session without calls.
+    /// Session timeout: time for which the arm keeps a session without calls.
     pub session: Duration,
-    /// How long the arm keeps a session without any sign of life; also how long we bear its silence.
+    /// Connection timeout: time for which the arm keeps a session without any sign of life. It is also our time limit
+    /// for the arm's silence.
     pub connection: Duration,
-    /// Time between keep-alives.
+    /// Interval between keep-alives.
     pub keep_alive: Duration,
 }
 
 impl Default for Timeouts {
-    /// The session's timeouts are those of the maker's ROS 2 driver, the keep-alive that of its Python client.
+    /// Session and connection timeouts are those of the maker's ROS 2 driver, the keep-alive is that of its Python
+    /// client.
     fn default() -> Self {
         Self {
             call: Duration::from_secs(1),
@@ -63,16 +65,16 @@ impl Default for Timeouts {
     }
 }
 
-/// This program was silent for longer than a session allows.
+/// A silence of this program longer than a session allows.
 #[derive(Debug, Clone, Copy)]
 struct Neglect {
     silent: Duration,
     allowed: Duration,
-    /// Number of the first message after that; an answer to it says that the session lives.
+    /// Number of the first message after the silence. An answer to it shows that the session is alive.
     message: u16,
 }
 
-/// A session on a link. Dropping it closes it as well as can be done without waiting.
+/// A session on a link. Dropping it closes it as well as is possible without waiting.
 #[derive(Debug)]
 pub struct Session<L: Link> {
     link: L,
@@ -80,14 +82,15 @@ pub struct Session<L: Link> {
     next_message: u16,
     timeouts: Timeouts,
     next_keep_alive: Instant,
-    /// The call that keeps the session where no other is made: without an argument, of the base, and cheap.
+    /// Call that keeps the session if no other is made: of the base, without an argument, and cheap.
     kept_by: Call,
-    /// Those of them that were sent and not answered.
+    /// Numbers of such calls that were sent but not answered.
     keeping: VecDeque<u16>,
-    /// When anything, and when a call, was sent last.
+    /// Time at which anything was sent last.
     last_sign: Instant,
+    /// Time at which a call was sent last.
     last_call: Instant,
-    /// Since when the arm owes us a sign of life.
+    /// Time since which the arm owes us a sign of life.
     unanswered: Option<Instant>,
     neglected: Option<Neglect>,
     notifications: VecDeque<Frame>,
@@ -95,7 +98,7 @@ pub struct Session<L: Link> {
 }
 
 impl<L: Link> Session<L> {
-    /// Logs in. `kept_by` is called where no other call is made for long: without an argument, and cheap.
+    /// Logs in. The session calls `kept_by`, a cheap call without an argument, if no other call is made for long.
     ///
     /// # Errors
     /// [`KortexError::Refused`] with [`crate::refusal::Reason::Login`] for a wrong name or password; a link's errors;
@@ -130,27 +133,27 @@ impl<L: Link> Session<L> {
         Ok(session)
     }
 
-    /// The session's number.
+    /// Returns the number of the session.
     pub fn number(&self) -> u16 {
         self.number
     }
 
-    /// Its deadlines.
+    /// Returns the timeouts of the session.
     pub fn timeouts(&self) -> Timeouts {
         self.timeouts
     }
 
-    /// Copies everything that goes over the link from now on, which is after the login.
+    /// Copies everything that crosses the link from now on into `tap`, which is after the login.
     pub fn tap(&mut self, tap: Tap) {
         self.link.tap(tap);
     }
 
-    /// Frames that answered nothing we wait for.
+    /// Returns the number of frames that answered no pending call.
     pub fn stray(&self) -> u64 {
         self.stray
     }
 
-    /// Datagrams dropped because they were damaged.
+    /// Returns the number of datagrams dropped because they were damaged.
     pub fn damaged(&self) -> u64 {
         self.link.damaged()
     }
@@ -186,7 +189,7 @@ impl<L: Link> Session<L> {
         Err(KortexError::Timeout { call, after })
     }
 
-    /// Sends a call and returns its number; [`Session::next_response`] brings the answer.
+    /// Sends a call and returns its number. [`Session::next_response`] returns the answer.
     ///
     /// # Errors
     /// The link's.
@@ -200,7 +203,7 @@ impl<L: Link> Session<L> {
         Ok(message)
     }
 
-    /// Something is sent: whether the session was still to be counted on.
+    /// Notes a sign of life, and whether the session may have ended before it.
     fn note_sign(&mut self, is_call: bool) {
         let now = Instant::now();
         let Timeouts { session, connection, .. } = self.timeouts;
@@ -216,7 +219,7 @@ impl<L: Link> Session<L> {
         }
     }
 
-    /// An answer to what was sent since it was neglected: the session has lived through it.
+    /// Notes an answer. One to a message after a neglect shows that the session has survived it.
     fn note_answer(&mut self, header: &Header) {
         let since = |first: u16| header.message == first || is_younger(header.message, first);
         if header.kind == Kind::Response && header.error == 0 && self.neglected.is_some_and(|it| since(it.message)) {
@@ -224,7 +227,8 @@ impl<L: Link> Session<L> {
         }
     }
 
-    /// The error of a refusal. The arm does not say why it no longer knows a session; what this program did says it.
+    /// Converts a refusal to an error. The arm does not say why it no longer knows a session; this program's own
+    /// silence tells.
     pub fn refused(&self, call: Call, refusal: Refusal) -> KortexError {
         let session = self.number;
         match (refusal.reason, self.neglected) {
@@ -236,12 +240,12 @@ impl<L: Link> Session<L> {
         }
     }
 
-    /// The next answer to a call of the owner's, waiting until `deadline`; notifications that come meanwhile are kept,
-    /// and what keeps the session is sent.
+    /// Returns the next answer to a call of the owner's, waiting until `deadline`. Meanwhile it stores notifications
+    /// and keeps the session alive.
     ///
     /// # Errors
-    /// The link's; [`KortexError::SessionLost`] or [`KortexError::SessionExpired`] when the arm does not know the
-    /// session any more; [`KortexError::Silent`].
+    /// The link's; [`KortexError::SessionLost`] or [`KortexError::SessionExpired`] if the arm no longer knows the
+    /// session; [`KortexError::Silent`].
     pub fn next_response(&mut self, deadline: Instant) -> Result<Option<Frame>, KortexError> {
         loop {
             let now = Instant::now();
@@ -274,7 +278,7 @@ impl<L: Link> Session<L> {
                         return Ok(Some(frame));
                     };
                     self.keeping.remove(place);
-                    // Refused for another reason it is a call all the same.
+                    // Even if it is refused for another reason, it was a call.
                     if let Some(refusal) = Refusal::of(&frame).filter(|no| no.reason == Reason::InvalidSession) {
                         return Err(self.refused(self.kept_by, refusal));
                     }
@@ -285,7 +289,7 @@ impl<L: Link> Session<L> {
         }
     }
 
-    /// Makes the call that keeps the session, if no other one was made for a part of its timeout.
+    /// Makes the call that keeps the session, if no other one was made for a share of its timeout.
     fn keep_session(&mut self, now: Instant) -> Result<(), KortexError> {
         if self.number == 0 || now - self.last_call < self.timeouts.session / CALLS_PER_TIMEOUT {
             return Ok(());
@@ -298,7 +302,7 @@ impl<L: Link> Session<L> {
         Ok(())
     }
 
-    /// Sends what keeps the session if it is due and takes in what has come, without waiting. To be called every few
+    /// Keeps the session alive and takes in everything that has arrived, without waiting. Call it every few
     /// milliseconds.
     ///
     /// # Errors
@@ -311,12 +315,12 @@ impl<L: Link> Session<L> {
         Ok(())
     }
 
-    /// The oldest notification not yet taken.
+    /// Returns the oldest notification not yet taken.
     pub fn next_notification(&mut self) -> Option<Frame> {
         self.notifications.pop_front()
     }
 
-    /// Logs out and waits for the arm to agree.
+    /// Logs out and waits for the arm's answer.
     ///
     /// # Errors
     /// As [`Session::call`].
@@ -330,13 +334,13 @@ impl<L: Link> Session<L> {
 impl<L: Link> Drop for Session<L> {
     fn drop(&mut self) {
         if self.number != 0 {
-            // Nothing is left to report to; the arm's own timeout ends a session whose goodbye is lost.
+            // There is nobody left to report to. The arm's own timeout ends a session whose log-out is lost.
             drop(self.post(call::CLOSE_SESSION, 0, &Empty {}));
         }
     }
 }
 
-/// The payload of `frame` as an `A`.
+/// Decodes the payload of `frame` as an `A`.
 ///
 /// # Errors
 /// [`KortexError::Answer`].

@@ -4,7 +4,7 @@
 
 use std::fmt;
 
-/// Which way the bytes went, seen from the host.
+/// Direction of the bytes, seen from the host.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Direction {
     Sent,

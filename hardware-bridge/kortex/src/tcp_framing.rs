@@ -1,15 +1,15 @@
 //! Frames in a TCP stream: eight bytes of preamble, the length as a big-endian word, the frame.
 //!
-//! TCP neither loses nor damages bytes, so a stream that is not where a frame starts is one whose sender and receiver
-//! no longer understand each other: an error that ends the connection, not a reason to search.
+//! TCP neither loses nor damages bytes. If a stream is not at the start of a frame, sender and receiver no longer
+//! understand each other. That is an error that ends the connection, not a reason to search for the next frame.
 
 use crate::frame::{Frame, FrameError, LONGEST};
 
-/// What every frame in a stream starts with.
+/// Preamble of every frame in a stream.
 const PREAMBLE: [u8; 8] = *b"\x07xEtRoK\x07";
 const PROLOGUE: usize = PREAMBLE.len() + 4;
 
-/// `frame` as it goes into the stream.
+/// Encodes `frame` for the stream.
 pub fn encode(frame: &Frame) -> Vec<u8> {
     let body = frame.encode();
     let mut stream = Vec::with_capacity(PROLOGUE + body.len());
@@ -19,22 +19,22 @@ pub fn encode(frame: &Frame) -> Vec<u8> {
     stream
 }
 
-/// Cuts a stream into frames.
+/// Splits a stream into frames.
 #[derive(Debug, Default)]
 pub struct Deframer {
     buffer: Vec<u8>,
 }
 
 impl Deframer {
-    /// Adds bytes as they come.
+    /// Adds received bytes.
     pub fn push(&mut self, bytes: &[u8]) {
         self.buffer.extend_from_slice(bytes);
     }
 
-    /// The next frame; `None` when more bytes are needed.
+    /// Returns the next frame; `None` if more bytes are needed.
     ///
     /// # Errors
-    /// [`FrameError`]; the stream is of no use afterwards.
+    /// [`FrameError`]; the stream is unusable afterwards.
     pub fn next_frame(&mut self) -> Result<Option<Frame>, FrameError> {
         let Some((prologue, rest)) = self.buffer.split_first_chunk::<PROLOGUE>() else { return Ok(None) };
         let [found @ .., a, b, c, d] = *prologue;
@@ -85,7 +85,7 @@ mod tests {
     }
 
     proptest! {
-        /// In whatever pieces the stream arrives.
+        /// The frames come out however the stream is split.
         #[test]
         fn frames_come_out_as_they_went_in(sent in prop::collection::vec(frames(), 1..6), piece in 1..50_usize) {
             let stream: Vec<u8> = sent.iter().flat_map(encode).collect();

@@ -1,9 +1,11 @@
-//! Residuals of a twin beside the simulated robot of a blind trial, as comma-separated values, with a fault of the plant on request.
+//! Residuals of a twin beside the simulated robot of a blind trial, as comma-separated values, with an optional plant
+//! fault.
 //!
-//! `mirror_residuals COMBINATION TRIAL PLANT FAULT PHASE PROGRESS FILE` plays trial TRIAL (seed 1, all effects) with the robot as drawn (PLANT 0) or
-//! hidden individual PLANT. FAULT strikes once phase PHASE has come to PROGRESS (0 to 1), and the trial ends 1.5 s later. It is one of
-//! `none`, `break N`, `slip N` (2 mm), `weak N` (0.6 of the torque), N a digit from the thumb's 0; `stick J` (finger joint J), `heavy` (the first
-//! object, by 0.4 kg) and `push` (15 N on the palm for half a second); a fault and its number are one argument.
+//! `mirror_residuals COMBINATION TRIAL PLANT FAULT PHASE PROGRESS FILE` plays trial TRIAL (seed 1, all effects) with
+//! the robot as drawn (PLANT 0) or with hidden individual PLANT. FAULT strikes once phase PHASE has reached PROGRESS (0
+//! to 1), and the trial ends 1.5 s later. FAULT is one of `none`, `break N`, `slip N` (2 mm) and `weak N` (0.6 of the
+//! torque), where N is a digit counted from the thumb's 0; `stick J` (finger joint J); `heavy` (the first object, by
+//! 0.4 kg); and `push` (15 N on the palm for half a second). A fault and its number are one argument.
 
 use std::fs::File;
 use std::io::{BufWriter, Write};
@@ -19,12 +21,12 @@ use robot_backends::Body;
 use scenarios::Scenario;
 use sim::SimulatedRobot;
 
-/// Goes on for so long after the fault, s.
+/// Duration of the trial after the fault, s.
 const AFTER: f64 = 1.5;
-/// Force on the palm, N, world axes, and how long it lasts, s.
+/// Force on the palm, world axes, N, and its duration, s.
 const PUSH: (Vector3<f64>, f64) = (Vector3::new(10.6, 10.6, 0.0), 0.5);
 
-/// Breaks what `fault` names.
+/// Injects the fault that `fault` names.
 fn strike(robot: &mut SimulatedRobot, fault: &str) -> anyhow::Result<()> {
     let (what, number) = fault.split_once(' ').unwrap_or((fault, ""));
     let below = |end: usize| -> anyhow::Result<usize> {

@@ -1,6 +1,6 @@
-//! Limits on the counts that a result's run asks for.
+//! Bounds on the counts that the request of a run may ask for.
 //!
-//! Others may have written the file. A count in it is the length of work to come.
+//! The file may come from a third party. A count in it is the amount of work to come.
 
 use std::path::Path;
 
@@ -14,7 +14,7 @@ use crate::journal::RunRequest;
 const MOST_NOISE: f64 = 10.0;
 
 impl RunRequest {
-    /// Checks what the run kept at `path` asks for.
+    /// Checks that the request of the run at `path` is within bounds.
     pub fn check(&self, path: &Path) -> Result<(), DataError> {
         let scenario = Scenario::parse(&self.scenario, path)?;
         combinations(self.combos, &scenario, path)?;

@@ -1,4 +1,5 @@
-//! What comes with the program: repertoire, plans, calibrations and networks, and the bench they make of a scenario.
+//! Built-in data of the program (repertoire, plans, calibrations and networks), and the bench that they make of a
+//! scenario.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -27,24 +28,25 @@ use crate::trial::Bench;
 /// Combinations of a benchmark, as in the paper.
 pub const COMBINATIONS: usize = 60;
 
-/// The hand unit that runs the trials ...
+/// Hand unit that runs the trials.
 pub const HAND_UNIT: u64 = 7;
-/// ... and the one that photometric stereo was calibrated on.
+/// Hand unit that photometric stereo was calibrated on.
 pub const CALIBRATION_UNIT: u64 = 1;
 
-/// Largest change of the cameras' brightness that touch takes for drift, as a share: the longest trials take two minutes, in which
-/// cameras that drift by several per cent a minute come near.
+/// Largest change of the cameras' brightness that perception treats as drift, as a share. The longest trials take two
+/// minutes, in which cameras that drift by several per cent a minute come near it.
 const MOST_DRIFT: f32 = 0.15;
 
-/// The photometric models that come with the program.
+/// Returns the photometric models that come with the program.
 pub fn builtin_calibration() -> Result<PhotometricCalibration> {
     serde_json::from_str(include_str!("../data/calibration.json")).context("data/calibration.json")
 }
 
-/// The photometric models of a robot's pads: those of its own calibration, or those that come with the program.
+/// Returns the photometric models of a robot's pads: those of its own calibration, or those that come with the program.
 ///
 /// # Errors
-/// A pad whose size is another than its configuration's in the built-in hand, and that has no calibration of its own.
+/// Fails for a pad whose size differs from that of its configuration in the built-in hand and that has no calibration
+/// of its own.
 pub fn calibration_of(robot: &RobotModel) -> Result<PhotometricCalibration> {
     if let Some((text, name)) = robot.calibration()? {
         return parse_pads(&robot.hand, text, &name);
@@ -67,15 +69,16 @@ pub fn calibration_of(robot: &RobotModel) -> Result<PhotometricCalibration> {
     Ok(calibration)
 }
 
-/// Touch of a simulated robot by its calibration, given images of its untouched pads.
+/// Creates the perception of a simulated robot from its calibration and images of its untouched pads.
 pub fn simulated_touch(robot: &RobotModel, backgrounds: Vec<Arc<TactileImage>>) -> Result<TouchPipeline> {
     let mut pipeline = TouchPipeline::new(&robot.hand, calibration_of(robot)?, backgrounds)?;
-    // The engine's covers are rigid, and images are made from its forces: an object shows as pressed in where it only lies on.
+    // The engine's covers are rigid, and images are made from its forces: an object that only touches shows as pressed
+    // in.
     pipeline.pose.sinking = 0.0;
     Ok(pipeline)
 }
 
-/// A calibration of every pad of `hand` from a file's text; `path` is used in errors.
+/// Parses a calibration of every pad of `hand` from the text of a file; `path` is used in errors.
 pub fn parse_pads(hand: &Hand, text: &str, path: &Path) -> Result<PhotometricCalibration> {
     let calibration = PhotometricCalibration::parse(text, path)?;
     for pad in &hand.pads {
@@ -84,7 +87,8 @@ pub fn parse_pads(hand: &Hand, text: &str, path: &Path) -> Result<PhotometricCal
     Ok(calibration)
 }
 
-/// Lets a bench's touch read images by the calibration of a file's text instead of the built-in one; without a text nothing changes.
+/// Replaces the calibration by which a bench's perception reads images with that of a file's text. Without a text
+/// nothing changes.
 pub fn read_pads_by(bench: &mut Bench, text: Option<&str>, path: &Path) -> Result<()> {
     if let Some(text) = text {
         let calibration = parse_pads(&bench.world.cell.robot.hand, text, path)?;
@@ -93,7 +97,7 @@ pub fn read_pads_by(bench: &mut Bench, text: Option<&str>, path: &Path) -> Resul
     Ok(())
 }
 
-/// Tells perception what it may know of the scenario's hand: what cables lose, and how far objects sink into pads.
+/// Gives perception the known properties of the scenario's hand: cable losses, and how far objects sink into pads.
 pub fn know_hand(pipeline: &mut TouchPipeline, world: &World) {
     pipeline.pose.cables = world.known_cable_losses();
     if world.scenario.effects.gel.is_some() {
@@ -101,7 +105,8 @@ pub fn know_hand(pipeline: &mut TouchPipeline, world: &World) {
     }
 }
 
-/// Everything that trials of a robot and a scenario's first `combos` combinations share, or of as many as can be done.
+/// Prepares everything that trials of a robot and of the scenario's first `combos` combinations share, or of as many
+/// combinations as are feasible.
 pub fn make_bench(robot: &RobotModel, scenario: Scenario, combos: usize, seed: u64, quiet: bool) -> Result<Bench> {
     let mut bench = make_scenes(robot, scenario, combos, seed, quiet)?;
     let names: BTreeSet<&str> = bench.plans.plans.iter().flat_map(Plan::objects).collect();
@@ -120,7 +125,8 @@ pub fn make_bench(robot: &RobotModel, scenario: Scenario, combos: usize, seed: u
     Ok(bench)
 }
 
-/// The bench of a run, with everything that the request says of robot, scenario and controller but where images are rendered.
+/// Prepares the bench of a run, with all settings of the request for robot, scenario and controller, except the device
+/// that renders images.
 pub fn bench_of(request: &RunRequest, quiet: bool) -> Result<Bench> {
     let model = request.robot_model(Path::new("--individual"))?;
     let mut bench = make_bench(&model, request.scenario()?, request.combos, request.seed, quiet)?;
@@ -134,10 +140,10 @@ pub fn bench_of(request: &RunRequest, quiet: bool) -> Result<Bench> {
     Ok(bench)
 }
 
-/// A bench with no object that can be felt and without the scenario's disturbances: for scenes in which no policy of this program
-/// decides.
+/// Prepares a bench without perception of objects and without the scenario's disturbances, for scenes in which no
+/// policy of this program decides.
 pub fn make_scenes(robot: &RobotModel, scenario: Scenario, combos: usize, seed: u64, quiet: bool) -> Result<Bench> {
-    // Plans are made for the nominal places: a spread of the layout leaves them as they are.
+    // Plans are made for the nominal places; a spread of the layout does not change them.
     let benchmark = Scenario::benchmark();
     let planned = |scenario: &Scenario| (scenario.layout.first, scenario.layout.second, scenario.start);
     let builtin = proving::builtin::fits(robot)?
@@ -156,10 +162,11 @@ pub fn make_scenes(robot: &RobotModel, scenario: Scenario, combos: usize, seed: 
     Ok(bench)
 }
 
-/// The same for scenes that no grasp is needed for: none is looked for, and those of the bench are the built-in robot's.
+/// Prepares a bench for scenes that need no grasp. None is searched for: repertoire and plans are those of the built-in
+/// robot.
 ///
 /// # Errors
-/// A pad without a calibration, a scenario out of the arm's reach.
+/// Fails for a pad without a calibration, or a scenario out of the arm's reach.
 pub fn make_playground(robot: &RobotModel, scenario: Scenario, seed: u64) -> Result<Bench> {
     let world = World::new(robot, scenario)?;
     let board = TactileBoard::unit(&world.cell.robot.hand, HAND_UNIT);
@@ -188,8 +195,9 @@ pub fn make_playground(robot: &RobotModel, scenario: Scenario, seed: u64) -> Res
     })
 }
 
-/// Tells the controller of a bench the errors to expect on the body `robot`: those of a file's text, or, without one, those of the robot that comes
-/// with the program. Of a simulated robot whose scenario has no errors it is told that there are none, as a laboratory would measure.
+/// Sets the errors that the controller of a bench expects on the body `robot`: those of a file's text, or without one
+/// those of the robot that comes with the program. For a simulated robot whose scenario has no errors it expects none,
+/// as a laboratory would measure.
 pub fn expect_errors(bench: &mut Bench, text: Option<&str>, path: &Path, robot: &str) -> Result<()> {
     if let Some(text) = text {
         bench.uncertainty = Uncertainty::parse(text, path)?;
@@ -199,16 +207,16 @@ pub fn expect_errors(bench: &mut Bench, text: Option<&str>, path: &Path, robot: 
     Ok(())
 }
 
-/// Makes the body of a bench individual `number` of the robots built from the drawing, of which the control stack knows nothing; its pads'
-/// cameras stay the bench's.
+/// Makes the body of a bench individual `number` of the robots built from the drawing, unknown to the control stack.
+/// The cameras of its pads stay those of the bench.
 pub fn hide_plant(bench: &mut Bench, number: u64) -> Result<()> {
     let nominal = bench.world.cell.robot.nominal()?;
     bench.world.plant = Some(RobotIndividual::draw(&nominal, number).robot(&nominal));
     Ok(())
 }
 
-/// A bench whose robot is individual `number` of those built from the drawing, with objects and tactile cameras of its own; number 0 is the
-/// robot as drawn among objects like their models. What an emulated robot is made of.
+/// Prepares a bench whose robot is individual `number` of those built from the drawing, with objects and tactile
+/// cameras of its own. Number 0 is the robot as drawn, among objects like their models. Emulated robots are made of it.
 pub fn make_individual(
     number: u64,
     nominal: &RobotModel,
@@ -226,7 +234,7 @@ pub fn make_individual(
     let spread = bench.world.scenario.effects.objects;
     let models: Vec<_> = bench.world.objects.iter().cloned().collect();
     for model in &models {
-        // An object that has fallen is the same one.
+        // An object that has fallen is the same individual.
         let own_name = |name: &str| name.split('/').next().map(str::to_owned);
         let place = models.iter().position(|other| own_name(&other.name) == own_name(&model.name)).unwrap_or(0);
         let mut rng = Effect::Objects.stream(number, place, 0);

@@ -1,4 +1,4 @@
-//! A mirror that looks on while a trial is played, whichever way it branches.
+//! A mirror that observes a trial through all of its branches.
 
 use std::time::Duration;
 use std::time::Instant;
@@ -12,8 +12,9 @@ use fault_detection::Mirror;
 use fault_detection::divergence::Named;
 use fault_detection::seen::Seen;
 
-/// What `play` comes to with `recording` as its watcher, if there is one, and what a mirror beside it named, if it `mirrors`, which it `tells` at once beside a
-/// real robot; of a trial that was stopped under `condition` what was named until then.
+/// Plays a trial with `recording` as its watcher, if there is one, and with a mirror beside it if `mirrors`. If
+/// `tells`, which is meant for a real robot, each diagnosis is printed at once. Returns the result of `play` and the
+/// diagnoses of the mirror. Those of a trial that stopped are listed under `condition`.
 pub fn beside<T>(
     bench: &Bench,
     recording: Option<&mut Recording>,
@@ -32,26 +33,27 @@ pub fn beside<T>(
     (played, None)
 }
 
-/// A mirror beside a trial: what conditions share, and each one's own.
+/// A mirror beside a trial: one for the part that conditions share, and one for each branch.
 pub struct Mirroring<'a> {
     bench: &'a Bench,
-    /// Where it is shown, if anywhere.
+    /// Recording that shows the mirror, if any.
     recording: Option<&'a mut Recording>,
-    /// What conditions share, and the branch that is played; each with the time of its last tick, s.
+    /// Mirror of the part that conditions share, with the time of its last tick, s.
     shared: Option<(Mirror, f64)>,
+    /// Mirror of the present branch, with the time of its last tick, s.
     branch: Option<(Mirror, f64)>,
-    /// What was named in the branches that are over.
+    /// Diagnoses of the branches that are over.
     named: Vec<Named>,
     ticks: u32,
     spent: Duration,
-    /// Gaps in what was seen.
+    /// Number of gaps in the observations.
     gaps: u32,
-    /// Whether what is named is said at once, on stderr: to whoever stands beside a robot.
+    /// True if diagnoses are printed to stderr at once, for people beside a robot.
     tells: bool,
 }
 
 impl<'a> Mirroring<'a> {
-    /// Beside the trials of `bench`, shown in `recording`.
+    /// Creates the mirror of the trials of `bench`, shown in `recording`.
     pub fn new(bench: &'a Bench, recording: Option<&'a mut Recording>) -> Self {
         Self {
             bench,
@@ -66,13 +68,13 @@ impl<'a> Mirroring<'a> {
         }
     }
 
-    /// The same beside a real robot: what is named is said at once, and at the end how well the mirror kept up.
+    /// Sets whether diagnoses are printed at once, and at the end how well the mirror kept up: for a real robot.
     #[must_use]
     pub fn telling(self, tells: bool) -> Self {
         Self { tells, ..self }
     }
 
-    /// What was named, branch by branch; a branch that was stopped included.
+    /// Returns the diagnoses, branch by branch, including a branch that was stopped.
     pub fn finish(mut self, condition: Condition) -> Vec<Named> {
         self.close(condition);
         if self.tells {
@@ -82,12 +84,13 @@ impl<'a> Mirroring<'a> {
         self.named
     }
 
-    /// Gaps so far after which what had been seen before told nothing any more: see [`super::pace`].
+    /// Returns the number of gaps so far that made the observations before them worthless: see
+    /// [`fault_detection::pace`].
     pub fn gaps(&self) -> u32 {
         self.gaps
     }
 
-    /// Ticks seen, and the time that the mirror took for them.
+    /// Returns the number of ticks seen, and the computing time of the mirror for them.
     pub fn effort(&self) -> (u32, Duration) {
         (self.ticks, self.spent)
     }
@@ -103,7 +106,7 @@ impl<'a> Mirroring<'a> {
         let Some(sent) = moment.sent else { return Ok(()) };
         let seen = Seen::of(moment.executor, moment.time, sent, moment.felt.first());
         let begun = Instant::now();
-        // Another trial begins at an earlier time.
+        // An earlier time means that another trial has begun.
         let goes_on = |known: &(Mirror, f64)| moment.time > known.1;
         let known = match moment.condition {
             None => self.shared.take(),
@@ -131,7 +134,7 @@ impl<'a> Mirroring<'a> {
 }
 
 impl Watcher for Mirroring<'_> {
-    /// It takes the images that come: more would cost more than the trial.
+    /// The mirror uses the images that come: requesting more would cost more than the trial.
     fn active(&self) -> bool {
         self.recording.as_ref().is_some_and(|recording| recording.active())
     }

@@ -1,4 +1,4 @@
-//! The journal of a benchmark: one line per finished unit of work, written before anything else happens, so that a run
+//! Journal of a benchmark: one line per finished unit of work, written before anything else happens, so that a run
 //! killed at any moment loses at most the unit in flight.
 
 use std::collections::BTreeMap;
@@ -22,7 +22,7 @@ use external_policy::Source;
 use fault_detection::divergence::Named;
 use robot_backends::{Places, Task};
 
-/// Which trials are recorded.
+/// Selection of the trials that are recorded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Record {
@@ -30,92 +30,92 @@ pub enum Record {
     /// The first trial of every tenth combination.
     #[default]
     Sample,
-    /// Of each condition the first trial for each cause of failure, played again after the run.
+    /// For each condition and cause of failure its first trial, played again after the run.
     Causes,
     /// Every trial.
     All,
 }
 
-/// What a run was asked for; a resumed run must be asked for the same.
+/// Request for a run. A resumed run must have the same request.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RunRequest {
     /// Number of combinations.
     pub combos: usize,
     pub trials: usize,
-    /// Seed of everything.
+    /// Seed of all random draws.
     pub seed: u64,
-    /// Body: `sim`.
+    /// Body: `sim`, `rounded`, `emulated` or `hardware`.
     pub robot: String,
     /// Shard `i` of `n`, counted from 1.
     pub shard: (usize, usize),
     /// Conditions that are played, in order.
     #[serde(default = "all_conditions")]
     pub conditions: Vec<Condition>,
-    /// What touch is run without, too.
+    /// Ablations: means that `touch` is additionally run without.
     #[serde(default)]
     pub ablations: Vec<Ablation>,
-    /// Effects of the scenario that are off.
+    /// Effects of the scenario that are switched off.
     #[serde(default)]
     pub without: Vec<Effect>,
-    /// File of what the controller expects to go wrong; its text, or none for what comes with the program.
+    /// Text of the file with the errors that the controller expects; none for those that come with the program.
     #[serde(default)]
     pub uncertainty: Option<String>,
-    /// The policy of the condition `own`.
+    /// Policy of the condition `own`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub policy: Option<Source>,
     /// Factor of the scenario's noise.
     #[serde(default = "unscaled")]
     pub noise_scale: f64,
-    /// Effort of proofs for pairs without a plan; none: the scenario's.
+    /// Effort of proofs for pairs without a plan; none for the scenario's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub effort: Option<u32>,
-    /// The scenario's text.
+    /// Text of the scenario.
     pub scenario: String,
     /// The robot's files; none for the built-in one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub robot_model: Option<RobotSources>,
-    /// File of the robot that body and control stack are; its text, or none for the drawing's.
+    /// Text of the file of an identified robot, used by body and control stack; none for the robot as drawn.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub individual: Option<String>,
-    /// File of the calibration by which touch reads images; its text, or none for what comes with the program.
+    /// Text of the file with the photometric calibration of the pads; none for the built-in one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pads: Option<String>,
-    /// Number of the individual that the body is and the control stack does not know, if it is one.
+    /// Number of the individual that the body is, unknown to the control stack; none if the body is as modelled.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub plant: Option<u64>,
-    /// Whether policies that decide play second grasps in a twin of the scene before they choose one.
+    /// True if policies that decide simulate second grasps in a twin of the scene before they choose one.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub foresees: bool,
-    /// Whether a mirror looks on and names what differs.
+    /// True if a mirror observes the trials and reports divergences.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub mirrors: bool,
-    /// What is not as the files of the scenario's own objects have it, and what cannot be done with them.
+    /// Deviations from the files of the scenario's own objects, and operations that are not possible with them.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub notes: Vec<String>,
-    /// The scenario's own objects that are not played at all, and why.
+    /// The scenario's own objects that are excluded, with the reasons.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub left_out: Vec<String>,
-    /// How the robot knows where things are.
+    /// Source of the object poses.
     #[serde(flatten)]
     pub places: Places,
-    /// Whether a GPU renders tactile images, whose bits are not the CPU's.
+    /// True if a GPU renders tactile images. Their bits differ from the CPU's.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub gpu: bool,
-    /// Which trials are recorded; no result depends on it.
+    /// Selection of the recorded trials; no result depends on it.
     #[serde(default, skip_serializing_if = "is_default")]
     pub record: Record,
-    /// The command that began the run, or those of the shards it was put together from; no result depends on it.
+    /// Command that began the run, or those of the shards that were merged into it; no result depends on it.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub made: Vec<Provenance>,
 }
 
 impl RunRequest {
-    /// The conditions of a trial with noise.
+    /// Returns the conditions that are played with noise.
     pub fn noisy(&self) -> Vec<Condition> {
         self.conditions.iter().copied().filter(|condition| Condition::NOISY.contains(condition)).collect()
     }
 
-    /// A unit under one condition; `watched` where it is recorded for a viewer.
+    /// Returns the task of a unit under one condition; `watched` is true if it is recorded for a viewer.
     pub fn task(&self, unit: Unit, condition: Condition, watched: bool) -> Task {
         Task {
             robot: self.robot.clone(),
@@ -135,13 +135,15 @@ impl RunRequest {
         }
     }
 
-    /// Tells runs apart: the first half of the SHA-256 of what was asked for and decides results, hexadecimal.
+    /// Returns a digest that identifies the run: the first half of the SHA-256 of all fields that decide results,
+    /// hexadecimal.
     pub fn digest(&self) -> Result<String> {
         let asked = Self { made: Vec::new(), record: Record::default(), ..self.clone() };
         Ok(sha256(&serde_json::to_vec(&asked)?)[..32].to_owned())
     }
 
-    /// The first field that decides results and in which another request differs, unless that is another shard of this run.
+    /// Returns the first field that decides results and that differs in another request, or `None` if that is at most
+    /// another shard of this run.
     pub fn differs(&self, other: &Self) -> Result<Option<String>> {
         let asked = |of: &Self| {
             serde_json::to_value(Self { shard: (1, 1), made: Vec::new(), record: Record::default(), ..of.clone() })
@@ -151,17 +153,17 @@ impl RunRequest {
         Ok(names.into_iter().find(|name| own.get(name.as_str()) != its.get(name.as_str())).cloned())
     }
 
-    /// The robot that body and control stack are; `path` is the file that an identified one was read from, for errors.
+    /// Returns the robot model of body and control stack; `path` is the file of an identified robot, for errors.
     pub fn robot_model(&self, path: &Path) -> Result<RobotModel> {
         robot_of(self.robot_model.as_ref(), self.individual.as_deref(), path)
     }
 
-    /// Name of the robot, if it is not the built-in one.
+    /// Returns the name of the robot, if it is not the built-in one.
     pub fn robot_name(&self) -> Result<Option<String>> {
         Ok(self.robot_model.as_ref().map(|sources| RobotModel::of(Some(sources))).transpose()?.map(|robot| robot.name))
     }
 
-    /// The scenario that is run.
+    /// Returns the scenario of the run, with the request's changes applied.
     pub fn scenario(&self) -> Result<Scenario> {
         let mut scenario = Scenario::parse(&self.scenario, Path::new("run.json"))?;
         scenario.noise = scenario.noise.scaled(self.noise_scale);
@@ -184,40 +186,40 @@ fn unscaled() -> f64 {
     1.0
 }
 
-/// A unit of work: the ideal run of a combination, or one trial (its conditions from the same first grasp).
+/// Unit of work: the ideal run of a combination, or one trial (all its conditions, from the same first grasp).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct Unit {
     pub combination: usize,
-    /// `None` is the ideal run.
+    /// Number of the trial; `None` is the ideal run.
     pub trial: Option<usize>,
 }
 
 /// Records of a finished unit.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Entry {
-    /// [`RunRequest::digest`] of the run that it belongs to; none in journals of older programs.
+    /// [`RunRequest::digest`] of the run that the entry belongs to; none in journals of older programs.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub run: Option<String>,
-    /// Which unit.
+    /// Unit that the records belong to.
     pub unit: Unit,
     pub records: Vec<TrialRecord>,
-    /// Their tries.
+    /// Tries of the records.
     #[serde(default)]
     pub tries: Vec<TryRecord>,
-    /// The same trial with some of its means taken away.
+    /// Ablations: the same trial with some of the policy's means removed.
     #[serde(default)]
     pub ablated: Vec<AblatedTrial>,
-    /// What a mirror named in it.
+    /// Diagnoses of a mirror in it.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub divergences: Vec<Named>,
-    /// Wall time it took, s.
+    /// Wall time of the unit, s.
     pub wall_s: f64,
 }
 
 /// An open journal.
 pub struct Journal {
     lines: Lines,
-    /// The folder, locked: one run writes into it at a time.
+    /// The locked folder: only one run writes into it at a time.
     _lock: File,
     /// [`RunRequest::digest`].
     run: String,
@@ -230,7 +232,7 @@ fn path(folder: &Path) -> PathBuf {
 }
 
 impl Journal {
-    /// Starts a new journal in `folder`, which is created; refuses a folder that already holds a run.
+    /// Creates a journal in `folder`, which is created if missing. Refuses a folder that already holds a run.
     pub fn create(folder: &Path, request: &RunRequest) -> Result<Self> {
         std::fs::create_dir_all(folder)
             .with_context(|| format!("--out: cannot create the folder {}", folder.display()))?;
@@ -247,7 +249,7 @@ impl Journal {
         Ok(Self { lines, _lock: lock, run: request.digest()?, done: BTreeMap::new() })
     }
 
-    /// Reads a run's journal without changing it; a last line cut off by an interruption is left out.
+    /// Reads the journal of a run without changing it. A last line cut off by an interruption is dropped.
     pub fn read(folder: &Path) -> Result<(BTreeMap<Unit, Entry>, RunRequest)> {
         let run = folder.join("run.json");
         if folder.is_dir() {
@@ -272,7 +274,7 @@ impl Journal {
         Ok((done, request))
     }
 
-    /// Opens the journal of an interrupted run to go on with it.
+    /// Opens the journal of an interrupted run to resume it.
     pub fn resume(folder: &Path) -> Result<(Self, RunRequest)> {
         let lock = lock_folder(folder, "run").context("--resume")?;
         let (done, request) = Self::read(folder).context("--resume")?;
@@ -280,7 +282,7 @@ impl Journal {
         Ok((Self { lines, _lock: lock, run: request.digest()?, done }, request))
     }
 
-    /// Adds a finished unit.
+    /// Appends a finished unit.
     pub fn append(&mut self, mut entry: Entry) -> Result<()> {
         entry.run = Some(self.run.clone());
         self.lines.add(&entry)?;
@@ -289,7 +291,7 @@ impl Journal {
     }
 }
 
-/// Units of a request, in order.
+/// Returns the units of a request, in order.
 pub fn units(request: &RunRequest) -> Vec<Unit> {
     let (shard, of) = request.shard;
     let ideal = request.conditions.contains(&Condition::Ideal).then_some(None);

@@ -1,9 +1,10 @@
 //! Plays and judges trials.
 //!
-//! [`trial`] plays one, [`run`] plays a benchmark's many in parallel, [`results`] sums them up, [`journal`] keeps what is finished, [`recording`] shows
-//! a trial in Rerun, [`fault_watch`] has fault detection look on. [`workers`] are the threads it all runs on.
+//! [`trial`] plays one, and [`run`] plays the many of a benchmark in parallel on the threads of [`workers`].
+//! [`journal`] keeps finished units, and [`results`] aggregates them. [`recording`] shows a trial in Rerun, and
+//! [`fault_watch`] lets fault detection observe it.
 
-// What is printed may hold text of others: `eprintln!` is the one that makes it printable.
+// Printed text may come from third parties: this `eprintln!` makes it printable.
 #[macro_use]
 extern crate progress;
 

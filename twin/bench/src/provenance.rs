@@ -1,24 +1,24 @@
-//! How data were made: command line, program, machine, source tree.
+//! Provenance of data: command line, program, machine, source tree.
 
 use platform::child;
 
 use serde::{Deserialize, Serialize};
 
-/// How data were made.
+/// Provenance of data.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Provenance {
-    /// The words of the command line; of a word that is no Unicode what can be shown.
+    /// Words of the command line. A word that is not Unicode is stored lossily.
     pub command: Vec<String>,
-    /// The program's.
+    /// Version of the program.
     pub version: String,
     pub machine: String,
-    /// See [`commit`].
+    /// Commit of the source tree: see [`commit`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub commit: Option<String>,
 }
 
 impl Provenance {
-    /// Of what this process makes.
+    /// Returns the provenance of data that this process makes.
     pub fn now() -> Self {
         Self {
             command: std::env::args_os().map(|word| word.to_string_lossy().into_owned()).collect(),
@@ -28,13 +28,13 @@ impl Provenance {
         }
     }
 
-    /// The command as one line for a shell.
+    /// Returns the command as one line for a shell.
     pub fn line(&self) -> String {
         report::run::line(&self.command)
     }
 }
 
-/// Processor, cores and system.
+/// Returns processor, number of cores and operating system.
 pub fn machine() -> String {
     let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let model =
@@ -43,7 +43,7 @@ pub fn machine() -> String {
     format!("{}, {cores} cores, {}", model.unwrap_or(std::env::consts::ARCH), std::env::consts::OS)
 }
 
-/// The commit of the source tree that the program was built from, as it is now, where that is still there.
+/// Returns the present commit of the source tree that the program was built from, if that tree still exists.
 pub fn commit() -> Option<String> {
     let git = |arguments: &[&str]| {
         let output = child::command("git").args(["-C", env!("CARGO_MANIFEST_DIR")]).args(arguments).output().ok()?;

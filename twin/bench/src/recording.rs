@@ -1,4 +1,4 @@
-//! A watcher that sends a trial to Rerun: as it truly is where somebody knows that, otherwise as it is measured and believed to be.
+//! A watcher that records a trial in Rerun: the ground truth where it is known, otherwise measurements and estimates.
 
 mod beliefs;
 mod measured;
@@ -25,13 +25,13 @@ use self::measured::Measured;
 use crate::trial::{Bench, Moment, Watcher};
 use robot_backends::Task;
 
-/// `object` as it is drawn, under `name`.
+/// Returns the mesh of `object` for drawing, under `name`.
 pub fn drawn(object: &ObjectModel, name: &str) -> DrawnObject {
     let (vertices, triangles, _) = object.shape.triangles();
     DrawnObject::from_mesh(name, &vertices, &triangles, object.color)
 }
 
-/// Where everything is, by `names` of the objects, and what touches.
+/// Logs the poses of robot and objects, the latter by their `names`, and all contacts.
 pub fn log_scene(recorder: &mut Recorder, truth: &Truth, names: &[String]) -> Result<()> {
     recorder.set_time(truth.time);
     let inverse = truth.palm.inverse();
@@ -47,7 +47,7 @@ pub fn log_scene(recorder: &mut Recorder, truth: &Truth, names: &[String]) -> Re
     Ok(())
 }
 
-/// The signals of a moment; `posture` is the arm's reference, rad.
+/// Logs the signals of a moment; `posture` is the arm's reference, rad.
 pub fn log_signals(
     recorder: &mut Recorder,
     truth: &Truth,
@@ -66,12 +66,12 @@ pub fn log_signals(
     Ok(())
 }
 
-/// The tactile images that were recorded last: one stays the newest for many ticks.
+/// Tactile images that were recorded last: one stays the newest for many ticks.
 #[derive(Default)]
 pub struct Shown(BTreeMap<usize, Arc<TactileImage>>);
 
 impl Shown {
-    /// Records those of `newest` that are new.
+    /// Logs those images of `newest` that have not been recorded.
     pub fn log(&mut self, recorder: &mut Recorder, newest: &[TactileFrame]) -> Result<()> {
         for frame in newest {
             let known = self.0.insert(frame.camera, frame.image.clone());
@@ -83,19 +83,19 @@ impl Shown {
     }
 }
 
-/// When time 0 of a body was.
+/// Wall time of time 0 of a body.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Began {
-    /// Time passes in simulation only.
+    /// None: time passes in simulation only.
     Never,
     /// Time passes as on the wall, from the first moment that is seen.
     Now,
-    /// At this time, ns since 1970.
+    /// This time, ns since 1970.
     At(i64),
 }
 
 impl Began {
-    /// Wall time at `time` (s) of the body, ns since 1970.
+    /// Converts `time` (s) of the body to wall time, ns since 1970.
     fn wall(&mut self, time: f64) -> Option<i64> {
         let since = (time * 1e9) as i64;
         if *self == Self::Now {
@@ -109,7 +109,7 @@ impl Began {
     }
 }
 
-/// The end of a trial of so many objects that succeeded, in words.
+/// Describes the end of a successful trial with this many objects.
 fn held(objects: usize) -> &'static str {
     match objects {
         1 => "the object held",
@@ -118,34 +118,34 @@ fn held(objects: usize) -> &'static str {
     }
 }
 
-/// Records the branch of one condition, after the first grasp that it shares with others if it does.
+/// Records the branch of one condition, after the first grasp that it may share with others.
 pub struct Recording {
     recorder: Option<Recorder>,
     names: Vec<String>,
     objects: Vec<Arc<ObjectModel>>,
     condition: Condition,
-    /// Whether the branch has nothing of the first grasp that others share.
+    /// True if the branch shares no first grasp with the others.
     begins_otherwise: bool,
-    /// Whether nothing but the one branch is played.
+    /// True if only this branch is played.
     alone: bool,
     began: Began,
     measured: Measured,
     branch: Option<Condition>,
     phase: Option<Phase>,
     beliefs: Beliefs,
-    /// Whether the true scene is recorded.
+    /// True if the ground truth of the scene is recorded.
     truth: bool,
     shown: Shown,
-    /// Whether the body's objects are in the other order than the combination names them.
+    /// True if the body's objects are in the reverse of the combination's order.
     reversed: bool,
-    /// Whether the last moment was recorded: others' branches are not.
+    /// True if the last moment was recorded; those of other branches are not.
     shows: bool,
 }
 
 impl Recording {
-    /// Opens the targets for a trial and the branch of its condition, on a body whose time `began` so.
+    /// Opens the targets for a trial and the branch of its condition. `began` is the wall time of the body's time 0.
     ///
-    /// Of bodies other than the simulated one it shows what is measured and believed, unless `truth` is asked for.
+    /// For bodies other than the simulated one, measurements and estimates are shown unless `truth` is requested.
     pub fn open(targets: &[Target], bench: &Bench, task: &Task, (began, truth): (Began, bool)) -> Result<Self> {
         let Task { combination, trial, condition, .. } = *task;
         let plan = &bench.plans.plans[combination];
@@ -181,7 +181,7 @@ impl Recording {
         })
     }
 
-    /// Flushes what is left.
+    /// Flushes and closes the targets.
     pub fn finish(mut self) -> Result<()> {
         if let Some(recorder) = self.recorder.take() {
             recorder.finish()?;
@@ -250,7 +250,7 @@ impl Watcher for Recording {
         let executor = moment.executor;
         self.shown.log(recorder, executor.motion().newest_images())?;
         match truth {
-            // Where the policy itself moves the robot, the executor asks for nothing.
+            // If the policy itself moves the robot, the executor has no reference.
             Some(truth) if self.condition == Condition::Own && self.begins_otherwise => {
                 log_signals(recorder, truth, executor.motion().servos(), &executor.motion().arm().position, errors)
             }

@@ -1,4 +1,4 @@
-//! What the finished units of a run come to: tables, summary and report.
+//! Tables, summary and report of the finished units of a run.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -14,10 +14,10 @@ use crate::trial::profile::Activity;
 use external_policy::Pace;
 use fault_detection::divergence::write_table;
 
-/// Combinations and trials of the whole benchmark.
+/// Number of combinations and of trials of the whole benchmark.
 const WHOLE: (usize, usize) = (60, 10);
 
-/// What makes a run another than the benchmark it seems to be.
+/// Lists everything that distinguishes a run from the full benchmark.
 fn warnings(done: &BTreeMap<Unit, Entry>, request: &RunRequest) -> Vec<String> {
     let mut warnings = Vec::new();
     let all = units(request);
@@ -68,7 +68,7 @@ fn no_errors(request: &RunRequest) -> bool {
     request.scenario().is_ok_and(|scenario| scenario.is_exact())
 }
 
-/// What `--noise-scale` has changed, and what it has not.
+/// Describes the changes made by `--noise-scale`, and the errors that it leaves unscaled.
 fn scaled(request: &RunRequest) -> Option<String> {
     if no_errors(request) {
         let expects = if request.uncertainty.is_some() { "what its file says" } else { "none" };
@@ -89,8 +89,8 @@ fn scaled(request: &RunRequest) -> Option<String> {
     Some(format!("the errors that are drawn of arm and eyes are scaled by {}; {stay}", request.noise_scale))
 }
 
-/// `spent` is where the time went, if that is known. Writes `trials.csv`, `tries.csv`, `ablations.csv` where
-/// there are any, `divergences.csv` where a mirror looked on, `summary.json` and `report.html`, each whole or not at all.
+/// Writes `trials.csv`, `tries.csv`, `ablations.csv` if there are any, `divergences.csv` if a mirror ran,
+/// `summary.json` and `report.html`, each whole or not at all. `spent` is the computing time by activity, if known.
 pub fn finish(
     done: &BTreeMap<Unit, Entry>,
     request: &RunRequest,
@@ -153,7 +153,7 @@ pub fn finish(
     Ok(summary)
 }
 
-/// Adds how the data were made, and the command that made the page where that is another.
+/// Adds the provenance of the data, and the command that made the page if it was another one.
 fn describe(run: &mut serde_json::Value, made: &[Provenance]) {
     match made {
         [] => run["command of the data"] = "not known: the run is one of an older program".into(),

@@ -6,8 +6,8 @@ use anyhow::Result;
 use hand_model::{RobotModel, RobotSources};
 use plant::identified::IdentifiedRobot;
 
-/// The robot made of `sources`, or the built-in one without; the individual of it that the text of an `individual.toml` describes, if there
-/// is one. `path` is used in errors of that text.
+/// Returns the robot of `sources`, or the built-in one without them. If there is the text of an `individual.toml`,
+/// returns the individual that it describes. `path` is used in errors about that text.
 pub fn robot_of(sources: Option<&RobotSources>, individual: Option<&str>, path: &Path) -> Result<RobotModel> {
     let nominal = RobotModel::of(sources)?;
     let Some(text) = individual else { return Ok(nominal) };

@@ -1,4 +1,4 @@
-//! `ftac bench`: the multi-object benchmark, in parallel, journaled, resumable.
+//! `ftac bench`: the multi-object benchmark, parallel, journaled and resumable.
 
 mod causes;
 
@@ -21,22 +21,23 @@ use crate::{results, workers};
 use progress::interrupt::{Interrupt, Interrupted};
 use robot_backends::BodySource;
 
-/// How to run.
+/// Options of a run.
 #[derive(Clone, Copy)]
 pub struct Options<'a> {
-    /// Threads.
+    /// Number of threads.
     pub jobs: usize,
-    /// Which trials are recorded.
+    /// Selection of the recorded trials.
     pub record: Record,
-    /// No progress bar.
+    /// True to show no progress bar.
     pub quiet: bool,
-    /// Stream to a viewer instead of files.
+    /// True to stream to a viewer as well as to files.
     pub live: bool,
-    /// Where bodies come from that cannot be cloned, for a unit that is recorded or not; `None` for simulated ones.
+    /// Opens a source of bodies that cannot be cloned; the argument is true for a recorded unit. `None` for simulated
+    /// bodies.
     pub place: &'a (dyn Fn(bool) -> Result<Option<Box<dyn BodySource>>> + Sync),
 }
 
-/// The body whose trials are real.
+/// Name of the body whose trials are real.
 const HARDWARE: &str = "hardware";
 
 fn recorded(record: Record, unit: Unit) -> bool {
@@ -47,7 +48,7 @@ fn recorded(record: Record, unit: Unit) -> bool {
     }
 }
 
-/// Plays one unit; its recording, if `options` ask for one, goes below `folder`.
+/// Plays one unit. Its recording, if `options` ask for one, goes below `folder`.
 pub fn run_unit(
     bench: &Bench,
     request: &RunRequest,
@@ -55,12 +56,12 @@ pub fn run_unit(
     folder: &Path,
     options: &Options,
 ) -> Result<TrialResults> {
-    // What is done with real devices cannot be done again.
+    // A trial on real devices cannot be repeated, so it is always recorded.
     let record = options.live || recorded(options.record, unit) || request.robot == HARDWARE;
     play_unit(bench, request, (unit, &name(unit)), folder, options, record)
 }
 
-/// Plays one unit; recorded under `name` if `record`.
+/// Plays one unit and records it under `name` if `record`.
 fn play_unit(
     bench: &Bench,
     request: &RunRequest,
@@ -95,8 +96,8 @@ fn play_unit(
     })
 }
 
-/// What `play` comes to with `recording` as its watcher, and a mirror beside the robot where `request` asks for one; `condition` is that of a trial
-/// that stops.
+/// Runs `play` with `recording` as its watcher, and with a mirror beside the robot if `request` asks for one.
+/// `condition` labels the diagnoses of a trial that stops.
 fn beside(
     bench: &Bench,
     request: &RunRequest,
@@ -109,7 +110,7 @@ fn beside(
     Ok(TrialResults { divergences: named.unwrap_or_default(), ..results? })
 }
 
-/// Stills of a recorded trial as `file`; none of a trial that ended before there was anything to see.
+/// Writes stills of a recorded trial to `file`; none if the trial ended before there was anything to see.
 fn strip(bench: &Bench, unit: Unit, film: &Film, file: &Path) -> Result<()> {
     if film.frames.is_empty() {
         return Ok(());
@@ -119,7 +120,7 @@ fn strip(bench: &Bench, unit: Unit, film: &Film, file: &Path) -> Result<()> {
     report::picture::save(&strip, file)
 }
 
-/// The conditions of a unit on bodies that cannot be cloned, each with a recording of its own if `record`.
+/// Plays the conditions of a unit on bodies that cannot be cloned, each with its own recording if `record`.
 fn run_conditions(
     bench: &Bench,
     request: &RunRequest,
@@ -150,24 +151,24 @@ fn run_conditions(
     Ok(results)
 }
 
-/// The condition that the recording of a unit shows: of those played the one that senses and decides most.
+/// Returns the condition that the recording of a unit shows: of those played, the one that senses and decides most.
 fn shown(request: &RunRequest, unit: Unit) -> Condition {
     let last = request.noisy().last().copied();
     unit.trial.and(last).unwrap_or(Condition::Ideal)
 }
 
-/// How a unit's recording is called.
+/// Returns the name of a unit's recording.
 fn name(unit: Unit) -> String {
     let trial = unit.trial.map_or("ideal".to_owned(), |trial| format!("trial_{trial}"));
     format!("combination_{:02}_{trial}", unit.combination)
 }
 
-/// The same of a recording that shows nothing but one condition of the unit.
+/// Returns the name of a recording that shows only one condition of the unit.
 fn of_condition(name: &str, condition: Condition) -> String {
     format!("{name}_{condition}")
 }
 
-/// Plays into a recording that has its name once it is whole, be it of a trial that was stopped.
+/// Plays into a recording that gets its name once it is complete, even if the trial was stopped.
 fn recorded_as<T>(
     name: &str,
     folder: &Path,
@@ -187,7 +188,7 @@ fn recorded_as<T>(
     Ok(result)
 }
 
-/// Runs what is left of `request`; the journal keeps every finished unit.
+/// Runs the unfinished units of `request`; the journal keeps every finished one.
 pub fn run(bench: &Bench, request: &RunRequest, journal: Journal, folder: &Path, options: &Options) -> Result<Summary> {
     let begun = Instant::now();
     let all = units(request);
@@ -224,7 +225,7 @@ pub fn run(bench: &Bench, request: &RunRequest, journal: Journal, folder: &Path,
     // Over resumptions the work done counts, not the pauses.
     let worked = journal.done.values().map(|entry| entry.wall_s).sum::<f64>() / options.jobs.max(1) as f64;
     let wall_s = begun.elapsed().as_secs_f64().max(worked);
-    // What a resumed run spent before is not known.
+    // The time that a resumed run spent before is not known.
     let spent = (resumed == 0).then(|| bench.profile.seconds());
     if let Some(spent) = spent.as_ref().filter(|_| !options.quiet) {
         let all: f64 = spent.iter().map(|(_, seconds)| seconds).sum();
@@ -238,7 +239,7 @@ pub fn run(bench: &Bench, request: &RunRequest, journal: Journal, folder: &Path,
     results::finish(&journal.done, request, folder, wall_s, spent.as_deref())
 }
 
-/// Keeps what the journal could not take among the temporary files, and says where.
+/// Saves an entry that the journal could not take among the temporary files, and adds its path to the error.
 fn elsewhere(entry: &Entry, error: anyhow::Error) -> anyhow::Error {
     let file = std::env::temp_dir().join(format!(
         "ftac_combination_{:02}_trial_{}_{}.json",

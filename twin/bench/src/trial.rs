@@ -1,9 +1,10 @@
 //! Trials: the first grasp, and from there a branch for each policy.
 //!
-//! [`setup`] begins a trial and plays its first grasp, [`branch`] plays one policy from there to the verdict and [`conditions`] one
-//! after the other, [`run`] is a trial in progress, and [`eyes`] what prior perception reports of it. [`shared`] is what all trials of
-//! a benchmark share, [`disturbance`] what a scenario does to them on purpose,
-//! [`watcher`] sees every tick, [`filming`] keeps it for a film, [`profile`] says where the time goes, and [`held`] keeps first grasps for the evaluation of touch.
+//! [`setup`] begins a trial and plays its first grasp. [`branch`] plays one policy from there to the verdict, and
+//! [`conditions`] plays one after the other. [`run`] is a trial in progress, and [`eyes`] is its prior perception.
+//! [`shared`] holds the data that all trials of a benchmark share, and [`disturbance`] applies a scenario's
+//! disturbances. [`watcher`] sees every tick, [`filming`] keeps it for a film, [`profile`] measures computing time, and
+//! [`held`] keeps first grasps for the evaluation of touch.
 
 pub mod branch;
 mod conditions;
@@ -58,18 +59,18 @@ use external_policy::message::{self, Info};
 use external_policy::{Guest, Host, Level, Pace};
 use robot_backends::{BodySource, Task};
 
-/// Tells the seeds that the user's own policies get from those of the trials.
+/// Domain separator: makes the seeds of the user's own policies differ from those of the trials.
 const OWN: u64 = 0x6f77_6e5f_706f_6c69;
 
 impl Bench {
-    /// One trial under one condition on a body from `source`.
+    /// Plays one trial under one condition on a body from `source`.
     pub fn play(&self, task: &Task, source: &mut dyn BodySource, watcher: &mut dyn Watcher) -> Result<TrialOutcome> {
         let (mut noise, mut camera_noise, looks) = setup::draw(self, task.combination, task.trial)?;
         if task.condition == Condition::Ideal {
             (noise, camera_noise) = (TrialNoise::none(), 0);
         }
         if source.is_real() {
-            // Reality brings its own.
+            // A real body has its own errors.
             noise = TrialNoise::none();
         }
         let id = TrialId { combination: task.combination, trial: task.trial, condition: task.condition };
@@ -91,11 +92,11 @@ impl Bench {
             Some(means) => self.touch(&start, self.options(id, looks), means, watcher),
             None => self.plan(&start, self.options(id, looks), watcher),
         };
-        // Whatever happened, its recording is finished.
+        // The recording is finished in any case.
         let why = played.as_ref().err().map(|error| format!("{error:#}"));
         let finished = body.finish(played.as_ref().ok().map(|outcome| &outcome.record), why.as_deref());
         let outcome = played?;
-        // A full disk must not cost the operator's verdict.
+        // A full disk must not lose the operator's verdict.
         finished.with_context(|| {
             format!(
                 "the session is not whole; the verdict was {}",
@@ -105,7 +106,8 @@ impl Bench {
         Ok(outcome)
     }
 
-    /// One trial in which a policy of the user's own decides, answered for by `host`, with the errors that every condition of the trial meets.
+    /// Plays one trial in which a policy of the user's own, represented by `host`, decides. The errors are those that
+    /// every condition of the trial meets.
     pub fn hosted(
         &self,
         combination: usize,
@@ -122,7 +124,7 @@ impl Bench {
         self.guest(&start, guest, host, Play { pace, ..options }, &mut NoWatcher)
     }
 
-    /// The ideal run of a combination: no noise, blind.
+    /// Plays the ideal run of a combination: no noise, blind.
     pub fn ideal(&self, combination: usize, watcher: &mut dyn Watcher) -> Result<TrialOutcome> {
         let start = Setup::planned(self, combination, TrialNoise::none(), 0).first_grasp(self, None, watcher)?;
         let id = TrialId { combination, trial: 0, condition: Condition::Ideal };
@@ -132,7 +134,7 @@ impl Bench {
         Ok(outcome)
     }
 
-    /// One trial: all `conditions` with the same errors, and then, unwatched, `touch` without some of its means.
+    /// Plays one trial: all `conditions` with the same errors, and then, unwatched, `touch` under `ablations`.
     pub fn trial(
         &self,
         combination: usize,
@@ -159,7 +161,7 @@ impl Bench {
         Ok(results)
     }
 
-    /// Body and controller about to begin the ideal run of a combination.
+    /// Returns body and controller about to begin the ideal run of a combination.
     pub fn ideal_start(&self, combination: usize) -> Result<Snapshot> {
         let plan = &self.plans.plans[combination];
         let grasps = plan.grasps(&self.world.cell.robot.hand, &self.repertoire)?;
@@ -171,12 +173,12 @@ impl Bench {
         Snapshot::at_start(world, &start, &objects, board)
     }
 
-    /// The simulated robot about to begin the ideal run of a combination.
+    /// Returns the simulated robot about to begin the ideal run of a combination.
     pub fn scene(&self, combination: usize) -> Result<SimulatedRobot> {
         Ok(self.ideal_start(combination)?.robot)
     }
 
-    /// How a branch is played.
+    /// Returns the settings of a branch.
     fn options(&self, id: TrialId, looks: Looks) -> Play<'_> {
         let scenario = &self.world.scenario;
         Play {
@@ -190,12 +192,12 @@ impl Bench {
         }
     }
 
-    /// The branch of the policy `blind`.
+    /// Plays the branch of the policy `blind`.
     fn plan(&self, start: &Start, options: Play, watcher: &mut dyn Watcher) -> Result<TrialOutcome> {
         play(start, &mut Blind::new(start.grasps.planned().into_iter().cloned().collect()), options, watcher)
     }
 
-    /// The branch of the policy `touch`, with what `means` leaves it.
+    /// Plays the branch of the policy `touch`, with the `means` that are left to it.
     fn touch(&self, start: &Start, options: Play, means: Means, watcher: &mut dyn Watcher) -> Result<TrialOutcome> {
         let inject_truth = means.sensing == Sensing::TruePose;
         let knowledge = self.knowledge(start.known(), means)?;
@@ -207,14 +209,14 @@ impl Bench {
         play(start, &mut self.touch_policy(start, knowledge, means)?, options, watcher)
     }
 
-    /// The branch of the user's own policy.
+    /// Plays the branch of the user's own policy.
     fn own(&self, start: &Start, options: Play, watcher: &mut dyn Watcher) -> Result<TrialOutcome> {
         let own = self.own.as_ref().context("the condition own needs a policy, and none was given (--policy)")?;
         let options = Play { pace: own.source.pace, ..options };
         own.with(|host| self.guest(start, &own.guest, host, options, watcher))
     }
 
-    /// The branch of a policy that `host` answers for.
+    /// Plays the branch of a policy represented by `host`.
     fn guest(
         &self,
         start: &Start,
@@ -249,8 +251,8 @@ impl Bench {
         play(start, &mut Chosen::new(knowledge, senses, &mut chooser), options, watcher)
     }
 
-    /// Notes what touch would foretell of the plan from what is felt after the first grasp; nothing if the first object is not felt in
-    /// the hand, and in trials of any other number of objects than two.
+    /// Notes the prediction of touch for the plan after the first grasp. Notes nothing if the first object is not felt
+    /// in the hand, or if the trial does not have two objects.
     fn foretell(&self, start: &Start, options: Play, record: &mut TrialRecord) -> Result<()> {
         if start.objects.len() != 2 {
             return Ok(());
@@ -265,7 +267,8 @@ impl Bench {
         Ok(())
     }
 
-    /// What the best grasps of a trial that begins as `setup` promise a policy with these `means`.
+    /// Returns the expected utility of the best grasps for a policy with these `means` in a trial that begins as
+    /// `setup`.
     fn promise(&self, setup: &Setup, means: Means) -> Result<f64> {
         let (grasps, senses) = (
             setup.plan.grasps(&self.world.cell.robot.hand, &self.repertoire)?,
@@ -277,7 +280,7 @@ impl Bench {
         Ok(order::promise(&knowledge, &senses, &grasps.first))
     }
 
-    /// What a policy knows before a trial begins.
+    /// Returns the prior knowledge of a policy about a trial.
     fn knowledge<'a>(&'a self, trial: Known, means: Means) -> Result<Knowledge<'a>> {
         let Known { objects, grasps, reordered, sighted } = trial;
         let known = |object: &Arc<ObjectModel>| {
@@ -304,14 +307,14 @@ impl Bench {
         })
     }
 
-    /// The policy `touch` of a trial, with this `knowledge`.
+    /// Creates the policy `touch` of a trial, with this `knowledge`.
     fn touch_policy<'a>(&'a self, start: &'a Start, knowledge: Knowledge<'a>, means: Means) -> Result<Touch<'a>> {
         let senses = Senses::new(start.pipeline.as_ref().unwrap_or(&self.pipeline), means.sensing)?;
         let first = &start.run.snapshot.executor.target(0).grasp;
         Ok(Touch::new(knowledge, senses, first))
     }
 
-    /// The record of a trial for which touch knows no strategy: it does not begin.
+    /// Returns the record of a trial for which touch has no strategy: it does not begin.
     fn decline(&self, setup: &Setup, id: TrialId, why: &str, watcher: &mut dyn Watcher) -> Result<TrialOutcome> {
         watcher.branch(id.condition)?;
         let mut start = setup.begin(self, None, watcher.active())?;

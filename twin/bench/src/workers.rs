@@ -1,14 +1,15 @@
 //! Work on plain threads.
 //!
-//! Trials use rayon inside (images, pose estimates). A thread of a work-stealing pool that waits for such inner work would begin
-//! another trial, and the wall time of one trial's decision would include it. So trials run on threads of their own.
+//! Trials use rayon inside (images, pose estimates). While a thread of a work-stealing pool waits for such inner work,
+//! it would begin another trial, whose time would count towards the decision of the first. So trials run on threads of
+//! their own.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use anyhow::{Result, anyhow};
 
-/// Does `work` for every item, in order, on `jobs` threads (at least one). After an error the other threads finish their item
-/// and stop.
+/// Runs `work` for every item, in order, on `jobs` threads (at least one). After an error the other threads finish
+/// their item and stop.
 pub fn for_each<T: Sync>(jobs: usize, items: &[T], work: impl Fn(usize, &T) -> Result<()> + Sync) -> Result<()> {
     let next = AtomicUsize::new(0);
     let worker = || -> Result<()> {
@@ -24,7 +25,7 @@ pub fn for_each<T: Sync>(jobs: usize, items: &[T], work: impl Fn(usize, &T) -> R
     })
 }
 
-/// As many threads as the machine runs at once.
+/// Returns the number of threads that the machine can run at once.
 pub fn available() -> usize {
     std::thread::available_parallelism().map_or(1, |threads| threads.get())
 }

@@ -1,5 +1,5 @@
-//! Every non-empty set of the conditions is played and resumed with every `--record`: once a run without touch ended with "Zero width not
-//! allowed" at its first recorded trial.
+//! Every non-empty set of the conditions is played and resumed with every `--record`. Once a run without touch ended
+//! with "Zero width not allowed" at its first recorded trial.
 
 use hand_model::RobotModel;
 use std::collections::BTreeSet;
@@ -17,7 +17,7 @@ use scenarios::record::{Condition, read_trials};
 use scenarios::summary::Summary;
 
 const RECORDS: [Record; 4] = [Record::None, Record::Sample, Record::Causes, Record::All];
-/// With it the first blind trial fails, so that there is a cause to record.
+/// Seed with which the first blind trial fails, so that there is a cause to record.
 const SEED: u64 = 1;
 
 fn bench() -> &'static Bench {
@@ -61,7 +61,7 @@ fn play(request: &RunRequest, journal: Journal, folder: &Path) -> Summary {
         .unwrap_or_else(|error| panic!("{:?} with --record {:?}: {error:#}", request.conditions, request.record))
 }
 
-/// trials.csv without the column that holds wall-clock times.
+/// Reads trials.csv without the column of wall-clock times.
 fn trials(folder: &Path) -> Vec<scenarios::TrialRecord> {
     let file = fs::File::open(folder.join("trials.csv")).expect("trials.csv");
     let mut trials = read_trials(file).expect("rows");
@@ -69,7 +69,7 @@ fn trials(folder: &Path) -> Vec<scenarios::TrialRecord> {
     trials
 }
 
-/// Plays, checks what is there, and plays the last unit again from the journal.
+/// Plays, checks the results, and plays the last unit again from the journal.
 fn played_and_resumed(conditions: &[Condition], record: Record) {
     let folder = tempfile::tempdir().expect("a folder");
     let folder = folder.path();
@@ -89,7 +89,7 @@ fn played_and_resumed(conditions: &[Condition], record: Record) {
         (conditions.iter().any(|one| *one != Condition::Ideal), conditions.contains(&Condition::Ideal));
     let expected = match record {
         Record::None => 0,
-        // The ideal run is no trial.
+        // The ideal run is not a trial.
         Record::Sample => usize::from(noisy),
         Record::Causes => failed.len(),
         Record::All => usize::from(noisy) + usize::from(ideal),
@@ -102,7 +102,7 @@ fn played_and_resumed(conditions: &[Condition], record: Record) {
         let shown = conditions.iter().max().expect("one");
         assert_eq!(of(&first, &format!("_{shown}.png")), 1, "{what}: {first:?}");
     }
-    // Killed before its last unit: it goes on as it was begun.
+    // Killed before its last unit, the run goes on as it was begun.
     let journal = fs::read_to_string(folder.join("journal.jsonl")).expect("a journal");
     let kept: String = journal.split_inclusive('\n').take(journal.lines().count() - 1).collect();
     fs::write(folder.join("journal.jsonl"), kept).expect("written");
@@ -115,7 +115,7 @@ fn played_and_resumed(conditions: &[Condition], record: Record) {
     assert_eq!(recordings().is_empty(), expected == 0, "{what}: {first:?}");
 }
 
-/// Each condition alone, and each `--record`.
+/// Covers each condition alone, and each `--record`.
 #[test]
 fn a_run_without_touch_is_recorded_and_resumed() {
     use Condition::{Blind, Ideal, Reflex};

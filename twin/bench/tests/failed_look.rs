@@ -1,4 +1,4 @@
-//! A session that ends in a failed look is replayed to the same failure, in mid-trial too.
+//! A session that ends in a failed look replays to the same failure, also in the middle of a trial.
 
 use hand_model::RobotModel;
 use std::path::{Path, PathBuf};
@@ -18,7 +18,7 @@ use sim::robot::Truth;
 
 const WHY: &str = "--eyes unix:/eyes: lemon: found nothing, expected a measurement of it within 3 s";
 
-/// The simulated robot, whose eyes have gone.
+/// The simulated robot with failed eyes.
 struct Blinded(SimulatedRobot);
 
 impl TrialBody for Blinded {
@@ -60,7 +60,7 @@ fn a_session_that_ends_in_a_failed_look_replays() {
     for combination in 0..4 {
         let file = folder.path().join(format!("{combination}.mcap"));
         let task = Task::new("sim", 1, [combination, 0, 4], Condition::Reflex);
-        // A trial in which nobody looks again is none of these.
+        // Trials without a second look do not count.
         let Err(error) = bench.play(&task, &mut Source(&file), &mut NoWatcher) else { continue };
         assert!(error.chain().any(|cause| cause.to_string().contains(WHY)), "{error:#}");
         ended += 1;

@@ -1,4 +1,4 @@
-//! The twin of a scene, built from what is believed, does what the scene does.
+//! The twin of a scene, built from estimates, behaves as the scene does.
 
 use bench::builtin::make_scenes;
 use control::executor::{Phase, Skill};
@@ -10,8 +10,8 @@ use proving::simulated_world::drive;
 use proving::twin::SceneTwin;
 use scenarios::Scenario;
 
-/// From a hold and a place that are known, the planned grasp holds in the twin as it does in the plan's own run; where the target is a hand's
-/// breadth off, it does not. An object that is not in the hand is no hold.
+/// With a known hold and target, the planned grasp holds in the twin as it does in the plan's own run. With the target
+/// a hand's breadth off it does not. An object that is not in the hand is not a hold.
 #[test]
 fn the_planned_grasp_holds_in_the_twin_where_the_target_is() {
     let bench =
@@ -42,7 +42,7 @@ fn the_planned_grasp_holds_in_the_twin_where_the_target_is() {
         assert_eq!(outcomes[0], Some(TryOutcome::Held), "{} and {}", plan.first, plan.second);
         assert_ne!(outcomes[1], Some(TryOutcome::Held), "{} and {}", plan.first, plan.second);
         assert_eq!(outcomes[2], None, "{} and {}", plan.first, plan.second);
-        // Another time, the same.
+        // A second rollout gives the same outcomes.
         assert_eq!(imagined.play(&going, 0..1).expect("played"), outcomes[..1]);
     }
 }

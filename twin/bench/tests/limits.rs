@@ -1,5 +1,5 @@
-//! Trials on the rounded robot, whose commands and measurements pass the supervisor: none of them is stopped by what it presses, where it goes or how its
-//! set-points move.
+//! Trials on the rounded robot, whose commands and measurements pass the supervisor. The supervisor stops none of them
+//! for its forces, its workspace or its set-points.
 
 use bench::builtin::make_bench;
 use bench::trial::NoWatcher;
@@ -17,7 +17,7 @@ fn no_normal_trial_is_stopped() {
     for (combination, condition) in [(0, Condition::Blind), (1, Condition::Touch)] {
         let mut source = RoundedSource { robot: cell.robot.clone(), sessions: None };
         let task = Task::new("rounded", 1, [combination, 0, 2], condition);
-        // A robot that stops is none that has been tried.
+        // A robot that stops fails the test.
         let record = bench.play(&task, &mut source, &mut NoWatcher).expect("no stop").record;
         assert_ne!(record.cause, Some(FailureCause::RobotFault), "{}", record.reason);
     }

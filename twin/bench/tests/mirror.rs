@@ -1,5 +1,5 @@
-//! The mirror beside a simulated robot: residuals of a sound one are small in free motion, those of a broken one are not; what breaks is named, a
-//! sound robot raises nothing, and whoever is mirrored does not notice.
+//! The mirror beside a simulated robot. The residuals of a sound robot are small in free motion, those of a broken one
+//! are not. Faults are diagnosed, a sound robot raises no alarm, and the mirror does not influence the robot.
 
 use std::sync::Arc;
 
@@ -23,18 +23,19 @@ use scenarios::record::{Condition, TrialRecord};
 use sim::tactile::TactileBoard;
 use sim::{SceneSetup, SimulatedRobot};
 
-/// What the residual of a taut cable of a sound robot in free motion stays within, N (recordings/log/mirror.md, rounded up).
+/// Bound of the residual of a taut cable of a sound robot in free motion, N (recordings/log/mirror.md, rounded up).
 const SOUND: f64 = 0.1;
-/// Time over which the cables are wound, and of the whole motion, s.
+/// Time over which the cables are wound, s.
 const WINDING: f64 = 1.0;
+/// Duration of the whole motion, s.
 const END: f64 = 2.0;
-/// When the cable breaks, s.
+/// Time at which the cable breaks, s.
 const BREAK: f64 = 1.5;
 
-/// Within this time a fault is to be named, s.
+/// Time limit for the diagnosis of a fault, s.
 const WITHIN: f64 = 0.5;
 
-/// The robot of `world` as drawn, its hand empty, and the command of the motion at `time` (s): the hand closes while the arm moves.
+/// Creates the robot of `world` as drawn, with an empty hand.
 fn robot(world: &World) -> SimulatedRobot {
     let cell = &world.cell;
     let setup =
@@ -42,6 +43,7 @@ fn robot(world: &World) -> SimulatedRobot {
     SimulatedRobot::new(&cell.robot, &setup, TactileBoard::blank())
 }
 
+/// Returns the command of the motion at `time` (s): the hand closes while the arm moves.
 fn command(time: f64) -> Command {
     let mut arm = Arm::gen3().home;
     arm[0] += 0.1 * time;
@@ -50,8 +52,8 @@ fn command(time: f64) -> Command {
     Command { arm, servos: servos.into(), capture: false }
 }
 
-/// Residuals of the five cables, N, mean of each four ticks, with the time of the last (s), of a robot as drawn that closes its hand on
-/// nothing while its arm moves; cable `broken` breaks at [`BREAK`].
+/// Returns the residuals of the five cables, N, as means of four ticks each, with the time of the last tick (s). The
+/// robot is as drawn and closes its hand on nothing while its arm moves. Cable `broken` breaks at [`BREAK`].
 fn residuals(broken: Option<usize>) -> Vec<(f64, DigitVector)> {
     let world = World::new(&RobotModel::ftac_gen3(), Scenario::benchmark()).expect("the world");
     let mut robot = robot(&world);
@@ -77,7 +79,8 @@ fn residuals(broken: Option<usize>) -> Vec<(f64, DigitVector)> {
     all.chunks_exact(4).map(mean).collect()
 }
 
-/// Of a sound robot every residual is small, of a broken cable it is a pull that lasts; the other cables show nothing of it.
+/// Every residual of a sound robot is small. That of a broken cable is a lasting pull, and the other cables show
+/// nothing of it.
 #[test]
 fn a_broken_cable_leaves_what_a_sound_one_stays_within() {
     let ring = Digit::Ring.index();
@@ -92,7 +95,8 @@ fn a_broken_cable_leaves_what_a_sound_one_stays_within() {
     }
 }
 
-/// What a mirror names of the same motion, in which `strike` is done to the robot once at [`BREAK`], and `press` in each tick from then on.
+/// Returns the diagnoses of a mirror for the same motion. `strike` is applied to the robot once at [`BREAK`], and
+/// `press` in each tick from then on.
 fn named(strike: impl FnOnce(&mut SimulatedRobot), press: impl Fn(&mut SimulatedRobot)) -> Vec<Divergence> {
     let world = World::new(&RobotModel::ftac_gen3(), Scenario::benchmark()).expect("the world");
     let mut robot = robot(&world);
@@ -128,7 +132,7 @@ fn a_sound_robot_raises_nothing() {
     assert_eq!(named(|_| {}, |_| {}), []);
 }
 
-/// Each fault is named once, with its digit, and soon.
+/// Each fault is diagnosed once, with its digit, and in time.
 #[test]
 fn faults_are_named() {
     let (ring, index) = (Digit::Ring.index(), Digit::Index.index());
@@ -146,7 +150,7 @@ fn faults_are_named() {
     }
 }
 
-/// How many of its ticks a robot has gone on between two looks of a host that others keep busy, and how late within a tick each look comes.
+/// Load pattern of a busy host: robot ticks between two observations, and the delay of each within its tick, ticks.
 const BUSY: [(usize, f64); 12] = [
     (1, 0.0),
     (1, 0.3),
@@ -162,7 +166,7 @@ const BUSY: [(usize, f64); 12] = [
     (1, 0.6),
 ];
 
-/// The images of all cameras of capture `n`, with read-out noise; those of camera `frozen` are always the same.
+/// Returns the images of all cameras of capture `n`, with read-out noise. Those of camera `frozen` are always the same.
 fn images(n: u64, frozen: Option<usize>) -> Vec<TactileFrame> {
     let image = |camera: usize| {
         let n = if frozen == Some(camera) { 0 } else { n };
@@ -174,8 +178,8 @@ fn images(n: u64, frozen: Option<usize>) -> Vec<TactileFrame> {
         .collect()
 }
 
-/// What a mirror names of the same motion seen by a busy host, with its mirror; `strike` is done to the robot once at [`BREAK`], and from then on camera
-/// `frozen` sends the same image.
+/// Returns the mirror of the same motion seen by a busy host. `strike` is applied to the robot once at [`BREAK`], and
+/// from then on camera `frozen` sends the same image.
 fn named_in_real_time(strike: impl FnOnce(&mut SimulatedRobot), frozen: Option<usize>) -> Mirror {
     let world = World::new(&RobotModel::ftac_gen3(), Scenario::benchmark()).expect("the world");
     let mut robot = robot(&world);
@@ -216,15 +220,15 @@ fn named_in_real_time(strike: impl FnOnce(&mut SimulatedRobot), frozen: Option<u
     mirror
 }
 
-/// A host that is busy looks late, twice within a tick, or not at all for some: the mirror follows without ever beginning anew, and names nothing of
-/// a sound robot.
+/// A busy host observes late, twice within a tick, or not at all for some ticks. The mirror follows without a reset and
+/// reports nothing on a sound robot.
 #[test]
 fn late_and_dropped_ticks_are_no_restart() {
     let mirror = named_in_real_time(|_| {}, None);
     assert_eq!((mirror.gaps(), mirror.named()), (0, &[][..]));
 }
 
-/// A camera that freezes is told by its images, however unevenly they are looked at; so is a cable that breaks.
+/// A frozen camera is detected by its images, however unevenly they are observed. So is a broken cable.
 #[test]
 fn a_frozen_camera_is_named_in_real_time() {
     let camera = 7;
@@ -240,7 +244,7 @@ fn a_frozen_camera_is_named_in_real_time() {
     assert!((BREAK..BREAK + WITHIN).contains(&only.time), "{only}");
 }
 
-/// Keeps where joints and objects were.
+/// Records the joint angles and object poses.
 #[derive(Default)]
 struct Trace(Vec<(f64, Vec<f64>, Vec<Isometry3<f64>>)>);
 

@@ -1,4 +1,4 @@
-//! A robot that makes no errors, at a table without effects, and a controller that knows both.
+//! A robot without errors at a table without effects, and a controller that knows both.
 
 use hand_model::RobotModel;
 use std::path::Path;
@@ -9,8 +9,8 @@ use scenarios::Scenario;
 use scenarios::effects::Effect;
 use scenarios::record::Condition;
 
-/// In this trial touch once palpated both objects, took in a millimetre that was none, and touched the second object with the first one's
-/// digits; blind never did.
+/// In this trial touch once palpated both objects, took in an error of a millimetre that did not exist, and touched the
+/// second object with the first one's digits. Blind never did.
 #[test]
 fn feeling_costs_nothing_where_nothing_is_wrong() {
     let mut scenario = Scenario::benchmark();

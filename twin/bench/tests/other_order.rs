@@ -1,4 +1,4 @@
-//! Taking the two objects in the other order changes nothing but the order.
+//! Grasping the two objects in the other order changes only the order.
 
 use bench::builtin::make_bench;
 use bench::trial::setup::Setup;
@@ -9,8 +9,8 @@ use scenarios::Scenario;
 use scenarios::disturbance::{BlindPads, Disturbances};
 use scenarios::record::Condition;
 
-/// Where nothing is sure and the other order promises more, the other object comes first: everything stands, is seen and errs as in the planned
-/// order. A disturbed scenario keeps the planned order.
+/// If the trial is uncertain and the other order promises more, the other object comes first. The poses, percepts and
+/// errors are those of the planned order. A disturbed scenario keeps the planned order.
 #[test]
 fn the_other_order_leaves_everything_where_it_is() {
     let bench =

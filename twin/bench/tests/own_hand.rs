@@ -1,4 +1,4 @@
-//! Perception tells what the hand feels of itself from what it feels of objects, on a hand that physics has posed.
+//! Perception distinguishes contact of the hand with itself from contact with objects, in hand postures from physics.
 
 use bench::builtin::make_bench;
 use bench::trial::Bench;
@@ -13,7 +13,7 @@ use sim::SimulatedRobot;
 use sim::tactile::Drift;
 use touch::{InHand, PadTouch, Readings};
 
-/// The benchmark's first combinations with no effect but that of the pads.
+/// The benchmark's first combinations with only the effect of the pads.
 fn pads_only(combos: usize) -> Bench {
     let mut scenario = Scenario::benchmark();
     scenario.effects = Effects { pads: scenario.effects.pads, ..Effects::default() };
@@ -21,7 +21,8 @@ fn pads_only(combos: usize) -> Bench {
     make_bench(&RobotModel::ftac_gen3(), scenario, combos, 1, true).expect("the built-in benchmark")
 }
 
-/// The empty hand over the table pulls with `tensions` (N), the thumb last and opposed by `opposition` (rad): what it then feels.
+/// Returns the touches of the empty hand over the table as it pulls with `tensions` (N), the thumb last and opposed by
+/// `opposition` (rad).
 fn closed_on_nothing(
     bench: &Bench,
     tensions: DigitVector,
@@ -47,7 +48,7 @@ fn closed_on_nothing(
     (touches, seen, robot)
 }
 
-/// What pads and cables tell of the hold.
+/// Returns the grip as felt by pads and cables.
 fn told(bench: &Bench, touches: &[PadTouch], servos: &[ServoState], objects: &[Holder]) -> Grip {
     let hand = &bench.world.cell.robot.hand;
     let (q, sigma) = (&hand.open()[..], bench.pipeline.pose.sigma_excursion);
@@ -55,8 +56,8 @@ fn told(bench: &Bench, touches: &[PadTouch], servos: &[ServoState], objects: &[H
     Grip::of(hand, &Signs { limits, touches, servos, q, objects, on_first: &[], sigma })
 }
 
-/// The thumb lies on the index finger and nothing is in the hand, though the plan has objects there: pads are pressed and the
-/// grip is empty.
+/// The thumb lies on the index finger and the hand is empty, although the plan has objects there: pads are pressed and
+/// the grip is empty.
 #[test]
 fn a_thumb_on_the_index_finger_is_no_object() {
     let bench = pads_only(1);
@@ -86,10 +87,10 @@ fn a_thumb_on_the_index_finger_is_no_object() {
     assert!(4 * own >= 3 * patches, "{own} of {patches} patches are told to be the hand's own");
 }
 
-/// Of a held object nothing, or next to nothing, is taken for the hand's own: it is felt to be held, where it was felt before.
+/// Of a held object next to nothing is mistaken for self-contact: its pose is estimated as before.
 #[test]
 fn a_held_object_is_felt_as_before() {
-    // First objects that two fingers and the palm feel all round: balls, a box, a polyhedron, a peanut.
+    // First objects that two fingers and the palm enclose: balls, a box, a polyhedron, a peanut.
     const COMBINATIONS: [usize; 6] = [1, 5, 6, 12, 14, 22];
     let bench = pads_only(23);
     let (mut held, mut marked, mut patches) = (0, 0, 0);

@@ -1,4 +1,4 @@
-//! An object that is not where it is seen is found by touching it, in physics and from rendered images.
+//! Palpation finds an object that is not where vision sees it, in physics and from rendered images.
 
 use bench::builtin::make_bench;
 use control::executor::{Phase, Skill, Target};
@@ -15,9 +15,9 @@ use scenarios::Scenario;
 use touch::{InHand, PosePrior};
 use world::Sensing;
 
-/// Second objects with a pear's, a cylinder's and a sphere's top.
+/// Combinations whose second objects have the top of a pear, a cylinder and a sphere.
 const COMBINATIONS: [usize; 3] = [10, 1, 15];
-/// How far beside its place the object is seen, along the palm's x, m.
+/// Offset of the seen object from its true position, along the palm's x, m.
 const OFF: f64 = 0.012;
 
 #[test]

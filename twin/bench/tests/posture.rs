@@ -1,4 +1,4 @@
-//! Joint angles of simulated holds with cables that rub and gears with play.
+//! Joint angles of simulated holds with cable friction and gear backlash.
 
 use bench::builtin::make_bench;
 use hand_model::transmission::Crossing;
@@ -8,19 +8,19 @@ use scenarios::Scenario;
 use scenarios::effects::Effects;
 use touch::PadTouch;
 
-/// Of so many combinations the first grasp is felt.
+/// Number of combinations whose first grasp is felt.
 const HOLDS: usize = 60;
-/// Half width of a region of 95 %, standard deviations.
+/// Half width of a 95 % region, standard deviations.
 const REGION: f64 = 1.96;
 
-/// How many joint angles of digits in contact a region of 95 % held.
+/// Joint angles of digits in contact that lie within their 95 % region.
 #[derive(Default)]
 struct Tally {
     inside: u32,
     count: u32,
 }
 
-/// Regions of 95 % of the joint angles of digits in contact hold about as many of the true angles.
+/// The 95 % regions of the joint angles of digits in contact hold about as many of the true angles.
 #[test]
 fn joint_angles_are_as_uncertain_as_they_say() {
     let mut scenario = Scenario::benchmark();

@@ -1,4 +1,4 @@
-//! What the arm presses under a controller that goes on downwards, with the supervisor's limits and without.
+//! Force of the arm on the table under a controller that keeps moving down, with and without the supervisor's limits.
 
 use hand_model::robot::{Command, RobotBackend as _, ServoGoal};
 use hand_model::{Arm, ArmVector, Hand, RobotModel};
@@ -10,12 +10,12 @@ use robot_backends::emulated::{SharedPlant, settings};
 use sim::tactile::TactileBoard;
 use sim::{SceneSetup, SimulatedRobot};
 
-/// How fast the controller wants the hand to go down, m/s.
+/// Requested downward speed of the hand, m/s.
 const SPEED: f64 = 0.05;
-/// Ticks from 50 mm over the table on: 1 s to get there, 2 s more.
+/// Ticks from 50 mm above the table on: 1 s to reach it, 2 s more.
 const TICKS: usize = 360;
 
-/// The joint angles after the hand has moved by `step` (m) without turning: damped least squares.
+/// Returns the joint angles after the hand has moved by `step` (m) without turning: damped least squares.
 fn moved(arm: &Arm, q: &[f64], step: Vector3<f64>) -> ArmVector {
     let poses = arm.tree.forward(q);
     let jacobian = arm.tree.jacobian(&poses, arm.last_link(), &Point3::origin());
@@ -26,7 +26,7 @@ fn moved(arm: &Arm, q: &[f64], step: Vector3<f64>) -> ArmVector {
     q.iter().zip(&change).map(|(angle, change)| angle + change).collect()
 }
 
-/// With the hand flat, its lowest point so high over the table, m.
+/// Returns joint angles with the hand flat and its lowest point at this `height` above the table, m.
 fn over_table(arm: &Arm, hand: &Hand, height: f64) -> ArmVector {
     let lowest = |q: &[f64]| {
         let palm = arm.tool_pose(q) * hand.palm_from_flange.inverse();
@@ -49,7 +49,8 @@ fn over_table(arm: &Arm, hand: &Hand, height: f64) -> ArmVector {
     q
 }
 
-/// Force on the table (N) at its greatest and at the end, and the state at the end, of a robot whose controller asks for 5 cm/s downwards.
+/// Returns the greatest and the final force on the table (N), and the final state, of a robot whose controller asks for
+/// 5 cm/s downwards.
 fn press(limits: LimitConfig) -> (f64, f64, State) {
     let model = RobotModel::ftac_gen3();
     let mut wanted = over_table(&model.arm, &model.hand, 0.05);
@@ -59,7 +60,7 @@ fn press(limits: LimitConfig) -> (f64, f64, State) {
     let mut robot = DirectRobot::start(Box::new(plant.clone()), settings, &model).expect("starts");
     let mut greatest = 0.0_f64;
     for tick in 0..TICKS {
-        // From rest, as every controller of ours begins.
+        // From rest, as all of our controllers begin.
         let speed = SPEED * (tick as f64 / 30.0).min(1.0);
         wanted = moved(&model.arm, &wanted, Vector3::new(0.0, 0.0, -speed * robot.tick_length()));
         let servos = [ServoGoal::Current(0.0); 6].into();
@@ -72,7 +73,7 @@ fn press(limits: LimitConfig) -> (f64, f64, State) {
     (greatest, last, robot.state())
 }
 
-/// No limit but those that there were before: speed and range of the joints.
+/// Returns limits with only those that existed before: speed and range of the joints.
 fn without() -> LimitConfig {
     let most = 1e6;
     let arm = ArmLimitConfig {
@@ -87,8 +88,8 @@ fn without() -> LimitConfig {
     LimitConfig { arm, space, ..LimitConfig::default() }
 }
 
-/// An own policy that asks for 5 cm/s downwards: without limits two joints press with all they have for as long as it asks; with them the arm is stopped as soon
-/// as it presses, says which joint, and gives way.
+/// An own policy asks for 5 cm/s downwards. Without limits, two joints press with full torque for as long as it asks.
+/// With them the arm is stopped as soon as it presses, reports which joint, and gives way.
 #[test]
 fn an_arm_that_presses_on_the_table_is_stopped() {
     let (before, held, state) = press(without());
@@ -98,7 +99,7 @@ fn an_arm_that_presses_on_the_table_is_stopped() {
     assert!(after < 0.6 * before && left < 10.0, "{after} N, {left} N, {before} N without");
 }
 
-/// Where the arm feels nothing, the table itself is the bound.
+/// If the arm feels nothing, the table itself is the bound.
 #[test]
 fn an_arm_without_torque_sensors_is_stopped_below_the_table() {
     let arm = ArmLimitConfig { residual: [1e6; 7].into(), torque: [1e6; 7].into(), ..ArmLimitConfig::default() };

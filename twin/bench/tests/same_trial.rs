@@ -1,4 +1,4 @@
-//! A trial is the same one, to the bit, whoever looks on and whatever was played before it.
+//! A trial is the same to the bit, whoever watches and whatever was played before it.
 
 use bench::builtin::make_bench;
 use bench::trial::filming::Filming;
@@ -8,7 +8,7 @@ use scenarios::Scenario;
 use scenarios::record::{Condition, TrialRecord};
 use serde_json::Value;
 
-/// How touch does in the first trial of a combination, but for the time that its decisions took.
+/// Returns the results of touch in the first trial of a combination, without its decision times.
 fn played(bench: &Bench, combination: usize, watcher: &mut dyn Watcher) -> Value {
     let results = bench.trial(combination, 0, &[Condition::Touch], &[], watcher).expect("a trial");
     let record = TrialRecord { decision_ms: None, ..results.records[0].clone() };

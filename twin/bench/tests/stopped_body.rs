@@ -1,4 +1,5 @@
-//! A trial whose body stops or cannot be reached: none where somebody has to see to the robot, a failed one where others follow.
+//! A trial whose body stops or cannot be reached does not count if an operator must attend to the robot, and has failed
+//! if other trials follow.
 
 use hand_model::RobotModel;
 use std::ops::Range;
@@ -16,7 +17,7 @@ use session_log::Session;
 use sim::SimulatedRobot;
 use sim::robot::Truth;
 
-/// The simulated robot, which stops after some time (s), or can neither be observed nor told anything for some time.
+/// The simulated robot, which stops after some time (s), or is unreachable for some time.
 struct Stopping {
     robot: SimulatedRobot,
     after: f64,
@@ -105,7 +106,7 @@ fn a_trial_whose_body_stops_is_none_or_has_failed() {
         let error = play(&bench, condition, 2.0, NEVER).expect_err("stopped");
         assert!(error.downcast_ref::<Stopped>().is_some_and(|why| why.0.contains("leans")), "{error:#}");
         bench.outlasts_faults = true;
-        // What was dropped before counts first.
+        // An object that was dropped before counts first.
         let causes =
             [(2.0, vec![FailureCause::RobotFault]), (9.0, vec![FailureCause::RobotFault, FailureCause::FirstDropped])];
         for (after, causes) in causes {
@@ -119,8 +120,8 @@ fn a_trial_whose_body_stops_is_none_or_has_failed() {
     }
 }
 
-/// A robot that cannot be reached for a third of a second keeps its last command, and the trial goes on. One that stays away ends it with its
-/// own words.
+/// A robot that is unreachable for a third of a second keeps its last command, and the trial goes on. One that stays
+/// away ends the trial with its own message.
 #[test]
 fn a_robot_that_cannot_be_reached_is_borne_for_a_while() {
     let mut bench =

@@ -1,35 +1,37 @@
-//! What a mirror believes of the object in the hand: where it was felt, moved with the twin's palm, less certain with time.
+//! Pose estimate of the object in the hand: the pose from touch, carried along with the twin's palm, with a covariance
+//! that grows with time.
 
 use control::executor::Phase;
 use control::perception::Felt;
 use nalgebra::{Isometry3, Matrix6};
 
-/// How the place of a held object becomes uncertain, standard deviations after a second: m and rad. A grip creeps by tenths of a millimetre a
-/// second where it holds (slip that is more than that is felt as such).
+/// Random walk of a held object's pose: standard deviations after one second, m and rad. A grip that holds creeps by
+/// tenths of a millimetre a second. Larger slip is felt as such.
 const WALK: (f64, f64) = (0.0005, 0.01);
 
-/// An object in the hand.
+/// Pose estimate of an object in the hand.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Belief {
-    /// `palm_from_object`.
+    /// Estimated pose of the object in the palm's frame.
     pub palm_from_object: Isometry3<f64>,
     /// Covariance of position (m) and rotation (rad), along the palm's axes.
     pub covariance: Matrix6<f64>,
-    /// When it was felt, s.
+    /// Time at which the object was felt, s.
     pub felt: f64,
 }
 
-/// Keeps the belief.
+/// Keeps the pose estimate of the held object up to date.
 #[derive(Debug, Clone, Default)]
 pub struct Believes {
-    /// Tells an estimate from others: its cost, and its patches.
+    /// Cost and number of patches of the last estimate from touch, which identify it.
     known: Option<(f64, usize)>,
     object: Option<Belief>,
     time: f64,
 }
 
 impl Believes {
-    /// One tick at `time` (s): a new estimate replaces the belief, for it is itself the fusion of all that was known at its time.
+    /// Updates the estimate at `time` (s). A new estimate from touch replaces it, because that is itself the fusion of
+    /// all that was known at its time.
     pub fn see(&mut self, time: f64, phase: Phase, felt: Option<&Felt>) {
         let past = (time - self.time).max(0.0);
         self.time = time;
@@ -50,12 +52,12 @@ impl Believes {
         }
     }
 
-    /// It is no longer in the hand.
+    /// Drops the estimate: the object is no longer in the hand.
     pub fn lose(&mut self) {
         self.object = None;
     }
 
-    /// What is believed to be in the hand.
+    /// Returns the estimate of the object in the hand.
     pub fn object(&self) -> Option<&Belief> {
         self.object.as_ref()
     }

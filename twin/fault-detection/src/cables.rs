@@ -1,4 +1,5 @@
-//! Detectors for a digit's cable, from one tick to the next: one that is slack has broken, one that is taut again has slipped.
+//! Tick-by-tick detectors for a digit's cable: a cable that stays slack is broken, one that becomes taut again has
+//! slipped.
 
 use std::collections::VecDeque;
 
@@ -8,45 +9,46 @@ use super::outside::{Outside, Pushed};
 use super::residuals::Cable;
 use super::torque::{KEPT, missing};
 
-/// A spool that meets the end of its slack rebounds from it for no longer than this, s.
+/// Longest rebound of a spool that reaches the end of its slack, s.
 const REBOUND: f64 = 0.08;
 
-/// A servo that is named weak is not named again within this time, s.
+/// Minimum interval between two weak-servo findings of one servo, s.
 const AGAIN: f64 = 0.25;
 
-/// Of its tension, what a taut cable bears a tick later where nothing gives, at least.
+/// Minimum share of its tension that a taut cable keeps from one tick to the next while nothing gives way.
 const TAUT_BEFORE: f64 = 0.93;
 
-/// A finding: what, and the numbers found and expected.
+/// A finding: its kind, the measured value and the expected value.
 pub type Finding = (Kind, f64, f64);
 
-/// A cable that bears nothing at present.
+/// An episode in which a cable carries no load.
 #[derive(Debug, Clone, Copy)]
 struct Slack {
-    /// s.
+    /// Time at which the episode began, s.
     since: f64,
-    /// Cable on the spool when it began, m.
+    /// Cable on the spool when the episode began, m.
     wound: f64,
-    /// Whether the digit was pulled so hard that it may grip something.
+    /// True if the digit was pulled so hard that it may grip something.
     grips: bool,
-    /// Whether something pushed the hand at that time: it may push a digit closed that grips nothing.
+    /// External push on the hand at that time. A push may close a digit that grips nothing.
     pushed: Pushed,
-    /// Whether it went from bearing its load to bearing none within a tick.
+    /// True if the load vanished within one tick.
     sudden: bool,
-    /// Whether it did so from a firm pull: no push does that.
+    /// True if the load vanished from a firm pull: no push does that.
     firm: bool,
     named: bool,
 }
 
 impl Slack {
-    /// Whether nothing but the cable itself explains it.
+    /// True if only a fault of the cable itself explains the slack.
     fn is_certain(&self) -> bool {
         self.firm || self.sudden && self.pushed != Pushed::Hard && (self.grips || self.pushed == Pushed::No)
     }
 }
 
-/// Whether the newest of `past` bears nothing and the one before bore as much as the one before that; or, of a cable that `grips`, the one before
-/// had lost most of its load already: a spool that runs takes two ticks to lose it.
+/// True if the newest of `past` carries no load although the tick before it carried as much as the one before that. For
+/// a cable above the tension `grips`, also true if the tick before had already lost most of its load: a running spool
+/// takes two ticks to lose it.
 fn fell_at_once(past: &VecDeque<Cable>, grips: f64) -> bool {
     let [now, before, earlier, first] = newest(past);
     let bore = |cable: Cable| cable.tension > 0.4 * cable.pulled;
@@ -58,26 +60,26 @@ fn fell_at_once(past: &VecDeque<Cable>, grips: f64) -> bool {
     within_one || within_two
 }
 
-/// The four newest ticks, newest first; slack cables where there are fewer.
+/// Returns the four newest ticks, newest first, filled up with slack cables if there are fewer.
 fn newest(past: &VecDeque<Cable>) -> [Cable; 4] {
     let mut newest = past.iter().rev().copied();
     std::array::from_fn(|_| newest.next().unwrap_or_default())
 }
 
-/// Watches one digit.
+/// Detector for the cable and servo of one digit.
 #[derive(Debug, Clone, Default)]
 pub struct CableWatch {
     /// The last ticks, newest last.
     past: VecDeque<Cable>,
     slack: Option<Slack>,
-    /// When the servo was last named weak, s.
+    /// Time of the last weak-servo finding, s.
     weakened: Option<f64>,
-    /// A slack that has just ended: when, and how much was wound, m.
+    /// Slack that has just ended: end time, s; the episode; cable wound during it, m.
     ended: Option<(f64, Slack, f64)>,
 }
 
 impl CableWatch {
-    /// One tick at `time` (s), with what acts on the hand from outside.
+    /// Processes one tick at `time` (s). `outside` is the external load on the hand.
     pub fn see(&mut self, limits: &CableLimits, time: f64, cable: &Cable, outside: Outside) -> Option<Finding> {
         self.past.push_back(*cable);
         if self.past.len() > KEPT {
@@ -95,7 +97,7 @@ impl CableWatch {
         })
     }
 
-    /// Cables that bear nothing although they are wound in.
+    /// Detects a broken cable: one that carries no load although it is wound in.
     fn slack(&mut self, limits: &CableLimits, time: f64, cable: &Cable, pushed: Pushed) -> Option<Finding> {
         let bears_nothing = cable.tension < limits.slack_share * cable.pulled + limits.slack;
         let tells = self.slack.is_some() || cable.free > limits.least;
@@ -106,7 +108,7 @@ impl CableWatch {
             }
             return None;
         }
-        // A spool that meets the end of its slack rebounds.
+        // A spool that reaches the end of its slack rebounds.
         if let (None, Some((at, again, _))) = (&self.slack, self.ended)
             && time < at + REBOUND
         {
@@ -115,7 +117,7 @@ impl CableWatch {
         let begun = self.begin(limits, time, pushed);
         let slack = self.slack.get_or_insert(begun);
         let wound = cable.wound - slack.wound;
-        // Somebody who pushes a digit closed takes some ticks for it, and no further than it closes.
+        // An external push takes several ticks to close a digit, and cannot move it further than it closes.
         if time < slack.since + REBOUND {
             slack.pushed = slack.pushed.max(pushed);
         }
@@ -131,7 +133,7 @@ impl CableWatch {
         Some((Kind::CableBroken, cable.tension.max(0.0), cable.free))
     }
 
-    /// A slack that begins now.
+    /// Begins an episode of slack.
     fn begin(&self, limits: &CableLimits, time: f64, pushed: Pushed) -> Slack {
         let [now, before, earlier, _] = newest(&self.past);
         Slack {
@@ -147,7 +149,8 @@ impl CableWatch {
         }
     }
 
-    /// Whether a taut cable lost most of its load within a tick, while the servo pulled as before: so much tension that a short slip leaves some.
+    /// True if a taut cable lost most of its load within one tick while the servo pulled as before. The tension is so
+    /// high that some is left after a short slip.
     fn gave(&self, limits: &CableLimits) -> bool {
         let [now, before, earlier, _] = newest(&self.past);
         before.tension > limits.taut
@@ -156,16 +159,16 @@ impl CableWatch {
             && (before.pulled - earlier.pulled).abs() < (1.0 - TAUT_BEFORE) * before.pulled
     }
 
-    /// A slack that began suddenly and ended after a little winding.
+    /// Detects a slipped cable: slack that began suddenly and ended after a little winding.
     fn slipped(&mut self, limits: &CableLimits, time: f64, cable: &Cable) -> Option<Finding> {
         let (at, slack, wound) = self.ended?;
-        // Only then is it known that the spool has not gone on without its cable.
+        // Only after the rebound is it certain that the spool has not gone on without its cable.
         if time < at + REBOUND {
             return None;
         }
         self.ended = None;
         if cable.tension < 0.3 * cable.pulled {
-            // It goes on, somewhat unsteadily: the current falls as the spool comes near its highest speed.
+            // The slack continues somewhat unsteadily: the current falls as the spool nears its top speed.
             self.slack = Some(slack);
             return None;
         }
@@ -183,12 +186,13 @@ mod tests {
     /// Length of a tick, s.
     const TICK: f64 = 1.0 / 120.0;
 
-    /// What is named of these tensions (N) of a cable that is pulled with 10 N and wound at `speed` (m/s), and when.
+    /// Returns the findings, with their ticks, for these tensions (N) of a cable that is pulled with 10 N and wound at
+    /// `speed` (m/s).
     fn named(tensions: &[f64], speed: f64) -> Vec<(usize, Kind)> {
         named_of(10.0, Pushed::No, tensions, speed)
     }
 
-    /// The same pulled with `pulled` (N), by a hand that is `pushed`.
+    /// As [`named`], for a cable pulled with `pulled` (N) and a hand that is `pushed`.
     fn named_of(pulled: f64, pushed: Pushed, tensions: &[f64], speed: f64) -> Vec<(usize, Kind)> {
         let limits = Limits::standard().expect("the limits").cable;
         let mut watch = CableWatch::default();
@@ -201,7 +205,7 @@ mod tests {
         tensions.iter().enumerate().filter_map(see).collect()
     }
 
-    /// Ten ticks of 10 N, `slack` ticks of nothing, twenty of 10 N.
+    /// Ten ticks of 10 N, `slack` ticks of zero tension, twenty ticks of 10 N.
     fn dip(slack: usize) -> Vec<f64> {
         [vec![10.0; 10], vec![0.0; slack], vec![10.0; 20]].concat()
     }
@@ -220,7 +224,8 @@ mod tests {
         assert!(matches!(named(&pushed_far, 0.04)[..], [(_, Kind::CableBroken)]), "nobody pushes a digit so far");
     }
 
-    /// So much tension that a short slip leaves some, and a spool that takes two ticks to lose its load.
+    /// Two limiting cases: a tension so high that a short slip leaves some of it, and a running spool that takes two
+    /// ticks to lose its load.
     #[test]
     fn a_taut_cable_slips_without_slack_and_a_fast_one_breaks_in_two_ticks() {
         let slip = [vec![30.0; 10], vec![9.0, 14.0, 20.0], vec![30.0; 20]].concat();

@@ -1,4 +1,4 @@
-//! Detectors for the cameras behind the pads: dead ones, frozen ones, and lamps that have lost their light.
+//! Detectors for the cameras behind the pads: dead cameras, frozen images, and dimmed lamps.
 
 use std::sync::Arc;
 
@@ -9,47 +9,50 @@ use super::cables::Finding;
 use super::divergence::Kind;
 use super::limits::CameraLimits;
 
-/// Pixels between those that are compared, in both directions.
+/// Sampling stride of the compared pixels in both directions, px.
 const STRIDE: usize = 10;
-/// Darker values than this tell no ratio.
+/// Darkest value used for a brightness ratio; darker ones are too noisy.
 const DARK: u8 = 24;
 
-/// What is known of one camera.
+/// State of one camera.
 #[derive(Debug, Clone, Default)]
 struct Camera {
     newest: Option<(u64, Arc<TactileImage>)>,
     /// Samples of its first image, RGB.
     first: Vec<[u8; 3]>,
-    /// Images that it has taken, by their numbers: one that got lost, or came together with the next, is none that is missing.
+    /// Number of images taken, by their sequence numbers. An image that got lost on the way, or was overtaken by the
+    /// next, does not count as missing.
     taken: u32,
-    /// Images in a row that repeat the one before, and whether the newest does.
+    /// Number of consecutive images that repeat the one before.
     repeats: u32,
+    /// True if the newest image repeats the one before.
     repeated: bool,
-    /// Images in a row of a colour that has lost its light.
+    /// Number of consecutive images with a dimmed colour.
     dimmed: u32,
     dead: bool,
     drifted: bool,
 }
 
-/// Watches all cameras.
+/// Detector for all cameras.
 #[derive(Debug, Clone)]
 pub struct CameraWatch {
     cameras: Vec<Camera>,
-    /// Since when images have been asked for and none has come, s, and whether that was named.
+    /// Time since which images have been requested without any arriving, s.
     waits_since: Option<f64>,
+    /// True if that silence was reported.
     silent: bool,
-    /// The longest wait that ended with images, s.
+    /// Longest wait that ended with images, s.
     longest: f64,
 }
 
 impl CameraWatch {
-    /// Of a hand with so many cameras.
+    /// Creates the detector for a hand with this many cameras.
     pub fn new(cameras: usize) -> Self {
         Self { cameras: vec![Camera::default(); cameras], waits_since: None, silent: false, longest: 0.0 }
     }
 }
 
-/// The values of every tenth pixel of every tenth row, RGB; none of an image of another size.
+/// Samples every tenth pixel of every tenth row, RGB. Empty if the image has another size.
 fn samples(image: &TactileImage) -> Vec<[u8; 3]> {
     if image.rgb.len() != IMAGE_SIZE * IMAGE_SIZE * 3 {
         return Vec::new();
@@ -60,7 +63,8 @@ fn samples(image: &TactileImage) -> Vec<[u8; 3]> {
         .collect()
 }
 
-/// The median over the samples of how bright each colour is, as a share of `first`.
+/// Returns the median brightness of each colour over the samples, as a share of `first`. `None` if too few samples are
+/// bright enough.
 fn brightness(first: &[[u8; 3]], now: &[[u8; 3]]) -> Option<[f64; 3]> {
     let mut medians = [0.0; 3];
     for (channel, median) in medians.iter_mut().enumerate() {
@@ -77,15 +81,16 @@ fn brightness(first: &[[u8; 3]], now: &[[u8; 3]]) -> Option<[f64; 3]> {
 }
 
 impl CameraWatch {
-    /// The median of the numbers of images that the cameras have taken.
+    /// Returns the median number of images taken per camera.
     fn usual(&self) -> u32 {
         let mut taken: Vec<u32> = self.cameras.iter().map(|camera| camera.taken).collect();
         taken.sort_unstable();
         taken[self.cameras.len() / 2]
     }
 
-    /// Takes the newest images of all cameras at `time` (s), in which new ones were `asked` for or not; what is found, with the camera, or none
-    /// where it is all of them. In `real_time` images take as long as host and link do: only what takes much longer than it ever did is silence.
+    /// Processes the newest images of all cameras at `time` (s); `asked` is true if new ones were requested. Returns
+    /// the findings with their cameras, or without one if all cameras are concerned. In `real_time` the latency of
+    /// images depends on host and link, so that only a wait much longer than any before counts as silence.
     pub fn see(
         &mut self,
         limits: &CameraLimits,
@@ -102,7 +107,7 @@ impl CameraWatch {
             let same = |image: &Arc<TactileImage>| Arc::ptr_eq(image, &frame.image) || **image == *frame.image;
             camera.repeated = before.as_ref().is_some_and(|(_, image)| same(image));
             camera.repeats = if camera.repeated { camera.repeats + 1 } else { 0 };
-            // The first to come is level with the others'.
+            // The first image of a camera brings it level with the others.
             camera.taken = match &before {
                 None => usual + 1,
                 Some((sequence, _)) => {
@@ -123,7 +128,7 @@ impl CameraWatch {
         self.longest = self.longest.max(self.waits_since.map_or(0.0, |since| time - since));
         (self.waits_since, self.silent) = (asked.then_some(time), false);
         let usual = self.usual();
-        // Without read-out noise an idle pad repeats its image: then most do.
+        // Without read-out noise an idle pad repeats its image; then most cameras do.
         let repeating = self.cameras.iter().filter(|camera| camera.repeated).count();
         let (lively, alone) = (repeating <= cameras / 2, repeating == 1);
         let missed = if real_time { limits.missed_real } else { limits.missed };
@@ -178,7 +183,8 @@ mod tests {
 
     const CAMERAS: usize = 18;
 
-    /// What is named of eight captures, of which each camera's image of capture `n` is what `image` makes of its usual one.
+    /// Returns the findings over eight captures. `image` maps capture, camera and usual image to the camera's image of
+    /// that capture.
     fn named(image: impl Fn(usize, usize, TactileImage) -> Option<TactileImage>) -> Vec<(usize, usize, Kind)> {
         let limits = Limits::standard().expect("the limits").camera;
         let mut watch = CameraWatch::new(CAMERAS);
@@ -206,14 +212,14 @@ mod tests {
         let frozen = TactileImage { rgb: vec![90; IMAGE_SIZE * IMAGE_SIZE * 3] };
         let frozen = named(|n, camera, image| Some(if camera == 5 && n >= 3 { frozen.clone() } else { image }));
         assert_eq!(frozen, [(4, 5, Kind::CameraDead)]);
-        // One that loses images on the way, but none at the end.
+        // A camera that loses images on the way, but none at the end.
         let lossy = named(|n, camera, image| (camera != 3 || n % 2 == 1).then_some(image));
         assert_eq!(lossy, []);
         let silent = named(|n, _, image| (n < 3).then_some(image));
         assert_eq!(silent, [(4, CAMERAS, Kind::CameraDead)], "nothing has come for longer than it takes");
     }
 
-    /// Without noise all idle pads repeat their images: nothing is wrong with them.
+    /// Without noise all idle pads repeat their images, and none of them is faulty.
     #[test]
     fn idle_pads_without_noise_are_not_dead() {
         let still = TactileImage { rgb: vec![90; IMAGE_SIZE * IMAGE_SIZE * 3] };

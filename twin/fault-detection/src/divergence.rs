@@ -1,4 +1,4 @@
-//! What a mirror names: how a robot differs from its twin, in words for people.
+//! Divergences that a mirror reports: the difference between a robot and its twin, worded for people.
 
 use std::fmt;
 
@@ -6,7 +6,7 @@ use scenarios::record::{Condition, TrialId};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// What differs.
+/// Kind of divergence.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Kind {
@@ -21,7 +21,7 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// All of them.
+    /// All kinds.
     pub const ALL: [Self; 8] = [
         Self::CableBroken,
         Self::CableSlipped,
@@ -33,7 +33,7 @@ impl Kind {
         Self::CameraDead,
     ];
 
-    /// As tables write it.
+    /// Returns the name of the kind as tables write it.
     pub fn name(self) -> &'static str {
         match self {
             Self::CableBroken => "cable_broken",
@@ -47,7 +47,7 @@ impl Kind {
         }
     }
 
-    /// In words, and what its numbers are.
+    /// Returns the kind in words, and the unit of its numbers.
     fn words(self) -> (&'static str, &'static str) {
         match self {
             Self::CableBroken => ("cable broken", "N of tension"),
@@ -68,17 +68,17 @@ impl fmt::Display for Kind {
     }
 }
 
-/// A divergence that was named.
+/// A reported divergence.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Divergence {
-    /// When it was named, s of the body.
+    /// Time of the report on the clock of the body, s.
     pub time: f64,
     pub kind: Kind,
-    /// Of what: a digit, a camera, the hand, an object.
+    /// Affected part: a digit, a camera, the hand or an object.
     pub part: String,
-    /// What was measured; the unit goes with the kind.
+    /// Measured value; the unit depends on the kind.
     pub found: f64,
-    /// What the twin has in its place.
+    /// Value of the twin, in the same unit.
     pub expected: f64,
 }
 
@@ -90,7 +90,7 @@ impl fmt::Display for Divergence {
     }
 }
 
-/// A divergence with its trial, a row of `divergences.csv`.
+/// A divergence with the condition of its trial, a row of `divergences.csv`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Named {
     pub condition: Condition,
@@ -98,7 +98,7 @@ pub struct Named {
     pub divergence: Divergence,
 }
 
-/// Writes the table `divergences.csv`: one row a divergence.
+/// Writes the table `divergences.csv`, one row per divergence.
 pub fn write_table<'a>(rows: impl Iterator<Item = (TrialId, &'a Divergence)>) -> String {
     let mut table = "combination,trial,condition,time_s,divergence,part,found,expected\n".to_owned();
     for (id, row) in rows {
@@ -123,7 +123,7 @@ mod tests {
         assert_eq!(table.lines().nth(1), Some("4,1,touch,3.2500,cable_broken,ring,0.0000,7.1250"));
     }
 
-    /// Names are those that serde writes, and no two are alike.
+    /// Names are those that serde writes, and all are distinct.
     #[test]
     fn names_are_those_of_the_journal() {
         for kind in Kind::ALL {

@@ -9,11 +9,11 @@ use super::limits::HandLimits;
 pub enum Expects {
     /// The hand moves through the air, or stands still.
     Nothing,
-    /// It meets objects, and the table.
+    /// The hand meets objects or the table.
     Contact,
 }
 
-/// The forces to expect in `phase` once `progress` (0 to 1) of it is over.
+/// Returns the forces to expect in `phase` once `progress` (0 to 1) of it is over.
 pub fn expects(limits: &HandLimits, phase: Phase, progress: f64) -> Expects {
     match (phase.skill, phase.stage) {
         (Skill::Approach, _) | (Skill::Palpate, Stage::Reach) if progress < limits.arriving => Expects::Nothing,
@@ -24,7 +24,7 @@ pub fn expects(limits: &HandLimits, phase: Phase, progress: f64) -> Expects {
     }
 }
 
-/// How many of the trial's `objects` should be in the hand, and lifted.
+/// Returns how many of the trial's `objects` should be in the hand and lifted.
 pub fn held(limits: &HandLimits, phase: Phase, progress: f64, objects: usize) -> usize {
     match phase.skill {
         Skill::Lift if progress > limits.leaving => phase.object + 1,

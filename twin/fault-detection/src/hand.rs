@@ -1,4 +1,4 @@
-//! Detectors for what acts on the hand as a whole: contact, weight, and objects that are no longer there.
+//! Detectors for loads on the hand as a whole: contact, weight, and lost objects.
 
 use std::collections::VecDeque;
 
@@ -15,71 +15,73 @@ use super::outside::{Outside, Pushed};
 use super::residuals::Residuals;
 use super::steps::{STAYING, Step, step};
 
-/// A force that stays within this range for some ticks is at rest, N.
+/// Range within which a force counts as steady if it stays there for some ticks, N.
 const STILL: f64 = 0.4;
-/// A force that changes by more within a tenth of a second pushes the hand, N.
+/// Change of force within a tenth of a second that counts as a push on the hand, N.
 const PUSH: f64 = 1.5;
-/// A hand that holds something is pushed up by so much, N, only where it meets something else, too.
+/// Upward force beyond which a hand that holds something must be touching something else, too, N.
 const PUSHED_UP: f64 = 0.5;
-/// Ticks for which the force must have been known, and in which a push shows.
+/// Ticks for which the force must be known before it can be judged, and within which a push shows.
 const KNOWN: usize = 12;
-/// Ticks whose mean force tells the weight of what digits have let go.
+/// Ticks over which the force is averaged to weigh an object that digits have released.
 const WEIGHED: usize = 4;
-/// Ticks in which a jolt of the hand tells that a digit has met something.
+/// Ticks within which a jolt of the hand shows that a digit has met something.
 const JOLTED: usize = 6;
-/// Contacts that follow each other within this time are one, s.
+/// Contacts that follow each other within this time count as one, s.
 const AGAIN: f64 = 0.3;
 
-/// What is asked of the hand in a tick.
+/// State and expectations of the hand in one tick.
 #[derive(Debug, Clone, Copy)]
 pub struct HandTick<'a> {
-    /// s.
+    /// Time, s.
     pub time: f64,
     pub phase: Phase,
-    /// 0 to 1.
+    /// Progress of the phase, 0 to 1.
     pub progress: f64,
     pub residuals: &'a Residuals,
     /// Masses of the objects as the controller knows them, kg.
     pub masses: &'a [f64],
-    /// The digits that take each of them.
+    /// Digits that grasp each of the objects.
     pub digits: &'a [&'a [Digit]],
 }
 
-/// Watches the hand.
+/// Detector for the hand.
 #[derive(Debug, Clone, Default)]
 pub struct HandWatch {
-    /// Time (s) and force (N) of the last ticks, as long as `memory`.
+    /// Time (s) and force (N) of the last ticks, over the span `memory` ([`HandLimits`]).
     past: VecDeque<(f64, Vector3<f64>)>,
-    /// Tensions in them, N.
+    /// Cable tensions in the same ticks, N.
     tensions: VecDeque<DigitVector>,
-    /// Force on the empty hand, N.
+    /// Force bias: force measured on the empty hand, N.
     empty: Option<Vector3<f64>>,
-    /// Weight that the hand was last felt to hold, N.
+    /// Weight last measured in the hand, N.
     weight: Option<f64>,
     contact_since: Option<f64>,
     payload_since: Option<f64>,
-    /// When weight last came or went at once, s, and how much more than it should the hand holds since, N.
+    /// Time of the last sudden change of weight, s.
     stepped: Option<f64>,
+    /// Excess weight in the hand since then, N.
     more: f64,
     lost_since: Option<f64>,
-    /// The object that its digits have let go, and when, s.
+    /// Object that its digits have released, and the time, s.
     dropped: Option<(usize, f64)>,
-    /// Digits that carry a load, and since when they are free, s.
+    /// Digits that carry a load.
     carrying: [bool; MOST_DIGITS],
+    /// Times since which digits have been free, s.
     free_since: [Option<f64>; MOST_DIGITS],
-    /// What was named and lasts: named again when it has ended.
+    /// True while a reported contact lasts: it is reported again only after it has ended.
     touching: bool,
-    /// When a contact was named last, s: see [`AGAIN`].
+    /// Time of the last report of a contact, s: see [`AGAIN`].
     touched: Option<f64>,
     overloaded: bool,
     lost: usize,
-    /// How many objects should have been in the hand.
+    /// Number of objects that should have been in the hand in the last tick.
     should: usize,
-    /// Whether the phase expects contact.
+    /// True if the phase expects contact.
     meets: bool,
 }
 
-/// Since when `now` has held, s: whether that is `long` enough.
+/// Updates `since`, the time since which `now` has been true, s. Returns true if it has been for at least `long` (s).
 fn lasts(since: &mut Option<f64>, now: bool, time: f64, long: f64) -> bool {
     if !now {
         *since = None;
@@ -89,7 +91,7 @@ fn lasts(since: &mut Option<f64>, now: bool, time: f64, long: f64) -> bool {
 }
 
 impl HandWatch {
-    /// What acts on the hand, or did within the last hundredths of a second.
+    /// Returns the external load on the hand now, or within the last hundredths of a second.
     pub fn outside(&self, limits: &HandLimits) -> Outside {
         let newest = self.past.iter().rev().take(JOLTED).map(|(_, force)| force);
         let changes = newest.clone().zip(newest.skip(1)).map(|(one, other)| (one - other).norm());
@@ -100,7 +102,7 @@ impl HandWatch {
     fn pushed(&self, limits: &HandLimits) -> Pushed {
         let newest = self.past.back().map_or_else(Vector3::zeros, |(_, force)| *force);
         let empty = self.empty.unwrap_or_else(Vector3::zeros);
-        // A hand of which nothing can be told is taken to be pushed so.
+        // Conservative: a hand about which nothing is known counts as pushed hard.
         if self.past.len() < KNOWN || self.past.iter().any(|(_, force)| (force - empty).norm() > limits.hard) {
             return Pushed::Hard;
         }
@@ -108,7 +110,7 @@ impl HandWatch {
         if self.touching || changes { Pushed::Yes } else { Pushed::No }
     }
 
-    /// A tick in which nothing can be told of the forces on the hand: a joint of the arm is on its stop.
+    /// Skips a tick in which the forces on the hand are unknown, because a joint of the arm is on its stop.
     pub fn see_nothing(&mut self) {
         self.past.clear();
         self.tensions.clear();
@@ -116,7 +118,7 @@ impl HandWatch {
         self.touching = false;
     }
 
-    /// One tick.
+    /// Processes one tick.
     pub fn see(&mut self, all: &Limits, tick: &HandTick) -> Option<Finding> {
         let limits = &all.hand;
         let force = tick.residuals.force;
@@ -142,20 +144,21 @@ impl HandWatch {
             .or_else(|| self.payload(limits, tick, &moved, (should, quiet)));
         let early = !tick.phase.lifts(0) && tick.progress < limits.empty[0];
         if should == 0 && quiet && early && !self.touching && moved.norm() < limits.empty[1] {
-            // The empty hand's own: what the arm's model leaves out.
+            // Tracks the bias of the empty hand: errors of the arm's model.
             let before = *self.empty.get_or_insert(force);
             self.empty = Some(before + 0.05 * (force - before));
         }
         found
     }
 
-    /// The mean force of the last ticks, the newest two hundredths of a second left out, N.
+    /// Returns the mean force of the last ticks without the newest two hundredths of a second, N.
     fn usual(&self) -> Option<Vector3<f64>> {
         let count = self.past.len().saturating_sub(3);
         (count > 3).then(|| self.past.iter().take(count).map(|(_, force)| force).sum::<Vector3<f64>>() / count as f64)
     }
 
-    /// A force on the hand that the phase does not expect. While grasping, and of weights that come and go, only what is level counts.
+    /// Detects a force on the hand that the phase does not expect. During grasping, and with weights that come and go,
+    /// only the horizontal component counts.
     fn contact(&mut self, limits: &HandLimits, tick: &HandTick, moved: &Vector3<f64>, quiet: bool) -> Option<Finding> {
         let level = moved.xy().norm();
         let (size, least) = match quiet {
@@ -166,7 +169,7 @@ impl HandWatch {
         let now = size > least;
         let lasts = lasts(&mut self.contact_since, now, tick.time, limits.contact_time);
         if !now {
-            // It is over when the force is what it was for as long as is remembered.
+            // A contact is over once the force is back to its mean over the remembered span.
             self.touching &= size > 0.3 * least;
             return None;
         }
@@ -178,7 +181,8 @@ impl HandWatch {
         (!again).then_some((Kind::UnexpectedContact, size, 0.0))
     }
 
-    /// Whether the tension of a cable changed by so much (N) within what is remembered: digits feel an object go.
+    /// True if the tension of a cable of the `holding` digits changed by more than `least_change` (N) within the
+    /// remembered span: digits feel an object leave.
     fn let_go(&self, least_change: f64, holding: &[&[Digit]]) -> bool {
         let changed = |n: usize| {
             let all = self.tensions.iter().map(|tensions| tensions[n]);
@@ -188,19 +192,19 @@ impl HandWatch {
         holding.iter().copied().flatten().map(|digit| digit.index()).any(changed)
     }
 
-    /// Whether the force has stayed within `range` (N) for some ticks.
+    /// True if the force has stayed within `range` (N) for some ticks.
     fn is_steady(&self, range: f64) -> bool {
         let newest = self.past.back().map_or_else(Vector3::zeros, |(_, force)| *force);
         self.past.iter().rev().take(4).all(|(_, force)| (newest - force).norm() < range)
     }
 
-    /// Mean force of the newest `count` ticks, N.
+    /// Returns the mean force of the newest `count` ticks, N.
     fn newest_mean(&self, count: usize) -> Vector3<f64> {
         let newest = self.past.iter().rev().take(count).map(|(_, force)| force);
         newest.sum::<Vector3<f64>>() / self.past.len().clamp(1, count) as f64
     }
 
-    /// Weight on the hand now, N, where it can be told.
+    /// Returns the present weight on the hand, N, or `None` if the force bias is unknown.
     fn weighs(&self, force: &Vector3<f64>) -> Option<f64> {
         self.empty.map(|empty| empty.z - force.z)
     }
@@ -210,9 +214,9 @@ impl HandWatch {
         let had = self.weight.unwrap_or(0.0);
         let gone = had - weight;
         let single = tick.masses[..should].iter().copied().fold(f64::INFINITY, f64::min) * GRAVITY;
-        // Of what is heavier than planned more must go.
+        // If the load is heavier than planned, more weight must vanish.
         let single = if should == 1 || self.overloaded { single.max(had) } else { single };
-        // What pushes the hand up takes more than there was.
+        // A drop by more than there was is an upward push.
         let pushed = gone > single + limits.lost_least || !self.is_steady(0.5 * limits.lost_least);
         let lost = gone > (limits.lost_share * single).max(limits.lost_least)
             && !pushed
@@ -228,7 +232,7 @@ impl HandWatch {
         None
     }
 
-    /// Digits that carried something and bear no more than a free digit does.
+    /// Detects digits that carried something and now bear no more than a free digit does.
     fn lost_digits(&mut self, limits: &HandLimits, tick: &HandTick, should: usize, quiet: bool) -> Option<Finding> {
         let mut dropped = [false; MOST_DIGITS];
         for (n, cable) in tick.residuals.cables.iter().enumerate() {
@@ -245,19 +249,19 @@ impl HandWatch {
                 dropped[n] = true;
             }
         }
-        // An object is gone when the last of the digits that have it bears nothing.
+        // An object is gone when the last of its digits bears nothing.
         let gone = |digits: &&[Digit]| {
             let digits = digits.iter().map(|digit| digit.index());
             digits.clone().any(|n| dropped[n]) && !digits.clone().any(|n| self.carrying[n])
         };
         let dropped = tick.digits[..should].iter().position(gone);
-        // Digits of an object change their hold while the next one is raised.
+        // Digits of a held object change their grip while the next object is raised.
         let moves = tick.phase.skill == Skill::Lift && tick.phase.object > 0 && !quiet;
         self.dropped = dropped.filter(|_| !moves).map(|object| (object, tick.time)).or(self.dropped);
         let (object, since) = self.dropped?;
         let single = tick.masses.get(object)? * GRAVITY;
         let whole = tick.masses[..should].iter().sum::<f64>() * GRAVITY;
-        // It may rest in the palm, or be caught again.
+        // The object may rest in the palm, or be caught again.
         let weight = self.weighs(&self.newest_mean(WEIGHED)).filter(|_| quiet);
         if self.lost >= should || object >= should || weight.is_some_and(|weight| weight > whole - 0.5 * single) {
             self.dropped = None;
@@ -272,7 +276,7 @@ impl HandWatch {
         Some((Kind::ObjectLost, 0.0, single))
     }
 
-    /// Weight that comes or goes at once, whatever the hand carried before.
+    /// Detects weight that comes or goes suddenly, whatever the hand carried before.
     fn stepped(&mut self, limits: &Limits, tick: &HandTick, should: usize, quiet: bool) -> Option<Finding> {
         let again = self.stepped.is_none_or(|at| tick.time > at + limits.hand.memory);
         let stayed = step(&self.past, &limits.step, !quiet, STAYING);
@@ -283,7 +287,7 @@ impl HandWatch {
         let expected = tick.masses[..should].iter().sum::<f64>();
         let pushed_up = self.empty.is_some_and(|empty| step.before.z > empty.z + PUSHED_UP);
         if step.weight < 0.0 {
-            // What the hand meets as it arrives pushes it up.
+            // An obstacle that the hand meets as it arrives pushes it up.
             let arrives = !quiet && tick.phase.skill != Skill::Lift && tick.phase != Phase::run(Skill::Grasp, 1);
             let most = limits.step.most * GRAVITY * expected + self.more;
             if self.lost >= should || arrives || pushed_up || -step.weight > most {
@@ -310,11 +314,11 @@ impl HandWatch {
     ) -> Option<Finding> {
         let weight = self.weighs(&tick.residuals.force).filter(|_| quiet && should > 0 && !self.touching)?;
         let expected = tick.masses[..should].iter().sum::<f64>();
-        // Weighed where it was raised: elsewhere the arm's own errors are others. What pushes pushes sideways, too.
+        // Weighed only where the object was raised: elsewhere the arm's own errors differ. A push also acts sideways.
         let raised = matches!(tick.phase.skill, Skill::Lift | Skill::Look);
         let more = raised && weight - GRAVITY * expected > limits.payload && moved.xy().norm() < PUSH;
         let lasts = lasts(&mut self.payload_since, more, tick.time, limits.payload_time);
-        // A weight comes and stays; what touches the hand pushes harder and harder.
+        // A weight comes and stays, whereas a contact pushes harder and harder.
         if !lasts || self.overloaded || !self.is_steady(STILL) {
             return None;
         }
@@ -334,8 +338,9 @@ mod tests {
 
     const TICK: f64 = 1.0 / 120.0;
 
-    /// What is named of a hand that approaches for half a second, lifts 0.1 kg as it should, and is then loaded with `force` (N) beyond that, which
-    /// comes within `ticks`; its ring finger holds the object, and goes on to if it still `grips`. The arm's torques follow with their lag.
+    /// Returns the findings for a hand that approaches for half a second, lifts 0.1 kg as it should, and then bears an
+    /// additional `force` (N), which builds up within `ticks`. Its ring finger holds the object, and continues to if it
+    /// still `grips`. The arm's torques follow with their lag.
     fn named_of(force: Vector3<f64>, ticks: usize, grips: bool) -> Vec<Kind> {
         let limits = Limits::standard().expect("the limits");
         let mut watch = HandWatch::default();
@@ -374,7 +379,8 @@ mod tests {
         assert_eq!(named_of(gone, 20, true), [], "the arm's friction");
     }
 
-    /// What comes at once is a weight, even if it is less than what both objects weigh; what comes slowly is none until it is too much for long.
+    /// A sudden load is a weight, even if it is less than that of both objects. A slow load is none until it is too
+    /// large for too long.
     #[test]
     fn weight_that_comes_is_another_payload() {
         assert_eq!(named(Vector3::new(0.0, 0.0, -0.15 * GRAVITY)), [Kind::OtherPayload]);

@@ -1,9 +1,14 @@
-//! The mirror: a twin that runs beside the robot, fed with the same commands and corrected by its measurements, and what it names.
+//! The mirror: a twin that runs beside the robot as an observer, fed with the same commands and corrected by the
+//! robot's measurements, and the divergences that it reports.
 //!
-//! [`twin`] is the observer, [`seen`] all that it is told, [`pace`] makes even ticks of that where a robot keeps real time, [`residuals`] what is left between robot and twin. [`cables`], [`torque`], [`hand`] with [`steps`], and
-//! [`cameras`] find what is amiss in that, by what a phase lets expect ([`expected`]), what acts from [`outside`], and the limits of [`limits`]; [`divergence`] has the words for it. [`belief`] is where the object in the hand was felt.
-//! A mirror only looks: it takes measurements, sent commands and what
-//! the controller believes ([`seen::Seen`]), cannot reach the robot's truth, and gives nothing back to whoever commands.
+//! [`twin`] is the observer and [`seen`] is all of its input. [`pace`] resamples that input to even ticks if a robot
+//! runs in real time. [`residuals`] are the differences between robot and twin. [`cables`], [`torque`], [`hand`] with
+//! [`steps`], and [`cameras`] detect faults in the residuals. They use the expectations of a phase ([`expected`]), the
+//! load from [`outside`], and the thresholds of [`limits`]. [`divergence`] words the findings. [`belief`] is the pose
+//! estimate of the object in the hand.
+//!
+//! A mirror only observes. It takes measurements, sent commands and the controller's estimates ([`seen::Seen`]). It has
+//! no access to the robot's ground truth and gives nothing back to the controller.
 
 pub mod belief;
 pub mod cables;
@@ -41,12 +46,12 @@ use self::residuals::Residuals;
 use self::seen::Seen;
 use self::twin::Twin;
 
-/// A twin beside a robot, and all that was named so far.
+/// A twin beside a robot, with all divergences reported so far.
 #[derive(Clone)]
 pub struct Mirror {
     twin: Twin,
     pace: Pace,
-    /// Gaps after which what was seen before told nothing any more.
+    /// Number of gaps so long that the observations before them were discarded.
     gaps: u32,
     hand: Arc<Hand>,
     arm: Arc<Arm>,
@@ -65,7 +70,8 @@ pub struct Mirror {
 }
 
 impl Mirror {
-    /// Of the robot that the controller of `world` knows, its arm at rest where it was measured (rad).
+    /// Creates the twin of the robot as the controller of `world` knows it, its arm at rest at the measured angles
+    /// `arm` (rad).
     pub fn new(world: &World, arm: &ArmVector) -> Result<Self, LimitsError> {
         let masses = world.objects.iter().map(|object| (object.name.clone(), object.mass)).collect();
         Ok(Self {
@@ -88,7 +94,8 @@ impl Mirror {
         })
     }
 
-    /// What is seen now, a tick after the look before or whenever the robot's host had the time; what was named of it.
+    /// Processes an observation, made one tick after the last one or whenever the robot's host had the time. Returns
+    /// the new divergences.
     pub fn see(&mut self, seen: &Seen) -> &[Divergence] {
         let known = self.named.len();
         let look =
@@ -114,8 +121,8 @@ impl Mirror {
         &self.named[known..]
     }
 
-    /// The twin follows its last command for so many ticks; cables and hand are then looked at as for the first time, cameras and beliefs are as
-    /// they were.
+    /// Lets the twin follow its last command for `ticks` ticks without observations. The detectors of cables and hand
+    /// are then reset. Those of cameras and the pose estimate are kept.
     fn go_on_unseen(&mut self, ticks: usize, seen: &Seen) {
         for _ in 0..ticks {
             self.twin.go_on();
@@ -129,7 +136,7 @@ impl Mirror {
         self.twin.follow(seen.sent);
     }
 
-    /// One tick.
+    /// Processes one tick.
     fn tick(&mut self, seen: &Seen) {
         let innovation = self.twin.correct(seen.servos, seen.arm, self.pace.is_uneven());
         let (_, jacobian) = self.kinematics.jacobian(&seen.arm.position);
@@ -137,7 +144,8 @@ impl Mirror {
         self.residuals = Residuals::new(&self.hand, readings, self.twin.tick_length(), &innovation, &jacobian);
         self.before = seen.servos.iter().copied().collect();
         self.believes.see(seen.time, seen.phase, seen.felt);
-        // An arm that says the same to the last bit is not heard any more: the twin moves on, and what they differ by is no force.
+        // An arm that repeats its state to the last bit is no longer heard: the twin moves on, and the difference is no
+        // force.
         if std::mem::replace(&mut self.arm_before, *seen.arm) != *seen.arm {
             self.look_at_hand(seen);
         }
@@ -145,12 +153,13 @@ impl Mirror {
         self.twin.follow(seen.sent);
     }
 
-    /// Gaps so far after which what had been seen before told nothing any more.
+    /// Returns the number of gaps so far that made the observations before them worthless.
     pub fn gaps(&self) -> u32 {
         self.gaps
     }
 
-    /// Whether a joint of the arm, at `angles` (rad), is so near its stop that this may bear some of what loads the hand.
+    /// True if a joint of the arm, at `angles` (rad), is so near its stop that the stop may bear some of the load on
+    /// the hand.
     fn is_on_stop(&self, angles: &[f64]) -> bool {
         let near = self.limits.hand.stop;
         self.arm.tree.joints.iter().zip(angles).any(|(joint, at)| at - joint.lower < near || joint.upper - at < near)
@@ -195,22 +204,22 @@ impl Mirror {
         self.named.push(Divergence { time, kind, part, found, expected });
     }
 
-    /// All that was named.
+    /// Returns all divergences reported so far.
     pub fn named(&self) -> &[Divergence] {
         &self.named
     }
 
-    /// Residuals of the last tick.
+    /// Returns the residuals of the last tick.
     pub fn residuals(&self) -> &Residuals {
         &self.residuals
     }
 
-    /// The twin.
+    /// Returns the twin.
     pub fn twin(&self) -> &Twin {
         &self.twin
     }
 
-    /// The object that is believed to be in the hand, and `world_from_object` there.
+    /// Returns the pose estimate of the object in the hand, and `world_from_object` that follows from it.
     pub fn object(&self) -> Option<(&Belief, Isometry3<f64>)> {
         self.believes.object().map(|belief| (belief, self.twin.palm() * belief.palm_from_object))
     }

@@ -1,8 +1,8 @@
-//! From where on a difference is named: data, with units and where each value comes from in its file.
+//! Thresholds of the detectors. Their data file gives the unit and the source of each.
 
 use serde::Deserialize;
 
-/// What can be wrong with a file of limits.
+/// Error in a file of limits.
 #[derive(Debug, thiserror::Error)]
 #[error("data/mirror.toml: {0}")]
 pub struct LimitsError(#[from] toml::de::Error);
@@ -49,7 +49,7 @@ pub struct CableLimits {
     pub weak_lags: f64,
 }
 
-/// Limits for what acts on the hand.
+/// Limits for loads on the hand.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct HandLimits {
@@ -74,7 +74,7 @@ pub struct HandLimits {
     pub gone_time: f64,
 }
 
-/// Limits for steps of the force on the hand, each pair without and with contact expected.
+/// Limits for steps of the force on the hand. Each pair holds the value without and with expected contact.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StepLimits {
@@ -101,7 +101,7 @@ pub struct CameraLimits {
 }
 
 impl Limits {
-    /// What comes with the program.
+    /// Returns the limits that come with the program.
     pub fn standard() -> Result<Self, LimitsError> {
         Ok(toml::from_str(include_str!("../data/mirror.toml"))?)
     }

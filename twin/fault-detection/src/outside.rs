@@ -1,19 +1,19 @@
-//! What acts on the hand from outside, by which a digit's cable may seem to have failed.
+//! External load on the hand, which can look like a failed cable.
 
-/// How something pushes the hand.
+/// Strength of an external push on the hand.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
 pub enum Pushed {
     #[default]
     No,
     Yes,
-    /// So hard that it may hold digits closed that grip something.
+    /// So hard that it may hold closed a digit that grips something.
     Hard,
 }
 
-/// What acts on the hand.
+/// External load on the hand.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Outside {
     pub pushed: Pushed,
-    /// By how much its force changed at the most from one of the newest ticks to the next where contact is expected, N; zero where it is not.
+    /// Largest change of the force between two consecutive recent ticks, N, if contact is expected; zero if not.
     pub jolt: f64,
 }

@@ -1,57 +1,58 @@
-//! Even ticks out of what was seen at uneven times.
+//! Resampling of observations at uneven times to even ticks.
 //!
-//! Detectors compare one tick with the next, and the twin moves by ticks. A simulated robot is seen at every tick of its own, and what is seen passes
-//! unchanged. A real one is seen when its host has the time: some milliseconds early or late, or not at all for a while. Then measurements between
-//! the last look and this one lie on the straight line between both, and the command is the one that was in force at that time.
+//! Detectors compare one tick with the next, and the twin moves by ticks. A simulated robot is observed at every tick
+//! of its own, and its observations pass unchanged. A real robot is observed when its host has the time: some
+//! milliseconds early or late, or not at all for a while. Measurements between the last observation and this one are
+//! then interpolated linearly, and the command is the one that was in force at that time.
 
 use hand_model::ActuatorVector;
 use hand_model::robot::{ArmState, Command, ServoState};
 
-/// Looks whose distance differs from a tick by less than this are even, s.
+/// Tolerance of even observations, s: their interval differs from a tick by less than this.
 const EVEN: f64 = 1e-6;
-/// Between looks that are no further apart something is known of every tick, s. After a longer gap the past tells nothing of the present.
+/// Longest interval that is interpolated, s. After a longer gap the past says nothing about the present.
 const LONGEST: f64 = 0.1;
-/// Of a longer gap, the twin follows the last command for no more than so many ticks: then it is where that leads.
+/// Maximum number of ticks for which the twin follows the last command after a longer gap: by then it has settled.
 const SETTLING: usize = 30;
 
-/// What was seen at a time: measurements, and the command that was sent upon them.
+/// One observation: measurements, and the command that was sent in response.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Look {
-    /// s.
+    /// Time, s.
     pub time: f64,
     pub servos: ActuatorVector<ServoState>,
     pub arm: ArmState,
     pub sent: Command,
 }
 
-/// What a look comes to.
+/// Result of resampling an observation.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Passed {
-    /// Just a tick after the one before, or the first.
+    /// The observation came exactly one tick after the one before, or is the first.
     Tick,
-    /// At another time: the even ticks up to now, none where less than one has passed.
+    /// The observation came at another time: the even ticks up to now, empty if less than one tick has passed.
     Even(Vec<Look>),
-    /// After a gap: the ticks in which the twin follows the last command. What was seen before it tells nothing any more.
+    /// A gap: the number of ticks for which the twin follows the last command. Observations before it are worthless.
     Gap(usize),
 }
 
-/// Keeps the time.
+/// Resampler of observations.
 #[derive(Debug, Clone, Default)]
 pub struct Pace {
     last: Option<Look>,
     /// Time of the newest even tick, s.
     at: f64,
-    /// Whether looks come at uneven times.
+    /// True if observations come at uneven times.
     uneven: bool,
 }
 
 impl Pace {
-    /// Whether looks have come at uneven times: measurements and twin may then be some ticks apart.
+    /// True if observations have come at uneven times: measurements and twin may then be some ticks apart.
     pub fn is_uneven(&self) -> bool {
         self.uneven
     }
 
-    /// Takes a look; `tick` is the length of a tick, s.
+    /// Takes an observation; `tick` is the length of a tick, s.
     pub fn take(&mut self, now: &Look, tick: f64) -> Passed {
         let Some(last) = self.last.replace(*now) else {
             self.at = now.time;
@@ -77,7 +78,7 @@ impl Pace {
     }
 }
 
-/// What there was at time `at` (s) between two looks.
+/// Interpolates two observations at time `at` (s).
 fn between(last: &Look, now: &Look, at: f64) -> Look {
     let share = if now.time > last.time { ((at - last.time) / (now.time - last.time)).clamp(0.0, 1.0) } else { 1.0 };
     let mix = |from: f64, to: f64| from + share * (to - from);
@@ -108,7 +109,7 @@ mod tests {
 
     const TICK: f64 = 1.0 / 120.0;
 
-    /// A look at `time` (s) at servos that turn by a radian a second.
+    /// An observation at `time` (s) of servos that turn by one radian per second.
     fn look(time: f64) -> Look {
         let servo = ServoState { position: time, velocity: 1.0, ..ServoState::default() };
         let sent = Command { arm: [time; 7].into(), servos: [ServoGoal::Current(0.0); 6].into(), capture: false };
@@ -124,7 +125,8 @@ mod tests {
         assert!(!pace.is_uneven());
     }
 
-    /// Looks that are late, early or left out make even ticks, as many as time has passed, with what was there at their times.
+    /// Observations that are late, early or left out make even ticks, as many as time has passed, with the state at
+    /// their times.
     #[test]
     fn uneven_looks_make_even_ticks() {
         let mut pace = Pace::default();
@@ -144,7 +146,7 @@ mod tests {
         }
     }
 
-    /// A gap takes no longer to make up for than it takes to settle, and time goes on from there.
+    /// Catching up after a gap takes no longer than settling, and time goes on from there.
     #[test]
     fn a_gap_costs_a_bounded_number_of_ticks() {
         let mut pace = Pace::default();

@@ -1,4 +1,4 @@
-//! What is left between robot and twin, as quantities that can be told apart: tensions of cables, and the force on the hand.
+//! Residuals between robot and twin, as quantities that can be told apart: cable tensions, and the force on the hand.
 
 use hand_model::arm::MOST_ARM_JOINTS;
 use hand_model::load::torques;
@@ -8,38 +8,41 @@ use nalgebra::{SMatrix, Vector3};
 
 use super::twin::Innovation;
 
-/// Along what the arm hardly moves, forces on the hand are not told: singular values of its Jacobian are damped by this (Tikhonov). Where they were cut off, the
-/// force jumped by 0.7 N as the arm went through such a posture.
+/// Tikhonov damping of the singular values of the arm's Jacobian. Forces along a direction in which the arm can hardly
+/// move are not observable. With a cut-off instead, the force jumped by 0.7 N as the arm went through such a posture.
 const DAMPED: f64 = 0.03;
-/// Below this speed dry friction is taken to be smaller in proportion, rad/s.
+/// Speed below which dry friction is scaled down in proportion, rad/s.
 const CREEP: f64 = 0.1;
 
-/// What a cable does.
+/// State of a cable.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Cable {
-    /// Tension that it bears, N: what the servo's current gives, less what turns its rotor and what its bearings take.
+    /// Tension that the cable bears, N: that of the servo's current, less the shares of rotor inertia and bearing
+    /// friction.
     pub tension: f64,
-    /// Tension of the twin's, N: a free digit's with the spool where the robot's is.
+    /// Tension of the twin's cable, N: that of a free digit with the same spool position.
     pub free: f64,
     /// Tension that the current would hold at rest, N.
     pub pulled: f64,
-    /// By how much its tension would have grown in the tick had its digit not moved, N.
+    /// Increase of the tension within the tick if its digit had not moved, N.
     pub held: f64,
-    /// Cable on the spool, m, and how fast it is wound in, m/s.
+    /// Cable on the spool, m.
     pub wound: f64,
+    /// Winding speed, m/s.
     pub speed: f64,
 }
 
-/// Residuals of a tick.
+/// Residuals of one tick.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Residuals {
     pub cables: DigitVector<Cable>,
-    /// Force that acts on the robot's hand and not on the twin's, world axes, N.
+    /// External force on the robot's hand that the twin's does not have, world axes, N.
     pub force: Vector3<f64>,
 }
 
 impl Residuals {
-    /// Of a tick of `tick` (s) between the readings `before` and `now`, with the arm's `jacobian` at the palm (world axes).
+    /// Computes the residuals of a tick of length `tick` (s) between the readings `before` and `now`, with the arm's
+    /// `jacobian` at the palm (world axes).
     pub fn new(
         hand: &Hand,
         [before, now]: [&[ServoState]; 2],
@@ -65,7 +68,7 @@ impl Residuals {
                 speed: radius * now.velocity,
             }
         };
-        // The arm holds against what acts on the hand: torque = -J^T wrench.
+        // The arm balances the wrench on the hand: torque = -J^T wrench.
         let torque = torques(&innovation.arm_torque);
         let svd = jacobian.transpose().svd(true, true);
         let force = svd.u.zip(svd.v_t).map_or_else(Vector3::zeros, |(u, v_t)| {
@@ -87,7 +90,7 @@ mod tests {
         Innovation { tensions: [0.0; 5].into(), ..Innovation::default() }
     }
 
-    /// At rest a cable bears what the current holds; a spool that speeds up under it bears nothing.
+    /// At rest a cable bears the tension that the current holds. A spool that speeds up under it bears none.
     #[test]
     fn a_cable_bears_what_does_not_turn_the_rotor() {
         let hand = Hand::ftac();
@@ -97,7 +100,7 @@ mod tests {
         let holding = Residuals::new(&hand, [&[still; 6]; 2], 0.01, &innovation(), &jacobian).cables[1];
         assert!((holding.tension - 0.1 * servo.torque_constant / radius).abs() < 1e-9);
         assert_eq!(holding.tension, holding.pulled);
-        // Torque 0.1 A over the rotor's inertia, less what the bearings take at the mean speed.
+        // Torque of 0.1 A over the rotor's inertia, less the bearing friction at the mean speed.
         let faster = 0.1 * servo.torque_constant * 0.01 / (servo.rotor_inertia + 0.5 * 0.01 * servo.damping);
         let spun = ServoState { velocity: faster, ..still };
         let states = [&[still; 6][..], &[spun; 6][..]];
@@ -105,7 +108,7 @@ mod tests {
         assert!(free.tension.abs() < 1e-9, "{}", free.tension);
     }
 
-    /// Torques of a force on the palm give the force back.
+    /// The torques of a force on the palm give that force back.
     #[test]
     fn a_force_on_the_palm_is_found() {
         let (hand, arm) = (Hand::ftac(), Arm::gen3());
@@ -121,7 +124,8 @@ mod tests {
         assert!((found - force).norm() < 0.03 * force.norm(), "{found}");
     }
 
-    /// As the arm goes through a posture in which it hardly moves its hand along some direction, the same torques show a force that does not jump.
+    /// As the arm goes through a singular posture, in which it can hardly move its hand in some direction, the force
+    /// for the same torques does not jump.
     #[test]
     fn a_force_does_not_jump_where_the_arm_is_singular() {
         let (hand, arm) = (Hand::ftac(), Arm::gen3());

@@ -1,10 +1,10 @@
-//! What a mirror is told of a tick: measurements, the command that was sent, and what the controller believes.
+//! Input of a mirror in one tick: measurements, the sent command, and the controller's estimates.
 
 use control::executor::{Executor, Phase, Target};
 use control::perception::Felt;
 use hand_model::robot::{ArmState, Command, ServoState, TactileFrame};
 
-/// One tick, without any truth: nothing in it can be had from a simulator alone.
+/// One tick without ground truth: a real robot provides all of it.
 #[derive(Clone, Copy)]
 pub struct Seen<'a> {
     /// Time after the tick, s.
@@ -13,22 +13,22 @@ pub struct Seen<'a> {
     pub servos: &'a [ServoState],
     /// The arm as measured before the command was sent.
     pub arm: &'a ArmState,
-    /// The newest image of each camera, whenever it was taken.
+    /// Newest image of each camera, whenever it was taken.
     pub images: &'a [TactileFrame],
-    /// What was sent, after limits.
+    /// Sent command, after limits.
     pub sent: &'a Command,
-    /// What the controller is doing.
+    /// Phase of the controller.
     pub phase: Phase,
-    /// Part of the present path that is over, 0 to 1.
+    /// Share of the present path that is over, 0 to 1.
     pub progress: f64,
-    /// The objects that it takes, in their order, as it means to take them.
+    /// Objects to grasp, in their order, with the intended grasps.
     pub targets: &'a [Target],
-    /// Where the first object was felt to be, once it was.
+    /// Pose estimate of the first object from touch, once there is one.
     pub felt: Option<&'a Felt>,
 }
 
 impl<'a> Seen<'a> {
-    /// A tick of `executor` that ended at `time` (s), in which `sent` was sent.
+    /// Collects the input of a tick of `executor` that ended at `time` (s) and in which `sent` was sent.
     pub fn of(executor: &'a Executor, time: f64, sent: &'a Command, felt: Option<&'a Felt>) -> Self {
         Self {
             time,

@@ -1,4 +1,5 @@
-//! Steps of the force on the hand: weight that comes or goes does so within two ticks and stays, while contact grows and moves sideways.
+//! Steps of the force on the hand: a weight comes or goes within two ticks and stays, whereas a contact force grows and
+//! acts sideways.
 
 use std::collections::VecDeque;
 
@@ -6,38 +7,40 @@ use nalgebra::Vector3;
 
 use super::limits::StepLimits;
 
-/// Ticks that a step takes to show, the newest included, and for which the force rests before.
+/// Ticks that a step takes to show, the newest included.
 const SHOWING: usize = 3;
+/// Ticks for which the force must rest before a step.
 const RESTING: usize = 12;
-/// Ticks of the force at rest whose mean a step begins at.
+/// Ticks at rest over which the force before a step is averaged.
 const BASE: usize = 3;
-/// Ticks for which a step has to stay where contact is expected, beyond those in which it shows.
+/// Additional ticks for which a step must persist if contact is expected.
 pub const STAYING: usize = 2;
 
 /// A step that has just shown.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Step {
-    /// N, positive where weight has come.
+    /// Change of weight, N, positive if weight has come.
     pub weight: f64,
-    /// The force on the hand before, N.
+    /// Force on the hand before the step, N.
     pub before: Vector3<f64>,
 }
 
-/// The force itself at each of the newest ticks, N, oldest first: the arm's torques follow it with a lag.
+/// Removes the lag with which the arm's torques follow the force. Returns the force in each of the newest `count`
+/// ticks, N, oldest first.
 fn applied(past: &VecDeque<(f64, Vector3<f64>)>, count: usize, lag: f64) -> Option<Vec<Vector3<f64>>> {
     let from = past.len().checked_sub(count + 1)?;
     let felt: Vec<Vector3<f64>> = past.range(from..).map(|(_, force)| *force).collect();
     Some(felt.windows(2).map(|pair| (pair[1] - lag * pair[0]) / (1.0 - lag)).collect())
 }
 
-/// The step that shows in the newest of `past` (times in s, forces in N) and has stayed for `stays` ticks since, by the limits for where contact is
-/// `expected` or not.
+/// Detects a step that shows in the newest of `past` (times in s, forces in N) and has stayed for `stays` ticks since.
+/// The limits are those with contact `expected` or not.
 pub fn step(past: &VecDeque<(f64, Vector3<f64>)>, limits: &StepLimits, expected: bool, stays: usize) -> Option<Step> {
     let forces = applied(past, RESTING + SHOWING + stays, limits.lag)?;
     let (rest, after) = forces.split_at(RESTING);
     let base = rest[RESTING - BASE..].iter().sum::<Vector3<f64>>() / BASE as f64;
     let which = usize::from(expected);
-    // In the first of the ticks it may have been at any moment.
+    // In the first of these ticks the step may have come at any moment.
     let shown = &after[1..];
     let weights: Vec<f64> = shown.iter().map(|force| base.z - force.z).collect();
     let weight = weights[0];
@@ -56,7 +59,7 @@ mod tests {
     use super::*;
     use crate::limits::Limits;
 
-    /// The weight of the step that shows after `force` (N) came within `ticks`, felt with the arm's lag.
+    /// Returns the weight of the step that shows after `force` (N) came within `ticks`, felt with the arm's lag.
     fn shown(force: Vector3<f64>, ticks: usize) -> Option<f64> {
         let limits = Limits::standard().expect("the limits").step;
         let (mut past, mut felt) = (VecDeque::new(), Vector3::zeros());

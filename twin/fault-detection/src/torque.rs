@@ -1,19 +1,22 @@
-//! A servo that gives less torque than its current says: a step of the spool's torque balance within one tick.
+//! Detector for a servo that gives less torque than its current implies: a step in the spool's torque balance within
+//! one tick.
 
 use super::limits::CableLimits;
 use super::outside::{Outside, Pushed};
 use super::residuals::Cable;
 
-/// Ticks that are kept.
+/// Number of past ticks that are kept.
 pub const KEPT: usize = 8;
-/// By how much a servo's current may change over the ticks that are kept, of itself, where a step of its torque is looked for.
+/// Largest own change of a servo's current over the kept ticks, as a share, for which a step of its torque can be
+/// found.
 const STEADY: f64 = 0.6;
-/// Index of the tick in which a step has shown that decays, and of one that stays.
+/// Index of the tick in which a step that decays has shown.
 const DECAYING: usize = KEPT - 3;
+/// Index of the tick in which a step that stays has shown.
 const STAYING: usize = KEPT - 4;
 
-/// The share of its torque that a servo lost within a tick, by its last ticks, the oldest first; none where nothing says so, or where `outside` may
-/// have done it.
+/// Returns the share of its torque that a servo lost within a tick, from its last ticks, oldest first. `None` if there
+/// is no evidence, or if the load from `outside` may explain it.
 pub fn missing(limits: &CableLimits, past: &[Cable; KEPT], outside: Outside) -> Option<f64> {
     if past.iter().any(|cable| cable.pulled < limits.least) {
         return None;
@@ -22,7 +25,7 @@ pub fn missing(limits: &CableLimits, past: &[Cable; KEPT], outside: Outside) -> 
     stays(limits, past).filter(told).or_else(|| decays(limits, past, outside).filter(told))
 }
 
-/// Whether a missing `share` is large enough to tell, and nothing outside explains it.
+/// True if a missing `share` is large enough to report and no external load explains it.
 fn is_told(limits: &CableLimits, past: &[Cable; KEPT], outside: Outside, share: f64) -> bool {
     let large = 1.0 - share > limits.weak_share && share * past[DECAYING].pulled > limits.weak_least;
     let bore = past[..DECAYING].iter().map(|cable| cable.tension / cable.pulled);
@@ -32,7 +35,8 @@ fn is_told(limits: &CableLimits, past: &[Cable; KEPT], outside: Outside, share: 
     large && (still || outside.pushed < Pushed::Hard && !met)
 }
 
-/// A digit that moves free bears what the twin's does, and with a weak servo a share more that stays.
+/// Detects a step that stays: a freely moving digit bears as much as the twin's, and with a weak servo a constant share
+/// more.
 fn stays(limits: &CableLimits, past: &[Cable; KEPT]) -> Option<f64> {
     let excess = past.map(|cable| (cable.tension - cable.free) / cable.pulled);
     let after = &excess[STAYING + 1..];
@@ -48,19 +52,20 @@ fn stays(limits: &CableLimits, past: &[Cable; KEPT]) -> Option<f64> {
     stays.then_some(share)
 }
 
-/// A digit that grips something is slowed by what is missing, which decays as the spool gives way.
+/// Detects a step that decays: a gripping digit is slowed by the missing torque, and the step decays as the spool gives
+/// way.
 fn decays(limits: &CableLimits, past: &[Cable; KEPT], outside: Outside) -> Option<f64> {
     const I: usize = DECAYING;
     let bore = past.map(|cable| cable.tension / cable.pulled);
     let pulled = past[KEPT - 1].pulled;
     let step = bore[I] - bore[I - 1];
-    // What goes on changing as it did before is no step, ...
+    // A change that goes on as before is no step.
     let bend = |n: usize| bore[n] - 2.0 * bore[n - 1] + bore[n - 2];
     let lags = past[..I].iter().any(|cable| cable.tension - cable.free < limits.weak_lags * cable.pulled);
     let bends = bend(I) > limits.weak_step
         && (2..I).all(|n| bend(n).abs() < limits.weak_before * bend(I))
         && !(outside.pushed > Pushed::No && lags && pulled < limits.weak_pulled);
-    // ... nor what a digit that is held back adds: its spool winds it.
+    // Neither is the tension that a blocked digit adds as its spool winds.
     let beyond = |n: usize| (past[n].tension - past[n - 1].tension - past[n].held) / past[n].pulled;
     let exceeds = beyond(I) > limits.weak_step
         && beyond(I - 1).max(beyond(I - 2)) < limits.weak_before * beyond(I)
@@ -75,7 +80,7 @@ fn decays(limits: &CableLimits, past: &[Cable; KEPT], outside: Outside) -> Optio
     (steady && step > limits.weak_step && (bends || exceeds) && decays && slower).then_some(step)
 }
 
-/// Of a step, what has decayed a tick later at least.
+/// Minimum share of a step that has decayed one tick later.
 const LEAST_DECAY: f64 = 0.03;
 
 #[cfg(test)]
@@ -83,7 +88,8 @@ mod tests {
     use super::super::limits::Limits;
     use super::*;
 
-    /// What is missing at the first tick at which something is, of a cable pulled with `pulled` (N) that bears `tensions` (N).
+    /// Returns the first tick with missing torque, and the missing share, for a cable pulled with `pulled` (N) that
+    /// bears `tensions` (N).
     fn found(pulled: f64, outside: Outside, tensions: &[f64]) -> Option<(usize, f64)> {
         let limits = Limits::standard().expect("the limits").cable;
         let cable = |(n, tension): (usize, &f64)| {
@@ -99,7 +105,7 @@ mod tests {
 
     const WEAK: [f64; 14] = [10.0, 10.0, 10.0, 10.0, 10.0, 10.0, 10.0, 10.0, 13.9, 13.3, 12.2, 11.0, 9.7, 9.0];
 
-    /// A step of the torque decays; an impact grows over some ticks and goes at once.
+    /// A step of the torque decays. An impact grows over some ticks and ends at once.
     #[test]
     fn a_weak_servo_steps_and_an_impact_does_not() {
         let quiet = Outside::default();
@@ -113,7 +119,8 @@ mod tests {
         assert_eq!(found(10.0, quiet, &knock), None);
     }
 
-    /// What pushes the hand hard, or jolts it while the digit closes, may make the step, unless the cable pulled firmly and evenly.
+    /// A hard push on the hand, or a jolt while the digit closes, may cause the step, unless the cable pulled firmly
+    /// and evenly.
     #[test]
     fn what_acts_on_the_hand_explains_a_step() {
         let hard = Outside { pushed: Pushed::Hard, jolt: 0.0 };
@@ -125,7 +132,7 @@ mod tests {
         assert!(found(20.0, met, &firm).is_some());
     }
 
-    /// Of a digit that is hardly pulled a touch makes as much as a weak servo.
+    /// On a digit that is hardly pulled, a touch has the same effect as a weak servo.
     #[test]
     fn a_step_of_little_tension_is_not_told() {
         let slight = WEAK.map(|tension| 0.12 * tension);

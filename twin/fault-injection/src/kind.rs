@@ -1,4 +1,4 @@
-//! What can break, how it is made to, and what must come of it.
+//! Kinds of device and host faults: how each is injected, and the outcome it must have.
 
 use anyhow::Result;
 use control::executor::Executor;
@@ -13,10 +13,10 @@ use kortex::safety_bank::FOLLOWING_ERROR;
 use serde::{Deserialize, Serialize};
 use session_log::Recorder;
 
-/// A servo that breaks: the index finger's.
+/// Servo that device faults strike: the index finger's.
 const SERVO: u8 = 2;
 
-/// What breaks.
+/// A kind of fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Kind {
     Noise,
@@ -44,7 +44,7 @@ pub enum Kind {
     HostKilled,
 }
 
-/// All of them.
+/// All kinds of faults.
 pub const ALL: [Kind; 23] = [
     Kind::Noise,
     Kind::Dropped,
@@ -71,31 +71,31 @@ pub const ALL: [Kind; 23] = [
     Kind::HostKilled,
 ];
 
-/// What must come of a fault.
+/// Required outcome of a fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Expected {
     /// The robot goes on, or holds if too much is lost at once.
     GoesOn,
     Holds,
-    /// It holds and somebody must look after a device.
+    /// The robot holds, and an operator must attend to a device.
     Faults,
-    /// Devices stop by themselves.
+    /// The devices stop by themselves.
     StopsItself,
 }
 
-/// Who can say that something is wrong.
+/// The party that can detect a fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Teller {
-    /// Nobody: links make up for it, or the host is gone, and a mirror must name nothing.
+    /// Nobody: the links compensate, or the host is gone. A mirror must report nothing.
     Nobody,
     /// The supervisor, by holding the robot.
     Supervisor,
-    /// A mirror, by this name.
+    /// A mirror, by this diagnosis.
     Mirror(Divergence),
 }
 
 impl Expected {
-    /// Whether the end fits.
+    /// True if the final supervisor `state`, and whether the robot is `safe`, satisfy this expectation.
     pub fn fits(self, state: &State, safe: bool) -> bool {
         match self {
             Self::GoesOn => safe || matches!(state, State::Running),
@@ -107,7 +107,7 @@ impl Expected {
 }
 
 impl Kind {
-    /// In words.
+    /// Returns the description of the fault used in tables.
     pub fn name(self) -> &'static str {
         match self {
             Self::Noise => "noise before 30 % of the answers",
@@ -136,7 +136,7 @@ impl Kind {
         }
     }
 
-    /// What must come of it.
+    /// Returns the required outcome of the fault.
     pub fn expected(self) -> Expected {
         match self {
             Self::Noise | Self::Dropped | Self::Delayed | Self::Corrupt => Expected::GoesOn,
@@ -147,7 +147,7 @@ impl Kind {
         }
     }
 
-    /// Who must say so.
+    /// Returns the party that must detect the fault.
     pub fn teller(self) -> Teller {
         match self {
             Self::CameraFrozen | Self::JpegCut => Teller::Mirror(Divergence::CameraDead),
@@ -156,17 +156,18 @@ impl Kind {
         }
     }
 
-    /// Whether it takes a servo's torque, so that what that servo held may fall whatever the bridge does.
+    /// True if the fault removes a servo's torque, so that objects held by that servo may fall whatever the bridge
+    /// does.
     pub fn takes_torque(self) -> bool {
         matches!(self, Self::Overload | Self::Overheat | Self::BrownOut | Self::ServoUnplugged)
     }
 
-    /// Whether nothing of the host is left.
+    /// True if the fault ends the host program.
     pub fn kills_the_host(self) -> bool {
         self == Self::HostKilled
     }
 
-    /// Makes it happen.
+    /// Injects the fault.
     pub fn strike(self, robot: &mut LockstepRobot) {
         let chances = |chances: Chances| Some(chances);
         let chances = match self {
@@ -201,10 +202,10 @@ impl Kind {
         }
     }
 
-    /// One tick afterwards; the command that was sent, if the controller took part in it.
+    /// Plays one tick after the fault. Returns the command that was sent, if the controller took part.
     pub fn drive(self, recorder: &mut Recorder<LockstepRobot>, executor: &mut Executor) -> Result<Option<Command>> {
         match self {
-            // Past the recorder, which died with the host.
+            // Bypasses the recorder, which died with the host.
             Self::HostKilled => {
                 recorder.robot().wait_for_tick();
             }
@@ -216,7 +217,7 @@ impl Kind {
                 if let Ok(observation) = recorder.observe().and_then(Readings::complete) {
                     let mut command = executor.tick(&observation)?;
                     command.servos[0] = ServoGoal::Current(f64::NAN);
-                    // Whatever is refused is what the fault is about.
+                    // Refusal is the purpose of this fault.
                     let _ = recorder.send(&command);
                 }
                 recorder.wait_for_tick();
@@ -227,7 +228,7 @@ impl Kind {
     }
 }
 
-/// Plays one tick of `robot` under `executor`, which holds where the robot fails; the command that was sent.
+/// Plays one tick of `robot` under `executor`, which holds if the robot fails. Returns the command that was sent.
 pub(super) fn tick(robot: &mut impl RobotBackend, executor: &mut Executor) -> Result<Option<Command>> {
     let sent = match robot.observe().and_then(Readings::complete) {
         Ok(observation) => robot.send(&executor.tick(&observation)?).ok(),

@@ -1,4 +1,5 @@
-//! The outcomes of a fault matrix on disk: one line per injection, written as it comes, so that a matrix that was interrupted goes on where it was.
+//! Outcomes of a fault matrix on disk: one line per injection, written as soon as it is known, so that an interrupted
+//! matrix can be resumed.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -13,31 +14,31 @@ use serde::{Deserialize, Serialize};
 use super::Outcome;
 use super::kind::Kind;
 
-/// File that says what is injected.
+/// File with the request: the injections that the folder is for.
 const REQUEST: &str = "faults.json";
 /// File of the outcomes.
 const LINES: &str = "faults.jsonl";
 
-/// What a matrix was asked for.
+/// Request for a fault matrix.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Request {
-    /// Version of the program: another one may find something else.
+    /// Version of the program: another version may give other outcomes.
     pub program: String,
-    /// The robot's files, where it is not the built-in one.
+    /// The robot's files, if it is not the built-in one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub robot_model: Option<RobotSources>,
     pub seed: u64,
-    /// Times every fault is injected into every phase.
+    /// Number of times that each fault is injected into each phase.
     pub rounds: usize,
     pub kinds: Vec<Kind>,
     #[serde(with = "phases")]
     pub phases: Vec<Phase>,
-    /// Whether a mirror runs beside each.
+    /// True if a mirror runs beside each injection.
     pub mirror: bool,
 }
 
-/// An injection and its number.
+/// An outcome with the number of its injection.
 #[derive(Debug, Serialize, Deserialize)]
 struct Line {
     n: usize,
@@ -49,14 +50,14 @@ struct Line {
 pub struct Ledger {
     pub folder: PathBuf,
     lines: Journal,
-    /// The folder, locked: one matrix writes into it at a time.
+    /// The locked folder: only one matrix writes into it at a time.
     _lock: File,
     /// Outcomes so far, by the number of the injection.
     pub done: BTreeMap<usize, Outcome>,
 }
 
 impl Ledger {
-    /// Begins one in `folder`, which is created; refuses a folder that already holds one.
+    /// Creates a ledger in `folder`, which is created if missing. Refuses a folder that already holds one.
     pub fn create(folder: &Path, request: &Request) -> Result<Self> {
         std::fs::create_dir_all(folder).with_context(|| format!("--out: cannot create {}", folder.display()))?;
         let lock = lock_folder(folder, "fault matrix").context("--out")?;
@@ -67,13 +68,13 @@ impl Ledger {
             );
         }
         let text = serde_json::to_string_pretty(request)?;
-        // The lines first: a folder that says what it holds can be gone on with.
+        // The file of outcomes comes first: a folder that holds a request can then be resumed.
         let lines = Journal::open(&folder.join(LINES)).context("--out")?;
         platform::data::write_whole(&folder.join(REQUEST), text.as_bytes())?;
         Ok(Self { folder: folder.to_owned(), lines, _lock: lock, done: BTreeMap::new() })
     }
 
-    /// Opens one to go on with it; a last line that was cut off is left out.
+    /// Opens an existing ledger to resume it. A truncated last line is dropped.
     pub fn resume(folder: &Path) -> Result<(Self, Request)> {
         let lock = lock_folder(folder, "fault matrix").context("--resume")?;
         let path = folder.join(REQUEST);
@@ -88,7 +89,7 @@ impl Ledger {
         Ok((Self { folder: folder.to_owned(), lines, _lock: lock, done }, request))
     }
 
-    /// Adds an outcome.
+    /// Appends an outcome.
     pub fn append(&mut self, n: usize, outcome: Outcome) -> Result<()> {
         self.lines.add(&Line { n, outcome: outcome.clone() })?;
         self.done.insert(n, outcome);
@@ -96,7 +97,7 @@ impl Ledger {
     }
 }
 
-/// A phase by its name.
+/// Serialises a phase by its name.
 pub(super) mod phase {
     use control::executor::Phase;
     use serde::{Deserialize as _, Deserializer, Serializer, de};
@@ -117,7 +118,7 @@ pub(super) mod phase {
     }
 }
 
-/// Phases by their names.
+/// Serialises phases by their names.
 mod phases {
     use control::executor::Phase;
     use serde::{Deserialize as _, Deserializer, Serializer, de};
@@ -163,7 +164,7 @@ mod tests {
         }
     }
 
-    /// Whatever moment the program dies at, what was written whole is there, to the last bit.
+    /// Whenever the program dies, every complete line is read back to the last bit.
     #[test]
     fn an_interrupted_matrix_goes_on() {
         let folder = tempfile::tempdir().expect("a folder");

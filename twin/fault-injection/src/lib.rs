@@ -1,7 +1,9 @@
-//! The fault matrix: every fault in every phase of a trial, on the emulated robot in lock-step, and what comes of it.
+//! Fault matrix: injects every fault into every phase of a trial on the emulated robot in lock-step, and records the
+//! outcomes.
 //!
-//! A trial without noise is played in simulation; in each of its phases body and controller are copied, the emulated devices are put around the
-//! copy, the controller goes on through the whole bridge, and a moment later something breaks. All times are the emulated clock's.
+//! A trial without noise is played in simulation. In each of its phases, body and controller are copied and the
+//! emulated devices are put around the copy. The controller then continues through the whole hardware bridge, and a
+//! moment later the fault strikes. All times are on the emulated clock.
 
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -41,23 +43,25 @@ mod recorded;
 pub mod table;
 mod watch;
 
-/// Waited for an answer of the servos from the fault on, s of real time: what comes at all comes sooner.
+/// Time limit for an answer of the servos after a fault, s of real time: any answer that comes at all comes sooner.
 const SLACK: f64 = 0.04;
-/// Ticks through the bridge before the fault, and after the safe state.
+/// Ticks played through the bridge before the fault.
 const BEFORE: usize = 10;
-/// ... where a mirror looks on: it feels that the body changes.
+/// Ticks before the fault if a mirror runs: it feels the change of the body.
 const BEFORE_MIRRORED: usize = 40;
+/// Ticks played after the safe state, or after a fault that the robot survives.
 const AFTER: usize = 60;
 /// Longest wait for a safe state, ticks.
 const LONGEST: usize = 180;
-/// A joint of the sprung arm that is slower than this stands, rad/s: about a degree a second, of which 2 mrad are left to go.
+/// Standstill threshold of a joint of the compliant arm, rad/s: about a degree per second, with 2 mrad of travel left.
 pub const STANDS: f64 = 0.02;
-/// An object that moved further than this in the palm is lost, m.
+/// Displacement in the palm beyond which an object counts as lost, m.
 const SLIPPED: f64 = 0.02;
-/// A mirror gets images so often, s, and a fault must be named within this time, s.
+/// Interval between the images of a mirror, s.
 const IMAGES: f64 = 0.2;
+/// Time limit for the diagnosis of a fault, s.
 pub const NAMED_WITHIN: f64 = 0.5;
-/// Phases with a beginning and an end.
+/// Phases that have a beginning and an end.
 pub const PHASES: [Phase; 12] = [
     Phase::run(Skill::Approach, 0),
     Phase::run(Skill::Grasp, 0),
@@ -73,80 +77,85 @@ pub const PHASES: [Phase; 12] = [
     Phase::run(Skill::PutDown, 0),
 ];
 
-/// What came of one injection.
+/// Outcome of one injection.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Outcome {
     pub kind: Kind,
     #[serde(with = "ledger::phase")]
     pub phase: Phase,
     pub round: usize,
-    /// In the words of the supervisor.
+    /// Final state of the supervisor, as it words it.
     pub state: String,
     pub as_expected: bool,
-    /// From the fault until the supervisor holds, or until servos and arm have stopped by themselves, ms; `None` where the robot rightly went on.
+    /// Time from the fault until the supervisor holds, or until servos and arm have stopped by themselves, ms. `None`
+    /// if the robot rightly went on.
     pub stopped_ms: Option<f64>,
-    /// From the fault until the arm stands as well, ms; `None` also where it never did.
+    /// Time from the fault until the arm stands still as well, ms. `None` also if it never did.
     pub safe_ms: Option<f64>,
-    /// The fastest joint of the arm at that first moment, rad/s.
+    /// Speed of the fastest arm joint when the robot stopped ([`Outcome::stopped_ms`]), rad/s.
     pub speed: f64,
-    /// Goals held to their limits, and those outside them.
+    /// Number of goals that were checked against their limits.
     pub checked: u64,
+    /// Number of goals outside their limits.
     pub outside: u64,
-    /// Objects in the hand before, and lost after.
+    /// Objects in the hand before the fault.
     pub held: usize,
+    /// Objects of those that were lost.
     pub lost: usize,
-    /// How far those that were not lost have moved in it at the most, mm.
+    /// Largest displacement in the palm of the held objects that were not lost, mm.
     pub moved: f64,
-    /// Whether the recording could be read to its last tick.
+    /// True if the recording could be read to its last tick.
     pub intact: bool,
-    /// Who names it and what the mirror named, if there was one.
+    /// Diagnosis of the fault, if a mirror ran.
     pub mirrored: Option<Mirrored>,
 }
 
-/// What a mirror beside an injection came to.
+/// Diagnosis of one injection by a mirror or the supervisor.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Mirrored {
-    /// From the fault until whoever can tell it ([`Kind::teller`]) names it, ms; `None` where nobody did within [`NAMED_WITHIN`].
+    /// Time from the fault to its diagnosis by the party that can detect it ([`Kind::teller`]), ms. `None` if there was
+    /// none within [`NAMED_WITHIN`].
     pub told_ms: Option<f64>,
-    /// What the mirror named that is not the fault's name.
+    /// Diagnoses of the mirror other than that of the fault.
     pub wrong: Vec<String>,
 }
 
 impl Mirrored {
-    /// Whether the fault has its name, or rightly none, and nothing else was named.
+    /// True if the fault was diagnosed, or rightly was not, and nothing else was reported.
     pub fn is_right(&self, kind: Kind) -> bool {
         self.wrong.is_empty() && (kind.teller() == Teller::Nobody || self.told_ms.is_some())
     }
 }
 
-/// Ticks through the bridge before a fault.
+/// Returns the number of ticks through the bridge before a fault.
 fn before(mirrored: bool) -> usize {
     if mirrored { BEFORE_MIRRORED } else { BEFORE }
 }
 
-/// Which faults go into which phases.
+/// Plan of a fault matrix: the faults and the phases that they strike in.
 pub struct Matrix<'a> {
-    /// Trials and what they need.
+    /// Trials and their world.
     pub bench: &'a Bench,
-    /// Faults.
+    /// Kinds of faults.
     pub kinds: Vec<Kind>,
     pub phases: Vec<Phase>,
-    /// Times every fault is injected into every phase, each time in another combination.
+    /// Number of times that each fault is injected into each phase, each time in another combination.
     pub rounds: usize,
-    /// Threads.
+    /// Number of threads.
     pub jobs: usize,
-    /// Seed of everything random.
+    /// Seed of all random draws.
     pub seed: u64,
-    /// Folder for a recording of each injection for the viewer, made of measurements alone as on hardware.
+    /// Folder for a viewer recording of each injection, made of measurements alone as on hardware.
     pub record: Option<PathBuf>,
-    /// Whether each is streamed to a viewer, too.
+    /// True if each injection is also streamed to a viewer.
     pub live: bool,
-    /// Whether a mirror runs beside each.
+    /// True if a mirror runs beside each injection.
     pub mirror: bool,
 }
 
-/// Injects `kinds` of faults into `phases` of `rounds` trials, as far as `ledger` does not have them yet, which gets each as it comes; all outcomes
-/// in the order of the injections. Ends early where `interrupted` says so.
+/// Injects the `kinds` of faults into the `phases` of `rounds` trials, except those that `ledger` already has. Each
+/// outcome is written to the ledger as it comes. Returns all outcomes in the order of the injections. Ends early once
+/// `interrupted` returns true.
 pub fn inject_all(
     plan: &Matrix,
     ledger: Ledger,
@@ -192,21 +201,22 @@ struct Experiment {
     recorder: Recorder<LockstepRobot>,
     plant: SharedPlant,
     watch: Watch,
-    /// Ticks in which the host took part.
+    /// Number of ticks in which the host took part.
     ticks: u64,
     alive: bool,
-    /// From the fault on.
+    /// Viewer recording, from the fault on.
     watcher: Option<Recording>,
-    /// The state that was told to it last.
+    /// State that was last reported to the viewer recording.
     told: State,
-    /// Looks on as long as the robot follows its commands.
+    /// Mirror, which observes as long as the robot follows its commands.
     mirror: Option<Mirror>,
-    /// What the mirror has named since the fault, and when the supervisor first said that something is wrong, s.
+    /// Diagnoses of the mirror since the fault.
     named: Vec<Divergence>,
+    /// Time at which the supervisor first stopped the robot, s.
     held_at: Option<f64>,
 }
 
-/// How the robot stopped.
+/// Times and speed of a stop.
 #[derive(Default)]
 struct Stop {
     /// See [`Outcome::stopped_ms`].
@@ -218,13 +228,14 @@ struct Stop {
 }
 
 impl Experiment {
-    /// Plays [`BEFORE`] ticks through the bridge; the recording goes to `file`.
+    /// Plays the ticks before the fault ([`BEFORE`], or [`BEFORE_MIRRORED`] with a mirror) through the bridge and
+    /// records them to `file`.
     fn begin(world: &World, kind: Kind, moment: &Watched, file: &Path, seed: u64) -> Result<Self> {
         let Watched { snapshot: Snapshot { robot, mut executor }, mut mirror } = moment.clone();
         let model = &world.cell.robot;
         let plant = SharedPlant::new(robot);
         if mirror.is_some() {
-            // The devices' clock begins anew.
+            // The devices' clock starts at zero.
             executor.watch_images(IMAGES);
         }
         let robot = LockstepRobot::start(Box::new(plant.clone()), settings(&model.hand, seed), model, None)?;
@@ -259,7 +270,7 @@ impl Experiment {
         })
     }
 
-    /// Injects the fault and plays until the robot stands, or long enough.
+    /// Injects the fault and plays until the robot stands still or the time limit is reached.
     fn strike(&mut self, since: f64) -> Result<Stop> {
         self.recorder.robot().set_slack(SLACK);
         self.kind.strike(self.recorder.robot());
@@ -294,7 +305,7 @@ impl Experiment {
         if let (Some(watcher), true) = (&mut self.watcher, self.alive) {
             let time = self.plant.lock().time();
             let state = self.recorder.robot().state();
-            // A state is told once.
+            // A state is reported once.
             let note = (self.told != state).then(|| state.to_string());
             self.told = state;
             let (executor, condition) = (&self.executor, Some(Condition::Ideal));
@@ -314,7 +325,8 @@ impl Experiment {
         Ok(())
     }
 
-    /// The mirror sees the tick in which `sent` was sent. It ends with the first that the robot does not follow: there the supervisor tells.
+    /// Shows the mirror the tick in which `sent` was sent. The mirror ends with the first tick in which the robot does
+    /// not follow its commands: from there on the supervisor reports the fault.
     fn reflect(&mut self, sent: Option<&Command>) {
         if self.recorder.robot().state() != State::Running {
             self.held_at = self.held_at.or_else(|| Some(self.plant.lock().time()));
@@ -324,7 +336,7 @@ impl Experiment {
         self.named.extend_from_slice(mirror.see(&Seen::of(&self.executor, time, sent, None)));
     }
 
-    /// What the mirror came to of a fault that struck at `since` (s).
+    /// Summarises the diagnosis of a fault that struck at `since` (s).
     fn mirrored(&self, since: f64) -> Option<Mirrored> {
         self.mirror.as_ref()?;
         let teller = self.kind.teller();
@@ -341,12 +353,12 @@ impl Experiment {
         Some(Mirrored { told_ms, wrong: other.iter().map(ToString::to_string).collect() })
     }
 
-    /// Ends the recording; whether it can be read to its last tick.
+    /// Ends the recording. Returns true if it can be read to its last tick.
     fn finish(self, file: &Path) -> Result<bool> {
         let Self { kind, recorder, ticks, watcher, .. } = self;
         watcher.map_or(Ok(()), Recording::finish)?;
         let intact = if kind.kills_the_host() {
-            // What the operating system has of the file when the program is gone.
+            // The part of the file that the operating system has when the program dies.
             let copy = file.with_extension("killed.mcap");
             std::fs::copy(file, &copy)?;
             let read = ticks_in(&copy)?;
@@ -364,7 +376,7 @@ impl Experiment {
     }
 }
 
-/// One injection and what came of it.
+/// Plays one injection and evaluates its outcome.
 fn inject(
     bench: &Bench,
     injection: (Kind, Phase, usize),
@@ -376,13 +388,13 @@ fn inject(
     let mut experiment = Experiment::begin(&bench.world, kind, moment, file, seed)?;
     experiment.watcher = watcher;
     let truth = experiment.plant.lock().truth();
-    // The hand goes down to the second object with the first in it, so that height does not tell what is held.
+    // Height does not tell which objects are held: the hand goes down to the second object with the first in it.
     let held: Vec<(usize, Isometry3<f64>)> =
         (0..2).filter(|object| in_grip(&truth, *object)).map(|object| (object, in_palm(&truth, object))).collect();
     let since = truth.time;
     let Stop { stopped, safe, speed } = experiment.strike(since)?;
     let truth = experiment.plant.lock().truth();
-    // Where the robot goes on it may let go on purpose.
+    // A robot that goes on may release an object on purpose.
     let after = held.iter().filter(|_| safe.is_some()).map(|(object, before)| {
         let way = (in_palm(&truth, *object).translation.vector - before.translation.vector).norm();
         (truth.touched_by[*object] != 0).then_some(way).filter(|way| *way < SLIPPED)
@@ -410,7 +422,8 @@ fn inject(
     })
 }
 
-/// Whether no command moves the robot any more: the supervisor holds, or where there is none left, servos and arm have stopped by themselves.
+/// True if no command moves the robot any more: the supervisor holds, or, with the host gone, servos and arm have
+/// stopped by themselves.
 fn is_stopped(kind: Kind, robot: &mut LockstepRobot) -> bool {
     if kind.kills_the_host() {
         let by_itself = robot.arm().status().events.iter().any(|event| event.what == EventKind::Watchdog);
@@ -420,17 +433,17 @@ fn is_stopped(kind: Kind, robot: &mut LockstepRobot) -> bool {
     }
 }
 
-/// Where object `index` is in the palm.
+/// Returns `palm_from_object` of object `index`.
 fn in_palm(truth: &Truth, index: usize) -> Isometry3<f64> {
     truth.palm.inverse() * truth.objects[index]
 }
 
-/// Speed of the arm's fastest joint, rad/s.
+/// Returns the speed of the arm's fastest joint, rad/s.
 fn fastest_joint(robot: &mut LockstepRobot) -> f64 {
     robot.arm().status().motion.velocity.iter().map(|speed| speed.abs()).fold(0.0, f64::max)
 }
 
-/// Ticks in a recording, and whether it was finished.
+/// Returns the number of ticks in a recording, and true if it was finished.
 fn ticks_in(file: &Path) -> Result<(u64, bool)> {
     let mut reader = Reader::open(file, Sizes::Any)?;
     let mut ticks = 0;

@@ -1,4 +1,4 @@
-//! Body, controller and mirror at drawn moments of a trial without noise, from which faults are injected.
+//! Snapshots of body, controller and mirror at drawn moments of a trial without noise, from which faults are injected.
 
 use anyhow::Result;
 use bench::trial::Bench;
@@ -12,7 +12,7 @@ use rand_chacha::ChaCha8Rng;
 use super::kind::tick;
 use super::{IMAGES, PHASES, before};
 
-/// Body and controller, and a mirror that looks on.
+/// Snapshot of body and controller, with the mirror that observes them.
 #[derive(Clone)]
 pub struct Watched {
     pub snapshot: Snapshot,
@@ -20,7 +20,7 @@ pub struct Watched {
 }
 
 impl Watched {
-    /// At the beginning of the ideal run of a combination.
+    /// Begins the ideal run of a combination.
     fn start(bench: &Bench, combination: usize, mirrored: bool) -> Result<Self> {
         let mut snapshot = bench.ideal_start(combination)?;
         snapshot.executor.take_planned(0)?;
@@ -47,7 +47,7 @@ impl Watched {
     }
 }
 
-/// Body, controller and mirror in each phase of a combination's ideal run, at a drawn moment.
+/// Returns snapshots of body, controller and mirror at a drawn moment in each phase of a combination's ideal run.
 pub fn moments(bench: &Bench, combination: usize, seed: u64, mirrored: bool) -> Result<Vec<(Phase, Watched)>> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut lengths = Counts::default();
@@ -55,7 +55,7 @@ pub fn moments(bench: &Bench, combination: usize, seed: u64, mirrored: bool) -> 
     put_down((bench, combination, false), &mut count)?;
     play((bench, combination, false), &mut count)?;
     let before = before(mirrored);
-    // Not in the last ticks: the fault shall strike in the phase.
+    // The last ticks are excluded: the fault must strike within the phase.
     let mut drawn = lengths;
     for (_, length) in &mut drawn.0 {
         *length = rng.random_range(1..=length.saturating_sub(before + 5).max(1));
@@ -74,7 +74,7 @@ pub fn moments(bench: &Bench, combination: usize, seed: u64, mirrored: bool) -> 
     Ok(moments)
 }
 
-/// Ticks of each phase, in the order in which phases were come to.
+/// Number of ticks of each phase, in the order in which the phases were entered.
 #[derive(Default)]
 struct Counts(Vec<(Phase, usize)>);
 
@@ -88,7 +88,7 @@ impl Counts {
     }
 }
 
-/// Plays the ideal run of a combination in simulation, mirrored or not; `see` is shown every tick.
+/// Plays the ideal run of a combination in simulation, with or without a mirror. Calls `see` in every tick.
 fn play((bench, combination, mirrored): (&Bench, usize, bool), see: &mut impl FnMut(&Watched)) -> Result<()> {
     let mut watched = Watched::start(bench, combination, mirrored)?;
     while !watched.phase().is_done() {
@@ -99,7 +99,8 @@ fn play((bench, combination, mirrored): (&Bench, usize, bool), see: &mut impl Fn
     Ok(())
 }
 
-/// Plays to the decision and lays the first object down again, as touch does when it has lost its hold; `see` is shown the laying down.
+/// Plays up to the decision and puts the first object down again, as the touch condition does after losing its grip.
+/// Calls `see` in every tick of the put-down.
 fn put_down((bench, combination, mirrored): (&Bench, usize, bool), see: &mut impl FnMut(&Watched)) -> Result<()> {
     let mut watched = Watched::start(bench, combination, mirrored)?;
     while !watched.phase().waits() {

@@ -1,5 +1,5 @@
-//! Faults of the plant itself: cables, servos, joints, objects, and what the cameras are lit by. A simulated robot is broken by them, and so is the one
-//! behind emulated devices that run.
+//! Faults of the plant itself: cables, servos, joints, objects, and the lighting of the cameras. They apply to a
+//! simulated robot, and to the one behind running emulated devices.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -10,39 +10,41 @@ use plant::Blindness;
 use robot_backends::emulated::SharedPlant;
 use sim::SimulatedRobot;
 
-/// Where an object goes that is snatched: beside the table's middle, m.
+/// Position to which a snatched object is moved, beside the middle of the table, m.
 const AWAY: [f64; 3] = [0.3, 0.6, 0.1];
-/// How long a push that is told lasts, s.
+/// Duration of a push given as text, s.
 const PUSHED: f64 = 0.5;
-/// The longest slip and the hardest push that can be told, m and N, and the heaviest load, kg.
+/// Largest slip accepted as text, m.
 const LONGEST_SLIP: f64 = 0.05;
+/// Largest push accepted as text, N.
 const HARDEST: f64 = 100.0;
+/// Largest added mass accepted as text, kg.
 const HEAVIEST: f64 = 5.0;
 
-/// The names under which faults are told, with what follows each.
+/// Syntax of faults as text: the name of each, with its parameters.
 pub const TOLD: &str = "break=DIGIT, slip=DIGIT:MM, weak=DIGIT:SHARE of its torque, stick=JOINT, heavy=OBJECT:KG more, snatch=OBJECT, push=NEWTONS on the palm for half a second, dim=CAMERA:red|green|blue:SHARE of its light or blind=PAD:missing|black";
 
-/// A fault that can strike.
+/// A plant fault that can be injected.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum PlantFault {
     Break(usize),
-    /// By m.
+    /// Digit, and length of the slip, m.
     Slip(usize, f64),
-    /// To a share of the torque.
+    /// Digit, and share of its torque that is left.
     Weak(usize, f64),
     Stick(usize),
-    /// Which object, by kg.
+    /// Object, and added mass, kg.
     Heavy(usize, f64),
     Snatch(usize),
-    /// N on the palm, for as long as somebody pushes.
+    /// Force on the palm, N, for as long as the push lasts.
     Push(Vector3<f64>),
     Freeze(usize),
     Blind(usize, Blindness),
-    /// Camera, channel, share of the light that is left.
+    /// Camera, colour channel, and share of the light that is left.
     Dim(usize, usize, f32),
 }
 
-/// A text that is no fault, with the part of it that is wrong.
+/// Error for text that does not describe a fault, with the offending part.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("fault: {text}: found `{found}`, expected {expected}")]
 pub struct PlantSyntax {
@@ -52,7 +54,7 @@ pub struct PlantSyntax {
 }
 
 impl PlantFault {
-    /// What `text` says, such as `slip=ring:3`; `None` where its name is none of [`TOLD`].
+    /// Parses a fault such as `slip=ring:3`. Returns `None` if its name is none of those in [`TOLD`].
     pub fn parse(text: &str, hand: &Hand) -> Result<Option<Self>, PlantSyntax> {
         let Some((name, value)) = text.split_once('=') else { return Ok(None) };
         let (first, rest) = value.split_once(':').map_or((value, None), |(first, rest)| (first, Some(rest)));
@@ -114,7 +116,7 @@ impl PlantFault {
         Ok(Some(fault))
     }
 
-    /// Strikes `robot`; a push does not act before [`PlantFault::press`].
+    /// Injects the fault into `robot`. A push does not act until [`PlantFault::press`].
     pub fn strike(&self, robot: &mut SimulatedRobot, hand: &Hand) {
         match *self {
             Self::Break(n) => robot.break_cable(n),
@@ -133,7 +135,7 @@ impl PlantFault {
         }
     }
 
-    /// What lasts with every tick.
+    /// Applies the part of a fault that acts in every tick, such as a push.
     pub fn press(&self, robot: &mut SimulatedRobot) {
         if let Self::Push(force) = self {
             robot.pull(None, *force);
@@ -141,7 +143,7 @@ impl PlantFault {
     }
 }
 
-/// The camera of this name or number.
+/// Returns the camera with this name or number.
 fn camera(text: &str, hand: &Hand) -> Option<usize> {
     let number = text.parse().ok().filter(|number| *number < hand.cameras.len());
     number.or_else(|| hand.cameras.iter().position(|camera| camera.name == text))
@@ -152,11 +154,11 @@ fn cameras(hand: &Hand) -> String {
     format!("a camera, 0 to {} or {}", hand.cameras.len() - 1, names.join(", "))
 }
 
-/// A plant that somebody breaks and pushes while it runs.
+/// A plant into which faults can be injected while it runs.
 #[derive(Clone)]
 pub struct Breakable {
     plant: SharedPlant,
-    /// The push that goes on, and for how long, s.
+    /// The present push, and its remaining time, s.
     push: Arc<Mutex<Option<(PlantFault, f64)>>>,
 }
 
@@ -165,7 +167,7 @@ impl Breakable {
         Self { plant, push: Arc::default() }
     }
 
-    /// `fault` strikes now.
+    /// Injects `fault` now.
     pub fn suffer(&self, fault: &PlantFault, hand: &Hand) {
         fault.strike(&mut self.plant.lock(), hand);
         if matches!(fault, PlantFault::Push(_)) {

@@ -1,4 +1,4 @@
-//! Injections for the viewer.
+//! Viewer recordings of injections.
 
 use anyhow::Result;
 use bench::recording::{Began, Recording};
@@ -11,7 +11,7 @@ use super::Matrix;
 use super::kind::Kind;
 
 impl Matrix<'_> {
-    /// What watches an injection, if anything does.
+    /// Opens the recording of an injection, if one was asked for.
     pub(super) fn watcher(&self, kind: Kind, phase: Phase, round: usize) -> Result<Option<Recording>> {
         let file = self.record.as_ref().map(|folder| {
             let name = format!("{}_{}_{round}.rrd", phase.name(), kind.name());

@@ -1,4 +1,4 @@
-//! The outcomes of the fault matrix, summed by fault, as rows and as text.
+//! Outcomes of the fault matrix, aggregated by fault, as rows and as text.
 
 use std::collections::HashSet;
 
@@ -8,7 +8,7 @@ use serde::Serialize;
 use crate::kind::{Expected, Kind, Teller};
 use crate::{Mirrored, NAMED_WITHIN, Outcome as FaultOutcome};
 
-/// All outcomes, summed by fault.
+/// All outcomes, aggregated by fault.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct FaultTable {
     /// Faults injected.
@@ -17,9 +17,9 @@ pub struct FaultTable {
     phases: usize,
     /// Goals of servos and joints that were compared with their limits.
     goals_checked: u64,
-    /// One entry a row of the table.
+    /// One entry per row of the table.
     rows: Vec<Row>,
-    /// Events that should not have happened, a line each.
+    /// Events that should not have happened, one line each.
     pub wrong: Vec<String>,
 }
 
@@ -52,42 +52,42 @@ struct Row {
     outside_limits: u64,
     /// Objects that were held.
     held: usize,
-    /// Of them, those that were lost.
+    /// Number of held objects that were lost.
     lost: usize,
-    /// Most that a held object moved, mm.
+    /// Largest displacement of a held object, mm.
     moved_mm_max: f64,
-    /// True if it switches torque off.
+    /// True if the fault removes a servo's torque.
     takes_torque: bool,
     /// Recordings that replay to the bit.
     recordings_intact: usize,
-    /// Diagnosis of it; null without --mirror.
+    /// Diagnosis of the fault; null without --mirror.
     named: Option<NamedFault>,
 }
 
 /// Diagnosis by a twin beside the robot, or by the supervisor.
 #[derive(Debug, Serialize, JsonSchema)]
 struct NamedFault {
-    /// The one that can tell it: nobody, supervisor or mirror.
+    /// The party that can detect the fault: nobody, supervisor or mirror.
     teller: &'static str,
-    /// Faults that had their name in time, or rightly none, and nothing else was named beside them.
+    /// Faults that were diagnosed in time, or rightly were not, without any other diagnosis.
     rightly: usize,
-    /// Median time from fault to name, ms.
+    /// Median time from fault to diagnosis, ms.
     told_ms_median: Option<f64>,
-    /// Longest time from fault to name, ms.
+    /// Longest time from fault to diagnosis, ms.
     told_ms_max: Option<f64>,
-    /// Faults beside which the mirror named something else.
+    /// Faults for which the mirror reported something else.
     wrongly: usize,
-    /// Other faults that the mirror named.
+    /// Other faults that the mirror reported.
     wrong: Vec<String>,
 }
 
-/// Milliseconds as a table has them.
+/// Formats milliseconds for a table.
 fn ms(time: Option<f64>) -> String {
     time.map_or("-".to_owned(), |ms| format!("{ms:.0}"))
 }
 
 impl FaultTable {
-    /// Sums the outcomes of each of `kinds`.
+    /// Aggregates the outcomes of each of `kinds`.
     pub fn new(kinds: &[Kind], outcomes: &[FaultOutcome]) -> Self {
         Self {
             rows: kinds.iter().map(|kind| row(*kind, outcomes)).collect(),
@@ -127,7 +127,8 @@ impl FaultTable {
         text
     }
 
-    /// Table of diagnoses: by whom each fault is named, how often and how soon, and how often something else was; empty where no mirror ran.
+    /// Formats the table of diagnoses: by whom each fault is diagnosed, how often, how soon, and how often wrongly.
+    /// Empty if no mirror ran.
     fn names(&self) -> String {
         let named = || self.rows.iter().filter_map(|row| Some((row, row.named.as_ref()?)));
         if named().next().is_none() {
@@ -156,7 +157,7 @@ impl FaultTable {
         text
     }
 
-    /// The first thing that should not have happened, and how many more there are.
+    /// Returns the first event that should not have happened, and the number of others.
     pub fn shortfall(&self) -> Option<String> {
         let first = self.wrong.first()?;
         let more = self.wrong.len() - 1;
@@ -223,7 +224,7 @@ fn row(kind: Kind, outcomes: &[FaultOutcome]) -> Row {
     }
 }
 
-/// Diagnoses beside outcomes `of` one fault; none where no mirror ran.
+/// Aggregates the diagnoses of the outcomes `of` one fault. None if no mirror ran.
 fn named(kind: Kind, of: &[&FaultOutcome]) -> Option<NamedFault> {
     let all: Vec<&Mirrored> = of.iter().filter_map(|outcome| outcome.mirrored.as_ref()).collect();
     if all.is_empty() {
@@ -245,7 +246,7 @@ fn named(kind: Kind, of: &[&FaultOutcome]) -> Option<NamedFault> {
     })
 }
 
-/// What should not have come of a fault.
+/// Describes the first violated requirement of an outcome.
 fn complaint(outcome: &FaultOutcome) -> Option<String> {
     let FaultOutcome { kind, phase, round, state, .. } = outcome;
     let what = if !outcome.as_expected {

@@ -1,4 +1,4 @@
-//! Every goal that reaches the emulated devices, held to its limits.
+//! Checks every goal that reaches the emulated devices against its limits.
 
 use hand_model::Arm;
 use hand_model::robot::{RobotBackend as _, ServoGoal};
@@ -7,7 +7,7 @@ use hardware_bridge::emulator::lockstep::LockstepRobot;
 use hardware_bridge::safety::limits::BEYOND;
 use kortex::servoing::Limits;
 
-/// Holds every command that reaches the devices to the limits.
+/// Checks every command that reaches the devices against the limits.
 pub struct Watch {
     travel: [f64; 6],
     limits: LimitConfig,
@@ -15,8 +15,9 @@ pub struct Watch {
     before: Option<Vec<f64>>,
     /// Ticks since each goal last changed: a write that arrives late has had longer for its step.
     unchanged: [u32; 6],
-    /// Goals held to their limits, and those outside them.
+    /// Number of goals checked against their limits.
     pub checked: u64,
+    /// Number of goals outside their limits.
     pub outside: u64,
 }
 
@@ -27,7 +28,7 @@ impl Watch {
     }
 
     pub fn see(&mut self, robot: &mut LockstepRobot) {
-        // A goal is rounded to the servo's units.
+        // Goals are rounded to the servo's units.
         let (count, milliampere) = (std::f64::consts::TAU / 4096.0, 1e-3);
         let reach = self.limits.speed * robot.tick_length() + 2.0 * count;
         let held = robot.devices().watchdogs_tripped() > 0;
@@ -46,7 +47,7 @@ impl Watch {
             };
             let within = (-count..=self.travel[n] + BEYOND + count).contains(&angle)
                 && (0.0..=self.limits.current + milliampere).contains(&current);
-            // A servo that was off, or that its watchdog stopped, starts from where it stands.
+            // A servo that was off, or that its watchdog stopped, starts from its present position.
             let step = self.before.as_ref().map_or(0.0, |before| (angles[n] - before[n]).abs());
             let allowed = reach * f64::from(self.unchanged[n]);
             self.outside += u64::from(!within || (step > allowed && !held));

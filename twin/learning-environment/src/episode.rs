@@ -1,7 +1,8 @@
-//! Tasks with objects of the benchmark: how an episode begins, and how it is judged after every step.
+//! Tasks with objects of the benchmark: beginning of an episode, and its judgement after every step.
 //!
-//! An episode is a trial of the benchmark under another seed: the same combinations, spread of places, errors of arm and vision, and effects. Its
-//! seed decides everything that is random in it, its combination too where none is asked for.
+//! An episode is a trial of the benchmark under another seed, with the same combinations, spread of object poses,
+//! errors of arm and vision, and effects. Its seed decides everything that is random in it, including its combination
+//! if none is requested.
 
 use std::sync::Arc;
 
@@ -24,44 +25,44 @@ use bench::trial::{Bench, NoWatcher};
 use control::pad_images::ImageSizeError;
 use robot_backends::Body;
 
-/// Seed of the bench that episodes are drawn from: no benchmark's trials have it.
+/// Seed of the bench that episodes are drawn from. No benchmark trial has it.
 pub const EPISODES: u64 = 0x6570_6973_6f64_6573;
-/// How long the task's objects must be held without a break, s.
+/// Time for which the task's objects must be held without a break, s.
 pub const HOLD: f64 = 1.0;
-/// An object below this height has left the table, m.
+/// Height below which an object has left the table, m.
 const FALLEN: f64 = -0.05;
-/// The palm's middle in its frame, m: what is grasped lies a few centimetres before it.
+/// Centre of the palm in its frame, m: grasped objects lie a few centimetres in front of it.
 const GRASP: [f64; 3] = [0.0, 0.0, -0.03];
-/// Distance over which the reward for being near falls off, m.
+/// Distance over which the reward for proximity falls off, m.
 const NEAR: f64 = 0.1;
 /// Height that counts as fully lifted, m.
 const LIFT: f64 = 0.1;
-/// Shares of being near, touching and lifting in an object's progress.
+/// Shares of proximity, touch and lift in an object's progress.
 const SHARES: [f64; 3] = [0.3, 0.2, 0.5];
-/// Digits and palm, as many as count as a full touch.
+/// Number of touching digits (and palm) that counts as a full touch.
 const FULL_TOUCH: f64 = 3.0;
-/// First grasps that are tried until one holds.
+/// Maximum number of first grasps that are tried until one holds.
 const MOST_GRASPS: u64 = 64;
 
-/// What is to be done.
+/// Task of an episode.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Task {
-    /// One object, alone on the table, is to be lifted.
+    /// Lift one object, alone on the table.
     PickOne,
-    /// The first object is in the hand as the built-in controller grasped it; the second is to be lifted too.
+    /// Lift the second object as well, with the first in the hand as the built-in controller grasped it.
     PickSecond,
-    /// Two objects on the table are to be lifted together.
+    /// Lift two objects from the table together.
     PickTwo,
 }
 
 impl Task {
-    /// Objects in the scene, all of which are to be held.
+    /// Returns the number of objects in the scene, all of which are to be held.
     pub fn objects(self) -> usize {
         if self == Self::PickOne { 1 } else { 2 }
     }
 }
 
-/// How episodes are made.
+/// Options of episodes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Options {
     pub task: Task,
@@ -71,7 +72,7 @@ pub struct Options {
     pub combination: Option<usize>,
 }
 
-/// Why an episode does not begin.
+/// Reason for which an episode cannot begin.
 #[derive(Debug, thiserror::Error)]
 pub enum EpisodeError {
     /// There is no such combination.
@@ -90,22 +91,24 @@ pub enum EpisodeError {
     Setup(#[from] anyhow::Error),
 }
 
-/// How an episode stands after a step. It is judged by the truth, as a referee judges: a reward may train a policy, and is no measurement.
+/// State of an episode after a step. It is judged by the ground truth, as a referee judges: a reward may train a
+/// policy, and is not a measurement.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Judgement {
-    /// Whether each object is in the hand, and lifted.
+    /// True for each object that is in the hand and lifted.
     pub held: Vec<bool>,
-    /// How far the task is done, 0 to 1: near, touched, lifted, averaged over its objects.
+    /// Progress of the task, 0 to 1: near, touched, lifted, averaged over its objects.
     pub progress: f64,
-    /// How much of that came with this step.
+    /// Progress gained in this step.
     pub gained: f64,
-    /// All objects have been held for [`HOLD`].
+    /// True if all objects have been held for [`HOLD`].
     pub success: bool,
-    /// An object has left the table, or no step can be simulated any more.
+    /// True if an object has left the table, or if simulation cannot go on.
     pub lost: bool,
 }
 
-/// How the hand is asked to pull when an episode begins: tensions (N) at the spools, and the angle (rad) of the opposition joint.
+/// Commanded grip at the beginning of an episode: tensions (N) at the spools, and the angle (rad) of the opposition
+/// joint.
 pub type Grip = (DigitVector, f64);
 
 /// A task in progress.
@@ -121,7 +124,7 @@ pub struct Episode {
 }
 
 impl Episode {
-    /// The episode of a `seed`.
+    /// Begins the episode of a `seed`.
     pub fn begin(bench: &Bench, options: Options, seed: u64) -> Result<Self, EpisodeError> {
         let combination = draw_combination(bench, options.combination, seed)?;
         let (found, expected) = (bench.plans.plans[combination].objects().len(), options.task.objects());
@@ -141,22 +144,22 @@ impl Episode {
         Ok(episode)
     }
 
-    /// Names of the objects, in the order of the combination.
+    /// Returns the names of the objects, in the order of the combination.
     pub fn objects(&self) -> impl Iterator<Item = &str> {
         self.objects.iter().map(|object| object.name.as_str())
     }
 
-    /// Each object as vision reported it at the beginning, with its error.
+    /// Returns each object as vision reported it at the beginning, with its error.
     pub fn seen(&self) -> &[Percept] {
         &self.seen
     }
 
-    /// How the hand is asked to pull at the beginning: what holds the first object, if one is held.
+    /// Returns the commanded grip at the beginning. It holds the first object, if one is held.
     pub fn grip(&self) -> Grip {
         self.grip
     }
 
-    /// Number of the combination.
+    /// Returns the number of the combination.
     pub fn combination(&self) -> usize {
         self.combination
     }
@@ -177,7 +180,7 @@ impl Episode {
     }
 }
 
-/// Mean progress over the objects.
+/// Returns the mean progress over the objects.
 fn progress(hand: &Hand, truth: &Truth, objects: &[Arc<ObjectModel>]) -> f64 {
     let [near, touch, lift] = SHARES;
     let middle = truth.palm * Point3::from(GRASP);
@@ -204,16 +207,16 @@ fn draw_combination(bench: &Bench, asked: Option<usize>, seed: u64) -> Result<us
     }
 }
 
-/// What an episode begins with.
+/// Initial conditions of an episode.
 struct Beginning {
     begun: Begun,
     seen: Vec<Percept>,
     images: Option<FirstImages>,
-    /// rad.
+    /// Angle of the opposition joint, rad.
     opposition: f64,
 }
 
-/// The combination's first `count` objects on the table, and the arm ready.
+/// Begins with the combination's first `count` objects on the table and the arm ready.
 fn at_rest(
     bench: &Bench,
     combination: usize,
@@ -241,7 +244,7 @@ fn at_rest(
     Ok(Beginning { begun, seen, images, opposition: 0.0 })
 }
 
-/// The cameras of a trial, whose frames are as large as the pictures.
+/// Returns the cameras of a trial, with frames of the size of the requested images.
 fn board_of(bench: &Bench, setup: &Setup, side: usize) -> Result<TactileBoard, SceneError> {
     let mut board = bench.board.with_noise(setup.camera_noise);
     if let Some(drift) = &setup.drift {
@@ -250,7 +253,7 @@ fn board_of(bench: &Bench, setup: &Setup, side: usize) -> Result<TactileBoard, S
     Ok(reduced(board, side)?)
 }
 
-/// The first object in the hand, by the first of the trials from `trial` on whose first grasp holds.
+/// Begins with the first object in the hand, by the first of the trials from `trial` on whose first grasp holds.
 fn after_first_grasp(
     bench: &Bench,
     combination: usize,

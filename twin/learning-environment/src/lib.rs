@@ -1,10 +1,12 @@
-//! Scenes that a learner steps through: the simulated robot at the benchmark's table, twenty actions a second.
+//! Learning environment: the simulated robot at the benchmark's table, stepped by a learner with twenty actions a
+//! second.
 //!
-//! [`control::action`] says what an action is and checks it, [`control::pad_images`] brings the cameras' frames to one size, [`scene`] carries
-//! actions out and observes, [`episode`] begins a task and judges it, and [`picture`] shows a scene to people.
+//! [`control::action`] defines and checks actions, and [`control::pad_images`] resizes the cameras' frames to one size.
+//! [`scene`] carries actions out and observes, [`episode`] begins a task and judges it, and [`picture`] renders a scene
+//! for people.
 //!
-//! What a scene observes is what a robot measures. The truth leaves by [`scene::Scene::truth`] alone; [`episode::Judgement`] is made from it, as
-//! a referee's verdict is.
+//! A scene observes only what a robot measures. The ground truth leaves it only through [`scene::Scene::truth`].
+//! [`episode::Judgement`] is made from it, as a referee's verdict is.
 
 pub mod episode;
 pub mod picture;

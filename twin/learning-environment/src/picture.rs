@@ -1,4 +1,4 @@
-//! A picture of a scene as it is, for people.
+//! A rendered image of a scene, for people.
 
 use nalgebra::{Isometry3, Point3, Vector3};
 use report::picture::{Picture, View};
@@ -6,21 +6,23 @@ use sim::robot::Truth;
 
 use super::scene::Scene;
 
-/// Smallest and largest side, pixels.
+/// Smallest and largest side of an image, pixels.
 pub const SIDES: [u32; 2] = [32, 2048];
-/// Colours of table and pads.
+/// Colour of the table, RGB.
 const TABLE: [f64; 3] = [214.0, 206.0, 192.0];
+/// Colour of the pads, RGB.
 const PAD: [f64; 3] = [236.0, 236.0, 240.0];
-/// The part of the table that is drawn: lowest and highest x and y, m.
+/// Drawn part of the table: lowest and highest x and y, m.
 const EXTENT: [[f64; 2]; 2] = [[0.35, 0.90], [-0.35, 0.35]];
 
-/// A size that a picture cannot have.
+/// Error for an unsupported image size.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("side of the picture: found {0} pixels, expected {least} to {most}", least = SIDES[0], most = SIDES[1])]
 pub struct PictureSizeError(pub u32);
 
 impl Scene {
-    /// Arm, hand, objects and table from before and above: `side` x `side` pixels, row-major RGB. It shows the truth, as a camera would.
+    /// Renders arm, hand, objects and table from the front and above: `side` x `side` pixels, row-major RGB. It shows
+    /// the ground truth, as a camera would.
     pub fn picture(&self, side: u32) -> Result<Vec<u8>, PictureSizeError> {
         if !(SIDES[0]..=SIDES[1]).contains(&side) {
             return Err(PictureSizeError(side));

@@ -19,18 +19,18 @@ use world::objects::ObjectModel;
 
 use control::pad_images::{ImageSizeError, PadImages, capture_at};
 
-/// Most objects in a scene.
+/// Largest number of objects in a scene.
 pub const MOST_OBJECTS: usize = 16;
-/// Farthest place of an object from the arm's base along x and y, m.
+/// Largest distance of an object from the arm's base along x and y, m.
 const FARTHEST: f64 = 1.5;
 
-/// Why there is no such scene.
+/// Reason for which a scene cannot be created.
 #[derive(Debug, thiserror::Error)]
 pub enum SceneError {
-    /// No object has this name.
+    /// There is no object of this name.
     #[error("no object is called `{name}`; known are: {known}")]
     Object { name: String, known: String },
-    /// An object's place is not a place on the table.
+    /// An object's place is not on the table.
     #[error("object `{name}`, {axis}: found {found}, expected {expected}")]
     Place { name: String, axis: &'static str, found: f64, expected: String },
     /// Too many objects.
@@ -42,7 +42,7 @@ pub enum SceneError {
     Arm(#[from] IkError),
 }
 
-/// An object and where it stands.
+/// An object with its place.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Placed {
     /// Name of an object of the world.
@@ -50,7 +50,7 @@ pub struct Placed {
     pub place: Place,
 }
 
-/// How a scene is made.
+/// Options of a scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct SceneOptions {
     /// Side of the tactile images, pixels; without it there are none.
@@ -59,7 +59,7 @@ pub struct SceneOptions {
     pub seed: u64,
 }
 
-/// A robot at a table with objects. A clone goes its own way from the same bits.
+/// A robot at a table with objects. A clone continues on its own from the same bits.
 #[derive(Clone)]
 pub struct Scene {
     pub(super) cell: Workcell,
@@ -67,44 +67,45 @@ pub struct Scene {
     stepper: Stepper,
     robot: SimulatedRobot,
     images: Option<PadImages>,
-    /// The same of the untouched pads.
+    /// Tactile images of the untouched pads.
     untouched: Option<PadImages>,
-    /// Tick of a step in which images are asked for: the last from which they arrive within the step.
+    /// Tick of a step in which images are requested: the last from which they arrive within the step.
     capture_at: usize,
     observation: Observation,
 }
 
-/// A robot about to be stepped, and what it was last asked for.
+/// A robot about to be stepped, with its last commands.
 pub(super) struct Begun {
     pub(super) robot: SimulatedRobot,
     /// Joint set-points, rad.
     pub(super) posture: Joints,
-    /// N.
+    /// Cable tensions, N.
     pub(super) tensions: DigitVector,
-    /// From a camera's exposure to its frame, s.
+    /// Delay from a camera's exposure to its frame, s.
     pub(super) frame_delay: f64,
 }
 
-/// Tactile images to begin with.
+/// Initial tactile images.
 pub(super) struct FirstImages {
-    /// Of a pad's picture, pixels.
+    /// Side of a pad's image, pixels.
     pub(super) side: usize,
-    /// One a camera, of the untouched pads.
+    /// Images of the untouched pads, one per camera.
     pub(super) untouched: Vec<Arc<TactileImage>>,
-    /// One a camera, as the pads are now.
+    /// Present images of the pads, one per camera.
     pub(super) now: Vec<Arc<TactileImage>>,
 }
 
 impl FirstImages {
-    /// Of pads that nothing touches.
+    /// Images of pads that nothing touches.
     pub(super) fn untouched(side: usize, images: Vec<Arc<TactileImage>>) -> Self {
         Self { side, untouched: images.clone(), now: images }
     }
 }
 
 impl Scene {
-    /// Objects in their places, the arm in the posture in which trials begin, the hand open: a robot without errors, with the effects of
-    /// the world's scenario on pads, gel, cables, floor and time.
+    /// Creates a scene with the objects in their places, the arm in the posture in which trials begin, and the hand
+    /// open. The robot is free of errors but has the effects of the world's scenario on pads, gel, cables, floor and
+    /// time.
     pub fn new(
         world: &World,
         board: &TactileBoard,
@@ -125,7 +126,7 @@ impl Scene {
         Self::begin(&world.cell, begun, images)
     }
 
-    /// Goes on with a robot as it is.
+    /// Continues with a robot in its present state.
     pub(super) fn begin(cell: &Workcell, begun: Begun, images: Option<FirstImages>) -> Result<Self, SceneError> {
         let Begun { mut robot, posture, tensions, frame_delay } = begun;
         let (untouched, images) = images
@@ -153,7 +154,7 @@ impl Scene {
         })
     }
 
-    /// Carries out `action` for a step. An error leaves the scene as it was.
+    /// Carries out `action` for one step. An error leaves the scene as it was.
     pub fn step(&mut self, action: &Action) -> Result<(), ActionError> {
         for (n, (arm, servos)) in self.stepper.step(action, self.robot.tick_length())?.into_iter().enumerate() {
             let capture = self.images.is_some() && n + 1 == self.capture_at;
@@ -173,52 +174,52 @@ impl Scene {
         self.observation = observation;
     }
 
-    /// Limits of the actions.
+    /// Returns the limits of the actions.
     pub fn limits(&self) -> &ActionLimits {
         self.stepper.limits()
     }
 
-    /// Length of a step, s.
+    /// Returns the length of a step, s.
     pub fn step_length(&self) -> f64 {
         TICKS as f64 * self.robot.tick_length()
     }
 
-    /// Time since the robot was started, s.
+    /// Returns the time since the robot was started, s.
     pub fn time(&self) -> f64 {
         self.observation.time
     }
 
-    /// The servos as they report.
+    /// Returns the servos' measurements.
     pub fn servos(&self) -> &[ServoState] {
         &self.observation.servos
     }
 
-    /// The arm as it reports.
+    /// Returns the arm's measurements.
     pub fn arm(&self) -> &ArmState {
         &self.observation.arm
     }
 
-    /// `world_from_palm` by the arm's encoders and its nominal dimensions.
+    /// Returns `world_from_palm` by the arm's encoders and its nominal dimensions.
     pub fn palm(&self) -> Isometry3<f64> {
         self.kinematics.palm_pose(&self.observation.arm.position)
     }
 
-    /// The newest tactile images, if the scene has any.
+    /// Returns the newest tactile images, if the scene has any.
     pub fn images(&self) -> Option<&PadImages> {
         self.images.as_ref()
     }
 
-    /// The images of the pads before anything touched them, if the scene has any: what touch compares with.
+    /// Returns the reference images of the untouched pads, if the scene has any.
     pub fn untouched(&self) -> Option<&PadImages> {
         self.untouched.as_ref()
     }
 
-    /// The scene as it is: for whoever judges or records, and for no policy.
+    /// Returns the ground truth, for judging and recording, not for policies.
     pub fn truth(&self) -> Truth {
         self.robot.truth()
     }
 
-    /// The objects as they really are, in order.
+    /// Returns the models of the real objects, in order.
     pub(super) fn models(&self) -> impl Iterator<Item = &Arc<ObjectModel>> {
         self.robot.models()
     }
@@ -247,8 +248,8 @@ fn placement(world: &World, placed: &Placed) -> Result<ObjectPlacement, SceneErr
     Ok(ObjectPlacement { pose: place.pose(&model), model })
 }
 
-/// A board whose frames are as large as the pictures: where they are smaller than what the cameras send, forming all pixels to add
-/// them up would take nearly all of a step.
+/// Returns a board whose frames have the size of the requested images. For images smaller than those of the cameras,
+/// rendering all pixels to average them would take nearly all of a step.
 pub(crate) fn reduced(board: TactileBoard, side: usize) -> Result<TactileBoard, ImageSizeError> {
     if side == IMAGE_SIZE { Ok(board) } else { board.reduced(side).map_err(|_| ImageSizeError(side)) }
 }

@@ -1,4 +1,5 @@
-//! What stands for a vision system on emulated robots: it sees where the simulated objects are, errs as drawn, and sends that over a socket.
+//! Emulated vision system for emulated robots: it sees the simulated objects with drawn errors and sends their poses
+//! over a socket.
 
 use std::io::{Read as _, Write as _};
 use std::sync::Arc;
@@ -15,26 +16,27 @@ use super::measurement::line;
 use super::stream::{Listener, Stream};
 use super::{Address, LINE, is_early, now};
 
-/// Between two looks at clients and questions.
+/// Interval between polls of clients and questions.
 const TICK: Duration = Duration::from_millis(5);
-/// A client that takes nothing for so long is left.
+/// Time limit of a client: one that takes nothing for so long is dropped.
 const SLOW: Duration = Duration::from_millis(5);
 
-/// How it measures.
+/// Settings of the measurements.
 #[derive(Debug, Clone, Copy)]
 pub struct CameraSettings {
-    /// Standard deviation of x, y and z, m, and of the turn about the vertical, rad; each measurement errs anew.
+    /// Standard deviations of x, y and z, m, and of the rotation about the vertical, rad, drawn anew for each
+    /// measurement.
     pub sigma: (f64, f64),
     pub seed: u64,
-    /// Between two measurements of every object; without it, one is made when somebody asks, so that the same questions get the same
-    /// answers on any machine.
+    /// Interval between measurements of every object. Without it measurements are made on request only, so that the
+    /// same questions get the same answers on any machine.
     pub period: Option<Duration>,
 }
 
-/// The objects that are to be seen now, with their names.
+/// Returns the visible objects with their names and poses, `world_from_object`.
 pub type Sight = Box<dyn Fn() -> Vec<(String, Isometry3<f64>)> + Send>;
 
-/// The running camera; it ends when dropped.
+/// A running camera; it ends when dropped.
 pub struct Camera {
     address: Address,
     stop: Arc<AtomicBool>,
@@ -42,7 +44,7 @@ pub struct Camera {
 }
 
 impl Camera {
-    /// At `address`; port 0 is any free one.
+    /// Starts the camera at `address`; port 0 selects any free one.
     pub fn start(address: &Address, settings: CameraSettings, sight: Sight) -> std::io::Result<Self> {
         let listener = Listener::bind(address)?;
         let (address, stop) = (listener.address()?, Arc::new(AtomicBool::new(false)));
@@ -52,7 +54,7 @@ impl Camera {
         Ok(Self { address, stop, thread: Some(thread) })
     }
 
-    /// Where it is.
+    /// Returns the address of the camera.
     pub fn address(&self) -> &Address {
         &self.address
     }
@@ -70,7 +72,7 @@ impl Drop for Camera {
 
 struct Client {
     stream: Stream,
-    /// What has arrived of a question.
+    /// Bytes of an unfinished question.
     pending: Vec<u8>,
 }
 
@@ -108,7 +110,7 @@ fn run(listener: &Listener, settings: CameraSettings, sight: &Sight, stop: &Atom
 }
 
 impl Client {
-    /// What it has asked since; `None` once it is gone.
+    /// Returns the new questions, or `None` if the client is gone.
     fn questions(&mut self) -> Option<Vec<String>> {
         let mut buffer = [0; 1024];
         match self.stream.read(&mut buffer) {
@@ -118,7 +120,7 @@ impl Client {
             Err(_) => return None,
         }
         if self.pending.len() > LINE {
-            // No question is so long.
+            // No valid question is so long.
             return None;
         }
         let mut questions = Vec::new();
@@ -131,7 +133,7 @@ impl Client {
     }
 }
 
-/// `pose` as the camera sees it.
+/// Returns `pose` with the camera's errors.
 fn seen(pose: &Isometry3<f64>, (place, turn): (f64, f64), rng: &mut ChaCha8Rng) -> Isometry3<f64> {
     let mut draw = |sigma: f64| Normal::new(0.0, sigma).map_or(0.0, |normal| normal.sample(rng));
     let off = Vector3::new(draw(place), draw(place), draw(place));
@@ -160,7 +162,7 @@ mod tests {
         seen
     }
 
-    /// The same seed sees the same, another one something else, over either kind of socket.
+    /// The same seed gives the same measurements and another one different ones, over either kind of socket.
     #[test]
     fn answers_are_drawn_from_the_seed() {
         let folder = tempfile::tempdir().expect("a folder");

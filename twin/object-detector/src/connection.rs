@@ -1,4 +1,4 @@
-//! A connection that is read all the time: what nobody asks for yet never holds the other side up, and takes bounded memory.
+//! A connection that is read continuously: unread messages never block the sender and take bounded memory.
 
 use std::collections::VecDeque;
 use std::io::{self, Read as _, Write as _};
@@ -10,14 +10,14 @@ use std::time::Duration;
 use super::stream::Stream;
 use super::{Address, LINE, is_early};
 
-/// Longest wait for a connection, and for the name of its host to be resolved.
+/// Time limit for a connection, and for resolving the name of its host.
 const CONNECTING: Duration = Duration::from_secs(3);
-/// Longest wait for room to write a question.
+/// Time limit for writing a question.
 const WRITING: Duration = Duration::from_secs(1);
-/// Of lines that nobody has taken so many bytes are kept, the newest.
+/// Buffer size for unread lines, bytes; the newest are kept.
 const KEPT: usize = 1 << 20;
 
-/// Why nothing more comes.
+/// Reason for which a connection ended.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum Ended {
     #[error("the other side closed it")]
@@ -29,12 +29,12 @@ pub enum Ended {
     Endless,
 }
 
-/// What the reader has heard.
+/// State of the reader.
 #[derive(Debug, Default)]
 struct Heard {
-    /// Lines that nobody has taken, with their numbers from 1.
+    /// Unread lines, with their numbers from 1.
     lines: VecDeque<(u64, Vec<u8>)>,
-    /// Bytes in them.
+    /// Total size of the unread lines, bytes.
     bytes: usize,
     count: u64,
     ended: Option<Ended>,
@@ -66,12 +66,12 @@ struct Shared {
 
 impl Shared {
     fn lock(&self) -> MutexGuard<'_, Heard> {
-        // Whoever panicked with it has said so.
+        // A panic of another holder has been reported already.
         self.heard.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-/// An open connection and its reader, which ends with it.
+/// An open connection with its reader, which ends with it.
 pub struct Connection {
     stream: Stream,
     shared: Arc<Shared>,
@@ -79,7 +79,7 @@ pub struct Connection {
 }
 
 impl Connection {
-    /// To `address`, within [`CONNECTING`].
+    /// Connects to `address` within [`CONNECTING`].
     pub fn open(address: &Address) -> io::Result<Self> {
         let stream = Stream::connect(address, CONNECTING)?;
         stream.write_timeout(WRITING)?;
@@ -89,7 +89,7 @@ impl Connection {
         Ok(Self { stream, shared, reader: Some(reader) })
     }
 
-    /// Why it has ended, if it has.
+    /// Returns the reason for which the connection has ended, if it has.
     pub fn ended(&self) -> Option<Ended> {
         self.shared.lock().ended.clone()
     }
@@ -98,7 +98,7 @@ impl Connection {
         self.stream.write_all(text.as_bytes())
     }
 
-    /// The oldest line that is kept, with its number; `None` if there is none within `wait`.
+    /// Returns the oldest kept line with its number, or `None` if there is none within `wait`.
     pub fn line(&self, wait: Duration) -> Result<Option<(u64, Vec<u8>)>, Ended> {
         let heard = self.shared.lock();
         let silent = |heard: &mut Heard| heard.lines.is_empty() && heard.ended.is_none();
@@ -113,7 +113,7 @@ impl Connection {
 
 impl Drop for Connection {
     fn drop(&mut self) {
-        // A connection that is gone already has woken its reader.
+        // If the connection is already gone, the reader has been woken.
         let _ = self.stream.shutdown(Shutdown::Both);
         if let Some(reader) = self.reader.take() {
             // A panic is reported by the thread's own panic message.
@@ -149,7 +149,7 @@ fn read(mut stream: Stream, shared: &Shared) {
 mod tests {
     use super::*;
 
-    /// Whatever nobody takes, what is kept stays bounded and the newest.
+    /// However many lines stay unread, the kept ones are bounded in size and are the newest.
     #[test]
     fn lines_that_nobody_takes_are_bounded() {
         let mut heard = Heard::default();

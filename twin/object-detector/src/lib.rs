@@ -1,18 +1,18 @@
-//! Objects' places from a vision system: a socket that sends one JSON line a measurement.
+//! Object poses from a vision system, over a socket with one JSON line per measurement.
 //!
 //! ```json
 //! {"object": "pear", "time": 1764000000.25, "frame": "table", "position": [0.62, -0.14, 0.03], "quaternion": [0, 0, 0, 1],
 //!  "covariance": [1e-5, 0, 0, 0, 0, 0,  0, 1e-5, ...]}
 //! ```
 //!
-//! [`measurement`] says what the fields are and refuses what cannot be; [`VisionLink`] asks and waits for a look; [`camera`] is what
-//! stands for a vision system on emulated robots.
+//! [`measurement`] defines the fields and refuses invalid values. [`VisionLink`] asks and waits for a look. [`camera`]
+//! replaces a vision system on emulated robots.
 //!
-//! Each look writes one line `{"look": NAME}`. A system that measures when asked answers it; one that measures all the time need not
-//! read it. Only what was measured after the question counts. Between looks the [`connection`] is read on, however long the operator takes; one
-//! that was lost is made anew at the next look.
+//! Each look writes one line `{"look": NAME}`. A system that measures on request answers it. One that measures
+//! continuously need not read it. Only measurements made after the question count. Between looks the [`connection`] is
+//! still read, however long the operator takes. A lost connection is re-established at the next look.
 
-// What is printed may hold text of others: `eprintln!` is the one that makes it printable.
+// Printed text may come from third parties: this `eprintln!` makes it printable.
 #[macro_use]
 extern crate progress;
 
@@ -31,33 +31,33 @@ use self::measurement::{Checks, Refused, read};
 
 pub use self::stream::Address;
 
-/// Longest wait for a measurement.
+/// Time limit for a measurement.
 const PATIENCE: Duration = Duration::from_secs(3);
-/// Between two looks at whether somebody wants to stop, and between two tries to connect anew.
+/// Interval between checks for a stop, and between attempts to reconnect.
 const LOOK: Duration = Duration::from_millis(50);
-/// A measurement may be so much older than the question, s: clocks of two computers differ.
+/// Tolerance of a measurement's age relative to the question, s: the clocks of two computers differ.
 const SKEW: f64 = 0.05;
-/// The longest line, bytes.
+/// Longest line, bytes.
 const LINE: usize = 1 << 16;
 
-/// Why there is no look.
+/// Reason for which a look failed.
 #[derive(Debug, thiserror::Error)]
 pub enum VisionError {
     #[error("--eyes {address}: {source}")]
     Io { address: String, source: std::io::Error },
-    /// The connection ends whenever it is made.
+    /// The connection is lost each time it is made.
     #[error(
         "--eyes {address}: the connection was lost while {object} was looked for, and each time it was made anew: {why}"
     )]
     Lost { address: String, object: String, why: Ended },
     #[error("--eyes {address}: {}", Ended::Endless)]
     Endless { address: String },
-    /// Nothing usable came in time.
+    /// No usable measurement came in time.
     #[error("--eyes {address}: {object}: found {}, expected a measurement of it within {:.0} s", said(.refused), PATIENCE.as_secs_f64())]
     Nothing {
         address: String,
         object: String,
-        /// What came instead, the latest.
+        /// The last line that came instead.
         refused: Option<Refused>,
     },
     #[error("the operator stopped it while {0} was looked for")]
@@ -68,7 +68,7 @@ fn said(refused: &Option<Refused>) -> String {
     refused.as_ref().map_or("nothing".to_owned(), ToString::to_string)
 }
 
-/// The connection to a vision system.
+/// Connection to a vision system.
 pub struct VisionLink {
     address: Address,
     connection: Connection,
@@ -76,14 +76,14 @@ pub struct VisionLink {
 }
 
 impl VisionLink {
-    /// To the system at `address`.
+    /// Connects to the system at `address`.
     pub fn connect(address: &Address, checks: Checks) -> Result<Self, VisionError> {
         let connection =
             Connection::open(address).map_err(|source| VisionError::Io { address: address.to_string(), source })?;
         Ok(Self { address: address.clone(), connection, checks })
     }
 
-    /// Where `object` is now; `None` where the system says that it does not see it. `stop` ends the wait.
+    /// Returns the present pose of `object`, or `None` if the system reports it as hidden. `stop` ends the wait.
     pub fn look(&mut self, object: &str, stop: impl Fn() -> bool) -> Result<Option<Sighted>, VisionError> {
         let (begun, address) = (Instant::now(), self.address.to_string());
         let (mut refused, mut lost) = (None, self.connection.ended());
@@ -139,7 +139,7 @@ impl VisionLink {
         }
     }
 
-    /// Asks for `object`, and says when (Unix time, s).
+    /// Asks for `object`. Returns the time of the question (Unix time, s).
     fn ask(&mut self, object: &str) -> Result<f64, Ended> {
         let asked = now();
         let question = serde_json::json!({"look": object}).to_string() + "\n";
@@ -147,7 +147,7 @@ impl VisionLink {
         Ok(asked)
     }
 
-    /// Connects once more after the connection was lost.
+    /// Reconnects after the connection was lost.
     fn connect_anew(&mut self, why: &Ended) -> Result<(), VisionError> {
         let failed = |error: std::io::Error| {
             let words = format!("the connection was lost ({why}) and cannot be made anew: {error}");
@@ -160,25 +160,25 @@ impl VisionLink {
     }
 }
 
-/// Whether nothing has arrived yet.
+/// True if the error means only that nothing has arrived yet.
 fn is_early(error: &std::io::Error) -> bool {
     use std::io::ErrorKind::{Interrupted, TimedOut, WouldBlock};
     matches!(error.kind(), WouldBlock | TimedOut | Interrupted)
 }
 
-/// Unix time, s.
+/// Returns the Unix time, s.
 pub(crate) fn now() -> f64 {
     SystemTime::now().duration_since(UNIX_EPOCH).map_or(0.0, |since| since.as_secs_f64())
 }
 
-/// What the eyes of a trial need: where they are and what is believed of them.
+/// Eyes of a trial: their source, and the checks of their measurements.
 #[derive(Debug, Clone)]
 pub struct Vision {
     pub source: VisionSource,
     pub checks: Checks,
 }
 
-/// Where looks come from.
+/// Source of looks.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum VisionSource {
     /// A vision system.
@@ -195,7 +195,7 @@ impl std::str::FromStr for VisionSource {
     }
 }
 
-/// A place in words.
+/// Describes a position in words.
 pub fn shown(place: &Isometry3<f64>) -> String {
     let t = place.translation.vector;
     format!("x {:.3}, y {:.3}, z {:.3} m", t.x, t.y, t.z)
@@ -212,7 +212,7 @@ mod tests {
         Checks::new(["pear", "ball"].map(str::to_owned).to_vec(), Isometry3::identity())
     }
 
-    /// A system that answers each question with these lines, `TIME` replaced by the time.
+    /// Starts a system that answers each question with these lines, with `TIME` replaced by the time.
     fn system(lines: &'static [&'static str]) -> Address {
         let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
         let address = listener.local_addr().expect("its address").to_string().parse().expect("an address");
@@ -239,7 +239,7 @@ mod tests {
     #[test]
     fn what_was_measured_after_the_question_is_seen() {
         let lines = [
-            // A stale one, another object, and the one.
+            // A stale line, one of another object, and the right one.
             good("pear").replace("TIME", "1000.0"),
             good("ball"),
             good("pear"),
@@ -285,7 +285,8 @@ mod tests {
         assert!(error.starts_with("--eyes 127.0.0.1:"), "{error}");
     }
 
-    /// A system that sends on while the operator thinks is read on: it never finds its line full, and the next look has the newest measurement.
+    /// The lines of a system that keeps sending while the operator thinks are read. The system never finds its line
+    /// full, and the next look has the newest measurement.
     #[test]
     fn an_operator_who_takes_long_finds_the_eyes_open() {
         let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
@@ -293,10 +294,10 @@ mod tests {
         let (sender, sent) = std::sync::mpsc::channel();
         std::thread::spawn(move || {
             let (mut stream, _) = listener.accept().expect("a client");
-            // As strict as the emulated camera: a client that takes nothing is left.
+            // As strict as the emulated camera: a client that takes nothing is dropped.
             stream.set_write_timeout(Some(Duration::from_millis(500))).expect("set");
             let line = good("pear");
-            // More than sockets hold: what 40 s and more of measuring bring, at once.
+            // More than sockets hold: the lines of 40 s and more of measuring, at once.
             for n in 0..40_000 {
                 if writeln!(stream, "{}", line.replace("TIME", &format!("{:.4}", now()))).is_err() {
                     let _ = sender.send(n);
@@ -314,7 +315,8 @@ mod tests {
         link.look("pear", || false).expect("a look").expect("seen");
     }
 
-    /// Each look finds the system again that closes its connection after every answer, or was started anew in between.
+    /// Each look reconnects to a system that closes its connection after every answer, or that was restarted in
+    /// between.
     #[test]
     fn a_connection_that_was_lost_is_made_anew() {
         let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
@@ -332,12 +334,12 @@ mod tests {
         }
     }
 
-    /// An address that swallows every packet is told within seconds, not after the minutes of the operating system.
+    /// An address that swallows every packet is reported within seconds, not after the minutes of the operating system.
     #[test]
     fn an_address_that_says_nothing_is_told_soon() {
         let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
         let there = listener.local_addr().expect("its address");
-        // Nobody accepts: once as many wait as may, no other is answered.
+        // Nobody accepts: once the queue is full, no other client is answered.
         let connect = |_| std::net::TcpStream::connect_timeout(&there, Duration::from_millis(200)).ok();
         let _waiting: Vec<_> = (0..10_000).map_while(connect).collect();
         let address: Address = there.to_string().parse().expect("an address");
@@ -345,7 +347,7 @@ mod tests {
         assert!(error.contains(&address.to_string()) && error.contains("no answer within 3 s"), "{error}");
     }
 
-    /// Text from the network that would clear a terminal is told, and does not.
+    /// Text from the network that would clear a terminal is shown in escaped form.
     #[test]
     fn escape_sequences_from_the_eyes_are_told_in_words() {
         let address = system(&[r#"{"object": "\u001b[2Jpear", "time": TIME, "hidden": true}"#, "\u{1b}]0;owned\u{7}"]);

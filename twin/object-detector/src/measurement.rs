@@ -1,35 +1,35 @@
-//! One measurement of a vision system, and what is refused.
+//! Parsing and validation of a measurement of a vision system.
 
 use control::percept::Sighted;
 use nalgebra::{Isometry3, Matrix3, Matrix6, Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use serde::Deserialize;
 use world::physics::Physics;
 
-/// A measurement may be stamped so far in the future, s.
+/// Tolerance of a time stamp in the future, s.
 const AHEAD: f64 = 0.1;
-/// An object's middle lies between these heights over the table, m.
+/// Lowest and highest position of an object's origin above the table, m.
 const HEIGHTS: (f64, f64) = (-0.02, 0.5);
-/// Standard deviations that are believed, m: nothing is known better or is of use when it is known worse.
+/// Smallest and largest accepted standard deviation, m: smaller ones are not credible, larger ones not useful.
 const SIGMAS: (f64, f64) = (1e-5, 0.1);
 
-/// A line, as it is sent.
+/// A line as it is sent.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Line {
     /// Name as in the scenario.
     object: String,
-    /// When it was measured: Unix time, s.
+    /// Time of the measurement: Unix time, s.
     time: f64,
-    /// What the pose is given in.
+    /// Frame of the pose.
     #[serde(default)]
     frame: Frame,
-    /// The object's origin, m.
+    /// Position of the object's origin, m.
     position: Option<[f64; 3]>,
-    /// Its rotation, x, y, z, w.
+    /// Rotation of the object as a quaternion, x, y, z, w.
     quaternion: Option<[f64; 4]>,
-    /// Of x, y, z (m) and the rotation vector (rad) along the frame's axes, row by row: 36 numbers.
+    /// Covariance of x, y, z (m) and the rotation vector (rad) along the frame's axes, row-major: 36 numbers.
     covariance: Option<Vec<f64>>,
-    /// It is looked for and not to be seen; pose and covariance are left out.
+    /// True if the object is searched for but hidden; pose and covariance are then left out.
     #[serde(default)]
     hidden: bool,
 }
@@ -42,19 +42,19 @@ enum Frame {
     ArmBase,
 }
 
-/// What a line must agree with.
+/// Conditions that a line must satisfy.
 #[derive(Debug, Clone)]
 pub struct Checks {
-    /// Names of all objects that there can be.
+    /// Names of all possible objects.
     known: Vec<String>,
-    /// For poses in the frame of the arm's base.
+    /// Pose of the arm's base, for poses in its frame.
     world_from_base: Isometry3<f64>,
     /// Lowest and highest x and y of the table, m.
     table: [(f64, f64); 2],
 }
 
 impl Checks {
-    /// Objects of these names on the standard table.
+    /// Creates the checks for objects of these names on the standard table.
     pub fn new(known: Vec<String>, world_from_base: Isometry3<f64>) -> Self {
         let table = Physics::standard().table;
         let table = [0, 1].map(|n| (table.center[n] - table.half[n], table.center[n] + table.half[n]));
@@ -62,27 +62,27 @@ impl Checks {
     }
 }
 
-/// A line that cannot be used.
+/// A refused line.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("line {line}: {what}")]
 pub struct Refused {
     /// Number of the line since the connection.
     pub line: u64,
-    /// Field, what was found and what was expected.
+    /// The field, the value found and the values expected.
     pub what: String,
 }
 
-/// A measurement that can be used.
+/// A valid measurement.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Measurement {
     pub object: String,
     /// Unix time, s.
     pub time: f64,
-    /// Nothing if the object is hidden.
+    /// Percept of the object; none if it is hidden.
     pub sighted: Option<Sighted>,
 }
 
-/// The measurement on a line (its number is for errors), at `now` (Unix time, s).
+/// Reads the measurement on a line at `now` (Unix time, s). `number` is that of the line, for errors.
 pub fn read(line: &[u8], number: u64, checks: &Checks, now: f64) -> Result<Measurement, Refused> {
     let refused = |what: String| Refused { line: number, what };
     let line: Line = serde_json::from_slice(line).map_err(|error| refused(error.to_string()))?;
@@ -143,12 +143,13 @@ pub fn read(line: &[u8], number: u64, checks: &Checks, now: f64) -> Result<Measu
     Ok(Measurement { object: object.clone(), time: *time, sighted: Some(Sighted { pose, sigma: Some(sigma) }) })
 }
 
-/// Of each of x and y, m: root mean square of both.
+/// Returns the root mean square of the standard deviations of x and y, m.
 fn level_sigma(variances: &Vector3<f64>) -> f64 {
     (0.5 * (variances.x + variances.y)).sqrt()
 }
 
-/// A line, as a vision system sends it: `object` at `pose` on the table, with standard deviations of x, y, z (m) and of the rotation (rad).
+/// Formats a line as a vision system sends it: `object` at `pose` on the table, with standard deviations of x, y, z (m)
+/// and of the rotation (rad).
 pub fn line(object: &str, time: f64, pose: &Isometry3<f64>, (place, turn): (f64, f64)) -> String {
     let sigma = [place, place, place, turn, turn, turn];
     let covariance: Vec<f64> = (0..36).map(|n| if n % 7 == 0 { sigma[n / 7].powi(2) } else { 0.0 }).collect();
@@ -184,7 +185,7 @@ mod tests {
         assert_eq!((seen.object.as_str(), seen.time), ("pear", 100.0));
         assert!((sighted.sigma.expect("stated") - 0.003).abs() < 1e-12);
         assert!((sighted.pose.inverse() * pose).translation.vector.norm() < 1e-12);
-        // The arm's base stands 10 mm over the table.
+        // The arm's base stands 10 mm above the table.
         let based = text.replace("\"table\"", "\"arm_base\"");
         let sighted = read(based.as_bytes(), 1, &checks(), 100.0).expect("good").sighted.expect("seen");
         assert!((sighted.pose.translation.z - 0.04).abs() < 1e-12);

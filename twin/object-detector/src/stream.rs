@@ -1,4 +1,4 @@
-//! A TCP or Unix socket, whichever an address names.
+//! A TCP or Unix socket, as its address requires.
 
 use std::fmt;
 use std::io::{self, Read, Write};
@@ -9,7 +9,7 @@ use std::str::FromStr;
 use std::sync::mpsc;
 use std::time::Duration;
 
-/// Where a vision system is: `HOST:PORT`, or `unix:PATH`.
+/// Address of a vision system: `HOST:PORT`, or `unix:PATH`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Address {
     Tcp(String),
@@ -39,7 +39,7 @@ impl fmt::Display for Address {
     }
 }
 
-/// A connection.
+/// An open connection.
 pub enum Stream {
     Tcp(TcpStream),
     Unix(UnixStream),
@@ -50,12 +50,13 @@ impl Stream {
     pub fn connect(address: &Address, limit: Duration) -> io::Result<Self> {
         let (sender, receiver) = mpsc::channel();
         let to = address.clone();
-        // Neither resolving a name nor connecting to a Unix socket has a time limit of its own: nobody waits for a thread that takes longer.
+        // Neither resolving a name nor connecting to a Unix socket has a time limit of its own, so both run in a thread
+        // that is abandoned if it takes longer.
         std::thread::Builder::new().name("connect".into()).spawn(move || sender.send(connect(&to, limit)))?;
         match receiver.recv_timeout(limit) {
             Ok(Ok(stream)) => Ok(stream),
             Ok(Err(error)) if error.kind() != io::ErrorKind::TimedOut => Err(error),
-            // Either clock may be the first.
+            // Either time limit may expire first.
             _ => {
                 let words = format!(
                     "found no answer within {:.0} s, expected a vision system that listens",
@@ -66,7 +67,7 @@ impl Stream {
         }
     }
 
-    /// Another hold of the same connection.
+    /// Returns another handle of the same connection.
     pub fn try_clone(&self) -> io::Result<Self> {
         match self {
             Self::Tcp(stream) => stream.try_clone().map(Self::Tcp),
@@ -74,7 +75,7 @@ impl Stream {
         }
     }
 
-    /// Ends it, for all who hold it.
+    /// Ends the connection for all of its handles.
     pub fn shutdown(&self, how: Shutdown) -> io::Result<()> {
         match self {
             Self::Tcp(stream) => stream.shutdown(how),
@@ -82,7 +83,7 @@ impl Stream {
         }
     }
 
-    /// Writes wait no longer than this.
+    /// Sets the time limit of writes.
     pub fn write_timeout(&self, time: Duration) -> io::Result<()> {
         match self {
             Self::Tcp(stream) => stream.set_write_timeout(Some(time)),
@@ -90,7 +91,7 @@ impl Stream {
         }
     }
 
-    /// Reads and writes wait no longer than this.
+    /// Sets the time limit of reads and writes.
     pub fn waits(&self, time: Duration) -> io::Result<()> {
         match self {
             Self::Tcp(stream) => {
@@ -103,7 +104,7 @@ impl Stream {
     }
 }
 
-/// Connects to the first of the addresses that answers, each tried for `limit`.
+/// Connects to the first of the addresses that answers, with the time limit `limit` for each.
 fn connect(address: &Address, limit: Duration) -> io::Result<Stream> {
     let name = match address {
         Address::Unix(path) => return UnixStream::connect(path).map(Stream::Unix),
@@ -144,14 +145,14 @@ impl Write for Stream {
     }
 }
 
-/// A socket that is listened on; a Unix socket's file goes with it.
+/// A listening socket. The file of a Unix socket is removed with it.
 pub enum Listener {
     Tcp(TcpListener),
     Unix(UnixListener, PathBuf),
 }
 
 impl Listener {
-    /// Listens without ever waiting for a client.
+    /// Listens on `address` without blocking.
     pub fn bind(address: &Address) -> io::Result<Self> {
         Ok(match address {
             Address::Tcp(address) => {
@@ -167,7 +168,7 @@ impl Listener {
         })
     }
 
-    /// Where it listens.
+    /// Returns the address that it listens on.
     pub fn address(&self) -> io::Result<Address> {
         Ok(match self {
             Self::Tcp(listener) => Address::Tcp(listener.local_addr()?.to_string()),
@@ -175,7 +176,7 @@ impl Listener {
         })
     }
 
-    /// A client that waits.
+    /// Accepts a waiting client.
     pub fn accept(&self) -> io::Result<Stream> {
         Ok(match self {
             Self::Tcp(listener) => {
@@ -195,7 +196,7 @@ impl Listener {
 impl Drop for Listener {
     fn drop(&mut self) {
         if let Self::Unix(_, path) = self {
-            // Somebody else may have taken it away.
+            // Another process may have removed it.
             let _ = std::fs::remove_file(path);
         }
     }

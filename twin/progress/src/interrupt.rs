@@ -1,4 +1,4 @@
-//! Ctrl-C as a wish to end in order.
+//! Ctrl-C as a request to end in order.
 
 use std::io;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -7,12 +7,13 @@ use std::sync::{Arc, OnceLock};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::flag;
 
-/// While one is alive, the first Ctrl-C (or SIGTERM, or the end of the terminal) is noted instead of ending the program; the second one ends it.
+/// Guard that catches interrupts. While one is alive, the first Ctrl-C (or SIGTERM, or the end of the terminal) is
+/// noted instead of ending the program. The second one ends it.
 pub struct Interrupt {
     flags: &'static Flags,
 }
 
-/// Those of all that catch: there is one operator.
+/// Flags that all guards share: there is one operator.
 static FLAGS: OnceLock<Flags> = OnceLock::new();
 
 #[derive(Debug)]
@@ -23,14 +24,14 @@ struct Flags {
 }
 
 impl Interrupt {
-    /// From now on. There is one operator: a second one at the same time is the same.
+    /// Catches interrupts from now on. Guards that are alive at the same time share their state: there is one operator.
     pub fn catch() -> io::Result<Self> {
         let flags = match FLAGS.get() {
             Some(flags) => flags,
             None => {
                 let new = Flags { happened: Arc::default(), deadly: Arc::new(AtomicBool::new(true)) };
                 for signal in [SIGINT, SIGTERM, SIGHUP] {
-                    // In this order: what is deadly is decided before the signal is noted.
+                    // The order matters: whether a signal is deadly is decided before it is noted.
                     flag::register_conditional_default(signal, new.deadly.clone())?;
                     flag::register(signal, new.deadly.clone())?;
                     flag::register(signal, new.happened.clone())?;
@@ -43,22 +44,22 @@ impl Interrupt {
         Ok(Self { flags })
     }
 
-    /// True if the operator wants to end.
+    /// True if the operator has asked to end.
     pub fn happened(&self) -> bool {
         self.flags.happened.load(Ordering::SeqCst)
     }
 }
 
-/// Work that ended early because the operator wanted it to: what is finished was kept.
+/// Error for work that ended early at the operator's request; finished pieces were kept.
 #[derive(Debug)]
 pub struct Interrupted {
-    /// Finished pieces.
+    /// Number of finished pieces.
     pub done: usize,
-    /// All pieces.
+    /// Number of all pieces.
     pub of: usize,
     /// Name of a piece with its verb, in the plural.
     pub what: &'static str,
-    /// The way to go on, in words.
+    /// Instructions for resuming.
     pub further: String,
 }
 
@@ -71,7 +72,7 @@ impl std::fmt::Display for Interrupted {
 
 impl std::error::Error for Interrupted {}
 
-/// True if the operator has wanted to end since somebody last began to catch that wish.
+/// True if the operator has asked to end since interrupts were last caught.
 pub fn is_interrupted() -> bool {
     FLAGS.get().is_some_and(|flags| flags.happened.load(Ordering::SeqCst))
 }

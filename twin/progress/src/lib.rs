@@ -1,5 +1,5 @@
-//! Progress of long work: a bar that is drawn in place on a terminal, and a line now and then where stderr goes into a log; and text of others as a
-//! terminal may have it ([`printable`]). [`interrupt`] notes Ctrl-C.
+//! Progress of long work: a bar drawn in place on a terminal, or a line now and then if stderr is redirected to a log.
+//! Also makes text of third parties safe for a terminal ([`printable`]). [`interrupt`] notes Ctrl-C.
 
 pub mod interrupt;
 mod printable;
@@ -13,24 +13,25 @@ use indicatif::{HumanDuration, ProgressDrawTarget, ProgressState, ProgressStyle,
 
 pub use self::printable::{printable, write_to_stderr};
 
-/// How often a line goes into a log.
+/// Interval between lines in a log.
 const PERIOD: Duration = Duration::from_secs(30);
-/// Columns of a line in a log.
+/// Width of a line in a log, columns.
 const COLUMNS: u16 = 160;
-/// How often a bar is drawn while nothing happens, so that a log has its lines in long steps, too.
+/// Interval between redraws of a bar while nothing happens, so that a log has its lines during long steps, too.
 const TICK: Duration = Duration::from_secs(1);
 
-/// A bar of `length` steps, called `what`, on stderr; hidden if `quiet`. It shows steps, time spent, time left and rate.
+/// Creates a bar of `length` steps, called `what`, on stderr; hidden if `quiet`. It shows steps, elapsed time, time
+/// left and rate.
 pub fn bar(length: u64, what: &str, quiet: bool) -> ProgressBar {
     drawn(Some(length), 0, what, quiet)
 }
 
-/// The same of work that goes on after `done` steps: they say nothing of the rate.
+/// As [`bar`], for work resumed after `done` steps, which do not count for the rate.
 pub fn resumed(length: u64, done: u64, what: &str, quiet: bool) -> ProgressBar {
     drawn(Some(length), done, what, quiet)
 }
 
-/// The same whose length is not known yet.
+/// As [`bar`], for work of unknown length.
 pub fn open(quiet: bool) -> ProgressBar {
     drawn(None, 0, "", quiet)
 }
@@ -39,12 +40,12 @@ fn drawn(length: Option<u64>, done: u64, what: &str, quiet: bool) -> ProgressBar
     let bar = ProgressBar::with_draw_target(length, target(quiet)).with_position(done);
     let template = format!("{{bar:28}} {{pos}}/{{len}} {what} [{{elapsed}} < {{left}}, {{rate}}] {{msg}}");
     let begun = Instant::now();
-    // Over all of the time: the bar's own estimate looks back for seconds, and steps may take minutes.
+    // The rate is that over all of the time: the bar's own estimate looks back for seconds, and steps may take minutes.
     let per_second = move |state: &ProgressState| {
         state.pos().saturating_sub(done) as f64 / begun.elapsed().as_secs_f64().max(f64::MIN_POSITIVE)
     };
     let bar = match ProgressStyle::with_template(&template) {
-        // A bar has nowhere to tell that it cannot be drawn.
+        // A bar cannot report that it cannot be drawn.
         Ok(style) => bar.with_style(
             style
                 .with_key("rate", move |state: &ProgressState, to: &mut dyn std::fmt::Write| {
@@ -63,7 +64,7 @@ fn drawn(length: Option<u64>, done: u64, what: &str, quiet: bool) -> ProgressBar
     bar
 }
 
-/// How long `steps` take at a rate; not known before the first one.
+/// Formats the time that `steps` take at a rate; unknown before the first step.
 fn left(steps: u64, per_second: f64) -> String {
     match Duration::try_from_secs_f64(steps as f64 / per_second) {
         Ok(left) => format!("{:#}", HumanDuration(left)),
@@ -71,7 +72,7 @@ fn left(steps: u64, per_second: f64) -> String {
     }
 }
 
-/// Steps a second, or a minute or hour where they are slow.
+/// Formats a rate in steps per second, or per minute or hour if they are slow.
 fn rate(per_second: f64) -> String {
     match per_second {
         fast if fast >= 1.0 => format!("{fast:.1}/s"),
@@ -80,7 +81,7 @@ fn rate(per_second: f64) -> String {
     }
 }
 
-/// Where a bar is drawn: nowhere if `quiet`, else on stderr.
+/// Returns the target of a bar: hidden if `quiet`, else stderr.
 pub fn target(quiet: bool) -> ProgressDrawTarget {
     match (quiet, io::stderr().is_terminal()) {
         (true, _) => ProgressDrawTarget::hidden(),
@@ -89,7 +90,7 @@ pub fn target(quiet: bool) -> ProgressDrawTarget {
     }
 }
 
-/// A log as a terminal: keeps what a bar draws, and writes it as a line each [`PERIOD`].
+/// A log in the role of a terminal: keeps the drawing of a bar, and writes it as one line each [`PERIOD`].
 #[derive(Debug)]
 struct Log<W> {
     state: Mutex<LogState<W>>,
@@ -98,9 +99,9 @@ struct Log<W> {
 #[derive(Debug)]
 struct LogState<W> {
     out: W,
-    /// What has been drawn since the last flush.
+    /// Text drawn since the last flush.
     drawn: String,
-    /// When the last line was written; at first, when the work began.
+    /// Time of the last written line, or of the beginning of the work before the first one.
     written: Instant,
 }
 
@@ -168,7 +169,7 @@ impl<W: Write + Send + std::fmt::Debug> TermLike for Log<W> {
 mod tests {
     use super::*;
 
-    /// Of many drawings the log gets one a period, whole and without control characters.
+    /// Of many drawings the log gets one per period, whole and without control characters.
     #[test]
     fn a_log_gets_a_line_now_and_then() {
         let begun = Instant::now();
@@ -193,7 +194,7 @@ mod tests {
         );
     }
 
-    /// A bar's drawing arrives in a log as one line with what it counts.
+    /// The drawing of a bar arrives in a log as one line with its count.
     #[test]
     fn a_bar_draws_into_a_log() {
         let log = Log::new(Vec::new());

@@ -1,22 +1,24 @@
-//! Text that others wrote, as a terminal may have it: nothing in it is an order to the terminal.
+//! Text of third parties, made safe for a terminal: nothing in it can control the terminal.
 //!
-//! Names, reasons and answers come from files, sockets and devices of strangers. An escape sequence in one of them could clear the screen, rewrite lines above or
-//! set the window's title. [`printable`] is the one place that makes such text harmless. The macros of this crate ([`eprintln!`](crate::eprintln) and
-//! [`eprint!`](crate::eprint)) put it around all that a crate writes to stderr, once `#[macro_use] extern crate progress;` stands in its root.
+//! Names, reasons and answers come from files, sockets and devices of strangers. An escape sequence in one of them
+//! could clear the screen, rewrite earlier lines or set the window's title. [`printable`] is the one place that makes
+//! such text harmless. The macros of this crate ([`eprintln!`](crate::eprintln) and [`eprint!`](crate::eprint)) apply
+//! it to everything that a crate writes to stderr, once its root contains `#[macro_use] extern crate progress;`.
 
 use std::borrow::Cow;
 use std::fmt::Write as _;
 use std::io::{self, Write as _};
 
-/// Whether `letter` may be an order to a terminal rather than text: control characters of ASCII and of Latin-1 (U+0080 to U+009F), and those that
-/// turn the direction of writing. Lines and columns of our own stay.
+/// True if `letter` may be a control code of a terminal rather than text: control characters of ASCII and of Latin-1
+/// (U+0080 to U+009F), and those that change the writing direction. Line feed and tab are allowed.
 fn is_order(letter: char) -> bool {
     let turns =
         matches!(letter, '\u{061c}' | '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
     turns || letter.is_control() && !matches!(letter, '\n' | '\t')
 }
 
-/// `text` with every character that may be an order to a terminal written as `\u001b`: the escape of JSON, which stays JSON by this.
+/// Returns `text` with every possible control code escaped as in `\u001b`. This is the escape of JSON, so JSON stays
+/// JSON.
 pub fn printable(text: &str) -> Cow<'_, str> {
     if !text.contains(is_order) {
         return Cow::Borrowed(text);
@@ -24,7 +26,7 @@ pub fn printable(text: &str) -> Cow<'_, str> {
     let mut shown = String::with_capacity(text.len() + 16);
     for letter in text.chars() {
         if is_order(letter) {
-            // A string takes everything.
+            // Writing to a string cannot fail.
             let _ = write!(shown, "\\u{:04x}", u32::from(letter));
         } else {
             shown.push(letter);
@@ -33,19 +35,19 @@ pub fn printable(text: &str) -> Cow<'_, str> {
     Cow::Owned(shown)
 }
 
-/// Writes to stderr what of `text` is [`printable`]. Where nobody reads it any more (a closed pipe, a terminal that hung up) nothing happens: the work
-/// goes on.
+/// Writes `text` to stderr in its [`printable`] form. If nobody reads stderr any more (a closed pipe, a terminal that
+/// hung up), nothing happens and the work goes on.
 pub fn write_to_stderr(text: std::fmt::Arguments) {
     let _ = io::stderr().write_all(printable(&text.to_string()).as_bytes());
 }
 
-/// [`std::eprint!`] by [`write_to_stderr`].
+/// [`std::eprint!`] through [`write_to_stderr`].
 #[macro_export]
 macro_rules! eprint {
     ($($text:tt)*) => { $crate::write_to_stderr(::std::format_args!($($text)*)) };
 }
 
-/// [`std::eprintln!`] by [`write_to_stderr`].
+/// [`std::eprintln!`] through [`write_to_stderr`].
 #[macro_export]
 macro_rules! eprintln {
     () => { $crate::write_to_stderr(::std::format_args!("\n")) };

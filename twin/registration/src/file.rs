@@ -1,4 +1,4 @@
-//! The files of the registration: what is touched, and what came of it.
+//! File of the result of a registration.
 
 use std::path::Path;
 
@@ -6,7 +6,7 @@ use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use platform::data::{DataError, parse_toml, read_text};
 use serde::{Deserialize, Serialize};
 
-/// Where the arm stands, as a file.
+/// Registered pose of the arm's base, as a file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RegistrationFile {
@@ -14,19 +14,19 @@ pub struct RegistrationFile {
     pub version: u32,
     /// Position of `world_from_base`, m.
     pub position: [f64; 3],
-    /// Its rotation, i, j, k, w.
+    /// Rotation of `world_from_base` as a quaternion, i, j, k, w.
     pub quaternion: [f64; 4],
-    /// Standard deviations of the marks' middle (m) and of the rotation (rad), world axes.
+    /// Standard deviations of the position of the marks' centre (m) and of the rotation (rad), world axes.
     pub sigma: [f64; 6],
-    /// How far each touched point stays from where it is known to be, m.
+    /// Residual distance of each touched point from its known position, m.
     pub residuals: Vec<f64>,
 }
 
-/// A base that stands further from its nominal place than this was not meant: m and rad.
+/// Largest plausible offset of the base from its nominal pose: m and rad.
 const FARTHEST: (f64, f64) = (0.1, 0.2);
 
 impl RegistrationFile {
-    /// Of what was found.
+    /// Creates the file of a registration.
     pub fn new(found: &control::registration::Registration) -> Self {
         let (t, q) = (found.world_from_base.translation.vector, found.world_from_base.rotation.coords);
         Self {
@@ -66,12 +66,12 @@ impl RegistrationFile {
         Ok(read)
     }
 
-    /// As it stands in a file.
+    /// Formats the file as TOML.
     pub fn to_toml(&self) -> Result<String, toml::ser::Error> {
         toml::to_string(self)
     }
 
-    /// Where the arm's base stands.
+    /// Returns the pose of the arm's base.
     pub fn world_from_base(&self) -> Isometry3<f64> {
         let [i, j, k, w] = self.quaternion;
         Isometry3::from_parts(

@@ -1,7 +1,9 @@
-//! Where the arm's base stands on the table: the hand touches balls on known marks, and [`control::registration`] fits the base to them.
+//! Registration of the arm's base to the table: the hand touches balls on known marks, and [`control::registration`]
+//! fits the base pose to them.
 //!
-//! A pad that comes down on the flat table tells the table's height under it and nothing else. A ball tells all three coordinates of its
-//! middle, by the same guarded motion and the same registration of touches with which `touch` finds an object before it takes it.
+//! A pad that comes down on the flat table measures only the table's height under it. A ball gives all three
+//! coordinates of its centre, by the same guarded motion and the same registration of touches with which `touch`
+//! palpates an object before grasping it.
 
 mod file;
 
@@ -30,26 +32,26 @@ use touch::backgrounds;
 pub use file::RegistrationFile;
 pub use robot_backends::mount::{Plan, hidden_mount};
 
-/// Standard deviation of the turn of the ball in the hand, rad: all its turns are alike.
+/// Standard deviation of the rotation of the ball in the hand, rad: all of its rotations look alike.
 const TURNED: f64 = 0.08;
-/// The untouched pads are asked for so long, s.
+/// Time limit for the images of the untouched pads, s.
 const FIRST_IMAGES: f64 = 5.0;
-/// How often a ball is touched that is not felt.
+/// Number of attempts to touch a ball that is not felt.
 const TRIES: usize = 3;
-/// No part of the way takes longer, s.
+/// Time limit of each part of the motion, s.
 const LONGEST: f64 = 60.0;
 
-/// What a step of the registration came to, for whoever watches.
+/// Progress of the registration, for display.
 pub enum Step<'a> {
     /// About to touch the ball on this mark (from 0) for this time (from 0).
     Touching(usize, usize),
-    /// It was felt so far beside where it was expected, m, world.
+    /// The ball was felt at this offset from its expected position, world, m.
     Felt(&'a Vector3<f64>),
-    /// Nothing was felt that can be it.
+    /// Nothing was felt that can be the ball.
     Nothing,
 }
 
-/// A hand that goes from ball to ball.
+/// A hand that moves from ball to ball.
 pub struct Registrar<'a> {
     world: &'a World,
     plan: &'a Plan,
@@ -59,7 +61,8 @@ pub struct Registrar<'a> {
 }
 
 impl<'a> Registrar<'a> {
-    /// With the ball of `plan`; the posture of the fingers that do not touch is that of a grasp of `repertoire`.
+    /// Creates a registrar with the ball of `plan`. The fingers that do not touch take the posture of a grasp of
+    /// `repertoire`.
     pub fn new(world: &'a World, plan: &'a Plan, repertoire: &Repertoire) -> Result<Self> {
         let model = world.object(&plan.object)?;
         let world::geometry::Shape::Sphere { radius } = model.shape else {
@@ -71,13 +74,13 @@ impl<'a> Registrar<'a> {
         Ok(Self { world, plan, ball: KnownObject::new(model), radius, grasp })
     }
 
-    /// The middle of the ball on a mark, m, world.
+    /// Returns the centre of the ball on a mark, world, m.
     pub fn middle(&self, mark: usize) -> Point3<f64> {
         let [x, y] = self.plan.marks[mark];
         Point3::new(x, y, self.radius)
     }
 
-    /// Balls on all marks.
+    /// Returns the placements of the balls on all marks.
     pub fn placements(&self) -> Vec<ObjectPlacement> {
         let placement = |mark: usize| ObjectPlacement {
             model: self.ball.model.clone(),
@@ -86,7 +89,7 @@ impl<'a> Registrar<'a> {
         (0..self.plan.marks.len()).map(placement).collect()
     }
 
-    /// The simulated robot before balls on all marks that cannot roll, its base at `world_from_base`.
+    /// Creates the simulated robot in front of fixed balls on all marks, with its base at `world_from_base`.
     pub fn scene(&self, world_from_base: &Isometry3<f64>, board: TactileBoard) -> SimulatedRobot {
         let setup = self.world.bare_scene(self.world.cell.ready, &TrialNoise::none());
         let setup = sim::SceneSetup { world_from_base: *world_from_base, objects: self.placements(), ..setup };
@@ -96,7 +99,7 @@ impl<'a> Registrar<'a> {
         robot
     }
 
-    /// About to touch the first ball, with the arm in its ready posture.
+    /// Creates the executor about to touch the first ball, with the arm in its ready posture.
     fn executor(&self, tick: f64) -> Result<Executor> {
         let cell = &self.world.cell;
         let start = Target { grasp: self.grasp.clone(), percept: self.percept(&self.middle(0), 0.0) };
@@ -104,14 +107,15 @@ impl<'a> Registrar<'a> {
         Ok(Executor::new(cell.robot.hand.clone(), servo, protocol, vec![start], tick)?)
     }
 
-    /// A ball at `middle`, to be touched with the hand turned by `heading` (rad).
+    /// Returns the percept of a ball at `middle`, to be touched with the hand at yaw `heading` (rad).
     fn percept(&self, middle: &Point3<f64>, heading: f64) -> Percept {
         let ball =
             Percept::of_ball(&Isometry3::from_parts(Translation3::from(middle.coords), UnitQuaternion::identity()));
         Percept { yaw: heading - self.grasp.yaw, ..ball }
     }
 
-    /// Which touches the arm can carry out with the base where it is taken to be, mark by mark and heading by heading.
+    /// Plans all touches with the base at its assumed pose. Returns the duration (s) of each feasible touch, by mark
+    /// and by heading.
     pub fn dry_run(&self) -> Result<Vec<Vec<Option<f64>>>> {
         let mut executor = self.executor(1.0 / 120.0)?;
         let mut time = |mark: usize, heading: f64| {
@@ -125,8 +129,8 @@ impl<'a> Registrar<'a> {
             .collect())
     }
 
-    /// Touches every ball once with each heading, and fits the base to them. The hand is back where it began at the end; where it was
-    /// stopped it stands where it is.
+    /// Touches every ball once with each heading, and fits the base pose to them. At the end the hand is back at its
+    /// start. After a stop it stays where it is.
     pub fn run(
         &self,
         body: &mut dyn TrialBody,
@@ -137,14 +141,14 @@ impl<'a> Registrar<'a> {
         executor.watch_images(FIRST_IMAGES);
         let pipeline = self.untouched(body, &mut executor, pipeline)?;
         let senses = Senses::new(&pipeline, Sensing::Full)?;
-        // Where the table is for the arm as it knows itself.
+        // Pose of the table in the frame of the arm's own belief.
         let mut cell_from_world = Isometry3::identity();
         let mut points = Vec::new();
         for (round, heading) in self.plan.headings.iter().enumerate() {
             for mark in 0..self.plan.marks.len() {
                 let expected = cell_from_world * self.middle(mark);
                 let mut felt = None;
-                // Images that come late on a busy computer can miss a touch.
+                // Late images on a busy computer can miss a touch.
                 for _ in 0..TRIES {
                     tell(Step::Touching(mark, round));
                     felt = self.touch(body, &mut executor, &senses, &expected, *heading, round)?;
@@ -170,14 +174,14 @@ impl<'a> Registrar<'a> {
                     covariance: turn * found.1 * turn.transpose(),
                 });
             }
-            // What was felt so far says where the next round finds the balls.
+            // The touches so far predict the positions of the balls in the next round.
             let fitted = register(&points, f64::INFINITY)?;
             cell_from_world = self.world.cell.world_from_base * fitted.world_from_base.inverse();
         }
         Ok((register(&points, self.plan.most_residual)?, points))
     }
 
-    /// How far beside its expected place a ball is still taken for itself, m.
+    /// Returns the prior standard deviation of a ball's position in this round, m.
     fn sigma(&self, round: usize) -> f64 {
         if round == 0 { self.plan.expected } else { 0.5 * self.plan.expected }
     }
@@ -186,7 +190,7 @@ impl<'a> Registrar<'a> {
         4.0 * self.sigma(round)
     }
 
-    /// Perception with the pads as they are before anything was touched.
+    /// Returns perception with reference images of the pads before they touch anything.
     fn untouched(
         &self,
         body: &mut dyn TrialBody,
@@ -205,7 +209,8 @@ impl<'a> Registrar<'a> {
         Ok(pipeline.with_backgrounds(backgrounds(executor.motion().newest_images(), pipeline.backgrounds().len())?)?)
     }
 
-    /// Where a ball is that is expected at `expected`, by touch: in the world as the arm's nominal base has it, m, with covariance, m2.
+    /// Touches the ball expected at `expected`. Returns its position in the world of the arm's nominal base, m, with
+    /// covariance, m2; none if it was not felt.
     fn touch(
         &self,
         body: &mut dyn TrialBody,
@@ -253,7 +258,7 @@ fn play(body: &mut dyn TrialBody, executor: &mut Executor, phase: Phase) -> Resu
             bail!("the hand does not get on: found it {}, expected {}", executor.phase().name(), phase.name());
         }
     }
-    // What comes next is to be thought about first.
+    // The next step needs thought first.
     body.pause();
     Ok(())
 }
@@ -274,7 +279,8 @@ fn tick(body: &mut dyn TrialBody, executor: &mut Executor, outage: &mut Outage) 
     }
 }
 
-/// How far `found` is from `truth`: of the place of `middle`, m, and of the rotation, rad. For whoever judges.
+/// Returns the error of `found` against `truth`: of the position of `middle`, m, and of the rotation, rad. For whoever
+/// judges.
 pub fn error(found: &Isometry3<f64>, truth: &Isometry3<f64>, middle: &Point3<f64>) -> (f64, f64) {
     let base = truth.inverse() * middle;
     ((found * base - middle).norm(), found.rotation.angle_to(&truth.rotation))

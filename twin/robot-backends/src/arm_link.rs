@@ -1,4 +1,4 @@
-//! The client of the arm that a configuration names.
+//! Client of the configured arm.
 
 use std::io::ErrorKind;
 use std::net::ToSocketAddrs as _;
@@ -15,7 +15,7 @@ use kortex::link::LinkError;
 use kortex::refusal::Reason;
 use kortex::{Address, Credentials, KortexError, Timeouts};
 
-/// The client of the configured arm of `robot`, connected. `near` is the posture it is expected in, rad.
+/// Connects the client of the configured arm of `robot`. `near` is the posture in which the arm is expected, rad.
 pub fn arm_link(config: &BridgeConfig, robot: &RobotModel, near: ArmVector) -> Result<Box<dyn ArmLink>> {
     expect_driven(robot)?;
     Ok(match connect(config, near)? {
@@ -27,7 +27,7 @@ pub fn arm_link(config: &BridgeConfig, robot: &RobotModel, near: ArmVector) -> R
     })
 }
 
-/// The configured arm itself, if there is one.
+/// Connects the configured arm itself, if there is one.
 pub fn connect(config: &BridgeConfig, near: ArmVector) -> Result<Option<kortex::Arm>> {
     let ArmConfig::Kortex { host, tcp_port, udp_port, user, password, .. } = &config.arm else { return Ok(None) };
     let resolved = |port: u16| {
@@ -42,7 +42,7 @@ pub fn connect(config: &BridgeConfig, near: ArmVector) -> Result<Option<kortex::
     Ok(Some(arm))
 }
 
-/// What to do about an arm that cannot be connected.
+/// Returns advice on an arm that cannot be connected.
 fn advice(error: &KortexError) -> &'static str {
     match error {
         KortexError::Link(LinkError::Io(error)) if error.kind() == ErrorKind::ConnectionRefused => {

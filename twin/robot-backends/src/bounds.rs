@@ -1,6 +1,6 @@
-//! Limits on the counts that a session's task asks for.
+//! Bounds on the counts that a session's task may ask for.
 //!
-//! Others may have written the file. A count in it is the length of work to come.
+//! The file may come from a third party. A count in it is the amount of work to come.
 
 use std::path::Path;
 
@@ -9,13 +9,13 @@ use scenarios::Scenario;
 
 use crate::{Places, Task};
 
-/// Most trials of a combination.
+/// Largest number of trials of a combination.
 pub const MOST_TRIALS: usize = 100_000;
 /// Tolerance of a quaternion's norm about 1.
 const NORM: f64 = 1e-6;
 
 impl Task {
-    /// The task that the session at `path` carries, and its scenario.
+    /// Parses the task that the session at `path` carries, with its scenario.
     pub fn parse(text: &[u8], path: &Path) -> Result<(Self, Scenario), DataError> {
         let task: Self = serde_json::from_slice(text).map_err(|error| {
             let expected = "a trial recorded by `ftac trial --session` or `ftac bench`";
@@ -40,7 +40,7 @@ impl Task {
 }
 
 impl Places {
-    /// Checks what the file at `path` says.
+    /// Checks the places in the file at `path`.
     pub fn check(&self, path: &Path) -> Result<(), DataError> {
         let Some(base) = &self.base else { return Ok(()) };
         let norm = base[3..].iter().map(|part| part * part).sum::<f64>().sqrt();

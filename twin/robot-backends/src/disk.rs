@@ -1,16 +1,17 @@
-//! Room for a session, looked for before anything moves.
+//! Check of the free disk space for a session, made before anything moves.
 
 use std::path::Path;
 
 use anyhow::{Context as _, Result, bail};
 
-/// What a session may come to, bytes: 10 MB a second were measured with five images a second of each camera, and a trial may last two minutes.
+/// Upper estimate of the size of a session, bytes: 10 MB per second were measured with five images per second of each
+/// camera, and a trial may last two minutes.
 const SESSION: u64 = 1_500_000_000;
 
-/// Makes the folder and looks whether a session can be written into it.
+/// Creates the folder and checks that a session can be written into it.
 pub fn room_for_session(folder: &Path) -> Result<()> {
     std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
-    // Written and gone again: permissions alone do not tell.
+    // A file is written and removed again: permissions alone do not tell.
     tempfile::NamedTempFile::new_in(folder).with_context(|| {
         format!("{}: found a folder that cannot be written to, expected room for the session", folder.display())
     })?;
@@ -38,7 +39,7 @@ mod tests {
         std::fs::write(&file, "x").expect("written");
         assert!(room_for_session(&file.join("sessions")).is_err());
         let sessions = folder.path().join("a/b");
-        // Whether there is room depends on the disk; the folder is there, and empty, either way.
+        // The result depends on the disk. In either case the folder exists and is empty.
         let _ = room_for_session(&sessions);
         assert_eq!(std::fs::read_dir(&sessions).expect("made").count(), 0);
     }

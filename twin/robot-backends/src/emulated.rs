@@ -1,4 +1,5 @@
-//! The hardware bridge on emulated devices whose plant is the simulated robot, in lock-step; and the simulated robot with its session recorded.
+//! The hardware bridge on emulated devices whose plant is the simulated robot, in lock-step. Also the simulated robot
+//! with its session recorded.
 
 use std::path::PathBuf;
 use std::sync::mpsc::{self, Receiver};
@@ -23,25 +24,26 @@ use object_detector::{Address, Vision, VisionLink, VisionSource};
 
 use super::{BodySource, Glance, Task, TrialBody, TrialSetup};
 
-/// What the spool takes up beyond the geometric closing when the cable stretches under the strongest pull, rad.
+/// Additional travel of the spool beyond the geometric closing, because the cable stretches under the strongest pull,
+/// rad.
 const STRETCH: f64 = 0.35;
-/// JPEG quality of the emulated board: what a firmware with room on its USB line would take.
+/// JPEG quality of the emulated board: that of a firmware with spare bandwidth on its USB line.
 const QUALITY: u8 = 95;
-/// Waited for an answer of the servos, s of real time.
+/// Time limit for an answer of the servos, s of real time.
 const SLACK: f64 = 20.0;
 
-/// The simulated robot as a plant that somebody else looks at too.
+/// The simulated robot as a plant that others can observe too.
 #[derive(Clone)]
 pub struct SharedPlant(Arc<Mutex<SimulatedRobot>>);
 
 impl SharedPlant {
-    /// Around a robot in its scene.
+    /// Wraps a robot in its scene.
     pub fn new(robot: SimulatedRobot) -> Self {
         Self(Arc::new(Mutex::new(robot)))
     }
 
     pub fn lock(&self) -> MutexGuard<'_, SimulatedRobot> {
-        // Whoever panicked with it has said so.
+        // A panic of another holder has been reported already.
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -64,7 +66,7 @@ impl Plant for SharedPlant {
     }
 }
 
-/// Travel of every shaft of a hand, rad: the closing of all joints, and the cable's stretch.
+/// Returns the travel of every shaft of a hand, rad: the closing of all joints, and the cable's stretch.
 pub fn travel(hand: &Hand) -> [f64; SERVOS] {
     std::array::from_fn(|n| match hand.transmission.cables.get(n) {
         Some(cable) => cable.full_excursion() / hand.cables[n].spool_radius + STRETCH,
@@ -72,7 +74,7 @@ pub fn travel(hand: &Hand) -> [f64; SERVOS] {
     })
 }
 
-/// The usual lock-step robot around a plant.
+/// Returns the usual settings of the lock-step robot.
 pub fn settings(hand: &Hand, seed: u64) -> LockstepSettings {
     let board = BoardSettings { quality: QUALITY, ..BoardSettings::default() };
     LockstepSettings {
@@ -83,13 +85,13 @@ pub fn settings(hand: &Hand, seed: u64) -> LockstepSettings {
     }
 }
 
-/// The emulated robot and the simulated one that its devices move.
+/// The emulated robot, and the simulated one that its devices move.
 pub struct Emulated {
     robot: LockstepRobot,
     plant: SharedPlant,
-    /// What looks at the objects in the place of simulated perception, and their names.
+    /// Vision system that replaces simulated perception, with the objects' names.
     eyes: Option<(VisionLink, Vec<String>)>,
-    /// The camera behind them, if it comes with the robot.
+    /// Camera behind the vision system, if it comes with the robot.
     _camera: Option<Camera>,
 }
 
@@ -121,10 +123,10 @@ impl TrialBody for Emulated {
     }
 }
 
-/// Where emulated robots come from.
+/// Source of emulated robots.
 pub struct EmulatedSource {
     robot: RobotModel,
-    /// Folder of the sessions' files, if they are recorded.
+    /// Folder of the session files, if sessions are recorded.
     sessions: Option<PathBuf>,
     eyes: Option<Vision>,
     packets: Option<Receiver<Packet>>,
@@ -132,22 +134,23 @@ pub struct EmulatedSource {
 }
 
 impl EmulatedSource {
-    /// Of this robot.
+    /// Creates the source of this robot.
     pub fn new(robot: RobotModel, sessions: Option<PathBuf>) -> Self {
         Self { robot, sessions, eyes: None, packets: None, about: None }
     }
 
-    /// The same with a vision system that says where objects are.
+    /// Adds a vision system that reports object poses.
     #[must_use]
     pub fn with_eyes(self, eyes: Option<Vision>) -> Self {
         Self { eyes, ..self }
     }
 }
 
-/// How a camera errs that comes with an emulated robot: m, and rad about the vertical. What pose estimators of known objects reach on a table.
+/// Standard errors of the camera that comes with an emulated robot: position, m, and rotation about the vertical, rad.
+/// Pose estimators of known objects on a table reach them.
 pub const CAMERA: (f64, f64) = (0.003, 0.02);
 
-/// What a camera sees of the plant.
+/// Returns the function by which a camera sees the plant's objects.
 pub fn sight(plant: &SharedPlant, names: Vec<String>) -> Sight {
     let plant = plant.clone();
     Box::new(move || names.iter().cloned().zip(plant.lock().truth().objects).collect())
@@ -194,9 +197,9 @@ impl BodySource for EmulatedSource {
     }
 }
 
-/// Simulated robots whose sessions are recorded.
+/// Source of simulated robots whose sessions are recorded.
 pub struct SimulatedSource {
-    /// Folder of the sessions' files.
+    /// Folder of the session files.
     pub sessions: PathBuf,
 }
 
@@ -210,7 +213,7 @@ impl BodySource for SimulatedSource {
     }
 }
 
-/// The file of a trial's session in `folder`; an unfinished one of an earlier run is moved out of the way.
+/// Returns the file of a trial's session in `folder`. An existing file of an earlier run is renamed.
 pub fn session_file(folder: Option<&std::path::Path>, task: &Task) -> Result<Option<PathBuf>> {
     let Some(folder) = folder else { return Ok(None) };
     std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;

@@ -1,4 +1,4 @@
-//! The real robot: what it needs of its operator, before, during and after a trial.
+//! The real robot, with its questions to the operator before, during and after a trial.
 
 use std::time::Duration;
 
@@ -20,29 +20,29 @@ mod source;
 
 pub use self::source::{Checked, HardwareSource};
 
-/// Waited for the first measurements to pass the checks.
+/// Time limit for the first measurements to pass the checks.
 const PATIENCE: Duration = Duration::from_secs(5);
-/// Longest wait for an operator who was asked something, s; after that the robot holds.
+/// Longest wait for an operator's answer, s; after it the robot holds.
 const OPERATOR: f64 = 600.0;
-/// A program that stood still so recently may be to blame for what came then.
+/// Time within which a standstill of this program may have caused a stop of the robot.
 const RECENTLY: Duration = Duration::from_secs(5);
 
-/// The real robot, with what it needs of its operator.
+/// The real robot with its operator.
 pub struct Hardware {
     robot: HardwareRobot,
     places: Vec<Isometry3<f64>>,
     names: Vec<String>,
     /// Longest time to think, s.
     pause: f64,
-    /// From torque on to the end.
+    /// Interrupt by the operator, caught from torque-on to the end.
     interrupt: Interrupt,
     eyes: Option<VisionLink>,
     operator: Operator,
 }
 
 impl Hardware {
-    /// What the operator answers in mid-trial, while the robot stands still. A robot that stops meanwhile ends the
-    /// question and the trial.
+    /// Asks the operator in mid-trial while the robot stands still. Returns the answer. A robot that stops meanwhile
+    /// ends the question and the trial.
     fn ask(&mut self, question: &str) -> Result<String> {
         self.robot.pause(OPERATOR);
         match self.operator.ask_until(question, || Ok(self.stopped().is_some()))? {
@@ -51,8 +51,8 @@ impl Hardware {
         }
     }
 
-    /// What the operator answers once the trial is played. A robot that is lost meanwhile has not kept the objects to the
-    /// end; one that holds because its operator takes long has.
+    /// Asks the operator after the trial. A robot that is lost meanwhile has not kept the objects to the end. One that
+    /// holds because its operator takes long has.
     fn ask_for_verdict(&mut self, question: &str) -> Result<String> {
         self.robot.pause(OPERATOR);
         let waited = |state: State| matches!(state, State::Hold(Cause::HostSilent(_)));
@@ -79,7 +79,7 @@ impl Hardware {
         }
     }
 
-    /// What went wrong, by number.
+    /// Asks for the cause of failure, by number.
     fn why_not(&mut self) -> Result<FailureCause> {
         use FailureCause::{
             BothDropped, FirstDropped, FirstNotPicked, SecondDropped, SecondNotPicked, Slipped, Unreachable,
@@ -108,7 +108,7 @@ impl TrialBody for Hardware {
         None
     }
 
-    /// A vision system looks, or nobody but the operator, who puts the object where it belongs.
+    /// Looks with the vision system, or without one asks the operator, who puts the object at its nominal place.
     fn look(&mut self, glance: &Glance) -> Result<Option<Sighted>> {
         let object = glance.object;
         if let Some(eyes) = &mut self.eyes {
@@ -128,13 +128,13 @@ impl TrialBody for Hardware {
             shown(&place)
         );
         self.ask(&question)?;
-        // With the answer the controller goes on thinking.
+        // After the answer the controller goes on thinking.
         self.pause();
         Ok(Some(place.into()))
     }
 
     fn hold(&mut self) {
-        // A robot that cannot hold says why by its state.
+        // The state of a robot that cannot hold gives the reason.
         let _ = self.robot.hold();
     }
 
@@ -144,7 +144,7 @@ impl TrialBody for Hardware {
 
     fn stopped(&self) -> Option<String> {
         if self.interrupt.happened() && matches!(self.robot.state(), State::Running | State::Armed) {
-            // A robot that cannot hold says why by its state.
+            // The state of a robot that cannot hold gives the reason.
             let _ = self.robot.hold();
         }
         let state = self.robot.state();
@@ -183,7 +183,7 @@ impl TrialBody for Hardware {
         let report = self.robot.report();
         let ms = |seconds: f64| 1e3 * seconds;
         let mm = |metres: f64| 1e3 * metres;
-        // How near to the supervisor's limits the robot came: what owners set their own by.
+        // Smallest margins to the supervisor's limits, by which owners set their own.
         let pressed = report.margins.pressed.map(|most| {
             serde_json::json!({"torque_nm": most.torque, "residual_nm": most.residual, "longest_above_ms": ms(most.longest)})
         });
@@ -204,7 +204,7 @@ impl TrialBody for Hardware {
         }))
     }
 
-    /// The hand opens only when somebody says so.
+    /// Opens the hand only if the operator says so.
     fn leave(&mut self, why: Option<&str>) -> Result<()> {
         if let Some(why) = why {
             eprintln!("STOPPED: {why}");
@@ -224,7 +224,7 @@ impl TrialBody for Hardware {
         let answer = self
             .operator
             .ask_until(question, || {
-                // Said when it happens, once: it changes what the operator holds hands under.
+                // Reported once, when it happens: it changes what the operator holds hands under.
                 if !told && let State::Fault(cause) = self.robot.state() {
                     told = true;
                     eprint!("\nSTOPPED meanwhile: fault: {cause}; the trial was over. {question} ");
@@ -236,7 +236,7 @@ impl TrialBody for Hardware {
             eprintln!("left holding; switch the servos' supply off to open the hand");
             return Ok(());
         }
-        // Until the torque was read back.
+        // Returns when the torque has been read back as off.
         let off = self.robot.release()?;
         eprintln!("released: {off}");
         Ok(())

@@ -1,13 +1,15 @@
 //! Robots on which a trial can be played.
 //!
-//! The simulated robot can be cloned: trials branch on it, and each branch goes its own way. No other body can be cloned ([`SingleBody`]): the
-//! emulated devices with a plant behind them ([`emulated`]), the real robot ([`hardware`]), a recorded session ([`replayed`]), and the simulated robot
-//! when its session is recorded. For those every condition begins a trial of its own, and a clone is the same body.
+//! The simulated robot can be cloned: trials branch on it, and each branch goes its own way. No other body can be
+//! cloned ([`SingleBody`]): the emulated devices with a plant behind them ([`emulated`]), the real robot
+//! ([`hardware`]), a recorded session ([`replayed`]), and the simulated robot if its session is recorded. On those
+//! every condition begins a trial of its own, and a clone is the same body.
 //!
-//! [`Body`] is what the trial loop holds. The controller gets no more of it than [`RobotBackend`]; what a trial needs beside (the referee's truth, prior
-//! perception, the operator) is in [`TrialBody`], for the program alone. [`mount`] hides the base of an emulated one.
+//! [`Body`] is the handle of the trial loop. The controller gets only the [`RobotBackend`] of it. The other needs of a
+//! trial (ground truth for the referee, prior perception, the operator) are in [`TrialBody`], for the program alone.
+//! [`mount`] hides the base of an emulated robot.
 
-// What is printed may hold text of others: `eprintln!` is the one that makes it printable.
+// Printed text may come from third parties: this `eprintln!` makes it printable.
 #[macro_use]
 extern crate progress;
 
@@ -39,12 +41,12 @@ use sim::robot::Truth;
 
 pub use self::task::{Places, Task};
 
-/// Why a trial ended before its end; the body holds what it holds.
+/// Reason for which a trial ended early. The hand keeps its grip.
 #[derive(Debug, Clone, thiserror::Error)]
 #[error("{0}")]
 pub struct Stopped(pub String);
 
-/// A recorded look that failed, and why.
+/// Reason for which a recorded look failed.
 #[derive(Debug, Clone, thiserror::Error)]
 #[error("{0}")]
 pub struct LookFailed(pub String);
@@ -54,47 +56,47 @@ pub struct LookFailed(pub String);
 pub struct Glance {
     /// Number of the object.
     pub object: usize,
-    /// Its error.
+    /// Error of the look.
     pub noise: ObjectNoise,
-    /// Where the object was when the frame was taken; `None` is where it is.
+    /// Pose of the object when the frame was taken; `None` for its present pose.
     pub then: Option<Isometry3<f64>>,
-    /// Where the camera is, m, world; `None` sees everything.
+    /// Position of the camera, world, m; `None` sees everything.
     pub camera: Option<Point3<f64>>,
 }
 
-/// What a trial needs of a body beside what a controller may know.
+/// A body with everything that a trial needs of it in addition to the controller's interface.
 pub trait TrialBody {
-    /// What a controller may know of it.
+    /// Returns the controller's interface.
     fn robot(&self) -> &dyn RobotBackend;
-    /// The same, to be driven.
+    /// Returns the controller's interface, to drive it.
     fn robot_mut(&mut self) -> &mut dyn RobotBackend;
-    /// The truth, where somebody knows it: for referee and recording only.
+    /// Returns the ground truth, if it is known: for referee and recording only.
     fn truth(&self) -> Option<Truth>;
-    /// What prior perception says of an object now, or nothing if it is hidden.
+    /// Returns the percept of an object now, or `None` if it is hidden.
     fn look(&mut self, glance: &Glance) -> Result<Option<Sighted>>;
-    /// Why it no longer follows commands, and what to do about it.
+    /// Returns the reason for which the body no longer follows commands, with advice.
     fn stopped(&self) -> Option<String> {
         None
     }
-    /// Stops it where it is; it holds what it holds.
+    /// Stops the body where it is; the hand keeps its grip.
     fn hold(&mut self) {}
-    /// The controller is about to think: no command comes until it has done so.
+    /// Announces that the controller thinks: no command comes until it has done so.
     fn pause(&mut self) {}
-    /// The trial is over, or was stopped for this reason: whatever is to be done with what the hand holds.
+    /// Handles the content of the hand after the trial, or after a stop for the reason `why`.
     fn leave(&mut self, _why: Option<&str>) -> Result<()> {
         Ok(())
     }
-    /// What it says of its own running, for the record.
+    /// Returns statistics of the body's operation, for the record.
     fn statistics(&self) -> Option<serde_json::Value> {
         None
     }
-    /// The verdict, where not the referee judges.
+    /// Returns the verdict, if someone other than the referee judges.
     fn judge(&mut self) -> Result<Option<Verdict>> {
         Ok(None)
     }
 }
 
-/// The one place where a body's robot is driven through the body.
+/// The only place where a body's robot is driven through the body.
 impl RobotBackend for dyn TrialBody + '_ {
     fn observe(&mut self) -> Result<Readings, RobotError> {
         self.robot_mut().observe()
@@ -137,23 +139,23 @@ impl TrialBody for SimulatedRobot {
 
 /// A trial about to begin.
 pub struct TrialSetup<'a> {
-    /// What it is.
+    /// Task of the trial.
     pub task: &'a Task,
-    /// The objects' names and where they belong: `world_from_object`.
+    /// Names of the objects with their nominal poses, `world_from_object`.
     pub objects: Vec<(&'a str, Isometry3<f64>)>,
 }
 
-/// Where bodies come from that cannot be cloned.
+/// Source of bodies that cannot be cloned.
 pub trait BodySource {
-    /// A body for a trial; `scene` is the simulated robot in the trial's scene, for those that make use of it.
+    /// Opens a body for a trial. `scene` is the simulated robot in the trial's scene, for the bodies that use it.
     fn open(&mut self, setup: &TrialSetup, scene: SimulatedRobot) -> Result<Box<dyn TrialBody>>;
-    /// The session's file for the trial, if it is recorded, with configuration and calibration as far as known.
+    /// Returns the file of the trial's session, if it is recorded, with configuration and calibration as far as known.
     fn session(&self, task: &Task) -> Result<Option<(PathBuf, Session)>>;
-    /// Packets of tapped links, if there are any: asked once after each [`BodySource::open`].
+    /// Returns the packets of tapped links, if there are any. Called once after each [`BodySource::open`].
     fn packets(&mut self) -> Option<std::sync::mpsc::Receiver<session_log::Packet>> {
         None
     }
-    /// Whether objects are where noise-free layout says, because somebody puts them there, rather than where the trial's draw says.
+    /// True if an operator places the objects at their nominal poses, so that the trial's draw of poses does not apply.
     fn is_real(&self) -> bool {
         false
     }
@@ -170,17 +172,17 @@ pub struct SingleBody {
     time: f64,
 }
 
-/// The body of a trial.
+/// Body of a trial.
 #[derive(Clone)]
 pub enum Body {
-    /// In simulation: a clone is another body in the same state.
+    /// Simulated: a clone is another body in the same state.
     Simulated(Box<SimulatedRobot>),
     /// Any other: a clone is the same body.
     Single(Rc<RefCell<SingleBody>>),
 }
 
 impl Body {
-    /// A body that cannot be cloned. from `source`; its session is recorded if the source says where.
+    /// Opens a body that cannot be cloned from `source`. Its session is recorded if the source names a file.
     pub fn open(source: &mut dyn BodySource, setup: &TrialSetup, scene: SimulatedRobot, version: &str) -> Result<Self> {
         let mut body = source.open(setup, scene)?;
         let opened = source.session(setup.task).and_then(|session| {
@@ -200,7 +202,7 @@ impl Body {
         });
         let line = match opened {
             Err(error) => {
-                // It is armed: nobody leaves it so without a word.
+                // The robot is armed and must not be left silently.
                 body.leave(Some(&format!("{error:#}")))?;
                 return Err(error);
             }
@@ -216,12 +218,12 @@ impl Body {
         Ok(Self::Single(Rc::new(RefCell::new(SingleBody { line: Some(line), time: 0.0 }))))
     }
 
-    /// Whether a clone is a body of its own.
+    /// True if a clone is a body of its own.
     pub fn branches(&self) -> bool {
         matches!(self, Self::Simulated(_))
     }
 
-    /// Time of the newest tick, s.
+    /// Returns the time of the newest tick, s.
     pub fn time(&self) -> f64 {
         match self {
             Self::Simulated(robot) => robot.time(),
@@ -237,7 +239,7 @@ impl Body {
         }
     }
 
-    /// See [`TrialBody::look`]. A recorded session keeps it.
+    /// Looks at an object, see [`TrialBody::look`], and records the result in the session.
     pub fn look(&mut self, glance: &Glance) -> Result<Option<Sighted>> {
         match self {
             Self::Simulated(robot) => TrialBody::look(robot.as_mut(), glance),
@@ -250,7 +252,7 @@ impl Body {
                             let seen = seen.as_ref().map(|seen| (numbers(&seen.pose), seen.sigma));
                             recorder.seen(glance.object, seen.as_ref());
                         }
-                        // Who stopped it did so whatever would have been seen.
+                        // A stop does not depend on what would have been seen.
                         Err(error) if error.is::<Stopped>() => {}
                         Err(error) => recorder.unseen(&format!("{error:#}")),
                     }
@@ -260,7 +262,7 @@ impl Body {
         }
     }
 
-    /// Whether its session, if it has one, can still be written.
+    /// True if the session can still be written, or if there is none.
     pub fn is_written(&self) -> bool {
         match self {
             Self::Simulated(_) => true,
@@ -302,8 +304,8 @@ impl Body {
         }
     }
 
-    /// The trial is over: notes what came of it (nothing, if it was stopped for the reason `why`), finishes its recording, and parts from
-    /// the body.
+    /// Ends the trial: notes its `record` (none if it was stopped for the reason `why`), finishes its recording, and
+    /// releases the body.
     pub fn finish(&mut self, record: Option<&TrialRecord>, why: Option<&str>) -> Result<()> {
         let Self::Single(single) = self else { return Ok(()) };
         let left = single.borrow_mut().body().map_or(Ok(()), |body| body.leave(why));
@@ -323,7 +325,7 @@ impl Body {
 }
 
 impl SingleBody {
-    /// Why its session cannot be written any more.
+    /// Returns the reason for which the session cannot be written any more.
     fn unwritten(&self) -> Option<String> {
         match &self.line {
             Some(Wrapped::Recorded(recorder)) => recorder.error().map(ToString::to_string),
@@ -381,21 +383,21 @@ impl RobotBackend for Body {
     }
 }
 
-/// The error of a body that nothing is done with any more.
+/// Returns the error of a body after the end of its trial.
 fn over() -> RobotError {
     RobotError::Lost("the trial is over".to_owned())
 }
 
-/// A pose as seven numbers: x, y, z, i, j, k, w.
+/// Returns a pose as seven numbers: x, y, z, i, j, k, w.
 pub fn numbers(pose: &Isometry3<f64>) -> [f64; 7] {
     let (t, q) = (pose.translation.vector, pose.rotation.coords);
     [t.x, t.y, t.z, q.x, q.y, q.z, q.w]
 }
 
-/// The pose of seven numbers, bit by bit.
+/// Returns the pose of seven numbers, exact to the bit.
 fn pose(numbers: &[f64; 7]) -> Isometry3<f64> {
     let [x, y, z, i, j, k, w] = *numbers;
-    // As it was written: normalising again would change bits.
+    // Normalising again would change bits.
     Isometry3::from_parts(Translation3::new(x, y, z), UnitQuaternion::new_unchecked(Quaternion::new(w, i, j, k)))
 }
 

@@ -1,4 +1,4 @@
-//! The hidden pose of an emulated robot's base, and the balls by which it is found.
+//! The hidden pose of an emulated robot's base, and the balls by which registration finds it.
 
 use std::path::Path;
 
@@ -9,36 +9,36 @@ use rand_distr::{Distribution as _, Normal};
 use scenarios::generator::trial_rng;
 use serde::Deserialize;
 
-/// Balls of the registration and how they are touched.
+/// Plan of a registration: the balls, and the touches of each.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Plan {
     /// Name of the ball.
     pub object: String,
-    /// Places of the balls, x and y, m, world.
+    /// Positions of the balls, x and y, world, m.
     pub marks: Vec<[f64; 2]>,
-    /// Turns of the hand about the vertical with which each is touched, rad.
+    /// Yaw angles of the hand with which each ball is touched, rad.
     pub headings: Vec<f64>,
-    /// Standard deviation of a mark's place for the arm before it is registered, each axis, m.
+    /// Prior standard deviation of a mark's position relative to the arm before registration, each axis, m.
     pub expected: f64,
-    /// Largest distance of a ball from its mark after the fit, m.
+    /// Tolerance: largest distance of a ball from its mark after the fit, m.
     pub most_residual: f64,
     /// Spread from which an emulated robot's hidden mount is drawn.
     pub hidden: Hidden,
 }
 
-/// Standard deviations of a mount that was made by eye and ruler.
+/// Standard deviations of a mount made by eye and ruler.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Hidden {
-    /// m.
+    /// Position, m.
     pub position: [f64; 3],
     /// Rotation vector, rad.
     pub rotation: [f64; 3],
 }
 
 impl Plan {
-    /// The one that comes with the program.
+    /// Returns the plan that comes with the program.
     pub fn standard() -> Result<Self, DataError> {
         let path = Path::new("registration.toml");
         let plan: Self = parse_toml(include_str!("../data/registration.toml"), path)?;
@@ -49,7 +49,7 @@ impl Plan {
     }
 }
 
-/// Pose of a hidden base: drawn, and known to the emulator and to whoever judges alone.
+/// Draws the pose of a hidden base. Only the emulator and whoever judges know it.
 pub fn hidden_mount(plan: &Plan, seed: u64) -> Isometry3<f64> {
     let mut rng: ChaCha8Rng = trial_rng(seed, usize::MAX, 0);
     let mut draw = |sigma: [f64; 3]| {

@@ -1,4 +1,4 @@
-//! A recorded session as a body: the control stack runs on it again.
+//! A recorded session as a body, on which the control stack runs again.
 
 use std::cell::Cell;
 use std::path::{Path, PathBuf};
@@ -15,16 +15,17 @@ use sim::robot::Truth;
 
 use super::{BodySource, Glance, LookFailed, Stopped, Task, TrialBody, TrialSetup, pose};
 
-/// How far a replay came, and how it left the recording if it did.
+/// Progress of a replay, and its divergence from the recording if there was one.
 pub type Report = Rc<Cell<Option<(Progress, Option<Divergence>)>>>;
 
-/// Shortest tick that a robot has, s.
+/// Shortest tick of a robot, s.
 const LEAST_TICK: f64 = 1e-4;
 
-/// Reads the session at `path`, of `robot`, to its end: its outcome, if it has one, and whether it was finished.
+/// Reads the session at `path`, of `robot`, to its end. Returns its outcome, if it has one, and true if it was
+/// finished.
 ///
 /// # Errors
-/// A session that cannot be read, or that no controller can run on: one without ticks, or with places and times that are no numbers.
+/// Fails for a session that cannot be read or replayed: one without ticks, or with poses and times that are not finite.
 pub fn check(path: &Path, robot: &hand_model::RobotModel) -> Result<(Option<Vec<u8>>, bool)> {
     let mut reader = Reader::open(path, Sizes::of(robot))?;
     let tick = reader.session().tick_length;
@@ -53,7 +54,7 @@ pub fn check(path: &Path, robot: &hand_model::RobotModel) -> Result<(Option<Vec<
     Ok((outcome, reader.is_whole()))
 }
 
-/// A recording in the place of a robot; reports when dropped.
+/// A recording in place of a robot. It reports when dropped.
 pub struct Replayed {
     replay: Replay,
     report: Report,
@@ -91,7 +92,7 @@ impl Drop for Replayed {
     }
 }
 
-/// The source of one replay.
+/// Source of one replay.
 pub struct ReplaySource {
     replay: Option<Replay>,
     report: Report,
@@ -99,7 +100,8 @@ pub struct ReplaySource {
 }
 
 impl ReplaySource {
-    /// For `replay`, of a real robot or not; the report is there once the trial is over.
+    /// Creates the source for `replay`; `real` is true for a real robot. The report is filled in once the trial is
+    /// over.
     pub fn new(replay: Replay, real: bool) -> (Self, Report) {
         let report = Report::default();
         (Self { replay: Some(replay), report: report.clone(), real }, report)

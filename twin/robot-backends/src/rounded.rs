@@ -1,8 +1,8 @@
-//! The simulated robot behind the bridge's devices, without any wire: everything that the lock-step emulated robot applies to a command, a measurement
-//! or an image, applied by function calls ([`DirectRobot`]).
+//! The simulated robot behind the bridge's devices without any wire: function calls ([`DirectRobot`]) apply everything
+//! that the lock-step emulated robot applies to a command, a measurement or an image.
 //!
-//! It stands between `sim` and `emulated`. What differs from `sim` here is the doing of limits, registers, single-precision degrees and coded images;
-//! from `emulated` nothing may differ, because all that is left are wires.
+//! It stands between `sim` and `emulated`. Differences from `sim` are due to limits, registers, single-precision
+//! degrees and coded images. There must be no differences from `emulated`, since only wires remain between them.
 
 use std::path::PathBuf;
 
@@ -20,7 +20,7 @@ use sim::robot::Truth;
 use super::emulated::{SharedPlant, session_file, settings};
 use super::{BodySource, Glance, Task, TrialBody, TrialSetup};
 
-/// The robot and the simulated one that it moves.
+/// The robot, and the simulated one that it moves.
 pub struct Rounded {
     robot: DirectRobot,
     plant: SharedPlant,
@@ -51,10 +51,10 @@ impl TrialBody for Rounded {
     }
 }
 
-/// Where such robots come from.
+/// Source of such robots.
 pub struct RoundedSource {
     pub robot: RobotModel,
-    /// Folder of the sessions' files, if they are recorded.
+    /// Folder of the session files, if sessions are recorded.
     pub sessions: Option<PathBuf>,
 }
 

@@ -1,4 +1,4 @@
-//! What a trial is, and how its robot knows where things are.
+//! Definition of a trial, and the source of its robot's object and base poses.
 
 use anyhow::Result;
 use hand_model::RobotSources;
@@ -9,46 +9,46 @@ use serde::{Deserialize, Serialize};
 use super::mount::{Plan, hidden_mount};
 use super::pose;
 
-/// What a trial is, as a session's file keeps it: enough to set the control stack up again.
+/// Definition of a trial as stored in a session file: enough to set the control stack up again.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Task {
-    /// Body: `sim`, `emulated` or `hardware`.
+    /// Body: `sim`, `rounded`, `emulated` or `hardware`.
     pub robot: String,
-    /// Seed of everything.
+    /// Seed of all random draws.
     pub seed: u64,
     /// Number of the combination.
     pub combination: usize,
     /// Number of the trial.
     pub trial: usize,
     pub condition: Condition,
-    /// Whether images were taken throughout for a watcher: commands ask for them.
+    /// True if images were taken throughout for a watcher: commands request them.
     pub watched: bool,
-    /// Combinations that were drawn.
+    /// Number of combinations that were drawn.
     pub combos: usize,
-    /// The scenario's text.
+    /// Text of the scenario.
     pub scenario: String,
-    /// The robot's files, where it is not the built-in one.
+    /// The robot's files, if it is not the built-in one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub robot_model: Option<RobotSources>,
-    /// Text of the file of the robot that body and control stack are, where they are not the drawing's.
+    /// Text of the file of an identified robot, used by body and control stack; none for the robot as drawn.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub individual: Option<String>,
-    /// Text of the file of the calibration by which touch reads images, where it is not the one that comes with the program.
+    /// Text of the file with the photometric calibration of the pads; none for the built-in one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pads: Option<String>,
-    /// Whether second grasps were played in a twin of the scene before one was chosen.
+    /// True if second grasps were simulated in a twin of the scene before one was chosen.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub foresees: bool,
-    /// Whether a mirror looked on: of a real robot images were taken more often for it.
+    /// True if a mirror observed the trial. On a real robot images were then taken more often.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub mirrored: bool,
-    /// How the robot knows where things are.
+    /// Source of the object and base poses.
     #[serde(flatten)]
     pub places: Places,
 }
 
 impl Task {
-    /// A trial of the built-in robot as it is drawn, in no scenario yet, with so many combinations drawn.
+    /// Creates a trial of the built-in robot as drawn, without a scenario, with this many combinations drawn.
     pub fn new(robot: &str, seed: u64, [combination, trial, combos]: [usize; 3], condition: Condition) -> Self {
         Self {
             robot: robot.to_owned(),
@@ -68,28 +68,28 @@ impl Task {
         }
     }
 
-    /// A seed for what is drawn beside the trial's own errors: another one in every trial.
+    /// Returns a seed for draws other than the trial's own errors. It differs from trial to trial.
     pub fn unit_seed(&self) -> u64 {
         self.seed.wrapping_mul(1_000_003).wrapping_add((self.combination * 1009 + self.trial) as u64)
     }
 }
 
-/// How a robot knows where things are beside its scenario.
+/// Source of the base and object poses, apart from the scenario.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Places {
-    /// Where the arm's base was registered, `world_from_base` as x, y, z, i, j, k, w; where it nominally stands without.
+    /// Registered pose of the arm's base, `world_from_base` as x, y, z, i, j, k, w; none for the nominal pose.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub base: Option<[f64; 7]>,
-    /// Whether the first looks at the objects come from the body's own eyes too.
+    /// True if the first looks at the objects, too, come from the body's own eyes.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub eyes: bool,
-    /// Where an emulated robot's base is hidden: the seed.
+    /// Seed of the hidden base pose of an emulated robot.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mount: Option<u64>,
 }
 
 impl Places {
-    /// Lets the controller of `world` know where its base was registered, and puts a simulated base where it is hidden.
+    /// Gives the controller of `world` the registered base pose, and moves a simulated base to its hidden pose.
     pub fn set_up(&self, world: &mut World) -> Result<()> {
         if let Some(base) = &self.base {
             world.cell.world_from_base = pose(base);

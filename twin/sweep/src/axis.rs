@@ -1,4 +1,4 @@
-//! What can vary in a sweep: fields of a run, and any field of its scenario.
+//! Axes of a sweep: the fields of a run, and any field of its scenario.
 
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -14,24 +14,24 @@ use toml::{Table, Value};
 
 use crate::near::near;
 
-/// What an axis without a scenario's field varies.
+/// Names of the axes that do not vary a field of the scenario.
 const FIELDS: [&str; 9] =
     ["seed", "policy", "ablation", "robot", "robot_model", "scenario", "noise_scale", "without", "uncertainty"];
-/// What the name of an axis over a field of the scenario begins with.
+/// Prefix of the name of an axis over a field of the scenario.
 const SCENARIO: &str = "scenario.";
-/// Bodies that a sweep can play on: nobody stands beside it.
+/// Bodies on which a sweep can be played: those that need no operator.
 const ROBOTS: [&str; 3] = ["sim", "emulated", "rounded"];
 
 /// Name of the robot that comes with the program.
 const BUILTIN: &str = "builtin";
 
-/// What an axis varies.
+/// Quantity that an axis varies.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Field {
     Seed,
-    /// Conditions of a trial: they are played from the same errors and are compared trial by trial.
+    /// Conditions of a trial: they are played with the same errors and are compared trial by trial.
     Policy,
-    /// The policy `touch` without one of its means, on the same trials.
+    /// Ablations: the policy `touch` without one of its means, on the same trials.
     Ablation,
     Robot,
     /// Robot files.
@@ -40,16 +40,16 @@ pub enum Field {
     Scenario,
     /// Factor of the scenario's noise.
     NoiseScale,
-    /// Effects that are off, as `bench --without` takes them.
+    /// Effects that are switched off, as in `bench --without`.
     Without,
-    /// Files of what the controller expects to go wrong.
+    /// Files with the errors that the controller expects.
     Uncertainty,
-    /// A field of the scenario: its path, with dots.
+    /// A field of the scenario: its dotted path.
     OfScenario(String),
 }
 
 impl Field {
-    /// Of an axis in `path`.
+    /// Parses the name of an axis; `path` is used in errors.
     pub fn parse(name: &str, path: &Path) -> Result<Self, DataError> {
         Ok(match name {
             "seed" => Self::Seed,
@@ -87,12 +87,12 @@ pub enum Level {
     Number(f64),
     Flag(bool),
     Text(String),
-    /// Of a field that is a list.
+    /// Value of a field that is a list.
     List(Vec<Value>),
 }
 
 impl Level {
-    /// Of a value in a file; none of a table.
+    /// Converts a value in a file; none for a table or a date.
     pub fn of(value: &Value) -> Option<Self> {
         Some(match value {
             Value::Integer(whole) => Self::Whole(*whole),
@@ -114,7 +114,7 @@ impl Level {
         }
     }
 
-    /// As a number, where it is one.
+    /// Returns the level as a number, if it is one.
     pub fn number(&self) -> Option<f64> {
         match self {
             Self::Whole(whole) => Some(*whole as f64),
@@ -136,10 +136,10 @@ impl std::fmt::Display for Level {
     }
 }
 
-/// A run that is being put together, one axis after the other.
+/// A run under construction, to which one axis after the other is applied.
 #[derive(Debug, Clone)]
 pub struct Draft {
-    /// Where the sweep's file is; files that it names are relative to it.
+    /// Path of the sweep's file; files that it names are relative to it.
     pub file: PathBuf,
     pub request: RunRequest,
     /// Fields of the scenario that are set at the end: path and value.
@@ -147,17 +147,17 @@ pub struct Draft {
 }
 
 impl Draft {
-    /// An error about a value of axis `name`.
+    /// Creates an error about a value of axis `name`.
     fn wrong(&self, name: &str, found: impl ToString, expected: impl Into<String>) -> DataError {
         DataError::field(&self.file, format!("axes.{name}"), found, expected)
     }
 
-    /// A file that the sweep's file names: one below its folder.
+    /// Resolves a file that the sweep's file names: it must lie below the folder of that.
     fn beside(&self, axis: &str, name: &str) -> Result<PathBuf, DataError> {
         Reach::beside(&self.file).resolve(&self.file, &format!("axes.{axis}"), Path::new(name))
     }
 
-    /// The same with `level` in `field`.
+    /// Returns the draft with `field` set to `level`.
     pub fn with(mut self, field: &Field, level: &Level) -> Result<Self, DataError> {
         match (field, level) {
             (Field::Seed, Level::Whole(seed)) if *seed >= 0 => self.request.seed = seed.unsigned_abs(),
@@ -219,13 +219,13 @@ impl Draft {
                 return Err(self.wrong("scenario", other, "names of scenario files, or \"benchmark\""));
             }
             (Field::OfScenario(field), level) => self.set.push((field.clone(), level.clone())),
-            // These are not different runs.
+            // All of these are played within one run.
             (Field::Policy | Field::Ablation, _) => {}
         }
         Ok(self)
     }
 
-    /// The run, once everything about it is known to be good.
+    /// Checks the run and returns its request.
     pub fn finish(mut self) -> Result<RunRequest, DataError> {
         if !self.set.is_empty() {
             self.request.scenario = self.scenario_text()?;
@@ -253,7 +253,7 @@ impl Draft {
         Ok(self.request)
     }
 
-    /// The scenario with the fields that are set.
+    /// Returns the text of the scenario with the fields that are set.
     fn scenario_text(&self) -> Result<String, DataError> {
         let scenario = Scenario::parse(&self.request.scenario, &self.file)?;
         let table = |scenario: &Scenario| {
@@ -275,7 +275,7 @@ impl Draft {
                 None => DataError::field(&self.file, names.join(", "), error, "values that the scenario takes"),
             }
         })?;
-        // A field that the scenario does not know must not be swept in vain.
+        // A field that the scenario does not know would be swept without effect.
         let mut read_back = table(&parsed)?;
         for (field, level) in &self.set {
             let found = place(&mut read_back, field, level.value());
@@ -299,11 +299,12 @@ impl Draft {
     }
 }
 
-/// Puts `value` where `path` says and returns what stood there; outer none if the path leads through what is no table.
+/// Sets `value` at `path` and returns the previous value. The outer option is none if the path leads through anything
+/// but tables and lists.
 fn place(table: &mut Table, path: &str, value: Value) -> Option<Option<Value>> {
     match path.split_once('.') {
         None => Some(match (table.get(path), value) {
-            // Whole numbers are numbers, too.
+            // An integer is accepted for a float.
             (Some(Value::Float(_)), Value::Integer(whole)) => table.insert(path.to_owned(), Value::Float(whole as f64)),
             (_, value) => table.insert(path.to_owned(), value),
         }),
@@ -322,7 +323,7 @@ fn has(scenario: &Scenario, field: &str) -> bool {
     scenario_fields(scenario).iter().any(|known| known == field)
 }
 
-/// Paths of all fields that a scenario has.
+/// Returns the paths of all fields of a scenario.
 fn scenario_fields(scenario: &Scenario) -> Vec<String> {
     fn leaves(table: &Table, prefix: &str, into: &mut Vec<String>) {
         for (key, value) in table {
@@ -340,7 +341,7 @@ fn scenario_fields(scenario: &Scenario) -> Vec<String> {
     fields
 }
 
-/// Names of an axis over policies or ablations, in the order of the benchmark.
+/// Parses the names of an axis over policies or ablations, and sorts them in the order of the benchmark.
 pub fn names<T: std::str::FromStr + Ord>(name: &str, levels: &[Level], file: &Path) -> Result<Vec<T>, DataError>
 where
     T::Err: std::fmt::Display,
@@ -358,7 +359,7 @@ where
     Ok(found)
 }
 
-/// [`names`] of conditions that come with the program: a sweep has no file of a policy of one's own.
+/// Parses [`names`] of built-in conditions: a sweep has no file of a user's own policy.
 pub fn policies(levels: &[Level], file: &Path) -> Result<Vec<Condition>, DataError> {
     let policies = names("policy", levels, file)?;
     if policies.contains(&Condition::Own) {
@@ -368,7 +369,7 @@ pub fn policies(levels: &[Level], file: &Path) -> Result<Vec<Condition>, DataErr
     Ok(policies)
 }
 
-/// [`names`] of ablations.
+/// Parses [`names`] of ablations.
 pub fn ablations(levels: &[Level], file: &Path) -> Result<Vec<Ablation>, DataError> {
     names("ablation", levels, file)
 }
@@ -376,9 +377,9 @@ pub fn ablations(levels: &[Level], file: &Path) -> Result<Vec<Ablation>, DataErr
 /// An axis of the plan: its name and values.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PlannedAxis {
-    /// As the sweep's file writes it.
+    /// Name as in the sweep's file.
     pub name: String,
-    /// The column that holds its value.
+    /// Name of the column that holds its value.
     pub column: String,
     pub levels: Vec<Level>,
 }

@@ -1,10 +1,10 @@
-//! Claims: who plays a unit now, so that no two workers play the same.
+//! Claims (leases) of units of work, so that no two workers play the same unit.
 //!
-//! A claim is a file that names its holder and that the holder keeps locked. The operating system, or the server of a network file system, ends the
-//! lock when the holder is gone, however it ended; the claim may then be taken over.
+//! A claim is a file that names its holder and that the holder keeps locked. The operating system, or the server of a
+//! network file system, releases the lock when the holder is gone, however it ended. The claim may then be taken over.
 //!
-//! A claim only saves work: should two workers play a unit after all (on a file system that does not pass locks on to other machines), both write
-//! the same results.
+//! A claim only saves work. If two workers do play the same unit (on a file system that does not pass locks on to other
+//! machines), both write the same results.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::Write as _;
@@ -15,17 +15,17 @@ use anyhow::{Context as _, Result};
 use platform::journal::locked;
 use serde::{Deserialize, Serialize};
 
-/// Who holds a claim.
+/// Holder of a claim.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Holder {
     pub host: String,
     pub process: u32,
-    /// The Slurm job, or task of an array, that it is.
+    /// Slurm job, or task of an array, of the holder.
     pub job: Option<String>,
 }
 
 impl Holder {
-    /// This process.
+    /// Returns this process as a holder.
     pub fn this() -> Self {
         let variable = |name: &str| std::env::var(name).ok();
         let task = variable("SLURM_ARRAY_JOB_ID").zip(variable("SLURM_ARRAY_TASK_ID"));
@@ -41,43 +41,44 @@ impl std::fmt::Display for Holder {
     }
 }
 
-/// The machine's name.
+/// Returns the machine's name.
 fn machine() -> String {
     fs::read_to_string("/proc/sys/kernel/hostname").map_or_else(|_| "unknown".to_owned(), |name| name.trim().to_owned())
 }
 
-/// The claims of a process.
+/// The claims of one process.
 pub struct Claims {
     folder: PathBuf,
     me: Holder,
 }
 
-/// A unit that is one's own as long as this lives.
+/// An exclusive claim of a unit, held as long as this value lives.
 pub struct Claim {
     path: PathBuf,
     _lock: File,
 }
 
 impl Claims {
-    /// In a sweep's folder.
+    /// Creates the claims of this process in a sweep's folder.
     pub fn new(sweep: &Path) -> Result<Self> {
         let folder = sweep.join("claims");
         fs::create_dir_all(&folder).with_context(|| folder.display().to_string())?;
         Ok(Self { folder, me: Holder::this() })
     }
 
-    /// Who claims.
+    /// Returns the holder: this process.
     pub fn holder(&self) -> &Holder {
         &self.me
     }
 
-    /// Claims a unit; none if somebody else has it.
+    /// Claims a unit. Returns none if another worker holds it.
     pub fn take(&self, id: &str) -> Result<Option<Claim>> {
         let path = self.folder.join(id);
         let take = || -> std::io::Result<Option<File>> {
             let open = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(&path)?;
             let Some(mut file) = locked(open)? else { return Ok(None) };
-            // A holder that ended in between has removed the file that is locked here: whoever comes next makes another.
+            // A holder that ended in between has removed the file that is locked here. The next claimant creates
+            // another one.
             if fs::metadata(&path).map_or(0, |data| data.ino()) != file.metadata()?.ino() {
                 return Ok(None);
             }
@@ -89,13 +90,13 @@ impl Claims {
         Ok(lock.map(|lock| Claim { path, _lock: lock }))
     }
 
-    /// Who holds which unit now.
+    /// Returns all claims that are held now: unit and holder.
     pub fn all(sweep: &Path) -> Result<Vec<(String, Holder)>> {
         let folder = sweep.join("claims");
         let mut found = Vec::new();
         for entry in fs::read_dir(&folder).with_context(|| folder.display().to_string())? {
             let entry = entry?;
-            // A claim may end while it is looked at.
+            // A claim may end while it is examined.
             let held = File::open(entry.path()).is_ok_and(|file| file.try_lock_shared().is_err());
             let text = fs::read(entry.path()).unwrap_or_default();
             if let (true, Ok(holder)) = (held, serde_json::from_slice(&text)) {
@@ -109,7 +110,7 @@ impl Claims {
 
 impl Drop for Claim {
     fn drop(&mut self) {
-        // Still locked. One that cannot be removed is taken over.
+        // The lock is still held. A file that cannot be removed will be taken over.
         let _ = fs::remove_file(&self.path);
     }
 }
@@ -137,13 +138,13 @@ mod tests {
         let claims = Claims::new(folder.path()).expect("claims");
         let won = std::thread::scope(|scope| {
             let threads: Vec<_> = (0..8).map(|_| scope.spawn(|| claims.take("unit").expect("works"))).collect();
-            // All are kept until the last one has tried: one that is dropped is free again.
+            // All are kept until the last one has tried: a dropped claim is free again.
             threads.into_iter().filter_map(|thread| thread.join().expect("ends")).collect::<Vec<_>>()
         });
         assert_eq!(won.len(), 1);
     }
 
-    /// A killed process leaves a file that nobody holds.
+    /// A killed process leaves a file without a holder.
     #[test]
     fn claims_of_the_dead_are_taken_over() {
         let folder = tempfile::tempdir().expect("a folder");

@@ -1,14 +1,15 @@
-//! What is kept of a trial and of a try: the columns of a sweep's Parquet files, their meaning and their version.
+//! Schema of the results: the columns of a sweep's Parquet files for trials and tries, their meaning and their version.
 //!
-//! A file has these columns in this order, with one `axis_...` column for each axis behind `seed`. All may be empty (null) in principle; those
-//! not said to be empty sometimes never are. The file's metadata name the version (`ftac.schema`), the unit (`ftac.unit`) and the program.
+//! A file has these columns in this order, with one `axis_...` column per axis behind `seed`. All columns are optional
+//! (null) in the schema; those not described as sometimes empty never are. The file's metadata name the version
+//! (`ftac.schema`), the unit (`ftac.unit`) and the program.
 
 use crate::axis::{Level, PlannedAxis};
 
-/// Version of the tables. A column that is added, renamed or means something else makes a new one.
+/// Version of the tables. It changes when a column is added, renamed or changes its meaning.
 pub const VERSION: u32 = 2;
 
-/// What a column holds.
+/// Type of a column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     /// INT64.
@@ -26,23 +27,23 @@ pub enum Kind {
 pub struct Column {
     pub name: String,
     pub kind: Kind,
-    /// What it means; units SI unless its name says otherwise.
+    /// Meaning of the column; units SI unless its name says otherwise.
     pub about: &'static str,
 }
 
-/// Which table.
+/// Selects a table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Which {
-    /// A row a trial and condition.
+    /// One row per trial and condition.
     Trials,
-    /// A row a try.
+    /// One row per try.
     Tries,
 }
 
 impl Which {
     pub const ALL: [Self; 2] = [Self::Trials, Self::Tries];
 
-    /// Of its folder.
+    /// Returns the name of the table's folder.
     pub fn name(self) -> &'static str {
         match self {
             Self::Trials => "trials",
@@ -50,7 +51,7 @@ impl Which {
         }
     }
 
-    /// Its columns in a sweep with `axes`.
+    /// Returns the table's columns in a sweep with `axes`.
     pub fn columns(self, axes: &[PlannedAxis]) -> Vec<Column> {
         let fixed =
             |&(name, kind, about): &(&'static str, Kind, &'static str)| Column { name: name.into(), kind, about };
@@ -76,10 +77,10 @@ impl Which {
 
 use Kind::{Flag, Number, Text, Whole};
 
-/// Columns that hold wall time: they differ from run to run, and are no part of a result's digest.
+/// Columns of wall time: they differ from run to run and are excluded from a result's digest.
 pub const WALL: [&str; 1] = ["decision_ms"];
 
-/// Where in the sweep a row belongs.
+/// Columns that locate a row in the sweep.
 pub const PLACE: [(&str, Kind, &str); 4] = [
     ("point", Whole, "number of the point, from 0: one value of each axis but seed, policy and ablation"),
     ("unit", Text, "the unit of work that played it"),
@@ -93,7 +94,7 @@ const ID: [(&str, Kind, &str); 3] = [
     ("policy", Text, "condition: ideal, blind, reflex or touch"),
 ];
 
-/// Of a trial, as in `trials.csv`.
+/// Columns of a trial, as in `trials.csv`.
 const TRIALS: [(&str, Kind, &str); 25] = [
     ID[0],
     ID[1],
@@ -126,7 +127,7 @@ const TRIALS: [(&str, Kind, &str); 25] = [
     ("decision_ms", Number, "slowest decision, ms of wall time: differs from run to run; empty without a decision"),
 ];
 
-/// Of a try, as in `tries.csv`, with lists as columns. The covariance follows.
+/// Columns of a try, as in `tries.csv`, with lists split into columns. The covariance follows.
 const TRIES: [(&str, Kind, &str); 26] = [
     ID[0],
     ID[1],
@@ -159,7 +160,7 @@ const TRIES: [(&str, Kind, &str); 26] = [
 /// Names of the felt pose's six coordinates.
 pub const POSE: [&str; 6] = ["x", "y", "z", "rx", "ry", "rz"];
 
-/// Upper triangle of the felt pose's covariance, row by row.
+/// Returns the columns of the upper triangle of the felt pose's covariance, row by row.
 fn covariance() -> impl Iterator<Item = Column> {
     let pairs = (0..6).flat_map(|row| (row..6).map(move |column| (POSE[row], POSE[column])));
     pairs.map(|(row, column)| Column {
@@ -175,12 +176,12 @@ mod tests {
 
     use super::*;
 
-    /// The tables keep everything that `trials.csv` does.
+    /// The tables keep every column of `trials.csv`.
     #[test]
     fn no_column_of_a_trial_is_left_out() {
         let own: BTreeSet<String> = Which::Trials.columns(&[]).into_iter().map(|column| column.name).collect();
         for name in scenarios::record::COLUMNS {
-            // The sweep's word for what the benchmark calls a condition.
+            // The sweep's name of the benchmark's conditions.
             let name = if name == "condition" { "policy" } else { name };
             assert!(own.contains(name), "{name}");
         }

@@ -1,8 +1,9 @@
-//! Curves over axes and contrasts, with intervals.
+//! Curves over axes and contrasts, with confidence intervals.
 //!
-//! Trials of one pair of objects are alike, so pairs are what is drawn at random: a rate is the mean over pairs of each pair's share of trials, a
-//! contrast the mean over pairs of each pair's mean difference between trials that met the same errors. 95 % intervals are Student's over pairs, cut
-//! to the possible range; there is none of fewer than [`FEWEST_SAMPLES`] pairs, or of pairs that are all alike.
+//! Trials of one pair of objects are correlated, so the pair is the unit of sampling. A rate is the mean over pairs of
+//! each pair's share of trials. A contrast is the mean over pairs of each pair's mean difference between trials with
+//! the same errors. The 95 % intervals are Student's t over pairs, clipped to the possible range. There is none for
+//! fewer than [`FEWEST_SAMPLES`] pairs, or if all pairs are alike.
 
 use statistics::{FEWEST_SAMPLES, MeanSd, SPREAD_TOLERANCE};
 use statrs::distribution::{ContinuousCDF as _, StudentsT};
@@ -16,13 +17,13 @@ pub struct Estimate {
     pub value: f64,
     /// Lower end of the 95 % interval.
     pub low: Option<f64>,
-    /// Upper end.
+    /// Upper end of the 95 % interval.
     pub high: Option<f64>,
-    /// Trials, or pairs of trials.
+    /// Number of trials, or of pairs of trials.
     pub n: usize,
 }
 
-/// Of each pair's sum and count, whose mean lies in `range`; none without a trial.
+/// Estimates the mean from each pair's sum and count; the possible values are those in `range`. None without a trial.
 fn estimate(by_pair: impl Iterator<Item = (f64, usize)>, range: [f64; 2]) -> Option<Estimate> {
     let (mut means, mut n) = (Vec::new(), 0);
     for (sum, count) in by_pair.filter(|(_, count)| *count > 0) {
@@ -40,13 +41,13 @@ fn estimate(by_pair: impl Iterator<Item = (f64, usize)>, range: [f64; 2]) -> Opt
     Some(Estimate { value, low, high, n })
 }
 
-/// Points that have a level of an axis; all without one.
+/// Returns the points with a given level of an axis, or all points.
 fn points(outcomes: &Outcomes, of: Option<(usize, usize)>) -> Vec<usize> {
     let fits = |point: &usize| of.is_none_or(|(axis, level)| outcomes.level(*point, axis) == level);
     (0..outcomes.points()).filter(fits).collect()
 }
 
-/// The rate of an outcome of an arm, over all points or those with a level of an axis.
+/// Estimates the rate of an outcome for an arm, over all points or those with a given level of an axis.
 pub fn rate(outcomes: &Outcomes, of: Option<(usize, usize)>, arm: usize, outcome: Outcome) -> Option<Estimate> {
     let points = points(outcomes, of);
     let shares = (0..outcomes.combos).map(|pair| {
@@ -64,7 +65,7 @@ pub fn rate(outcomes: &Outcomes, of: Option<(usize, usize)>, arm: usize, outcome
     estimate(shares, [0.0, 1.0])
 }
 
-/// The difference between two trials of each of `points` and places.
+/// Estimates the mean difference between two trials at each of `points` and each place.
 fn contrast(
     outcomes: &Outcomes,
     points: &[usize],
@@ -85,7 +86,7 @@ fn contrast(
     estimate(differences, [-1.0, 1.0])
 }
 
-/// One arm less another, on the same trials.
+/// Estimates the contrast of two arms (`one` less `other`) on the same trials.
 pub fn arms(
     outcomes: &Outcomes,
     of: Option<(usize, usize)>,
@@ -97,7 +98,7 @@ pub fn arms(
     })
 }
 
-/// One level of an axis less another under the same arm, with everything else alike.
+/// Estimates the contrast of two levels of an axis (`one` less `other`) under the same arm, with everything else equal.
 pub fn levels(
     outcomes: &Outcomes,
     axis: usize,
@@ -114,11 +115,11 @@ pub fn levels(
 /// A row of the table of contrasts.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, schemars::JsonSchema)]
 pub struct Contrast {
-    /// What is compared, such as `touch - blind`.
+    /// Compared arms or levels, such as `touch - blind`.
     pub what: String,
-    /// At which level of which axis; `all points` where at every one.
+    /// Axis and level of the comparison, or `all points`.
     pub at: String,
-    /// As tables write it.
+    /// Outcome, as tables write it.
     pub outcome: &'static str,
     #[serde(flatten)]
     pub estimate: Estimate,
@@ -148,7 +149,8 @@ mod tests {
         }
     }
 
-    /// Plays everything: even pairs always succeed with touch and never blind, odd pairs never with either; without noise all do.
+    /// Fills in results: even pairs always succeed with touch and never blind, odd pairs never with either. Without
+    /// noise all succeed.
     fn play(outcomes: &mut Outcomes) {
         for pair in 0..outcomes.combos {
             let places: Vec<Place> = outcomes.places(pair).collect();
@@ -168,7 +170,8 @@ mod tests {
         assert_eq!(outcomes.played(), 288);
         let noisy = rate(&outcomes, Some((0, 1)), 1, Outcome::CleanSuccess).expect("played");
         assert_eq!((noisy.value, noisy.n), (0.5, 48));
-        // Means 0 and 1 in turn: Student's t of five degrees of freedom is 2.5706, the variance 0.3; cut to a share.
+        // The means are 0 and 1 in turn: Student's t of five degrees of freedom is 2.5706, the variance 0.3; clipped to
+        // a share.
         assert_eq!((noisy.low, noisy.high), (Some(0.0), Some(1.0)));
         let gain = arms(&outcomes, None, (1, 0), Outcome::CleanSuccess).expect("played");
         assert!((gain.value - 1.0 / 3.0).abs() < 1e-12 && gain.n == 144, "{gain:?}");
@@ -178,7 +181,7 @@ mod tests {
         assert_eq!((noise.value, noise.low, noise.high.map(|high| high < 0.1)), (-0.5, Some(-1.0), Some(true)));
     }
 
-    /// Pairs that all differ alike, and four pairs however they differ, have a mean and no interval.
+    /// Six pairs with equal differences, and any four pairs, have a mean but no interval.
     #[test]
     fn no_interval_comes_out_of_nothing() {
         let mut six = outcomes(6);

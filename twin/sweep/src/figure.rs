@@ -1,4 +1,4 @@
-//! A curve over an axis: a line for each arm with its 95 % intervals.
+//! A curve over an axis: one line per arm with its 95 % intervals.
 
 use kuva::prelude::{LinePlot, Plot, TickFormat};
 use maud::Markup;
@@ -9,28 +9,28 @@ use crate::curve::Estimate;
 
 /// Size of the drawing, pixels.
 const SIZE: [f64; 2] = [540.0, 360.0];
-/// Lines lie side by side by this share of the axis, so that their intervals do not cover each other.
+/// Offset between neighbouring lines as a share of the axis, so that their intervals do not cover each other.
 const ASIDE: f64 = 0.012;
 
-/// An arm's line.
+/// Line of an arm.
 pub struct Line {
     pub name: String,
-    /// Place on the horizontal axis, and rate.
+    /// Position on the horizontal axis, and rate.
     pub points: Vec<(f64, Estimate)>,
 }
 
 /// Lines over an axis.
 pub struct Figure {
     pub title: String,
-    /// Below the axis.
+    /// Label of the axis.
     pub axis: String,
-    /// What stands at 1, 2, ... on the axis; none where it is one of numbers.
+    /// Labels at 1, 2, ... on the axis; none for a numeric axis.
     pub categories: Option<Vec<String>>,
     pub lines: Vec<Line>,
 }
 
 impl Figure {
-    /// For a page that brings the report's style.
+    /// Draws the figure for a page that brings the report's style.
     pub fn draw(&self) -> Markup {
         let places = || self.lines.iter().flat_map(|line| &line.points).map(|(x, _)| *x);
         let span = places().fold(f64::NEG_INFINITY, f64::max) - places().fold(f64::INFINITY, f64::min);

@@ -1,4 +1,4 @@
-//! The file of a sweep: what is played at every point, and the axes that the points lie on.
+//! The file of a sweep: the trials at every point, and the axes that span the points.
 
 use std::path::{Path, PathBuf};
 
@@ -8,12 +8,12 @@ use toml::{Table, Value};
 
 use crate::axis::{Field, Level};
 
-/// The version of sweep files this crate reads.
+/// Version of sweep files that this crate reads.
 pub const VERSION: u32 = 1;
-/// Most values of an axis.
+/// Largest number of values of an axis.
 const MOST: usize = 100_000;
 
-/// A sweep as its file has it.
+/// A sweep as in its file.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct SweepFile {
@@ -28,7 +28,7 @@ struct SweepFile {
     axes: Table,
 }
 
-/// As the benchmark has.
+/// Default number of combinations: that of the benchmark.
 fn combinations() -> usize {
     60
 }
@@ -40,27 +40,27 @@ fn minutes() -> f64 {
 /// An axis and its values.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Axis {
-    /// As the file writes it.
+    /// Name as in the file.
     pub name: String,
     pub field: Field,
-    /// Each once, in the file's order.
+    /// Distinct values, in the file's order.
     pub levels: Vec<Level>,
 }
 
 /// A sweep.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sweep {
-    /// The file, for errors and for files that it names.
+    /// Path of the file, for errors and for files that it names.
     pub file: PathBuf,
-    /// For people.
+    /// Name for people.
     pub name: String,
-    /// Pairs of objects at every point.
+    /// Number of pairs of objects at every point.
     pub combos: usize,
-    /// Trials of each pair.
+    /// Number of trials of each pair.
     pub trials: usize,
-    /// How long a unit of work takes one core, about, min.
+    /// Approximate duration of a unit of work on one core, min.
     pub unit_minutes: f64,
-    /// By name.
+    /// Axes, in the order of their names.
     pub axes: Vec<Axis>,
 }
 
@@ -70,7 +70,7 @@ impl Sweep {
         Self::parse(&read_text(path)?, path)
     }
 
-    /// Of a file's text; `path` is used in errors, and files that it names are looked for beside it.
+    /// Parses a file's text; `path` is used in errors, and files that it names are looked for beside it.
     pub fn parse(text: &str, path: &Path) -> Result<Self, DataError> {
         let file: SweepFile = parse_toml(text, path)?;
         let wrong = |field: &str, found: String, expected: &str| Err(DataError::field(path, field, found, expected));
@@ -96,13 +96,13 @@ impl Sweep {
         })
     }
 
-    /// The values of an axis; none if it is not swept.
+    /// Returns the values of an axis; none if it is not swept.
     pub fn levels(&self, field: &Field) -> Option<&[Level]> {
         self.axes.iter().find(|axis| axis.field == *field).map(|axis| axis.levels.as_slice())
     }
 }
 
-/// The axes below a name: `[axes.scenario.noise]` is another way to write fields of the scenario.
+/// Parses the axes below a name: `[axes.scenario.noise]` is another way to write fields of the scenario.
 fn axis(name: &str, value: &Value, path: &Path) -> Result<Vec<Axis>, DataError> {
     let levels = match value {
         Value::Array(values) => values
@@ -140,7 +140,7 @@ fn axis(name: &str, value: &Value, path: &Path) -> Result<Vec<Axis>, DataError> 
     Ok(vec![Axis { name: name.to_owned(), field, levels }])
 }
 
-/// Even steps from one value to another; whole numbers where all of them are.
+/// Returns equidistant values from one value to another: integers if all of them are.
 fn range(table: &Table) -> Option<Vec<Level>> {
     let steps = usize::try_from(table.get("steps")?.as_integer()?).ok().filter(|steps| (2..=MOST).contains(steps))?;
     let (from, to) = (Level::of(table.get("from")?)?, Level::of(table.get("to")?)?);

@@ -1,16 +1,17 @@
-//! The result folder: all that the workers of a sweep share.
+//! The result folder, shared by all workers of a sweep.
 //!
-//! Every file is written under another name, synced and renamed, as a network file system wants it: what has its name is whole.
+//! Every file is written under another name, synced and renamed, as a network file system requires: a file under its
+//! final name is complete.
 //!
-//! | path | what |
+//! | path | content |
 //! |---|---|
 //! | `plan.json` | the sweep, as planned |
 //! | `units/trials/ID.parquet` | trials of a finished unit; it is written last, so that a unit with this file is finished |
 //! | `units/tries/ID.parquet` | their tries |
 //! | `claims/ID` | a worker plays this unit now ([`crate::claim`]) |
-//! | `failed/ID.json` | the last attempt at this unit failed, and why |
+//! | `failed/ID.json` | the last attempt at this unit failed, with the reason |
 //! | `corrupt/` | units' files that were found broken |
-//! | `merged/trials/`, `merged/tries/`, `merged/units.csv` | all units' rows, a file a point; the units' times ([`crate::merge`]) |
+//! | `merged/trials/`, `merged/tries/`, `merged/units.csv` | rows of all units, one file per point; the units' times ([`crate::merge`]) |
 //! | `slurm/` | scripts, numbers and logs of jobs ([`crate::slurm`]) |
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -27,11 +28,11 @@ use crate::columns::Which;
 use crate::plan::Plan;
 use crate::table::Reader;
 
-/// How an attempt at a unit failed.
+/// A failed attempt at a unit.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Failure {
     pub reason: String,
-    /// Who tried: machine, process, job.
+    /// Worker that tried: machine, process, job.
     pub by: String,
 }
 
@@ -45,12 +46,12 @@ pub struct Folder {
 const PLAN: &str = "plan.json";
 
 impl Folder {
-    /// Whether `path` is the folder of a sweep.
+    /// True if `path` is the folder of a sweep.
     pub fn is_at(path: &Path) -> bool {
         path.join(PLAN).is_file()
     }
 
-    /// The sweep in `path`.
+    /// Opens the sweep in `path`.
     pub fn open(path: &Path) -> Result<Self> {
         let file = path.join(PLAN);
         let text = fs::read_to_string(&file)
@@ -62,7 +63,8 @@ impl Folder {
         Ok(Self { path: path.to_owned(), plan })
     }
 
-    /// The folder for `plan`: a new one, or the one that holds this sweep already. Another sweep's is refused.
+    /// Creates the folder for `plan`, or opens the one that holds this sweep already. Refuses the folder of another
+    /// sweep.
     pub fn join(path: &Path, plan: Plan) -> Result<Self> {
         if !Self::is_at(path) {
             for folder in ["units/trials", "units/tries", "claims", "failed"] {
@@ -70,7 +72,7 @@ impl Folder {
                 fs::create_dir_all(&folder)
                     .with_context(|| format!("--out: cannot create the folder {}", folder.display()))?;
             }
-            // Of two that begin at the same time one is first.
+            // Of two workers that begin at the same time, one is first.
             let mut draft = tempfile::NamedTempFile::new_in(path).with_context(|| path.display().to_string())?;
             std::io::Write::write_all(&mut draft, plan.to_json()?.as_bytes())?;
             draft.as_file().sync_all()?;
@@ -91,24 +93,24 @@ impl Folder {
         }
     }
 
-    /// A unit's file.
+    /// Returns the path of a unit's file.
     pub fn unit(&self, which: Which, id: &str) -> PathBuf {
         self.path.join("units").join(which.name()).join(format!("{id}.parquet"))
     }
 
-    /// Whether a unit is finished, as the file system has it now.
+    /// True if a unit is finished, by the present state of the file system.
     pub fn is_finished(&self, id: &str) -> bool {
         self.unit(Which::Trials, id).is_file()
     }
 
-    /// The plan's units that are finished.
+    /// Returns the plan's units that are finished.
     pub fn finished(&self) -> Result<BTreeSet<String>> {
         let found = names(&self.path.join("units/trials"), "parquet")?;
         let planned: BTreeSet<&str> = self.plan.units.iter().map(|unit| unit.id.as_str()).collect();
         Ok(found.into_iter().filter(|id| planned.contains(id.as_str())).collect())
     }
 
-    /// Keeps a finished unit: its tries first.
+    /// Stores the tables of a finished unit: its tries first.
     pub fn keep(&self, id: &str, tries: &[u8], trials: &[u8]) -> Result<()> {
         write_whole(&self.unit(Which::Tries, id), tries)?;
         write_whole(&self.unit(Which::Trials, id), trials)?;
@@ -122,12 +124,12 @@ impl Folder {
         self.path.join("failed").join(format!("{id}.json"))
     }
 
-    /// Notes that an attempt at a unit failed.
+    /// Records that an attempt at a unit failed.
     pub fn note_failure(&self, id: &str, failure: &Failure) -> Result<()> {
         Ok(write_whole(&self.failure(id), &serde_json::to_vec_pretty(failure)?)?)
     }
 
-    /// Units whose last attempt failed.
+    /// Returns the units whose last attempt failed.
     pub fn failures(&self) -> Result<BTreeMap<String, Failure>> {
         let ids = names(&self.path.join("failed"), "json")?;
         let read = |id: String| {
@@ -138,7 +140,7 @@ impl Folder {
         ids.into_iter().map(read).collect()
     }
 
-    /// A finished unit's file, if it is whole and says that it is this unit's.
+    /// Opens a finished unit's file and checks that it is complete and belongs to this unit.
     pub fn checked(&self, which: Which, id: &str) -> Result<Reader> {
         let path = self.unit(which, id);
         let reader = Reader::open(&path)?;
@@ -151,14 +153,14 @@ impl Folder {
         Ok(reader)
     }
 
-    /// Lays the files of a unit aside, so that it is played again.
+    /// Moves the files of a unit aside, so that it is played again.
     pub fn lay_aside(&self, id: &str) -> Result<PathBuf> {
         let aside = self.path.join("corrupt");
         fs::create_dir_all(&aside).with_context(|| aside.display().to_string())?;
         let mut to = PathBuf::new();
         for which in Which::ALL {
             let from = self.unit(which, id);
-            // An older one that was found broken is kept, too.
+            // An older file that was found broken is kept as well.
             to = (0..)
                 .map(|n| aside.join(format!("{id}.{}.{n}.parquet", which.name())))
                 .find(|path| !path.exists())
@@ -174,7 +176,7 @@ impl Folder {
     }
 }
 
-/// Names, without their ending, of the files in `folder` that end so.
+/// Returns the names, without extension, of the files in `folder` with the extension `ending`.
 fn names(folder: &Path, ending: &str) -> Result<BTreeSet<String>> {
     let entries = match fs::read_dir(folder) {
         Err(error) if error.kind() == ErrorKind::NotFound => return Ok(BTreeSet::new()),

@@ -1,12 +1,13 @@
 //! Sweeps: many benchmarks along axes, in units of a few minutes, on one machine or on a cluster.
 //!
-//! [`file`] is what a user writes, [`axis`] what can vary, [`plan`] the units that follow from it. [`folder`] is the result folder, which is
-//! all that workers share; [`claim`] keeps two of them from the same unit. [`play`] plays a unit, [`work`] all that are left.
-//! [`columns`] says what is kept of a trial, [`table`] is that as Parquet, [`rows`] makes it from records. [`merge`] joins the units' files,
-//! [`slurm`] hands the work to a cluster, [`status`] says how far it is. [`outcomes`], [`curve`] and [`page`] are the report,
-//! [`makespan`] is a replay of recorded unit times on more cores.
+//! [`file`] is the user's description of a sweep, and [`axis`] defines the fields that can vary. [`plan`] derives the
+//! units of work. [`folder`] is the result folder, the only thing that workers share, and [`claim`] keeps two of them
+//! from playing the same unit. [`play`] plays one unit, and [`work`] all that are left. [`columns`] defines the results
+//! that are kept of a trial, [`table`] stores them as Parquet, and [`rows`] makes them from records. [`merge`] joins
+//! the units' files, [`slurm`] submits the work to a cluster, and [`status`] reports its progress. [`outcomes`],
+//! [`curve`] and [`page`] make the report. [`makespan`] replays recorded unit times on more cores.
 
-// What is printed may hold text of others: `eprintln!` is the one that makes it printable.
+// Printed text may come from third parties: this `eprintln!` makes it printable.
 #[macro_use]
 extern crate progress;
 

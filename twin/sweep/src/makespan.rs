@@ -1,8 +1,9 @@
-//! How long a sweep would take on more cores: a replay of its units' recorded times.
+//! Predicted duration (makespan) of a sweep on more cores: a replay of its units' recorded times.
 //!
-//! Workers take the units in the plan's order, each the next one when it is free. A worker needs `start_s` before its first unit. The file system
-//! serves one operation after the other at a given rate; where the workers together ask for more, units end later by what is too much. Times are
-//! those recorded where the units were played: cores that share memory channels are slower together, which is not in it.
+//! Workers take the units in the plan's order, each the next one as soon as it is free. A worker needs `start_s` before
+//! its first unit. The file system serves one operation after the other at a given rate. If the workers together ask
+//! for more, units end later by the excess. The times are those recorded where the units were played. Cores that share
+//! memory channels are slower together; the replay does not model this.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -10,46 +11,46 @@ use std::collections::BinaryHeap;
 use schemars::JsonSchema;
 use serde::Serialize;
 
-/// What is assumed.
+/// Assumptions of the replay.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Assumptions {
-    /// Before a worker's first unit: its place in the queue, the program's start, s.
+    /// Delay before a worker's first unit: its place in the queue and the program's start, s.
     pub start_s: f64,
-    /// Metadata operations of the file system for a unit: claims, temporary files, renames.
+    /// Number of metadata operations of the file system per unit: claims, temporary files, renames.
     pub operations: f64,
-    /// How many of these it does in a second, all workers together.
+    /// Rate at which the file system serves them, all workers together, 1/s.
     pub operations_per_s: f64,
-    /// Of these each worker does so many a unit of the plan when it looks for what is open.
+    /// Number of these operations that each worker needs, per unit of the plan, to look for open units.
     pub looks: f64,
 }
 
 impl Assumptions {
-    /// A small NFS server, and workers that begin within seconds.
+    /// Typical values: a small NFS server, and workers that begin within seconds.
     pub const USUAL: Self = Self { start_s: 10.0, operations: 16.0, operations_per_s: 500.0, looks: 0.01 };
 }
 
-/// A number of cores, and what it comes to.
+/// Result of a replay on a number of cores.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
 pub struct Point {
     pub cores: usize,
-    /// Until the last unit is finished, s.
+    /// Time until the last unit is finished, s.
     pub makespan_s: f64,
     /// Time of the units over cores x makespan, 0 to 1.
     pub efficiency: f64,
-    /// What the file system is asked for in a second, in the mean.
+    /// Mean rate of file system operations, 1/s.
     pub operations_per_s: f64,
     /// Share of the makespan in which some core has nothing left to do.
     pub tail: f64,
 }
 
-/// Replays units of these times, in order, on `cores`.
+/// Replays units of these times (s), in order, on `cores`.
 pub fn replay(units: &[f64], cores: usize, assumed: &Assumptions) -> Point {
-    // Times in whole microseconds: they have an order.
+    // Times in integer microseconds, because these have a total order.
     let whole = |seconds: f64| (1e6 * seconds.max(0.0)) as u64;
     let cores = cores.max(1);
     let look = assumed.looks * units.len() as f64;
     let served = 1.0 / assumed.operations_per_s;
-    // The server's own time: it is done with all that was asked before.
+    // The server's own time: it has served all earlier requests by then.
     let mut server = 0.0_f64;
     let mut free: BinaryHeap<Reverse<u64>> = (0..cores).map(|_| Reverse(whole(assumed.start_s))).collect();
     let mut operations = 0.0;
@@ -81,7 +82,7 @@ pub fn replay(units: &[f64], cores: usize, assumed: &Assumptions) -> Point {
     }
 }
 
-/// Numbers of cores that are shown.
+/// Numbers of cores in the report.
 pub const CORES: [usize; 10] = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000];
 
 #[cfg(test)]
@@ -111,7 +112,7 @@ mod tests {
         }
     }
 
-    /// 100 units of 1 s and 10 operations each cannot end faster than the server does 1000 operations.
+    /// 100 units of 1 s and 10 operations each cannot end sooner than the server has done 1000 operations.
     #[test]
     fn the_file_system_is_a_limit() {
         let assumed = Assumptions { operations: 10.0, operations_per_s: 20.0, ..FREE };

@@ -1,4 +1,4 @@
-//! Joins the files of all units: a file a point, rows in order, and a digest of what came out.
+//! Joins the files of all units: one file per point with sorted rows, and a digest of the result.
 
 use std::fmt::Write as _;
 use std::path::PathBuf;
@@ -12,30 +12,31 @@ use crate::folder::Folder;
 use crate::plan::{Unit, short_digest};
 use crate::table::{Reader, Table};
 
-/// What was joined.
+/// Result of a merge.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Merged {
     pub units: usize,
-    /// Units that are not finished: they are left out.
+    /// Number of unfinished units, which are left out.
     pub missing: usize,
-    /// Units whose files were broken, and what was wrong; they were laid aside and count as missing.
+    /// Units with broken files, and the errors. They were moved aside and count as missing.
     pub broken: Vec<(String, String)>,
-    /// Rows of the trials' table.
+    /// Number of rows of the trials' table.
     pub trials: usize,
-    /// Rows of the tries' table.
+    /// Number of rows of the tries' table.
     pub tries: usize,
-    /// Of all rows but those columns that hold wall time, and the names of units: the same results have the same digest, however they were made.
+    /// Digest of all rows without the names of units and the columns of wall time. The same results have the same
+    /// digest, however they were computed.
     pub digest: String,
-    /// Time that the units took, summed, s.
+    /// Total time of the units, s.
     pub core_s: f64,
 }
 
-/// The file of a point.
+/// Returns the path of a point's file.
 pub fn path(folder: &Folder, which: Which, point: usize) -> PathBuf {
     folder.path.join("merged").join(which.name()).join(format!("point-{point:05}.parquet"))
 }
 
-/// Order of rows.
+/// Returns the sort keys of rows.
 fn sorting(which: Which) -> &'static [&'static str] {
     match which {
         Which::Trials => &["point", "seed", "combination", "trial", "policy", "ablation"],
@@ -43,7 +44,7 @@ fn sorting(which: Which) -> &'static [&'static str] {
     }
 }
 
-/// Joins what is finished.
+/// Joins the finished units.
 pub fn merge(folder: &Folder, quiet: bool) -> Result<Merged> {
     for which in Which::ALL {
         let folder = folder.path.join("merged").join(which.name());
@@ -97,7 +98,7 @@ pub fn merge(folder: &Folder, quiet: bool) -> Result<Merged> {
     Ok(merged)
 }
 
-/// A unit's tables, and how long it took, s.
+/// Reads a unit's tables and its duration, s.
 fn read(folder: &Folder, unit: &Unit) -> Result<([Table; 2], f64)> {
     let open = |which: Which| folder.checked(which, &unit.id);
     let readers: [Reader; 2] = [open(Which::Trials)?, open(Which::Tries)?];

@@ -1,12 +1,12 @@
-//! Names that somebody may have meant.
+//! Suggestions for misspelled names.
 
 use strsim::levenshtein;
 
-/// Of `known` the names nearest to `wanted`, three at most, nearest first.
+/// Returns the names of `known` nearest to `wanted`, at most three, nearest first.
 pub fn near<'a>(wanted: &str, known: impl IntoIterator<Item = &'a str>) -> Vec<&'a str> {
     let last = |name: &'a str| name.rsplit('.').next().unwrap_or(name);
     let own = wanted.rsplit('.').next().unwrap_or(wanted);
-    // A field is often named without the table that it stands in.
+    // A field is often named without the table that contains it.
     let mut ranked: Vec<(usize, &str)> =
         known.into_iter().map(|name| (levenshtein(wanted, name).min(1 + levenshtein(own, last(name))), name)).collect();
     ranked.sort();

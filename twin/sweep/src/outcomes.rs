@@ -1,4 +1,4 @@
-//! What came of every trial of a sweep, in a byte each: a grid over points, seeds, pairs of objects, trials and arms.
+//! Outcomes of every trial of a sweep, one byte each: a grid over points, seeds, pairs of objects, trials and arms.
 //!
 //! An arm is a policy, or `touch` without one of its means. A million trials take a megabyte.
 
@@ -12,7 +12,7 @@ use crate::merge::{merge, path};
 use crate::plan::Plan;
 use crate::table::{Reader, Values};
 
-/// What is asked of a trial.
+/// Outcome of a trial that a report counts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Outcome {
     CleanSuccess,
@@ -23,7 +23,7 @@ pub enum Outcome {
 impl Outcome {
     pub const ALL: [Self; 3] = [Self::CleanSuccess, Self::Success, Self::Contact];
 
-    /// As tables write it.
+    /// Returns the name in tables.
     pub fn name(self) -> &'static str {
         match self {
             Self::CleanSuccess => "clean_success",
@@ -32,7 +32,7 @@ impl Outcome {
         }
     }
 
-    /// In words.
+    /// Returns the name in words.
     pub fn label(self) -> &'static str {
         match self {
             Self::CleanSuccess => "clean success",
@@ -50,15 +50,15 @@ impl Outcome {
     }
 }
 
-/// Set where a trial was played.
+/// Bit that is set if a trial was played.
 const PLAYED: u8 = 1;
 
-/// The grid.
+/// Grid of outcomes.
 #[derive(Debug, Clone)]
 pub struct Outcomes {
     /// Names of the arms: policies in the benchmark's order, then ablations.
     pub arms: Vec<String>,
-    /// Levels of each axis.
+    /// Number of levels of each axis.
     sizes: Vec<usize>,
     seeds: usize,
     pub combos: usize,
@@ -66,11 +66,11 @@ pub struct Outcomes {
     bits: Vec<u8>,
 }
 
-/// Trials that have the same place but for the arm and the axes: [seed, combination, trial].
+/// Place of a trial in the grid apart from its arm and axes: [seed, combination, trial].
 pub type Place = [usize; 3];
 
 impl Outcomes {
-    /// An empty grid of a plan.
+    /// Creates the empty grid of a plan.
     pub fn new(plan: &Plan) -> Self {
         let policies = plan.policies.iter().map(|policy| policy.name().to_owned());
         let arms: Vec<String> =
@@ -86,7 +86,8 @@ impl Outcomes {
         }
     }
 
-    /// All of a sweep's; its units are joined first where that has not been done since the last of them was finished.
+    /// Reads all outcomes of a sweep. Its units are merged first if that has not been done since the last of them was
+    /// finished.
     pub fn read(folder: &Folder, quiet: bool) -> Result<Self> {
         let times = std::fs::read_to_string(folder.path.join("merged/units.csv")).unwrap_or_default();
         if times.lines().count().saturating_sub(1) != folder.finished()?.len() || times.is_empty() {
@@ -104,7 +105,7 @@ impl Outcomes {
         Ok(outcomes)
     }
 
-    /// Adds a file of one point.
+    /// Adds the file of one point.
     fn add(
         &mut self,
         reader: &Reader,
@@ -158,48 +159,48 @@ impl Outcomes {
         fits.then_some(at).filter(|at| *at < self.bits.len())
     }
 
-    /// Notes what came of a trial.
+    /// Sets the outcomes of a trial.
     #[cfg(test)]
     pub fn set(&mut self, point: usize, place: Place, arm: usize, outcomes: &[Outcome]) {
         let at = self.at(point, place, arm).expect("in the grid");
         self.bits[at] = outcomes.iter().fold(PLAYED, |bits, outcome| bits | outcome.bit());
     }
 
-    /// What came of a trial; none if it was not played.
+    /// Returns an outcome of a trial; none if the trial was not played.
     pub fn get(&self, point: usize, place: Place, arm: usize, outcome: Outcome) -> Option<bool> {
         let bits = *self.bits.get(self.at(point, place, arm)?)?;
         (bits & PLAYED != 0).then_some(bits & outcome.bit() != 0)
     }
 
-    /// Trials that were played.
+    /// Returns the number of trials that were played.
     pub fn played(&self) -> usize {
         self.bits.iter().filter(|bits| **bits != 0).count()
     }
 
-    /// Trials of the plan, without those that an ideal condition does not repeat.
+    /// Returns the number of points: the product of the numbers of levels of all axes.
     pub fn points(&self) -> usize {
         self.sizes.iter().product()
     }
 
-    /// Which level of an axis a point has.
+    /// Returns the index of a point's level of an axis.
     pub fn level(&self, point: usize, axis: usize) -> usize {
         let later: usize = self.sizes[axis + 1..].iter().product();
         point / later % self.sizes[axis]
     }
 
-    /// The point that differs from `point` in the level of one axis.
+    /// Returns the point that differs from `point` in the level of one axis.
     pub fn with_level(&self, point: usize, axis: usize, level: usize) -> usize {
         let later: usize = self.sizes[axis + 1..].iter().product();
         point + later * level - later * self.level(point, axis)
     }
 
-    /// Every seed, pair of objects and trial, by pair.
+    /// Returns the places of one pair of objects: every seed and trial.
     pub fn places(&self, combination: usize) -> impl Iterator<Item = Place> + '_ {
         (0..self.seeds).flat_map(move |seed| (0..self.trials).map(move |trial| [seed, combination, trial]))
     }
 }
 
-/// The columns that are read.
+/// Returns the columns to read.
 fn columns() -> Vec<Column> {
     let all = [
         ("seed", Kind::Whole),

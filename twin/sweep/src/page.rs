@@ -1,4 +1,5 @@
-//! The report of a sweep: `report.html` with curves and contrasts, and both as tables; and the page of a replay on more cores.
+//! The report of a sweep: `report.html` with curves and contrasts, both also as tables. Also the page of a replay on
+//! more cores.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -17,7 +18,7 @@ use crate::folder::Folder;
 use crate::makespan::{Assumptions, CORES, Point, replay};
 use crate::outcomes::{Outcome, Outcomes};
 
-/// A report that was made.
+/// A finished report.
 pub struct Made {
     pub text: String,
     pub results: Results,
@@ -27,21 +28,21 @@ pub struct Made {
 /// Rates and contrasts of a sweep.
 #[derive(Debug, Clone, Serialize, JsonSchema)]
 pub struct Results {
-    /// The sweep's name.
+    /// Name of the sweep.
     sweep: String,
-    /// Trials that were played.
+    /// Number of trials that were played.
     pub trials: usize,
-    /// Units that are finished.
+    /// Number of finished units.
     units: usize,
-    /// Units of the sweep.
+    /// Number of units of the sweep.
     of_units: usize,
-    /// A rate each.
+    /// One rate per entry.
     curves: Vec<CurveRow>,
     /// Differences, paired by trial.
     contrasts: Vec<Contrast>,
 }
 
-/// A rate of a level.
+/// Rate at one level of an axis.
 #[derive(Debug, Clone, Serialize, JsonSchema)]
 pub struct CurveRow {
     /// The axis.
@@ -56,7 +57,7 @@ pub struct CurveRow {
     estimate: Estimate,
 }
 
-/// Makes the report of what is finished.
+/// Makes the report of the finished units.
 pub fn report(folder: &Folder, out: &Path) -> Result<Made> {
     let outcomes = Outcomes::read(folder, true)?;
     let plan = &folder.plan;
@@ -105,7 +106,7 @@ pub fn report(folder: &Folder, out: &Path) -> Result<Made> {
     Ok(Made { text, results, folder: out.to_owned() })
 }
 
-/// Where a contrast is over everything.
+/// Label of a contrast over all points.
 const ALL: &str = "all points";
 
 const METHOD: &str = "A rate is the mean over pairs of objects of each pair's share of trials; a contrast \
@@ -176,7 +177,7 @@ fn curves(outcomes: &Outcomes, axes: &[PlannedAxis]) -> Vec<CurveRow> {
     rows
 }
 
-/// Of each axis with several levels, clean success and contact over it.
+/// Draws clean success and contact over each axis with several levels.
 fn figures<'a>(outcomes: &Outcomes, axes: &'a [PlannedAxis]) -> Vec<(&'a PlannedAxis, [Figure; 2])> {
     let figure = |n: usize, axis: &PlannedAxis, outcome: Outcome| {
         let numbers: Option<Vec<f64>> = axis.levels.iter().map(Level::number).collect();
@@ -208,7 +209,7 @@ fn contrasts(outcomes: &Outcomes, axes: &[PlannedAxis]) -> Vec<Contrast> {
         );
     }
     let touch = outcomes.arms.iter().position(|arm| arm == "touch");
-    // Against touch where it was played, else against the first arm.
+    // The base is touch if it was played, else the first arm.
     let base = touch.unwrap_or(0);
     for (arm, name) in outcomes.arms.iter().enumerate().filter(|(arm, _)| *arm != base) {
         for (of, at) in &places {
@@ -263,7 +264,7 @@ fn contrast_table(contrasts: &[Contrast]) -> Table {
     table
 }
 
-/// A table as CSV, an estimate a row under the name `value`.
+/// Formats a table as CSV, one estimate per row with its value in the column `value`.
 fn comma_separated<'a, const N: usize>(
     (head, value): ([&str; N], &str),
     rows: impl Iterator<Item = ([&'a str; N], &'a Estimate)>,
@@ -278,8 +279,8 @@ fn comma_separated<'a, const N: usize>(
     Ok(writer.into_inner()?)
 }
 
-/// Replays the recorded times of a sweep's units on more cores, repeated until there are `trials`, `join` neighbours taken as one, and writes
-/// `makespan.html`.
+/// Replays the recorded times of a sweep's units on more cores and writes `makespan.html`. The times are repeated until
+/// there are `trials`; `join` neighbouring units are taken as one.
 pub fn makespan(folder: &Folder, trials: Option<usize>, join: usize) -> Result<(Vec<Point>, String)> {
     let file = folder.path.join("merged/units.csv");
     let text = std::fs::read_to_string(&file).with_context(|| {

@@ -1,7 +1,8 @@
 //! The plan of a sweep: points, runs and units of work.
 //!
-//! A point has one value of each axis but seed, policy and ablation; a run is a point under one seed. A run's trials are cut into units of a
-//! few minutes, each named by its content: what is played, under which request and in which version of the tables.
+//! A point has one value of each axis but seed, policy and ablation. A run is a point under one seed. Its trials are
+//! split into units of a few minutes. Each unit is named by its content: the trials, the request and the version of the
+//! tables.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -19,28 +20,28 @@ use crate::axis::{self, Draft, Field, Level, PlannedAxis};
 use crate::columns;
 use crate::file::Sweep;
 
-/// What a trial costs, as measured on the machine that the file names.
+/// Cost of trials, as measured on the machine that the file names.
 const COST: &str = include_str!("../data/cost.toml");
 
-/// Most trials of a sweep.
+/// Largest number of trials of a sweep.
 const MOST: f64 = 1e8;
 
-/// Time and room that trials take.
+/// Time and disk space of trials.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Cost {
-    /// A trial under one condition, s of one core.
+    /// Time of a trial under each condition, s of one core.
     trial_s: BTreeMap<String, f64>,
-    /// Factor of it on other bodies than the simulated one.
+    /// Factor of that time on other bodies than the simulated one.
     other_body: f64,
-    /// What a run takes before its first trial, s of one core.
+    /// Time of a run before its first trial, s of one core.
     run_s: f64,
-    /// In the units' files, bytes a trial, with its tries.
+    /// Size of a trial with its tries in the units' files, bytes.
     bytes: f64,
 }
 
 impl Cost {
-    /// What comes with the program.
+    /// Returns the costs that come with the program.
     pub fn builtin() -> Result<Self, DataError> {
         platform::data::parse_toml(COST, Path::new("data/cost.toml"))
     }
@@ -49,7 +50,7 @@ impl Cost {
         self.trial_s.get(condition.name()).copied().unwrap_or(1.0)
     }
 
-    /// Of a unit of the benchmark, s of one core.
+    /// Returns the time of a unit of the benchmark, s of one core.
     fn unit_s(&self, request: &RunRequest, unit: TrialUnit) -> f64 {
         let body = if request.robot == "sim" { 1.0 } else { self.other_body };
         body * match unit.trial {
@@ -67,26 +68,26 @@ impl Cost {
 pub struct Run {
     /// Number of the point.
     pub point: usize,
-    /// Which value of each axis, in the order of [`Plan::axes`].
+    /// Index of the value of each axis, in the order of [`Plan::axes`].
     pub at: Vec<usize>,
-    /// What is played.
+    /// Request of the run.
     pub request: RunRequest,
 }
 
 /// A unit of work: some of a run's trials.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Unit {
-    /// By content, hexadecimal.
+    /// Name by content, hexadecimal.
     pub id: String,
-    /// Which run.
+    /// Index of the run.
     pub run: usize,
-    /// The first of the run's trials ...
+    /// Index of the first of the run's trials.
     pub from: usize,
-    /// ... and how many.
+    /// Number of trials.
     pub count: usize,
 }
 
-/// All of a sweep's work.
+/// All work of a sweep.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Plan {
     /// Version of the tables.
@@ -101,14 +102,14 @@ pub struct Plan {
     pub trials: usize,
     /// Expected time of all units on one core, s.
     pub core_s: f64,
-    /// Texts of the runs' scenarios, each once; a run's request has the number of its own.
+    /// Distinct texts of the runs' scenarios. A run's request holds the index of its own.
     pub scenarios: Vec<String>,
     pub runs: Vec<Run>,
     pub units: Vec<Unit>,
 }
 
 impl Plan {
-    /// What a sweep comes to.
+    /// Plans a sweep.
     pub fn of(sweep: &Sweep) -> Result<Self> {
         let cost = Cost::builtin()?;
         let varied = |axis: &&crate::file::Axis| !matches!(axis.field, Field::Seed | Field::Policy | Field::Ablation);
@@ -187,13 +188,13 @@ impl Plan {
         Ok(plan)
     }
 
-    /// Adds a run, cut into units.
+    /// Adds a run, split into units.
     fn cut(&mut self, mut run: Run, minutes: f64, cost: &Cost) -> Result<()> {
         let trials = journal::units(&run.request);
         let seconds: Vec<f64> = trials.iter().map(|unit| cost.unit_s(&run.request, *unit)).collect();
         let digest = run.request.digest()?;
         let all: f64 = seconds.iter().sum();
-        // Of even length: the last one is not a scrap.
+        // The units have equal length, so that the last one is not a small remainder.
         let pieces = ((all / (60.0 * minutes)).ceil() as usize).clamp(1, trials.len().max(1));
         for piece in 0..pieces {
             let [from, to] = [piece, piece + 1].map(|n| n * trials.len() / pieces);
@@ -213,7 +214,7 @@ impl Plan {
         Ok(())
     }
 
-    /// The request of a run with its scenario.
+    /// Returns the request of a run with its scenario.
     pub fn request(&self, run: usize) -> Result<RunRequest> {
         let run = self.runs.get(run).with_context(|| format!("the plan has no run {run}"))?;
         let number: Option<usize> = run.request.scenario.parse().ok();
@@ -222,41 +223,41 @@ impl Plan {
         Ok(RunRequest { scenario: text.clone(), ..run.request.clone() })
     }
 
-    /// The trials of a unit.
+    /// Returns the trials of a unit.
     pub fn trials(&self, unit: &Unit) -> Result<Vec<TrialUnit>> {
         let all = journal::units(&self.request(unit.run)?);
         all.get(unit.from..unit.from + unit.count).map(<[_]>::to_vec).context("the plan's units do not fit its runs")
     }
 
-    /// Rows of the trials' table when all is done.
+    /// Returns the final number of rows of the trials' table.
     pub fn rows(&self) -> usize {
         let noisy = self.policies.iter().filter(|policy| **policy != Condition::Ideal).count();
         let ideal = usize::from(noisy < self.policies.len());
         self.runs.len() * self.combos * (ideal + self.trials * (noisy + self.ablations.len()))
     }
 
-    /// Points.
+    /// Returns the number of points.
     pub fn points(&self) -> usize {
         self.axes.iter().map(|axis| axis.levels.len()).product()
     }
 
-    /// Expected size of the units' files, bytes.
+    /// Returns the expected size of the units' files, bytes.
     pub fn bytes(&self) -> Result<f64> {
         Ok(self.rows() as f64 * Cost::builtin()?.bytes)
     }
 
-    /// The plan as a file, without an older one's.
+    /// Serialises the plan for its file.
     pub fn to_json(&self) -> Result<String> {
         Ok(serde_json::to_string(self)?)
     }
 
-    /// Tells sweeps apart: what is played, wherever its units were cut.
+    /// Returns a digest of the sweep's units.
     pub fn digest(&self) -> String {
         let ids: Vec<&str> = self.units.iter().map(|unit| unit.id.as_str()).collect();
         short_digest(ids.join(" "))
     }
 
-    /// In which respect another plan is another sweep; none if it is the same.
+    /// Describes the first difference that makes another plan a different sweep; none if it is the same.
     pub fn differs(&self, other: &Self) -> Option<String> {
         if self.units == other.units && self.axes == other.axes {
             return None;
@@ -287,7 +288,7 @@ impl Plan {
     }
 }
 
-/// Every choice of one of each of `sizes`, the last one fastest.
+/// Returns every combination of one index for each of `sizes`, the last index fastest.
 fn grid(sizes: &[usize]) -> impl Iterator<Item = Vec<usize>> {
     let count: usize = sizes.iter().product();
     (0..count).map(move |mut n| {
@@ -299,7 +300,7 @@ fn grid(sizes: &[usize]) -> impl Iterator<Item = Vec<usize>> {
     })
 }
 
-/// Short names for axes where they stay different: the last word of the path.
+/// Names the columns of the axes: by the last word of the path if that is unique.
 fn columns_of(axes: &[&crate::file::Axis]) -> Vec<PlannedAxis> {
     let short = |name: &str| name.rsplit('.').next().unwrap_or(name).to_owned();
     axes.iter()
@@ -312,12 +313,12 @@ fn columns_of(axes: &[&crate::file::Axis]) -> Vec<PlannedAxis> {
         .collect()
 }
 
-/// A unit's name: of what is played, not of where it stands in a plan.
+/// Returns a unit's name, from its content and not its position in a plan.
 fn name(request: &str, from: usize, count: usize) -> String {
     short_digest(format!("{} {request} {from} {count}", columns::VERSION))
 }
 
-/// The first half of the SHA-256 of `bytes`, hexadecimal.
+/// Returns the first half of the SHA-256 of `bytes`, hexadecimal.
 pub fn short_digest(bytes: impl AsRef<[u8]>) -> String {
     sha256(bytes.as_ref())[..32].to_owned()
 }

@@ -17,31 +17,31 @@ use crate::columns;
 use crate::plan::{Plan, Unit};
 use crate::rows::Rows;
 
-/// The tables of a finished unit as files.
+/// Tables of a finished unit as files.
 pub struct Played {
     pub tries: Vec<u8>,
     pub trials: Vec<u8>,
     pub seconds: f64,
 }
 
-/// Benches that were made: units of one run need the same.
+/// Cache of benches: units of one run need the same.
 pub struct Benches {
     made: Mutex<Vec<(String, Slot)>>,
-    /// How many are kept.
+    /// Capacity of the cache.
     most: usize,
-    /// Nothing is said of a search for plans that do not come with the program.
+    /// True to hide the progress of a search for plans that do not come with the program.
     quiet: bool,
 }
 
 type Slot = Arc<Mutex<Option<Arc<Bench>>>>;
 
 impl Benches {
-    /// For so many workers.
+    /// Creates the cache for this many workers.
     pub fn new(workers: usize, quiet: bool) -> Self {
         Self { made: Mutex::default(), most: workers.max(1), quiet }
     }
 
-    /// The bench of a request: one that was made, or a new one.
+    /// Returns the bench of a request, from the cache or newly made.
     fn of(&self, request: &RunRequest) -> Result<Arc<Bench>> {
         let key =
             RunRequest { conditions: Vec::new(), ablations: Vec::new(), trials: 0, ..request.clone() }.digest()?;
@@ -57,7 +57,7 @@ impl Benches {
                 }
             }
         };
-        // Those that want the same one wait for it; others go on.
+        // Workers that need the same bench wait for it; others go on.
         let mut slot = slot.lock().map_err(|_| poisoned())?;
         if slot.is_none() {
             *slot = Some(Arc::new(bench_of(request, self.quiet)?));
@@ -66,7 +66,7 @@ impl Benches {
     }
 }
 
-/// Where bodies come from that cannot be cloned; none for simulated ones.
+/// Returns a source of bodies that cannot be cloned; none for simulated ones.
 fn source(bench: &Bench, robot: &str) -> Result<Option<Box<dyn BodySource>>> {
     let model = bench.world.cell.robot.clone();
     Ok(match robot {
@@ -77,7 +77,7 @@ fn source(bench: &Bench, robot: &str) -> Result<Option<Box<dyn BodySource>>> {
     })
 }
 
-/// Plays all trials of a unit; between two of them `stop` may end it, and then nothing comes of it.
+/// Plays all trials of a unit. `stop` may end it between two trials; the result is then none.
 pub fn play(
     plan: &Plan,
     unit: &Unit,

@@ -11,16 +11,16 @@ use crate::columns::{Column, Kind, POSE, Which};
 use crate::plan::{Plan, Unit};
 use crate::table::{Cell, Table};
 
-/// The tables of a unit.
+/// Tables of a unit.
 pub struct Rows {
     pub trials: Table,
     pub tries: Table,
-    /// What every row begins with.
+    /// Fields that every row begins with.
     place: Map<String, Value>,
 }
 
 impl Rows {
-    /// Without a row yet.
+    /// Creates the empty tables of a unit.
     pub fn new(plan: &Plan, unit: &Unit) -> Result<Self> {
         let run = plan.runs.get(unit.run).context("a unit of no run")?;
         let mut place = Map::new();
@@ -42,7 +42,7 @@ impl Rows {
         Ok(Self { trials, tries, place })
     }
 
-    /// Adds a trial's records.
+    /// Adds the records of a trial.
     pub fn add(&mut self, results: &TrialResults) -> Result<()> {
         for record in &results.records {
             self.trial(record, None)?;
@@ -73,7 +73,7 @@ impl Rows {
         self.tries.push(cells(&row, &self.tries.columns.clone()))
     }
 
-    /// The record's fields behind the unit's.
+    /// Returns the record's fields, preceded by the unit's.
     fn row(&self, record: Value) -> Map<String, Value> {
         let mut row = self.place.clone();
         if let Value::Object(fields) = record {
@@ -86,7 +86,7 @@ impl Rows {
     }
 }
 
-/// A text of numbers as fields of their own.
+/// Splits a text of numbers into fields of their own.
 fn split(row: &mut Map<String, Value>, field: &str, names: impl Iterator<Item = String>) {
     let text = row.remove(field);
     let mut numbers = text.as_ref().and_then(Value::as_str).unwrap_or_default().split(' ').map(str::parse::<f64>);

@@ -1,7 +1,9 @@
-//! Hands a sweep to Slurm: an array of workers, and a job that joins their results when all of them are over.
+//! Submission of a sweep to Slurm: an array of workers, and a job that merges their results when all of them have
+//! ended.
 //!
-//! Workers claim units ([`crate::claim`]), so that it does not matter how many there are or which of them are lost. Slurm requeues those that lose
-//! their node; one whose program fails requeues itself, a few times. Should units be missing in the end, the last job submits the sweep again.
+//! Workers claim units ([`crate::claim`]), so it does not matter how many there are or which of them are lost. Slurm
+//! requeues workers that lose their node. A worker whose program fails requeues itself, a few times. If units are
+//! missing in the end, the last job submits the sweep again.
 
 use std::fmt::Write as _;
 use std::fs;
@@ -16,43 +18,43 @@ use serde::{Deserialize, Serialize};
 use crate::claim::Claims;
 use crate::folder::Folder;
 
-/// How often a worker whose program failed is requeued, and a sweep with missing units is submitted again.
+/// Maximum number of times that a failed worker is requeued, and that a sweep with missing units is submitted again.
 pub const RETRIES: u32 = 3;
 
-/// What is asked of Slurm.
+/// Resources requested from Slurm.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Options {
     pub partition: Option<String>,
-    /// Workers at most.
+    /// Maximum number of workers.
     pub max_jobs: usize,
-    /// Cores of a worker.
+    /// Number of cores per worker.
     pub cpus: usize,
-    /// Memory of a worker, as Slurm writes it.
+    /// Memory of a worker, in Slurm's notation.
     pub memory: Option<String>,
-    /// Time limit of a worker, as Slurm writes it.
+    /// Time limit of a worker, in Slurm's notation.
     pub time: Option<String>,
-    /// How often the sweep has been submitted again by itself.
+    /// Number of times that the sweep has resubmitted itself.
     pub round: u32,
 }
 
-/// Jobs that were submitted.
+/// Submitted jobs.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Jobs {
-    /// Of the workers' array.
+    /// Number of the workers' array job.
     pub array: u64,
-    /// Of the one that joins the results.
+    /// Number of the merge job.
     pub merge: u64,
-    /// Workers.
+    /// Number of workers.
     pub workers: usize,
     pub options: Options,
 }
 
-/// What became of a submission.
+/// Result of a submission.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Submitted {
     /// Jobs were submitted.
     New(Jobs),
-    /// Jobs of this sweep are under way already.
+    /// Jobs of this sweep are already in progress.
     Joined(Jobs),
     /// Nothing is left to play.
     Finished,
@@ -62,7 +64,7 @@ fn folder(sweep: &Folder) -> PathBuf {
     sweep.path.join("slurm")
 }
 
-/// The jobs of the last submission; none if there was none.
+/// Reads the jobs of the last submission; none if there was none.
 pub fn jobs(sweep: &Folder) -> Result<Option<Jobs>> {
     let file = folder(sweep).join("jobs.json");
     match fs::read_to_string(&file) {
@@ -74,12 +76,12 @@ pub fn jobs(sweep: &Folder) -> Result<Option<Jobs>> {
     }
 }
 
-/// A text as one word of a shell.
+/// Quotes a text as one word of a shell.
 fn quoted(text: &str) -> String {
     format!("'{}'", text.replace('\'', "'\\''"))
 }
 
-/// The script of the workers.
+/// Returns the script of the workers.
 pub fn array_script(sweep: &Folder, program: &Path, options: &Options, workers: usize) -> String {
     let here = quoted(&sweep.path.to_string_lossy());
     let mut text =
@@ -113,7 +115,7 @@ pub fn array_script(sweep: &Folder, program: &Path, options: &Options, workers: 
     text
 }
 
-/// The script that joins the results.
+/// Returns the script that merges the results.
 pub fn merge_script(sweep: &Folder, program: &Path, options: &Options) -> String {
     let (program, here) = (quoted(&program.to_string_lossy()), quoted(&sweep.path.to_string_lossy()));
     let mut text =
@@ -148,7 +150,7 @@ pub fn merge_script(sweep: &Folder, program: &Path, options: &Options) -> String
     text
 }
 
-/// Runs one of Slurm's commands; what it says goes into the error.
+/// Runs a Slurm command. Its error output goes into the error.
 fn slurm(program: &str, arguments: &[&str]) -> Result<String> {
     let output = child::command(program).args(arguments).output().map_err(|error| match error.kind() {
         std::io::ErrorKind::NotFound => {
@@ -162,7 +164,7 @@ fn slurm(program: &str, arguments: &[&str]) -> Result<String> {
     Ok(String::from_utf8_lossy(&output.stdout).trim().to_owned())
 }
 
-/// Submits a script; the number of its job.
+/// Submits a script. Returns the number of its job.
 fn submit_script(script: &Path, more: &[&str]) -> Result<u64> {
     let script = script.to_string_lossy();
     let said = slurm("sbatch", &[&["--parsable"], more, &[script.as_ref()]].concat())?;
@@ -170,7 +172,7 @@ fn submit_script(script: &Path, more: &[&str]) -> Result<u64> {
     number.with_context(|| format!("sbatch: found `{said}`, expected the number of a job"))
 }
 
-/// Submits what is left of a sweep, unless jobs of it are under way.
+/// Submits the unfinished units of a sweep, unless jobs of it are in progress.
 pub fn submit(sweep: &Folder, program: &Path, options: &Options) -> Result<Submitted> {
     let left = sweep.plan.units.len() - sweep.finished()?.len();
     if left == 0 {
@@ -178,7 +180,7 @@ pub fn submit(sweep: &Folder, program: &Path, options: &Options) -> Result<Submi
     }
     let here = folder(sweep);
     fs::create_dir_all(&here).with_context(|| here.display().to_string())?;
-    // Two submissions at the same time: one waits for what comes of the other.
+    // Of two simultaneous submissions, one waits for the result of the other.
     let claims = Claims::new(&sweep.path)?;
     let mut waited = 0;
     let _claim = loop {
@@ -192,7 +194,7 @@ pub fn submit(sweep: &Folder, program: &Path, options: &Options) -> Result<Submi
         }
     };
     if let Some(known) = jobs(sweep)? {
-        // The job that joins the results submits the sweep again: it does not wait for itself.
+        // The merge job submits the sweep again and must not wait for itself.
         let own = claims.holder().job.as_ref().is_some_and(|job| *job == known.merge.to_string());
         if !own && queue(&known)?.iter().any(|task| task.is_under_way()) {
             return Ok(Submitted::Joined(known));
@@ -204,7 +206,7 @@ pub fn submit(sweep: &Folder, program: &Path, options: &Options) -> Result<Submi
     write_whole(&merge, merge_script(sweep, program, options).as_bytes())?;
     let first = submit_script(&array, &[])?;
     let second = submit_script(&merge, &[&format!("--dependency=afterany:{first}")]).inspect_err(|_| {
-        // Workers without anybody who joins their results are not what was asked for.
+        // Workers without a merge job were not requested.
         let _ = slurm("scancel", &[&first.to_string()]);
     })?;
     let submitted = Jobs { array: first, merge: second, workers, options: options.clone() };
@@ -212,21 +214,21 @@ pub fn submit(sweep: &Folder, program: &Path, options: &Options) -> Result<Submi
     Ok(Submitted::New(submitted))
 }
 
-/// A job or task, as Slurm sees it.
+/// A job or task as Slurm reports it.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Task {
-    /// Such as `12_3`, or `12_[4-9]` for those that have not begun.
+    /// Identifier, such as `12_3`, or `12_[4-9]` for tasks that have not begun.
     pub id: String,
-    /// Such as `RUNNING`.
+    /// State, such as `RUNNING`.
     pub state: String,
-    /// Where it runs, or why it does not.
+    /// Node that it runs on, or the reason for which it waits.
     pub reason: String,
-    /// How many tasks the line stands for.
+    /// Number of tasks that the line stands for.
     pub count: usize,
 }
 
 impl Task {
-    /// Whether something may still come of it.
+    /// True if the task has not ended.
     pub fn is_under_way(&self) -> bool {
         const OVER: [&str; 8] =
             ["COMPLETED", "CANCELLED", "FAILED", "TIMEOUT", "NODE_FAIL", "OUT_OF_MEMORY", "BOOT_FAIL", "DEADLINE"];
@@ -234,13 +236,13 @@ impl Task {
     }
 }
 
-/// What Slurm says of the jobs of a submission; nothing of those that it has forgotten.
+/// Returns Slurm's view of the jobs of a submission; empty for jobs that it has forgotten.
 pub fn queue(jobs: &Jobs) -> Result<Vec<Task>> {
     let ids = format!("{},{}", jobs.array, jobs.merge);
     let said = slurm("squeue", &["--noheader", "--states=all", "--format=%i|%T|%R", "--jobs", &ids]);
     match said {
         Ok(said) => Ok(said.lines().filter_map(task).collect()),
-        // Both are forgotten.
+        // Both jobs are forgotten.
         Err(error) if error.to_string().contains("Invalid job id") => Ok(Vec::new()),
         Err(error) => Err(error),
     }
@@ -252,7 +254,7 @@ fn task(line: &str) -> Option<Task> {
     Some(Task { id: id.into(), state: state.into(), reason: reason.into(), count: count(id) })
 }
 
-/// Tasks of an id such as `7_3`, `7_[1-4,9]` or `7_[1-8%2]`.
+/// Counts the tasks of an identifier such as `7_3`, `7_[1-4,9]` or `7_[1-8%2]`.
 fn count(id: &str) -> usize {
     let Some((_, list)) = id.split_once("_[") else { return 1 };
     let list = list.trim_end_matches(']').split('%').next().unwrap_or_default();

@@ -1,4 +1,4 @@
-//! How far a sweep is, as its folder has it.
+//! Progress of a sweep, from its folder.
 
 use std::fs;
 use std::time::SystemTime;
@@ -9,31 +9,31 @@ use crate::claim::Claims;
 use crate::columns::Which;
 use crate::folder::{Failure, Folder};
 
-/// How far.
+/// Progress of a sweep.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Status {
-    /// Units that are finished ...
+    /// Number of finished units.
     pub finished: usize,
-    /// ... of so many.
+    /// Number of all units.
     pub of: usize,
-    /// Units that somebody plays now.
+    /// Number of units that are being played.
     pub running: usize,
     /// Units whose last attempt failed.
     pub failed: Vec<(String, Failure)>,
-    /// Trials of the finished units ...
+    /// Number of trials of the finished units.
     pub trials: usize,
-    /// ... of so many.
+    /// Number of all trials.
     pub of_trials: usize,
-    /// Trials a minute, over the last quarter of an hour in which units were finished.
+    /// Trials per minute, over the last quarter of an hour in which units were finished.
     pub trials_per_minute: Option<f64>,
     /// Time left at that rate, s.
     pub left_s: Option<f64>,
 }
 
-/// Units finished within this time of the newest one tell the rate, s.
+/// Window before the newest finished unit over which the rate is computed, s.
 const WINDOW: f64 = 900.0;
 
-/// Looks at the folder.
+/// Reads the progress from the folder.
 pub fn status(folder: &Folder) -> Result<Status> {
     let finished = folder.finished()?;
     let plan = &folder.plan;
@@ -60,7 +60,8 @@ pub fn status(folder: &Folder) -> Result<Status> {
     })
 }
 
-/// Trials a minute between the first and the last of the times in the window; the first one's trials were played before.
+/// Returns the trials per minute between the first and the last of the times in the window. The trials of the first one
+/// were played before.
 fn rate(times: &[(SystemTime, usize)]) -> Option<f64> {
     let (last, _) = times.last()?;
     let age = |at: &SystemTime| last.duration_since(*at).unwrap_or_default().as_secs_f64();
@@ -81,7 +82,7 @@ mod tests {
         assert_eq!(rate(&[]), None);
         assert_eq!(rate(&[at(5, 10)]), None);
         assert_eq!(rate(&[at(0, 10), at(60, 10), at(120, 20)]), Some(15.0));
-        // A pause of a day before it has no part in it.
+        // A pause of a day before it has no influence.
         assert_eq!(rate(&[at(0, 999), at(86_400, 10), at(86_460, 12)]), Some(12.0));
     }
 }

@@ -1,4 +1,4 @@
-//! A sweep of made-up results, to measure what a million trials ask of a report.
+//! A sweep of synthetic results, to measure the cost of reporting a million trials.
 //!
 //! ```sh
 //! FTAC_SYNTHETIC=/tmp/million cargo test --release --workspace --lib a_million_made_up_trials -- --ignored --nocapture
@@ -78,7 +78,7 @@ fn sweep(path: &Path, seeds: usize) -> Folder {
     folder
 }
 
-/// Everything that was kept is found again, and the digest does not hang on the order in which units were played.
+/// All stored results are found again, and the digest does not depend on the order in which units were played.
 #[test]
 fn what_is_kept_is_reported() {
     let [one, other] = [(); 2].map(|()| tempfile::tempdir().expect("a folder"));
@@ -92,7 +92,7 @@ fn what_is_kept_is_reported() {
     let reversed = Folder::join(other.path(), folder.plan.clone()).expect("a folder");
     reversed.plan.units.iter().rev().for_each(|one| unit(&reversed, one));
     assert_eq!(merge(&reversed, true).expect("merged").digest, merged.digest);
-    // A unit less is another result.
+    // A missing unit changes the result.
     std::fs::remove_file(reversed.unit(Which::Trials, &folder.plan.units[0].id)).expect("removed");
     let less = merge(&reversed, true).expect("merged");
     assert!(less.missing == 1 && less.digest != merged.digest);

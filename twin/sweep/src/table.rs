@@ -1,4 +1,4 @@
-//! A table by columns, and as a Parquet file: zstd, a row group, every column optional.
+//! A table stored by columns, and as a Parquet file: zstd, in row groups, every column optional.
 
 use std::fs::File;
 use std::path::Path;
@@ -16,10 +16,10 @@ use parquet::schema::types::Type;
 
 use crate::columns::{Column, Kind};
 
-/// Rows of a row group.
+/// Number of rows in a row group.
 const GROUP: usize = 1 << 17;
 
-/// A column's values.
+/// Values of a column.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Values {
     Whole(Vec<Option<i64>>),
@@ -28,7 +28,7 @@ pub enum Values {
     Text(Vec<Option<ByteArray>>),
 }
 
-/// A value.
+/// A single value.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Cell {
     None,
@@ -64,7 +64,7 @@ impl Values {
         Ok(())
     }
 
-    /// The rows that `order` names, in that order.
+    /// Returns the rows given by `order`, in that order.
     fn take(&self, order: &[usize]) -> Self {
         fn picked<T: Clone>(values: &[T], order: &[usize]) -> Vec<T> {
             order.iter().map(|row| values[*row].clone()).collect()
@@ -88,7 +88,7 @@ impl Values {
         Ok(())
     }
 
-    /// Bytes of a value that are the same wherever the value is, for a digest.
+    /// Returns platform-independent bytes of a value, for a digest.
     pub fn bytes(&self, row: usize) -> Option<Vec<u8>> {
         match self {
             Self::Whole(values) => values[row].map(|value| value.to_le_bytes().to_vec()),
@@ -99,23 +99,23 @@ impl Values {
     }
 }
 
-/// A table.
+/// A table of equally long columns.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Table {
     pub columns: Vec<Column>,
-    /// Of each column.
+    /// Values of each column.
     pub values: Vec<Values>,
     pub rows: usize,
 }
 
 impl Table {
-    /// Without a row.
+    /// Creates an empty table.
     pub fn new(columns: Vec<Column>) -> Self {
         let values = columns.iter().map(|column| Values::new(column.kind)).collect();
         Self { columns, values, rows: 0 }
     }
 
-    /// Adds a row, a cell for each column.
+    /// Adds a row with one cell per column.
     pub fn push(&mut self, cells: impl IntoIterator<Item = Cell>) -> Result<()> {
         let mut count = 0;
         for ((values, column), cell) in self.values.iter_mut().zip(&self.columns).zip(cells) {
@@ -129,7 +129,7 @@ impl Table {
         Ok(())
     }
 
-    /// The rows of another table with the same columns behind one's own.
+    /// Appends the rows of another table with the same columns.
     pub fn append(&mut self, other: Self) -> Result<()> {
         if self.columns != other.columns {
             bail!("its columns are others");
@@ -141,13 +141,13 @@ impl Table {
         Ok(())
     }
 
-    /// A column's values.
+    /// Returns the values of a column.
     pub fn column(&self, name: &str) -> Result<&Values> {
         let at = self.columns.iter().position(|column| column.name == name);
         at.map(|at| &self.values[at]).with_context(|| format!("found no column {name}"))
     }
 
-    /// Rows by the values of these columns.
+    /// Sorts the rows by the values of these columns.
     pub fn sort(&mut self, by: &[&str]) -> Result<()> {
         let mut order: Vec<usize> = (0..self.rows).collect();
         let keys: Vec<&Values> = by.iter().map(|name| self.column(name)).collect::<Result<_>>()?;
@@ -169,7 +169,7 @@ impl Table {
         Ok(())
     }
 
-    /// As a Parquet file with `metadata`.
+    /// Writes the table as a Parquet file with `metadata`.
     pub fn to_parquet(&self, metadata: &[(&str, String)]) -> Result<Vec<u8>> {
         let fields = self.columns.iter().map(|column| {
             let (physical, converted) = match column.kind {
@@ -222,7 +222,7 @@ pub struct Reader {
 }
 
 impl Reader {
-    /// Opens a file; what is no Parquet file, or only a part of one, is an error that names it.
+    /// Opens a file. Fails with its name if it is not a complete Parquet file.
     pub fn open(path: &Path) -> Result<Self> {
         let file = File::open(path).with_context(|| path.display().to_string())?;
         let reader = SerializedFileReader::new(file)
@@ -230,18 +230,18 @@ impl Reader {
         Ok(Self { reader })
     }
 
-    /// Number of rows.
+    /// Returns the number of rows.
     pub fn rows(&self) -> usize {
         usize::try_from(self.reader.metadata().file_metadata().num_rows()).unwrap_or(0)
     }
 
-    /// A value of its metadata.
+    /// Returns a value of the file's metadata.
     pub fn metadata(&self, key: &str) -> Option<&str> {
         let pairs = self.reader.metadata().file_metadata().key_value_metadata()?;
         pairs.iter().find(|pair| pair.key == key)?.value.as_deref()
     }
 
-    /// Everything in the columns `wanted`, a row group after the other.
+    /// Reads the columns `wanted`, one row group after the other.
     pub fn groups<'a>(&'a self, wanted: &'a [Column]) -> Result<impl Iterator<Item = Result<Table>> + 'a> {
         let schema = self.reader.metadata().file_metadata().schema_descr();
         let place = |column: &Column| {
@@ -260,7 +260,7 @@ impl Reader {
         }))
     }
 
-    /// All of it.
+    /// Reads the whole table.
     pub fn read(&self, columns: &[Column]) -> Result<Table> {
         let mut table = Table::new(columns.to_vec());
         for group in self.groups(columns)? {
@@ -322,7 +322,7 @@ mod tests {
         let reader = Reader::open(&file).expect("opens");
         assert_eq!((reader.rows(), reader.metadata("ftac.unit")), (300, Some("u")));
         assert_eq!(reader.read(&columns()).expect("read"), table);
-        // Some columns alone, and one that is not there.
+        // Reading some columns alone, and a missing one.
         let some = reader.read(&columns()[3..]).expect("read");
         assert_eq!(some.values, table.values[3..]);
         let other = Column { name: "y".into(), kind: Kind::Number, about: "" };

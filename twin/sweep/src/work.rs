@@ -1,4 +1,4 @@
-//! A worker: plays what is left of a sweep, unit after unit.
+//! A worker: plays the unfinished units of a sweep, one after the other.
 
 use std::collections::BTreeSet;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -15,43 +15,45 @@ use crate::folder::{Failure, Folder};
 use crate::plan::Unit;
 use crate::play::{Benches, play};
 
-/// How long to wait before looking again at units that others play.
+/// Interval between looks at units that others play.
 const LOOK: Duration = Duration::from_secs(5);
 
-/// How to work.
+/// Options of a worker.
 #[derive(Debug, Clone, Copy)]
 pub struct Options {
-    /// Threads; each plays a unit of its own.
+    /// Number of threads; each plays a unit of its own.
     pub jobs: usize,
-    /// No progress.
+    /// True to show no progress.
     pub quiet: bool,
-    /// Worker `i` of `n`, from 1: where it begins, so that not all begin with the same unit. It does not wait for units that others play.
+    /// Worker `i` of `n`, from 1. It determines the first unit, so that not all begin with the same one. Such a worker
+    /// does not wait for units that others play.
     pub worker: Option<(usize, usize)>,
 }
 
-/// What a worker did.
+/// Result of a worker.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Done {
-    /// Units that it played.
+    /// Number of units that it played.
     pub played: usize,
-    /// Units that are finished now ...
+    /// Number of units that are finished now.
     pub finished: usize,
-    /// All pieces.
+    /// Number of all units.
     pub of: usize,
-    /// Units that could not be played, and why.
+    /// Units that could not be played, with the reasons.
     pub failed: Vec<(String, String)>,
-    /// s of this worker.
+    /// Wall time of this worker, s.
     pub wall_s: f64,
 }
 
-/// Ctrl-C, or SIGTERM: finished units are kept.
+/// Returns the error for Ctrl-C or SIGTERM; finished units are kept.
 fn interrupted(folder: &Folder) -> Result<anyhow::Error> {
     let further = format!("go on with `ftac sweep run {}`", folder.path.display());
     let (done, of) = (folder.finished()?.len(), folder.plan.units.len());
     Ok(Interrupted { done, of, what: "units are finished", further }.into())
 }
 
-/// Plays what is left, on several threads. What fails is noted and the next unit begun, but a result that cannot be written ends it.
+/// Plays the unfinished units on several threads. A failure is recorded and the next unit begun, but a result that
+/// cannot be written ends the work.
 pub fn work(folder: &Folder, options: Options) -> Result<Done> {
     let begun = Instant::now();
     if options.worker.is_none() {
@@ -85,7 +87,7 @@ pub fn work(folder: &Folder, options: Options) -> Result<Done> {
             break;
         }
         let played = worker.pass(&open, options.jobs)?;
-        // What is left is played by others.
+        // The remaining units are played by others.
         if played == 0 && options.worker.is_some() {
             break;
         }
@@ -112,13 +114,13 @@ pub fn work(folder: &Folder, options: Options) -> Result<Done> {
     })
 }
 
-/// In which order units are looked at: neighbours share what is made ready for them, and workers begin apart.
+/// Returns the order in which units are tried: neighbours share a bench, and workers begin at different units.
 fn order(units: usize, worker: Option<(usize, usize)>) -> Vec<usize> {
     let start = worker.map_or(0, |(i, n)| units * (i - 1) / n.max(1));
     (start..units).chain(0..start).collect()
 }
 
-/// Finished units whose files are broken are played again; the files are kept.
+/// Moves the broken files of finished units aside, so that these are played again.
 fn lay_broken_aside(folder: &Folder) -> Result<()> {
     for id in folder.finished()? {
         for which in Which::ALL {
@@ -140,7 +142,7 @@ struct Worker<'a> {
     bar: &'a progress::ProgressBar,
     failed: Mutex<Vec<(String, String)>>,
     played: AtomicUsize,
-    /// Why no further unit is begun.
+    /// Error for which no further unit is begun.
     stopped: Mutex<Option<anyhow::Error>>,
 }
 
@@ -150,7 +152,7 @@ impl Worker<'_> {
         Ok(failed.iter().map(|(id, _)| id.clone()).collect())
     }
 
-    /// Looks at every open unit once, and plays those that are free; how many.
+    /// Tries every open unit once and plays those that are free. Returns their number.
     fn pass(&self, open: &[&Unit], jobs: usize) -> Result<usize> {
         let before = self.played.load(Ordering::Relaxed) + self.failed_ids()?.len();
         bench::workers::for_each(jobs, open, |_, unit| {
@@ -170,7 +172,7 @@ impl Worker<'_> {
 
     fn unit(&self, unit: &Unit) -> Result<()> {
         let Some(_claim) = self.claims.take(&unit.id)? else { return Ok(()) };
-        // Another worker may have finished it since it was looked at.
+        // Another worker may have finished it in the meantime.
         if self.folder.is_finished(&unit.id) {
             return Ok(());
         }
@@ -186,7 +188,7 @@ impl Worker<'_> {
             Ok(Some(played)) => {
                 let kept = self.folder.keep(&unit.id, &played.tries, &played.trials);
                 if let Err(error) = kept {
-                    // Whatever else is played could not be written either.
+                    // No other result could be written either.
                     let error = error.context(format!("the results of unit {} cannot be kept", unit.id));
                     if let Ok(mut stopped) = self.stopped.lock() {
                         stopped.get_or_insert(error);

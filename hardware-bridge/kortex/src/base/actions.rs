@@ -1,5 +1,5 @@
-//! Actions: motions that the arm plans and carries out by itself. Whether one was done or aborted comes as a
-//! [`super::Notification::Action`], not as the answer to the call that began it.
+//! Actions: motions that the arm plans and carries out by itself. Their end or abort is reported as a
+//! [`super::Notification::Action`], not by the answer to the call that began them.
 
 use super::Base;
 use crate::call::{self, Call};
@@ -19,12 +19,12 @@ pub struct Action {
     pub id: u32,
     pub name: String,
     pub kind: ActionType,
-    /// For [`ActionType::ReachJointAngles`]: rad, each within half a turn of 0.
+    /// Target of a [`ActionType::ReachJointAngles`]: rad, each within half a turn of 0.
     pub posture: Option<[f64; JOINTS]>,
 }
 
 impl Base {
-    /// Actions of this kind, or all for [`ActionType::Unspecified`].
+    /// Returns the stored actions of this kind, or all for [`ActionType::Unspecified`].
     ///
     /// # Errors
     /// As [`crate::session::Session::call`].
@@ -34,7 +34,7 @@ impl Base {
         Ok(list.actions.iter().map(read).collect())
     }
 
-    /// The action `id`.
+    /// Returns the stored action `id`.
     ///
     /// # Errors
     /// As [`crate::session::Session::call`]; refused if there is none.
@@ -43,7 +43,7 @@ impl Base {
         Ok(read(&action))
     }
 
-    /// Begins the action `id`. It goes on without this host, as far as the session does.
+    /// Begins the action `id`. It continues without this host, for as long as the session lasts.
     ///
     /// # Errors
     /// As [`crate::session::Session::call`]; refused in fault and in low-level servoing.
@@ -81,23 +81,23 @@ impl Base {
         self.plain(call::STOP_ACTION)
     }
 
-    /// Stops the action until [`Base::resume_action`].
+    /// Pauses the action until [`Base::resume_action`].
     ///
     /// # Errors
-    /// As [`crate::session::Session::call`]; refused where there is none.
+    /// As [`crate::session::Session::call`]; refused if there is none.
     pub fn pause_action(&mut self) -> Result<(), KortexError> {
         self.plain(call::PAUSE_ACTION)
     }
 
-    /// Goes on with a paused action.
+    /// Resumes a paused action.
     ///
     /// # Errors
-    /// As [`crate::session::Session::call`]; refused where there is none.
+    /// As [`crate::session::Session::call`]; refused if there is none.
     pub fn resume_action(&mut self) -> Result<(), KortexError> {
         self.plain(call::RESUME_ACTION)
     }
 
-    /// Asks to be told what becomes of actions.
+    /// Subscribes to the progress of actions.
     ///
     /// # Errors
     /// As [`crate::session::Session::call`].

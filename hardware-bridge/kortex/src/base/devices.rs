@@ -15,12 +15,12 @@ use crate::message::device::{
 pub struct Device {
     pub kind: DeviceType,
     pub address: u8,
-    /// Its position in the chain, from the base.
+    /// Position in the chain, counted from the base.
     pub order: u32,
 }
 
 impl Base {
-    /// What the arm consists of, from the base on.
+    /// Returns the devices that the arm consists of, from the base on.
     ///
     /// # Errors
     /// As [`crate::session::Session::call`]; [`KortexError::Answer`] for an address that fits no header.
@@ -41,7 +41,7 @@ impl Base {
         Ok(devices)
     }
 
-    /// Addresses of the seven joints, from the base on.
+    /// Returns the addresses of the seven joints, from the base on.
     ///
     /// # Errors
     /// As [`Base::devices`]; [`KortexError::Answer`] if there are not seven.
@@ -56,7 +56,7 @@ impl Base {
         })
     }
 
-    /// Serial number of a device.
+    /// Reads the serial number of a device.
     ///
     /// # Errors
     /// As [`crate::session::Session::call`].
@@ -64,7 +64,7 @@ impl Base {
         Ok(self.session.call::<SerialNumber>(call::GET_SERIAL_NUMBER, device, &Empty {})?.serial_number)
     }
 
-    /// What a joint follows.
+    /// Reads the control mode of a joint: the quantity that it follows.
     ///
     /// # Errors
     /// As [`crate::session::Session::call`].
@@ -72,7 +72,7 @@ impl Base {
         Ok(self.session.call::<ControlModeInformation>(call::GET_CONTROL_MODE, actuator, &Empty {})?.mode())
     }
 
-    /// What kind of device it is.
+    /// Reads the type of a device.
     ///
     /// # Errors
     /// As [`crate::session::Session::call`].
@@ -80,7 +80,7 @@ impl Base {
         Ok(self.session.call::<DeviceTypeInformation>(call::GET_DEVICE_TYPE, device, &Empty {})?.device_type())
     }
 
-    /// Version of its firmware, as the maker counts it.
+    /// Reads the firmware version of a device, in the maker's encoding.
     ///
     /// # Errors
     /// As [`crate::session::Session::call`].
@@ -88,7 +88,7 @@ impl Base {
         Ok(self.session.call::<FirmwareVersion>(call::GET_FIRMWARE_VERSION, device, &Empty {})?.firmware_version)
     }
 
-    /// Model number of a device.
+    /// Reads the model number of a device.
     ///
     /// # Errors
     /// As [`crate::session::Session::call`].
@@ -96,7 +96,7 @@ impl Base {
         Ok(self.session.call::<ModelNumber>(call::GET_MODEL_NUMBER, device, &Empty {})?.model_number)
     }
 
-    /// Part number of a device.
+    /// Reads the part number of a device.
     ///
     /// # Errors
     /// As [`crate::session::Session::call`].

@@ -1,4 +1,4 @@
-//! Actions of the emulated arm: those it stores, and the one it carries out.
+//! Actions of the emulated arm: the stored ones, and the one in progress.
 
 use prost::Message;
 
@@ -20,7 +20,8 @@ use crate::message::action::{
 };
 use crate::message::base::{JointAngle, JointAngles, ServoingMode};
 
-/// Actions that the arm has as delivered, degrees. The maker's examples find home under 2; the other numbers are our reading.
+/// Actions stored in the arm as delivered, degrees. The maker's examples find home under 2. The other numbers are our
+/// reading.
 const STORED: [(u32, &str, [f32; JOINTS]); 3] = [
     (1, "Retract", [0.0, 340.0, 180.0, 214.0, 0.0, 310.0, 90.0]),
     (2, "Home", [0.0, 15.0, 180.0, 230.0, 0.0, 55.0, 90.0]),
@@ -28,15 +29,15 @@ const STORED: [(u32, &str, [f32; JOINTS]); 3] = [
 ];
 /// Joints 2, 4 and 6 have end stops, rad to either side (published: 128.9, 147.8 and 120.3 degrees).
 const RANGE: [Option<f64>; JOINTS] = [None, Some(2.25), None, Some(2.58), None, Some(2.10), None];
-/// The maker's limit, s.
+/// Longest duration that the maker permits, s.
 const LONGEST: f64 = 100.0;
-/// Joints slower than this may be led along a path, rad/s.
+/// Speed below which a joint may begin a path, rad/s.
 const NEARLY_STILL: f64 = 0.01;
-/// How long an action waits for the joints after its path is over, ms.
+/// Time for which an action waits for the joints after the end of its path, ms.
 const SETTLING: u64 = 1000;
 
 impl Controller {
-    /// Calls about actions; `None` for another call.
+    /// Answers calls about actions; `None` for another call.
     pub(super) fn action_call(&mut self, session: u16, call: Call, request: &Frame) -> Option<Result<Vec<u8>, No>> {
         let done = |result: Result<(), No>| result.map(|()| Vec::new());
         Some(match call {
@@ -59,7 +60,7 @@ impl Controller {
         })
     }
 
-    /// Stops motion of the base's own; an action is aborted.
+    /// Stops motion that the base itself drives. An action is aborted.
     pub(super) fn stop(&mut self) -> Result<(), No> {
         if self.mode == ServoingMode::LowLevel {
             return Err(IN_LOW_LEVEL);
@@ -110,14 +111,14 @@ impl Controller {
         Ok(())
     }
 
-    /// Ends the action, if there is one, before it is done; `why` is what its notification says.
+    /// Ends the action, if there is one, before it is done. `why` is the reason in its notification.
     pub(super) fn abort_action(&mut self, why: No) {
         if let Some(playing) = self.playing.take() {
             self.tell(ActionEvent::Abort, playing.handle, why.1);
         }
     }
 
-    /// Leads the joints for a millisecond. They brake before a path begins.
+    /// Advances the action by a millisecond. The joints brake before a path begins.
     pub(super) fn play(&mut self) {
         let (motion, now) = (self.motion(), self.time);
         let still = motion.velocity.iter().all(|speed| speed.abs() < NEARLY_STILL);
@@ -154,7 +155,7 @@ fn look_up(request: &Frame) -> Result<Action, No> {
     STORED.iter().find(|(identifier, ..)| *identifier == wanted).map(stored).ok_or(ENTITY_NOT_FOUND)
 }
 
-/// Where an action leads, rad: joints without end stops go the shorter way from `position`.
+/// Returns the target of an action, rad. Joints without end stops take the shorter way from `position`.
 fn target(wanted: &ConstrainedJointAngles, position: &[f64; JOINTS]) -> Result<[f64; JOINTS], No> {
     let angles = wanted.angles.as_ref().map_or(&[][..], |angles| &angles.joints);
     if angles.len() != JOINTS {
@@ -188,7 +189,7 @@ fn haste(wanted: &ConstrainedJointAngles) -> Result<Haste, No> {
     match constraint.kind() {
         JointConstraintType::Unspecified => Ok(Haste::Modest),
         _ if !value.is_finite() => Err(INVALID_PARAMETER),
-        // 0 stands for no constraint.
+        // 0 means no constraint.
         _ if value == 0.0 => Ok(Haste::Modest),
         JointConstraintType::Duration if value < 0.0 => Err(INVALID_PARAMETER),
         JointConstraintType::Duration if value > LONGEST => Err(TOO_LONG),
@@ -208,7 +209,8 @@ mod tests {
         ConstrainedJointAngles { angles: Some(JointAngles { joints }), constraint: None }
     }
 
-    /// Joint 1 goes on past half a turn, joint 2 comes back from its far side; beyond an end stop nothing goes.
+    /// Joint 1 continues past half a turn, and joint 2 comes back from its far side. A target beyond an end stop is
+    /// refused.
     #[test]
     fn turns_and_end_stops() {
         let mut position = [0.0; JOINTS];

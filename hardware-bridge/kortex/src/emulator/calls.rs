@@ -26,7 +26,7 @@ use crate::message::session::CreateSessionInfo;
 use crate::message::{ErrorMessage, NotificationHandle};
 
 impl Controller {
-    /// The answer to a request.
+    /// Returns the answer to a request.
     pub(super) fn answer(&mut self, peer: Peer, request: &Frame) -> Frame {
         let header = Header { kind: Kind::Response, ..request.header };
         match self.perform(peer, request) {
@@ -39,7 +39,7 @@ impl Controller {
         }
     }
 
-    /// The answer's session and payload.
+    /// Carries out a request. Returns the session and the payload of the answer.
     fn perform(&mut self, peer: Peer, request: &Frame) -> Result<(u16, Vec<u8>), No> {
         let Header { call, session, device, .. } = request.header;
         if call == call::CREATE_SESSION {
@@ -82,7 +82,7 @@ impl Controller {
         Ok(session)
     }
 
-    /// Calls without an argument.
+    /// Carries out calls without an argument.
     fn simple(&mut self, session: u16, call: Call, device: u8) -> Result<Vec<u8>, No> {
         Ok(match call {
             call::KEEP_ALIVE => Vec::new(),
@@ -196,7 +196,7 @@ impl Controller {
         Ok(self.feedback(command.frame_id).encode_to_vec())
     }
 
-    /// Follows a cyclic command, unless a younger one was there first.
+    /// Follows a cyclic command, unless a younger one has arrived before it.
     fn follow(&mut self, command: &Command) {
         let number = command.frame_id as u16;
         if self.last_command.is_some_and(|(last, _)| !is_younger(number, last)) {

@@ -25,13 +25,13 @@ const TICK: f64 = 1e-3;
 #[derive(Debug, Clone)]
 pub struct Settings {
     pub credentials: Credentials,
-    /// ms without a cyclic command after which the watchdog stops the arm.
+    /// Watchdog timeout: time without a cyclic command after which the arm stops, ms.
     pub cyclic_deadline: u64,
-    /// Distance between command and joint that raises a following error, rad.
+    /// Following error threshold: distance between command and joint, rad.
     pub following_error: f64,
-    /// A joint slower than this stands still, rad/s.
+    /// Standstill threshold of a joint, rad/s.
     pub standstill: f64,
-    /// Seed of what is drawn: lost and delayed datagrams.
+    /// Seed of the random draws: lost and delayed datagrams.
     pub seed: u64,
 }
 
@@ -47,31 +47,31 @@ impl Default for Settings {
     }
 }
 
-/// What happened.
+/// Kind of event.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum EventKind {
     /// A host logged in.
     SessionOpened(u16),
     /// A host logged out.
     SessionClosed(u16),
-    /// A session ended because nothing was heard of it.
+    /// A session ended after a timeout.
     SessionExpired(u16),
     /// The servoing mode changed.
     Mode(ServoingMode),
-    /// Commands stopped coming.
+    /// Commands stopped coming, and the watchdog stopped the arm.
     Watchdog,
-    /// Faults came.
+    /// Faults were raised.
     Fault,
     /// Faults were cleared.
     Cleared,
-    /// No joint moves any more.
+    /// All joints came to a standstill.
     StandsStill,
 }
 
 /// An event with its time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Event {
-    /// ms since the arm was switched on.
+    /// Time since the arm was switched on, ms.
     pub time: u64,
     pub what: EventKind,
 }
@@ -79,30 +79,31 @@ pub struct Event {
 /// Statistics of the cyclic commands since low-level servoing was last entered.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Commands {
-    /// How many were followed.
+    /// Number of commands followed.
     pub followed: u64,
-    /// When the last one came, ms.
+    /// Time of the last command, ms.
     pub last: u64,
-    /// Largest distance of the first one from the joints, rad.
+    /// Largest distance of the first command from the joints, rad.
     pub seed_error: f64,
-    /// Largest step of each joint from one command to the next, rad; for lost commands in between, their share.
+    /// Largest step of each joint from one command to the next, rad. If commands between were lost, the step is divided
+    /// among them.
     pub largest_step: [f64; JOINTS],
 }
 
 /// State of the emulated arm.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Status {
-    /// ms since it was switched on.
+    /// Time since the arm was switched on, ms.
     pub time: u64,
     pub state: ArmState,
-    /// Who moves it.
+    /// Servoing mode: who moves the arm.
     pub mode: ServoingMode,
-    /// Its joints.
+    /// Motion of the joints.
     pub motion: Motion,
     pub faults: Report,
     /// Open sessions.
     pub sessions: Vec<u16>,
-    /// The cyclic commands.
+    /// Statistics of the cyclic commands.
     pub commands: Commands,
     /// All events so far.
     pub events: Vec<Event>,
@@ -122,14 +123,14 @@ pub struct Controller {
     pub(super) sessions: Sessions,
     pub(super) in_control: Option<u16>,
     pub(super) subscriptions: Vec<Subscription>,
-    /// Number of the last command followed, and the command.
+    /// Number of the last command followed, and its angles, rad.
     pub(super) last_command: Option<(u16, [f64; JOINTS])>,
     pub(super) commands: Commands,
     network: NetworkFaults,
     random: ChaCha8Rng,
     delayed: Vec<(u64, Outgoing)>,
     pub(super) playing: Option<Playing>,
-    /// Not yet announced.
+    /// Action events that were not announced yet.
     pub(super) action_events: Vec<ActionNotification>,
     pub(super) announced: (ArmState, ServoingMode),
     moving: bool,
@@ -137,7 +138,7 @@ pub struct Controller {
 }
 
 impl Controller {
-    /// An arm at rest, ready, with nobody logged in.
+    /// Creates an arm at rest and ready, with nobody logged in.
     pub fn new(settings: Settings, plant: Box<dyn Plant>) -> Self {
         let random = ChaCha8Rng::seed_from_u64(settings.seed);
         Self {
@@ -166,7 +167,7 @@ impl Controller {
         }
     }
 
-    /// State of the emulated arm.
+    /// Returns the state of the emulated arm.
     pub fn status(&self) -> Status {
         Status {
             time: self.time,
@@ -198,7 +199,7 @@ impl Controller {
         self.events.push(Event { time: self.time, what });
     }
 
-    /// Handles a frame from `peer`; returns the frames to send.
+    /// Handles a frame from `peer`. Returns the frames to send.
     pub fn receive(&mut self, peer: Peer, frame: &Frame) -> Vec<Outgoing> {
         let over_udp = matches!(peer, Peer::Udp(_));
         if self.network.deaf || over_udp && self.network.loses_command(&mut self.random) {
@@ -218,7 +219,7 @@ impl Controller {
         outgoing
     }
 
-    /// Advances by a millisecond; returns the frames to send.
+    /// Advances by a millisecond. Returns the frames to send.
     pub fn tick(&mut self) -> Vec<Outgoing> {
         self.time += 1;
         self.play();
@@ -236,7 +237,7 @@ impl Controller {
         if self.network.deaf { Vec::new() } else { outgoing }
     }
 
-    /// Injects a fault; returns the frames to send.
+    /// Injects a fault. Returns the frames to send.
     pub fn inject(&mut self, injection: Injection) -> Vec<Outgoing> {
         match injection {
             Injection::BaseFault(bits) => self.raise(bits, [0; JOINTS]),

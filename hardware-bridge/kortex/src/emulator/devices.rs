@@ -1,4 +1,4 @@
-//! What the emulated arm consists of: four big joints, three small ones, base and wrist interface.
+//! Devices of the emulated arm: four big joints, three small ones, base and wrist interface.
 
 use prost::Message;
 
@@ -10,10 +10,10 @@ use crate::message::device::{
     SerialNumber,
 };
 
-/// No version of the maker's.
+/// Firmware version that the maker has never used.
 const FIRMWARE: u32 = 0x0E00_0000;
 
-/// In no order of note.
+/// Returns the devices, deliberately not in the order of the chain.
 fn devices() -> DeviceHandles {
     let joint = |n: u32| (if n <= 4 { DeviceType::BigActuator } else { DeviceType::SmallActuator }, n, n);
     let others = [(DeviceType::Interconnect, 8, 8), (DeviceType::Base, 0, 0)];
@@ -22,7 +22,7 @@ fn devices() -> DeviceHandles {
     DeviceHandles { devices: devices.map(handle).collect() }
 }
 
-/// Calls about devices; `None` for another call.
+/// Answers calls about devices; `None` for another call.
 pub(super) fn device_call(call: Call, device: u8) -> Option<Result<Vec<u8>, No>> {
     let devices = devices();
     if call == call::READ_ALL_DEVICES {

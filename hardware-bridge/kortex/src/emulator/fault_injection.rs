@@ -2,27 +2,27 @@
 
 use rand::{Rng, RngExt};
 
-/// A fault, from now on.
+/// A fault that lasts from its injection on.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Injection {
     /// The base raises the faults of these bits of its bank A.
     BaseFault(u32),
-    /// As [`Injection::BaseFault`], but its cause stays: it comes back when faults are cleared. 0 ends it.
+    /// As [`Injection::BaseFault`], but its cause stays: the fault returns when faults are cleared. 0 ends it.
     LastingBaseFault(u32),
     /// A joint (from 0) raises the faults of these bits of its bank A.
     JointFault {
-        /// From 0.
+        /// Index of the joint, from 0.
         joint: usize,
         /// Bits of [`crate::safety_bank::ACTUATOR`].
         bits: u32,
     },
-    /// The emergency stop is pressed or let go. Letting it go does not clear the fault.
+    /// The emergency stop is pressed or released. Releasing it does not clear the fault.
     EmergencyStop(bool),
-    /// A share of the datagrams, 0 to 1, does not arrive at the arm.
+    /// Share of the datagrams that do not arrive at the arm, 0 to 1.
     LoseCommands(f64),
-    /// A share of the datagrams, 0 to 1, does not arrive at the host.
+    /// Share of the datagrams that do not arrive at the host, 0 to 1.
     LoseReplies(f64),
-    /// Datagrams to the host take up to this many ms, each another time, so that they overtake each other.
+    /// Largest delay of datagrams to the host, ms. Each has a delay of its own, so that they overtake each other.
     DelayReplies(u64),
     /// The arm forgets all sessions, as after a restart.
     ForgetSessions,
@@ -30,9 +30,9 @@ pub enum Injection {
     Deaf(bool),
     /// A joint (from 0) is put into this control mode by another client.
     ControlMode {
-        /// From 0.
+        /// Index of the joint, from 0.
         joint: usize,
-        /// As the arm numbers them: 1 position, 2 velocity, 3 torque.
+        /// Control mode as the arm numbers it: 1 position, 2 velocity, 3 torque.
         mode: i32,
     },
 }
@@ -55,7 +55,7 @@ impl NetworkFaults {
         self.lose_replies > 0.0 && random.random::<f64>() < self.lose_replies
     }
 
-    /// ms.
+    /// Draws the delay of a datagram, ms.
     pub fn delay(&self, random: &mut impl Rng) -> u64 {
         if self.delay == 0 { 0 } else { random.random_range(0..=self.delay) }
     }

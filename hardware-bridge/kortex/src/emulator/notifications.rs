@@ -1,4 +1,4 @@
-//! What the emulated arm tells unasked.
+//! Notifications that the emulated arm sends unasked.
 
 use prost::Message;
 
@@ -10,7 +10,7 @@ use crate::message::base::{ArmStateInformation, ServoingModeInformation};
 use crate::message::device::{SafetyHandle, SafetyNotification, SafetyStatus};
 
 impl Controller {
-    /// Notifications of what changed since the last call.
+    /// Returns the notifications of all changes since the last call.
     pub(super) fn announce(&mut self) -> Vec<Outgoing> {
         let (before, now) = (self.announced, (self.state(), self.mode));
         self.announced = now;
@@ -32,7 +32,7 @@ impl Controller {
                         0 => self.faults.base,
                         joint => self.faults.joints[usize::from(joint) - 1],
                     };
-                    // The lowest bit is enough for a notification; the cyclic feedback has them all.
+                    // The lowest bit is enough for a notification; the cyclic feedback has all bits.
                     let identifier = banks.a & banks.a.wrapping_neg();
                     if identifier == 0 {
                         continue;

@@ -1,16 +1,17 @@
-//! The way of the joints to a posture: all together along minimum-jerk curves, at rest at both ends.
+//! Path of the joints to a posture: all together along minimum-jerk curves, at rest at both ends.
 
 use crate::joints::JOINTS;
 
-/// Where the host asks for no duration: rad/s of the fastest joint, and rad/s2. Our reading.
+/// Limits if the host requests no duration: rad/s of the fastest joint, and rad/s2. Our reading.
 const MODEST: Limits = Limits { speed: 0.5, acceleration: 1.5 };
-/// Where it does: the slowest joint's top speed (published: 69.9 degrees per second), and our reading.
+/// Limits if the host requests a duration: the slowest joint's top speed (published: 69.9 degrees per second), and our
+/// reading of the acceleration.
 const TOP: Limits = Limits { speed: TOP_SPEED, acceleration: 5.0 };
-/// rad/s.
+/// Top speed, rad/s.
 pub(super) const TOP_SPEED: f64 = 1.22;
-/// A minimum-jerk curve's top speed is this times distance / duration,
+/// Top speed of a minimum-jerk curve, as a multiple of distance / duration.
 const PEAK_SPEED: f64 = 1.875;
-/// and its largest acceleration this times distance / duration².
+/// Largest acceleration of a minimum-jerk curve, as a multiple of distance / duration².
 const PEAK_ACCELERATION: f64 = 5.773_502_691_896_258;
 
 #[derive(Debug, Clone, Copy)]
@@ -19,12 +20,12 @@ struct Limits {
     acceleration: f64,
 }
 
-/// How fast to go.
+/// Requested speed of a path.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Haste {
     /// The arm's own speed.
     Modest,
-    /// s; a shorter time than the joints can keep is stretched.
+    /// Duration, s. A time too short for the joints is extended.
     Duration(f64),
     /// Top speed of the fastest joint, rad/s.
     Speed(f64),
@@ -34,13 +35,14 @@ pub(super) enum Haste {
 pub(super) struct Path {
     from: [f64; JOINTS],
     to: [f64; JOINTS],
-    /// ms of the arm's time.
+    /// Start on the arm's clock, ms.
     start: u64,
+    /// Duration, ms.
     duration: u64,
 }
 
 impl Path {
-    /// From here to there (rad), from `start` (ms) on.
+    /// Creates the path between two postures (rad) that starts at `start` (ms).
     pub fn new(from: [f64; JOINTS], to: [f64; JOINTS], haste: Haste, start: u64) -> Self {
         let seconds = match haste {
             Haste::Modest => shortest(&from, &to, MODEST),
@@ -50,12 +52,12 @@ impl Path {
         Self { from, to, start, duration: (seconds * 1e3).ceil() as u64 }
     }
 
-    /// When it is over, ms.
+    /// Returns the end of the path, ms.
     pub fn end(&self) -> u64 {
         self.start + self.duration
     }
 
-    /// Where the joints are to be at `now` (ms), rad; after the end exactly at the goal.
+    /// Returns the joint angles at `now` (ms), rad. After the end they are exactly the target.
     pub fn at(&self, now: u64) -> [f64; JOINTS] {
         if now >= self.end() {
             return self.to;
@@ -66,7 +68,7 @@ impl Path {
     }
 }
 
-/// Shortest time in which the joints can get there, s.
+/// Returns the shortest time in which the joints can reach the target, s.
 pub(super) fn soonest(from: &[f64; JOINTS], to: &[f64; JOINTS]) -> f64 {
     shortest(from, to, TOP)
 }
@@ -84,7 +86,7 @@ mod tests {
     const FROM: [f64; JOINTS] = [0.0, 0.1, -0.2, 0.3, 0.0, 0.0, 3.0];
 
     proptest! {
-        /// Whatever the way: it starts and ends where it should, and keeps speed and acceleration.
+        /// Every path starts and ends at its given postures and keeps its speed and acceleration.
         #[test]
         fn keeps_its_limits(to in prop::array::uniform7(-3.0..3.0_f64), speed in 0.05..1.2_f64) {
             let path = Path::new(FROM, to, Haste::Speed(speed), 500);

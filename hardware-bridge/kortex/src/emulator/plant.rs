@@ -5,21 +5,21 @@ use crate::joints::{JOINTS, Motion, ToolPose};
 /// The controller's command to the joints.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Drive {
-    /// Stop and stay.
+    /// Stop and hold the position.
     Hold,
-    /// Go to these angles, rad, counted on from where the joints are.
+    /// Move to these angles, rad, unwrapped as the joints' own.
     Position([f64; JOINTS]),
-    /// Move with these speeds, rad/s.
+    /// Move at these speeds, rad/s.
     Velocity([f64; JOINTS]),
 }
 
-/// Seven joints: [`FirstOrderJoints`], or those of a simulator.
+/// The seven joints of an arm: [`FirstOrderJoints`], or those of a simulator.
 pub trait Plant: Send {
-    /// Lets `seconds` pass under `drive`.
+    /// Advances the joints by `seconds` under `drive`.
     fn advance(&mut self, drive: &Drive, seconds: f64);
-    /// Angles (rad, not wrapped), speeds, torques.
+    /// Returns angles (rad, not wrapped), speeds and torques.
     fn state(&self) -> Motion;
-    /// Where the tool is; `None` for joints without links.
+    /// Returns the pose of the tool; `None` for joints without links.
     fn tool_pose(&self) -> Option<ToolPose> {
         None
     }
@@ -27,8 +27,8 @@ pub trait Plant: Send {
 
 /// Joints with first-order lag and a top speed, without load.
 ///
-/// Under a position command the angle closes the gap as `exp(-t / lag)`; so a sine of angular frequency `w` and
-/// amplitude `A` is followed with an error of amplitude `A w lag / sqrt(1 + (w lag)^2)`. Under a speed command, and
+/// Under a position command the angle closes the gap as `exp(-t / lag)`. A sine of angular frequency `w` and amplitude
+/// `A` is therefore followed with an error of amplitude `A w lag / sqrt(1 + (w lag)^2)`. Under a speed command, and
 /// when stopping, the speed does the same.
 #[derive(Debug, Clone)]
 pub struct FirstOrderJoints {
@@ -38,7 +38,7 @@ pub struct FirstOrderJoints {
 }
 
 impl FirstOrderJoints {
-    /// At rest at `posture` (rad), with `lag` in s and `top_speed` in rad/s.
+    /// Creates joints at rest at `posture` (rad), with `lag` in s and `top_speed` in rad/s.
     pub fn new(posture: [f64; JOINTS], lag: f64, top_speed: [f64; JOINTS]) -> Self {
         let state = Motion { position: posture, ..Motion::default() };
         Self { state, lag, top_speed }
@@ -74,7 +74,7 @@ mod tests {
         FirstOrderJoints::new([0.0; JOINTS], 0.02, [1.0; JOINTS])
     }
 
-    /// After one lag the gap is 1/e of what it was, whatever the step length.
+    /// After one lag the gap is 1/e of its initial size, whatever the step length.
     #[test]
     fn closes_the_gap_exponentially() {
         for steps in [1, 10, 20] {
@@ -107,7 +107,7 @@ mod tests {
         }
         let after = joints.state();
         assert!(after.velocity[3].abs() < 1e-4);
-        // speed * lag is the way of an exponential stop.
+        // The stopping distance of an exponential stop is speed * lag.
         assert!((after.position[3] - before - 0.5 * 0.02).abs() < 1e-3);
     }
 }

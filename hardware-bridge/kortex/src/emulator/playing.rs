@@ -1,4 +1,4 @@
-//! The action that is carried out.
+//! The action in progress.
 
 use super::path::{Haste, Path};
 use crate::joints::JOINTS;
@@ -7,10 +7,10 @@ use crate::message::action::ActionHandle;
 #[derive(Debug, Clone)]
 pub(super) struct Playing {
     pub handle: ActionHandle,
-    /// rad.
+    /// Target posture, rad.
     pub target: [f64; JOINTS],
     pub haste: Haste,
-    /// None while the joints brake, and while it is paused.
+    /// Path of the joints; none while they brake, and while the action is paused.
     pub path: Option<Path>,
     pub paused: bool,
 }

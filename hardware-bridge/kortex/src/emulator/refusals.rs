@@ -1,4 +1,4 @@
-//! Refusals of the arm, and of requests that cannot be read.
+//! Refusals by the arm, including those of requests that cannot be read.
 
 use prost::Message;
 

@@ -1,7 +1,7 @@
-//! The emulated arm on its sockets: one thread that serves them and lets time pass.
+//! The emulated arm on its sockets: one thread that serves them and advances time.
 //!
-//! Before a millisecond passes, whatever waits in the sockets is handled: a command that the machine lets the emulator
-//! read late is no missing command to its watchdog, and a late sign of life ends no session.
+//! Before each millisecond, everything that waits in the sockets is handled. So a command that a busy machine lets the
+//! emulator read late does not trip its watchdog, and a late sign of life ends no session.
 
 use std::io;
 use std::net::{Ipv4Addr, SocketAddr};
@@ -21,11 +21,11 @@ use crate::lock::lock;
 const PATIENCE: Duration = Duration::from_millis(20);
 const MILLISECOND: Duration = Duration::from_millis(1);
 
-/// How the emulated arm's time advances.
+/// Clock of the emulated arm.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Pace {
     RealTime,
-    /// By [`Emulator::step`].
+    /// Time advances by [`Emulator::step`] only.
     Stepped,
 }
 
@@ -36,7 +36,7 @@ struct Server {
 }
 
 impl Server {
-    /// Handles all that has arrived.
+    /// Handles everything that has arrived.
     fn serve(&mut self) {
         for (peer, frame) in self.sockets.take() {
             let outgoing = self.controller.receive(peer, &frame);
@@ -44,7 +44,7 @@ impl Server {
         }
     }
 
-    /// Lets a millisecond pass, once all that has arrived before is handled.
+    /// Advances by a millisecond, after everything that arrived before has been handled.
     fn tick(&mut self) {
         self.serve();
         let outgoing = self.controller.tick();
@@ -62,19 +62,19 @@ pub struct Emulator {
 }
 
 impl Emulator {
-    /// Switches an arm on, on two free ports of the loopback address.
+    /// Switches on an arm, on two free ports of the loopback address.
     ///
     /// # Errors
-    /// When no port can be had.
+    /// Fails if no port is available.
     pub fn start(settings: Settings, plant: Box<dyn Plant>, pace: Pace) -> io::Result<Self> {
         let loopback: SocketAddr = (Ipv4Addr::LOCALHOST, 0).into();
         Self::start_at(Address { tcp: loopback, udp: loopback }, settings, plant, pace)
     }
 
-    /// Switches an arm on, on given ports.
+    /// Switches on an arm, on given ports.
     ///
     /// # Errors
-    /// When the ports cannot be had.
+    /// Fails if the ports are not available.
     pub fn start_at(address: Address, settings: Settings, plant: Box<dyn Plant>, pace: Pace) -> io::Result<Self> {
         let sockets = Sockets::bind(address)?;
         let address = sockets.address()?;
@@ -104,7 +104,7 @@ impl Emulator {
     /// Advances the arm's time.
     ///
     /// # Panics
-    /// In real time.
+    /// Panics if the arm runs in real time.
     pub fn step(&self, milliseconds: u64) {
         assert_eq!(self.pace, Pace::Stepped, "time passes by itself");
         for _ in 0..milliseconds {
@@ -122,8 +122,8 @@ impl Drop for Emulator {
     }
 }
 
-/// Serves the sockets; in real time a millisecond of the arm passes per real one. Time lost to a stall of the machine is
-/// not caught up, because the commands that belong to it are still waiting in the socket.
+/// Serves the sockets. In real time a millisecond of the arm passes per real one. Time lost to a stall of the machine
+/// is not caught up, because the commands that belong to it are still waiting in the socket.
 fn run(server: &Mutex<Server>, stop: &AtomicBool, pace: Pace) {
     let mut next = Instant::now() + MILLISECOND;
     let mut sockets = lock(server).sockets.all();

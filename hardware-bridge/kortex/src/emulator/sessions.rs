@@ -5,14 +5,17 @@ use std::collections::BTreeMap;
 use super::peer::Peer;
 use crate::message::session::CreateSessionInfo;
 
-/// A session.
+/// One session.
 #[derive(Debug, Clone, Copy)]
 struct Record {
     peer: Peer,
-    /// ms.
+    /// Session timeout, ms.
     session_timeout: u64,
+    /// Connection timeout, ms.
     connection_timeout: u64,
+    /// Time of the last call, ms.
     last_call: u64,
+    /// Time of the last sign of life, ms.
     last_sign: u64,
 }
 
@@ -32,7 +35,7 @@ impl Sessions {
                 break;
             }
         }
-        // A timeout of 0 means the arm's own; this one never ends such a session.
+        // A timeout of 0 means the arm's default. This emulator never ends such a session.
         let or_never = |timeout: u32| if timeout == 0 { u64::MAX } else { u64::from(timeout) };
         let record = Record {
             peer,
@@ -45,7 +48,7 @@ impl Sessions {
         self.last
     }
 
-    /// Whether `number` belongs to `peer`; if so, it has just been heard.
+    /// True if session `number` belongs to `peer`. Notes the sign of life at `now` (ms).
     pub fn hear(&mut self, number: u16, peer: Peer, is_call: bool, now: u64) -> bool {
         match self.records.get_mut(&number) {
             Some(record) if record.peer == peer => {
@@ -59,12 +62,12 @@ impl Sessions {
         }
     }
 
-    /// Ends one; says whether there was one.
+    /// Ends a session. Returns true if there was one.
     pub fn close(&mut self, number: u16) -> bool {
         self.records.remove(&number).is_some()
     }
 
-    /// Ends those not heard for too long, and names them.
+    /// Ends the sessions that have timed out at `now` (ms), and returns their numbers.
     pub fn expire(&mut self, now: u64) -> Vec<u16> {
         let expired = |record: &Record| {
             now - record.last_sign > record.connection_timeout || now - record.last_call > record.session_timeout
@@ -75,12 +78,12 @@ impl Sessions {
         ended
     }
 
-    /// Ends all, and names them.
+    /// Ends all sessions, and returns their numbers.
     pub fn forget(&mut self) -> Vec<u16> {
         std::mem::take(&mut self.records).into_keys().collect()
     }
 
-    /// Numbers of those that are open.
+    /// Returns the numbers of the open sessions.
     pub fn numbers(&self) -> Vec<u16> {
         self.records.keys().copied().collect()
     }

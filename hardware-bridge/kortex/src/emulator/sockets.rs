@@ -15,10 +15,10 @@ use crate::frame::{Frame, LONGEST};
 use crate::link::wait;
 use crate::tcp_framing::{self, Deframer};
 
-/// A host that does not read must not hold up the arm for longer than this.
+/// Time limit of a write, so that a host that does not read cannot block the arm.
 const WRITE_TIMEOUT: Duration = Duration::from_millis(100);
 
-/// What can be waited for.
+/// A socket that can be waited for.
 #[derive(Clone)]
 pub(super) enum Socket {
     Listener(Arc<TcpListener>),
@@ -26,13 +26,13 @@ pub(super) enum Socket {
     Stream(Arc<TcpStream>),
 }
 
-/// A host's connection.
+/// Connection of a host.
 struct Connection {
     stream: Arc<TcpStream>,
     deframer: Deframer,
 }
 
-/// Listener, datagram socket, and the open connections by number.
+/// The listener, the datagram socket, and the open connections by number.
 pub(super) struct Sockets {
     listener: Arc<TcpListener>,
     udp: Arc<UdpSocket>,
@@ -57,14 +57,14 @@ impl Sockets {
         Ok(Address { tcp: self.listener.local_addr()?, udp: self.udp.local_addr()? })
     }
 
-    /// All of them, to be waited for.
+    /// Returns all sockets, to be waited for.
     pub fn all(&self) -> Vec<Socket> {
         let streams = self.connections.values().map(|connection| Socket::Stream(connection.stream.clone()));
         [Socket::Listener(self.listener.clone()), Socket::Udp(self.udp.clone())].into_iter().chain(streams).collect()
     }
 
-    /// Every frame that has arrived, with its sender. Connections that hosts have closed, and those that send what is no
-    /// frame, end.
+    /// Returns every frame that has arrived, with its sender. Ends connections that hosts have closed, and those that
+    /// send invalid frames.
     pub fn take(&mut self) -> Vec<(Peer, Frame)> {
         let now = Instant::now();
         let mut frames = Vec::new();
@@ -77,7 +77,7 @@ impl Sockets {
         }
         self.connections.retain(|number, connection| connection.take(Peer::Tcp(*number), &mut frames));
         while let Ok(true) = wait(&*self.udp, now) {
-            // An error here is about a datagram sent earlier to a host that is gone.
+            // An error here concerns a datagram sent earlier to a host that is gone.
             let Ok((length, from)) = self.udp.recv_from(&mut self.buffer) else { continue };
             frames.extend(Frame::decode(&self.buffer[..length]).ok().map(|frame| (Peer::Udp(from), frame)));
         }
@@ -104,7 +104,7 @@ impl Sockets {
 }
 
 impl Connection {
-    /// Adds the frames that have arrived to `frames`; says whether the connection goes on.
+    /// Adds the frames that have arrived to `frames`. Returns false if the connection has ended.
     fn take(&mut self, peer: Peer, frames: &mut Vec<(Peer, Frame)>) -> bool {
         let mut bytes = [0; 4096];
         let now = Instant::now();
@@ -129,7 +129,7 @@ impl Connection {
     }
 }
 
-/// Waits until one of `sockets` has something, or until `deadline`.
+/// Waits until one of `sockets` is readable, or until `deadline`.
 pub(super) fn wait_for_any(sockets: &[Socket], deadline: Instant) {
     let left = deadline.saturating_duration_since(Instant::now());
     let left = Timespec { tv_sec: left.as_secs() as i64, tv_nsec: left.subsec_nanos().into() };
@@ -144,6 +144,6 @@ pub(super) fn wait_for_any(sockets: &[Socket], deadline: Instant) {
             PollFd::from_borrowed_fd(socket, PollFlags::IN)
         })
         .collect();
-    // Interrupted or failed, it is as if the time were up: the caller looks anyway.
+    // An interruption or failure counts as a timeout: the caller checks the sockets in any case.
     let _ = poll(&mut watched, Some(&left));
 }

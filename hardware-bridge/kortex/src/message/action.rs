@@ -1,4 +1,4 @@
-//! Service 2, the base: actions, which are motions with a name that the arm carries out by itself.
+//! Service 2, the base: actions, which are named motions that the arm carries out by itself.
 
 use super::base::JointAngles;
 
@@ -9,16 +9,16 @@ pub struct ActionHandle {
     pub identifier: u32,
     #[prost(enumeration = "ActionType", tag = "2")]
     pub action_type: i32,
-    /// Bits: 1 read, 2 update, 4 delete.
+    /// Permission bits: 1 read, 2 update, 4 delete.
     #[prost(fixed32, tag = "3")]
     pub permission: u32,
 }
 
-/// The types of action that this client tells apart.
+/// The types of action that this client distinguishes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, prost::Enumeration)]
 #[repr(i32)]
 pub enum ActionType {
-    /// In a request: all of them.
+    /// All types, in a request.
     Unspecified = 0,
     ReachPose = 6,
     ReachJointAngles = 7,
@@ -30,7 +30,7 @@ pub struct RequestedActionType {
     pub action_type: i32,
 }
 
-/// An action. Parameters of other types than these are stepped over.
+/// An action. Parameters of other types are skipped.
 #[derive(Clone, PartialEq, prost::Message)]
 pub struct Action {
     #[prost(message, optional, tag = "1")]
@@ -59,7 +59,7 @@ pub struct ConstrainedJointAngles {
 pub struct JointConstraint {
     #[prost(enumeration = "JointConstraintType", tag = "1")]
     pub kind: i32,
-    /// Seconds, or degrees per second.
+    /// Value: seconds, or degrees per second.
     #[prost(float, tag = "2")]
     pub value: f32,
 }
@@ -70,14 +70,14 @@ pub enum JointConstraintType {
     /// The arm's own speed.
     Unspecified = 0,
     Duration = 1,
-    /// Of the fastest joint.
+    /// Speed of the fastest joint.
     Speed = 2,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, prost::Enumeration)]
 #[repr(i32)]
 pub enum ActionEvent {
-    /// Not said.
+    /// Not specified.
     Unspecified = 0,
     End = 1,
     Abort = 2,

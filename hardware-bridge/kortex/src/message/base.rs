@@ -1,27 +1,27 @@
 //! Service 2, the base: modes, faults, measured angles, joint speeds.
 
-/// Who moves the joints.
+/// Servoing mode: who moves the joints.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, prost::Enumeration)]
 #[repr(i32)]
 pub enum ServoingMode {
-    /// Not said.
+    /// Not specified.
     Unspecified = 0,
     /// The base follows high-level commands of one session.
     SingleLevel = 2,
-    /// The host, joint by joint, over UDP.
+    /// The host commands the joints one by one over UDP.
     LowLevel = 3,
-    /// The actuators are spoken to past the base.
+    /// The actuators are commanded directly, bypassing the base.
     Bypass = 4,
 }
 
-/// Sets or tells the servoing mode.
+/// The servoing mode, as argument or as result.
 #[derive(Clone, Copy, PartialEq, Eq, prost::Message)]
 pub struct ServoingModeInformation {
     #[prost(enumeration = "ServoingMode", tag = "1")]
     pub mode: i32,
 }
 
-/// How many joints there are.
+/// Number of joints.
 #[derive(Clone, Copy, PartialEq, Eq, prost::Message)]
 pub struct ActuatorInformation {
     /// Seven on the arm this bridge drives.
@@ -29,7 +29,7 @@ pub struct ActuatorInformation {
     pub count: u32,
 }
 
-/// What the arm is doing; also the payload of [`crate::call::ARM_STATE_TOPIC`].
+/// Operating state of the arm; also the payload of [`crate::call::ARM_STATE_TOPIC`].
 #[derive(Clone, Copy, PartialEq, Eq, prost::Message)]
 pub struct ArmStateInformation {
     #[prost(enumeration = "super::ArmState", tag = "1")]
@@ -47,15 +47,15 @@ pub struct JointAngles {
 /// One measured angle.
 #[derive(Clone, Copy, PartialEq, prost::Message)]
 pub struct JointAngle {
-    /// From 0.
+    /// Index of the joint, from 0.
     #[prost(uint32, tag = "1")]
     pub joint: u32,
-    /// Degrees.
+    /// Angle, degrees.
     #[prost(float, tag = "2")]
     pub value: f32,
 }
 
-/// Speeds to move with until the next command.
+/// Joint speeds, in force until the next command.
 #[derive(Clone, PartialEq, prost::Message)]
 pub struct JointSpeeds {
     /// One per joint.
@@ -63,13 +63,13 @@ pub struct JointSpeeds {
     pub joints: Vec<JointSpeed>,
 }
 
-/// One speed. (The maker's message has a duration too, "not implemented yet": it does not end the motion.)
+/// Speed of one joint. (The maker's message has a duration too, "not implemented yet": it does not end the motion.)
 #[derive(Clone, Copy, PartialEq, prost::Message)]
 pub struct JointSpeed {
-    /// From 0.
+    /// Index of the joint, from 0.
     #[prost(uint32, tag = "1")]
     pub joint: u32,
-    /// Degrees per second.
+    /// Speed, degrees per second.
     #[prost(float, tag = "2")]
     pub value: f32,
 }
@@ -77,20 +77,20 @@ pub struct JointSpeed {
 /// Pose of the tool in the arm's base frame.
 #[derive(Clone, Copy, PartialEq, prost::Message)]
 pub struct Pose {
-    /// m.
+    /// Position, m.
     #[prost(float, tag = "1")]
     pub x: f32,
     #[prost(float, tag = "2")]
     pub y: f32,
     #[prost(float, tag = "3")]
     pub z: f32,
-    /// Degrees, about the base's x axis first.
+    /// Rotation about the base's x axis, degrees; applied first.
     #[prost(float, tag = "4")]
     pub theta_x: f32,
-    /// Then about the base's y axis.
+    /// Rotation about the base's y axis, degrees; applied second.
     #[prost(float, tag = "5")]
     pub theta_y: f32,
-    /// Then about the base's z axis.
+    /// Rotation about the base's z axis, degrees; applied last.
     #[prost(float, tag = "6")]
     pub theta_z: f32,
 }

@@ -1,9 +1,9 @@
-//! Services 9, 10 and 23: which devices the arm consists of, their serial numbers, safeties and control modes.
+//! Services 9, 10 and 23: the devices of the arm, their serial numbers, safeties and control modes.
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, prost::Enumeration)]
 #[repr(i32)]
 pub enum DeviceType {
-    /// Not said.
+    /// Not specified.
     Unspecified = 0,
     Base = 1,
     /// The camera in the wrist.
@@ -12,7 +12,7 @@ pub enum DeviceType {
     BigActuator = 3,
     /// A small joint.
     SmallActuator = 4,
-    /// What the hand is plugged into.
+    /// The interface that the hand is plugged into.
     Interconnect = 5,
     /// The maker's gripper.
     Gripper = 6,
@@ -23,7 +23,7 @@ pub enum DeviceType {
 }
 
 impl DeviceType {
-    /// Whether it moves a joint of the arm.
+    /// True if the device moves a joint of the arm.
     pub fn is_actuator(self) -> bool {
         matches!(self, Self::BigActuator | Self::SmallActuator | Self::MediumActuator | Self::ExtraBigActuator)
     }
@@ -31,7 +31,7 @@ impl DeviceType {
 
 #[derive(Clone, PartialEq, Eq, prost::Message)]
 pub struct DeviceHandles {
-    /// In no order of note.
+    /// The devices, in no particular order.
     #[prost(message, repeated, tag = "1")]
     pub devices: Vec<DeviceHandle>,
 }
@@ -40,10 +40,10 @@ pub struct DeviceHandles {
 pub struct DeviceHandle {
     #[prost(enumeration = "DeviceType", tag = "1")]
     pub device_type: i32,
-    /// Its address in a frame's header.
+    /// Address of the device in a frame's header.
     #[prost(uint32, tag = "2")]
     pub identifier: u32,
-    /// Where in the arm it is, from the base on.
+    /// Position in the arm, counted from the base.
     #[prost(uint32, tag = "3")]
     pub order: u32,
 }
@@ -51,28 +51,28 @@ pub struct DeviceHandle {
 /// A device's serial number.
 #[derive(Clone, PartialEq, Eq, prost::Message)]
 pub struct SerialNumber {
-    /// As printed.
+    /// Serial number as printed on the device.
     #[prost(string, tag = "1")]
     pub serial_number: String,
 }
 
-/// What a joint follows: torque, speed, position.
+/// Control mode of a joint: the quantity that it follows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, prost::Enumeration)]
 #[repr(i32)]
 pub enum ControlMode {
-    /// Nothing.
+    /// Follows no commands.
     None = 0,
-    /// Position commands.
+    /// Follows position commands.
     Position = 1,
-    /// Speed commands.
+    /// Follows speed commands.
     Velocity = 2,
-    /// Torque commands.
+    /// Follows torque commands.
     Torque = 3,
-    /// Current commands.
+    /// Follows current commands.
     Current = 4,
-    /// Something of the maker's own.
+    /// A mode of the maker's own.
     Custom = 5,
-    /// Torque commands at high speed.
+    /// Follows torque commands at high speed.
     TorqueHighVelocity = 6,
 }
 
@@ -83,12 +83,12 @@ pub struct ControlModeInformation {
     pub mode: i32,
 }
 
-/// A safety changed.
+/// Change of a safety.
 #[derive(Clone, Copy, PartialEq, Eq, prost::Message)]
 pub struct SafetyNotification {
     #[prost(message, optional, tag = "1")]
     pub safety: Option<SafetyHandle>,
-    /// To what.
+    /// New status.
     #[prost(enumeration = "SafetyStatus", tag = "2")]
     pub status: i32,
 }
@@ -96,26 +96,26 @@ pub struct SafetyNotification {
 /// A safety of a device.
 #[derive(Clone, Copy, PartialEq, Eq, prost::Message)]
 pub struct SafetyHandle {
-    /// Its bit in the device's bank.
+    /// Bit of the safety in the device's bank.
     #[prost(uint32, tag = "1")]
     pub identifier: u32,
 }
 
-/// How a safety stands.
+/// Status of a safety.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, prost::Enumeration)]
 #[repr(i32)]
 pub enum SafetyStatus {
-    /// Not said.
+    /// Not specified.
     Unspecified = 0,
-    /// Near the limit.
+    /// The quantity is near its limit.
     Warning = 1,
-    /// Over it.
+    /// The quantity is over its limit.
     Error = 2,
-    /// Fine.
+    /// The quantity is within its limits.
     Normal = 3,
 }
 
-/// What kind of device answers.
+/// Type of a device.
 #[derive(Clone, Copy, PartialEq, Eq, prost::Message)]
 pub struct DeviceTypeInformation {
     #[prost(enumeration = "DeviceType", tag = "1")]
@@ -124,21 +124,21 @@ pub struct DeviceTypeInformation {
 
 #[derive(Clone, Copy, PartialEq, Eq, prost::Message)]
 pub struct FirmwareVersion {
-    /// As the maker counts it.
+    /// Firmware version, in the maker's encoding.
     #[prost(uint32, tag = "1")]
     pub firmware_version: u32,
 }
 
 #[derive(Clone, PartialEq, Eq, prost::Message)]
 pub struct ModelNumber {
-    /// At most 24 bytes.
+    /// Model number, at most 24 bytes.
     #[prost(string, tag = "1")]
     pub model_number: String,
 }
 
 #[derive(Clone, PartialEq, Eq, prost::Message)]
 pub struct PartNumber {
-    /// At most 24 bytes.
+    /// Part number, at most 24 bytes.
     #[prost(string, tag = "1")]
     pub part_number: String,
 }

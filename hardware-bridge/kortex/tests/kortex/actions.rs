@@ -1,4 +1,4 @@
-//! Actions: what the arm stores, and what becomes of one, over TCP.
+//! Actions over TCP: the stored ones, and the course of one.
 
 use kortex::base::Notification;
 use kortex::degrees::difference;
@@ -16,7 +16,7 @@ use crate::support::*;
 const HOME: u32 = 2;
 const RETRACT: u32 = 1;
 
-/// An arm at its zero posture and a host that is told of its actions.
+/// An arm at its zero posture, and a host that is notified of its actions.
 fn ready() -> (Emulator, Arm) {
     let emulator = emulator_at([0.0; JOINTS], kortex::emulator::Pace::Stepped);
     let mut arm = host(&emulator);
@@ -24,7 +24,7 @@ fn ready() -> (Emulator, Arm) {
     (emulator, arm)
 }
 
-/// What has been told since the last time: event, action, reason.
+/// Returns the notifications since the last call: event, action, reason.
 fn told(arm: &mut Arm) -> Vec<(ActionEvent, u32, u32)> {
     // The answer to a call comes after all notifications sent before it.
     arm.base.arm_state().expect("answers");
@@ -62,7 +62,7 @@ fn stored_actions_are_listed_by_type() {
     assert_eq!(error.reason(), Some(Reason::InvalidParameter), "{error}");
 }
 
-/// Home, from start to end: the state says so, speeds stay modest, the end is exactly there.
+/// Home, from start to end: the state is reported, speeds stay modest, and the end is exact.
 #[test]
 fn home() {
     let (emulator, mut arm) = ready();
@@ -82,7 +82,7 @@ fn home() {
     assert_eq!(arm.base.arm_state().expect("answers"), ArmState::ServoingReady);
 }
 
-/// A posture of the host's own, in the time that it asks for.
+/// A posture chosen by the host, reached in the requested time.
 #[test]
 fn reach_joint_angles_within_a_duration() {
     let (emulator, mut arm) = ready();
@@ -139,7 +139,7 @@ fn a_fault_in_motion() {
     assert_eq!(error.reason(), Some(Reason::InFault), "{error}");
 }
 
-/// Another action and joint speeds take over; the joints brake before another path begins.
+/// Another action and joint speeds take over. The joints brake before another path begins.
 #[test]
 fn another_command_takes_over() {
     let (emulator, mut arm) = ready();

@@ -1,4 +1,4 @@
-//! Whatever a host asks, the emulated arm answers, does not panic, and stands somewhere.
+//! For any request, the emulated arm answers, does not panic, and keeps a finite posture.
 
 use kortex::emulator::{Controller, FirstOrderJoints, Peer, Settings};
 use kortex::frame::{Frame, Header, Kind};

@@ -12,7 +12,7 @@ use crate::support::*;
 
 const TCP: &str = "FTAC_TEST_ARM_TCP";
 const UDP: &str = "FTAC_TEST_ARM_UDP";
-/// The arm's watchdog, ms: longer than a busy machine holds up a host that lives.
+/// Timeout of the arm's watchdog, ms: longer than a busy machine delays a living host.
 const DEADLINE: u64 = 3000;
 
 /// The host: swings joint 1 until something stops it. The tests below run it in a process of its own.
@@ -35,7 +35,7 @@ fn host_process() {
         let command = *servoing.command();
         wanted[0] = wanted[0].clamp(command[0] - 1e-3, command[0] + 1e-3);
         match servoing.command_angles(&wanted, next) {
-            // On a busy machine the emulated arm may fall behind: it is waited for.
+            // On a busy machine the emulated arm may fall behind: wait for it.
             Err(KortexError::Command(CommandError::Lead { .. })) => drop(servoing.hold(next).expect("holds")),
             result => drop(result.expect("follows")),
         }
@@ -44,7 +44,7 @@ fn host_process() {
     }
 }
 
-/// Ends the host whatever becomes of the test.
+/// Ends the host process, whatever the outcome of the test.
 struct Host(Child);
 
 impl Drop for Host {

@@ -1,5 +1,5 @@
 //! Faults, drawn by seed: every kind at every point of a motion. The host sees an error of the right kind, the arm
-//! stands soon, and no command is ever outside the limits.
+//! stops soon, and no command is ever outside the limits.
 
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
@@ -16,7 +16,7 @@ use rand_chacha::ChaCha8Rng;
 use crate::support::*;
 
 const SEED: u64 = 8;
-/// Away from all limits.
+/// A posture away from all limits.
 const CENTRE: [f64; JOINTS] = [0.0, 0.3, 3.0, -1.2, 0.0, 0.9, 1.5];
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -44,7 +44,7 @@ const KINDS: [Kind; 9] = [
     Kind::BadCommand,
 ];
 
-/// Whether `error` is what a fault of this kind should look like.
+/// True if `error` is the expected one for a fault of this kind.
 fn fits(kind: Kind, error: &KortexError) -> bool {
     match kind {
         Kind::JointFault => matches!(error, KortexError::Fault(_)),
@@ -59,7 +59,7 @@ fn fits(kind: Kind, error: &KortexError) -> bool {
     }
 }
 
-/// ms until the arm stands, at most `longest`.
+/// Returns the time until the arm stands still, ms, at most `longest`.
 fn standstill(emulator: &Emulator, longest: u64) -> u64 {
     let moves = || emulator.status().motion.velocity.iter().any(|speed| speed.abs() > 1e-3);
     (0..longest)
@@ -72,8 +72,8 @@ fn standstill(emulator: &Emulator, longest: u64) -> u64 {
         .unwrap_or(longest)
 }
 
-/// One motion with one fault in it; returns ms from the fault (for a silent host, from its last command) until the arm
-/// stands.
+/// Plays one motion with one fault in it. Returns the time from the fault (for a silent host, from its last command)
+/// until the arm stands still, ms.
 fn one(emulator: &Emulator, kind: Kind, random: &mut ChaCha8Rng) -> u64 {
     for heal in [Injection::EmergencyStop(false), Injection::Deaf(false), Injection::LoseReplies(0.0)] {
         emulator.inject(heal);
@@ -116,7 +116,7 @@ fn one(emulator: &Emulator, kind: Kind, random: &mut ChaCha8Rng) -> u64 {
                 }
             }
         }
-        // Up to speed in 30 cycles, then on.
+        // Accelerates over 30 cycles, then continues.
         let share = f64::from((cycle + 1).min(30)) / 30.0;
         let command = *servoing.command();
         let next = std::array::from_fn(|i| command[i] + speed[i] * share * 1e-3);
@@ -139,7 +139,7 @@ fn one(emulator: &Emulator, kind: Kind, random: &mut ChaCha8Rng) -> u64 {
     let error = error.unwrap_or_else(|| panic!("{kind:?} at cycle {at} was never noticed"));
     assert!(fits(kind, &error), "{kind:?} at cycle {at}: {error}");
     match kind {
-        // Its call to give the arm back would wait for an answer as long as a call may take.
+        // Its call to return the arm would wait for an answer for as long as a call may take.
         Kind::Deaf => std::mem::forget(servoing),
         _ => drop(servoing),
     }

@@ -47,7 +47,7 @@ fn every_fault_of_the_base() {
     }
 }
 
-/// A fault whose cause stays is not waited for for ever, and the arm is not taken.
+/// Entry does not wait forever for a fault whose cause stays, and fails.
 #[test]
 fn a_fault_that_comes_back() {
     let emulator = emulator();
@@ -61,7 +61,7 @@ fn a_fault_that_comes_back() {
     Servoing::enter(&mut arm, limits()).expect("cooled down").leave().expect("leaves");
 }
 
-/// The button: servoing ends with its own error, nothing starts while it is pressed, and letting go is not enough.
+/// The button: servoing ends with its own error, nothing starts while it is pressed, and releasing it is not enough.
 #[test]
 fn the_emergency_stop() {
     let emulator = emulator();

@@ -1,4 +1,4 @@
-//! The arm is lost, or not: what keeps a session, and the reasons for the end of servoing, told apart.
+//! Loss of the arm: keeping of sessions, and the distinction of the reasons for the end of servoing.
 
 use std::time::{Duration, Instant};
 
@@ -9,7 +9,7 @@ use kortex::{Arm, KortexError, Timeouts};
 
 use crate::support::*;
 
-/// The arm's watchdog, ms, where it is to stay out of it.
+/// Watchdog timeout for tests in which it must not trip, ms.
 const NEVER: u64 = 3_600_000;
 const MILLISECOND: Duration = Duration::from_millis(1);
 
@@ -22,8 +22,8 @@ fn connected(emulator: &Emulator, timeouts: Timeouts) -> Arm {
     Arm::connect(emulator.address(), &credentials(), timeouts, home_posture()).expect("connects")
 }
 
-/// Keep-alives are no calls: a session that has nothing else ends with its timeout, in the middle of servoing. The arm's
-/// time passes no faster than the host's, so that a machine that stalls stalls both.
+/// Keep-alives are not calls: a session without other calls would end with its timeout, in the middle of servoing. The
+/// arm's time passes no faster than the host's, so that a machine that stalls stalls both.
 #[test]
 fn servoing_outlives_the_session_timeout() {
     let emulator = emulator();
@@ -40,7 +40,7 @@ fn servoing_outlives_the_session_timeout() {
     assert_eq!(emulator.status().sessions, sessions);
 }
 
-/// The same without servoing, as while an operator is asked something: over TCP and over UDP.
+/// An idle arm, as while an operator is asked something, outlives the session timeout too: over TCP and over UDP.
 #[test]
 fn an_idle_arm_outlives_the_session_timeout() {
     let emulator = emulator();
@@ -55,7 +55,7 @@ fn an_idle_arm_outlives_the_session_timeout() {
     arm.base.clear_faults().expect("still ours");
 }
 
-/// Servoing on an arm with this watchdog, ms, until `end` has done its work and the host notices.
+/// Servoes on an arm with this watchdog, ms, until `end` has done its work and the host notices. Returns the error.
 fn ended(cyclic_deadline: u64, timeouts: Timeouts, limits: Limits, end: impl FnOnce(&Emulator)) -> KortexError {
     let emulator = emulator_with(home_posture(), Pace::Stepped, cyclic_deadline);
     let mut arm = connected(&emulator, timeouts);
@@ -76,14 +76,14 @@ fn a_second_client_is_told() {
     assert!(matches!(error, KortexError::TakenOver { found: ServoingMode::SingleLevel }), "{error}");
 }
 
-/// The arm forgets: nothing this program did.
+/// The arm forgets the sessions, through no fault of this program.
 #[test]
 fn an_arm_that_restarted_is_told() {
     let error = ended(NEVER, timeouts(), limits(), |emulator| emulator.inject(Injection::ForgetSessions));
     assert!(matches!(error, KortexError::SessionLost { .. }), "{error}");
 }
 
-/// This program stands still for longer than its session allows: the arm is lost by its own doing.
+/// This program stands still for longer than its session allows, and loses the arm by its own fault.
 #[test]
 fn a_session_that_ran_out_is_told() {
     let timeouts = Timeouts { connection: Duration::from_millis(200), ..timeouts() };
@@ -109,12 +109,12 @@ fn a_busy_computer_is_told() {
     assert!(error.to_string().contains("joint 7: watchdog"), "{error}");
 }
 
-/// Commands are sent in time and do not arrive.
+/// Commands are sent in time but do not arrive.
 #[test]
 fn a_lossy_network_is_told() {
     let emulator = emulator_with(home_posture(), Pace::Stepped, 50);
     let mut arm = host(&emulator);
-    // In time on however busy a machine.
+    // Commands are in time on any busy machine.
     let mut servoing = Servoing::enter(&mut arm, Limits { cycle: PATIENCE, ..limits() }).expect("enters");
     emulator.inject(Injection::LoseCommands(1.0));
     for _ in 0..60 {
@@ -127,7 +127,7 @@ fn a_lossy_network_is_told() {
     assert!(missed >= 60 && sent > missed, "{error}");
 }
 
-/// One lost datagram is no arm that does not answer.
+/// A single lost datagram does not mean that the arm does not answer.
 #[test]
 fn lost_measurements_are_asked_for_again() {
     let emulator = emulator();
@@ -138,8 +138,7 @@ fn lost_measurements_are_asked_for_again() {
     }
 }
 
-/// A command that has arrived and that the emulator has not read yet is no missing one: time does not pass before it is
-/// read.
+/// A command that has arrived but was not read yet does not count as missing: time does not advance before it is read.
 #[test]
 fn a_command_that_waits_in_the_socket_is_not_missing() {
     let emulator = emulator_with(home_posture(), Pace::Stepped, 2);
@@ -147,7 +146,7 @@ fn a_command_that_waits_in_the_socket_is_not_missing() {
     let mut servoing = Servoing::enter(&mut arm, patient_limits()).expect("enters");
     let before = emulator.status().commands.followed;
     for cycle in 1..=500 {
-        // Sent, and not waited for.
+        // The command is sent without waiting for the answer.
         servoing.hold(Instant::now()).expect("sent");
         emulator.step(1);
         assert_eq!(emulator.status().commands.followed, before + cycle, "a command was passed over");

@@ -18,7 +18,7 @@ fn start(host_deadline: Duration) -> (Emulator, ServoLoop) {
     (emulator, servo_loop)
 }
 
-/// A controller of 100 Hz leads all joints along; the arm gets commands without jumps and arrives.
+/// A controller at 100 Hz leads all joints along. The arm gets commands without jumps and arrives.
 #[test]
 fn targets_become_smooth_commands() {
     let (emulator, servo_loop) = start(PATIENCE);
@@ -34,7 +34,7 @@ fn targets_become_smooth_commands() {
     let arrived = |angles: [f64; JOINTS]| (0..JOINTS).all(|i| (angles[i] - target[i]).abs() < 1e-4);
     until("the arm is there", || arrived(servo_loop.snapshot().feedback.motion.position));
     for (step, allowed) in emulator.status().commands.largest_step.iter().zip(limits().step) {
-        // What the wire's floats leave of it.
+        // Tolerance for the wire's single precision.
         assert!(*step <= allowed + 1e-6, "step {step}");
     }
     let (arm, result) = servo_loop.finish();
@@ -43,8 +43,8 @@ fn targets_become_smooth_commands() {
     arm.close().expect("closes");
 }
 
-/// The controller hangs, the loop does not: it stops the arm on its way, stays, and goes on when the controller is
-/// back.
+/// The controller hangs but the loop does not. It stops the arm on its way, holds it, and goes on when the controller
+/// is back.
 #[test]
 fn a_silent_controller_stops_the_arm() {
     let (emulator, servo_loop) = start(Duration::from_millis(100));
@@ -79,7 +79,7 @@ fn impossible_targets_are_refused() {
     assert!(matches!(servo_loop.set_target(target), Err(CommandError::NotFinite { joint: 2, .. })));
 }
 
-/// A fault ends the loop; the arm comes back with the reason.
+/// A fault ends the loop, and the arm is returned with the reason.
 #[test]
 fn a_fault_ends_the_loop() {
     let (emulator, servo_loop) = start(PATIENCE);

@@ -1,4 +1,4 @@
-//! Low-level servoing: entry, tracking, checks, exit, and UDP that loses.
+//! Low-level servoing: entry, tracking, checks, exit, and lossy UDP.
 
 use std::f64::consts::TAU;
 use std::time::{Duration, Instant};
@@ -12,7 +12,7 @@ use kortex::{CommandError, KortexError};
 
 use crate::support::*;
 
-/// Wherever the arm stands, also where an angle on the wire is beyond half a turn, it does not move on entry.
+/// The arm does not move on entry, wherever it stands, even if an angle on the wire is beyond half a turn.
 #[test]
 fn entry_is_seeded_with_the_measured_angles() {
     for posture in [home_posture(), [3.5, -2.0, 6.2, 2.5, -3.1, -2.0, 10.0]] {
@@ -25,7 +25,7 @@ fn entry_is_seeded_with_the_measured_angles() {
         }
         let status = emulator.status();
         assert_eq!(status.state, ArmState::ServoingLowLevel);
-        // A float in degrees holds an angle to 2.7e-7 rad.
+        // A float in degrees represents an angle to 2.7e-7 rad.
         assert!(status.commands.seed_error < 1e-6, "seed error {}", status.commands.seed_error);
         for (i, (found, expected)) in status.motion.position.iter().zip(posture).enumerate() {
             assert!((found - expected).abs() < 1e-6, "joint {} moved from {expected} to {found}", i + 1);
@@ -33,7 +33,7 @@ fn entry_is_seeded_with_the_measured_angles() {
     }
 }
 
-/// All joints follow a sine, one cycle a millisecond, through the wire's 0. First-order joints have a known error.
+/// All joints follow a sine, one cycle per millisecond, through the wire's 0. First-order joints have a known error.
 #[test]
 fn a_sine_is_followed_with_the_error_of_the_joints_lag() {
     let (amplitude, omega) = (0.3, TAU * 0.5);
@@ -105,7 +105,7 @@ fn creep(top_speed: f64, limits: Limits) -> (Emulator, KortexError) {
     panic!("never refused")
 }
 
-/// An arm that is blocked is not pulled at until it trips: the command stops first.
+/// A blocked arm is not pulled until it trips: the command is refused before.
 #[test]
 fn a_blocked_arm_refuses_the_command_before_it_trips() {
     let (emulator, error) = creep(0.01, limits());
@@ -113,7 +113,7 @@ fn a_blocked_arm_refuses_the_command_before_it_trips() {
     assert!(emulator.status().faults.is_empty());
 }
 
-/// Without that check the arm's own following error comes, and arrives as an error with the joint's name.
+/// Without that check the arm raises its own following error, which arrives as an error with the joint's name.
 #[test]
 fn a_following_error_is_named() {
     let (_, error) = creep(0.01, Limits { lead: [1.0; JOINTS], ..limits() });
@@ -121,7 +121,7 @@ fn a_following_error_is_named() {
     assert_eq!(error.to_string(), "the arm is in fault: base: joint fault; joint 2: following error");
 }
 
-/// A seeded tenth of all datagrams is lost either way; the motion goes on and every cycle is accounted for.
+/// A seeded share of all datagrams is lost both ways. The motion goes on and every cycle is accounted for.
 #[test]
 fn lost_datagrams_are_counted_and_borne() {
     let emulator = emulator();
@@ -133,7 +133,7 @@ fn lost_datagrams_are_counted_and_borne() {
     let mut fresh = 0;
     for cycle in 1..=500_i32 {
         let wanted = start.map(|angle| angle + 2e-4 * f64::from(cycle));
-        // An answer that comes at all comes within this, unless the machine stands still; then it counts as late.
+        // Any answer comes within this time, unless the machine stalls; then it counts as late.
         let deadline = Instant::now() + Duration::from_millis(100);
         fresh += u64::from(servoing.command_angles(&wanted, deadline).expect("goes on"));
         emulator.step(1);
@@ -151,7 +151,7 @@ fn lost_datagrams_are_counted_and_borne() {
     assert!(step < 2.2e-4, "a lost command made a step of {step}");
 }
 
-/// Answers that overtake each other: only younger ones count, and none is taken for another's.
+/// Answers overtake each other: only younger ones count, and none is mistaken for another.
 #[test]
 fn late_and_reordered_answers_are_told_apart() {
     let emulator = emulator();
@@ -191,7 +191,7 @@ fn too_long_without_feedback_ends_servoing() {
     assert!(matches!(error, KortexError::FeedbackLost { ticks: 101, allowed: 100 }), "{error}");
 }
 
-/// The watchdog on the arm: from the last command until no joint moves, by the arm's own clock.
+/// Watchdog of the arm: time from the last command until no joint moves, by the arm's own clock.
 #[test]
 fn an_arm_whose_host_falls_silent_stops_within_200_ms() {
     let emulator = emulator();
@@ -213,7 +213,7 @@ fn an_arm_whose_host_falls_silent_stops_within_200_ms() {
     assert!(error.to_string().contains("joint 7: watchdog"), "{error}");
 }
 
-/// Whoever forgets to leave still gives the arm back.
+/// A session that is dropped without leaving still returns the arm.
 #[test]
 fn dropping_leaves() {
     let emulator = emulator();

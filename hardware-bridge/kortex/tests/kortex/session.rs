@@ -74,7 +74,7 @@ fn measured_angles_are_in_radians() {
     assert!(angles[3] < 0.0);
 }
 
-/// What a Gen3 refuses too: the cyclic command without an answer.
+/// A call that a Gen3 refuses too: the cyclic command without an answer.
 #[test]
 fn an_unknown_call_is_refused_by_name() {
     let emulator = emulator();
@@ -98,7 +98,7 @@ fn a_forgotten_session_is_lost() {
     assert!(matches!(error, KortexError::SessionLost { .. }), "{error}");
 }
 
-/// Kept up, sessions outlive their timeout; not kept up, they end with it.
+/// Sessions that are kept alive outlive their timeout; others end with it.
 #[test]
 fn keep_alives_keep_sessions_alive() {
     let emulator = emulator_at(home_posture(), Pace::RealTime);
@@ -168,7 +168,7 @@ fn joint_speeds_move_the_arm_until_stop() {
     emulator.step(1000);
     assert_eq!(base.arm_state().expect("state"), ArmState::ServoingManuallyControlled);
     let way = emulator.status().motion.position[4] - before;
-    // Speed follows with the joints' lag, so the way is speed * (time - lag).
+    // The speed follows with the joints' lag, so the distance is speed * (time - lag).
     assert!((way + 0.4 * (1.0 - LAG)).abs() < 1e-3, "way {way}");
     base.stop().expect("stops");
     emulator.step(200);
@@ -188,7 +188,7 @@ fn bad_speeds_are_not_sent() {
     assert_eq!(emulator.status().motion.velocity, [0.0; JOINTS]);
 }
 
-/// The one thing that stops joint speeds when the host is gone is its session's timeout.
+/// If the host is gone, only its session's timeout stops joint speeds.
 #[test]
 fn speeds_end_with_their_session() {
     let emulator = emulator();
@@ -222,7 +222,7 @@ fn events_are_told() {
     let actuators = base.actuators().expect("actuators");
     base.subscribe(&actuators).expect("subscribes");
     let told = |base: &mut Base| {
-        // The answer to a call comes after what was told before it.
+        // The answer to a call comes after all notifications sent before it.
         base.arm_state().expect("state");
         std::iter::from_fn(|| base.next_notification().expect("readable")).collect::<Vec<_>>()
     };

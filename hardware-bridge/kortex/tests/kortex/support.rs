@@ -8,20 +8,21 @@ use kortex::emulator::{Emulator, EventKind, FirstOrderJoints, Pace, Settings};
 use kortex::servoing::Limits;
 use kortex::{Arm, Credentials, Timeouts};
 
-/// Delay of the emulated joints, s.
+/// Time constant of the emulated joints, s.
 pub const LAG: f64 = 0.02;
 
-/// What the tests allow of joint speeds, rad/s.
+/// Limit of the joint speeds in the tests, rad/s.
 pub const TOP_SPEED: [f64; JOINTS] = [1.2; JOINTS];
 
-/// A limit that only a hung test reaches: no condition below depends on how fast the machine is.
+/// Time limit that only a hung test reaches: no condition below depends on the speed of the machine.
 pub const PATIENCE: Duration = Duration::from_secs(120);
 
 pub fn credentials() -> Credentials {
     Credentials { user: "admin".to_owned(), password: "admin".to_owned() }
 }
 
-/// Sessions that do not end by themselves: a stepped arm's seconds may pass between two keep-alives of the host.
+/// Timeouts of sessions that never end by themselves: seconds of a stepped arm may pass between two keep-alives of the
+/// host.
 pub fn timeouts() -> Timeouts {
     let hour = Duration::from_secs(3600);
     Timeouts { call: PATIENCE, session: hour, connection: hour, ..Timeouts::default() }
@@ -36,7 +37,7 @@ pub fn emulator_at(posture: [f64; JOINTS], pace: Pace) -> Emulator {
     emulator_with(posture, pace, Settings::default().cyclic_deadline)
 }
 
-/// An arm in real time whose watchdog waits for a host that a busy machine holds up.
+/// An arm in real time whose watchdog tolerates the delays of a busy machine.
 pub fn patient_emulator() -> Emulator {
     emulator_with(home_posture(), Pace::RealTime, PATIENCE.as_millis() as u64)
 }
@@ -65,17 +66,17 @@ pub fn limits() -> Limits {
     Limits::at_1_khz(lower, upper, arm.velocity_limits.into_inner())
 }
 
-/// Limits that forgive any silence, for an arm in real time on a busy machine.
+/// Limits that tolerate any silence, for an arm in real time on a busy machine.
 pub fn patient_limits() -> Limits {
     Limits { silent_cycles: u32::MAX, ..limits() }
 }
 
-/// A deadline by which an answer on loopback has come.
+/// A deadline before which any answer on loopback comes.
 pub fn soon() -> Instant {
     Instant::now() + PATIENCE
 }
 
-/// When it happened last, ms of the arm's time.
+/// Returns the time of the last such event, ms of the arm's time.
 pub fn time_of(emulator: &Emulator, what: EventKind) -> Option<u64> {
     emulator.status().events.iter().rev().find(|event| event.what == what).map(|event| event.time)
 }

@@ -1,4 +1,4 @@
-//! What a controller believes and weighs, recorded as long as it speaks of something that is there.
+//! Estimates and decisions of a controller, recorded as long as they refer to something that is there.
 
 use std::collections::BTreeMap;
 
@@ -11,23 +11,24 @@ use stream::now::Weighed;
 use stream::recorder::Recorder;
 use world::phase::Phase;
 
-/// Phases that a decision is about.
+/// True in phases that a decision is about.
 fn decides(phase: Phase) -> bool {
     phase.waits() && phase.has_lifted(0) && !phase.carries() || phase.begins(1) && !phase.has_lifted(1)
 }
 
-/// What was recorded last.
+/// State of the last recorded estimates and decision.
 #[derive(Default)]
 pub struct Beliefs {
-    /// Cost and patches of each object's estimate that was recorded, which tell it from others.
+    /// Cost and number of patches of each object's recorded estimate, which identify it.
     estimates: BTreeMap<usize, (f64, usize)>,
-    /// Whether a decision is shown.
+    /// True while a decision is shown.
     weighing: bool,
 }
 
 impl Beliefs {
-    /// Records new estimates of the objects `names` with their height maps, and takes off what has become void. Those estimates that
-    /// still hold: an object that was felt to be gone, or was put down, has no place in the hand.
+    /// Records new estimates of the objects `names` with their height maps, and clears those that have become void.
+    /// Returns the estimates that still hold: an object that was felt to be gone, or was put down, has no pose in the
+    /// hand.
     pub fn see<'a>(
         &mut self,
         recorder: &mut Recorder,
@@ -59,7 +60,7 @@ impl Beliefs {
         Ok(felt)
     }
 
-    /// Records a decision about the way of the object `name` in the hand.
+    /// Records a decision about the path of the object `name` in the hand.
     pub fn weighs(&mut self, recorder: &mut Recorder, name: &str, choice: &Choice) -> Result<()> {
         self.weighing = true;
         let marked = |n: usize, planned: bool| match (choice.chosen == Some(n), planned) {
@@ -94,7 +95,7 @@ mod tests {
 
     use super::*;
 
-    /// With the hand open, and while an object is put down or taken anew, nothing is believed to be in it.
+    /// With the hand open, and while an object is put down or grasped anew, no estimate is shown.
     #[test]
     fn beliefs_last_while_something_is_held() {
         for phase in [

@@ -1,4 +1,5 @@
-//! The scene as far as a body without truth lets it be known: robot from its encoders, objects where the controller believes them to be.
+//! The scene of a body without ground truth, as far as it is known: the robot from its encoders, objects at their
+//! estimated poses.
 
 use std::sync::Arc;
 
@@ -13,11 +14,11 @@ use stream::SignalFrame;
 use stream::recorder::Recorder;
 use touch::posture::{Posture, free_posture};
 
-/// Draws what was measured and believed.
+/// Draws measurements and estimates.
 pub struct Measured {
     hand: Arc<Hand>,
     kinematics: ArmKinematics,
-    /// `palm_from_object` of objects that are taken to be in the hand.
+    /// `palm_from_object` of the objects that are assumed to be in the hand.
     carried: Vec<Option<Isometry3<f64>>>,
 }
 
@@ -26,7 +27,8 @@ impl Measured {
         Self { hand: cell.robot.hand.clone(), kinematics: cell.kinematics(), carried: Vec::new() }
     }
 
-    /// Records the scene and the signals of a moment. Digits are drawn as if they touched nothing: their encoders tell no more.
+    /// Logs the scene and the signals of a moment. Digits are drawn as if they touched nothing: their encoders do not
+    /// tell more.
     pub fn log(
         &mut self,
         recorder: &mut Recorder,
@@ -51,7 +53,7 @@ impl Measured {
         Ok(())
     }
 
-    /// `world_from_object` of each object: where it was seen, and from its lift on with the palm.
+    /// Returns `world_from_object` of each object: as seen, and from its lift on moving with the palm.
     fn believed(&mut self, executor: &Executor, palm: &Isometry3<f64>, felt: &[&Felt]) -> Vec<Isometry3<f64>> {
         let seen = executor.targets().iter().map(|target| target.percept.pose()).enumerate();
         self.carried.resize(executor.targets().len(), None);

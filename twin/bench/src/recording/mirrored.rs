@@ -1,4 +1,4 @@
-//! The twin of a mirror beside the robot, what is left between them, and what was named.
+//! The twin of a mirror beside the robot, the residuals between them, and the diagnoses.
 
 use anyhow::Result;
 use stream::Level;
@@ -8,7 +8,7 @@ use super::Recording;
 use fault_detection::Mirror;
 
 impl Recording {
-    /// Records the twin at the moment that was seen last, and what was named in it, in words.
+    /// Logs the twin at the moment that was seen last, and its diagnoses at that moment, in words.
     pub fn log_mirror(&mut self, mirror: &Mirror, named: &[String]) -> Result<()> {
         let Some(recorder) = self.recorder.as_mut().filter(|_| self.shows) else { return Ok(()) };
         let [arm, hand] = &mirror.twin().links();

@@ -11,8 +11,8 @@ use super::{HARDWARE, Options, name, of_condition, play_unit};
 use crate::journal::{Entry, RunRequest, Unit};
 use crate::trial::Bench;
 
-/// Plays again, recorded, the first trial of each cause of failure under each condition; lists the recordings in `causes.csv`. Real trials
-/// are not played again: they have been recorded.
+/// Plays the first trial of each cause of failure under each condition again, recorded, and lists the recordings in
+/// `causes.csv`. Real trials are not repeated: they have been recorded.
 pub fn record(
     bench: &Bench,
     request: &RunRequest,
@@ -43,7 +43,7 @@ pub fn record(
     Ok(platform::data::write_whole(&folder.join("causes.csv"), table.as_bytes())?)
 }
 
-/// Plays and records a unit under one condition alone; what it failed by.
+/// Plays and records a unit under one condition alone. Returns its cause of failure.
 fn play_again(
     bench: &Bench,
     request: &RunRequest,
@@ -52,7 +52,7 @@ fn play_again(
     options: &Options,
 ) -> Result<Option<FailureCause>> {
     let alone = RunRequest { conditions: vec![condition], ablations: Vec::new(), ..request.clone() };
-    // Bodies that cannot be cloned add the condition themselves.
+    // Bodies that cannot be cloned append the condition themselves.
     let cloned = request.robot == "sim";
     let name = if cloned { of_condition(&name(unit), condition) } else { name(unit) };
     let results = play_unit(bench, &alone, (unit, &name), folder, options, true)?;

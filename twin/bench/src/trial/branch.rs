@@ -24,39 +24,39 @@ use super::setup::Start;
 use super::watcher::Watcher;
 use external_policy::Pace;
 
-/// What is kept of a trial under one condition.
+/// Outcome of a trial under one condition.
 #[derive(Debug, Clone)]
 pub struct TrialOutcome {
-    /// The trial as a whole.
+    /// Record of the trial as a whole.
     pub record: TrialRecord,
-    /// Each of its tries.
+    /// Records of its tries.
     pub tries: Vec<TryRecord>,
 }
 
-/// How a branch is played.
+/// Settings of a branch.
 pub struct Play<'a> {
-    /// Which trial it is.
+    /// Identity of the trial.
     pub id: TrialId,
-    /// Errors of later looks at the objects.
+    /// Noise levels of later looks at the objects.
     pub noise: &'a NoiseLevels,
-    /// The objects in every way in which they can lie.
+    /// Models of the objects in every stable pose.
     pub library: &'a ObjectSet,
-    /// Generators of later looks as the first one left them.
+    /// Generators of later looks, in the state after the first one.
     pub looks: Looks,
-    /// How long a decision from measurements takes, s.
+    /// Duration of a decision from measurements, s.
     pub decision_time: f64,
-    /// Whether the true state is injected in the place of what is felt.
+    /// True if the true state replaces the pose estimate from touch.
     pub inject_truth: bool,
-    /// What passes while the policy decides, beside `decision_time`.
+    /// Time that passes while the policy decides, in addition to `decision_time`.
     pub pace: Pace,
 }
 
-/// What a branch came to.
+/// Result of a branch.
 struct Played {
     run: Run,
     /// Wall time of the slowest decision, ms.
     slowest_ms: f64,
-    /// Where everything was when the first object's pose was estimated last.
+    /// Ground truth at the last pose estimate of the first object.
     at_estimate: Option<Truth>,
 }
 
@@ -81,7 +81,8 @@ pub fn play(start: &Start, policy: &mut dyn Policy, with: Play, watcher: &mut dy
     Ok(TrialOutcome { record, tries })
 }
 
-/// The first grasp as it was planned, unless the policy began, and what the policy attempted.
+/// Returns the records of all tries: the planned first grasp, unless the policy began the trial, and the policy's own
+/// attempts.
 fn tries(start: &Start, attempts: Vec<Attempt>, run: &Run, id: TrialId) -> Vec<TryRecord> {
     let executor = &start.run.snapshot.executor;
     let grasp = executor.target(0).grasp.id;
@@ -92,7 +93,7 @@ fn tries(start: &Start, attempts: Vec<Attempt>, run: &Run, id: TrialId) -> Vec<T
     all.map(|(number, attempt)| TryRecord::new(id, number, &attempt, verdicts.get(number))).collect()
 }
 
-/// Decision after decision, until the policy finishes or gives up.
+/// Plays one decision after the other until the policy finishes or gives up.
 fn decide_and_play(
     start: &Start,
     policy: &mut dyn Policy,
@@ -124,8 +125,8 @@ fn decide_and_play(
         if policy.story().decisions > before {
             played.slowest_ms = played.slowest_ms.max(begun.elapsed().as_secs_f64() * 1e3);
         }
-        // The hold is felt before the second object is taken, or touched first; that of a single object before it is carried, and those of three
-        // after each lift.
+        // The hold is felt before the second object is grasped or palpated, that of a single object before it is
+        // carried, and those of three objects after each lift.
         let next = played.run.snapshot.executor.phase();
         let alone = start.objects.len() == 1 && next.skill == Skill::Carry;
         let felt_hold = policy.story().decisions > before || next == Phase::palpate(1, Stage::Reach) || alone;
@@ -165,14 +166,15 @@ fn decide_and_play(
     Ok(played)
 }
 
-/// The first decision of `policy`, which is not carried out; `None` if it does not feel the first object in the hand.
+/// Returns the first decision of `policy`, which is not carried out. `None` if the policy does not feel the first
+/// object in the hand.
 pub fn foretell(start: &Start, policy: &mut dyn Policy, mut with: Play) -> Result<Option<FirstDecision>> {
     decide(&mut start.run.clone(), &start.objects, policy, &mut with)?;
     let held = policy.felt().first().is_some_and(|felt| felt.grip.holds(felt.object));
     Ok(policy.story().first_decision.filter(|_| held))
 }
 
-/// Notes what the first decision foretold of the plan and of what it chose.
+/// Notes the predictions of the first decision for the plan and for its choice.
 pub fn note_decision(record: &mut TrialRecord, decision: Option<FirstDecision>) {
     let mm = |assessed: Assessment| Some(1e3 * assessed.separation).filter(|separation| separation.is_finite());
     record.risk = decision.map(|decision| decision.plan.risk);
@@ -180,7 +182,7 @@ pub fn note_decision(record: &mut TrialRecord, decision: Option<FirstDecision>) 
     record.chosen_separation_mm = decision.and_then(|decision| decision.chosen).and_then(mm);
 }
 
-/// One decision: perceive, then decide.
+/// Makes one decision: perceives, then decides.
 fn decide(run: &mut Run, objects: &[Arc<ObjectModel>], policy: &mut dyn Policy, with: &mut Play) -> Result<Step> {
     let injected = if with.inject_truth { run.true_state() } else { None };
     let Run { snapshot: Snapshot { robot, executor }, disturber, history, profile, .. } = run;
@@ -191,9 +193,9 @@ fn decide(run: &mut Run, objects: &[Arc<ObjectModel>], policy: &mut dyn Policy, 
     Ok(profile.on(Activity::Choice, || policy.decide(executor, &mut eyes, time))?)
 }
 
-/// What the referee knows about the estimate, for the record only.
+/// Notes the referee's errors of the pose estimate, for the record only.
 fn note_pose(record: &mut TrialRecord, truth: &Truth, object: &ObjectModel, felt: &Felt) {
-    // A dropped object has no place in the hand that could be estimated.
+    // A dropped object has no pose in the hand to estimate.
     if !in_hand(truth, felt.object) {
         return;
     }

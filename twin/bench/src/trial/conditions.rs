@@ -1,4 +1,5 @@
-//! The conditions of one trial, one after the other: those that take the first object as planned from the same first grasp.
+//! The conditions of one trial, one after the other. Those that grasp the first object as planned start from the same
+//! first grasp.
 
 use anyhow::Result;
 use control::policy::Recovery;
@@ -21,21 +22,21 @@ impl From<Ablation> for Means {
     }
 }
 
-/// What one trial comes to.
+/// Results of one trial.
 #[derive(Debug, Clone, Default)]
 pub struct TrialResults {
-    /// A record a condition.
+    /// One record per condition.
     pub records: Vec<TrialRecord>,
-    /// Their tries.
+    /// Tries of the records.
     pub tries: Vec<TryRecord>,
-    /// The policy `touch` with one of its means taken away.
+    /// Ablations: the policy `touch` with one of its means removed.
     pub ablated: Vec<AblatedTrial>,
-    /// What a mirror named, where one looked on.
+    /// Diagnoses of a mirror, if one ran.
     pub divergences: Vec<Named>,
 }
 
 impl TrialResults {
-    /// One condition more.
+    /// Adds the outcome of another condition.
     pub fn add(&mut self, outcome: TrialOutcome) {
         self.records.push(outcome.record);
         self.tries.extend(outcome.tries);
@@ -50,18 +51,18 @@ impl From<TrialOutcome> for TrialResults {
 
 /// A trial from which conditions branch off.
 pub struct Branches<'a> {
-    /// What all trials share.
+    /// Data that all trials share.
     pub bench: &'a Bench,
-    /// How it began.
+    /// Setup of the trial.
     pub setup: &'a Setup<'a>,
-    /// After the first grasp.
+    /// State after the first grasp.
     pub start: Start,
     /// Generators of the trial's later looks.
     pub looks: Looks,
 }
 
 impl Branches<'_> {
-    /// One condition.
+    /// Plays one condition.
     pub fn play(&self, id: TrialId, watcher: &mut dyn Watcher) -> Result<TrialOutcome> {
         match Means::of(id.condition) {
             _ if id.condition == Condition::Own => self.own(id, watcher),
@@ -70,7 +71,7 @@ impl Branches<'_> {
         }
     }
 
-    /// The user's own policy.
+    /// Plays the user's own policy.
     fn own(&self, id: TrialId, watcher: &mut dyn Watcher) -> Result<TrialOutcome> {
         let Self { bench, setup, start, looks } = self;
         let options = bench.options(id, looks.clone());
@@ -80,7 +81,7 @@ impl Branches<'_> {
         bench.own(start, options, watcher)
     }
 
-    /// One that decides, with what `means` leaves it.
+    /// Plays a policy that decides, with the `means` that are left to it.
     pub fn deliberate(&self, id: TrialId, means: Means, watcher: &mut dyn Watcher) -> Result<TrialOutcome> {
         let Self { bench, setup, start, looks } = self;
         let options = bench.options(id, looks.clone());

@@ -1,7 +1,7 @@
-//! Disturbances as they happen: what a scenario asks for, done to the simulated body at its moment.
+//! Disturbances in action: applies those of a scenario to the simulated body at their moments.
 //!
-//! It reaches the body by the simulator's side door and the controller not at all: prior perception that errs, objects of another
-//! size, forces and failed cameras are things a controller has to find out. It does know which of its digits are without power.
+//! They reach the body through the simulator and never the controller. The controller has to find out about wrong prior
+//! perception, objects of another size, forces and failed cameras. It does know which of its digits are without power.
 
 use std::sync::Arc;
 
@@ -15,18 +15,18 @@ use sim::robot::Truth;
 use world::layout::MOST_OBJECTS;
 use world::objects::ObjectModel;
 
-/// Something that begins at a moment of a trial and ends some time later.
+/// A disturbance that begins at a moment of a trial and ends some time later.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 enum Interval {
-    /// Not yet.
+    /// Has not begun.
     #[default]
     Ahead,
-    /// Since this time, s.
+    /// Active since this time, s.
     Since(f64),
     Over,
 }
 
-/// What changed with this tick.
+/// Change within one tick.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Change {
     Begins,
@@ -52,19 +52,19 @@ impl Interval {
     }
 }
 
-/// The disturbances of a trial in progress; it branches with the trial.
+/// Disturbances of a trial in progress; they branch with the trial.
 #[derive(Debug, Clone, Default)]
 pub struct Disturber {
     what: Disturbances,
     push: Interval,
     slip: Interval,
-    /// Objects that the hand has touched.
+    /// True for objects that the hand has touched.
     touched: [bool; MOST_OBJECTS],
     log: Vec<String>,
 }
 
 impl Disturber {
-    /// What the scenario asks for in a trial with `objects`.
+    /// Creates the disturbances of the scenario for a trial with `objects`.
     pub fn new(what: &Disturbances, objects: &[Arc<ObjectModel>]) -> Self {
         let mut log = Vec::new();
         for (object, size) in objects.iter().zip(what.sizes()).filter(|(_, size)| *size != 1.0) {
@@ -85,7 +85,7 @@ impl Disturber {
         Self { what: what.clone(), log, ..Self::default() }
     }
 
-    /// What is wrong with the body from the beginning.
+    /// Applies the disturbances that exist from the beginning.
     pub fn prepare(&self, robot: &mut SimulatedRobot) {
         robot.cut_power(self.what.disabled());
         if let Some(blind) = &self.what.blind_pads {
@@ -93,7 +93,7 @@ impl Disturber {
         }
     }
 
-    /// What happens in the coming tick; the words if it begins now.
+    /// Applies the disturbances of the coming tick. Returns a description of one that begins now.
     pub fn act(&mut self, robot: &mut SimulatedRobot, executor: &Executor) -> Option<String> {
         let time = robot.time();
         let mut began = None;
@@ -136,14 +136,15 @@ impl Disturber {
         began
     }
 
-    /// Takes note of what the hand has touched.
+    /// Notes which objects the hand has touched.
     pub fn see(&mut self, truth: &Truth) {
         for (touched, by) in self.touched.iter_mut().zip(&truth.touched_by) {
             *touched |= *by != 0;
         }
     }
 
-    /// `noise` of a look at object `index`, with what perception is wrong about until the hand has touched it.
+    /// Returns `noise` of a look at object `index`, plus the position error of the scenario until the hand has touched
+    /// the object.
     pub fn perceived_noise(&self, index: usize, noise: &ObjectNoise) -> ObjectNoise {
         match &self.what.wrong_position {
             Some(wrong) if wrong.object.index() == index && !self.touched[index] => {
@@ -153,19 +154,19 @@ impl Disturber {
         }
     }
 
-    /// The same for the first look at all.
+    /// Returns the noise of the first looks, with the same errors.
     pub fn first_percepts(&self, noise: &TrialNoise) -> TrialNoise {
         let objects = std::array::from_fn(|index| self.perceived_noise(index, &noise.objects[index]));
         TrialNoise { objects, ..*noise }
     }
 
-    /// What was done so far, in words.
+    /// Returns a description of the disturbances so far.
     pub fn log(&self) -> String {
         self.log.join("; ")
     }
 }
 
-/// The objects as they really are: `models` at these sizes.
+/// Returns the real objects: `models` scaled by these sizes.
 pub fn resized(models: &[Arc<ObjectModel>], sizes: &[f64]) -> Result<Vec<Arc<ObjectModel>>> {
     let resize = |(model, size): (&Arc<ObjectModel>, &f64)| -> Result<Arc<ObjectModel>> {
         if *size == 1.0 { Ok(model.clone()) } else { Ok(Arc::new(model.scaled(*size)?)) }

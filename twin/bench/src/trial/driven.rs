@@ -1,7 +1,8 @@
 //! A trial whose policy moves the robot itself, step by step from the beginning.
 //!
-//! It names no phases: the referee reads them from the scene ([`Stages`]), and nothing of that reaches the policy. The trial is over when both
-//! objects have been held for long enough, when the policy says so, or at the time limit. Whatever body carries the commands out limits them.
+//! The policy names no phases: the referee reads them from the scene ([`Stages`]), and the policy sees nothing of that.
+//! The trial ends when all objects have been held for long enough, when the policy says so, or at the time limit. The
+//! body that carries out the commands limits them.
 
 use std::time::{Duration, Instant};
 
@@ -25,17 +26,18 @@ use external_policy::Pace;
 use external_policy::host::{Array, Host, HostError};
 use external_policy::message::{self, Observed};
 
-/// Images that are asked for have come by then or will not come, s.
+/// Time limit for requested images, s: after it they count as lost.
 const LOST: f64 = 1.0;
-/// Share of a trial's own lift from which on an object counts as lifted.
+/// Share of a trial's own lift from which an object counts as lifted.
 const LIFTED: f64 = 0.5;
 
-/// The images of a policy that wants some.
+/// Images of a policy that wants some.
 struct Camera {
     images: PadImages,
-    /// Tick of a step in which images are asked for: the last from which a simulated camera's arrive within the step.
+    /// Tick of a step in which images are requested: the last from which those of a simulated camera arrive within the
+    /// step.
     at: usize,
-    /// When images were asked for last, s, until some arrive.
+    /// Time of the last request without images so far, s.
     asked: Option<f64>,
 }
 
@@ -48,23 +50,24 @@ struct Driven<'a> {
     kinematics: ArmKinematics,
     camera: Option<Camera>,
     seen: Vec<Isometry3<f64>>,
-    /// What was asked for last.
+    /// Last requested command.
     last: Command,
 }
 
-/// How it ended.
+/// End of a trial.
 enum End {
     /// All objects have been held.
     Held,
-    /// The policy says that it has finished.
+    /// The policy reports that it has finished.
     Finished,
-    /// The time is up.
+    /// The time limit was reached.
     Late,
     /// The policy has failed.
     Failed(String),
 }
 
-/// Plays a trial that begins at rest, with what `host` answers. It is asked `reset` first, and gets images of `side` pixels, if any.
+/// Plays a trial from rest with the answers of `host`. The first request is `reset`. Images have `side` pixels; without
+/// `side` there are none.
 pub fn drive(
     bench: &Bench,
     start: &Start,
@@ -128,7 +131,7 @@ impl Camera {
         Ok(Self { images, at: capture_at(delay, start.run.snapshot.robot.tick_length()), asked: None })
     }
 
-    /// The newest picture of every pad.
+    /// Returns the newest image of every pad.
     fn array(&self) -> Array<'_> {
         let (pads, side) = (self.images.times().len(), self.images.side());
         Array { shape: vec![pads, side, side, 3], bytes: self.images.rgb() }
@@ -145,7 +148,7 @@ impl Driven<'_> {
             if time >= limit {
                 return Ok(End::Late);
             }
-            // A real body waits as long as it is told to.
+            // A real body waits for the policy, up to its time limit for thinking.
             self.run.snapshot.robot.pause();
             let begun = Instant::now();
             let action = match self.ask(host, time, limit) {
@@ -158,7 +161,7 @@ impl Driven<'_> {
                 Err(error) => return Ok(End::Failed(format!("the policy's action: {error}"))),
             };
             let thought = if with.pace == Pace::Wall { begun.elapsed() } else { Duration::ZERO };
-            // What was asked for last holds on meanwhile.
+            // Meanwhile the last command stays in force.
             let meanwhile = (thought.as_secs_f64() / tick) as usize;
             let mut commands = vec![self.last; meanwhile];
             commands.extend(goals.map(|(arm, servos)| Command { arm, servos, capture: false }));
@@ -177,7 +180,7 @@ impl Driven<'_> {
             }
         }
     }
-    /// What the policy wants done next.
+    /// Asks the policy for its next action.
     fn ask(&mut self, host: &mut dyn Host, time: f64, limit: f64) -> Result<Option<Action>, HostError> {
         let executor = &self.run.snapshot.executor;
         let observed = Observed {
@@ -192,7 +195,7 @@ impl Driven<'_> {
         message::acted(host.ask(&message::act(&observed), tactile.as_slice())?)
     }
 
-    /// Takes in what is measured. A robot that cannot observe leaves the policy with what was measured last.
+    /// Takes the newest measurements. If the robot cannot observe, the policy keeps the last ones.
     fn observe(&mut self) -> Result<()> {
         let Some(observation) = self.run.observe()? else { return Ok(()) };
         self.run.snapshot.executor.attend(&observation);
@@ -205,7 +208,7 @@ impl Driven<'_> {
         Ok(())
     }
 
-    /// Whether tick `n` of a step, counted from 1, asks for images. While some are under way, no more are asked for.
+    /// True if tick `n` of a step, counted from 1, requests images. No more are requested while some are on their way.
     fn captures(&mut self, n: usize) -> bool {
         let time = self.run.snapshot.robot.time();
         let Some(camera) = &mut self.camera else { return false };

@@ -1,4 +1,4 @@
-//! Prior perception of a trial: what is reported of an object, how wrong, how late, and whether it is seen at all.
+//! Prior perception of a trial: reported object poses with their errors, latency and occlusion.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -14,10 +14,10 @@ use world::objects::{ObjectModel, ObjectSet};
 use super::disturbance::Disturber;
 use robot_backends::{Body, Glance};
 
-/// A time just short of a tick, s: what is as old as the latency has arrived.
+/// Tolerance of the latency, s, well below a tick: a pose exactly as old as the latency has arrived.
 const JUST: f64 = 1e-9;
 
-/// The generators of a trial's looks; a clone sees with the same errors.
+/// Random generators of a trial's looks; a clone sees with the same errors.
 #[derive(Debug, Clone)]
 pub struct Looks {
     rng: ChaCha8Rng,
@@ -25,12 +25,12 @@ pub struct Looks {
 }
 
 impl Looks {
-    /// Looks whose own errors come from `rng`; with `sight` what vision errs by beside them.
+    /// Creates looks whose own errors come from `rng`, with the additional errors of vision in `sight`.
     pub fn new(rng: ChaCha8Rng, sight: Option<Sight>) -> Self {
         Self { rng, sight }
     }
 
-    /// `noise` with the errors of the first look at `objects`, which stand at `places`.
+    /// Returns `noise` with the errors of the first look at `objects` standing at `places`.
     pub fn first(
         &mut self,
         noise: &TrialNoise,
@@ -46,7 +46,8 @@ impl Looks {
         seen
     }
 
-    /// The error of a later look at one of the `objects`, by its index, which stands at `pose` as far as anybody knows.
+    /// Draws the error of a later look at one of the `objects`, given by its index, which stands at `pose` as far as is
+    /// known.
     fn later(
         &mut self,
         levels: &NoiseLevels,
@@ -62,33 +63,33 @@ impl Looks {
     }
 }
 
-/// Where the objects were a moment ago: as long as vision takes to report it.
+/// Past object poses, as far back as the latency of vision.
 #[derive(Debug, Clone, Default)]
 pub struct History {
-    /// s.
+    /// Length of the history, s.
     length: f64,
     poses: VecDeque<(f64, Vec<Isometry3<f64>>)>,
 }
 
 impl History {
-    /// Of the last `length` s; nothing is kept where that is 0.
+    /// Creates a history of the last `length` s; it keeps nothing if that is 0.
     pub fn new(length: f64) -> Self {
         Self { length, poses: VecDeque::new() }
     }
 
-    /// Takes note of where the objects are.
+    /// Stores the present object poses.
     pub fn see(&mut self, truth: &Truth) {
         if self.length <= 0.0 {
             return;
         }
         self.poses.push_back((truth.time, truth.objects.clone()));
-        // The first one is the newest that is old enough.
+        // The first entry is the newest that is old enough.
         while self.poses.get(1).is_some_and(|(time, _)| *time <= truth.time - self.length + JUST) {
             self.poses.pop_front();
         }
     }
 
-    /// Where object `index` was when the frame was taken of which the report arrives now; `None` where nothing is kept.
+    /// Returns the pose of object `index` when the frame was taken whose report arrives now. `None` if nothing is kept.
     pub fn then(&self, index: usize) -> Option<Isometry3<f64>> {
         self.poses.front().map(|(_, poses)| poses[index])
     }
@@ -96,19 +97,19 @@ impl History {
 
 /// Prior perception of a trial in progress: each look has an error of its own, and those of the disturbances.
 pub struct NoisyEyes<'a> {
-    /// Whose objects are looked at.
+    /// Body whose objects are looked at.
     pub robot: &'a mut Body,
-    /// What perception is wrong about.
+    /// Disturbances, with their perception errors.
     pub disturber: &'a Disturber,
-    /// Errors.
+    /// Noise levels.
     pub noise: &'a NoiseLevels,
-    /// The branch's looks.
+    /// Generators of the branch's looks.
     pub looks: &'a mut Looks,
     /// The objects as they are known.
     pub objects: &'a [Arc<ObjectModel>],
-    /// In every way in which they can lie.
+    /// Models of the objects in every stable pose.
     pub library: &'a ObjectSet,
-    /// Where they were.
+    /// Past poses of the objects.
     pub history: &'a History,
 }
 
@@ -117,13 +118,13 @@ impl Eyes for NoisyEyes<'_> {
         let camera = self.looks.sight.as_ref().map(|sight| Point3::from(sight.eyes().camera));
         let mut then = None;
         if camera.is_some() {
-            // A body whose truth nobody knows errs by itself.
+            // A body without ground truth has errors of its own.
             then = self.history.then(object).or_else(|| self.robot.truth().map(|truth| truth.objects[object]));
         }
         let noise = self.looks.later(self.noise, (object, self.objects), self.library, then.as_ref());
         let noise = self.disturber.perceived_noise(object, &noise);
         let glance = Glance { object, noise, then, camera };
-        // Whoever asks for the cause of the error finds it under this one.
+        // The cause of the error stays in its chain.
         let boxed = |error: anyhow::Error| error.reallocate_into_boxed_dyn_error_without_backtrace();
         self.robot.look(&glance).map_err(|error| EyesError { object, source: boxed(error) })
     }
@@ -138,7 +139,7 @@ mod tests {
         Truth { time, objects: vec![pose, pose.inverse()], ..Truth::default() }
     }
 
-    /// What is reported was so long ago, to a tick, and nothing older is kept; at the beginning it is the first there is.
+    /// A report is as old as the latency, to a tick, and nothing older is kept. At the beginning it is the first pose.
     #[test]
     fn a_report_is_as_old_as_the_latency() {
         let mut history = History::new(0.15);

@@ -1,4 +1,4 @@
-//! A watcher that keeps where everything was, for a film.
+//! A watcher that keeps the poses of everything for a film.
 
 use anyhow::Result;
 use report::film::{Film, Frame, Stage};
@@ -6,10 +6,10 @@ use scenarios::record::{Condition, TrialRecord};
 
 use super::{Bench, Moment, Watcher};
 
-/// Films the branch of one condition on a body whose truth is known.
+/// Films the branch of one condition on a body with ground truth.
 pub struct Filming {
     condition: Condition,
-    /// Whether the branch has nothing of the first grasp that others share.
+    /// True if the branch shares no first grasp with the others.
     begins_otherwise: bool,
     /// Time between frames, s.
     period: f64,
@@ -18,7 +18,7 @@ pub struct Filming {
 }
 
 impl Filming {
-    /// Takes `rate` frames a second of `condition`.
+    /// Films `rate` frames per second of `condition`.
     pub fn new(bench: &Bench, condition: Condition, rate: f64) -> Self {
         let film = Film { title: condition.name().to_owned(), ..Film::default() };
         Self { condition, begins_otherwise: bench.begins_otherwise(condition), period: 1.0 / rate, film }
@@ -74,7 +74,7 @@ impl Watcher for Filming {
     }
 }
 
-/// What does not change in a film of this combination.
+/// Returns the constant parts of a film of this combination.
 pub fn stage(bench: &Bench, combination: usize) -> Result<Stage<'_>> {
     let (plan, world) = (&bench.plans.plans[combination], &bench.world);
     let objects = world.models(&plan.objects())?;

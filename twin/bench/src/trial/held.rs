@@ -1,4 +1,4 @@
-//! The first grasp of a trial as it came out, with what is needed to feel it again: other cameras, other optics.
+//! The first grasp of a trial as it came out, with the data needed to feel it again with other cameras or optics.
 
 use anyhow::Result;
 use control::perception::Expected;
@@ -23,13 +23,13 @@ pub struct HeldGrasp {
     pub object: String,
     /// Position (rad) and current (A) of each servo.
     servos: ActuatorVector<[f64; 2]>,
-    /// How the palm is turned in the world, by the arm's encoders.
+    /// Rotation of the palm in the world, by the arm's encoders.
     turned: UnitQuaternion<f64>,
-    /// The object as the plan has it.
+    /// Planned pose of the object, with its uncertainty.
     pub prior: PosePrior,
-    /// Where it is.
+    /// True pose of the object.
     pub truth: Isometry3<f64>,
-    /// Where the pads are.
+    /// True poses of the pads.
     pub pads: Vec<Isometry3<f64>>,
     /// True finger angles, rad.
     pub joints: Vec<f64>,
@@ -38,20 +38,20 @@ pub struct HeldGrasp {
 }
 
 impl HeldGrasp {
-    /// What the servos report.
+    /// Returns the servos' readings.
     pub fn servos(&self) -> ActuatorVector<ServoState> {
         let state = |&[position, current]: &[f64; 2]| ServoState { position, current, ..ServoState::default() };
         self.servos.iter().map(state).collect()
     }
 
-    /// What its posture follows from, given [`Self::servos`].
+    /// Returns the readings that determine the hand's posture, given [`Self::servos`].
     pub fn readings<'a>(&self, servos: &'a [ServoState]) -> Readings<'a> {
         Readings::new(servos, &self.turned)
     }
 }
 
 impl Bench {
-    /// Plays a noisy trial up to the decision; `None` where the first object is not in the hand then.
+    /// Plays a noisy trial up to the decision. `None` if the first object is not in the hand then.
     pub fn held(&self, combination: usize, trial: usize) -> Result<Option<HeldGrasp>> {
         let start = Setup::noisy(self, combination, trial)?.0.first_grasp(self, None, &mut NoWatcher)?;
         let snapshot = &start.run.snapshot;

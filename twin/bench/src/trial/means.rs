@@ -1,22 +1,22 @@
-//! Senses, retries and exploration that a policy has.
+//! Means of a policy: senses, retries and exploration.
 
 use control::policy::Recovery;
 use scenarios::record::Condition;
 use world::Sensing;
 
-/// Senses and retries of the policy `touch`.
+/// Means of the policy `touch`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Means {
-    /// Of the hand's senses.
+    /// Available senses of the hand.
     pub sensing: Sensing,
-    /// Of further tries.
+    /// Permitted further tries.
     pub recovery: Recovery,
-    /// True if it chooses the first grasp, and touches an object before it grasps it where it has pads for that.
+    /// True if the policy chooses the first grasp, and palpates an object before grasping it if it has pads for that.
     pub explores: bool,
 }
 
 impl Means {
-    /// Of a condition that decides; none of those that carry out the plan.
+    /// Returns the means of a condition that decides, and none for those that carry out the plan.
     pub fn of(condition: Condition) -> Option<Self> {
         let sensing = match condition {
             Condition::Ideal | Condition::Blind => return None,

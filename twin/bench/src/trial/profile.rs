@@ -3,29 +3,29 @@
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
-/// What a thread is doing.
+/// Activity of a thread.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Activity {
     /// Physics of the scene, ticks without images.
     Physics,
-    /// Ticks that end with tactile images: their rendering, mostly.
+    /// Ticks that end with tactile images, mostly their rendering.
     Images,
     /// The executor: paths, inverse kinematics, tensions.
     Control,
     /// The referee's view of the scene and the recording.
     Referee,
-    /// From images to touches, the held object's pose and what is in the hand.
+    /// Perception: touches from images, the held object's pose, and the content of the hand.
     Perception,
-    /// The choice of a grasp: reach, clearance along the way, worth.
+    /// The choice of a grasp: reach, clearance along the path, utility.
     Choice,
 }
 
 impl Activity {
-    /// All, in the order of tables.
+    /// All activities, in the order of tables.
     pub const ALL: [Self; 6] =
         [Self::Physics, Self::Images, Self::Control, Self::Referee, Self::Perception, Self::Choice];
 
-    /// Name in tables.
+    /// Returns the name in tables.
     pub fn name(self) -> &'static str {
         match self {
             Self::Physics => "physics",
@@ -38,12 +38,12 @@ impl Activity {
     }
 }
 
-/// Time so far, all threads together.
+/// Wall time so far, summed over all threads.
 #[derive(Debug, Default)]
 pub struct Profile([AtomicU64; Activity::ALL.len()]);
 
 impl Profile {
-    /// Does `work` and counts its time as `activity`'s.
+    /// Runs `work` and adds its time to `activity`.
     pub fn on<T>(&self, activity: Activity, work: impl FnOnce() -> T) -> T {
         let begun = Instant::now();
         let done = work();
@@ -51,7 +51,7 @@ impl Profile {
         done
     }
 
-    /// Each activity and its seconds.
+    /// Returns the time of each activity, s.
     pub fn seconds(&self) -> Vec<(Activity, f64)> {
         Activity::ALL
             .into_iter()

@@ -29,26 +29,27 @@ use robot_backends::{Body, Stopped};
 pub struct Run {
     /// Body and controller.
     pub snapshot: Snapshot<Body>,
-    /// Judges it.
+    /// Referee that judges the trial.
     pub referee: Referee,
-    /// What is done to it.
+    /// Disturbances of the trial.
     pub disturber: Disturber,
-    /// Where the objects were, for eyes that report late.
+    /// Past object poses, for eyes with latency.
     pub history: History,
-    /// Where the time goes.
+    /// Profile of the computing time.
     pub profile: Arc<Profile>,
-    /// The object that the combination names second is taken first: the body's first object is that one.
+    /// True if the object that the combination names second is grasped first: the body's first object is that one.
     pub reversed: bool,
-    /// Whether a trial whose body stops has failed, instead of being none.
+    /// True if a trial whose body stops counts as failed. If false it does not count at all.
     pub outlasts_faults: bool,
-    /// Why the body stopped.
+    /// Reason for which the body stopped.
     pub fault: Option<String>,
     /// Failed calls of the body.
     pub outage: Outage,
 }
 
 impl Run {
-    /// The verdict of the referee, or of whoever judges instead, on what was done so far with these `objects`.
+    /// Returns the record of the trial so far with these `objects`, with the verdict of the referee or of the body's
+    /// own judge.
     pub fn record(&mut self, objects: &[Arc<ObjectModel>], id: TrialId) -> Result<TrialRecord> {
         let verdict = match self.snapshot.robot.judge()? {
             Some(verdict) => verdict,
@@ -85,7 +86,7 @@ impl Run {
         })
     }
 
-    /// Plays until the phase is one of `until`, while referee and watcher look on.
+    /// Plays until the phase is one of `until`. Referee and watcher see every tick.
     pub fn play(
         &mut self,
         until: impl Fn(Phase) -> bool,
@@ -94,7 +95,7 @@ impl Run {
         watcher: &mut dyn Watcher,
     ) -> Result<()> {
         self.play_while(|executor, _| !until(executor.phase()), felt, condition, watcher)?;
-        // What comes next is to be decided first.
+        // The next step is to be decided first.
         self.snapshot.robot.pause();
         Ok(())
     }
@@ -112,7 +113,7 @@ impl Run {
         self.play_while(|_, now| now < end, felt, condition, watcher)
     }
 
-    /// Plays as long as `on` says so of the executor and the time (s).
+    /// Plays as long as `on` returns true for the executor and the time (s).
     fn play_while(
         &mut self,
         on: impl Fn(&Executor, f64) -> bool,
@@ -133,14 +134,14 @@ impl Run {
         Ok(())
     }
 
-    /// The newest measurements; none while the body fails. One that fails for too long ends the trial.
+    /// Returns the newest measurements, or none while the body fails. A body that fails for too long ends the trial.
     pub fn observe(&mut self) -> Result<Option<Observation>> {
         let seen = self.outage.observed(self.snapshot.robot.observe());
         self.unless_lost(seen)
     }
 
-    /// One tick with `command`, while referee and watcher look on: what was sent, after limits, if anything was. The executor says what phase it
-    /// is, or `stages` where it does not command.
+    /// Plays one tick with `command`; referee and watcher see it. Returns the command after limits, if one was sent.
+    /// The phase comes from the executor, or from `stages` if the executor does not command.
     pub fn carry_out(
         &mut self,
         command: &Command,
@@ -154,7 +155,7 @@ impl Run {
         Ok(sent)
     }
 
-    /// Lets a tick pass in which this was `sent`, while referee and watcher look on.
+    /// Lets a tick pass in which `sent` was sent; referee and watcher see it.
     fn pass(
         &mut self,
         sent: Option<&Command>,
@@ -210,17 +211,17 @@ impl Run {
         Ok(())
     }
 
-    /// The outcome of a call of the body; none, and the end of the trial, where it has failed for too long.
+    /// Returns the outcome of a call of the body. If the body has failed for too long, returns none and ends the trial.
     fn unless_lost<T>(&mut self, called: Result<Option<T>, RobotError>) -> Result<Option<T>> {
         called.or_else(|error| {
-            // Who stopped it knows better why.
+            // The party that stopped the body knows the reason better.
             let why = self.snapshot.robot.stopped().unwrap_or_else(|| error.to_string());
             self.stop(&why)?;
             Ok(None)
         })
     }
 
-    /// The trial ends here: as failed, or as none.
+    /// Ends the trial here: as failed, or as not counting.
     fn stop(&mut self, why: &str) -> Result<()> {
         let Snapshot { robot, executor } = &self.snapshot;
         let why = format!("{why} (phase: {})", executor.phase().name());
@@ -232,7 +233,7 @@ impl Run {
         Ok(())
     }
 
-    /// How often the reaction to slip pulled harder, in words.
+    /// Describes how often the slip reflex increased the grip force.
     pub fn slips(&self) -> Option<String> {
         let slips = self.snapshot.executor.slips();
         (slips.iter().sum::<u32>() > 0).then(|| {
@@ -245,7 +246,7 @@ impl Run {
         })
     }
 
-    /// Tells the watcher what is about to be done and why, or what was weighed for it.
+    /// Shows the watcher a note about the coming action, or the options weighed for it.
     pub fn tell(
         &self,
         (note, choice): (Option<&str>, Option<&Choice>),
@@ -272,7 +273,7 @@ impl Run {
         })
     }
 
-    /// What is truly in the hand, as an estimate to inject.
+    /// Returns the true state of the objects in the hand, as an estimate to inject.
     pub fn true_state(&self) -> Option<Injected> {
         let truth = self.snapshot.robot.truth()?;
         Some(Injected {
@@ -282,7 +283,8 @@ impl Run {
     }
 }
 
-/// The referee's view of a scene whose phases are read from it. The digits that hold an object are those that touch it.
+/// Returns the referee's view of a scene whose phases are read from it. The digits that hold an object are those that
+/// touch it.
 fn staged(hand: &Hand, truth: &Truth, stages: &mut Stages) -> SceneTruth {
     let on = |touched: &u32| {
         let digits = hand.digits().iter().map(|digit| digit_bits(hand, &[*digit]));
@@ -293,7 +295,8 @@ fn staged(hand: &Hand, truth: &Truth, stages: &mut Stages) -> SceneTruth {
     scene(hand, truth, phase, &holding)
 }
 
-/// The referee's view of the scene; `holding` are the links of the digits that are for each object (bits as in [`Truth::touched_by`]).
+/// Returns the referee's view of the scene; `holding` are the links of the digits assigned to each object (bits as in
+/// [`Truth::touched_by`]).
 fn scene(hand: &Hand, truth: &Truth, phase: Phase, holding: &[u32]) -> SceneTruth {
     let object = |n: usize| {
         let touched = truth.touched_by[n];
@@ -325,12 +328,13 @@ fn scene(hand: &Hand, truth: &Truth, phase: Phase, holding: &[u32]) -> SceneTrut
     }
 }
 
-/// How many digits have a link among `links` (bits as in [`Truth::touched_by`]).
+/// Returns the number of digits with a link among `links` (bits as in [`Truth::touched_by`]).
 fn digits_on(hand: &Hand, links: u32) -> usize {
     hand.digits().iter().filter(|digit| links & digit_bits(hand, &[**digit]) != 0).count()
 }
 
-/// What presses on an object after the first at the end of the tick; `holding` are the links of the digits that are for those before it.
+/// Returns the contacts that press on an object after the first at the end of the tick; `holding` are the links of the
+/// digits assigned to the objects before it.
 fn pressed_by(truth: &Truth, object: usize, holding: u32) -> Vec<Touch> {
     let by_hand = truth.contacts.iter().filter(|contact| contact.object == object).map(|contact| Touch {
         by: contact.link.map_or(Toucher::Palm, Toucher::Link),
@@ -367,8 +371,8 @@ mod tests {
         }
     }
 
-    /// A digit that holds the first object counts against the trial when it touches the second one, but not before it holds;
-    /// other links do not.
+    /// A digit that holds the first object counts against the trial when it touches the second one, but not before it
+    /// holds. Other links do not count.
     #[test]
     fn the_referee_tells_holding_digits_from_free_ones() {
         let hand = Hand::ftac();

@@ -1,4 +1,4 @@
-//! How a trial begins: with which plan, noise and disturbances, on which body.
+//! Setup of a trial: its plan, noise, disturbances and body.
 
 use std::sync::Arc;
 
@@ -31,59 +31,59 @@ use super::shared::Bench;
 use super::watcher::Watcher;
 use robot_backends::{Body, BodySource, Glance, Task, TrialSetup};
 
-/// How often a watched trial takes tactile images, s.
+/// Interval between the tactile images of a watched trial, s.
 const WATCH_PERIOD: f64 = 0.2;
-/// The same with a real body beside which no mirror looks on, s: its sessions keep every pixel, 3.1 MB a look.
+/// The same with a real body and no mirror, s: its sessions keep every pixel, 3.1 MB per capture.
 const REAL_WATCH_PERIOD: f64 = 1.0;
-/// A period that no trial outlasts: one look at the untouched pads, s.
+/// Interval longer than any trial, s: a single capture of the untouched pads.
 const ONCE: f64 = 1e6;
-/// Time in which the images of a first capture usually have come, s, and how often it is waited for them.
+/// Time within which the images of a first capture usually arrive, s, and number of times it is waited for them.
 const FIRST_IMAGES: (f64, u32) = (0.5, 10);
 
-/// What a trial begins with.
+/// Initial conditions of a trial.
 #[derive(Clone)]
 pub struct Setup<'a> {
-    /// The combination's plan.
+    /// Plan of the combination.
     pub plan: Plan,
-    /// Grasps that the plan names.
+    /// Repertoire of the grasps that the plan names.
     pub repertoire: &'a Repertoire,
     /// Errors of the arm and of the first look.
     pub noise: TrialNoise,
     /// Seed of the cameras' noise.
     pub camera_noise: u64,
-    /// How the cameras' brightness drifts; without it, idle pads show their backgrounds.
+    /// Drift of the cameras' brightness. Without it, idle pads show their backgrounds.
     pub drift: Option<Drift>,
-    /// What happens beside noise.
+    /// Disturbances in addition to noise.
     pub disturbances: Disturbances,
-    /// Why `plan` takes the objects in another order than was planned for the combination, if it does.
+    /// Reason for which `plan` grasps the objects in another order than planned for the combination, if it does.
     pub reordered: Option<Reordered>,
 }
 
 /// A trial after its first grasp, or about to begin.
 #[derive(Clone)]
 pub struct Start {
-    /// Body, controller and referee, where the controller waits for a decision.
+    /// Body, controller and referee, with the controller waiting for a decision.
     pub run: Run,
     /// The objects as the controller knows them.
     pub objects: Vec<Arc<ObjectModel>>,
-    /// What was planned for them.
+    /// Planned grasps.
     pub grasps: PlannedGrasps,
-    /// Why they are taken in another order than planned, if they are.
+    /// Reason for which the objects are grasped in another order than planned, if they are.
     pub reordered: Option<Reordered>,
-    /// Perception with the backgrounds that the body itself has shown, or with frames from before the trial; the bench's own where
-    /// the body is simulated and its idle pads show their backgrounds.
+    /// Perception with the backgrounds that the body itself has shown, or with frames from before the trial. `None` to
+    /// use the bench's own, if the body is simulated and its idle pads show their backgrounds.
     pub pipeline: Option<TouchPipeline>,
-    /// What the first look at each object states of its own error, m.
+    /// Standard error that the first look states for each object, m.
     pub sighted: [Option<f64>; MOST_OBJECTS],
 }
 
 impl Start {
-    /// Takes the objects to be where the body's own eyes see them.
+    /// Sets the object poses to those that the body's own eyes see.
     fn see_first(mut self) -> Result<Self> {
         match self.look() {
             Ok(()) => Ok(self),
             Err(error) => {
-                // Its recording is finished; the first error is the one to tell.
+                // The recording is finished; the first error is the one to report.
                 let _ = self.run.snapshot.robot.finish(None, Some(&format!("{error:#}")));
                 Err(error)
             }
@@ -109,37 +109,37 @@ impl Start {
 }
 
 impl Start {
-    /// What a policy is told of it.
+    /// Returns the prior knowledge that a policy gets of the trial.
     pub fn known(&self) -> Known<'_> {
         Known { objects: &self.objects, grasps: &self.grasps, reordered: self.reordered, sighted: self.sighted }
     }
 }
 
-/// What a policy is told of a trial before it begins.
+/// Prior knowledge of a trial that a policy gets before it begins.
 #[derive(Clone, Copy)]
 pub struct Known<'a> {
-    /// The objects, in the order in which they are taken.
+    /// The objects, in the order in which they are grasped.
     pub objects: &'a [Arc<ObjectModel>],
-    /// What was planned for them.
+    /// Planned grasps.
     pub grasps: &'a PlannedGrasps,
-    /// Why they come in this order, if it is not the planned one.
+    /// Reason for this order, if it is not the planned one.
     pub reordered: Option<Reordered>,
-    /// What the first look at each object states of its own error, m.
+    /// Standard error that the first look states for each object, m.
     pub sighted: [Option<f64>; MOST_OBJECTS],
 }
 
-/// On which body a trial is played: a simulated one of its own, or one from a source for a task.
+/// Body of a trial: a simulated one of its own (`None`), or one from a source for a task.
 pub type Source<'a> = Option<(&'a mut dyn BodySource, &'a Task)>;
 
 impl<'a> Setup<'a> {
-    /// A combination as it was planned, undisturbed.
+    /// Sets up a combination as it was planned, undisturbed.
     pub fn planned(bench: &'a Bench, combination: usize, noise: TrialNoise, camera_noise: u64) -> Self {
         let (repertoire, plan) = (known(bench).0, plan(bench, combination).clone());
         let disturbances = Disturbances::default();
         Self { plan, repertoire, noise, camera_noise, drift: None, disturbances, reordered: None }
     }
 
-    /// The same with the noise and the disturbances of a trial, and its later looks.
+    /// Sets up a trial with its noise and disturbances. Returns also the generators of its later looks.
     pub fn noisy(bench: &'a Bench, combination: usize, trial: usize) -> Result<(Self, Looks)> {
         let (noise, camera_noise, looks) = draw(bench, combination, trial)?;
         let mut setup = Self::planned(bench, combination, noise, camera_noise).drifting(bench, combination, trial);
@@ -150,7 +150,7 @@ impl<'a> Setup<'a> {
         Ok((setup, looks))
     }
 
-    /// The same with cameras that drift as drawn for a trial, if the scenario's do.
+    /// Adds the camera drift drawn for a trial, if the scenario has one.
     pub fn drifting(mut self, bench: &Bench, combination: usize, trial: usize) -> Self {
         self.drift = bench.world.scenario.effects.pads.map(|pads| {
             let mut rng = Effect::Pads.stream(bench.seed, combination, trial);
@@ -159,16 +159,17 @@ impl<'a> Setup<'a> {
         self
     }
 
-    /// The same trial as a policy begins it that knows which digits have no power.
+    /// Returns the setup of the same trial for a policy that knows which digits have no power.
     pub fn without_digits(&self, bench: &'a Bench, combination: usize) -> Self {
         let (plan, repertoire) = (bench.plans.plans[combination].clone(), &bench.repertoire);
         Self { plan, repertoire, disturbances: self.disturbances.clone(), drift: self.drift.clone(), ..*self }
     }
 
-    /// The same trial as a policy with these `means` begins it: with the other object first, if that promises more. Each object stands, errs
-    /// and is as it would in the planned order. A scenario that disturbs the first or the second object keeps the planned order.
+    /// Returns the setup of the same trial in the order that a policy with these `means` chooses: with the other object
+    /// first, if that promises more. The real poses, errors and properties of the objects stay those of the planned
+    /// order. A scenario that disturbs the first or the second object keeps the planned order.
     pub fn ordered(&self, bench: &Bench, means: Means) -> Result<Self> {
-        // What was tried after one hold alone does not compare with what was proven after many.
+        // Plans tried after a single hold are not comparable with those proven after many.
         let comparable = |reversed: &&Plan| self.plan.proof.is_none() || reversed.proof.is_some();
         let reversed = self.plan.reversed.as_deref().filter(comparable);
         let Some(reversed) = reversed.filter(|_| self.disturbances.is_none()) else {
@@ -180,19 +181,19 @@ impl<'a> Setup<'a> {
         Ok(if reordered.is_some() { Self { reordered, ..other } } else { self.clone() })
     }
 
-    /// The objects of its plan.
+    /// Returns the objects of the plan.
     pub fn objects(&self, bench: &Bench) -> Result<Vec<Arc<ObjectModel>>> {
         bench.world.models(&self.plan.objects())
     }
 
-    /// Body, controller and referee of a trial about to begin.
+    /// Creates body, controller and referee of a trial about to begin.
     pub fn begin(&self, bench: &Bench, source: Source, watched: bool) -> Result<Start> {
         let reversed = self.reordered.map(|_| bench.world.in_other_order());
         let world = reversed.as_ref().unwrap_or(&bench.world);
         let planned = self.plan.grasps(&world.cell.robot.hand, self.repertoire)?;
         let objects = self.objects(bench)?;
         if source.is_some() {
-            // A body in real time does not wait for it later.
+            // A body in real time does not wait for this preparation later.
             objects.iter().filter_map(|object| bench.known.get(&object.name)).for_each(KnownObject::prepare);
         }
         let disturber = Disturber::new(&self.disturbances, &objects);
@@ -251,7 +252,8 @@ impl<'a> Setup<'a> {
         if eyes { start.see_first() } else { Ok(start) }
     }
 
-    /// About to begin, while the controller waits for a policy. A body that is not simulated shows its untouched pads.
+    /// Begins a trial at rest, with the controller waiting for a policy. A body that is not simulated shows its
+    /// untouched pads.
     pub fn at_rest(&self, bench: &Bench, source: Source, watcher: &mut dyn Watcher) -> Result<Start> {
         let start = self.begin(bench, source, watcher.active())?;
         finish_on_error(start, |run| {
@@ -269,7 +271,8 @@ impl<'a> Setup<'a> {
         })
     }
 
-    /// Up to the decision. A body that is not simulated shows its untouched pads on the way to the first object, where images will matter.
+    /// Plays up to the decision after the first grasp. A body that is not simulated shows its untouched pads on the way
+    /// to the first object, if images will matter.
     pub fn first_grasp(&self, bench: &Bench, source: Source, watcher: &mut dyn Watcher) -> Result<Start> {
         let condition = source.as_ref().map(|(_, task)| task.condition);
         let sees = condition.and_then(Means::of).is_some_and(Means::see_images);
@@ -287,19 +290,19 @@ impl<'a> Setup<'a> {
     }
 }
 
-/// `start` after `play`, with the perception that comes of it, if any.
+/// Runs `play` on `start`, and adopts the perception that it returns, if any.
 fn finish_on_error(mut start: Start, play: impl FnOnce(&mut Run) -> Result<Option<TouchPipeline>>) -> Result<Start> {
     match play(&mut start.run) {
         Ok(shown) => Ok(Start { pipeline: shown.or(start.pipeline), ..start }),
         Err(error) => {
-            // Whatever happened, its recording is finished; the first error is the one to tell.
+            // The recording is finished in any case; the first error is the one to report.
             let _ = start.run.snapshot.robot.finish(None, Some(&format!("{error:#}")));
             Err(error)
         }
     }
 }
 
-/// What was planned while all digits had power.
+/// Returns the repertoire and the plans made while all digits had power.
 fn known(bench: &Bench) -> (&Repertoire, &Plans) {
     match &bench.intact {
         Some(intact) => (&intact.repertoire, &intact.plans),
@@ -311,7 +314,8 @@ fn plan(bench: &Bench, combination: usize) -> &Plan {
     &known(bench).1.plans[combination]
 }
 
-/// A trial's errors with those of the first look, the seed of its cameras' noise, and its later looks.
+/// Draws a trial's errors with those of the first look, the seed of its camera noise, and the generators of its later
+/// looks.
 pub fn draw(bench: &Bench, combination: usize, trial: usize) -> Result<(TrialNoise, u64, Looks)> {
     let (world, seed) = (&bench.world, bench.seed);
     let scenario = &world.scenario;
@@ -328,7 +332,7 @@ pub fn draw(bench: &Bench, combination: usize, trial: usize) -> Result<(TrialNoi
     Ok((noise, camera_noise, looks))
 }
 
-/// Perception with the backgrounds that the body has shown.
+/// Returns perception with the backgrounds that the body has shown.
 fn own_backgrounds(run: &Run, pipeline: &TouchPipeline) -> Result<TouchPipeline> {
     Ok(pipeline
         .with_backgrounds(backgrounds(run.snapshot.executor.motion().newest_images(), pipeline.backgrounds().len())?)?)

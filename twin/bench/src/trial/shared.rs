@@ -1,4 +1,4 @@
-//! What all trials of a benchmark share.
+//! Data that all trials of a benchmark share.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -26,46 +26,46 @@ pub struct Bench {
     pub world: World,
     /// Proven grasps.
     pub repertoire: Repertoire,
-    /// Combinations.
+    /// Plans of the combinations.
     pub plans: Plans,
-    /// The hand unit's cameras.
+    /// Cameras of the hand unit.
     pub board: TactileBoard,
-    /// Perception.
+    /// Tactile perception.
     pub pipeline: TouchPipeline,
-    /// The objects of all plans, ready to be registered.
+    /// The objects of all plans, ready for registration.
     pub known: BTreeMap<String, KnownObject>,
-    /// What the controller expects to go wrong.
+    /// Errors that the controller expects.
     pub uncertainty: Uncertainty,
-    /// Seed of everything random.
+    /// Seed of all random draws.
     pub seed: u64,
-    /// Where the time went.
+    /// Profile of the computing time.
     pub profile: Arc<Profile>,
-    /// A twin of the scene in which `touch` and `reflex` play second grasps before they choose one, where they may.
+    /// Twin of the scene in which `touch` and `reflex` simulate second grasps before they choose one, if enabled.
     pub twin: Option<SceneTwin>,
-    /// Whether a trial whose body stops has failed and others follow, instead of nothing being played any more.
+    /// True if a trial whose body stops counts as failed and others follow. If false, such a stop ends the benchmark.
     pub outlasts_faults: bool,
-    /// A policy of the user's own, where one plays.
+    /// Policy of the user's own, if one plays.
     pub own: Option<Own>,
-    /// What is not as the files of the scenario's own objects have it, and what cannot be done with them.
+    /// Deviations from the files of the scenario's own objects, and operations that are not possible with them.
     pub notes: Vec<String>,
-    /// The scenario's own objects that are not played at all, and why.
+    /// The scenario's own objects that are excluded, with the reasons.
     pub left_out: Vec<String>,
-    /// What was planned while all digits had power, where some have none: `ideal` and `blind` know nothing else.
+    /// Repertoire and plans made while all digits had power, if some have none. `ideal` and `blind` know nothing else.
     pub intact: Option<Intact>,
 }
 
-/// What was planned before digits lost their power.
+/// Repertoire and plans from before digits lost their power.
 pub struct Intact {
-    /// Grasps.
+    /// Proven grasps.
     pub repertoire: Repertoire,
-    /// Combinations.
+    /// Plans of the combinations.
     pub plans: Plans,
-    /// Combinations that cannot be done without those digits, and why.
+    /// Combinations that are infeasible without those digits, with the reasons.
     pub impossible: BTreeMap<usize, String>,
 }
 
 impl Bench {
-    /// Whether a trial under a condition begins with anything but the planned first grasp.
+    /// True if a trial under a condition does not begin with the planned first grasp.
     pub fn begins_otherwise(&self, condition: Condition) -> bool {
         match condition {
             Condition::Own => self.own.as_ref().is_some_and(|own| own.guest.level == Level::Act),
@@ -73,12 +73,13 @@ impl Bench {
         }
     }
 
-    /// Whether policies that decide play second grasps in a twin of the scene before they choose one.
+    /// Sets whether policies that decide simulate second grasps in a twin of the scene before they choose one.
     pub fn foresee(&mut self, foresees: bool) {
         self.twin = foresees.then(|| SceneTwin::new(self.world.clone(), self.board.clone()));
     }
 
-    /// From now on `touch` does without `digits`, as well as it can; what was planned stays what `ideal` and `blind` know.
+    /// From now on `touch` does without `digits`, as well as it can. The original plans stay those of `ideal` and
+    /// `blind`.
     pub fn do_without(&mut self, digits: &[Digit]) -> Result<()> {
         ensure!(
             self.world.scenario.lists().len() == 2,

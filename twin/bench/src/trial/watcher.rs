@@ -1,4 +1,4 @@
-//! Watchers: whoever records a trial sees every tick of it.
+//! Watchers, which see every tick of a trial to record it.
 
 use anyhow::Result;
 use control::executor::Executor;
@@ -8,41 +8,42 @@ use hand_model::robot::Command;
 use scenarios::record::{Condition, TrialRecord};
 use sim::robot::Truth;
 
-/// What a watcher sees of a tick.
+/// View of one tick for a watcher.
 pub struct Moment<'a> {
     /// Time of the body, s.
     pub time: f64,
-    /// The body's truth, where somebody knows it.
+    /// Ground truth of the body, if it is known.
     pub truth: Option<&'a Truth>,
     /// The controller.
     pub executor: &'a Executor,
-    /// What was sent in this tick, after limits; `None` where no tick passed.
+    /// Command sent in this tick, after limits; `None` if no tick passed.
     pub sent: Option<&'a Command>,
     /// Pose estimate of each object in the hand, once it was felt.
     pub felt: &'a [Felt],
     /// The condition, or `None` while all conditions share the first grasp.
     pub condition: Option<Condition>,
-    /// What was just decided or done.
+    /// Note about the last decision or action.
     pub note: Option<&'a str>,
-    /// What was just weighed and chosen.
+    /// Options just weighed, and the chosen one.
     pub choice: Option<&'a Choice>,
-    /// The body's objects are in the other order than the combination names them.
+    /// True if the body's objects are in the reverse of the combination's order.
     pub reversed: bool,
 }
 
-/// Sees every tick of a trial.
+/// Observer of every tick of a trial.
 pub trait Watcher {
-    /// Whether it records: then every branch is played, even one whose outcome is known, and images are taken throughout.
+    /// True if it records. Then every branch is played, even one whose outcome is known, and images are taken
+    /// throughout.
     fn active(&self) -> bool;
-    /// One tick.
+    /// Processes one tick.
     fn see(&mut self, moment: &Moment) -> Result<()>;
-    /// A branch begins: everything seen so far also belongs to it.
+    /// Begins a branch; everything seen so far also belongs to it.
     fn branch(&mut self, condition: Condition) -> Result<()>;
-    /// A branch ended with this record.
+    /// Ends a branch with this record.
     fn outcome(&mut self, record: &TrialRecord) -> Result<()>;
 }
 
-/// Watches nothing.
+/// A watcher that records nothing.
 pub struct NoWatcher;
 
 impl Watcher for NoWatcher {

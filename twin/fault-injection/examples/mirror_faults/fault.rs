@@ -1,4 +1,4 @@
-//! Faults of the plant, how they are drawn, and what must be named for each.
+//! Plant faults: how they are drawn, and the diagnosis that is correct for each.
 
 use control::executor::Executor;
 use fault_detection::divergence::{Divergence, Kind};
@@ -27,15 +27,16 @@ pub const KINDS: [&str; 11] = [
     "lamp dim",
 ];
 
-/// Cables pulled with less show nothing of what is wrong with them, N; joints of digits that close more slowly than this (m/s) neither.
+/// Minimum pull on a cable, N: below it no fault of the cable is observable.
 const PULLED: f64 = 1.5;
+/// Minimum closing speed, m/s: a joint of a digit that closes more slowly shows no fault.
 const CLOSING: f64 = 0.01;
-/// A fault that can strike.
+/// A plant fault that can be injected.
 #[derive(Debug, Clone)]
 pub struct Fault(PlantFault);
 
 impl Fault {
-    /// A fault of each kind that can show at this moment.
+    /// Draws one fault of each kind that is observable at this moment.
     pub fn draw(
         rng: &mut ChaCha8Rng,
         hand: &Hand,
@@ -74,17 +75,17 @@ impl Fault {
         drawn.into_iter().map(|(kind, fault)| (kind, Self(fault))).collect()
     }
 
-    /// Strikes.
+    /// Injects the fault.
     pub fn strike(&self, robot: &mut SimulatedRobot, hand: &Hand) {
         self.0.strike(robot, hand);
     }
 
-    /// What lasts with every tick.
+    /// Applies the part of a fault that acts in every tick, such as a push.
     pub fn press(&self, robot: &mut SimulatedRobot) {
         self.0.press(robot);
     }
 
-    /// Whether `named` is its right name, part included.
+    /// True if `named` is the correct diagnosis of this fault, part included.
     pub fn is(&self, named: &Divergence, hand: &Hand) -> bool {
         let digit = |n: usize| named.part == Digit::ALL[n].name();
         let camera = |n: usize| named.part == hand.cameras[n].name;
@@ -92,7 +93,7 @@ impl Fault {
             PlantFault::Break(n) => named.kind == Kind::CableBroken && digit(n),
             PlantFault::Slip(n, _) => named.kind == Kind::CableSlipped && digit(n),
             PlantFault::Weak(n, _) => named.kind == Kind::ServoWeak && digit(n),
-            // No name: a joint that is stuck looks like one that touches something.
+            // No diagnosis is correct: a stuck joint looks like one that touches something.
             PlantFault::Stick(_) => false,
             PlantFault::Heavy(..) => named.kind == Kind::OtherPayload,
             PlantFault::Snatch(_) => named.kind == Kind::ObjectLost,
@@ -106,7 +107,7 @@ impl Fault {
     }
 }
 
-/// Whether two names are the same finding.
+/// True if two diagnoses are the same finding.
 pub fn same(one: &Divergence, other: &Divergence) -> bool {
     (one.kind, &one.part) == (other.kind, &other.part)
 }

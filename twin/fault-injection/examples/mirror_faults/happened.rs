@@ -1,25 +1,26 @@
-//! What really happened, by the scene's truth: for judging what was named, and nothing else.
+//! Ground truth of a trial, used only to judge whether a diagnosis was justified.
 
 use control::executor::Phase;
 use fault_detection::divergence::{Divergence, Kind};
 use proving::rehearsal::in_hand;
 use sim::robot::Truth;
 
-/// Before a name is given, what it names happened within this time, s.
+/// Window before a diagnosis within which the event that it reports must have happened, s.
 const BEFORE: f64 = 1.0;
 
-/// Times at which something happened that can rightly be named, s.
+/// Times of events that justify a diagnosis, s.
 #[derive(Debug, Clone, Default)]
 pub struct Happened {
     held: [bool; 2],
     lost: Vec<f64>,
     touched: Vec<f64>,
-    /// When an object was not in the hand that should have been, or was left lying while it should have been raised.
+    /// Times at which an object was not in the hand although it should have been, or was left lying although it should
+    /// have been raised.
     missing: Vec<f64>,
 }
 
 impl Happened {
-    /// One tick.
+    /// Records the events of one tick.
     pub fn see(&mut self, truth: &Truth, phase: Phase) {
         let held = [in_hand(truth, 0), in_hand(truth, 1)];
         if (0..2).any(|n| self.held[n] && !held[n]) {
@@ -31,14 +32,15 @@ impl Happened {
         if missing(0) || missing(1) {
             self.missing.push(truth.time);
         }
-        // Contact with table, floor, or an object that is not in the hand, or of one that is with another.
+        // Contact with the table, the floor or an object that is not in the hand, or between an object in the hand and
+        // another one.
         let apart = (0..2).any(|n| touched(n) && !held[n]) || !truth.object_pairs.is_empty();
         if apart || truth.collides {
             self.touched.push(truth.time);
         }
     }
 
-    /// Whether `named` is true of what happened.
+    /// True if the events so far justify `named`.
     pub fn justifies(&self, named: &Divergence) -> bool {
         let just = |times: &[f64]| times.iter().any(|time| (named.time - BEFORE..=named.time).contains(time));
         match named.kind {

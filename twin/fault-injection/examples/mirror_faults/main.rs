@@ -1,15 +1,16 @@
-//! What a mirror names: faults of the plant at drawn moments of blind trials, and sound trials.
+//! Measures the diagnoses of a mirror on plant faults at drawn moments of blind trials, and on sound trials.
 //!
-//! `mirror_faults SEED FROM TO PLANT MOMENTS [INDIVIDUAL]` plays trial 0 of combinations FROM to TO - 1 (all effects) with the robot as drawn (PLANT 0) or hidden
-//! individual PLANT. At MOMENTS drawn moments of each trial, one fault of each kind that can show then strikes in a branch of its own, which is
-//! played for as long as a name may take. A name counts if kind and part are right. What is named on the way that neither the fault nor
-//! what really happened explains is counted as wrong; so is what is named in the sound trial itself.
+//! `mirror_faults SEED FROM TO PLANT MOMENTS [INDIVIDUAL]` plays trial 0 of combinations FROM to TO - 1 (all effects)
+//! with the robot as drawn (PLANT 0) or with hidden individual PLANT. At MOMENTS drawn moments of each trial, one fault
+//! of each kind that is observable then strikes in a branch of its own. The branch is played for as long as a diagnosis
+//! may take. A diagnosis counts if kind and part are right. A diagnosis that neither the fault nor the ground truth
+//! explains counts as wrong, and so does one in the sound trial itself.
 //!
-//! `mirror_faults sound SEED FROM TO PLANT CONDITIONS TRIALS [INDIVIDUAL]` plays trials 0 to TRIALS - 1 of them under conditions (such as
-//! `blind,touch`) with a mirror beside them and nothing broken.
+//! `mirror_faults sound SEED FROM TO PLANT CONDITIONS TRIALS [INDIVIDUAL]` plays trials 0 to TRIALS - 1 of them under
+//! CONDITIONS (such as `blind,touch`) with a mirror beside them and no fault.
 //!
-//! INDIVIDUAL is the file of an identified robot (`ftac twin identify`): what the control stack and the twin take the robot to be. Without it they
-//! take it to be as drawn.
+//! INDIVIDUAL is the file of an identified robot (`ftac twin identify`), which the control stack and the twin use as
+//! their model of the robot. Without it they use the robot as drawn.
 
 mod fault;
 mod happened;
@@ -38,9 +39,9 @@ use sim::SimulatedRobot;
 use self::fault::{Fault, KINDS, same};
 use self::happened::Happened;
 
-/// Within this time after a fault its name counts, s.
+/// Time limit after a fault within which its diagnosis counts, s.
 const WITHIN: f64 = 0.5;
-/// Moments are drawn at least this far apart, s, and from this time on: before it no image was taken twice.
+/// Minimum interval between drawn moments, s, and earliest moment, s: before it no camera has taken a second image.
 const APART: (f64, f64) = (0.3, 0.6);
 /// Length of the trials that moments are drawn from, s.
 const TRIAL: f64 = 12.0;
@@ -56,7 +57,7 @@ struct Play {
 }
 
 impl Play {
-    /// One tick, with what a fault does in it.
+    /// Plays one tick, with the continuous effect of `fault` in it.
     fn tick(&mut self, bench: &Bench, fault: Option<&Fault>) -> Result<()> {
         self.executor.go_on()?;
         let seen = self.robot.observe();
@@ -88,17 +89,17 @@ impl Play {
     }
 }
 
-/// What came of the faults of one kind.
+/// Counts of the injected faults of one kind.
 #[derive(Debug, Default)]
 struct Tally {
     struck: u32,
     named: u32,
-    /// Named, but something else was, too, that nothing explains.
+    /// Correct diagnoses that came together with another one that nothing explains.
     wrong: u32,
     delays: Vec<f64>,
 }
 
-/// Plays the branches of one moment.
+/// Plays the fault branches of one moment.
 fn strike(bench: &Bench, play: &Play, rng: &mut ChaCha8Rng, label: &str, tallies: &mut [Tally]) -> Result<()> {
     let hand: &Hand = &bench.world.cell.robot.hand;
     let Some(residuals) = play.mirror.as_ref().map(Mirror::residuals) else { return Ok(()) };
@@ -138,7 +139,7 @@ fn strike(bench: &Bench, play: &Play, rng: &mut ChaCha8Rng, label: &str, tallies
     Ok(())
 }
 
-/// Plays the faults of one trial; its sound part, and what was named in that.
+/// Plays one trial and the faults at its moments. Returns the sound part of the trial with its diagnoses.
 fn trial(
     bench: &Bench,
     (combination, moments): (usize, usize),
@@ -166,8 +167,8 @@ fn trial(
     Ok(play)
 }
 
-/// The first `combos` combinations with the body of hidden individual `plant`, or of the robot as drawn; the control stack has the robot of the file
-/// `individual`, or the one as drawn.
+/// Prepares the first `combos` combinations with the body of hidden individual `plant`, or of the robot as drawn if
+/// `plant` is 0. The control stack uses the robot model of the file `individual`, or the robot as drawn.
 fn make(combos: usize, seed: u64, plant: u64, individual: Option<&String>) -> Result<Bench> {
     let path = individual.map_or(Path::new(""), Path::new);
     let text = individual.map(|_| platform::data::read_text(path)).transpose()?;

@@ -1,4 +1,4 @@
-//! Sound trials with a mirror beside them: what it names that did not happen.
+//! Sound trials with a mirror beside them: its false alarms.
 
 use std::collections::BTreeMap;
 
@@ -12,7 +12,7 @@ use scenarios::record::{Condition, TrialRecord};
 use crate::happened::Happened;
 use crate::make;
 
-/// Looks at the truth while a mirror looks at measurements.
+/// Records the ground truth while a mirror sees measurements only.
 struct Truths {
     shared: Happened,
     branch: Option<Happened>,
@@ -51,7 +51,7 @@ impl Watcher for Truths {
     }
 }
 
-/// `SEED FROM TO PLANT CONDITIONS TRIALS [INDIVIDUAL]`.
+/// Runs the mode `sound` with arguments `SEED FROM TO PLANT CONDITIONS TRIALS [INDIVIDUAL]`.
 pub fn main(arguments: &[String]) -> Result<()> {
     let [seed, from, to, plant, conditions, trials, individual @ ..] = arguments else {
         bail!(

@@ -1,4 +1,4 @@
-//! Episodes repeat by seed, refuse what is no action, and are judged.
+//! Episodes repeat by seed, refuse invalid actions, and are judged.
 
 use hand_model::RobotModel;
 use std::sync::LazyLock;
@@ -22,7 +22,7 @@ fn action(twist: [f64; 6], tension: f64) -> Action {
     Action { arm: ArmAction::Twist(Twist::from(twist)), hand }
 }
 
-/// Bits of everything that is measured and of the objects' poses after some steps.
+/// Returns the bits of all measurements and object poses after some steps.
 fn played(task: Task, images: Option<usize>, seed: u64) -> (Vec<u64>, Vec<u8>) {
     let mut episode = Episode::begin(&BENCH, Options { images, ..options(task) }, seed).unwrap();
     for n in 0..8 {

@@ -1,4 +1,5 @@
-//! Where real robots come from: connected and checked first, then laid out by the operator, then with torque on.
+//! Source of real robots: first connected and checked, then the objects are laid out by the operator, then the torque
+//! is switched on.
 
 use hardware_bridge::driven::SERVOS;
 use std::path::PathBuf;
@@ -27,14 +28,14 @@ use crate::{BodySource, Stopped, Task, TrialBody, TrialSetup};
 use object_detector::{Vision, VisionLink, VisionSource, shown};
 use progress::interrupt::Interrupt;
 
-/// How fast the arm's joints go to the posture in which trials begin, rad/s.
+/// Speed of the arm's joints on the way to the posture in which trials begin, rad/s.
 const SPEED: f64 = 0.3;
-/// For so long the servo cycle is watched before the torque goes on.
+/// Time for which the servo cycle is observed before the torque goes on.
 const TRIED: Duration = Duration::from_secs(1);
-/// How close to it is there, rad.
+/// Tolerance of the ready posture, rad.
 const THERE: f64 = 0.01;
 
-/// Where the real robot stands.
+/// Source of the real robot.
 pub struct HardwareSource {
     config: BridgeConfig,
     about: Session,
@@ -47,7 +48,7 @@ pub struct HardwareSource {
 }
 
 impl HardwareSource {
-    /// Under the configuration at `path`; sessions are always recorded, into `sessions`.
+    /// Reads the configuration at `path`. Sessions are always recorded, into `sessions`.
     pub fn new(path: &std::path::Path, model: RobotModel, ready: ArmVector, sessions: PathBuf) -> Result<Self> {
         let config = BridgeConfig::read(path)?;
         let bytes = |path: &std::path::Path| std::fs::read(path).with_context(|| path.display().to_string());
@@ -56,13 +57,13 @@ impl HardwareSource {
         Ok(Self { config, about, model, ready, sessions, eyes: None, packets: None })
     }
 
-    /// The same with a vision system that says where objects are.
+    /// Adds a vision system that reports object poses.
     #[must_use]
     pub fn with_eyes(self, eyes: Option<Vision>) -> Self {
         Self { eyes, ..self }
     }
 
-    /// The vision system, connected.
+    /// Connects the vision system.
     fn open_eyes(&self) -> Result<Option<VisionLink>> {
         let connect = |eyes: &Vision| match &eyes.source {
             VisionSource::At(address) => Ok(VisionLink::connect(address, eyes.checks.clone())?),
@@ -73,7 +74,7 @@ impl HardwareSource {
         self.eyes.as_ref().map(connect).transpose()
     }
 
-    /// Makes sure that no camera is plugged in where another was, as far as somebody knows.
+    /// Checks that no camera is plugged in at another's place, as far as reference pictures exist.
     fn compare_pictures(&self, robot: &HardwareRobot) -> Result<()> {
         let kept = Pictures::read(&Pictures::beside(&self.config.calibration), self.model.hand.cameras.len())?;
         let (Some(kept), Some(cameras)) = (kept, robot.cameras()) else { return Ok(()) };
@@ -88,13 +89,13 @@ impl HardwareSource {
         Ok(())
     }
 
-    /// Whether it has tactile cameras.
+    /// True if the robot has tactile cameras.
     pub fn has_cameras(&self) -> bool {
         self.config.cameras.is_some() || !self.config.uvc.is_empty()
     }
 
-    /// The robot, connected and checked, with its torque as it was: all that can be found wrong before anything is laid
-    /// out or moves.
+    /// Connects and checks the robot with its torque as it was. This finds every fault that can be found before objects
+    /// are laid out or anything moves.
     pub fn check(&mut self) -> Result<Checked> {
         let link = arm_link(&self.config, &self.model, self.ready)?;
         let robot = HardwareRobot::connect(&self.config, link, &self.model, None)?;
@@ -123,21 +124,22 @@ impl HardwareSource {
     }
 }
 
-/// A robot that was found in order. Its links are kept while its operator lays out objects; nothing moves.
+/// A robot that passed the checks. Its links are kept while its operator lays out objects; nothing moves.
 pub struct Checked {
     robot: HardwareRobot,
-    /// Where the links' bytes go from the beginning of the trial on.
+    /// Destination of the links' bytes from the beginning of the trial on.
     packets: Sender<Packet>,
-    /// rad.
+    /// Posture in which trials begin, rad.
     ready: ArmVector,
     /// Longest time to think, s.
     pause: f64,
-    /// Since when the checks have not passed, if they do not.
+    /// Time since which the checks have failed, if they do.
     wrong_since: Option<Instant>,
 }
 
 impl Checked {
-    /// Looks again, while somebody is asked something. A robot that was not in order for [`PATIENCE`] ends the question.
+    /// Repeats the checks while the operator is asked something. A robot that fails them for [`PATIENCE`] ends the
+    /// question.
     pub fn attend(&mut self) -> Result<()> {
         let Err(error) = self.robot.check() else {
             self.wrong_since = None;
@@ -149,7 +151,8 @@ impl Checked {
         Ok(())
     }
 
-    /// With torque on and in its ready posture; `objects` belong in these places.
+    /// Switches the torque on and moves to the ready posture. `objects` are given with their nominal poses,
+    /// `world_from_object`.
     pub fn begin(self, objects: &[(&str, Isometry3<f64>)]) -> Result<Hardware> {
         let Self { robot, packets, ready, pause, .. } = self;
         wait_for_checks(&robot)?;
@@ -185,7 +188,7 @@ impl BodySource for HardwareSource {
     fn open(&mut self, setup: &TrialSetup, _: SimulatedRobot) -> Result<Box<dyn TrialBody>> {
         let Task { combination, trial, condition, .. } = setup.task;
         room_for_session(&self.sessions)?;
-        // What is wrong with robot or eyes is found before anybody lays out objects.
+        // Faults of robot or eyes are found before anybody lays out objects.
         let mut eyes = self.open_eyes()?;
         let mut checked = self.check()?;
         eprintln!("combination {combination}, trial {trial}, {condition}:");
@@ -193,7 +196,7 @@ impl BodySource for HardwareSource {
             eprintln!("  put {name} at {}", shown(place));
         }
         let look = |eyes: &mut VisionLink, name: &str| -> Result<()> {
-            // What cannot be seen is found before anything moves.
+            // A hidden object is found before anything moves.
             let seen = eyes.look(name, || false)?;
             let seen =
                 seen.with_context(|| format!("{name} is hidden, expected it in sight before the trial begins"))?;

@@ -1,4 +1,4 @@
-//! The real robot's questions, on emulated devices in real time.
+//! Questions of the real robot to its operator, on emulated devices in real time.
 
 use hardware_bridge::driven::SERVOS;
 use std::fs::File;
@@ -31,7 +31,7 @@ struct Bench {
     _folder: tempfile::TempDir,
 }
 
-/// Watchdogs that forgive a busy machine, and sessions that last for longer than the test.
+/// Watchdogs that tolerate a busy machine, and sessions that outlast the test.
 fn bench() -> Bench {
     let settings = EmulatorSettings::default();
     let zeros: Vec<i64> = settings.servos.iter().map(|servo| servo.zero()).collect();
@@ -80,7 +80,7 @@ fn bench() -> Bench {
     until("it runs", || {
         let seen = hardware.robot.observe().and_then(Readings::complete).expect("observed");
         let servos = [ServoGoal::Current(0.0); SERVOS];
-        // What a busy machine does not send in time is sent in the next round.
+        // A command that a busy machine does not send in time is sent in the next round.
         let _ = hardware.robot.send(&Command { arm: seen.arm.position, servos: servos.into(), capture: false });
         hardware.robot.state() == State::Running
     });
@@ -95,11 +95,11 @@ fn until(what: &str, mut condition: impl FnMut() -> bool) {
     }
 }
 
-/// The arm is lost while the operator has not answered yet: there is no verdict, and the reason is said.
+/// The arm is lost before the operator has answered: there is no verdict, and the reason is reported.
 #[test]
 fn an_arm_that_is_lost_at_the_verdict_question_gives_no_verdict() {
     let mut bench = bench();
-    // The first answer is given, the second is waited for.
+    // The first answer is given, the second is awaited.
     bench.answers.write_all(b"no\n").expect("answered");
     let (arm, hardware) = (&bench.arm, &mut bench.hardware);
     let judged = std::thread::scope(|scope| {
@@ -115,7 +115,7 @@ fn an_arm_that_is_lost_at_the_verdict_question_gives_no_verdict() {
     assert!(words.contains("emergency stop") && words.contains("while the verdict was asked for"), "{words}");
 }
 
-/// A robot that runs is no reason to lose a verdict, nor is an answer that is none.
+/// A running robot is judged, and an invalid answer is asked for again.
 #[test]
 fn a_robot_that_runs_is_judged() {
     let mut bench = bench();
