@@ -87,7 +87,7 @@ mod tests {
         data.iter().zip(1..).map(|(data, id)| Status { id, alert: false, error: None, data: data.clone() }).collect()
     }
 
-    /// Sizes of the facts sheet: 8 + N (L + 4).
+    /// Packet sizes of the protocol: 8 + N (L + 4) bytes.
     #[test]
     fn size() {
         let wire = encode(&[10; 6], &answers(&vec![vec![7; 10]; 6]));
