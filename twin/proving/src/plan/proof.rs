@@ -259,8 +259,14 @@ impl<'a> Prover<'a> {
         if plan.proof.as_ref().is_none_or(|proof| proof.effort < self.effort.level)
             && let Some((proof, found)) = race.run(plan)?
         {
-            plan.proof = Some(proof);
-            plan.variations.extend(found);
+            // A further race draws other proposals and may end with fewer holds: the better proof stays, as searched at this level.
+            match &mut plan.proof {
+                Some(known) if known.best() >= proof.best() => known.effort = proof.effort,
+                _ => {
+                    plan.proof = Some(proof);
+                    plan.variations.extend(found);
+                }
+            }
         }
         Ok(())
     }
