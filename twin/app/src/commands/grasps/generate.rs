@@ -49,9 +49,10 @@ impl Part {
 }
 
 /// Returns the built-in hand, restricted to the parts of the arguments and to the use that grasps of type `kind` make of it.
-fn built_in(args: &SynthesisArgs, kind: Option<&GraspType>) -> Result<GraspingHand> {
+fn built_in(args: &SynthesisArgs, kind: Option<&str>) -> Result<GraspingHand> {
     let hand = GraspingHand::of(RobotModel::ftac_gen3().hand);
-    let form = kind.map(|kind| kind.form.clone());
+    let is_wanted = |known: &GraspType| kind == Some(known.name.as_str());
+    let form = Taxonomy::paper().types.into_iter().find(is_wanted).map(|kind| kind.form);
     if args.parts.is_empty() {
         return Ok(match form {
             Some(form) => hand.limited(&form),
@@ -73,12 +74,11 @@ fn built_in(args: &SynthesisArgs, kind: Option<&GraspType>) -> Result<GraspingHa
 }
 
 /// Parses the name of a grasp type of the taxonomy, whatever its case and separators.
-fn grasp_type(text: &str) -> Result<GraspType, String> {
+fn grasp_type(text: &str) -> Result<String, String> {
     let folded = |name: &str| name.trim().to_lowercase().replace(['_', '-'], " ");
-    let Taxonomy { types } = Taxonomy::paper();
-    let names: Vec<String> = types.iter().map(|kind| kind.name.clone()).collect();
-    let found = types.into_iter().find(|kind| folded(&kind.name) == folded(text));
-    found.ok_or_else(|| format!("expected one of {}", names.join(", ")))
+    let names: Vec<String> = Taxonomy::paper().types.into_iter().map(|kind| kind.name).collect();
+    let found = names.iter().find(|name| folded(name) == folded(text));
+    found.cloned().ok_or_else(|| format!("expected one of {}", names.join(", ")))
 }
 
 /// Object, friction and hand parts for which grasps are synthesized.
@@ -127,7 +127,7 @@ pub struct GenerateArgs {
     /// the type does, and verified grasps that do not meet its conditions are dropped. With --parts, those digits
     /// replace the type's own.
     #[arg(long = "type", value_name = "TYPE", value_parser = grasp_type)]
-    pub kind: Option<GraspType>,
+    pub kind: Option<String>,
     /// Stop after this many different verified grasps.
     #[arg(long, conflicts_with = "hand")]
     pub keep: Option<usize>,
@@ -199,7 +199,7 @@ pub fn generate(terminal: &Terminal, args: &GenerateArgs) -> Outcome {
     let (subject, request) = request(terminal, &args.synthesis, args.n, args.keep.unwrap_or(usize::MAX))?;
     let hand = match (&args.hand, &args.pulls) {
         (Some(urdf), Some(pulls)) => describe::read(urdf, pulls)?,
-        _ => built_in(&args.synthesis, args.kind.as_ref())?,
+        _ => built_in(&args.synthesis, args.kind.as_deref())?,
     };
     let subject = sized(subject, &args.synthesis, &hand.opening)?;
     if !terminal.json {
@@ -207,11 +207,11 @@ pub fn generate(terminal: &Terminal, args: &GenerateArgs) -> Outcome {
     }
     let writer = writer(terminal, args, hand.name().into())?;
     let mut synthesizer = Synthesizer::new(&hand, subject, request);
-    synthesizer.wanted = args.kind.as_ref().and_then(|kind| WantedType::new(&kind.name, &synthesizer.subject));
+    synthesizer.wanted = args.kind.as_ref().and_then(|kind| WantedType::new(kind, &synthesizer.subject));
     let (report, _) = search::search(&synthesizer, Start::default(), writer, &terminal.progress())?;
     terminal.print(&report, &report.text())?;
     let found = report.of_type.unwrap_or(report.verified.all);
-    let kind = args.kind.as_ref().map_or(String::new(), |kind| format!(" of type {}", kind.name));
+    let kind = args.kind.as_ref().map_or(String::new(), |kind| format!(" of type {kind}"));
     Ok((found == 0).then(|| format!("no grasp{kind} of {} was verified in {} chains", report.object, args.n)))
 }
 
@@ -254,7 +254,7 @@ fn command(terminal: &Terminal, args: &GenerateArgs) -> String {
         options += &format!(" --urdf {} --pulls {}", hand.display(), pulls.display());
     }
     if let Some(kind) = kind {
-        options += &format!(" --type \"{}\"", kind.name);
+        options += &format!(" --type \"{kind}\"");
     }
     if !synthesis.parts.is_empty() {
         let names = synthesis.parts.iter().filter_map(|part| Some(part.to_possible_value()?.get_name().to_owned()));
