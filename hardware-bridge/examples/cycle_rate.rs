@@ -1,4 +1,4 @@
-//! How fast the servo bus cycles on this machine: reads all six emulated servos and writes their goals 200 times, and prints the measured rate
+//! Measures the rate of the servo bus on this machine: reads all six emulated servos and writes their goals 200 times, and prints the measured rate
 //! beside the one calculated from the line's timing. `cargo run --release -p hardware-bridge --example cycle_rate`
 
 use hardware_bridge::driven::SERVOS;

@@ -138,7 +138,7 @@ impl Line {
     }
 }
 
-/// What dynamixel2 0.9.1 does not stuff, nor unstuff.
+/// Data that dynamixel2 0.9.1 neither stuffs nor unstuffs.
 fn three_before_fd(bytes: &[u8]) -> bool {
     bytes.windows(4).any(|window| window == [0xFF, 0xFF, 0xFF, 0xFD])
 }
