@@ -1,7 +1,7 @@
 //! Calibration of a real sensor from presses of a ball: its image-formation model, and its photometry, the mapping from
 //! colours to slopes.
 //!
-//! [`presses`] reads the presses and rejects outliers before anything is fitted; [`misfits`] finds presses that the
+//! [`presses`] reads the presses and rejects outliers before anything is fitted; [`mod@misfits`] finds presses that the
 //! fitted model cannot explain. [`folds`] holds presses out in turn; their errors decide whether the calibration may be
 //! used, while the written files are learned from all presses. [`scale`] finds the size of a pixel, [`sheet`] shows the
 //! presses, and [`figures`] reports the results.

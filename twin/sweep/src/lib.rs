@@ -1,6 +1,6 @@
 //! Sweeps: many benchmarks along axes, in units of a few minutes, on one machine or on a cluster.
 //!
-//! [`file`] is the user's description of a sweep, and [`axis`] defines the fields that can vary. [`plan`] derives the
+//! [`mod@file`] is the user's description of a sweep, and [`axis`] defines the fields that can vary. [`plan`] derives the
 //! units of work. [`folder`] is the result folder, the only thing that workers share, and [`claim`] keeps two of them
 //! from playing the same unit. [`play`] plays one unit, and [`work`] all that are left. [`columns`] defines the results
 //! that are kept of a trial, [`table`] stores them as Parquet, and [`rows`] makes them from records. [`merge`] joins
