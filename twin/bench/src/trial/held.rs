@@ -1,7 +1,7 @@
 //! The first grasp of a trial as it came out, with the data needed to feel it again with other cameras or optics.
 
 use anyhow::Result;
-use control::perception::Expected;
+use control::perception::{Expected, trusted};
 use hand_model::ActuatorVector;
 use hand_model::robot::ServoState;
 use nalgebra::{Isometry3, UnitQuaternion};
@@ -66,7 +66,8 @@ impl Bench {
             object: start.objects[0].name.clone(),
             servos: snapshot.executor.motion().servos().iter().map(|servo| [servo.position, servo.current]).collect(),
             turned: snapshot.executor.motion().palm().rotation,
-            prior: Expected::of(&first.grasp, &first.percept, second).prior(),
+            // Nothing was touched before this grasp: the spread that proofs saw after a touch says too little of it.
+            prior: trusted(Expected::of(&first.grasp, &first.percept, second).palm_from_object),
             truth: palm * truth.objects[0],
             pads: self.world.cell.robot.hand.pad_poses(&links),
             joints: truth.hand,
