@@ -63,6 +63,12 @@ impl Touch<'_> {
         }
     }
 
+    /// Weights the rehearsals of `candidates` by the likeness of their holds to the felt one.
+    pub(super) fn beside_felt(&self, candidates: &[Candidate], felt: &Felt) -> Vec<Candidate> {
+        let extent = Extent::of(&self.knowledge.objects[0].shape, &felt.estimate.palm_from_object);
+        candidates.iter().map(|candidate| candidate.beside(&extent)).collect()
+    }
+
     /// Chooses the grasp of an object, given the felt pose of the first.
     fn choose(
         &self,
@@ -74,8 +80,7 @@ impl Touch<'_> {
         let tracked = &self.objects[object];
         let held = self.held(executor, felt);
         let (first, _) = self.following(executor);
-        let extent = Extent::of(&self.knowledge.objects[0].shape, &felt.estimate.palm_from_object);
-        let candidates: Vec<Candidate> = candidates.iter().map(|candidate| candidate.beside(&extent)).collect();
+        let candidates = self.beside_felt(candidates, felt);
         let uncertainty = tracked.uncertainty(&self.knowledge);
         let situation = Situation {
             executor,

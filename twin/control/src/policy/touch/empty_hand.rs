@@ -2,15 +2,14 @@
 //! that can follow.
 
 use grasping::Grasp;
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 use world::attempt::Attempt;
 
-use super::exploration::explores;
+use super::exploration::{explores, touched};
 use super::{State, Touch, exploration};
 use crate::collision::{Solid, clearance_along, hand_solids};
 use crate::executor::{Executor, Target};
 use crate::odds::Belief;
-use crate::palpation;
 use crate::percept::Percept;
 use crate::policy::reach::turned;
 use crate::policy::{Knowledge, PolicyError, Step};
@@ -22,9 +21,8 @@ use crate::worth::{self, Candidate, SWITCH_GAIN};
 /// Grasps of the first object, the planned one first. The worth of each is its expected success together with its best
 /// second grasp.
 pub(in crate::policy) fn candidates(knowledge: &Knowledge, senses: &Senses, planned: &Grasp) -> Vec<Candidate> {
-    let touched = Matrix3::from_diagonal_element(palpation::LEFT_OVER.powi(2));
     let uncertainty = knowledge.uncertainty.stated(knowledge.sighted[1]);
-    let belief = Belief::located(&touched).filter(|_| explores(knowledge, senses, uncertainty.target(1)));
+    let belief = touched().filter(|_| explores(knowledge, senses, uncertainty.target(1)));
     let belief = belief.unwrap_or_else(|| Belief::new(&uncertainty));
     // A trial of one object asks only for that object, whatever its grasp leaves free.
     let alone = knowledge.objects.len() == 1;

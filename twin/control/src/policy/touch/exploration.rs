@@ -7,7 +7,6 @@ use touch::{InHand, PoseEstimate, PosePrior};
 
 use super::{State, Touch};
 use crate::executor::Executor;
-use crate::extent::Extent;
 use crate::guarded::Guarded;
 use crate::odds::Belief;
 use crate::palpation::{self, Touching, located};
@@ -31,6 +30,11 @@ pub(super) fn explores(knowledge: &Knowledge, senses: &Senses, sigma: f64) -> bo
     // Jaws have no free digit to touch with.
     let free = hand.jaws().is_none() && palpation::plate(hand).iter().any(touches);
     knowledge.explores && sigma > palpation::LEFT_OVER && free
+}
+
+/// Returns the belief about the place of an object that has been touched.
+pub(super) fn touched() -> Option<Belief> {
+    Belief::located(&Matrix3::from_diagonal_element(palpation::LEFT_OVER.powi(2)))
 }
 
 impl Touch<'_> {
@@ -61,10 +65,8 @@ impl Touch<'_> {
     fn prospects(&self, object: usize, executor: &Executor) -> Option<[f64; 2]> {
         let felt = self.felt.as_ref().filter(|_| object == 1)?;
         explores(&self.knowledge, &self.senses, self.expected_error(object)).then_some(())?;
-        let extent = Extent::of(&self.knowledge.objects[0].shape, &felt.estimate.palm_from_object);
         let (_, following) = self.following(executor);
-        let candidates: Vec<Candidate> = following.iter().map(|candidate| candidate.beside(&extent)).collect();
-        prospects(&candidates, &self.belief)
+        prospects(&self.beside_felt(following, felt), &self.belief)
     }
 
     /// Palpation of an object; `None` if there are no pads for it, or the arm cannot get there.
@@ -146,7 +148,7 @@ impl Touch<'_> {
 /// been touched. `None` if nothing was rehearsed.
 fn prospects(candidates: &[Candidate], belief: &Belief) -> Option<[f64; 2]> {
     candidates.iter().any(|candidate| !candidate.rehearsed.is_empty()).then_some(())?;
-    let touched = Belief::located(&Matrix3::from_diagonal_element(palpation::LEFT_OVER.powi(2)))?;
+    let touched = touched()?;
     Some([belief, &touched].map(|belief| promise(candidates, belief)))
 }
 
