@@ -214,6 +214,6 @@ impl Summary {
 }
 
 /// Rounds a margin to three digits. A type that is far from fitting has -99.
-fn rounded(margin: f64) -> f64 {
+pub fn rounded(margin: f64) -> f64 {
     (margin.max(-99.0) * 1e3).round() / 1e3
 }

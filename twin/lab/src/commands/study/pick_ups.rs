@@ -17,6 +17,7 @@ use scenarios::Scenario;
 use schemars::JsonSchema;
 use serde::Serialize;
 use study::people::{self, People, WayShare};
+use study::summary::rounded;
 
 /// A pick-up with its type.
 #[derive(Debug, Serialize, JsonSchema)]
@@ -99,7 +100,7 @@ pub fn make(terminal: &Terminal, file: &Path) -> Result<Made<PickUpTypes>> {
             place: one.place + 1,
             grasp: one.grasp.id,
             kind: row.name.clone(),
-            margin: (1e3 * decision.margin.max(-99.0)).round() / 1e3,
+            margin: rounded(decision.margin),
             ambiguous: decision.ambiguous,
         });
     }
